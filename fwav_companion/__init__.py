@@ -1,0 +1,3 @@
+"""An onboard MAVLink companion: camera detections become ground positions with honest uncertainty."""
+
+__version__ = "0.1.0"

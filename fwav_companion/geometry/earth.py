@@ -1,0 +1,112 @@
+"""WGS84 and the local world: horizontal by geodetic-to-NED at the origin's height, down by altitude."""
+
+from __future__ import annotations
+
+from math import atan2, cos, degrees, hypot, pi, radians, sin, sqrt
+
+import msgspec
+
+from fwav_companion.geometry.vectors import Vector3
+
+SEMI_MAJOR_M = 6378137.0
+FLATTENING = 1.0 / 298.257223563
+ECCENTRICITY2 = FLATTENING * (2.0 - FLATTENING)
+"""NIMA TR8350.2, the defining and derived constants of WGS84."""
+
+
+class Geodetic(msgspec.Struct, frozen=True):
+    """A place on the earth."""
+
+    lat: float
+    """Latitude, radians."""
+    lon: float
+    """Longitude, radians, in [-pi, pi)."""
+    alt_amsl_m: float
+    """Above mean sea level, metres: the autopilot's own geoid."""
+
+    @classmethod
+    def from_degrees(cls, lat_deg: float, lon_deg: float, alt_amsl_m: float) -> Geodetic:
+        """From degrees, as files and people have it."""
+        return cls(radians(lat_deg), radians(lon_deg), alt_amsl_m)
+
+    @property
+    def lat_deg(self) -> float:
+        """Latitude, degrees."""
+        return degrees(self.lat)
+
+    @property
+    def lon_deg(self) -> float:
+        """Longitude, degrees."""
+        return degrees(self.lon)
+
+
+def ecef_from_geodetic(lat: float, lon: float, height_m: float) -> Vector3:
+    """Earth-centred coordinates, metres, of a point at ellipsoid height ``height_m``."""
+    n = SEMI_MAJOR_M / sqrt(1.0 - ECCENTRICITY2 * sin(lat) ** 2)
+    r = (n + height_m) * cos(lat)
+    return (r * cos(lon), r * sin(lon), (n * (1.0 - ECCENTRICITY2) + height_m) * sin(lat))
+
+
+class TangentPlane:
+    """Local NED about an origin that never moves."""
+
+    __slots__ = ("_cos_lat", "_cos_lon", "_origin_ecef", "_sin_lat", "_sin_lon", "origin")
+
+    def __init__(self, origin: Geodetic) -> None:
+        self.origin = origin
+        self._sin_lat, self._cos_lat = sin(origin.lat), cos(origin.lat)
+        self._sin_lon, self._cos_lon = sin(origin.lon), cos(origin.lon)
+        self._origin_ecef = ecef_from_geodetic(origin.lat, origin.lon, origin.alt_amsl_m)
+
+    def ned_from_geodetic(self, place: Geodetic) -> Vector3:
+        """(north, east, down), metres. The point's own altitude does not enter north and east."""
+        x, y, z = ecef_from_geodetic(place.lat, place.lon, self.origin.alt_amsl_m)
+        x0, y0, z0 = self._origin_ecef
+        x, y, z = x - x0, y - y0, z - z0
+        outward = self._cos_lon * x + self._sin_lon * y
+        return (
+            self._cos_lat * z - self._sin_lat * outward,
+            self._cos_lon * y - self._sin_lon * x,
+            self.origin.alt_amsl_m - place.alt_amsl_m,
+        )
+
+    def geodetic_from_ned(self, ned: Vector3) -> Geodetic:
+        """The inverse of :meth:`ned_from_geodetic`, to well below a millimetre within 10 km.
+
+        The point on the ellipsoid of height origin.alt with these north and east is found by fixed point on the one
+        unknown, the component along the origin's vertical; it converges by the square of (distance / earth radius).
+        """
+        north, east, down = ned
+        below = (north * north + east * east) / (2.0 * SEMI_MAJOR_M)
+        lat = lon = 0.0
+        for _ in range(4):
+            lat, lon, height_m = self._geodetic_at(north, east, below)
+            below += height_m - self.origin.alt_amsl_m
+        return Geodetic(lat, (lon + pi) % (2.0 * pi) - pi, self.origin.alt_amsl_m - down)
+
+    def _geodetic_at(self, north: float, east: float, below_m: float) -> tuple[float, float, float]:
+        outward = -self._sin_lat * north - self._cos_lat * below_m
+        x0, y0, z0 = self._origin_ecef
+        return geodetic_from_ecef(
+            x0 + self._cos_lon * outward - self._sin_lon * east,
+            y0 + self._sin_lon * outward + self._cos_lon * east,
+            z0 + self._cos_lat * north - self._sin_lat * below_m,
+        )
+
+
+def geodetic_from_ecef(x: float, y: float, z: float) -> tuple[float, float, float]:
+    """(latitude, longitude, ellipsoid height) by Bowring's parametric latitude, iterated to rounding error."""
+    semi_minor_m = SEMI_MAJOR_M * (1.0 - FLATTENING)
+    second_eccentricity2 = ECCENTRICITY2 / (1.0 - ECCENTRICITY2)
+    p = hypot(x, y)
+    parametric = atan2(z * SEMI_MAJOR_M, p * semi_minor_m)
+    lat = 0.0
+    for _ in range(3):
+        lat = atan2(
+            z + second_eccentricity2 * semi_minor_m * sin(parametric) ** 3,
+            p - ECCENTRICITY2 * SEMI_MAJOR_M * cos(parametric) ** 3,
+        )
+        parametric = atan2((1.0 - FLATTENING) * sin(lat), cos(lat))
+    n = SEMI_MAJOR_M / sqrt(1.0 - ECCENTRICITY2 * sin(lat) ** 2)
+    height_m = p * cos(lat) + z * sin(lat) - SEMI_MAJOR_M * SEMI_MAJOR_M / n
+    return (lat, atan2(y, x), height_m)

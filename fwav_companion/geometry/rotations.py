@@ -1,0 +1,130 @@
+"""Unit quaternions (w, x, y, z), rotation vectors and Z-Y-X Euler angles, in scalar ``math``."""
+
+from __future__ import annotations
+
+from math import asin, atan2, copysign, cos, pi, sin, sqrt
+from typing import TypeAlias
+
+from fwav_companion.geometry.vectors import Matrix3, Vector3
+
+Quaternion: TypeAlias = tuple[float, float, float, float]
+
+IDENTITY_QUATERNION: Quaternion = (1.0, 0.0, 0.0, 0.0)
+
+
+def quaternion_from_euler(roll: float, pitch: float, yaw: float) -> Quaternion:
+    """Rz(yaw) Ry(pitch) Rx(roll), the aerospace order: ``ned_from_body`` of MAVLink's ATTITUDE."""
+    cr, sr = cos(0.5 * roll), sin(0.5 * roll)
+    cp, sp = cos(0.5 * pitch), sin(0.5 * pitch)
+    cy, sy = cos(0.5 * yaw), sin(0.5 * yaw)
+    return (
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    )
+
+
+def euler_from_quaternion(q: Quaternion) -> tuple[float, float, float]:
+    """(roll, pitch, yaw) of a unit quaternion; at pitch = ±90° roll is taken as 0."""
+    w, x, y, z = q
+    sin_pitch = 2.0 * (w * y - z * x)
+    if abs(sin_pitch) >= 1.0 - 1e-15:
+        return (0.0, copysign(pi / 2, sin_pitch), -copysign(2.0, sin_pitch) * atan2(x, w))
+    return (
+        atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)),
+        asin(sin_pitch),
+        atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)),
+    )
+
+
+def multiply(a: Quaternion, b: Quaternion) -> Quaternion:
+    """The Hamilton product: c_from_a is c_from_b times b_from_a."""
+    aw, ax, ay, az = a
+    bw, bx, by, bz = b
+    return (
+        aw * bw - ax * bx - ay * by - az * bz,
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+    )
+
+
+def conjugate(q: Quaternion) -> Quaternion:
+    """The inverse rotation."""
+    return (q[0], -q[1], -q[2], -q[3])
+
+
+def normalized(q: Quaternion) -> Quaternion:
+    """Q / |q|; ZeroDivisionError for the zero quaternion, which is no rotation."""
+    w, x, y, z = q
+    s = 1.0 / sqrt(w * w + x * x + y * y + z * z)
+    return (w * s, x * s, y * s, z * s)
+
+
+def matrix_from_quaternion(q: Quaternion) -> Matrix3:
+    """The 3x3 rotation matrix of a unit quaternion."""
+    w, x, y, z = q
+    x2, y2, z2 = x + x, y + y, z + z
+    xx, yy, zz = x * x2, y * y2, z * z2
+    xy, xz, yz = x * y2, x * z2, y * z2
+    wx, wy, wz = w * x2, w * y2, w * z2
+    return (
+        (1.0 - (yy + zz), xy - wz, xz + wy),
+        (xy + wz, 1.0 - (xx + zz), yz - wx),
+        (xz - wy, yz + wx, 1.0 - (xx + yy)),
+    )
+
+
+def quaternion_from_matrix(m: Matrix3) -> Quaternion:
+    """The unit quaternion (w >= 0) of a rotation matrix, by its largest component, so never badly conditioned."""
+    (a, b, c), (d, e, f), (g, h, i) = m
+    squares = (1.0 + a + e + i, 1.0 + a - e - i, 1.0 - a + e - i, 1.0 - a - e + i)
+    largest = max(range(4), key=squares.__getitem__)
+    if largest == 0:
+        q = (squares[0], h - f, c - g, d - b)
+    elif largest == 1:
+        q = (h - f, squares[1], b + d, c + g)
+    elif largest == 2:
+        q = (c - g, b + d, squares[2], f + h)
+    else:
+        q = (d - b, c + g, f + h, squares[3])
+    w, x, y, z = normalized(q)
+    return (w, x, y, z) if w >= 0.0 else (-w, -x, -y, -z)
+
+
+def rotate(q: Quaternion, v: Vector3) -> Vector3:
+    """The vector v of frame a in frame b, for q = b_from_a."""
+    w, x, y, z = q
+    vx, vy, vz = v
+    tx, ty, tz = 2.0 * (y * vz - z * vy), 2.0 * (z * vx - x * vz), 2.0 * (x * vy - y * vx)
+    return (
+        vx + w * tx + y * tz - z * ty,
+        vy + w * ty + z * tx - x * tz,
+        vz + w * tz + x * ty - y * tx,
+    )
+
+
+def exp(rotation_vector: Vector3) -> Quaternion:
+    """The rotation by |rotation_vector| radians about it."""
+    x, y, z = rotation_vector
+    angle2 = x * x + y * y + z * z
+    if angle2 < 1e-8:  # below 1e-4 rad the next term of the series is under 1e-17
+        s = 0.5 - angle2 / 48.0
+        return normalized((1.0 - angle2 / 8.0, s * x, s * y, s * z))
+    angle = sqrt(angle2)
+    s = sin(0.5 * angle) / angle
+    return (cos(0.5 * angle), s * x, s * y, s * z)
+
+
+def log(q: Quaternion) -> Vector3:
+    """The rotation vector of a unit quaternion, at most pi long: the shorter way round."""
+    w, x, y, z = q if q[0] >= 0.0 else (-q[0], -q[1], -q[2], -q[3])
+    sine = sqrt(x * x + y * y + z * z)
+    s = 2.0 * atan2(sine, w) / sine if sine > 1e-9 else 2.0 / w
+    return (s * x, s * y, s * z)
+
+
+def difference(q_to: Quaternion, q_from: Quaternion) -> Vector3:
+    """The rotation vector, in the body frame of ``q_from``, that carries it to ``q_to``: log(q_from^-1 q_to)."""
+    return log(multiply(conjugate(q_from), q_to))

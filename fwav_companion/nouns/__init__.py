@@ -1,0 +1,68 @@
+"""The nouns that the rooms hand to one another: frozen, typed, each field with its unit and frame.
+
+``msgspec.Struct`` rather than dataclasses: built several times as fast, which counts at 300 detections a second.
+"""
+
+from fwav_companion.nouns.camera import Detection, Frame, Lens, NoFrame, NoRay, Ray, StampClock
+from fwav_companion.nouns.messages import Destination, Message, Notice, Outgoing, Severity
+from fwav_companion.nouns.refusals import Reason
+from fwav_companion.nouns.sightings import (
+    BIAS_COUNT,
+    Bias,
+    ErrorBudget,
+    ErrorPriors,
+    GroundFix,
+    NoFix,
+    Sighting,
+    Unpaired,
+)
+from fwav_companion.nouns.situation import Autopilot, AutopilotKind, Situation
+from fwav_companion.nouns.telemetry import (
+    AttitudeSample,
+    ClockEstimate,
+    ClockExchange,
+    ClockStatus,
+    HeightSource,
+    PositionSample,
+    RangeSample,
+    VehicleState,
+)
+from fwav_companion.nouns.tracks import FrameView, Track, TrackState
+
+__all__ = [
+    "BIAS_COUNT",
+    "AttitudeSample",
+    "Autopilot",
+    "AutopilotKind",
+    "Bias",
+    "ClockEstimate",
+    "ClockExchange",
+    "ClockStatus",
+    "Destination",
+    "Detection",
+    "ErrorBudget",
+    "ErrorPriors",
+    "Frame",
+    "FrameView",
+    "GroundFix",
+    "HeightSource",
+    "Lens",
+    "Message",
+    "NoFix",
+    "NoFrame",
+    "NoRay",
+    "Notice",
+    "Outgoing",
+    "PositionSample",
+    "RangeSample",
+    "Ray",
+    "Reason",
+    "Severity",
+    "Sighting",
+    "Situation",
+    "StampClock",
+    "Track",
+    "TrackState",
+    "Unpaired",
+    "VehicleState",
+]
