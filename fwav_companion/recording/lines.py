@@ -1,0 +1,152 @@
+"""The lines of a targets file (schema 1). Pure: nouns in, plain mappings out; :func:`encode_line` makes the bytes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import degrees
+from typing import Any
+
+import msgspec
+
+from fwav_companion.geometry.earth import Geodetic, TangentPlane
+from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.geometry.vectors import Vector3, transform
+from fwav_companion.nouns import ClockEstimate, ErrorBudget, GroundFix, Reason, Sighting, Track
+
+SCHEMA = 1
+Line = Mapping[str, Any]
+
+_encoder = msgspec.json.Encoder()
+
+
+def encode_line(line: Line) -> bytes:
+    """One JSON object and a newline. Floats in their shortest exact form, keys in the order they were put."""
+    return _encoder.encode(line) + b"\n"
+
+
+def unix_seconds(host_ns: int, unix_offset_ns: int) -> float:
+    """Seconds on the recording's clock."""
+    return (host_ns + unix_offset_ns) / 1e9
+
+
+def header_line(version: str, origin: Geodetic | None, unix_offset_ns: int, config: Line) -> Line:
+    """The first line."""
+    return {
+        "type": "header",
+        "schema": SCHEMA,
+        "version": version,
+        "origin": origin_object(origin),
+        "unix_offset_s": unix_offset_ns / 1e9,
+        "config": config,
+    }
+
+
+def origin_object(origin: Geodetic | None) -> Line | None:
+    """A place in degrees and metres, or null."""
+    if origin is None:
+        return None
+    return {"lat": origin.lat_deg, "lon": origin.lon_deg, "alt_amsl": origin.alt_amsl_m}
+
+
+def target_line(track: Track, plane: TangentPlane | None, unix_offset_ns: int) -> Line:
+    """One live track after one processed frame."""
+    place = plane.geodetic_from_ned(track.position_ned) if plane else None
+    north, east, down = track.position_ned
+    line: dict[str, Any] = {
+        "type": "target",
+        "time_unix": unix_seconds(track.host_ns, unix_offset_ns),
+        "time_boot": track.boot_ns / 1e9,
+        "frame": track.frame,
+        "track": track.id,
+        "label": track.label,
+        "state": track.state.value,
+    }
+    if track.reason is not None:
+        line["reason"] = track.reason.value
+    line |= {
+        "north": north,
+        "east": east,
+        "down": down,
+        "lat": place.lat_deg if place else None,
+        "lon": place.lon_deg if place else None,
+        "alt_amsl": place.alt_amsl_m if place else None,
+        "cov": track.cov,
+        "vel": track.velocity_ned,
+        "vel_cov": track.velocity_cov,
+        "fix": _fix_object(track.fix),
+    }
+    return line
+
+
+def _fix_object(fix: GroundFix | None) -> Line | None:
+    if fix is None:
+        return None
+    north, east, down = fix.position_ned
+    return {"north": north, "east": east, "down": down, "cov": fix.cov}
+
+
+def sighting_line(
+    frame: int, index: int, sighting: Sighting | None, fix: GroundFix | None, reason: Reason | None, gap_s: float | None
+) -> Line:
+    """One detection, used or not. What could not be told is null."""
+    state = sighting.state if sighting else None
+    return {
+        "type": "sighting",
+        "frame": frame,
+        "index": index,
+        "time_boot": state.boot_ns / 1e9 if state else None,
+        "ray_ned": transform(sighting.ned_from_camera, sighting.ray.direction) if sighting else None,
+        "camera_ned": sighting.camera_ned if sighting else None,
+        "q_ned_body": state.ned_from_body if state else None,
+        "gap_s": state.gap_s if state else gap_s,
+        "reason": reason.value if reason else None,
+        "budget": _budget_object(fix.budget) if fix else None,
+    }
+
+
+def _budget_object(budget: ErrorBudget) -> Line:
+    return {name: getattr(budget, name) for name in budget.__struct_fields__}
+
+
+def clock_line(now_ns: HostNs, estimate: ClockEstimate, time_boot_ns: int, utc_minus_unix_s: float | None) -> Line:
+    """The clock once a second."""
+    return {
+        "type": "clock",
+        "time_monotonic": now_ns / 1e9,
+        "time_boot": time_boot_ns / 1e9,
+        "host_from_autopilot_s": estimate.host_from_autopilot_ns / 1e9,
+        "sigma_s": estimate.sigma_s,
+        "bound_s": estimate.bound_s,
+        "utc_minus_time_unix_s": utc_minus_unix_s,
+        "status": estimate.status.value,
+    }
+
+
+def calibration_line(
+    time_unix: float,
+    time_offset_s: float,
+    time_offset_sigma_s: float,
+    mount: Vector3,
+    mount_sigma: Vector3,
+    status: str,
+) -> Line:
+    """What self-calibration believes, about once a second."""
+    return {
+        "type": "calibration",
+        "time_unix": time_unix,
+        "time_offset_s": time_offset_s,
+        "time_offset_sigma_s": time_offset_sigma_s,
+        "mount_deg": [degrees(angle) for angle in mount],
+        "mount_sigma_deg": [degrees(angle) for angle in mount_sigma],
+        "status": status,
+    }
+
+
+def home_line(time_unix: float, home_down_m: float) -> Line:
+    """The home surface moved."""
+    return {"type": "home", "time_unix": time_unix, "down": home_down_m}
+
+
+def origin_line(time_unix: float, origin: Geodetic) -> Line:
+    """The origin, where it came after the header was written."""
+    return {"type": "origin", "time_unix": time_unix, "origin": origin_object(origin)}
