@@ -1,0 +1,52 @@
+"""The walls between the rooms, checked where they would be broken: in imports, and in what a process has loaded."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import fwav_companion
+
+PACKAGE = Path(fwav_companion.__file__).parent
+PURE = ("camera", "geometry", "localization", "mavlink", "nouns", "pairing", "publishing", "telemetry", "tracking")
+CLOCK_READERS = {"time", "time_ns", "monotonic", "monotonic_ns", "perf_counter", "now", "utcnow", "today"}
+
+
+def loaded_by(statement: str) -> set[str]:
+    """Top-level modules in a fresh interpreter after the statement."""
+    code = f"{statement}\nimport sys\nprint(*sorted({{name.partition('.')[0] for name in sys.modules}}))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    return set(done.stdout.split())
+
+
+def pure_files() -> list[Path]:
+    return [*(path for room in PURE for path in sorted((PACKAGE / room).rglob("*.py"))), PACKAGE / "pipeline.py"]
+
+
+def test_import_contracts_hold():
+    project = Path(__file__).parents[1]
+    lint = Path(sys.executable).parent / "lint-imports"
+    done = subprocess.run([str(lint), "--no-cache"], cwd=project, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_the_daemon_loads_no_heavy_library():
+    heavy = {"numpy", "scipy", "cv2", "rich", "matplotlib", "rasterio", "sitl_mock", "hypothesis"}
+    assert not heavy & loaded_by("import fwav_companion.cli.run, fwav_companion.service, fwav_companion.wiring")
+
+
+def test_the_mock_and_the_package_do_not_know_each_other():
+    assert "fwav_companion" not in loaded_by("import sitl_mock, sitl_mock.__main__")
+
+
+@pytest.mark.parametrize("path", pure_files(), ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_pure_code_opens_nothing_and_never_asks_for_the_time(path: Path):
+    for node in ast.walk(ast.parse(path.read_text())):
+        if not isinstance(node, ast.Call):
+            continue
+        name = getattr(node.func, "id", getattr(node.func, "attr", ""))
+        assert name not in {"open", "read_text", "read_bytes", "print", "input"}, f"{path}:{node.lineno} {name}"
+        receiver = getattr(getattr(node.func, "value", None), "id", "")
+        assert not (name in CLOCK_READERS and receiver in {"time", "datetime", "date"}), f"{path}:{node.lineno}"
