@@ -1,0 +1,50 @@
+"""The thin part that opens files: the configuration, and the signing key it names."""
+
+from __future__ import annotations
+
+import stat
+from collections.abc import Iterable
+from pathlib import Path
+
+from fwav_companion.config.document import Config
+from fwav_companion.config.reading import parse
+from fwav_companion.errors import ConfigError
+
+KEY_BYTES = 32
+LARGEST_FILE_BYTES = 1 << 20
+"""A configuration has a few kilobytes; what has a megabyte is another file."""
+
+
+def load(path: str | Path, overrides: Iterable[str] = ()) -> Config:
+    """The configuration in a file, with ``KEY=VALUE`` settings laid over it. ConfigError, also where it is missing."""
+    try:
+        with Path(path).open("rb") as file:
+            data = file.read(LARGEST_FILE_BYTES + 1)
+        if len(data) > LARGEST_FILE_BYTES:
+            raise ConfigError(f"{path}: longer than {LARGEST_FILE_BYTES} bytes; accepted: a configuration in TOML")
+        text = data.decode()
+    except OSError as error:
+        raise ConfigError(f"{path}: {error.strerror}; accepted: a configuration, as `init` writes one") from None
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path}: byte {error.start} is not UTF-8; accepted: a configuration in TOML") from None
+    return parse(text, str(path), overrides)
+
+
+def load_signing_key(config: Config) -> bytes | None:
+    """The 32 bytes that [signing] names; None where nothing is signed. ConfigError unless only its owner may read."""
+    if config.signing is None:
+        return None
+    path = config.resolve(config.signing.key_file)
+    where = f"{config.file}: [signing] key_file = {path}"
+    try:
+        with path.open("rb") as file:
+            mode = stat.S_IMODE(path.stat().st_mode)
+            key = file.read(KEY_BYTES + 1)
+    except OSError as error:
+        raise ConfigError(f"{where}: {error.strerror}; accepted: a file of {KEY_BYTES} bytes, mode 0600") from None
+    if mode & 0o077:
+        raise ConfigError(f"{where}: mode {mode:04o} lets others at it; accepted: mode 0600 (chmod 600)")
+    if len(key) != KEY_BYTES:
+        size = f"{len(key)} bytes" if len(key) < KEY_BYTES else f"more than {KEY_BYTES} bytes"
+        raise ConfigError(f"{where}: {size}; accepted: {KEY_BYTES} bytes (head -c {KEY_BYTES} /dev/urandom)")
+    return key

@@ -1,0 +1,74 @@
+"""What no single key can tell: rules between keys. Each names the key to change."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+from fwav_companion.config.document import Document
+from fwav_companion.links.url import UrlError, parse_cot_url, parse_detections_url, parse_link_url
+
+CAMERA_COMPONENT_ID = 100
+"""MAV_COMP_ID_CAMERA: the second component of this service, where camera_tracking is on."""
+
+Complaint = tuple[tuple[str | int, ...], str]
+"""The path of a key, and what is wrong with its value."""
+
+
+def broken_rules(document: Document) -> Iterator[Complaint]:
+    """Every rule between keys that the document breaks, in the file's order."""
+    yield from _urls(document)
+    yield from _links(document)
+    yield from _vehicle_and_camera(document)
+    yield from _ground_and_publish(document)
+
+
+def _urls(document: Document) -> Iterator[Complaint]:
+    for index, link in enumerate(document.link):
+        yield from _url(("link", index, "url"), link.url, parse_link_url)
+    if document.detections.url:
+        yield from _url(("detections", "url"), document.detections.url, parse_detections_url)
+    if document.publish.cot:
+        yield from _url(("publish", "cot"), document.publish.cot, parse_cot_url)
+
+
+def _url(path: tuple[str | int, ...], text: str, parse: Callable[[str], object]) -> Iterator[Complaint]:
+    try:
+        parse(text)
+    except UrlError as error:
+        yield path, str(error)
+
+
+def _links(document: Document) -> Iterator[Complaint]:
+    names = [link.name for link in document.link]
+    for index, name in enumerate(names):
+        if name in names[:index]:
+            yield ("link", index, "name"), "another [[link]] has this name already; accepted: one of its own"
+    if document.signing is None:
+        return
+    for index, name in enumerate(document.signing.accept_unsigned):
+        if name not in names:
+            yield ("signing", "accept_unsigned", index), f"no [[link]] has this name; accepted: {', '.join(names)}"
+
+
+def _vehicle_and_camera(document: Document) -> Iterator[Complaint]:
+    if document.publish.camera_tracking and document.vehicle.component_id == CAMERA_COMPONENT_ID:
+        yield (
+            ("vehicle", "component_id"),
+            f"{CAMERA_COMPONENT_ID} is the camera component's while [publish] camera_tracking is on; accepted: another",
+        )
+    if not document.camera.calibration and (document.detections.url or document.vision is not None):
+        source = "[vision] opens a camera" if document.vision is not None else "[detections] url brings pixels"
+        yield (
+            ("camera", "calibration"),
+            f'missing, while {source}; accepted: the path of a camera file (for a relay alone: [detections] url = "")',
+        )
+
+
+def _ground_and_publish(document: Document) -> Iterator[Complaint]:
+    if document.ground.model == "terrain" and not document.ground.terrain:
+        yield ("ground", "terrain"), 'missing, while [ground] model = "terrain"; accepted: .hgt or GeoTIFF files'
+    if document.publish.landing_target and not document.publish.landing_label:
+        yield (
+            ("publish", "landing_label"),
+            "missing, while [publish] landing_target is on; accepted: the label of the target to land on",
+        )

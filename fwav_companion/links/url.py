@@ -1,0 +1,206 @@
+"""Link URLs, parsed. Pure text: no socket is imported and no name is looked up here."""
+
+from __future__ import annotations
+
+import ipaddress
+import re
+from typing import Literal, TypeAlias
+
+import msgspec
+
+from fwav_companion.errors import UserError
+
+SERIAL_FORMS = "serial:///dev/NAME:BAUD | serial://VID:PID:BAUD"
+LINK_FORMS = f"{SERIAL_FORMS} | udpin:// | udpout:// | udpbcast:// | tcpin:// | tcpout://HOST:PORT"
+DETECTIONS_FORMS = "udpin://HOST:PORT | unix:///PATH"
+COT_FORMS = "udpout://HOST:PORT | udpbcast://HOST:PORT | tcpout://HOST:PORT"
+
+UDP_KINDS = ("udpin", "udpout", "udpbcast")
+TCP_KINDS = ("tcpin", "tcpout")
+PYMAVLINK_KINDS = {"tcp": "tcpout", "tcpin": "tcpin", "udp": "udpin"} | {kind: kind for kind in UDP_KINDS}
+"""pymavlink's ``KIND:HOST:PORT``; its bare ``udp`` listens."""
+
+BAUD_LIMITS = (300, 12_000_000)
+"""From the slowest radio in use to the fastest USB bridge (FT232H)."""
+UNIX_PATH_BYTES = 107
+"""sockaddr_un holds 108, one of them the terminator (unix(7))."""
+
+
+class UrlError(UserError):
+    """The text is no usable URL; the message says what is accepted."""
+
+
+class SerialUrl(msgspec.Struct, frozen=True):
+    """A serial device, by its path, or by the USB ids that find it under any name."""
+
+    baud: int
+    """Bits per second."""
+    device: str = ""
+    """An absolute path; "" where the ids find it."""
+    vendor_id: int = 0
+    product_id: int = 0
+
+    def __str__(self) -> str:
+        """The URL, in its first spelling."""
+        where = self.device or f"{self.vendor_id:04x}:{self.product_id:04x}"
+        return f"serial://{where}:{self.baud}"
+
+
+class UdpUrl(msgspec.Struct, frozen=True):
+    """UDP: listening, sending to one peer, or broadcasting."""
+
+    kind: Literal["udpin", "udpout", "udpbcast"]
+    host: str
+    """A name or an address; IPv6 without its brackets."""
+    port: int
+
+    def __str__(self) -> str:
+        """The URL, in its first spelling."""
+        return f"{self.kind}://{host_and_port(self.host, self.port)}"
+
+
+class TcpUrl(msgspec.Struct, frozen=True):
+    """TCP: listening for clients, or connecting to a server."""
+
+    kind: Literal["tcpin", "tcpout"]
+    host: str
+    """A name or an address; IPv6 without its brackets."""
+    port: int
+
+    def __str__(self) -> str:
+        """The URL, in its first spelling."""
+        return f"{self.kind}://{host_and_port(self.host, self.port)}"
+
+
+class UnixUrl(msgspec.Struct, frozen=True):
+    """A Unix datagram socket."""
+
+    path: str
+    """Absolute."""
+
+    def __str__(self) -> str:
+        """The URL."""
+        return f"unix://{self.path}"
+
+
+LinkUrl: TypeAlias = SerialUrl | UdpUrl | TcpUrl
+
+
+def parse_link_url(text: str) -> LinkUrl:
+    """The URL of a [[link]], or one of pymavlink's spellings of it. UrlError."""
+    scheme, separator, rest = text.partition("://")
+    if not separator:
+        return _parse_pymavlink(text)
+    if scheme == "serial":
+        return _parse_serial(rest)
+    if scheme in UDP_KINDS or scheme in TCP_KINDS:
+        return _parse_network(scheme, rest)
+    raise UrlError(f'"{scheme}://" is no kind of link; accepted: {LINK_FORMS}')
+
+
+def parse_detections_url(text: str) -> UdpUrl | UnixUrl:
+    """Where detections arrive as datagrams. UrlError."""
+    if text.startswith("unix://"):
+        return _parse_unix(text.removeprefix("unix://"))
+    if text.startswith("udpin:"):
+        url = parse_link_url(text)
+        if isinstance(url, UdpUrl):
+            return url
+    raise UrlError(f"accepted: {DETECTIONS_FORMS}")
+
+
+def parse_cot_url(text: str) -> UdpUrl | TcpUrl:
+    """Where Cursor on Target is sent. UrlError."""
+    if text.startswith(("udpout:", "udpbcast:", "tcpout:", "tcp:")):
+        url = parse_link_url(text)
+        if not isinstance(url, SerialUrl):
+            return url
+    raise UrlError(f"accepted: {COT_FORMS}")
+
+
+def host_and_port(host: str, port: int) -> str:
+    """HOST:PORT, with brackets round IPv6."""
+    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+
+
+def _parse_pymavlink(text: str) -> LinkUrl:
+    """``udpin:host:port``, ``tcp:host:port``, ``/dev/ttyX,baud``."""
+    if text.startswith("/"):
+        device, _, baud = text.partition(",")
+        return SerialUrl(device=device, baud=_baud(baud))
+    kind, _, rest = text.partition(":")
+    if kind not in PYMAVLINK_KINDS:
+        raise UrlError(f"accepted: {LINK_FORMS}")
+    return _parse_network(PYMAVLINK_KINDS[kind], rest)
+
+
+def _parse_serial(rest: str) -> SerialUrl:
+    where, separator, baud = rest.rpartition(":")
+    if not separator:
+        raise UrlError(f"it has no baud rate; accepted: {SERIAL_FORMS}")
+    if where.startswith("/"):
+        if where.endswith("/"):
+            raise UrlError(f"it names no device; accepted: {SERIAL_FORMS}")
+        return SerialUrl(device=where, baud=_baud(baud))
+    ids = re.fullmatch(r"(?:0x)?([0-9a-fA-F]{1,4}):(?:0x)?([0-9a-fA-F]{1,4})", where)
+    if ids is None:
+        raise UrlError(f'"{where}" is neither an absolute path nor VID:PID in hexadecimal; accepted: {SERIAL_FORMS}')
+    return SerialUrl(vendor_id=int(ids[1], 16), product_id=int(ids[2], 16), baud=_baud(baud))
+
+
+def _parse_network(kind: str, rest: str) -> UdpUrl | TcpUrl:
+    host_text, separator, port_text = rest.rpartition(":")
+    if not separator:
+        raise UrlError(f"it has no port; accepted: {kind}://HOST:PORT")
+    host, port = _host(kind, host_text), _port(port_text)
+    if kind in UDP_KINDS:
+        return UdpUrl(kind=kind, host=host, port=port)  # type: ignore[arg-type]  # a member of UDP_KINDS
+    return TcpUrl(kind=kind, host=host, port=port)  # type: ignore[arg-type]  # a member of TCP_KINDS
+
+
+def _parse_unix(path: str) -> UnixUrl:
+    if not path.startswith("/") or path.endswith("/") or "\0" in path:
+        raise UrlError("it needs an absolute path; accepted: unix:///PATH")
+    if len(path.encode(errors="replace")) > UNIX_PATH_BYTES:
+        raise UrlError(f"its path is longer than the {UNIX_PATH_BYTES} bytes that a Unix socket can have")
+    return UnixUrl(path)
+
+
+def _host(kind: str, text: str) -> str:
+    if not text:
+        listening = "127.0.0.1 for this board alone, 0.0.0.0 for every network" if kind.endswith("in") else "an address"
+        raise UrlError(f"it names no host; accepted: {kind}://HOST:PORT ({listening})")
+    if text.startswith("["):
+        return _host_v6(kind, text)
+    numeric = re.fullmatch(r"[0-9.]+", text) is not None
+    if (numeric and not _is_address(text, 4)) or re.fullmatch(r"[A-Za-z0-9._-]{1,253}", text) is None:
+        raise UrlError(f'"{text}" is no host; accepted: a name, an IPv4 address, or an IPv6 address in [brackets]')
+    return text
+
+
+def _host_v6(kind: str, text: str) -> str:
+    if kind == "udpbcast":
+        raise UrlError("IPv6 has no broadcast; accepted: udpbcast://IPV4-BROADCAST-ADDRESS:PORT")
+    if not text.endswith("]") or not _is_address(text[1:-1], 6):
+        raise UrlError(f'"{text}" is no IPv6 address in brackets; accepted: as [::1]')
+    return text[1:-1]
+
+
+def _is_address(text: str, version: int) -> bool:
+    try:
+        return ipaddress.ip_address(text).version == version
+    except ValueError:
+        return False
+
+
+def _port(text: str) -> int:
+    if re.fullmatch(r"[0-9]{1,5}", text) is None or not 1 <= int(text) <= 65535:
+        raise UrlError(f'"{text}" is no port; accepted: 1 to 65535')
+    return int(text)
+
+
+def _baud(text: str) -> int:
+    low, high = BAUD_LIMITS
+    if re.fullmatch(r"[0-9]{1,8}", text) is None or not low <= int(text) <= high:
+        raise UrlError(f'"{text}" is no baud rate; accepted: {low} to {high}, as 921600')
+    return int(text)
