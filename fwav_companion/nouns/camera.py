@@ -74,6 +74,16 @@ class Ray(msgspec.Struct, frozen=True, gc=False):
     """Per pixel."""
 
 
+class Projection(msgspec.Struct, frozen=True, gc=False):
+    """Where a point of the camera frame appears, with the derivatives of its pixel by the point."""
+
+    u: float
+    v: float
+    du: Vector3
+    """d(u)/d(point), pixels per unit of the point's length."""
+    dv: Vector3
+
+
 class Lens(Protocol):
     """A camera's inner geometry. Both directions agree about where it is valid."""
 
@@ -93,3 +103,6 @@ class Lens(Protocol):
 
     def pixel_from_camera_point(self, point: Vector3) -> tuple[float, float] | NoRay:
         """(u, v) of a point of any length in the camera frame; it may lie outside the image."""
+
+    def projection_from_camera_point(self, point: Vector3) -> Projection | NoRay:
+        """The same with its derivatives."""

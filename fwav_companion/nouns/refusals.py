@@ -71,6 +71,8 @@ class Reason(StrEnum):
     """The rangefinder has no usable reading at the capture."""
     BEYOND_TERRAIN = "beyond_terrain"
     """The ray leaves the elevation model, or meets a void, before it meets the ground."""
+    TERRAIN_UNFIT = "terrain_unfit"
+    """The elevation model disagrees with the take-off height by more than a datum or a model's error explains."""
 
     # The end of a track.
     NEVER_CONFIRMED = "never_confirmed"
