@@ -1,0 +1,251 @@
+"""LANDING_TARGET (149), which steers a landing: sent by the autopilot's own profile, or withheld for a named reason.
+
+ArduPilot takes a vector in the vehicle's body axes and turns it to the world by the attitude of ``PLND_LAG`` before the
+message's arrival, so the target is told in the body as it stands then, not as it stood when the picture was taken. PX4
+takes a point in its own local frame, so the target's place relative to the vehicle, both at the capture, is put onto
+PX4's own position at that instant: its frame is not ours. LOCAL_FRD is never sent: it shipped with the wrong sign.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from enum import StrEnum
+from math import atan2, isfinite
+from typing import Any
+
+from fwav_companion.geometry.rotations import conjugate, exp, multiply, rotate
+from fwav_companion.geometry.stamps import NS_PER_US, HostNs, s_from_ns
+from fwav_companion.geometry.vectors import Vector3, add, larger_semi_axis, norm, scale, subtract
+from fwav_companion.nouns.messages import Destination, Outgoing
+from fwav_companion.nouns.situation import AutopilotKind, Situation
+from fwav_companion.nouns.telemetry import VehicleState
+from fwav_companion.nouns.tracks import Track, TrackState
+from fwav_companion.publishing import enums
+from fwav_companion.publishing.options import PublishOptions
+
+DEFAULT_LAG_S = 0.02
+"""ArduPilot's PLND_LAG as it ships."""
+MAX_BRIDGED_S = 0.1
+"""Further from the newest attitude than this, its rates tell nothing about a flapping body: half a beat at 5 Hz."""
+MAX_AGE_S = 0.5
+"""A frame older than this was put back in its place too late to steer by."""
+
+
+class Withheld(StrEnum):
+    """Why a frame gave no LANDING_TARGET."""
+
+    NO_TARGET = "no_target"
+    """No confirmed track of landing_label."""
+    NOT_CONFIRMED = "not_confirmed"
+    """The target is coasting: predicted, not seen."""
+    NO_FIX = "no_fix"
+    """This frame gave the target no fix."""
+    TOO_UNCERTAIN = "too_uncertain"
+    """The larger semi-axis relative to the vehicle is beyond landing_max_sigma_m, or is no number."""
+    LATE_FRAME = "late_frame"
+    """A newer frame has been sent already, or this one is half a second old."""
+    NO_AUTOPILOT = "no_autopilot"
+    UNKNOWN_AUTOPILOT = "unknown_autopilot"
+    """Neither ArduPilot nor PX4: nobody knows how it reads the message."""
+    NO_VEHICLE = "no_vehicle"
+    """No state of the vehicle at the instant that the profile needs."""
+    NO_LOCAL_POSITION = "no_local_position"
+    """PX4's own LOCAL_POSITION_NED at the capture is not known."""
+    NO_HEIGHT = "no_height"
+    """Without a global position, and the camera's height above the target is not known."""
+
+
+class Landing:
+    """Chooses the one target to land on and keeps it until it is dropped; clicks do not concern it."""
+
+    def __init__(self, options: PublishOptions):
+        self._options = options
+        self._target: int | None = None
+        self._last_sent_ns: HostNs | None = None
+        self.lag_s = DEFAULT_LAG_S
+        """The autopilot's PLND_LAG, where it has told it."""
+        self.sent = 0
+        self.withheld: dict[Withheld, int] = dict.fromkeys(Withheld, 0)
+        self.last_withheld: Withheld | None = None
+        """Of the newest frame; None if that one was sent."""
+
+    @property
+    def target(self) -> int | None:
+        """The id of the track to land on."""
+        return self._target
+
+    def on_tracks(self, tracks: tuple[Track, ...], situation: Situation) -> Outgoing | None:
+        """The LANDING_TARGET of the frame after which the tracks stand so, or None: then the reason is counted."""
+        if not self._options.landing_target:
+            return None
+        answer = self._message(tracks, situation)
+        if isinstance(answer, Withheld):
+            self.withheld[answer] += 1
+            self.last_withheld = answer
+            return None
+        self.sent += 1
+        self.last_withheld = None
+        return answer
+
+    def _message(self, tracks: tuple[Track, ...], situation: Situation) -> Outgoing | Withheld:
+        track = self._choose(tracks)
+        if track is None:
+            return Withheld.NO_TARGET
+        refusal = self._refusal(track, situation)
+        if refusal is not None:
+            return refusal
+        if situation.autopilot is None:
+            return Withheld.NO_AUTOPILOT
+        if situation.autopilot.kind is AutopilotKind.ARDUPILOT:
+            fields = self._ardupilot(track, situation)
+        elif situation.autopilot.kind is AutopilotKind.PX4:
+            fields = self._px4(track, situation)
+        else:
+            return Withheld.UNKNOWN_AUTOPILOT
+        if isinstance(fields, Withheld):
+            return fields
+        self._last_sent_ns = track.host_ns
+        return Outgoing(
+            name="LANDING_TARGET",
+            fields=fields,
+            to=Destination.AUTOPILOT,
+            component=self._options.companion_component,
+        )
+
+    def _choose(self, tracks: Iterable[Track]) -> Track | None:
+        """The chosen track as it stands now; a new choice only once the old one is dropped or gone."""
+        live = {track.id: track for track in tracks if track.state is not TrackState.DROPPED}
+        if self._target not in live:
+            confirmed = [
+                track
+                for track in live.values()
+                if track.label == self._options.landing_label and track.state is TrackState.CONFIRMED
+            ]
+            oldest = min(confirmed, key=_seniority, default=None)
+            self._target = oldest.id if oldest is not None else None
+        return live[self._target] if self._target is not None else None
+
+    def _refusal(self, track: Track, situation: Situation) -> Withheld | None:
+        if track.state is not TrackState.CONFIRMED:
+            return Withheld.NOT_CONFIRMED
+        if track.fix is None:
+            return Withheld.NO_FIX
+        if not larger_semi_axis_or_nan(track) <= self._options.landing_max_sigma_m:
+            return Withheld.TOO_UNCERTAIN
+        too_old = s_from_ns(situation.now_ns - track.host_ns) > MAX_AGE_S
+        if too_old or (self._last_sent_ns is not None and track.host_ns <= self._last_sent_ns):
+            return Withheld.LATE_FRAME
+        return None
+
+    def _ardupilot(self, track: Track, situation: Situation) -> dict[str, Any] | Withheld:
+        used = self._state_when_used(situation)
+        if used is None:
+            return Withheld.NO_VEHICLE
+        target = track.position_ned
+        if track.velocity_ned is not None:
+            age_s = s_from_ns(used.boot_ns - track.boot_ns)
+            target = add(target, scale(track.velocity_ned, age_s))
+        relative = self._from_vehicle(target, track, used)
+        if isinstance(relative, Withheld):
+            return relative
+        in_body = rotate(conjugate(used.ned_from_body), relative)
+        return _fields(track, enums.MAV_FRAME_BODY_FRD, in_body, in_body)
+
+    def _px4(self, track: Track, situation: Situation) -> dict[str, Any] | Withheld:
+        state = situation.at_capture
+        if state is None:
+            return Withheld.NO_VEHICLE
+        if situation.local_position_ned is None:
+            return Withheld.NO_LOCAL_POSITION
+        relative = self._from_vehicle(track.position_ned, track, state)
+        if isinstance(relative, Withheld):
+            return relative
+        in_body = rotate(conjugate(state.ned_from_body), relative)
+        return _fields(track, enums.MAV_FRAME_LOCAL_NED, add(situation.local_position_ned, relative), in_body)
+
+    def _state_when_used(self, situation: Situation) -> VehicleState | None:
+        """The vehicle at (arrival - PLND_LAG): the newest state carried there by its own rates and velocity."""
+        newest, clock = situation.vehicle, situation.clock
+        if newest is None:
+            return None
+        if clock is None:
+            return newest
+        transit_s = 0.5 * clock.round_trip_s if clock.round_trip_s is not None else 0.0
+        boot_now_ns = situation.now_ns - clock.host_from_autopilot_ns
+        step_s = s_from_ns(boot_now_ns - newest.boot_ns) + transit_s - self.lag_s
+        if not abs(step_s) <= MAX_BRIDGED_S:
+            return None
+        return _carried(newest, step_s)
+
+    def _from_vehicle(self, target: Vector3, track: Track, state: VehicleState) -> Vector3 | Withheld:
+        """From the vehicle to the target, NED metres."""
+        if state.position_ned is not None:
+            return subtract(target, state.position_ned)
+        height_m = _camera_height(track, state)
+        if height_m is None:
+            return Withheld.NO_HEIGHT
+        from_camera = (target[0], target[1], target[2] + height_m)
+        return add(from_camera, rotate(state.ned_from_body, self._options.camera_position_m))
+
+
+def larger_semi_axis_or_nan(track: Track) -> float:
+    """One sigma along the larger horizontal semi-axis, relative to the vehicle, metres."""
+    sigma_m = larger_semi_axis(track.relative_cov)
+    finite = isfinite(track.relative_cov[0][0]) and isfinite(track.relative_cov[1][1])
+    return sigma_m if finite else float("nan")
+
+
+def _seniority(track: Track) -> tuple[int, int]:
+    confirmed_ns = track.confirmed_host_ns if track.confirmed_host_ns is not None else track.host_ns
+    return (confirmed_ns, track.id)
+
+
+def _carried(state: VehicleState, step_s: float) -> VehicleState:
+    """The state ``step_s`` later (or earlier) if rates and velocity stay as they are."""
+    turned = multiply(state.ned_from_body, exp(scale(state.rates, step_s)))
+    position = state.position_ned
+    if position is not None and state.velocity_ned is not None:
+        position = add(position, scale(state.velocity_ned, step_s))
+    boot_ns = type(state.boot_ns)(state.boot_ns + round(step_s * 1e9))
+    return VehicleState(
+        boot_ns=boot_ns,
+        ned_from_body=turned,
+        rates=state.rates,
+        attitude_sigma=state.attitude_sigma,
+        gap_s=state.gap_s,
+        position_ned=position,
+        velocity_ned=state.velocity_ned,
+        position_sigma_m=state.position_sigma_m,
+        height_above_home_m=state.height_above_home_m,
+        range=state.range,
+        terrain_height_m=state.terrain_height_m,
+    )
+
+
+def _camera_height(track: Track, state: VehicleState) -> float | None:
+    """Of the camera above the ground under the target, in a world without a global position."""
+    sighting = track.fix.sighting if track.fix is not None else None
+    if sighting is not None and sighting.camera_height_above_home_m is not None:
+        return sighting.camera_height_above_home_m
+    return state.height_above_home_m
+
+
+def _fields(track: Track, frame: int, point: Vector3, in_body: Vector3) -> dict[str, Any]:
+    """The message: ``point`` in ``frame``, and the same direction as angles of a camera that looks down the body."""
+    forward, right, down = in_body
+    return {
+        "time_usec": track.host_ns // NS_PER_US,
+        "target_num": track.id % 256,
+        "frame": frame,
+        "angle_x": atan2(right, down),
+        "angle_y": atan2(-forward, down),
+        "distance": norm(in_body),
+        "size_x": 0.0,
+        "size_y": 0.0,
+        "x": point[0],
+        "y": point[1],
+        "z": point[2],
+        "q": (1.0, 0.0, 0.0, 0.0),
+        "type": enums.LANDING_TARGET_TYPE_VISION_OTHER,
+        "position_valid": 1,
+    }
