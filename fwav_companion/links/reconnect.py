@@ -1,0 +1,130 @@
+"""Staying connected: opens, waits for the loss, tells it once, and tries again, ever more patiently."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+
+from fwav_companion.errors import LinkError
+from fwav_companion.links.base import Connection, Ear, LinkState, OnBytes, OnState, Opener, Traffic
+
+FIRST_DELAY_S = 0.25
+"""A device that re-enumerates needs a few tenths of a second."""
+LONGEST_DELAY_S = 3.0
+"""How late a peer that came back is noticed, at worst; a try costs a system call or two."""
+STEADY_S = 5.0
+"""A connection that held this long was a good one: the next loss starts with short delays again."""
+
+
+class StayingConnected:
+    """A :class:`Link` made of an :class:`Opener`'s connections, one after the other."""
+
+    def __init__(self, name: str, opener: Opener, on_bytes: OnBytes, on_state: OnState) -> None:
+        self.name = name
+        self.state = LinkState.IDLE
+        self._opener = opener
+        self._on_bytes = on_bytes
+        self._on_state = on_state
+        self._traffic = Traffic()
+        self._connection: Connection | None = None
+        self._task: asyncio.Task[None] | None = None
+        self._why = ""
+        self._times_up = 0
+
+    def start(self) -> None:
+        """Begin to connect; from a running loop, once."""
+        self.state = LinkState.OPENING
+        self._task = asyncio.get_running_loop().create_task(self._stay_connected(), name=f"link {self.name}")
+        self._task.add_done_callback(_tell_fault)
+
+    def send(self, data: bytes) -> None:
+        """Send whole frames now, or drop and count them."""
+        connection = self._connection
+        if connection is None:
+            self._traffic.dropped += 1
+        else:
+            connection.send(data)
+
+    def close(self) -> None:
+        """End it for good, at once; no callback follows."""
+        self.state = LinkState.CLOSED
+        if self._task is not None:
+            self._task.cancel()
+        self._release()
+
+    def status(self) -> dict[str, object]:
+        """State, reason, counters, and the connection's own."""
+        traffic = self._traffic
+        own = self._connection.status() if self._connection is not None else {}
+        return {
+            "state": str(self.state),
+            "why": self._why,
+            "times_up": self._times_up,
+            "bytes_in": traffic.bytes_in,
+            "bytes_out": traffic.bytes_out,
+            "dropped": traffic.dropped,
+            **own,
+        }
+
+    async def _stay_connected(self) -> None:
+        delay_s = FIRST_DELAY_S
+        while True:
+            if await self._live_once() >= STEADY_S:
+                delay_s = FIRST_DELAY_S
+            await asyncio.sleep(delay_s)
+            delay_s = min(2.0 * delay_s, LONGEST_DELAY_S)
+
+    async def _live_once(self) -> float:
+        """Open, and wait for the loss. How long the connection held, seconds."""
+        loop = asyncio.get_running_loop()
+        end: asyncio.Future[str] = loop.create_future()
+        try:
+            self._connection = await self._opener.open(self._ear(end))
+        except (OSError, LinkError) as error:
+            self._went_down(reason_of(error))
+            return 0.0
+        since = loop.time()
+        self._came_up()
+        self._went_down(await end)
+        return loop.time() - since
+
+    def _ear(self, end: asyncio.Future[str]) -> Ear:
+        def heard(data: bytes) -> None:
+            self._traffic.bytes_in += len(data)
+            self._on_bytes(self.name, data)
+
+        def lost(why: str) -> None:
+            if not end.done():
+                end.set_result(why)
+
+        return Ear(heard, lost, self._traffic)
+
+    def _came_up(self) -> None:
+        self.state, self._why = LinkState.UP, ""
+        self._times_up += 1
+        self._on_state(self.name, True, "")
+
+    def _went_down(self, why: str) -> None:
+        """Tell it, unless it was down already: an outage is told once, whatever the later tries say."""
+        self._release()
+        told, self.state, self._why = self.state is LinkState.DOWN, LinkState.DOWN, why
+        if not told:
+            self._on_state(self.name, False, why)
+
+    def _release(self) -> None:
+        connection, self._connection = self._connection, None
+        if connection is not None:
+            connection.close()
+
+
+def _tell_fault(task: asyncio.Task[None]) -> None:
+    """Only a mistake of our own ends the task by an error: the loop's handler must hear of it."""
+    if not task.cancelled() and (error := task.exception()) is not None:
+        task.get_loop().call_exception_handler({"message": f"{task.get_name()} failed", "exception": error})
+
+
+def reason_of(error: OSError | LinkError) -> str:
+    """The error as a few words for people: "Connection refused", not its number."""
+    if isinstance(error, OSError) and error.errno is not None and error.errno > 0:
+        return os.strerror(error.errno)
+    return str(error) or type(error).__name__

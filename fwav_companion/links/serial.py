@@ -1,0 +1,200 @@
+"""Serial ports: found by path or by USB ids at every try, opened in a daemon thread, exclusive, never blocking."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import os
+import termios
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+from typing import Protocol
+
+import msgspec
+import serial
+from serial.tools import list_ports
+
+from fwav_companion.blocking import in_daemon_thread
+from fwav_companion.errors import LinkError
+from fwav_companion.links.base import READ_BYTES, Connection, Ear
+from fwav_companion.links.url import SerialUrl
+from fwav_companion.links.writing import BoundedWriter
+
+OPEN_WAIT_S = 5.0
+"""A healthy port opens in milliseconds; a USB device that hangs in its open is waited for no longer at once."""
+QUEUE_S = 0.5
+"""What may wait for the line, in seconds of its own speed: older telemetry helps nobody."""
+SMALLEST_QUEUE_BYTES = 2048
+"""Several of the longest frames, on the slowest line too."""
+
+
+class UsbIdentity(msgspec.Struct, frozen=True):
+    """What a USB device keeps when it comes back under another name."""
+
+    vendor_id: int
+    product_id: int
+    serial_number: str
+
+
+class PortInfo(Protocol):
+    """What pyserial tells of a port."""
+
+    device: str
+    vid: int | None
+    pid: int | None
+    serial_number: str | None
+
+
+class OpenedPort(msgspec.Struct, frozen=True):
+    """An open port and the name it was found under."""
+
+    port: serial.Serial
+    device: str
+    identity: UsbIdentity | None
+
+
+class SerialOpener:
+    """Opens the device that a serial URL names, or the same device under the name it came back with."""
+
+    def __init__(self, url: SerialUrl, list_all: Callable[[], Sequence[PortInfo]] = list_ports.comports) -> None:
+        self._url = url
+        self._list_all = list_all
+        self._identity: UsbIdentity | None = None
+        """Of the device that the path named when it was last open."""
+        self._opening: asyncio.Task[OpenedPort] | None = None
+        """At most one thread: an open that hangs is waited for again, not started again."""
+
+    async def open(self, ear: Ear) -> Connection:
+        """An open port. OSError or LinkError where the device is not there, in use, or hangs."""
+        if self._opening is None:
+            call = partial(find_and_open, self._url, self._identity, self._list_all)
+            coroutine = in_daemon_thread(call, name=f"open {self._url}", undo=_close_unwanted)
+            self._opening = asyncio.get_running_loop().create_task(coroutine)
+        try:
+            done, _ = await asyncio.wait({self._opening}, timeout=OPEN_WAIT_S)
+        except asyncio.CancelledError:
+            self._opening.cancel()
+            raise
+        if not done:
+            raise LinkError(f"the device does not open within {OPEN_WAIT_S:g} s")
+        opening, self._opening = self._opening, None
+        opened = opening.result()
+        self._identity = opened.identity or self._identity
+        return SerialConnection(opened.port, opened.device, self._url.baud, ear)
+
+
+def find_and_open(
+    url: SerialUrl, identity: UsbIdentity | None, list_all: Callable[[], Sequence[PortInfo]]
+) -> OpenedPort:
+    """Find the device and open it; blocking. LinkError says which step failed."""
+    device = url.device
+    ports: tuple[PortInfo, ...] = ()
+    if not (device and Path(device).exists()):
+        ports = tuple(list_all())
+        device = _find(url, identity, ports)
+    try:
+        port = serial.Serial(device, url.baud, timeout=0, write_timeout=0, exclusive=True)
+    except (serial.SerialException, ValueError) as error:  # ValueError: a speed that the driver has not
+        raise LinkError(_reason(device, error)) from error
+    _wait_for_a_byte(port.fd)
+    return OpenedPort(port, device, _identity_of(device, ports or tuple(list_all())))
+
+
+def _find(url: SerialUrl, identity: UsbIdentity | None, ports: Sequence[PortInfo]) -> str:
+    """The name of the device that has the URL's ids, or the identity it had before; the first of several."""
+    if url.device and identity is None:
+        raise LinkError(f"{url.device}: no such device")
+    names = sorted(
+        (len(port.device), port.device)
+        for port in ports
+        if (identity is not None and _identity(port) == identity)
+        or (not url.device and (port.vid, port.pid) == (url.vendor_id, url.product_id))
+    )
+    if not names:
+        raise LinkError(f"{url.device or f'USB device {url.vendor_id:04x}:{url.product_id:04x}'}: no such device")
+    return names[0][1]
+
+
+def _identity_of(device: str, ports: Sequence[PortInfo]) -> UsbIdentity | None:
+    """Of the open device; through links as /dev/serial/by-id/... too. None for what is no USB device."""
+    real = os.path.realpath(device)
+    return next((_identity(port) for port in ports if os.path.realpath(port.device) == real), None)
+
+
+def _identity(port: PortInfo) -> UsbIdentity | None:
+    if port.vid is None or port.pid is None:
+        return None
+    return UsbIdentity(port.vid, port.pid, port.serial_number or "")
+
+
+def _wait_for_a_byte(fd: int) -> None:
+    """VMIN 1: an empty read then means a hang-up, and nothing else (pyserial's 0 gives one for "no data" too)."""
+    settings = termios.tcgetattr(fd)
+    settings[6][termios.VMIN] = 1
+    termios.tcsetattr(fd, termios.TCSANOW, settings)
+
+
+def _reason(device: str, error: Exception) -> str:
+    number = getattr(error, "errno", None)
+    if number == errno.EAGAIN:
+        return f"{device}: in use by another program"
+    return f"{device}: {os.strerror(number) if number else error}"
+
+
+def _close_unwanted(opened: OpenedPort) -> None:
+    _close(opened.port)
+
+
+def _close(port: serial.Serial) -> None:
+    """Close at once: what still waits in the driver is dropped, else closing waits for the line for up to 30 s."""
+    with suppress(OSError, termios.error):
+        termios.tcflush(port.fd, termios.TCOFLUSH)
+    with suppress(OSError):
+        port.close()
+
+
+class SerialConnection:
+    """One open port."""
+
+    def __init__(self, port: serial.Serial, device: str, baud: int, ear: Ear) -> None:
+        self._port = port
+        self._device = device
+        self._ear = ear
+        self._fd: int = port.fd
+        self._loop = asyncio.get_running_loop()
+        capacity = max(SMALLEST_QUEUE_BYTES, round(QUEUE_S * baud / 10))
+        self._writer = BoundedWriter(self._fd, partial(os.write, self._fd), capacity, ear)
+        self._loop.add_reader(self._fd, self._read)
+
+    def send(self, data: bytes) -> None:
+        """Write whole frames, or queue them."""
+        self._writer.send(data)
+
+    def close(self) -> None:
+        """Release the port."""
+        self._loop.remove_reader(self._fd)
+        self._writer.close()
+        _close(self._port)
+
+    def status(self) -> dict[str, object]:
+        """The name it was found under."""
+        return {"device": self._device}
+
+    def _read(self) -> None:
+        try:
+            data = os.read(self._fd, READ_BYTES)
+        except BlockingIOError:
+            return
+        except OSError as error:
+            self._end(error.strerror or str(error))
+            return
+        if data:
+            self._ear.heard(data)
+        else:
+            self._end("hung up")
+
+    def _end(self, why: str) -> None:
+        self._loop.remove_reader(self._fd)  # a device that is gone stays readable
+        self._ear.lost(f"{self._device}: {why}")

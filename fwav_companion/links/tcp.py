@@ -1,0 +1,198 @@
+"""TCP: a client of one server, and a server of several clients."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from collections.abc import Callable
+
+from fwav_companion.errors import LinkError
+from fwav_companion.links.addresses import SocketAddress, resolve
+from fwav_companion.links.base import DRAIN_LIMIT, READ_BYTES, Connection, Ear, Opener
+from fwav_companion.links.framing import FrameCutter
+from fwav_companion.links.url import TcpUrl, host_and_port
+from fwav_companion.links.writing import BoundedWriter
+
+CONNECT_WAIT_S = 5.0
+"""A server that is there answers within a round trip; Linux itself would try for two minutes."""
+UNANSWERED_MS = 10_000
+"""Bytes that were not acknowledged for this long end a connection: a peer that lost power says no goodbye."""
+QUEUE_BYTES = 65536
+"""About three seconds of the busiest telemetry: what is older helps nobody."""
+MAX_CLIENTS = 8
+"""Each costs a copy of everything that is sent."""
+
+
+def tcp_opener(url: TcpUrl) -> Opener:
+    """What a TCP URL names."""
+    return TcpServerOpener(url) if url.kind == "tcpin" else TcpClientOpener(url)
+
+
+class TcpClientOpener:
+    """Connects to a server."""
+
+    def __init__(self, url: TcpUrl) -> None:
+        self._url = url
+
+    async def open(self, ear: Ear) -> Connection:
+        """A connected stream: the host's addresses are tried in turn. OSError, LinkError."""
+        failure: OSError | LinkError = LinkError("no address")
+        for family, address in await resolve(self._url.host, self._url.port, socket.SOCK_STREAM):
+            try:
+                return TcpStream(await _connected(family, address), ear, ear.heard, ear.lost)
+            except TimeoutError:
+                failure = LinkError(f"no answer within {CONNECT_WAIT_S:g} s")
+            except OSError as error:
+                failure = error
+        raise failure
+
+
+async def _connected(family: socket.AddressFamily, address: SocketAddress) -> socket.socket:
+    sock = socket.socket(family, socket.SOCK_STREAM)
+    try:
+        sock.setblocking(False)
+        async with asyncio.timeout(CONNECT_WAIT_S):
+            await asyncio.get_running_loop().sock_connect(sock, address)
+        _set_options(sock)
+    except BaseException:
+        sock.close()
+        raise
+    return sock
+
+
+class TcpServerOpener:
+    """Listens."""
+
+    def __init__(self, url: TcpUrl) -> None:
+        self._url = url
+
+    async def open(self, ear: Ear) -> Connection:
+        """A listening socket with its clients. OSError where the address is not there, or taken."""
+        family, address = (await resolve(self._url.host, self._url.port, socket.SOCK_STREAM))[0]
+        sock = socket.socket(family, socket.SOCK_STREAM)
+        try:
+            sock.setblocking(False)
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            sock.bind(address)
+            sock.listen(MAX_CLIENTS)
+        except OSError:
+            sock.close()
+            raise
+        return TcpServer(sock, ear)
+
+
+class TcpStream:
+    """One connected stream, of a client or to a server."""
+
+    def __init__(
+        self, sock: socket.socket, ear: Ear, heard: Callable[[bytes], None], lost: Callable[[str], None]
+    ) -> None:
+        self._socket = sock
+        self._heard = heard
+        self._lost = lost
+        self._loop = asyncio.get_running_loop()
+        self._writer = BoundedWriter(sock.fileno(), sock.send, QUEUE_BYTES, Ear(heard, lost, ear.traffic))
+        self._loop.add_reader(sock, self._read)
+
+    def send(self, data: bytes) -> None:
+        """Write whole frames, or queue them."""
+        self._writer.send(data)
+
+    def close(self) -> None:
+        """Release the socket."""
+        self._loop.remove_reader(self._socket)
+        self._writer.close()
+        self._socket.close()
+
+    def status(self) -> dict[str, object]:
+        """Nothing more to tell."""
+        return {}
+
+    def _read(self) -> None:
+        try:
+            data = self._socket.recv(READ_BYTES)
+        except BlockingIOError:
+            return
+        except OSError as error:
+            self._lost(error.strerror or str(error))
+            return
+        if data:
+            self._heard(data)
+        else:
+            self._loop.remove_reader(self._socket)  # an end of file stays readable
+            self._lost("closed by the peer")
+
+
+class TcpServer:
+    """Hears every client, each in whole frames, and speaks to all of them."""
+
+    def __init__(self, sock: socket.socket, ear: Ear) -> None:
+        self._socket = sock
+        self._ear = ear
+        self._clients: dict[str, TcpStream] = {}
+        """By address."""
+        self.address: SocketAddress = sock.getsockname()
+        """Where it listens."""
+        self._loop = asyncio.get_running_loop()
+        self._loop.add_reader(sock, self._accept)
+
+    def send(self, data: bytes) -> None:
+        """To each client; with none, nobody misses it and nothing is counted."""
+        for client in list(self._clients.values()):
+            client.send(data)
+
+    def close(self) -> None:
+        """Release the socket and every client's."""
+        self._loop.remove_reader(self._socket)
+        self._socket.close()
+        for client in self._clients.values():
+            client.close()
+        self._clients.clear()
+
+    def status(self) -> dict[str, object]:
+        """The clients, in the order they came."""
+        return {"clients": list(self._clients)}
+
+    def _accept(self) -> None:
+        for _ in range(DRAIN_LIMIT):
+            try:
+                sock, address = self._socket.accept()
+            except BlockingIOError:
+                return
+            except ConnectionError:  # it gave up while it waited
+                continue
+            except OSError as error:  # out of file descriptors: the socket stays readable, so end and try again later
+                self._loop.remove_reader(self._socket)
+                self._ear.lost(error.strerror or str(error))
+                return
+            self._welcome(sock, host_and_port(*address[:2]))
+
+    def _welcome(self, sock: socket.socket, name: str) -> None:
+        if len(self._clients) >= MAX_CLIENTS:
+            sock.close()
+            return
+        sock.setblocking(False)
+        _set_options(sock)
+        cutter = FrameCutter()
+
+        def heard(data: bytes) -> None:
+            whole = cutter.cut(data)
+            if whole:
+                self._ear.heard(whole)
+
+        def lost(_why: str) -> None:
+            client = self._clients.pop(name, None)
+            if client is not None:
+                client.close()
+
+        self._clients[name] = TcpStream(sock, self._ear, heard, lost)
+
+
+def _set_options(sock: socket.socket) -> None:
+    """Frames leave at once; a peer that vanished is noticed, whether we speak or only listen."""
+    sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, UNANSWERED_MS)
+    sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+    sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, 5)
+    sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPINTVL, 2)
+    sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_KEEPCNT, 3)
