@@ -1,0 +1,99 @@
+"""A calibration file's content as typed fields; every complaint names file, key, what stood there, what is accepted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import isfinite
+from typing import Any, NoReturn
+
+from fwav_companion.errors import InputFileError
+
+SHOWN_CHARACTERS = 60
+"""Of what stood there: a complaint stays one line."""
+
+
+class Fields:
+    """One mapping of a file, read key by key."""
+
+    __slots__ = ("_mapping", "_path", "name")
+
+    def __init__(self, mapping: Mapping[str, Any], name: str, path: str = "") -> None:
+        self._mapping = mapping
+        self.name = name
+        self._path = path
+
+    def __contains__(self, key: str) -> bool:
+        return key in self._mapping
+
+    def keys(self) -> list[str]:
+        """In the file's order."""
+        return list(self._mapping)
+
+    def refuse(self, key: str, accepted: str) -> NoReturn:
+        """InputFileError about this key."""
+        stood = f"{self._mapping[key]!r}" if key in self._mapping else "nothing"
+        if len(stood) > SHOWN_CHARACTERS:
+            stood = stood[:SHOWN_CHARACTERS] + "..."
+        raise InputFileError(f"{self.name}: {self._path}{key}: {stood} stands there; {accepted} is accepted")
+
+    def below(self, key: str) -> Fields:
+        """The mapping under a key."""
+        found = self._mapping.get(key)
+        if not isinstance(found, Mapping):
+            self.refuse(key, "a mapping of keys")
+        return Fields(found, self.name, f"{self._path}{key}.")
+
+    def text(self, key: str) -> str:
+        """A word."""
+        found = self._mapping.get(key)
+        if not isinstance(found, str):
+            self.refuse(key, "a word")
+        return found
+
+    def number(self, key: str) -> float:
+        """A finite number."""
+        found = _finite(self._mapping.get(key))
+        if found is None:
+            self.refuse(key, "a finite number")
+        return found
+
+    def positive(self, key: str) -> float:
+        """A finite number above zero."""
+        found = self.number(key)
+        if found <= 0.0:
+            self.refuse(key, "a positive number")
+        return found
+
+    def numbers(self, key: str, *counts: int) -> tuple[float, ...]:
+        """A list of finite numbers, as many as one of ``counts``; a matrix's rows are read one after another."""
+        found = self._mapping.get(key)
+        if isinstance(found, Mapping) and "data" in found:
+            found = found["data"]
+        numbers = [_finite(entry) for entry in _flat(found)] if isinstance(found, list) else []
+        good = tuple(number for number in numbers if number is not None)
+        if len(good) != len(numbers) or len(good) not in counts:
+            self.refuse(key, f"a list of {' or '.join(map(str, counts))} finite numbers")
+        return good
+
+    def size(self, key: str) -> tuple[int, int]:
+        """Width and height in whole pixels."""
+        width, height = self.numbers(key, 2)
+        if width != int(width) or height != int(height) or not (0 < width < 1e6 and 0 < height < 1e6):
+            self.refuse(key, "[width, height] in whole pixels")
+        return int(width), int(height)
+
+
+def _finite(found: Any) -> float | None:
+    if isinstance(found, bool) or not isinstance(found, int | float):
+        return None
+    try:
+        number = float(found)
+    except OverflowError:
+        return None
+    return number if isfinite(number) else None
+
+
+def _flat(found: list[Any]) -> list[Any]:
+    if found and all(isinstance(row, list) for row in found):
+        return [entry for row in found for entry in row]
+    return found

@@ -1,0 +1,183 @@
+"""The fisheye model of Kannala and Brandt: the paper's, and by an exact map OpenCV's, Kalibr's and ROS's equidistant.
+
+    theta = atan2(hypot(x, y), z)          from the optical axis; atan would mirror what lies beyond 90 degrees
+    r(theta) = k1 theta + k2 theta^3 + k3 theta^5 + k4 theta^7 + k5 theta^9          millimetres on the sensor
+    u = u0 + m_u (r cos(phi) + skew r sin(phi)),   v = v0 + m_v r sin(phi),   phi = atan2(y, x)
+
+Only the products m k mean anything: two calibrations with unlike k1 can be the same lens.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import atan2, cos, hypot, inf, isfinite, pi, sin, sqrt
+
+from fwav_companion.camera.polynomials import first_not_positive
+from fwav_companion.camera.radial_inverse import Piece, angle_from_radius, radius_and_slope, ray_table
+from fwav_companion.geometry.vectors import Vector3, add, scale
+from fwav_companion.nouns import NoRay, Projection, Ray
+
+LEAST_SLOPE = 1e-6
+"""Of r'(theta) against its value on the axis, where the range ends. Nearer to the fold than that (some 1e-6 rad) the
+rounding of a pixel alone moves the angle by more than 1e-9 rad."""
+SLACK = 1e-9
+"""Radians, and of a radius: rays and pixels on the very edge are in, so that both directions agree about it."""
+
+
+class KannalaBrandt:
+    """A lens whose radius is an odd polynomial of the angle. Immutable."""
+
+    __slots__ = (
+        "_largest",
+        "_largest_radius",
+        "_table",
+        "image_size",
+        "k_mm",
+        "max_angle",
+        "pixels_per_mm",
+        "principal_point",
+        "skew",
+    )
+
+    def __init__(
+        self,
+        k_mm: Sequence[float],
+        pixels_per_mm: tuple[float, float],
+        principal_point: tuple[float, float],
+        image_size: tuple[int, int],
+        max_angle: float | None = None,
+        skew: float = 0.0,
+    ) -> None:
+        """``max_angle``: configured limit, radians from the axis. ``skew``: OpenCV's alpha, K[0][1] / K[0][0].
+
+        The valid range ends at the first of: ``max_angle``, the farthest corner of the image, where r' stops being
+        positive, and 180 degrees. ValueError names what makes the numbers no lens.
+        """
+        k1, k2, k3, k4, k5 = (*map(float, k_mm), *(0.0,) * (5 - len(k_mm)))
+        self.k_mm = (k1, k2, k3, k4, k5)
+        self.pixels_per_mm = pixels_per_mm
+        self.principal_point = principal_point
+        self.image_size = image_size
+        self.skew = skew
+        self._check(max_angle)
+        self.max_angle = self._valid_range(inf if max_angle is None else max_angle)
+        self._largest = min(self.max_angle + SLACK, pi)
+        self._largest_radius, _ = radius_and_slope(self.k_mm, self._largest)
+        self._table = self._quick_table()
+
+    def _check(self, max_angle: float | None) -> None:
+        numbers = (*self.k_mm, *self.pixels_per_mm, *self.principal_point, self.skew)
+        if not all(map(isfinite, numbers)):
+            raise ValueError("every number of a lens must be finite")
+        if self.k_mm[0] <= 0.0 or min(self.pixels_per_mm) <= 0.0 or min(self.image_size) <= 0:
+            raise ValueError("the first coefficient, the pixels per mm and the image size must be positive")
+        if max_angle is not None and not 0.0 < max_angle <= pi:
+            raise ValueError("the largest angle must lie in (0°, 180°]")
+
+    def _valid_range(self, configured: float) -> float:
+        k = self.k_mm
+        slope = (k[0] * (1.0 - LEAST_SLOPE), 3.0 * k[1], 5.0 * k[2], 7.0 * k[3], 9.0 * k[4])
+        fold2 = first_not_positive(slope, pi * pi)
+        steady = pi if fold2 is None else sqrt(fold2)
+        corner = max(hypot(*self._sensor_from_pixel(u, v)) for u, v in self._corners())
+        largest_radius, _ = radius_and_slope(k, steady)
+        circle = angle_from_radius(k, corner, steady) if corner < largest_radius else inf
+        return min(configured, circle, steady)
+
+    def _quick_table(self) -> tuple[float, float, float, float, float, tuple[Piece, ...]]:
+        """What the quick way needs, at hand in one tuple. A skewed lens, a rare thing, goes the other way."""
+        table = ray_table(self.k_mm, self._largest)
+        (u0, v0), (m_u, m_v) = self.principal_point, self.pixels_per_mm
+        end = float(len(table.pieces)) if self.skew == 0.0 else 0.0
+        return (u0, v0, 1.0 / (m_u * table.unit), 1.0 / (m_v * table.unit), end, table.pieces)
+
+    def _corners(self) -> tuple[tuple[float, float], ...]:
+        right, bottom = self.image_size[0] - 0.5, self.image_size[1] - 0.5
+        return ((-0.5, -0.5), (right, -0.5), (-0.5, bottom), (right, bottom))
+
+    def _sensor_from_pixel(self, u: float, v: float) -> tuple[float, float]:
+        y = (v - self.principal_point[1]) / self.pixels_per_mm[1]
+        return (u - self.principal_point[0]) / self.pixels_per_mm[0] - self.skew * y, y
+
+    def camera_ray_from_pixel(self, u: float, v: float) -> Vector3 | NoRay:
+        """The unit ray in the camera frame; NoRay beyond the valid range, and for what is not finite."""
+        u0, v0, per_u, per_v, end, pieces = self._table
+        x = (u - u0) * per_u
+        y = (v - v0) * per_v
+        rho2 = x * x + y * y
+        if rho2 < end:
+            s0, s1, s2, c0, c1, c2, c3 = pieces[int(rho2)]
+            s = s0 + rho2 * (s1 + rho2 * s2)
+            return (x * s, y * s, c0 + rho2 * (c1 + rho2 * (c2 + rho2 * c3)))
+        return self._solved_ray(u, v)
+
+    def _solved_ray(self, u: float, v: float) -> Vector3 | NoRay:
+        """The same by Newton, and the refusals: for what the table does not hold."""
+        x, y = self._sensor_from_pixel(u, v)
+        r = hypot(x, y)
+        if not r <= self._largest_radius:
+            return NoRay()
+        if r == 0.0:
+            return (0.0, 0.0, 1.0)
+        theta = angle_from_radius(self.k_mm, r, self._largest)
+        s = sin(theta) / r
+        return (x * s, y * s, cos(theta))
+
+    def camera_ray_and_derivatives_from_pixel(self, u: float, v: float) -> Ray | NoRay:
+        """The unit ray with its derivatives by u and by v."""
+        ray = self.camera_ray_from_pixel(u, v)
+        if isinstance(ray, NoRay):
+            return ray
+        x, y = self._sensor_from_pixel(u, v)
+        r, skew = hypot(x, y), self.skew
+        mm_u, mm_v = 1.0 / self.pixels_per_mm[0], 1.0 / self.pixels_per_mm[1]
+        if r == 0.0:
+            per_mm = 1.0 / self.k_mm[0]
+            return Ray(ray, (mm_u * per_mm, 0.0, 0.0), (-mm_v * skew * per_mm, mm_v * per_mm, 0.0))
+        sine = hypot(ray[0], ray[1])
+        _, slope = radius_and_slope(self.k_mm, atan2(sine, ray[2]))
+        cx, cy = x / r, y / r
+        across = sine / r
+        bend = ray[2] / slope - across
+        fall = -sine / slope
+        d_dx = (across + bend * cx * cx, bend * cx * cy, fall * cx)
+        d_dy = (bend * cx * cy, across + bend * cy * cy, fall * cy)
+        return Ray(ray, scale(d_dx, mm_u), scale(add(d_dy, scale(d_dx, -skew)), mm_v))
+
+    def pixel_from_camera_point(self, point: Vector3) -> tuple[float, float] | NoRay:
+        """(u, v) of a point of any length; NoRay beyond the valid range, at the centre, and for what is not finite."""
+        x, y, z = point
+        across = hypot(x, y)
+        if not 0.0 < hypot(across, z) < inf:
+            return NoRay()
+        theta = atan2(across, z)
+        if theta > self._largest:
+            return NoRay()
+        if across == 0.0:
+            return self.principal_point if z > 0.0 else NoRay()
+        r, _ = radius_and_slope(self.k_mm, theta)
+        s = r / across
+        (u0, v0), (m_u, m_v) = self.principal_point, self.pixels_per_mm
+        return (u0 + m_u * s * (x + self.skew * y), v0 + m_v * s * y)
+
+    def projection_from_camera_point(self, point: Vector3) -> Projection | NoRay:
+        """The pixel with its derivatives by the point."""
+        pixel = self.pixel_from_camera_point(point)
+        if isinstance(pixel, NoRay):
+            return pixel
+        x, y, z = point
+        m_u, m_v = self.pixels_per_mm
+        across = hypot(x, y)
+        if across == 0.0:
+            s = self.k_mm[0] / z
+            return Projection(*pixel, (m_u * s, m_u * self.skew * s, 0.0), (0.0, m_v * s, 0.0))
+        r, slope = radius_and_slope(self.k_mm, atan2(across, z))
+        n2 = across * across + z * z
+        s = r / across
+        ds_outward = (slope * z / n2 - s) / across
+        cx, cy = x / across, y / across
+        ds = (ds_outward * cx, ds_outward * cy, -slope / n2)
+        dx = (s + x * ds[0], x * ds[1], x * ds[2])
+        dy = (y * ds[0], s + y * ds[1], y * ds[2])
+        du = add(scale(dx, m_u), scale(dy, m_u * self.skew))
+        return Projection(*pixel, du, scale(dy, m_v))
