@@ -1,0 +1,11 @@
+"""From ground fixes to targets: filters, association, the life of a track, late frames put back in their place.
+
+Pure: frames come in with their own capture times, tracks go out. Reading order: ``options``, ``base``, ``kalman``,
+``association``, ``lifecycle``, ``tracker``, ``reorder``.
+"""
+
+from fwav_companion.tracking.options import TrackingOptions
+from fwav_companion.tracking.reorder import Reorder
+from fwav_companion.tracking.tracker import Tracker, make_tracker
+
+__all__ = ["Reorder", "Tracker", "TrackingOptions", "make_tracker"]

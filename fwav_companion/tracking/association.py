@@ -1,0 +1,74 @@
+"""Which fix of a frame is which target.
+
+Distances are weighed without the errors that belief and fix share (they move both alike), labels are kept apart, a
+detector's own id is believed as long as it is not absurd, and the rest is settled at the least total cost.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import hypot, sqrt
+
+import msgspec
+
+from fwav_companion.nouns import GroundFix
+from fwav_companion.tracking.assignment import least_cost_assignment
+from fwav_companion.tracking.base import Belief
+from fwav_companion.tracking.linear import horizontal_sigma
+
+GATE = 16.0
+"""Squared Mahalanobis distance, 2 degrees of freedom: a true fix lies beyond it once in 3000 times."""
+
+ID_GATE = 4.0 * GATE
+"""With the detector's own id in favour: trackers swap ids, but seldom to something that far away."""
+
+
+class Candidate(msgspec.Struct, frozen=True):
+    """What association must know of a track."""
+
+    label: str
+    belief: Belief
+    """Predicted to the frame."""
+    detector_id: int | None
+    """The detector's id of the last fix it took."""
+
+
+def associate(candidates: Sequence[Candidate], fixes: Sequence[GroundFix]) -> dict[int, int]:
+    """Candidate index -> fix index, each at most once."""
+    reaches = [horizontal_sigma(fix.cov) for fix in fixes]
+    costs: dict[tuple[int, int], float] = {}
+    for i, candidate in enumerate(candidates):
+        reach = horizontal_sigma(candidate.belief.cov)
+        for j, fix in enumerate(fixes):
+            if fix.sighting.detection.label == candidate.label and _near(candidate, fix, reach + reaches[j]):
+                cost = _cost(candidate, fix)
+                if cost is not None:
+                    costs[i, j] = cost
+    return _settled(costs)
+
+
+def _near(candidate: Candidate, fix: GroundFix, reach_m: float) -> bool:
+    """Cheap, and never false for a pair inside any gate: two errors cannot differ by more than both together."""
+    a, b = candidate.belief.position_ned, fix.position_ned
+    return hypot(a[0] - b[0], a[1] - b[1]) <= sqrt(ID_GATE) * reach_m
+
+
+def _cost(candidate: Candidate, fix: GroundFix) -> float | None:
+    """Negative, the lower the better; None: not this one."""
+    distance2 = candidate.belief.surprise(fix)
+    detector_id = fix.sighting.detection.detector_id
+    if detector_id is not None and detector_id == candidate.detector_id:
+        return distance2 - 2.0 * ID_GATE if distance2 < ID_GATE else None
+    return distance2 - GATE if distance2 < GATE else None
+
+
+def _settled(costs: dict[tuple[int, int], float]) -> dict[int, int]:
+    """The least total cost, where staying alone costs nothing."""
+    if not costs:
+        return {}
+    rows = sorted({i for i, _ in costs})
+    columns = sorted({j for _, j in costs})
+    table = [[costs.get((i, j), 0.0) for j in columns] + [0.0] * len(rows) for i in rows]
+    chosen = least_cost_assignment(table)
+    pairs = ((row, columns[c]) for row, c in zip(rows, chosen, strict=True) if c < len(columns))
+    return {i: j for i, j in pairs if (i, j) in costs}

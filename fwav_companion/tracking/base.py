@@ -1,0 +1,52 @@
+"""What the tracker needs of a filter: a belief about one target that is replaced, never changed."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.geometry.vectors import Matrix3, Vector3
+from fwav_companion.nouns import GroundFix
+
+
+class Belief(Protocol):
+    """One target as a filter sees it. Immutable: a snapshot of the tracker is a copy of references."""
+
+    @property
+    def position_ned(self) -> Vector3:
+        """Metres."""
+
+    @property
+    def cov(self) -> Matrix3:
+        """Every source of error, m^2, NED."""
+
+    @property
+    def relative_cov(self) -> Matrix3:
+        """Without the vehicle's own position, m^2, NED."""
+
+    @property
+    def velocity_ned(self) -> Vector3 | None:
+        """m/s; None where the filter has none."""
+
+    @property
+    def velocity_cov(self) -> Matrix3 | None:
+        """(m/s)^2, NED."""
+
+    def predicted(self, host_ns: HostNs) -> Belief:
+        """The same target at a later instant."""
+
+    def surprise(self, fix: GroundFix) -> float:
+        """Squared Mahalanobis distance of a fix at this instant, horizontal, 2 degrees of freedom.
+
+        Errors that the belief and the fix share cancel, as they do in the difference that is weighed.
+        """
+
+    def updated(self, fix: GroundFix) -> Belief:
+        """With a fix of this instant blended in."""
+
+
+class Filter(Protocol):
+    """Starts beliefs."""
+
+    def started(self, fix: GroundFix) -> Belief:
+        """The belief after the first fix of a target."""

@@ -1,0 +1,55 @@
+"""Symmetric 3x3 algebra on plain tuples, as the filters need it."""
+
+from __future__ import annotations
+
+from math import sqrt
+from typing import TypeAlias
+
+from fwav_companion.geometry.vectors import Matrix3, Vector3, scale, subtract
+
+Symmetric2: TypeAlias = tuple[float, float, float]
+"""nn, ne, ee of a symmetric 2x2 matrix."""
+
+
+def symmetric_inverse(m: Matrix3) -> Matrix3:
+    """The inverse of a symmetric positive definite matrix, by cofactors; ZeroDivisionError where it is singular."""
+    (a, b, c), (_, d, e), (_, _, f) = m
+    aa, ab, ac = d * f - e * e, c * e - b * f, b * e - c * d
+    s = 1.0 / (a * aa + b * ab + c * ac)
+    ad, ae, af = a * f - c * c, b * c - a * e, a * d - b * b
+    return ((aa * s, ab * s, ac * s), (ab * s, ad * s, ae * s), (ac * s, ae * s, af * s))
+
+
+def symmetrized(m: Matrix3) -> Matrix3:
+    """(m + m^T) / 2."""
+    (a, b, c), (d, e, f), (g, h, i) = m
+    bd, cg, fh = 0.5 * (b + d), 0.5 * (c + g), 0.5 * (f + h)
+    return ((a, bd, cg), (bd, e, fh), (cg, fh, i))
+
+
+def horizontal_distance2(difference: Vector3, cov: Matrix3) -> float:
+    """Squared Mahalanobis distance of the north and east components."""
+    n, e = difference[0], difference[1]
+    nn, ne, ee = cov[0][0], cov[0][1], cov[1][1]
+    return (ee * n * n - 2.0 * ne * n * e + nn * e * e) / (nn * ee - ne * ne)
+
+
+def horizontal_sigma(cov: Matrix3) -> float:
+    """Square root of the trace of the horizontal covariance, metres."""
+    return sqrt(max(0.0, cov[0][0] + cov[1][1]))
+
+
+def add_diagonal(m: Matrix3, horizontal: float, down: float) -> Matrix3:
+    """M + diag(horizontal, horizontal, down)."""
+    (a, b, c), (d, e, f), (g, h, i) = m
+    return ((a + horizontal, b, c), (d, e + horizontal, f), (g, h, i + down))
+
+
+def scaled(m: Matrix3, s: float) -> Matrix3:
+    """S m."""
+    return (scale(m[0], s), scale(m[1], s), scale(m[2], s))
+
+
+def minus(a: Matrix3, b: Matrix3) -> Matrix3:
+    """A - b."""
+    return (subtract(a[0], b[0]), subtract(a[1], b[1]), subtract(a[2], b[2]))

@@ -1,0 +1,100 @@
+"""Frames put in at their own capture time, and lines that are written once.
+
+Frames may come late and out of order. Each is put in where it was captured: the tracker goes back to its state before
+that instant and takes the later frames again, so that a late frame leaves exactly what it would have left in time.
+Half a second after its capture a frame's line is settled; a frame that is later than that is refused.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+
+import msgspec
+
+from fwav_companion.geometry.stamps import NS_PER_MS, BootNs, HostNs
+from fwav_companion.nouns import FrameView, NoFrame, Reason, Track
+from fwav_companion.tracking.tracker import Snapshot, Tracker
+
+WINDOW_NS = 500 * NS_PER_MS
+MAX_WAITING = 128
+"""Half a second of the fastest camera a small board can read (240 frames/s)."""
+
+
+class Settled(msgspec.Struct, frozen=True):
+    """A frame whose line may be written."""
+
+    view: FrameView
+    tracks: tuple[Track, ...]
+
+
+class _Placed(msgspec.Struct):
+    """A frame inside the window."""
+
+    view: FrameView
+    before: Snapshot
+    """The tracker before this frame."""
+    tracks: tuple[Track, ...]
+
+
+class Reorder:
+    """The window of half a second before the tracker."""
+
+    __slots__ = ("_placed", "_settled", "_settled_to_ns", "_tracker")
+
+    def __init__(self, tracker: Tracker) -> None:
+        self._tracker = tracker
+        self._placed: list[_Placed] = []
+        """By capture; equal captures in the order of their coming."""
+        self._settled: list[Settled] = []
+        self._settled_to_ns: HostNs | None = None
+
+    @property
+    def wake_at(self) -> HostNs | None:
+        """When the next line settles."""
+        if self._settled:
+            return self._settled[0].view.host_ns
+        return HostNs(self._placed[0].view.host_ns + WINDOW_NS) if self._placed else None
+
+    def put(self, view: FrameView, now_ns: HostNs) -> tuple[Track, ...] | NoFrame:
+        """The current tracks after all frames known so far, of the newest capture; or why the frame is refused."""
+        self._settle(now_ns)
+        refusal = self._refusal(view, now_ns)
+        if refusal is not None:
+            return NoFrame(refusal)
+        place = bisect_right(self._placed, view.host_ns, key=lambda placed: placed.view.host_ns)
+        views = [view, *(placed.view for placed in self._placed[place:])]
+        if place < len(self._placed):
+            self._tracker.restore(self._placed[place].before)
+            del self._placed[place:]
+        for each in views:
+            before = self._tracker.snapshot()
+            self._placed.append(_Placed(each, before, self._tracker.on_frame(each)))
+        return self._placed[-1].tracks
+
+    def close(self, now_ns: HostNs) -> list[Settled]:
+        """The lines that have settled by now, in the order of capture, each once."""
+        self._settle(now_ns)
+        settled, self._settled = self._settled, []
+        return settled
+
+    def drop_all(self, reason: Reason, frame: int, host_ns: HostNs, boot_ns: BootNs) -> tuple[Track, ...]:
+        """End every track and settle what waits: what was before is over, and nothing can be put into it."""
+        self._settled.extend(Settled(placed.view, placed.tracks) for placed in self._placed)
+        self._placed = []
+        self._settled_to_ns = max(host_ns, self._settled_to_ns or host_ns)
+        return self._tracker.drop_all(reason, frame, host_ns, boot_ns)
+
+    def _settle(self, now_ns: HostNs) -> None:
+        due = bisect_right(self._placed, now_ns - WINDOW_NS, key=lambda placed: placed.view.host_ns)
+        for placed in self._placed[:due]:
+            self._settled.append(Settled(placed.view, placed.tracks))
+            self._settled_to_ns = placed.view.host_ns
+        del self._placed[:due]
+
+    def _refusal(self, view: FrameView, now_ns: HostNs) -> Reason | None:
+        settled_to_ns = self._settled_to_ns
+        if view.host_ns <= now_ns - WINDOW_NS or (settled_to_ns is not None and view.host_ns < settled_to_ns):
+            return Reason.TOO_LATE
+        if any(view.host_ns == placed.view.host_ns and view.frame == placed.view.frame for placed in self._placed):
+            return Reason.DUPLICATE_FRAME
+        return Reason.TOO_MANY_FRAMES if len(self._placed) >= MAX_WAITING else None

@@ -1,0 +1,180 @@
+"""The tracker of many targets: predict, associate, update, begin, end. One frame in, all tracks out."""
+
+from __future__ import annotations
+
+import msgspec
+
+from fwav_companion.geometry.stamps import NS_PER_S, BootNs, HostNs
+from fwav_companion.nouns import ErrorPriors, FrameView, GroundFix, Reason, Track, TrackState
+from fwav_companion.tracking.association import Candidate, associate
+from fwav_companion.tracking.base import Belief, Filter
+from fwav_companion.tracking.kalman import StaticKalman
+from fwav_companion.tracking.lifecycle import Life, born, ended, seen, unseen
+from fwav_companion.tracking.linear import horizontal_sigma
+from fwav_companion.tracking.lowpass import LowPass
+from fwav_companion.tracking.moving import MovingKalman
+from fwav_companion.tracking.options import TrackingOptions
+
+MAX_TRACKS = 20
+"""Live at once: twice what a pilot can care for, and what the assignment is sized for."""
+KEEP_STATIC_NS = 300 * NS_PER_S
+"""What stood is looked for where it stood, five minutes long: several rounds of any survey."""
+KEEP_MOVING_NS = 10 * NS_PER_S
+"""What moved can be anywhere within 15 m after that."""
+
+
+class Alive(msgspec.Struct, frozen=True):
+    """One live track. Immutable."""
+
+    id: int
+    label: str
+    belief: Belief
+    life: Life
+    detector_id: int | None = None
+    last_pixel: tuple[float, float] | None = None
+    fix: GroundFix | None = None
+    """Of the newest frame."""
+
+
+class Snapshot(msgspec.Struct, frozen=True):
+    """All that a tracker knows: references to immutable things."""
+
+    alive: tuple[Alive, ...] = ()
+    """By id."""
+    next_id: int = 1
+
+
+class Tracker:
+    """Follows targets through frames that come in the order of their capture; :class:`Reorder` sees to that."""
+
+    __slots__ = ("_filter", "_keep_ns", "_state")
+
+    def __init__(self, belief_filter: Filter, keep_ns: int) -> None:
+        self._filter = belief_filter
+        self._keep_ns = keep_ns
+        self._state = Snapshot()
+
+    def snapshot(self) -> Snapshot:
+        """The present state, to come back to."""
+        return self._state
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Back to an earlier state, ids included: the same frames then give the same tracks again."""
+        self._state = snapshot
+
+    def on_frame(self, view: FrameView) -> tuple[Track, ...]:
+        """All tracks after this frame, by id; those that it ended are in it, told once."""
+        alive = tuple(
+            msgspec.structs.replace(track, belief=track.belief.predicted(view.host_ns), fix=None)
+            for track in self._state.alive
+        )
+        taken = self._associated(alive, view.fixes)
+        kept = [self._after(track, taken.get(track.id), view) for track in alive]
+        used = {id(fix) for fix in taken.values()}
+        after = self._with_newborn(kept, [fix for fix in view.fixes if id(fix) not in used], view.host_ns)
+        self._state = Snapshot(
+            tuple(track for track in after.alive if track.life.state is not TrackState.DROPPED), after.next_id
+        )
+        return tuple(_told(track, view.frame, view.host_ns, view.boot_ns) for track in after.alive)
+
+    def drop_all(self, reason: Reason, frame: int, host_ns: HostNs, boot_ns: BootNs) -> tuple[Track, ...]:
+        """End every track; their ids are not used again."""
+        dropped = tuple(
+            msgspec.structs.replace(track, life=ended(track.life, reason), fix=None) for track in self._state.alive
+        )
+        self._state = Snapshot((), self._state.next_id)
+        return tuple(_told(track, frame, host_ns, boot_ns) for track in dropped)
+
+    def _associated(self, alive: tuple[Alive, ...], fixes: tuple[GroundFix, ...]) -> dict[int, GroundFix]:
+        """Track id -> its fix. Believed tracks choose first: a newborn must not take a known target's fix."""
+        taken: dict[int, GroundFix] = {}
+        free = list(fixes)
+        for believed in (True, False):
+            group = [track for track in alive if (track.life.confirmed_ns is not None) is believed]
+            if not (group and free):
+                continue
+            candidates = [Candidate(track.label, track.belief, track.detector_id) for track in group]
+            pairs = associate(candidates, free)
+            taken |= {group[i].id: free[j] for i, j in pairs.items()}
+            free = [fix for j, fix in enumerate(free) if j not in set(pairs.values())]
+        return taken
+
+    def _after(self, track: Alive, fix: GroundFix | None, view: FrameView) -> Alive:
+        if fix is None:
+            looked = view.could_see(track.belief.position_ned)
+            life = unseen(track.life, view.host_ns, looked=looked, keep_ns=self._keep_ns)
+            return msgspec.structs.replace(track, life=life)
+        detection = fix.sighting.detection
+        return Alive(
+            track.id,
+            track.label,
+            track.belief.updated(fix),
+            seen(track.life, view.host_ns),
+            detection.detector_id if detection.detector_id is not None else track.detector_id,
+            (detection.u, detection.v),
+            fix,
+        )
+
+    def _with_newborn(self, tracks: list[Alive], fixes: list[GroundFix], host_ns: HostNs) -> Snapshot:
+        """New tracks for fixes that belong to none; where the table is full the least certain tentative one yields."""
+        next_id = self._state.next_id
+        newborn_from = next_id
+        for fix in fixes:
+            if _living(tracks) >= MAX_TRACKS and not _make_room(tracks, newborn_from):
+                break
+            detection = fix.sighting.detection
+            pixel = (detection.u, detection.v)
+            belief = self._filter.started(fix)
+            tracks.append(Alive(next_id, detection.label, belief, born(host_ns), detection.detector_id, pixel, fix))
+            next_id += 1
+        return Snapshot(tuple(tracks), next_id)
+
+
+def make_tracker(options: TrackingOptions, priors: ErrorPriors) -> Tracker:
+    """The tracker that [tracking] asks for."""
+    if options.filter == "lowpass":
+        return Tracker(LowPass(options.alpha, options.alpha_rate_hz, priors), KEEP_STATIC_NS)
+    if options.motion == "moving":
+        return Tracker(MovingKalman(priors), KEEP_MOVING_NS)
+    return Tracker(StaticKalman(priors), KEEP_STATIC_NS)
+
+
+def _living(tracks: list[Alive]) -> int:
+    return sum(track.life.state is not TrackState.DROPPED for track in tracks)
+
+
+def _make_room(tracks: list[Alive], newborn_from: int) -> bool:
+    """End the least certain tentative track that was not born in this very frame; False where there is none."""
+    yielding = [
+        i
+        for i, track in enumerate(tracks)
+        if track.life.state is TrackState.TENTATIVE and track.id < newborn_from and track.fix is None
+    ]
+    if not yielding:
+        return False
+    worst = max(yielding, key=lambda i: horizontal_sigma(tracks[i].belief.cov))
+    tracks[worst] = msgspec.structs.replace(tracks[worst], life=ended(tracks[worst].life, Reason.TOO_MANY_TRACKS))
+    return True
+
+
+def _told(track: Alive, frame: int, host_ns: HostNs, boot_ns: BootNs) -> Track:
+    belief, life = track.belief, track.life
+    return Track(
+        id=track.id,
+        label=track.label,
+        state=life.state,
+        reason=life.reason,
+        host_ns=host_ns,
+        boot_ns=boot_ns,
+        frame=frame,
+        position_ned=belief.position_ned,
+        cov=belief.cov,
+        relative_cov=belief.relative_cov,
+        velocity_ned=belief.velocity_ned,
+        velocity_cov=belief.velocity_cov,
+        fix=track.fix,
+        first_host_ns=life.first_ns,
+        confirmed_host_ns=life.confirmed_ns,
+        last_seen_host_ns=life.last_seen_ns,
+        last_pixel=track.last_pixel,
+    )
