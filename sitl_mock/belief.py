@@ -1,0 +1,80 @@
+"""What the autopilot believes of itself: the truth with its biases, wander and noise, and where home and origin are."""
+
+from __future__ import annotations
+
+from math import radians
+from random import Random
+
+from sitl_mock.draws import DrawnBiases, Wander
+from sitl_mock.earth import ArduPilotProjection, LocalProjection, Place, Px4Projection, World
+from sitl_mock.flight import Flight, State
+from sitl_mock.gyro import Gyro
+from sitl_mock.options import Options
+from sitl_mock.rotation import Vector, plus
+
+
+class Belief:
+    """Biases are the same for every message; noise is fresh in each."""
+
+    def __init__(self, options: Options, biases: DrawnBiases, flight: Flight, world: World) -> None:
+        self._o, self._biases, self._flight, self.world = options, biases, flight, world
+        seed, priors = options.seed, options.priors
+        self._gyro = Gyro(flight, options.autopilot.gyro_filter_hz)
+        self._noise = Random(f"{seed}/noise")
+        self._wander = tuple(
+            Wander(biases.position_sigma_m, priors.position_bias_time_s, Random(f"{seed}/wander/{axis}"))
+            for axis in ("north", "east")
+        )
+        origin = world.place(options.autopilot.ekf_origin_m)
+        self.projection: LocalProjection = (
+            Px4Projection(origin) if options.autopilot.firmware == "px4" else ArduPilotProjection(origin)
+        )
+
+    def truth(self, flight_s: float) -> State:
+        """No belief: the state itself."""
+        return self._flight.at(flight_s)
+
+    def attitude(self, flight_s: float) -> tuple[Vector, Vector]:
+        """(roll, pitch, yaw) and the filtered body rates at an instant."""
+        b, noise = self._biases, self._o.priors.attitude_noise_deg
+        errors = (b.attitude_roll_deg, b.attitude_pitch_deg, b.heading_deg)
+        euler = self._flight.at(flight_s).euler
+        believed = tuple(a + radians(e + self._fresh(noise)) for a, e in zip(euler, errors, strict=True))
+        return believed, self._gyro.rates(flight_s)  # type: ignore[return-value]
+
+    def position(self, flight_s: float) -> tuple[Place, Vector]:
+        """(place, NED velocity) as the estimator has them, with its delay, wander, bias and noise."""
+        state = self._flight.at(flight_s - self._o.autopilot.position_delay_s)
+        p = self._o.priors
+        north, east = (wander.at(flight_s) + self._fresh(p.position_noise_m) for wander in self._wander)
+        down = -(self._biases.height_m + self._fresh(p.height_noise_m))
+        v = p.velocity_noise_m_s
+        velocity = plus(state.velocity, (self._fresh(v), self._fresh(v), self._fresh(v)))
+        return self.world.place(plus(state.position, (north, east, down))), velocity
+
+    def wander(self, flight_s: float) -> tuple[float, float]:
+        """The horizontal position error at an instant, noise aside: for the truth file."""
+        return (self._wander[0].at(flight_s), self._wander[1].at(flight_s))
+
+    def home(self, armed: bool) -> Place:
+        """Home moves at arming to where the vehicle really stood."""
+        a = self._o.autopilot
+        north, east, down = (*a.home_m, 0.0)
+        if not armed:
+            north, east, down = plus((north, east, down), a.home_moves_m)
+        return self.world.place((north, east, down))
+
+    def has_position(self, flight_s: float) -> bool:
+        """Whether there is a global position yet."""
+        return self._o.autopilot.gps and flight_s >= self._o.autopilot.gps_fix_at_s
+
+    def range_m(self, flight_s: float) -> float:
+        """What a rangefinder along the body's down axis measures."""
+        state = self._flight.at(flight_s)
+        cosine = state.ned_from_body[2][2]
+        if cosine <= 0.05:
+            return 1e3
+        return max(0.0, -state.position[2] / cosine + self._fresh(0.03))
+
+    def _fresh(self, sigma: float) -> float:
+        return self._noise.gauss(0.0, sigma) if sigma else 0.0

@@ -1,0 +1,190 @@
+"""The camera and the detector behind it: true projection by the row, then noise, misses, clutter and latency. Pure."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from math import exp, hypot, isfinite
+from random import Random
+from typing import Any
+
+from sitl_mock.clock import BootClock
+from sitl_mock.draws import DrawnBiases, radians3
+from sitl_mock.flight import Flight
+from sitl_mock.lens import Lens
+from sitl_mock.options import Options
+from sitl_mock.rotation import (
+    FORWARD_CAMERA,
+    Matrix,
+    apply_transposed,
+    matrix_from_euler,
+    matrix_from_rotation_vector,
+    minus,
+    times,
+)
+from sitl_mock.scene import Target
+
+Pixel = tuple[float, float]
+ROW_SETTLED_PX = 1e-7
+CLUTTER = -1
+"""In FrameTruth.sources: no target at all."""
+
+
+@dataclass(frozen=True)
+class FrameTruth:
+    """What a frame really shows."""
+
+    frame: int
+    row0_flight_s: float
+    """Mid-exposure of row 0 (with a negative readout: of the bottom row, which the stamp marks)."""
+    sources: tuple[int, ...]
+    """By detection: the index of its target, or -1 for what is no target or grossly wrong."""
+    visible: tuple[int, ...]
+    """Indexes of the targets that were in view."""
+
+
+class MockCamera:
+    """Asks for no time: ``advance(now)`` hands out (instant of delivery, detections by the contract, truth)."""
+
+    def __init__(
+        self,
+        options: Options,
+        biases: DrawnBiases,
+        flight: Flight,
+        scene: list[Target],
+        clock: BootClock,
+        start_host_ns: int,
+        unix_minus_host_s: float,
+    ) -> None:
+        self._o, self._c = options, options.camera
+        self._biases, self._flight, self._scene = biases, flight, scene
+        self._clock, self._start, self._unix_minus_host_s = clock, start_host_ns, unix_minus_host_s
+        self.lens = Lens(options.camera)
+        self.body_from_camera = true_mount(options, biases)
+        self._rng = Random(f"{options.seed}/camera")
+        self._frame = 0
+
+    @property
+    def wake_at(self) -> int | None:
+        """When the next frame's last row has been read; None: there is no camera."""
+        if not self._c.enabled:
+            return None
+        return self._start + round((self._row0_s(self._frame) + abs(self._biases.readout_s)) * 1e9)
+
+    def advance(self, now_ns: int) -> list[tuple[int, dict[str, Any], FrameTruth]]:
+        """The frames whose last row has been read by now."""
+        frames = []
+        while self.wake_at is not None and self.wake_at <= now_ns:
+            ready_ns = self.wake_at
+            latency_s = self._c.latency_s
+            if self._c.latency_jitter_s:
+                latency_s += self._rng.expovariate(1.0 / self._c.latency_jitter_s)
+            frames.append((ready_ns + round(latency_s * 1e9), *self._shot()))
+            self._frame += 1
+        return frames
+
+    def true_pixel(self, target: Target, row0_s: float) -> tuple[Pixel, float]:
+        """(pixel, flight time of its row) of a target in the frame whose first row is exposed at row0_s."""
+        readout, height = self._biases.readout_s, self.lens.height
+        pixel, t = (0.0, height / 2.0), row0_s
+        for _ in range(20):
+            share = pixel[1] / height
+            t = row0_s + (readout * share if readout >= 0.0 else -readout * (1.0 - share))
+            before, pixel = pixel, self._project(target, t)
+            if not isfinite(pixel[0]) or abs(pixel[1] - before[1]) < ROW_SETTLED_PX:
+                break
+            # A row far outside of the sensor is no time at all.
+            pixel = (pixel[0], max(-float(height), min(2.0 * height, pixel[1])))
+        return pixel, t
+
+    def _project(self, target: Target, t: float) -> Pixel:
+        state = self._flight.at(t)
+        in_body = apply_transposed(state.ned_from_body, minus(target.at(t), state.position))
+        return self.lens.pixel(apply_transposed(self.body_from_camera, minus(in_body, self._c.position_m)))
+
+    def _row0_s(self, frame: int) -> float:
+        return self._c.first_frame_s + frame / self._c.fps
+
+    def _shot(self) -> tuple[dict[str, Any], FrameTruth]:
+        row0_s = self._row0_s(self._frame)
+        found: list[tuple[int, str, Pixel]] = []
+        visible = []
+        for index, target in enumerate(self._scene):
+            pixel, t = self.true_pixel(target, row0_s)
+            if not self.lens.sees(*pixel):
+                continue
+            visible.append(index)
+            seen = self._detected(target, pixel, t)
+            if seen is not None:
+                found.append((index if seen[1] else CLUTTER, target.label, seen[0]))
+        found.extend(
+            (CLUTTER, self._rng.choice(self._scene).label, self._anywhere()) for _ in range(self._false_ones())
+        )
+        self._rng.shuffle(found)
+        message = {
+            **self._stamp(row0_s),
+            "frame": self._frame,
+            "size": list(self._c.image_size),
+            "exposure_s": self._c.exposure_s,
+            "detections": [self._detection(*one) for one in found],
+        }
+        return message, FrameTruth(self._frame, row0_s, tuple(one[0] for one in found), tuple(visible))
+
+    def _detected(self, target: Target, pixel: Pixel, t: float) -> tuple[Pixel, bool] | None:
+        """(noisy pixel, whether it is the target's), or None where it is missed or blurred away."""
+        if self._c.missed and self._rng.random() < self._c.missed:
+            return None
+        if self._c.max_blur_px and self._blur_px(target, t) > self._c.max_blur_px:
+            return None
+        if self._c.outliers and self._rng.random() < self._c.outliers:
+            return self._anywhere(), False
+        sigma = self._o.priors.pixel_noise_px
+        noisy = (pixel[0] + self._rng.gauss(0.0, sigma), pixel[1] + self._rng.gauss(0.0, sigma)) if sigma else pixel
+        return (noisy, True) if self.lens.sees(*noisy) else None
+
+    def _blur_px(self, target: Target, t: float) -> float:
+        half = self._c.exposure_s / 2.0
+        (u0, v0), (u1, v1) = self._project(target, t - half), self._project(target, t + half)
+        return hypot(u1 - u0, v1 - v0)
+
+    def _anywhere(self) -> Pixel:
+        return (self._rng.uniform(-0.5, self.lens.width - 0.501), self._rng.uniform(-0.5, self.lens.height - 0.501))
+
+    def _false_ones(self) -> int:
+        """Poisson, by Knuth."""
+        if not self._c.clutter or not self._scene:
+            return 0
+        limit, product, count = exp(-self._c.clutter), self._rng.random(), 0
+        while product > limit:
+            product *= self._rng.random()
+            count += 1
+        return count
+
+    def _detection(self, source: int, label: str, pixel: Pixel) -> dict[str, Any]:
+        detection: dict[str, Any] = {"u": round(pixel[0], 6), "v": round(pixel[1], 6), "label": label, "score": 0.9}
+        if self._c.tell_sigma and self._o.priors.pixel_noise_px:
+            detection["sigma"] = self._o.priors.pixel_noise_px
+        if self._c.tell_ids and source != CLUTTER:
+            detection["id"] = source
+        return detection
+
+    def _stamp(self, row0_s: float) -> dict[str, float]:
+        rule_s = {"row0_mid": 0.0, "row0_start": -0.5, "row0_end": 0.5}[self._c.stamp] * self._c.exposure_s
+        late_s = self._c.time_offset_s + self._biases.time_offset_s + rule_s
+        host_ns = self._start + round((row0_s + late_s) * 1e9)
+        if self._c.stamp_clock == "time_boot":
+            return {"time_boot": round(self._clock.boot_ns(host_ns) * 1e-9, 6)}
+        if self._c.stamp_clock == "time_unix":
+            return {"time_unix": round(host_ns * 1e-9 + self._unix_minus_host_s, 6)}
+        return {"time_monotonic": round(host_ns * 1e-9, 6)}
+
+
+def true_mount(options: Options, biases: DrawnBiases) -> Matrix:
+    """body_from_camera as it really is."""
+    told = times(matrix_from_euler(*radians3(options.camera.mount_deg)), FORWARD_CAMERA)
+    return times(matrix_from_rotation_vector(radians3(biases.mount_deg)), told)
+
+
+def datagram(frame: dict[str, Any]) -> bytes:
+    """A frame's detections as they travel."""
+    return json.dumps(frame, separators=(",", ":")).encode()

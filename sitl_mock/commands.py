@@ -1,0 +1,101 @@
+"""Commands and rate requests: every command is acknowledged, the unsupported ones too."""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import TYPE_CHECKING
+
+from sitl_mock.codec import NAMES, NUMBERS, Heard
+from sitl_mock.streams import GROUPS
+
+if TYPE_CHECKING:
+    from sitl_mock.vehicle import MockVehicle
+
+ACCEPTED, DENIED, UNSUPPORTED, FAILED = 0, 2, 3, 4
+REBOOT, ARM, GET_INTERVAL, SET_INTERVAL, REQUEST_MESSAGE = 246, 400, 510, 511, 512
+WARNING = 4
+
+
+class Commands:
+    """COMMAND_LONG, COMMAND_INT and REQUEST_DATA_STREAM that are addressed to the autopilot."""
+
+    def __init__(self, vehicle: MockVehicle) -> None:
+        self._vehicle = vehicle
+        self._table = {
+            REBOOT: self._reboot,
+            ARM: self._arm,
+            GET_INTERVAL: self._get_interval,
+            SET_INTERVAL: self._set_interval,
+            REQUEST_MESSAGE: self._request_message,
+        }
+        if not vehicle.options.autopilot.knows_set_message_interval:
+            del self._table[SET_INTERVAL]
+
+    def hear(self, heard: Heard, now_ns: int) -> None:
+        """Does it, and says so."""
+        command = heard.fields["command"]
+        parameters = (heard.fields["param1"], heard.fields["param2"])
+        if command not in self._table:
+            result = UNSUPPORTED
+        elif not isfinite(parameters[0]):
+            result = DENIED
+        else:
+            result = self._table[command](*parameters, now_ns)
+        ack = {
+            "command": command,
+            "result": result,
+            "target_system": heard.system,
+            "target_component": heard.component,
+        }
+        self._vehicle.say("COMMAND_ACK", ack, now_ns)
+
+    def data_stream(self, heard: Heard, now_ns: int) -> None:
+        """REQUEST_DATA_STREAM: a group of messages at one rate."""
+        group = heard.fields["req_stream_id"]
+        rate_hz = float(heard.fields["req_message_rate"]) if heard.fields["start_stop"] else 0.0
+        names = [name for members in GROUPS.values() for name in members] if group == 0 else GROUPS.get(group, ())
+        for name in names:
+            self._vehicle.set_rate(name, min(rate_hz, self._vehicle.streams.ceiling_hz), now_ns)
+
+    def _set_interval(self, number: float, interval_us: float, now_ns: int) -> int:
+        name = NAMES.get(int(number), "")
+        streams = self._vehicle.streams
+        if not isfinite(interval_us):
+            return DENIED
+        if not self._vehicle.telemetry.knows(name):
+            self._vehicle.tell(WARNING, f"No ap_message for mavlink id ({int(number)})", now_ns)
+            return DENIED
+        rate_hz = 1e6 / interval_us if interval_us > 0.0 else 0.0
+        if interval_us == 0.0:
+            rate_hz = streams.defaults_hz.get(name, 0.0)
+        if rate_hz > streams.ceiling_hz * (1.0 + 1e-9):
+            return DENIED
+        self._vehicle.set_rate(name, rate_hz, now_ns)
+        return ACCEPTED
+
+    def _get_interval(self, number: float, _param2: float, now_ns: int) -> int:
+        name = NAMES.get(int(number), "")
+        known = self._vehicle.telemetry.knows(name)
+        interval_ns = self._vehicle.streams.interval_ns(name)
+        fields = {
+            "message_id": int(number) % 65536,
+            "interval_us": (interval_ns // 1000 or -1) if known else 0,
+        }
+        self._vehicle.say("MESSAGE_INTERVAL", fields, now_ns)
+        return ACCEPTED
+
+    def _request_message(self, number: float, _param2: float, now_ns: int) -> int:
+        name = NAMES.get(int(number), "")
+        if not self._vehicle.telemetry.knows(name):
+            return UNSUPPORTED if int(number) not in NUMBERS.values() else DENIED
+        return ACCEPTED if self._vehicle.send(name, now_ns) else FAILED
+
+    def _arm(self, arm: float, _param2: float, now_ns: int) -> int:
+        self._vehicle.arm(bool(arm), now_ns)
+        return ACCEPTED
+
+    def _reboot(self, what: float, _param2: float, now_ns: int) -> int:
+        if what != 1.0:
+            return DENIED
+        self._vehicle.agenda.at(now_ns + 100_000_000, self._vehicle.reboot)
+        return ACCEPTED

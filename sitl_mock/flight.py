@@ -1,0 +1,140 @@
+"""The motion of the vehicle as a pure function of time: pattern, wander, flapping and heave, with exact derivatives."""
+
+from __future__ import annotations
+
+from math import atan, atan2, cos, hypot, pi, radians, sin
+from random import Random
+from typing import NamedTuple
+
+from sitl_mock.options import FlightOptions
+from sitl_mock.patterns import Path, Pattern
+from sitl_mock.rotation import Matrix, Vector, body_rates, matrix_from_euler
+
+GRAVITY = 9.80665
+
+
+class State(NamedTuple):
+    """The true state at an instant. NED is the world's, metres; angles in radians."""
+
+    flight_s: float
+    position: Vector
+    velocity: Vector
+    euler: Vector
+    """Roll, pitch, yaw; yaw is not wrapped."""
+    rates: Vector
+    """Of the body, rad/s."""
+
+    @property
+    def ned_from_body(self) -> Matrix:
+        """The attitude as a matrix."""
+        return matrix_from_euler(*self.euler)
+
+
+class Slow:
+    """A smooth aimless drift: three sines whose periods never meet again, RMS about ``size``."""
+
+    def __init__(self, size: float, rng: Random) -> None:
+        self._terms = [
+            (size * share, 2.0 * pi / period, rng.uniform(0.0, 2.0 * pi))
+            for share, period in ((1.0, 23.7), (0.8, 11.3), (0.6, 6.1))
+        ]
+
+    def at(self, t: float) -> tuple[float, float]:
+        """(value, rate)."""
+        value = rate = 0.0
+        for size, w, phase in self._terms:
+            value += size * sin(w * t + phase)
+            rate += size * w * cos(w * t + phase)
+        return value, rate
+
+
+class Flight:
+    """Ask for any instant, in any order."""
+
+    def __init__(self, options: FlightOptions, seed: int) -> None:
+        self._o = options
+        self._pattern = Pattern(options)
+        usual = {"orbit": "centre", "hover": "fixed"}.get(options.pattern, "course")
+        self._heading = options.heading or usual
+        rng = Random(f"{seed}/flight")
+        self._wander = [Slow(options.wander_m if axis < 2 else options.wander_m / 2.0, rng) for axis in range(3)]
+        self._sway = [Slow(radians(options.wander_deg), rng) for _ in range(3)]
+        self._phases = [rng.uniform(0.0, 2.0 * pi) for _ in range(4)]
+
+    def at(self, flight_s: float) -> State:
+        """The state at an instant."""
+        path = self._pattern.at(flight_s)
+        stroke, stroke_rate = self._stroke(flight_s)
+        roll, roll_rate, pitch, pitch_rate, yaw, yaw_rate = self._angles(flight_s, path, stroke, stroke_rate)
+        position, velocity = self._place(flight_s, path, stroke, stroke_rate)
+        return State(
+            flight_s,
+            position,
+            velocity,
+            (roll, pitch, yaw),
+            body_rates(roll, pitch, roll_rate, pitch_rate, yaw_rate),
+        )
+
+    def rates(self, flight_s: float) -> Vector:
+        """The body rates alone: what a gyro feels a thousand times a second."""
+        path = self._pattern.at(flight_s)
+        roll, roll_rate, pitch, pitch_rate, _, yaw_rate = self._angles(flight_s, path, *self._stroke(flight_s))
+        return body_rates(roll, pitch, roll_rate, pitch_rate, yaw_rate)
+
+    def _stroke(self, t: float) -> tuple[float, float]:
+        """Phase of the wings and its rate."""
+        w, slow = 2.0 * pi * self._o.flapping_hz, 2.0 * pi * 0.1
+        angle = slow * t + self._phases[3]
+        m = self._o.flapping_modulation
+        return w * t + self._phases[0] + m * sin(angle), w + m * slow * cos(angle)
+
+    def _angles(
+        self, t: float, path: Path, stroke: float, stroke_rate: float
+    ) -> tuple[float, float, float, float, float, float]:
+        o = self._o
+        (roll, roll_rate), (pitch, pitch_rate), (yaw, yaw_rate) = (slow.at(t) for slow in self._sway)
+        course, course_rate, bank, bank_rate = self._course(t, path)
+        flap_roll, flap_pitch = radians(o.flapping_roll_deg), radians(o.flapping_pitch_deg)
+        roll_phase = stroke + self._phases[1]
+        return (
+            roll + radians(o.roll_deg) + bank + flap_roll * sin(roll_phase),
+            roll_rate + bank_rate + flap_roll * stroke_rate * cos(roll_phase),
+            pitch + radians(o.pitch_deg) + flap_pitch * sin(stroke),
+            pitch_rate + flap_pitch * stroke_rate * cos(stroke),
+            yaw + course,
+            yaw_rate + course_rate,
+        )
+
+    def _course(self, t: float, path: Path) -> tuple[float, float, float, float]:
+        """(heading, its rate, bank, its rate)."""
+        o = self._o
+        if self._heading == "fixed":
+            return radians(o.fixed_heading_deg + o.turn_deg_s * t), radians(o.turn_deg_s), 0.0, 0.0
+        if self._heading == "centre":
+            (n, e), (vn, ve) = path.at, path.velocity
+            return atan2(-e, -n), (n * ve - e * vn) / (n * n + e * e), 0.0, 0.0
+        (vn, ve), (an, ae), (jn, je) = path.velocity, path.acceleration, path.jerk
+        speed = hypot(vn, ve)
+        sideways = (vn * ae - ve * an) / speed
+        sideways_rate = (vn * je - ve * jn) / speed - sideways * (vn * an + ve * ae) / speed**2
+        slope, slope_rate = o.bank * sideways / GRAVITY, o.bank * sideways_rate / GRAVITY
+        return atan2(ve, vn), sideways / speed, atan(slope), slope_rate / (1.0 + slope * slope)
+
+    def _place(self, t: float, path: Path, stroke: float, stroke_rate: float) -> tuple[Vector, Vector]:
+        o = self._o
+        (north, north_rate), (east, east_rate), (up, up_rate) = (slow.at(t) for slow in self._wander)
+        heave_phase = stroke + self._phases[2]
+        up += o.height_m + o.heave_m * sin(heave_phase)
+        up_rate += o.heave_m * stroke_rate * cos(heave_phase)
+        climb, climb_rate = self._climb(t)
+        return (
+            (path.at[0] + north + o.centre[0], path.at[1] + east + o.centre[1], -up * climb),
+            (path.velocity[0] + north_rate, path.velocity[1] + east_rate, -up_rate * climb - up * climb_rate),
+        )
+
+    def _climb(self, t: float) -> tuple[float, float]:
+        """(share of the height, its rate): 1 in flight, smooth through the climb."""
+        if self._o.takeoff_at_s is None:
+            return 1.0, 0.0
+        x = min(1.0, max(0.0, (t - self._o.takeoff_at_s) / self._o.climb_s))
+        return x**3 * (10.0 - 15.0 * x + 6.0 * x * x), 30.0 * (x * (1.0 - x)) ** 2 / self._o.climb_s

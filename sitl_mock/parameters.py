@@ -1,0 +1,73 @@
+"""The parameters: read, listed, set."""
+
+from __future__ import annotations
+
+from functools import partial
+from math import isfinite
+from typing import TYPE_CHECKING, Any
+
+from sitl_mock.codec import Heard
+
+if TYPE_CHECKING:
+    from sitl_mock.vehicle import MockVehicle
+
+INT32, REAL32 = 6, 9
+LISTING_NS = 20_000_000
+"""Between two values of a list."""
+
+
+class Parameters:
+    """Name to value; setting one takes effect at the next reboot where the autopilot's would, so: never here."""
+
+    def __init__(self, vehicle: MockVehicle) -> None:
+        self._vehicle = vehicle
+        self.values = _values(vehicle)
+
+    def read(self, heard: Heard, now_ns: int) -> None:
+        """PARAM_REQUEST_READ by name, or by index where that is not negative."""
+        names = list(self.values)
+        index = heard.fields["param_index"]
+        if 0 <= index < len(names):
+            self._tell(names[index], now_ns)
+        elif index < 0 and heard.fields["param_id"] in self.values:
+            self._tell(heard.fields["param_id"], now_ns)
+
+    def list(self, _heard: Heard, now_ns: int) -> None:
+        """PARAM_REQUEST_LIST: all of them, paced."""
+        for number, name in enumerate(self.values):
+            self._vehicle.agenda.at(now_ns + number * LISTING_NS, partial(self._tell, name))
+
+    def set(self, heard: Heard, now_ns: int) -> None:
+        """PARAM_SET: what is known is changed and told."""
+        name, value = heard.fields["param_id"], heard.fields["param_value"]
+        if name in self.values and isfinite(value):
+            self.values[name] = value
+            self._tell(name, now_ns)
+
+    def _tell(self, name: str, at_ns: int) -> None:
+        value = self.values[name]
+        fields: dict[str, Any] = {
+            "param_id": name.encode(),
+            "param_value": float(value),
+            "param_type": INT32 if isinstance(value, int) else REAL32,
+            "param_count": len(self.values),
+            "param_index": list(self.values).index(name),
+        }
+        self._vehicle.say("PARAM_VALUE", fields, at_ns)
+
+
+def _values(vehicle: MockVehicle) -> dict[str, float]:
+    o = vehicle.options.autopilot
+    if o.firmware == "px4":
+        return {"SYS_AUTOSTART": 4001, "IMU_GYRO_CUTOFF": float(o.gyro_filter_hz), "MAV_SYS_ID": o.system_id}
+    return {
+        "SYSID_THISMAV": o.system_id,
+        "SCHED_LOOP_RATE": int(o.loop_rate_hz),
+        "INS_GYRO_FILTER": float(o.gyro_filter_hz),
+        "PTCH_TRIM_DEG": float(o.pitch_trim_deg),
+        "FLIGHT_OPTIONS": o.flight_options,
+        "PLND_ENABLED": int(o.precland_enabled),
+        "PLND_TYPE": 1,
+        "PLND_LAG": float(o.precland_lag_s),
+        "RNGFND1_TYPE": int(o.rangefinder),
+    }

@@ -1,0 +1,59 @@
+"""Paths over the ground: position with its first three derivatives, about the flight centre."""
+
+from __future__ import annotations
+
+from math import cos, hypot, pi, sin
+from typing import NamedTuple
+
+from sitl_mock.options import FlightOptions
+
+Pair = tuple[float, float]
+
+
+class Path(NamedTuple):
+    """North and east: where, how fast, and two derivatives more (for the heading's rate and the bank's)."""
+
+    at: Pair
+    velocity: Pair
+    acceleration: Pair
+    jerk: Pair
+
+
+class Pattern:
+    """north = a sin(s), east = b sin(m s + phase); s grows evenly, so that the mean speed is the one asked for."""
+
+    def __init__(self, options: FlightOptions) -> None:
+        self._a, self._b = options.half_axes_m
+        self._phase = options.start_phase_deg * pi / 180.0
+        self._still: Pair | None = None
+        # (multiple of s, phase) of east: an ellipse runs a quarter ahead, a figure eight twice as fast.
+        self._m, self._east_phase = {"figure_eight": (2.0, 0.0)}.get(options.pattern, (1.0, pi / 2.0))
+        if options.pattern == "hover":
+            self._still = options.offset_m
+        elif options.pattern not in ("orbit", "figure_eight", "racetrack"):
+            raise KeyError(f"no pattern {options.pattern!r}: hover, orbit, figure_eight or racetrack")
+        self._s_rate = options.speed_m_s * 2.0 * pi / self._length()
+
+    def at(self, flight_s: float) -> Path:
+        """The path at an instant."""
+        if self._still is not None:
+            return Path(self._still, (0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
+        w, v = self._s_rate, self._s_rate * self._m
+        s = self._phase + w * flight_s
+        sn, cn = self._a * sin(s), self._a * cos(s)
+        angle = self._m * s + self._east_phase
+        se, ce = self._b * sin(angle), self._b * cos(angle)
+        return Path(
+            (sn, se),
+            (w * cn, v * ce),
+            (-w * w * sn, -v * v * se),
+            (-(w**3) * cn, -(v**3) * ce),
+        )
+
+    def _length(self) -> float:
+        steps = 2000
+        step = 2.0 * pi / steps
+        return sum(
+            hypot(self._a * cos(i * step), self._b * self._m * cos(self._m * i * step + self._east_phase)) * step
+            for i in range(steps)
+        )

@@ -1,0 +1,98 @@
+"""The autopilot's end of LANDING_TARGET: every message judged by its consumer, and kept for the report."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING, Any
+
+from sitl_mock.codec import Heard
+from sitl_mock.landing import CONSUMERS, Situation
+from sitl_mock.rotation import minus, norm
+from sitl_mock.scene import Target
+
+if TYPE_CHECKING:
+    from sitl_mock.vehicle import MockVehicle
+
+KEPT = 20_000
+"""Accepted targets: more than half an hour at 10 Hz."""
+WARNING, INFO = 4, 6
+
+
+class PrecisionLanding:
+    """``accepted`` and ``refused``: what became of what was sent."""
+
+    def __init__(self, vehicle: MockVehicle, scene: list[Target]) -> None:
+        o = vehicle.options.autopilot
+        self._vehicle, self._scene, self._o = vehicle, scene, o
+        self.name = o.landing_consumer or ("px4" if o.firmware == "px4" else "ardupilot_new")
+        self._consume = CONSUMERS[self.name]
+        self.accepted: list[dict[str, Any]] = []
+        self.refused: Counter[str] = Counter()
+
+    def hear(self, heard: Heard, now_ns: int) -> None:
+        """Judges one message by the true state at the instants that this consumer uses."""
+        if self.name != "px4" and not self._o.precland_enabled:
+            self.refused["not_enabled"] += 1
+            return
+        t = self._vehicle.telemetry.flight_s(now_ns)
+        belief = self._vehicle.belief
+        situation = Situation(
+            belief.truth(t - self._o.precland_lag_s),
+            belief.truth(t),
+            belief.range_m(t),
+            belief.projection,
+            self._vehicle.world,
+        )
+        landing = self._consume(heard.fields, situation)
+        if landing.position is None:
+            self._refuse(landing.reason, now_ns)
+        else:
+            self._accept(heard, t, landing.position, now_ns)
+
+    def summary(self) -> dict[str, Any]:
+        """For the truth file."""
+        errors = [one["error_m"] for one in self.accepted]
+        return {
+            "consumer": self.name,
+            "accepted": len(self.accepted),
+            "refused": dict(self.refused),
+            "mean_error_m": sum(errors) / len(errors) if errors else None,
+            "last": self.accepted[-1] if self.accepted else None,
+        }
+
+    def _refuse(self, reason: str, now_ns: int) -> None:
+        self.refused[reason] += 1
+        if reason == "frame_not_supported" and self.refused[reason] == 1:
+            self._vehicle.tell(WARNING, "Plnd: Frame not supported", now_ns)
+
+    def _accept(self, heard: Heard, t: float, position: tuple[float, float, float], now_ns: int) -> None:
+        if not self.accepted and self.name != "px4":
+            self._vehicle.tell(INFO, "PrecLand: Target Found", now_ns)
+        if len(self.accepted) >= KEPT:
+            return
+        errors = [(norm(minus(position, target.at(t))), i) for i, target in enumerate(self._scene)]
+        error_m, nearest = min(errors, default=(float("inf"), -1))
+        place = self._vehicle.world.place(position)
+        self.accepted.append(
+            {
+                "flight_s": t,
+                "north": position[0],
+                "east": position[1],
+                "down": position[2],
+                "lat": place.lat,
+                "lon": place.lon,
+                "alt_amsl": place.alt_amsl,
+                "nearest_target": nearest,
+                "error_m": error_m,
+                "time_usec": heard.fields["time_usec"],
+                "capture_age_s": self._age_s(heard.fields["time_usec"], now_ns),
+                "from": [heard.system, heard.component],
+            }
+        )
+
+    def _age_s(self, time_usec: int, now_ns: int) -> float | None:
+        """How old the capture is, if time_usec is on the clock that answers the autopilot's TIMESYNC."""
+        offset_ns = self._vehicle.timesync.peer_minus_boot_ns()
+        if offset_ns is None:
+            return None
+        return (self._vehicle.clock.boot_ns(now_ns) + offset_ns - time_usec * 1000) * 1e-9

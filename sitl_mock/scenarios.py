@@ -1,0 +1,145 @@
+"""Scenarios: named by the trouble, each only its difference from the default."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sitl_mock.options import Options, TargetOptions, WireOptions
+
+QUIET_WIRE = WireOptions(delay_s=0.001, jitter_s=0.0)
+THREE_TARGETS = (
+    TargetOptions(label="target", north=-2.0, east=-2.0),
+    TargetOptions(label="target", north=2.0, east=-2.0),
+    TargetOptions(label="target", north=0.0, east=1.5),
+)
+NO_NOISE: dict[str, Any] = {
+    "priors.pixel_noise_px": 0.0,
+    "priors.attitude_noise_deg": 0.0,
+    "priors.position_noise_m": 0.0,
+    "priors.height_noise_m": 0.0,
+    "priors.velocity_noise_m_s": 0.0,
+}
+NO_TROUBLE: dict[str, Any] = {
+    "draw_biases": False,
+    "camera.missed": 0.0,
+    "camera.clutter": 0.0,
+    "camera.readout_s": 0.0,
+    "autopilot.pitch_trim_deg": 0.0,
+}
+FIGURE_EIGHT: dict[str, Any] = {
+    "flight.pattern": "figure_eight",
+    "flight.half_axes_m": (22.0, 11.0),
+    "flight.height_m": 12.0,
+    "flight.speed_m_s": 5.0,
+}
+
+SCENARIOS: dict[str, tuple[str, dict[str, Any]]] = {
+    "default": ("an orbit of 8 m round one target, biases drawn from the priors", {}),
+    "perfect": (
+        "nothing wrong and no noise: what is left is the companion's own error",
+        {**NO_NOISE, **NO_TROUBLE, "downlink": QUIET_WIRE, "uplink": QUIET_WIRE, "camera.latency_jitter_s": 0.0},
+    ),
+    "unbiased": ("noise, but no bias, no misses, no clutter", NO_TROUBLE),
+    "figure_eight": ("22 m by 11 m half axes at 12 m, 5 m/s: over the target and away", FIGURE_EIGHT),
+    "racetrack": (
+        "line passes beside the target",
+        {"flight.pattern": "racetrack", "flight.half_axes_m": (25.0, 8.0), "flight.speed_m_s": 7.0},
+    ),
+    "hover": (
+        "stands, sees one target ahead",
+        {"flight.pattern": "hover", "flight.offset_m": (-8.0, 0.0)},
+    ),
+    "nadir": (
+        "hovers level, camera straight down",
+        {"flight.pattern": "hover", "flight.pitch_deg": 0.0, "autopilot.pitch_trim_deg": 0.0},
+    ),
+    "paper_static": (
+        "the paper's case: hover, heading north, 37 deg, 10 m, target 4 m ahead and 3 m to the left",
+        {
+            **NO_TROUBLE,
+            "flight.pattern": "hover",
+            "flight.height_m": 10.0,
+            "flight.flapping_pitch_deg": 0.0,
+            "flight.flapping_roll_deg": 0.0,
+            "flight.heave_m": 0.0,
+            "flight.wander_m": 0.0,
+            "flight.wander_deg": 0.0,
+            "targets": (TargetOptions(north=4.0, east=-3.0),),
+        },
+    ),
+    "late_camera": ("stamps 35 ms late, unknown", {**FIGURE_EIGHT, "biases.time_offset_s": 0.035}),
+    "crooked_mount": ("mount off by 0.5, 1, 2 deg", {**FIGURE_EIGHT, "biases.mount_deg": (0.5, 1.0, 2.0)}),
+    "late_and_crooked": (
+        "stamps 35 ms late and the mount off by 0.5, 1, 2 deg",
+        {**FIGURE_EIGHT, "biases.time_offset_s": 0.035, "biases.mount_deg": (0.5, 1.0, 2.0)},
+    ),
+    "upside_down": ("the image upside down", {"biases.mount_deg": (0.0, 0.0, 180.0)}),
+    "rolling_shutter": ("30 ms from the first row to the last", {"camera.readout_s": 0.03}),
+    "blur": (
+        "long exposure: only slow moments of the flapping are usable",
+        {"camera.exposure_s": 0.008, "camera.max_blur_px": 5.0},
+    ),
+    "outliers": ("one detection in twenty grossly wrong", {"camera.outliers": 0.05}),
+    "jitter_10ms": (
+        "10 ms exponential jitter each way",
+        {"downlink.jitter_s": 0.01, "uplink.jitter_s": 0.01},
+    ),
+    "asymmetric": ("5 ms one way, 25 ms the other", {"uplink.delay_s": 0.005, "downlink.delay_s": 0.025}),
+    "drifting": ("the boot clock gains 200 ppm", {"autopilot.drift_ppm": 200.0}),
+    "lossy_wire": ("one frame in ten is lost each way", {"downlink.loss": 0.1, "uplink.loss": 0.1}),
+    "corrupted_wire": ("one frame in ten is damaged", {"downlink.corruption": 0.1, "uplink.corruption": 0.1}),
+    "byte_by_byte": ("every byte alone", {"downlink.byte_by_byte": True}),
+    "silence": ("nothing comes from 8 s to 13 s", {"downlink.silences": ((8.0, 13.0),)}),
+    "rebooting": ("the autopilot reboots in flight at 12 s", {"others.reboots_at_s": (12.0,)}),
+    "foreign_timesync": ("another computer answers every TIMESYNC", {"others.foreign_timesync": True}),
+    "two_vehicles": ("a second vehicle on the link", {"others.second_vehicle": True}),
+    "gcs_thief": (
+        "a ground station takes the rates away every 10 s",
+        {"others.ground_station": True, "others.rates_stolen_every_s": 10.0},
+    ),
+    "slow_loop": (
+        "SCHED_LOOP_RATE 50: ATTITUDE at most 40 Hz, stamps up to 20 ms late",
+        {"autopilot.loop_rate_hz": 50.0},
+    ),
+    "no_quaternion": ("ATTITUDE_QUATERNION is refused", {"autopilot.has_quaternion": False}),
+    "no_gps": ("never a global position", {"autopilot.gps": False}),
+    "late_gps": ("the first fix comes after 20 s", {"autopilot.gps_fix_at_s": 20.0}),
+    "gnss_wander": ("the position wanders by 0.5 m", {"biases.position_m": 0.5}),
+    "home_moves": (
+        "takes off after arming, which moves home by 0.8 m in height",
+        {"flight.takeoff_at_s": 6.0, "autopilot.home_moves_m": (3.0, -2.0, 0.8)},
+    ),
+    "silent_clock": ("TIMESYNC is never answered", {"autopilot.answers_timesync": False}),
+    "old_rates": (
+        "SET_MESSAGE_INTERVAL is unknown, only REQUEST_DATA_STREAM works",
+        {"autopilot.knows_set_message_interval": False},
+    ),
+    "old_ardupilot": (
+        "LANDING_TARGET by the rules of ArduPilot 4.1",
+        {"autopilot.landing_consumer": "ardupilot_old"},
+    ),
+    "px4": (
+        "PX4: ALTITUDE, its own sphere, its own LANDING_TARGET",
+        {"autopilot.firmware": "px4", "autopilot.pitch_trim_deg": 0.0},
+    ),
+    "px4_slow": (
+        "PX4 that acknowledges 50 Hz and sends 18.4",
+        {"autopilot.firmware": "px4", "autopilot.pitch_trim_deg": 0.0, "autopilot.true_ceiling_hz": 18.4},
+    ),
+    "three_targets": (
+        "three targets 4 m apart, 10 % missed, one false detection in ten frames",
+        {"targets": THREE_TARGETS, "camera.missed": 0.1, "camera.clutter": 0.1},
+    ),
+    "walker": (
+        "a target that walks at 1.5 m/s",
+        {"targets": (TargetOptions(label="person", north=-4.0, speed_m_s=1.5, leg_m=8.0),)},
+    ),
+}
+"""name: (the trouble in a sentence, the difference)."""
+
+
+def scenario(name: str, base: Options | None = None) -> Options:
+    """The options of a scenario. Raises KeyError for an unknown name."""
+    if name not in SCENARIOS:
+        raise KeyError(f"no scenario {name!r}: one of {', '.join(SCENARIOS)}")
+    return (base or Options()).but({"scenario": name, **SCENARIOS[name][1]})

@@ -1,0 +1,48 @@
+"""What lies and walks on the ground."""
+
+from __future__ import annotations
+
+from math import cos, radians, sin
+
+from sitl_mock.options import Options, TargetOptions
+from sitl_mock.rotation import Vector
+
+
+class Target:
+    """One thing on the ground, in the world's NED."""
+
+    def __init__(self, options: TargetOptions, centre: tuple[float, float]) -> None:
+        self.label = options.label
+        self.walks = options.speed_m_s != 0.0
+        self._start = (centre[0] + options.north, centre[1] + options.east, -options.up)
+        self._leg_m = options.leg_m
+        course = radians(options.course_deg)
+        self._velocity = (options.speed_m_s * cos(course), options.speed_m_s * sin(course))
+
+    def at(self, flight_s: float) -> Vector:
+        """Where it is."""
+        if not self.walks:
+            return self._start
+        t = self._walked_s(flight_s)
+        return (self._start[0] + self._velocity[0] * t, self._start[1] + self._velocity[1] * t, self._start[2])
+
+    def velocity_at(self, flight_s: float) -> tuple[float, float]:
+        """North and east, m/s."""
+        back = self._leg_s > 0.0 and flight_s % (2.0 * self._leg_s) >= self._leg_s
+        return (-self._velocity[0], -self._velocity[1]) if back else self._velocity
+
+    @property
+    def _leg_s(self) -> float:
+        speed = (self._velocity[0] ** 2 + self._velocity[1] ** 2) ** 0.5
+        return self._leg_m / speed if speed else 0.0
+
+    def _walked_s(self, flight_s: float) -> float:
+        if self._leg_s <= 0.0:
+            return flight_s
+        phase = flight_s % (2.0 * self._leg_s)
+        return min(phase, 2.0 * self._leg_s - phase)
+
+
+def targets(options: Options) -> list[Target]:
+    """The scene of a flight."""
+    return [Target(one, options.flight.centre) for one in options.targets]

@@ -1,0 +1,150 @@
+"""A whole flight in invented time, or at the pace of a real clock: vehicle, camera and truth in one order of time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from heapq import heappop, heappush
+from itertools import count
+from typing import Any, Protocol
+
+from sitl_mock.camera import FrameTruth, MockCamera
+from sitl_mock.clock import BootClock
+from sitl_mock.draws import draw
+from sitl_mock.earth import Place, World
+from sitl_mock.flight import Flight, State
+from sitl_mock.options import Options
+from sitl_mock.scene import targets
+from sitl_mock.truth import VehicleTruth
+from sitl_mock.vehicle import MockVehicle
+
+What = bytes | dict[str, Any] | FrameTruth | VehicleTruth
+"""Bytes from the autopilot; a frame's detections; what a frame really shows (just before its detections); the truth."""
+Event = tuple[int, What]
+"""(host instant of arrival, ns; what arrives)."""
+
+
+class Peer(Protocol):
+    """A companion that is driven in invented time: each call hands back the bytes that it sends at once."""
+
+    @property
+    def wake_at(self) -> int | None:
+        """When it wants to be woken."""
+
+    def on_wake(self, now_ns: int) -> list[bytes]:
+        """Its timer."""
+
+    def on_bytes(self, data: bytes, now_ns: int) -> list[bytes]:
+        """Bytes from the autopilot."""
+
+    def on_frame(self, frame: dict[str, Any], now_ns: int) -> list[bytes]:
+        """Detections, by the contract."""
+
+
+class Simulation:
+    """Iterate for the events, hand the companion's bytes to :meth:`on_bytes`; or let :meth:`drive` do both."""
+
+    def __init__(
+        self, options: Options, start_host_ns: int | None = None, unix_minus_host_s: float | None = None
+    ) -> None:
+        self.options = options
+        self.start_host_ns = round(options.start_host_s * 1e9) if start_host_ns is None else start_host_ns
+        invented_s = options.start_unix_s - options.start_host_s
+        self.unix_minus_host_s = invented_s if unix_minus_host_s is None else unix_minus_host_s
+        self.biases = draw(options)
+        self.flight = Flight(options.flight, options.seed)
+        self.world = World(Place(*options.origin))
+        self.scene = targets(options)
+        boot_ns = round(options.autopilot.boot_at_start_s * 1e9)
+        self.clock = BootClock(self.start_host_ns, boot_ns, options.autopilot.drift_ppm)
+        common = (options, self.biases, self.flight)
+        self.vehicle = MockVehicle(
+            *common, self.world, self.scene, self.clock, self.start_host_ns, self.unix_minus_host_s
+        )
+        self.camera = MockCamera(*common, self.scene, self.clock, self.start_host_ns, self.unix_minus_host_s)
+        self.end_ns = self.start_host_ns + round(options.seconds * 1e9)
+        self.frames = 0
+        self._truth_at = self.start_host_ns if options.truth_hz else None
+        self._waiting: list[tuple[int, int, What]] = []
+        self._order = count()
+
+    def on_bytes(self, data: bytes, now_ns: int) -> None:
+        """The companion sends this now; answers come as later events."""
+        self.vehicle.on_bytes(data, now_ns)
+
+    @property
+    def wake_at(self) -> int | None:
+        """When something happens or arrives next; None: the flight is over."""
+        instants = [self.vehicle.wake_at, self.camera.wake_at, self._truth_at]
+        if self._waiting:
+            instants.append(self._waiting[0][0])
+        due = min((at for at in instants if at is not None), default=None)
+        return None if due is None or due > self.end_ns else due
+
+    def advance(self, now_ns: int) -> list[Event]:
+        """What arrives by now, in order of time."""
+        for at, data in self.vehicle.advance(now_ns):
+            self._wait(at, data)
+        for at, frame, truth in self.camera.advance(now_ns):
+            self.frames += 1
+            self._wait(at, truth)
+            self._wait(at, frame)
+        while self._truth_at is not None and self._truth_at <= now_ns:
+            self._wait(self._truth_at, self.truth_at(self._truth_at))
+            self._truth_at += round(1e9 / self.options.truth_hz)
+        events = []
+        while self._waiting and self._waiting[0][0] <= now_ns:
+            at, _, what = heappop(self._waiting)
+            events.append((at, what))
+        return events
+
+    def __iter__(self) -> Iterator[Event]:
+        """Every event up to the end, as fast as it goes."""
+        while (at := self.wake_at) is not None:
+            yield from self.advance(at)
+
+    def drive(self, peer: Peer) -> Iterator[Event]:
+        """Runs a companion through the flight, its timers at their own instants; yields what it was given."""
+        while (at := self.wake_at) is not None:
+            wake = peer.wake_at
+            if wake is not None and wake < at:
+                self._sent(peer.on_wake(wake), wake)
+                continue
+            for now_ns, what in self.advance(at):
+                if isinstance(what, bytes):
+                    self._sent(peer.on_bytes(what, now_ns), now_ns)
+                elif isinstance(what, dict):
+                    self._sent(peer.on_frame(what, now_ns), now_ns)
+                yield now_ns, what
+
+    def state_at(self, host_ns: int) -> State:
+        """The vehicle's true state at a host instant."""
+        return self.flight.at(self.flight_s(host_ns))
+
+    def flight_s(self, host_ns: int) -> float:
+        """Seconds since the start."""
+        return (host_ns - self.start_host_ns) * 1e-9
+
+    def truth_at(self, host_ns: int) -> VehicleTruth:
+        """The vehicle and the targets at a host instant."""
+        state = self.state_at(host_ns)
+        return VehicleTruth(
+            host_ns,
+            self.clock.boot_ns(host_ns),
+            state.position,
+            state.velocity,
+            state.euler,
+            state.rates,
+            tuple(target.at(state.flight_s) for target in self.scene),
+        )
+
+    def _wait(self, at_ns: int, what: What) -> None:
+        heappush(self._waiting, (at_ns, next(self._order), what))
+
+    def _sent(self, frames: list[bytes], now_ns: int) -> None:
+        for frame in frames:
+            self.on_bytes(frame, now_ns)
+
+
+def simulate(options: Options | None = None) -> Simulation:
+    """A flight in invented time: iterate it for (host_ns, what) in order of time."""
+    return Simulation(options or Options())

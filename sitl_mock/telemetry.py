@@ -1,0 +1,256 @@
+"""The fields of every message that the autopilot streams, made at the instant of sending."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import atan2, degrees, hypot, nan, pi, radians
+from random import Random
+from typing import Any
+
+from sitl_mock.belief import Belief
+from sitl_mock.clock import BootClock
+from sitl_mock.earth import Place
+from sitl_mock.options import Options
+from sitl_mock.rotation import Vector, quaternion_from_euler
+from sitl_mock.standing import autopilot_version, heartbeat, sys_status
+
+Fields = dict[str, Any]
+TRIM_STAYS_BIT = 1 << 8
+"""FLIGHT_OPTIONS of ArduPlane: leave PTCH_TRIM_DEG on the attitude that ground stations are told."""
+DOWNWARD = 25
+"""MAV_SENSOR_ROTATION_PITCH_270."""
+NO_POSITION = Place(0.0, 0.0, 0.0)
+
+
+class Telemetry:
+    """``fields(name, host_ns)``: what a message of this name says now; None where there is nothing to say."""
+
+    def __init__(self, options: Options, belief: Belief, clock: BootClock, start_host_ns: int) -> None:
+        self._o, self._a = options, options.autopilot
+        self._belief, self._clock, self._start = belief, clock, start_host_ns
+        self._rng = Random(f"{options.seed}/stamps")
+        self.armed = False
+        self.utc_minus_host_s = 0.0
+        self._makers: dict[str, Callable[[int], Fields | None]] = {
+            "HEARTBEAT": lambda _: heartbeat(self._a, self.armed),
+            "ATTITUDE": self._attitude,
+            "ATTITUDE_QUATERNION": self._attitude_quaternion,
+            "GLOBAL_POSITION_INT": self._global_position,
+            "LOCAL_POSITION_NED": self._local_position,
+            "VFR_HUD": self._vfr_hud,
+            "GPS_RAW_INT": self._gps_raw,
+            "DISTANCE_SENSOR": self._distance_sensor,
+            "SYSTEM_TIME": self._system_time,
+            "SYS_STATUS": lambda _: sys_status(),
+            "GPS_GLOBAL_ORIGIN": self._global_origin,
+            "HOME_POSITION": self._home_position,
+            "AUTOPILOT_VERSION": lambda _: autopilot_version(self._a),
+            "RAW_IMU": self._raw_imu,
+            "SERVO_OUTPUT_RAW": self._servo_output,
+        }
+        if self._a.firmware == "px4":
+            self._makers["ALTITUDE"] = self._altitude
+        if not self._a.has_quaternion:
+            del self._makers["ATTITUDE_QUATERNION"]
+
+    def knows(self, name: str) -> bool:
+        """Whether this autopilot sends such a message at all."""
+        return name in self._makers
+
+    def fields(self, name: str, host_ns: int) -> Fields | None:
+        """The message as sent at this instant."""
+        return self._makers[name](host_ns)
+
+    def flight_s(self, host_ns: int) -> float:
+        """Seconds since the start: the time of the flight."""
+        return (host_ns - self._start) * 1e-9
+
+    def _boot_ms(self, host_ns: int) -> int:
+        return self._clock.boot_ns(host_ns) // 1_000_000 % 2**32
+
+    def _boot_us(self, host_ns: int) -> int:
+        return self._clock.boot_ns(host_ns) // 1000
+
+    def _attitude_now(self, host_ns: int) -> tuple[int, Vector, Vector]:
+        """(stamp, Euler angles, rates): stamped at sending, of an attitude up to one scheduler loop older."""
+        stamp_ms = self._boot_ms(host_ns)
+        if self._a.attitude_on_whole_ms:
+            boot_ns = self._clock.boot_ns(host_ns)
+            of_ns = self._clock.host_ns(boot_ns - boot_ns % 1_000_000)
+        else:
+            delay_s = 1.0 / self._a.loop_rate_hz if self._a.stamp_delay_s is None else self._a.stamp_delay_s
+            of_ns = host_ns - round(self._rng.uniform(0.0, delay_s) * 1e9)
+        return (stamp_ms, *self._belief.attitude(self.flight_s(of_ns)))
+
+    def _attitude(self, host_ns: int) -> Fields:
+        stamp_ms, (roll, pitch, yaw), (p, q, r) = self._attitude_now(host_ns)
+        if self._a.firmware != "px4" and not self._a.flight_options & TRIM_STAYS_BIT:
+            pitch -= radians(self._a.pitch_trim_deg)
+        return {
+            "time_boot_ms": stamp_ms,
+            "roll": _wrapped(roll),
+            "pitch": pitch,
+            "yaw": _wrapped(yaw),
+            "rollspeed": p,
+            "pitchspeed": q,
+            "yawspeed": r,
+        }
+
+    def _attitude_quaternion(self, host_ns: int) -> Fields:
+        stamp_ms, euler, (p, q, r) = self._attitude_now(host_ns)
+        w, x, y, z = quaternion_from_euler(*euler)
+        return {
+            "time_boot_ms": stamp_ms,
+            "q1": w,
+            "q2": x,
+            "q3": y,
+            "q4": z,
+            "rollspeed": p,
+            "pitchspeed": q,
+            "yawspeed": r,
+        }
+
+    def _global_position(self, host_ns: int) -> Fields:
+        t = self.flight_s(host_ns)
+        place, velocity = self._belief.position(t)
+        height_m = place.alt_amsl - self._belief.home(self.armed).alt_amsl
+        if not self._belief.has_position(t):
+            place, velocity = NO_POSITION, (0.0, 0.0, 0.0)
+        yaw = self._belief.truth(t).euler[2]
+        return {
+            "time_boot_ms": self._boot_ms(host_ns),
+            "lat": round(place.lat * 1e7),
+            "lon": round(place.lon * 1e7),
+            "alt": round(place.alt_amsl * 1e3),
+            "relative_alt": round(height_m * 1e3),
+            "vx": round(velocity[0] * 100),
+            "vy": round(velocity[1] * 100),
+            "vz": round(velocity[2] * 100),
+            "hdg": round(degrees(yaw) % 360.0 * 100) % 36000,
+        }
+
+    def _local_position(self, host_ns: int) -> Fields | None:
+        t = self.flight_s(host_ns)
+        if not self._belief.has_position(t):
+            return None
+        place, velocity = self._belief.position(t)
+        x, y, z = self._belief.projection.local(place)
+        vx, vy, vz = velocity
+        return {"time_boot_ms": self._boot_ms(host_ns), "x": x, "y": y, "z": z, "vx": vx, "vy": vy, "vz": vz}
+
+    def _altitude(self, host_ns: int) -> Fields:
+        place, _ = self._belief.position(self.flight_s(host_ns))
+        relative = place.alt_amsl - self._belief.home(self.armed).alt_amsl
+        return {
+            "time_usec": self._boot_us(host_ns),
+            "altitude_monotonic": relative + 3.0,
+            "altitude_amsl": place.alt_amsl,
+            "altitude_local": place.alt_amsl - self._belief.projection.origin.alt_amsl,
+            "altitude_relative": relative,
+            "altitude_terrain": nan,
+            "bottom_clearance": nan,
+        }
+
+    def _vfr_hud(self, host_ns: int) -> Fields:
+        place, velocity = self._belief.position(self.flight_s(host_ns))
+        speed = hypot(velocity[0], velocity[1])
+        yaw = self._belief.truth(self.flight_s(host_ns)).euler[2]
+        return {
+            "airspeed": speed,
+            "groundspeed": speed,
+            "heading": int(degrees(yaw) % 360.0) % 360,
+            "throttle": 60,
+            "alt": place.alt_amsl,
+            "climb": -velocity[2],
+        }
+
+    def _gps_raw(self, host_ns: int) -> Fields:
+        t = self.flight_s(host_ns)
+        has = self._belief.has_position(t)
+        place, velocity = self._belief.position(t)
+        if not has:
+            place, velocity = NO_POSITION, (0.0, 0.0, 0.0)
+        course = degrees(atan2(velocity[1], velocity[0])) % 360.0
+        return {
+            "time_usec": self._boot_us(host_ns),
+            "fix_type": 3 if has else 1,
+            "lat": round(place.lat * 1e7),
+            "lon": round(place.lon * 1e7),
+            "alt": round(place.alt_amsl * 1e3),
+            "eph": 80 if has else 9999,
+            "epv": 120 if has else 9999,
+            "vel": round(hypot(velocity[0], velocity[1]) * 100),
+            "cog": round(course * 100) % 36000,
+            "satellites_visible": 17 if has else 2,
+            "alt_ellipsoid": round((place.alt_amsl + self._a.undulation_m) * 1e3) if has else 0,
+            "h_acc": 1000,
+            "v_acc": 1500,
+            "vel_acc": 200,
+        }
+
+    def _distance_sensor(self, host_ns: int) -> Fields | None:
+        if not self._a.rangefinder:
+            return None
+        measured_cm = round(self._belief.range_m(self.flight_s(host_ns)) * 100)
+        inside = 20 <= measured_cm <= 5000
+        return {
+            "time_boot_ms": self._boot_ms(host_ns),
+            "min_distance": 20,
+            "max_distance": 5000,
+            "current_distance": min(65535, measured_cm),
+            "type": 0,
+            "id": 0,
+            "orientation": DOWNWARD,
+            "covariance": 255,
+            "signal_quality": 100 if inside else 1,
+        }
+
+    def _system_time(self, host_ns: int) -> Fields:
+        known = self._belief.has_position(self.flight_s(host_ns))
+        unix_us = host_ns // 1000 + round(self.utc_minus_host_s * 1e6)
+        return {"time_unix_usec": unix_us if known else 0, "time_boot_ms": self._boot_ms(host_ns)}
+
+    def _global_origin(self, host_ns: int) -> Fields | None:
+        if not self._belief.has_position(self.flight_s(host_ns)):
+            return None
+        origin = self._belief.projection.origin
+        return {
+            "latitude": round(origin.lat * 1e7),
+            "longitude": round(origin.lon * 1e7),
+            "altitude": round(origin.alt_amsl * 1e3),
+            "time_usec": self._boot_us(host_ns),
+        }
+
+    def _home_position(self, host_ns: int) -> Fields | None:
+        if not self._belief.has_position(self.flight_s(host_ns)):
+            return None
+        home = self._belief.home(self.armed)
+        x, y, z = self._belief.projection.local(home)
+        return {
+            "latitude": round(home.lat * 1e7),
+            "longitude": round(home.lon * 1e7),
+            "altitude": round(home.alt_amsl * 1e3),
+            "x": x,
+            "y": y,
+            "z": z,
+            "q": [1.0, 0.0, 0.0, 0.0],
+            "approach_x": 0.0,
+            "approach_y": 0.0,
+            "approach_z": 0.0,
+            "time_usec": self._boot_us(host_ns),
+        }
+
+    def _raw_imu(self, host_ns: int) -> Fields:
+        fields: Fields = dict.fromkeys(("xacc", "yacc", "zacc", "xgyro", "ygyro", "zgyro", "xmag", "ymag", "zmag"), 0)
+        rates = self._belief.attitude(self.flight_s(host_ns))[1]
+        for axis, rate in zip("xyz", rates, strict=True):
+            fields[f"{axis}gyro"] = max(-32768, min(32767, round(rate * 1000)))
+        return {"time_usec": self._boot_us(host_ns), **fields, "zacc": -1000}
+
+    def _servo_output(self, host_ns: int) -> Fields:
+        outputs = {f"servo{i}_raw": 1500 for i in range(1, 9)}
+        return {"time_usec": self._boot_us(host_ns) % 2**32, "port": 0, **outputs}
+
+
+def _wrapped(angle: float) -> float:
+    return (angle + pi) % (2.0 * pi) - pi

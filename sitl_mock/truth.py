@@ -1,0 +1,98 @@
+"""The truth, told: a header with everything that was drawn, the vehicle's and the walkers' course, and a summary."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import json
+from io import StringIO
+from typing import TYPE_CHECKING, Any
+
+from sitl_mock.camera import FrameTruth
+from sitl_mock.earth import Place
+
+if TYPE_CHECKING:
+    from sitl_mock.simulate import Simulation
+
+
+@dataclasses.dataclass(frozen=True)
+class VehicleTruth:
+    """The vehicle and the walkers at an instant, as they are. NED is the world's; angles in radians."""
+
+    host_ns: int
+    boot_ns: int
+    position: tuple[float, float, float]
+    velocity: tuple[float, float, float]
+    euler: tuple[float, float, float]
+    rates: tuple[float, float, float]
+    targets: tuple[tuple[float, float, float], ...]
+
+
+def header(simulation: Simulation) -> dict[str, Any]:
+    """First line: options, biases, home, origin, and the targets as they stand at the start."""
+    belief = simulation.vehicle.belief
+    return {
+        "type": "header",
+        "scenario": simulation.options.scenario,
+        "seed": simulation.options.seed,
+        "start_host_ns": simulation.start_host_ns,
+        "unix_minus_host_s": simulation.unix_minus_host_s,
+        "origin": _place(simulation.world.origin),
+        "home": _place(belief.home(armed=True)),
+        "home_before_arming": _place(belief.home(armed=False)),
+        "ekf_origin": _place(belief.projection.origin),
+        "biases": dataclasses.asdict(simulation.biases),
+        "targets": target_lines(simulation, 0.0),
+        "options": dataclasses.asdict(simulation.options),
+    }
+
+
+def target_lines(simulation: Simulation, flight_s: float) -> list[dict[str, Any]]:
+    """label, lat, lon, alt_amsl, north, east, down of each target at an instant."""
+    lines = []
+    for index, target in enumerate(simulation.scene):
+        north, east, down = target.at(flight_s)
+        place = _place(simulation.world.place((north, east, down)))
+        lines.append({"index": index, "label": target.label, **place, "north": north, "east": east, "down": down})
+    return lines
+
+
+def summary(simulation: Simulation) -> dict[str, Any]:
+    """Last line: what the autopilot made of LANDING_TARGET, and what it heard."""
+    return {
+        "type": "summary",
+        "landing": simulation.vehicle.precland.summary(),
+        "heard": simulation.vehicle.heard,
+        "frames": simulation.frames,
+        "rates_hz": simulation.vehicle.streams.rates_hz,
+    }
+
+
+def line(what: VehicleTruth | FrameTruth) -> dict[str, Any]:
+    """One instant, or one frame."""
+    kind = "vehicle" if isinstance(what, VehicleTruth) else "frame"
+    return {"type": kind, **dataclasses.asdict(what)}
+
+
+def csv_text(simulation: Simulation, seconds: float) -> str:
+    """label, lat, lon, alt_amsl, time_unix: what ``replay --truth`` takes; walkers every 0.1 s, the rest once."""
+    out = StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(["label", "lat", "lon", "alt_amsl", "time_unix"])
+    start_unix_s = simulation.start_host_ns * 1e-9 + simulation.unix_minus_host_s
+    for target in simulation.scene:
+        steps = range(int(seconds * 10) + 1) if target.walks else (None,)
+        for step in steps:
+            place = simulation.world.place(target.at(0.0 if step is None else step * 0.1))
+            stamp = "" if step is None else f"{start_unix_s + step * 0.1:.6f}"
+            writer.writerow([target.label, f"{place.lat:.9f}", f"{place.lon:.9f}", f"{place.alt_amsl:.4f}", stamp])
+    return out.getvalue()
+
+
+def json_line(value: dict[str, Any]) -> str:
+    """One line of the truth file."""
+    return json.dumps(value, separators=(",", ":")) + "\n"
+
+
+def _place(place: Place) -> dict[str, float]:
+    return {"lat": place.lat, "lon": place.lon, "alt_amsl": place.alt_amsl}
