@@ -1,0 +1,241 @@
+"""The form of detections on the wire and in recordings: one JSON object a frame. PURE, and closed to every surprise.
+
+Whatever the bytes are, :func:`parse_frame` gives a Frame or says why not. A pixel that is not a finite number becomes
+NaN and such a sigma 0, whatever the sender's JSON made of it (``NaN``, ``null``, ``1e999``); pairing refuses that one
+detection under ``not_finite`` and the rest of the frame stands. Everywhere else such a number refuses the frame.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from math import isfinite, nan
+from typing import Annotated, TypeAlias
+
+import msgspec
+from msgspec import Meta
+
+from fwav_companion.geometry.stamps import HostNs, host_from_seconds
+from fwav_companion.nouns import Detection, Frame, NoFrame, Reason, StampClock
+from fwav_companion.vision.wall_clock import StampClocks
+
+MAX_DETECTIONS = 256
+"""A frame; the contract's."""
+MAX_LABEL = 256
+"""Characters: a label is kept with its track."""
+LATEST_UNIX_S = 1e11
+"""The year 5138. Today's milliseconds are 1.8e12, microseconds 1.8e15, nanoseconds 1.8e18."""
+LATEST_MONOTONIC_S = 1e9
+"""32 years of uptime. Nanoseconds are beyond after one second."""
+LATEST_BOOT_S = 1e8
+"""Three years without a reboot of the autopilot. Nanoseconds are beyond after 0.1 s, microseconds after 100 s."""
+LONGEST_EXPOSURE_S = 10.0
+"""libcamera tells microseconds: its shortest exposures are beyond this."""
+
+Int64: TypeAlias = Annotated[int, Meta(ge=-(2**63), le=2**63 - 1)]
+Pixels: TypeAlias = Annotated[int, Meta(ge=1, le=1_000_000)]
+Label: TypeAlias = Annotated[str, Meta(max_length=MAX_LABEL)]
+
+
+class WireDetection(msgspec.Struct, gc=False):
+    """One element of ``detections``, as sent."""
+
+    u: float | None
+    v: float | None
+    sigma: float | tuple[float | None, float | None] | None = None
+    label: Label | None = None
+    score: float | None = None
+    box: tuple[float, float, float, float] | None = None
+    id: Int64 | None = None
+
+
+class WireFrame(msgspec.Struct):
+    """One object, as sent; unknown fields are ignored."""
+
+    detections: list[WireDetection]
+    time_unix: float | None = None
+    time_monotonic: float | None = None
+    time_boot: float | None = None
+    received_unix: float | None = None
+    frame: Int64 | None = None
+    size: tuple[Pixels, Pixels] | None = None
+    exposure_s: float | None = None
+
+
+class _RecordedFrame(msgspec.Struct, omit_defaults=True, kw_only=True):
+    """One line of a recording: the same names, in the order people read them."""
+
+    time_unix: float | None = None
+    time_boot: float | None = None
+    received_unix: float | None = None
+    frame: int | None = None
+    size: tuple[int, int] | None = None
+    exposure_s: float | None = None
+    detections: tuple[_RecordedDetection, ...]
+
+
+class _RecordedDetection(msgspec.Struct, omit_defaults=True):
+    u: float
+    v: float
+    sigma: tuple[float, float] | None = None
+    label: str = ""
+    score: float | None = None
+    box: tuple[float, float, float, float] | None = None
+    id: int | None = None
+
+
+_decoder = msgspec.json.Decoder(WireFrame)
+_encoder = msgspec.json.Encoder()
+
+
+def parse_frame(data: bytes | str, arrival_ns: HostNs | None, clocks: StampClocks) -> Frame | NoFrame:
+    """One datagram that arrived then, or one line of a recording (``arrival_ns`` None: ``received_unix`` tells it)."""
+    wire = _decode(data)
+    if isinstance(wire, NoFrame):
+        return wire
+    refusal = _refusal(wire)
+    if refusal is not None:
+        return refusal
+    if arrival_ns is None and wire.received_unix is not None:
+        arrival_ns = host_from_seconds(wire.received_unix)
+    stamp = _stamp(wire, arrival_ns, clocks)
+    if isinstance(stamp, NoFrame):
+        return stamp
+    stamp_ns, stamp_clock = stamp
+    return Frame(
+        number=wire.frame,
+        stamp_ns=stamp_ns,
+        stamp_clock=stamp_clock,
+        arrival_ns=arrival_ns,
+        detections=tuple(map(_detection, wire.detections)),
+        size=wire.size,
+        exposure_s=wire.exposure_s,
+    )
+
+
+def encode_frame(frame: Frame, unix_offset_ns: int) -> bytes:
+    """The frame as one line of a recording, on the recording's clock: ``time_unix = host + unix_offset``.
+
+    A stamp of the autopilot's clock stays one: it is placed when the recording is read, as it was live.
+    """
+    on_host = frame.stamp_clock is StampClock.HOST
+    line = _RecordedFrame(
+        time_unix=_seconds(frame.stamp_ns + unix_offset_ns) if on_host else None,
+        time_boot=None if on_host else _seconds(frame.stamp_ns),
+        received_unix=None if frame.arrival_ns is None else _seconds(frame.arrival_ns + unix_offset_ns),
+        frame=frame.number,
+        size=frame.size,
+        exposure_s=frame.exposure_s,
+        detections=tuple(
+            _RecordedDetection(d.u, d.v, d.sigma, d.label, d.score, d.box, d.detector_id) for d in frame.detections
+        ),
+    )
+    return _encoder.encode(line) + b"\n"
+
+
+def _decode(data: bytes | str) -> WireFrame | NoFrame:
+    try:
+        return _decoder.decode(data)
+    except (msgspec.ValidationError, UnicodeError, RecursionError) as error:
+        out_of_range = "out of range" in str(error)
+        return _decode_leniently(data) if out_of_range else NoFrame(Reason.MALFORMED, str(error))
+    except msgspec.DecodeError:
+        return _decode_leniently(data)
+
+
+def _decode_leniently(data: bytes | str) -> WireFrame | NoFrame:
+    """JSON as Python's own ``json`` writes and reads it, with NaN and infinities: most detectors are in Python."""
+    try:
+        wire = msgspec.convert(json.loads(data), WireFrame)
+        for detection in wire.detections:
+            (detection.label or "").encode()  # half a surrogate pair could never be written again
+    except (ValueError, RecursionError) as error:
+        return NoFrame(Reason.MALFORMED, str(error)[:100])
+    return wire
+
+
+def _refusal(wire: WireFrame) -> NoFrame | None:
+    """Why the frame as a whole is not usable, if it is not."""
+    if len(wire.detections) > MAX_DETECTIONS:
+        return NoFrame(Reason.TOO_MANY_DETECTIONS, f"{len(wire.detections)}, accepted: {MAX_DETECTIONS}")
+    if not all(map(isfinite, _numbers(wire))):
+        return NoFrame(Reason.NOT_FINITE)
+    if wire.exposure_s is not None and not 0.0 <= wire.exposure_s <= LONGEST_EXPOSURE_S:
+        negative = wire.exposure_s < 0.0
+        return NoFrame(Reason.MALFORMED if negative else Reason.WRONG_UNITS, f"exposure_s {wire.exposure_s:g}")
+    return None
+
+
+def _numbers(wire: WireFrame) -> Iterator[float]:
+    """All numbers that must be finite for the frame to mean anything."""
+    for number in (wire.time_unix, wire.time_monotonic, wire.time_boot, wire.received_unix, wire.exposure_s):
+        if number is not None:
+            yield number
+    for detection in wire.detections:
+        if detection.score is not None:
+            yield detection.score
+        if detection.box is not None:
+            yield from detection.box
+
+
+def _stamp(wire: WireFrame, arrival_ns: HostNs | None, clocks: StampClocks) -> tuple[int, StampClock] | NoFrame:
+    """The one stamp, on the clock that pairing takes it on."""
+    told = [
+        (name, seconds, latest)
+        for name, seconds, latest in (
+            ("time_unix", wire.time_unix, LATEST_UNIX_S),
+            ("time_monotonic", wire.time_monotonic, LATEST_MONOTONIC_S),
+            ("time_boot", wire.time_boot, LATEST_BOOT_S),
+        )
+        if seconds is not None
+    ]
+    if len(told) != 1:
+        return NoFrame(Reason.NO_TIME, ", ".join(name for name, _, _ in told) or "none of the three")
+    name, seconds, latest = told[0]
+    if seconds < 0.0:
+        return NoFrame(Reason.MALFORMED, f"{name} {seconds:g}")
+    if seconds > latest or (wire.received_unix or 0.0) > LATEST_UNIX_S:
+        return NoFrame(Reason.WRONG_UNITS, f"{name} {seconds:g}, accepted: seconds")
+    if name == "time_boot":
+        return host_from_seconds(seconds), StampClock.BOOT
+    if name == "time_monotonic" and arrival_ns is not None and _is_other_unit(seconds, arrival_ns * 1e-9):
+        return NoFrame(Reason.WRONG_UNITS, f"{name} {seconds:g} at {arrival_ns * 1e-9:.3f} s")
+    host_ns = clocks.host_from_unix(seconds, arrival_ns) if name == "time_unix" else clocks.host_from_monotonic(seconds)
+    return host_ns if isinstance(host_ns, NoFrame) else (host_ns, StampClock.HOST)
+
+
+def _is_other_unit(value: float, now_s: float) -> bool:
+    """Whether the value is no instant of the last second in seconds, but one in a smaller unit."""
+    return value > now_s + 1.0 and any(abs(value / per_s - now_s) < 1.0 for per_s in (1e3, 1e6, 1e9))
+
+
+def _detection(wire: WireDetection) -> Detection:
+    return Detection(
+        u=_pixel(wire.u),
+        v=_pixel(wire.v),
+        sigma=_sigma(wire.sigma),
+        label=wire.label or "",
+        score=wire.score,
+        box=wire.box,
+        detector_id=wire.id,
+    )
+
+
+def _pixel(value: float | None) -> float:
+    return value if value is not None and isfinite(value) else nan
+
+
+def _sigma(value: float | tuple[float | None, float | None] | None) -> tuple[float, float] | None:
+    if value is None:
+        return None
+    first, second = value if isinstance(value, tuple) else (value, value)
+    return (_finite_or_zero(first), _finite_or_zero(second))
+
+
+def _finite_or_zero(value: float | None) -> float:
+    return value if value is not None and isfinite(value) else 0.0
+
+
+def _seconds(instant_ns: int) -> float:
+    """Whole microseconds as seconds: read back and rounded to microseconds it is the same instant until 2255."""
+    return (instant_ns // 1000) / 1e6
