@@ -1,53 +1,305 @@
-"""The message rates that we ask of the autopilot: asked for, measured, and asked for again."""
+"""The message rates that we ask of the autopilot: asked for, measured, and asked for again.
+
+An acknowledgement is not believed (PX4 acknowledged 50 Hz and gave 18): what counts is what arrives. A rate is asked
+for again after a reboot, at once when somebody's request for other rates went over our link, and when it falls.
+"""
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping
+from math import isfinite
 from typing import Any
 
-from fwav_companion.geometry.stamps import HostNs
-from fwav_companion.nouns.messages import Message, Notice, Outgoing
-from fwav_companion.nouns.situation import Autopilot
+import msgspec
+
+from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs
+from fwav_companion.mavlink import enums
+from fwav_companion.mavlink.asking import ask, command
+from fwav_companion.mavlink.inquiries import Inquiries
+from fwav_companion.mavlink.rate_stream import Stream, StreamState
+from fwav_companion.mavlink.wanted import DATA_STREAMS, MESSAGE_IDS, ONLY_PX4
+from fwav_companion.nouns.messages import Message, Notice, Outgoing, Severity
+from fwav_companion.nouns.situation import Autopilot, AutopilotKind
+
+BACKGROUND_ATTITUDE_HZ = 4.0
+"""Of plain ATTITUDE once the quaternion flows: enough for a ground station's horizon."""
+CHECK_NS = NS_PER_S
+ACK_TIMEOUT_NS = 700 * NS_PER_MS
+MAX_TRIES = 4
+BLAME_NS = 15 * NS_PER_S
+"""How long after a foreign request for rates a fall is laid at its door."""
+PASSED_PAUSE_NS = NS_PER_S // 2
+MAX_NOTICES = 32
+MAX_STREAM_RATE = 0xFFFF
 
 
-def default_wanted(attitude_hz: float, position_hz: float) -> dict[str, float]:
-    """Message name -> Hz, by [rates]."""
-    return {"ATTITUDE_QUATERNION": attitude_hz, "ATTITUDE": attitude_hz, "GLOBAL_POSITION_INT": position_hz}
+class _Question(msgspec.Struct):
+    """The one SET_MESSAGE_INTERVAL in flight: an acknowledgement does not say which message it is about."""
+
+    stream: Stream
+    interval_us: int
+    tries: int
+    deadline_ns: HostNs
 
 
 class Rates:
-    """Feed it every message of the adopted autopilot, and its own wakes."""
+    """Feed it every message, and its own wakes; send what it hands back."""
 
     def __init__(self, wanted: Mapping[str, float], *, attitude_message: str = "auto", component: int = 191):
-        self._wanted = dict(wanted)
+        self._wanted = {name: hz for name, hz in wanted.items() if name in MESSAGE_IDS and isfinite(hz) and hz > 0.0}
         self._attitude_message = attitude_message
         self._component = component
+        self._autopilot: Autopilot | None = None
+        self._streams: dict[str, Stream] = {}
+        self._question: _Question | None = None
+        self._now = HostNs(0)
+        self._check_ns = HostNs(0)
+        self._command_unknown = False
+        self._command_known = False
+        self._streams_asked_ns: dict[int, HostNs] = {}
+        self._inquiries = Inquiries(component)
+        self._passed: tuple[str, HostNs] | None = None
+        self._notices: deque[Notice] = deque(maxlen=MAX_NOTICES)
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """What the autopilot told of the parameters that matter here."""
+        return self._inquiries.parameters
 
     @property
     def wake_at(self) -> HostNs | None:
         """When :meth:`on_wake` is due next; None while no autopilot is adopted."""
-        return None
+        if self._autopilot is None:
+            return None
+        due = [self._check_ns]
+        if self._inquiries.wake_at is not None:
+            due.append(self._inquiries.wake_at)
+        if self._question is not None:
+            due.append(self._question.deadline_ns)
+        else:
+            due.extend(stream.next_ask_ns for stream in self._streams.values() if stream.next_ask_ns is not None)
+        return max(min(due), self._now)
 
     def adopt(self, autopilot: Autopilot, now: HostNs) -> None:
         """Ask this autopilot from now on."""
+        self._autopilot = autopilot
+        names = [name for name in self._wanted if name not in ONLY_PX4 or autopilot.kind is not AutopilotKind.ARDUPILOT]
+        self._streams = {name: Stream(name, self._wanted[name]) for name in names}
+        self._begin(now)
 
     def ask_again(self, why: str, now: HostNs) -> None:
-        """Everything that was asked for is forgotten over there: a reboot, or a link that was gone."""
+        """Over there everything is forgotten: a reboot, or a link that was gone. Refusals are put to the test too."""
+        for stream in self._streams.values():
+            stream.undone_by = why
+        self._begin(now)
 
     def on_message(self, message: Message, now: HostNs) -> None:
-        """Count arrivals, and take acknowledgements and parameters."""
+        """Count arrivals of our autopilot; take its acknowledgements and parameters."""
+        if not self._is_from_autopilot(message):
+            return
+        self._now = now
+        stream = self._streams.get(message.name)
+        if stream is not None:
+            stream.meter.arrived()
+        if message.name == "COMMAND_ACK":
+            self._on_ack(message, now)
+        else:
+            self._inquiries.on_message(message)
 
     def on_rate_request_passed(self, who: str, now: HostNs) -> None:
-        """Somebody's REQUEST_DATA_STREAM or SET_MESSAGE_INTERVAL was forwarded on our link to the autopilot."""
+        """Somebody's REQUEST_DATA_STREAM or SET_MESSAGE_INTERVAL went to the autopilot over our link: ask at once.
+
+        The next one within half a second is answered when that is over: ground stations send half a dozen in a row.
+        """
+        if self._autopilot is None:
+            return
+        if self._passed is None or self._passed[0] != who or now - self._passed[1] > BLAME_NS:
+            self._tell(Severity.INFO, f"{who} asks the autopilot for other message rates over our link: asked again")
+        self._passed, self._now = (who, now), now
+        for stream in self._streams.values():
+            if stream.state is StreamState.GRANTED:
+                stream.undone_by = who
+            stream.ask_soon(now, PASSED_PAUSE_NS)
 
     def on_wake(self, now: HostNs) -> list[Outgoing]:
         """What is to be asked now."""
-        return []
+        autopilot = self._autopilot
+        if autopilot is None:
+            return []
+        self._now = now
+        if now >= self._check_ns:
+            self._check_ns = HostNs(now + CHECK_NS)
+            self._check(now)
+        return [*self._ask(autopilot, now), *self._inquiries.on_wake(now)]
 
     def notices(self) -> list[Notice]:
-        """What is worth a line, since the last call."""
-        return []
+        """What is worth a line in the log, since the last call."""
+        told = list(self._notices)
+        self._notices.clear()
+        return told
 
     def status(self) -> dict[str, Any]:
-        """By message: asked, measured, state, undone_by."""
-        return {}
+        """By message: wanted_hz, asked_hz, measured_hz, state, undone_by."""
+        return {name: stream.status() for name, stream in self._streams.items()}
+
+    def _begin(self, now: HostNs) -> None:
+        self._now = now
+        for stream in self._streams.values():
+            stream.want(self._wanted[stream.name], now)
+            stream.meter.forget(now)
+        if self._prefers_quaternion():
+            self._streams["ATTITUDE"].hold_back()
+        elif self._attitude_message == "ATTITUDE" and "ATTITUDE_QUATERNION" in self._streams:
+            self._streams["ATTITUDE_QUATERNION"].hold_back()
+        self._question = None
+        self._command_unknown = self._command_known = False
+        self._streams_asked_ns.clear()
+        self._check_ns = HostNs(now + CHECK_NS)
+        if self._autopilot is not None:
+            self._inquiries.begin(self._autopilot, now)
+
+    def _check(self, now: HostNs) -> None:
+        """Measure, and draw the consequences."""
+        for stream in self._streams.values():
+            if stream.meter.roll(now, stream.granted_hz):
+                fell_from_hz = stream.judge(now)
+                if fell_from_hz is not None:
+                    self._blame(stream, fell_from_hz, now)
+        if self._prefers_quaternion():
+            self._share_attitude(now)
+
+    def _blame(self, stream: Stream, fell_from_hz: float, now: HostNs) -> None:
+        recent = self._passed is not None and now - self._passed[1] <= BLAME_NS
+        stream.undone_by = self._passed[0] if recent and self._passed is not None else "nobody seen"
+        self._tell(
+            Severity.WARNING,
+            f"{stream.name} fell from {fell_from_hz:.1f} to {stream.meter.hz or 0.0:.1f} Hz"
+            f" (undone by: {stream.undone_by}): asked again",
+        )
+
+    def _prefers_quaternion(self) -> bool:
+        both = "ATTITUDE" in self._streams and "ATTITUDE_QUATERNION" in self._streams
+        return both and self._attitude_message != "ATTITUDE"
+
+    def _share_attitude(self, now: HostNs) -> None:
+        """Plain ATTITUDE slowly while the quaternion flows, fully where it cannot be had."""
+        quaternion, plain = self._streams["ATTITUDE_QUATERNION"], self._streams["ATTITUDE"]
+        if (quaternion.meter.hz or 0.0) > 0.0:
+            hz = min(BACKGROUND_ATTITUDE_HZ, self._wanted["ATTITUDE"])
+        elif self._attitude_message == "auto" and _has_failed(quaternion):
+            hz = self._wanted["ATTITUDE"]
+        else:
+            return
+        if plain.state is StreamState.HELD_BACK or plain.wanted_hz != hz:
+            plain.want(hz, now)
+
+    def _ask(self, autopilot: Autopilot, now: HostNs) -> list[Outgoing]:
+        """Repeat the question in flight if its answer is overdue, or put the next one."""
+        if self._question is not None:
+            return self._repeat(autopilot, self._question, now)
+        for stream in self._streams.values():
+            if stream.next_ask_ns is not None and stream.next_ask_ns <= now:
+                stream.asked(now)
+                if self._command_unknown:
+                    return self._ask_by_data_stream(autopilot, stream, now)
+                question = _Question(stream, stream.interval_us, 1, HostNs(now + ACK_TIMEOUT_NS))
+                self._question = question
+                return [self._set_message_interval(autopilot, question)]
+        return []
+
+    def _repeat(self, autopilot: Autopilot, question: _Question, now: HostNs) -> list[Outgoing]:
+        if now < question.deadline_ns:
+            return []
+        if question.tries < MAX_TRIES:
+            question.tries += 1
+            question.deadline_ns = HostNs(now + ACK_TIMEOUT_NS)
+            return [self._set_message_interval(autopilot, question)]
+        self._question = None
+        if question.stream.state is not StreamState.HELD_BACK:
+            question.stream.state = StreamState.UNANSWERED
+            question.stream.wait(now)
+        return self._ask(autopilot, now)
+
+    def _on_ack(self, message: Message, now: HostNs) -> None:
+        ack, question = message.fields, self._question
+        if ack.command != enums.MAV_CMD_SET_MESSAGE_INTERVAL or question is None or not self._is_for_us(ack):
+            return
+        if ack.result == enums.MAV_RESULT_IN_PROGRESS:
+            return
+        self._question = None
+        stream = question.stream
+        if stream.state is StreamState.HELD_BACK:
+            return
+        accepted = ack.result == enums.MAV_RESULT_ACCEPTED
+        self._command_known |= accepted
+        if ack.result == enums.MAV_RESULT_UNSUPPORTED and not self._command_known:
+            self._fall_back(now)
+        elif ack.result == enums.MAV_RESULT_TEMPORARILY_REJECTED:
+            stream.wait(now)
+        else:
+            stream.on_result(accepted, now)
+            self._tell_outcome(stream)
+
+    def _tell_outcome(self, stream: Stream) -> None:
+        if stream.state is StreamState.DENIED:
+            self._tell(Severity.INFO, f"the autopilot does not send {stream.name}: refused at every rate")
+        elif stream.state is StreamState.GRANTED and stream.granted_hz < 0.99 * stream.wanted_hz:
+            self._tell(
+                Severity.WARNING,
+                f"{stream.name} at {stream.wanted_hz:g} Hz is refused: the highest accepted rate is"
+                f" {stream.granted_hz:.1f} Hz (ArduPilot allows 0.8 SCHED_LOOP_RATE)",
+            )
+
+    def _fall_back(self, now: HostNs) -> None:
+        """The command itself is unknown over there: REQUEST_DATA_STREAM is what is left."""
+        self._command_unknown = True
+        self._tell(Severity.INFO, "the autopilot does not know SET_MESSAGE_INTERVAL: asking by REQUEST_DATA_STREAM")
+        for stream in self._streams.values():
+            stream.want(self._wanted[stream.name], now)
+        quaternion = self._streams.get("ATTITUDE_QUATERNION")
+        if quaternion is not None and "ATTITUDE" in self._streams:
+            quaternion.hold_back()
+
+    def _ask_by_data_stream(self, autopilot: Autopilot, stream: Stream, now: HostNs) -> list[Outgoing]:
+        """No acknowledgement follows: the measuring decides when to ask again."""
+        stream.on_result(accepted=True, now=now)
+        number = DATA_STREAMS.get(stream.name, enums.MAV_DATA_STREAM_EXTRA3)
+        asked_ns = self._streams_asked_ns.get(number)
+        if asked_ns is not None and now < asked_ns + CHECK_NS:
+            return self._ask(autopilot, now)
+        self._streams_asked_ns[number] = now
+        members = [one for one in self._streams.values() if DATA_STREAMS.get(one.name, number) == number]
+        rate_hz = max(one.wanted_hz for one in members if one.state is not StreamState.HELD_BACK)
+        rate = min(round(rate_hz) or 1, MAX_STREAM_RATE)
+        fields = {"req_stream_id": number, "req_message_rate": rate, "start_stop": 1}
+        return [ask(autopilot, self._component, "REQUEST_DATA_STREAM", fields)]
+
+    def _set_message_interval(self, autopilot: Autopilot, question: _Question) -> Outgoing:
+        return command(
+            autopilot,
+            self._component,
+            enums.MAV_CMD_SET_MESSAGE_INTERVAL,
+            MESSAGE_IDS[question.stream.name],
+            question.interval_us,
+            confirmation=question.tries - 1,
+        )
+
+    def _is_from_autopilot(self, message: Message) -> bool:
+        autopilot = self._autopilot
+        return autopilot is not None and message.system == autopilot.system and message.component == autopilot.component
+
+    def _is_for_us(self, ack: Any) -> bool:
+        """By the extension fields, which older autopilots leave 0."""
+        system = self._autopilot.system if self._autopilot is not None else 0
+        return ack.target_system in {0, system} and ack.target_component in {0, self._component}
+
+    def _tell(self, severity: Severity, text: str) -> None:
+        self._notices.append(Notice(severity, text))
+
+
+def _has_failed(stream: Stream) -> bool:
+    """It was denied, or not answered, or granted for a whole window in which nothing came."""
+    if stream.state in {StreamState.DENIED, StreamState.UNANSWERED, StreamState.HELD_BACK}:
+        return True
+    return stream.state is StreamState.GRANTED and stream.meter.hz == 0.0
