@@ -110,3 +110,5 @@ class VehicleState(msgspec.Struct, frozen=True, gc=False):
     """The rangefinder's reading near this instant, if it is usable."""
     terrain_height_m: float | None = None
     """TERRAIN_REPORT's current_height near this instant."""
+    stamp_sigma_s: float = 0.0
+    """One sigma of the instant that the stamps of the attitudes leave open."""

@@ -1,0 +1,271 @@
+"""Detection + vehicle -> Sighting, or the reason why not."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Collection
+from math import hypot, isfinite
+
+import msgspec
+
+from fwav_companion.geometry.rotations import matrix_from_quaternion
+from fwav_companion.geometry.stamps import BootNs, HostNs
+from fwav_companion.geometry.vectors import ZERO3, Matrix3, Vector3, add, multiply, transform
+from fwav_companion.nouns import (
+    Detection,
+    Frame,
+    Lens,
+    NoRay,
+    Ray,
+    Reason,
+    Sighting,
+    StampClock,
+    Unpaired,
+    VehicleState,
+)
+from fwav_companion.pairing.protocols import TwoClocks, Vehicle
+from fwav_companion.pairing.scaling import Scaling, scaling_from_size
+from fwav_companion.pairing.timing import CameraTiming, FrameTiming, RowClock
+from fwav_companion.pairing.view import CameraView
+
+MOST_DETECTIONS = 256
+"""In one frame."""
+FUTURE_SLACK_NS = 5_000_000
+FUTURE_SIGMAS = 3.0
+"""A capture may lie so far after the arrival: what clocks and stamps leave open."""
+LATEST_NS = 500_000_000
+"""The reorder window: older than this at its arrival, a frame has nowhere to go."""
+FRAMES_REMEMBERED = 256
+"""For telling duplicates: half a second of any camera."""
+
+
+class PairedFrame(msgspec.Struct, frozen=True):
+    """One frame that was placed in time."""
+
+    number: int
+    """Its own, or counted."""
+    host_ns: HostNs
+    """Capture of row 0, host clock."""
+    boot_ns: BootNs
+    """The same on the autopilot's."""
+    state: VehicleState | Unpaired
+    """The vehicle then."""
+    view: CameraView | None
+    """The camera then; None where it could not be placed. In a relative world it stands on the height above home,
+    where that is known; whoever knows the height better replaces it."""
+    sightings: tuple[Sighting, ...]
+    refused: tuple[tuple[int, Reason, float | None], ...]
+    """Of the other detections: index, reason, and the gap to the nearest attitude in seconds where it is known."""
+
+
+class RefusedFrame(msgspec.Struct, frozen=True):
+    """A frame that is refused whole."""
+
+    number: int | None
+    reason: Reason
+    detections: int
+    """How many it held."""
+
+
+class Pairer:
+    """Places every detection of a frame at the instant its own row was exposed.
+
+    It remembers frames it has seen (for duplicates) and their rate (for an unknown readout); the rest is handed in.
+    """
+
+    def __init__(
+        self,
+        *,
+        lens: Lens,
+        body_from_camera: Matrix3,
+        lever_arm_m: Vector3 = ZERO3,
+        timing: CameraTiming | None = None,
+        pixel_noise_px: float = 4.0,
+        min_score: float = 0.0,
+        labels: Collection[str] = (),
+    ) -> None:
+        self.lens = lens
+        self.body_from_camera = body_from_camera
+        self._lever_arm_m = lever_arm_m
+        self._rows = RowClock(timing or CameraTiming())
+        self._pixel_sigma = (pixel_noise_px, pixel_noise_px)
+        self._min_score = min_score
+        self._labels = frozenset(labels)
+        self._seen: deque[tuple[object, ...]] = deque(maxlen=FRAMES_REMEMBERED)
+        self._last_number = -1
+
+    @property
+    def readout_s(self) -> float:
+        """In use now: as configured, or half the median frame interval."""
+        return self._rows.readout_s
+
+    @property
+    def readout_sigma_s(self) -> float:
+        """One sigma of it, one bias through a flight; 0 where it is configured."""
+        return self._rows.readout_sigma_s
+
+    def recalibrate(self, body_from_camera: Matrix3, time_offset_s: float) -> None:
+        """Take what self-calibration found, for frames from now on."""
+        self.body_from_camera = body_from_camera
+        self._rows.set_time_offset(time_offset_s)
+
+    # Before pairing.
+
+    def needs_until(self, frame: Frame, clock: TwoClocks) -> BootNs | None:
+        """The autopilot's instant of the frame's last row, which attitudes should reach; None where none is known."""
+        latest_ns = self._timing_of(frame).latest_ns
+        if frame.stamp_clock is StampClock.BOOT:
+            return BootNs(latest_ns)
+        boot_ns = clock.boot_from_host(HostNs(latest_ns))
+        return None if isinstance(boot_ns, Unpaired) else boot_ns
+
+    def arrival_untold(self, frame: Frame, clock: TwoClocks) -> HostNs | Unpaired:
+        """When a recorded frame without an arrival is taken to have come: its last capture, or its stamp if later."""
+        latest_ns = max(self._timing_of(frame).latest_ns, frame.stamp_ns)
+        if frame.stamp_clock is StampClock.BOOT:
+            return clock.host_from_boot(BootNs(latest_ns))
+        return HostNs(latest_ns)
+
+    # Pairing.
+
+    def pair(self, frame: Frame, vehicle: Vehicle) -> PairedFrame | RefusedFrame:
+        """Place the frame and everything seen in it."""
+        placed = self._place(frame, vehicle.clock)
+        if isinstance(placed, Reason):
+            return RefusedFrame(frame.number, placed, len(frame.detections))
+        timing, scaling, host_ns, boot_ns = placed
+        number = self._last_number = self._last_number + 1 if frame.number is None else frame.number
+        clock_sigma_s = 0.0 if frame.stamp_clock is StampClock.BOOT else vehicle.clock.estimate(host_ns).sigma_s
+        state = vehicle.state_at(boot_ns)
+        view = None if isinstance(state, Unpaired) else self._outlook(state, relative=vehicle.world.relative)
+        sightings: list[Sighting] = []
+        refused: list[tuple[int, Reason, float | None]] = []
+        for index, raw in enumerate(frame.detections):
+            detection = scaling.detection(raw)
+            seen = self._look(detection)
+            if isinstance(seen, Reason):
+                refused.append((index, seen, None))
+                continue
+            since_first_ns = timing.capture_ns(detection.v) - timing.first_row_ns
+            at = vehicle.state_at(BootNs(boot_ns + since_first_ns))
+            if isinstance(at, Unpaired):
+                refused.append((index, at.reason, at.gap_s))
+                continue
+            seen_from = self._view(at, relative=vehicle.world.relative)
+            if seen_from is None:
+                refused.append((index, Reason.NO_POSITION, at.gap_s))
+                continue
+            sightings.append(
+                Sighting(
+                    frame=number,
+                    index=index,
+                    frame_host_ns=host_ns,
+                    host_ns=HostNs(host_ns + since_first_ns),
+                    detection=detection,
+                    ray=seen,
+                    pixel_sigma=detection.sigma or self._pixel_sigma,
+                    row_fraction=timing.row_fraction(detection.v),
+                    time_noise_s=hypot(clock_sigma_s, at.stamp_sigma_s),
+                    state=at,
+                    body_from_camera=self.body_from_camera,
+                    ned_from_camera=seen_from.ned_from_camera,
+                    camera_ned=seen_from.camera_ned,
+                    camera_height_above_home_m=self._camera_height(at),
+                    relative=vehicle.world.relative is True,
+                )
+            )
+        return PairedFrame(number, host_ns, boot_ns, state, view, tuple(sightings), tuple(refused))
+
+    def _place(self, frame: Frame, clock: TwoClocks) -> tuple[FrameTiming, Scaling, HostNs, BootNs] | Reason:
+        """The frame's rows in time, or why it is refused whole."""
+        if len(frame.detections) > MOST_DETECTIONS:
+            return Reason.TOO_MANY_DETECTIONS
+        scaling = scaling_from_size(frame.size, self.lens.image_size)
+        if isinstance(scaling, Reason):
+            return scaling
+        key = _identity(frame)
+        if key in self._seen:
+            return Reason.DUPLICATE_FRAME
+        timing = self._timing_of(frame)
+        both = _both_clocks(timing.first_row_ns, frame.stamp_clock, clock)
+        if isinstance(both, Unpaired):
+            return both.reason
+        host_ns, boot_ns = both
+        if frame.arrival_ns is not None:
+            untimely = _untimely(host_ns, frame.arrival_ns, clock)
+            if untimely is not None:
+                return untimely
+        self._seen.append(key)
+        self._rows.see(frame.stamp_ns)
+        return timing, scaling, host_ns, boot_ns
+
+    def _timing_of(self, frame: Frame) -> FrameTiming:
+        return self._rows.place(frame.stamp_ns, frame.exposure_s, self.lens.image_size[1])
+
+    def _look(self, detection: Detection) -> Ray | Reason:
+        """The ray of a detection, or why it is refused whatever the vehicle did."""
+        if not _finite(detection):
+            return Reason.NOT_FINITE
+        if detection.score is not None and not detection.score >= self._min_score:
+            return Reason.LOW_SCORE
+        if self._labels and detection.label not in self._labels:
+            return Reason.OTHER_LABEL
+        width, height = self.lens.image_size
+        if not (-0.5 <= detection.u <= width - 0.5 and -0.5 <= detection.v <= height - 0.5):
+            return Reason.OUTSIDE_IMAGE
+        ray = self.lens.camera_ray_and_derivatives_from_pixel(detection.u, detection.v)
+        return ray.reason if isinstance(ray, NoRay) else ray
+
+    def _view(self, state: VehicleState, *, relative: bool | None) -> CameraView | None:
+        """The camera at this state; None where its place is expected and not known."""
+        ned_from_body = matrix_from_quaternion(state.ned_from_body)
+        ned_from_camera = multiply(ned_from_body, self.body_from_camera)
+        if relative:
+            return CameraView(self.lens, ned_from_camera, ZERO3)
+        if state.position_ned is None:
+            return None
+        arm_ned = transform(ned_from_body, self._lever_arm_m)
+        return CameraView(self.lens, ned_from_camera, add(state.position_ned, arm_ned))
+
+    def _outlook(self, state: VehicleState, *, relative: bool | None) -> CameraView | None:
+        """The camera in the world that tracks live in: a relative one has its zero on the ground below the camera."""
+        view = self._view(state, relative=relative)
+        if view is None or not relative:
+            return view
+        height_m = self._camera_height(state)
+        return None if height_m is None else msgspec.structs.replace(view, camera_ned=(0.0, 0.0, -height_m))
+
+    def _camera_height(self, state: VehicleState) -> float | None:
+        if state.height_above_home_m is None:
+            return None
+        return state.height_above_home_m - transform(matrix_from_quaternion(state.ned_from_body), self._lever_arm_m)[2]
+
+
+def _both_clocks(instant_ns: int, told_on: StampClock, clock: TwoClocks) -> tuple[HostNs, BootNs] | Unpaired:
+    if told_on is StampClock.BOOT:
+        host_ns = clock.host_from_boot(BootNs(instant_ns))
+        return host_ns if isinstance(host_ns, Unpaired) else (host_ns, BootNs(instant_ns))
+    boot_ns = clock.boot_from_host(HostNs(instant_ns))
+    return boot_ns if isinstance(boot_ns, Unpaired) else (HostNs(instant_ns), boot_ns)
+
+
+def _untimely(capture_ns: HostNs, arrival_ns: HostNs, clock: TwoClocks) -> Reason | None:
+    early_ns = capture_ns - arrival_ns
+    if early_ns > FUTURE_SLACK_NS + FUTURE_SIGMAS * clock.estimate(arrival_ns).sigma_s * 1e9:
+        return Reason.FROM_THE_FUTURE
+    return Reason.TOO_LATE if -early_ns > LATEST_NS else None
+
+
+def _identity(frame: Frame) -> tuple[object, ...]:
+    """What a second copy of this frame would have in common with it: unnumbered ones, also what was seen."""
+    if frame.number is not None:
+        return (frame.number, frame.stamp_clock, frame.stamp_ns)
+    return (frame.stamp_clock, frame.stamp_ns, frame.detections)
+
+
+def _finite(detection: Detection) -> bool:
+    if not (isfinite(detection.u) and isfinite(detection.v)):
+        return False
+    if detection.score is not None and not isfinite(detection.score):
+        return False
+    return detection.sigma is None or all(isfinite(s) and s > 0.0 for s in detection.sigma)

@@ -1,0 +1,30 @@
+"""Decoding to samples, the clock, and a history that can be asked for any instant. PURE: time is handed in."""
+
+from fwav_companion.telemetry.clock import Clock
+from fwav_companion.telemetry.events import (
+    ArmedChanged,
+    AttitudeSource,
+    HomeMoved,
+    OriginSet,
+    Rebooted,
+    RelativeWorld,
+    StampDelay,
+    TelemetryEvent,
+)
+from fwav_companion.telemetry.telemetry import Telemetry, TelemetryOptions
+from fwav_companion.telemetry.world import World
+
+__all__ = [
+    "ArmedChanged",
+    "AttitudeSource",
+    "Clock",
+    "HomeMoved",
+    "OriginSet",
+    "Rebooted",
+    "RelativeWorld",
+    "StampDelay",
+    "Telemetry",
+    "TelemetryEvent",
+    "TelemetryOptions",
+    "World",
+]

@@ -1,0 +1,150 @@
+"""From messages to samples. What is not finite, or no body could do, is no sample."""
+
+from __future__ import annotations
+
+from math import hypot, isfinite, pi, radians, sqrt
+from typing import Any
+
+import msgspec
+
+from fwav_companion.geometry.earth import Geodetic
+from fwav_companion.geometry.rotations import Quaternion, normalized, quaternion_from_euler, rotate
+from fwav_companion.geometry.stamps import BootNs
+from fwav_companion.geometry.vectors import Vector3
+from fwav_companion.nouns import RangeSample
+
+MOST_RATE = 100.0
+"""rad/s. Gyroscopes of autopilots end at 35 to 70 rad/s (2000 to 4000 deg/s)."""
+MOST_HEIGHT_M = 100_000.0
+MOST_SPEED_M_S = 1_000.0
+MOST_UNDULATION_M = 120.0
+"""The geoid lies -106 to +85 m from the ellipsoid."""
+UTC_FROM_S, UTC_UNTIL_S = 1_577_836_800, 4_102_444_800
+"""2020 to 2100: a receiver without time tells 1970 or 1980."""
+SAFETY_ARMED = 128
+"""MAV_MODE_FLAG_SAFETY_ARMED."""
+FIX_3D = 3
+"""GPS_FIX_TYPE_3D_FIX."""
+
+
+class Implausible(msgspec.Struct, frozen=True):
+    """The message holds no usable value; telemetry counts these by the message's name."""
+
+
+class Attitude(msgspec.Struct, frozen=True, gc=False):
+    """ATTITUDE or ATTITUDE_QUATERNION without its stamp."""
+
+    ned_from_body: Quaternion
+    rates: Vector3
+    """As sent, rad/s, body FRD."""
+
+
+class Position(msgspec.Struct, frozen=True, gc=False):
+    """GLOBAL_POSITION_INT without its stamp."""
+
+    place: Geodetic | None
+    """None for 0/0: heights without a global position."""
+    height_above_home_m: float
+    velocity_ned: Vector3
+
+
+def attitude_from_euler(fields: Any) -> Attitude | Implausible:
+    """ATTITUDE: Z-Y-X Euler angles."""
+    roll, pitch, yaw = float(fields.roll), float(fields.pitch), float(fields.yaw)
+    rates = _rates(fields)
+    if not (isfinite(roll + pitch + yaw) and max(abs(roll), abs(pitch), abs(yaw)) <= 2.0 * pi + 1e-3) or rates is None:
+        return Implausible()
+    return Attitude(quaternion_from_euler(roll, pitch, yaw), rates)
+
+
+def attitude_from_quaternion(fields: Any) -> Attitude | Implausible:
+    """ATTITUDE_QUATERNION: (w, x, y, z) of the same rotation as ATTITUDE tells."""
+    q = (float(fields.q1), float(fields.q2), float(fields.q3), float(fields.q4))
+    length = sqrt(sum(c * c for c in q))
+    rates = _rates(fields)
+    if not 0.95 <= length <= 1.05 or rates is None:  # NaN compares false
+        return Implausible()
+    return Attitude(normalized(q), rates)
+
+
+def _rates(fields: Any) -> Vector3 | None:
+    rates = (float(fields.rollspeed), float(fields.pitchspeed), float(fields.yawspeed))
+    return rates if all(abs(r) <= MOST_RATE for r in rates) else None
+
+
+def position(fields: Any) -> Position | Implausible:
+    """GLOBAL_POSITION_INT."""
+    height_m = fields.relative_alt * 1e-3
+    velocity = (fields.vx * 1e-2, fields.vy * 1e-2, fields.vz * 1e-2)
+    if abs(height_m) > MOST_HEIGHT_M or hypot(*velocity) > MOST_SPEED_M_S:
+        return Implausible()
+    place = geodetic(fields.lat, fields.lon, fields.alt)
+    if place is None and (fields.lat or fields.lon):
+        return Implausible()
+    return Position(place, height_m, velocity)
+
+
+def geodetic(lat_e7: int, lon_e7: int, alt_mm: int) -> Geodetic | None:
+    """A place told in degE7 and millimetres; None for 0/0 and for what is nowhere on earth."""
+    lat_deg, lon_deg, alt_m = lat_e7 * 1e-7, lon_e7 * 1e-7, alt_mm * 1e-3
+    nowhere = (lat_e7 == 0 and lon_e7 == 0) or abs(lat_deg) > 90.0 or abs(lon_deg) > 180.0
+    if nowhere or abs(alt_m) > MOST_HEIGHT_M:
+        return None
+    return Geodetic(radians(lat_deg), radians(lon_deg), alt_m)
+
+
+def undulation_m(fields: Any) -> float | None:
+    """Geoid above ellipsoid by GPS_RAW_INT: alt_ellipsoid - alt. 0, the value of an absent extension, tells nothing."""
+    if fields.fix_type < FIX_3D or fields.alt_ellipsoid == 0:
+        return None
+    value = (fields.alt_ellipsoid - fields.alt) * 1e-3
+    return value if abs(value) <= MOST_UNDULATION_M else None
+
+
+def unix_ns(fields: Any) -> int | None:
+    """SYSTEM_TIME's UTC, or None where the autopilot does not know it."""
+    seconds = fields.time_unix_usec // 1_000_000
+    return int(fields.time_unix_usec) * 1000 if UTC_FROM_S <= seconds <= UTC_UNTIL_S else None
+
+
+def finite_height_m(value: float) -> float | None:
+    """A height in metres that may be believed."""
+    return float(value) if abs(value) <= MOST_HEIGHT_M else None
+
+
+_S = sqrt(0.5)
+_BEAMS: dict[int, Vector3] = {
+    0: (1.0, 0.0, 0.0),
+    1: (_S, _S, 0.0),
+    2: (0.0, 1.0, 0.0),
+    3: (-_S, _S, 0.0),
+    4: (-1.0, 0.0, 0.0),
+    5: (-_S, -_S, 0.0),
+    6: (0.0, -1.0, 0.0),
+    7: (_S, -_S, 0.0),
+    24: (0.0, 0.0, -1.0),
+    25: (0.0, 0.0, 1.0),
+}
+"""Beam directions in body FRD by MAV_SENSOR_ORIENTATION: the eight yaws, up (pitch 90) and down (pitch 270)."""
+ORIENTATION_CUSTOM = 100
+COVARIANCE_UNKNOWN = 255
+
+
+def range_sample(fields: Any, boot_ns: BootNs) -> RangeSample | Implausible:
+    """DISTANCE_SENSOR, where it reads inside its own limits and looks at least 45 degrees down."""
+    if not fields.min_distance < fields.current_distance < fields.max_distance or fields.signal_quality == 1:
+        return Implausible()
+    beam = _beam(fields)
+    if beam is None or beam[2] < _S - 1e-6:
+        return Implausible()
+    variance_cm2 = fields.covariance if 0 < fields.covariance < COVARIANCE_UNKNOWN else 0
+    return RangeSample(boot_ns, fields.current_distance * 1e-2, beam, sqrt(variance_cm2) * 1e-2)
+
+
+def _beam(fields: Any) -> Vector3 | None:
+    if fields.orientation != ORIENTATION_CUSTOM:
+        return _BEAMS.get(fields.orientation)
+    w, x, y, z = (float(c) for c in fields.quaternion)
+    if not 0.95 <= sqrt(w * w + x * x + y * y + z * z) <= 1.05:
+        return None
+    return rotate(normalized((w, x, y, z)), (1.0, 0.0, 0.0))

@@ -1,0 +1,65 @@
+"""What telemetry tells besides samples: things that happened once."""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+import msgspec
+
+from fwav_companion.geometry.earth import Geodetic
+from fwav_companion.geometry.stamps import HostNs
+
+
+class Rebooted(msgspec.Struct, frozen=True):
+    """The autopilot's clock began anew. Clock and attitudes are empty; the world's origin stays."""
+
+    at_ns: HostNs
+
+
+class OriginSet(msgspec.Struct, frozen=True):
+    """The world has an origin. It never moves."""
+
+    origin: Geodetic
+    late: bool
+    """The world was relative until now: what was located in it must be dropped."""
+
+
+class RelativeWorld(msgspec.Struct, frozen=True):
+    """There is no global position: targets are relative to the point below the camera from now on."""
+
+
+class HomeMoved(msgspec.Struct, frozen=True):
+    """The autopilot's home, and with it the surface of ``home`` ground, lies at another height."""
+
+    down_m: float
+    """Of the home surface, metres below the origin."""
+
+
+class ArmedChanged(msgspec.Struct, frozen=True):
+    """By HEARTBEAT.base_mode."""
+
+    armed: bool
+
+
+class AttitudeSource(msgspec.Struct, frozen=True):
+    """Another message is the source of attitudes; those of the old one are forgotten.
+
+    The two may differ by a constant (ArduPlane's pitch trim): a course through both would hold a step.
+    """
+
+    message: str
+    """ATTITUDE or ATTITUDE_QUATERNION."""
+    before: str
+    """The same, of what was used until now."""
+
+
+class StampDelay(msgspec.Struct, frozen=True):
+    """The autopilot told how late its attitudes are stamped; the kept ones were moved along."""
+
+    delay_s: float
+    """The most; the mean, half of it, is what is corrected."""
+
+
+TelemetryEvent: TypeAlias = (
+    Rebooted | OriginSet | RelativeWorld | HomeMoved | ArmedChanged | AttitudeSource | StampDelay
+)

@@ -1,0 +1,212 @@
+"""The clock from TIMESYNC: a line through the exchanges, each weighed by its round trip, inside a hard bound.
+
+An exchange places the autopilot's instant between sending and receiving: the offset is the middle, wrong by half the
+difference of the two delays. Where delays are a constant plus a long tail, that error shrinks with the round trip's
+excess over the least one; where they scatter evenly it does not depend on it. Which of the two it is, the residuals
+tell: the variance is modelled as ``scale * (floor^2 + excess^2)`` and the likeliest floor is taken. That is the gate:
+a slow exchange weighs little, and none is thrown away for a fixed number of milliseconds.
+"""
+
+from __future__ import annotations
+
+from math import log, sqrt
+
+import msgspec
+
+from fwav_companion.geometry.stamps import NS_PER_S, HostNs
+from fwav_companion.nouns import ClockExchange
+from fwav_companion.telemetry.line import MOST_SKEW, Line
+
+WINDOW_NS = 120 * NS_PER_S
+MOST_KEPT = 400
+"""Ten a second for the first half minute, then one a second through the window."""
+SKEW_PRIOR = 300e-6
+"""One sigma: half of the most."""
+RESOLUTION_S = 5e-6
+"""Whole microseconds on both sides, and what the two clocks' own reading takes."""
+EXCHANGES_TO_WEIGH = 12
+"""From here on the residuals tell how errors depend on the round trip; before, an error is uniform in its bound."""
+REWEIGH_EVERY = 8
+CONTRADICTIONS_FOR_A_STEP = 3
+"""In a row and in agreement with one another: one may be somebody else's answer, three are another clock."""
+ROUNDING_NS = 2_000
+
+_FLOORS = (0.02, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 100.0)
+"""Of the variance model, in median excesses; the last means: errors do not depend on the round trip."""
+
+
+class Exchange(msgspec.Struct, frozen=True, gc=False):
+    """One exchange as the fit sees it."""
+
+    host_ns: HostNs
+    """The middle between sending and receiving."""
+    offset_ns: int
+    """host_from_autopilot there."""
+    round_trip_ns: int
+
+
+class ExchangeFit:
+    """A weighted line through the last two minutes of exchanges, and the interval none of them contradicts."""
+
+    __slots__ = ("_bound", "_contradicting", "_count", "_floor_s", "_scale", "_window", "line")
+
+    def __init__(self) -> None:
+        self._begin()
+
+    def _begin(self) -> None:
+        self.line: Line | None = None
+        self._window: list[Exchange] = []
+        self._contradicting: list[Exchange] = []
+        self._bound = HardBound()
+        self._count = 0
+        self._floor_s, self._scale = 0.0, 1.0 / 12.0
+
+    @property
+    def count(self) -> int:
+        """Exchanges in the window."""
+        return len(self._window)
+
+    @property
+    def best_round_trip_s(self) -> float | None:
+        """The least in the window."""
+        return min(e.round_trip_ns for e in self._window) * 1e-9 if self._window else None
+
+    def insert(self, exchange: ClockExchange) -> bool:
+        """Take one exchange. True: the last few contradict all before them, and the fit began anew with these."""
+        if exchange.received_ns < exchange.sent_ns:
+            return False
+        middle_ns = HostNs((exchange.sent_ns + exchange.received_ns) // 2)
+        round_trip_ns = exchange.received_ns - exchange.sent_ns
+        entry = Exchange(middle_ns, middle_ns - exchange.autopilot_ns, round_trip_ns)
+        if self._bound.contradicts(entry):
+            return self._on_contradiction(entry)
+        self._contradicting.clear()
+        self._take(entry)
+        return False
+
+    def bound_s(self, now: HostNs, offset_ns: int) -> float:
+        """The farthest that the true offset can be from ``offset_ns`` at ``now``: drift is at most 600 ppm."""
+        low_ns, high_ns = self._bound.interval(now)
+        return max(high_ns - offset_ns, offset_ns - low_ns) * 1e-9
+
+    def _on_contradiction(self, entry: Exchange) -> bool:
+        others = HardBound()
+        for earlier in self._contradicting:
+            others.take(earlier)
+        if self._contradicting and others.contradicts(entry):
+            self._contradicting.clear()
+        self._contradicting.append(entry)
+        if len(self._contradicting) < CONTRADICTIONS_FOR_A_STEP:
+            return False
+        entries = self._contradicting
+        self._begin()
+        for kept in entries:
+            self._take(kept)
+        return True
+
+    def _take(self, entry: Exchange) -> None:
+        self._bound.take(entry)
+        self._window.append(entry)
+        self._count += 1
+        oldest_ns = entry.host_ns - WINDOW_NS
+        while self._window[0].host_ns < oldest_ns or len(self._window) > MOST_KEPT:
+            del self._window[0]
+        self.line = self._fit()
+
+    def _fit(self) -> Line:
+        ref = self._window[-1]
+        times = [(e.host_ns - ref.host_ns) * 1e-9 for e in self._window]
+        offsets = [(e.offset_ns - ref.offset_ns) * 1e-9 for e in self._window]
+        excesses = self._excesses()
+        if len(times) >= EXCHANGES_TO_WEIGH and (self._count % REWEIGH_EVERY == 0 or self._floor_s == 0.0):
+            self._weigh(times, offsets, excesses)
+        fit = self._weighted_line(times, offsets, excesses)
+        level, skew, p00, p01, p11 = fit
+        skew = max(-MOST_SKEW, min(MOST_SKEW, skew))
+        offset_ns = ref.offset_ns + round(level * 1e9)
+        low_ns, high_ns = self._bound.interval(ref.host_ns)
+        return Line(ref.host_ns, max(low_ns, min(high_ns, offset_ns)), skew, p00, p01, p11)
+
+    def _excesses(self) -> list[float]:
+        """Round trips above their least, seconds; the whole round trips while they are few."""
+        trips = [e.round_trip_ns * 1e-9 for e in self._window]
+        if len(trips) < EXCHANGES_TO_WEIGH:
+            return trips
+        least = sorted(trips)[:4]
+        # The k-th least of n sums of two long-tailed delays lies about sqrt(k) above their base: the first tells it.
+        base = max(0.0, 2.0 * least[0] - least[3])
+        return [trip - base for trip in trips]
+
+    def _weigh(self, times: list[float], offsets: list[float], excesses: list[float]) -> None:
+        """Choose the likeliest floor of the variance model, and its scale, from the residuals of the line so far."""
+        level, skew, *_ = self._weighted_line(times, offsets, excesses)
+        residuals2 = [(y - level - skew * t) ** 2 for t, y in zip(times, offsets, strict=True)]
+        middle = max(RESOLUTION_S, sorted(excesses)[len(excesses) // 2])
+        best = -1e300
+        for factor in _FLOORS:
+            floor2 = (factor * middle) ** 2
+            shapes = [floor2 + x * x for x in excesses]
+            scale = sum(r / v for r, v in zip(residuals2, shapes, strict=True)) / (len(shapes) - 2)
+            scale = max(scale, RESOLUTION_S**2 / shapes[-1], 1e-12)
+            likelihood = -0.5 * (len(shapes) * log(scale) + sum(log(v) for v in shapes))
+            if likelihood > best:
+                best, self._floor_s, self._scale = likelihood, sqrt(floor2), scale
+
+    def _weighted_line(
+        self, times: list[float], offsets: list[float], excesses: list[float]
+    ) -> tuple[float, float, float, float, float]:
+        """(offset s, skew) at time 0 and their covariance (00, 01, 11), under the prior on skew."""
+        floor2, scale, resolution2 = self._floor_s**2, self._scale, RESOLUTION_S**2
+        s0 = s1 = s2 = b0 = b1 = 0.0
+        for t, y, x in zip(times, offsets, excesses, strict=True):
+            w = 1.0 / (scale * (floor2 + x * x) + resolution2)
+            wt = w * t
+            s0 += w
+            s1 += wt
+            s2 += wt * t
+            b0 += w * y
+            b1 += wt * y
+        s2 += 1.0 / SKEW_PRIOR**2
+        d = s0 * s2 - s1 * s1
+        return ((s2 * b0 - s1 * b1) / d, (s0 * b1 - s1 * b0) / d, s2 / d, -s1 / d, s0 / d)
+
+
+class HardBound:
+    """The interval that holds the offset whatever the delays were: each exchange's own, widened by 600 ppm of its age.
+
+    All widen at one pace, so the tightest low end is a running maximum, the tightest high end a running minimum.
+    """
+
+    __slots__ = ("_first_ns", "_high_ns", "_low_ns")
+
+    def __init__(self) -> None:
+        self._first_ns: HostNs | None = None
+        self._low_ns = self._high_ns = 0
+
+    def take(self, entry: Exchange) -> None:
+        """Narrow the interval by one exchange."""
+        low_ns = entry.offset_ns - entry.round_trip_ns // 2 - ROUNDING_NS
+        high_ns = entry.offset_ns + entry.round_trip_ns // 2 + ROUNDING_NS
+        if self._first_ns is None:
+            self._first_ns, self._low_ns, self._high_ns = entry.host_ns, low_ns, high_ns
+            return
+        widening_ns = self._widening(entry.host_ns)
+        self._low_ns = max(self._low_ns, low_ns + widening_ns)
+        self._high_ns = min(self._high_ns, high_ns - widening_ns)
+
+    def interval(self, now: HostNs) -> tuple[int, int]:
+        """(low, high) of the offset at ``now``, not before the latest exchange; nanoseconds."""
+        widening_ns = self._widening(now)
+        return (self._low_ns - widening_ns, self._high_ns + widening_ns)
+
+    def contradicts(self, entry: Exchange) -> bool:
+        """No drift within 600 ppm reconciles this exchange with those before it."""
+        if self._first_ns is None:
+            return False
+        low_ns, high_ns = self.interval(entry.host_ns)
+        half_ns = entry.round_trip_ns // 2 + ROUNDING_NS
+        return entry.offset_ns + half_ns < low_ns or entry.offset_ns - half_ns > high_ns
+
+    def _widening(self, now: HostNs) -> int:
+        assert self._first_ns is not None  # noqa: S101  (callers asked)
+        return (now - self._first_ns) * 6 // 10_000

@@ -1,0 +1,39 @@
+"""How often each message really comes."""
+
+from __future__ import annotations
+
+from fwav_companion.geometry.stamps import NS_PER_S, HostNs
+
+WINDOW_NS = 2 * NS_PER_S
+MOST_NAMES = 64
+
+
+class RateMeter:
+    """Counts by name over the window before the one that is filling: 2 to 4 s back, cheap, bounded."""
+
+    __slots__ = ("_full", "_now", "_since_ns")
+
+    def __init__(self) -> None:
+        self._since_ns: HostNs | None = None
+        self._now: dict[str, int] = {}
+        self._full: dict[str, int] = {}
+
+    def count(self, name: str, now: HostNs) -> None:
+        """One message of this name."""
+        self._turn(now)
+        if name in self._now or len(self._now) < MOST_NAMES:
+            self._now[name] = self._now.get(name, 0) + 1
+
+    def rates_hz(self, now: HostNs) -> dict[str, float]:
+        """Messages a second by name, in order of name."""
+        self._turn(now)
+        return {name: count / (WINDOW_NS * 1e-9) for name, count in sorted(self._full.items())}
+
+    def _turn(self, now: HostNs) -> None:
+        if self._since_ns is None:
+            self._since_ns = now
+        elapsed = (now - self._since_ns) // WINDOW_NS
+        if elapsed > 0:
+            self._full = self._now if elapsed == 1 else {}
+            self._now = {}
+            self._since_ns = HostNs(self._since_ns + elapsed * WINDOW_NS)

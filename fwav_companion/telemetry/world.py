@@ -1,0 +1,94 @@
+"""Where the local world lies: its origin, its home surface, or that it is only relative to the vehicle."""
+
+from __future__ import annotations
+
+from fwav_companion.geometry.earth import Geodetic, TangentPlane
+from fwav_companion.geometry.stamps import NS_PER_S, HostNs
+from fwav_companion.telemetry.decoding import FIX_3D, Position
+from fwav_companion.telemetry.events import HomeMoved, OriginSet, RelativeWorld
+
+PATIENCE_NS = 10 * NS_PER_S
+"""From the first attitude: no position by then, and the world is relative."""
+HOME_TELLING_M = 0.01
+"""A home that moves by less is not told."""
+
+WorldEvent = OriginSet | RelativeWorld | HomeMoved
+
+
+class World:
+    """Decides once where the origin lies. It never moves; HOME_POSITION moves only the home surface.
+
+    The origin is where GPS_GLOBAL_ORIGIN says, if it was heard by the first usable position, else that position;
+    its altitude is the take-off ground's, ``alt - relative_alt`` of that position.
+    """
+
+    def __init__(self, *, use_position: bool) -> None:
+        self.plane: TangentPlane | None = None
+        """None while there is no origin."""
+        self.relative: bool | None = None if use_position else True
+        """Targets are relative to the point below the camera; None while that is not decided."""
+        self.home_down_m = 0.0
+        """The home surface, metres below the origin."""
+        self._use_position = use_position
+        self._told_origin: Geodetic | None = None
+        self._home_alt_amsl_m: float | None = None
+        self._gps_fix_type: int | None = None
+        self._decide_ns: HostNs | None = None
+
+    @property
+    def wake_at(self) -> HostNs | None:
+        """When waiting for a position ends."""
+        return self._decide_ns if self.relative is None else None
+
+    @property
+    def home_alt_amsl_m(self) -> float | None:
+        """Of the home surface; None before home or an origin is known."""
+        if self._home_alt_amsl_m is not None:
+            return self._home_alt_amsl_m
+        return None if self.plane is None else self.plane.origin.alt_amsl_m
+
+    def on_wake(self, now: HostNs) -> tuple[WorldEvent, ...]:
+        """Give up waiting for a position when it is due."""
+        if self.relative is not None or self._decide_ns is None or now < self._decide_ns:
+            return ()
+        self.relative = True
+        return (RelativeWorld(),)
+
+    def on_attitude(self, now: HostNs) -> None:
+        """The first one starts the wait for a position."""
+        if self._decide_ns is None:
+            self._decide_ns = HostNs(now + PATIENCE_NS)
+
+    def on_gps_fix(self, fix_type: int) -> None:
+        """GPS_RAW_INT: from now on positions count only while it has a 3D fix."""
+        self._gps_fix_type = fix_type
+
+    def on_global_origin(self, place: Geodetic) -> None:
+        """GPS_GLOBAL_ORIGIN: of use only before the origin is frozen."""
+        self._told_origin = place
+
+    def on_position(self, position: Position) -> tuple[WorldEvent, ...]:
+        """The first usable one freezes the origin."""
+        if self.plane is not None or position.place is None or not self._use_position:
+            return ()
+        if self._gps_fix_type is not None and self._gps_fix_type < FIX_3D:
+            return ()
+        ground_m = position.place.alt_amsl_m - position.height_above_home_m
+        at = self._told_origin or position.place
+        self.plane = TangentPlane(Geodetic(at.lat, at.lon, ground_m))
+        late = self.relative is True
+        self.relative = False
+        return (OriginSet(self.plane.origin, late), *self._move_home())
+
+    def on_home(self, alt_amsl_m: float) -> tuple[WorldEvent, ...]:
+        """HOME_POSITION: its altitude is that of the home surface."""
+        self._home_alt_amsl_m = alt_amsl_m
+        return self._move_home()
+
+    def _move_home(self) -> tuple[WorldEvent, ...]:
+        if self.plane is None or self._home_alt_amsl_m is None:
+            return ()
+        down_m = self.plane.origin.alt_amsl_m - self._home_alt_amsl_m
+        moved = abs(down_m - self.home_down_m) >= HOME_TELLING_M
+        self.home_down_m = down_m
+        return (HomeMoved(down_m),) if moved else ()
