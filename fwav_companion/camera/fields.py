@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from math import isfinite
 from typing import Any, NoReturn
 
@@ -25,9 +25,8 @@ class Fields:
     def __contains__(self, key: str) -> bool:
         return key in self._mapping
 
-    def keys(self) -> list[str]:
-        """In the file's order."""
-        return list(self._mapping)
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._mapping)
 
     def refuse(self, key: str, accepted: str) -> NoReturn:
         """InputFileError about this key."""

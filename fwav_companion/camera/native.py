@@ -13,7 +13,7 @@ MODEL = "kannala_brandt"
 def native_lens(fields: Fields) -> KannalaBrandt:
     """The lens of a file with ``k_mm``, ``pixels_per_mm``, ``principal_point``, ``image_size``, ``max_angle_deg``."""
     known = {"model", "k_mm", "pixels_per_mm", "principal_point", "image_size", "max_angle_deg"}
-    for key in fields.keys():
+    for key in fields:
         if key not in known:
             fields.refuse(key, f"only {', '.join(sorted(known))}")
     image_size = fields.size("image_size")

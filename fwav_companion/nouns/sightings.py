@@ -135,3 +135,6 @@ class GroundFix(msgspec.Struct, frozen=True, gc=False):
     budget: ErrorBudget
     ground: str
     """The ground model that answered: home, fixed, rangefinder, terrain."""
+    level_sigma_m: float = 0.0
+    """One sigma of the ground's own level, down, which no bias tells. Its square is in ``cov`` and ``relative_cov`` but
+    not in ``noise_cov``: it is the same in every fix, so no number of fixes averages it away."""
