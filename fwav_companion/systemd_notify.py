@@ -1,4 +1,4 @@
-"""SHELL: what systemd's Type=notify wants to hear, over its datagram socket (sd_notify(3)). Without systemd: nothing."""
+"""SHELL: what Type=notify of systemd wants to hear, over its datagram socket (sd_notify(3)). Elsewhere nothing."""
 
 from __future__ import annotations
 

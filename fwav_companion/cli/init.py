@@ -1,0 +1,49 @@
+"""``fwav-companion init``: a configuration to begin with."""
+
+from __future__ import annotations
+
+import argparse
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fwav_companion.errors import InputFileError
+
+if TYPE_CHECKING:
+    from argparse import _SubParsersAction
+
+TEMPLATES = ("fwav-companion.toml", "camera.yaml")
+
+
+def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Register the command."""
+    parser = subparsers.add_parser(
+        "init",
+        description="Writes fwav-companion.toml, which shows every default, and camera.yaml, the paper's camera.",
+        epilog="example:\n  fwav-companion init ~/flight && fwav-companion run --config ~/flight/fwav-companion.toml",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("directory", metavar="DIR", nargs="?", default=".", help="where to write; default: here")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Write both files, or, where one stands there already, none."""
+    targets = [Path(arguments.directory) / name for name in TEMPLATES]
+    for target in targets:
+        if target.exists():
+            raise InputFileError(f"{target}: stands there already; accepted: a folder without one")
+    try:
+        targets[0].parent.mkdir(parents=True, exist_ok=True)
+        for target in targets:
+            with target.open("x", encoding="utf-8") as file:
+                file.write(template(target.name))
+    except OSError as error:
+        raise InputFileError(f"{error.filename}: {error.strerror}; accepted: a folder to write to") from None
+    print(f"wrote {targets[0]} and {targets[1]}; next: set the [[link]] and [camera] of the first")
+    return 0
+
+
+def template(name: str) -> str:
+    """The text of one of TEMPLATES."""
+    return (files("fwav_companion.cli.templates") / name).read_text(encoding="utf-8")

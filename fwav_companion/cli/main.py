@@ -1,0 +1,94 @@
+"""``fwav-companion COMMAND``: finds the command, and turns errors into one line and an exit status.
+
+0: done. 1: it ran and the result is bad. 2: wrong usage, configuration or input file.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from importlib.util import find_spec
+from typing import NamedTuple, NoReturn
+
+from fwav_companion import __version__
+from fwav_companion.errors import UserError
+
+EXIT_USAGE = 2
+EXIT_INTERRUPTED = 130
+"""128 + SIGINT, as shells have it."""
+EXIT_PIPE_CLOSED = 141
+"""128 + SIGPIPE."""
+
+
+class Command(NamedTuple):
+    """A row of the table. Its module is imported only when it is called: ``run`` carries no other command's needs."""
+
+    name: str
+    help: str
+
+    @property
+    def module(self) -> str:
+        """Has ``add_parser(subparsers)``, which sets ``run``: a function from the arguments to the exit status."""
+        return f"fwav_companion.cli.{self.name}"
+
+
+COMMANDS = (
+    Command("run", "the daemon: links, detections in, targets out"),
+    Command("demo", "the main job with nothing attached, against the mock autopilot"),
+    Command("replay", "the same pipeline over a recording"),
+    Command("paper", "the paper's experiment, its table and figures"),
+    Command("calibrate", "fit a camera from pictures of a board"),
+    Command("check", "a doctor: what every link and stream delivers, and what to change"),
+    Command("init", "write a commented configuration and the paper's camera file"),
+    Command("bench", "the project's benchmarks, as ratios"),
+)
+
+
+class OneLineParser(argparse.ArgumentParser):
+    """Says what is wrong in one line, as every other error of a user's is said."""
+
+    def error(self, message: str) -> NoReturn:
+        """UserError instead of a usage text and an exit."""
+        raise UserError(f"{message} (see {self.prog} --help)")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command; its exit status. A user's mistake is one line on stderr, never a traceback."""
+    argv = sys.argv[1:] if argv is None else list(argv)
+    try:
+        arguments = _parser(argv).parse_args(argv)
+        status: int = arguments.run(arguments)
+        sys.stdout.flush()
+    except UserError as error:
+        print(f"fwav-companion: {error}", file=sys.stderr)
+        return EXIT_USAGE
+    except KeyboardInterrupt:
+        return EXIT_INTERRUPTED
+    except BrokenPipeError:  # whoever read our output has seen enough; the interpreter must not flush into it again
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return EXIT_PIPE_CLOSED
+    return status
+
+
+def _parser(argv: Sequence[str]) -> argparse.ArgumentParser:
+    """All commands that are installed, by name; of the one that is called, its arguments too."""
+    parser = OneLineParser(
+        prog="fwav-companion",
+        description="Camera detections become ground positions with honest uncertainty, told in MAVLink.",
+        epilog="example:\n  fwav-companion init && fwav-companion run --config fwav-companion.toml",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"fwav-companion {__version__}")
+    subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
+    called = next((argument for argument in argv if not argument.startswith("-")), "")
+    for command in COMMANDS:
+        if find_spec(command.module) is None:
+            continue
+        if command.name == called:
+            import_module(command.module).add_parser(subparsers)
+        else:
+            subparsers.add_parser(command.name, help=command.help)
+    return parser
