@@ -67,19 +67,18 @@ class MockCamera:
     @property
     def wake_at(self) -> int | None:
         """When the next frame's last row has been read; None: there is no camera."""
-        if not self._c.enabled:
+        row0_s = self._row0_s(self._frame)
+        stops_at_s = self._c.stops_at_s
+        if not self._c.enabled or (stops_at_s is not None and row0_s >= stops_at_s):
             return None
-        return self._start + round((self._row0_s(self._frame) + abs(self._biases.readout_s)) * 1e9)
+        return self._start + round((row0_s + abs(self._biases.readout_s)) * 1e9)
 
     def advance(self, now_ns: int) -> list[tuple[int, dict[str, Any], FrameTruth]]:
         """The frames whose last row has been read by now."""
         frames = []
         while self.wake_at is not None and self.wake_at <= now_ns:
             ready_ns = self.wake_at
-            latency_s = self._c.latency_s
-            if self._c.latency_jitter_s:
-                latency_s += self._rng.expovariate(1.0 / self._c.latency_jitter_s)
-            frames.append((ready_ns + round(latency_s * 1e9), *self._shot()))
+            frames.append((ready_ns + round(self._latency_s() * 1e9), *self._shot()))
             self._frame += 1
         return frames
 
@@ -101,6 +100,14 @@ class MockCamera:
         state = self._flight.at(t)
         in_body = apply_transposed(state.ned_from_body, minus(target.at(t), state.position))
         return self.lens.pixel(apply_transposed(self.body_from_camera, minus(in_body, self._c.position_m)))
+
+    def _latency_s(self) -> float:
+        latency_s = self._c.latency_s
+        if self._c.latency_jitter_s:
+            latency_s += self._rng.expovariate(1.0 / self._c.latency_jitter_s)
+        if self._c.late_every and self._frame % self._c.late_every == self._c.late_every - 1:
+            latency_s += self._c.late_by_s
+        return latency_s
 
     def _row0_s(self, frame: int) -> float:
         return self._c.first_frame_s + frame / self._c.fps
@@ -175,7 +182,8 @@ class MockCamera:
         if self._c.stamp_clock == "time_boot":
             return {"time_boot": round(self._clock.boot_ns(host_ns) * 1e-9, 6)}
         if self._c.stamp_clock == "time_unix":
-            return {"time_unix": round(host_ns * 1e-9 + self._unix_minus_host_s, 6)}
+            stepped_s = sum(by_s for at_s, by_s in self._c.wall_steps if row0_s + late_s >= at_s)
+            return {"time_unix": round(host_ns * 1e-9 + self._unix_minus_host_s + stepped_s, 6)}
         return {"time_monotonic": round(host_ns * 1e-9, 6)}
 
 

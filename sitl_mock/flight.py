@@ -20,7 +20,7 @@ class State(NamedTuple):
     position: Vector
     velocity: Vector
     euler: Vector
-    """Roll, pitch, yaw; yaw is not wrapped."""
+    """Roll, pitch, yaw; yaw may be outside of a turn."""
     rates: Vector
     """Of the body, rad/s."""
 

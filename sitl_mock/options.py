@@ -174,6 +174,13 @@ class CameraOptions:
     """From the last row to the datagram."""
     latency_jitter_s: float = 0.003
     """Mean of an exponential on top."""
+    late_every: int = 0
+    """Each frame of so many comes later by late_by_s, behind its followers; 0: none."""
+    late_by_s: float = 0.3
+    stops_at_s: float | None = None
+    """The camera dies then."""
+    wall_steps: tuple[tuple[float, float], ...] = ()
+    """(at, by) seconds: steps of the wall clock, which time_unix stamps follow."""
     missed: float = 0.05
     """Share of visible targets that are not detected."""
     clutter: float = 0.02

@@ -80,6 +80,12 @@ SCENARIOS: dict[str, tuple[str, dict[str, Any]]] = {
         {"camera.exposure_s": 0.008, "camera.max_blur_px": 5.0},
     ),
     "outliers": ("one detection in twenty grossly wrong", {"camera.outliers": 0.05}),
+    "late_frames": ("each tenth frame comes 300 ms later, behind its followers", {"camera.late_every": 10}),
+    "camera_dies": ("no frame after 10 s", {"camera.stops_at_s": 10.0}),
+    "stepped_wall_clock": (
+        "stamps by a wall clock that steps by an hour at 10 s",
+        {"camera.stamp_clock": "time_unix", "camera.wall_steps": ((10.0, 3600.0),)},
+    ),
     "jitter_10ms": (
         "10 ms exponential jitter each way",
         {"downlink.jitter_s": 0.01, "uplink.jitter_s": 0.01},

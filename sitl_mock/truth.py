@@ -15,6 +15,10 @@ if TYPE_CHECKING:
     from sitl_mock.simulate import Simulation
 
 
+LONGEST_COURSE_S = 3600.0
+"""Of a walker in the CSV: a flight without an end has a course without one."""
+
+
 @dataclasses.dataclass(frozen=True)
 class VehicleTruth:
     """The vehicle and the walkers at an instant, as they are. NED is the world's; angles in radians."""
@@ -81,7 +85,7 @@ def csv_text(simulation: Simulation, seconds: float) -> str:
     writer.writerow(["label", "lat", "lon", "alt_amsl", "time_unix"])
     start_unix_s = simulation.start_host_ns * 1e-9 + simulation.unix_minus_host_s
     for target in simulation.scene:
-        steps = range(int(seconds * 10) + 1) if target.walks else (None,)
+        steps = range(int(min(seconds, LONGEST_COURSE_S) * 10) + 1) if target.walks else (None,)
         for step in steps:
             place = simulation.world.place(target.at(0.0 if step is None else step * 0.1))
             stamp = "" if step is None else f"{start_unix_s + step * 0.1:.6f}"
