@@ -86,7 +86,12 @@ def _fix_object(fix: GroundFix | None) -> Line | None:
 
 
 def sighting_line(
-    frame: int, index: int, sighting: Sighting | None, fix: GroundFix | None, reason: Reason | None, gap_s: float | None
+    frame: int | None,
+    index: int,
+    sighting: Sighting | None,
+    fix: GroundFix | None,
+    reason: Reason | None,
+    gap_s: float | None,
 ) -> Line:
     """One detection, used or not. What could not be told is null."""
     state = sighting.state if sighting else None

@@ -5,7 +5,7 @@ Pure: frames come in with their own capture times, tracks go out. Reading order:
 """
 
 from fwav_companion.tracking.options import TrackingOptions
-from fwav_companion.tracking.reorder import Reorder
+from fwav_companion.tracking.reorder import Reorder, Settled
 from fwav_companion.tracking.tracker import Tracker, make_tracker
 
-__all__ = ["Reorder", "Tracker", "TrackingOptions", "make_tracker"]
+__all__ = ["Reorder", "Settled", "Tracker", "TrackingOptions", "make_tracker"]

@@ -1,0 +1,89 @@
+"""What is written down and counted: lines in their order, and every refusal under its name. Pure."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from typing import Any
+
+from fwav_companion.geometry.earth import Geodetic, TangentPlane
+from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.nouns import FrameView, Reason, Track
+from fwav_companion.recording.lines import Line, header_line, origin_line, target_line, unix_seconds
+
+MAX_HELD_LINES = 64
+"""Lines that wait for the header, which waits for the origin: a clock line a second, and a world is decided 10 s after
+the first attitude. A file without any autopilot gets its header after a minute."""
+
+
+class Ledger:
+    """The lines of one targets file, and the counts of its summary."""
+
+    def __init__(self, version: str, config: Mapping[str, Any], unix_offset_ns: int) -> None:
+        self._version = version
+        self._config = config
+        self._unix_offset_ns = unix_offset_ns
+        self._held: list[Line] | None = []
+        self._lines: list[Line] = []
+        self._sightings: dict[tuple[HostNs, int], list[Line]] = {}
+        self.frames = 0
+        self.detections = 0
+        self.fixes = 0
+        self.dropped: Counter[Reason] = Counter()
+
+    def drop(self, reason: Reason, count: int = 1) -> None:
+        """Count what gave no answer."""
+        self.dropped[reason] += count
+
+    def begin(self, origin: Geodetic | None) -> None:
+        """Write the header; a later origin gets a line of its own."""
+        if self._held is None:
+            return
+        self._lines.append(header_line(self._version, origin, self._unix_offset_ns, self._config))
+        self._lines.extend(self._held)
+        self._held = None
+
+    def origin_moved_in(self, now_ns: HostNs, origin: Geodetic) -> None:
+        """An origin is known: it goes into the header, or where that is written into a line of its own."""
+        if self._held is not None:
+            self.begin(origin)
+        else:
+            self._lines.append(origin_line(unix_seconds(now_ns, self._unix_offset_ns), origin))
+
+    def write(self, line: Line) -> None:
+        """One line, after what was written before it."""
+        if self._held is None:
+            self._lines.append(line)
+            return
+        self._held.append(line)
+        if len(self._held) >= MAX_HELD_LINES:
+            self.begin(None)
+
+    def keep_sightings(self, host_ns: HostNs, frame: int, lines: list[Line]) -> None:
+        """Sighting lines of a frame, until it is settled."""
+        self._sightings[host_ns, frame] = lines
+
+    def settle(self, view: FrameView, tracks: tuple[Track, ...], plane: TangentPlane | None) -> None:
+        """The final word on one frame: its sightings and its targets."""
+        for line in self._sightings.pop((view.host_ns, view.frame), ()):
+            self.write(line)
+        for track in tracks:
+            self.write(target_line(track, plane, self._unix_offset_ns))
+
+    def take(self) -> list[Line]:
+        """What is to be written since the last call."""
+        lines, self._lines = self._lines, []
+        return lines
+
+    def counts(self) -> dict[str, Any]:
+        """Frames, detections, fixes and refusals so far."""
+        return {
+            "frames": self.frames,
+            "detections": self.detections,
+            "fixes": self.fixes,
+            "dropped": {reason.value: count for reason, count in sorted(self.dropped.items())},
+        }
+
+    def summary(self) -> Line:
+        """The last line."""
+        return {"type": "summary", **self.counts()}

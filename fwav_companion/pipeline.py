@@ -1,0 +1,276 @@
+"""The whole flow on one page: messages and frames in; messages, lines and notices out. Pure: it is handed the time.
+
+``run`` drives it from sockets, ``replay`` from files, tests from invented time. Before every event it does what was due
+earlier, at the time it was due, so that a busy machine changes nothing in what is estimated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+import msgspec
+
+from fwav_companion.geometry.earth import TangentPlane
+from fwav_companion.geometry.stamps import NS_PER_S, HostNs
+from fwav_companion.ledger import Ledger
+from fwav_companion.mavlink.commands import Commands
+from fwav_companion.mavlink.identity import Adopted, Identity, IdentityEvent
+from fwav_companion.mavlink.rates import Rates
+from fwav_companion.mavlink.timesync import Timesync
+from fwav_companion.nouns import ClockExchange, Frame, Message, NoFrame, Notice, Outgoing, Reason, Situation, Unpaired
+from fwav_companion.publishing.publisher import Publisher
+from fwav_companion.recording.lines import Line, clock_line, home_line, unix_seconds
+from fwav_companion.sayings import said_of
+from fwav_companion.sight import Seen, Sight
+from fwav_companion.telemetry import HomeMoved, OriginSet, Rebooted, RelativeWorld, Telemetry, TelemetryEvent
+from fwav_companion.tracking import Settled
+
+ANSWERED = frozenset({"COMMAND_LONG", "COMMAND_INT", "PING"})
+"""What is a question to us, whoever asks."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rooms:
+    """Everything that the pipeline joins; :mod:`fwav_companion.wiring` makes it from a configuration."""
+
+    identity: Identity
+    timesync: Timesync
+    rates: Rates
+    commands: Commands
+    telemetry: Telemetry
+    publisher: Publisher
+    sight: Sight | None
+    """None: a relay without a camera."""
+
+
+@dataclass(slots=True)
+class Outputs:
+    """What the pipeline wants done, in order."""
+
+    messages: list[Outgoing] = field(default_factory=list)
+    lines: list[Line] = field(default_factory=list)
+    notices: list[Notice] = field(default_factory=list)
+    datagrams: list[bytes] = field(default_factory=list)
+    """Cursor on Target."""
+
+
+class Pipeline:
+    """One flight. Every method takes ``now``, the host's instant in whole microseconds, which never goes back."""
+
+    def __init__(self, rooms: Rooms, ledger: Ledger, *, unix_offset_ns: int, live: bool = True) -> None:
+        """``unix_offset_ns``: the recording's clock minus the host's. ``live``: false where nothing may be said."""
+        self._rooms = rooms
+        self._ledger = ledger
+        self._unix_offset_ns = unix_offset_ns
+        self._live = live
+        self._clock_line_ns: HostNs | None = None
+        self._outputs = Outputs()
+        self._ended = False
+
+    # What comes in.
+
+    def on_message(self, message: Message, now: HostNs) -> None:
+        """A message of anybody."""
+        self.advance(now)
+        rooms = self._rooms
+        self._on_identity(rooms.identity.on_message(message, now), now)
+        if message.name == "TIMESYNC":
+            self._on_timesync(message, now)
+        rooms.rates.on_message(message, now)
+        autopilot = rooms.identity.autopilot
+        if autopilot and message.system == autopilot.system and message.component == autopilot.component:
+            self._on_telemetry(rooms.telemetry.on_message(message, now), now)
+            self._take_ready(now)
+        if self._live and message.name in ANSWERED:
+            self._outputs.messages += rooms.commands.on_message(message, self._situation(now))
+
+    def on_own_message(self, message: Message, now: HostNs) -> None:
+        """A message that we ourselves sent, in a recording: our TIMESYNC requests are learned from it."""
+        self.advance(now)
+        if message.name == "TIMESYNC" and message.fields.tc1 == 0:
+            self._rooms.timesync.on_sent(message.fields.ts1, now)
+
+    def on_rate_request_passed(self, who: str, now: HostNs) -> None:
+        """Somebody's request for other message rates went to the autopilot over a link of ours."""
+        self._rooms.rates.on_rate_request_passed(who, now)
+
+    def on_frame(self, frame: Frame | NoFrame, now: HostNs) -> None:
+        """A frame that was looked at, or what was no frame."""
+        self.advance(now)
+        if isinstance(frame, NoFrame) or self._rooms.sight is None:
+            if isinstance(frame, NoFrame):
+                self._ledger.drop(frame.reason)
+            return
+        self._rooms.sight.on_frame(frame, now)
+        self._take_ready(now)
+
+    # Time.
+
+    @property
+    def wake_at(self) -> HostNs | None:
+        """When :meth:`advance` has something to do; None: not before the next event."""
+        return min((due for due in self._dues() if due is not None), default=None)
+
+    def advance(self, now: HostNs) -> None:
+        """Do everything that was due until now, in its order and at its own time."""
+        if self._clock_line_ns is None:
+            self._clock_line_ns = self._next_whole_second(now)
+        while (due := self.wake_at) is not None and due <= now:
+            self._wake(due, now)
+
+    def finish(self, now: HostNs) -> None:
+        """The flight is over: settle every frame and write the summary."""
+        if self._ended:
+            return
+        self._ended = True
+        self.advance(now)
+        if self._rooms.sight is not None:
+            self._write_settled(self._rooms.sight.finish(now), self._rooms.telemetry.world.plane)
+        world = self._rooms.telemetry.world
+        self._ledger.begin(world.plane.origin if world.plane else None)
+        self._ledger.write(self._ledger.summary())
+
+    # What goes out.
+
+    def take(self) -> Outputs:
+        """All outputs since the last call."""
+        outputs, self._outputs = self._outputs, Outputs()
+        outputs.lines = self._ledger.take()
+        outputs.datagrams = self._rooms.publisher.datagrams()
+        return outputs
+
+    def status(self, now: HostNs) -> dict[str, Any]:
+        """For the status file."""
+        rooms = self._rooms
+        return {
+            "autopilot": msgspec.to_builtins(rooms.identity.autopilot),
+            "autopilot_lost": rooms.identity.autopilot_lost,
+            "clock": msgspec.to_builtins(rooms.telemetry.clock.estimate(now)),
+            "rates": rooms.rates.status(),
+            "telemetry": rooms.telemetry.status(now),
+            "publishing": rooms.publisher.status(),
+            **self._ledger.counts(),
+        }
+
+    # Steps.
+
+    def _dues(self) -> tuple[HostNs | None, ...]:
+        rooms = self._rooms
+        sight_due = rooms.sight.wake_at if rooms.sight is not None else None
+        heard = (self._clock_line_ns, rooms.identity.wake_at, rooms.telemetry.wake_at, sight_due)
+        if not self._live:
+            return heard
+        return (*heard, rooms.timesync.wake_at, rooms.rates.wake_at, rooms.publisher.wake_at)
+
+    def _wake(self, due: HostNs, now: HostNs) -> None:
+        """Let every room do its due: what estimates is handed the time it was due, what speaks the time it is."""
+        rooms = self._rooms
+        self._on_identity(rooms.identity.on_wake(due), now)
+        self._on_telemetry(rooms.telemetry.on_wake(due), due)
+        self._take_ready(due)
+        self._settle(due)
+        if self._clock_line_ns is not None and due >= self._clock_line_ns:
+            self._write_clock_line(self._clock_line_ns)
+            self._clock_line_ns = self._next_whole_second(due)
+        if self._live:
+            self._speak(now)
+
+    def _speak(self, now: HostNs) -> None:
+        rooms, messages = self._rooms, self._outputs.messages
+        healthy = rooms.identity.autopilot is not None and not rooms.identity.autopilot_lost
+        messages += rooms.identity.heartbeats(now, healthy)
+        request = rooms.timesync.on_wake(now)
+        if request is not None:
+            messages.append(request)
+        messages += rooms.rates.on_wake(now)
+        self._notify(rooms.rates.notices(), now)
+        if rooms.publisher.wake_at is not None and rooms.publisher.wake_at <= now:
+            messages += rooms.publisher.on_wake(now, self._situation(now))
+
+    def _on_identity(self, events: Iterable[IdentityEvent], now: HostNs) -> None:
+        for event in events:
+            if isinstance(event, Adopted):
+                self._rooms.timesync.adopt(event.autopilot, now)
+                self._rooms.rates.adopt(event.autopilot, now)
+            self._notify(said_of(event), now)
+
+    def _on_timesync(self, message: Message, now: HostNs) -> None:
+        result = self._rooms.timesync.on_message(message, now)
+        if isinstance(result, ClockExchange):
+            self._on_telemetry(self._rooms.telemetry.on_exchange(result), now)
+        elif isinstance(result, Outgoing) and self._live:
+            self._outputs.messages.append(result)
+
+    def _on_telemetry(self, events: Iterable[TelemetryEvent], now: HostNs) -> None:
+        for event in events:
+            match event:
+                case Rebooted():
+                    self._rooms.timesync.restart(now)
+                    self._rooms.rates.ask_again("the autopilot rebooted", now)
+                case OriginSet(origin, late):
+                    if late and self._rooms.sight is not None:
+                        self._rooms.sight.drop_all(Reason.ORIGIN_SET)
+                        self._write_settled(self._rooms.sight.settle(now), plane=None)
+                    self._ledger.origin_moved_in(now, origin)
+                case RelativeWorld():
+                    self._ledger.begin(None)
+                case HomeMoved(down_m):
+                    if self._rooms.sight is not None:
+                        self._rooms.sight.home_moved(down_m)
+                    self._ledger.write(home_line(unix_seconds(now, self._unix_offset_ns), down_m))
+            self._notify(said_of(event), now)
+
+    def _take_ready(self, now: HostNs) -> None:
+        """Localize, track and publish the frames whose attitudes are there."""
+        if self._rooms.sight is None:
+            return
+        for seen in self._rooms.sight.take_ready(now):
+            if self._live:
+                situation = self._situation(now, seen)
+                publisher = self._rooms.publisher
+                self._outputs.messages += publisher.on_tracks(seen.tracks, situation, seen.pixel_from_ned)
+
+    def _settle(self, now: HostNs) -> None:
+        if self._rooms.sight is not None:
+            self._write_settled(self._rooms.sight.settle(now), self._rooms.telemetry.world.plane)
+
+    def _write_settled(self, frames: Iterable[Settled], plane: TangentPlane | None) -> None:
+        """``plane``: of the world in which these frames were processed."""
+        for frame in frames:
+            self._ledger.settle(frame.view, frame.tracks, plane)
+
+    def _write_clock_line(self, at: HostNs) -> None:
+        telemetry = self._rooms.telemetry
+        boot_ns = telemetry.clock.boot_from_host(at)
+        if isinstance(boot_ns, Unpaired):
+            return
+        utc_minus_host_s = telemetry.utc_minus_host_s
+        utc_minus_unix_s = None if utc_minus_host_s is None else utc_minus_host_s - self._unix_offset_ns / 1e9
+        self._ledger.write(clock_line(at, telemetry.clock.estimate(at), boot_ns, utc_minus_unix_s))
+
+    def _next_whole_second(self, now: HostNs) -> HostNs:
+        """Of the recording's clock: where the lines of one flight stand must not hang on when it was replayed."""
+        return HostNs(now + NS_PER_S - (now + self._unix_offset_ns) % NS_PER_S)
+
+    def _notify(self, notices: Iterable[Notice], now: HostNs) -> None:
+        for notice in notices:
+            self._outputs.notices.append(notice)
+            if self._live:
+                self._outputs.messages += self._rooms.publisher.on_notice(notice, now)
+
+    def _situation(self, now: HostNs, seen: Seen | None = None) -> Situation:
+        telemetry = self._rooms.telemetry
+        vehicle, at_capture = telemetry.newest_state(), seen.state if seen else None
+        return Situation(
+            now_ns=now,
+            autopilot=self._rooms.identity.autopilot,
+            plane=telemetry.world.plane,
+            vehicle=None if isinstance(vehicle, Unpaired) else vehicle,
+            at_capture=at_capture,
+            local_position_ned=telemetry.local_position_at(at_capture.boot_ns) if at_capture else None,
+            clock=telemetry.clock.estimate(now),
+            undulation_m=telemetry.undulation_m,
+            utc_minus_host_s=telemetry.utc_minus_host_s,
+        )

@@ -1,0 +1,161 @@
+"""Where the targets really were: a CSV or JSONL file, and what a replay's tracks missed it by. Pure."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from bisect import bisect_right
+from collections.abc import Iterable, Mapping
+from math import hypot, isfinite, sqrt
+from typing import Any
+
+import msgspec
+
+from fwav_companion.errors import InputFileError
+from fwav_companion.geometry.earth import Geodetic, TangentPlane
+from fwav_companion.geometry.vectors import Vector3, larger_semi_axis
+from fwav_companion.nouns import Track, TrackState
+
+ACCEPTED = "label and (lat, lon, alt_amsl) or (north, east, down), optionally time_unix"
+
+
+class TruthPoint(msgspec.Struct, frozen=True):
+    """One target at one time."""
+
+    label: str
+    place: Geodetic | None
+    ned: Vector3 | None
+    """Metres, where the file tells it so."""
+    time_unix: float | None
+    """None: it stands there all the time."""
+
+
+def parse_truth(text: str, name: str) -> list[TruthPoint]:
+    """Points of a truth file. InputFileError names the line and what is accepted."""
+    rows = _json_rows(text, name) if text.lstrip().startswith("{") else _csv_rows(text)
+    points = [_point(row, f"{name}: line {number}") for number, row in rows]
+    if not points:
+        raise InputFileError(f"{name}: no point in it; accepted: CSV or JSONL with {ACCEPTED}")
+    return points
+
+
+def _json_rows(text: str, name: str) -> Iterable[tuple[int, Mapping[str, Any]]]:
+    for number, line in enumerate(text.splitlines(), 1):
+        if not line.strip():
+            continue
+        try:
+            row = json.loads(line)
+        except ValueError as error:
+            raise InputFileError(f"{name}: line {number}: not JSON ({error}); accepted: {ACCEPTED}") from error
+        if isinstance(row, dict):
+            yield number, row
+
+
+def _csv_rows(text: str) -> Iterable[tuple[int, Mapping[str, Any]]]:
+    reader = csv.DictReader(io.StringIO(text), skipinitialspace=True)
+    return ((reader.line_num, row) for row in reader)
+
+
+def _point(row: Mapping[str, Any], where: str) -> TruthPoint:
+    geodetic, ned = _numbers(row, ("lat", "lon", "alt_amsl"), where), _numbers(row, ("north", "east", "down"), where)
+    if geodetic is None and ned is None:
+        raise InputFileError(f"{where}: {dict(row)!r} has no place; accepted: {ACCEPTED}")
+    time = _numbers(row, ("time_unix",), where)
+    return TruthPoint(
+        label=str(row.get("label") or ""),
+        place=Geodetic.from_degrees(*geodetic) if geodetic else None,
+        ned=(ned[0], ned[1], ned[2]) if ned else None,
+        time_unix=time[0] if time else None,
+    )
+
+
+def _numbers(row: Mapping[str, Any], names: tuple[str, ...], where: str) -> list[float] | None:
+    """The named numbers; None where one is absent or empty."""
+    if any(row.get(name) in (None, "") for name in names):
+        return None
+    try:
+        values = [float(row[name]) for name in names]
+    except (TypeError, ValueError) as error:
+        raise InputFileError(f"{where}: {error}; accepted: {ACCEPTED}") from error
+    if not all(map(isfinite, values)):
+        raise InputFileError(f"{where}: {dict(row)!r} is not finite; accepted: {ACCEPTED}")
+    return values
+
+
+class Truth:
+    """The places of one label, asked by time."""
+
+    def __init__(self, points: Iterable[TruthPoint]) -> None:
+        self._points = sorted(points, key=lambda point: point.time_unix or 0.0)
+        self._times = [point.time_unix or 0.0 for point in self._points]
+
+    def ned_at(self, time_unix: float, plane: TangentPlane | None) -> Vector3 | None:
+        """Where it was, linear between points and still outside of them; None where no frame joins it with ours."""
+        after = bisect_right(self._times, time_unix)
+        if after in (0, len(self._points)):
+            return _ned(self._points[min(after, len(self._points) - 1)], plane)
+        first, second = _ned(self._points[after - 1], plane), _ned(self._points[after], plane)
+        span = self._times[after] - self._times[after - 1]
+        if first is None or second is None or span <= 0.0:
+            return first
+        share = (time_unix - self._times[after - 1]) / span
+        return (
+            first[0] + share * (second[0] - first[0]),
+            first[1] + share * (second[1] - first[1]),
+            first[2] + share * (second[2] - first[2]),
+        )
+
+
+def _ned(point: TruthPoint, plane: TangentPlane | None) -> Vector3 | None:
+    if point.place is not None and plane is not None:
+        return plane.ned_from_geodetic(point.place)
+    return point.ned
+
+
+class ErrorTally:
+    """Horizontal errors of a replay's confirmed tracks, by the nearest target of the same label."""
+
+    def __init__(self, points: Iterable[TruthPoint]) -> None:
+        by_label: dict[str, list[TruthPoint]] = {}
+        for number, point in enumerate(points):
+            # A label without times may name several targets that stand about: each row is one.
+            key = point.label if point.time_unix is not None else f"{point.label}\0{number}"
+            by_label.setdefault(key, []).append(point)
+        self._targets = [(key.partition("\0")[0], Truth(points)) for key, points in by_label.items()]
+        self._squares: dict[int, list[float]] = {index: [] for index in range(len(self._targets))}
+        self._last: dict[int, tuple[int, float, float]] = {}
+
+    def add(self, track: Track, time_unix: float, plane: TangentPlane | None) -> None:
+        """One settled state of a track."""
+        if track.state not in (TrackState.CONFIRMED, TrackState.COASTING):
+            return
+        candidates = []
+        for index, (label, truth) in enumerate(self._targets):
+            true_ned = truth.ned_at(time_unix, plane)
+            if true_ned is not None and label in ("", track.label):
+                north, east, _ = track.position_ned
+                candidates.append((hypot(north - true_ned[0], east - true_ned[1]), index))
+        if candidates:
+            error_m, index = min(candidates)
+            self._squares[index].append(error_m * error_m)
+            self._last[index] = (track.id, error_m, larger_semi_axis(track.cov))
+
+    def summary(self) -> list[dict[str, Any]]:
+        """One object a true target: found, final and RMS error, and the claim at the end, metres."""
+        return [self._target_summary(index, label) for index, (label, _) in enumerate(self._targets)]
+
+    def _target_summary(self, index: int, label: str) -> dict[str, Any]:
+        squares = self._squares[index]
+        if not squares:
+            return {"label": label, "found": False}
+        track, final_m, sigma_m = self._last[index]
+        return {
+            "label": label,
+            "found": True,
+            "track": track,
+            "samples": len(squares),
+            "rms_m": sqrt(sum(squares) / len(squares)),
+            "final_m": final_m,
+            "claimed_sigma_m": sigma_m,
+        }

@@ -1,0 +1,142 @@
+"""From a configuration to the rooms, joined: the one place that knows both. Pure."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fwav_companion import __version__
+from fwav_companion.camera import Calibration
+from fwav_companion.config import Config
+from fwav_companion.errors import ConfigError
+from fwav_companion.ledger import Ledger
+from fwav_companion.localization import FixedGround, Ground, HomeGround, Localizer
+from fwav_companion.mavlink.commands import Commands, Handler
+from fwav_companion.mavlink.identity import Identity
+from fwav_companion.mavlink.rates import Rates
+from fwav_companion.mavlink.timesync import Timesync
+from fwav_companion.mavlink.wanted import default_wanted
+from fwav_companion.pairing import CameraTiming, Pairer, StampRule
+from fwav_companion.pipeline import Pipeline, Rooms
+from fwav_companion.publishing.options import PublishOptions
+from fwav_companion.publishing.publisher import Publisher
+from fwav_companion.sight import Sight
+from fwav_companion.telemetry import Telemetry, TelemetryOptions
+from fwav_companion.tracking import Reorder, TrackingOptions, make_tracker
+
+CAMERA_COMPONENT = 100
+"""MAV_COMP_ID_CAMERA."""
+
+
+def make_pipeline(
+    config: Config,
+    calibration: Calibration | None,
+    *,
+    unix_offset_ns: int,
+    live: bool,
+    sightings: bool = False,
+    unit: str = "",
+) -> Pipeline:
+    """The pipeline of one flight. Without a calibration it is a relay's: nothing is localized.
+
+    ``unit`` names this board for good, for uids that outlive a restart.
+    """
+    ledger = Ledger(__version__, config.as_builtins(), unix_offset_ns)
+    component, has_camera = config.vehicle.component_id, config.publish.camera_tracking and calibration is not None
+    telemetry = Telemetry(_telemetry_options(config))
+    publisher = Publisher(_publish_options(config, calibration, unit))
+    handlers: dict[int, Handler | None] = {component: None}
+    if has_camera:
+        handlers[CAMERA_COMPONENT] = publisher.on_command
+    rooms = Rooms(
+        identity=Identity(config.vehicle.system_id, component, CAMERA_COMPONENT if has_camera else None),
+        timesync=Timesync(component),
+        rates=Rates(
+            default_wanted(config.rates.attitude, config.rates.position),
+            attitude_message=config.vehicle.attitude_message,
+            component=component,
+        ),
+        commands=Commands(handlers, require_signed=config.signing is not None, version=_version_numbers()),
+        telemetry=telemetry,
+        publisher=publisher,
+        sight=None if calibration is None else _sight(config, calibration, telemetry, ledger, sightings=sightings),
+    )
+    return Pipeline(rooms, ledger, unix_offset_ns=unix_offset_ns, live=live)
+
+
+def own_components(config: Config) -> frozenset[int]:
+    """The component ids that we speak as."""
+    return frozenset({config.vehicle.component_id, CAMERA_COMPONENT})
+
+
+def _sight(config: Config, calibration: Calibration, telemetry: Telemetry, ledger: Ledger, *, sightings: bool) -> Sight:
+    camera = config.camera
+    rule = camera.stamp_rule(libcamera_on_raspberry_pi=False)
+    pairer = Pairer(
+        lens=calibration.lens,
+        body_from_camera=calibration.body_from_camera or camera.mount.body_from_camera,
+        lever_arm_m=camera.mount.lever_arm_m,
+        timing=CameraTiming(
+            time_offset_s=camera.time_offset_s if calibration.time_offset_s is None else calibration.time_offset_s,
+            readout_s=camera.known_readout_s,
+            stamp_rule=StampRule(rule),
+            exposure_s=camera.exposure_s,
+        ),
+        pixel_noise_px=config.uncertainty.pixel_noise_px,
+        min_score=config.detections.min_score,
+        labels=config.detections.labels,
+    )
+    localizer = Localizer(_ground(config), config.priors, min_height_m=config.ground.min_height_m)
+    reorder = Reorder(make_tracker(_tracking_options(config), config.priors))
+    return Sight(telemetry, pairer, localizer, reorder, ledger, sightings=sightings)
+
+
+def _ground(config: Config) -> Ground:
+    match config.ground.model:
+        case "fixed":
+            return FixedGround(config.ground.height_m)
+        case "home":
+            return HomeGround()
+        case model:
+            raise ConfigError(f"{config.file}: [ground] model = {model!r}: not in this version; accepted: home, fixed")
+
+
+def _telemetry_options(config: Config) -> TelemetryOptions:
+    vehicle = config.vehicle
+    return TelemetryOptions(
+        position=vehicle.position,
+        attitude_message=vehicle.attitude_message,
+        position_delay_s=vehicle.position_delay_s,
+        attitude_stamp_delay_s=config.uncertainty.attitude_stamp_delay_s,
+    )
+
+
+def _tracking_options(config: Config) -> TrackingOptions:
+    tracking = config.tracking
+    return TrackingOptions(
+        filter=tracking.filter,
+        alpha=tracking.alpha,
+        alpha_rate_hz=tracking.alpha_rate_hz,
+        motion=tracking.motion,
+        self_calibration=tracking.self_calibration,
+    )
+
+
+def _publish_options(config: Config, calibration: Calibration | None, unit: str) -> PublishOptions:
+    publish = config.publish
+    shared: dict[str, Any] = {
+        name: getattr(publish, name) for name in PublishOptions.__struct_fields__ if name in publish.__struct_fields__
+    }
+    return PublishOptions(
+        **shared | {"cot": bool(publish.cot)},
+        image_size=(0, 0) if calibration is None else calibration.image_size,
+        camera_position_m=config.camera.mount.lever_arm_m,
+        companion_component=config.vehicle.component_id,
+        camera_component=CAMERA_COMPONENT,
+        version=_version_numbers(),
+        unit=unit,
+    )
+
+
+def _version_numbers() -> tuple[int, int, int]:
+    major, minor, patch = (int(part) for part in __version__.split(".")[:3])
+    return (major, minor, patch)
