@@ -28,14 +28,15 @@ class KannalaBrandt:
     """A lens whose radius is an odd polynomial of the angle. Immutable."""
 
     __slots__ = (
-        "_largest",
-        "_largest_radius",
         "_table",
         "image_size",
         "k_mm",
+        "largest_angle",
+        "largest_radius",
         "max_angle",
         "pixels_per_mm",
         "principal_point",
+        "ray_table",
         "skew",
     )
 
@@ -61,8 +62,9 @@ class KannalaBrandt:
         self.skew = skew
         self._check(max_angle)
         self.max_angle = self._valid_range(inf if max_angle is None else max_angle)
-        self._largest = min(self.max_angle + SLACK, pi)
-        self._largest_radius, _ = radius_and_slope(self.k_mm, self._largest)
+        self.largest_angle = min(self.max_angle + SLACK, pi)
+        self.largest_radius, _ = radius_and_slope(self.k_mm, self.largest_angle)
+        self.ray_table = ray_table(self.k_mm, self.largest_angle)
         self._table = self._quick_table()
 
     def _check(self, max_angle: float | None) -> None:
@@ -86,7 +88,7 @@ class KannalaBrandt:
 
     def _quick_table(self) -> tuple[float, float, float, float, float, tuple[Piece, ...]]:
         """What the quick way needs, at hand in one tuple. A skewed lens, a rare thing, goes the other way."""
-        table = ray_table(self.k_mm, self._largest)
+        table = self.ray_table
         (u0, v0), (m_u, m_v) = self.principal_point, self.pixels_per_mm
         end = float(len(table.pieces)) if self.skew == 0.0 else 0.0
         return (u0, v0, 1.0 / (m_u * table.unit), 1.0 / (m_v * table.unit), end, table.pieces)
@@ -115,11 +117,11 @@ class KannalaBrandt:
         """The same by Newton, and the refusals: for what the table does not hold."""
         x, y = self._sensor_from_pixel(u, v)
         r = hypot(x, y)
-        if not r <= self._largest_radius:
+        if not r <= self.largest_radius:
             return NoRay()
         if r == 0.0:
             return (0.0, 0.0, 1.0)
-        theta = angle_from_radius(self.k_mm, r, self._largest)
+        theta = angle_from_radius(self.k_mm, r, self.largest_angle)
         s = sin(theta) / r
         return (x * s, y * s, cos(theta))
 
@@ -151,7 +153,7 @@ class KannalaBrandt:
         if not 0.0 < hypot(across, z) < inf:
             return NoRay()
         theta = atan2(across, z)
-        if theta > self._largest:
+        if theta > self.largest_angle:
             return NoRay()
         if across == 0.0:
             return self.principal_point if z > 0.0 else NoRay()
