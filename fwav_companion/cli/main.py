@@ -57,11 +57,11 @@ class OneLineParser(argparse.ArgumentParser):
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; its exit status. A user's mistake is one line on stderr, never a traceback."""
-    argv = sys.argv[1:] if argv is None else list(argv)
     try:
-        arguments = _parser(argv).parse_args(argv)
-        status: int = arguments.run(arguments)
-        sys.stdout.flush()
+        try:
+            return _run(sys.argv[1:] if argv is None else argv)
+        finally:
+            sys.stdout.flush()
     except UserError as error:
         print(f"fwav-companion: {error}", file=sys.stderr)
         return EXIT_USAGE
@@ -70,6 +70,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # whoever read our output has seen enough; the interpreter must not flush into it again
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return EXIT_PIPE_CLOSED
+
+
+def _run(argv: Sequence[str]) -> int:
+    arguments = _parser(argv).parse_args(argv)
+    status: int = arguments.run(arguments)
     return status
 
 

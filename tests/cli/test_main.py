@@ -1,0 +1,135 @@
+"""The command line itself: exit statuses, one-line errors, and that a command carries no other command's needs."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import fwav_companion
+from fwav_companion.cli import init
+from fwav_companion.cli.main import COMMANDS, main
+from fwav_companion.config import load
+from fwav_companion.errors import ConfigError
+
+
+def run(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "fwav_companion", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, cwd=cwd)
+
+
+def test_version(capsys: pytest.CaptureFixture[str]):
+    with pytest.raises(SystemExit) as caught:
+        main(["--version"])
+    assert caught.value.code == 0
+    assert capsys.readouterr().out == f"fwav-companion {fwav_companion.__version__}\n"
+
+
+def test_help_lists_what_is_there(capsys: pytest.CaptureFixture[str]):
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    shown = capsys.readouterr().out
+    here = Path(init.__file__).parent
+    for command in COMMANDS:
+        assert (f"    {command.name} " in shown) == (here / f"{command.name}.py").exists()
+    assert "example:" in shown
+
+
+def test_help_of_a_command_shows_an_example(capsys: pytest.CaptureFixture[str]):
+    with pytest.raises(SystemExit) as caught:
+        main(["init", "--help"])
+    assert caught.value.code == 0
+    assert "example:\n  fwav-companion init" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("arguments", [[], ["fly"], ["init", "--fast"], ["init", "a", "b"]])
+def test_wrong_usage_is_one_line_and_status_2(arguments: list[str], capsys: pytest.CaptureFixture[str]):
+    assert main(arguments) == 2
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert shown.err.startswith("fwav-companion: ")
+    assert shown.err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "said"),
+    [
+        (ConfigError("f.toml: wrong"), 2, "fwav-companion: f.toml: wrong\n"),
+        (KeyboardInterrupt(), 130, ""),
+    ],
+)
+def test_how_a_command_ends(
+    error: BaseException,
+    status: int,
+    said: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+):
+    def fails(_arguments: object) -> int:
+        raise error
+
+    monkeypatch.setattr(init, "run", fails)
+    assert main(["init"]) == status
+    assert capsys.readouterr().err == said
+
+
+def test_a_mistake_of_ours_is_not_hidden(monkeypatch: pytest.MonkeyPatch):
+    def fails(_arguments: object) -> int:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(init, "run", fails)
+    with pytest.raises(ZeroDivisionError):
+        main(["init"])
+
+
+def test_a_reader_that_has_seen_enough_gets_no_traceback():
+    reader, writer = os.pipe()
+    os.close(reader)
+    command = [sys.executable, "-m", "fwav_companion", "--help"]
+    done = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, timeout=60)
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (141, b"")
+
+
+def test_init_writes_what_can_be_loaded_and_overwrites_nothing(tmp_path: Path):
+    folder = tmp_path / "new" / "folder"
+    done = run("init", str(folder))
+    assert (done.returncode, done.stderr) == (0, "")
+    config = load(folder / "fwav-companion.toml")
+    config.require_links()
+    assert config.calibration_path.read_text() == init.template("camera.yaml")
+
+    (folder / "fwav-companion.toml").write_text("mine")
+    again = run("init", str(folder))
+    assert again.returncode == 2
+    assert again.stderr == (
+        f"fwav-companion: {folder}/fwav-companion.toml: stands there already; accepted: a folder without one\n"
+    )
+    assert (folder / "fwav-companion.toml").read_text() == "mine"
+
+
+def test_init_here_by_default_and_all_or_nothing(tmp_path: Path):
+    (tmp_path / "camera.yaml").write_text("mine")
+    assert run("init", cwd=tmp_path).returncode == 2
+    assert [path.name for path in tmp_path.iterdir()] == ["camera.yaml"]
+    (tmp_path / "camera.yaml").unlink()
+    assert run("init", cwd=tmp_path).returncode == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["camera.yaml", "fwav-companion.toml"]
+
+
+def test_init_where_nobody_can_write(tmp_path: Path):
+    (tmp_path / "file").write_text("")
+    done = run("init", str(tmp_path / "file"))
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert "accepted: a folder to write to" in done.stderr
+
+
+def test_init_loads_nothing_of_other_commands():
+    code = (
+        "import sys\nfrom fwav_companion.cli.main import main\nmain(['init', '/proc/nowhere'])\n"
+        "print(sorted({'rich', 'numpy', 'pymavlink', 'serial', 'asyncio'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.stdout == "[]\n"

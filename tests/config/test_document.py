@@ -1,0 +1,128 @@
+"""What a configuration that was read gives the rooms."""
+
+import ast
+import inspect
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from fwav_companion.config import READOUT_SIGMA_UNKNOWN_S, Mount, estimation, inputs, outputs, parse
+from fwav_companion.config.document import Document
+from fwav_companion.errors import ConfigError
+from fwav_companion.nouns import Bias
+
+RELAY = '[detections]\nurl = ""\n'
+AUTOPILOT = '[[link]]\nname = "a"\nurl = "serial:///dev/ttyAMA0:57600"\nrole = "autopilot"\n'
+
+
+def test_priors_are_in_si_and_in_the_order_of_the_biases():
+    text = """
+    [uncertainty]
+    attitude_noise_deg = 1.8
+    attitude_bias_deg = 18
+    heading_bias_deg = 36
+    mount_bias_deg = 9
+    position_bias_m = 7
+    height_bias_m = 8
+    terrain_m = 9
+    time_offset_sigma_s = 0.5
+    position_bias_time_s = 11
+    """
+    priors = parse(RELAY + text, "f.toml").priors
+    assert priors.attitude_noise == pytest.approx(math.pi / 100)
+    assert priors.pixel_noise_px == 4.0
+    assert priors.position_noise_m == 0.1
+    assert priors.height_noise_m == 0.3
+    assert priors.position_bias_time_s == 11.0
+    expected = {
+        Bias.ROLL: math.pi / 10, Bias.PITCH: math.pi / 10, Bias.HEADING: math.pi / 5,
+        Bias.MOUNT_X: math.pi / 20, Bias.MOUNT_Y: math.pi / 20, Bias.MOUNT_Z: math.pi / 20,
+        Bias.TIME_OFFSET: 0.5, Bias.READOUT: READOUT_SIGMA_UNKNOWN_S, Bias.HEIGHT: 8.0,
+        Bias.POSITION_NORTH: 7.0, Bias.POSITION_EAST: 7.0, Bias.TERRAIN: 9.0,
+    }  # fmt: skip
+    assert {bias: priors.sigma(bias) for bias in Bias} == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("readout", "known"), [("0.02", 0.02), ("0", 0.0), ("-0.03", -0.03)])
+def test_a_known_readout_has_no_bias(readout: str, known: float):
+    config = parse(f"{RELAY}[camera]\nreadout_s = {readout}\n", "f.toml")
+    assert config.camera.known_readout_s == known
+    assert config.priors.sigma(Bias.READOUT) == 0.0
+
+
+def test_an_unknown_readout_is_uniform_over_a_frame_of_thirty_a_second():
+    assert parse(RELAY, "f.toml").camera.known_readout_s is None
+    assert np.std(np.linspace(0.0, 1.0 / 30.0, 100_001)) == pytest.approx(READOUT_SIGMA_UNKNOWN_S, rel=1e-4)
+
+
+@pytest.mark.parametrize("angles", [(0.0, -90.0, 0.0), (10.0, -60.0, 30.0), (-5.0, 20.0, 170.0)])
+def test_the_mount_is_that_of_another_library(angles: tuple[float, float, float]):
+    roll, pitch, yaw = angles
+    forward = np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0]])
+    expected = Rotation.from_euler("ZYX", [yaw, pitch, roll], degrees=True).as_matrix() @ forward
+    mount = Mount(roll_deg=roll, pitch_deg=pitch, yaw_deg=yaw)
+    np.testing.assert_allclose(np.array(mount.body_from_camera), expected, atol=1e-15)
+
+
+def test_the_default_mount_looks_down_with_the_image_top_to_the_nose():
+    np.testing.assert_allclose(np.array(Mount().body_from_camera), [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("stamp", "on_pi", "rule"),
+    [
+        ("auto", True, "row0_end"),
+        ("auto", False, "row0_mid"),
+        ("row0_start", True, "row0_start"),
+        ("row0_mid", True, "row0_mid"),
+    ],
+)
+def test_what_a_stamp_marks(stamp: str, on_pi: bool, rule: str):
+    config = parse(f'{RELAY}[camera]\nstamp = "{stamp}"\n', "f.toml")
+    assert config.camera.stamp_rule(libcamera_on_raspberry_pi=on_pi) == rule
+
+
+def test_paths_count_from_the_file():
+    config = parse('[camera]\ncalibration = "lens/camera.yaml"\n', "/etc/fwav/f.toml")
+    assert config.calibration_path == Path("/etc/fwav/lens/camera.yaml")
+    assert config.resolve("/abs/x") == Path("/abs/x")
+
+
+def test_what_one_command_needs_and_another_does_not():
+    relay = parse(RELAY, "f.toml")
+    with pytest.raises(ConfigError, match=r"f.toml: \[camera\] calibration: missing"):
+        _ = relay.calibration_path
+    with pytest.raises(ConfigError, match=r'f.toml: \[\[link\]\]: none has role "autopilot"'):
+        relay.require_links()
+    parse(RELAY + AUTOPILOT, "f.toml").require_links()
+
+
+def test_a_header_holds_every_key_and_not_where_the_file_lies():
+    here, there = (parse(RELAY + AUTOPILOT, name).as_builtins() for name in ("a/f.toml", "/b/g.toml"))
+    assert here == there
+    assert here["uncertainty"]["terrain_m"] == 4.0
+    assert set(here) == set(Document.__struct_fields__)
+
+
+def test_parsed_urls():
+    config = parse(AUTOPILOT + '[detections]\nurl = "unix:///run/x"\n[camera]\ncalibration = "c"\n', "f.toml")
+    assert str(config.link[0].parsed_url) == "serial:///dev/ttyAMA0:57600"
+    assert str(config.detections.parsed_url) == "unix:///run/x"
+    assert config.publish.parsed_cot is None
+
+
+@pytest.mark.parametrize("module", [inputs, estimation, outputs])
+def test_every_key_is_explained_where_it_is_declared(module: object):
+    explained = 0
+    for section in ast.parse(inspect.getsource(module)).body:
+        if not isinstance(section, ast.ClassDef):
+            continue
+        for statement, following in zip(section.body, [*section.body[1:], None], strict=True):
+            if isinstance(statement, ast.AnnAssign):
+                assert isinstance(following, ast.Expr), f"{section.name}.{ast.unparse(statement.target)}"
+                assert isinstance(following.value, ast.Constant)
+                explained += 1
+    assert explained > 5

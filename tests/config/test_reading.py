@@ -1,0 +1,146 @@
+"""Every error of the configuration: one line with the file, the key, what stood there, and what is accepted."""
+# ruff: noqa: E501  # tables whose rows hold whole error lines
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fwav_companion.config import Config, parse
+from fwav_companion.errors import ConfigError
+
+LINK = '[[link]]\nname = "a"\nurl = "udpin://127.0.0.1:14550"\nrole = "autopilot"\n'
+BASE = f'camera.calibration = "camera.yaml"\n{LINK}'
+
+
+def error_of(text: str, *overrides: str) -> str:
+    with pytest.raises(ConfigError) as caught:
+        parse(text, "f.toml", overrides)
+    message = str(caught.value)
+    assert "\n" not in message
+    return message
+
+
+def test_an_empty_relay_file_has_every_default():
+    config = parse('[detections]\nurl = ""', "f.toml")
+    assert config.vehicle.component_id == 191
+    assert config.signing is None
+    assert config.vision is None
+    assert config.link == ()
+    assert not config.localizes
+
+
+def test_values_are_taken_as_they_stand():
+    config = parse(
+        f"{BASE}max_rate_hz = {{ ATTITUDE = 4 }}\n[camera.mount]\nposition_m = [1, 2.5, -3]\n[signing]\n", "f.toml"
+    )
+    assert config.link[0].max_rate_hz == {"ATTITUDE": 4.0}
+    assert config.camera.mount.lever_arm_m == (1.0, 2.5, -3.0)
+    assert config.signing is not None
+    assert config.signing.key_file == "signing.key"
+
+
+# What stands in the file, and the whole of the line it gives.
+FAULTS = {
+    "near key": (f"{BASE}[publish]\nrate_h = 3\n", '[publish] rate_h = 3: unknown key; did you mean "rate_hz"?'),
+    "near table": ("[grund]\n", '[grund]: unknown key; did you mean "ground"?'),
+    "key of another table": (f"{BASE}[ground]\nalpha = 3\n", "[ground] alpha = 3: unknown key here; did you mean it in [tracking]?"),
+    "key of nothing": ("[rates]\nzzz = 3\n", "[rates] zzz = 3: unknown key; accepted keys: attitude, position"),
+    "near key of a link": (LINK + 'rol = "gcs"\n', '[[link]] 1 "a" rol = "gcs": unknown key; did you mean "role"?'),
+    "missing key": ('[[link]]\nname = "b"\nurl = "tcpin://[::1]:5"\n', '[[link]] 1 "b" role: missing; accepted: "autopilot" | "gcs"'),
+    "choice": ('[camera]\nstamp = "row1"\n', '[camera] stamp = "row1": accepted: "auto" | "row0_end" | "row0_mid" | "row0_start"'),
+    "type": ('[vehicle]\nsystem_id = "one"\n', '[vehicle] system_id = "one": accepted: an integer from 0 to 255'),
+    "a boolean is no number": ("[rates]\nattitude = true\n", "[rates] attitude = true: accepted: a number, above 0 and at most 1000"),
+    "a date is no text": ("[record]\ndirectory = 2026-01-01\n", "[record] directory = datetime.date(2026, 1, 1): accepted: a text"),
+    "range": ("[vehicle]\ncomponent_id = 1\n", "[vehicle] component_id = 1: accepted: an integer from 2 to 255"),
+    "not finite": ("[ground]\nheight_m = nan\n", "[ground] height_m = nan: not finite; accepted: a number, above 0"),
+    "infinite in a list": ("[camera.mount]\nposition_m = [0, 0, inf]\n", "[camera.mount] position_m = [0, 0, inf]: not finite; accepted: a list of 3: each a number"),
+    "too short": ("[camera.mount]\nposition_m = [0, 0]\n", "[camera.mount] position_m = [0, 0]: accepted: a list of 3: each a number"),
+    "number or word": ('[camera]\nreadout_s = "fast"\n', '[camera] readout_s = "fast": accepted: "unknown" | a number from -1 to 1'),
+    "rate of a message": (LINK + "max_rate_hz = { ATTITUDE = 0 }\n", "[[link]] 1 \"a\" max_rate_hz = {'ATTITUDE': 0}: accepted: a table, each key a message name, as ATTITUDE, each value a number, above 0"),
+    "no table": ("vehicle = 3\n", "vehicle = 3: accepted: a table"),
+    "no list of tables": ("link = 3\n", "link = 3: accepted: tables, each headed [[link]]"),
+    "not TOML": ("[vehicle]\nsystem_id = = 1\n", 'line 2: "system_id = = 1": Invalid value (at line 2, column 13); accepted: TOML 1.0'),
+    "url": (BASE.replace("udpin://127.0.0.1:14550", "udpin://:14550"), '[[link]] 1 "a" url = "udpin://:14550": it names no host; accepted: udpin://HOST:PORT (127.0.0.1 for this board alone, 0.0.0.0 for every network)'),
+    "two links of one name": (BASE + LINK, '[[link]] 2 "a" name = "a": another [[link]] has this name already; accepted: one of its own'),
+    "unsigned on no link": (f'{BASE}[signing]\naccept_unsigned = ["a", "b"]\n', '[signing] accept_unsigned[1] = "b": no [[link]] has this name; accepted: a'),
+    "the camera's component": (f"{BASE}[vehicle]\ncomponent_id = 100\n", "[vehicle] component_id = 100: 100 is the camera component's while [publish] camera_tracking is on; accepted: another"),
+    "landing on anything": (f"{BASE}[publish]\nlanding_target = true\n", "[publish] landing_label: missing, while [publish] landing_target is on; accepted: the label of the target to land on"),
+    "no camera file": (LINK, '[camera] calibration: missing, while [detections] url brings pixels; accepted: the path of a camera file (for a relay alone: [detections] url = "")'),
+    "no camera file for our own camera": ('[vision]\n[detections]\nurl = ""\n', '[camera] calibration: missing, while [vision] opens a camera; accepted: the path of a camera file (for a relay alone: [detections] url = "")'),
+    "no terrain": (f'{BASE}[ground]\nmodel = "terrain"\n', '[ground] terrain: missing, while [ground] model = "terrain"; accepted: .hgt or GeoTIFF files'),
+    "detections over TCP": (f'{BASE}[detections]\nurl = "tcpin://127.0.0.1:5"\n', '[detections] url = "tcpin://127.0.0.1:5": accepted: udpin://HOST:PORT | unix:///PATH'),
+    "CoT to a file": (f'{BASE}[publish]\ncot = "events.xml"\n', '[publish] cot = "events.xml": accepted: udpout://HOST:PORT | udpbcast://HOST:PORT | tcpout://HOST:PORT'),
+    "a key that breaks the line": ('"a\\nb" = 1\n', "a?b = 1: unknown key; accepted tables: vehicle, link, signing, rates, camera, detections, vision, ground, uncertainty, tracking, publish, record, state, status"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_fault(name: str):
+    text, expected = FAULTS[name]
+    assert error_of(text) == f"f.toml: {expected}"
+
+
+def test_a_long_value_is_shortened():
+    message = error_of(f'[camera]\nstamp = "{"x" * 1000}"\n')
+    assert "xxx...: accepted" in message
+    assert len(message) < 200
+
+
+@pytest.mark.parametrize(
+    "text", ["a = " + "[" * 5000, "[record]\nsync_s = 1" + "0" * 5000, "[record]\nsync_s = 1" + "0" * 500]
+)
+def test_monstrous_files_are_refused_in_one_line(text: str):
+    assert error_of(text).startswith("f.toml: ")
+
+
+def test_settings_are_laid_over_the_file():
+    settings = ["tracking.filter=lowpass", "ground.height_m = 2.5", 'publish.label="a b"', "camera.mount.roll_deg=3"]
+    config = parse(BASE, "f.toml", settings)
+    assert config.tracking.filter == "lowpass"
+    assert config.ground.height_m == 2.5
+    assert config.publish.label == "a b"
+    assert config.camera.mount.roll_deg == 3.0
+    assert config.camera.calibration == "camera.yaml"
+
+
+@pytest.mark.parametrize(
+    ("setting", "expected"),
+    [
+        ("tracking.filtre=lowpass", '--set: [tracking] filtre = "lowpass": unknown key; did you mean "filter"?'),
+        ("tracking.filter=mean", '--set: [tracking] filter = "mean": accepted: "kalman" | "lowpass"'),
+        ("rates.attitude", '--set: "rates.attitude": accepted: KEY=VALUE, as tracking.filter=lowpass'),
+        ("=3", '--set: "=3": accepted: KEY=VALUE, as tracking.filter=lowpass'),
+        ("rates.attitude=1\nx=3", '--set: "rates.attitude=1?x=3": no TOML value; accepted: KEY=VALUE, as ground.height_m=1.5'),
+        ("link.url=udpin://127.0.0.1:1", '--set: "link.url=udpin://127.0.0.1:1": link is no table; accepted: one of its'),
+    ],
+)  # fmt: skip
+def test_a_wrong_setting_is_told_as_one(setting: str, expected: str):
+    assert error_of(BASE, setting) == expected
+
+
+def test_a_fault_of_the_file_is_not_blamed_on_the_setting():
+    assert error_of(BASE + "[rates]\nposition = -1\n", "rates.attitude=50").startswith("f.toml: [rates] position = -1")
+
+
+toml_values = st.recursive(
+    st.sampled_from(["1", "-1", "1e400", "nan", '"x"', "true", "2026-01-01", "1" * 30, '""']),
+    lambda inner: st.lists(inner, max_size=3).map(lambda items: f"[{', '.join(items)}]"),
+    max_leaves=4,
+)
+toml_keys = st.sampled_from(
+    ["link", "link.name", "camera", "camera.mount", "camera.mount.position_m", "signing", "vision", "zz", "rates.attitude", "detections.url", "detections.labels", "publish.cot_type"]
+)  # fmt: skip
+
+
+def outcome_of(text: str) -> Config | str:
+    try:
+        return parse(text, "f.toml")
+    except ConfigError as error:
+        return str(error)
+
+
+@settings(max_examples=200, derandomize=True)
+@given(st.dictionaries(toml_keys, toml_values, max_size=3))
+def test_whatever_stands_there_gives_a_configuration_or_one_line(keys: dict[str, str]):
+    outcome = outcome_of("\n".join(f"{key} = {value}" for key, value in keys.items()))
+    assert isinstance(outcome, Config) or (outcome.startswith("f.toml: ") and "\n" not in outcome)
