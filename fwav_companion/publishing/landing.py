@@ -8,25 +8,35 @@ PX4's own position at that instant: its frame is not ours. LOCAL_FRD is never se
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from enum import StrEnum
-from math import atan2, isfinite
-from typing import Any
+from math import atan2, hypot
+from typing import Any, TypeAlias
+
+from msgspec import structs
 
 from fwav_companion.geometry.rotations import conjugate, exp, multiply, rotate
-from fwav_companion.geometry.stamps import NS_PER_US, HostNs, s_from_ns
-from fwav_companion.geometry.vectors import Vector3, add, larger_semi_axis, norm, scale, subtract
+from fwav_companion.geometry.stamps import NS_PER_US, BootNs, HostNs, ns_from_s, s_from_ns
+from fwav_companion.geometry.vectors import Vector3, add, norm, scale, subtract, transform
 from fwav_companion.nouns.messages import Destination, Outgoing
+from fwav_companion.nouns.sightings import GroundFix, Unpaired
 from fwav_companion.nouns.situation import AutopilotKind, Situation
 from fwav_companion.nouns.telemetry import VehicleState
 from fwav_companion.nouns.tracks import Track, TrackState
 from fwav_companion.publishing import enums
+from fwav_companion.publishing.moment import larger_sigma
 from fwav_companion.publishing.options import PublishOptions
+from fwav_companion.publishing.selection import seniority
+
+StateAt: TypeAlias = Callable[[BootNs], VehicleState | Unpaired]
+"""The vehicle at an instant of the autopilot's clock, or why it is not known."""
 
 DEFAULT_LAG_S = 0.02
 """ArduPilot's PLND_LAG as it ships."""
 MAX_BRIDGED_S = 0.1
 """Further from the newest attitude than this, its rates tell nothing about a flapping body: half a beat at 5 Hz."""
+LEAST_SIDEWAYS = 1e-6
+"""Of a unit ray: below it, what went sideways is rounding."""
 MAX_AGE_S = 0.5
 """A frame older than this was put back in its place too late to steer by."""
 
@@ -58,8 +68,9 @@ class Withheld(StrEnum):
 class Landing:
     """Chooses the one target to land on and keeps it until it is dropped; clicks do not concern it."""
 
-    def __init__(self, options: PublishOptions):
+    def __init__(self, options: PublishOptions, state_at: StateAt | None = None):
         self._options = options
+        self._state_at = state_at
         self._target: int | None = None
         self._last_sent_ns: HostNs | None = None
         self.lag_s = DEFAULT_LAG_S
@@ -121,7 +132,7 @@ class Landing:
                 for track in live.values()
                 if track.label == self._options.landing_label and track.state is TrackState.CONFIRMED
             ]
-            oldest = min(confirmed, key=_seniority, default=None)
+            oldest = min(confirmed, key=seniority, default=None)
             self._target = oldest.id if oldest is not None else None
         return live[self._target] if self._target is not None else None
 
@@ -130,7 +141,7 @@ class Landing:
             return Withheld.NOT_CONFIRMED
         if track.fix is None:
             return Withheld.NO_FIX
-        if not larger_semi_axis_or_nan(track) <= self._options.landing_max_sigma_m:
+        if not larger_sigma(track.relative_cov) <= self._options.landing_max_sigma_m:
             return Withheld.TOO_UNCERTAIN
         too_old = s_from_ns(situation.now_ns - track.host_ns) > MAX_AGE_S
         if too_old or (self._last_sent_ns is not None and track.host_ns <= self._last_sent_ns):
@@ -164,7 +175,7 @@ class Landing:
         return _fields(track, enums.MAV_FRAME_LOCAL_NED, add(situation.local_position_ned, relative), in_body)
 
     def _state_when_used(self, situation: Situation) -> VehicleState | None:
-        """The vehicle at (arrival - PLND_LAG): the newest state carried there by its own rates and velocity."""
+        """The vehicle at (arrival - PLND_LAG): as the history has it, else the newest state carried there."""
         newest, clock = situation.vehicle, situation.clock
         if newest is None:
             return None
@@ -172,61 +183,44 @@ class Landing:
             return newest
         transit_s = 0.5 * clock.round_trip_s if clock.round_trip_s is not None else 0.0
         boot_now_ns = situation.now_ns - clock.host_from_autopilot_ns
-        step_s = s_from_ns(boot_now_ns - newest.boot_ns) + transit_s - self.lag_s
+        used_ns = BootNs(boot_now_ns + ns_from_s(transit_s - self.lag_s))
+        step_s = s_from_ns(used_ns - newest.boot_ns)
         if not abs(step_s) <= MAX_BRIDGED_S:
             return None
-        return _carried(newest, step_s)
+        known = self._state_at(used_ns) if self._state_at is not None else None
+        return known if isinstance(known, VehicleState) else _carried(newest, step_s)
 
     def _from_vehicle(self, target: Vector3, track: Track, state: VehicleState) -> Vector3 | Withheld:
         """From the vehicle to the target, NED metres."""
         if state.position_ned is not None:
             return subtract(target, state.position_ned)
-        height_m = _camera_height(track, state)
+        height_m = _camera_height(track.fix, state) if track.fix is not None else None
         if height_m is None:
             return Withheld.NO_HEIGHT
         from_camera = (target[0], target[1], target[2] + height_m)
         return add(from_camera, rotate(state.ned_from_body, self._options.camera_position_m))
 
 
-def larger_semi_axis_or_nan(track: Track) -> float:
-    """One sigma along the larger horizontal semi-axis, relative to the vehicle, metres."""
-    sigma_m = larger_semi_axis(track.relative_cov)
-    finite = isfinite(track.relative_cov[0][0]) and isfinite(track.relative_cov[1][1])
-    return sigma_m if finite else float("nan")
-
-
-def _seniority(track: Track) -> tuple[int, int]:
-    confirmed_ns = track.confirmed_host_ns if track.confirmed_host_ns is not None else track.host_ns
-    return (confirmed_ns, track.id)
-
-
 def _carried(state: VehicleState, step_s: float) -> VehicleState:
-    """The state ``step_s`` later (or earlier) if rates and velocity stay as they are."""
+    """The state ``step_s`` later, or earlier, if its rates and velocity stay as they are."""
     turned = multiply(state.ned_from_body, exp(scale(state.rates, step_s)))
     position = state.position_ned
     if position is not None and state.velocity_ned is not None:
         position = add(position, scale(state.velocity_ned, step_s))
-    boot_ns = type(state.boot_ns)(state.boot_ns + round(step_s * 1e9))
-    return VehicleState(
-        boot_ns=boot_ns,
-        ned_from_body=turned,
-        rates=state.rates,
-        attitude_sigma=state.attitude_sigma,
-        gap_s=state.gap_s,
-        position_ned=position,
-        velocity_ned=state.velocity_ned,
-        position_sigma_m=state.position_sigma_m,
-        height_above_home_m=state.height_above_home_m,
-        range=state.range,
-        terrain_height_m=state.terrain_height_m,
-    )
+    boot_ns = BootNs(state.boot_ns + ns_from_s(step_s))
+    return structs.replace(state, boot_ns=boot_ns, ned_from_body=turned, position_ned=position)
 
 
-def _camera_height(track: Track, state: VehicleState) -> float | None:
-    """Of the camera above the ground under the target, in a world without a global position."""
-    sighting = track.fix.sighting if track.fix is not None else None
-    if sighting is not None and sighting.camera_height_above_home_m is not None:
-        return sighting.camera_height_above_home_m
+def _camera_height(fix: GroundFix, state: VehicleState) -> float | None:
+    """Of the camera above the ground under the target, in a world without a global position.
+
+    There the fix is told from the point below the camera: how far its ray went sideways says how far it went down.
+    Straight below it says nothing, and the autopilot's height above home has to do.
+    """
+    north, east, down = transform(fix.sighting.ned_from_camera, fix.sighting.ray.direction)
+    sideways = hypot(north, east)
+    if sideways > LEAST_SIDEWAYS:
+        return hypot(fix.position_ned[0], fix.position_ned[1]) / sideways * down
     return state.height_above_home_m
 
 

@@ -2,61 +2,165 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, TypeAlias
+from collections import deque
+from typing import Any
 
-from fwav_companion.geometry.stamps import HostNs
-from fwav_companion.geometry.vectors import Vector3
+from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.nouns.commands import Command, CommandAnswer
-from fwav_companion.nouns.messages import Notice, Outgoing
-from fwav_companion.nouns.sightings import GroundFix
+from fwav_companion.nouns.messages import Destination, Notice, Outgoing, Severity
 from fwav_companion.nouns.situation import Situation
 from fwav_companion.nouns.tracks import Track
-from fwav_companion.publishing.landing import Landing
+from fwav_companion.publishing.adsb import adsb_vehicle
+from fwav_companion.publishing.announcer import Announcer
+from fwav_companion.publishing.camera_component import CameraComponent
+from fwav_companion.publishing.clicks import Locate, PixelFromNed
+from fwav_companion.publishing.cot import NoEvent, cot_event
+from fwav_companion.publishing.intervals import UNASKED_NS, Cadence
+from fwav_companion.publishing.landing import Landing, StateAt
+from fwav_companion.publishing.named_values import named_values
 from fwav_companion.publishing.options import PublishOptions
+from fwav_companion.publishing.selection import Selection
+from fwav_companion.publishing.tracking_status import FORGOTTEN_NS
 
-Locate: TypeAlias = Callable[[float, float, float, HostNs], GroundFix | None]
-"""(u, v, sigma_px, host_ns) -> the ground under that pixel of a picture taken then, None where there is no telling."""
-PixelFromNed: TypeAlias = Callable[[Vector3], tuple[float, float] | None]
-"""Where a place would be in the image of the frame just processed; None outside."""
+VALUES_NS = UNASKED_NS
+"""Numbers for a display: twice a second is as fast as anybody reads."""
+ADSB_NS = NS_PER_S
+MAX_DATAGRAMS = 64
 
 
 class Publisher:
-    """Hand it every processed frame's tracks, the commands to our components, notices, and its own wakes."""
+    """Hand it every processed frame's tracks, the commands to our camera, notices for people, and its own wakes.
 
-    def __init__(self, options: PublishOptions, locate: Locate | None = None):
+    ``locate`` tells which ground was under a pixel at a moment past, for clicks between two processed pictures.
+    ``state_at`` tells the vehicle at an instant, for the attitude that ArduPilot will use; without it the newest state
+    is carried there by its rates, which at 5 Hz and 20 ms is a degree worse.
+    """
+
+    def __init__(self, options: PublishOptions, locate: Locate | None = None, state_at: StateAt | None = None):
         self._options = options
-        self._locate = locate
-        self.landing = Landing(options)
+        self.landing = Landing(options, state_at)
+        self._selection = Selection(options)
+        self._camera = CameraComponent(options, self._selection, locate)
+        self._announcer = Announcer(options)
+        self._values = Cadence()
+        self._adsb = Cadence()
+        self._cot = Cadence()
+        self._values_shown = False
+        self._datagrams: deque[bytes] = deque(maxlen=MAX_DATAGRAMS)
+        self._notices: deque[Notice] = deque(maxlen=MAX_DATAGRAMS)
+        self._told: set[NoEvent] = set()
+        self._started = False
 
     @property
     def wake_at(self) -> HostNs | None:
-        """When :meth:`on_wake` is due next."""
-        return None
+        """When :meth:`on_wake` is due next; None before the first call of it, or of :meth:`on_tracks`."""
+        due = [cadence.next_ns for cadence in (self._values, self._adsb, self._cot)] + [self._camera.wake_at]
+        return min((at for at in due if at is not None), default=None)
+
+    @property
+    def selected(self) -> Track | None:
+        """The selected target as the last frame left it."""
+        return self._selection.selected
 
     def on_tracks(
         self, tracks: tuple[Track, ...], situation: Situation, pixel_from_ned: PixelFromNed | None = None
     ) -> list[Outgoing]:
-        """Once a processed frame, at once: the landing target waits for nothing."""
+        """Once a processed frame, at once: the landing target goes out here and waits for nothing.
+
+        ``situation.at_capture`` and ``local_position_ned`` are those of this frame. An empty tuple is a frame in which
+        no track lives.
+        """
         landing = self.landing.on_tracks(tracks, situation)
-        return [landing] if landing is not None else []
+        out = [landing] if landing is not None else []
+        self._selection.on_tracks(tracks)
+        captured_ns = max((track.host_ns for track in tracks), default=None)
+        self._camera.on_tracks(captured_ns, pixel_from_ned)
+        out.extend(self._announcer.on_tracks(tracks, situation))
+        if not self._started:
+            out.extend(self.on_wake(situation.now_ns, situation))
+        return out
 
     def on_wake(self, now: HostNs, situation: Situation) -> list[Outgoing]:
         """What is sent by the clock: tracking status, named values, map markers."""
-        return []
+        self._started = True
+        out = self._camera.on_wake(now, situation) if self._options.camera_tracking else []
+        track = self._selection.selected
+        if track is not None and now - track.host_ns > FORGOTTEN_NS:
+            track = None
+        if self._options.named_values and self._values.tick(now, VALUES_NS):
+            out.extend(self._named_values(track, situation))
+        if self._options.adsb and self._adsb.tick(now, ADSB_NS):
+            out.extend(self._adsb_marker(track, situation))
+        if self._options.cot and self._cot.tick(now, round(NS_PER_S / self._options.cot_rate_hz)):
+            out.extend(self._make_event(track, situation))
+        return out
 
     def on_command(self, command: Command, situation: Situation) -> CommandAnswer | None:
         """An operator's command to our camera; None: it is not one of ours."""
-        return None
+        if not self._options.camera_tracking or command.to_component != self._options.camera_component:
+            return None
+        return self._camera.on_command(command, situation)
 
     def on_notice(self, notice: Notice, now: HostNs) -> list[Outgoing]:
-        """Tell people, where the notice asks for it."""
-        return []
+        """Say it to people, where the notice asks for it and STATUSTEXT is on."""
+        return self._announcer.on_notice(notice, now)
 
     def datagrams(self) -> list[bytes]:
         """Cursor on Target events made since the last call, for the configured address."""
-        return []
+        made = list(self._datagrams)
+        self._datagrams.clear()
+        return made
+
+    def notices(self) -> list[Notice]:
+        """For the log: what publishing itself had to say since the last call. People have been told already."""
+        made = list(self._notices)
+        self._notices.clear()
+        return made
 
     def status(self) -> dict[str, Any]:
         """For the status file."""
-        return {}
+        selected, withheld = self._selection.selected, self.landing.withheld
+        return {
+            "selected": None if selected is None else selected.id,
+            "selected_by": "click" if self._selection.by_click else self._options.select,
+            "landing": {
+                "target": self.landing.target,
+                "sent": self.landing.sent,
+                "withheld": {str(reason): count for reason, count in withheld.items() if count},
+                "last_withheld": None if self.landing.last_withheld is None else str(self.landing.last_withheld),
+            },
+        }
+
+    def _named_values(self, track: Track | None, situation: Situation) -> list[Outgoing]:
+        """While a target is selected, and once after: a display keeps the last number for ever."""
+        if track is None and not self._values_shown:
+            return []
+        self._values_shown = track is not None
+        return [
+            self._companion("NAMED_VALUE_FLOAT", fields, Destination.GROUND)
+            for fields in named_values(track, situation)
+        ]
+
+    def _adsb_marker(self, track: Track | None, situation: Situation) -> list[Outgoing]:
+        if track is None or situation.autopilot is None:
+            return []
+        fields = adsb_vehicle(track, situation.autopilot.system, situation)
+        return [self._companion("ADSB_VEHICLE", fields, Destination.GROUND_LINKS)] if fields is not None else []
+
+    def _make_event(self, track: Track | None, situation: Situation) -> list[Outgoing]:
+        """One datagram; or why there is none, told once."""
+        if track is None:
+            return []
+        event = cot_event(track, self._options, situation)
+        if isinstance(event, bytes):
+            self._datagrams.append(event)
+            return []
+        if event in self._told:
+            return []
+        self._told.add(event)
+        notice = Notice(Severity.WARNING, str(event), to_ground=True)
+        self._notices.append(notice)
+        return self.on_notice(notice, situation.now_ns)
+
+    def _companion(self, name: str, fields: dict[str, Any], to: Destination) -> Outgoing:
+        return Outgoing(name=name, fields=fields, to=to, component=self._options.companion_component)

@@ -1,0 +1,269 @@
+"""The camera component: it tells what it is, takes clicks on the picture, and says where the selected target is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from math import isfinite
+from typing import Any
+
+from fwav_companion.geometry.stamps import NS_PER_S, HostNs
+from fwav_companion.nouns.commands import Command, CommandAnswer, CommandResult
+from fwav_companion.nouns.messages import Destination, Outgoing
+from fwav_companion.nouns.situation import Situation
+from fwav_companion.nouns.tracks import Track
+from fwav_companion.publishing import camera_information as information
+from fwav_companion.publishing import enums
+from fwav_companion.publishing.clicks import (
+    Locate,
+    Mark,
+    Pictures,
+    PixelFromNed,
+    moment_of_click,
+    track_on_ground,
+)
+from fwav_companion.publishing.intervals import UNASKED_NS, Cadence, Interval
+from fwav_companion.publishing.options import PublishOptions
+from fwav_companion.publishing.selection import Selection
+from fwav_companion.publishing.statustext import statustexts
+from fwav_companion.publishing.tracking_status import FORGOTTEN_NS, ImagePlace, geo_status, image_status, pixel
+
+IDLE_REPEATS = 3
+"""A lost datagram must not leave a box on the operator's picture."""
+PREDICTED_SIGMA_PX = 10.0
+"""Of a target that is shown where it should be, and not where it was seen."""
+STATUS_IDS = (enums.CAMERA_TRACKING_IMAGE_STATUS, enums.CAMERA_TRACKING_GEO_STATUS)
+STATUS_NAMES = {
+    enums.CAMERA_TRACKING_IMAGE_STATUS: "CAMERA_TRACKING_IMAGE_STATUS",
+    enums.CAMERA_TRACKING_GEO_STATUS: "CAMERA_TRACKING_GEO_STATUS",
+}
+DESCRIPTIONS: dict[int, tuple[str, Callable[[PublishOptions, HostNs], dict[str, Any] | None]]] = {
+    enums.CAMERA_INFORMATION: ("CAMERA_INFORMATION", information.camera_information),
+    enums.CAMERA_SETTINGS: ("CAMERA_SETTINGS", information.camera_settings),
+    enums.CAMERA_CAPTURE_STATUS: ("CAMERA_CAPTURE_STATUS", information.camera_capture_status),
+    enums.VIDEO_STREAM_INFORMATION: ("VIDEO_STREAM_INFORMATION", information.video_stream_information),
+    enums.VIDEO_STREAM_STATUS: ("VIDEO_STREAM_STATUS", information.video_stream_status),
+}
+OLD_REQUESTS = {
+    enums.MAV_CMD_REQUEST_CAMERA_INFORMATION: enums.CAMERA_INFORMATION,
+    enums.MAV_CMD_REQUEST_CAMERA_SETTINGS: enums.CAMERA_SETTINGS,
+    enums.MAV_CMD_REQUEST_CAMERA_CAPTURE_STATUS: enums.CAMERA_CAPTURE_STATUS,
+}
+"""Commands that MAV_CMD_REQUEST_MESSAGE replaced, and that ground stations fall back to; param1 must be 1."""
+STREAM_REQUESTS = {
+    enums.MAV_CMD_REQUEST_VIDEO_STREAM_INFORMATION: enums.VIDEO_STREAM_INFORMATION,
+    enums.MAV_CMD_REQUEST_VIDEO_STREAM_STATUS: enums.VIDEO_STREAM_STATUS,
+}
+"""The same, with the number of a stream, or 0 for all."""
+DENIED = CommandAnswer(CommandResult.DENIED)
+DONE = CommandAnswer(CommandResult.ACCEPTED)
+
+
+class CameraComponent:
+    """Speaks as the camera. The selection is shared with whatever else shows the selected target."""
+
+    def __init__(self, options: PublishOptions, selection: Selection, locate: Locate | None):
+        self._options = options
+        self._selection = selection
+        self._locate = locate
+        self._pictures = Pictures(options.image_size)
+        self._places: dict[int, ImagePlace] = {}
+        default_ns = round(NS_PER_S / options.rate_hz)
+        self._intervals = {message_id: Interval(default_ns) for message_id in STATUS_IDS}
+        self._cadences = {message_id: Cadence() for message_id in STATUS_IDS}
+        self._reached_ns: dict[int, HostNs] = {}
+        self._idle_to_tell = 0
+
+    @property
+    def wake_at(self) -> HostNs | None:
+        """When a status is due next; None before the first."""
+        due = [
+            cadence.next_ns
+            for message_id, cadence in self._cadences.items()
+            if cadence.next_ns is not None and self._intervals[message_id].ns is not None
+        ]
+        return min(due, default=None)
+
+    def on_tracks(self, host_ns: HostNs | None, pixel_from_ned: PixelFromNed | None) -> None:
+        """Remember where in the picture of this instant every believed track is, seen or predicted."""
+        self._places = {}
+        for track in self._selection.believed.values():
+            place = _place_in_image(track, pixel_from_ned)
+            if place is not None:
+                self._places[track.id] = place
+        if host_ns is None:
+            return
+        self._pictures.add(host_ns, (Mark(number, place.point, place.box) for number, place in self._places.items()))
+
+    def on_wake(self, now: HostNs, situation: Situation) -> list[Outgoing]:
+        """The statuses that are due: while a target is selected, and a few times after it is not."""
+        track = self._selection.selected
+        if track is not None and now - track.host_ns > FORGOTTEN_NS:
+            track = None
+        out = []
+        for message_id in STATUS_IDS:
+            interval_ns = self._intervals[message_id].ns
+            if interval_ns is not None and self._cadences[message_id].tick(now, interval_ns):
+                fields = self._due_fields(message_id, track, situation)
+                if fields is not None:
+                    out.append(self._to_ground(message_id, fields, now))
+        return out
+
+    def on_command(self, command: Command, situation: Situation) -> CommandAnswer | None:
+        """Do what an operator asks of the camera; None: it knows no such command."""
+        match command.number:
+            case enums.MAV_CMD_REQUEST_MESSAGE:
+                return self._on_request(command, _whole(command.params[0]), situation)
+            case enums.MAV_CMD_SET_MESSAGE_INTERVAL:
+                return self._on_set_interval(command, situation.now_ns)
+            case enums.MAV_CMD_GET_MESSAGE_INTERVAL:
+                return self._on_get_interval(command)
+            case enums.MAV_CMD_CAMERA_TRACK_POINT:
+                return self._on_point(command, situation)
+            case enums.MAV_CMD_CAMERA_TRACK_RECTANGLE:
+                return self._on_rectangle(command, situation)
+            case enums.MAV_CMD_CAMERA_STOP_TRACKING:
+                self._selection.stop()
+                return DONE
+        if command.number in OLD_REQUESTS:
+            wanted = command.params[0] == 1.0
+            return self._on_request(command, OLD_REQUESTS[command.number], situation) if wanted else DENIED
+        if command.number in STREAM_REQUESTS:
+            known = command.params[0] in {0.0, float(information.STREAM)}
+            return self._on_request(command, STREAM_REQUESTS[command.number], situation) if known else DENIED
+        return None
+
+    def _on_request(self, command: Command, message_id: int | None, situation: Situation) -> CommandAnswer | None:
+        if message_id in DESCRIPTIONS:
+            name, describe = DESCRIPTIONS[message_id]
+            described = describe(self._options, situation.now_ns)
+            return self._reply(command, name, described) if described is not None else None
+        if message_id in STATUS_NAMES:
+            fields = self._status_fields(message_id, self._selection.selected, situation)
+            if fields is None:
+                return CommandAnswer(CommandResult.FAILED)
+            return self._reply(command, STATUS_NAMES[message_id], fields)
+        return DENIED if message_id is None else None
+
+    def _on_set_interval(self, command: Command, now: HostNs) -> CommandAnswer | None:
+        message_id = _whole(command.params[0])
+        if message_id is None or message_id not in self._intervals:
+            return DENIED
+        if not self._intervals[message_id].ask((command.system, command.component), command.params[1]):
+            return DENIED
+        self._cadences[message_id].next_ns = now
+        return DONE
+
+    def _on_get_interval(self, command: Command) -> CommandAnswer:
+        message_id = _whole(command.params[0])
+        if message_id is None or message_id not in self._intervals:
+            return DENIED
+        interval_ns = self._intervals[message_id].ns
+        interval_us = -1 if interval_ns is None else interval_ns // 1000
+        return self._reply(command, "MESSAGE_INTERVAL", {"message_id": message_id, "interval_us": interval_us})
+
+    def _on_point(self, command: Command, situation: Situation) -> CommandAnswer:
+        x, y, radius = command.params[:3]
+        if not _in_image(x, y):
+            return DENIED
+        if not self._has_picture:
+            return self._nothing(command, "no camera is calibrated")
+        point = pixel((x, y), self._options.image_size)
+        reach_px = radius * self._options.image_size[0] if _in_image(radius) else 0.0
+        when = moment_of_click(situation.now_ns, self._options.video_delay_s)
+        return self._choose(command, self._pictures.track_at(when, point, reach_px), point, when)
+
+    def _on_rectangle(self, command: Command, situation: Situation) -> CommandAnswer:
+        x1, y1, x2, y2 = command.params[:4]
+        if not _in_image(x1, y1, x2, y2):
+            return DENIED
+        if not self._has_picture:
+            return self._nothing(command, "no camera is calibrated")
+        low = pixel((min(x1, x2), min(y1, y2)), self._options.image_size)
+        high = pixel((max(x1, x2), max(y1, y2)), self._options.image_size)
+        middle = (0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]))
+        when = moment_of_click(situation.now_ns, self._options.video_delay_s)
+        return self._choose(command, self._pictures.track_in(when, low, high), middle, when)
+
+    def _choose(self, command: Command, hit: int | None, point: tuple[float, float], when: HostNs) -> CommandAnswer:
+        """By the picture of that moment; where no frame was processed then, or it shows none, by the ground."""
+        believed = self._selection.believed
+        if hit not in believed and self._locate is not None:
+            fix = self._locate(point[0], point[1], self._pictures.finger_px, when)
+            hit = track_on_ground(fix, when, believed.values()) if fix is not None else None
+        if hit is None or hit not in believed:
+            return self._nothing(command, "no target there")
+        self._selection.click(hit)
+        return DONE
+
+    @property
+    def _has_picture(self) -> bool:
+        return min(self._options.image_size) > 0
+
+    def _nothing(self, command: Command, why: str) -> CommandAnswer:
+        """The click selects nothing: the result says so to the program, the text to the person."""
+        texts = statustexts(
+            f"tracking: {why}",
+            enums.MAV_SEVERITY_NOTICE,
+            component=self._options.camera_component,
+            to=Destination.REPLY,
+            link=command.link,
+        )
+        return CommandAnswer(CommandResult.FAILED, tuple(texts))
+
+    def _due_fields(self, message_id: int, track: Track | None, situation: Situation) -> Mapping[str, Any] | None:
+        """What the clock sends: nothing while nothing is selected, after IDLE has been told."""
+        if track is not None:
+            self._idle_to_tell = IDLE_REPEATS
+        elif message_id == enums.CAMERA_TRACKING_IMAGE_STATUS and self._idle_to_tell > 0:
+            self._idle_to_tell -= 1
+        else:
+            return None
+        return self._status_fields(message_id, track, situation)
+
+    def _status_fields(self, message_id: int, track: Track | None, situation: Situation) -> Mapping[str, Any] | None:
+        if message_id == enums.CAMERA_TRACKING_GEO_STATUS:
+            return geo_status(track, situation) if track is not None else None
+        place = self._places.get(track.id) if track is not None else None
+        return image_status(track, place, self._options.image_size, situation.now_ns)
+
+    def _to_ground(self, message_id: int, fields: Mapping[str, Any], now: HostNs) -> Outgoing:
+        """To the gcs links; through the autopilot's, where that is the only way, seldom unless it was asked for."""
+        reached_ns = self._reached_ns.get(message_id)
+        far = self._intervals[message_id].is_asked or reached_ns is None or now >= reached_ns + UNASKED_NS
+        if far:
+            self._reached_ns[message_id] = now
+        return Outgoing(
+            name=STATUS_NAMES[message_id],
+            fields=fields,
+            to=Destination.GROUND if far else Destination.GROUND_LINKS,
+            component=self._options.camera_component,
+        )
+
+    def _reply(self, command: Command, name: str, fields: Mapping[str, Any]) -> CommandAnswer:
+        reply = Outgoing(
+            name=name,
+            fields=fields,
+            to=Destination.REPLY,
+            component=self._options.camera_component,
+            link=command.link,
+        )
+        return CommandAnswer(CommandResult.ACCEPTED, (reply,))
+
+
+def _place_in_image(track: Track, pixel_from_ned: PixelFromNed | None) -> ImagePlace | None:
+    """Where the frame saw it; else where it should be, if that can be told and lies inside."""
+    if track.fix is not None:
+        seen = track.fix.sighting
+        detection = seen.detection
+        return ImagePlace((detection.u, detection.v), max(seen.pixel_sigma), detection.box)
+    predicted = pixel_from_ned(track.position_ned) if pixel_from_ned is not None else None
+    return ImagePlace(predicted, PREDICTED_SIGMA_PX) if predicted is not None else None
+
+
+def _whole(param: float) -> int | None:
+    """A parameter that must be a whole number, as message ids are."""
+    return int(param) if isfinite(param) and param == int(param) else None
+
+
+def _in_image(*params: float) -> bool:
+    return all(0.0 <= param <= 1.0 for param in params)

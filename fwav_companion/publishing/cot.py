@@ -1,0 +1,82 @@
+"""Cursor on Target: the selected target as an event for ATAK and its kin.
+
+``ce`` and ``le`` are one sigma, as the event schema defines them for an error: ``ce`` along the larger horizontal
+semi-axis, ``le`` vertically, metres. ``hae`` is height above the ellipsoid: that above mean sea level plus the geoid's
+above the ellipsoid, as the autopilot's own receiver has it. Times are true UTC, or there is no event.
+"""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta
+from enum import StrEnum
+
+from fwav_companion.geometry.stamps import NS_PER_US, ns_from_s
+from fwav_companion.nouns.situation import Situation
+from fwav_companion.nouns.tracks import Track
+from fwav_companion.publishing.moment import TargetNow, target_now
+from fwav_companion.publishing.options import PublishOptions
+
+EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+LARGEST_ERROR_M = 9_999_999.0
+"""The schema's own word for "not known"."""
+MAX_UTC_NS = 10**9 * 4 * 10**9
+"""The year 2096: what lies beyond is no clock."""
+
+
+class NoEvent(StrEnum):
+    """Why there is nothing to send."""
+
+    NO_POSITION = "no global position: Cursor on Target is not sent"
+    NO_UNDULATION = "no geoid height from the autopilot's GPS: Cursor on Target is not sent"
+    NO_UTC = "nobody tells UTC: Cursor on Target is not sent"
+
+
+def cot_event(track: Track, options: PublishOptions, situation: Situation) -> bytes | NoEvent:
+    """One event, valid for ``cot_stale_s``. The uid names the board and the vehicle: a restart moves the old marker."""
+    target = target_now(track, situation)
+    if target.place is None:
+        return NoEvent.NO_POSITION
+    if situation.undulation_m is None:
+        return NoEvent.NO_UNDULATION
+    if situation.utc_minus_host_s is None:
+        return NoEvent.NO_UTC
+    utc_ns = situation.now_ns + ns_from_s(situation.utc_minus_host_s)
+    if not 0 <= utc_ns < MAX_UTC_NS:
+        return NoEvent.NO_UTC
+    return _event(target, target.place.alt_amsl_m + situation.undulation_m, utc_ns, options, situation).encode()
+
+
+def _event(target: TargetNow, hae_m: float, utc_ns: int, options: PublishOptions, situation: Situation) -> str:
+    place, track = target.place, target.track
+    if place is None:
+        return ""
+    time, stale = _utc(utc_ns), _utc(utc_ns + ns_from_s(options.cot_stale_s))
+    system = situation.autopilot.system if situation.autopilot is not None else 0
+    unit = options.unit or "fwav"
+    callsign = options.cot_callsign or track.label or "target"
+    remarks = f"track {track.id}, {track.label or 'no label'}, {track.state}; ce and le are one sigma"
+    return (
+        '<?xml version="1.0" encoding="UTF-8"?>'
+        f'<event version="2.0" uid="{_xml(f"fwav-companion.{unit}.{system}.target")}" type="{_xml(options.cot_type)}"'
+        f' how="m-f" time="{time}" start="{time}" stale="{stale}">'
+        f'<point lat="{place.lat_deg:.7f}" lon="{place.lon_deg:.7f}" hae="{hae_m:.2f}"'
+        f' ce="{_error(target.horizontal_sigma_m)}" le="{_error(target.vertical_sigma_m)}"/>'
+        f'<detail><contact callsign="{_xml(callsign)}"/><remarks>{_xml(remarks)}</remarks></detail></event>'
+    )
+
+
+def _utc(utc_ns: int) -> str:
+    moment = EPOCH + timedelta(microseconds=utc_ns // NS_PER_US)
+    return moment.strftime("%Y-%m-%dT%H:%M:%S.") + f"{moment.microsecond // 1000:03d}Z"
+
+
+def _error(sigma_m: float) -> str:
+    return f"{min(sigma_m, LARGEST_ERROR_M) if sigma_m >= 0.0 else LARGEST_ERROR_M:.2f}"
+
+
+def _xml(text: str) -> str:
+    """Text for an attribute or an element; characters that XML 1.0 cannot hold become spaces."""
+    shown = "".join(character if character.isprintable() else " " for character in text)
+    for character, entity in (("&", "&amp;"), ("<", "&lt;"), (">", "&gt;"), ('"', "&quot;"), ("'", "&apos;")):
+        shown = shown.replace(character, entity)
+    return shown

@@ -1,0 +1,37 @@
+"""NAMED_VALUE_FLOAT (251): the selected target as numbers that Mission Planner can show in its quick view."""
+
+from __future__ import annotations
+
+from math import degrees, nan
+from typing import Any
+
+from fwav_companion.nouns.situation import Situation
+from fwav_companion.nouns.tracks import Track
+from fwav_companion.publishing.moment import boot_ms, float32, target_now
+
+NAMES = ("TGT_ID", "TGT_N", "TGT_E", "TGT_DIST", "TGT_BRG", "TGT_ACC")
+"""At most ten characters, all that the message holds."""
+
+
+def named_values(track: Track | None, situation: Situation) -> list[dict[str, Any]]:
+    """The track's number, metres north and east of the origin, distance from the vehicle, bearing in degrees from
+    north, and one sigma along the larger semi-axis. Without a target the number is 0 and the rest is NaN.
+    """
+    values = (0.0, nan, nan, nan, nan, nan) if track is None else _values(track, situation)
+    stamp = boot_ms(situation.now_ns)
+    return [
+        {"time_boot_ms": stamp, "name": name, "value": float32(value)}
+        for name, value in zip(NAMES, values, strict=True)
+    ]
+
+
+def _values(track: Track, situation: Situation) -> tuple[float, ...]:
+    target = target_now(track, situation)
+    return (
+        float(track.id),
+        target.position_ned[0],
+        target.position_ned[1],
+        target.distance_m,
+        degrees(target.bearing) % 360.0,
+        target.horizontal_sigma_m,
+    )
