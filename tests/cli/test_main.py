@@ -83,10 +83,10 @@ def test_a_mistake_of_ours_is_not_hidden(monkeypatch: pytest.MonkeyPatch):
         main(["init"])
 
 
-def test_a_reader_that_has_seen_enough_gets_no_traceback():
+def test_a_reader_that_has_seen_enough_gets_no_traceback(tmp_path: Path):
     reader, writer = os.pipe()
     os.close(reader)
-    command = [sys.executable, "-m", "fwav_companion", "--help"]
+    command = [sys.executable, "-m", "fwav_companion", "init", str(tmp_path)]
     done = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, timeout=60)
     os.close(writer)
     assert (done.returncode, done.stderr) == (141, b"")
