@@ -1,0 +1,178 @@
+"""TIMESYNC against a simulated autopilot with its own clock, and against everybody else on the network."""
+
+from collections import namedtuple
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fwav_companion.mavlink.timesync import Ignored, NotTaken, Timesync
+from fwav_companion.nouns import Autopilot, AutopilotKind, ClockExchange, Destination, Message, Outgoing
+
+MS, S = 10**6, 10**9
+T0 = 77_000 * S
+ARDUPILOT = Autopilot(system=5, component=1, kind=AutopilotKind.ARDUPILOT, vehicle_type=16, armed=False, link="fc")
+One = namedtuple("One", "tc1 ts1")
+Two = namedtuple("Two", "tc1 ts1 target_system target_component")
+
+
+def timesync(tc1, ts1, system=5, component=1, target=None, link="fc"):
+    fields = One(tc1, ts1) if target is None else Two(tc1, ts1, *target)
+    return Message("TIMESYNC", system, component, link, fields)
+
+
+@pytest.fixture
+def sync():
+    made = Timesync(191)
+    made.adopt(ARDUPILOT, T0)
+    return made
+
+
+def request(sync, now=T0):
+    return sync.on_wake(now).fields["ts1"]
+
+
+def test_nothing_is_asked_or_answered_before_an_autopilot_is_adopted():
+    sync = Timesync(191)
+    assert sync.wake_at is None
+    assert sync.on_wake(T0) is None
+    assert sync.on_message(timesync(0, 123), T0) == Ignored(NotTaken.NO_AUTOPILOT)
+    assert sync.on_message(timesync(55, 123), T0) == Ignored(NotTaken.NO_AUTOPILOT)
+
+
+def test_a_request_carries_our_nanoseconds_and_an_empty_tc1(sync):
+    out = sync.on_wake(T0)
+    assert (out.name, out.to, out.component) == ("TIMESYNC", Destination.AUTOPILOT, 191)
+    assert set(out.fields) == {"tc1", "ts1"}
+    assert out.fields["tc1"] == 0
+    assert 0 <= out.fields["ts1"] - T0 < 1000
+
+
+def test_its_answer_gives_the_exchange_with_whole_microseconds(sync):
+    ts1 = request(sync)
+    got = sync.on_message(timesync(42 * S, ts1), T0 + 3 * MS)
+    assert got == ClockExchange(sent_ns=T0, received_ns=T0 + 3 * MS, autopilot_ns=42 * S)
+
+
+def test_an_answer_counts_once(sync):
+    ts1 = request(sync)
+    sync.on_message(timesync(42 * S, ts1), T0 + MS)
+    assert sync.on_message(timesync(42 * S, ts1), T0 + 2 * MS) == Ignored(NotTaken.NOT_OURS)
+
+
+@pytest.mark.parametrize(
+    ("answer", "reason"),
+    [
+        (lambda ts1: timesync(9 * S, ts1 + 1), NotTaken.NOT_OURS),
+        (lambda ts1: timesync(9 * S, T0), NotTaken.NOT_OURS),
+        (lambda ts1: timesync(9 * S, ts1, system=6), NotTaken.FOREIGN_SPEAKER),
+        (lambda ts1: timesync(9 * S, ts1, component=191), NotTaken.FOREIGN_SPEAKER),
+        (lambda ts1: timesync(9 * S, ts1, target=(5, 192)), NotTaken.OTHER_TARGET),
+        (lambda ts1: timesync(9 * S, ts1, target=(255, 190)), NotTaken.OTHER_TARGET),
+        (lambda ts1: timesync(-1, ts1), NotTaken.BAD_CLOCK),
+    ],
+)
+def test_what_is_not_our_answer_is_ignored_for_its_reason_and_does_not_spoil_ours(sync, answer, reason):
+    ts1 = request(sync)
+    if ts1 == T0:  # the nonce may be 0: then this case says nothing about it
+        ts1 = request(sync, sync.wake_at)
+    assert sync.on_message(answer(ts1), T0 + 200 * MS) == Ignored(reason)
+    assert sync.ignored[reason] == 1
+    assert isinstance(sync.on_message(timesync(9 * S, ts1, target=(5, 191)), T0 + 201 * MS), ClockExchange)
+
+
+def test_an_answer_that_comes_before_its_request_or_after_five_seconds_is_none(sync):
+    ts1 = request(sync)
+    assert sync.on_message(timesync(9 * S, ts1), T0 - 1000) == Ignored(NotTaken.NOT_OURS)
+    assert sync.on_message(timesync(9 * S, ts1), T0 + 5 * S + 1000) == Ignored(NotTaken.NOT_OURS)
+
+
+def test_the_autopilots_own_requests_are_answered_with_our_clock_over_the_same_link(sync):
+    out = sync.on_message(timesync(0, 987_654_321, link="spare"), T0 + 5000)
+    assert isinstance(out, Outgoing)
+    assert (out.to, out.link, out.component) == (Destination.REPLY, "spare", 191)
+    assert out.fields == {"tc1": T0 + 5000, "ts1": 987_654_321}
+
+
+def test_others_requests_are_answered_only_if_they_name_us(sync):
+    assert sync.on_message(timesync(0, 1, 255, 190), T0) == Ignored(NotTaken.NOT_FOR_US)
+    assert sync.on_message(timesync(0, 1, 255, 190, target=(5, 1)), T0) == Ignored(NotTaken.NOT_FOR_US)
+    assert sync.on_message(timesync(0, 1, target=(5, 192)), T0) == Ignored(NotTaken.NOT_FOR_US)
+    assert isinstance(sync.on_message(timesync(0, 1, 255, 190, target=(5, 191)), T0), Outgoing)
+
+
+def test_where_the_definitions_have_target_fields_they_are_filled_in():
+    sync = Timesync(191, target_fields=True)
+    sync.adopt(ARDUPILOT, T0)
+    asked = sync.on_wake(T0).fields
+    assert (asked["target_system"], asked["target_component"]) == (5, 1)
+    answer = sync.on_message(timesync(0, 1, 255, 190, target=(5, 191)), T0).fields
+    assert (answer["target_system"], answer["target_component"]) == (255, 190)
+
+
+def test_a_replay_learns_requests_from_the_recording_on_any_clock(sync):
+    recorded_at = 1_790_000_000 * S
+    sync.on_sent(123_456_789, recorded_at)
+    got = sync.on_message(timesync(9 * S, 123_456_789), recorded_at + 2 * MS)
+    assert got == ClockExchange(sent_ns=recorded_at, received_ns=recorded_at + 2 * MS, autopilot_ns=9 * S)
+
+
+def run(sync, seconds, round_trip_ns, answered=lambda now: True):
+    """Instants of requests while the autopilot answers each after the round trip."""
+    now, sent = T0, []
+    while now < T0 + seconds * S:
+        now = sync.wake_at
+        ts1 = sync.on_wake(now).fields["ts1"]
+        sent.append(now)
+        if answered(now):
+            sync.on_message(timesync(now - 1000 * S, ts1), now + round_trip_ns)
+    return sent
+
+
+def rate(sent, start, end):
+    return sum(T0 + start * S <= at < T0 + end * S for at in sent) / (end - start)
+
+
+@pytest.mark.parametrize(("round_trip_ms", "later_hz"), [(1, 2.0), (5, 1 / (0.25 * 2.5e-3 / 600e-6)), (50, 0.5)])
+def test_ten_a_second_for_twenty_seconds_then_as_many_as_the_bound_needs(sync, round_trip_ms, later_hz):
+    sent = run(sync, 100, round_trip_ms * MS)
+    assert rate(sent, 0, 20) == pytest.approx(10, abs=0.1)
+    assert rate(sent, 30, 100) == pytest.approx(later_hz, rel=0.05)
+
+
+def test_a_silent_autopilot_is_asked_seldom_but_settles_once_it_answers(sync):
+    sent = run(sync, 100, MS, answered=lambda now: now >= T0 + 60 * S)
+    assert rate(sent, 25, 60) == pytest.approx(0.5, abs=0.05)
+    assert rate(sent, 63, 80) == pytest.approx(10, abs=0.1)
+
+
+def test_after_a_reboot_old_requests_are_void_and_it_settles_again(sync):
+    ts1 = request(sync)
+    sync.restart(T0 + MS)
+    assert sync.on_message(timesync(9 * S, ts1), T0 + 2 * MS) == Ignored(NotTaken.NOT_OURS)
+    assert sync.wake_at == T0 + MS
+
+
+def test_the_table_of_requests_is_bounded():
+    sync = Timesync(191)
+    sync.adopt(ARDUPILOT, T0)
+    for count in range(10_000):
+        sync.on_sent(T0 + count, T0 + count * 1000)
+    assert len(sync._outstanding) <= 32
+
+
+def test_nonces_spread_and_no_ts1_is_used_twice(sync):
+    nonces = [request(sync, sync.wake_at) % 1000 for _ in range(2000)]
+    assert len(set(nonces)) > 800  # 2000 draws of 1000 values reach 865 on average
+    assert max(nonces.count(value) for value in set(nonces)) < 12
+
+
+@settings(derandomize=True, max_examples=200)
+@given(tc1=st.integers(-(2**63), 2**63 - 1), ts1=st.integers(-(2**63), 2**63 - 1), system=st.integers(0, 255))
+def test_no_foreign_content_gives_an_exchange_or_an_answer_to_a_stranger(tc1, ts1, system):
+    sync = Timesync(191)
+    sync.adopt(ARDUPILOT, T0)
+    request(sync)
+    got = sync.on_message(timesync(tc1, ts1, system), T0 + MS)
+    assert not isinstance(got, ClockExchange)
+    assert isinstance(got, Outgoing) == (tc1 == 0 and system == 5)
