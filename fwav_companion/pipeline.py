@@ -29,6 +29,8 @@ from fwav_companion.tracking import Settled
 
 ANSWERED = frozenset({"COMMAND_LONG", "COMMAND_INT", "PING"})
 """What is a question to us, whoever asks."""
+FAULT_SILENCE_NS = 6 * NS_PER_S
+"""Long enough that peers notice: they allow five missed heartbeats."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +68,7 @@ class Pipeline:
         self._unix_offset_ns = unix_offset_ns
         self._live = live
         self._clock_line_ns: HostNs | None = None
+        self._fault_over_ns: HostNs | None = None
         self._outputs = Outputs()
         self._ended = False
 
@@ -106,6 +109,11 @@ class Pipeline:
         self._rooms.sight.on_frame(frame, now)
         self._take_ready(now)
 
+    def on_internal_fault(self, now: HostNs) -> None:
+        """A mistake of our own came up: no heartbeats for a while, since what we say may be wrong."""
+        self._rooms.identity.fault()
+        self._fault_over_ns = HostNs(now + FAULT_SILENCE_NS)
+
     # Time.
 
     @property
@@ -117,6 +125,8 @@ class Pipeline:
         """Do everything that was due until now, in its order and at its own time."""
         if self._clock_line_ns is None:
             self._clock_line_ns = self._next_whole_second(now)
+            if self._live:
+                self._speak(now)
         while (due := self.wake_at) is not None and due <= now:
             self._wake(due, now)
 
@@ -132,7 +142,16 @@ class Pipeline:
         self._ledger.begin(world.plane.origin if world.plane else None)
         self._ledger.write(self._ledger.summary())
 
+    def arrival_untold(self, frame: Frame) -> HostNs | None:
+        """When a recorded frame that does not tell is taken to have come; None while that is not known."""
+        return None if self._rooms.sight is None else self._rooms.sight.arrival_untold(frame)
+
     # What goes out.
+
+    @property
+    def system(self) -> int:
+        """The MAVLink system id that we speak with."""
+        return self._rooms.identity.system
 
     def take(self) -> Outputs:
         """All outputs since the last call."""
@@ -159,7 +178,7 @@ class Pipeline:
     def _dues(self) -> tuple[HostNs | None, ...]:
         rooms = self._rooms
         sight_due = rooms.sight.wake_at if rooms.sight is not None else None
-        heard = (self._clock_line_ns, rooms.identity.wake_at, rooms.telemetry.wake_at, sight_due)
+        heard = (self._clock_line_ns, self._fault_over_ns, rooms.identity.wake_at, rooms.telemetry.wake_at, sight_due)
         if not self._live:
             return heard
         return (*heard, rooms.timesync.wake_at, rooms.rates.wake_at, rooms.publisher.wake_at)
@@ -174,6 +193,9 @@ class Pipeline:
         if self._clock_line_ns is not None and due >= self._clock_line_ns:
             self._write_clock_line(self._clock_line_ns)
             self._clock_line_ns = self._next_whole_second(due)
+        if self._fault_over_ns is not None and due >= self._fault_over_ns:
+            self._fault_over_ns = None
+            rooms.identity.fault_over()
         if self._live:
             self._speak(now)
 

@@ -26,6 +26,16 @@ from fwav_companion.tracking import Reorder, TrackingOptions, make_tracker
 CAMERA_COMPONENT = 100
 """MAV_COMP_ID_CAMERA."""
 
+WANTED = frozenset(
+    {
+        "HEARTBEAT", "TIMESYNC", "PING", "COMMAND_LONG", "COMMAND_INT", "COMMAND_ACK",
+        "ATTITUDE", "ATTITUDE_QUATERNION", "GLOBAL_POSITION_INT", "LOCAL_POSITION_NED", "ALTITUDE", "VFR_HUD",
+        "GPS_RAW_INT", "GPS_GLOBAL_ORIGIN", "HOME_POSITION", "DISTANCE_SENSOR", "TERRAIN_REPORT", "SYSTEM_TIME",
+        "PARAM_VALUE", "STATUSTEXT",
+    }
+)  # fmt: skip
+"""The messages that any room takes; no other is decoded."""
+
 
 def make_pipeline(
     config: Config,

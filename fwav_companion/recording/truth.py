@@ -15,7 +15,8 @@ import msgspec
 from fwav_companion.errors import InputFileError
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.vectors import Vector3, larger_semi_axis
-from fwav_companion.nouns import Track, TrackState
+from fwav_companion.nouns import TrackState
+from fwav_companion.recording.lines import Line
 
 ACCEPTED = "label and (lat, lon, alt_amsl) or (north, east, down), optionally time_unix"
 
@@ -114,48 +115,49 @@ def _ned(point: TruthPoint, plane: TangentPlane | None) -> Vector3 | None:
 
 
 class ErrorTally:
-    """Horizontal errors of a replay's confirmed tracks, by the nearest target of the same label."""
+    """Horizontal errors of confirmed tracks, by the nearest target of the same label; fed with a recording's lines."""
 
     def __init__(self, points: Iterable[TruthPoint]) -> None:
-        by_label: dict[str, list[TruthPoint]] = {}
+        by_target: dict[str, list[TruthPoint]] = {}
         for number, point in enumerate(points):
             # A label without times may name several targets that stand about: each row is one.
             key = point.label if point.time_unix is not None else f"{point.label}\0{number}"
-            by_label.setdefault(key, []).append(point)
-        self._targets = [(key.partition("\0")[0], Truth(points)) for key, points in by_label.items()]
+            by_target.setdefault(key, []).append(point)
+        self._targets = [(key.partition("\0")[0], Truth(points)) for key, points in by_target.items()]
         self._squares: dict[int, list[float]] = {index: [] for index in range(len(self._targets))}
-        self._last: dict[int, tuple[int, float, float]] = {}
+        self._last: dict[int, Line] = {}
+        self._plane: TangentPlane | None = None
 
-    def add(self, track: Track, time_unix: float, plane: TangentPlane | None) -> None:
-        """One settled state of a track."""
-        if track.state not in (TrackState.CONFIRMED, TrackState.COASTING):
-            return
-        candidates = []
+    def add(self, line: Line) -> None:
+        """The next line of a targets file."""
+        if line["type"] in ("header", "origin") and line["origin"] is not None:
+            origin = line["origin"]
+            self._plane = TangentPlane(Geodetic.from_degrees(origin["lat"], origin["lon"], origin["alt_amsl"]))
+        elif line["type"] == "target" and line["state"] in (TrackState.CONFIRMED, TrackState.COASTING):
+            self._add_target(line)
+
+    def _add_target(self, line: Line) -> None:
+        errors = []
         for index, (label, truth) in enumerate(self._targets):
-            true_ned = truth.ned_at(time_unix, plane)
-            if true_ned is not None and label in ("", track.label):
-                north, east, _ = track.position_ned
-                candidates.append((hypot(north - true_ned[0], east - true_ned[1]), index))
-        if candidates:
-            error_m, index = min(candidates)
+            true_ned = truth.ned_at(line["time_unix"], self._plane)
+            if true_ned is not None and label in ("", line["label"]):
+                errors.append((hypot(line["north"] - true_ned[0], line["east"] - true_ned[1]), index))
+        if errors:
+            error_m, index = min(errors)
             self._squares[index].append(error_m * error_m)
-            self._last[index] = (track.id, error_m, larger_semi_axis(track.cov))
+            self._last[index] = {
+                "track": line["track"],
+                "final_m": error_m,
+                "claimed_sigma_m": larger_semi_axis(line["cov"]),
+            }
 
-    def summary(self) -> list[dict[str, Any]]:
-        """One object a true target: found, final and RMS error, and the claim at the end, metres."""
+    def summary(self) -> list[Line]:
+        """One object a true target: whether it was found, the RMS and the final error, and the final claim, metres."""
         return [self._target_summary(index, label) for index, (label, _) in enumerate(self._targets)]
 
-    def _target_summary(self, index: int, label: str) -> dict[str, Any]:
+    def _target_summary(self, index: int, label: str) -> Line:
         squares = self._squares[index]
         if not squares:
             return {"label": label, "found": False}
-        track, final_m, sigma_m = self._last[index]
-        return {
-            "label": label,
-            "found": True,
-            "track": track,
-            "samples": len(squares),
-            "rms_m": sqrt(sum(squares) / len(squares)),
-            "final_m": final_m,
-            "claimed_sigma_m": sigma_m,
-        }
+        rms_m = sqrt(sum(squares) / len(squares))
+        return {"label": label, "found": True, "samples": len(squares), "rms_m": rms_m, **self._last[index]}

@@ -91,11 +91,14 @@ def _may_precede(step: ClockStep, unix_ns: int, host_ns: int, arrival_ns: HostNs
 
 
 class RecordingClock:
-    """A recording: its host clock is its ``time_unix``, and nothing places the board's monotonic clock."""
+    """A recording: ``time_unix`` lies a fixed offset from its host clock, and nothing places the board's monotonic."""
+
+    def __init__(self, unix_minus_host_ns: int = 0) -> None:
+        self._unix_minus_host_ns = unix_minus_host_ns
 
     def host_from_unix(self, unix_s: float, arrival_ns: HostNs | None) -> HostNs | NoFrame:  # noqa: ARG002
-        """The stamp itself."""
-        return host_from_seconds(unix_s)
+        """The stamp on the recording's own host clock."""
+        return HostNs(host_from_seconds(unix_s) - self._unix_minus_host_ns)
 
     def host_from_monotonic(self, monotonic_s: float) -> HostNs | NoFrame:  # noqa: ARG002
         """NO_MONOTONIC_MAP."""

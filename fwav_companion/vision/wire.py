@@ -97,7 +97,8 @@ def parse_frame(data: bytes | str, arrival_ns: HostNs | None, clocks: StampClock
     if refusal is not None:
         return refusal
     if arrival_ns is None and wire.received_unix is not None:
-        arrival_ns = host_from_seconds(wire.received_unix)
+        received = clocks.host_from_unix(wire.received_unix, None)
+        arrival_ns = None if isinstance(received, NoFrame) else received
     stamp = _stamp(wire, arrival_ns, clocks)
     if isinstance(stamp, NoFrame):
         return stamp

@@ -1,0 +1,43 @@
+"""``fwav-companion run``: the daemon."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import logging
+import sys
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from argparse import _SubParsersAction
+
+
+def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Register the command."""
+    parser = subparsers.add_parser(
+        "run",
+        description="Runs until SIGTERM or SIGINT. What is not there yet (a link, an address, a camera) is tried again.",
+        epilog="example:\n  fwav-companion run --config fwav-companion.toml",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--config", metavar="FILE", required=True, help="the configuration, as `init` writes one")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Check everything that a user can get wrong, then serve."""
+    from fwav_companion.calibration_file import load_calibration
+    from fwav_companion.config import load, load_signing_key
+    from fwav_companion.service import Service
+
+    config = load(arguments.config)
+    config.require_links()
+    calibration = load_calibration(config) if config.localizes else None
+    key = load_signing_key(config)
+    logging.basicConfig(level=logging.INFO, stream=sys.stderr, format="%(levelname)s %(message)s")
+
+    async def serve() -> None:
+        await Service(config, calibration, key).run()
+
+    asyncio.run(serve())
+    return 0

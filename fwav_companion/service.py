@@ -1,0 +1,258 @@
+"""SHELL: the daemon. It moves bytes between links and the pipeline, arms the pipeline's timer, and does nothing else."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+import signal
+import time
+
+import msgspec
+
+from fwav_companion import __version__
+from fwav_companion.camera import Calibration
+from fwav_companion.config import Config
+from fwav_companion.geometry.stamps import NS_PER_S, NS_PER_US, HostNs, whole_microseconds
+from fwav_companion.links.base import Link
+from fwav_companion.links.make import make_link
+from fwav_companion.nouns import Frame, NoFrame, Notice, Severity
+from fwav_companion.pipeline import Outputs
+from fwav_companion.recording.lines import encode_line
+from fwav_companion.recording.recorder import DETECTIONS, TARGETS, Recorder
+from fwav_companion.status_file import StatusFile, candidates
+from fwav_companion.systemd_notify import SystemdNotifier
+from fwav_companion.vision.detections_in import DetectionsIn, read_clocks
+from fwav_companion.vision.wall_clock import ClockStep, WallClock
+from fwav_companion.vision.wire import encode_frame
+from fwav_companion.wiring import make_node, make_pipeline
+
+log = logging.getLogger("fwav_companion")
+
+STOP_S = 1.0
+"""For writing what waits; with all else a stop stays below the two seconds that are promised."""
+STATUS_INTERVAL_S = 1.0
+_LEVELS = {Severity.INFO: logging.INFO, Severity.WARNING: logging.WARNING, Severity.ERROR: logging.ERROR}
+
+
+class Service:
+    """One run of the daemon."""
+
+    def __init__(self, config: Config, calibration: Calibration | None, signing_key: bytes | None) -> None:
+        self._config = config
+        host_ns, unix_ns = read_clocks()
+        self._unix_offset_ns = (unix_ns - host_ns) // NS_PER_US * NS_PER_US
+        self._wall_clock = WallClock(host_ns, unix_ns)
+        self._pipeline = make_pipeline(config, calibration, unix_offset_ns=self._unix_offset_ns, live=True)
+        self._node = make_node(config, signing_key)
+        self._links = {
+            link.name: make_link(link.name, link.parsed_url, self._on_bytes, self._on_link_state)
+            for link in config.link
+        }
+        self._map_link = self._make_map_link()
+        self._detections = self._make_detections() if calibration is not None else None
+        self._recorder = self._make_recorder()
+        self._status = StatusFile(candidates(config.status.file), self._warn_from_thread)
+        self._notifier = SystemdNotifier()
+        self._last_ns = host_ns
+        self._timer: asyncio.TimerHandle | None = None
+        self._timer_ns: HostNs | None = None
+        self._stop = asyncio.Event()
+        self._faults = 0
+
+    async def run(self) -> None:
+        """Until SIGTERM or SIGINT; then it stops within two seconds."""
+        loop = asyncio.get_running_loop()
+        for number in (signal.SIGTERM, signal.SIGINT):
+            loop.add_signal_handler(number, self._stop.set)
+        loop.set_exception_handler(self._on_internal_fault)
+        self._start()
+        await self._stop.wait()
+        self._notifier.stopping()
+        self._close()
+
+    # Coming up and going down.
+
+    def _start(self) -> None:
+        for part in (self._recorder, self._status, self._detections, self._map_link, *self._links.values()):
+            if part is not None:
+                part.start()
+        log.info("waiting for an autopilot on %s", self._listening_on())
+        self._notifier.ready()
+        self._tick()
+        self._on_timer()
+
+    def _close(self) -> None:
+        now = self._now()
+        self._pipeline.finish(now)
+        self._flush(now)
+        for part in (self._detections, self._map_link, *self._links.values()):
+            if part is not None:
+                part.close()
+        if self._recorder is not None:
+            self._recorder.close(STOP_S)
+        self._status.close(STOP_S / 2)
+        self._notifier.close()
+        log.info("stopped")
+
+    def _listening_on(self) -> str:
+        urls = [f"{link.name} ({link.url})" for link in self._config.link if link.role == "autopilot"]
+        detections = f", and for detections on {self._config.detections.url}" if self._detections is not None else ""
+        return " or ".join(urls) + detections
+
+    def _make_map_link(self) -> Link | None:
+        url = self._config.publish.parsed_cot
+        return None if url is None else make_link("cot", url, _ignore_bytes, self._on_link_state)
+
+    def _make_detections(self) -> DetectionsIn | None:
+        endpoint = self._config.detections.endpoint
+        if endpoint is None:
+            return None
+        return DetectionsIn(
+            endpoint,
+            self._wall_clock,
+            on_frame=self._on_frame,
+            on_state=self._on_detections_state,
+            on_step=self._on_clock_step,
+            clocks=self._read_clocks,
+        )
+
+    def _make_recorder(self) -> Recorder | None:
+        record = self._config.record
+        if not record.directory:
+            return None
+        return Recorder(
+            self._config.resolve(record.directory), self._config.files(), record.sync_s, self._warn_from_thread
+        )
+
+    # Time. Every event gets an instant of its own, so that a recording replays in the same order.
+
+    def _now(self) -> HostNs:
+        now = whole_microseconds(time.monotonic_ns())
+        self._last_ns = HostNs(max(now, self._last_ns + NS_PER_US))
+        return self._last_ns
+
+    def _read_clocks(self) -> tuple[HostNs, int]:
+        host_ns, unix_ns = read_clocks()
+        now = self._now()
+        return now, unix_ns + now - host_ns
+
+    def _unix_us(self, now: HostNs) -> int:
+        return (now + self._unix_offset_ns) // NS_PER_US
+
+    # What comes in.
+
+    def _on_bytes(self, link: str, data: bytes) -> None:
+        now = self._now()
+        received = self._node.receive(link, data, now)
+        for name, frame in received.forwards:
+            self._links[name].send(frame)
+        if self._recorder is not None:
+            for frame in received.frames:
+                self._recorder.telemetry(self._unix_us(now), frame)
+        for message in received.messages:
+            self._pipeline.on_message(message, now)
+        for who in received.rate_requests:
+            self._pipeline.on_rate_request_passed(who, now)
+        if received.messages:
+            self._flush(now)
+
+    def _on_frame(self, frame: Frame | NoFrame) -> None:
+        now = frame.arrival_ns if isinstance(frame, Frame) and frame.arrival_ns is not None else self._now()
+        if self._recorder is not None and isinstance(frame, Frame):
+            self._recorder.write(DETECTIONS, encode_frame(frame, self._unix_offset_ns))
+        self._pipeline.on_frame(frame, now)
+        self._flush(now)
+
+    def _on_timer(self) -> None:
+        self._timer = self._timer_ns = None
+        now = self._now()
+        self._pipeline.advance(now)
+        self._flush(now)
+
+    def _tick(self) -> None:
+        """Once a second: the status file, and the watchdog's bone."""
+        asyncio.get_running_loop().call_later(STATUS_INTERVAL_S, self._tick)
+        now = self._now()
+        self._status.write(msgspec.json.encode(self._status_object(now)))
+        self._notifier.alive()
+
+    # What goes out.
+
+    def _flush(self, now: HostNs) -> None:
+        outputs = self._pipeline.take()
+        self._send(outputs, now)
+        if self._recorder is not None:
+            for line in outputs.lines:
+                self._recorder.write(TARGETS, encode_line(line))
+        for notice in outputs.notices:
+            log.log(_LEVELS[notice.severity], "%s", notice.text)
+        self._arm()
+
+    def _send(self, outputs: Outputs, now: HostNs) -> None:
+        self._node.adopt(self._pipeline.system)
+        for outgoing in outputs.messages:
+            frames = self._node.encode(outgoing, now)
+            for name, frame in frames:
+                self._links[name].send(frame)
+            if frames and self._recorder is not None:
+                self._recorder.telemetry(self._unix_us(now), frames[0][1])
+        if self._map_link is not None:
+            for datagram in outputs.datagrams:
+                self._map_link.send(datagram)
+
+    def _arm(self) -> None:
+        """Have the timer ring by the pipeline's next due time; an earlier ring does no harm."""
+        wake_at = self._pipeline.wake_at
+        if wake_at is None or (self._timer_ns is not None and self._timer_ns <= wake_at):
+            return
+        if self._timer is not None:
+            self._timer.cancel()
+        self._timer_ns = wake_at
+        self._timer = asyncio.get_running_loop().call_at(wake_at / NS_PER_S, self._on_timer)
+
+    # What is told.
+
+    def _on_link_state(self, name: str, up: bool, why: str) -> None:
+        if up:
+            log.info("link %s is up", name)
+        else:
+            log.warning("link %s is down: %s; trying again", name, why)
+            self._node.link_down(name)
+
+    def _on_detections_state(self, listens: bool, why: str) -> None:
+        if not listens:
+            log.warning("detections cannot be taken on %s: %s; trying again", self._config.detections.url, why)
+
+    def _on_clock_step(self, step: ClockStep) -> None:
+        notice = Notice(Severity.WARNING, f"the wall clock was set by {step.size_s:+.3f} s; nothing here hangs on it")
+        log.warning("%s", notice.text)
+
+    def _warn_from_thread(self, text: str) -> None:
+        log.warning("%s", text)
+
+    def _on_internal_fault(self, _loop: asyncio.AbstractEventLoop, context: dict[str, object]) -> None:
+        """A mistake of ours: say it whole once, fall silent for a while as MAVLink demands, and go on."""
+        self._faults += 1
+        error = context.get("exception")
+        trace = error if isinstance(error, BaseException) and self._faults == 1 else None
+        log.error("internal fault %d: %s %r", self._faults, context.get("message"), error, exc_info=trace)
+        self._pipeline.on_internal_fault(self._now())
+
+    def _status_object(self, now: HostNs) -> dict[str, object]:
+        return {
+            "version": __version__,
+            "pid": os.getpid(),
+            "config": self._config.file,
+            "time_unix": self._unix_us(now) / 1e6,
+            "time_monotonic": now / NS_PER_S,
+            "internal_faults": self._faults,
+            "links": {name: link.status() for name, link in self._links.items()},
+            "mavlink": self._node.status(now),
+            "recording": None if self._recorder is None else self._recorder.failure or str(self._recorder.folder),
+            **self._pipeline.status(now),
+        }
+
+
+def _ignore_bytes(_link: str, _data: bytes) -> None:
+    """A map server says nothing that we need."""

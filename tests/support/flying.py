@@ -1,0 +1,142 @@
+"""A companion that flies with the mock in invented time: the whole pipeline, no sockets, no clock, no sleep."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from math import hypot
+from typing import Any
+
+from fwav_companion.camera import parse_calibration
+from fwav_companion.config import parse
+from fwav_companion.geometry.stamps import HostNs, whole_microseconds
+from fwav_companion.mavlink.codec import Encoder, decode
+from fwav_companion.mavlink.scanner import Scanner
+from fwav_companion.nouns import Frame, Outgoing
+from fwav_companion.pipeline import Pipeline
+from fwav_companion.recording.lines import Line, encode_line
+from fwav_companion.recording.tlog import tlog_record
+from fwav_companion.vision.wall_clock import WallClock
+from fwav_companion.vision.wire import encode_frame, parse_frame
+from fwav_companion.wiring import WANTED, make_pipeline
+from sitl_mock import Options, Simulation, simulate
+
+CAMERA = """
+model: kannala_brandt
+image_size: [640, 480]
+k_mm: [3.55, 0.03, 0.0, 0.0, 0.0]
+pixels_per_mm: [188.0, 188.0]
+principal_point: [320.0, 240.0]
+"""
+LINK = '[[link]]\nname = "autopilot"\nurl = "udpin://127.0.0.1:14540"\nrole = "autopilot"\n'
+
+
+class Companion:
+    """The service without its sockets; keeps what it said and wrote, and a recording as the service makes it."""
+
+    def __init__(self, settings: Sequence[str] = (), *, unix_minus_host_s: float = 0.0, sightings: bool = False) -> None:
+        self.config = parse(LINK + '[camera]\ncalibration = "camera.yaml"\n', "flight.toml", settings)
+        self.calibration = parse_calibration(CAMERA, "camera.yaml")
+        self.unix_offset_ns = round(unix_minus_host_s * 1e6) * 1000
+        self.pipeline: Pipeline = make_pipeline(
+            self.config, self.calibration, unix_offset_ns=self.unix_offset_ns, live=True, sightings=sightings
+        )
+        self.wall_clock = WallClock(HostNs(0), self.unix_offset_ns)
+        self.lines: list[Line] = []
+        self.sent: list[tuple[HostNs, Outgoing]] = []
+        self.notices: list[str] = []
+        self.tlog = bytearray()
+        self.detections = bytearray()
+        self._scanner = Scanner()
+        self._encoders: dict[int, Encoder] = {}
+        self._now = HostNs(0)
+
+    @property
+    def wake_at(self) -> int | None:
+        return self.pipeline.wake_at
+
+    def on_wake(self, now_ns: int) -> list[bytes]:
+        now = self._instant(now_ns)
+        self.pipeline.advance(now)
+        return self._flushed(now)
+
+    def on_bytes(self, data: bytes, now_ns: int) -> list[bytes]:
+        now = self._instant(now_ns)
+        for frame in self._scanner.feed(data):
+            self._record(now, frame.data)
+            if frame.definition is not None and frame.definition.name in WANTED:
+                self.pipeline.on_message(decode(frame, "autopilot"), now)
+        return self._flushed(now)
+
+    def on_frame(self, frame: Mapping[str, Any], now_ns: int) -> list[bytes]:
+        now = self._instant(now_ns)
+        parsed = parse_frame(json.dumps(frame), now, self.wall_clock)
+        if isinstance(parsed, Frame):
+            self.detections += encode_frame(parsed, self.unix_offset_ns)
+        self.pipeline.on_frame(parsed, now)
+        return self._flushed(now)
+
+    def finish(self) -> None:
+        self.pipeline.finish(self._instant(self._now + 1000))
+        self._flushed(self._now)
+
+    def targets(self, label: str | None = None) -> list[Line]:
+        """All target lines, of one label or of all."""
+        return [each for each in self.lines if each["type"] == "target" and label in (None, each["label"])]
+
+    def targets_file(self) -> bytes:
+        return b"".join(map(encode_line, self.lines))
+
+    def _instant(self, now_ns: int) -> HostNs:
+        """Whole microseconds, each event its own, as the service has it."""
+        self._now = HostNs(max(whole_microseconds(now_ns), self._now + 1000))
+        return self._now
+
+    def _record(self, now: HostNs, frame: bytes) -> None:
+        self.tlog += tlog_record((now + self.unix_offset_ns) // 1000, frame)
+
+    def _flushed(self, now: HostNs) -> list[bytes]:
+        outputs = self.pipeline.take()
+        self.lines += outputs.lines
+        self.notices += [notice.text for notice in outputs.notices]
+        frames = []
+        for outgoing in outputs.messages:
+            self.sent.append((now, outgoing))
+            encoder = self._encoders.setdefault(outgoing.component, Encoder(1, outgoing.component))
+            encoder.system = self.pipeline.system
+            frames.append(encoder.encode(outgoing.name, outgoing.fields))
+            self._record(now, frames[-1])
+        return frames
+
+
+@dataclass
+class Flight:
+    """What is left of a flight."""
+
+    companion: Companion
+    mock: Simulation
+    options: Options
+    truth: dict[int, Any] = field(default_factory=dict)
+
+    def final(self, label: str = "target") -> Line:
+        """The last line of the confirmed track of this label that was seen most."""
+        lines = [each for each in self.companion.targets(label) if each["state"] in ("confirmed", "coasting")]
+        assert lines, f"no confirmed track of {label!r}"
+        return lines[-1]
+
+    def error_m(self, line: Line, index: int = 0) -> float:
+        """Horizontal distance of a target line to where the target was when the frame was captured."""
+        host_ns = round((line["time_unix"]) * 1e9) - self.companion.unix_offset_ns
+        true = self.mock.scene[index].at(self.mock.flight_s(host_ns))
+        return hypot(line["north"] - true[0], line["east"] - true[1])
+
+
+def fly(options: Options, settings: Sequence[str] = (), **how: Any) -> Flight:
+    """The whole flight, as fast as it goes."""
+    mock = simulate(options)
+    companion = Companion(settings, unix_minus_host_s=mock.unix_minus_host_s, **how)
+    for _ in mock.drive(companion):
+        pass
+    companion.finish()
+    return Flight(companion, mock, options)
