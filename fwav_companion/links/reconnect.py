@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+from collections.abc import Awaitable, Callable
 
 from fwav_companion.errors import LinkError
 from fwav_companion.links.base import Connection, Ear, LinkState, OnBytes, OnState, Opener, Traffic
@@ -19,12 +20,22 @@ STEADY_S = 5.0
 class StayingConnected:
     """A :class:`Link` made of an :class:`Opener`'s connections, one after the other."""
 
-    def __init__(self, name: str, opener: Opener, on_bytes: OnBytes, on_state: OnState) -> None:
+    def __init__(
+        self,
+        name: str,
+        opener: Opener,
+        on_bytes: OnBytes,
+        on_state: OnState,
+        *,
+        sleep: Callable[[float], Awaitable[None]] = asyncio.sleep,
+    ) -> None:
+        """``sleep`` passes the seconds between two tries."""
         self.name = name
         self.state = LinkState.IDLE
         self._opener = opener
         self._on_bytes = on_bytes
         self._on_state = on_state
+        self._sleep = sleep
         self._traffic = Traffic()
         self._connection: Connection | None = None
         self._task: asyncio.Task[None] | None = None
@@ -71,7 +82,7 @@ class StayingConnected:
         while True:
             if await self._live_once() >= STEADY_S:
                 delay_s = FIRST_DELAY_S
-            await asyncio.sleep(delay_s)
+            await self._sleep(delay_s)
             delay_s = min(2.0 * delay_s, LONGEST_DELAY_S)
 
     async def _live_once(self) -> float:

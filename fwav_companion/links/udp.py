@@ -8,13 +8,11 @@ import socket
 
 from fwav_companion.links.addresses import SocketAddress, resolve
 from fwav_companion.links.base import DRAIN_LIMIT, READ_BYTES, Connection, Ear
-from fwav_companion.links.framing import FrameCutter
+from fwav_companion.links.clients import Clients
 from fwav_companion.links.url import UdpUrl, host_and_port
 
-MAX_CLIENTS = 16
-"""More ground stations than one vehicle ever has; each costs a copy of everything that is sent."""
-CLIENT_SILENT_S = 60.0
-"""Peers heartbeat at 1 Hz; after a minute's silence a client is gone, and is learned anew when it speaks."""
+FORGETTING_PERIOD_S = 10.0
+"""How often silent clients are looked for."""
 
 ROUTE_GONE = {errno.ENETUNREACH, errno.ENETDOWN, errno.EADDRNOTAVAIL, errno.EINVAL, errno.ENODEV}
 """Errors of sending that end a connection: no interface, route or own address any more. EINVAL is what Linux gives
@@ -131,15 +129,12 @@ class UdpServer(UdpSocket):
 
     def __init__(self, sock: socket.socket, ear: Ear) -> None:
         super().__init__(sock, ear)
-        self.address: SocketAddress = sock.getsockname()
-        """Where it listens."""
-        self._heard_at: dict[SocketAddress, float] = {}
-        self._cutters: dict[SocketAddress, FrameCutter] = {}
-        self._forgetting = self._loop.call_later(CLIENT_SILENT_S / 4, self._forget_silent)
+        self._clients = Clients()
+        self._forgetting = self._loop.call_later(FORGETTING_PERIOD_S, self._forget_silent)
 
     def send(self, data: bytes) -> None:
         """One datagram to each client; with none, nobody misses it and nothing is counted."""
-        for address in self._heard_at:
+        for address in self._clients:
             try:
                 self._socket.sendto(data, address)
             except OSError as error:
@@ -153,27 +148,13 @@ class UdpServer(UdpSocket):
         super().close()
 
     def status(self) -> dict[str, object]:
-        """The clients, the latest heard last."""
-        return {"clients": [host_and_port(*address[:2]) for address in self._heard_at]}
+        """The clients, in the order they were learned."""
+        return {"clients": [host_and_port(*address[:2]) for address in self._clients]}
 
     def _receive(self) -> bytes:
         data, address = self._socket.recvfrom(READ_BYTES)
-        self._remember(address)
-        if len(self._heard_at) == 1:
-            return data
-        return self._cutters.setdefault(address, FrameCutter()).cut(data)
-
-    def _remember(self, address: SocketAddress) -> None:
-        if address not in self._heard_at and len(self._heard_at) >= MAX_CLIENTS:
-            self._forget(min(self._heard_at, key=self._heard_at.__getitem__))
-        self._heard_at[address] = self._loop.time()
+        return self._clients.whole_frames(address, data, self._loop.time())
 
     def _forget_silent(self) -> None:
-        horizon = self._loop.time() - CLIENT_SILENT_S
-        for address in [address for address, heard_at in self._heard_at.items() if heard_at < horizon]:
-            self._forget(address)
-        self._forgetting = self._loop.call_later(CLIENT_SILENT_S / 4, self._forget_silent)
-
-    def _forget(self, address: SocketAddress) -> None:
-        del self._heard_at[address]
-        self._cutters.pop(address, None)
+        self._clients.forget_silent(self._loop.time())
+        self._forgetting = self._loop.call_later(FORGETTING_PERIOD_S, self._forget_silent)

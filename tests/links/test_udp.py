@@ -1,0 +1,229 @@
+"""UDP links over loopback, with plain sockets as peers."""
+
+import asyncio
+import errno
+import socket
+from collections.abc import Iterator
+
+import pytest
+from link_listening import Listener, free_udp_port, run, started, until
+
+from fwav_companion.links import addresses
+from fwav_companion.links.base import Ear, Traffic
+from fwav_companion.links.udp import UdpClient
+
+
+@pytest.fixture(name="peer")
+def _peer() -> Iterator[socket.socket]:
+    with peer_socket() as sock:
+        yield sock
+
+
+def peer_socket() -> socket.socket:
+    sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    sock.bind(("127.0.0.1", 0))
+    sock.settimeout(20)
+    return sock
+
+
+async def received(sock: socket.socket) -> bytes:
+    """The next datagram, while the loop goes on."""
+    return await asyncio.to_thread(sock.recv, 65536)
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "[::1]"])
+def test_a_server_hears_and_answers_all_it_has_heard(host: str):
+    async def story() -> None:
+        listener, port = Listener(), free_udp_port()
+        family = socket.AF_INET6 if host == "[::1]" else socket.AF_INET
+        with (
+            started(f"udpin://{host}:{port}", listener) as link,
+            socket.socket(family, socket.SOCK_DGRAM) as one,
+            socket.socket(family, socket.SOCK_DGRAM) as two,
+        ):
+            await listener.until_up()
+            link.send(b"nobody is there")
+            for sock, data in ((one, b"from one"), (two, b"from two")):
+                sock.settimeout(20)
+                sock.sendto(data, (host.strip("[]"), port))
+                await listener.until(lambda data=data: data in listener.data)
+            link.send(b"to all")
+            assert await received(one) == b"to all"
+            assert await received(two) == b"to all"
+            status = link.status()
+            assert len(status["clients"]) == 2
+            assert all(client.startswith(f"{host}:") for client in status["clients"])
+            assert (status["bytes_in"], status["bytes_out"], status["dropped"]) == (16, 12, 0)
+
+    run(story())
+
+
+def test_a_burst_is_drained_whole_and_in_order(peer: socket.socket):
+    async def story() -> None:
+        listener, port = Listener(), free_udp_port()
+        with started(f"udpin://127.0.0.1:{port}", listener):
+            await listener.until_up()
+            sent = [bytes([i]) * 50 for i in range(200)]
+            for data in sent:
+                peer.sendto(data, ("127.0.0.1", port))
+            await listener.until(lambda: len(listener.data) == 200 * 50)
+            assert listener.data == b"".join(sent)
+            assert len(listener.chunks) <= 10, "joined, 64 a wake"
+
+    run(story())
+
+
+def test_a_server_on_a_taken_port_waits_for_it(peer: socket.socket):
+    async def story() -> None:
+        listener, port = Listener(), peer.getsockname()[1]
+        with started(f"udpin://127.0.0.1:{port}", listener):
+            await listener.until_down()
+            assert listener.states == [(False, "Address already in use")]
+            peer.close()
+            await listener.until_up()
+
+    run(story())
+
+
+def test_an_address_that_no_interface_has_yet_is_a_link_that_is_down():
+    async def story() -> None:
+        listener = Listener()
+        with started("udpin://192.0.2.1:14550", listener):  # TEST-NET-1: nobody's
+            await listener.until_down()
+            assert listener.states == [(False, "Cannot assign requested address")]
+
+    run(story())
+
+
+def test_a_client_speaks_first_and_hears_its_peer_alone(peer: socket.socket):
+    async def story() -> None:
+        listener = Listener()
+        with started(f"udpout://127.0.0.1:{peer.getsockname()[1]}", listener) as link, peer_socket() as stranger:
+            await listener.until_up()
+            link.send(b"hello")
+            data, address = await asyncio.to_thread(peer.recvfrom, 100)
+            assert data == b"hello"
+            stranger.sendto(b"stranger", address)
+            peer.sendto(b"answer", address)
+            await listener.until(lambda: bool(listener.data))
+            assert listener.data == b"answer"
+
+    run(story())
+
+
+def test_a_peer_that_is_not_there_yet_costs_nothing_but_the_datagrams():
+    async def story() -> None:
+        listener, port = Listener(), free_udp_port()
+        with started(f"udpout://127.0.0.1:{port}", listener) as link:
+            await listener.until_up()
+            for _ in range(5):
+                link.send(b"into the dark")
+                await asyncio.sleep(0)
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as late:
+                late.bind(("127.0.0.1", port))
+                late.settimeout(20)
+                link.send(b"the first that counts")
+                assert await received(late) == b"the first that counts"
+            assert listener.states == [(True, "")]
+            assert link.status()["dropped"] == 0
+
+    run(story())
+
+
+def test_a_broadcast_is_heard_and_answered():
+    async def story() -> None:
+        listener = Listener()
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as everyone:
+            everyone.bind(("0.0.0.0", 0))
+            everyone.settimeout(20)
+            with started(f"udpbcast://127.255.255.255:{everyone.getsockname()[1]}", listener) as link:
+                await listener.until_up()
+                link.send(b"who is there")
+                data, address = await asyncio.to_thread(everyone.recvfrom, 100)
+                assert data == b"who is there"
+                everyone.sendto(b"me", address)
+                await listener.until(lambda: listener.data == b"me")
+
+    run(story())
+
+
+def test_a_datagram_that_is_too_long_is_dropped_alone(peer: socket.socket):
+    async def story() -> None:
+        listener = Listener()
+        with started(f"udpout://127.0.0.1:{peer.getsockname()[1]}", listener) as link:
+            await listener.until_up()
+            link.send(bytes(70_000))
+            link.send(b"next")
+            assert await received(peer) == b"next"
+            assert link.status()["dropped"] == 1
+            assert listener.states == [(True, "")]
+
+    run(story())
+
+
+def test_a_name_that_is_not_known_is_a_link_that_is_down(monkeypatch: pytest.MonkeyPatch):
+    def look_up(host: str, port: int, kind: socket.SocketKind, flags: int) -> object:
+        raise socket.gaierror(socket.EAI_AGAIN, "Temporary failure in name resolution")
+
+    monkeypatch.setattr(addresses, "_look_up", look_up)
+
+    async def story() -> None:
+        listener = Listener()
+        with started("udpout://ground.invalid:14550", listener):
+            await listener.until_down()
+            assert "Temporary failure in name resolution" in listener.states[0][1]
+
+    run(story())
+
+
+class FailingSocket(socket.socket):
+    """A socket whose every send fails."""
+
+    number = 0
+
+    def send(self, *_: object) -> int:
+        raise OSError(self.number, "x")
+
+
+@pytest.mark.parametrize(
+    ("number", "ends"),
+    [
+        (errno.ENETUNREACH, True),
+        (errno.ENETDOWN, True),
+        (errno.EHOSTUNREACH, False),
+        (errno.ENOBUFS, False),
+        (errno.EPERM, False),
+    ],
+)
+def test_which_errors_end_a_connection(number: int, ends: bool):
+    async def story() -> None:
+        lost: list[str] = []
+        traffic = Traffic()
+        with FailingSocket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+            sock.number = number
+            client = UdpClient(sock, Ear(lambda _data: None, lost.append, traffic))
+            client.send(b"x")
+            client.close()
+        assert bool(lost) == ends
+        assert traffic.dropped == 1
+
+    run(story())
+
+
+def test_frames_of_two_clients_that_send_in_pieces_are_not_mixed():
+    frame = bytes([0xFE, 9, 0, 1, 1, 0]) + b"payload!!" + b"cc"
+
+    async def story() -> None:
+        listener, port = Listener(), free_udp_port()
+        with started(f"udpin://127.0.0.1:{port}", listener) as link, peer_socket() as one, peer_socket() as two:
+            await listener.until_up()
+            one.sendto(frame, ("127.0.0.1", port))
+            two.sendto(frame, ("127.0.0.1", port))
+            for i in range(len(frame)):
+                for sock in (one, two):
+                    sock.sendto(frame[i : i + 1], ("127.0.0.1", port))
+            await listener.until(lambda: len(listener.data) == 4 * len(frame))
+            assert listener.data == frame * 4
+            await until(lambda: link.status()["bytes_in"] == 4 * len(frame))
+
+    run(story())
