@@ -86,8 +86,8 @@ def _parser() -> argparse.ArgumentParser:
     add("--scenario", metavar="NAME", default="default", help="one of those below")
     add("--seed", type=int, default=1, help="of everything that is drawn; default 1")
     add("--seconds", type=float, default=0.0, help="length of the flight; default: until stopped, 60 with --record")
-    add("--target", metavar="LABEL,N,E[,...]", action="append", default=[], help="instead of the scenario's: metres from "
-        "the flight centre, then up, speed, course, leg; may be repeated")  # fmt: skip
+    add("--target", metavar="LABEL,N,E[,...]", action="append", default=[], help="instead of the scenario's: metres "
+        "from the flight centre, then up, speed, course, leg; may be repeated")  # fmt: skip
     add("--set", metavar="KEY=VALUE", action="append", default=[], help="one option, such as flight.height_m=10")
     add("--truth", metavar="FILE", default="", help="biases, targets, frames, landing results (.jsonl); "
         "with --set truth_hz=50 the vehicle too")  # fmt: skip

@@ -21,8 +21,8 @@ class Situation:
     lagged: State
     """PLND_LAG ago: what ArduPilot pairs a measurement with."""
     now: State
-    range_m: float
-    """Along the body's down axis, of the rangefinder."""
+    height_m: float
+    """Above the ground, by the rangefinder and the tilt."""
     projection: LocalProjection
     world: World
 
@@ -99,8 +99,7 @@ def _along(ray: Vector, distance: float, state: State, situation: Situation) -> 
     if unit[2] <= 1e-3:
         return Landing("line_of_sight_not_downward")
     if distance <= 0.0:
-        height = situation.range_m * max(0.0, state.ned_from_body[2][2])
-        distance = height / unit[2]
+        distance = situation.height_m / unit[2]
     return Landing("", plus(state.position, (unit[0] * distance, unit[1] * distance, unit[2] * distance)))
 
 

@@ -39,7 +39,7 @@ class PrecisionLanding:
         situation = Situation(
             belief.truth(t - self._o.precland_lag_s),
             belief.truth(t),
-            belief.range_m(t),
+            belief.range_m(t) * max(0.0, belief.truth(t).ned_from_body[2][2]),
             belief.projection,
             self._vehicle.world,
         )

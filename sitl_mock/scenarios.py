@@ -43,7 +43,12 @@ SCENARIOS: dict[str, tuple[str, dict[str, Any]]] = {
     "figure_eight": ("22 m by 11 m half axes at 12 m, 5 m/s: over the target and away", FIGURE_EIGHT),
     "racetrack": (
         "line passes beside the target",
-        {"flight.pattern": "racetrack", "flight.half_axes_m": (25.0, 8.0), "flight.speed_m_s": 7.0},
+        {
+            "flight.pattern": "racetrack",
+            "flight.half_axes_m": (25.0, 8.0),
+            "flight.speed_m_s": 7.0,
+            "targets": (TargetOptions(east=5.0),),
+        },
     ),
     "hover": (
         "stands, sees one target ahead",

@@ -1,0 +1,203 @@
+"""What the mock answers: TIMESYNC, rates, messages, parameters, commands."""
+
+import numpy as np
+import pytest
+
+
+def acks(run):
+    return [(ack["command"], ack["result"]) for ack in run.of("COMMAND_ACK")]
+
+
+def test_timesync_is_answered_with_the_boot_clock_and_ts1_as_it_was(companion):
+    run = companion("perfect", **{"uplink.delay_s": 0.004, "downlink.delay_s": 0.002})
+    sent = run.flight.start_host_ns + 2_000_000_000
+    run.at(2.0, "TIMESYNC", tc1=0, ts1=sent + 123).fly()
+    (answer,) = (f for f in run.of("TIMESYNC") if f["tc1"] != 0)
+    assert answer["ts1"] == sent + 123
+    assert answer["tc1"] % 1000 == 0
+    assert abs(answer["tc1"] - run.flight.clock.boot_ns(sent + 4_000_000)) < 1000
+
+
+def test_round_trips_bound_the_clock_under_jitter(companion):
+    run = companion("jitter_10ms", seconds=10.0)
+    sent = {}
+    for i in range(80):
+        at = 1.0 + i * 0.1
+        sent[run.flight.start_host_ns + round(at * 1e9)] = at
+        run.at(at, "TIMESYNC", tc1=0, ts1=run.flight.start_host_ns + round(at * 1e9))
+    run.fly()
+    answers = [(now, h.fields) for now, h in run.heard if h.name == "TIMESYNC" and h.fields["tc1"]]
+    assert len(answers) == 80
+    for now, fields in answers:
+        middle = (fields["ts1"] + now) // 2
+        error = fields["tc1"] - run.flight.clock.boot_ns(middle)
+        assert abs(error) <= (now - fields["ts1"]) // 2 + 2000
+    assert max(now - fields["ts1"] for now, fields in answers) > 25_000_000
+
+
+def test_it_asks_for_itself_and_learns_from_the_answer(companion):
+    run = companion("perfect", seconds=2.0)
+    heard = []
+
+    def answer(data, now):
+        replies = []
+        for message in run.listener.feed(data):
+            if message.name == "TIMESYNC" and message.fields["tc1"] == 0:
+                heard.append(message.fields["ts1"])
+                replies.append(run.speaker.frame("TIMESYNC", {"tc1": now, "ts1": message.fields["ts1"]}))
+                replies.append(run.speaker.frame("TIMESYNC", {"tc1": now + 5, "ts1": message.fields["ts1"] + 1}))
+        return replies
+
+    run.on_bytes = answer
+    run.fly()
+    assert [ts1 % 1000 for ts1 in heard] == [1], "ArduPilot's: microseconds, and its own system id"
+    (exchange,) = run.flight.vehicle.timesync.exchanges
+    truth = run.flight.start_host_ns - run.flight.clock.boot_ns(run.flight.start_host_ns)
+    assert exchange[1] == pytest.approx(truth, abs=100_000)
+
+
+def test_px4_asks_ten_times_a_second(companion):
+    assert 15 <= len(companion("px4", seconds=2.0).fly().of("TIMESYNC")) <= 20
+
+
+def test_silent_clock(companion):
+    run = companion("silent_clock", seconds=2.0).at(1.0, "TIMESYNC", tc1=0, ts1=77).fly()
+    assert all(f["tc1"] == 0 for f in run.of("TIMESYNC"))
+
+
+def test_a_foreign_speaker_answers_too_with_another_clock(companion):
+    run = companion("foreign_timesync", seconds=3.0).at(2.0, "TIMESYNC", tc1=0, ts1=77).fly()
+    answers = [(h.component, h.fields["tc1"]) for _, h in run.heard if h.name == "TIMESYNC" and h.fields["ts1"] == 77]
+    assert sorted(component for component, _ in answers) == [1, 195]
+    assert abs(answers[0][1] - answers[1][1]) > 10**13
+
+
+def test_a_rate_is_accepted_up_to_the_ceiling(companion):
+    run = companion("slow_loop", seconds=4.0)
+    run.ask_rate(1.0, "ATTITUDE", 41.0).ask_rate(1.5, "ATTITUDE", 40.0).fly()
+    assert acks(run) == [(511, 2), (511, 0)]
+    times = np.array(run.times_of("ATTITUDE")) * 1e-9 - 1000.0
+    assert 98 <= np.sum(times > 1.5) <= 101
+
+
+def test_rates_stop_return_to_default_and_are_told(companion):
+    run = companion(seconds=6.0)
+    run.command(1.0, 511, 30, -1).command(3.0, 511, 30, 0).command(5.0, 510, 30).fly()
+    times = np.array(run.times_of("ATTITUDE")) * 1e-9 - 1000.0
+    assert np.sum((times > 1.1) & (times < 3.0)) == 0
+    assert 10 <= np.sum(times > 3.0) <= 13
+    assert run.of("MESSAGE_INTERVAL") == [{"message_id": 30, "interval_us": 250_000}]
+
+
+def test_what_ardupilot_does_not_have_is_denied_with_a_word(companion):
+    run = companion(seconds=2.0).ask_rate(1.0, "ALTITUDE", 5.0).fly()
+    assert acks(run) == [(511, 2)]
+    assert run.of("STATUSTEXT")[0]["text"] == "No ap_message for mavlink id (141)"
+
+
+def test_px4_acknowledges_more_than_it_sends(companion):
+    run = companion("px4_slow", seconds=4.0).ask_rate(1.0, "ATTITUDE", 50.0).fly()
+    assert (511, 0) in acks(run)
+    times = np.array(run.times_of("ATTITUDE")) * 1e-9 - 1000.0
+    assert 52 <= np.sum(times > 1.05) <= 56
+
+
+def test_data_streams_override_intervals(companion):
+    run = companion(seconds=4.0).ask_rate(1.0, "ATTITUDE", 50.0)
+    run.at(
+        2.0,
+        "REQUEST_DATA_STREAM",
+        target_system=1,
+        target_component=1,
+        req_stream_id=10,
+        req_message_rate=3,
+        start_stop=1,
+    )
+    run.fly()
+    times = np.array(run.times_of("ATTITUDE")) * 1e-9 - 1000.0
+    assert np.sum((times > 1.0) & (times < 2.0)) > 45
+    assert 5 <= np.sum(times > 2.01) <= 6
+
+
+def test_a_thief_takes_the_rates(companion):
+    run = (
+        companion("gcs_thief", seconds=4.0, **{"others.rates_stolen_every_s": 2.0})
+        .ask_rate(1.0, "ATTITUDE", 50.0)
+        .fly()
+    )
+    times = np.array(run.times_of("ATTITUDE")) * 1e-9 - 1000.0
+    assert np.sum((times > 1.0) & (times < 2.0)) > 45
+    assert np.sum(times > 2.01) < 10
+    assert len(run.of("HEARTBEAT", system=255)) == 4
+
+
+def test_where_the_command_is_unknown_the_old_way_works(companion):
+    run = companion("old_rates", seconds=3.0).ask_rate(0.5, "ATTITUDE", 20.0)
+    run.at(
+        1.0,
+        "REQUEST_DATA_STREAM",
+        target_system=1,
+        target_component=1,
+        req_stream_id=10,
+        req_message_rate=20,
+        start_stop=1,
+    )
+    run.fly()
+    assert acks(run) == [(511, 3)]
+    assert np.sum(np.array(run.times_of("ATTITUDE")) * 1e-9 > 1001.0) >= 38
+
+
+def test_messages_on_request(companion):
+    run = companion(seconds=2.0).command(1.0, 512, 148).command(1.1, 512, 242).command(1.2, 512, 141).fly()
+    assert acks(run) == [(512, 0), (512, 0), (512, 2)]
+    assert run.of("AUTOPILOT_VERSION")[0]["flight_sw_version"] >> 24 == 4
+    assert len(run.of("HOME_POSITION")) == 1
+
+
+def test_parameters_are_read_listed_and_set(companion):
+    run = companion(seconds=3.0)
+    run.at(1.0, "PARAM_REQUEST_READ", target_system=1, target_component=1, param_id=b"SCHED_LOOP_RATE", param_index=-1)
+    run.at(1.2, "PARAM_REQUEST_READ", target_system=1, target_component=1, param_id=b"NO_SUCH", param_index=-1)
+    run.at(1.4, "PARAM_SET", target_system=1, target_component=1, param_id=b"PLND_LAG", param_value=0.08, param_type=9)
+    run.at(1.6, "PARAM_REQUEST_LIST", target_system=1, target_component=1)
+    run.fly()
+    told = [(f["param_id"], f["param_value"]) for f in run.of("PARAM_VALUE")]
+    assert told[0] == ("SCHED_LOOP_RATE", 400.0)
+    assert told[1] == ("PLND_LAG", pytest.approx(0.08))
+    listed = dict(told[2:])
+    assert len(listed) == run.of("PARAM_VALUE")[0]["param_count"]
+    assert {"PTCH_TRIM_DEG", "FLIGHT_OPTIONS", "INS_GYRO_FILTER", "PLND_LAG"} <= set(listed)
+
+
+def test_every_command_is_acknowledged_and_others_commands_are_not(companion):
+    run = companion(seconds=3.0).command(1.0, 9999).command(1.2, 400, 0).command(1.4, 511, float("nan"), 1.0)
+    run.command(1.6, 511, 30, 20000, target=(2, 1)).command(1.8, 512, 148, target=(1, 191)).fly()
+    assert acks(run) == [(9999, 3), (400, 0), (511, 2)]
+
+
+def test_a_reboot_is_a_silence_and_a_clock_from_zero(companion):
+    run = companion("rebooting", seconds=8.0, **{"others.reboots_at_s": (3.0,)}).ask_rate(1.0, "ATTITUDE", 50.0).fly()
+    times = np.array(run.times_of("HEARTBEAT")) * 1e-9 - 1000.0
+    assert not np.any((times > 3.01) & (times < 5.0))
+    after = [h.fields["time_boot_ms"] for now, h in run.heard if h.name == "ATTITUDE" and now > 1005 * 10**9]
+    assert after[0] < 300
+    assert len(after) < 15, "its rates are the default again"
+
+
+def test_a_commanded_reboot(companion):
+    run = companion(seconds=4.0).command(1.0, 246, 1).fly()
+    assert acks(run) == [(246, 0)]
+    assert min(f["time_boot_ms"] for f in run.of("ATTITUDE")) < 500
+
+
+def test_the_stamp_wraps_after_49_days(companion):
+    run = companion(**{"autopilot.boot_at_start_s": 4294967.296 - 2.0, "camera.enabled": False}).fly()
+    stamps = [f["time_boot_ms"] for f in run.of("ATTITUDE")]
+    assert max(stamps) > 2**32 - 1000
+    assert min(stamps) < 1000
+
+
+def test_a_second_vehicle(companion):
+    run = companion("two_vehicles", seconds=3.0).fly()
+    assert len(run.of("HEARTBEAT", system=2)) == 3
+    assert len(run.of("ATTITUDE", system=2)) > 20

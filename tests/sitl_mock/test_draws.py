@@ -1,0 +1,83 @@
+"""Biases come from the priors that are given, by the seed, and each can be set."""
+
+from random import Random
+
+import numpy as np
+import pytest
+
+from sitl_mock import scenario
+from sitl_mock.draws import Wander, draw
+
+SEEDS = range(600)
+
+
+def drawn(**differences):
+    return [draw(scenario("default").but({"seed": seed, **differences})) for seed in SEEDS]
+
+
+@pytest.mark.parametrize(
+    ("bias", "prior"),
+    [
+        ("attitude_roll_deg", "attitude_bias_deg"),
+        ("attitude_pitch_deg", "attitude_bias_deg"),
+        ("heading_deg", "heading_bias_deg"),
+        ("mount_deg", "mount_bias_deg"),
+        ("time_offset_s", "time_offset_sigma_s"),
+        ("height_m", "height_bias_m"),
+    ],
+)
+def test_over_seeds_a_bias_has_its_prior_s_spread(bias, prior):
+    values = np.array([getattr(one, bias) for one in drawn(**{f"priors.{prior}": 3.0})])
+    assert np.std(values) == pytest.approx(3.0, rel=0.12)
+    assert abs(np.mean(values)) < 4 * 3.0 / np.sqrt(values.size) + 0.2
+
+
+def test_an_unknown_readout_is_uniform_over_a_frame_interval():
+    values = np.array([one.readout_s for one in drawn(**{"camera.fps": 20.0})])
+    assert 0.0 <= values.min() < 0.002
+    assert 0.048 < values.max() <= 0.05
+    assert np.mean(values) == pytest.approx(0.025, rel=0.1)
+
+
+def test_setting_one_leaves_the_others():
+    base = draw(scenario("default"))
+    changed = draw(scenario("default").but({"biases.heading_deg": 0.0}))
+    assert changed.heading_deg == 0.0
+    assert (changed.mount_deg, changed.time_offset_s, changed.readout_s) == (
+        base.mount_deg,
+        base.time_offset_s,
+        base.readout_s,
+    )
+
+
+def test_none_are_drawn_where_none_are_wanted():
+    perfect = draw(scenario("perfect"))
+    assert perfect.mount_deg == (0.0, 0.0, 0.0)
+    assert (perfect.heading_deg, perfect.time_offset_s, perfect.position_sigma_m, perfect.readout_s) == (0, 0, 0, 0)
+    late = draw(scenario("perfect").but({"biases.time_offset_s": 0.035}))
+    assert late.time_offset_s == 0.035
+
+
+def test_a_wander_is_stationary_with_its_time_constant():
+    pairs = []
+    for seed in range(400):
+        wander = Wander(2.0, 60.0, Random(seed))
+        pairs.append((wander.at(0.0), wander.at(60.0), wander.at(600.0)))
+    start, later, end = np.array(pairs).T
+    assert np.std(start) == pytest.approx(2.0, rel=0.12)
+    assert np.std(end) == pytest.approx(2.0, rel=0.12)
+    assert np.corrcoef(start, later)[0, 1] == pytest.approx(np.exp(-1.0), abs=0.12)
+
+
+def test_a_wander_can_be_asked_in_any_order():
+    one, other = Wander(1.0, 10.0, Random(3)), Wander(1.0, 10.0, Random(3))
+    late = one.at(50.0)
+    assert other.at(3.3) == one.at(3.3)
+    assert other.at(50.0) == late
+
+
+def test_an_unknown_option_names_the_nearest():
+    with pytest.raises(KeyError, match="height_m"):
+        scenario("default").but({"flight.heigth_m": 3.0})
+    with pytest.raises(KeyError, match="walker"):
+        scenario("nonsense")
