@@ -21,13 +21,13 @@ Maker: TypeAlias = Callable[[Situation], Mapping[str, Any] | None]
 
 REPEATED_NS = 5 * NS_PER_S
 """Senders repeat an unacknowledged command for a few seconds."""
-MAX_SENDERS = 16
+MAX_CONVERSATIONS = 16
 AUTOPILOT_VERSION = 148
 CAPABILITIES = enums.MAV_PROTOCOL_CAPABILITY_COMMAND_INT | enums.MAV_PROTOCOL_CAPABILITY_MAVLINK2
 
 
 class _Done(msgspec.Struct, frozen=True):
-    """The last command of one sender, and what came of it."""
+    """The last command from one sender to one component, and what came of it."""
 
     command: Command
     answer: CommandAnswer
@@ -53,7 +53,7 @@ class Commands:
         self._require_signed = require_signed
         self._version = version
         self._makers: dict[tuple[int, int], tuple[str, Maker]] = {}
-        self._done: dict[tuple[int, int], _Done] = {}
+        self._done: dict[tuple[int, int, int], _Done] = {}
         self.system = 0
         """Ours, where the configuration says it; 0: that of the adopted autopilot. Until there is one, nobody is
         answered."""
@@ -91,6 +91,7 @@ class Commands:
         if answer is None:
             answer = self._do(command, situation)
             if answer is None:
+                self._done.pop(_conversation(command), None)
                 return [] if command.broadcast else [_acknowledgement(command, CommandResult.UNSUPPORTED)]
             self._remember(command, answer, situation.now_ns)
         return [_acknowledgement(command, answer.result), *answer.messages]
@@ -111,17 +112,17 @@ class Commands:
 
     def _remembered(self, command: Command, now: HostNs) -> CommandAnswer | None:
         """The answer to the sender's last command if this one repeats it. One that carried messages is made anew."""
-        done = self._done.get((command.system, command.component))
+        done = self._done.get(_conversation(command))
         if done is None or now - done.at_ns > REPEATED_NS or done.answer.messages:
             return None
         return done.answer if _same(done.command, command) else None
 
     def _remember(self, command: Command, answer: CommandAnswer, now: HostNs) -> None:
-        sender = (command.system, command.component)
-        self._done.pop(sender, None)
-        if len(self._done) >= MAX_SENDERS:
+        conversation = _conversation(command)
+        self._done.pop(conversation, None)
+        if len(self._done) >= MAX_CONVERSATIONS:
             del self._done[next(iter(self._done))]
-        self._done[sender] = _Done(command, answer, now)
+        self._done[conversation] = _Done(command, answer, now)
 
     def _on_ping(self, message: Message) -> list[Outgoing]:
         """Answer a request, which names nobody; one that names somebody is an answer already."""
@@ -172,6 +173,11 @@ def _command(message: Message, to_component: int, *, broadcast: bool) -> Command
     )
 
 
+def _conversation(command: Command) -> tuple[int, int, int]:
+    """Who speaks to which of us."""
+    return (command.system, command.component, command.to_component)
+
+
 def _requested_message(command: Command) -> int | None:
     """The message id that is requested, by name or by the older command that meant AUTOPILOT_VERSION alone."""
     first = command.params[0]
@@ -185,8 +191,7 @@ def _requested_message(command: Command) -> int | None:
 def _same(one: Command, other: Command) -> bool:
     """NaN parameters ("use the default") count as equal here; the link may be another one."""
     return (one.number, one.to_component) == (other.number, other.to_component) and all(
-        a == b or (a != a and b != b)
-        for a, b in zip(one.params, other.params, strict=True)
+        a == b or (a != a and b != b) for a, b in zip(one.params, other.params, strict=True)
     )
 
 
