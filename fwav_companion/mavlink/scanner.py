@@ -120,7 +120,7 @@ class _Nothing(Enum):
 
 
 class Scanner:
-    """Finds the frames in the bytes of one link. One link, one scanner: a link that reopens gets a new one."""
+    """Finds the frames in the bytes of one link."""
 
     def __init__(self, *, datagrams: bool = False) -> None:
         """``datagrams``: every chunk begins and, as a rule, ends with a frame, as over UDP."""
@@ -130,17 +130,14 @@ class Scanner:
         """Frames that asked for more than a signature (incompatibility flags), where a frame was due."""
         self.skipped_bytes = 0
         """Bytes that belong to no frame."""
+        self.undecided = False
+        """A whole frame of an unknown id waits for what follows it: see :meth:`settle`."""
         self._datagrams = datagrams
         self._pending = b""
         self._due = datagrams
         """The next byte follows a frame: it should begin one."""
         self._clear_to = 0
         """Index in the pending bytes below which, but for the first byte, no known frame begins."""
-
-    @property
-    def waiting(self) -> bool:
-        """Bytes are kept whose frame is not complete, or not certain yet."""
-        return bool(self._pending)
 
     def feed(self, data: bytes) -> list[RawFrame]:
         """The frames that are complete with these bytes, in order."""
@@ -153,12 +150,20 @@ class Scanner:
         self._due = self._due or not pending
         return self._scan(pending + data, at_end=True)
 
+    def reset(self) -> None:
+        """The link is opened anew: what was begun will not be continued."""
+        self._pending = b""
+        self._due = self._datagrams
+        self._clear_to = 0
+        self.undecided = False
+
     def settle(self) -> list[RawFrame]:
         """What may be taken for a frame if nothing follows: for a stream that has been quiet for a while."""
         return self._scan(self._pending, at_end=True)
 
     def _scan(self, buffer: bytes, *, at_end: bool) -> list[RawFrame]:
         frames: list[RawFrame] = []
+        self.undecided = False
         size = len(buffer)
         last_header = size - _SHORTEST_V2
         position = 0
@@ -218,6 +223,7 @@ class Scanner:
         end = position + len(frame.data)
         if end == len(buffer):
             if not at_end:
+                self.undecided = True
                 return _Nothing.YET
         elif buffer[end] not in _MARKERS:
             return _Nothing.HERE

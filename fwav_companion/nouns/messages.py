@@ -21,7 +21,8 @@ class Message(msgspec.Struct, frozen=True, gc=False):
     link: str
     """The name of the link it came over; "" in a recording."""
     fields: Any
-    """A named tuple with the definition's fields, in its order; arrays as tuples, text as str."""
+    """A record with the definition's fields as attributes, in its order, that iterates as a tuple; arrays as tuples,
+    text as str."""
     signed: bool = False
     """It carried a signature that was verified."""
 

@@ -1,0 +1,40 @@
+"""The same frame over two links: passed on once."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from fwav_companion.geometry.stamps import NS_PER_S, HostNs
+
+_GENERATION_NS: Final = NS_PER_S // 2
+"""A frame is remembered for one to two of these: a second is more than redundant links differ by, and less than 256
+frames take at 250 a second, after which a heartbeat could come by another link with the same bytes again."""
+_GENERATION_FRAMES: Final = 1024
+"""At most 2 x 1024 x 280 bytes: 2000 frames a second."""
+
+
+class Duplicates:
+    """Knows frames by all their bytes, sender and sequence number among them, and by the link they first came by.
+
+    On one link equal bytes are no duplicate: its peer meant them. A sender with a sequence counter of its own for each
+    link (ArduPilot, PX4) sends no equal bytes; there nobody can tell.
+    """
+
+    def __init__(self) -> None:
+        self._young: dict[bytes, int] = {}
+        self._old: dict[bytes, int] = {}
+        self._turn_ns: HostNs | None = None
+
+    def came_by_another(self, frame: bytes, link: int, now: HostNs) -> bool:
+        """The frame came by another link a short while ago. Remembers it otherwise."""
+        if self._turn_ns is None or now >= self._turn_ns or len(self._young) >= _GENERATION_FRAMES:
+            self._turn(now)
+        if self._old.get(frame, link) != link:
+            return True
+        return self._young.setdefault(frame, link) != link
+
+    def _turn(self, now: HostNs) -> None:
+        long_ago = self._turn_ns is not None and now >= self._turn_ns + _GENERATION_NS
+        self._old = {} if long_ago else self._young
+        self._young = {}
+        self._turn_ns = HostNs(now + _GENERATION_NS)
