@@ -1,6 +1,8 @@
 """Lens models and calibration files' content. Pure; numpy only in :mod:`fwav_companion.camera.batch`."""
 
+from fwav_companion.camera.brown_conrady import BrownConrady
 from fwav_companion.camera.calibration import Calibration, parse_calibration
+from fwav_companion.camera.image_changes import cropped, resized
 from fwav_companion.camera.kannala_brandt import KannalaBrandt
 
-__all__ = ["Calibration", "KannalaBrandt", "parse_calibration"]
+__all__ = ["BrownConrady", "Calibration", "KannalaBrandt", "cropped", "parse_calibration", "resized"]

@@ -25,9 +25,10 @@ def camera_rays_from_pixels(lens: Lens, pixels: Floats) -> tuple[Floats, Flags]:
     rays = np.empty((len(pixels), 3))
     valid = np.ones(len(pixels), dtype=np.bool_)
     if isinstance(lens, KannalaBrandt):
-        for start in range(0, len(pixels), CHUNK):
-            part = slice(start, start + CHUNK)
-            _fisheye_rays(lens, pixels[part], rays[part], valid[part])
+        with np.errstate(over="ignore", invalid="ignore"):  # pixels that are none
+            for start in range(0, len(pixels), CHUNK):
+                part = slice(start, start + CHUNK)
+                _fisheye_rays(lens, pixels[part], rays[part], valid[part])
     else:
         _one_by_one(lens, pixels, rays, valid)
     return rays, valid
@@ -88,7 +89,7 @@ def _solved_rays(lens: KannalaBrandt, x: Floats, y: Floats) -> tuple[Floats, Fla
     """By Newton inside a bracket: what the table does not hold, near a fold."""
     radius = np.hypot(x, y)
     seen = radius <= lens.largest_radius
-    goal = np.where(seen, radius, 0.0)
+    x, y, goal = np.where(seen, x, 0.0), np.where(seen, y, 0.0), np.where(seen, radius, 0.0)
     low, high = np.zeros_like(goal), np.full_like(goal, lens.largest_angle)
     theta = np.minimum(goal / lens.k_mm[0], lens.largest_angle)
     for _ in range(100):
@@ -103,7 +104,7 @@ def _solved_rays(lens: KannalaBrandt, x: Floats, y: Floats) -> tuple[Floats, Fla
         if moved <= 1e-15:
             break
     with np.errstate(divide="ignore", invalid="ignore"):
-        s = np.where(radius > 0.0, np.sin(theta) / radius, 0.0)
+        s = np.where(goal > 0.0, np.sin(theta) / goal, 0.0)
     rays = np.stack([x * s, y * s, np.cos(theta)], axis=1)
     rays[~seen] = np.nan
     return rays, seen

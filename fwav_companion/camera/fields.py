@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import re
+import reprlib
 from collections.abc import Iterator, Mapping
 from math import isfinite
-from typing import Any, NoReturn
+from typing import Any
 
 from fwav_companion.errors import InputFileError
 
-SHOWN_CHARACTERS = 60
-"""Of what stood there: a complaint stays one line."""
+BARE_EXPONENT = re.compile(r"[-+]?[0-9]+(\.[0-9]*)?[eE][-+]?[0-9]+")
+"""1e-05 is a number everywhere but in YAML 1.1, and C++ programs write it so."""
 
 
 class Fields:
@@ -28,39 +30,37 @@ class Fields:
     def __iter__(self) -> Iterator[str]:
         return iter(self._mapping)
 
-    def refuse(self, key: str, accepted: str) -> NoReturn:
-        """InputFileError about this key."""
-        stood = f"{self._mapping[key]!r}" if key in self._mapping else "nothing"
-        if len(stood) > SHOWN_CHARACTERS:
-            stood = stood[:SHOWN_CHARACTERS] + "..."
-        raise InputFileError(f"{self.name}: {self._path}{key}: {stood} stands there; {accepted} is accepted")
+    def refusal(self, key: str, accepted: str) -> InputFileError:
+        """The complaint about this key."""
+        stood = reprlib.repr(self._mapping[key]) if key in self._mapping else "nothing"
+        return InputFileError(f"{self.name}: {self._path}{key}: {stood} stands there; {accepted} is accepted")
 
     def below(self, key: str) -> Fields:
         """The mapping under a key."""
         found = self._mapping.get(key)
         if not isinstance(found, Mapping):
-            self.refuse(key, "a mapping of keys")
+            raise self.refusal(key, "a mapping of keys")
         return Fields(found, self.name, f"{self._path}{key}.")
 
     def text(self, key: str) -> str:
         """A word."""
         found = self._mapping.get(key)
         if not isinstance(found, str):
-            self.refuse(key, "a word")
+            raise self.refusal(key, "a word")
         return found
 
     def number(self, key: str) -> float:
         """A finite number."""
         found = _finite(self._mapping.get(key))
         if found is None:
-            self.refuse(key, "a finite number")
+            raise self.refusal(key, "a finite number")
         return found
 
     def positive(self, key: str) -> float:
         """A finite number above zero."""
         found = self.number(key)
         if found <= 0.0:
-            self.refuse(key, "a positive number")
+            raise self.refusal(key, "a positive number")
         return found
 
     def numbers(self, key: str, *counts: int) -> tuple[float, ...]:
@@ -71,18 +71,31 @@ class Fields:
         numbers = [_finite(entry) for entry in _flat(found)] if isinstance(found, list) else []
         good = tuple(number for number in numbers if number is not None)
         if len(good) != len(numbers) or len(good) not in counts:
-            self.refuse(key, f"a list of {' or '.join(map(str, counts))} finite numbers")
+            raise self.refusal(key, f"a list of {' or '.join(map(str, counts))} finite numbers")
         return good
 
     def size(self, key: str) -> tuple[int, int]:
         """Width and height in whole pixels."""
         width, height = self.numbers(key, 2)
-        if width != int(width) or height != int(height) or not (0 < width < 1e6 and 0 < height < 1e6):
-            self.refuse(key, "[width, height] in whole pixels")
+        if not (_is_pixels(width) and _is_pixels(height)):
+            raise self.refusal(key, "[width, height] in whole pixels")
         return int(width), int(height)
+
+    def whole_pixels(self, key: str) -> int:
+        """One side of an image."""
+        found = self.number(key)
+        if not _is_pixels(found):
+            raise self.refusal(key, "a number of whole pixels")
+        return int(found)
+
+
+def _is_pixels(number: float) -> bool:
+    return number == int(number) and 0 < number < 100_000
 
 
 def _finite(found: Any) -> float | None:
+    if isinstance(found, str) and BARE_EXPONENT.fullmatch(found):
+        found = float(found)
     if isinstance(found, bool) or not isinstance(found, int | float):
         return None
     try:

@@ -1,0 +1,33 @@
+"""Lenses of many shapes, by name, and rays all over what they see."""
+
+from math import cos, pi, radians, sin
+
+from hypothesis import strategies as st
+
+from fwav_companion.camera import BrownConrady, KannalaBrandt
+
+PAPER = KannalaBrandt((3.55, 0.03, 0.0, 0.0, 0.0), (188.0, 188.0), (320.0, 240.0), (640, 480))
+LENSES = {
+    "paper": PAPER,
+    "limited": KannalaBrandt((1.0, 0.02), (300.0, 301.0), (500.0, 510.0), (1000, 1000), radians(75.0)),
+    "beyond 90 degrees": KannalaBrandt((1.0, 0.02, -0.004, 0.0008), (300.0, 301.0), (512.3, 510.2), (1200, 1200)),
+    "folds inside the image": KannalaBrandt((1.0, -0.1), (600.0, 600.0), (700.3, 690.2), (1400, 1400)),
+    "skewed": KannalaBrandt((1.0, 0.03, 0.001), (400.0, 402.0), (330.0, 235.0), (640, 480), skew=-0.002),
+    "whole sphere": KannalaBrandt((1.0,), (100.0, 100.0), (399.5, 399.5), (800, 800)),
+    "pinhole": BrownConrady((500.0, 501.0), (320.0, 240.0), (0.0, 0.0, 0.0, 0.0), (640, 480)),
+    "barrel": BrownConrady((461.6, 460.2), (362.7, 246.0), (-0.283, 0.0739, 0.00019, 1.76e-05), (752, 480)),
+    "rational": BrownConrady(
+        (610.0, 609.0), (640.0, 360.0), (8.1, 2.9, 1e-4, -2e-4, 0.1, 8.4, 5.1, 0.7), (1280, 720), skew=0.001
+    ),
+    "barrel that folds inside the image": BrownConrady(
+        (300.0, 300.0), (320.0, 240.0), (-0.4, 0.0, 0.0, 0.0), (640, 480)
+    ),
+}
+
+
+def ray_at(angle: float, direction: float) -> tuple[float, float, float]:
+    return (sin(angle) * cos(direction), sin(angle) * sin(direction), cos(angle))
+
+
+fractions = st.one_of(st.floats(0.0, 1.0), st.sampled_from([0.0, 1e-12, 1e-6, 0.5, 1.0]))
+directions = st.floats(-pi, pi)
