@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 ACCEPTED, DENIED, UNSUPPORTED, FAILED = 0, 2, 3, 4
 REBOOT, ARM, GET_INTERVAL, SET_INTERVAL, REQUEST_MESSAGE = 246, 400, 510, 511, 512
 WARNING = 4
+LONGEST_INTERVAL_US = 2.0**31 - 1.0
+"""What MESSAGE_INTERVAL can say."""
 
 
 class Commands:
@@ -65,7 +67,7 @@ class Commands:
         if not self._vehicle.telemetry.knows(name):
             self._vehicle.tell(WARNING, f"No ap_message for mavlink id ({int(number)})", now_ns)
             return DENIED
-        rate_hz = 1e6 / interval_us if interval_us > 0.0 else 0.0
+        rate_hz = 1e6 / min(interval_us, LONGEST_INTERVAL_US) if interval_us > 0.0 else 0.0
         if interval_us == 0.0:
             rate_hz = streams.defaults_hz.get(name, 0.0)
         if rate_hz > streams.ceiling_hz * (1.0 + 1e-9):

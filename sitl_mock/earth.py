@@ -118,7 +118,7 @@ class Px4Projection:
         if arc < 1e-15:
             return Place(self.origin.lat, self.origin.lon, self.origin.alt_amsl - local[2])
         lat0 = radians(self.origin.lat)
-        lat = asin(cos(arc) * sin(lat0) + x * sin(arc) * cos(lat0) / arc)
+        lat = asin(max(-1.0, min(1.0, cos(arc) * sin(lat0) + x * sin(arc) * cos(lat0) / arc)))
         east = atan2(y * sin(arc), arc * cos(lat0) * cos(arc) - x * sin(lat0) * sin(arc))
         lon = (radians(self.origin.lon) + east + pi) % (2.0 * pi) - pi
         return Place(degrees(lat), degrees(lon), self.origin.alt_amsl - local[2])

@@ -1,7 +1,11 @@
 """What the mock answers: TIMESYNC, rates, messages, parameters, commands."""
 
+from random import Random
+
 import numpy as np
 import pytest
+
+from sitl_mock.codec import MESSAGES
 
 
 def acks(run):
@@ -201,3 +205,35 @@ def test_a_second_vehicle(companion):
     run = companion("two_vehicles", seconds=3.0).fly()
     assert len(run.of("HEARTBEAT", system=2)) == 3
     assert len(run.of("ATTITUDE", system=2)) > 20
+
+
+@pytest.mark.parametrize("scenario_name", ["default", "old_ardupilot", "px4"])
+def test_no_content_of_a_message_stops_it(companion, scenario_name):
+    """Random payloads under valid checksums: NaN, infinities, huge numbers, ids that do not exist."""
+    run = companion(scenario_name, seconds=4.0)
+    rng = Random(4)
+    names = ("COMMAND_LONG", "COMMAND_INT", "LANDING_TARGET", "TIMESYNC", "PARAM_SET", "REQUEST_DATA_STREAM")
+    for i in range(600):
+        name = rng.choice(names)
+        message = MESSAGES[name]
+        fields = {}
+        for field, kind in zip(message.fieldnames, message.fieldtypes, strict=True):
+            fields[field] = any_value(rng, kind, 4 if field == "q" else 0)
+        fields.update({key: 1 for key in ("target_system", "target_component") if key in fields})
+        if "command" in fields:
+            fields["command"] = rng.choice((511, 512, 510, 400, 246, fields["command"]))
+        run.at(0.5 + i * 0.005, name, **fields)
+    run.fly()
+    assert sum(run.flight.vehicle.heard.values()) > 400
+
+
+def any_value(rng, kind, count):
+    if kind == "char":
+        return bytes(rng.randrange(32, 127) for _ in range(rng.randrange(1, 16)))
+    if kind in ("float", "double"):
+        choices = (float("nan"), float("inf"), -1e38, 1e38, 0.0, 30.0, 1.0, rng.gauss(0.0, 100.0))
+    else:
+        bits = int(kind.removeprefix("u").removeprefix("int").removesuffix("_t"))
+        low, high = (0, 2**bits - 1) if kind.startswith("u") else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
+        choices = (low, high, 0, 1, 12, rng.randint(low, high))
+    return [rng.choice(choices) for _ in range(count)] if count else rng.choice(choices)
