@@ -4,10 +4,18 @@ from __future__ import annotations
 
 import msgspec
 
-from fwav_companion.geometry.stamps import NS_PER_S, BootNs, HostNs
+from fwav_companion.geometry.stamps import NS_PER_S, BootNs, HostNs, s_from_ns
 from fwav_companion.nouns import ErrorPriors, FrameView, GroundFix, Reason, Track, TrackState
 from fwav_companion.tracking.association import Candidate, associate
 from fwav_companion.tracking.base import Belief, Filter
+from fwav_companion.tracking.calibrator import (
+    CalibratedBelief,
+    CalibrationReport,
+    Calibrator,
+    KeptCalibration,
+    Workshop,
+)
+from fwav_companion.tracking.course import StateAt
 from fwav_companion.tracking.kalman import StaticKalman
 from fwav_companion.tracking.lifecycle import Life, born, ended, seen, unseen
 from fwav_companion.tracking.linear import horizontal_sigma
@@ -42,6 +50,8 @@ class Snapshot(msgspec.Struct, frozen=True):
     alive: tuple[Alive, ...] = ()
     """By id."""
     next_id: int = 1
+    calibrator: Calibrator | None = None
+    """With self-calibration."""
 
 
 class Tracker:
@@ -49,10 +59,15 @@ class Tracker:
 
     __slots__ = ("_filter", "_keep_ns", "_state")
 
-    def __init__(self, belief_filter: Filter, keep_ns: int) -> None:
+    def __init__(self, belief_filter: Filter, keep_ns: int, calibrator: Calibrator | None = None) -> None:
         self._filter = belief_filter
         self._keep_ns = keep_ns
-        self._state = Snapshot()
+        self._state = Snapshot(calibrator=calibrator)
+
+    @property
+    def calibration(self) -> CalibrationReport | None:
+        """What self-calibration knows; None without it."""
+        return None if self._state.calibrator is None else self._state.calibrator.report()
 
     def snapshot(self) -> Snapshot:
         """The present state, to come back to."""
@@ -71,19 +86,20 @@ class Tracker:
         taken = self._associated(alive, view.fixes)
         kept = [self._after(track, taken.get(track.id), view) for track in alive]
         used = {id(fix) for fix in taken.values()}
-        after = self._with_newborn(kept, [fix for fix in view.fixes if id(fix) not in used], view.host_ns)
-        self._state = Snapshot(
-            tuple(track for track in after.alive if track.life.state is not TrackState.DROPPED), after.next_id
-        )
-        return tuple(_told(track, view.frame, view.host_ns, view.boot_ns) for track in after.alive)
+        tracks, next_id = self._with_newborn(kept, [fix for fix in view.fixes if id(fix) not in used], view.host_ns)
+        living = tuple(track for track in tracks if track.life.state is not TrackState.DROPPED)
+        self._state = Snapshot(living, next_id, self._learned(view.host_ns, living))
+        return tuple(self._told(track, view.frame, view.host_ns, view.boot_ns) for track in tracks)
 
     def drop_all(self, reason: Reason, frame: int, host_ns: HostNs, boot_ns: BootNs) -> tuple[Track, ...]:
         """End every track; their ids are not used again."""
         dropped = tuple(
             msgspec.structs.replace(track, life=ended(track.life, reason), fix=None) for track in self._state.alive
         )
-        self._state = Snapshot((), self._state.next_id)
-        return tuple(_told(track, frame, host_ns, boot_ns) for track in dropped)
+        told = tuple(self._told(track, frame, host_ns, boot_ns) for track in dropped)
+        calibrator = self._state.calibrator
+        self._state = Snapshot((), self._state.next_id, None if calibrator is None else calibrator.restarted())
+        return told
 
     def _associated(self, alive: tuple[Alive, ...], fixes: tuple[GroundFix, ...]) -> dict[int, GroundFix]:
         """Track id -> its fix. Believed tracks choose first: a newborn must not take a known target's fix."""
@@ -93,7 +109,7 @@ class Tracker:
             group = [track for track in alive if (track.life.confirmed_ns is not None) is believed]
             if not (group and free):
                 continue
-            candidates = [Candidate(track.label, track.belief, track.detector_id) for track in group]
+            candidates = [Candidate(track.label, self._seen_as(track), track.detector_id) for track in group]
             pairs = associate(candidates, free)
             taken |= {group[i].id: free[j] for i, j in pairs.items()}
             free = [fix for j, fix in enumerate(free) if j not in set(pairs.values())]
@@ -101,7 +117,7 @@ class Tracker:
 
     def _after(self, track: Alive, fix: GroundFix | None, view: FrameView) -> Alive:
         if fix is None:
-            looked = view.could_see(track.belief.position_ned)
+            looked = view.could_see(self._seen_as(track).position_ned)
             life = unseen(track.life, view.host_ns, looked=looked, keep_ns=self._keep_ns)
             return msgspec.structs.replace(track, life=life)
         detection = fix.sighting.detection
@@ -115,7 +131,7 @@ class Tracker:
             fix,
         )
 
-    def _with_newborn(self, tracks: list[Alive], fixes: list[GroundFix], host_ns: HostNs) -> Snapshot:
+    def _with_newborn(self, tracks: list[Alive], fixes: list[GroundFix], host_ns: HostNs) -> tuple[list[Alive], int]:
         """New tracks for fixes that belong to none; where the table is full the least certain tentative one yields."""
         next_id = self._state.next_id
         newborn_from = next_id
@@ -127,16 +143,68 @@ class Tracker:
             belief = self._filter.started(fix)
             tracks.append(Alive(next_id, detection.label, belief, born(host_ns), detection.detector_id, pixel, fix))
             next_id += 1
-        return Snapshot(tuple(tracks), next_id)
+        return tracks, next_id
+
+    def _told(self, track: Alive, frame: int, host_ns: HostNs, boot_ns: BootNs) -> Track:
+        belief, life = self._seen_as(track), track.life
+        return Track(
+            id=track.id,
+            label=track.label,
+            state=life.state,
+            reason=life.reason,
+            host_ns=host_ns,
+            boot_ns=boot_ns,
+            frame=frame,
+            position_ned=belief.position_ned,
+            cov=belief.cov,
+            relative_cov=belief.relative_cov,
+            velocity_ned=belief.velocity_ned,
+            velocity_cov=belief.velocity_cov,
+            fix=track.fix,
+            first_host_ns=life.first_ns,
+            confirmed_host_ns=life.confirmed_ns,
+            last_seen_host_ns=life.last_seen_ns,
+            last_pixel=track.last_pixel,
+        )
+
+    def _learned(self, host_ns: HostNs, living: tuple[Alive, ...]) -> Calibrator | None:
+        calibrator = self._state.calibrator
+        if calibrator is None:
+            return None
+        before = {track.id: track.life.last_seen_ns for track in self._state.alive}
+        fixes = [
+            (track.id, track.fix, s_from_ns(host_ns - before.get(track.id, host_ns)))
+            for track in living
+            if track.fix is not None
+        ]
+        return calibrator.learned(host_ns, fixes, {track.id for track in living})
+
+    def _seen_as(self, track: Alive) -> Belief:
+        """The track's own filter, or the joint estimate where that holds the target."""
+        calibrator = self._state.calibrator
+        placed = None if calibrator is None else calibrator.placed(track.id)
+        if calibrator is None or placed is None:
+            return track.belief
+        return CalibratedBelief(calibrator, track.id, placed, track.belief)
 
 
-def make_tracker(options: TrackingOptions, priors: ErrorPriors) -> Tracker:
-    """The tracker that [tracking] asks for."""
+def make_tracker(
+    options: TrackingOptions,
+    priors: ErrorPriors,
+    state_at: StateAt | None = None,
+    kept: KeptCalibration | None = None,
+) -> Tracker:
+    """The tracker that [tracking] asks for.
+
+    ``state_at`` tells the vehicle's state at an instant of the last second or so; self-calibration finds a large time
+    offset only with it. ``kept``: a calibration of an earlier flight with this camera.
+    """
     if options.filter == "lowpass":
         return Tracker(LowPass(options.alpha, options.alpha_rate_hz, priors), KEEP_STATIC_NS)
     if options.motion == "moving":
         return Tracker(MovingKalman(priors), KEEP_MOVING_NS)
-    return Tracker(StaticKalman(priors), KEEP_STATIC_NS)
+    calibrator = Calibrator(Workshop(priors, state_at, kept)) if options.self_calibration else None
+    return Tracker(StaticKalman(priors), KEEP_STATIC_NS, calibrator)
 
 
 def _living(tracks: list[Alive]) -> int:
@@ -155,26 +223,3 @@ def _make_room(tracks: list[Alive], newborn_from: int) -> bool:
     worst = max(yielding, key=lambda i: horizontal_sigma(tracks[i].belief.cov))
     tracks[worst] = msgspec.structs.replace(tracks[worst], life=ended(tracks[worst].life, Reason.TOO_MANY_TRACKS))
     return True
-
-
-def _told(track: Alive, frame: int, host_ns: HostNs, boot_ns: BootNs) -> Track:
-    belief, life = track.belief, track.life
-    return Track(
-        id=track.id,
-        label=track.label,
-        state=life.state,
-        reason=life.reason,
-        host_ns=host_ns,
-        boot_ns=boot_ns,
-        frame=frame,
-        position_ned=belief.position_ned,
-        cov=belief.cov,
-        relative_cov=belief.relative_cov,
-        velocity_ned=belief.velocity_ned,
-        velocity_cov=belief.velocity_cov,
-        fix=track.fix,
-        first_host_ns=life.first_ns,
-        confirmed_host_ns=life.confirmed_ns,
-        last_seen_host_ns=life.last_seen_ns,
-        last_pixel=track.last_pixel,
-    )

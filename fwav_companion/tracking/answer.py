@@ -1,0 +1,94 @@
+"""What of a joint estimate may be believed: observability decides what may move.
+
+An unknown that the flight has not shown keeps its prior, and every target is then estimated as if that unknown were
+what it was configured to be, with its whole prior in the claimed covariance: exactly what a filter without
+self-calibration does. Only what is well seen is let go, and then it corrects the targets.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import sqrt
+
+import msgspec
+
+from fwav_companion.tracking.joint import Joint
+from fwav_companion.tracking.rays import COMMON_COUNT, Common
+
+MOUNT = (Common.MOUNT_X, Common.MOUNT_Y, Common.MOUNT_Z)
+CONSIDERED = (Common.NORTH, Common.EAST)
+"""Never estimated, so never held either: their share is in the covariance as it stands."""
+
+
+class Held(msgspec.Struct, frozen=True):
+    """A joint estimate with some of its unknowns held at their priors."""
+
+    joint: Joint
+    held: tuple[int, ...]
+    prior_means: tuple[float, ...]
+    prior_sigmas: tuple[float, ...]
+    factor: tuple[tuple[float, ...], ...]
+    """Cholesky factor of the held unknowns' posterior covariance."""
+
+    def moments(self, places: Sequence[int]) -> tuple[list[float], list[list[float]]]:
+        """Mean and covariance of some of the joint's unknowns, none of them held."""
+        joint, held = self.joint, self.held
+        pulls = [solved(self.factor, [joint.cov[place][i] for i in held]) for place in places]
+        offset = [joint.mean[i] - self.prior_means[i] for i in held]
+        mean = [
+            joint.mean[place] - sum(a * o for a, o in zip(pull, offset, strict=True))
+            for place, pull in zip(places, pulls, strict=True)
+        ]
+        prior2 = [self.prior_sigmas[i] ** 2 for i in held]
+        cov = [
+            [
+                joint.cov[p][q]
+                + sum(a * (b * s - joint.cov[i][q]) for a, b, s, i in zip(pull_p, pull_q, prior2, held, strict=True))
+                for q, pull_q in zip(places, pulls, strict=True)
+            ]
+            for p, pull_p in zip(places, pulls, strict=True)
+        ]
+        return mean, cov
+
+    def known_sigma(self, place: int) -> float:
+        """One sigma as far as the flight has shown it, the held unknowns taken as right."""
+        joint, held = self.joint, self.held
+        crossed = [joint.cov[place][i] for i in held]
+        pull = solved(self.factor, crossed)
+        return sqrt(max(0.0, joint.cov[place][place] - sum(a * c for a, c in zip(pull, crossed, strict=True))))
+
+
+def holding(joint: Joint, held: Sequence[int], prior_means: tuple[float, ...], prior_sigmas: tuple[float, ...]) -> Held:
+    """The joint estimate with these unknowns held; those that have no prior at all are certain anyway."""
+    uncertain = tuple(i for i in held if prior_sigmas[i] > 0.0)
+    block = [[joint.cov[i][j] for j in uncertain] for i in uncertain]
+    return Held(joint, uncertain, prior_means, prior_sigmas, cholesky(block))
+
+
+def cholesky(m: Sequence[Sequence[float]]) -> tuple[tuple[float, ...], ...]:
+    """Lower factor of a symmetric positive definite matrix; a pivot lost to rounding is kept at 1e-12 of itself."""
+    factor: list[list[float]] = []
+    for i, row in enumerate(m):
+        line: list[float] = []
+        for j in range(i):
+            line.append((row[j] - sum(a * b for a, b in zip(line, factor[j], strict=False))) / factor[j][j])
+        pivot = row[i] - sum(a * a for a in line)
+        line.append(sqrt(max(pivot, 1e-12 * row[i], 1e-300)))
+        factor.append(line)
+    return tuple(tuple(line) for line in factor)
+
+
+def solved(factor: Sequence[Sequence[float]], right: Sequence[float]) -> list[float]:
+    """X of L L' x = right."""
+    y: list[float] = []
+    for i, line in enumerate(factor):
+        y.append((right[i] - sum(a * b for a, b in zip(line, y, strict=False))) / line[i])
+    n = len(y)
+    for i in reversed(range(n)):
+        y[i] = (y[i] - sum(factor[k][i] * y[k] for k in range(i + 1, n))) / factor[i][i]
+    return y
+
+
+def all_but(released: Sequence[int]) -> tuple[int, ...]:
+    """The common unknowns that stay held."""
+    return tuple(i for i in range(COMMON_COUNT) if i not in released and i not in CONSIDERED)

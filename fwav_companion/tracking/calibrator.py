@@ -1,0 +1,415 @@
+"""Self-calibration: the camera's delay, its mount and the height, from targets that are seen again and again.
+
+It runs a little behind the frames, so that the vehicle's states around each capture are known. First the delay is
+searched for: a bank of joint estimates, one a delay, because a flapping wing is not linear in it. The best of them is
+the point of linearization of a pass over all kept glimpses, and passes are repeated while the estimate settles. What
+the flight has not shown is held at its prior (``answer``).
+
+Immutable but for :class:`Workshop`, which holds what never changes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from enum import StrEnum
+from math import acos, cos, hypot, sin, sqrt
+
+import msgspec
+
+from fwav_companion.geometry.rotations import euler_from_quaternion
+from fwav_companion.geometry.stamps import HostNs, ns_from_s
+from fwav_companion.geometry.vectors import Matrix3, Vector3, transform
+from fwav_companion.nouns import Bias, ErrorPriors, GroundFix
+from fwav_companion.tracking.answer import CONSIDERED, MOUNT, Held, all_but, holding
+from fwav_companion.tracking.base import Belief
+from fwav_companion.tracking.course import Course, StateAt, course_of
+from fwav_companion.tracking.fit import Fit
+from fwav_companion.tracking.joint import joint_of
+from fwav_companion.tracking.linear import Symmetric2
+from fwav_companion.tracking.rays import COMMON_COUNT, Common, Glimpse, glimpse_of
+
+DELAY_STEP_S = 0.015
+"""Between two hypotheses: a fifth of a beat at 15 Hz, so one of them is always in the linear range."""
+SEARCH_SIGMAS = 3.0
+SEARCH_TRACKS = 2
+"""The search looks at the first targets only."""
+SEARCH_LEAST = 40
+SEARCH_MOST = 240
+"""Glimpses: four beats at 30 frames/s, and when to give up: what does not shake shows no delay."""
+SEARCH_MARGIN = 10.0
+"""Of log-likelihood over the best hypothesis that is not next to it: 20 000 to one."""
+LAG_S = 0.06
+"""Behind the newest frame, beside the delays that are asked for: attitudes beyond them must have come."""
+
+MOST_KEPT = 600
+"""Glimpses for the passes: 20 s of one target at 30 frames/s; they settle the linearization."""
+PASSES_AT = (60, 120, 240, 480)
+"""Glimpses seen, at which a new pass is begun."""
+PASS_STEP = 12
+"""Glimpses a frame: 2 ms of work."""
+
+DELAY_SHOWN = 0.5
+MOUNT_SHOWN = 0.35
+"""Posterior sigma over prior sigma below which an unknown is let go: the estimate then errs less than the prior."""
+LEAST_TURN = 0.9
+"""Mean resultant length of the headings: above, the vehicle has looked from one side only (26 deg of spread)."""
+LEAST_SWING_RAD = 0.17
+"""Spread of the angle off the nadir that shows the mount without any turn."""
+
+
+class CalibrationStatus(StrEnum):
+    """How far self-calibration has come."""
+
+    WAITING = "waiting"
+    """Too little was seen yet; everything stands at its prior."""
+    TIME = "time"
+    """The delay is known; the mount needs other headings or ranges."""
+    CALIBRATED = "calibrated"
+    """Delay and mount are known."""
+
+
+class CalibrationReport(msgspec.Struct, frozen=True, kw_only=True):
+    """What self-calibration knows: corrections to what was configured."""
+
+    host_ns: HostNs
+    time_offset_s: float
+    """To be added to the configured time offset."""
+    time_offset_sigma_s: float
+    mount: Vector3
+    """Rotation vector, body axes, rad: the true mount is Exp(mount) times the configured one."""
+    mount_sigma: Vector3
+    height_m: float
+    """Told minus true."""
+    height_sigma_m: float
+    status: CalibrationStatus
+
+
+class KeptCalibration(msgspec.Struct, frozen=True, kw_only=True):
+    """A calibration of an earlier flight, as a narrower prior than the configuration's."""
+
+    time_offset_s: float
+    time_offset_sigma_s: float
+    mount: Vector3
+    mount_sigma: Vector3
+
+
+class Placed(msgspec.Struct, frozen=True, gc=False):
+    """A target by the joint estimate, horizontal."""
+
+    north: float
+    east: float
+    cov: Symmetric2
+    relative_cov: Symmetric2
+
+
+class _Queued(msgspec.Struct, frozen=True):
+    host_ns: HostNs
+    fixes: tuple[tuple[int, GroundFix, float], ...]
+    """Track, its fix, seconds since its fix before."""
+
+
+class _Views(msgspec.Struct, frozen=True, gc=False):
+    """How differently the targets were looked at: sums over glimpses."""
+
+    count: int = 0
+    cos: float = 0.0
+    sin: float = 0.0
+    off: float = 0.0
+    off2: float = 0.0
+
+    def with_fix(self, fix: GroundFix) -> _Views:
+        """With one more look."""
+        _, _, yaw = euler_from_quaternion(fix.sighting.state.ned_from_body)
+        ray = transform(fix.sighting.ned_from_camera, fix.sighting.ray.direction)
+        off = acos(max(-1.0, min(1.0, ray[2])))
+        return _Views(self.count + 1, self.cos + cos(yaw), self.sin + sin(yaw), self.off + off, self.off2 + off * off)
+
+    @property
+    def various(self) -> bool:
+        """From different headings, or at different ranges."""
+        if not self.count:
+            return False
+        turn = hypot(self.cos, self.sin) / self.count
+        swing2 = self.off2 / self.count - (self.off / self.count) ** 2
+        return turn < LEAST_TURN or swing2 > LEAST_SWING_RAD**2
+
+
+class Workshop:
+    """What never changes: the priors, the delays to try, and whom to ask for the vehicle's states."""
+
+    def __init__(self, priors: ErrorPriors, state_at: StateAt | None, kept: KeptCalibration | None = None) -> None:
+        self.priors = priors
+        self.state_at = state_at
+        self.means, self.sigmas = _prior(priors, kept)
+        reach = SEARCH_SIGMAS * self.sigmas[Common.DELAY]
+        steps = int(reach / DELAY_STEP_S + 0.5) if state_at is not None else 0
+        middle = self.means[Common.DELAY]
+        self.delays = tuple(middle + i * DELAY_STEP_S for i in range(-steps, steps + 1))
+
+    def bank(self) -> tuple[Fit, ...]:
+        """A fit a delay, each with a prior as wide as the step between them."""
+        return tuple(self.fit((delay,), DELAY_STEP_S * 0.6 if len(self.delays) > 1 else None) for delay in self.delays)
+
+    def fit(
+        self,
+        around: Sequence[float],
+        delay_sigma: float | None = None,
+        hints: dict[int, tuple[float, float]] | None = None,
+    ) -> Fit:
+        """A fresh fit about a point of linearization; with a sigma, about that delay only."""
+        full = (*around, *self.means[len(around) :])
+        means, sigmas = self.means, self.sigmas
+        if delay_sigma is not None:
+            means = (around[Common.DELAY], *means[1:])
+            sigmas = (delay_sigma, *sigmas[1:])
+        return Fit(joint_of(self.priors, sigmas, means, full), hints or {})
+
+
+class Calibrator(msgspec.Struct, frozen=True):
+    """The state of self-calibration. Immutable: each frame gives a new one."""
+
+    shop: Workshop
+    queue: tuple[_Queued, ...] = ()
+    kept: tuple[Glimpse, ...] = ()
+    seen: int = 0
+    bank: tuple[Fit, ...] = ()
+    """While the delay is searched for."""
+    delay_s: float | None = None
+    """About which glimpses are taken, once it was found."""
+    served: Fit | None = None
+    coming: Fit | None = None
+    """A pass on its way to be served."""
+    cursor: int = 0
+    """How many of the kept glimpses the pass has taken."""
+    passes: int = 0
+    views: _Views = _Views()
+    held: Held | None = None
+    """The served estimate, with what is not shown held."""
+    status: CalibrationStatus = CalibrationStatus.WAITING
+    host_ns: HostNs = HostNs(0)
+
+    def learned(
+        self, host_ns: HostNs, fixes: Sequence[tuple[int, GroundFix, float]], alive: Collection[int]
+    ) -> Calibrator:
+        """After a frame: ``fixes`` by track, with the seconds since the fix before; ``alive``: all tracks there are."""
+        state = msgspec.structs.replace(
+            self, queue=(*self.queue, _Queued(host_ns, tuple(fixes))), host_ns=host_ns
+        )._forgotten(alive)
+        due_ns = host_ns - ns_from_s(state._lag_s())
+        while state.queue and state.queue[0].host_ns <= due_ns:
+            first, state = state.queue[0], msgspec.structs.replace(state, queue=state.queue[1:])
+            for track, fix, since_s in first.fixes:
+                if track in alive:
+                    state = state._glimpsed(track, fix, since_s)
+        return state._passed_on()._judged()
+
+    def placed(self, track: int) -> Placed | None:
+        """Where a target stands; None while that is not known here."""
+        held = self.held
+        place = held.joint.place_of(track) if held is not None else None
+        if held is None or place is None:
+            return None
+        mean, cov = held.moments((place, place + 1, *CONSIDERED))
+        own = [0.0, 0.0, 0.0]
+        for i in (2, 3):
+            if cov[i][i] > 0.0:
+                n, e = cov[0][i], cov[1][i]
+                own = [own[0] + n * n / cov[i][i], own[1] + n * e / cov[i][i], own[2] + e * e / cov[i][i]]
+        nn, ne, ee = cov[0][0], cov[0][1], cov[1][1]
+        return Placed(mean[0], mean[1], (nn, ne, ee), (nn - own[0], ne - own[1], ee - own[2]))
+
+    def surprise(self, track: int, fix: GroundFix) -> float | None:
+        """Squared Mahalanobis distance of a fix to a target that stands in the joint estimate; None: it does not."""
+        if self.served is None or self.delay_s is None or self.served.joint.place_of(track) is None:
+            return None
+        seen = self.served.joint.innovation(track, self._glimpse(track, fix, 0.0))
+        return None if seen is None else seen.distance2
+
+    def report(self) -> CalibrationReport:
+        """What is known now."""
+        means, sigmas = list(self.shop.means), list(self.shop.sigmas)
+        if self.held is not None:
+            free = [i for i in range(COMMON_COUNT) if i not in self.held.held and i not in CONSIDERED]
+            mean, cov = self.held.moments(free)
+            for k, i in enumerate(free):
+                means[i], sigmas[i] = mean[k], sqrt(max(0.0, cov[k][k]))
+                if i in MOUNT:  # a constant heading error is inseparable from it, and part of the correction
+                    sigmas[i] = self.held.known_sigma(i)
+        return CalibrationReport(
+            host_ns=self.host_ns,
+            time_offset_s=means[Common.DELAY],
+            time_offset_sigma_s=sigmas[Common.DELAY],
+            mount=(means[1], means[2], means[3]),
+            mount_sigma=(sigmas[1], sigmas[2], sigmas[3]),
+            height_m=means[Common.HEIGHT],
+            height_sigma_m=sigmas[Common.HEIGHT],
+            status=self.status,
+        )
+
+    def restarted(self) -> Calibrator:
+        """After every target was dropped: what the flight has taught is kept, as a prior."""
+        return Calibrator(self.shop)
+
+    # Each step returns the next state.
+
+    def _lag_s(self) -> float:
+        earliest = min(self.shop.delays) if self.delay_s is None else self.delay_s
+        return LAG_S + max(0.0, -earliest)
+
+    def _forgotten(self, alive: Collection[int]) -> Calibrator:
+        """Targets whose tracks ended leave the estimates."""
+        served, coming = self.served, self.coming
+        if served is not None:
+            for track in served.joint.tracks:
+                if track not in alive:
+                    served = served.without(track)
+        return msgspec.structs.replace(self, served=served, coming=coming)
+
+    def _glimpse(self, track: int, fix: GroundFix, since_s: float) -> Glimpse:
+        delays = self.shop.delays if self.delay_s is None else (self.delay_s,)
+        return glimpse_of(track, fix, course_of(fix.sighting.state, delays, self.shop.state_at), since_s)
+
+    def _glimpsed(self, track: int, fix: GroundFix, since_s: float) -> Calibrator:
+        glimpse = self._glimpse(track, fix, since_s)
+        kept = (*self.kept, glimpse) if self.seen < MOST_KEPT or self.coming is not None else ()
+        state = msgspec.structs.replace(self, kept=kept, seen=self.seen + 1, views=self.views.with_fix(fix))
+        if state.delay_s is None:
+            return state._searched(glimpse)
+        served = state.served.fed(glimpse) if state.served is not None else None
+        return msgspec.structs.replace(state, served=served)
+
+    def _searched(self, glimpse: Glimpse) -> Calibrator:
+        bank = self.bank or self.shop.bank()
+        tracks = list(dict.fromkeys(each.track for each in self.kept))[:SEARCH_TRACKS]
+        if glimpse.track in tracks and len(bank) > 1:
+            bank = tuple(fit.fed(glimpse) for fit in bank)
+        state = msgspec.structs.replace(self, bank=bank)
+        best = max(range(len(bank)), key=lambda i: bank[i].score)
+        taken = bank[best].used + bank[best].refused
+        rivals = [fit.score for i, fit in enumerate(bank) if abs(i - best) > 1]
+        clear = not rivals or (taken >= SEARCH_LEAST and bank[best].score - max(rivals) > SEARCH_MARGIN)
+        if not clear and taken < SEARCH_MOST:
+            return state
+        around = bank[best].joint.mean if clear and len(bank) > 1 else self.shop.means
+        return state._found(around[:COMMON_COUNT])
+
+    def _found(self, around: tuple[float, ...]) -> Calibrator:
+        """The delay is settled enough: glimpses shrink to it, and the first pass begins."""
+        delay_s = around[Common.DELAY]
+        kept = tuple(
+            msgspec.structs.replace(glimpse, course=Course((glimpse.course.at(delay_s),))) for glimpse in self.kept
+        )
+        return msgspec.structs.replace(
+            self, kept=kept, bank=(), delay_s=delay_s, coming=self.shop.fit(around), cursor=0
+        )
+
+    def _passed_on(self) -> Calibrator:
+        """A few glimpses further with the pass; served when it has them all."""
+        coming, cursor = self.coming, self.cursor
+        if coming is None:
+            return self._begin_pass()
+        for glimpse in self.kept[cursor : cursor + PASS_STEP]:
+            coming = coming.fed(glimpse)
+        cursor += PASS_STEP
+        if cursor < len(self.kept):
+            return msgspec.structs.replace(self, coming=coming, cursor=cursor)
+        return msgspec.structs.replace(self, served=coming, coming=None, cursor=0)
+
+    def _begin_pass(self) -> Calibrator:
+        if self.served is None or self.passes >= len(PASSES_AT) or self.seen < PASSES_AT[self.passes]:
+            return self
+        joint = self.served.joint
+        hints = {track: (joint.mean[i], joint.mean[i + 1]) for track in joint.tracks if (i := joint.place_of(track))}
+        around = (*joint.mean[: Common.NORTH], 0.0, 0.0)
+        return msgspec.structs.replace(
+            self, coming=self.shop.fit(around, hints=hints), cursor=0, passes=self.passes + 1, delay_s=around[0]
+        )
+
+    def _judged(self) -> Calibrator:
+        """Let go what is shown, hold the rest."""
+        if self.served is None:
+            return self
+        joint, means, sigmas = self.served.joint, self.shop.means, self.shop.sigmas
+        released: list[int] = []
+        held = holding(joint, all_but((Common.DELAY,)), means, sigmas)
+        if held.known_sigma(Common.DELAY) <= DELAY_SHOWN * sigmas[Common.DELAY]:
+            released.append(Common.DELAY)
+        if self.views.various:
+            self._release_mount(released)
+        status = CalibrationStatus.WAITING
+        if Common.DELAY in released:
+            status = CalibrationStatus.CALIBRATED if Common.MOUNT_X in released else CalibrationStatus.TIME
+        final = holding(joint, all_but(released), means, sigmas)
+        return msgspec.structs.replace(self, held=final, status=status)
+
+    def _release_mount(self, released: list[int]) -> None:
+        joint, means, sigmas = self.served.joint, self.shop.means, self.shop.sigmas  # type: ignore[union-attr]
+        for more in ((*MOUNT, Common.HEIGHT), MOUNT):
+            tried = [*released, *more]
+            held = holding(joint, all_but(tried), means, sigmas)
+            if all(held.known_sigma(i) <= MOUNT_SHOWN * sigmas[i] for i in more):
+                released.extend(more)
+                return
+
+
+class CalibratedBelief(msgspec.Struct, frozen=True):
+    """A track as the joint estimate sees it, heights by its own filter."""
+
+    calibrator: Calibrator
+    track: int
+    placed: Placed
+    own: Belief
+
+    @property
+    def position_ned(self) -> Vector3:
+        """Metres."""
+        return (self.placed.north, self.placed.east, self.own.position_ned[2])
+
+    @property
+    def cov(self) -> Matrix3:
+        """Every source of error, m^2, NED."""
+        return _level(self.placed.cov, self.own.cov[2][2])
+
+    @property
+    def relative_cov(self) -> Matrix3:
+        """Without the vehicle's own position, m^2, NED."""
+        return _level(self.placed.relative_cov, self.own.relative_cov[2][2])
+
+    @property
+    def velocity_ned(self) -> Vector3 | None:
+        """A standing target has none to tell."""
+        return None
+
+    @property
+    def velocity_cov(self) -> Matrix3 | None:
+        """A standing target has none to tell."""
+        return None
+
+    def predicted(self, host_ns: HostNs) -> Belief:
+        """The target stays."""
+        return self.own.predicted(host_ns)
+
+    def surprise(self, fix: GroundFix) -> float:
+        """Squared Mahalanobis distance in the image, with what calibration knows by now."""
+        distance2 = self.calibrator.surprise(self.track, fix)
+        return self.own.surprise(fix) if distance2 is None else distance2
+
+    def updated(self, fix: GroundFix) -> Belief:
+        """Its own filter goes on beside the joint estimate."""
+        return self.own.updated(fix)
+
+
+def _level(horizontal: Symmetric2, down: float) -> Matrix3:
+    nn, ne, ee = horizontal
+    return ((nn, ne, 0.0), (ne, ee, 0.0), (0.0, 0.0, down))
+
+
+def _prior(priors: ErrorPriors, kept: KeptCalibration | None) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Means and sigmas by Common. The autopilot's own constant roll and pitch errors are part of the correction."""
+    b = priors.bias_sigmas
+    mount = (hypot(b[Bias.MOUNT_X], b[Bias.ROLL]), hypot(b[Bias.MOUNT_Y], b[Bias.PITCH]), b[Bias.MOUNT_Z])
+    rest = (b[Bias.HEADING], b[Bias.HEIGHT], b[Bias.READOUT], b[Bias.POSITION_NORTH], b[Bias.POSITION_EAST])
+    zero = (0.0,) * COMMON_COUNT
+    if kept is None:
+        return zero, (b[Bias.TIME_OFFSET], *mount, *rest)
+    return (kept.time_offset_s, *kept.mount, *zero[4:]), (kept.time_offset_sigma_s, *kept.mount_sigma, *rest)

@@ -1,0 +1,84 @@
+"""One pass over glimpses: a joint estimate that takes them one by one, and says how well they fit."""
+
+from __future__ import annotations
+
+from math import log
+from statistics import median
+
+import msgspec
+
+from fwav_companion.tracking.joint import GATE, Joint
+from fwav_companion.tracking.rays import COMMON_COUNT, Glimpse, ground_point
+
+FIRST_GLIMPSES = 8
+"""A new target waits for so many: its point of linearization is their median, not one noisy, perhaps shallow, first."""
+MOST_WAITING = 20 * FIRST_GLIMPSES
+WORST = 25.0
+"""Squared distance that a glimpse counts at most: what is gross is gross."""
+
+
+class Fit(msgspec.Struct, frozen=True):
+    """A joint estimate on its way. Immutable."""
+
+    joint: Joint
+    hints: dict[int, tuple[float, float]] = {}
+    """Where targets are known to stand already, by track: where to linearize."""
+    waiting: tuple[Glimpse, ...] = ()
+    """Of targets that are not in the estimate yet."""
+    score: float = 0.0
+    """Log-likelihood, up to a constant."""
+    used: int = 0
+    refused: int = 0
+    """Glimpses that did not fit at all."""
+    distance2: float = 0.0
+    """Sum over the used and refused, each at most WORST; its mean is 2 where all is well."""
+
+    def fed(self, glimpse: Glimpse) -> Fit:
+        """With one more glimpse."""
+        joint = self.joint.predicted(glimpse.host_ns)
+        if glimpse.track in joint.tracks:
+            return self._taken(joint, glimpse)
+        hint = self.hints.get(glimpse.track)
+        if hint is not None:
+            return msgspec.structs.replace(self, joint=joint.with_target(glimpse, hint) or joint)
+        waiting = (*self.waiting, glimpse)[-MOST_WAITING:]
+        own = [each for each in waiting if each.track == glimpse.track]
+        if len(own) < FIRST_GLIMPSES:
+            return msgspec.structs.replace(self, joint=joint, waiting=waiting)
+        others = tuple(each for each in waiting if each.track != glimpse.track)
+        return msgspec.structs.replace(self, joint=joint, waiting=others)._begun(own)
+
+    def without(self, track: int) -> Fit:
+        """With a target forgotten; what it taught about the common unknowns stays."""
+        waiting = tuple(each for each in self.waiting if each.track != track)
+        return msgspec.structs.replace(self, joint=self.joint.without(track), waiting=waiting)
+
+    def _begun(self, own: list[Glimpse]) -> Fit:
+        common = self.joint.around[:COMMON_COUNT]
+        points = [point for glimpse in own if (point := ground_point(glimpse, common)) is not None]
+        if not points:
+            return self
+        at = (median(n for n, _ in points), median(e for _, e in points))
+        joint = self.joint.with_target(own[0], at)
+        if joint is None:
+            return self
+        fit = msgspec.structs.replace(self, joint=joint)
+        for glimpse in own[1:]:
+            fit = fit._taken(fit.joint, glimpse)
+        return fit
+
+    def _taken(self, joint: Joint, glimpse: Glimpse) -> Fit:
+        seen = joint.innovation(glimpse.track, glimpse)
+        if seen is None:
+            return msgspec.structs.replace(self, joint=joint, refused=self.refused + 1)
+        fits = seen.distance2 < GATE
+        worst = min(seen.distance2, WORST)
+        return Fit(
+            joint.updated(seen) if fits else joint,
+            self.hints,
+            self.waiting,
+            self.score - 0.5 * (worst + log(seen.determinant)),
+            self.used + fits,
+            self.refused + (not fits),
+            self.distance2 + worst,
+        )

@@ -1,0 +1,215 @@
+"""The joint estimate of what all targets share and where each of them stands: an extended Kalman filter on pixels.
+
+Two precautions against inventing knowledge. Every row is taken at a fixed point of linearization, which moves only
+when a whole pass over the kept glimpses is begun anew: a point that follows the noise would make directions look
+observable that are not. And the vehicle's position error is considered, never estimated: what wanders is no constant.
+
+Immutable: an update returns a new estimate that shares the rows it did not touch.
+"""
+
+from __future__ import annotations
+
+from math import exp
+from typing import TypeAlias
+
+import msgspec
+
+from fwav_companion.nouns import ErrorPriors
+from fwav_companion.tracking.rays import COMMON_COUNT, Common, Glimpse, Prediction, ground_point, pixel_noise, predict
+
+Rows: TypeAlias = tuple[tuple[float, ...], ...]
+
+GATE = 16.0
+"""Squared Mahalanobis distance of two pixels: a true one lies beyond once in 3000 times."""
+
+
+class Innovation(msgspec.Struct, frozen=True, gc=False):
+    """What a glimpse says beyond the estimate."""
+
+    difference: tuple[float, float]
+    """Pixels, measured minus predicted."""
+    carried: tuple[tuple[float, ...], tuple[float, ...]]
+    """P H', a column each of u and v."""
+    inverse: tuple[float, float, float]
+    """Of the innovation's covariance: uu, uv, vv, 1/px^2."""
+    determinant: float
+    distance2: float
+
+
+class Joint(msgspec.Struct, frozen=True):
+    """Mean and covariance of (common, north and east of each target), about a point of linearization."""
+
+    priors: ErrorPriors
+    mean: tuple[float, ...]
+    cov: Rows
+    """Symmetric."""
+    around: tuple[float, ...]
+    """The point of linearization."""
+    tracks: tuple[int, ...]
+    """Whose targets they are, in order."""
+    host_ns: int
+
+    def place_of(self, track: int) -> int | None:
+        """Index of the target's north; None where it is not in the estimate."""
+        return COMMON_COUNT + 2 * self.tracks.index(track) if track in self.tracks else None
+
+    def predicted(self, host_ns: int) -> Joint:
+        """At another instant: the vehicle's position error has wandered."""
+        sigma2 = self.priors.bias_sigmas[9] ** 2
+        if host_ns <= self.host_ns or sigma2 == 0.0 or not self.priors.position_bias_time_s > 0.0:
+            return self
+        kept = exp(-(host_ns - self.host_ns) * 1e-9 / self.priors.position_bias_time_s)
+        rows = [list(row) for row in self.cov]
+        for i in (Common.NORTH, Common.EAST):
+            rows[i] = [c * kept for c in rows[i]]
+            for row in rows:
+                row[i] *= kept
+            rows[i][i] += (1.0 - kept * kept) * self.priors.bias_sigmas[9 + i - Common.NORTH] ** 2
+        return msgspec.structs.replace(self, cov=tuple(tuple(row) for row in rows), host_ns=host_ns)
+
+    def innovation(self, track: int, glimpse: Glimpse) -> Innovation | None:
+        """Of a glimpse, taken for this track's; None where that is not in the estimate, or impossible."""
+        place = self.place_of(track)
+        if place is None:
+            return None
+        target = (self.around[place], self.around[place + 1])
+        prediction = predict(glimpse, target, self.around[:COMMON_COUNT])
+        return None if prediction is None else self._weighed(glimpse, prediction, place)
+
+    def _weighed(self, glimpse: Glimpse, prediction: Prediction, place: int) -> Innovation | None:
+        offset = [m - a for m, a in zip(self.mean[:COMMON_COUNT], self.around[:COMMON_COUNT], strict=True)]
+        offset += [self.mean[place] - self.around[place], self.mean[place + 1] - self.around[place + 1]]
+        used = [*self.cov[:COMMON_COUNT], self.cov[place], self.cov[place + 1]]
+        difference, carried, full = [], [], []
+        for residual, by_common, by_target in zip(
+            prediction.residual, prediction.by_common, prediction.by_target, strict=True
+        ):
+            row = (*by_common, *by_target)
+            full.append(row)
+            difference.append(residual - sum(h * o for h, o in zip(row, offset, strict=True)))
+            h0, h1, h2, h3, h4, h5, h6, h7, h8, h9, h10 = row
+            carried.append(
+                tuple(
+                    [
+                        h0 * a
+                        + h1 * b
+                        + h2 * c
+                        + h3 * d
+                        + h4 * e
+                        + h5 * f
+                        + h6 * g
+                        + h7 * i
+                        + h8 * j
+                        + h9 * k
+                        + h10 * m
+                        for a, b, c, d, e, f, g, i, j, k, m in zip(*used, strict=True)
+                    ]
+                )
+            )
+        uu, uv, vv = pixel_noise(glimpse, prediction, self.priors)
+        pu, pv = carried
+        own_u, own_v = (*pu[:COMMON_COUNT], pu[place], pu[place + 1]), (*pv[:COMMON_COUNT], pv[place], pv[place + 1])
+        uu += sum(h * p for h, p in zip(full[0], own_u, strict=True))
+        uv += sum(h * p for h, p in zip(full[0], own_v, strict=True))
+        vv += sum(h * p for h, p in zip(full[1], own_v, strict=True))
+        determinant = uu * vv - uv * uv
+        if not determinant > 0.0:
+            return None
+        inverse = (vv / determinant, -uv / determinant, uu / determinant)
+        du, dv = difference
+        distance2 = inverse[0] * du * du + 2.0 * inverse[1] * du * dv + inverse[2] * dv * dv
+        return Innovation((du, dv), (pu, pv), inverse, determinant, distance2)
+
+    def updated(self, seen: Innovation) -> Joint:
+        """With the gain of least covariance, but for the vehicle's position, which is only considered."""
+        pu, pv = seen.carried
+        iuu, iuv, ivv = seen.inverse
+        du, dv = seen.difference
+        gain_u = [a * iuu + b * iuv for a, b in zip(pu, pv, strict=True)]
+        gain_v = [a * iuv + b * ivv for a, b in zip(pu, pv, strict=True)]
+        mean = [m + gu * du + gv * dv for m, gu, gv in zip(self.mean, gain_u, gain_v, strict=True)]
+        cov = [
+            [p - gu * a - gv * b for p, a, b in zip(row, pu, pv, strict=True)]
+            for row, gu, gv in zip(self.cov, gain_u, gain_v, strict=True)
+        ]
+        for i in (Common.NORTH, Common.EAST):
+            mean[i] = self.mean[i]
+            for j in (Common.NORTH, Common.EAST):
+                cov[i][j] = self.cov[i][j]
+        return msgspec.structs.replace(self, mean=tuple(mean), cov=tuple(map(tuple, cov)))
+
+    def with_target(self, glimpse: Glimpse, around: tuple[float, float] | None) -> Joint | None:
+        """With a target that this glimpse is the first of; ``around``: where to linearize, if that is known better."""
+        common = self.around[:COMMON_COUNT]
+        point = ground_point(glimpse, common)
+        if point is None:
+            return None
+        at = around or point
+        prediction = predict(glimpse, at, common)
+        if prediction is None:
+            return None
+        (a, b), (c, d) = prediction.by_target
+        determinant = a * d - b * c
+        if abs(determinant) < 1e-12:
+            return None
+        inverse = ((d / determinant, -b / determinant), (-c / determinant, a / determinant))
+        return self._grown(glimpse, prediction, at, inverse)
+
+    def _grown(
+        self,
+        glimpse: Glimpse,
+        prediction: Prediction,
+        at: tuple[float, float],
+        inverse: tuple[tuple[float, float], tuple[float, float]],
+    ) -> Joint:
+        rows = prediction.by_common
+        jacobian = [[-(i0 * u + i1 * v) for u, v in zip(*rows, strict=True)] for i0, i1 in inverse]
+        common_rows = self.cov[:COMMON_COUNT]
+        cross = [[sum(j * p for j, p in zip(jac, column, strict=True)) for column in zip(*common_rows, strict=True)]
+                 for jac in jacobian]  # fmt: skip
+        uu, uv, vv = pixel_noise(glimpse, prediction, self.priors)
+        block = [[sum(j * p for j, p in zip(jac, c[:COMMON_COUNT], strict=True)) for c in cross] for jac in jacobian]
+        for i, (a, b) in enumerate(inverse):
+            for j, (c, d) in enumerate(inverse):
+                block[i][j] += a * (uu * c + uv * d) + b * (uv * c + vv * d)
+        offset = [m - o for m, o in zip(self.mean[:COMMON_COUNT], self.around[:COMMON_COUNT], strict=True)]
+        ru, rv = prediction.residual
+        mean = [
+            x + i0 * ru + i1 * rv + sum(j * o for j, o in zip(jac, offset, strict=True))
+            for x, (i0, i1), jac in zip(at, inverse, jacobian, strict=True)
+        ]
+        cov = [(*row, n, e) for row, n, e in zip(self.cov, *cross, strict=True)]
+        cov += [(*cross[0], block[0][0], block[0][1]), (*cross[1], block[1][0], block[1][1])]
+        return msgspec.structs.replace(
+            self,
+            mean=(*self.mean, *mean),
+            cov=tuple(cov),
+            around=(*self.around, *at),
+            tracks=(*self.tracks, glimpse.track),
+        )
+
+    def without(self, track: int) -> Joint:
+        """With this target forgotten."""
+        place = self.place_of(track)
+        if place is None:
+            return self
+
+        def cut(row: tuple[float, ...]) -> tuple[float, ...]:
+            return row[:place] + row[place + 2 :]
+
+        rows = self.cov[:place] + self.cov[place + 2 :]
+        return msgspec.structs.replace(
+            self,
+            mean=cut(self.mean),
+            cov=tuple(cut(row) for row in rows),
+            around=cut(self.around),
+            tracks=tuple(t for t in self.tracks if t != track),
+        )
+
+
+def joint_of(
+    priors: ErrorPriors, sigmas: tuple[float, ...], means: tuple[float, ...], around: tuple[float, ...]
+) -> Joint:
+    """Before any target: the priors of the common unknowns, about a point of linearization."""
+    cov = tuple(tuple(sigmas[i] ** 2 if i == j else 0.0 for j in range(COMMON_COUNT)) for i in range(COMMON_COUNT))
+    return Joint(priors, means, cov, around, (), 0)
