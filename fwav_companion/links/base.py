@@ -101,3 +101,6 @@ class Opener(Protocol):
 
     async def open(self, ear: Ear) -> Connection:
         """A new connection that tells ``ear``. OSError or LinkError where it cannot be had now."""
+
+    def close(self) -> None:
+        """Give up what may still be under way between two tries."""

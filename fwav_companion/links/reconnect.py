@@ -61,6 +61,7 @@ class StayingConnected:
         self.state = LinkState.CLOSED
         if self._task is not None:
             self._task.cancel()
+        self._opener.close()
         self._release()
 
     def status(self) -> dict[str, object]:

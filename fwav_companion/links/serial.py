@@ -72,17 +72,19 @@ class SerialOpener:
             call = partial(find_and_open, self._url, self._identity, self._list_all)
             coroutine = in_daemon_thread(call, name=f"open {self._url}", undo=_close_unwanted)
             self._opening = asyncio.get_running_loop().create_task(coroutine)
-        try:
-            done, _ = await asyncio.wait({self._opening}, timeout=OPEN_WAIT_S)
-        except asyncio.CancelledError:
-            self._opening.cancel()
-            raise
+        done, _ = await asyncio.wait({self._opening}, timeout=OPEN_WAIT_S)
         if not done:
             raise LinkError(f"the device does not open within {OPEN_WAIT_S:g} s")
         opening, self._opening = self._opening, None
         opened = opening.result()
         self._identity = opened.identity or self._identity
         return SerialConnection(opened.port, opened.device, self._url.baud, ear)
+
+    def close(self) -> None:
+        """Leave the thread to itself; a port that it still opens is closed."""
+        opening, self._opening = self._opening, None
+        if opening is not None and not opening.cancel() and opening.exception() is None:
+            _close(opening.result().port)  # it came after the last try had stopped waiting
 
 
 def find_and_open(

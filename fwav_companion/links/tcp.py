@@ -46,6 +46,9 @@ class TcpClientOpener:
                 failure = error
         raise failure
 
+    def close(self) -> None:
+        """Nothing is under way between two tries."""
+
 
 async def _connected(family: socket.AddressFamily, address: SocketAddress) -> socket.socket:
     sock = socket.socket(family, socket.SOCK_STREAM)
@@ -79,6 +82,9 @@ class TcpServerOpener:
             sock.close()
             raise
         return TcpServer(sock, ear)
+
+    def close(self) -> None:
+        """Nothing is under way between two tries."""
 
 
 class TcpStream:

@@ -44,6 +44,9 @@ class UdpOpener:
             sock.close()
             raise
 
+    def close(self) -> None:
+        """Nothing is under way between two tries."""
+
 
 class UdpSocket:
     """What the three have in common: draining, and sending so that one bad datagram is no more than that."""

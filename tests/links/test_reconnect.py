@@ -35,12 +35,16 @@ class Socket:
     def __init__(self, *errors: OSError | LinkError) -> None:
         self.errors = list(errors)
         self.plugs: list[Plug] = []
+        self.closed = 0
 
     async def open(self, ear: Ear) -> Connection:
         if self.errors:
             raise self.errors.pop(0)
         self.plugs.append(Plug(ear))
         return self.plugs[-1]
+
+    def close(self) -> None:
+        self.closed += 1
 
 
 class Story:
@@ -169,6 +173,7 @@ def test_closed_it_tells_nothing_more():
         assert s.states == [(True, "")]
         assert s.link.state is LinkState.CLOSED
         assert s.socket.plugs[0].closed == 1
+        assert s.socket.closed == 1
         assert len(s.socket.plugs) == 1
 
     told(story)

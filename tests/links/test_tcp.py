@@ -1,0 +1,204 @@
+"""TCP links over loopback, with plain sockets as peers."""
+
+import asyncio
+import contextlib
+import socket
+from collections.abc import Iterator
+
+import pytest
+from link_listening import Listener, free_tcp_port, run, started, until
+
+from fwav_companion.links import tcp
+from fwav_companion.links.tcp import MAX_CLIENTS
+
+
+@pytest.fixture(name="server")
+def _server() -> Iterator[socket.socket]:
+    with listening() as sock:
+        yield sock
+
+
+def listening(port: int = 0) -> socket.socket:
+    sock = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    sock.bind(("127.0.0.1", port))
+    sock.listen()
+    sock.settimeout(20)
+    return sock
+
+
+async def accepted(server: socket.socket) -> socket.socket:
+    sock, _ = await asyncio.to_thread(server.accept)
+    sock.settimeout(20)
+    return sock
+
+
+async def received(sock: socket.socket, size: int) -> bytes:
+    """So many bytes, or fewer at the end of the stream."""
+
+    def read() -> bytes:
+        data = b""
+        while len(data) < size and (more := sock.recv(size - len(data))):
+            data += more
+        return data
+
+    return await asyncio.to_thread(read)
+
+
+def test_a_client_both_ways(server: socket.socket):
+    async def story() -> None:
+        listener = Listener()
+        with started(f"tcpout://127.0.0.1:{server.getsockname()[1]}", listener) as link, await accepted(server) as peer:
+            await listener.until_up()
+            link.send(b"out")
+            assert await received(peer, 3) == b"out"
+            peer.sendall(b"in")
+            await listener.until(lambda: listener.data == b"in")
+            assert link.status()["bytes_out"] == 3
+
+    run(story())
+
+
+def test_a_server_that_goes_and_comes_back(server: socket.socket):
+    async def story() -> None:
+        listener, port = Listener(), server.getsockname()[1]
+        with started(f"tcpout://127.0.0.1:{port}", listener) as link:
+            (await accepted(server)).close()
+            server.close()
+            await listener.until_down()
+            link.send(b"lost")
+            with listening(port) as again, await accepted(again) as peer:
+                await listener.until_up(times=2)
+                link.send(b"back")
+                assert await received(peer, 4) == b"back"
+            assert listener.states[:3] == [(True, ""), (False, "closed by the peer"), (True, "")]
+            assert link.status()["dropped"] == 1
+
+    run(story())
+
+
+def test_a_server_that_is_not_there_yet_is_told_once():
+    async def story() -> None:
+        listener, port = Listener(), free_tcp_port()
+        with started(f"tcpout://127.0.0.1:{port}", listener):
+            await listener.until_down()
+            with listening(port) as late, await accepted(late):
+                await listener.until_up()
+            assert listener.states[:2] == [(False, "Connection refused"), (True, "")]
+
+    run(story())
+
+
+@contextlib.contextmanager
+def silent_server() -> Iterator[int]:
+    """The port of a server that answers no connect: Linux drops those that a full backlog has no room for."""
+    with contextlib.ExitStack() as stack:
+        full = stack.enter_context(socket.socket())
+        full.bind(("127.0.0.1", 0))
+        full.listen(0)
+        for _ in range(4):
+            waiting = stack.enter_context(socket.socket())
+            waiting.setblocking(False)
+            waiting.connect_ex(full.getsockname())
+        yield full.getsockname()[1]
+
+
+def test_a_server_that_answers_nothing_is_given_up(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(tcp, "CONNECT_WAIT_S", 0.05)
+
+    async def story() -> None:
+        listener = Listener()
+        with silent_server() as port, started(f"tcpout://127.0.0.1:{port}", listener):
+            await listener.until_down()
+            assert listener.states == [(False, "no answer within 0.05 s")]
+
+    run(story())
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "::1"])
+def test_a_server_with_two_clients(host: str):
+    async def story() -> None:
+        listener, port = Listener(), free_tcp_port()
+        url = f"tcpin://[{host}]:{port}" if ":" in host else f"tcpin://{host}:{port}"
+        with started(url, listener) as link:
+            await listener.until_up()
+            link.send(b"nobody is there")
+            with socket.create_connection((host, port), 20) as one:
+                with socket.create_connection((host, port), 20) as two:
+                    one.sendall(b"one")
+                    await listener.until(lambda: listener.data == b"one")
+                    two.sendall(b"two")
+                    await listener.until(lambda: listener.data == b"onetwo")
+                    link.send(b"to all")
+                    assert await received(one, 6) == b"to all"
+                    assert await received(two, 6) == b"to all"
+                await until(lambda: len(link.status()["clients"]) == 1)
+                link.send(b"to one")
+                assert await received(one, 6) == b"to one"
+            assert listener.states == [(True, "")]
+            assert link.status()["dropped"] == 0
+
+    run(story())
+
+
+def test_a_servers_clients_are_not_mixed_inside_a_frame_and_bounded():
+    frame = bytes([0xFE, 9, 0, 1, 1, 0]) + b"payload!!" + b"cc"
+
+    async def story() -> None:
+        listener, port = Listener(), free_tcp_port()
+        with started(f"tcpin://127.0.0.1:{port}", listener) as link:
+            await listener.until_up()
+            clients = [socket.create_connection(("127.0.0.1", port), 20) for _ in range(MAX_CLIENTS + 1)]
+            await until(lambda: len(link.status()["clients"]) == MAX_CLIENTS)
+            assert await received(clients[-1], 1) == b"", "the one too many is sent away"
+            for piece in (frame[:5], frame[5:]):
+                for client in clients[:-1]:
+                    client.sendall(piece)
+            await listener.until(lambda: len(listener.data) == MAX_CLIENTS * len(frame))
+            assert listener.data == frame * MAX_CLIENTS
+            for client in clients:
+                client.close()
+
+    run(story())
+
+
+def test_a_reader_that_stalls_loses_the_oldest_whole_chunks_and_no_more():
+    """The peer reads nothing until everything was sent: what it gets then is whole chunks, the newest among them."""
+
+    async def story() -> None:
+        listener, port = Listener(), free_tcp_port()
+        with started(f"tcpin://127.0.0.1:{port}", listener) as link:
+            await listener.until_up()
+            with socket.socket() as slow:
+                slow.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+                slow.settimeout(20)
+                slow.connect(("127.0.0.1", port))
+                await until(lambda: len(link.status()["clients"]) == 1)
+                count, size = 3000, 4096
+                for i in range(count):
+                    link.send(i.to_bytes(4, "big") * (size // 4))
+                dropped = int(link.status()["dropped"])
+                assert 0 < dropped < count
+                data = await received(slow, (count - dropped) * size)
+        chunks = [data[at : at + size] for at in range(0, len(data), size)]
+        assert all(chunk == chunk[:4] * (size // 4) for chunk in chunks), "never cut"
+        numbers = [int.from_bytes(chunk[:4], "big") for chunk in chunks]
+        assert numbers == sorted(numbers)
+        assert numbers[-16:] == list(range(count - 16, count)), "the newest"
+        assert len(numbers) + dropped == count
+
+    run(story())
+
+
+def test_closed_while_a_connection_is_being_made_nothing_is_left():
+    async def story() -> None:
+        listener = Listener()
+        with silent_server() as port:
+            with started(f"tcpout://127.0.0.1:{port}", listener):
+                await asyncio.sleep(0.01)
+            await asyncio.sleep(0)
+            await asyncio.sleep(0)
+            assert asyncio.all_tasks() == {asyncio.current_task()}
+            assert listener.states == []
+
+    run(story())
