@@ -44,8 +44,11 @@ def test_a_result_and_a_cancellation_in_one_turn_of_the_loop():
     async def story() -> None:
         task = asyncio.create_task(in_daemon_thread(lambda: 7, name="x", undo=undone.append))
         await asyncio.sleep(0)
-        waited_for = task._fut_waiter  # type: ignore[attr-defined]  # the only way to see the turn
-        waited_for.add_done_callback(lambda _future: task.cancel())
+        for thread in threading.enumerate():
+            if thread.name == "x":
+                thread.join()
+        await asyncio.sleep(0)  # the result is there, the task has not run
+        task.cancel()
         with pytest.raises(asyncio.CancelledError):
             await task
         assert undone == [7]
