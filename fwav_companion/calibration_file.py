@@ -1,6 +1,8 @@
-"""SHELL: the camera file that a configuration names."""
+"""SHELL: the camera file that a configuration names, and what is kept beside a recording."""
 
 from __future__ import annotations
+
+from pathlib import Path
 
 from fwav_companion.camera import Calibration, parse_calibration
 from fwav_companion.config import Config
@@ -22,3 +24,14 @@ def load_calibration(config: Config) -> Calibration:
         raise InputFileError(f"{where}: {error.strerror}; accepted: a camera file, as `init` writes one") from None
     except UnicodeDecodeError as error:
         raise InputFileError(f"{path}: byte {error.start} is not UTF-8; accepted: a camera file in YAML") from None
+
+
+def recording_companions(config: Config) -> dict[str, bytes]:
+    """The configuration and its camera file as they are now, by the names under which a recording keeps them."""
+    if not config.record.directory:
+        return {}
+    paths = [Path(config.file), *([config.calibration_path] if config.localizes else [])]
+    try:
+        return {path.name: path.read_bytes() for path in paths}
+    except OSError as error:
+        raise InputFileError(f"{error.filename}: {error.strerror}; accepted: a file that can be read") from None

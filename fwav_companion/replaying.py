@@ -84,7 +84,8 @@ def _unix_offset_ns(messages: Sequence[tuple[int, Message]], own: frozenset[int]
     """Our requests carry the host's clock in whole microseconds, and below them a nonce."""
     for unix_us, message in messages:
         if message.name == "TIMESYNC" and message.component in own and message.fields.tc1 == 0:
-            return (unix_us - message.fields.ts1 // NS_PER_US) * NS_PER_US
+            host_us: int = message.fields.ts1 // NS_PER_US
+            return (unix_us - host_us) * NS_PER_US
     return 0
 
 

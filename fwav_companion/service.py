@@ -1,4 +1,4 @@
-"""SHELL: the daemon. It moves bytes between links and the pipeline, arms the pipeline's timer, and does nothing else."""
+"""SHELL: the daemon. It moves bytes between links and the pipeline, arms the timer, and does nothing else."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import logging
 import os
 import signal
 import time
+from collections.abc import Mapping
+from pathlib import Path
 
 import msgspec
 
@@ -14,13 +16,16 @@ from fwav_companion import __version__
 from fwav_companion.camera import Calibration
 from fwav_companion.config import Config
 from fwav_companion.geometry.stamps import NS_PER_S, NS_PER_US, HostNs, whole_microseconds
+from fwav_companion.latest_file import LatestFile, state_path, status_paths
 from fwav_companion.links.base import Link
 from fwav_companion.links.make import make_link
+from fwav_companion.links.url import UdpUrl
+from fwav_companion.mavlink.node import Received
+from fwav_companion.mavlink.signing import starting_timestamp
 from fwav_companion.nouns import Frame, NoFrame, Notice, Severity
 from fwav_companion.pipeline import Outputs
 from fwav_companion.recording.lines import encode_line
 from fwav_companion.recording.recorder import DETECTIONS, TARGETS, Recorder
-from fwav_companion.status_file import StatusFile, candidates
 from fwav_companion.systemd_notify import SystemdNotifier
 from fwav_companion.vision.detections_in import DetectionsIn, read_clocks
 from fwav_companion.vision.wall_clock import ClockStep, WallClock
@@ -29,8 +34,8 @@ from fwav_companion.wiring import make_node, make_pipeline
 
 log = logging.getLogger("fwav_companion")
 
-STOP_S = 1.0
-"""For writing what waits; with all else a stop stays below the two seconds that are promised."""
+FILE_STOP_S = 0.5
+"""For each file's last words: three of them stay below the two seconds that are promised for a stop."""
 STATUS_INTERVAL_S = 1.0
 _LEVELS = {Severity.INFO: logging.INFO, Severity.WARNING: logging.WARNING, Severity.ERROR: logging.ERROR}
 
@@ -38,27 +43,36 @@ _LEVELS = {Severity.INFO: logging.INFO, Severity.WARNING: logging.WARNING, Sever
 class Service:
     """One run of the daemon."""
 
-    def __init__(self, config: Config, calibration: Calibration | None, signing_key: bytes | None) -> None:
+    def __init__(
+        self,
+        config: Config,
+        calibration: Calibration | None,
+        signing_key: bytes | None,
+        beside_recording: Mapping[str, bytes],
+    ) -> None:
+        """``beside_recording``: files that are kept with a flight's recording, by name."""
         self._config = config
         host_ns, unix_ns = read_clocks()
         self._unix_offset_ns = (unix_ns - host_ns) // NS_PER_US * NS_PER_US
         self._wall_clock = WallClock(host_ns, unix_ns)
         self._pipeline = make_pipeline(config, calibration, unix_offset_ns=self._unix_offset_ns, live=True)
-        self._node = make_node(config, signing_key)
+        self._signing_file = self._make_signing_file()
+        self._node = make_node(config, signing_key, starting_timestamp(self._kept_signing_timestamp(), unix_ns))
         self._links = {
             link.name: make_link(link.name, link.parsed_url, self._on_bytes, self._on_link_state)
             for link in config.link
         }
         self._map_link = self._make_map_link()
         self._detections = self._make_detections() if calibration is not None else None
-        self._recorder = self._make_recorder()
-        self._status = StatusFile(candidates(config.status.file), self._warn_from_thread)
+        self._recorder = self._make_recorder(beside_recording)
+        self._status = LatestFile(status_paths(config.status.file), self._warn_from_thread, outlives_us=False)
         self._notifier = SystemdNotifier()
         self._last_ns = host_ns
         self._timer: asyncio.TimerHandle | None = None
         self._timer_ns: HostNs | None = None
         self._stop = asyncio.Event()
         self._faults = 0
+        self._ticks = 0
 
     async def run(self) -> None:
         """Until SIGTERM or SIGINT; then it stops within two seconds."""
@@ -74,7 +88,8 @@ class Service:
     # Coming up and going down.
 
     def _start(self) -> None:
-        for part in (self._recorder, self._status, self._detections, self._map_link, *self._links.values()):
+        files = (self._recorder, self._status, self._signing_file)
+        for part in (*files, self._detections, self._map_link, *self._links.values()):
             if part is not None:
                 part.start()
         log.info("waiting for an autopilot on %s", self._listening_on())
@@ -89,9 +104,9 @@ class Service:
         for part in (self._detections, self._map_link, *self._links.values()):
             if part is not None:
                 part.close()
-        if self._recorder is not None:
-            self._recorder.close(STOP_S)
-        self._status.close(STOP_S / 2)
+        for file in (self._recorder, self._status, self._signing_file):
+            if file is not None:
+                file.close(FILE_STOP_S)
         self._notifier.close()
         log.info("stopped")
 
@@ -105,11 +120,11 @@ class Service:
         return None if url is None else make_link("cot", url, _ignore_bytes, self._on_link_state)
 
     def _make_detections(self) -> DetectionsIn | None:
-        endpoint = self._config.detections.endpoint
-        if endpoint is None:
+        url = self._config.detections.parsed_url
+        if url is None:
             return None
         return DetectionsIn(
-            endpoint,
+            (url.host, url.port) if isinstance(url, UdpUrl) else url.path,
             self._wall_clock,
             on_frame=self._on_frame,
             on_state=self._on_detections_state,
@@ -117,13 +132,26 @@ class Service:
             clocks=self._read_clocks,
         )
 
-    def _make_recorder(self) -> Recorder | None:
+    def _make_recorder(self, beside: Mapping[str, bytes]) -> Recorder | None:
         record = self._config.record
         if not record.directory:
             return None
-        return Recorder(
-            self._config.resolve(record.directory), self._config.files(), record.sync_s, self._warn_from_thread
-        )
+        return Recorder(self._config.resolve(record.directory), beside, record.sync_s, self._warn_from_thread)
+
+    def _make_signing_file(self) -> LatestFile | None:
+        path = self._signing_path() if self._config.signing is not None else None
+        return None if path is None else LatestFile([path], self._warn_from_thread, outlives_us=True)
+
+    def _signing_path(self) -> Path | None:
+        configured = self._config.state.directory
+        return state_path(self._config.resolve(configured) if configured else None, "signing.json")
+
+    def _kept_signing_timestamp(self) -> int | None:
+        path = self._signing_path()
+        try:
+            return None if path is None else msgspec.json.decode(path.read_bytes(), type=int)
+        except (OSError, msgspec.DecodeError):  # the first run, or a file that a power cut left empty
+            return None
 
     # Time. Every event gets an instant of its own, so that a recording replays in the same order.
 
@@ -144,17 +172,19 @@ class Service:
 
     def _on_bytes(self, link: str, data: bytes) -> None:
         now = self._now()
-        received = self._node.receive(link, data, now)
+        self._take(self._node.receive(link, data, now), now)
+
+    def _take(self, received: Received, now: HostNs) -> None:
         for name, frame in received.forwards:
             self._links[name].send(frame)
         if self._recorder is not None:
-            for frame in received.frames:
-                self._recorder.telemetry(self._unix_us(now), frame)
+            for raw in received.frames:
+                self._recorder.telemetry(self._unix_us(now), raw.data)
         for message in received.messages:
             self._pipeline.on_message(message, now)
-        for who in received.rate_requests:
-            self._pipeline.on_rate_request_passed(who, now)
-        if received.messages:
+        if received.rate_request:
+            self._pipeline.on_rate_request_passed(received.rate_request, now)
+        if received.messages or received.rate_request:
             self._flush(now)
 
     def _on_frame(self, frame: Frame | NoFrame) -> None:
@@ -167,6 +197,8 @@ class Service:
     def _on_timer(self) -> None:
         self._timer = self._timer_ns = None
         now = self._now()
+        if self._node.wake_at is not None:
+            self._take(self._node.on_wake(now), now)
         self._pipeline.advance(now)
         self._flush(now)
 
@@ -176,6 +208,9 @@ class Service:
         now = self._now()
         self._status.write(msgspec.json.encode(self._status_object(now)))
         self._notifier.alive()
+        self._ticks += 1
+        if self._signing_file is not None and self._node.signing_clock is not None and self._ticks % 60 == 1:
+            self._signing_file.write(msgspec.json.encode(self._node.signing_clock.timestamp))
 
     # What goes out.
 
@@ -202,8 +237,9 @@ class Service:
                 self._map_link.send(datagram)
 
     def _arm(self) -> None:
-        """Have the timer ring by the pipeline's next due time; an earlier ring does no harm."""
-        wake_at = self._pipeline.wake_at
+        """Have the timer ring by the next due time; an earlier ring does no harm."""
+        dues = [due for due in (self._pipeline.wake_at, self._node.wake_at) if due is not None]
+        wake_at = min(dues, default=None)
         if wake_at is None or (self._timer_ns is not None and self._timer_ns <= wake_at):
             return
         if self._timer is not None:
@@ -218,7 +254,8 @@ class Service:
             log.info("link %s is up", name)
         else:
             log.warning("link %s is down: %s; trying again", name, why)
-            self._node.link_down(name)
+        if name in self._links:
+            (self._node.link_up if up else self._node.link_down)(name)
 
     def _on_detections_state(self, listens: bool, why: str) -> None:
         if not listens:
@@ -248,7 +285,7 @@ class Service:
             "time_monotonic": now / NS_PER_S,
             "internal_faults": self._faults,
             "links": {name: link.status() for name, link in self._links.items()},
-            "mavlink": self._node.status(now),
+            "traffic": msgspec.to_builtins(self._node.statistics(now)),
             "recording": None if self._recorder is None else self._recorder.failure or str(self._recorder.folder),
             **self._pipeline.status(now),
         }

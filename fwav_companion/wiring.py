@@ -9,9 +9,11 @@ from fwav_companion.camera import Calibration
 from fwav_companion.config import Config
 from fwav_companion.errors import ConfigError
 from fwav_companion.ledger import Ledger
+from fwav_companion.links.url import UdpUrl
 from fwav_companion.localization import FixedGround, Ground, HomeGround, Localizer
 from fwav_companion.mavlink.commands import Commands, Handler
 from fwav_companion.mavlink.identity import Identity
+from fwav_companion.mavlink.node import LinkPolicy, Node, SigningPolicy
 from fwav_companion.mavlink.rates import Rates
 from fwav_companion.mavlink.timesync import Timesync
 from fwav_companion.mavlink.wanted import default_wanted
@@ -71,6 +73,25 @@ def make_pipeline(
         sight=None if calibration is None else _sight(config, calibration, telemetry, ledger, sightings=sightings),
     )
     return Pipeline(rooms, ledger, unix_offset_ns=unix_offset_ns, live=live)
+
+
+def make_node(config: Config, signing_key: bytes | None, signing_timestamp: int) -> Node:
+    """Our place in the network. ``signing_timestamp``: where signatures go on, if there is a key."""
+    policies = [
+        LinkPolicy(
+            name=link.name,
+            role=link.role,
+            max_rate_hz=link.max_rate_hz,
+            forward_rate_requests=link.forward_rate_requests,
+            datagrams=isinstance(link.parsed_url, UdpUrl),
+        )
+        for link in config.link
+    ]
+    signing = None
+    if signing_key is not None and config.signing is not None:
+        accept_unsigned = frozenset(config.signing.accept_unsigned)
+        signing = SigningPolicy(key=signing_key, timestamp=signing_timestamp, accept_unsigned=accept_unsigned)
+    return Node(policies, WANTED, components=sorted(own_components(config)), signing=signing)
 
 
 def own_components(config: Config) -> frozenset[int]:

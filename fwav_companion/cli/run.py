@@ -16,7 +16,7 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
     """Register the command."""
     parser = subparsers.add_parser(
         "run",
-        description="Runs until SIGTERM or SIGINT. What is not there yet (a link, an address, a camera) is tried again.",
+        description="Runs until SIGTERM or SIGINT. What is not there yet (a link, an address) is tried again.",
         epilog="example:\n  fwav-companion run --config fwav-companion.toml",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -26,7 +26,7 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Check everything that a user can get wrong, then serve."""
-    from fwav_companion.calibration_file import load_calibration
+    from fwav_companion.calibration_file import load_calibration, recording_companions
     from fwav_companion.config import load, load_signing_key
     from fwav_companion.service import Service
 
@@ -34,10 +34,11 @@ def run(arguments: argparse.Namespace) -> int:
     config.require_links()
     calibration = load_calibration(config) if config.localizes else None
     key = load_signing_key(config)
+    beside = recording_companions(config)
     logging.basicConfig(level=logging.INFO, stream=sys.stderr, format="%(levelname)s %(message)s")
 
     async def serve() -> None:
-        await Service(config, calibration, key).run()
+        await Service(config, calibration, key, beside).run()
 
     asyncio.run(serve())
     return 0

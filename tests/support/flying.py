@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import hypot
 from typing import Any
 
@@ -35,7 +35,15 @@ LINK = '[[link]]\nname = "autopilot"\nurl = "udpin://127.0.0.1:14540"\nrole = "a
 class Companion:
     """The service without its sockets; keeps what it said and wrote, and a recording as the service makes it."""
 
-    def __init__(self, settings: Sequence[str] = (), *, unix_minus_host_s: float = 0.0, sightings: bool = False) -> None:
+    def __init__(
+        self,
+        settings: Sequence[str] = (),
+        *,
+        unix_minus_host_s: float = 0.0,
+        sightings: bool = False,
+        wall_steps: Sequence[tuple[int, float]] = (),
+    ) -> None:
+        """``wall_steps``: (host ns, seconds) by which somebody sets this board's wall clock."""
         self.config = parse(LINK + '[camera]\ncalibration = "camera.yaml"\n', "flight.toml", settings)
         self.calibration = parse_calibration(CAMERA, "camera.yaml")
         self.unix_offset_ns = round(unix_minus_host_s * 1e6) * 1000
@@ -43,6 +51,7 @@ class Companion:
             self.config, self.calibration, unix_offset_ns=self.unix_offset_ns, live=True, sightings=sightings
         )
         self.wall_clock = WallClock(HostNs(0), self.unix_offset_ns)
+        self._wall_steps = wall_steps
         self.lines: list[Line] = []
         self.sent: list[tuple[HostNs, Outgoing]] = []
         self.notices: list[str] = []
@@ -71,6 +80,8 @@ class Companion:
 
     def on_frame(self, frame: Mapping[str, Any], now_ns: int) -> list[bytes]:
         now = self._instant(now_ns)
+        stepped_s = sum(size_s for at_ns, size_s in self._wall_steps if at_ns <= now)
+        self.wall_clock.observe(now, now + self.unix_offset_ns + round(stepped_s * 1e9))
         parsed = parse_frame(json.dumps(frame), now, self.wall_clock)
         if isinstance(parsed, Frame):
             self.detections += encode_frame(parsed, self.unix_offset_ns)
@@ -117,7 +128,6 @@ class Flight:
     companion: Companion
     mock: Simulation
     options: Options
-    truth: dict[int, Any] = field(default_factory=dict)
 
     def final(self, label: str = "target") -> Line:
         """The last line of the confirmed track of this label that was seen most."""
@@ -135,7 +145,8 @@ class Flight:
 def fly(options: Options, settings: Sequence[str] = (), **how: Any) -> Flight:
     """The whole flight, as fast as it goes."""
     mock = simulate(options)
-    companion = Companion(settings, unix_minus_host_s=mock.unix_minus_host_s, **how)
+    steps = [(mock.start_host_ns + round(at_s * 1e9), size_s) for at_s, size_s in options.camera.wall_steps]
+    companion = Companion(settings, unix_minus_host_s=mock.unix_minus_host_s, wall_steps=steps, **how)
     for _ in mock.drive(companion):
         pass
     companion.finish()

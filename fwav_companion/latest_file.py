@@ -1,0 +1,101 @@
+"""SHELL: small files whose newest content counts, written in a thread of their own; readers never see half of one."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+STATUS_NAME = "status.json"
+
+
+def status_paths(configured: str, environment: Mapping[str, str] = os.environ) -> list[Path]:
+    """Where the status file may lie, in order: as configured, else in a runtime directory."""
+    if configured:
+        return [Path(configured)]
+    folders = [Path("/run/fwav-companion")]
+    if environment.get("RUNTIME_DIRECTORY"):
+        folders.insert(0, Path(environment["RUNTIME_DIRECTORY"].partition(":")[0]))
+    if environment.get("XDG_RUNTIME_DIR"):
+        folders.append(Path(environment["XDG_RUNTIME_DIR"]) / "fwav-companion")
+    return [folder / STATUS_NAME for folder in folders]
+
+
+def state_path(configured: Path | None, name: str, environment: Mapping[str, str] = os.environ) -> Path | None:
+    """A file in the state directory; None where there is none, and nothing is kept."""
+    if configured is not None:
+        return configured / name
+    folder = environment.get("STATE_DIRECTORY", "").partition(":")[0]
+    return Path(folder) / name if folder else None
+
+
+class LatestFile:
+    """Writes the newest content to the first path that may be written; where none may, that is told once."""
+
+    def __init__(self, paths: Sequence[Path], on_failure: Callable[[str], None], *, outlives_us: bool) -> None:
+        """``on_failure`` is called from the thread. ``outlives_us``: brought to the disk, and left there at the end."""
+        self._paths = paths
+        self._on_failure = on_failure
+        self._outlives_us = outlives_us
+        self._newest: bytes | None = None
+        self._changed = threading.Event()
+        self._told = False
+        self._stopping = False
+        # A daemon thread: a file system that hangs must not hold up the end of the process.
+        self._thread = threading.Thread(target=self._run, name="latest file", daemon=True)
+
+    def start(self) -> None:
+        """Begin."""
+        self._thread.start()
+
+    def write(self, content: bytes) -> None:
+        """Have this written; what still waits is replaced."""
+        self._newest = content
+        self._changed.set()
+
+    def close(self, timeout_s: float) -> None:
+        """Write what waits, or remove the file if it is about nobody now."""
+        self._stopping = True
+        self._changed.set()
+        if self._thread.is_alive():
+            self._thread.join(timeout_s)
+
+    def _run(self) -> None:
+        written: Path | None = None
+        stopping = False
+        while not stopping:
+            self._changed.wait()
+            self._changed.clear()
+            stopping = self._stopping
+            content, self._newest = self._newest, None
+            if content is not None and (self._outlives_us or not stopping):
+                written = self._write(content)
+        if written is not None and not self._outlives_us:
+            written.unlink(missing_ok=True)
+
+    def _write(self, content: bytes) -> Path | None:
+        """Where it was written."""
+        why = "no directory for it"
+        for path in self._paths:
+            try:
+                self._replace(path, content)
+            except OSError as error:
+                why = f"{path}: {error.strerror or error}"
+                continue
+            self._told = False
+            return path
+        if not self._told:
+            self._told = True
+            self._on_failure(f"cannot write {why}")
+        return None
+
+    def _replace(self, path: Path, content: bytes) -> None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        beside = path.with_name(f".{path.name}.{os.getpid()}")
+        with beside.open("wb") as file:
+            file.write(content)
+            if self._outlives_us:
+                file.flush()
+                os.fsync(file.fileno())
+        beside.replace(path)
