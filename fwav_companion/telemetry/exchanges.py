@@ -30,8 +30,12 @@ REWEIGH_EVERY = 8
 CONTRADICTIONS_FOR_A_STEP = 3
 """In a row and in agreement with one another: one may be somebody else's answer, three are another clock."""
 ROUNDING_NS = 2_000
+"""Of the three readings of an exchange."""
+LONGEST_TAIL = 64
+ASTRAY_SIGMAS = 4.5
+"""Of the mean of the newest exchanges. Tried for every length of tail at every exchange, but these hardly differ."""
 
-_FLOORS = (0.02, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 100.0)
+_FLOORS = (0.03, 0.06, 0.12, 0.2, 0.4, 0.8, 1.6, 3.2, 100.0)
 """Of the variance model, in median excesses; the last means: errors do not depend on the round trip."""
 
 
@@ -120,8 +124,11 @@ class ExchangeFit:
         excesses = self._excesses()
         if len(times) >= EXCHANGES_TO_WEIGH and (self._count % REWEIGH_EVERY == 0 or self._floor_s == 0.0):
             self._weigh(times, offsets, excesses)
-        fit = self._weighted_line(times, offsets, excesses)
-        level, skew, p00, p01, p11 = fit
+        level, skew, p00, p01, p11 = self._weighted_line(times, offsets, excesses)
+        tail = self._astray(times, offsets, excesses, level, skew)
+        if tail:
+            del self._window[:-tail]
+            return self._fit()
         skew = max(-MOST_SKEW, min(MOST_SKEW, skew))
         offset_ns = ref.offset_ns + round(level * 1e9)
         low_ns, high_ns = self._bound.interval(ref.host_ns)
@@ -152,6 +159,25 @@ class ExchangeFit:
             if likelihood > best:
                 best, self._floor_s, self._scale = likelihood, sqrt(floor2), scale
 
+    def _astray(
+        self, times: list[float], offsets: list[float], excesses: list[float], level: float, skew: float
+    ) -> int:
+        """How many of the newest exchanges lie, together, off the line by more than chance; 0 where none do.
+
+        Then the skew has changed since: a host's clock discipline slews by hundreds of ppm from one second to the next.
+        """
+        weight = moment = 0.0
+        for back in range(1, min(LONGEST_TAIL, len(times) // 2) + 1):
+            w = self._weight(excesses[-back])
+            weight += w
+            moment += w * (offsets[-back] - level - skew * times[-back])
+            if back >= EXCHANGES_TO_WEIGH and moment * moment > ASTRAY_SIGMAS**2 * weight:
+                return back
+        return 0
+
+    def _weight(self, excess: float) -> float:
+        return 1.0 / (self._scale * (self._floor_s**2 + excess * excess) + RESOLUTION_S**2)
+
     def _weighted_line(
         self, times: list[float], offsets: list[float], excesses: list[float]
     ) -> tuple[float, float, float, float, float]:
@@ -159,7 +185,7 @@ class ExchangeFit:
         floor2, scale, resolution2 = self._floor_s**2, self._scale, RESOLUTION_S**2
         s0 = s1 = s2 = b0 = b1 = 0.0
         for t, y, x in zip(times, offsets, excesses, strict=True):
-            w = 1.0 / (scale * (floor2 + x * x) + resolution2)
+            w = 1.0 / (scale * (floor2 + x * x) + resolution2)  # as _weight, unrolled: four hundred a fit
             wt = w * t
             s0 += w
             s1 += wt
@@ -209,4 +235,5 @@ class HardBound:
 
     def _widening(self, now: HostNs) -> int:
         assert self._first_ns is not None  # noqa: S101  (callers asked)
-        return (now - self._first_ns) * 6 // 10_000
+        # 600.4 ppm: a clock that runs 600 ppm fast by its own seconds moves by 600.36 of the host's.
+        return (now - self._first_ns) * 6004 // 10_000_000

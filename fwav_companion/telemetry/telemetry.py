@@ -199,6 +199,7 @@ class Telemetry:
             "rates_hz": self._meter.rates_hz(now),
             "attitude_source": self._choice.source,
             "attitudes_kept": len(self._attitudes),
+            **self._attitudes.check.status(),
             "attitude_stamp_delay_s": self._stamps.delay_s,
             "relative_world": self.world.relative,
             "home_down_m": self.world.home_down_m,

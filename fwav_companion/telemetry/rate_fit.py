@@ -1,0 +1,179 @@
+"""How the body rates that come with attitudes differ from the attitudes' own course, and how to undo it.
+
+Autopilots filter their gyroscopes before they send rates (ArduPilot: two poles at 20 Hz, 11 ms late), while the
+attitude integrates unfiltered ones. A two-pole filter is undone exactly by
+
+    rate = gain * sent + lag * d(sent)/dt + curve * d2(sent)/dt2
+
+with gain 1, lag 2 zeta / w0 and curve 1 / w0^2, and any other delay nearly so. The three numbers are fitted to what the
+attitudes themselves did: the compact relation of fourth order between three values and their three slopes,
+
+    s0 + a s- + b s+ = A (f0 - f-) / h- + B (f+ - f0) / h+
+
+holds for neighbouring samples without the error that plain differences would make of a fast motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import atan2, exp, hypot, sqrt
+
+import msgspec
+
+from fwav_companion.geometry.rotations import difference
+from fwav_companion.geometry.vectors import Vector3, add, cross, dot, scale, subtract
+from fwav_companion.nouns import AttitudeSample
+
+MEMORY_S = 3.0
+"""A dozen beats of a slow wing; filters do not change in flight."""
+TRUST_IN_SENT = 1e-3
+"""Weight of 'as sent' against the data: settles what a single frequency cannot tell, and nothing else."""
+SAMPLES_TO_BEGIN = 30
+GAINS = (0.5, 2.0)
+LAGS_S = (-0.005, 0.06)
+"""Outside, it is not a filter that was found but a stream too slow to show the motion."""
+QUIET = 1e-3
+"""rad/s: rates that never exceed this are not sent."""
+
+
+class RateModel(msgspec.Struct, frozen=True):
+    """``rate = gain * sent + lag * d(sent)/dt + curve * d2(sent)/dt2``."""
+
+    gain: float = 1.0
+    lag_s: float = 0.0
+    curve_s2: float = 0.0
+
+    def response(self, frequency: float) -> tuple[float, float]:
+        """(gain, lag in seconds) that this makes up for at a frequency in rad/s."""
+        real, imaginary = self.gain - self.curve_s2 * frequency * frequency, self.lag_s * frequency
+        lag_s = atan2(imaginary, real) / frequency if frequency > 0.0 else self.lag_s
+        return hypot(real, imaginary), lag_s
+
+    def corrected(self, three: Sequence[AttitudeSample]) -> Vector3:
+        """The body rates at the middle one of three samples."""
+        sent, slope, curve = _basis(three)
+        return add(add(scale(sent, self.gain), scale(slope, self.lag_s)), scale(curve, self.curve_s2))
+
+
+AS_SENT = RateModel()
+
+
+class RateFit:
+    """Recursive least squares with a short memory, over five samples at a time."""
+
+    __slots__ = ("_count", "_normal", "_right", "_sent2", "_weight", "_yy", "model", "usable")
+
+    def __init__(self) -> None:
+        self._count = 0
+        self._weight = 0.0
+        self._normal = [0.0] * 6  # 00 01 02 11 12 22
+        self._right = [0.0] * 3
+        self._yy = 0.0
+        self._sent2 = 0.0
+        self.model = AS_SENT
+        """The likeliest correction."""
+        self.usable = False
+        """Rates are sent, and corrected by :attr:`model` they agree with the attitudes as a filter's output would."""
+
+    def insert(self, five: Sequence[AttitudeSample], frequency: float, elapsed_s: float) -> None:
+        """Five neighbouring samples, so long after the last ones; the model is judged at the motion's rad/s."""
+        columns, course = _equation(five)
+        keep = exp(-elapsed_s / MEMORY_S)
+        products = [dot(columns[i], columns[j]) for i in range(3) for j in range(i, 3)]
+        self._normal = [keep * n + p for n, p in zip(self._normal, products, strict=True)]
+        self._right = [keep * r + dot(c, course) for r, c in zip(self._right, columns, strict=True)]
+        self._yy = keep * self._yy + dot(course, course)
+        self._sent2 = keep * self._sent2 + dot(five[2].rates, five[2].rates)
+        self._weight = keep * self._weight + 1.0
+        self._count += 1
+        if self._count >= SAMPLES_TO_BEGIN:
+            self._judge(frequency)
+
+    @property
+    def sent_rms(self) -> float:
+        """Of the rates as sent, rad/s."""
+        return sqrt(self._sent2 / self._weight) if self._weight else 0.0
+
+    @property
+    def disagreement(self) -> float:
+        """Root mean square of what is left between the corrected rates and the attitudes' course, rad/s."""
+        if self._count < SAMPLES_TO_BEGIN or self.sent_rms < QUIET:
+            return 0.0
+        m = (self.model.gain, self.model.lag_s, self.model.curve_s2)
+        n00, n01, n02, n11, n12, n22 = self._normal
+        quadratic = m[0] * m[0] * n00 + m[1] * m[1] * n11 + m[2] * m[2] * n22
+        quadratic += 2.0 * (m[0] * m[1] * n01 + m[0] * m[2] * n02 + m[1] * m[2] * n12)
+        rest = self._yy - 2.0 * sum(a * b for a, b in zip(m, self._right, strict=True)) + quadratic
+        return sqrt(max(0.0, rest) / self._weight)
+
+    def _judge(self, frequency: float) -> None:
+        n00, n01, n02, n11, n12, n22 = self._normal
+        trust = TRUST_IN_SENT
+        solution = _solve(
+            (n00 * (1.0 + trust), n01, n02, n11 * (1.0 + trust), n12, n22 * (1.0 + trust)),
+            (self._right[0] + trust * n00, self._right[1], self._right[2]),
+        )
+        self.model, self.usable = AS_SENT, False
+        if solution is None or self.sent_rms < QUIET:
+            return
+        model = RateModel(*solution)
+        gain, lag_s = model.response(frequency)
+        if GAINS[0] <= gain <= GAINS[1] and LAGS_S[0] <= lag_s <= LAGS_S[1]:
+            self.model, self.usable = model, True
+
+
+def _equation(five: Sequence[AttitudeSample]) -> tuple[list[Vector3], Vector3]:
+    """The compact relation about the middle sample: the columns of the three unknowns, and the attitudes' side."""
+    before, middle, after = five[1], five[2], five[3]
+    h1, h2 = (middle.boot_ns - before.boot_ns) * 1e-9, (after.boot_ns - middle.boot_ns) * 1e-9
+    whole = h1 + h2
+    a, b = (h2 / whole) ** 2, (h1 / whole) ** 2
+    total = 1.0 + a + b
+    right = (2.0 * h1 * h2 * (h1 - h2) / whole**2 + h1 * total) / whole
+    left = total - right
+    turn1 = difference(before.ned_from_body, middle.ned_from_body)
+    turn2 = difference(after.ned_from_body, middle.ned_from_body)
+    columns = [
+        scale(add(add(m, scale(_slope(turn1, p), a)), scale(_slope(turn2, n), b)), 1.0 / total)
+        for p, m, n in zip(_basis(five[0:3]), _basis(five[1:4]), _basis(five[2:5]), strict=True)
+    ]
+    course = subtract(scale(turn2, right / h2), scale(turn1, left / h1))
+    return columns, scale(course, 1.0 / total)
+
+
+def _basis(three: Sequence[AttitudeSample]) -> tuple[Vector3, Vector3, Vector3]:
+    """The sent rates at the middle sample with their first and second derivatives, by the parabola through three."""
+    h1, h2 = (three[1].boot_ns - three[0].boot_ns) * 1e-9, (three[2].boot_ns - three[1].boot_ns) * 1e-9
+    sent = three[1].rates
+    s1 = scale(subtract(sent, three[0].rates), 1.0 / h1)
+    s2 = scale(subtract(three[2].rates, sent), 1.0 / h2)
+    slope = scale(add(scale(s1, h2), scale(s2, h1)), 1.0 / (h1 + h2))
+    return sent, slope, scale(subtract(s2, s1), 2.0 / (h1 + h2))
+
+
+def _slope(turn: Vector3, rates: Vector3) -> Vector3:
+    """d(turn)/dt of a rotation vector under these body rates: the inverse right Jacobian, to second order."""
+    once = cross(turn, rates)
+    return add(rates, add(scale(once, 0.5), scale(cross(turn, once), 1.0 / 12.0)))
+
+
+def _solve(n: tuple[float, ...], r: tuple[float, float, float]) -> tuple[float, float, float] | None:
+    """The symmetric 3x3 system (00 01 02 11 12 22), by Cholesky on a diagonal brought to 1; None where singular."""
+    if min(n[0], n[3], n[5]) <= 0.0:
+        return None
+    d0, d1, d2 = (1.0 / sqrt(diagonal) for diagonal in (n[0], n[3], n[5]))
+    c01, c02, c12 = n[1] * d0 * d1, n[2] * d0 * d2, n[4] * d1 * d2
+    p1 = 1.0 - c01 * c01
+    if p1 <= 1e-12:
+        return None
+    l12 = (c12 - c01 * c02) / p1
+    p2 = 1.0 - c02 * c02 - l12 * l12 * p1
+    if p2 <= 1e-12:
+        return None
+    y0, y1, y2 = r[0] * d0, r[1] * d1, r[2] * d2
+    y1 -= c01 * y0
+    y2 -= c02 * y0 + l12 * y1
+    x2 = y2 / p2
+    x1 = y1 / p1 - l12 * x2
+    x0 = y0 - c01 * x1 - c02 * x2
+    return (x0 * d0, x1 * d1, x2 * d2)
