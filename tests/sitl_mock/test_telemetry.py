@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from sitl_mock.earth import Place
+
 ALL = {"ATTITUDE": 100.0, "ATTITUDE_QUATERNION": 100.0, "GLOBAL_POSITION_INT": 20.0, "LOCAL_POSITION_NED": 20.0}
 
 
@@ -162,3 +164,49 @@ def test_px4_sends_altitude_with_nothing_below(companion):
 def test_heading_is_in_a_turn(companion):
     for fields in companion().fly().of("VFR_HUD"):
         assert 0 <= fields["heading"] < 360
+
+
+def test_biases_reach_the_messages_with_their_signs(companion):
+    biases = {"attitude_roll_deg": 1.0, "attitude_pitch_deg": -2.0, "heading_deg": 3.0, "height_m": 0.7}
+    changes = {f"biases.{name}": value for name, value in biases.items()}
+    run = companion(**changes, **{"autopilot.attitude_on_whole_ms": True, "autopilot.rates_hz": ALL}).fly()
+    for fields in run.of("ATTITUDE")[10:30]:
+        state = at_boot_ms(run, fields["time_boot_ms"])
+        errors = np.degrees([fields[key] for key in ("roll", "pitch", "yaw")] - np.array(state.euler))
+        np.testing.assert_allclose((errors + 180.0) % 360.0 - 180.0, [1.0, -2.0, 3.0], atol=1e-4)
+    for fields in run.of("GLOBAL_POSITION_INT"):
+        state = at_boot_ms(run, fields["time_boot_ms"] + 0.5)
+        assert fields["relative_alt"] * 1e-3 + state.position[2] == pytest.approx(0.7, abs=0.005)
+
+
+def test_noise_is_fresh_in_every_sample(companion):
+    changes = {"priors.attitude_noise_deg": 0.3, "autopilot.attitude_on_whole_ms": True, "autopilot.rates_hz": ALL}
+    run = companion(**changes, seconds=10.0).fly()
+    errors = [np.degrees(f["pitch"] - at_boot_ms(run, f["time_boot_ms"]).euler[1]) for f in run.of("ATTITUDE")]
+    assert np.std(errors) == pytest.approx(0.3, rel=0.1)
+    assert abs(np.corrcoef(errors[:-1], errors[1:])[0, 1]) < 0.15
+
+
+def horizontal_errors(run, late_s=0.0):
+    errors = []
+    for fields in run.of("GLOBAL_POSITION_INT"):
+        state = at_boot_ms(run, fields["time_boot_ms"] + 0.5 - late_s * 1e3)
+        place = Place(fields["lat"] * 1e-7, fields["lon"] * 1e-7, 519.0)
+        errors.append(np.array(run.flight.world.ned(place)[:2]) - state.position[:2])
+    return np.array(errors)
+
+
+def test_the_position_wanders_slowly(companion):
+    changes = {"biases.position_m": 2.0, "camera.enabled": False, "seconds": 200.0, "priors.position_bias_time_s": 20.0}
+    run = companion(**changes).fly()
+    errors = horizontal_errors(run)
+    assert np.std(errors) == pytest.approx(2.0, rel=0.5)
+    assert np.max(np.abs(np.diff(errors, axis=0))) < 1.5
+    wander = run.flight.vehicle.belief.wander(run.flight.flight_s(run.times_of("GLOBAL_POSITION_INT")[50]))
+    np.testing.assert_allclose(errors[50], wander, atol=0.05)
+
+
+def test_a_position_is_as_old_as_told(companion):
+    run = companion(**{"autopilot.position_delay_s": 0.15}).fly()
+    assert np.abs(horizontal_errors(run, late_s=0.15)).max() < 0.03
+    assert np.abs(horizontal_errors(run)).max() > 0.3
