@@ -1,0 +1,151 @@
+"""Tracks, moments and a foreign encoder: what the publishing room's tests share."""
+
+from types import SimpleNamespace
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from scipy.spatial.transform import Rotation
+
+from fwav_companion.geometry.earth import Geodetic, TangentPlane
+from fwav_companion.nouns import (
+    Autopilot,
+    AutopilotKind,
+    ClockEstimate,
+    ClockStatus,
+    Detection,
+    ErrorBudget,
+    GroundFix,
+    Ray,
+    Sighting,
+    Situation,
+    Track,
+    TrackState,
+    VehicleState,
+)
+
+S = 10**9
+NOW = 40_000 * S
+BOOT_FROM_HOST = -39_000 * S
+ORIGIN = Geodetic.from_degrees(47.397742, 8.545594, 488.0)
+IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+LOOKS_DOWN = ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+
+
+def diagonal(*sigmas):
+    return tuple(tuple(sigma**2 if i == j else 0.0 for j in range(3)) for i, sigma in enumerate(sigmas))
+
+
+def quaternion(yaw_deg=0.0, pitch_deg=0.0, roll_deg=0.0):
+    """(w, x, y, z) of ned_from_body, by scipy."""
+    x, y, z, w = Rotation.from_euler("ZYX", [yaw_deg, pitch_deg, roll_deg], degrees=True).as_quat()
+    return (w, x, y, z)
+
+
+def state(at=NOW, q=None, rates=(0.0, 0.0, 0.0), position=(0.0, 0.0, -10.0), velocity=(0.0, 0.0, 0.0), height=10.0):
+    return VehicleState(
+        boot_ns=at + BOOT_FROM_HOST,
+        ned_from_body=q or quaternion(),
+        rates=rates,
+        attitude_sigma=0.0,
+        gap_s=0.0,
+        position_ned=position,
+        velocity_ned=velocity,
+        position_sigma_m=0.0,
+        height_above_home_m=height,
+    )
+
+
+def clock(round_trip_s=0.0):
+    return ClockEstimate(NOW, -BOOT_FROM_HOST, 0.0, 1e-4, 1e-3, round_trip_s, ClockStatus.SETTLED)
+
+
+def autopilot(kind=AutopilotKind.ARDUPILOT, system=1):
+    return Autopilot(system=system, component=1, kind=kind, vehicle_type=16, armed=True, link="fc")
+
+
+def situation(now=NOW, kind=AutopilotKind.ARDUPILOT, **changes):
+    usual = {
+        "now_ns": now,
+        "autopilot": autopilot(kind) if kind is not None else None,
+        "plane": TangentPlane(ORIGIN),
+        "vehicle": state(now),
+        "at_capture": state(now),
+        "local_position_ned": (0.0, 0.0, -10.0),
+        "clock": clock(),
+        "undulation_m": 47.3,
+        "utc_minus_host_s": 1_790_000_000.0,
+    }
+    return Situation(**usual | changes)
+
+
+def fix(position=(4.0, 3.0, 0.0), pixel=(320.0, 240.0), box=None, at=NOW, ray=(0.0, 0.0, 1.0), sigma_px=4.0, cov=None):
+    detection = Detection(u=pixel[0], v=pixel[1], box=box)
+    sighting = Sighting(
+        frame=1,
+        index=0,
+        frame_host_ns=at,
+        host_ns=at,
+        detection=detection,
+        ray=Ray(ray, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+        pixel_sigma=(sigma_px, sigma_px),
+        row_fraction=0.0,
+        time_noise_s=0.0,
+        state=state(at),
+        body_from_camera=LOOKS_DOWN,
+        ned_from_camera=LOOKS_DOWN,
+        camera_ned=(0.0, 0.0, -10.0),
+        camera_height_above_home_m=10.0,
+        relative=False,
+    )
+    cov = cov or diagonal(0.2, 0.1, 0.05)
+    budget = ErrorBudget(0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1)
+    return GroundFix(sighting, position, cov, ((0.0, 0.0, 0.0),) * 12, cov, cov, budget, "home")
+
+
+def track(number=1, label="pad", at=NOW, confirmed_at=NOW - 5 * S, with_fix=True, **changes):
+    position = changes.get("position_ned", (4.0, 3.0, 0.0))
+    usual = {
+        "id": number,
+        "label": label,
+        "state": TrackState.CONFIRMED,
+        "host_ns": at,
+        "boot_ns": at + BOOT_FROM_HOST,
+        "frame": 1,
+        "position_ned": position,
+        "cov": diagonal(1.0, 0.8, 0.6),
+        "relative_cov": diagonal(0.3, 0.2, 0.1),
+        "fix": fix(position, at=at) if with_fix else None,
+        "first_host_ns": NOW - 6 * S,
+        "confirmed_host_ns": confirmed_at,
+        "last_seen_host_ns": at,
+    }
+    return Track(**usual | changes)
+
+
+def packed(outgoing):
+    """What a receiver has after the message went through pymavlink's own encoder and decoder, as a dict."""
+    kind = getattr(mavlink, f"MAVLink_{outgoing.name.lower()}_message")
+    texts = {name: value.encode() for name, value in outgoing.fields.items() if isinstance(value, str)}
+    sender = mavlink.MAVLink(None, srcSystem=1, srcComponent=outgoing.component)
+    (received,) = mavlink.MAVLink(None).parse_buffer(kind(**outgoing.fields | texts).pack(sender))
+    assert received.get_type() == outgoing.name
+    return received.to_dict()
+
+
+@pytest.fixture(scope="session")
+def world():
+    """Everything above, under one name: test files cannot import one another."""
+    return SimpleNamespace(
+        S=S,
+        NOW=NOW,
+        ORIGIN=ORIGIN,
+        diagonal=diagonal,
+        quaternion=quaternion,
+        state=state,
+        clock=clock,
+        autopilot=autopilot,
+        situation=situation,
+        fix=fix,
+        track=track,
+        packed=packed,
+    )

@@ -1,0 +1,245 @@
+"""LANDING_TARGET as its readers read it: their published formulas by hand, geometry by scipy."""
+
+from math import cos, inf, nan, radians, sin, tan
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from msgspec import structs
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from scipy.spatial.transform import Rotation
+
+from fwav_companion.nouns import AutopilotKind, Destination, Reason, TrackState, Unpaired
+from fwav_companion.publishing.landing import Landing, Withheld
+from fwav_companion.publishing.options import PublishOptions
+
+OPTIONS = PublishOptions(landing_target=True, landing_label="pad")
+
+
+@pytest.fixture
+def landing():
+    made = Landing(OPTIONS)
+    made.lag_s = 0.0
+    return made
+
+
+def rotation(q):
+    w, x, y, z = q
+    return Rotation.from_quat([x, y, z, w])
+
+
+def test_ardupilot_gets_the_vector_from_the_vehicle_in_its_body(world, landing):
+    q = world.quaternion(yaw_deg=130, pitch_deg=37, roll_deg=-12)
+    vehicle = world.state(q=q, position=(1.0, -2.0, -8.0))
+    out = landing.on_tracks((world.track(),), world.situation(vehicle=vehicle))
+    got = world.packed(out)
+    expected = rotation(q).inv().apply([4.0 - 1.0, 3.0 + 2.0, 8.0])
+    assert (out.to, out.component) == (Destination.AUTOPILOT, 191)
+    assert (got["frame"], got["position_valid"]) == (mavlink.MAV_FRAME_BODY_FRD, 1)
+    assert [got["x"], got["y"], got["z"]] == pytest.approx(expected, abs=1e-5)
+    assert got["distance"] == pytest.approx(np.linalg.norm(expected), rel=1e-6)
+    assert got["time_usec"] == world.NOW // 1000
+    assert got["type"] == mavlink.LANDING_TARGET_TYPE_VISION_OTHER
+
+
+@settings(derandomize=True, max_examples=100)
+@given(
+    yaw=st.floats(-180, 180),
+    pitch=st.floats(-40, 40),
+    roll=st.floats(-40, 40),
+    north=st.floats(-8, 8),
+    east=st.floats(-8, 8),
+)
+def test_the_angles_say_the_same_as_the_vector_by_ardupilots_formula(world, yaw, pitch, roll, north, east):
+    """AC_PrecLand: line of sight = (-tan(angle_y), tan(angle_x), 1) in body FRD, down positive."""
+    landing = Landing(OPTIONS)
+    q = world.quaternion(yaw, pitch, roll)
+    out = landing.on_tracks((world.track(position_ned=(north, east, 0.0)),), world.situation(vehicle=world.state(q=q)))
+    fields = out.fields
+    if fields["z"] < 0.5:  # beside the body, where tangents end
+        return
+    los = np.array([-tan(fields["angle_y"]), tan(fields["angle_x"]), 1.0])
+    vector = np.array([fields["x"], fields["y"], fields["z"]])
+    assert np.cross(los, vector) == pytest.approx([0, 0, 0], abs=1e-9 * np.linalg.norm(vector) * np.linalg.norm(los))
+    assert los @ vector > 0
+
+
+@pytest.mark.parametrize(
+    ("target", "sign_x", "sign_y"), [((3.0, 0.0, 0.0), 0, -1), ((-3.0, 0.0, 0.0), 0, 1), ((0.0, 3.0, 0.0), 1, 0)]
+)
+def test_signs_ahead_is_negative_y_and_right_is_positive_x(world, landing, target, sign_x, sign_y):
+    fields = landing.on_tracks((world.track(position_ned=target),), world.situation()).fields
+    assert np.sign(fields["angle_x"]) == sign_x
+    assert np.sign(fields["angle_y"]) == sign_y
+
+
+def test_the_attitude_is_that_of_the_arrival_less_plnd_lag(world):
+    """A body that pitches at 2 rad/s: what counts is where it was 20 ms before the message comes in."""
+    landing = Landing(OPTIONS)
+    rate, newest_age_s, round_trip_s = 2.0, 0.005, 0.004
+    q = world.quaternion(pitch_deg=20)
+    vehicle = world.state(
+        at=world.NOW - round(newest_age_s * 1e9), q=q, rates=(0.0, rate, 0.0), velocity=(3.0, 0.0, 0.0)
+    )
+    fields = landing.on_tracks(
+        (world.track(),), world.situation(vehicle=vehicle, clock=world.clock(round_trip_s))
+    ).fields
+    step_s = newest_age_s + round_trip_s / 2 - 0.02
+    pitch = radians(20) + rate * step_s
+    forward = [cos(pitch), 0.0, -sin(pitch)]  # of the body, in NED, at that instant
+    relative = [4.0 - 3.0 * step_s, 3.0, 10.0]
+    assert fields["x"] == pytest.approx(np.dot(forward, relative), abs=1e-9)
+    assert fields["y"] == pytest.approx(3.0, abs=1e-9)
+
+
+def test_a_history_that_knows_the_instant_is_asked_for_it(world):
+    asked = []
+
+    def state_at(boot_ns):
+        asked.append(boot_ns)
+        return world.state(q=world.quaternion(yaw_deg=90))
+
+    out = Landing(OPTIONS, state_at).on_tracks((world.track(),), world.situation())
+    assert asked == [world.situation().vehicle.boot_ns - 20_000_000]
+    assert [out.fields["x"], out.fields["y"]] == pytest.approx([3.0, -4.0])
+
+
+def test_a_history_that_does_not_know_it_leaves_the_newest_state(world):
+    landing = Landing(OPTIONS, lambda boot_ns: Unpaired(Reason.STALE_ATTITUDE))
+    out = landing.on_tracks((world.track(),), world.situation())
+    assert [out.fields["x"], out.fields["y"]] == pytest.approx([4.0, 3.0])
+
+
+def test_a_moving_target_is_carried_to_that_instant(world, landing):
+    moving = world.track(at=world.NOW - 200_000_000, velocity_ned=(0.0, 2.0, 0.0))
+    fields = landing.on_tracks((moving,), world.situation()).fields
+    assert fields["y"] == pytest.approx(3.0 + 2.0 * 0.2)
+    assert fields["time_usec"] == (world.NOW - 200_000_000) // 1000
+
+
+def test_px4_gets_its_own_position_plus_our_difference_at_the_capture(world, landing):
+    own = (120.0, -40.0, -13.0)  # another origin, another projection
+    out = landing.on_tracks(
+        (world.track(),),
+        world.situation(
+            kind=AutopilotKind.PX4,
+            local_position_ned=own,
+            at_capture=world.state(q=world.quaternion(yaw_deg=77), position=(1.0, 1.0, -9.0)),
+            vehicle=world.state(position=(50.0, 50.0, -50.0)),  # newer: of no interest here
+        ),
+    )
+    got = world.packed(out)
+    assert (got["frame"], got["position_valid"]) == (mavlink.MAV_FRAME_LOCAL_NED, 1)
+    assert [got["x"], got["y"], got["z"]] == pytest.approx([120.0 + 3.0, -40.0 + 2.0, -13.0 + 9.0], abs=1e-5)
+    assert got["distance"] == pytest.approx(np.sqrt(9 + 4 + 81), rel=1e-6)
+
+
+@pytest.mark.parametrize(("kind", "frame"), [(AutopilotKind.ARDUPILOT, 12), (AutopilotKind.PX4, 1)])
+def test_without_a_global_position_the_height_comes_from_the_fix_itself(world, landing, kind, frame):
+    """The camera 0.5 m ahead of the vehicle, 7 m above a floor that the autopilot's altitude puts 2 m lower."""
+    landing = Landing(structs.replace(OPTIONS, camera_position_m=(0.5, 0.0, 0.0)))
+    landing.lag_s = 0.0
+    target = (2.0, 1.0, 0.0)
+    down_the_ray = np.array([2.0, 1.0, 7.0]) / np.linalg.norm([2.0, 1.0, 7.0])
+    in_camera = tuple(np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]]).T @ down_the_ray)
+    seen = world.track(position_ned=target, fix=world.fix(target, ray=in_camera))
+    hovering = world.state(position=None, velocity=None, height=9.0)
+    fields = landing.on_tracks(
+        (seen,),
+        world.situation(kind=kind, plane=None, vehicle=hovering, at_capture=hovering, local_position_ned=(0, 0, 0)),
+    ).fields
+    assert fields["frame"] == frame
+    assert [fields["x"], fields["y"], fields["z"]] == pytest.approx([2.5, 1.0, 7.0])
+
+
+def test_straight_below_the_height_is_the_autopilots_or_there_is_none(world, landing):
+    hovering = world.state(position=None, velocity=None, height=9.0)
+    below = world.track(position_ned=(0.0, 0.0, 0.0))
+    fields = landing.on_tracks((below,), world.situation(plane=None, vehicle=hovering)).fields
+    assert fields["z"] == pytest.approx(9.0)
+    unknown = structs.replace(hovering, height_above_home_m=None)
+    later = world.track(position_ned=(0.0, 0.0, 0.0), at=world.NOW + 1000)
+    assert landing.on_tracks((later,), world.situation(plane=None, vehicle=unknown)) is None
+    assert landing.last_withheld is Withheld.NO_HEIGHT
+
+
+def refused(landing, track, situation):
+    assert landing.on_tracks((track,) if track is not None else (), situation) is None
+    assert landing.withheld[landing.last_withheld] == 1
+    assert sum(landing.withheld.values()) == 1
+    return landing.last_withheld
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"label": "person"}, Withheld.NO_TARGET),
+        ({"state": TrackState.TENTATIVE}, Withheld.NO_TARGET),
+        ({"state": TrackState.COASTING}, Withheld.NO_TARGET),
+        ({"state": TrackState.DROPPED}, Withheld.NO_TARGET),
+        ({"with_fix": False}, Withheld.NO_FIX),
+        ({"relative_cov": ((0.26, 0, 0), (0, 0.01, 0), (0, 0, 0))}, Withheld.TOO_UNCERTAIN),
+        ({"relative_cov": ((0.15, 0.14, 0), (0.14, 0.15, 0), (0, 0, 0))}, Withheld.TOO_UNCERTAIN),
+        ({"relative_cov": ((nan, 0, 0), (0, 0.01, 0), (0, 0, 0))}, Withheld.TOO_UNCERTAIN),
+        ({"relative_cov": ((0.01, nan, 0), (nan, 0.01, 0), (0, 0, 0))}, Withheld.TOO_UNCERTAIN),
+        ({"relative_cov": ((inf, 0, 0), (0, inf, 0), (0, 0, 0))}, Withheld.TOO_UNCERTAIN),
+        ({"at": 39_999_400_000_000}, Withheld.LATE_FRAME),
+    ],
+)
+def test_what_may_not_steer_is_withheld_for_its_reason(world, landing, changes, reason):
+    assert refused(landing, world.track(**changes), world.situation()) is reason
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"kind": None}, Withheld.NO_AUTOPILOT),
+        ({"kind": AutopilotKind.OTHER}, Withheld.UNKNOWN_AUTOPILOT),
+        ({"vehicle": None}, Withheld.NO_VEHICLE),
+        ({"kind": AutopilotKind.PX4, "at_capture": None}, Withheld.NO_VEHICLE),
+        ({"kind": AutopilotKind.PX4, "local_position_ned": None}, Withheld.NO_LOCAL_POSITION),
+    ],
+)
+def test_nothing_is_sent_into_the_unknown(world, landing, changes, reason):
+    assert refused(landing, world.track(), world.situation(**changes)) is reason
+
+
+def test_an_old_attitude_does_not_steer(world, landing):
+    stale = world.situation(vehicle=world.state(at=world.NOW - 150_000_000))
+    assert refused(landing, world.track(), stale) is Withheld.NO_VEHICLE
+
+
+def test_the_bound_does_not_count_the_vehicles_own_position(world, landing):
+    """cov holds it, relative_cov does not."""
+    lost_vehicle = world.track(cov=world.diagonal(30.0, 30.0, 30.0))
+    assert landing.on_tracks((lost_vehicle,), world.situation()) is not None
+
+
+def test_off_means_off(world):
+    landing = Landing(PublishOptions(landing_label="pad"))
+    assert landing.on_tracks((world.track(),), world.situation()) is None
+    assert sum(landing.withheld.values()) == 0
+
+
+def test_the_oldest_confirmed_is_kept_until_it_is_dropped(world, landing):
+    old = world.track(7, confirmed_at=world.NOW - 9_000_000_000)
+    young = world.track(3, confirmed_at=world.NOW - 2_000_000_000)
+    landing.on_tracks((young, old), world.situation())
+    assert landing.target == 7
+    older = world.track(9, at=world.NOW + 1, confirmed_at=world.NOW - 99_000_000_000)
+    assert landing.on_tracks((older, world.track(7, at=world.NOW + 1)), world.situation()).fields["target_num"] == 7
+    coasting = world.track(7, at=world.NOW + 2, state=TrackState.COASTING, with_fix=False)
+    assert landing.on_tracks((world.track(3, at=world.NOW + 2), coasting), world.situation()) is None
+    assert landing.last_withheld is Withheld.NOT_CONFIRMED
+    dropped = world.track(7, at=world.NOW + 3, state=TrackState.DROPPED, reason=Reason.NOT_SEEN)
+    out = landing.on_tracks((world.track(3, at=world.NOW + 3), dropped), world.situation())
+    assert out.fields["target_num"] == 3
+
+
+def test_a_frame_is_sent_once_and_none_goes_back_in_time(world, landing):
+    situation = world.situation()
+    assert landing.on_tracks((world.track(),), situation) is not None
+    assert landing.on_tracks((world.track(),), situation) is None
+    assert landing.on_tracks((world.track(at=world.NOW - 33_000_000),), situation) is None
+    assert landing.withheld[Withheld.LATE_FRAME] == 2
