@@ -1,0 +1,209 @@
+"""The intake over real sockets, both clocks in the test's hands."""
+
+import asyncio
+import json
+import socket
+import stat
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.nouns import Frame, NoFrame, Reason
+from fwav_companion.vision import detections_in
+from fwav_companion.vision.detections_in import DetectionsIn, Endpoint, read_clocks
+from fwav_companion.vision.wall_clock import ClockStep, WallClock
+
+UNIX = 1_790_000_000_000_000_000
+PATIENCE_S = 20.0
+
+
+class Intake:
+    """An intake, what it told, and its two clocks."""
+
+    def __init__(self, endpoint: Endpoint) -> None:
+        self.now = HostNs(500_000_000_000)
+        self.unix_minus_host = UNIX
+        self.frames: list[Frame | NoFrame] = []
+        self.states: list[tuple[bool, str]] = []
+        self.steps: list[ClockStep] = []
+        self.intake = DetectionsIn(
+            endpoint,
+            WallClock(self.now, self.now + UNIX),
+            on_frame=self.frames.append,
+            on_state=lambda listens, why: self.states.append((listens, why)),
+            on_step=self.steps.append,
+            clocks=lambda: (self.now, self.now + self.unix_minus_host),
+        )
+
+    async def until(self, condition: Callable[[], bool]) -> None:
+        async with asyncio.timeout(PATIENCE_S):
+            while not condition():  # noqa: ASYNC110  # several callbacks tell it
+                await asyncio.sleep(0.002)
+
+
+def datagram(time_unix: float) -> bytes:
+    return json.dumps({"time_unix": time_unix, "detections": [{"u": 1, "v": 2}]}).encode()
+
+
+def endpoint_of(kind: str, folder: Path) -> Endpoint:
+    return ("127.0.0.1", 0) if kind == "udp" else str(folder / "detections")
+
+
+def sender_to(intake: DetectionsIn) -> socket.socket:
+    address = intake.address
+    sock = socket.socket(socket.AF_UNIX if isinstance(address, str) else socket.AF_INET, socket.SOCK_DGRAM)
+    sock.connect(address)
+    return sock
+
+
+@pytest.mark.parametrize("kind", ["udp", "unix"])
+def test_a_datagram_is_a_frame_and_garbage_is_a_reason(kind: str, tmp_path: Path):
+    async def story() -> None:
+        t = Intake(endpoint_of(kind, tmp_path))
+        t.intake.start()
+        await t.until(lambda: bool(t.states))
+        assert t.states == [(True, "")]
+        with sender_to(t.intake) as sender:
+            for data in (datagram(1_790_000_499.95), b"garbage", b"", datagram(1_790_000_499.98)):
+                sender.send(data)
+            await t.until(lambda: len(t.frames) == 4)
+        first, second, third, fourth = t.frames
+        assert isinstance(first, Frame)
+        assert (first.stamp_ns, first.arrival_ns) == (499_950_000_000, t.now)
+        assert isinstance(second, NoFrame)
+        assert isinstance(third, NoFrame)
+        assert second.reason is third.reason is Reason.MALFORMED
+        assert isinstance(fourth, Frame)
+        t.intake.close()
+        assert t.intake.address is None
+
+    asyncio.run(story())
+
+
+def test_a_step_of_the_wall_clock_is_noticed_with_the_datagram_that_crosses_it():
+    async def story() -> None:
+        t = Intake(("127.0.0.1", 0))
+        t.intake.start()
+        await t.until(lambda: bool(t.states))
+        with sender_to(t.intake) as sender:
+            t.unix_minus_host += 5_000_000_000
+            sender.send(datagram(1_790_000_499.98))
+            await t.until(lambda: len(t.frames) == 1)
+        assert isinstance(t.frames[0], NoFrame)
+        assert t.frames[0].reason is Reason.ACROSS_CLOCK_STEP
+        assert [step.size_s for step in t.steps] == [5.0]
+        t.intake.close()
+
+    asyncio.run(story())
+
+
+def test_a_datagram_that_is_too_long_is_malformed_not_cut(tmp_path: Path):
+    async def story() -> None:
+        t = Intake(str(tmp_path / "detections"))
+        t.intake.start()
+        await t.until(lambda: bool(t.states))
+        with sender_to(t.intake) as sender:
+            sender.send(datagram(1_790_000_499.95) + b" " * 65536)
+            await t.until(lambda: len(t.frames) == 1)
+        assert isinstance(t.frames[0], NoFrame)
+        assert t.frames[0].reason is Reason.MALFORMED
+        t.intake.close()
+
+    asyncio.run(story())
+
+
+def test_what_a_killed_process_left_is_replaced_and_nothing_is_left_by_us(tmp_path: Path):
+    path = tmp_path / "detections"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as left_over:
+        left_over.bind(str(path))
+
+    async def story() -> None:
+        t = Intake(str(path))
+        t.intake.start()
+        await t.until(lambda: bool(t.states))
+        assert t.states == [(True, "")]
+        assert stat.S_IMODE(path.stat().st_mode) == 0o660
+        t.intake.close()
+        assert not path.exists()
+
+    asyncio.run(story())
+
+
+def test_a_path_that_another_process_listens_on_is_left_to_it(tmp_path: Path):
+    path = tmp_path / "detections"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as other:
+        other.bind(str(path))
+
+        async def story() -> None:
+            t = Intake(str(path))
+            t.intake.start()
+            await t.until(lambda: bool(t.states))
+            assert t.states == [(False, "Address already in use")]
+            t.intake.close()
+
+        asyncio.run(story())
+        assert path.exists()
+
+
+def test_a_file_in_the_way_is_not_deleted(tmp_path: Path):
+    path = tmp_path / "detections"
+    path.write_text("mine")
+
+    async def story() -> None:
+        t = Intake(str(path))
+        t.intake.start()
+        await t.until(lambda: bool(t.states))
+        assert t.states == [(False, "Address already in use")]
+        t.intake.close()
+
+    asyncio.run(story())
+    assert path.read_text() == "mine"
+
+
+def test_a_folder_that_comes_later_and_a_socket_that_is_deleted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(detections_in, "RETRY_S", 0.01)
+    path = tmp_path / "later" / "detections"
+
+    async def story() -> None:
+        t = Intake(str(path))
+        t.intake.start()
+        await t.until(lambda: bool(t.states))
+        await asyncio.sleep(0.05)
+        assert t.states == [(False, "No such file or directory")], "told once"
+        path.parent.mkdir()
+        await t.until(lambda: len(t.states) == 2)
+        path.unlink()
+        await t.until(path.exists)
+        with sender_to(t.intake) as sender:
+            sender.send(datagram(1_790_000_499.95))
+            await t.until(lambda: len(t.frames) == 1)
+        assert [listens for listens, _ in t.states] == [False, True]
+        t.intake.close()
+
+    asyncio.run(story())
+
+
+def test_a_taken_port_is_tried_again(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(detections_in, "RETRY_S", 0.01)
+
+    async def story() -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+            other.bind(("127.0.0.1", 0))
+            t = Intake(other.getsockname())
+            t.intake.start()
+            await t.until(lambda: bool(t.states))
+        await t.until(lambda: len(t.states) == 2)
+        assert t.states == [(False, "Address already in use"), (True, "")]
+        t.intake.close()
+
+    asyncio.run(story())
+
+
+def test_both_clocks_are_read_at_one_instant():
+    host_ns, unix_ns = read_clocks()
+    again_ns, unix_again_ns = read_clocks()
+    assert host_ns % 1000 == 0
+    assert 0 <= again_ns - host_ns < 60_000_000_000
+    assert abs((unix_again_ns - again_ns) - (unix_ns - host_ns)) < 50_000_000
