@@ -53,7 +53,7 @@ def test_udp_out_with_detections_truth_and_answers(tmp_path, bound):
     process, _ = started(
         "--connect", f"udpout:127.0.0.1:{link.getsockname()[1]}",
         "--detections", f"127.0.0.1:{pixels.getsockname()[1]}",
-        "--seconds", "3", "--seed", "3", "--scenario", "unbiased", "--truth", str(truth), "--truth-csv", str(table),
+        "--seconds", "2", "--seed", "3", "--scenario", "unbiased", "--truth", str(truth), "--truth-csv", str(table),
         "--set", "autopilot.arms_at_s=0.5",
     )  # fmt: skip
     listener, speaker, heard = Listener(), Speaker(1, 191), []
@@ -89,7 +89,7 @@ def test_sigterm_ends_it_well(bound):
 
 
 def test_a_pty_of_its_own():
-    process, line = started("--connect", "pty", "--seconds", "2")
+    process, line = started("--connect", "pty", "--seconds", "1")
     path = re.search(r"serial:(\S+)", line)[1]
     fd = os.open(path, os.O_RDWR | os.O_NOCTTY)
     tty.setraw(fd)
