@@ -37,7 +37,7 @@ def diagonal(*sigmas):
 
 def quaternion(yaw_deg=0.0, pitch_deg=0.0, roll_deg=0.0):
     """(w, x, y, z) of ned_from_body, by scipy."""
-    x, y, z, w = Rotation.from_euler("ZYX", [yaw_deg, pitch_deg, roll_deg], degrees=True).as_quat()
+    x, y, z, w = Rotation.from_euler("ZYX", [yaw_deg, pitch_deg, roll_deg], degrees=True).as_quat().tolist()
     return (w, x, y, z)
 
 
@@ -129,7 +129,8 @@ def packed(outgoing):
     sender = mavlink.MAVLink(None, srcSystem=1, srcComponent=outgoing.component)
     (received,) = mavlink.MAVLink(None).parse_buffer(kind(**outgoing.fields | texts).pack(sender))
     assert received.get_type() == outgoing.name
-    return received.to_dict()
+    raw = {name: getattr(received, f"_{name}_raw") for name in texts}  # pymavlink reads text as ASCII
+    return received.to_dict() | {name: value.rstrip(b"\0").decode() for name, value in raw.items()}
 
 
 @pytest.fixture(scope="session")
