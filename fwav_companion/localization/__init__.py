@@ -1,7 +1,21 @@
 """A sighting and a ground give a point on the ground with its covariance, or a named refusal. Pure."""
 
+from fwav_companion.localization.elevation import ElevationModel, ElevationTile
 from fwav_companion.localization.flat_grounds import FixedGround, HomeGround
 from fwav_companion.localization.ground import Ground, Meeting
 from fwav_companion.localization.localizer import Localizer
+from fwav_companion.localization.rangefinder_ground import RangefinderGround
+from fwav_companion.localization.terrain_ground import Datum, TerrainGround
 
-__all__ = ["FixedGround", "Ground", "HomeGround", "Localizer", "Meeting"]
+__all__ = [
+    "Datum",
+    "ElevationModel",
+    "ElevationTile",
+    "FixedGround",
+    "Ground",
+    "HomeGround",
+    "Localizer",
+    "Meeting",
+    "RangefinderGround",
+    "TerrainGround",
+]

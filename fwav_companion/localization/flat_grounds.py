@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fwav_companion.geometry.earth import TangentPlane
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.localization.ground import Meeting, camera_above_flat, flat_distance
 from fwav_companion.nouns import NoFix, Reason, Sighting
@@ -17,6 +18,10 @@ class HomeGround:
     def home_moved(self, home_down_m: float) -> None:
         """The surface lies there from now on."""
         self.home_down_m = home_down_m
+
+    def origin_set(self, plane: TangentPlane, undulation_m: float | None) -> str:  # noqa: ARG002 - as every ground
+        """Nothing depends on it."""
+        return ""
 
     def meet(self, sighting: Sighting, direction: Vector3) -> Meeting | NoFix:
         """By the camera's altitude; in a relative world by the autopilot's height above home."""
@@ -43,6 +48,10 @@ class FixedGround:
 
     def home_moved(self, home_down_m: float) -> None:
         """Home has no part in it."""
+
+    def origin_set(self, plane: TangentPlane, undulation_m: float | None) -> str:  # noqa: ARG002 - as every ground
+        """Nothing depends on it."""
+        return ""
 
     def meet(self, sighting: Sighting, direction: Vector3) -> Meeting | NoFix:
         """At the stated height, whatever the autopilot tells."""

@@ -6,6 +6,7 @@ from typing import Protocol
 
 import msgspec
 
+from fwav_companion.geometry.earth import TangentPlane
 from fwav_companion.geometry.vectors import ZERO3, Vector3
 from fwav_companion.nouns import NoFix, Reason, Sighting
 
@@ -46,6 +47,9 @@ class Ground(Protocol):
 
     def home_moved(self, home_down_m: float) -> None:
         """The home surface lies ``home_down_m`` below the world's origin from now on."""
+
+    def origin_set(self, plane: TangentPlane, undulation_m: float | None) -> str:
+        """The world has its origin, or its undulation is known better; what the user should be told of it, or ""."""
 
 
 def camera_above_flat(sighting: Sighting, height_m: float) -> Vector3:

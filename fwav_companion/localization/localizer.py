@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from fwav_companion.geometry.vectors import add, scale, transform
-from fwav_companion.localization.ground import Ground
+from math import sqrt
+
+from fwav_companion.geometry.earth import TangentPlane
+from fwav_companion.geometry.rotations import exp, rotate
+from fwav_companion.geometry.vectors import Vector3, add, cross, dot, norm, scale, transform
+from fwav_companion.localization.ground import Ground, Meeting
 from fwav_companion.localization.propagation import Propagation, propagate
 from fwav_companion.localization.weighing import NoiseVariances, noise_variances, weigh
 from fwav_companion.nouns import Bias, ErrorPriors, GroundFix, NoFix, Reason, Sighting
@@ -15,6 +19,9 @@ With k this number the error is e (1 - k z + ...) for a normal z, instead of e: 
 along the ray, and the mean normalised square is 1 + 3 k^2, at most 7 % too large. So the bias of convexity is bounded
 by 0.15 of the claimed sigma, and a claimed 90 % ellipse still holds 88 %. With 1.2 degrees of angle in all, that is a
 descent of 8 degrees below the horizon."""
+
+LEAST_TILT = 1e-3
+"""Of the ray against the ground's normal, radians: so near to it no ridge hides behind another."""
 
 
 class Localizer:
@@ -30,6 +37,10 @@ class Localizer:
         """The home surface lies ``home_down_m`` below the world's origin from now on."""
         self.ground.home_moved(home_down_m)
 
+    def origin_set(self, plane: TangentPlane, undulation_m: float | None) -> str:
+        """The world has its origin, or its undulation is known better; what the user should be told of it, or ""."""
+        return self.ground.origin_set(plane, undulation_m)
+
     def locate(self, sighting: Sighting) -> GroundFix | NoFix:
         """Where the sighting's ray meets the ground; in a relative world from the point below the camera."""
         direction = transform(sighting.ned_from_camera, sighting.ray.direction)
@@ -40,7 +51,10 @@ class Localizer:
             return NoFix(Reason.TOO_LOW)
         propagation = propagate(sighting, direction, meeting)
         noise = noise_variances(sighting, meeting, self._priors)
-        if not self._stretch_variance(sighting, propagation, noise) <= LARGEST_STRETCH**2:
+        stretch = sqrt(self._stretch_variance(sighting, propagation, noise))
+        if not stretch <= LARGEST_STRETCH:
+            return NoFix(Reason.TOO_SHALLOW)
+        if meeting.surveyed and not self._is_smooth(sighting, direction, meeting, stretch):
             return NoFix(Reason.TOO_SHALLOW)
         weights = weigh(propagation, noise, self._variances, meeting.surveyed)
         return GroundFix(
@@ -70,3 +84,22 @@ class Localizer:
             + v * v * noise.pixel_v
             + stretch.time**2 * (bias[Bias.TIME_OFFSET] + sighting.row_fraction**2 * bias[Bias.READOUT] + noise.time)
         )
+
+    def _is_smooth(self, sighting: Sighting, direction: Vector3, meeting: Meeting, stretch: float) -> bool:
+        """Whether rays two sigma steeper and shallower meet the ground where a plane would, to one sigma.
+
+        They do not where a ridge or a step lies between: the error then has two humps, and no ellipse tells it.
+        """
+        axis = cross(direction, meeting.normal)
+        tilt = norm(axis) / dot(meeting.normal, direction)
+        if tilt < LEAST_TILT:
+            return True
+        for sigmas in (-2.0, 2.0):
+            turn = exp(scale(axis, sigmas * stretch / (tilt * norm(axis))))
+            other = self.ground.meet(sighting, rotate(turn, direction))
+            if isinstance(other, NoFix):
+                return False
+            plane_m = meeting.distance_m / (1.0 + sigmas * stretch)
+            if abs(other.distance_m - plane_m) > stretch * meeting.distance_m:
+                return False
+        return True

@@ -69,6 +69,8 @@ class Reason(StrEnum):
     """No height above the ground is known at the capture."""
     NO_RANGE = "no_range"
     """The rangefinder has no usable reading at the capture."""
+    RANGE_TILTED = "range_tilted"
+    """The rangefinder's beam does not look down at the capture."""
     BEYOND_TERRAIN = "beyond_terrain"
     """The ray leaves the elevation model, or meets a void, before it meets the ground."""
     TERRAIN_UNFIT = "terrain_unfit"

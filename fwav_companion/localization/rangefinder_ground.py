@@ -1,0 +1,86 @@
+"""The ground by the rangefinder: level, at the height its beam measures; the home surface where it tells nothing."""
+
+from __future__ import annotations
+
+from collections import Counter
+from math import hypot, sqrt
+
+from fwav_companion.geometry.earth import TangentPlane
+from fwav_companion.geometry.rotations import exp, multiply, rotate
+from fwav_companion.geometry.stamps import s_from_ns
+from fwav_companion.geometry.vectors import Vector3, norm, scale
+from fwav_companion.localization.flat_grounds import HomeGround
+from fwav_companion.localization.ground import Meeting, camera_above_flat, flat_distance
+from fwav_companion.nouns import NoFix, RangeSample, Reason, Sighting
+
+LEAST_PLUMB = 0.5
+"""Of the beam, downward: at 60 degrees of tilt it measures the ground of another place."""
+OLDEST_S = 0.3
+"""Between reading and capture. A vehicle that sinks at 2 m/s has moved by 0.6 m then."""
+TURN_DOUBT = 0.5
+"""Of the turn by the rates between reading and capture: flapping does not keep them."""
+
+
+class RangefinderGround:
+    """A level surface below the camera, at the rangefinder's height corrected for tilt."""
+
+    def __init__(self, height_noise_m: float) -> None:
+        """``height_noise_m``: one sigma of a reading that tells none itself."""
+        self._noise_m = height_noise_m
+        self._home = HomeGround()
+        self.fallback: Reason | None = None
+        """Why the last sighting met the home surface instead; None: it did not."""
+        self.fallbacks: Counter[Reason] = Counter()
+
+    def home_moved(self, home_down_m: float) -> None:
+        """Of the fallback."""
+        self._home.home_moved(home_down_m)
+
+    def origin_set(self, plane: TangentPlane, undulation_m: float | None) -> str:
+        """Nothing depends on it."""
+        return self._home.origin_set(plane, undulation_m)
+
+    def meet(self, sighting: Sighting, direction: Vector3) -> Meeting | NoFix:
+        """By the reading, if there is one of this moment that looks down; else as home does."""
+        reading = sighting.state.range
+        age_s = 0.0 if reading is None else s_from_ns(reading.boot_ns - sighting.state.boot_ns)
+        if reading is None or abs(age_s) > OLDEST_S:
+            return self._meet_home(Reason.NO_RANGE, sighting, direction)
+        beam = _beam_ned(reading, sighting, age_s)
+        if beam[2] < LEAST_PLUMB:
+            return self._meet_home(Reason.RANGE_TILTED, sighting, direction)
+        self.fallback = None
+        return self._meet_reading(reading, beam, age_s, sighting, direction)
+
+    def _meet_home(self, why: Reason, sighting: Sighting, direction: Vector3) -> Meeting | NoFix:
+        self.fallback = why
+        self.fallbacks[why] += 1
+        return self._home.meet(sighting, direction)
+
+    def _meet_reading(
+        self, reading: RangeSample, beam: Vector3, age_s: float, sighting: Sighting, direction: Vector3
+    ) -> Meeting | NoFix:
+        velocity = sighting.state.velocity_ned
+        sunk_m = 0.0 if velocity is None else velocity[2] * age_s
+        height_m = reading.distance_m * beam[2] + sunk_m
+        distance_m = flat_distance(direction, height_m)
+        if isinstance(distance_m, NoFix):
+            return distance_m
+        turned = TURN_DOUBT * norm(sighting.state.rates) * abs(age_s)
+        by_turn_m = reading.distance_m * hypot(beam[0], beam[1]) * turned
+        along_m = (reading.sigma_m or self._noise_m) * beam[2]
+        return Meeting(
+            camera_above_flat(sighting, height_m),
+            distance_m,
+            height_m,
+            "rangefinder",
+            carried=True,
+            height_noise_m=sqrt(along_m**2 + by_turn_m**2),
+            height_by_rotation=(reading.distance_m * beam[1], -reading.distance_m * beam[0], 0.0),
+        )
+
+
+def _beam_ned(reading: RangeSample, sighting: Sighting, age_s: float) -> Vector3:
+    """The beam when the reading was made, by the attitude at the capture and the rates."""
+    q = multiply(sighting.state.ned_from_body, exp(scale(sighting.state.rates, age_s)))
+    return rotate(q, reading.beam_in_body)

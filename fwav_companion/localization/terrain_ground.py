@@ -1,0 +1,117 @@
+"""The ground by an elevation model, or by the autopilot's own TERRAIN_REPORT where there is no model."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from math import cos, degrees, isnan, radians, sin, sqrt
+
+from fwav_companion.geometry.earth import ECCENTRICITY2, SEMI_MAJOR_M, TangentPlane
+from fwav_companion.geometry.vectors import Vector3, unit
+from fwav_companion.localization.elevation import ElevationModel
+from fwav_companion.localization.ground import Meeting, camera_above_flat, flat_distance
+from fwav_companion.localization.ray_search import Hit, first_hit
+from fwav_companion.nouns import NoFix, Reason, Sighting
+
+MOST_SHIFT_M = 30.0
+"""ArduPilot's TERRAIN_OFS_MAX. A model that is off by more at the take-off has another datum than configured."""
+
+
+class Datum(StrEnum):
+    """What a file's heights count from; the file does not say it."""
+
+    EGM96 = "egm96"
+    EGM2008 = "egm2008"
+    """Against EGM96 mostly under 1 m apart: the shift to the take-off height takes that in."""
+    ELLIPSOID = "ellipsoid"
+
+
+class TerrainGround:
+    """An elevation model, shifted to the take-off height."""
+
+    def __init__(self, model: ElevationModel | None, datum: Datum) -> None:
+        """``model`` None: only TERRAIN_REPORT tells the ground."""
+        self._model = model
+        self._datum = datum
+        self._plane: TangentPlane | None = None
+        self._trouble: Reason | None = Reason.NO_POSITION
+        self.shift_m = 0.0
+        """How much the model was raised to agree with the take-off height."""
+        self._raised_m = 0.0
+
+    def home_moved(self, home_down_m: float) -> None:
+        """The model stays where the take-off put it."""
+
+    def origin_set(self, plane: TangentPlane, undulation_m: float | None) -> str:
+        """Shifts the model to the take-off ground, whose height is the origin's; says what was done."""
+        self._plane, self._trouble = plane, None
+        if self._model is None:
+            return "terrain: no elevation files; the ground is the autopilot's TERRAIN_REPORT"
+        return self._shift(self._model, plane, undulation_m)
+
+    def _shift(self, model: ElevationModel, plane: TangentPlane, undulation_m: float | None) -> str:
+        origin = plane.origin
+        self.shift_m, self._raised_m = 0.0, 0.0
+        if self._datum is Datum.ELLIPSOID:
+            if undulation_m is None:
+                self._trouble = Reason.NO_HEIGHT
+                return "terrain: heights above the ellipsoid need the autopilot's alt_ellipsoid, not heard yet"
+            self._raised_m = -undulation_m
+        model_m = model.height_m(degrees(origin.lat), degrees(origin.lon)) + self._raised_m
+        if isnan(model_m):
+            return "terrain: the take-off lies outside the elevation model; its heights are used as they are"
+        shift_m = origin.alt_amsl_m - model_m
+        if abs(shift_m) > MOST_SHIFT_M:
+            self._trouble = Reason.TERRAIN_UNFIT
+            return (
+                f"terrain: the model lies {-shift_m:+.1f} m from the take-off height, more than {MOST_SHIFT_M:.0f} m; "
+                f"no fixes: is its datum {self._datum}?"
+            )
+        self.shift_m = shift_m
+        self._raised_m += shift_m
+        return f"terrain: datum {self._datum}, shifted by {shift_m:+.1f} m to the take-off height"
+
+    def meet(self, sighting: Sighting, direction: Vector3) -> Meeting | NoFix:
+        """On the model; without one, on a level at the autopilot's height above terrain."""
+        if self._model is None or sighting.relative:
+            return self._meet_report(sighting, direction)
+        if self._plane is None or self._trouble is not None:
+            return NoFix(self._trouble or Reason.NO_POSITION)
+        return self._meet_model(self._model, self._plane, sighting, direction)
+
+    def _meet_model(
+        self, model: ElevationModel, plane: TangentPlane, sighting: Sighting, direction: Vector3
+    ) -> Meeting | NoFix:
+        camera = plane.geodetic_from_ned(sighting.camera_ned)
+        below_m = model.height_m(degrees(camera.lat), degrees(camera.lon)) + self._raised_m
+        if isnan(below_m):
+            return NoFix(Reason.BEYOND_TERRAIN)
+        height_m = camera.alt_amsl_m - below_m
+        if height_m <= 0.0:
+            return NoFix(Reason.TOO_LOW)
+        hit = first_hit(model, plane, sighting.camera_ned, direction, self._raised_m)
+        if hit is None:
+            return NoFix(Reason.BEYOND_TERRAIN if direction[2] > 0.0 else Reason.ABOVE_HORIZON)
+        return Meeting(sighting.camera_ned, hit.distance_m, height_m, "terrain", normal=_normal(hit), surveyed=True)
+
+    def _meet_report(self, sighting: Sighting, direction: Vector3) -> Meeting | NoFix:
+        height_m = sighting.state.terrain_height_m
+        if height_m is None:
+            return NoFix(Reason.NO_HEIGHT)
+        camera, vehicle = sighting.camera_height_above_home_m, sighting.state.height_above_home_m
+        if camera is not None and vehicle is not None:
+            height_m += camera - vehicle  # the camera's place on the vehicle
+        distance_m = flat_distance(direction, height_m)
+        if isinstance(distance_m, NoFix):
+            return distance_m
+        return Meeting(camera_above_flat(sighting, height_m), distance_m, height_m, "terrain", surveyed=True)
+
+
+def _normal(hit: Hit) -> Vector3:
+    """Of the surface at the point, NED, downward: down = -height(north, east)."""
+    south, east = hit.cell.fractions(hit.lat_deg, hit.lon_deg)
+    _, b, c, d = hit.cell.polynomial()
+    lat = radians(hit.lat_deg)
+    w = sqrt(1.0 - ECCENTRICITY2 * sin(lat) ** 2)
+    north_m = radians(hit.cell.lat_step_deg) * SEMI_MAJOR_M * (1.0 - ECCENTRICITY2) / w**3
+    east_m = radians(hit.cell.lon_step_deg) * SEMI_MAJOR_M * cos(lat) / w
+    return unit((-(b + d * east) / north_m, (c + d * south) / east_m, 1.0))
