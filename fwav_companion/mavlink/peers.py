@@ -5,7 +5,7 @@ Sequence numbers tell a loss truly only here, on one link and before anything is
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.mavlink.definitions import Definition
@@ -38,8 +38,8 @@ class Stream:
         self.targeted = definition is not None and definition.target_system_offset >= 0
         self.direct: tuple[str, ...] | None = None
         """Names of the links where every frame goes as it is; None where each frame has to be looked at."""
-        self.routes: dict[int, tuple[int, ...]] = {}
-        """Indices of links by what it is meant for, (system << 8 | component)."""
+        self.routes: dict[int, Any] = {}
+        """The links it goes to by what it is meant for, (system << 8 | component)."""
         self.asks_rates = False
         """It may change the rates of the autopilot that it goes to."""
         self.watched = False

@@ -29,6 +29,8 @@ NEVER_FORWARDED: Final = frozenset({BY_NAME["SETUP_SIGNING"].msgid})
 NOT_TO_AUTOPILOTS: Final = frozenset(BY_NAME[name].msgid for name in ("RADIO", "RADIO_STATUS", "ADSB_VEHICLE"))
 REQUEST_DATA_STREAM: Final = BY_NAME["REQUEST_DATA_STREAM"].msgid
 COMMANDS: Final = frozenset(BY_NAME[name].msgid for name in ("COMMAND_LONG", "COMMAND_INT"))
+GROUND_STATION_NS: Final = 5 * NS_PER_S
+"""A ground station that missed five heartbeats is not there (MAVLink guide, heartbeat)."""
 _SWEEP_NS: Final = 5 * NS_PER_S
 _MAX_TARGETS: Final = 256
 """Destinations remembered for one message of one sender; more are worked out anew. A stranger names any it likes."""
@@ -72,7 +74,11 @@ class Port:
         """Frames whose signature was not genuine."""
         self.refused_unsigned = 0
         self.ground_station_ns: HostNs | None = None
-        """When a ground station's heartbeat was last heard, on a gcs link."""
+        """When a ground station's heartbeat was last heard here."""
+
+    def hears_ground_station(self, now: HostNs) -> bool:
+        """A ground station's heartbeat was heard here lately."""
+        return self.ground_station_ns is not None and now - self.ground_station_ns <= GROUND_STATION_NS
 
     def hears_system(self, system: int) -> bool:
         """Any component of it was heard here."""
@@ -106,6 +112,10 @@ class Router:
         port.ground_station_ns = None
         self.version += 1
 
+    def hears_ground_station(self, now: HostNs) -> bool:
+        """A ground station's heartbeat was heard on a gcs link lately."""
+        return any(port.hears_ground_station(now) for port in self.ports if not port.is_autopilot)
+
     def is_own(self, frame: RawFrame) -> bool:
         """It says that one of our components sent it."""
         return frame.system == self.system and frame.component in self.components
@@ -126,8 +136,16 @@ class Router:
         self.version += 1
         return peer
 
-    def forget_system(self, system: int) -> None:
-        """It restarted: its components may not be where they were."""
+    def on_clock(self, port: Port, frame: RawFrame, boot_ms: int, now: HostNs) -> None:
+        """Somebody's SYSTEM_TIME. A clock that goes back is a restart: its system may not be where it was."""
+        peer = port.peers[frame.system << 8 | frame.component]
+        if boot_ms < peer.boot_ms:
+            self._forget_system(frame.system)
+            peer = self.learn(port, frame, now)
+            peer.next_seq = (frame.seq + 1) & 0xFF
+        peer.boot_ms = boot_ms
+
+    def _forget_system(self, system: int) -> None:
         self.version += 1
         for port in self.ports:
             port.peers = {sender: peer for sender, peer in port.peers.items() if peer.system != system}
@@ -152,18 +170,18 @@ class Router:
         if stream.targeted:
             stream.direct = None
             return
-        outs = [self.ports[index] for index in self.route(port, frame, 0, 0)]
+        outs = self.route(port, frame, 0, 0)
         thinned = any(out.thinner.limits(msgid) for out in outs)
         stream.direct = None if thinned else tuple(out.name for out in outs)
 
-    def route(self, port: Port, frame: RawFrame, target_system: int, target_component: int) -> tuple[int, ...]:
-        """Indices of the links that a frame which came by ``port`` goes to: rules 2 to 5."""
+    def route(self, port: Port, frame: RawFrame, target_system: int, target_component: int) -> tuple[Port, ...]:
+        """The links that a frame which came by ``port`` goes to: rules 2 to 5."""
         if not self._may_pass(port, frame):
             return ()
         sender = frame.system << 8 | frame.component
         no_autopilot = frame.definition is not None and frame.msgid in NOT_TO_AUTOPILOTS
         return tuple(
-            out.index
+            out
             for out in self.ports
             if out is not port
             and out.up
@@ -186,7 +204,7 @@ class Router:
             return out.hears_system(target_system)
         return (target_system << 8 | target_component) in out.peers
 
-    def route_of(self, port: Port, frame: RawFrame, stream: Stream) -> tuple[int, ...]:
+    def route_of(self, port: Port, frame: RawFrame, stream: Stream) -> tuple[Port, ...]:
         """As :meth:`route`, remembered for as long as the stream's plan holds."""
         target_system, target_component = frame.target_system, frame.target_component
         target = target_system << 8 | target_component

@@ -98,16 +98,22 @@ class RawFrame(msgspec.Struct, frozen=True, gc=False):
     @property
     def target_system(self) -> int:
         """The system it is meant for; 0 is everybody, also where it names none."""
-        return self._target(self.definition.target_system_offset if self.definition else -1)
+        return self.payload_byte(self.definition.target_system_offset if self.definition else -1)
 
     @property
     def target_component(self) -> int:
         """The component it is meant for; 0 is every one, also where it names none."""
-        return self._target(self.definition.target_component_offset if self.definition else -1)
+        return self.payload_byte(self.definition.target_component_offset if self.definition else -1)
 
-    def _target(self, offset: int) -> int:
-        payload = self.payload
-        return payload[offset] if 0 <= offset < len(payload) else 0
+    @property
+    def instance(self) -> int:
+        """Which of several streams of this message it belongs to, as of the second battery; 0 where it has but one."""
+        return self.payload_byte(self.definition.instance_offset if self.definition else -1)
+
+    def payload_byte(self, offset: int) -> int:
+        """The byte of the payload at an offset; 0 where it was left out, or for offset -1."""
+        start = HEADER_V2 if self.data[0] == MARKER_V2 else HEADER_V1
+        return self.data[start + offset] if 0 <= offset < self.data[1] else 0
 
 
 class _Nothing(Enum):

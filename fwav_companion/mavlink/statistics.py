@@ -95,7 +95,7 @@ class StatisticsTaker:
             thinned=port.thinned,
             refused_signatures=port.refused_signatures,
             refused_unsigned=port.refused_unsigned,
-            ground_station=port.ground_station_ns is not None,
+            ground_station=port.hears_ground_station(now),
             peers=[self._of_peer((port.name, sender), peer, now) for sender, peer in sorted(port.peers.items())],
         )
 

@@ -36,6 +36,8 @@ class Thinner:
         Instants lie on a grid of whole intervals as long as frames keep coming, so the mean rate is kept exactly
         whatever the jitter; after a pause the grid begins anew.
         """
+        if msgid not in self._interval_ns:
+            return True
         interval = self._interval_ns[msgid]
         if interval is None:
             return False
