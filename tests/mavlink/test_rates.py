@@ -178,12 +178,13 @@ def test_where_a_rate_is_refused_the_highest_accepted_one_is_found(ceiling, expe
 
 @pytest.mark.parametrize("ceiling_us", [10_001, 12_345, 25_000, 99_000, 400_000, 999_999, 1_000_000])
 def test_the_search_ends_within_a_step_of_the_ceiling(ceiling_us):
-    search, questions = RateSearch(100.0), 0
+    search, questions, last_us = RateSearch(100.0), 0, None
     while search.asking_us is not None:
-        questions += 1
+        questions, last_us = questions + 1, search.asking_us
         (search.on_accepted if search.asking_us >= ceiling_us else search.on_refused)()
     assert ceiling_us <= search.accepted_us <= max(ceiling_us + 1000, 1.03 * ceiling_us)
     assert questions <= 12
+    assert last_us == search.accepted_us  # whatever a refusal did over there, what was accepted is asked for last
 
 
 def test_a_message_that_is_refused_at_every_rate_is_left_alone_until_a_reboot():

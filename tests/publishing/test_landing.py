@@ -144,13 +144,16 @@ def test_without_a_global_position_the_height_comes_from_the_fix_itself(world, l
     down_the_ray = np.array([2.0, 1.0, 7.0]) / np.linalg.norm([2.0, 1.0, 7.0])
     in_camera = tuple(np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]]).T @ down_the_ray)
     seen = world.track(position_ned=target, fix=world.fix(target, ray=in_camera))
-    hovering = world.state(position=None, velocity=None, height=9.0)
+    hovering = world.state(q=world.quaternion(yaw_deg=90), position=None, velocity=None, height=9.0)
     fields = landing.on_tracks(
         (seen,),
         world.situation(kind=kind, plane=None, vehicle=hovering, at_capture=hovering, local_position_ned=(0, 0, 0)),
     ).fields
+    north_east_down = (2.0, 1.5, 7.0)  # the nose points east
+    in_body = (1.5, -2.0, 7.0)
     assert fields["frame"] == frame
-    assert [fields["x"], fields["y"], fields["z"]] == pytest.approx([2.5, 1.0, 7.0])
+    expected = in_body if kind is AutopilotKind.ARDUPILOT else north_east_down
+    assert [fields["x"], fields["y"], fields["z"]] == pytest.approx(expected)
 
 
 def test_straight_below_the_height_is_the_autopilots_or_there_is_none(world, landing):

@@ -44,6 +44,14 @@ def test_named_values_of_the_selected_target(world):
     assert max(map(len, got)) <= 10
 
 
+def test_without_a_global_position_the_distance_is_from_above_the_point_that_tracks_are_told_from(world):
+    publisher = Publisher(PublishOptions(**QUIET))
+    hovering = world.state(position=None, velocity=None, height=12.0)
+    got = values(world, publisher.on_tracks((world.track(),), world.situation(plane=None, vehicle=hovering)))
+    assert got["TGT_DIST"] == 13.0
+    assert got["TGT_BRG"] == pytest.approx(36.8699, abs=1e-3)
+
+
 def test_named_values_come_twice_a_second_and_once_more_when_the_target_is_gone(world):
     publisher = Publisher(PublishOptions(**QUIET))
     sent = publisher.on_tracks((world.track(),), world.situation())
@@ -73,8 +81,7 @@ def test_adsb_only_where_asked_and_only_to_ground_links(world):
     assert (got["heading"], got["hor_velocity"]) == (27000, 200)
     assert got["callsign"] == "PERSON12"
     assert got["flags"] & mavlink.ADSB_FLAGS_VALID_COORDS
-    assert got["ICAO_address"] >> 20 == 0xF
-    assert got["ICAO_address"] < 1 << 24
+    assert got["ICAO_address"] == 0xF0100C  # reserved by ICAO; system 1, track 12
 
 
 def test_adsb_without_a_position_is_not_sent(world):
