@@ -185,10 +185,12 @@ class Landing:
         boot_now_ns = situation.now_ns - clock.host_from_autopilot_ns
         used_ns = BootNs(boot_now_ns + ns_from_s(transit_s - self.lag_s))
         step_s = s_from_ns(used_ns - newest.boot_ns)
-        if not abs(step_s) <= MAX_BRIDGED_S:
+        if not step_s <= MAX_BRIDGED_S:
             return None
         known = self._state_at(used_ns) if self._state_at is not None else None
-        return known if isinstance(known, VehicleState) else _carried(newest, step_s)
+        if isinstance(known, VehicleState):
+            return known
+        return _carried(newest, step_s) if step_s >= -MAX_BRIDGED_S else None
 
     def _from_vehicle(self, target: Vector3, track: Track, state: VehicleState) -> Vector3 | Withheld:
         """From the vehicle to the target, NED metres."""

@@ -111,6 +111,14 @@ def test_a_history_that_does_not_know_it_leaves_the_newest_state(world):
     assert [out.fields["x"], out.fields["y"]] == pytest.approx([4.0, 3.0])
 
 
+def test_a_long_lag_is_looked_up_in_the_history_and_not_guessed_without_one(world):
+    """PLND_LAG may be 0.25 s, longer than rates can be trusted."""
+    for state_at, sent in ((lambda boot_ns: world.state(), True), (None, False)):
+        landing = Landing(OPTIONS, state_at)
+        landing.lag_s = 0.25
+        assert (landing.on_tracks((world.track(),), world.situation()) is not None) is sent
+
+
 def test_a_moving_target_is_carried_to_that_instant(world, landing):
     moving = world.track(at=world.NOW - 200_000_000, velocity_ned=(0.0, 2.0, 0.0))
     fields = landing.on_tracks((moving,), world.situation()).fields
