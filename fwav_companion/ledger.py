@@ -11,9 +11,9 @@ from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.nouns import FrameView, Reason, Track
 from fwav_companion.recording.lines import Line, header_line, origin_line, target_line, unix_seconds
 
-MAX_HELD_LINES = 64
-"""Lines that wait for the header, which waits for the origin: a clock line a second, and a world is decided 10 s after
-the first attitude. A file without any autopilot gets its header after a minute."""
+MAX_HELD_LINES = 4096
+"""Lines that wait for the header, which waits for the origin: a world is decided 10 s after the first attitude, and ten
+detections a frame at 30 frames/s make 3000 sightings until then."""
 
 
 class Ledger:

@@ -251,8 +251,10 @@ class Pipeline:
         for seen in self._rooms.sight.take_ready(now):
             if self._live:
                 situation = self._situation(now, seen)
-                publisher = self._rooms.publisher
+                publisher, parameters = self._rooms.publisher, self._rooms.rates.parameters
+                publisher.landing.lag_s = parameters.get("PLND_LAG", publisher.landing.lag_s)
                 self._outputs.messages += publisher.on_tracks(seen.tracks, situation, seen.pixel_from_ned)
+                self._outputs.notices += publisher.notices()
 
     def _settle(self, now: HostNs) -> None:
         if self._rooms.sight is not None:

@@ -55,7 +55,11 @@ def make_pipeline(
     ledger = Ledger(__version__, config.as_builtins(), unix_offset_ns)
     component, has_camera = config.vehicle.component_id, config.publish.camera_tracking and calibration is not None
     telemetry = Telemetry(_telemetry_options(config))
-    publisher = Publisher(_publish_options(config, calibration, unit))
+    sight = None if calibration is None else _sight(config, calibration, telemetry, ledger, sightings=sightings)
+    publisher = Publisher(
+        _publish_options(config, calibration, unit),
+        state_at=telemetry.state_at,
+    )
     handlers: dict[int, Handler | None] = {component: None}
     if has_camera:
         handlers[CAMERA_COMPONENT] = publisher.on_command
@@ -70,7 +74,7 @@ def make_pipeline(
         commands=Commands(handlers, require_signed=config.signing is not None, version=_version_numbers()),
         telemetry=telemetry,
         publisher=publisher,
-        sight=None if calibration is None else _sight(config, calibration, telemetry, ledger, sightings=sightings),
+        sight=sight,
     )
     return Pipeline(rooms, ledger, unix_offset_ns=unix_offset_ns, live=live)
 

@@ -1,0 +1,175 @@
+"""Whole flights through the pipeline: invented times, no sockets. The mock knows the truth and has its own geometry."""
+
+from itertools import pairwise
+from math import hypot
+
+import pytest
+from flying import Companion, Flight, fly
+
+from fwav_companion.geometry.stamps import HostNs
+from sitl_mock import TargetOptions, scenario
+
+LANDING = ("publish.landing_target=true", 'publish.landing_label="target"', "publish.landing_max_sigma_m=3.0")
+GLOBAL_SHUTTER = ("camera.readout_s=0.0",)
+
+
+def flight(name: str, *settings: str, seconds: float = 16.0, seed: int = 3, **how) -> Flight:
+    return fly(scenario(name).but({"seconds": seconds, "seed": seed}), settings, **how)
+
+
+@pytest.fixture(scope="module")
+def perfect() -> Flight:
+    """Nothing is wrong with the vehicle: what is left is our own error."""
+    return flight("perfect", *GLOBAL_SHUTTER, sightings=True)
+
+
+def test_the_target_is_found_where_it_is(perfect: Flight):
+    line = perfect.final()
+    assert perfect.error_m(line) < 0.02
+    assert abs(line["down"]) < 0.02
+    place = perfect.mock.world.place(perfect.mock.scene[0].at(0.0))
+    assert line["lat"] == pytest.approx(place.lat, abs=2e-7)
+    assert line["lon"] == pytest.approx(place.lon, abs=3e-7)
+    assert line["alt_amsl"] == pytest.approx(place.alt_amsl, abs=0.02)
+
+
+def test_a_recording_tells_the_whole_flight_in_order(perfect: Flight):
+    lines = perfect.companion.lines
+    assert lines[0]["type"] == "header"
+    assert lines[0]["schema"] == 1
+    assert lines[0]["origin"] == pytest.approx({"lat": 48.1372, "lon": 11.5756, "alt_amsl": 519.0})
+    assert lines[-1]["type"] == "summary"
+    targets = [line for line in lines if line["type"] == "target"]
+    assert [line["time_unix"] for line in targets] == sorted(line["time_unix"] for line in targets)
+    assert {line["state"] for line in targets} == {"tentative", "confirmed"}
+    clocks = [line["time_monotonic"] for line in lines if line["type"] == "clock"]
+    assert len(clocks) >= 12
+    assert all(later - earlier == 1.0 for earlier, later in pairwise(clocks))
+
+
+def test_every_detection_is_accounted_for(perfect: Flight):
+    summary = perfect.companion.lines[-1]
+    sightings = [line for line in perfect.companion.lines if line["type"] == "sighting"]
+    assert summary["detections"] == len(sightings)
+    refused = [line["reason"] for line in sightings if line["reason"] is not None]
+    assert summary["fixes"] == len(sightings) - len(refused)
+    assert {reason: refused.count(reason) for reason in set(refused)} == summary["dropped"]
+
+
+def test_sightings_tell_where_the_camera_was_and_looked(perfect: Flight):
+    used = [line for line in perfect.companion.lines if line["type"] == "sighting" and line["reason"] is None]
+    for line in used[::50]:
+        host_ns = perfect.mock.clock.host_ns(round(line["time_boot"] * 1e9))
+        true = perfect.mock.state_at(host_ns).position
+        assert line["camera_ned"] == pytest.approx(true, abs=0.05)
+        target = perfect.mock.scene[0].at(0.0)
+        reach = (target[2] - line["camera_ned"][2]) / line["ray_ned"][2]
+        miss = [line["camera_ned"][i] + reach * line["ray_ned"][i] - target[i] for i in range(3)]
+        assert hypot(*miss) < 0.15
+
+
+def test_the_clock_is_that_of_the_mock(perfect: Flight):
+    lines = [line for line in perfect.companion.lines if line["type"] == "clock"]
+    for line in lines[6:]:
+        host_ns = round(line["time_monotonic"] * 1e9)
+        true_s = (host_ns - perfect.mock.clock.boot_ns(host_ns)) / 1e9
+        assert abs(line["host_from_autopilot_s"] - true_s) < 1e-4
+        assert abs(line["host_from_autopilot_s"] - true_s) <= line["bound_s"]
+
+
+def test_before_an_autopilot_is_adopted_only_heartbeats_are_said():
+    companion = Companion()
+    companion.pipeline.advance(HostNs(1_000_000_000))
+    for second in range(2, 12):
+        companion.on_wake(second * 1_000_000_000)
+    assert {outgoing.name for _, outgoing in companion.sent} == {"HEARTBEAT"}
+    assert {outgoing.component for _, outgoing in companion.sent} == {191}
+    assert companion.pipeline.system == 1
+    assert len(companion.sent) in range(9, 12)
+
+
+@pytest.mark.parametrize(
+    "vehicle",
+    [
+        {"autopilot.landing_consumer": "ardupilot_old"},
+        {"autopilot.landing_consumer": "ardupilot_new"},
+        {"autopilot.firmware": "px4"},
+    ],
+    ids=["old ArduPilot", "new ArduPilot", "PX4"],
+)
+def test_each_landing_consumer_takes_every_landing_target_at_its_place(vehicle: dict[str, str]):
+    """The EKF's origin is unlike home, and PX4's frame is on its own sphere: the mock judges by its own rules."""
+    options = scenario("perfect").but({"seconds": 16.0, "seed": 5} | vehicle)
+    assert options.autopilot.ekf_origin_m != (0.0, 0.0, 0.0)
+    flown = fly(options, (*LANDING, *GLOBAL_SHUTTER))
+    precland = flown.mock.vehicle.precland
+    assert not precland.refused
+    assert len(precland.accepted) > 200
+    assert max(each["error_m"] for each in precland.accepted[-200:]) < 0.1
+
+
+def test_nothing_steers_a_landing_unless_it_is_asked_to():
+    flown = flight("unbiased")
+    assert "LANDING_TARGET" not in {outgoing.name for _, outgoing in flown.companion.sent}
+
+
+def test_a_late_frame_leaves_what_it_would_have_left_in_time():
+    changes = {"seconds": 14.0, "seed": 8, "camera.clutter": 0.0, "camera.missed": 0.0}
+    late = fly(scenario("default").but(changes | {"camera.late_every": 7}))
+    in_time = fly(scenario("default").but(changes))
+    by_time = {line["time_unix"]: line for line in in_time.companion.targets()}
+    compared = [line for line in late.companion.targets() if line["time_unix"] in by_time]
+    assert len(compared) > 250
+    for line in compared[5:]:
+        assert line["north"] == pytest.approx(by_time[line["time_unix"]]["north"], abs=0.02)
+
+
+def test_without_a_position_targets_are_relative_and_say_so_once():
+    flown = flight("no_gps", seconds=20.0)
+    assert flown.companion.lines[0]["origin"] is None
+    line = flown.companion.targets()[-1]
+    assert line["lat"] is line["lon"] is line["alt_amsl"] is None
+    assert sum("relative to the point below the camera" in notice for notice in flown.companion.notices) == 1
+    fixes = [line["fix"] for line in flown.companion.targets() if line["fix"]]
+    assert fixes
+    assert all(fix["down"] == 0.0 for fix in fixes)
+
+
+def test_a_position_that_comes_late_drops_every_track_by_name():
+    flown = flight("late_gps", seconds=30.0)
+    dropped = [line for line in flown.companion.targets() if line["state"] == "dropped"]
+    assert "origin_set" in {line["reason"] for line in dropped}
+    assert any(line["type"] == "origin" for line in flown.companion.lines)
+    assert flown.final()["lat"] is not None
+    assert flown.error_m(flown.final()) < 5.0
+
+
+def test_three_targets_are_three_tracks():
+    flown = flight("three_targets", seconds=20.0)
+    last = flown.companion.targets()[-1]["time_unix"]
+    confirmed = [
+        line for line in flown.companion.targets() if line["time_unix"] > last - 0.2 and line["state"] == "confirmed"
+    ]
+    assert len({line["track"] for line in confirmed}) == 3
+
+
+def test_labels_that_are_not_wanted_are_counted_and_not_followed():
+    options = scenario("unbiased").but(
+        {"seconds": 10.0, "targets": (TargetOptions(label="cow"), TargetOptions(label="target", north=3.0))}
+    )
+    flown = fly(options, ('detections.labels=["target"]',))
+    assert {line["label"] for line in flown.companion.targets()} == {"target"}
+    assert flown.companion.lines[-1]["dropped"]["other_label"] > 50
+
+
+def test_advance_always_comes_to_rest():
+    """No room may keep asking for a time that has passed: the pipeline would never come back."""
+    flown = flight("gcs_thief", seconds=14.0)
+    now = HostNs(flown.mock.end_ns)
+    flown.companion.on_wake(now)
+    for _ in range(50):
+        wake_at = flown.companion.pipeline.wake_at
+        assert wake_at is not None
+        assert wake_at > now
+        now = HostNs(wake_at)
+        flown.companion.on_wake(now)

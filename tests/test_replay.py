@@ -1,0 +1,169 @@
+"""A recording replayed is the flight again, to the byte; and what cannot be read is named."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from flying import CAMERA, LINK, Flight, fly
+
+from fwav_companion.replaying import read_recording, replay
+from fwav_companion.wiring import own_components
+from sitl_mock import scenario
+
+CONFIG = LINK + '[camera]\ncalibration = "camera.yaml"\n'
+
+
+def recorded(folder: Path, flown: Flight) -> list[str]:
+    """The flight's files in a folder, and the command line that replays them."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "flight.toml").write_text(CONFIG)
+    (folder / "camera.yaml").write_text(CAMERA)
+    (folder / "telemetry.tlog").write_bytes(flown.companion.tlog)
+    (folder / "detections.jsonl").write_bytes(flown.companion.detections)
+    names = {"telemetry": "telemetry.tlog", "detections": "detections.jsonl", "config": "flight.toml"}
+    return [
+        *(sys.executable, "-m", "fwav_companion", "replay"),
+        *(word for option, name in names.items() for word in (f"--{option}", str(folder / name))),
+        *("--out", str(folder / "targets.jsonl")),
+    ]
+
+
+def command(*words: str, seed: str = "0", folder: Path | None = None) -> subprocess.CompletedProcess[str]:
+    environment = {**os.environ, "PYTHONHASHSEED": seed, "TZ": "Asia/Tokyo" if seed != "0" else "UTC"}
+    return subprocess.run(words, capture_output=True, text=True, env=environment, cwd=folder, timeout=60)
+
+
+@pytest.fixture(scope="module")
+def flown() -> Flight:
+    return fly(scenario("three_targets").but({"seconds": 12.0, "seed": 11, "camera.late_every": 9}))
+
+
+@pytest.mark.parametrize("name", ["default", "late_frames", "rebooting", "lossy_wire", "no_gps"])
+def test_replay_says_what_the_flight_said(name: str):
+    flown = fly(scenario(name).but({"seconds": 16.0, "seed": 4}))
+    companion = flown.companion
+    recording = read_recording(bytes(companion.tlog), bytes(companion.detections), own_components(companion.config))
+    assert list(replay(recording, companion.config, companion.calibration)) == companion.lines
+
+
+def test_what_was_refused_at_the_door_is_not_recorded_and_all_else_is_the_same():
+    companion = fly(scenario("stepped_wall_clock").but({"seconds": 16.0, "seed": 4})).companion
+    recording = read_recording(bytes(companion.tlog), bytes(companion.detections), own_components(companion.config))
+    replayed = list(replay(recording, companion.config, companion.calibration))
+    assert replayed[:-1] == companion.lines[:-1]
+    assert companion.lines[-1]["dropped"] == replayed[-1]["dropped"] | {"across_clock_step": 2}
+
+
+def test_the_same_input_gives_the_same_bytes_elsewhere_and_with_another_hash_seed(tmp_path, flown):
+    first = command(*recorded(tmp_path / "a", flown), seed="1")
+    second = command(*recorded(tmp_path / "a much longer" / "folder", flown), seed="77", folder=tmp_path)
+    assert first.returncode == second.returncode == 0, first.stderr + second.stderr
+    bytes_of_a_flight = flown.companion.targets_file()
+    assert (tmp_path / "a" / "targets.jsonl").read_bytes() == bytes_of_a_flight
+    assert (tmp_path / "a much longer" / "folder" / "targets.jsonl").read_bytes() == bytes_of_a_flight
+
+
+def test_a_board_whose_clock_shows_1970_records_a_flight_that_replays(flown):
+    companion = flown.companion
+    shift_us = 1_790_000_000_000_000 - 60_000_000
+    frames, at = bytearray(), 0
+    data = bytes(companion.tlog)
+    while at < len(data):
+        length = 8 + 12 + data[at + 9]
+        frames += (int.from_bytes(data[at : at + 8], "big") - shift_us).to_bytes(8, "big") + data[at + 8 : at + length]
+        at += length
+    lines = [json.loads(line) for line in companion.detections.splitlines()]
+    for line in lines:
+        line["time_unix"] = round(line["time_unix"] * 1e6 - shift_us) / 1e6
+        line["received_unix"] = round(line["received_unix"] * 1e6 - shift_us) / 1e6
+    detections = "\n".join(map(json.dumps, lines)).encode()
+    recording = read_recording(bytes(frames), detections, own_components(companion.config))
+    targets = [line for line in replay(recording, companion.config, companion.calibration) if line["type"] == "target"]
+    originals = companion.targets()
+    assert len(targets) == len(originals)
+    for line, original in zip(targets, originals, strict=True):
+        assert original["time_unix"] - line["time_unix"] == pytest.approx(shift_us / 1e6, abs=1e-6)
+        assert (line["north"], line["east"], line["cov"]) == (original["north"], original["east"], original["cov"])
+
+
+def test_truth_adds_errors_to_the_summary(tmp_path, flown):
+    truth = tmp_path / "truth.csv"
+    rows = [flown.mock.world.place(target.at(0.0)) for target in flown.mock.scene]
+    truth.write_text(
+        "label,lat,lon,alt_amsl\n"
+        + "".join(f"target,{place.lat!r},{place.lon!r},{place.alt_amsl!r}\n" for place in rows)
+    )
+    done = command(*recorded(tmp_path, flown), "--truth", str(truth), "--json", "--sightings")
+    assert done.returncode == 0, done.stderr
+    summary = json.loads(done.stdout.splitlines()[-1])
+    assert [error["found"] for error in summary["errors"]] == [True, True, True]
+    assert all(error["rms_m"] < 5.0 for error in summary["errors"])
+    lines = [json.loads(line) for line in (tmp_path / "targets.jsonl").read_text().splitlines()]
+    assert lines[-1] == summary
+    assert {"sighting", "target", "clock", "header", "summary"} == {line["type"] for line in lines}
+
+
+def test_a_setting_changes_one_thing(tmp_path, flown):
+    words = recorded(tmp_path, flown)
+    assert command(*words, "--set", "tracking.filter=lowpass").returncode == 0
+    lines = [json.loads(line) for line in (tmp_path / "targets.jsonl").read_text().splitlines()]
+    assert lines[0]["config"]["tracking"]["filter"] == "lowpass"
+    lowpass = [line for line in lines if line["type"] == "target" and line["state"] == "confirmed"][-1]
+    assert lowpass["north"] != flown.final()["north"]
+
+
+def test_frames_that_tell_no_arrival_are_taken_at_their_capture(flown):
+    companion = flown.companion
+    lines = [json.loads(line) for line in companion.detections.splitlines()]
+    for line in lines:
+        del line["received_unix"]
+    detections = "\n".join(map(json.dumps, lines)).encode()
+    recording = read_recording(bytes(companion.tlog), detections, own_components(companion.config))
+    replayed = list(replay(recording, companion.config, companion.calibration))
+    assert replayed[-1]["fixes"] == companion.lines[-1]["fixes"]
+    assert "from_the_future" not in replayed[-1]["dropped"]
+
+
+def test_frames_on_the_autopilots_clock_are_taken_when_it_has_come_there(flown):
+    companion, clock = flown.companion, flown.mock.clock
+    lines = [json.loads(line) for line in companion.detections.splitlines()]
+    for line in lines:
+        host_ns = round(line.pop("time_unix") * 1e9) - companion.unix_offset_ns
+        line["time_boot"] = clock.boot_ns(host_ns) / 1e9
+        del line["received_unix"]
+    detections = "\n".join(map(json.dumps, lines)).encode()
+    recording = read_recording(bytes(companion.tlog), detections, own_components(companion.config))
+    replayed = list(replay(recording, companion.config, companion.calibration))
+    assert replayed[-1]["fixes"] > 0.95 * companion.lines[-1]["fixes"]
+
+
+def test_monotonic_stamps_of_a_recording_are_refused_by_name(flown):
+    companion = flown.companion
+    detections = b'{"time_monotonic": 1003.5, "detections": [{"u": 1, "v": 2}]}\n'
+    recording = read_recording(bytes(companion.tlog), detections, own_components(companion.config))
+    assert list(replay(recording, companion.config, companion.calibration))[-1]["dropped"] == {"no_monotonic_map": 1}
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda folder: (folder / "telemetry.tlog").unlink(), "telemetry.tlog: No such file"),
+        (lambda folder: (folder / "telemetry.tlog").write_bytes(b"text " * 99), "no MAVLink record"),
+        (lambda folder: (folder / "detections.jsonl").unlink(), "detections.jsonl: No such file"),
+        (lambda folder: (folder / "camera.yaml").unlink(), "camera.yaml"),
+        (lambda folder: (folder / "camera.yaml").write_text("model: pinhole\n"), "camera.yaml: "),
+        (lambda folder: (folder / "flight.toml").write_text(CONFIG + "[tracking]\nfiltre = 1\n"), "filter"),
+        (lambda folder: (folder / "targets.jsonl").mkdir(), "targets.jsonl: Is a directory"),
+    ],
+    ids=["no telemetry", "no tlog", "no detections", "no camera", "unknown camera", "unknown key", "out is a folder"],
+)
+def test_a_wrong_file_is_one_line_and_exit_2(tmp_path, flown, change, said):
+    words = recorded(tmp_path, flown)
+    change(tmp_path)
+    done = command(*words)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert done.stderr.count("\n") == 1
