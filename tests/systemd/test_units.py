@@ -1,0 +1,116 @@
+"""The files for a board, held to what the service does and to what the contract says of it."""
+
+import re
+from collections import defaultdict
+from pathlib import Path
+
+import pytest
+
+from fwav_companion.config import load
+from fwav_companion.systemd_notify import SystemdNotifier
+
+FOLDER = Path(__file__).parents[2] / "systemd"
+UNIT = FOLDER / "fwav-companion.service"
+SECTIONS = {"Unit", "Service", "Install"}
+
+
+def settings() -> dict[str, list[str]]:
+    """``Section.Key`` to its values, by the syntax of systemd.syntax(7); anything else in the file is an error."""
+    found: dict[str, list[str]] = defaultdict(list)
+    section = ""
+    for line in UNIT.read_text().splitlines():
+        if not line or line.startswith("#"):
+            continue
+        if heading := re.fullmatch(r"\[(\w+)\]", line):
+            section = heading[1]
+            assert section in SECTIONS
+            continue
+        setting = re.fullmatch(r"([A-Z]\w+)=(.*)", line)
+        assert setting is not None, line
+        assert "#" not in setting[2], "systemd has no comments at the end of a line"
+        found[f"{section}.{setting[1]}"].append(setting[2])
+    return found
+
+
+def the(key: str) -> str:
+    (value,) = settings()[key]
+    return value
+
+
+def test_nothing_is_said_twice_but_lists():
+    assert {key for key, values in settings().items() if len(values) > 1} == {"Service.DeviceAllow"}
+
+
+def test_ready_is_notified_and_a_wrong_configuration_is_not_retried():
+    assert the("Service.Type") == "notify"
+    assert the("Service.RestartPreventExitStatus") == "2"
+    assert the("Service.Restart") == "always"
+    assert the("Unit.StartLimitIntervalSec") == "0"
+    assert float(the("Service.TimeoutStopSec")) >= 2.0, "a clean stop takes up to that"
+
+
+def test_the_watchdog_is_told_in_time():
+    environment = {"NOTIFY_SOCKET": "/run/x", "WATCHDOG_USEC": f"{int(the('Service.WatchdogSec')) * 1_000_000}"}
+    notifier = SystemdNotifier(environment)
+    assert notifier.watchdog_period_s == 5.0
+    notifier.close()
+
+
+def test_it_runs_the_installed_command_with_the_installed_configuration():
+    program, *arguments = the("Service.ExecStart").split()
+    assert program == "/opt/fwav-companion/venv/bin/fwav-companion"
+    assert arguments == ["run", "--config", "/etc/fwav-companion/fwav-companion.toml"]
+    readme = (FOLDER / "README.md").read_text()
+    assert "python3 -m venv /opt/fwav-companion/venv" in readme
+    assert re.search(r"install -m 644 systemd/fwav-companion.toml .* /etc/fwav-companion/", readme)
+
+
+def test_its_own_user_and_its_own_folders():
+    assert the("Service.User") == "fwav-companion"
+    assert the("Service.SupplementaryGroups").split() == ["dialout", "video"]
+    for folder in ("ConfigurationDirectory", "StateDirectory", "RuntimeDirectory"):
+        assert the(f"Service.{folder}") == "fwav-companion"
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("NoNewPrivileges", "yes"),
+        ("CapabilityBoundingSet", ""),
+        ("ProtectSystem", "strict"),
+        ("ProtectHome", "yes"),
+        ("PrivateTmp", "yes"),
+        ("RestrictAddressFamilies", "AF_UNIX AF_INET AF_INET6 AF_NETLINK"),
+        ("DevicePolicy", "closed"),
+    ],
+)
+def test_what_it_needs_and_no_more(key: str, value: str):
+    assert the(f"Service.{key}") == value
+
+
+def test_devices_that_are_plugged_in_later_are_allowed_by_number():
+    allowed = dict(value.split() for value in settings()["Service.DeviceAllow"])
+    majors = {"ttyS": 4, "video4linux": 81, "ttyACM": 166, "ttyUSB": 188, "ttyAMA": 204}  # Linux: devices.txt
+    assert {f"char-{major}" for major in majors.values()} <= set(allowed)
+    assert set(allowed.values()) == {"rw"}
+
+
+def test_the_sample_configuration_is_one_that_run_takes():
+    config = load(FOLDER / "fwav-companion.toml")
+    config.require_links()
+    assert str(config.detections.parsed_url) == "unix:///run/fwav-companion/detections"
+    assert config.record.directory.startswith("/var/lib/fwav-companion/")
+    assert config.camera.calibration == "camera.yaml"
+
+
+def test_the_udev_rules_have_no_line_that_udev_cannot_read():
+    """Comma-separated KEY OP "VALUE"; the two jumps lead to the label."""
+    part = r'[A-Z_]+(\{\w+\})?(==|!=|=|\+=)"[^"]*"'
+    lines = [x for x in (FOLDER / "99-fwav-companion.rules").read_text().splitlines() if x and not x.startswith("#")]
+    for line in lines:
+        assert re.fullmatch(rf"{part}(, {part})*", line), line
+    assert lines[-1] == 'LABEL="fwav_companion_end"'
+    assert sum('GOTO="fwav_companion_end"' in line for line in lines) == 2
+    ids = re.findall(r'idVendor}=="(\w+)"', "\n".join(lines))
+    assert all(re.fullmatch("[0-9a-f]{4}", vendor) for vendor in ids), "udev compares text: lower case"
+    assert any('SYMLINK+="autopilot"' in line for line in lines)
