@@ -104,8 +104,11 @@ class RowClock:
         self._timing = msgspec.structs.replace(self._timing, time_offset_s=time_offset_s)
 
     def see(self, stamp_ns: int) -> None:
-        """A frame with this stamp came: its distance to the one before is an interval."""
-        last_ns, self._last_stamp_ns = self._last_stamp_ns, stamp_ns
+        """A frame with this stamp came: its distance to the latest one before is an interval. A late one tells none."""
+        last_ns = self._last_stamp_ns
+        if last_ns is not None and -LONGEST_INTERVAL_NS <= stamp_ns - last_ns <= 0:
+            return
+        self._last_stamp_ns = stamp_ns
         if last_ns is not None and 0 < stamp_ns - last_ns <= LONGEST_INTERVAL_NS:
             self._intervals.append(stamp_ns - last_ns)
             if len(self._intervals) > INTERVALS_KEPT:

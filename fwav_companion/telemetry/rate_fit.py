@@ -29,9 +29,10 @@ MEMORY_S = 3.0
 TRUST_IN_SENT = 1e-3
 """Weight of 'as sent' against the data: settles what a single frequency cannot tell, and nothing else."""
 SAMPLES_TO_BEGIN = 30
-GAINS = (0.5, 2.0)
-LAGS_S = (-0.005, 0.06)
-"""Outside, it is not a filter that was found but a stream too slow to show the motion."""
+GAINS = (0.85, 3.0)
+LAGS_S = (-0.005, 0.04)
+"""Filters delay (22 ms for two poles at 10 Hz) and damp. Outside, it is no filter that was found but a stream too slow
+to show the motion: what is left of it may fit anything."""
 QUIET = 1e-3
 """rad/s: rates that never exceed this are not sent."""
 
