@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import socket
-from collections.abc import Callable
 
 from fwav_companion.errors import LinkError
 from fwav_companion.links.addresses import SocketAddress, resolve
@@ -39,7 +38,7 @@ class TcpClientOpener:
         failure: OSError | LinkError = LinkError("no address")
         for family, address in await resolve(self._url.host, self._url.port, socket.SOCK_STREAM):
             try:
-                return TcpStream(await _connected(family, address), ear, ear.heard, ear.lost)
+                return TcpStream(await _connected(family, address), ear)
             except TimeoutError:
                 failure = LinkError(f"no answer within {CONNECT_WAIT_S:g} s")
             except OSError as error:
@@ -90,14 +89,11 @@ class TcpServerOpener:
 class TcpStream:
     """One connected stream, of a client or to a server."""
 
-    def __init__(
-        self, sock: socket.socket, ear: Ear, heard: Callable[[bytes], None], lost: Callable[[str], None]
-    ) -> None:
+    def __init__(self, sock: socket.socket, ear: Ear) -> None:
         self._socket = sock
-        self._heard = heard
-        self._lost = lost
+        self._ear = ear
         self._loop = asyncio.get_running_loop()
-        self._writer = BoundedWriter(sock.fileno(), sock.send, QUEUE_BYTES, Ear(heard, lost, ear.traffic))
+        self._writer = BoundedWriter(sock.fileno(), sock.send, QUEUE_BYTES, ear)
         self._loop.add_reader(sock, self._read)
 
     def send(self, data: bytes) -> None:
@@ -120,13 +116,13 @@ class TcpStream:
         except BlockingIOError:
             return
         except OSError as error:
-            self._lost(error.strerror or str(error))
+            self._ear.lost(error.strerror or str(error))
             return
         if data:
-            self._heard(data)
+            self._ear.heard(data)
         else:
             self._loop.remove_reader(self._socket)  # an end of file stays readable
-            self._lost("closed by the peer")
+            self._ear.lost("closed by the peer")
 
 
 class TcpServer:
@@ -191,7 +187,7 @@ class TcpServer:
             if client is not None:
                 client.close()
 
-        self._clients[name] = TcpStream(sock, self._ear, heard, lost)
+        self._clients[name] = TcpStream(sock, Ear(heard, lost, self._ear.traffic))
 
 
 def _set_options(sock: socket.socket) -> None:
