@@ -133,8 +133,6 @@ class TcpServer:
         self._ear = ear
         self._clients: dict[str, TcpStream] = {}
         """By address."""
-        self.address: SocketAddress = sock.getsockname()
-        """Where it listens."""
         self._loop = asyncio.get_running_loop()
         self._loop.add_reader(sock, self._accept)
 
