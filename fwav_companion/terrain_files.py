@@ -101,7 +101,7 @@ def _tile(path: Path, source: Any) -> ElevationTile:
     heights: array[float] = array("f", band.tobytes())
 
     def height_m(row: int, column: int) -> float:
-        return heights[row * columns + column]
+        return float(heights[row * columns + column])
 
     return ElevationTile(
         transform.f + 0.5 * transform.e,

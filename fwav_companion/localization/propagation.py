@@ -65,11 +65,13 @@ def propagate(sighting: Sighting, direction: Vector3, meeting: Meeting) -> Propa
     by_rotation = _by_rotation(direction, turned, meeting.distance_m)
     body_axes = transpose(matrix_from_quaternion(sighting.state.ned_from_body))
     mount = tuple(transform(by_rotation, axis) for axis in body_axes)
-    lift = meeting.height_by_rotation
-    roll, pitch, yaw = mount if lift is ZERO3 else _lifted(mount, deeper, transform(body_axes, lift))
+    roll, pitch, yaw = mount
     heading = (by_rotation[0][2], by_rotation[1][2], by_rotation[2][2])
-    if lift is not ZERO3:
-        heading = add(heading, scale(deeper, lift[2]))
+    height = _by_height(sighting, meeting, deeper)
+    if meeting.height_by_rotation is not ZERO3:  # a beam turns with the vehicle, and the height changes with it
+        lift = transform(body_axes, meeting.height_by_rotation)
+        roll, pitch, yaw = (add(turn, scale(height, up)) for turn, up in zip(mount, lift, strict=True))
+        heading = add(heading, scale(height, meeting.height_by_rotation[2]))
     p, q, r = sighting.state.rates
     time = add(add(scale(roll, p), scale(pitch, q)), add(scale(yaw, r), _motion(sighting, direction, meeting, m)))
     pixel_u, stretch_u = _by_ray(transform(sighting.ned_from_camera, sighting.ray.d_du), direction, meeting, m)
@@ -83,7 +85,7 @@ def propagate(sighting: Sighting, direction: Vector3, meeting: Meeting) -> Propa
         *(scale(turn, -1.0) for turn in mount),
         time,
         scale(time, sighting.row_fraction),
-        _by_height(sighting, meeting, deeper),
+        height,
         *_by_place(sighting, direction, m),
         scale(deeper, -1.0) if meeting.surveyed else ZERO3,
     )
@@ -101,11 +103,6 @@ def _by_rotation(d: Vector3, turned: Vector3, s: float) -> Matrix3:
     )
 
 
-def _lifted(turns: Columns, deeper: Vector3, lift: Vector3) -> Columns:
-    """Where the height was measured along a beam that turns with the vehicle, a rotation changes it too."""
-    return tuple(add(turn, scale(deeper, up)) for turn, up in zip(turns, lift, strict=True))
-
-
 def _by_ray(x: Vector3, d: Vector3, meeting: Meeting, m: Vector3) -> tuple[Vector3, float]:
     """The point's change with a change x of the ray, and the stretch that comes with it."""
     along, s = m[0] * x[0] + m[1] * x[1] + m[2] * x[2], meeting.distance_m
@@ -118,7 +115,7 @@ def _motion(sighting: Sighting, d: Vector3, meeting: Meeting, m: Vector3) -> Vec
     if velocity is None:
         return ZERO3
     if sighting.relative:  # the world goes along with the vehicle; only its height changes
-        return ZERO3 if meeting.carried else scale(d, -m[2] * velocity[2])
+        velocity = ZERO3 if meeting.carried else (0.0, 0.0, velocity[2])
     return velocity if meeting.carried else subtract(velocity, scale(d, dot(m, velocity)))
 
 

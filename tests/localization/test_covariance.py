@@ -1,0 +1,221 @@
+"""The derivatives against differences, the covariance against Monte Carlo, by a simulation of its own."""
+
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+from scipy.stats import chi2
+from true_flights import PRIORS, Scene
+
+from fwav_companion.localization import FixedGround, HomeGround, Localizer, RangefinderGround
+from fwav_companion.nouns import BIAS_COUNT, Bias, GroundFix, NoFix, Reason
+
+SCENES = {
+    "ahead and turned": Scene(),
+    "below": Scene(roll_deg=-3.0, pitch_deg=5.0, target=(1.0, -2.0)),
+    "relative": Scene(relative=True),
+    "rolled": Scene(roll_deg=-25.0, pitch_deg=15.0, target=(-10.0, 30.0), row_fraction=0.1),
+    "low": Scene(height_m=3.0, target=(1.0, 1.5), velocity=(1.0, 0.0, 0.3)),
+}
+every_scene = pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES.keys())
+STEPS = np.array([1e-5] * 6 + [1e-5, 1e-5] + [1e-3] * 4)
+
+
+def home() -> Localizer:
+    return Localizer(HomeGround(), PRIORS, min_height_m=0.5)
+
+
+def differences(localizer: Localizer, scene: Scene) -> np.ndarray:
+    """(12, 3): how the answer moves with each bias, the target being where it is."""
+    columns = []
+    for i, step in enumerate(STEPS):
+        bias = np.zeros(BIAS_COUNT)
+        ahead, behind = (
+            np.array(localizer.locate(scene.sighting(bias + sign * step * np.eye(BIAS_COUNT)[i])).position_ned)
+            for sign in (1.0, -1.0)
+        )
+        columns.append((ahead - behind) / (2.0 * step))
+    return np.array(columns)
+
+
+@every_scene
+def test_without_errors_the_target_is_where_it_is(scene):
+    fix = home().locate(scene.sighting())
+    assert fix.position_ned == pytest.approx(scene.truth(), abs=1e-9)
+    assert fix.ground == "home"
+
+
+@every_scene
+def test_every_bias_moves_the_answer_as_its_column_says(scene):
+    localizer = home()
+    fix = localizer.locate(scene.sighting())
+    assert np.array(fix.bias_jacobian) == pytest.approx(differences(localizer, scene), rel=1e-5, abs=1e-6)
+
+
+@every_scene
+def test_a_fixed_height_carries_the_ground_along(scene):
+    """The ground is told from the camera: an error of the camera's height has no part in the fix at all, an error of
+    the stated height moves the point along its ray."""
+    localizer = Localizer(FixedGround(scene.height_m), PRIORS, min_height_m=0.5)
+    jacobian = np.array(localizer.locate(scene.sighting()).bias_jacobian)
+    expected = differences(localizer, scene)
+    deeper, shallower = (
+        np.array(
+            Localizer(FixedGround(scene.height_m + d), PRIORS, min_height_m=0.5).locate(scene.sighting()).position_ned
+        )
+        for d in (1e-4, -1e-4)
+    )
+    expected[Bias.HEIGHT] = (deeper - shallower) / 2e-4
+    if scene.relative:  # the time column: the world goes with the vehicle, its height is as stated
+        assert jacobian[Bias.POSITION_NORTH] == pytest.approx((0.0, 0.0, 0.0))
+    assert jacobian == pytest.approx(expected, rel=1e-5, abs=1e-6)
+
+
+@pytest.mark.parametrize("beam", [(0.0, 0.0, 1.0), (0.6, 0.0, 0.8)], ids=["body down", "forward and down"])
+@pytest.mark.parametrize("relative", [False, True])
+def test_a_tilted_beam_turns_with_the_vehicle(beam, relative):
+    scene = Scene(
+        roll_deg=6.0, pitch_deg=20.0, beam=beam, relative=relative, row_fraction=0.0, velocity=(3.0, 2.0, 0.0)
+    )
+    localizer = Localizer(RangefinderGround(0.05), PRIORS, min_height_m=0.5)
+
+    fix = localizer.locate(scene.sighting())
+    assert fix.ground == "rangefinder"
+    assert fix.position_ned == pytest.approx(scene.truth(), abs=1e-9)
+    jacobian, expected = np.array(fix.bias_jacobian), differences(localizer, scene)
+    rotations = [Bias.ROLL, Bias.PITCH, Bias.HEADING, Bias.MOUNT_X, Bias.MOUNT_Y, Bias.MOUNT_Z]
+    assert jacobian[rotations] == pytest.approx(expected[rotations], rel=1e-5, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", ["ahead and turned", "relative", "low"])
+def test_noise_and_total_agree_with_monte_carlo(name):
+    """Errors small enough to be linear; drawn, flown and located one by one. 5 % is 3.9 sigma of 3000 draws."""
+    priors = scaled_priors(0.2)
+    scene = replace(
+        SCENES[name], pixel_sigma=(0.6, 1.0), bridging_sigma=0.0004, time_noise_s=0.0004, position_sigma_m=0.01
+    )
+    localizer = Localizer(HomeGround(), priors, min_height_m=0.5)
+    fix = localizer.locate(scene.sighting())
+    rng = np.random.default_rng(2)
+    fresh, total = [], []
+    for _ in range(3000):
+        bias, noise = scene.draw(rng, priors)
+        fresh.append(localizer.locate(scene.sighting(None, noise)).position_ned[:2])
+        total.append(localizer.locate(scene.sighting(bias, noise)).position_ned[:2])
+
+    for draws, claimed in ((fresh, fix.noise_cov), (total, fix.cov)):
+        found, claimed = np.cov(np.array(draws).T), np.array(claimed)[:2, :2]
+        scale = np.sqrt(np.outer(np.diag(claimed), np.diag(claimed)))
+        assert np.abs(found - claimed).max() <= 0.07 * scale.max()
+        assert np.sqrt(np.diag(found) / np.diag(claimed)) == pytest.approx([1.0, 1.0], abs=0.05)
+
+
+def scaled_priors(factor: float):
+    p = PRIORS
+    return msgspec.structs.replace(
+        p,
+        attitude_noise=factor * p.attitude_noise,
+        position_noise_m=factor * p.position_noise_m,
+        height_noise_m=factor * p.height_noise_m,
+        bias_sigmas=tuple(factor * s for s in p.bias_sigmas),
+    )
+
+
+@every_scene
+def test_the_total_is_the_sum_of_its_named_parts(scene):
+    fix = home().locate(scene.sighting())
+    jacobian = np.array(fix.bias_jacobian)
+    level = np.diag([0.0, 0.0, fix.level_sigma_m**2])
+    biases = jacobian.T @ np.diag(np.square(PRIORS.bias_sigmas)) @ jacobian
+
+    assert np.array(fix.cov) == pytest.approx(np.array(fix.noise_cov) + biases + level, rel=1e-9)
+    place = jacobian[[Bias.POSITION_NORTH, Bias.POSITION_EAST]]
+    noise = 0.0 if scene.relative else PRIORS.position_noise_m**2 + scene.position_sigma_m**2
+    without = np.array(fix.cov) - place.T @ place * (1.0 + noise)
+    assert np.array(fix.relative_cov) == pytest.approx(without, rel=1e-9, abs=1e-12)
+    budget = [getattr(fix.budget, name) for name in fix.budget.__struct_fields__]
+    assert np.sum(np.square(budget)) == pytest.approx(np.trace(np.array(fix.cov)[:2, :2]), rel=1e-9)
+    assert np.linalg.eigvalsh(np.array(fix.cov)).min() > 0.0
+    assert np.linalg.eigvalsh(np.array(fix.noise_cov)).min() > 0.0
+    assert fix.bias_jacobian[Bias.TERRAIN] == (0.0, 0.0, 0.0), "terrain_m counts only for an elevation model"
+
+
+def test_each_line_of_the_budget_is_its_own_cause():
+    scene = Scene()
+    fix = home().locate(scene.sighting())
+    for name, sources in {
+        "attitude": [Bias.ROLL, Bias.PITCH],
+        "heading": [Bias.HEADING],
+        "height": [Bias.HEIGHT],
+        "time": [Bias.TIME_OFFSET, Bias.READOUT],
+        "mount": [Bias.MOUNT_X, Bias.MOUNT_Y, Bias.MOUNT_Z],
+        "position": [Bias.POSITION_NORTH, Bias.POSITION_EAST],
+    }.items():
+        without = tuple(0.0 if i in sources else s for i, s in enumerate(PRIORS.bias_sigmas))
+        lean = Localizer(HomeGround(), msgspec.structs.replace(PRIORS, bias_sigmas=without), min_height_m=0.5)
+        less = lean.locate(scene.sighting()).budget
+        for other in less.__struct_fields__:
+            if other == name:
+                assert getattr(less, other) < getattr(fix.budget, other)
+            else:
+                assert getattr(less, other) == getattr(fix.budget, other)
+
+
+@pytest.mark.parametrize("pitch_deg", [10.0, 37.0])
+@pytest.mark.parametrize(("north", "within"), [(5.0, "steep"), (40.0, "halfway"), (105.0, "as shallow as is allowed")])
+def test_a_claimed_ellipse_holds_as_many_truths_as_it_says(pitch_deg, north, within):
+    """500 flights, one fix each, biases from the priors: normalised squares and the 90 % ellipse, from both sides."""
+    scene = Scene(pitch_deg=pitch_deg, yaw_deg=0.0, height_m=30.0, target=(north, 4.0), pixel_sigma=(4.0, 4.0))
+    localizer, rng = home(), np.random.default_rng(11)
+    squares = []
+    for _ in range(500):
+        fix = localizer.locate(scene.sighting(*scene.draw(rng)))
+        if isinstance(fix, NoFix):
+            continue
+        error = np.subtract(fix.position_ned, scene.truth())[:2]
+        squares.append(error @ np.linalg.solve(np.array(fix.cov)[:2, :2], error))
+
+    count = len(squares)
+    assert count > 250
+    low, high = chi2.ppf([0.0005, 0.9995], 2 * count) / count
+    assert low <= np.mean(squares) <= high
+    held = np.mean(np.array(squares) < chi2.ppf(0.9, 2))
+    assert 0.85 <= held <= 0.95
+
+
+def test_beyond_what_a_gaussian_can_tell_it_refuses():
+    found = {}
+    for distance in (30.0, 100.0, 300.0, 3000.0):
+        answer = home().locate(Scene(pitch_deg=60.0, yaw_deg=0.0, height_m=30.0, target=(distance, 0.0)).sighting())
+        found[distance] = answer.reason if isinstance(answer, NoFix) else "fix"
+    assert found == {30.0: "fix", 100.0: "fix", 300.0: Reason.TOO_SHALLOW, 3000.0: Reason.TOO_SHALLOW}
+
+
+def test_the_bias_of_convexity_stays_a_small_part_of_what_is_claimed():
+    """A shallow ray's error is skewed outward: its mean lies k sigma too far, k = 0.12 here and at most 0.15."""
+    still = (0.0, 0.0, 0.0)
+    scene = Scene(
+        pitch_deg=60.0, yaw_deg=0.0, roll_deg=0.0, height_m=30.0, target=(110.0, 0.0), velocity=still, rates=still
+    )
+    sigma = np.sqrt(home().locate(scene.sighting()).cov[0][0])
+    loose = Localizer(HomeGround(), scaled_priors(0.001), min_height_m=0.5)  # so that no draw is refused
+    rng = np.random.default_rng(4)
+
+    errors = [loose.locate(scene.sighting(*scene.draw(rng))) for _ in range(3000)]
+
+    off = np.mean([e.position_ned[0] for e in errors if isinstance(e, GroundFix)]) - scene.truth()[0]
+    assert 0.05 * sigma < off < 0.15 * sigma
+
+
+def test_nothing_fresh_and_no_bias_leaves_only_the_level():
+    """With every sigma zero but the height's, only height is left."""
+    zero = tuple(0.5 if i == Bias.HEIGHT else 0.0 for i in range(BIAS_COUNT))
+    priors = msgspec.structs.replace(scaled_priors(0.0), bias_sigmas=zero)
+    scene = Scene(pixel_sigma=(0.0, 0.0), bridging_sigma=0.0, time_noise_s=0.0, position_sigma_m=0.0)
+    fix = Localizer(HomeGround(), priors, min_height_m=0.5).locate(scene.sighting())
+
+    north, east = scene.target
+    expected = 0.25 * np.outer([north / 40.0, east / 40.0], [north / 40.0, east / 40.0])
+    assert np.array(fix.cov)[:2, :2] == pytest.approx(expected, rel=1e-9)
+    assert fix.cov[2][2] == pytest.approx(0.25)
