@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import sqrt
+from math import isfinite, sqrt
 
 from fwav_companion.geometry.earth import TangentPlane
 from fwav_companion.geometry.rotations import exp, rotate
@@ -43,6 +43,15 @@ class Localizer:
 
     def locate(self, sighting: Sighting) -> GroundFix | NoFix:
         """Where the sighting's ray meets the ground; in a relative world from the point below the camera."""
+        try:
+            answer = self._located(sighting)
+        except (OverflowError, ValueError, ZeroDivisionError):  # telemetry that is finite but beyond all reason
+            return NoFix(Reason.NOT_FINITE)
+        if isinstance(answer, GroundFix) and not _is_finite(answer):
+            return NoFix(Reason.NOT_FINITE)
+        return answer
+
+    def _located(self, sighting: Sighting) -> GroundFix | NoFix:
         direction = transform(sighting.ned_from_camera, sighting.ray.direction)
         meeting = self.ground.meet(sighting, direction)
         if isinstance(meeting, NoFix):
@@ -103,3 +112,9 @@ class Localizer:
             if abs(other.distance_m - plane_m) > stretch * meeting.distance_m:
                 return False
         return True
+
+
+def _is_finite(fix: GroundFix) -> bool:
+    """An infinity or a NaN anywhere in the columns makes a sum of squares that is none."""
+    (north, east, down), (nn, _, _), (_, ee, _), (_, _, dd) = fix.position_ned, *fix.cov
+    return isfinite(north + east + down + nn + ee + dd)

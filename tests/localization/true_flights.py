@@ -75,7 +75,7 @@ class Scene:
         at_capture = self._attitude(0.0)
         offset = np.array([*self.target, self.height_m])
         u, v = LENS.pixel_from_camera_point(tuple((at_capture * mount).inv().apply(offset)))
-        u, v = u + noise.pixel[0], v + noise.pixel[1]
+        u, v = float(u + noise.pixel[0]), float(v + noise.pixel[1])
 
         late = bias[Bias.TIME_OFFSET] + self.row_fraction * bias[Bias.READOUT] + noise.time_s
         roll, pitch, heading = bias[:3] + noise.attitude
