@@ -21,10 +21,11 @@ def decode(frame: RawFrame, link: str = "", *, signed: bool = False) -> Message:
 
     Text ends at its first NUL; what is not UTF-8 becomes U+FFFD. What a shorter payload leaves out is 0.
     """
-    definition = frame.definition
+    flow = frame.flow
+    definition = flow.definition
     if definition is None:
-        raise ValueError(f"message id {frame.msgid} is not in the dialect: it cannot be decoded")
-    return Message(definition.name, frame.system, frame.component, link, definition.unpack(frame.data), signed)
+        raise ValueError(f"message id {flow.msgid} is not in the dialect: it cannot be decoded")
+    return Message(definition.name, flow.system, flow.component, link, definition.unpack(frame.data), signed)
 
 
 def pack(name: str, fields: Mapping[str, Any]) -> tuple[Definition, bytes]:

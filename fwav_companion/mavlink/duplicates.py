@@ -10,7 +10,7 @@ _GENERATION_NS: Final = NS_PER_S // 2
 """A frame is remembered for one to two of these: a second is more than redundant links differ by, and less than 256
 frames take at 250 a second, after which a heartbeat could come by another link with the same bytes again."""
 _GENERATION_FRAMES: Final = 1024
-"""At most 2 x 1024 x 280 bytes: 2000 frames a second."""
+"""At most 2 x (1024 + those of one reading) x 280 bytes: 2000 frames a second."""
 
 
 class Duplicates:
@@ -25,16 +25,18 @@ class Duplicates:
         self._old: dict[bytes, int] = {}
         self._turn_ns: HostNs | None = None
 
-    def came_by_another(self, frame: bytes, link: int, now: HostNs) -> bool:
-        """The frame came by another link a short while ago. Remembers it otherwise."""
-        if self._turn_ns is None or now >= self._turn_ns or len(self._young) >= _GENERATION_FRAMES:
-            self._turn(now)
-        if self._old.get(frame, link) != link:
-            return True
-        return self._young.setdefault(frame, link) != link
+    def generations(self, now: HostNs) -> tuple[dict[bytes, int], dict[bytes, int]]:
+        """The frames of late and those before, each with its link, once the oldest are forgotten.
 
-    def _turn(self, now: HostNs) -> None:
-        long_ago = self._turn_ns is not None and now >= self._turn_ns + _GENERATION_NS
-        self._old = {} if long_ago else self._young
-        self._young = {}
-        self._turn_ns = HostNs(now + _GENERATION_NS)
+        For who has many frames at one instant, and asks as :meth:`came_by_another` does.
+        """
+        if self._turn_ns is None or now >= self._turn_ns or len(self._young) >= _GENERATION_FRAMES:
+            long_ago = self._turn_ns is not None and now >= self._turn_ns + _GENERATION_NS
+            self._old = {} if long_ago else self._young
+            self._young = {}
+            self._turn_ns = HostNs(now + _GENERATION_NS)
+        return self._young, self._old
+
+    def came_by_another(self, frame: bytes, link: int) -> bool:
+        """The frame came by another link a short while ago. Remembers it otherwise."""
+        return self._old.get(frame, link) != link or self._young.setdefault(frame, link) != link

@@ -12,7 +12,7 @@ from fwav_companion.mavlink.codec import decode
 from fwav_companion.mavlink.definitions import BY_NAME, constant
 from fwav_companion.mavlink.duplicates import Duplicates
 from fwav_companion.mavlink.peers import UNKNOWN, Peer, Stream
-from fwav_companion.mavlink.routing import COMMANDS, REQUEST_DATA_STREAM, LinkPolicy, Port, Router
+from fwav_companion.mavlink.routing import COMMANDS, REQUEST_DATA_STREAM, SETUP_SIGNING, LinkPolicy, Port, Router
 from fwav_companion.mavlink.scanner import RawFrame
 from fwav_companion.mavlink.sending import Sender
 from fwav_companion.mavlink.signing import SigningClock
@@ -44,9 +44,11 @@ class Received(msgspec.Struct):
     forwards: list[tuple[str, bytes]]
     """(link, frame as it came), to be sent in order."""
     frames: Sequence[RawFrame] = ()
-    """All that were whole, for a recording."""
+    """All that were whole, for a recording: but for SETUP_SIGNING, which carries a key."""
     rate_request: str = ""
     """Who asked for other message rates in a frame that goes on to an autopilot: it may undo ours."""
+    secret: bool = False
+    """A SETUP_SIGNING was among the frames."""
 
 
 class Node:
@@ -100,7 +102,7 @@ class Node:
         port.bytes_in += len(data)
         frames = port.scanner.feed(data)
         received = self._take(port, frames, now)
-        received.frames = frames
+        received.frames = frames if not received.secret else [frame for frame in frames if frame.msgid != SETUP_SIGNING]
         if port.scanner.undecided:
             self._settle_ns[link] = HostNs(now + QUIET_NS)
         elif self._settle_ns:
@@ -142,27 +144,24 @@ class Node:
     def _take(self, port: Port, frames: Sequence[RawFrame], now: HostNs) -> Received:
         """The relay's hot path: for most frames a few look-ups, worked out when the tables last changed."""
         received = Received([], [])
-        router, index, forward = self._router, port.index, received.forwards.append
-        came_by_another = self._duplicates.came_by_another
+        router, link, forward = self._router, port.index, received.forwards.append
         router.sweep(now)
+        young, old = self._duplicates.generations(now)
         for frame in frames:
-            data = frame.data
-            peer = port.peers.get(frame.system << 8 | frame.component) or self._meet(port, frame, now)
-            if peer is None:
+            data, flow, seq = frame.data, frame.flow, frame.seq
+            if flow.version != router.version and not self._attach(port, frame, now):
                 continue
-            if frame.seq == peer.next_seq:
-                peer.next_seq = (frame.seq + 1) & 0xFF
+            stream: Stream = flow.stream
+            peer = stream.peer
+            if seq == peer.next_seq:
+                peer.next_seq = (seq + 1) & 0xFF
             else:
-                peer.on_gap(frame.seq, now)
+                peer.on_gap(seq, now)
             peer.last_ns = now
-            stream = peer.streams.get(frame.msgid) or peer.stream(frame)
             stream.count += 1
-            if came_by_another(data, index, now):
+            if old.get(data, link) != link or young.setdefault(data, link) != link:
                 port.duplicates += 1
                 continue
-            if stream.plan != router.version:
-                router.plan(port, frame, stream)
-                stream.watched = frame.definition is not None and frame.msgid in self._watched
             if stream.direct is None:
                 self._forward(port, frame, stream, received, now)
             else:
@@ -172,12 +171,25 @@ class Node:
                 self._read(port, frame, received, now)
         return received
 
+    def _attach(self, port: Port, frame: RawFrame, now: HostNs) -> bool:
+        """Work out anew what holds for all frames of a flow; False where they are not taken at all."""
+        router, flow = self._router, frame.flow
+        peer = port.peers.get(flow.system << 8 | flow.component) or self._meet(port, frame, now)
+        if peer is None:
+            return False
+        flow.stream = stream = peer.stream(frame)
+        flow.version = router.version
+        if stream.plan != router.version:
+            router.plan(port, frame, stream)
+            stream.watched = flow.definition is not None and flow.msgid in self._watched
+        return True
+
     def _meet(self, port: Port, frame: RawFrame, now: HostNs) -> Peer | None:
         """Who speaks here for the first time; None for ourselves through a crossed wire, or a copy from elsewhere."""
         if self._router.is_own(frame):
             port.echoes += 1
             return None
-        if self._duplicates.came_by_another(frame.data, port.index, now):
+        if self._duplicates.came_by_another(frame.data, port.index):
             port.duplicates += 1
             return None
         return self._router.learn(port, frame, now)
@@ -187,6 +199,7 @@ class Node:
         msgid = UNKNOWN if frame.definition is None else frame.msgid
         sender = frame.system << 8 | frame.component
         outs = self._router.route_of(port, frame, stream)
+        received.secret = received.secret or msgid == SETUP_SIGNING
         if msgid == REQUEST_DATA_STREAM and not port.forwards_rate_requests:
             port.stopped += 1
         for out in outs:

@@ -28,9 +28,10 @@ apart without a table that strangers fill."""
 class Stream:
     """One message of one peer on one link: how many came, and where they go. The router fills in the latter."""
 
-    __slots__ = ("asks_rates", "count", "definition", "direct", "plan", "routes", "targeted", "watched")
+    __slots__ = ("asks_rates", "count", "definition", "direct", "peer", "plan", "routes", "targeted", "watched")
 
-    def __init__(self, definition: Definition | None) -> None:
+    def __init__(self, peer: Peer, definition: Definition | None) -> None:
+        self.peer = peer
         self.definition = definition
         self.count = 0
         self.plan = -1
@@ -109,5 +110,5 @@ class Peer:
         key = UNKNOWN if frame.definition is None else frame.msgid
         stream = self.streams.get(key)
         if stream is None:
-            stream = self.streams[key] = Stream(frame.definition)
+            stream = self.streams[key] = Stream(self, frame.definition)
         return stream

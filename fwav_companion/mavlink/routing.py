@@ -25,7 +25,7 @@ from fwav_companion.mavlink.peers import MAX_PEERS, SILENT_NS, UNKNOWN, Peer, St
 from fwav_companion.mavlink.scanner import RawFrame, Scanner
 from fwav_companion.mavlink.thinning import Thinner
 
-NEVER_FORWARDED: Final = frozenset({BY_NAME["SETUP_SIGNING"].msgid})
+SETUP_SIGNING: Final = BY_NAME["SETUP_SIGNING"].msgid
 NOT_TO_AUTOPILOTS: Final = frozenset(BY_NAME[name].msgid for name in ("RADIO", "RADIO_STATUS", "ADSB_VEHICLE"))
 REQUEST_DATA_STREAM: Final = BY_NAME["REQUEST_DATA_STREAM"].msgid
 COMMANDS: Final = frozenset(BY_NAME[name].msgid for name in ("COMMAND_LONG", "COMMAND_INT"))
@@ -98,6 +98,8 @@ class Router:
 
     def adopt(self, system: int) -> None:
         """The vehicle's system id is known, and ours with it."""
+        if system == self.system:
+            return
         self.system = system
         self.version += 1
         for port in self.ports:
@@ -195,7 +197,7 @@ class Router:
             return True
         if frame.msgid == REQUEST_DATA_STREAM:
             return port.forwards_rate_requests
-        return frame.msgid not in NEVER_FORWARDED
+        return frame.msgid != SETUP_SIGNING
 
     def _reaches(self, out: Port, target_system: int, target_component: int) -> bool:
         if target_system == 0:

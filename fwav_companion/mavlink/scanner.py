@@ -19,7 +19,7 @@ import re
 from collections.abc import Callable
 from enum import Enum
 from struct import Struct
-from typing import Final
+from typing import Any, Final
 
 import msgspec
 from fastcrc import crc16
@@ -39,25 +39,42 @@ _SHORTEST_V2: Final = HEADER_V2 + 2
 checksum: Final[Callable[[bytes], int]] = crc16.mcrf4xx
 """CRC-16/MCRF4XX, which MAVLink's documentation calls X.25."""
 
-_header_v1: Final = Struct("<BBBBBB").unpack_from
-_header_v2: Final = Struct("<BBBBBBBHB").unpack_from
-"""Marker, length, incompat flags, compat flags, seq, system, component, message id as two and one byte."""
+MAX_FLOWS: Final = 4096
+"""On one link: 250 vehicles with sixteen messages each. When there are more, all are met anew."""
+
 _MARKERS: Final = b"\xfd\xfe"
 _next_marker: Final = re.compile(b"[\xfd\xfe]").search
 
 
 def _read_empty(buffer: bytes, position: int) -> tuple[int, ...]:
     """Payloads have at least one byte, but a sender may not know."""
-    _, _, flags, _, seq, system, component, low, high = _header_v2(buffer, position)
-    return flags, seq, system, component, low | high << 16, buffer[position + 10] | buffer[position + 11] << 8
+    return buffer[position + 2], buffer[position + 4], buffer[position + 10] | buffer[position + 11] << 8
 
 
-# Header and checksum in one reading, a third quicker than in two. By length of payload: incompat flags, seq, system,
-# component, message id with the payload's first byte on top, checksum.
+# Incompat flags, seq and checksum, by length of payload: one reading is a third quicker than three.
 _read_v2: Final[tuple[Callable[[bytes, int], tuple[int, ...]], ...]] = (
     _read_empty,
-    *(Struct(f"<xxBxBBBI{length - 1}xH").unpack_from for length in range(1, 256)),
+    *(Struct(f"<xxBxB{length + 5}xH").unpack_from for length in range(1, 256)),
 )
+
+
+class Flow:
+    """What all frames of one message of one sender share. Whoever handles frames may hang on it what they know."""
+
+    __slots__ = ("component", "crc_byte", "definition", "msgid", "stream", "system", "version")
+
+    def __init__(self, system: int, component: int, msgid: int, definition: Definition | None) -> None:
+        self.system = system
+        """The sender's system id."""
+        self.component = component
+        """The sender's component id."""
+        self.msgid = msgid
+        self.definition = definition
+        """None for an unknown message id: its checksum has not been checked."""
+        self.crc_byte = definition.crc_byte if definition else b""
+        self.stream: Any = None
+        self.version = -1
+        """For the owner of :attr:`stream`: of what it was worked out from."""
 
 
 class RawFrame(msgspec.Struct, frozen=True, gc=False):
@@ -65,14 +82,28 @@ class RawFrame(msgspec.Struct, frozen=True, gc=False):
 
     data: bytes
     """All its bytes, from the start byte to the end of the signature."""
-    definition: Definition | None
-    """None for an unknown message id: its checksum has not been checked."""
-    msgid: int
-    system: int
-    """The sender's system id."""
-    component: int
-    """The sender's component id."""
+    flow: Flow
     seq: int
+
+    @property
+    def definition(self) -> Definition | None:
+        """None for an unknown message id: its checksum has not been checked."""
+        return self.flow.definition
+
+    @property
+    def msgid(self) -> int:
+        """The message's id."""
+        return self.flow.msgid
+
+    @property
+    def system(self) -> int:
+        """The sender's system id."""
+        return self.flow.system
+
+    @property
+    def component(self) -> int:
+        """The sender's component id."""
+        return self.flow.component
 
     @property
     def known(self) -> bool:
@@ -138,6 +169,8 @@ class Scanner:
         """Bytes that belong to no frame."""
         self.undecided = False
         """A whole frame of an unknown id waits for what follows it: see :meth:`settle`."""
+        self._flows: dict[bytes, Flow] = {}
+        """Of known ids, by system, component and message id as they stand in a MAVLink 2 header."""
         self._datagrams = datagrams
         self._pending = b""
         self._due = datagrams
@@ -150,7 +183,7 @@ class Scanner:
         pending = self._pending
         if not self._datagrams:
             return self._scan(pending + data if pending else data, at_end=False)
-        if pending and _begins_with_known_frame(data):
+        if pending and self._begins_with_known_frame(data):
             self.skipped_bytes += len(pending)  # its datagram was cut off: what it began will not be continued
             pending, self._clear_to = b"", 0
         self._due = self._due or not pending
@@ -170,27 +203,27 @@ class Scanner:
     def _scan(self, buffer: bytes, *, at_end: bool) -> list[RawFrame]:
         frames: list[RawFrame] = []
         self.undecided = False
+        flows = self._flows
         size = len(buffer)
         last_header = size - _SHORTEST_V2
         position = 0
         frame_end = 0 if self._due else -1
         while position < size:
-            # The common case, inline because every frame of the relay passes here: MAVLink 2, known, unsigned.
+            # The common case, inline because every frame of the relay passes here: MAVLink 2, unsigned, met before.
             if buffer[position] == MARKER_V2:
                 if position > last_header:
                     break
                 length = buffer[position + 1]
                 end = position + _SHORTEST_V2 + length
                 if end <= size:
-                    flags, seq, system, component, msgid, told = _read_v2[length](buffer, position)
-                    msgid &= 0xFFFFFF
-                    definition = DEFINITIONS.get(msgid)
+                    flags, seq, told = _read_v2[length](buffer, position)
+                    flow = flows.get(buffer[position + 5 : position + HEADER_V2])
                     if (
-                        definition is not None
+                        flow is not None
                         and flags == 0
-                        and checksum(buffer[position + 1 : end - 2] + definition.crc_byte) == told
+                        and checksum(buffer[position + 1 : end - 2] + flow.crc_byte) == told
                     ):
-                        frames.append(RawFrame(buffer[position:end], definition, msgid, system, component, seq))
+                        frames.append(RawFrame(buffer[position:end], flow, seq))
                         position = frame_end = end
                         continue
                 elif buffer[position + 2] <= FLAG_SIGNED:
@@ -209,7 +242,7 @@ class Scanner:
 
     def _step(self, buffer: bytes, position: int, frames: list[RawFrame], at_end: bool) -> int:
         """Take one frame or skip to the next start byte. The new position; the old one where more bytes are needed."""
-        found = _frame_at(buffer, position)
+        found = self._frame_at(buffer, position)
         if isinstance(found, RawFrame) and found.definition is None:
             found = self._judge_unknown(buffer, position, found, at_end)
         if isinstance(found, RawFrame):
@@ -240,7 +273,7 @@ class Scanner:
         end = position + len(frame.data)
         start = max(position + 1, self._clear_to)
         while marker := _next_marker(buffer, start, end):
-            inside = _frame_at(buffer, marker.start())
+            inside = self._frame_at(buffer, marker.start())
             if isinstance(inside, RawFrame) and inside.definition is not None:
                 return _Nothing.HERE
             if inside is _Nothing.YET and not at_end:
@@ -256,36 +289,45 @@ class Scanner:
         elif nothing is _Nothing.NOT_UNDERSTOOD:
             self.not_understood += 1
 
+    def _frame_at(self, buffer: bytes, position: int) -> RawFrame | _Nothing:
+        """The frame that begins here by its own header and, for a known id, checksum."""
+        left = len(buffer) - position
+        marker = buffer[position]
+        if marker not in _MARKERS:
+            return _Nothing.HERE
+        if left < (_SHORTEST_V2 if marker == MARKER_V2 else _SHORTEST_V1):
+            return _Nothing.YET
+        if marker == MARKER_V2:
+            if buffer[position + 2] > FLAG_SIGNED:
+                return _Nothing.NOT_UNDERSTOOD
+            body_end = position + HEADER_V2 + buffer[position + 1]
+            end = body_end + 2 + SIGNATURE_LENGTH * buffer[position + 2]
+            identity = buffer[position + 5 : position + HEADER_V2]
+            seq = buffer[position + 4]
+        else:
+            body_end = position + HEADER_V1 + buffer[position + 1]
+            end = body_end + 2
+            identity = buffer[position + 3 : position + HEADER_V1] + b"\0\0"
+            seq = buffer[position + 2]
+        if end > len(buffer):
+            return _Nothing.YET
+        flow = self._flows.get(identity) or self._new_flow(identity)
+        if flow.definition is not None:
+            told = int.from_bytes(buffer[body_end : body_end + 2], "little")
+            if checksum(buffer[position + 1 : body_end] + flow.crc_byte) != told:
+                return _Nothing.BAD_CHECKSUM
+            self._remember(identity, flow)
+        return RawFrame(buffer[position:end], flow, seq)
 
-def _frame_at(buffer: bytes, position: int) -> RawFrame | _Nothing:
-    """The frame that begins here by its own header and, for a known id, checksum."""
-    left = len(buffer) - position
-    marker = buffer[position]
-    if marker not in _MARKERS:
-        return _Nothing.HERE
-    if left < (_SHORTEST_V2 if marker == MARKER_V2 else _SHORTEST_V1):
-        return _Nothing.YET
-    if marker == MARKER_V2:
-        if buffer[position + 2] > FLAG_SIGNED:
-            return _Nothing.NOT_UNDERSTOOD
-        body_end = position + HEADER_V2 + buffer[position + 1]
-        end = body_end + 2 + SIGNATURE_LENGTH * buffer[position + 2]
-        _, _, _, _, seq, system, component, low, high = _header_v2(buffer, position)
-        msgid = low | high << 16
-    else:
-        body_end = position + HEADER_V1 + buffer[position + 1]
-        end = body_end + 2
-        _, _, seq, system, component, msgid = _header_v1(buffer, position)
-    if end > len(buffer):
-        return _Nothing.YET
-    definition = DEFINITIONS.get(msgid)
-    if definition is not None:
-        told = int.from_bytes(buffer[body_end : body_end + 2], "little")
-        if checksum(buffer[position + 1 : body_end] + definition.crc_byte) != told:
-            return _Nothing.BAD_CHECKSUM
-    return RawFrame(buffer[position:end], definition, msgid, system, component, seq)
+    def _new_flow(self, identity: bytes) -> Flow:
+        msgid = int.from_bytes(identity[2:], "little")
+        return Flow(identity[0], identity[1], msgid, DEFINITIONS.get(msgid))
 
+    def _remember(self, identity: bytes, flow: Flow) -> None:
+        if len(self._flows) >= MAX_FLOWS:
+            self._flows.clear()
+        self._flows[identity] = flow
 
-def _begins_with_known_frame(data: bytes) -> bool:
-    found = _frame_at(data, 0) if data else _Nothing.YET
-    return isinstance(found, RawFrame) and found.known
+    def _begins_with_known_frame(self, data: bytes) -> bool:
+        found = self._frame_at(data, 0) if data else _Nothing.YET
+        return isinstance(found, RawFrame) and found.known
