@@ -10,7 +10,7 @@ from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.ledger import Ledger
 from fwav_companion.localization import Localizer
-from fwav_companion.nouns import Frame, FrameView, GroundFix, NoFix, NoFrame, Reason, Track, VehicleState
+from fwav_companion.nouns import Frame, FrameView, GroundFix, NoFix, NoFrame, Reason, Sighting, Track, VehicleState
 from fwav_companion.pairing import PairedFrame, Pairer, RefusedFrame, WaitingFrames, sees_nothing
 from fwav_companion.recording.lines import Line, sighting_line
 from fwav_companion.telemetry import Telemetry
@@ -75,6 +75,12 @@ class Sight:
         """The frames whose lines may be written, in the order of capture."""
         settled, self._dropped = [*self._reorder.close(now), *self._dropped], []
         return settled
+
+    def locate(self, u: float, v: float, sigma_px: float, host_ns: HostNs) -> GroundFix | None:
+        """The ground under a pixel of a picture taken then; None where there is no telling."""
+        sighting = self._pairer.look_at(u, v, sigma_px, host_ns, self._telemetry)
+        fix = self._localizer.locate(sighting) if isinstance(sighting, Sighting) else None
+        return fix if isinstance(fix, GroundFix) else None
 
     def arrival_untold(self, frame: Frame) -> HostNs | None:
         """When a recorded frame that does not tell is taken to have come; None while the clock is not known."""

@@ -58,11 +58,14 @@ def make_pipeline(
     sight = None if calibration is None else _sight(config, calibration, telemetry, ledger, sightings=sightings)
     publisher = Publisher(
         _publish_options(config, calibration, unit),
+        locate=None if sight is None else sight.locate,
         state_at=telemetry.state_at,
     )
     handlers: dict[int, Handler | None] = {component: None}
     if has_camera:
         handlers[CAMERA_COMPONENT] = publisher.on_command
+    commands = Commands(handlers, require_signed=config.signing is not None, version=_version_numbers())
+    commands.system = config.vehicle.system_id
     rooms = Rooms(
         identity=Identity(config.vehicle.system_id, component, CAMERA_COMPONENT if has_camera else None),
         timesync=Timesync(component),
@@ -71,7 +74,7 @@ def make_pipeline(
             attitude_message=config.vehicle.attitude_message,
             component=component,
         ),
-        commands=Commands(handlers, require_signed=config.signing is not None, version=_version_numbers()),
+        commands=commands,
         telemetry=telemetry,
         publisher=publisher,
         sight=sight,

@@ -58,6 +58,18 @@ class PairedFrame(msgspec.Struct, frozen=True):
     """Of the other detections: index, reason, and the gap to the nearest attitude in seconds where it is known."""
 
 
+class Row(msgspec.Struct, frozen=True, gc=False):
+    """One detection's row in time."""
+
+    frame: int
+    index: int
+    """Of the detection in its frame."""
+    first_host_ns: HostNs
+    """Capture of row 0."""
+    since_first_ns: int
+    """Until this row's."""
+
+
 class RefusedFrame(msgspec.Struct, frozen=True):
     """A frame that is refused whole."""
 
@@ -146,35 +158,62 @@ class Pairer:
             if isinstance(seen, Reason):
                 refused.append((index, seen, None))
                 continue
-            since_first_ns = timing.capture_ns(detection.v) - timing.first_row_ns
-            at = vehicle.state_at(BootNs(boot_ns + since_first_ns))
-            if isinstance(at, Unpaired):
-                refused.append((index, at.reason, at.gap_s))
-                continue
-            seen_from = self._view(at, relative=vehicle.world.relative)
-            if seen_from is None:
-                refused.append((index, Reason.NO_POSITION, at.gap_s))
-                continue
-            sightings.append(
-                Sighting(
-                    frame=number,
-                    index=index,
-                    frame_host_ns=host_ns,
-                    host_ns=HostNs(host_ns + since_first_ns),
-                    detection=detection,
-                    ray=seen,
-                    pixel_sigma=detection.sigma or self._pixel_sigma,
-                    row_fraction=timing.row_fraction(detection.v),
-                    time_noise_s=hypot(clock_sigma_s, at.stamp_sigma_s),
-                    state=at,
-                    body_from_camera=self.body_from_camera,
-                    ned_from_camera=seen_from.ned_from_camera,
-                    camera_ned=seen_from.camera_ned,
-                    camera_height_above_home_m=self._camera_height(at),
-                    relative=vehicle.world.relative is True,
-                )
+            row = Row(number, index, host_ns, timing.capture_ns(detection.v) - timing.first_row_ns)
+            told = self._sighting(
+                row, boot_ns, timing.row_fraction(detection.v), detection, seen, clock_sigma_s, vehicle
             )
+            if isinstance(told, Unpaired):
+                refused.append((index, told.reason, told.gap_s))
+            else:
+                sightings.append(told)
         return PairedFrame(number, host_ns, boot_ns, state, view, tuple(sightings), tuple(refused))
+
+    def look_at(self, u: float, v: float, sigma_px: float, host_ns: HostNs, vehicle: Vehicle) -> Sighting | Unpaired:
+        """The ground ray under a pixel at this host instant, whatever its row: what an operator's click means."""
+        detection = Detection(u=u, v=v, sigma=(sigma_px, sigma_px))
+        ray = self._ray(detection)
+        if isinstance(ray, Reason):
+            return Unpaired(ray)
+        both = _both_clocks(host_ns, StampClock.HOST, vehicle.clock)
+        if isinstance(both, Unpaired):
+            return both
+        clock_sigma_s = vehicle.clock.estimate(host_ns).sigma_s
+        return self._sighting(Row(-1, 0, host_ns, 0), both[1], 0.5, detection, ray, clock_sigma_s, vehicle)
+
+    def _sighting(
+        self,
+        row: Row,
+        boot_ns: BootNs,
+        row_fraction: float,
+        detection: Detection,
+        ray: Ray,
+        clock_sigma_s: float,
+        vehicle: Vehicle,
+    ) -> Sighting | Unpaired:
+        """The detection with the vehicle as it was when the row was exposed; ``boot_ns`` is that of row 0."""
+        at = vehicle.state_at(BootNs(boot_ns + row.since_first_ns))
+        if isinstance(at, Unpaired):
+            return at
+        seen_from = self._view(at, relative=vehicle.world.relative)
+        if seen_from is None:
+            return Unpaired(Reason.NO_POSITION, at.gap_s)
+        return Sighting(
+            frame=row.frame,
+            index=row.index,
+            frame_host_ns=row.first_host_ns,
+            host_ns=HostNs(row.first_host_ns + row.since_first_ns),
+            detection=detection,
+            ray=ray,
+            pixel_sigma=detection.sigma or self._pixel_sigma,
+            row_fraction=row_fraction,
+            time_noise_s=hypot(clock_sigma_s, at.stamp_sigma_s),
+            state=at,
+            body_from_camera=self.body_from_camera,
+            ned_from_camera=seen_from.ned_from_camera,
+            camera_ned=seen_from.camera_ned,
+            camera_height_above_home_m=self._camera_height(at),
+            relative=vehicle.world.relative is True,
+        )
 
     def _place(self, frame: Frame, clock: TwoClocks) -> tuple[FrameTiming, Scaling, HostNs, BootNs] | Reason:
         """The frame's rows in time, or why it is refused whole."""
@@ -210,6 +249,9 @@ class Pairer:
             return Reason.LOW_SCORE
         if self._labels and detection.label not in self._labels:
             return Reason.OTHER_LABEL
+        return self._ray(detection)
+
+    def _ray(self, detection: Detection) -> Ray | Reason:
         width, height = self.lens.image_size
         if not (-0.5 <= detection.u <= width - 0.5 and -0.5 <= detection.v <= height - 0.5):
             return Reason.OUTSIDE_IMAGE
