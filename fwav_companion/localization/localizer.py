@@ -9,8 +9,8 @@ from fwav_companion.geometry.rotations import exp, rotate
 from fwav_companion.geometry.vectors import Vector3, add, cross, dot, norm, scale, transform
 from fwav_companion.localization.ground import Ground, Meeting
 from fwav_companion.localization.propagation import Propagation, propagate
-from fwav_companion.localization.weighing import NoiseVariances, noise_variances, weigh
-from fwav_companion.nouns import Bias, ErrorPriors, GroundFix, NoFix, Reason, Sighting
+from fwav_companion.localization.weighing import NoiseVariances, bias_variances, noise_variances, weigh
+from fwav_companion.nouns import ErrorPriors, GroundFix, NoFix, Reason, Sighting
 
 LARGEST_STRETCH = 0.15
 """One sigma of the ray's relative length by all angles together, beyond which a fix is refused as too shallow.
@@ -31,7 +31,7 @@ class Localizer:
         self.ground = ground
         self._priors = priors
         self._min_height_m = min_height_m
-        self._variances = tuple(sigma * sigma for sigma in priors.bias_sigmas)
+        self._bias = bias_variances(priors)
 
     def home_moved(self, home_down_m: float) -> None:
         """The home surface lies ``home_down_m`` below the world's origin from now on."""
@@ -60,12 +60,12 @@ class Localizer:
             return NoFix(Reason.TOO_LOW)
         propagation = propagate(sighting, direction, meeting)
         noise = noise_variances(sighting, meeting, self._priors)
-        stretch = sqrt(self._stretch_variance(sighting, propagation, noise))
+        stretch = sqrt(self._stretch_variance(propagation, noise))
         if not stretch <= LARGEST_STRETCH:
             return NoFix(Reason.TOO_SHALLOW)
         if meeting.surveyed and not self._is_smooth(sighting, direction, meeting, stretch):
             return NoFix(Reason.TOO_SHALLOW)
-        weights = weigh(propagation, noise, self._variances, meeting.surveyed)
+        weights = weigh(propagation, noise, self._bias, meeting)
         return GroundFix(
             sighting,
             add(meeting.camera_ned, scale(direction, meeting.distance_m)),
@@ -78,20 +78,20 @@ class Localizer:
             weights.level_sigma_m,
         )
 
-    def _stretch_variance(self, sighting: Sighting, propagation: Propagation, noise: NoiseVariances) -> float:
+    def _stretch_variance(self, propagation: Propagation, noise: NoiseVariances) -> float:
         """Of the ray's relative length, by everything that turns the ray."""
-        bias, stretch = self._variances, propagation.stretch
+        bias, stretch = self._bias, propagation.stretch
         x, y, z = (s * s for s in stretch.body)
         u, v = stretch.pixel
         attitude = noise.attitude + noise.bridging
         return (
-            x * (bias[Bias.ROLL] + bias[Bias.MOUNT_X] + attitude)
-            + y * (bias[Bias.PITCH] + bias[Bias.MOUNT_Y] + attitude)
-            + z * (bias[Bias.MOUNT_Z] + noise.bridging)
-            + stretch.heading**2 * (bias[Bias.HEADING] + noise.attitude)
+            x * (bias.roll + bias.mount_x + attitude)
+            + y * (bias.pitch + bias.mount_y + attitude)
+            + z * (bias.mount_z + noise.bridging)
+            + stretch.heading**2 * (bias.heading + noise.attitude)
             + u * u * noise.pixel_u
             + v * v * noise.pixel_v
-            + stretch.time**2 * (bias[Bias.TIME_OFFSET] + sighting.row_fraction**2 * bias[Bias.READOUT] + noise.time)
+            + stretch.time**2 * (bias.time_offset + noise.readout_share * bias.readout + noise.time)
         )
 
     def _is_smooth(self, sighting: Sighting, direction: Vector3, meeting: Meeting, stretch: float) -> bool:

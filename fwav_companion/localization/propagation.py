@@ -23,14 +23,16 @@ from fwav_companion.geometry.vectors import (
     cross,
     dot,
     scale,
-    subtract,
     transform,
     transpose,
 )
-from fwav_companion.localization.ground import Meeting
+from fwav_companion.localization.ground import LEVEL_NORMAL, Meeting
 from fwav_companion.nouns import Sighting
 
 Columns: TypeAlias = tuple[Vector3, ...]
+
+NOWHERE: Columns = (ZERO3, ZERO3)
+ALONG: Columns = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 
 
 class Stretch(msgspec.Struct, frozen=True, gc=False):
@@ -64,33 +66,31 @@ def propagate(sighting: Sighting, direction: Vector3, meeting: Meeting) -> Propa
     turned = cross(direction, m)
     by_rotation = _by_rotation(direction, turned, meeting.distance_m)
     body_axes = transpose(matrix_from_quaternion(sighting.state.ned_from_body))
-    mount = tuple(transform(by_rotation, axis) for axis in body_axes)
-    roll, pitch, yaw = mount
+    x_axis, y_axis, z_axis = body_axes
+    roll, pitch, yaw = transform(by_rotation, x_axis), transform(by_rotation, y_axis), transform(by_rotation, z_axis)
     heading = (by_rotation[0][2], by_rotation[1][2], by_rotation[2][2])
+    # The true mount is Exp(bias) times the configured one, so the estimate is turned the other way.
+    mount_x, mount_y, mount_z = scale(roll, -1.0), scale(pitch, -1.0), scale(yaw, -1.0)
     height = _by_height(sighting, meeting, deeper)
-    if meeting.height_by_rotation is not ZERO3:  # a beam turns with the vehicle, and the height changes with it
-        lift = transform(body_axes, meeting.height_by_rotation)
-        roll, pitch, yaw = (add(turn, scale(height, up)) for turn, up in zip(mount, lift, strict=True))
-        heading = add(heading, scale(height, meeting.height_by_rotation[2]))
-    p, q, r = sighting.state.rates
-    time = add(add(scale(roll, p), scale(pitch, q)), add(scale(yaw, r), _motion(sighting, direction, meeting, m)))
+    lift = meeting.height_by_rotation
+    if lift is not ZERO3:  # a beam turns with the vehicle, and the height changes with it
+        roll, pitch, yaw = (
+            add(turn, scale(height, dot(axis, lift))) for turn, axis in zip((roll, pitch, yaw), body_axes, strict=True)
+        )
+        heading = add(heading, scale(height, lift[2]))
+    time = _by_time(sighting, direction, meeting, m, (roll, pitch, yaw))
     pixel_u, stretch_u = _by_ray(transform(sighting.ned_from_camera, sighting.ray.d_du), direction, meeting, m)
     pixel_v, stretch_v = _by_ray(transform(sighting.ned_from_camera, sighting.ray.d_dv), direction, meeting, m)
+    north, east = _by_place(sighting, direction, meeting, m)
+    readout = scale(time, sighting.row_fraction)
+    terrain = scale(deeper, -1.0) if meeting.surveyed else ZERO3
     stretch_body = transform(body_axes, turned)
-    biases = (
-        roll,
-        pitch,
-        heading,
-        # The true mount is Exp(bias) times the configured one, so the estimate is turned the other way.
-        *(scale(turn, -1.0) for turn in mount),
-        time,
-        scale(time, sighting.row_fraction),
-        height,
-        *_by_place(sighting, direction, m),
-        scale(deeper, -1.0) if meeting.surveyed else ZERO3,
+    return Propagation(
+        pixel_u,
+        pixel_v,
+        (roll, pitch, heading, mount_x, mount_y, mount_z, time, readout, height, north, east, terrain),
+        Stretch(stretch_body, turned[2], (stretch_u, stretch_v), dot(stretch_body, sighting.state.rates)),
     )
-    stretch = Stretch(stretch_body, turned[2], (stretch_u, stretch_v), dot(stretch_body, sighting.state.rates))
-    return Propagation(pixel_u, pixel_v, biases, stretch)
 
 
 def _by_rotation(d: Vector3, turned: Vector3, s: float) -> Matrix3:
@@ -109,14 +109,19 @@ def _by_ray(x: Vector3, d: Vector3, meeting: Meeting, m: Vector3) -> tuple[Vecto
     return (s * (x[0] - along * d[0]), s * (x[1] - along * d[1]), s * (x[2] - along * d[2])), -along
 
 
-def _motion(sighting: Sighting, d: Vector3, meeting: Meeting, m: Vector3) -> Vector3:
-    """The point's change with a second of the camera's motion. A velocity that is not told counts as none."""
-    velocity = sighting.state.velocity_ned
-    if velocity is None:
-        return ZERO3
+def _by_time(sighting: Sighting, d: Vector3, meeting: Meeting, m: Vector3, turns: Columns) -> Vector3:
+    """The point's change with a second of the vehicle's motion. A velocity that is not told counts as none."""
+    (p, q, r), velocity = sighting.state.rates, sighting.state.velocity_ned
+    (x0, x1, x2), (y0, y1, y2), (z0, z1, z2) = turns
+    north, east, down = velocity or ZERO3
     if sighting.relative:  # the world goes along with the vehicle; only its height changes
-        velocity = ZERO3 if meeting.carried else (0.0, 0.0, velocity[2])
-    return velocity if meeting.carried else subtract(velocity, scale(d, dot(m, velocity)))
+        north, east, down = 0.0, 0.0, 0.0 if meeting.carried else down
+    along = 0.0 if meeting.carried else m[0] * north + m[1] * east + m[2] * down
+    return (
+        p * x0 + q * y0 + r * z0 + north - along * d[0],
+        p * x1 + q * y1 + r * z1 + east - along * d[1],
+        p * x2 + q * y2 + r * z2 + down - along * d[2],
+    )
 
 
 def _by_height(sighting: Sighting, meeting: Meeting, deeper: Vector3) -> Vector3:
@@ -126,9 +131,12 @@ def _by_height(sighting: Sighting, meeting: Meeting, deeper: Vector3) -> Vector3
     return (deeper[0], deeper[1], deeper[2] - 1.0)
 
 
-def _by_place(sighting: Sighting, d: Vector3, m: Vector3) -> Columns:
+def _by_place(sighting: Sighting, d: Vector3, meeting: Meeting, m: Vector3) -> Columns:
+    """On level ground the point goes where the vehicle goes; in a relative world the vehicle has no place."""
     if sighting.relative:
-        return (ZERO3, ZERO3)
+        return NOWHERE
+    if meeting.normal is LEVEL_NORMAL:
+        return ALONG
     return (
         (1.0 - m[0] * d[0], -m[0] * d[1], -m[0] * d[2]),
         (-m[1] * d[0], 1.0 - m[1] * d[1], -m[1] * d[2]),

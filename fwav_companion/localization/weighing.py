@@ -9,17 +9,40 @@ has its own bias for that.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from math import sqrt
+from typing import TypeAlias
 
 import msgspec
 
-from fwav_companion.geometry.vectors import Matrix3, Vector3, add_matrices
+from fwav_companion.geometry.vectors import ZERO3, Matrix3, Vector3, add_matrices
 from fwav_companion.localization.ground import Meeting
-from fwav_companion.localization.propagation import Propagation
+from fwav_companion.localization.propagation import ALONG, Propagation
 from fwav_companion.nouns import Bias, ErrorBudget, ErrorPriors, Sighting
 
-NORTH, EAST = Bias.POSITION_NORTH, Bias.POSITION_EAST
+Terms: TypeAlias = tuple[tuple[Vector3, float], ...]
+"""Columns with the variance of their error."""
+
+
+class BiasVariances(msgspec.Struct, frozen=True, gc=False):
+    """Squares of [uncertainty]'s biases, by name: a name is found three times as fast as a place by an enumeration."""
+
+    roll: float
+    pitch: float
+    heading: float
+    mount_x: float
+    mount_y: float
+    mount_z: float
+    time_offset: float
+    readout: float
+    height: float
+    north: float
+    east: float
+    terrain: float
+
+
+def bias_variances(priors: ErrorPriors) -> BiasVariances:
+    """Of the configuration."""
+    return BiasVariances(*(priors.sigma(bias) ** 2 for bias in Bias))
 
 
 class NoiseVariances(msgspec.Struct, frozen=True, gc=False):
@@ -35,6 +58,8 @@ class NoiseVariances(msgspec.Struct, frozen=True, gc=False):
     level: float
     time: float
     place: float
+    readout_share: float
+    """Square of d(capture)/d(readout): of the readout's variance, how much is the capture's."""
 
 
 class Weights(msgspec.Struct, frozen=True, gc=False):
@@ -61,60 +86,97 @@ def noise_variances(sighting: Sighting, meeting: Meeting, priors: ErrorPriors) -
         priors.height_noise_m**2,
         sighting.time_noise_s**2,
         priors.position_noise_m**2 + age_variance,
+        sighting.row_fraction**2,
     )
 
 
-def weigh(
-    propagation: Propagation, noise: NoiseVariances, bias_variances: tuple[float, ...], surveyed: bool
-) -> Weights:
+def weigh(propagation: Propagation, noise: NoiseVariances, bias: BiasVariances, meeting: Meeting) -> Weights:
     """Everything that is claimed about one fix."""
-    biases = propagation.biases
-    level_variance = 0.0 if surveyed else bias_variances[Bias.HEIGHT]
-    of_place = _covariance(((biases[NORTH], noise.place), (biases[EAST], noise.place)))
-    other_noise = _raised(
-        _covariance(
-            (
-                (propagation.pixel_u, noise.pixel_u),
-                (propagation.pixel_v, noise.pixel_v),
-                (biases[Bias.ROLL], noise.attitude + noise.bridging),
-                (biases[Bias.PITCH], noise.attitude + noise.bridging),
-                (biases[Bias.MOUNT_Z], noise.bridging),
-                (biases[Bias.HEADING], noise.attitude),
-                (biases[Bias.HEIGHT], noise.height),
-                (biases[Bias.TIME_OFFSET], noise.time),
-            )
-        ),
-        noise.level,
-    )
-    place_bias = _covariance(((biases[NORTH], bias_variances[NORTH]), (biases[EAST], bias_variances[EAST])))
-    other_bias = _covariance(
-        (column, variance)
-        for i, (column, variance) in enumerate(zip(biases, bias_variances, strict=True))
-        if i not in (NORTH, EAST)
-    )
-    relative_cov = _raised(add_matrices(other_noise, other_bias), level_variance)
+    covariance = _covariance if meeting.surveyed or meeting.carried else _level_covariance
+    of_noise, of_biases = _terms(propagation, noise, bias, meeting)
+    place_noise, place_bias = _of_place(propagation, noise, bias)
+    fresh = _raised(covariance(of_noise), noise.level)
+    level_variance = 0.0 if meeting.surveyed else bias.height
+    relative_cov = _raised(add_matrices(fresh, covariance(of_biases)), level_variance)
     return Weights(
-        add_matrices(other_noise, of_place),
-        add_matrices(relative_cov, add_matrices(of_place, place_bias)),
+        add_matrices(fresh, place_noise),
+        add_matrices(relative_cov, add_matrices(place_noise, place_bias)),
         relative_cov,
-        _budget(propagation, noise, bias_variances),
+        _budget(propagation, noise, bias, (place_noise, place_bias)),
         sqrt(level_variance),
     )
 
 
-def _covariance(terms: Iterable[tuple[Vector3, float]]) -> Matrix3:
+def _terms(
+    propagation: Propagation, noise: NoiseVariances, bias: BiasVariances, meeting: Meeting
+) -> tuple[Terms, Terms]:
+    """Of noise and of biases, all but the vehicle's place. What moves the point alike is one term."""
+    roll, pitch, heading, mount_x, mount_y, mount_z, time, _, height, _, _, terrain = propagation.biases
+    attitude = noise.attitude + noise.bridging
+    of_noise = (
+        (propagation.pixel_u, noise.pixel_u),
+        (propagation.pixel_v, noise.pixel_v),
+        (roll, attitude),
+        (pitch, attitude),
+        (mount_z, noise.bridging),
+        (heading, noise.attitude),
+        (height, noise.height),
+        (time, noise.time),
+    )
+    of_biases: Terms = (
+        (mount_x, bias.mount_x + bias.roll),
+        (mount_y, bias.mount_y + bias.pitch),
+        (mount_z, bias.mount_z),
+        (heading, bias.heading),
+        (time, bias.time_offset + noise.readout_share * bias.readout),
+        (height, bias.height),
+    )
+    if meeting.height_by_rotation is not ZERO3:  # the vehicle's turn moves the point otherwise than the mount's
+        turns = ((mount_x, bias.mount_x), (mount_y, bias.mount_y), (roll, bias.roll), (pitch, bias.pitch))
+        of_biases = (*turns, *of_biases[2:])
+    if meeting.surveyed:
+        of_biases = (*of_biases, (terrain, bias.terrain))
+    return of_noise, of_biases
+
+
+def _of_place(propagation: Propagation, noise: NoiseVariances, bias: BiasVariances) -> tuple[Matrix3, Matrix3]:
+    """Noise and bias of the vehicle's place; on level ground the point moves as the vehicle does."""
+    *_, north, east, _ = propagation.biases
+    if (north, east) == ALONG:
+        return _diagonal(noise.place, noise.place), _diagonal(bias.north, bias.east)
+    return (
+        _covariance(((north, noise.place), (east, noise.place))),
+        _covariance(((north, bias.north), (east, bias.east))),
+    )
+
+
+def _diagonal(nn: float, ee: float) -> Matrix3:
+    return ((nn, 0.0, 0.0), (0.0, ee, 0.0), ZERO3)
+
+
+def _covariance(terms: Terms) -> Matrix3:
     """The sum of variance times column column^T."""
     nn = ne = nd = ee = ed = dd = 0.0
     for (n, e, d), variance in terms:
-        if variance:
-            wn, we = variance * n, variance * e
-            nn += wn * n
-            ne += wn * e
-            nd += wn * d
-            ee += we * e
-            ed += we * d
-            dd += variance * d * d
+        wn, we = variance * n, variance * e
+        nn += wn * n
+        ne += wn * e
+        nd += wn * d
+        ee += we * e
+        ed += we * d
+        dd += variance * d * d
     return ((nn, ne, nd), (ne, ee, ed), (nd, ed, dd))
+
+
+def _level_covariance(terms: Terms) -> Matrix3:
+    """The same where nothing moves the point up or down: twice as fast, and the way of nearly every fix."""
+    nn = ne = ee = 0.0
+    for (n, e, _), variance in terms:
+        w = variance * n
+        nn += w * n
+        ne += w * e
+        ee += variance * e * e
+    return ((nn, ne, 0.0), (ne, ee, 0.0), ZERO3)
 
 
 def _raised(cov: Matrix3, variance: float) -> Matrix3:
@@ -123,21 +185,27 @@ def _raised(cov: Matrix3, variance: float) -> Matrix3:
     return (north, east, (dn, de, dd + variance))
 
 
-def _budget(propagation: Propagation, noise: NoiseVariances, bias: tuple[float, ...]) -> ErrorBudget:
-    roll, pitch, heading, mount_x, mount_y, mount_z, time, readout, height, north, east, terrain = (
-        n * n + e * e for n, e, _ in propagation.biases
-    )
-    (un, ue, _), (vn, ve, _) = propagation.pixel_u, propagation.pixel_v
+def _budget(
+    propagation: Propagation, noise: NoiseVariances, bias: BiasVariances, places: tuple[Matrix3, Matrix3]
+) -> ErrorBudget:
+    roll, pitch, heading, mount_x, mount_y, mount_z, time, _, height, _, _, terrain = propagation.biases
     attitude = noise.attitude + noise.bridging
     return ErrorBudget(
-        pixel=sqrt((un * un + ue * ue) * noise.pixel_u + (vn * vn + ve * ve) * noise.pixel_v),
+        pixel=sqrt(_flat(propagation.pixel_u) * noise.pixel_u + _flat(propagation.pixel_v) * noise.pixel_v),
         attitude=sqrt(
-            roll * (bias[Bias.ROLL] + attitude) + pitch * (bias[Bias.PITCH] + attitude) + mount_z * noise.bridging
+            _flat(roll) * (bias.roll + attitude)
+            + _flat(pitch) * (bias.pitch + attitude)
+            + _flat(mount_z) * noise.bridging
         ),
-        heading=sqrt(heading * (bias[Bias.HEADING] + noise.attitude)),
-        height=sqrt(height * (bias[Bias.HEIGHT] + noise.height)),
-        time=sqrt(time * (bias[Bias.TIME_OFFSET] + noise.time) + readout * bias[Bias.READOUT]),
-        mount=sqrt(mount_x * bias[Bias.MOUNT_X] + mount_y * bias[Bias.MOUNT_Y] + mount_z * bias[Bias.MOUNT_Z]),
-        position=sqrt(north * (bias[NORTH] + noise.place) + east * (bias[EAST] + noise.place)),
-        terrain=sqrt(terrain * bias[Bias.TERRAIN]),
+        heading=sqrt(_flat(heading) * (bias.heading + noise.attitude)),
+        height=sqrt(_flat(height) * (bias.height + noise.height)),
+        time=sqrt(_flat(time) * (bias.time_offset + noise.readout_share * bias.readout + noise.time)),
+        mount=sqrt(_flat(mount_x) * bias.mount_x + _flat(mount_y) * bias.mount_y + _flat(mount_z) * bias.mount_z),
+        position=sqrt(sum(cov[0][0] + cov[1][1] for cov in places)),
+        terrain=sqrt(_flat(terrain) * bias.terrain),
     )
+
+
+def _flat(column: Vector3) -> float:
+    """The square of a column's horizontal length."""
+    return column[0] * column[0] + column[1] * column[1]
