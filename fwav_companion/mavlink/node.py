@@ -44,11 +44,9 @@ class Received(msgspec.Struct):
     forwards: list[tuple[str, bytes]]
     """(link, frame as it came), to be sent in order."""
     frames: Sequence[RawFrame] = ()
-    """All that were whole, for a recording: but for SETUP_SIGNING, which carries a key."""
+    """All that were taken, for a recording: no duplicates, and no SETUP_SIGNING, which carries a key."""
     rate_request: str = ""
     """Who asked for other message rates in a frame that goes on to an autopilot: it may undo ours."""
-    secret: bool = False
-    """A SETUP_SIGNING was among the frames."""
 
 
 class Node:
@@ -100,9 +98,7 @@ class Node:
         """Bytes came by a link."""
         port = self._ports[link]
         port.bytes_in += len(data)
-        frames = port.scanner.feed(data)
-        received = self._take(port, frames, now)
-        received.frames = frames if not received.secret else [frame for frame in frames if frame.msgid != SETUP_SIGNING]
+        received = self._take(port, port.scanner.feed(data), now)
         if port.scanner.undecided:
             self._settle_ns[link] = HostNs(now + QUIET_NS)
         elif self._settle_ns:
@@ -123,6 +119,7 @@ class Node:
             settled = self._take(port, port.scanner.settle(), now)
             received.messages += settled.messages
             received.forwards += settled.forwards
+            received.frames = [*received.frames, *settled.frames]
             received.rate_request = settled.rate_request or received.rate_request
         return received
 
@@ -143,13 +140,15 @@ class Node:
 
     def _take(self, port: Port, frames: Sequence[RawFrame], now: HostNs) -> Received:
         """The relay's hot path: for most frames a few look-ups, worked out when the tables last changed."""
-        received = Received([], [])
+        received = Received([], [], frames)
         router, link, forward = self._router, port.index, received.forwards.append
         router.sweep(now)
         young, old = self._duplicates.generations(now)
+        dropped: set[int] = set()
         for frame in frames:
             data, flow, seq = frame.data, frame.flow, frame.seq
             if flow.version != router.version and not self._attach(port, frame, now):
+                dropped.add(id(frame))
                 continue
             stream: Stream = flow.stream
             peer = stream.peer
@@ -161,6 +160,7 @@ class Node:
             stream.count += 1
             if old.get(data, link) != link or young.setdefault(data, link) != link:
                 port.duplicates += 1
+                dropped.add(id(frame))
                 continue
             if stream.direct is None:
                 self._forward(port, frame, stream, received, now)
@@ -169,6 +169,8 @@ class Node:
                     forward((name, data))
             if stream.watched:
                 self._read(port, frame, received, now)
+        if dropped:
+            received.frames = [frame for frame in received.frames if id(frame) not in dropped]
         return received
 
     def _attach(self, port: Port, frame: RawFrame, now: HostNs) -> bool:
@@ -199,7 +201,8 @@ class Node:
         msgid = UNKNOWN if frame.definition is None else frame.msgid
         sender = frame.system << 8 | frame.component
         outs = self._router.route_of(port, frame, stream)
-        received.secret = received.secret or msgid == SETUP_SIGNING
+        if msgid == SETUP_SIGNING:
+            received.frames = [other for other in received.frames if other.msgid != SETUP_SIGNING]
         if msgid == REQUEST_DATA_STREAM and not port.forwards_rate_requests:
             port.stopped += 1
         for out in outs:

@@ -10,6 +10,8 @@ from fwav_companion.mavlink.definitions import BY_NAME
 
 _EARLY: Final = 4
 """A frame may come a quarter of an interval early, so that jitter does not halve a stream of just the right rate."""
+_PAUSE: Final = 2
+"""Intervals without a frame after which the grid begins anew. One may be jitter of a source that is hardly faster."""
 MAX_STREAMS: Final = 1024
 """Of (message, sender, instance) on one link; when there are more, all begin anew and each passes once."""
 
@@ -45,7 +47,7 @@ class Thinner:
         due = self._due_ns.get(stream)
         if due is None and len(self._due_ns) >= MAX_STREAMS:
             self._due_ns.clear()
-        if due is None or now - due >= interval:
+        if due is None or now - due >= _PAUSE * interval:
             due = now
         elif now < due - interval // _EARLY:
             return False

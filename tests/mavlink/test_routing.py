@@ -1,0 +1,301 @@
+"""The routing rules, one test a rule, over a node without any socket."""
+
+from __future__ import annotations
+
+import pytest
+from mavlink_wire import Wire, dialect, unknown_frame
+
+from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs
+from fwav_companion.mavlink.node import LinkPolicy, Node
+from fwav_companion.mavlink.peers import MAX_PEERS, SILENT_NS
+
+AUTOPILOT = LinkPolicy("autopilot", "autopilot")
+SECOND = LinkPolicy("second", "autopilot")
+GROUND = LinkPolicy("ground", "gcs")
+TABLET = LinkPolicy("tablet", "gcs")
+
+
+class Net:
+    """A node whose links are fed by hand, a millisecond apart."""
+
+    def __init__(self, *links: LinkPolicy, wanted: tuple[str, ...] = (), system: int = 1) -> None:
+        self.node = Node(links or (AUTOPILOT, GROUND, TABLET), wanted)
+        self.node.adopt(system)
+        self.now = HostNs(NS_PER_S)
+
+    def feed(self, link: str, *frames: bytes) -> list[tuple[str, bytes]]:
+        self.now = HostNs(self.now + NS_PER_MS)
+        received = self.node.receive(link, b"".join(frames), self.now)
+        return received.forwards
+
+    def links_of(self, link: str, frame: bytes) -> list[str]:
+        """Where one frame goes; that it goes unchanged is asserted here for all tests."""
+        forwards = self.feed(link, frame)
+        assert all(data == frame for _, data in forwards)
+        return [name for name, _ in forwards]
+
+    def wait(self, ns: int) -> None:
+        self.now = HostNs(self.now + ns)
+
+
+def vehicle_and_ground(net: Net) -> tuple[Wire, Wire]:
+    vehicle, ground = Wire(1, 1), Wire(255, 190)
+    net.feed("autopilot", vehicle.heartbeat())
+    net.feed("ground", ground.heartbeat(dialect.MAV_TYPE_GCS, 8))
+    return vehicle, ground
+
+
+def test_what_names_nobody_goes_everywhere_but_back() -> None:
+    net = Net()
+    assert net.links_of("autopilot", Wire(1, 1).attitude()) == ["ground", "tablet"]
+    assert net.links_of("ground", Wire(255, 190).heartbeat(6, 8)) == ["autopilot", "tablet"]
+
+
+def test_target_system_zero_goes_everywhere() -> None:
+    net = Net()
+    vehicle_and_ground(net)
+    assert net.links_of("ground", Wire(255, 190).command(0, 0)) == ["autopilot", "tablet"]
+
+
+def test_another_system_is_reached_where_it_was_seen_whatever_the_component() -> None:
+    net = Net(AUTOPILOT, SECOND, GROUND)
+    ground = Wire(255, 190)
+    assert net.links_of("ground", ground.command(2, 1)) == []
+    net.feed("second", Wire(2, 1).heartbeat())
+    assert net.links_of("ground", ground.command(2, 1)) == ["second"]
+    assert net.links_of("ground", ground.command(2, 77)) == ["second"]
+    assert net.links_of("ground", ground.command(2, 0)) == ["second"]
+
+
+def test_a_component_of_our_own_system_is_reached_where_that_component_was_seen() -> None:
+    net = Net(AUTOPILOT, SECOND, GROUND)
+    net.feed("autopilot", Wire(1, 1).heartbeat())
+    net.feed("second", Wire(1, 154).heartbeat())
+    ground = Wire(255, 190)
+    assert net.links_of("ground", ground.command(1, 1)) == ["autopilot"]
+    assert net.links_of("ground", ground.command(1, 154)) == ["second"]
+    assert net.links_of("ground", ground.command(1, 155)) == []
+    assert net.links_of("ground", ground.command(1, 0)) == ["autopilot", "second"]
+
+
+def test_what_is_for_us_goes_no_further() -> None:
+    net = Net(wanted=("COMMAND_LONG",))
+    vehicle_and_ground(net)
+    assert net.links_of("ground", Wire(255, 190).command(1, 191)) == []
+    assert net.links_of("ground", Wire(255, 190).command(1, 100)) == []
+
+
+@pytest.mark.parametrize(
+    ("system", "component", "read"),
+    [
+        (0, 0, True),
+        (1, 0, True),
+        (1, 191, True),
+        (1, 100, True),
+        (0, 7, True),
+        (1, 1, False),
+        (2, 0, False),
+        (2, 191, False),
+    ],
+)
+def test_what_is_read_here(system, component, read) -> None:
+    net = Net(wanted=("COMMAND_LONG",))
+    received = net.node.receive("ground", Wire(255, 190).command(system, component), net.now)
+    assert len(received.messages) == read
+
+
+def test_truncated_targets_are_zero_and_go_everywhere() -> None:
+    net = Net()
+    vehicle_and_ground(net)
+    frame = Wire(255, 190).frame("PARAM_REQUEST_LIST", 0, 0)
+    assert frame[1] == 1
+    assert net.links_of("ground", frame) == ["autopilot", "tablet"]
+
+
+def test_unknown_and_signed_frames_go_on_byte_for_byte() -> None:
+    net = Net(LinkPolicy("autopilot", "autopilot", datagrams=True), GROUND)
+    assert net.links_of("autopilot", unknown_frame()) == ["ground"]
+    wire = Wire(1, 1)
+    wire.mav.signing.secret_key = b"a key that we do not have......."
+    wire.mav.signing.sign_outgoing = True
+    assert net.links_of("autopilot", wire.attitude()) == ["ground"]
+    assert net.links_of("autopilot", Wire(3, 1, version=1).attitude()) == ["ground"]
+
+
+def test_setup_signing_is_never_forwarded_and_never_recorded() -> None:
+    net = Net()
+    vehicle_and_ground(net)
+    for target in ((1, 1), (0, 0), (255, 190)):
+        frame = Wire(255, 191).frame("SETUP_SIGNING", *target, tuple(range(32)), 0)
+        received = net.node.receive("tablet", frame + Wire(255, 191).heartbeat(6, 8), net.now)
+        assert [name for name, data in received.forwards if data == frame] == []
+        assert [raw.msgid for raw in received.frames] == [0]
+
+
+def test_radio_status_and_adsb_never_reach_an_autopilot() -> None:
+    net = Net(AUTOPILOT, GROUND, TABLET)
+    vehicle_and_ground(net)
+    radio = Wire(51, 68)
+    assert net.links_of("ground", radio.frame("RADIO_STATUS", 1, 2, 3, 4, 5, 6, 7)) == ["tablet"]
+    assert net.links_of("ground", radio.frame("RADIO", 1, 2, 3, 4, 5, 6, 7)) == ["tablet"]
+    adsb = (1, 2, 3, 0, 4, 5, 6, 7, b"A", 0, 1, 2, 3)
+    assert net.links_of("ground", radio.frame("ADSB_VEHICLE", *adsb)) == ["tablet"]
+    assert net.links_of("autopilot", Wire(1, 1).frame("ADSB_VEHICLE", *adsb)) == ["ground", "tablet"]
+
+
+def test_a_ground_stations_request_for_streams_stops_here() -> None:
+    net = Net()
+    _, ground = vehicle_and_ground(net)
+    request = ground.frame("REQUEST_DATA_STREAM", 1, 1, 0, 4, 1)
+    assert net.links_of("ground", request) == []
+    assert net.node.statistics(net.now)[1].stopped == 1
+
+
+def test_a_request_for_streams_that_passes_is_told() -> None:
+    net = Net(AUTOPILOT, LinkPolicy("ground", "gcs", forward_rate_requests=True))
+    _, ground = vehicle_and_ground(net)
+    received = net.node.receive("ground", ground.frame("REQUEST_DATA_STREAM", 1, 1, 0, 4, 1), net.now)
+    assert [name for name, _ in received.forwards] == ["autopilot"]
+    assert received.rate_request == "255/190 on ground"
+
+
+def test_a_message_interval_that_passes_is_told_and_other_commands_are_not() -> None:
+    net = Net()
+    _, ground = vehicle_and_ground(net)
+    assert net.node.receive("ground", ground.command(1, 1, 511), net.now).rate_request == "255/190 on ground"
+    assert net.node.receive("ground", ground.command(1, 1, 400), net.now).rate_request == ""
+    by_int = ground.frame("COMMAND_INT", 1, 1, 0, 511, 0, 0, 1.0, 2.0, 3.0, 4.0, 5, 6, 7.0)
+    assert net.node.receive("ground", by_int, net.now).rate_request == "255/190 on ground"
+
+
+def test_our_own_frames_that_come_back_are_counted_and_dropped() -> None:
+    net = Net(wanted=("HEARTBEAT",))
+    own = Wire(1, 191)
+    received = net.node.receive("ground", own.heartbeat(18, 8), net.now)
+    assert (received.messages, received.forwards) == ([], [])
+    assert net.node.statistics(net.now)[1].echoes == 1
+    assert net.node.statistics(net.now)[1].peers == []
+    assert net.links_of("tablet", Wire(255, 1).command(1, 191)) == []
+
+
+def test_adopting_a_system_forgets_our_own_under_it() -> None:
+    net = Net(system=1)
+    net.feed("ground", Wire(9, 191).heartbeat(18, 8))
+    net.node.adopt(9)
+    assert net.links_of("tablet", Wire(255, 1).command(9, 191)) == []
+    assert net.node.system == 9
+
+
+def test_a_frame_that_came_by_another_link_is_a_duplicate() -> None:
+    net = Net(AUTOPILOT, SECOND, GROUND, wanted=("ATTITUDE",))
+    vehicle = Wire(1, 1)
+    first, second = vehicle.attitude(1), vehicle.attitude(2)
+    assert net.links_of("autopilot", first) == ["second", "ground"]
+    assert net.links_of("second", first) == []
+    assert net.links_of("second", second) == ["ground"]
+    assert net.links_of("autopilot", second) == []
+    third = vehicle.attitude(3)
+    assert net.links_of("autopilot", third) == ["ground"]
+    received = net.node.receive("second", third, net.now)
+    assert (received.messages, received.forwards, list(received.frames)) == ([], [], [])
+    assert [link.duplicates for link in net.node.statistics(net.now)] == [1, 2, 0]
+
+
+def test_the_same_bytes_again_on_one_link_are_no_duplicate() -> None:
+    net = Net()
+    frame = Wire(1, 1).heartbeat()
+    assert net.links_of("autopilot", frame) == ["ground", "tablet"]
+    assert net.links_of("autopilot", frame) == ["ground", "tablet"]
+
+
+def test_the_same_bytes_much_later_on_another_link_are_no_duplicate() -> None:
+    net = Net(AUTOPILOT, SECOND, GROUND)
+    frame = Wire(1, 1).heartbeat()
+    net.feed("autopilot", frame)
+    net.wait(2 * NS_PER_S)
+    assert "ground" in net.links_of("second", frame)
+
+
+def test_a_loop_between_two_links_ends_at_once() -> None:
+    """Whatever leaves by one ground link comes back by the other, both ways."""
+    net = Net()
+    queue = [("autopilot", Wire(1, 1).attitude(i)) for i in range(3)]
+    sent = []
+    while queue:
+        link, frame = queue.pop(0)
+        for out, data in net.feed(link, frame):
+            sent.append((out, data))
+            if out in ("ground", "tablet"):
+                queue.append(("tablet" if out == "ground" else "ground", data))
+    assert len(sent) == 3 * 2
+    assert net.links_of("ground", Wire(255, 190).command(1, 1)) == ["autopilot"]
+
+
+def test_two_vehicles_on_one_link_are_not_sent_their_own_frames() -> None:
+    net = Net()
+    net.feed("autopilot", Wire(1, 1).heartbeat())
+    assert net.links_of("autopilot", Wire(2, 1).command(1, 1)) == []
+
+
+def test_a_link_that_goes_down_is_forgotten() -> None:
+    net = Net()
+    vehicle, ground = vehicle_and_ground(net)
+    net.node.link_down("autopilot")
+    assert net.links_of("ground", ground.attitude()) == ["tablet"]
+    net.node.link_up("autopilot")
+    assert net.links_of("ground", ground.command(1, 1)) == []
+    net.feed("autopilot", vehicle.heartbeat())
+    assert net.links_of("ground", ground.command(1, 1)) == ["autopilot"]
+
+
+def test_the_silent_are_forgotten_and_the_others_are_not() -> None:
+    net = Net()
+    _, ground = vehicle_and_ground(net)
+    net.wait(SILENT_NS - NS_PER_S)
+    assert net.links_of("ground", ground.command(1, 1)) == ["autopilot"]
+    net.wait(10 * NS_PER_S)
+    assert net.links_of("ground", ground.command(1, 1)) == []
+
+
+def test_a_restart_clears_the_systems_routes() -> None:
+    net = Net(AUTOPILOT, SECOND, GROUND)
+    vehicle, ground = Wire(1, 1), Wire(255, 190)
+    net.feed("autopilot", vehicle.frame("SYSTEM_TIME", 0, 90_000), Wire(1, 154).heartbeat(), Wire(2, 1).heartbeat())
+    net.feed("second", Wire(1, 155).heartbeat())
+    net.feed("autopilot", vehicle.frame("SYSTEM_TIME", 0, 91_000))
+    assert net.links_of("ground", ground.command(1, 154)) == ["autopilot"]
+    net.feed("autopilot", Wire(1, 1).frame("SYSTEM_TIME", 0, 500))
+    assert net.links_of("ground", ground.command(1, 154)) == []
+    assert net.links_of("ground", ground.command(1, 155)) == []
+    assert net.links_of("ground", ground.command(1, 1)) == ["autopilot"]
+    assert net.links_of("ground", ground.command(2, 1)) == ["autopilot"]
+
+
+def test_clocks_of_different_components_are_not_compared() -> None:
+    net = Net()
+    _, ground = vehicle_and_ground(net)
+    net.feed("autopilot", Wire(1, 1).frame("SYSTEM_TIME", 0, 90_000), Wire(1, 240).frame("SYSTEM_TIME", 0, 5))
+    net.feed("autopilot", Wire(1, 154).heartbeat())
+    net.feed("autopilot", Wire(1, 240).frame("SYSTEM_TIME", 0, 6))
+    assert net.links_of("ground", ground.command(1, 154)) == ["autopilot"]
+
+
+def test_thinning_on_the_way_out() -> None:
+    net = Net(AUTOPILOT, LinkPolicy("ground", "gcs", max_rate_hz={"ATTITUDE": 4}), TABLET)
+    vehicle = Wire(1, 1)
+    out = []
+    for i in range(1000):
+        net.wait(9 * NS_PER_MS)
+        out += [name for name, _ in net.feed("autopilot", vehicle.attitude(i))]
+    assert out.count("tablet") == 1000
+    assert out.count("ground") == pytest.approx(40, abs=1)
+    assert net.node.statistics(net.now)[1].thinned == 1000 - out.count("ground")
+
+
+def test_strangers_do_not_fill_the_tables() -> None:
+    net = Net()
+    for system in range(1, 31):
+        for component in range(1, 51):
+            net.feed("ground", Wire(system, component).heartbeat())
+    (link,) = [link for link in net.node.statistics(net.now) if link.name == "ground"]
+    assert len(link.peers) <= MAX_PEERS

@@ -1,0 +1,243 @@
+"""Whatever surrounds them and however they are cut: good frames come out, whole, once, in order."""
+
+from __future__ import annotations
+
+import random
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mavlink_wire import Wire, unknown_frame
+
+from fwav_companion.mavlink.scanner import MAX_FLOWS, Scanner
+
+CORPUS = sorted((Path(__file__).parent / "corpus").glob("*.bin"))
+LONGEST = 280
+
+
+def scanned(data: bytes, cuts: list[int] | None = None) -> list[bytes]:
+    """The frames of a stream that is then quiet, cut at the given places."""
+    scanner = Scanner()
+    edges = [0, *sorted(cut % (len(data) + 1) for cut in cuts or []), len(data)]
+    frames = [frame for start, end in pairwise(edges) for frame in scanner.feed(data[start:end])]
+    return [frame.data for frame in frames + scanner.settle()]
+
+
+def good_frames(count: int = 40) -> list[bytes]:
+    one, two, old = Wire(1, 1), Wire(255, 190), Wire(3, 1, version=1)
+    makers = (one.attitude, one.heartbeat, two.heartbeat, old.attitude, lambda: two.command(1, 1))
+    return [makers[i % len(makers)]() for i in range(count)]
+
+
+def is_subsequence(wanted: list[bytes], found: list[bytes]) -> bool:
+    rest = iter(found)
+    return all(any(frame == other for other in rest) for frame in wanted)
+
+
+@pytest.mark.parametrize("path", CORPUS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("size", [1, 7, 256, 100_000])
+def test_corpus(path, size) -> None:
+    data = path.read_bytes()
+    wanted = [bytes.fromhex(line) for line in path.with_suffix(".frames").read_text().split()]
+    assert is_subsequence(wanted, scanned(data, list(range(0, len(data), size))))
+
+
+def test_the_corpus_is_there() -> None:
+    assert len(CORPUS) >= 12
+
+
+def test_what_is_read_of_a_header() -> None:
+    wire = Wire(7, 42)
+    wire.heartbeat()
+    (frame,) = Scanner().feed(wire.command(9, 11))
+    assert (frame.msgid, frame.system, frame.component, frame.seq, frame.version) == (76, 7, 42, 1, 2)
+    assert (frame.target_system, frame.target_component, frame.known, frame.signed) == (9, 11, True, False)
+
+
+def test_truncated_target_bytes_are_zero() -> None:
+    frame = Wire().frame("PARAM_REQUEST_LIST", 0, 0)
+    assert frame[1] == 1
+    (found,) = Scanner().feed(frame)
+    assert (found.target_system, found.target_component) == (0, 0)
+    (found,) = Scanner().feed(Wire().frame("PARAM_REQUEST_LIST", 5, 0))
+    assert (found.target_system, found.target_component) == (5, 0)
+
+
+def test_signed_frames_keep_their_signature() -> None:
+    wire = Wire()
+    wire.mav.signing.secret_key = b"k" * 32
+    wire.mav.signing.sign_outgoing = True
+    stream = [wire.attitude(), wire.heartbeat(), wire.attitude(2)]
+    scanner = Scanner()
+    frames = scanner.feed(b"".join(stream))
+    assert [frame.data for frame in frames] == stream
+    assert all(frame.signed for frame in frames)
+
+
+pieces = st.one_of(
+    st.sampled_from(good_frames(20)).map(lambda frame: (frame, True)),
+    st.binary(max_size=40).map(lambda noise: (noise.replace(b"\xfd", b"\0").replace(b"\xfe", b"\0"), False)),
+)
+
+
+@given(st.lists(pieces, max_size=30), st.lists(st.integers(0, 5000), max_size=20))
+def test_noise_without_start_bytes_costs_nothing(parts, cuts) -> None:
+    wanted = [piece for piece, is_frame in parts if is_frame]
+    assert scanned(b"".join(piece for piece, _ in parts), cuts) == wanted
+
+
+@given(st.lists(st.one_of(st.binary(max_size=60), st.sampled_from(good_frames(20))), max_size=20),
+       st.lists(st.integers(0, 5000), max_size=20))  # fmt: skip
+def test_the_cuts_change_nothing(parts, cuts) -> None:
+    data = b"".join(parts)
+    assert scanned(data, cuts) == scanned(data) == scanned(data, list(range(len(data))))
+
+
+@given(st.lists(st.one_of(st.binary(max_size=60), st.sampled_from([*good_frames(5), unknown_frame()])), max_size=20),
+       st.lists(st.integers(0, 5000), max_size=20))  # fmt: skip
+def test_every_byte_is_either_in_a_frame_or_counted_or_kept(parts, cuts) -> None:
+    data = b"".join(parts)
+    scanner = Scanner()
+    edges = [0, *sorted(cut % (len(data) + 1) for cut in cuts), len(data)]
+    frames = [frame for start, end in pairwise(edges) for frame in scanner.feed(data[start:end])]
+    kept = len(scanner._pending)
+    assert kept <= 2 * LONGEST
+    assert sum(len(frame.data) for frame in frames) + scanner.skipped_bytes + kept == len(data)
+
+
+def test_no_good_frame_is_lost_beside_a_corrupted_one() -> None:
+    """10 200 good frames beside corrupted ones: a byte altered, lost or added anywhere in every seventh frame."""
+    rng = random.Random(7)
+    frames = [unknown_frame(seq=i % 256) if i % 50 == 25 else frame for i, frame in enumerate(good_frames(11_900))]
+    stream, wanted = [], []
+    for i, frame in enumerate(frames):
+        if i % 7 == 3:
+            stream.append(_corrupted(frame, rng))
+        else:
+            stream.append(frame)
+            wanted.append(frame)
+    assert len(wanted) == 10_200
+    data = b"".join(stream)
+    found = scanned(data, list(range(0, len(data), 256)))
+    known = [frame for frame in wanted if frame[7:10] != b"\xef\xcd\xab"]
+    assert is_subsequence(known, found)
+    assert len(found) < 10_200 * 1.05
+
+
+def _corrupted(frame: bytes, rng: random.Random) -> bytes:
+    at = rng.randrange(len(frame))
+    kind = rng.choice(("altered", "lost", "added", "burst"))
+    if kind == "lost":
+        return frame[:at] + frame[at + 1 :]
+    if kind == "added":
+        return frame[:at] + bytes((rng.randrange(256),)) + frame[at:]
+    width = 1 if kind == "altered" else 6
+    noise = bytes(byte ^ rng.randrange(1, 256) for byte in frame[at : at + width])
+    return frame[:at] + noise + frame[at + width :]
+
+
+def test_an_unknown_frame_of_a_stream_waits_for_what_follows() -> None:
+    scanner = Scanner()
+    wire = Wire()
+    assert len(scanner.feed(wire.heartbeat())) == 1
+    assert scanner.feed(unknown_frame()) == []
+    assert scanner.undecided
+    (unknown, known) = scanner.feed(wire.heartbeat())
+    assert (unknown.known, known.known, scanner.undecided) == (False, True, False)
+    assert unknown.data == unknown_frame()
+
+
+def test_an_unknown_frame_before_a_pause_is_taken_when_the_line_is_quiet() -> None:
+    scanner = Scanner()
+    scanner.feed(Wire().heartbeat() + unknown_frame())
+    (unknown,) = scanner.settle()
+    assert unknown.data == unknown_frame()
+    assert scanner.settle() == []
+
+
+def test_an_unknown_frame_that_no_frame_follows_is_noise() -> None:
+    wire = Wire()
+    first, second = wire.heartbeat(), wire.heartbeat()
+    assert scanned(first + unknown_frame() + b"x" + second) == [first, second]
+
+
+def test_an_unknown_frame_in_a_datagram_is_taken_at_its_end() -> None:
+    (unknown,) = Scanner(datagrams=True).feed(unknown_frame())
+    assert unknown.data == unknown_frame()
+
+
+def test_a_datagram_that_was_cut_off_does_not_hold_up_the_next() -> None:
+    scanner = Scanner(datagrams=True)
+    wire = Wire()
+    assert scanner.feed(wire.attitude()[:20]) == []
+    (frame,) = scanner.feed(wire.heartbeat())
+    assert frame.msgid == 0
+    assert scanner.skipped_bytes == 20
+
+
+def test_a_frame_split_over_two_datagrams_is_joined() -> None:
+    scanner = Scanner(datagrams=True)
+    data = Wire().attitude()
+    assert scanner.feed(data[:20]) == []
+    assert [frame.data for frame in scanner.feed(data[20:])] == [data]
+
+
+def test_what_is_counted() -> None:
+    scanner = Scanner()
+    wire = Wire()
+    bad = bytearray(wire.attitude())
+    bad[20] ^= 1
+    strange = bytearray(wire.attitude())
+    strange[2] = 0x40
+    scanner.feed(wire.heartbeat() + bytes(bad) + wire.heartbeat() + bytes(strange) + wire.heartbeat() + b"junk")
+    scanner.feed(wire.heartbeat())
+    assert (scanner.bad_checksums, scanner.not_understood) == (1, 1)
+    assert scanner.skipped_bytes == len(bad) + len(strange) + 4
+
+
+def test_a_reset_forgets_what_was_begun() -> None:
+    scanner = Scanner()
+    wire = Wire()
+    scanner.feed(wire.attitude()[:30])
+    scanner.reset()
+    assert len(scanner.feed(wire.heartbeat())) == 1
+
+
+@pytest.mark.parametrize(
+    "pattern", [b"\xfd", b"\xfe", b"\xfd\x00", b"\xfe\x0d", b"\xfd\x01\x00", b"\xfe\xff\xfd\x00\x00"]
+)
+def test_hostile_patterns_cost_linear_time(pattern) -> None:
+    """Counted, not timed: how many checksums are worked out for a megabyte of the worst."""
+    scanner = Scanner()
+    calls = 0
+    plain = scanner._frame_at
+
+    def counted(buffer, position):
+        nonlocal calls
+        calls += 1
+        return plain(buffer, position)
+
+    scanner._frame_at = counted
+    for _ in range(20):
+        scanner.feed(pattern * (5000 // len(pattern)))
+    assert calls <= 3 * 100_000
+
+
+def test_strangers_do_not_fill_the_table_of_flows() -> None:
+    scanner = Scanner()
+    for system in range(1, 101):
+        for component in range(1, 101):
+            scanner.feed(Wire(system, component).heartbeat())
+    assert len(scanner._flows) <= MAX_FLOWS
+
+
+@settings(max_examples=300)
+@given(st.binary(max_size=2000), st.booleans())
+def test_any_bytes(data, datagrams) -> None:
+    scanner = Scanner(datagrams=datagrams)
+    for start in range(0, len(data), 97):
+        scanner.feed(data[start : start + 97])
+    scanner.settle()
+    assert len(scanner._pending) <= 2 * LONGEST
