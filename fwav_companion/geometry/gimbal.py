@@ -1,0 +1,54 @@
+"""GIMBAL_DEVICE_ATTITUDE_STATUS: from its quaternion and flags to the gimbal's attitude in NED.
+
+The quaternion is levelled to the horizon already: its roll and pitch count from the earth, and the vehicle's must not
+be applied to them again. Only where its yaw counts from depends on flags. Source: MAVLink common.xml, message 285, and
+the gimbal protocol's page.
+"""
+
+from __future__ import annotations
+
+from enum import IntFlag
+from math import cos, isfinite, sin
+
+from fwav_companion.geometry.rotations import Quaternion, multiply, normalized, quaternion_from_matrix
+from fwav_companion.geometry.vectors import Matrix3
+
+
+class GimbalFlags(IntFlag):
+    """GIMBAL_DEVICE_FLAGS, those that say where yaw counts from."""
+
+    YAW_LOCK = 16
+    YAW_IN_VEHICLE_FRAME = 32
+    YAW_IN_EARTH_FRAME = 64
+
+
+def ned_from_gimbal(q: Quaternion, flags: int, ned_from_body: Matrix3, delta_yaw: float) -> Quaternion | None:
+    """The gimbal's attitude in NED; None where the message contradicts itself or holds no rotation.
+
+    ``q``: as sent, (w, x, y, z). ``ned_from_body``: the vehicle's attitude at that instant; only its heading is used.
+    ``delta_yaw``: of the message, how far the vehicle-yaw frame is turned from north, which the gimbal may know better
+    than we; not finite where it is not told. It must be ignored where neither frame flag is set.
+    """
+    if not all(map(isfinite, q)) or not any(q):
+        return None
+    flags &= GimbalFlags.YAW_LOCK | GimbalFlags.YAW_IN_VEHICLE_FRAME | GimbalFlags.YAW_IN_EARTH_FRAME
+    in_vehicle, in_earth = bool(flags & GimbalFlags.YAW_IN_VEHICLE_FRAME), bool(flags & GimbalFlags.YAW_IN_EARTH_FRAME)
+    if in_vehicle and in_earth:
+        return None
+    if in_earth or (not in_vehicle and flags & GimbalFlags.YAW_LOCK):
+        return normalized(q)
+    if in_vehicle and isfinite(delta_yaw) and delta_yaw != 0.0:  # 0: also what a sender without the field sends
+        return normalized(multiply((cos(0.5 * delta_yaw), 0.0, 0.0, sin(0.5 * delta_yaw)), q))
+    return normalized(multiply(_heading_only(ned_from_body), q))
+
+
+def _heading_only(ned_from_body: Matrix3) -> Quaternion:
+    """The vehicle's attitude with roll and pitch taken out: a turn about down alone."""
+    forward_north, forward_east = ned_from_body[0][0], ned_from_body[1][0]
+    length = (forward_north**2 + forward_east**2) ** 0.5
+    if length < 1e-9:  # the nose points straight up or down: the belly tells the heading
+        sign = 1.0 if ned_from_body[2][0] < 0.0 else -1.0
+        forward_north, forward_east = sign * ned_from_body[0][2], sign * ned_from_body[1][2]
+        length = (forward_north**2 + forward_east**2) ** 0.5
+    c, s = forward_north / length, forward_east / length
+    return quaternion_from_matrix(((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)))
