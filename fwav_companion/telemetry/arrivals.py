@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 from fwav_companion.geometry.stamps import NS_PER_S, BootNs, HostNs
+from fwav_companion.telemetry.envelopes import lower_hull
 from fwav_companion.telemetry.line import MOST_SKEW, Line
 
 BUCKET_NS = NS_PER_S
@@ -38,9 +39,10 @@ class ArrivalEnvelope:
         offset_ns = arrival_ns - stamp_ns
         bucket = stamp_ns // BUCKET_NS
         if self._buckets and self._buckets[-1][0] >= bucket:
-            if offset_ns >= self._buckets[-1][2]:
+            if offset_ns >= self._buckets[-1][2] and (self.line is not None or self._count != ARRIVALS_TO_BEGIN):
                 return
-            self._buckets[-1] = (self._buckets[-1][0], arrival_ns, offset_ns)
+            if offset_ns < self._buckets[-1][2]:
+                self._buckets[-1] = (self._buckets[-1][0], arrival_ns, offset_ns)
         else:
             self._buckets.append((bucket, arrival_ns, offset_ns))
             if len(self._buckets) > BUCKETS:
@@ -57,7 +59,7 @@ class ArrivalEnvelope:
         """The edge of the lower convex hull that spans the mean instant: the highest line below all points there."""
         _, ref_ns, ref_offset_ns = self._buckets[-1]
         points = [((at - ref_ns) * 1e-9, (offset - ref_offset_ns) * 1e-9) for _, at, offset in self._buckets]
-        hull = _lower_hull(points)
+        hull = lower_hull(points)
         mean_t = sum(t for t, _ in points) / len(points)
         (t0, y0), slope = hull[-1], 0.0
         for (ta, ya), (tb, yb) in pairwise(hull):
@@ -76,16 +78,3 @@ class ArrivalEnvelope:
             cov_offset_skew=0.0,
             var_skew=above / span**2 + 1e-12,
         )
-
-
-def _lower_hull(points: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Of points in order of time."""
-    hull: list[tuple[float, float]] = []
-    for t, y in points:
-        while len(hull) > 1:
-            (ta, ya), (tb, yb) = hull[-2], hull[-1]
-            if (yb - ya) * (t - ta) < (y - ya) * (tb - ta):
-                break
-            hull.pop()
-        hull.append((t, y))
-    return hull

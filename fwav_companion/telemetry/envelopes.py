@@ -1,0 +1,121 @@
+"""The clock between two envelopes: no answer is stamped before its request left, nor after it arrived.
+
+Where each delay is a least one plus an exponential tail, the same both ways, the likelihood of a line of offsets grows
+with the room it leaves to both envelopes, and with nothing else: it is ``exp(2 n room / tail)`` in the least delay
+``room``. Its mean is several times nearer to the truth than any weighing of the exchanges, for it learns from the few
+fastest messages of each direction alone. Where delays are not so, this is overconfident: :mod:`exchanges` therefore
+asks which of the two descriptions the exchanges themselves make likelier.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from math import exp, log
+
+import msgspec
+
+LEAST_TAIL_S = 2e-6
+"""Clocks are read in whole microseconds."""
+SLOPES = 41
+REACH = 12.0
+"""The slopes that are tried reach so far that the likelihood has fallen by exp(-12)."""
+THIRDS, HALVES = 24, 12
+"""Steps of the searches: from 1200 ppm to a tenth of a ppm, and to a thousandth of the way."""
+
+Point = tuple[float, float]
+
+
+class EnvelopeFit(msgspec.Struct, frozen=True):
+    """A line of offsets, seconds and seconds a second at time 0, with its covariance."""
+
+    level: float
+    skew: float
+    var_level: float
+    cov_level_skew: float
+    var_skew: float
+    room_s: float
+    """Between the envelopes, twice the least delay; negative: no line fits between, so the skew was not constant."""
+    log_likelihood: float
+    """Of the offsets, given the round trips."""
+
+
+def lower_hull(points: Sequence[Point]) -> list[Point]:
+    """The lower convex hull of points in order of time."""
+    hull: list[Point] = []
+    for t, y in points:
+        while len(hull) > 1:
+            (ta, ya), (tb, yb) = hull[-2], hull[-1]
+            if (yb - ya) * (t - ta) < (y - ya) * (tb - ta):
+                break
+            hull.pop()
+        hull.append((t, y))
+    return hull
+
+
+def fit_between(
+    times: Sequence[float], offsets: Sequence[float], trips: Sequence[float], most_skew: float
+) -> EnvelopeFit:
+    """Offsets (middle of each exchange) at times, with their round trips; in seconds, in any order of time."""
+    entries = sorted(zip(times, offsets, trips, strict=True))
+    above = lower_hull([(t, y + 0.5 * r) for t, y, r in entries])
+    below = lower_hull([(t, 0.5 * r - y) for t, y, r in entries])
+    n = len(entries)
+
+    def room(skew: float) -> tuple[float, float]:
+        """(the ceiling at time 0, the floor at time 0) of lines of this skew."""
+        return min(y - skew * t for t, y in above), -min(y + skew * t for t, y in below)
+
+    def gap(skew: float) -> float:
+        ceiling, floor = room(skew)
+        return ceiling - floor
+
+    best = _highest(gap, -most_skew, most_skew)
+    widest = gap(best)
+    tail = max(LEAST_TAIL_S, 0.5 * (sum(trips) / n - widest))
+    low, high = (_falls_to(gap, best, end, widest - REACH * tail / n) for end in (-most_skew, most_skew))
+    weight = m_level = m_skew = s_ll = s_ls = s_ss = 0.0
+    for k in range(SLOPES):
+        skew = low + (high - low) * k / (SLOPES - 1)
+        ceiling, floor = room(skew)
+        w = exp(n * (ceiling - floor - widest) / tail)
+        level = 0.5 * (ceiling + floor)
+        weight += w
+        m_level += w * level
+        m_skew += w * skew
+        s_ll += w * level * level
+        s_ls += w * level * skew
+        s_ss += w * skew * skew
+    m_level, m_skew = m_level / weight, m_skew / weight
+    return EnvelopeFit(
+        level=m_level,
+        skew=m_skew,
+        var_level=max(0.0, s_ll / weight - m_level * m_level) + 0.5 * (tail / n) ** 2,
+        cov_level_skew=s_ls / weight - m_level * m_skew,
+        var_skew=max(0.0, s_ss / weight - m_skew * m_skew) + 1e-16,
+        room_s=widest,
+        log_likelihood=-sum(log(max(r - widest, LEAST_TAIL_S)) for r in trips),
+    )
+
+
+def _highest(concave: Callable[[float], float], low: float, high: float) -> float:
+    """Where a concave function is highest, by thirds."""
+    for _ in range(THIRDS):
+        a, b = low + (high - low) / 3.0, high - (high - low) / 3.0
+        if concave(a) < concave(b):
+            low = a
+        else:
+            high = b
+    return 0.5 * (low + high)
+
+
+def _falls_to(concave: Callable[[float], float], top: float, end: float, value: float) -> float:
+    """Between the top of a concave function and ``end``, where it has fallen to ``value``, by halves; else ``end``."""
+    if concave(end) >= value:
+        return end
+    for _ in range(HALVES):
+        middle = 0.5 * (top + end)
+        if concave(middle) >= value:
+            top = middle
+        else:
+            end = middle
+    return end

@@ -1,0 +1,75 @@
+"""What the clock claims, from both sides: over many seeds its 95 % interval holds the truth 90 to 98 times in 100."""
+
+from math import sqrt
+
+import pytest
+from wires import Delay, Wire, constant, exponential
+
+SEEDS = 300
+
+
+def gaussian(rng) -> float:
+    return max(0.001, rng.gauss(0.020, 0.003))
+
+
+def final_errors(delay: Delay, *, seconds: float, seeds: int, hz: float = 10.0) -> list[tuple[float, float]]:
+    """(error, claimed sigma) after so many seconds, by seed."""
+    ends = []
+    for seed in range(seeds):
+        wire = Wire(up=delay, down=delay, drift=lambda t: 20e-6 * t, seed=seed)
+        for k in range(int(seconds * hz)):
+            wire.exchange(k / hz)
+        error_s, estimate = wire.error_s(seconds + 0.1)
+        assert abs(error_s) <= estimate.bound_s
+        ends.append((error_s, estimate.sigma_s))
+    return ends
+
+
+def coverage(ends: list[tuple[float, float]]) -> float:
+    return sum(abs(error) <= 1.96 * sigma for error, sigma in ends) / len(ends)
+
+
+def test_ten_milliseconds_of_exponential_jitter():
+    ends = final_errors(exponential(0.010), seconds=20.0, seeds=SEEDS)
+    assert max(abs(error) for error, _ in ends) < 1e-3
+    assert 0.90 <= coverage(ends) <= 0.98
+
+
+@pytest.mark.parametrize(
+    ("delay", "seconds", "hz"),
+    [
+        (exponential(0.010, base_s=0.005), 10.0, 10.0),
+        (exponential(0.001, base_s=0.001), 10.0, 10.0),
+        (gaussian, 10.0, 10.0),
+        (lambda rng: rng.uniform(0.0, 0.02), 20.0, 4.0),
+        (lambda rng: 0.001 + rng.gammavariate(2.0, 0.005), 20.0, 4.0),
+    ],
+    ids=["exponential on a base", "short exponential", "gaussian", "uniform", "gamma"],
+)
+def test_the_claim_holds_for_other_symmetric_delays(delay, seconds, hz):
+    ends = final_errors(delay, seconds=seconds, seeds=100, hz=hz)
+    # 99.9 % limits of 100 draws whose probability is 0.90 to 0.98
+    assert 0.80 <= coverage(ends) <= 1.0
+    rms = sqrt(sum(e * e for e, _ in ends) / len(ends))
+    claimed = sqrt(sum(s * s for _, s in ends) / len(ends))
+    assert 0.75 * rms < claimed < 1.4 * rms
+
+
+def test_without_jitter_it_is_exact_and_the_bound_stays_half_the_round_trip():
+    wire = Wire(up=constant(0.004), down=constant(0.004), drift=lambda t: 30e-6 * t)
+    wire.run(20.0)
+    error_s, estimate = wire.error_s(20.0)
+    assert abs(error_s) < 5e-6
+    assert estimate.sigma_s < 50e-6
+    assert estimate.round_trip_s == pytest.approx(0.008, abs=2e-6)
+    assert estimate.bound_s == pytest.approx(0.004 + 0.1 * 600e-6, abs=1e-4)
+    assert estimate.skew == pytest.approx(30e-6, abs=2e-6)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 5, 8])
+def test_the_first_exchanges_claim_what_their_round_trips_allow(count):
+    ends = final_errors(exponential(0.010), seconds=count / 10.0, seeds=100)
+    assert coverage(ends) >= 0.80
+    rms = sqrt(sum(e * e for e, _ in ends) / len(ends))
+    claimed = sqrt(sum(s * s for _, s in ends) / len(ends))
+    assert 0.7 * rms < claimed < 2.0 * rms

@@ -1,0 +1,111 @@
+"""Where the origin lies, when, and that it never moves. The oracle of geodesy is pymap3d."""
+
+from math import degrees
+
+import pymap3d
+import pytest
+from told import Autopilot
+
+from fwav_companion.geometry.stamps import BootNs
+from fwav_companion.telemetry import HomeMoved, OriginSet, RelativeWorld
+
+LAT, LON = 473_977_420, 85_455_940
+
+
+def kinds(autopilot: Autopilot, kind: type) -> list:
+    return [event for event in autopilot.events if isinstance(event, kind)]
+
+
+def test_the_first_position_is_the_origin_on_the_ground_of_take_off():
+    autopilot = Autopilot()
+    autopilot.tell("GLOBAL_POSITION_INT", 100, alt=512_300, relative_alt=12_300)
+    (told,) = kinds(autopilot, OriginSet)
+    assert not told.late
+    assert (told.origin.lat_deg, told.origin.lon_deg) == (pytest.approx(LAT * 1e-7), pytest.approx(LON * 1e-7))
+    assert told.origin.alt_amsl_m == pytest.approx(500.0)
+    autopilot.tell("GLOBAL_POSITION_INT", 200, lat=LAT + 5000)
+    autopilot.tell("GPS_GLOBAL_ORIGIN", 300)
+    autopilot.tell("GLOBAL_POSITION_INT", 400)
+    assert len(kinds(autopilot, OriginSet)) == 1
+    assert autopilot.telemetry.world.plane.origin == told.origin
+
+
+def test_an_origin_told_before_is_taken_with_the_height_of_the_ground():
+    autopilot = Autopilot()
+    autopilot.tell("GPS_GLOBAL_ORIGIN", 50, latitude=LAT - 1000, longitude=LON + 1000, altitude=123_000)
+    autopilot.tell("GLOBAL_POSITION_INT", 100)
+    (told,) = kinds(autopilot, OriginSet)
+    assert told.origin.lat_deg == pytest.approx((LAT - 1000) * 1e-7)
+    assert told.origin.alt_amsl_m == pytest.approx(490.0)
+
+
+def test_no_fix_no_origin():
+    autopilot = Autopilot()
+    autopilot.tell("GPS_RAW_INT", 50, fix_type=1)
+    autopilot.tell("GLOBAL_POSITION_INT", 100)
+    autopilot.tell("GLOBAL_POSITION_INT", 150, lat=0, lon=0)
+    assert not kinds(autopilot, OriginSet)
+    autopilot.tell("GPS_RAW_INT", 200, fix_type=3)
+    autopilot.tell("GLOBAL_POSITION_INT", 250, lat=0, lon=0)
+    assert not kinds(autopilot, OriginSet)
+    autopilot.tell("GLOBAL_POSITION_INT", 300)
+    assert len(kinds(autopilot, OriginSet)) == 1
+
+
+def test_positions_lie_where_pymap3d_puts_them():
+    autopilot = Autopilot()
+    autopilot.attitudes(0, 300)
+    autopilot.tell("GLOBAL_POSITION_INT", 100, alt=500_000, relative_alt=10_000)
+    autopilot.tell("GLOBAL_POSITION_INT", 200, lat=LAT + 20_000, lon=LON - 30_000, alt=530_000, relative_alt=40_000)
+    position = autopilot.telemetry.state_at(BootNs(200_500_000)).position_ned
+    origin = autopilot.telemetry.world.plane.origin
+    north, east, _ = pymap3d.geodetic2ned(
+        (LAT + 20_000) * 1e-7, (LON - 30_000) * 1e-7, 490.0, degrees(origin.lat), degrees(origin.lon), 490.0
+    )
+    assert position == pytest.approx((north, east, -40.0), abs=2e-4)
+
+
+def test_without_a_position_the_world_becomes_relative_ten_seconds_after_the_first_attitude():
+    autopilot = Autopilot()
+    assert autopilot.telemetry.world.relative is None
+    assert autopilot.telemetry.wake_at is None
+    autopilot.tell("ATTITUDE", 1000)
+    assert autopilot.telemetry.wake_at == autopilot.host(11_000)
+    assert autopilot.telemetry.on_wake(autopilot.host(10_999)) == ()
+    assert autopilot.telemetry.world.relative is None
+    assert autopilot.telemetry.on_wake(autopilot.host(11_000)) == (RelativeWorld(),)
+    assert autopilot.telemetry.world.relative is True
+    assert autopilot.telemetry.wake_at is None
+
+
+def test_a_position_after_all_is_told_as_late():
+    autopilot = Autopilot()
+    autopilot.attitudes(1000, 12_000, 100)
+    assert kinds(autopilot, RelativeWorld) == [RelativeWorld()]
+    autopilot.tell("GLOBAL_POSITION_INT", 20_000)
+    assert [event.late for event in kinds(autopilot, OriginSet)] == [True]
+    assert autopilot.telemetry.world.relative is False
+
+
+def test_position_none_never_has_an_origin():
+    autopilot = Autopilot(position="none")
+    assert autopilot.telemetry.world.relative is True
+    autopilot.attitudes(0, 300)
+    autopilot.tell("GLOBAL_POSITION_INT", 200)
+    assert autopilot.events == []
+    state = autopilot.telemetry.state_at(BootNs(205_000_000))
+    assert state.position_ned is None
+    assert state.height_above_home_m == pytest.approx(10.0)
+
+
+def test_home_moves_only_the_home_surface():
+    autopilot = Autopilot()
+    autopilot.tell("HOME_POSITION", 50, altitude=490_000)
+    autopilot.tell("GLOBAL_POSITION_INT", 100)
+    assert kinds(autopilot, HomeMoved) == []
+    autopilot.tell("HOME_POSITION", 200, altitude=490_800)
+    assert [event.down_m for event in kinds(autopilot, HomeMoved)] == [pytest.approx(-0.8)]
+    assert autopilot.telemetry.world.home_down_m == pytest.approx(-0.8)
+    autopilot.tell("HOME_POSITION", 300, altitude=490_800)
+    assert len(kinds(autopilot, HomeMoved)) == 1
+    assert autopilot.telemetry.world.plane.origin.alt_amsl_m == pytest.approx(490.0)
