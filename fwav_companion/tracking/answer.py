@@ -30,21 +30,24 @@ class Held(msgspec.Struct, frozen=True):
     factor: tuple[tuple[float, ...], ...]
     """Cholesky factor of the held unknowns' posterior covariance."""
 
-    def moments(self, places: Sequence[int]) -> tuple[list[float], list[list[float]]]:
-        """Mean and covariance of some of the joint's unknowns, none of them held."""
+    def moments(self, places: Sequence[int], *, doubted: bool = True) -> tuple[list[float], list[list[float]]]:
+        """Mean and covariance of some of the joint's unknowns, none of them held.
+
+        ``doubted``: with the whole prior of what is held; otherwise as if what is held were right.
+        """
         joint, held = self.joint, self.held
-        pulls = [solved(self.factor, [joint.cov[place][i] for i in held]) for place in places]
+        crossed = [[joint.cov[place][i] for i in held] for place in places]
+        pulls = [solved(self.factor, row) for row in crossed]
         offset = [joint.mean[i] - self.prior_means[i] for i in held]
         mean = [
             joint.mean[place] - sum(a * o for a, o in zip(pull, offset, strict=True))
             for place, pull in zip(places, pulls, strict=True)
         ]
-        prior2 = [self.prior_sigmas[i] ** 2 for i in held]
+        prior2 = [self.prior_sigmas[i] ** 2 if doubted else 0.0 for i in held]
         cov = [
             [
-                joint.cov[p][q]
-                + sum(a * (b * s - joint.cov[i][q]) for a, b, s, i in zip(pull_p, pull_q, prior2, held, strict=True))
-                for q, pull_q in zip(places, pulls, strict=True)
+                joint.cov[p][q] + sum(a * (b * s - c) for a, b, s, c in zip(pull_p, pull_q, prior2, row_q, strict=True))
+                for q, pull_q, row_q in zip(places, pulls, crossed, strict=True)
             ]
             for p, pull_p in zip(places, pulls, strict=True)
         ]
@@ -52,10 +55,7 @@ class Held(msgspec.Struct, frozen=True):
 
     def known_sigma(self, place: int) -> float:
         """One sigma as far as the flight has shown it, the held unknowns taken as right."""
-        joint, held = self.joint, self.held
-        crossed = [joint.cov[place][i] for i in held]
-        pull = solved(self.factor, crossed)
-        return sqrt(max(0.0, joint.cov[place][place] - sum(a * c for a, c in zip(pull, crossed, strict=True))))
+        return sqrt(max(0.0, self.moments([place], doubted=False)[1][0][0]))
 
 
 def holding(joint: Joint, held: Sequence[int], prior_means: tuple[float, ...], prior_sigmas: tuple[float, ...]) -> Held:

@@ -11,8 +11,7 @@ Immutable but for :class:`Workshop`, which holds what never changes.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from enum import StrEnum
-from math import acos, cos, hypot, sin, sqrt
+from math import acos, cos, hypot, sin
 
 import msgspec
 
@@ -20,13 +19,13 @@ from fwav_companion.geometry.rotations import euler_from_quaternion
 from fwav_companion.geometry.stamps import HostNs, ns_from_s
 from fwav_companion.geometry.vectors import Matrix3, Vector3, transform
 from fwav_companion.nouns import Bias, ErrorPriors, GroundFix
-from fwav_companion.tracking.answer import CONSIDERED, MOUNT, Held, all_but, holding
 from fwav_companion.tracking.base import Belief
 from fwav_companion.tracking.course import Course, StateAt, course_of
 from fwav_companion.tracking.fit import Fit
 from fwav_companion.tracking.joint import joint_of
 from fwav_companion.tracking.linear import Symmetric2
 from fwav_companion.tracking.rays import COMMON_COUNT, Common, Glimpse, glimpse_of
+from fwav_companion.tracking.verdict import CalibrationStatus, Placed, Verdict, judged
 
 DELAY_STEP_S = 0.015
 """Between two hypotheses: a fifth of a beat at 15 Hz, so one of them is always in the linear range."""
@@ -48,24 +47,10 @@ PASSES_AT = (60, 120, 240, 480)
 PASS_STEP = 12
 """Glimpses a frame: 2 ms of work."""
 
-DELAY_SHOWN = 0.5
-MOUNT_SHOWN = 0.35
-"""Posterior sigma over prior sigma below which an unknown is let go: the estimate then errs less than the prior."""
 LEAST_TURN = 0.9
 """Mean resultant length of the headings: above, the vehicle has looked from one side only (26 deg of spread)."""
 LEAST_SWING_RAD = 0.17
 """Spread of the angle off the nadir that shows the mount without any turn."""
-
-
-class CalibrationStatus(StrEnum):
-    """How far self-calibration has come."""
-
-    WAITING = "waiting"
-    """Too little was seen yet; everything stands at its prior."""
-    TIME = "time"
-    """The delay is known; the mount needs other headings or ranges."""
-    CALIBRATED = "calibrated"
-    """Delay and mount are known."""
 
 
 class CalibrationReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -91,15 +76,6 @@ class KeptCalibration(msgspec.Struct, frozen=True, kw_only=True):
     time_offset_sigma_s: float
     mount: Vector3
     mount_sigma: Vector3
-
-
-class Placed(msgspec.Struct, frozen=True, gc=False):
-    """A target by the joint estimate, horizontal."""
-
-    north: float
-    east: float
-    cov: Symmetric2
-    relative_cov: Symmetric2
 
 
 class _Queued(msgspec.Struct, frozen=True):
@@ -148,7 +124,14 @@ class Workshop:
 
     def bank(self) -> tuple[Fit, ...]:
         """A fit a delay, each with a prior as wide as the step between them."""
-        return tuple(self.fit((delay,), DELAY_STEP_S * 0.6 if len(self.delays) > 1 else None) for delay in self.delays)
+        if len(self.delays) == 1:
+            return (self.fit(self.delays),)
+        middle, sigma = self.means[Common.DELAY], self.sigmas[Common.DELAY]
+        fits = [self.fit((delay,), DELAY_STEP_S * 0.6) for delay in self.delays]
+        return tuple(
+            msgspec.structs.replace(fit, score=-0.5 * ((delay - middle) / sigma) ** 2)
+            for delay, fit in zip(self.delays, fits, strict=True)
+        )
 
     def fit(
         self,
@@ -183,9 +166,8 @@ class Calibrator(msgspec.Struct, frozen=True):
     """How many of the kept glimpses the pass has taken."""
     passes: int = 0
     views: _Views = _Views()
-    held: Held | None = None
-    """The served estimate, with what is not shown held."""
-    status: CalibrationStatus = CalibrationStatus.WAITING
+    verdict: Verdict | None = None
+    """What of the served estimate may be believed."""
     host_ns: HostNs = HostNs(0)
 
     def learned(
@@ -205,18 +187,7 @@ class Calibrator(msgspec.Struct, frozen=True):
 
     def placed(self, track: int) -> Placed | None:
         """Where a target stands; None while that is not known here."""
-        held = self.held
-        place = held.joint.place_of(track) if held is not None else None
-        if held is None or place is None:
-            return None
-        mean, cov = held.moments((place, place + 1, *CONSIDERED))
-        own = [0.0, 0.0, 0.0]
-        for i in (2, 3):
-            if cov[i][i] > 0.0:
-                n, e = cov[0][i], cov[1][i]
-                own = [own[0] + n * n / cov[i][i], own[1] + n * e / cov[i][i], own[2] + e * e / cov[i][i]]
-        nn, ne, ee = cov[0][0], cov[0][1], cov[1][1]
-        return Placed(mean[0], mean[1], (nn, ne, ee), (nn - own[0], ne - own[1], ee - own[2]))
+        return None if self.verdict is None else self.verdict.placed(track)
 
     def surprise(self, track: int, fix: GroundFix) -> float | None:
         """Squared Mahalanobis distance of a fix to a target that stands in the joint estimate; None: it does not."""
@@ -228,13 +199,9 @@ class Calibrator(msgspec.Struct, frozen=True):
     def report(self) -> CalibrationReport:
         """What is known now."""
         means, sigmas = list(self.shop.means), list(self.shop.sigmas)
-        if self.held is not None:
-            free = [i for i in range(COMMON_COUNT) if i not in self.held.held and i not in CONSIDERED]
-            mean, cov = self.held.moments(free)
-            for k, i in enumerate(free):
-                means[i], sigmas[i] = mean[k], sqrt(max(0.0, cov[k][k]))
-                if i in MOUNT:  # a constant heading error is inseparable from it, and part of the correction
-                    sigmas[i] = self.held.known_sigma(i)
+        if self.verdict is not None:
+            for i, (mean, sigma) in self.verdict.told().items():
+                means[i], sigmas[i] = mean, sigma
         return CalibrationReport(
             host_ns=self.host_ns,
             time_offset_s=means[Common.DELAY],
@@ -243,7 +210,7 @@ class Calibrator(msgspec.Struct, frozen=True):
             mount_sigma=(sigmas[1], sigmas[2], sigmas[3]),
             height_m=means[Common.HEIGHT],
             height_sigma_m=sigmas[Common.HEIGHT],
-            status=self.status,
+            status=CalibrationStatus.WAITING if self.verdict is None else self.verdict.status,
         )
 
     def restarted(self) -> Calibrator:
@@ -257,13 +224,19 @@ class Calibrator(msgspec.Struct, frozen=True):
         return LAG_S + max(0.0, -earliest)
 
     def _forgotten(self, alive: Collection[int]) -> Calibrator:
-        """Targets whose tracks ended leave the estimates."""
+        """Tracks that ended leave the estimates, and their glimpses the passes: most were no targets."""
+        gone = {glimpse.track for glimpse in self.kept}.difference(alive)
+        if self.served is not None:
+            gone |= set(self.served.joint.tracks).difference(alive)
+        if not gone:
+            return self
         served, coming = self.served, self.coming
-        if served is not None:
-            for track in served.joint.tracks:
-                if track not in alive:
-                    served = served.without(track)
-        return msgspec.structs.replace(self, served=served, coming=coming)
+        for track in sorted(gone):
+            served = None if served is None else served.without(track)
+            coming = None if coming is None else coming.without(track)
+        taken = sum(glimpse.track not in gone for glimpse in self.kept[: self.cursor])
+        kept = tuple(glimpse for glimpse in self.kept if glimpse.track not in gone)
+        return msgspec.structs.replace(self, served=served, coming=coming, kept=kept, cursor=taken)
 
     def _glimpse(self, track: int, fix: GroundFix, since_s: float) -> Glimpse:
         delays = self.shop.delays if self.delay_s is None else (self.delay_s,)
@@ -329,27 +302,8 @@ class Calibrator(msgspec.Struct, frozen=True):
         """Let go what is shown, hold the rest."""
         if self.served is None:
             return self
-        joint, means, sigmas = self.served.joint, self.shop.means, self.shop.sigmas
-        released: list[int] = []
-        held = holding(joint, all_but((Common.DELAY,)), means, sigmas)
-        if held.known_sigma(Common.DELAY) <= DELAY_SHOWN * sigmas[Common.DELAY]:
-            released.append(Common.DELAY)
-        if self.views.various:
-            self._release_mount(released)
-        status = CalibrationStatus.WAITING
-        if Common.DELAY in released:
-            status = CalibrationStatus.CALIBRATED if Common.MOUNT_X in released else CalibrationStatus.TIME
-        final = holding(joint, all_but(released), means, sigmas)
-        return msgspec.structs.replace(self, held=final, status=status)
-
-    def _release_mount(self, released: list[int]) -> None:
-        joint, means, sigmas = self.served.joint, self.shop.means, self.shop.sigmas  # type: ignore[union-attr]
-        for more in ((*MOUNT, Common.HEIGHT), MOUNT):
-            tried = [*released, *more]
-            held = holding(joint, all_but(tried), means, sigmas)
-            if all(held.known_sigma(i) <= MOUNT_SHOWN * sigmas[i] for i in more):
-                released.extend(more)
-                return
+        verdict = judged(self.served.joint, self.shop.means, self.shop.sigmas, various=self.views.various)
+        return msgspec.structs.replace(self, verdict=verdict)
 
 
 class CalibratedBelief(msgspec.Struct, frozen=True):

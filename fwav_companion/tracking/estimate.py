@@ -1,7 +1,8 @@
 """An estimate of a standing point with what its error shares with the biases, and how fixes are blended into it.
 
-With the error e of the estimate and the error m of a fix, a gain K makes the new error e + K (m - e). What is here is
-the exact covariance of that, for any gain: the Kalman filter chooses K for the least, the low-pass takes it as it is.
+With the error e of the estimate and the error m of a fix, a gain K makes the new error e + K (m - e). Noise and biases
+are told apart: the covariance of the noise, the sensitivities to the standing biases, and the covariance that the
+wandering ones make. What is here is exact for any gain; choosing one is the filters' business.
 """
 
 from __future__ import annotations
@@ -12,83 +13,98 @@ import msgspec
 
 from fwav_companion.geometry.vectors import Matrix3, Vector3, add, multiply, subtract, transform, transpose
 from fwav_companion.tracking.linear import Symmetric2, symmetric_inverse
-from fwav_companion.tracking.shared import Rows, Weighed
+from fwav_companion.tracking.shared import Row, Rows, Weighed
+
+SWING_SHARE = 0.1
+"""Of a new fix in the running mean: ten fixes, a beat and a half of the slowest wings at 30 frames/s."""
 
 
 class Estimate(msgspec.Struct, frozen=True, gc=False):
-    """A point, its total covariance, and its error's covariance with the biases."""
+    """A point and its error by kinds."""
 
     position: Vector3
-    cov: Matrix3
-    """Of the error e, every source, m^2."""
+    noise: Matrix3
+    """Covariance of what fresh noise left, m^2."""
     shared: Rows
     """cov(e, b / sigma), metres."""
-    own_position_cov: Symmetric2
-    """What of cov comes from the vehicle's position."""
-
-    @classmethod
-    def of(cls, fix: Weighed) -> Estimate:
-        """The estimate after a first fix: the fix itself."""
-        return cls(fix.position, fix.cov, fix.shared, fix.own_position_cov)
+    wandering: int
+    """Where the wandering biases begin in it."""
+    wander: Symmetric2
+    """Covariance of what the wandering biases left, horizontal."""
+    swing: Symmetric2
+    """How far a standing time offset throws single fixes, as a running mean square: on a flapping wing much farther
+    than the mean of them, and not in proportion to the rate of the moment."""
 
     @property
     def relative_cov(self) -> Matrix3:
-        """Without the vehicle's own position."""
-        (nn, ne, nd), (_, ee, ed), (_, _, dd) = self.cov
-        own_nn, own_ne, own_ee = self.own_position_cov
-        nn, ne, ee = nn - own_nn, ne - own_ne, ee - own_ee
+        """Without the biases of the vehicle's own position."""
+        (nn, ne, nd), (_, ee, ed), (_, _, dd) = self.noise
+        n, e, d = (row[: self.wandering] for row in self.shared)
+        nn, ne, nd = nn + inner(n, n), ne + inner(n, e), nd + inner(n, d)
+        ee, ed, dd = ee + inner(e, e), ed + inner(e, d), dd + inner(d, d)
+        return ((nn, ne, nd), (ne, ee, ed), (nd, ed, dd))
+
+    @property
+    def cov(self) -> Matrix3:
+        """Of every source of error, m^2."""
+        (nn, ne, nd), (_, ee, ed), (_, _, dd) = self.relative_cov
+        w_nn, w_ne, w_ee = self.wander
+        nn, ne, ee = nn + w_nn, ne + w_ne, ee + w_ee
         return ((nn, ne, nd), (ne, ee, ed), (nd, ed, dd))
 
 
-class Innovation(msgspec.Struct, frozen=True, gc=False):
-    """What a fix says beyond the estimate: m - e, and how its covariance comes about."""
-
-    difference: Vector3
-    common: Matrix3
-    """cov(e, m)."""
-    cov: Matrix3
-    """cov(m - e)."""
+def inner(a: Row, b: Row) -> float:
+    """The inner product of two rows."""
+    return sum(map(mul, a, b), 0.0)
 
 
-def common(own: Rows, fix: Rows) -> Matrix3:
-    """cov(e, m): what two errors share through the biases."""
-    (n, e, d), (fn, fe, fd) = own, fix
-    return (
-        (sum(map(mul, n, fn)), sum(map(mul, n, fe)), sum(map(mul, n, fd))),
-        (sum(map(mul, e, fn)), sum(map(mul, e, fe)), sum(map(mul, e, fd))),
-        (sum(map(mul, d, fn)), sum(map(mul, d, fe)), sum(map(mul, d, fd))),
-    )
+def first_estimate(fix: Weighed, wandering: int, timed: int | None) -> Estimate:
+    """After a first fix: the fix itself."""
+    north, east = fix.shared[0][wandering:], fix.shared[1][wandering:]
+    wander = (inner(north, north), inner(north, east), inner(east, east))
+    return Estimate(fix.position, fix.noise, fix.shared, wandering, wander, thrown(fix.shared, timed))
 
 
-def innovation(estimate: Estimate, fix: Weighed) -> Innovation:
-    """Fix minus estimate. Shared errors cancel in its covariance as they do in the difference."""
-    both = common(estimate.shared, fix.shared)
-    (nn, ne, nd), (en, ee, ed), (dn, de, dd) = both
-    (p00, p01, p02), (_, p11, p12), (_, _, p22) = estimate.cov
-    (f00, f01, f02), (_, f11, f12), (_, _, f22) = fix.cov
-    s01, s02, s12 = p01 + f01 - ne - en, p02 + f02 - nd - dn, p12 + f12 - ed - de
-    return Innovation(
-        subtract(fix.position, estimate.position),
-        both,
-        ((p00 + f00 - 2.0 * nn, s01, s02), (s01, p11 + f11 - 2.0 * ee, s12), (s02, s12, p22 + f22 - 2.0 * dd)),
-    )
+def noise_gain(estimate: Estimate, fix: Weighed) -> Matrix3:
+    """The gain of least noise. It leaves biases alone.
+
+    A gain that also played the biases' sensitivities against one another would be better on paper, and is far worse on
+    a real flight: those sensitivities are computed from the same noisy attitudes and heights that move the fix.
+    """
+    (p00, p01, p02), (_, p11, p12), (_, _, p22) = estimate.noise
+    (f00, f01, f02), (_, f11, f12), (_, _, f22) = fix.noise
+    s01, s02, s12 = p01 + f01, p02 + f02, p12 + f12
+    both = ((p00 + f00, s01, s02), (s01, p11 + f11, s12), (s02, s12, p22 + f22))
+    return multiply(estimate.noise, symmetric_inverse(both))
 
 
-def best_gain(estimate: Estimate, seen: Innovation) -> Matrix3:
-    """The gain of least covariance: cov(e, e - m) cov(m - e)^-1."""
-    own, common = estimate.cov, seen.common
-    useful = (subtract(own[0], common[0]), subtract(own[1], common[1]), subtract(own[2], common[2]))
-    return multiply(useful, symmetric_inverse(seen.cov))
-
-
-def blended(estimate: Estimate, fix: Weighed, seen: Innovation, gain: Matrix3, wandering: tuple[int, int]) -> Estimate:
+def blended(estimate: Estimate, fix: Weighed, gain: Matrix3, timed: int | None) -> Estimate:
     """The estimate with error e + K (m - e)."""
     return Estimate(
-        add(estimate.position, transform(gain, seen.difference)),
-        _blended_cov(estimate.cov, seen.common, seen.cov, gain),
+        add(estimate.position, transform(gain, subtract(fix.position, estimate.position))),
+        blended_noise(estimate.noise, fix.noise, gain),
         blended_shared(estimate.shared, fix.shared, estimate.shared, gain),
-        _blended_own_position(estimate, fix, gain, wandering),
+        estimate.wandering,
+        _blended_wander(estimate, fix, gain),
+        mean_swing(estimate.swing, fix.shared, timed),
     )
+
+
+def surprise(estimate: Estimate, fix: Weighed) -> float:
+    """Squared Mahalanobis distance of a fix, horizontal. Shared errors cancel as they do in the difference."""
+    (fix_n, fix_e, _), (own_n, own_e, _) = fix.shared, estimate.shared
+    i = estimate.wandering
+    north = tuple([a - b for a, b in zip(fix_n[:i], own_n[:i], strict=True)])
+    east = tuple([a - b for a, b in zip(fix_e[:i], own_e[:i], strict=True)])
+    wander_nn, wander_ne, wander_ee = _wander_difference(estimate, fix)
+    swing_nn, swing_ne, swing_ee = estimate.swing
+    (p_nn, p_ne, _), (_, p_ee, _), _ = estimate.noise
+    (f_nn, f_ne, _), (_, f_ee, _), _ = fix.noise
+    nn = p_nn + f_nn + inner(north, north) + wander_nn + swing_nn
+    ne = p_ne + f_ne + inner(north, east) + wander_ne + swing_ne
+    ee = p_ee + f_ee + inner(east, east) + wander_ee + swing_ee
+    n, e = fix.position[0] - estimate.position[0], fix.position[1] - estimate.position[1]
+    return (ee * n * n - 2.0 * ne * n * e + nn * e * e) / (nn * ee - ne * ne)
 
 
 def blended_shared(own: Rows, fix: Rows, estimate: Rows, gain: Matrix3) -> Rows:
@@ -103,43 +119,65 @@ def blended_shared(own: Rows, fix: Rows, estimate: Rows, gain: Matrix3) -> Rows:
     )
 
 
-def _blended_cov(own: Matrix3, common: Matrix3, seen: Matrix3, gain: Matrix3) -> Matrix3:
-    """P + K S K' + K (M - P)' + its transpose, with M = cov(e, m) and S = cov(m - e)."""
-    to_own = (subtract(own[0], common[0]), subtract(own[1], common[1]), subtract(own[2], common[2]))
-    half = multiply(gain, seen)
-    spread = multiply(half, transpose(gain))
-    pulled = multiply(gain, transpose(to_own))
-    (a, b, c), (_, d, e), (_, _, f) = own
-    (s00, s01, s02), (_, s11, s12), (_, _, s22) = spread
-    (p00, p01, p02), (p10, p11, p12), (p20, p21, p22) = pulled
-    b, c, e = b + s01 - p01 - p10, c + s02 - p02 - p20, e + s12 - p12 - p21
-    return ((a + s00 - 2.0 * p00, b, c), (b, d + s11 - 2.0 * p11, e), (c, e, f + s22 - 2.0 * p22))
+def blended_noise(own: Matrix3, fix: Matrix3, gain: Matrix3) -> Matrix3:
+    """(I - K) P (I - K)' + K R K'."""
+    (a, b, c), (d, e, f), (g, h, i) = gain
+    rest = ((1.0 - a, -b, -c), (-d, 1.0 - e, -f), (-g, -h, 1.0 - i))
+    kept, come = multiply(multiply(rest, own), transpose(rest)), multiply(multiply(gain, fix), transpose(gain))
+    (nn, ne, nd), (_, ee, ed), (_, _, dd) = kept
+    (c_nn, c_ne, c_nd), (_, c_ee, c_ed), (_, _, c_dd) = come
+    nn, ne, nd, ee, ed, dd = nn + c_nn, ne + c_ne, nd + c_nd, ee + c_ee, ed + c_ed, dd + c_dd
+    return ((nn, ne, nd), (ne, ee, ed), (nd, ed, dd))
 
 
-def _blended_own_position(estimate: Estimate, fix: Weighed, gain: Matrix3, wandering: tuple[int, int]) -> Symmetric2:
-    """The same for the part of the covariance that the vehicle's position makes, horizontal."""
-    fix_nn, fix_ne, fix_ee = fix.own_position_cov
-    own_nn, own_ne, own_ee = estimate.own_position_cov
-    if fix_nn == 0.0 and fix_ee == 0.0 and own_nn == 0.0 and own_ee == 0.0:
-        return (0.0, 0.0, 0.0)
-    c_nn, c_ne, c_en, c_ee = _common_position(estimate.shared, fix.shared, wandering)
-    s_nn = own_nn + fix_nn - 2.0 * c_nn
-    s_ne = own_ne + fix_ne - c_ne - c_en
-    s_ee = own_ee + fix_ee - 2.0 * c_ee
+def _blended_wander(estimate: Estimate, fix: Weighed, gain: Matrix3) -> Symmetric2:
+    """W + K S K' + K (M - W)' + its transpose, with M = cov(e, m) and S = cov(m - e) of the wandering part."""
+    if estimate.wandering == len(estimate.shared[0]):
+        return estimate.wander
+    w_nn, w_ne, w_ee = estimate.wander
+    c_nn, c_ne, c_en, c_ee = _wander_common(estimate, fix)
+    s_nn, s_ne, s_ee = _wander_difference(estimate, fix)
     (a, b, _), (c, d, _), _ = gain
-    u_nn, u_ne, u_en, u_ee = own_nn - c_nn, own_ne - c_ne, own_ne - c_en, own_ee - c_ee
+    u_nn, u_ne, u_en, u_ee = w_nn - c_nn, w_ne - c_ne, w_ne - c_en, w_ee - c_ee
     pulled_nn, pulled_ne = a * u_nn + b * u_ne, a * u_en + b * u_ee
     pulled_en, pulled_ee = c * u_nn + d * u_ne, c * u_en + d * u_ee
     return (
-        own_nn + a * a * s_nn + 2.0 * a * b * s_ne + b * b * s_ee - 2.0 * pulled_nn,
-        own_ne + a * c * s_nn + (a * d + b * c) * s_ne + b * d * s_ee - pulled_ne - pulled_en,
-        own_ee + c * c * s_nn + 2.0 * c * d * s_ne + d * d * s_ee - 2.0 * pulled_ee,
+        w_nn + a * a * s_nn + 2.0 * a * b * s_ne + b * b * s_ee - 2.0 * pulled_nn,
+        w_ne + a * c * s_nn + (a * d + b * c) * s_ne + b * d * s_ee - pulled_ne - pulled_en,
+        w_ee + c * c * s_nn + 2.0 * c * d * s_ne + d * d * s_ee - 2.0 * pulled_ee,
     )
 
 
-def _common_position(own: Rows, fix: Rows, wandering: tuple[int, int]) -> tuple[float, float, float, float]:
-    nn = ne = en = ee = 0.0
-    for i in range(*wandering):
-        nn, ne = nn + own[0][i] * fix[0][i], ne + own[0][i] * fix[1][i]
-        en, ee = en + own[1][i] * fix[0][i], ee + own[1][i] * fix[1][i]
-    return nn, ne, en, ee
+def _wander_common(estimate: Estimate, fix: Weighed) -> tuple[float, float, float, float]:
+    i = estimate.wandering
+    own_n, own_e = estimate.shared[0][i:], estimate.shared[1][i:]
+    fix_n, fix_e = fix.shared[0][i:], fix.shared[1][i:]
+    return inner(own_n, fix_n), inner(own_n, fix_e), inner(own_e, fix_n), inner(own_e, fix_e)
+
+
+def _wander_difference(estimate: Estimate, fix: Weighed) -> Symmetric2:
+    i = estimate.wandering
+    if i == len(estimate.shared[0]):
+        return (0.0, 0.0, 0.0)
+    w_nn, w_ne, w_ee = estimate.wander
+    c_nn, c_ne, c_en, c_ee = _wander_common(estimate, fix)
+    north, east = fix.shared[0][i:], fix.shared[1][i:]
+    return (
+        w_nn + inner(north, north) - 2.0 * c_nn,
+        w_ne + inner(north, east) - c_ne - c_en,
+        w_ee + inner(east, east) - 2.0 * c_ee,
+    )
+
+
+def thrown(shared: Rows, timed: int | None) -> Symmetric2:
+    """How far one sigma of the time offset throws this fix: squares, horizontal."""
+    if timed is None:
+        return (0.0, 0.0, 0.0)
+    n, e = shared[0][timed], shared[1][timed]
+    return (n * n, n * e, e * e)
+
+
+def mean_swing(mean: Symmetric2, shared: Rows, timed: int | None) -> Symmetric2:
+    """The running mean with one more fix."""
+    (nn, ne, ee), (a, b, c) = thrown(shared, timed), mean
+    return (a + SWING_SHARE * (nn - a), b + SWING_SHARE * (ne - b), c + SWING_SHARE * (ee - c))

@@ -7,8 +7,7 @@ import msgspec
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.nouns import ErrorPriors, GroundFix
-from fwav_companion.tracking.estimate import Estimate, best_gain, blended, innovation
-from fwav_companion.tracking.linear import horizontal_distance2
+from fwav_companion.tracking.estimate import Estimate, blended, first_estimate, noise_gain, surprise
 from fwav_companion.tracking.shared import SharedErrors
 
 
@@ -49,26 +48,25 @@ class StaticBelief(msgspec.Struct, frozen=True):
 
     def predicted(self, host_ns: HostNs) -> StaticBelief:
         """The target stays; only the vehicle's position error goes on wandering."""
-        shared = self.errors.faded(self.estimate.shared, self.host_ns, host_ns)
-        if shared is self.estimate.shared:
-            return self
         was = self.estimate
-        estimate = Estimate(was.position, was.cov, shared, was.own_position_cov)
+        shared = self.errors.faded(was.shared, self.host_ns, host_ns)
+        if shared is was.shared:
+            return self
+        estimate = Estimate(was.position, was.noise, shared, was.wandering, was.wander, was.swing)
         return StaticBelief(self.errors, estimate, host_ns, self.fixed_ns)
 
     def surprise(self, fix: GroundFix) -> float:
         """Squared Mahalanobis distance of a fix at this instant, horizontal."""
-        seen = innovation(self.estimate, self.errors.weighed(fix, None))
-        return horizontal_distance2(seen.difference, seen.cov)
+        return surprise(self.estimate, self.errors.weighed(fix, None))
 
     def updated(self, fix: GroundFix) -> StaticBelief:
-        """With the gain of least covariance."""
+        """With the gain of least noise: the weighted mean of all fixes."""
         host_ns = fix.sighting.frame_host_ns
         weighed = self.errors.weighed(fix, s_from_ns(host_ns - self.fixed_ns))
-        seen = innovation(self.estimate, weighed)
-        gain = best_gain(self.estimate, seen)
-        estimate = blended(self.estimate, weighed, seen, gain, self.errors.wandering)
-        return StaticBelief(self.errors, estimate, self.host_ns, host_ns)
+        gain = noise_gain(self.estimate, weighed)
+        return StaticBelief(
+            self.errors, blended(self.estimate, weighed, gain, self.errors.timed), self.host_ns, host_ns
+        )
 
 
 class StaticKalman:
@@ -81,5 +79,6 @@ class StaticKalman:
 
     def started(self, fix: GroundFix) -> StaticBelief:
         """The belief after the first fix: the fix itself."""
-        host_ns = fix.sighting.frame_host_ns
-        return StaticBelief(self._errors, Estimate.of(self._errors.weighed(fix, None)), host_ns, host_ns)
+        host_ns, errors = fix.sighting.frame_host_ns, self._errors
+        estimate = first_estimate(errors.weighed(fix, None), errors.wandering, errors.timed)
+        return StaticBelief(errors, estimate, host_ns, host_ns)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import sqrt
 from typing import TypeAlias
 
-from fwav_companion.geometry.vectors import Matrix3, Vector3, scale, subtract
+from fwav_companion.geometry.vectors import Matrix3, scale, subtract
 
 Symmetric2: TypeAlias = tuple[float, float, float]
 """nn, ne, ee of a symmetric 2x2 matrix."""
@@ -25,13 +25,6 @@ def symmetrized(m: Matrix3) -> Matrix3:
     (a, b, c), (d, e, f), (g, h, i) = m
     bd, cg, fh = 0.5 * (b + d), 0.5 * (c + g), 0.5 * (f + h)
     return ((a, bd, cg), (bd, e, fh), (cg, fh, i))
-
-
-def horizontal_distance2(difference: Vector3, cov: Matrix3) -> float:
-    """Squared Mahalanobis distance of the north and east components."""
-    n, e = difference[0], difference[1]
-    nn, ne, ee = cov[0][0], cov[0][1], cov[1][1]
-    return (ee * n * n - 2.0 * ne * n * e + nn * e * e) / (nn * ee - ne * ne)
 
 
 def horizontal_sigma(cov: Matrix3) -> float:

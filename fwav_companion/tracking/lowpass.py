@@ -14,8 +14,7 @@ import msgspec
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.nouns import ErrorPriors, GroundFix
-from fwav_companion.tracking.estimate import Estimate, blended, innovation
-from fwav_companion.tracking.linear import horizontal_distance2
+from fwav_companion.tracking.estimate import Estimate, blended, first_estimate, surprise
 from fwav_companion.tracking.shared import SharedErrors, Weighed
 
 
@@ -56,21 +55,18 @@ class LowPassBelief(msgspec.Struct, frozen=True):
 
     def predicted(self, host_ns: HostNs) -> LowPassBelief:
         """The value stays; only the vehicle's position error goes on wandering."""
-        shared = self.filter.errors.faded(self.estimate.shared, self.host_ns, host_ns)
-        if shared is self.estimate.shared:
+        was, errors, waiting = self.estimate, self.filter.errors, self.waiting
+        shared = errors.faded(was.shared, self.host_ns, host_ns)
+        if shared is was.shared:
             return self
-        was = self.estimate
-        estimate = Estimate(was.position, was.cov, shared, was.own_position_cov)
-        waiting = self.waiting
+        estimate = Estimate(was.position, was.noise, shared, was.wandering, was.wander, was.swing)
         if waiting is not None:
-            faded = self.filter.errors.faded(waiting.shared, self.host_ns, host_ns)
-            waiting = Weighed(waiting.position, waiting.cov, faded, waiting.own_position_cov)
+            waiting = Weighed(waiting.position, waiting.noise, errors.faded(waiting.shared, self.host_ns, host_ns))
         return LowPassBelief(self.filter, estimate, host_ns, self.fixed_ns, waiting)
 
     def surprise(self, fix: GroundFix) -> float:
         """Squared Mahalanobis distance of a fix at this instant, horizontal."""
-        seen = innovation(self.estimate, self.filter.errors.weighed(fix, None))
-        return horizontal_distance2(seen.difference, seen.cov)
+        return surprise(self.estimate, self.filter.errors.weighed(fix, None))
 
     def updated(self, fix: GroundFix) -> LowPassBelief:
         """One step of the recursion."""
@@ -88,8 +84,7 @@ class LowPassBelief(msgspec.Struct, frozen=True):
 
     def _step(self, sample: Weighed, share: float) -> Estimate:
         gain: Matrix3 = ((share, 0.0, 0.0), (0.0, share, 0.0), (0.0, 0.0, share))
-        seen = innovation(self.estimate, sample)
-        return blended(self.estimate, sample, seen, gain, self.filter.errors.wandering)
+        return blended(self.estimate, sample, gain, self.filter.errors.timed)
 
 
 class LowPass:
@@ -113,4 +108,6 @@ class LowPass:
         sample = self.errors.weighed(fix, None)
         host_ns = fix.sighting.frame_host_ns
         waiting = sample if self.alpha_rate_hz == 0.0 else None
-        return LowPassBelief(self, Estimate.of(sample), host_ns, host_ns, waiting)
+        return LowPassBelief(
+            self, first_estimate(sample, self.errors.wandering, self.errors.timed), host_ns, host_ns, waiting
+        )

@@ -6,8 +6,6 @@ velocity, too, knows of a standing time offset or a wandering position.
 
 from __future__ import annotations
 
-from operator import mul
-
 import msgspec
 
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
@@ -20,20 +18,22 @@ from fwav_companion.geometry.vectors import (
     add_matrices,
     multiply,
     scale,
+    subtract,
     transform,
     transpose,
 )
 from fwav_companion.nouns import ErrorPriors, GroundFix
-from fwav_companion.tracking.estimate import Estimate, blended_shared, common, innovation
-from fwav_companion.tracking.linear import (
-    add_diagonal,
-    horizontal_distance2,
-    minus,
-    scaled,
-    symmetric_inverse,
-    symmetrized,
+from fwav_companion.tracking.estimate import (
+    Estimate,
+    blended_noise,
+    blended_shared,
+    inner,
+    mean_swing,
+    surprise,
+    thrown,
 )
-from fwav_companion.tracking.shared import Row, Rows, SharedErrors
+from fwav_companion.tracking.linear import Symmetric2, add_diagonal, minus, scaled, symmetric_inverse, symmetrized
+from fwav_companion.tracking.shared import Rows, SharedErrors
 
 START_SPEED_M_S = 3.0
 """One sigma an axis of an unknown target's velocity: people, animals, vehicles on a field."""
@@ -48,30 +48,38 @@ CLIMB_DENSITY = 0.0003
 
 
 class MovingBelief(msgspec.Struct, frozen=True):
-    """Position and velocity with their covariances, and what their errors share with the biases."""
+    """Position and velocity, the covariances of their noise, and what their errors share with the biases."""
 
     errors: SharedErrors
     position_ned: Vector3
     velocity_ned: Vector3
-    cov: Matrix3
-    """Of the position error, every source."""
+    noise: Matrix3
+    """Of the position, by noise and unknown acceleration, m^2."""
     cross: Matrix3
-    """cov(position error, velocity error)."""
-    velocity_cov: Matrix3
+    """The same of position with velocity."""
+    velocity_noise: Matrix3
     shared: Rows
     """cov(position error, b / sigma), metres."""
     velocity_shared: Rows
+    swing: Symmetric2
+    """How far a standing time offset throws single fixes (``estimate``)."""
     host_ns: HostNs
     fixed_ns: HostNs
 
     @property
+    def cov(self) -> Matrix3:
+        """Every source of error, m^2, NED. This filter remembers no older position error than the present one."""
+        return _with_biases(self.noise, self.shared, self.errors.count)
+
+    @property
     def relative_cov(self) -> Matrix3:
-        """Without the vehicle's own position: given its present error, for this filter remembers no older one."""
-        first, last = self.errors.wandering
-        n, e, d = (row[first:last] for row in self.shared)
-        nn, ne, nd = _inner(n, n), _inner(n, e), _inner(n, d)
-        ee, ed, dd = _inner(e, e), _inner(e, d), _inner(d, d)
-        return minus(self.cov, ((nn, ne, nd), (ne, ee, ed), (nd, ed, dd)))
+        """Without the vehicle's own position, m^2, NED."""
+        return _with_biases(self.noise, self.shared, self.errors.wandering)
+
+    @property
+    def velocity_cov(self) -> Matrix3:
+        """(m/s)^2, NED."""
+        return _with_biases(self.velocity_noise, self.velocity_shared, self.errors.count)
 
     def predicted(self, host_ns: HostNs) -> MovingBelief:
         """Moved on by its velocity, less certain by what it may have accelerated."""
@@ -79,50 +87,63 @@ class MovingBelief(msgspec.Struct, frozen=True):
         if dt <= 0.0:
             return self
         both = add_matrices(self.cross, transpose(self.cross))
-        cov = add_matrices(self.cov, add_matrices(scaled(both, dt), scaled(self.velocity_cov, dt * dt)))
-        cross = add_matrices(self.cross, scaled(self.velocity_cov, dt))
+        noise = add_matrices(self.noise, add_matrices(scaled(both, dt), scaled(self.velocity_noise, dt * dt)))
+        cross = add_matrices(self.cross, scaled(self.velocity_noise, dt))
         return MovingBelief(
             self.errors,
             add(self.position_ned, scale(self.velocity_ned, dt)),
             self.velocity_ned,
-            _accelerated(cov, dt**3 / 3.0),
+            _accelerated(noise, dt**3 / 3.0),
             _accelerated(cross, dt * dt / 2.0),
-            _accelerated(self.velocity_cov, dt),
-            self.errors.faded(_carried(self.shared, self.velocity_shared, dt), self.host_ns, host_ns),
-            self.errors.faded(self.velocity_shared, self.host_ns, host_ns),
+            _accelerated(self.velocity_noise, dt),
+            _carried(self.shared, self.velocity_shared, dt),
+            self.velocity_shared,
+            self.swing,
             host_ns,
             self.fixed_ns,
         )
 
     def surprise(self, fix: GroundFix) -> float:
         """Squared Mahalanobis distance of a fix at this instant, horizontal."""
-        seen = innovation(self._as_point(), self.errors.weighed(fix, None))
-        return horizontal_distance2(seen.difference, seen.cov)
+        here = Estimate(self.position_ned, self.noise, self.shared, self.errors.count, (0.0, 0.0, 0.0), self.swing)
+        return surprise(here, self.errors.weighed(fix, None))
 
     def updated(self, fix: GroundFix) -> MovingBelief:
-        """With the gain of least covariance."""
+        """With the gain of least noise, the swing of a standing time offset counted as noise."""
         host_ns = fix.sighting.frame_host_ns
         weighed = self.errors.weighed(fix, s_from_ns(host_ns - self.fixed_ns))
-        seen = innovation(self._as_point(), weighed)
-        to_position = minus(self.cov, seen.common)
-        to_velocity = minus(transpose(self.cross), common(self.velocity_shared, weighed.shared))
-        inverse = symmetric_inverse(seen.cov)
-        gain, velocity_gain = multiply(to_position, inverse), multiply(to_velocity, inverse)
+        swing = mean_swing(self.swing, weighed.shared, self.errors.timed)
+        (nn, ne, nd), (_, ee, ed), dd = add_matrices(self.noise, weighed.noise)
+        nn, ne, ee = nn + swing[0], ne + swing[1], ee + swing[2]
+        inverse = symmetric_inverse(((nn, ne, nd), (ne, ee, ed), dd))
+        gain, velocity_gain = multiply(self.noise, inverse), multiply(transpose(self.cross), inverse)
+        difference = subtract(weighed.position, self.position_ned)
+        noise, cross, velocity_noise = self._blended_noise(weighed.noise, gain, velocity_gain)
         return MovingBelief(
             self.errors,
-            add(self.position_ned, transform(gain, seen.difference)),
-            add(self.velocity_ned, transform(velocity_gain, seen.difference)),
-            symmetrized(minus(self.cov, multiply(gain, transpose(to_position)))),
-            minus(self.cross, multiply(gain, transpose(to_velocity))),
-            symmetrized(minus(self.velocity_cov, multiply(velocity_gain, transpose(to_velocity)))),
+            add(self.position_ned, transform(gain, difference)),
+            add(self.velocity_ned, transform(velocity_gain, difference)),
+            noise,
+            cross,
+            velocity_noise,
             blended_shared(self.shared, weighed.shared, self.shared, gain),
             blended_shared(self.velocity_shared, weighed.shared, self.shared, velocity_gain),
+            swing,
             self.host_ns,
             host_ns,
         )
 
-    def _as_point(self) -> Estimate:
-        return Estimate(self.position_ned, self.cov, self.shared, (0.0, 0.0, 0.0))
+    def _blended_noise(self, fix: Matrix3, gain: Matrix3, velocity_gain: Matrix3) -> tuple[Matrix3, Matrix3, Matrix3]:
+        """(I - K H) P (I - K H)' + K R K' for any gain, by its blocks."""
+        seen = add_matrices(self.noise, fix)
+        to_velocity = multiply(velocity_gain, self.cross)
+        spread = multiply(multiply(velocity_gain, seen), transpose(velocity_gain))
+        velocity_noise = add_matrices(
+            minus(self.velocity_noise, add_matrices(to_velocity, transpose(to_velocity))), spread
+        )
+        cross = minus(self.cross, multiply(gain, self.cross))
+        cross = add_matrices(cross, multiply(minus(multiply(gain, seen), self.noise), transpose(velocity_gain)))
+        return blended_noise(self.noise, fix, gain), cross, symmetrized(velocity_noise)
 
 
 class MovingKalman:
@@ -143,11 +164,12 @@ class MovingKalman:
             self._errors,
             weighed.position,
             ZERO3,
-            weighed.cov,
+            weighed.noise,
             ZERO33,
             ((speed, 0.0, 0.0), (0.0, speed, 0.0), (0.0, 0.0, START_CLIMB_M_S**2)),
             weighed.shared,
             (nothing, nothing, nothing),
+            thrown(weighed.shared, self._errors.timed),
             host_ns,
             host_ns,
         )
@@ -165,5 +187,7 @@ def _carried(rows: Rows, velocity_rows: Rows, dt: float) -> Rows:
     return (n, e, d)
 
 
-def _inner(a: Row, b: Row) -> float:
-    return sum(map(mul, a, b), 0.0)
+def _with_biases(noise: Matrix3, shared: Rows, count: int) -> Matrix3:
+    n, e, d = (row[:count] for row in shared)
+    ne, nd, ed = inner(n, e), inner(n, d), inner(e, d)
+    return add_matrices(noise, ((inner(n, n), ne, nd), (ne, inner(e, e), ed), (nd, ed, inner(d, d))))

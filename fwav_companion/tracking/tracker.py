@@ -185,7 +185,10 @@ class Tracker:
         placed = None if calibrator is None else calibrator.placed(track.id)
         if calibrator is None or placed is None:
             return track.belief
-        return CalibratedBelief(calibrator, track.id, placed, track.belief)
+        calibrated = CalibratedBelief(calibrator, track.id, placed, track.belief)
+        # Where a flight shows little, the joint estimate can be the less certain of the two.
+        better = horizontal_sigma(calibrated.cov) <= horizontal_sigma(track.belief.cov)
+        return calibrated if better else track.belief
 
 
 def make_tracker(

@@ -1,4 +1,4 @@
-"""A small world of its own for the tracker: flights, a fisheye, an attitude stream with its faults, fixes by differences.
+"""A small world for the tracker: flights, a fisheye, an attitude stream with its faults, fixes by differences.
 
 Independent of the package's localization: numpy and scipy, Euler splines, Jacobians by finite differences.
 Truth is chosen first; what the tracker is given follows from it.
@@ -31,6 +31,7 @@ FOCAL = 3.55 * 188.0
 CUBIC = 0.03 * 188.0
 BODY_FROM_CAMERA = Rotation.from_matrix([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
 """Looks along body down, image top to the nose."""
+RIGHT, BELOW = np.array([0.01, 0]), np.array([0, 0.01])
 EPOCH_NS = 1_790_000_000_000_000_000
 BOOT_NS = 77_000_000_000
 
@@ -234,8 +235,8 @@ class World:
         told = self.told(stamps)
         rotation, camera, rates, velocity = told[0][index], told[1][index], told[2][index], told[3][index]
         ray = camera_from_pixel(uv)
-        d_du = (camera_from_pixel(uv + [0.01, 0]) - camera_from_pixel(uv - [0.01, 0])) / 0.02
-        d_dv = (camera_from_pixel(uv + [0, 0.01]) - camera_from_pixel(uv - [0, 0.01])) / 0.02
+        d_du = (camera_from_pixel(uv + RIGHT) - camera_from_pixel(uv - RIGHT)) / 0.02
+        d_dv = (camera_from_pixel(uv + BELOW) - camera_from_pixel(uv - BELOW)) / 0.02
         ned_from_camera = rotation * BODY_FROM_CAMERA
         position = on_ground(camera, ned_from_camera.apply(ray))
         jacobian = self._jacobian(rotation, camera, rates, velocity, ray)
@@ -265,7 +266,7 @@ class World:
             sighting = Sighting(
                 frame=int(frame), index=0, frame_host_ns=host, host_ns=host,
                 detection=Detection(float(uv[k, 0]), float(uv[k, 1]), label=labels[k]),
-                ray=Ray(_t(ray[k]), _t(d_du[k]), _t(d_dv[k])), pixel_sigma=tuple(map(float, sigma[k])), row_fraction=0.0,
+                ray=Ray(_t(ray[k]), _t(d_du[k]), _t(d_dv[k])), pixel_sigma=_t(sigma[k]), row_fraction=0.0,
                 time_noise_s=float(late), state=state, body_from_camera=_m(BODY_FROM_CAMERA.as_matrix()),
                 ned_from_camera=_m(ned_from_camera[k].as_matrix()), camera_ned=_t(camera[k]),
                 camera_height_above_home_m=float(-camera[k, 2]), relative=False,
@@ -295,7 +296,7 @@ class World:
         out[:, Bias.HEADING] = (on_ground(camera, turned.apply(ray)) - base) / step
         later = rotation * Rotation.from_rotvec(rates * step) * BODY_FROM_CAMERA
         out[:, Bias.TIME_OFFSET] = (on_ground(camera + velocity * step, later.apply(ray)) - base) / step
-        up = camera + [0, 0, -step]
+        up = camera - np.array([0, 0, step])
         out[:, Bias.HEIGHT] = (on_ground(up, (rotation * BODY_FROM_CAMERA).apply(ray)) - base) / step
         out[:, Bias.POSITION_NORTH, 0] = 1.0
         out[:, Bias.POSITION_EAST, 1] = 1.0

@@ -1,0 +1,126 @@
+"""What of a joint estimate is let go, and what the targets and the report are then told.
+
+Three answers are kept apart. The *free* one lets go all that the flight has shown. The *plain* one lets go only the
+delay: where what was shown does not contradict the configuration, the configuration is right, and correcting it by its
+own noise would only spread the targets. The *told* one is the free one with the heading held: a constant error of the
+autopilot's heading is nearly inseparable from the mount while the tilt varies little, and is then part of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import StrEnum
+
+import msgspec
+
+from fwav_companion.tracking.answer import CONSIDERED, MOUNT, Held, all_but, cholesky, holding, solved
+from fwav_companion.tracking.joint import Joint
+from fwav_companion.tracking.linear import Symmetric2
+from fwav_companion.tracking.rays import COMMON_COUNT, Common
+
+DELAY_SHOWN = 0.5
+MOUNT_SHOWN = 0.35
+"""Posterior sigma over prior sigma below which an unknown is let go: it then errs much less than its prior."""
+CONTRADICTION = 13.3
+"""Squared Mahalanobis distance of mount and height from the configuration: a right one exceeds it once in 100 flights
+(4 degrees of freedom)."""
+
+
+class CalibrationStatus(StrEnum):
+    """How far self-calibration has come."""
+
+    WAITING = "waiting"
+    """Too little was seen yet; everything stands at its prior."""
+    TIME = "time"
+    """The delay is known; the mount needs other headings or ranges."""
+    CALIBRATED = "calibrated"
+    """Delay and mount are known."""
+
+
+class Placed(msgspec.Struct, frozen=True, gc=False):
+    """A target by the joint estimate, horizontal."""
+
+    north: float
+    east: float
+    cov: Symmetric2
+    relative_cov: Symmetric2
+
+
+class Verdict(msgspec.Struct, frozen=True):
+    """What may be believed of a joint estimate."""
+
+    status: CalibrationStatus
+    free: Held
+    plain: Held
+    report: Held
+    contradicted: bool
+    """The configuration, by what was shown."""
+
+    def placed(self, track: int) -> Placed | None:
+        """Where a target stands; None where it is not in the estimate."""
+        place = self.free.joint.place_of(track)
+        if place is None:
+            return None
+        mean, cov = self.free.moments((place, place + 1, *CONSIDERED))
+        own_nn = own_ne = own_ee = 0.0
+        for i in (2, 3):
+            if cov[i][i] > 0.0:
+                n, e = cov[0][i], cov[1][i]
+                own_nn, own_ne, own_ee = (
+                    own_nn + n * n / cov[i][i],
+                    own_ne + n * e / cov[i][i],
+                    own_ee + e * e / cov[i][i],
+                )
+        nn, ne, ee = cov[0][0], cov[0][1], cov[1][1]
+        if not self.contradicted and self.plain is not self.free:
+            (north, east), _ = self.plain.moments((place, place + 1))
+            dn, de = north - mean[0], east - mean[1]
+            mean[0], mean[1] = north, east
+            nn, ne, ee = nn + dn * dn, ne + dn * de, ee + de * de  # the plain answer may be off by what parts the two
+        return Placed(mean[0], mean[1], (nn, ne, ee), (nn - own_nn, ne - own_ne, ee - own_ee))
+
+    def told(self) -> dict[int, tuple[float, float]]:
+        """Mean and one sigma of the common unknowns that are let go."""
+        free = [i for i in range(COMMON_COUNT) if i not in self.report.held and i not in CONSIDERED]
+        mean, _ = self.report.moments(free)
+        return {i: (mean[k], self.report.known_sigma(i)) for k, i in enumerate(free)}
+
+
+def judged(joint: Joint, means: tuple[float, ...], sigmas: tuple[float, ...], *, various: bool) -> Verdict:
+    """``various``: the targets were seen from different headings or at different ranges."""
+    delay: list[int] = []
+    plain = holding(joint, all_but([Common.DELAY]), means, sigmas)
+    if plain.known_sigma(Common.DELAY) <= DELAY_SHOWN * sigmas[Common.DELAY]:
+        delay = [Common.DELAY]
+    else:
+        plain = holding(joint, all_but([]), means, sigmas)
+    shown = _shown(joint, means, sigmas, delay) if various else ()
+    if not shown:
+        status = CalibrationStatus.TIME if delay else CalibrationStatus.WAITING
+        return Verdict(status, plain, plain, plain, contradicted=False)
+    report = holding(joint, all_but([*delay, *shown]), means, sigmas)
+    free = holding(joint, all_but([*delay, *shown, Common.HEADING]), means, sigmas)
+    return Verdict(
+        status=CalibrationStatus.CALIBRATED,
+        free=free,
+        plain=plain,
+        report=report,
+        contradicted=_distance2(report, shown, means) > CONTRADICTION,
+    )
+
+
+def _shown(joint: Joint, means: tuple[float, ...], sigmas: tuple[float, ...], delay: Sequence[int]) -> tuple[int, ...]:
+    """Of mount and height what the flight has shown, heading taken as right; those without any prior are not asked."""
+    for group in ((*MOUNT, Common.HEIGHT), MOUNT):
+        asked = tuple(i for i in group if sigmas[i] > 0.0)
+        held = holding(joint, all_but([*delay, *asked]), means, sigmas)
+        if asked and all(held.known_sigma(i) <= MOUNT_SHOWN * sigmas[i] for i in asked):
+            return asked
+    return ()
+
+
+def _distance2(report: Held, shown: Sequence[int], means: tuple[float, ...]) -> float:
+    """Squared Mahalanobis distance of what was shown from what was configured."""
+    mean, cov = report.moments(shown, doubted=False)
+    offset = [m - means[i] for m, i in zip(mean, shown, strict=True)]
+    return sum(a * b for a, b in zip(offset, solved(cholesky(cov), offset), strict=True))
