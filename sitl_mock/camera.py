@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import exp, hypot, isfinite
 from random import Random
@@ -16,6 +17,7 @@ from sitl_mock.options import Options
 from sitl_mock.rotation import (
     FORWARD_CAMERA,
     Matrix,
+    Vector,
     apply_transposed,
     matrix_from_euler,
     matrix_from_rotation_vector,
@@ -67,7 +69,7 @@ class MockCamera:
     @property
     def wake_at(self) -> int | None:
         """When the next frame's last row has been read; None: there is no camera."""
-        row0_s = self._row0_s(self._frame)
+        row0_s = self.row0_s(self._frame)
         stops_at_s = self._c.stops_at_s
         if not self._c.enabled or (stops_at_s is not None and row0_s >= stops_at_s):
             return None
@@ -82,23 +84,42 @@ class MockCamera:
             self._frame += 1
         return frames
 
+    def row0_s(self, frame: int) -> float:
+        """Flight time at which the first row of a frame is exposed."""
+        return self._c.first_frame_s + frame / self._c.fps
+
+    def due_ns(self, frame: int) -> int:
+        """Host instant at which a frame comes out of the camera: all rows read, and the least latency passed."""
+        return self._start + round((self.row0_s(frame) + abs(self._biases.readout_s) + self._c.latency_s) * 1e9)
+
+    def stamp(self, frame: int) -> dict[str, float]:
+        """What the camera stamps a frame with, by the clock and the rule of the options."""
+        return self._stamp(self.row0_s(frame))
+
     def true_pixel(self, target: Target, row0_s: float) -> tuple[Pixel, float]:
         """(pixel, flight time of its row) of a target in the frame whose first row is exposed at row0_s."""
+        return self._rolled(target.at, row0_s)
+
+    def pixel_of(self, place: Vector, row0_s: float) -> Pixel:
+        """Where that frame shows a place that stays, NED."""
+        return self._rolled(lambda _: place, row0_s)[0]
+
+    def _rolled(self, place_at: Callable[[float], Vector], row0_s: float) -> tuple[Pixel, float]:
         readout, height = self._biases.readout_s, self.lens.height
         pixel, t = (0.0, height / 2.0), row0_s
         for _ in range(20):
             share = pixel[1] / height
             t = row0_s + (readout * share if readout >= 0.0 else -readout * (1.0 - share))
-            before, pixel = pixel, self._project(target, t)
+            before, pixel = pixel, self._project(place_at(t), t)
             if not isfinite(pixel[0]) or abs(pixel[1] - before[1]) < ROW_SETTLED_PX:
                 break
             # A row far outside of the sensor is no time at all.
             pixel = (pixel[0], max(-float(height), min(2.0 * height, pixel[1])))
         return pixel, t
 
-    def _project(self, target: Target, t: float) -> Pixel:
+    def _project(self, place: Vector, t: float) -> Pixel:
         state = self._flight.at(t)
-        in_body = apply_transposed(state.ned_from_body, minus(target.at(t), state.position))
+        in_body = apply_transposed(state.ned_from_body, minus(place, state.position))
         return self.lens.pixel(apply_transposed(self.body_from_camera, minus(in_body, self._c.position_m)))
 
     def _latency_s(self) -> float:
@@ -109,11 +130,8 @@ class MockCamera:
             latency_s += self._c.late_by_s
         return latency_s
 
-    def _row0_s(self, frame: int) -> float:
-        return self._c.first_frame_s + frame / self._c.fps
-
     def _shot(self) -> tuple[dict[str, Any], FrameTruth]:
-        row0_s = self._row0_s(self._frame)
+        row0_s = self.row0_s(self._frame)
         found: list[tuple[int, str, Pixel]] = []
         visible = []
         for index, target in enumerate(self._scene):
@@ -151,7 +169,7 @@ class MockCamera:
 
     def _blur_px(self, target: Target, t: float) -> float:
         half = self._c.exposure_s / 2.0
-        (u0, v0), (u1, v1) = self._project(target, t - half), self._project(target, t + half)
+        (u0, v0), (u1, v1) = (self._project(target.at(at), at) for at in (t - half, t + half))
         return hypot(u1 - u0, v1 - v0)
 
     def _anywhere(self) -> Pixel:

@@ -28,12 +28,17 @@ class Plan(NamedTuple):
     truth_csv: str = ""
 
 
-def run(options: Options, plan: Plan, stopped: Callable[[], bool], say: Callable[[str], None]) -> None:
-    """Flies until the end or until it is stopped. Raises ValueError or OSError for what cannot be opened."""
+def run(
+    options: Options, plan: Plan, stopped: Callable[[], bool], say: Callable[[str], None], start_ns: int = 0
+) -> None:
+    """Flies until the end or until it is stopped. Raises ValueError or OSError for what cannot be opened.
+
+    ``start_ns``: when the flight begins on the monotonic clock, so that others can fly the same; 0: now.
+    """
     with ExitStack() as opened:
         transport = opened.enter_context(closing(open_transport(plan.connect)))
-        start_ns = time.monotonic_ns()
-        simulation = Simulation(options, start_ns, time.time() - start_ns * 1e-9)
+        unix_minus_host_s = time.time() - time.monotonic()
+        simulation = Simulation(options, start_ns or time.monotonic_ns(), unix_minus_host_s)
         take = _outputs(plan, simulation, opened)
         say(f"sitl-mock ready: {transport.name} scenario {options.scenario} seed {options.seed}")
         while not stopped() and (wake_at := simulation.wake_at) is not None:

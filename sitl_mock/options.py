@@ -191,6 +191,8 @@ class CameraOptions:
     """More motion than this within the exposure hides a target; 0: blur hides none."""
     tell_sigma: bool = True
     tell_ids: bool = False
+    tag_side_m: float = 1.5
+    """Of the black square of every tag that is rendered."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -33,6 +33,22 @@ FIGURE_EIGHT: dict[str, Any] = {
     "flight.speed_m_s": 5.0,
 }
 
+TAGS = tuple(
+    TargetOptions(label=f"tag36h11:{number}", north=north, east=east)
+    for number, north, east in ((3, 7.0, 4.0), (7, 1.0, -1.0), (11, -6.0, 5.0), (19, -7.0, -4.5), (23, 6.0, -5.0))
+)
+"""Ids, and metres from the flight centre."""
+DEMO: dict[str, Any] = {
+    "flight.pattern": "figure_eight",
+    "flight.half_axes_m": (10.0, 6.0),
+    "flight.height_m": 12.0,
+    "flight.speed_m_s": 5.0,
+    "camera.fps": 12.0,
+    "camera.exposure_s": 0.003,
+    "camera.readout_s": 0.025,
+    "targets": TAGS,
+}
+
 SCENARIOS: dict[str, tuple[str, dict[str, Any]]] = {
     "default": ("an orbit of 8 m round one target, biases drawn from the priors", {}),
     "perfect": (
@@ -140,6 +156,11 @@ SCENARIOS: dict[str, tuple[str, dict[str, Any]]] = {
     "three_targets": (
         "three targets 4 m apart, 10 % missed, one false detection in ten frames",
         {"targets": THREE_TARGETS, "camera.missed": 0.1, "camera.clutter": 0.1},
+    ),
+    "demo": ("a figure eight over five AprilTags, seen by a rolling shutter; for rendered images", DEMO),
+    "demo_blur": (
+        "the same with 8 ms of exposure: mostly the moments of low rate leave a tag readable",
+        {**DEMO, "camera.exposure_s": 0.008},
     ),
     "walker": (
         "a target that walks at 1.5 m/s",

@@ -1,0 +1,159 @@
+"""What the camera sees: the ground through the mock's own lens, row by row, over the exposure, with noise.
+
+A coarse grid of exact rays is carried to the ground and filled in between: within the field of view the ground's map
+is smooth enough that 8 pixels of distance cost some hundredths of a pixel, and a frame takes milliseconds.
+"""
+
+from __future__ import annotations
+
+from math import ceil
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sitl_mock.ground_picture import HAZE, Ground, Picture
+from sitl_mock.options import CameraOptions
+from sitl_mock.tags import TagView, tag_view, tags
+
+if TYPE_CHECKING:
+    from sitl_mock.simulate import Simulation
+
+STEP = 8
+"""Pixels between the nodes of the grid."""
+PAD = 1
+"""Nodes beyond the image on each side: what lies at its edge is filled in, not continued."""
+SAMPLE_PX = 1.5
+"""Blur is the mean of pictures that are at most so far apart."""
+MOST_SAMPLES = 9
+NOISE_LEVELS = 2.5
+"""Of the sensor, one sigma, grey levels of 255."""
+LENS_BLUR_PX = 0.6
+STRAIGHT_DOWN_ENOUGH = 0.05
+"""Cosine from the vertical: a ray nearer to the horizon meets haze."""
+VIGNETTE = 0.25
+"""Darker in the corners by this share."""
+Array = NDArray[np.float64]
+
+
+class Eye:
+    """Renders any frame of a simulation, in any order; the same frame is always the same picture."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        self._simulation = simulation
+        self._camera, self._c = simulation.camera, simulation.options.camera
+        self._tags = tags(simulation.options, simulation.scene)
+        self._ground = Ground(simulation.options.flight.centre, self._tags, simulation.options.seed)
+        rays = camera_rays(self._c)
+        self._rays = np.einsum("ij,rcj->rci", np.array(self._camera.body_from_camera), rays)
+        self._shade = _vignette(self._c.image_size)
+        width, height = self._c.image_size
+        noise = np.random.default_rng(simulation.options.seed + 1).standard_normal((2 * height, 2 * width))
+        self._noise = (NOISE_LEVELS * noise).astype(np.float32)
+
+    def picture(self, frame: int) -> Picture:
+        """(height, width) grey levels."""
+        row0_s = self._camera.row0_s(frame)
+        width, height = self._c.image_size
+        samples = self._samples(row0_s)
+        light = np.zeros((height, width), np.float32)
+        for share in (np.arange(samples) + 0.5) / samples - 0.5:
+            cv2.accumulate(self._instant(row0_s + share * self._c.exposure_s), light)
+        light *= self._shade / samples
+        light = cv2.GaussianBlur(light, (3, 3), LENS_BLUR_PX)
+        light += self._noise_of(frame)
+        picture: Picture = cv2.convertScaleAbs(np.maximum(light, 0.0))
+        return picture
+
+    def views(self, frame: int) -> list[TagView]:
+        """The truth about every tag in this frame."""
+        row0_s = self._camera.row0_s(frame)
+        scene, exposure_s = self._simulation.scene, self._c.exposure_s
+        return [tag_view(self._camera, scene, tag, row0_s, exposure_s) for tag in self._tags]
+
+    def _samples(self, row0_s: float) -> int:
+        """Enough for the fastest row of the frame."""
+        readout_s = self._simulation.biases.readout_s
+        rates = (
+            self._simulation.flight.rates(row0_s + share * abs(readout_s)) for share in (0.0, 0.25, 0.5, 0.75, 1.0)
+        )
+        fastest = max(sum(abs(rate) for rate in each) for each in rates)
+        pixels_per_radian = self._c.k_mm[0] * max(self._c.pixels_per_mm)
+        blur_px = fastest * self._c.exposure_s * pixels_per_radian
+        return max(1, min(MOST_SAMPLES, ceil(blur_px / SAMPLE_PX)))
+
+    def _instant(self, row0_s: float) -> Picture:
+        """The sharp picture of a shutter that opens for no time, row by row."""
+        north, east = self._footprint(row0_s)
+        x, y = self._ground.texel(north, east)
+        beyond = {"borderMode": cv2.BORDER_CONSTANT, "borderValue": HAZE}
+        sharp: Picture = cv2.remap(self._ground.picture, self._filled(x), self._filled(y), cv2.INTER_LINEAR, **beyond)
+        return sharp
+
+    def _footprint(self, row0_s: float) -> tuple[Array, Array]:
+        """North and east of where the grid's rays meet the ground, each row at its own instant."""
+        readout_s, height = self._simulation.biases.readout_s, self._c.image_size[1]
+        rows = _nodes(height)
+        turned, places = np.empty((len(rows), 3, 3)), np.empty((len(rows), 3))
+        for row, v in enumerate(rows):
+            share = float(v) / height
+            t = row0_s + (readout_s * share if readout_s >= 0.0 else -readout_s * (1.0 - share))
+            state = self._simulation.flight.at(t)
+            turned[row] = state.ned_from_body
+            places[row] = state.position
+        places += turned @ np.array(self._c.position_m)
+        ned = np.einsum("rij,rcj->rci", turned, self._rays)
+        down = ned[..., 2]
+        reach = -places[:, None, 2] / np.maximum(down, STRAIGHT_DOWN_ENOUGH)
+        return places[:, None, 0] + reach * ned[..., 0], places[:, None, 1] + reach * ned[..., 1]
+
+    def _filled(self, grid: NDArray[np.float32]) -> NDArray[np.float32]:
+        """From the nodes to every pixel."""
+        rows, columns = grid.shape
+        width, height = self._c.image_size
+        full = cv2.resize(grid, (columns * STEP, rows * STEP), interpolation=cv2.INTER_LINEAR)
+        edge = PAD * STEP
+        return np.ascontiguousarray(full[edge : edge + height, edge : edge + width])
+
+    def _noise_of(self, frame: int) -> NDArray[np.float32]:
+        """Another part of the same noise for each frame."""
+        width, height = self._c.image_size
+        top, left = (frame * 197) % height, (frame * 331) % width
+        return self._noise[top : top + height, left : left + width]
+
+
+def camera_rays(camera: CameraOptions) -> Array:
+    """(rows, columns, 3): unit rays in the camera frame of the grid's nodes."""
+    width, height = camera.image_size
+    u, v = np.meshgrid(_nodes(width), _nodes(height))
+    x = (u - camera.principal_point[0]) / camera.pixels_per_mm[0]
+    y = (v - camera.principal_point[1]) / camera.pixels_per_mm[1]
+    r = np.hypot(x, y)
+    theta = _angle(r, camera)
+    across = np.where(r > 0.0, np.sin(theta) / np.maximum(r, 1e-12), 0.0)
+    return np.stack([x * across, y * across, np.cos(theta)], axis=-1)
+
+
+def _angle(r: Array, camera: CameraOptions) -> Array:
+    """Theta by Newton's method: r(theta) is near to a straight line for any lens that this mock has."""
+    k1, k2, k3, k4, k5 = camera.k_mm
+    theta = r / k1
+    for _ in range(8):
+        t2 = theta * theta
+        value = theta * (k1 + t2 * (k2 + t2 * (k3 + t2 * (k4 + t2 * k5))))
+        slope = k1 + t2 * (3 * k2 + t2 * (5 * k3 + t2 * (7 * k4 + t2 * 9 * k5)))
+        theta = theta - (value - r) / slope
+    return theta
+
+
+def _nodes(pixels: int) -> Array:
+    """Where the nodes along an axis of so many pixels lie: in the middles of blocks."""
+    return (np.arange(ceil(pixels / STEP) + 2 * PAD, dtype=np.float64) - PAD) * STEP + (STEP - 1) / 2.0
+
+
+def _vignette(size: tuple[int, int]) -> NDArray[np.float32]:
+    width, height = size
+    x = (np.arange(width) - (width - 1) / 2.0) / (width / 2.0)
+    y = (np.arange(height) - (height - 1) / 2.0) / (height / 2.0)
+    return (1.0 - VIGNETTE / 2.0 * np.add.outer(y * y, x * x)).astype(np.float32)

@@ -1,0 +1,147 @@
+"""Rendered frames against other people's geometry: OpenCV's fisheye, scipy's rotations, OpenCV's own tag detector."""
+
+import json
+import os
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from sitl_mock import scenario
+from sitl_mock.render import Eye, camera_rays
+from sitl_mock.simulate import Simulation
+from sitl_mock.tags import tags
+
+SHARP = {"camera.exposure_s": 0.0, "seed": 4}
+
+
+def flown(name: str = "demo", **differences) -> Simulation:
+    return Simulation(scenario(name).but({"seconds": 30.0, **SHARP, **differences}))
+
+
+@pytest.fixture(scope="module")
+def eye() -> Eye:
+    return Eye(flown())
+
+
+def found(picture) -> dict[int, np.ndarray]:
+    """Corners by id, as OpenCV's detector has them: top left first, clockwise in the tag's own picture."""
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+    detector = cv2.aruco.ArucoDetector(dictionary)
+    parameters = detector.getDetectorParameters()
+    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
+    detector.setDetectorParameters(parameters)
+    corners, ids, _ = detector.detectMarkers(picture)
+    return {} if ids is None else {int(i): c[0] for i, c in zip(np.ravel(ids), corners, strict=True)}
+
+
+def opencv_pixel(simulation: Simulation, place, flight_s: float) -> np.ndarray:
+    """Of a place in NED by OpenCV's fisheye model and scipy's rotations, the camera turned by the drawn mount error."""
+    o, state = simulation.options.camera, simulation.flight.at(flight_s)
+    ned_from_body = Rotation.from_euler("ZYX", state.euler[::-1]).as_matrix()
+    told = Rotation.from_euler("ZYX", np.radians(o.mount_deg[::-1])).as_matrix() @ [[0, 0, 1], [1, 0, 0], [0, 1, 0]]
+    body_from_camera = Rotation.from_rotvec(np.radians(simulation.biases.mount_deg)).as_matrix() @ told
+    in_camera = (ned_from_body @ body_from_camera).T @ (np.array(place) - state.position)
+    k1, *k = o.k_mm
+    matrix = np.array([[o.pixels_per_mm[0] * k1, 0, o.principal_point[0]],
+                       [0, o.pixels_per_mm[1] * k1, o.principal_point[1]], [0, 0, 1.0]])  # fmt: skip
+    no_turn = np.zeros((3, 1))
+    pixels, _ = cv2.fisheye.projectPoints(in_camera.reshape(1, 1, 3), no_turn, no_turn, matrix, np.array(k) / k1)
+    return pixels.reshape(2)
+
+
+def test_a_tags_corners_are_where_opencv_and_scipy_put_them():
+    simulation = flown(**{"camera.readout_s": 0.0})
+    eye = Eye(simulation)
+    compared = 0
+    for frame in range(0, 340, 20):
+        for tag, view in zip(tags(simulation.options, simulation.scene), eye.views(frame), strict=True):
+            for corner, pixel in zip(tag.corners, view.corners, strict=True):
+                if simulation.camera.lens.sees(*pixel):
+                    expected = opencv_pixel(simulation, corner, simulation.camera.row0_s(frame))
+                    assert pixel == pytest.approx(expected, abs=1e-6)
+                    compared += 1
+    assert compared > 40
+
+
+def test_the_grids_rays_are_opencvs():
+    o = flown().options.camera
+    rays = camera_rays(o)
+    k1, *k = o.k_mm
+    matrix = np.diag([o.pixels_per_mm[0] * k1, o.pixels_per_mm[1] * k1, 1.0])
+    matrix[:2, 2] = o.principal_point
+    u, v = np.meshgrid(np.arange(-8, 648, 8) + 3.5, np.arange(-8, 488, 8) + 3.5)
+    there = np.stack([u, v], axis=-1).reshape(-1, 1, 2)
+    flat = cv2.fisheye.undistortPoints(there, matrix, np.array(k) / k1).reshape(*u.shape, 2)
+    expected = np.concatenate([flat, np.ones((*u.shape, 1))], axis=-1)
+    expected /= np.linalg.norm(expected, axis=-1, keepdims=True)
+    assert rays == pytest.approx(expected, abs=1e-7)
+
+
+def test_a_detector_finds_the_corners_within_a_pixel_of_the_truth_through_the_rolling_shutter(eye):
+    errors = []
+    for frame in range(10, 340, 9):
+        seen = found(eye.picture(frame))
+        views = [view for view in eye.views(frame) if view.usable and view.tag_id in seen]
+        errors += [np.abs(seen[view.tag_id] - np.array(view.corners)).max() for view in views]
+    assert len(errors) > 15
+    assert np.percentile(errors, 90) < 1.0
+    # By any other reading of the rows' times the corners would lie pixels away.
+    assert abs(eye._simulation.biases.readout_s) * 600 > 10
+
+
+def test_blur_hides_tags_from_the_detector_as_the_truth_says():
+    eye = Eye(flown("demo_blur", **{"camera.exposure_s": 0.008}))
+    usable = unusable = usable_found = unusable_found = 0
+    for frame in range(0, 340, 5):
+        seen = None
+        for view in eye.views(frame):
+            inside = all(eye._camera.lens.sees(*corner) for corner in view.corners)
+            if not inside:
+                continue
+            seen = found(eye.picture(frame)) if seen is None else seen
+            if view.usable:
+                usable, usable_found = usable + 1, usable_found + (view.tag_id in seen)
+            elif view.blur_px > 14.0:
+                unusable, unusable_found = unusable + 1, unusable_found + (view.tag_id in seen)
+    assert usable >= 5
+    assert usable_found >= 0.8 * usable
+    assert unusable >= 5
+    assert unusable_found <= 0.2 * unusable
+
+
+def test_a_frame_is_the_same_picture_whenever_it_is_rendered(eye):
+    before = eye.picture(33)
+    eye.picture(2)
+    assert (eye.picture(33) == before).all()
+    assert (Eye(flown(seed=5)).picture(33) != before).mean() > 0.9
+
+
+def test_the_process_sends_frames_through_its_pipe_until_the_flight_ends(tmp_path: Path):
+    pipe, truth = tmp_path / "frames.pipe", tmp_path / "frames.jsonl"
+    os.mkfifo(pipe)
+    taken: list[dict] = []
+
+    def read() -> None:
+        with pipe.open("rb") as file:
+            while line := file.readline():
+                taken.append(json.loads(line))
+                assert len(file.read(taken[-1]["bytes"])) == 640 * 480
+
+    reader = threading.Thread(target=read, daemon=True)
+    reader.start()
+    command = [sys.executable, "-m", "sitl_mock.eye", "--pipe", str(pipe), "--truth", str(truth)]
+    # What is rendered in no time at all is late nowhere: the flight begins when the process does.
+    done = subprocess.run([*command, "--scenario", "demo", "--seconds", "2.5"], timeout=60, check=True)
+    assert done.returncode == 0
+    reader.join(5.0)
+    assert not reader.is_alive()
+    told = [json.loads(line) for line in truth.read_text().splitlines()]
+    assert [line["frame"] for line in told] == list(range(len(told)))
+    assert [each["frame"] for each in taken] == [line["frame"] for line in told if line["delivered"]]
+    assert all(each["size"] == [640, 480] and each["time_monotonic"] > 0.0 for each in taken)
