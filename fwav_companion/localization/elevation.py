@@ -10,6 +10,9 @@ import msgspec
 NEAREST_SAMPLE = 0.26
 """Of a step: a neighbour's sample that stands in for one of ours at a seam lies on the same lattice, or nearly."""
 
+EDGE = 1e-6
+"""Of a step, 30 um: rounding keeps no place on a model's own edge out of it."""
+
 
 class ElevationTile(msgspec.Struct, frozen=True):
     """A lattice of heights in degrees of latitude and longitude. Rows run southward, columns eastward."""
@@ -77,9 +80,10 @@ class ElevationModel:
     def cell_at(self, lat_deg: float, lon_deg: float) -> Cell | None:
         """The cell that holds a place; None outside and where one of its samples is a void."""
         for reach in (0, 1):  # inside a tile first; then in the gap between neighbours that share no samples
+            margin = reach + EDGE
             for tile in self._tiles:
                 row, column = tile.row_column(lat_deg, lon_deg)
-                if -reach <= row <= tile.rows - 1 + reach and -reach <= column <= tile.columns - 1 + reach:
+                if -margin <= row <= tile.rows - 1 + margin and -margin <= column <= tile.columns - 1 + margin:
                     cell = self._cell(tile, row, column, reach)
                     if cell is not None:
                         return cell
