@@ -16,11 +16,23 @@ from fwav_companion.geometry.earth import TangentPlane
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.ledger import Ledger
 from fwav_companion.mavlink.commands import Commands
-from fwav_companion.mavlink.identity import Adopted, Identity, IdentityEvent
+from fwav_companion.mavlink.identity import Adopted, ArmedChanged, Identity, IdentityEvent
 from fwav_companion.mavlink.rates import Rates
 from fwav_companion.mavlink.timesync import Timesync
-from fwav_companion.nouns import ClockExchange, Frame, Message, NoFrame, Notice, Outgoing, Reason, Situation, Unpaired
+from fwav_companion.nouns import (
+    ClockExchange,
+    Frame,
+    Message,
+    NoFrame,
+    Notice,
+    Outgoing,
+    Reason,
+    Severity,
+    Situation,
+    Unpaired,
+)
 from fwav_companion.publishing.publisher import Publisher
+from fwav_companion.publishing.readiness import Readiness, ready_notice
 from fwav_companion.recording.lines import Line, clock_line, home_line, unix_seconds
 from fwav_companion.sayings import said_of
 from fwav_companion.sight import Seen, Sight
@@ -69,6 +81,7 @@ class Pipeline:
         self._live = live
         self._clock_line_ns: HostNs | None = None
         self._fault_over_ns: HostNs | None = None
+        self._undulation_was_untold = False
         self._outputs = Outputs()
         self._ended = False
 
@@ -85,6 +98,8 @@ class Pipeline:
         autopilot = rooms.identity.autopilot
         if autopilot and message.system == autopilot.system and message.component == autopilot.component:
             self._on_telemetry(rooms.telemetry.on_message(message, now), now)
+            if self._undulation_was_untold and rooms.telemetry.undulation_m is not None:
+                self._place_ground(now)
             self._take_ready(now)
         if self._live and message.name in ANSWERED:
             self._outputs.messages += rooms.commands.on_message(message, self._situation(now))
@@ -210,13 +225,28 @@ class Pipeline:
         self._notify(rooms.rates.notices(), now)
         if rooms.publisher.wake_at is not None and rooms.publisher.wake_at <= now:
             messages += rooms.publisher.on_wake(now, self._situation(now))
+            self._outputs.notices += rooms.publisher.notices()
 
     def _on_identity(self, events: Iterable[IdentityEvent], now: HostNs) -> None:
         for event in events:
             if isinstance(event, Adopted):
                 self._rooms.timesync.adopt(event.autopilot, now)
                 self._rooms.rates.adopt(event.autopilot, now)
+            if isinstance(event, ArmedChanged) and event.armed and self._rooms.sight is not None:
+                self._notify((ready_notice(self._readiness(self._rooms.sight, now)),), now)
             self._notify(said_of(event), now)
+
+    def _readiness(self, sight: Sight, now: HostNs) -> Readiness:
+        telemetry, expected = self._rooms.telemetry, sight.expected()
+        return Readiness(
+            attitude_hz=telemetry.attitude_hz(now),
+            wanted_attitude_hz=self._rooms.rates.wanted_attitude_hz,
+            clock_sigma_s=telemetry.clock.estimate(now).sigma_s,
+            frames_hz=sight.frames_hz(now),
+            expected_m=None if expected is None else expected.sigma_m,
+            height_m=None if expected is None else expected.height_m,
+            trouble=sight.trouble,
+        )
 
     def _on_timesync(self, message: Message, now: HostNs) -> None:
         result = self._rooms.timesync.on_message(message, now)
@@ -236,6 +266,7 @@ class Pipeline:
                         self._rooms.sight.drop_all(Reason.ORIGIN_SET)
                         self._write_settled(self._rooms.sight.settle(now), plane=None)
                     self._ledger.origin_moved_in(now, origin)
+                    self._place_ground(now)
                 case RelativeWorld():
                     self._ledger.begin(None)
                 case HomeMoved(down_m):
@@ -243,6 +274,16 @@ class Pipeline:
                         self._rooms.sight.home_moved(down_m)
                     self._ledger.write(home_line(unix_seconds(now, self._unix_offset_ns), down_m))
             self._notify(said_of(event), now)
+
+    def _place_ground(self, now: HostNs) -> None:
+        """Tell the ground where the world lies; again when the geoid is known, which an elevation model may need."""
+        telemetry, sight = self._rooms.telemetry, self._rooms.sight
+        if sight is None or telemetry.world.plane is None:
+            return
+        self._undulation_was_untold = telemetry.undulation_m is None
+        text = sight.origin_set(telemetry.world.plane, telemetry.undulation_m)
+        if text:
+            self._notify((Notice(Severity.INFO, text, to_ground=True),), now)
 
     def _take_ready(self, now: HostNs) -> None:
         """Localize, track and publish the frames whose attitudes are there."""

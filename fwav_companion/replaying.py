@@ -10,6 +10,7 @@ import msgspec
 from fwav_companion.camera import Calibration
 from fwav_companion.config import Config
 from fwav_companion.geometry.stamps import NS_PER_US, HostNs
+from fwav_companion.localization import ElevationTile
 from fwav_companion.mavlink.codec import decode
 from fwav_companion.mavlink.scanner import Scanner
 from fwav_companion.nouns import Frame, Message, NoFrame, StampClock
@@ -56,12 +57,18 @@ def replay(
     config: Config,
     calibration: Calibration,
     *,
+    elevation: Sequence[ElevationTile] = (),
     sightings: bool = False,
     truth: Sequence[TruthPoint] = (),
 ) -> Iterator[Line]:
     """The lines of a targets file, header first, summary last. With truth the summary has ``errors``."""
     pipeline = make_pipeline(
-        config, calibration, unix_offset_ns=recording.unix_offset_ns, live=False, sightings=sightings
+        config,
+        calibration,
+        unix_offset_ns=recording.unix_offset_ns,
+        live=False,
+        elevation=elevation,
+        sightings=sightings,
     )
     tally = ErrorTally(truth) if truth else None
     for _ in _drive(pipeline, recording, own_components(config)):

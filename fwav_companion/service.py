@@ -7,7 +7,7 @@ import logging
 import os
 import signal
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import msgspec
@@ -20,6 +20,7 @@ from fwav_companion.latest_file import LatestFile, state_path, status_paths
 from fwav_companion.links.base import Link
 from fwav_companion.links.make import make_link
 from fwav_companion.links.url import UdpUrl
+from fwav_companion.localization import ElevationTile
 from fwav_companion.mavlink.node import Received
 from fwav_companion.mavlink.signing import starting_timestamp
 from fwav_companion.nouns import Frame, NoFrame, Notice, Severity
@@ -48,14 +49,21 @@ class Service:
         config: Config,
         calibration: Calibration | None,
         signing_key: bytes | None,
+        *,
+        elevation: Sequence[ElevationTile],
         beside_recording: Mapping[str, bytes],
     ) -> None:
-        """``beside_recording``: files that are kept with a flight's recording, by name."""
+        """``elevation``: what [ground] terrain names.
+
+        ``beside_recording``: files that are kept with a flight's recording, by name.
+        """
         self._config = config
         host_ns, unix_ns = read_clocks()
         self._unix_offset_ns = (unix_ns - host_ns) // NS_PER_US * NS_PER_US
         self._wall_clock = WallClock(host_ns, unix_ns)
-        self._pipeline = make_pipeline(config, calibration, unix_offset_ns=self._unix_offset_ns, live=True)
+        self._pipeline = make_pipeline(
+            config, calibration, unix_offset_ns=self._unix_offset_ns, live=True, elevation=elevation
+        )
         self._signing_file = self._make_signing_file()
         self._node = make_node(config, signing_key, starting_timestamp(self._kept_signing_timestamp(), unix_ns))
         self._links = {

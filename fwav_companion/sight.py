@@ -6,6 +6,8 @@ from collections.abc import Callable
 
 import msgspec
 
+from fwav_companion.expectation import Expectation, expected_below
+from fwav_companion.geometry.earth import TangentPlane
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.ledger import Ledger
@@ -13,7 +15,7 @@ from fwav_companion.localization import Localizer
 from fwav_companion.nouns import Frame, FrameView, GroundFix, NoFix, NoFrame, Reason, Sighting, Track, VehicleState
 from fwav_companion.pairing import PairedFrame, Pairer, RefusedFrame, WaitingFrames, sees_nothing
 from fwav_companion.recording.lines import Line, sighting_line
-from fwav_companion.telemetry import Telemetry
+from fwav_companion.telemetry import RateMeter, Telemetry
 from fwav_companion.tracking import Reorder, Settled
 
 LONG_AFTER_NS = 60 * NS_PER_S
@@ -53,6 +55,8 @@ class Sight:
         self._waiting = WaitingFrames()
         self._last_view: FrameView | None = None
         self._dropped: list[Settled] = []
+        self._meter = RateMeter()
+        self._refused: Reason | None = None
 
     @property
     def wake_at(self) -> HostNs | None:
@@ -63,6 +67,7 @@ class Sight:
     def on_frame(self, frame: Frame, now: HostNs) -> None:
         """A frame came; :meth:`take_ready` tells when it was processed, which may be at once."""
         self._ledger.frames += 1
+        self._meter.count("frames", now)
         self._ledger.detections += len(frame.detections)
         self._waiting.put(frame, self._pairer.needs_until(frame, self._telemetry.clock), now)
 
@@ -82,6 +87,19 @@ class Sight:
         fix = self._localizer.locate(sighting) if isinstance(sighting, Sighting) else None
         return fix if isinstance(fix, GroundFix) else None
 
+    def frames_hz(self, now: HostNs) -> float:
+        """How often frames come; 0 while none come."""
+        return self._meter.rates_hz(now).get("frames", 0.0)
+
+    @property
+    def trouble(self) -> str:
+        """Why the newest frame could not be used; "" if it could."""
+        return "" if self._refused is None else f"pictures are refused: {self._refused.value}"
+
+    def expected(self) -> Expectation | None:
+        """What a fix straight below would be worth now."""
+        return expected_below(self._pairer, self._localizer, self._telemetry)
+
     def arrival_untold(self, frame: Frame) -> HostNs | None:
         """When a recorded frame that does not tell is taken to have come; None while the clock is not known."""
         arrival_ns = self._pairer.arrival_untold(frame, self._telemetry.clock)
@@ -90,6 +108,10 @@ class Sight:
     def home_moved(self, home_down_m: float) -> None:
         """The home surface lies there from now on."""
         self._localizer.home_moved(home_down_m)
+
+    def origin_set(self, plane: TangentPlane, undulation_m: float | None) -> str:
+        """The world lies there; what the ground has to say about it, or "". Again when the undulation is known."""
+        return self._localizer.origin_set(plane, undulation_m)
 
     def drop_all(self, reason: Reason) -> None:
         """End every track, and what was before."""
@@ -107,6 +129,7 @@ class Sight:
 
     def _process(self, frame: Frame, now: HostNs) -> Seen | None:
         paired = self._pairer.pair(frame, self._telemetry)
+        self._refused = paired.reason if isinstance(paired, RefusedFrame) else None
         if isinstance(paired, RefusedFrame):
             self._refuse(paired)
             return None

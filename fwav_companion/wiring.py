@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from difflib import get_close_matches
 from typing import Any
 
 from fwav_companion import __version__
@@ -10,8 +12,19 @@ from fwav_companion.config import Config
 from fwav_companion.errors import ConfigError
 from fwav_companion.ledger import Ledger
 from fwav_companion.links.url import UdpUrl
-from fwav_companion.localization import FixedGround, Ground, HomeGround, Localizer
+from fwav_companion.localization import (
+    Datum,
+    ElevationModel,
+    ElevationTile,
+    FixedGround,
+    Ground,
+    HomeGround,
+    Localizer,
+    RangefinderGround,
+    TerrainGround,
+)
 from fwav_companion.mavlink.commands import Commands, Handler
+from fwav_companion.mavlink.definitions import BY_NAME
 from fwav_companion.mavlink.identity import Identity
 from fwav_companion.mavlink.node import LinkPolicy, Node, SigningPolicy
 from fwav_companion.mavlink.rates import Rates
@@ -45,17 +58,22 @@ def make_pipeline(
     *,
     unix_offset_ns: int,
     live: bool,
+    elevation: Sequence[ElevationTile] = (),
     sightings: bool = False,
     unit: str = "",
 ) -> Pipeline:
     """The pipeline of one flight. Without a calibration it is a relay's: nothing is localized.
 
-    ``unit`` names this board for good, for uids that outlive a restart.
+    ``elevation``: what [ground] terrain names. ``unit`` names this board for good, for uids that outlive a restart.
     """
     ledger = Ledger(__version__, config.as_builtins(), unix_offset_ns)
     component, has_camera = config.vehicle.component_id, config.publish.camera_tracking and calibration is not None
     telemetry = Telemetry(_telemetry_options(config))
-    sight = None if calibration is None else _sight(config, calibration, telemetry, ledger, sightings=sightings)
+    sight = None
+    if calibration is not None:
+        localizer = Localizer(_ground(config, elevation), config.priors, min_height_m=config.ground.min_height_m)
+        reorder = Reorder(make_tracker(_tracking_options(config), config.priors))
+        sight = Sight(telemetry, _pairer(config, calibration), localizer, reorder, ledger, sightings=sightings)
     publisher = Publisher(
         _publish_options(config, calibration, unit),
         locate=None if sight is None else sight.locate,
@@ -70,7 +88,7 @@ def make_pipeline(
         identity=Identity(config.vehicle.system_id, component, CAMERA_COMPONENT if has_camera else None),
         timesync=Timesync(component),
         rates=Rates(
-            default_wanted(config.rates.attitude, config.rates.position),
+            default_wanted(config.rates.attitude, config.rates.position) | _wanted_of_ground(config),
             attitude_message=config.vehicle.attitude_message,
             component=component,
         ),
@@ -83,7 +101,11 @@ def make_pipeline(
 
 
 def make_node(config: Config, signing_key: bytes | None, signing_timestamp: int) -> Node:
-    """Our place in the network. ``signing_timestamp``: where signatures go on, if there is a key."""
+    """Our place in the network. ``signing_timestamp``: where signatures go on, if there is a key.
+
+    ConfigError where a link's max_rate_hz names no message.
+    """
+    _require_message_names(config)
     policies = [
         LinkPolicy(
             name=link.name,
@@ -101,41 +123,58 @@ def make_node(config: Config, signing_key: bytes | None, signing_timestamp: int)
     return Node(policies, WANTED, components=sorted(own_components(config)), signing=signing)
 
 
+def _require_message_names(config: Config) -> None:
+    """Here and not where the file is read: only who opens links needs MAVLink's definitions."""
+    for number, link in enumerate(config.link, start=1):
+        for name in link.max_rate_hz:
+            if name not in BY_NAME:
+                near = get_close_matches(name.upper(), BY_NAME, n=1)
+                accepted = f'did you mean "{near[0]}"?' if near else "accepted: a message of the ardupilotmega dialect"
+                where = f'{config.file}: [[link]] {number} "{link.name}" max_rate_hz'
+                raise ConfigError(f"{where}: no MAVLink message is called {name}; {accepted}")
+
+
 def own_components(config: Config) -> frozenset[int]:
     """The component ids that we speak as."""
     return frozenset({config.vehicle.component_id, CAMERA_COMPONENT})
 
 
-def _sight(config: Config, calibration: Calibration, telemetry: Telemetry, ledger: Ledger, *, sightings: bool) -> Sight:
+def _pairer(config: Config, calibration: Calibration) -> Pairer:
+    """Where the configuration leaves the default, the calibration's own delay and mount count, if it tells them."""
     camera = config.camera
-    rule = camera.stamp_rule(libcamera_on_raspberry_pi=False)
-    pairer = Pairer(
+    return Pairer(
         lens=calibration.lens,
         body_from_camera=calibration.body_from_camera or camera.mount.body_from_camera,
         lever_arm_m=camera.mount.lever_arm_m,
         timing=CameraTiming(
-            time_offset_s=camera.time_offset_s if calibration.time_offset_s is None else calibration.time_offset_s,
+            time_offset_s=camera.time_offset_s or calibration.time_offset_s or 0.0,
             readout_s=camera.known_readout_s,
-            stamp_rule=StampRule(rule),
+            stamp_rule=StampRule(camera.stamp_rule(libcamera_on_raspberry_pi=False)),
             exposure_s=camera.exposure_s,
         ),
         pixel_noise_px=config.uncertainty.pixel_noise_px,
         min_score=config.detections.min_score,
         labels=config.detections.labels,
     )
-    localizer = Localizer(_ground(config), config.priors, min_height_m=config.ground.min_height_m)
-    reorder = Reorder(make_tracker(_tracking_options(config), config.priors))
-    return Sight(telemetry, pairer, localizer, reorder, ledger, sightings=sightings)
 
 
-def _ground(config: Config) -> Ground:
-    match config.ground.model:
+def _ground(config: Config, elevation: Sequence[ElevationTile]) -> Ground:
+    ground = config.ground
+    match ground.model:
         case "fixed":
-            return FixedGround(config.ground.height_m)
+            return FixedGround(ground.height_m)
+        case "rangefinder":
+            return RangefinderGround(config.uncertainty.height_noise_m)
+        case "terrain":
+            model = ElevationModel(elevation) if elevation else None
+            return TerrainGround(model, Datum(ground.terrain_datum or Datum.EGM96))
         case "home":
             return HomeGround()
-        case model:
-            raise ConfigError(f"{config.file}: [ground] model = {model!r}: not in this version; accepted: home, fixed")
+
+
+def _wanted_of_ground(config: Config) -> dict[str, float]:
+    """What only an elevation ground needs of the autopilot, Hz."""
+    return {"TERRAIN_REPORT": 1.0} if config.ground.model == "terrain" else {}
 
 
 def _telemetry_options(config: Config) -> TelemetryOptions:

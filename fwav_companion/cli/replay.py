@@ -48,8 +48,8 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Read everything, then write line by line."""
-    from fwav_companion.calibration_file import load_calibration
     from fwav_companion.config import load
+    from fwav_companion.named_files import load_calibration, load_elevation
     from fwav_companion.recording.tlog import load_tlog
     from fwav_companion.replaying import read_recording, replay
     from fwav_companion.wiring import own_components
@@ -63,7 +63,8 @@ def run(arguments: argparse.Namespace) -> int:
         print(
             f"{arguments.telemetry}: skipped {skipped.length} damaged bytes at offset {skipped.offset}", file=sys.stderr
         )
-    lines = replay(recording, config, calibration, sightings=arguments.sightings, truth=truth)
+    elevation = load_elevation(config)
+    lines = replay(recording, config, calibration, elevation=elevation, sightings=arguments.sightings, truth=truth)
     summary = _write(Path(arguments.out), lines)
     _tell(summary, as_json=arguments.json)
     return 0

@@ -26,19 +26,20 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Check everything that a user can get wrong, then serve."""
-    from fwav_companion.calibration_file import load_calibration, recording_companions
     from fwav_companion.config import load, load_signing_key
+    from fwav_companion.named_files import load_calibration, load_elevation, recording_companions
     from fwav_companion.service import Service
 
     config = load(arguments.config)
     config.require_links()
     calibration = load_calibration(config) if config.localizes else None
     key = load_signing_key(config)
+    elevation = load_elevation(config) if config.localizes else ()
     beside = recording_companions(config)
     logging.basicConfig(level=logging.INFO, stream=sys.stderr, format="%(levelname)s %(message)s")
 
     async def serve() -> None:
-        await Service(config, calibration, key, beside).run()
+        await Service(config, calibration, key, elevation=elevation, beside_recording=beside).run()
 
     asyncio.run(serve())
     return 0

@@ -65,8 +65,11 @@ def _vehicle_and_camera(document: Document) -> Iterator[Complaint]:
 
 
 def _ground_and_publish(document: Document) -> Iterator[Complaint]:
-    if document.ground.model == "terrain" and not document.ground.terrain:
-        yield ("ground", "terrain"), 'missing, while [ground] model = "terrain"; accepted: .hgt or GeoTIFF files'
+    if document.ground.terrain and not document.ground.terrain_datum:
+        yield (
+            ("ground", "terrain_datum"),
+            "missing, while [ground] terrain names files, which do not say it; accepted: egm96, egm2008, ellipsoid",
+        )
     if document.publish.landing_target and not document.publish.landing_label:
         yield (
             ("publish", "landing_label"),

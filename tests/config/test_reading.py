@@ -67,7 +67,7 @@ FAULTS = {
     "landing on anything": (f"{BASE}[publish]\nlanding_target = true\n", "[publish] landing_label: missing, while [publish] landing_target is on; accepted: the label of the target to land on"),
     "no camera file": (LINK, '[camera] calibration: missing, while [detections] url brings pixels; accepted: the path of a camera file (for a relay alone: [detections] url = "")'),
     "no camera file for our own camera": ('[vision]\n[detections]\nurl = ""\n', '[camera] calibration: missing, while [vision] opens a camera; accepted: the path of a camera file (for a relay alone: [detections] url = "")'),
-    "no terrain": (f'{BASE}[ground]\nmodel = "terrain"\n', '[ground] terrain: missing, while [ground] model = "terrain"; accepted: .hgt or GeoTIFF files'),
+    "terrain of an untold datum": (f'{BASE}[ground]\nmodel = "terrain"\nterrain = ["a.hgt"]\n', "[ground] terrain_datum: missing, while [ground] terrain names files, which do not say it; accepted: egm96, egm2008, ellipsoid"),
     "detections over TCP": (f'{BASE}[detections]\nurl = "tcpin://127.0.0.1:5"\n', '[detections] url = "tcpin://127.0.0.1:5": accepted: udpin://HOST:PORT | unix:///PATH'),
     "CoT to a file": (f'{BASE}[publish]\ncot = "events.xml"\n', '[publish] cot = "events.xml": accepted: udpout://HOST:PORT | udpbcast://HOST:PORT | tcpout://HOST:PORT'),
     "a key that breaks the line": ('"a\\nb" = 1\n', "a?b = 1: unknown key; accepted tables: vehicle, link, signing, rates, camera, detections, vision, ground, uncertainty, tracking, publish, record, state, status"),

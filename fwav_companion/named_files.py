@@ -1,4 +1,4 @@
-"""SHELL: the camera file that a configuration names, and what is kept beside a recording."""
+"""SHELL: the files that a configuration names: camera, elevation, and what is kept beside a recording."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 from fwav_companion.camera import Calibration, parse_calibration
 from fwav_companion.config import Config
 from fwav_companion.errors import InputFileError
+from fwav_companion.localization import ElevationTile
 
 LARGEST_BYTES = 1 << 20
 """A calibration has some hundred bytes; what has a megabyte is another file."""
@@ -24,6 +25,15 @@ def load_calibration(config: Config) -> Calibration:
         raise InputFileError(f"{where}: {error.strerror}; accepted: a camera file, as `init` writes one") from None
     except UnicodeDecodeError as error:
         raise InputFileError(f"{path}: byte {error.start} is not UTF-8; accepted: a camera file in YAML") from None
+
+
+def load_elevation(config: Config) -> tuple[ElevationTile, ...]:
+    """What [ground] terrain names, where the ground is terrain. InputFileError for a file that is none."""
+    if config.ground.model != "terrain" or not config.ground.terrain:
+        return ()
+    from fwav_companion.terrain_files import read_elevation  # here: GeoTIFF needs a library that few boards carry
+
+    return read_elevation([config.resolve(path) for path in config.ground.terrain])
 
 
 def recording_companions(config: Config) -> dict[str, bytes]:
