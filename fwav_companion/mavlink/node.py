@@ -44,7 +44,8 @@ class Received(msgspec.Struct):
     forwards: list[tuple[str, bytes]]
     """(link, frame as it came), to be sent in order."""
     frames: Sequence[RawFrame] = ()
-    """All that were taken, for a recording: no duplicates, and no SETUP_SIGNING, which carries a key."""
+    """All that were taken, for a recording: no duplicates, no echoes of ours, nothing that was refused for its
+    signature, and no SETUP_SIGNING, which carries a key."""
     rate_request: str = ""
     """Who asked for other message rates in a frame that goes on to an autopilot: it may undo ours."""
 
@@ -167,8 +168,8 @@ class Node:
             else:
                 for name in stream.direct:
                     forward((name, data))
-            if stream.watched:
-                self._read(port, frame, received, now)
+            if stream.watched and not self._read(port, frame, received, now):
+                dropped.add(id(frame))
         if dropped:
             received.frames = [frame for frame in received.frames if id(frame) not in dropped]
         return received
@@ -213,20 +214,21 @@ class Node:
             if stream.asks_rates and out.is_autopilot and _asks_rates(frame):
                 received.rate_request = f"{frame.system}/{frame.component} on {port.name}"
 
-    def _read(self, port: Port, frame: RawFrame, received: Received, now: HostNs) -> None:
-        """A message that somebody here watches, if it is meant for us and may be believed."""
+    def _read(self, port: Port, frame: RawFrame, received: Received, now: HostNs) -> bool:
+        """A message that somebody here watches, if it is meant for us. False where it may not be believed."""
         if not self._router.is_for_us(frame.target_system, frame.target_component):
-            return
+            return True
         if frame.msgid == _SYSTEM_TIME.msgid:
             boot_ms = int.from_bytes(frame.payload[_BOOT_OFFSET : _BOOT_OFFSET + 4], "little")
             self._router.on_clock(port, frame, boot_ms, now)
         trust = self._keyring.judge(port, frame, now)
         if trust is Trust.NONE:
-            return
+            return False
         if frame.msgid == _HEARTBEAT.msgid and frame.payload_byte(_TYPE_OFFSET) == _MAV_TYPE_GCS:
             port.ground_station_ns = now
         if frame.msgid in self._wanted:
             received.messages.append(decode(frame, port.name, signed=trust is Trust.SIGNED))
+        return True
 
 
 def _asks_rates(frame: RawFrame) -> bool:
