@@ -173,3 +173,12 @@ def test_advance_always_comes_to_rest():
         assert wake_at > now
         now = HostNs(wake_at)
         flown.companion.on_wake(now)
+
+
+@pytest.mark.parametrize("ground", ['ground.model="rangefinder"', "ground.model=fixed"], ids=["rangefinder", "fixed"])
+def test_other_grounds_find_the_same_target(ground: str):
+    options = scenario("perfect").but({"seconds": 12.0, "seed": 6, "flight.heave_m": 0.0, "flight.wander_m": 0.0})
+    height = f"ground.height_m={options.flight.height_m}"
+    flown = fly(options, (*GLOBAL_SHUTTER, ground, height))
+    assert flown.error_m(flown.final()) < 0.1
+    assert abs(flown.final()["down"]) < 0.1

@@ -167,3 +167,32 @@ def test_a_wrong_file_is_one_line_and_exit_2(tmp_path, flown, change, said):
     assert done.returncode == 2
     assert said in done.stderr
     assert done.stderr.count("\n") == 1
+
+
+def test_an_elevation_file_is_shifted_to_the_take_off_height_and_used(tmp_path):
+    """A level model 8 m too high: after the shift it is the take-off surface, and targets stand on it."""
+    flown = fly(scenario("perfect").but({"seconds": 12.0, "seed": 2}), ("camera.readout_s=0.0",))
+    words = recorded(tmp_path, flown)
+    (tmp_path / "N48E011.hgt").write_bytes((527).to_bytes(2, "big") * 1201 * 1201)
+    ground = '[ground]\nmodel = "terrain"\nterrain = ["N48E011.hgt"]\nterrain_datum = "egm96"\n'
+    (tmp_path / "flight.toml").write_text(CONFIG + "readout_s = 0.0\n" + ground)
+    done = command(*words, "--sightings")
+    assert done.returncode == 0, done.stderr
+    lines = [json.loads(line) for line in (tmp_path / "targets.jsonl").read_text().splitlines()]
+    last = [line for line in lines if line["type"] == "target"][-1]
+    assert flown.error_m(last) < 0.03
+    assert last["alt_amsl"] == pytest.approx(519.0, abs=0.05)
+    budgets = [line["budget"] for line in lines if line["type"] == "sighting" and line["budget"]]
+    assert budgets
+    assert all(budget["terrain"] > 0.5 for budget in budgets)
+
+
+def test_a_ray_that_leaves_the_elevation_model_gives_no_fix_by_name(tmp_path, flown):
+    words = recorded(tmp_path, flown)
+    (tmp_path / "N10E010.hgt").write_bytes((500).to_bytes(2, "big") * 1201 * 1201)
+    ground = '[ground]\nmodel = "terrain"\nterrain = ["N10E010.hgt"]\nterrain_datum = "egm96"\n'
+    (tmp_path / "flight.toml").write_text(CONFIG + ground)
+    done = command(*words, "--json")
+    summary = json.loads(done.stdout.splitlines()[-1])
+    assert summary["fixes"] == 0
+    assert summary["dropped"]["beyond_terrain"] > 100
