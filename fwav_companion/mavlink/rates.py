@@ -63,6 +63,11 @@ class Rates:
         self._notices: deque[Notice] = deque(maxlen=MAX_NOTICES)
 
     @property
+    def wanted_attitude_hz(self) -> float:
+        """By the configuration."""
+        return self._wanted.get("ATTITUDE", 0.0)
+
+    @property
     def parameters(self) -> dict[str, float]:
         """What the autopilot told of the parameters that matter here."""
         return self._inquiries.parameters

@@ -168,9 +168,14 @@ class Pairer:
                 sightings.append(told)
         return PairedFrame(number, host_ns, boot_ns, state, view, tuple(sightings), tuple(refused))
 
-    def look_at(self, u: float, v: float, sigma_px: float, host_ns: HostNs, vehicle: Vehicle) -> Sighting | Unpaired:
-        """The ground ray under a pixel at this host instant, whatever its row: what an operator's click means."""
-        detection = Detection(u=u, v=v, sigma=(sigma_px, sigma_px))
+    def look_at(
+        self, u: float, v: float, sigma_px: float | None, host_ns: HostNs, vehicle: Vehicle
+    ) -> Sighting | Unpaired:
+        """The ground ray under a pixel at this host instant, whatever its row: what an operator's click means.
+
+        ``sigma_px`` None: as sharp as a detection that brings no sigma of its own.
+        """
+        detection = Detection(u=u, v=v, sigma=None if sigma_px is None else (sigma_px, sigma_px))
         ray = self._ray(detection)
         if isinstance(ray, Reason):
             return Unpaired(ray)

@@ -2,7 +2,6 @@
 
 from fwav_companion.telemetry.clock import Clock
 from fwav_companion.telemetry.events import (
-    ArmedChanged,
     AttitudeSource,
     HomeMoved,
     OriginSet,
@@ -11,15 +10,16 @@ from fwav_companion.telemetry.events import (
     StampDelay,
     TelemetryEvent,
 )
+from fwav_companion.telemetry.meter import RateMeter
 from fwav_companion.telemetry.telemetry import Telemetry, TelemetryOptions
 from fwav_companion.telemetry.world import World
 
 __all__ = [
-    "ArmedChanged",
     "AttitudeSource",
     "Clock",
     "HomeMoved",
     "OriginSet",
+    "RateMeter",
     "Rebooted",
     "RelativeWorld",
     "StampDelay",

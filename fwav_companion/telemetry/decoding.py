@@ -21,8 +21,6 @@ MOST_UNDULATION_M = 120.0
 """The geoid lies -106 to +85 m from the ellipsoid."""
 UTC_FROM_S, UTC_UNTIL_S = 1_577_836_800, 4_102_444_800
 """2020 to 2100: a receiver without time tells 1970 or 1980."""
-SAFETY_ARMED = 128
-"""MAV_MODE_FLAG_SAFETY_ARMED."""
 FIX_3D = 3
 """GPS_FIX_TYPE_3D_FIX."""
 

@@ -35,12 +35,6 @@ class HomeMoved(msgspec.Struct, frozen=True):
     """Of the home surface, metres below the origin."""
 
 
-class ArmedChanged(msgspec.Struct, frozen=True):
-    """By HEARTBEAT.base_mode."""
-
-    armed: bool
-
-
 class AttitudeSource(msgspec.Struct, frozen=True):
     """Another message is the source of attitudes; those of the old one are forgotten.
 
@@ -60,6 +54,4 @@ class StampDelay(msgspec.Struct, frozen=True):
     """The most; the mean, half of it, is what is corrected."""
 
 
-TelemetryEvent: TypeAlias = (
-    Rebooted | OriginSet | RelativeWorld | HomeMoved | ArmedChanged | AttitudeSource | StampDelay
-)
+TelemetryEvent: TypeAlias = Rebooted | OriginSet | RelativeWorld | HomeMoved | AttitudeSource | StampDelay

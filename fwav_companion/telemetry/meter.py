@@ -5,18 +5,23 @@ from __future__ import annotations
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 
 WINDOW_NS = 2 * NS_PER_S
+SHORTEST_NS = NS_PER_S // 4
+"""Less than this of the first window says nothing."""
 MOST_NAMES = 64
 
 
 class RateMeter:
-    """Counts by name over the window before the one that is filling: 2 to 4 s back, cheap, bounded."""
+    """Counts by name over the window before the one that is filling: 2 to 4 s back, cheap, bounded.
+
+    Until the first window is full, what is in it.
+    """
 
     __slots__ = ("_full", "_now", "_since_ns")
 
     def __init__(self) -> None:
         self._since_ns: HostNs | None = None
         self._now: dict[str, int] = {}
-        self._full: dict[str, int] = {}
+        self._full: dict[str, int] | None = None
 
     def count(self, name: str, now: HostNs) -> None:
         """One message of this name."""
@@ -27,7 +32,12 @@ class RateMeter:
     def rates_hz(self, now: HostNs) -> dict[str, float]:
         """Messages a second by name, in order of name."""
         self._turn(now)
-        return {name: count / (WINDOW_NS * 1e-9) for name, count in sorted(self._full.items())}
+        counts, elapsed_ns = self._full, WINDOW_NS
+        if counts is None and self._since_ns is not None:
+            counts, elapsed_ns = self._now, now - self._since_ns
+        if counts is None or elapsed_ns < SHORTEST_NS:
+            return {}
+        return {name: count / (elapsed_ns * 1e-9) for name, count in sorted(counts.items())}
 
     def _turn(self, now: HostNs) -> None:
         if self._since_ns is None:

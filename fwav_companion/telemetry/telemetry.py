@@ -24,12 +24,7 @@ from fwav_companion.telemetry.boot_time import BootTimeline, Restarted, Strange
 from fwav_companion.telemetry.clock import Clock
 from fwav_companion.telemetry.courses import Course, Latest
 from fwav_companion.telemetry.decoding import Implausible
-from fwav_companion.telemetry.events import (
-    ArmedChanged,
-    Rebooted,
-    StampDelay,
-    TelemetryEvent,
-)
+from fwav_companion.telemetry.events import Rebooted, StampDelay, TelemetryEvent
 from fwav_companion.telemetry.history import AttitudeHistory
 from fwav_companion.telemetry.meter import RateMeter
 from fwav_companion.telemetry.sources import AttitudeChoice
@@ -78,7 +73,6 @@ class Telemetry:
         self._ranges = Latest()
         self._terrain = Latest()
         self._utc: tuple[int, BootNs] | None = None
-        self._armed: bool | None = None
         self._meter = RateMeter()
         self._refused: dict[str, int] = {}
         self._reboots = 0
@@ -187,6 +181,10 @@ class Telemetry:
         unix_ns, boot_ns = self._utc
         host_ns = self.clock.host_from_boot(boot_ns)
         return None if isinstance(host_ns, Unpaired) else (unix_ns - host_ns) * 1e-9
+
+    def attitude_hz(self, now: HostNs) -> float:
+        """How often attitudes come, of the message that they are taken from; 0 while none come."""
+        return self._meter.rates_hz(now).get(self._choice.source or "", 0.0)
 
     @property
     def stamp_delay_s(self) -> float:
@@ -318,12 +316,7 @@ class Telemetry:
         return ()
 
     def _on_heartbeat(self, fields: Any, _now: HostNs) -> tuple[TelemetryEvent, ...]:
-        moved = self._move_stamps(self._stamps.on_heartbeat(fields.autopilot, fields.type))
-        armed = bool(fields.base_mode & decoding.SAFETY_ARMED)
-        if armed == self._armed:
-            return moved
-        self._armed = armed
-        return (*moved, ArmedChanged(armed))
+        return self._move_stamps(self._stamps.on_heartbeat(fields.autopilot, fields.type))
 
     def _on_param_value(self, fields: Any, _now: HostNs) -> tuple[TelemetryEvent, ...]:
         return self._move_stamps(self._stamps.on_parameter(fields.param_id, fields.param_value))
