@@ -18,6 +18,9 @@ Flags: TypeAlias = NDArray[np.bool_]
 CHUNK = 8192
 """Pixels whose intermediate results stay in a core's cache: twice as fast as a million at once."""
 
+NODES, MOST_STEPS = 4096, 16
+"""At the very fold a Newton step only halves the error: from one node's distance, 5e-4, sixteen reach 1e-8 rad."""
+
 
 def camera_rays_from_pixels(lens: Lens, pixels: Floats) -> tuple[Floats, Flags]:
     """(N, 3) unit rays in the camera frame of (N, 2) pixels, NaN where the lens does not see; (N,) whether it does."""
@@ -46,13 +49,13 @@ def pixels_from_camera_points(lens: Lens, points: Floats) -> tuple[Floats, Flags
 
 @lru_cache(maxsize=4)
 def _coefficients(lens: KannalaBrandt) -> Floats:
-    """(7, pieces) of the lens's table."""
-    return np.ascontiguousarray(np.array(lens.ray_table.pieces, dtype=np.float64).reshape(-1, 7).T)
+    """(8, pieces) of the lens's table."""
+    return np.ascontiguousarray(np.array(lens.ray_table.pieces, dtype=np.float64).reshape(-1, 8).T)
 
 
 def _fisheye_rays(lens: KannalaBrandt, pixels: Floats, rays: Floats, valid: Flags) -> None:
     """By the table where it reaches; one chunk, written in place: every temporary counts here."""
-    s0, s1, s2, c0, c1, c2, c3 = _coefficients(lens)
+    s0, s1, s2, s3, c0, c1, c2, c3 = _coefficients(lens)
     per_u, per_v = (1.0 / (m * lens.ray_table.unit) for m in lens.pixels_per_mm)
     y = pixels[:, 1] - lens.principal_point[1]
     y *= per_v
@@ -69,8 +72,8 @@ def _fisheye_rays(lens: KannalaBrandt, pixels: Floats, rays: Floats, valid: Flag
         rho2[outside] = 0.0
     if len(s0):
         index = rho2.astype(np.intp)
-        s = s2.take(index)
-        for coefficient in (s1, s0):
+        s = s3.take(index)
+        for coefficient in (s2, s1, s0):
             s *= rho2
             s += coefficient.take(index)
         np.multiply(x, s, out=rays[:, 0])
@@ -85,23 +88,27 @@ def _fisheye_rays(lens: KannalaBrandt, pixels: Floats, rays: Floats, valid: Flag
         rays[outside], valid[outside] = _solved_rays(lens, kept[0] * unit, kept[1] * unit)
 
 
+@lru_cache(maxsize=4)
+def _nodes(lens: KannalaBrandt) -> tuple[Floats, Floats]:
+    """Angles over the whole range and their radii."""
+    theta = np.linspace(0.0, lens.largest_angle, NODES)
+    return theta, _radius_and_slope(lens, theta)[0]
+
+
 def _solved_rays(lens: KannalaBrandt, x: Floats, y: Floats) -> tuple[Floats, Flags]:
-    """By Newton inside a bracket: what the table does not hold, near a fold."""
+    """By Newton between two nodes: what the table does not hold, near a fold."""
     radius = np.hypot(x, y)
     seen = radius <= lens.largest_radius
     x, y, goal = np.where(seen, x, 0.0), np.where(seen, y, 0.0), np.where(seen, radius, 0.0)
-    low, high = np.zeros_like(goal), np.full_like(goal, lens.largest_angle)
-    theta = np.minimum(goal / lens.k_mm[0], lens.largest_angle)
-    for _ in range(100):
+    angles, radii = _nodes(lens)
+    theta = np.interp(goal, radii, angles)
+    low, high = theta - angles[1], np.minimum(theta + angles[1], lens.largest_angle)
+    for _ in range(MOST_STEPS):
         r, slope = _radius_and_slope(lens, theta)
-        high = np.where(r > goal, theta, high)
-        low = np.where(r > goal, low, theta)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            following = theta - (r - goal) / slope
-        following = np.where((low < following) & (following < high), following, 0.5 * (low + high))
+        following = np.clip(theta + (goal - r) / slope, low, high)
         moved = np.abs(following - theta).max(initial=0.0)
         theta = following
-        if moved <= 1e-15:
+        if moved <= 1e-10:
             break
     with np.errstate(divide="ignore", invalid="ignore"):
         s = np.where(goal > 0.0, np.sin(theta) / goal, 0.0)

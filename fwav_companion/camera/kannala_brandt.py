@@ -86,12 +86,12 @@ class KannalaBrandt:
         circle = angle_from_radius(k, corner, steady) if corner < largest_radius else inf
         return min(configured, circle, steady)
 
-    def _quick_table(self) -> tuple[float, float, float, float, float, tuple[Piece, ...]]:
+    def _quick_table(self) -> tuple[float, float, float, float, tuple[Piece, ...]]:
         """What the quick way needs, at hand in one tuple. A skewed lens, a rare thing, goes the other way."""
         table = self.ray_table
         (u0, v0), (m_u, m_v) = self.principal_point, self.pixels_per_mm
-        end = float(len(table.pieces)) if self.skew == 0.0 else 0.0
-        return (u0, v0, 1.0 / (m_u * table.unit), 1.0 / (m_v * table.unit), end, table.pieces)
+        pieces = table.pieces if self.skew == 0.0 else ()
+        return (u0, v0, 1.0 / (m_u * table.unit), 1.0 / (m_v * table.unit), pieces)
 
     def _corners(self) -> tuple[tuple[float, float], ...]:
         right, bottom = self.image_size[0] - 0.5, self.image_size[1] - 0.5
@@ -103,15 +103,16 @@ class KannalaBrandt:
 
     def camera_ray_from_pixel(self, u: float, v: float) -> Vector3 | NoRay:
         """The unit ray in the camera frame; NoRay beyond the valid range, and for what is not finite."""
-        u0, v0, per_u, per_v, end, pieces = self._table
+        u0, v0, per_u, per_v, pieces = self._table
         x = (u - u0) * per_u
         y = (v - v0) * per_v
         rho2 = x * x + y * y
-        if rho2 < end:
-            s0, s1, s2, c0, c1, c2, c3 = pieces[int(rho2)]
-            s = s0 + rho2 * (s1 + rho2 * s2)
-            return (x * s, y * s, c0 + rho2 * (c1 + rho2 * (c2 + rho2 * c3)))
-        return self._solved_ray(u, v)
+        try:
+            s0, s1, s2, s3, c0, c1, c2, c3 = pieces[int(rho2)]
+        except (IndexError, ValueError, OverflowError):  # beyond the table, or no number
+            return self._solved_ray(u, v)
+        s = s0 + rho2 * (s1 + rho2 * (s2 + rho2 * s3))
+        return (x * s, y * s, c0 + rho2 * (c1 + rho2 * (c2 + rho2 * c3)))
 
     def _solved_ray(self, u: float, v: float) -> Vector3 | NoRay:
         """The same by Newton, and the refusals: for what the table does not hold."""
