@@ -16,7 +16,7 @@ from math import acos, cos, hypot, sin
 import msgspec
 
 from fwav_companion.geometry.rotations import euler_from_quaternion
-from fwav_companion.geometry.stamps import HostNs, ns_from_s
+from fwav_companion.geometry.stamps import NS_PER_S, HostNs, ns_from_s
 from fwav_companion.geometry.vectors import Matrix3, Vector3, transform
 from fwav_companion.nouns import Bias, ErrorPriors, GroundFix
 from fwav_companion.tracking.base import Belief
@@ -35,6 +35,8 @@ SEARCH_TRACKS = 2
 SEARCH_LEAST = 40
 SEARCH_MOST = 240
 """Glimpses: four beats at 30 frames/s, and when to give up: what does not shake shows no delay."""
+SEARCH_PAUSE_NS = 20 * NS_PER_S
+"""After a search in vain: it costs as much as ten targets do."""
 SEARCH_MARGIN = 10.0
 """Of log-likelihood over the best hypothesis that is not next to it: 20 000 to one."""
 LAG_S = 0.06
@@ -166,6 +168,8 @@ class Calibrator(msgspec.Struct, frozen=True):
     """How many of the kept glimpses the pass has taken."""
     passes: int = 0
     views: _Views = _Views()
+    idle_until_ns: HostNs = HostNs(0)
+    """After a search that found nothing."""
     verdict: Verdict | None = None
     """What of the served estimate may be believed."""
     host_ns: HostNs = HostNs(0)
@@ -181,7 +185,7 @@ class Calibrator(msgspec.Struct, frozen=True):
         while state.queue and state.queue[0].host_ns <= due_ns:
             first, state = state.queue[0], msgspec.structs.replace(state, queue=state.queue[1:])
             for track, fix, since_s in first.fixes:
-                if track in alive:
+                if track in alive and first.host_ns >= state.idle_until_ns:
                     state = state._glimpsed(track, fix, since_s)
         return state._passed_on()._judged()
 
@@ -257,18 +261,28 @@ class Calibrator(msgspec.Struct, frozen=True):
         if glimpse.track in tracks and len(bank) > 1:
             bank = tuple(fit.fed(glimpse) for fit in bank)
         state = msgspec.structs.replace(self, bank=bank)
+        if len(bank) == 1:
+            return state._found(self.shop.means)
         best = max(range(len(bank)), key=lambda i: bank[i].score)
         taken = bank[best].used + bank[best].refused
         rivals = [fit.score for i, fit in enumerate(bank) if abs(i - best) > 1]
-        clear = not rivals or (taken >= SEARCH_LEAST and bank[best].score - max(rivals) > SEARCH_MARGIN)
-        if not clear and taken < SEARCH_MOST:
+        margin = bank[best].score - max(rivals)
+        if taken >= SEARCH_LEAST and margin > SEARCH_MARGIN and bank[best].fits:
+            return state._found(bank[best].joint.mean)
+        if taken < SEARCH_MOST:
             return state
-        around = bank[best].joint.mean if clear and len(bank) > 1 else self.shop.means
-        return state._found(around[:COMMON_COUNT])
+        if bank[best].fits and bank[best].score - min(fit.score for fit in bank) < SEARCH_MARGIN:
+            return state._found(self.shop.means)  # nothing shakes: any delay fits, and small ones act linearly
+        return state._given_up()
+
+    def _given_up(self) -> Calibrator:
+        """Two delays fit alike (a steady beat repeats itself), or none does: what was kept decides nothing."""
+        pause_ns = HostNs(self.host_ns + SEARCH_PAUSE_NS)
+        return Calibrator(self.shop, host_ns=self.host_ns, queue=self.queue, idle_until_ns=pause_ns)
 
     def _found(self, around: tuple[float, ...]) -> Calibrator:
         """The delay is settled enough: glimpses shrink to it, and the first pass begins."""
-        delay_s = around[Common.DELAY]
+        around, delay_s = around[:COMMON_COUNT], around[Common.DELAY]
         kept = tuple(
             msgspec.structs.replace(glimpse, course=Course((glimpse.course.at(delay_s),))) for glimpse in self.kept
         )
@@ -302,6 +316,8 @@ class Calibrator(msgspec.Struct, frozen=True):
         """Let go what is shown, hold the rest."""
         if self.served is None:
             return self
+        if not self.served.fits:
+            return self._given_up()
         verdict = judged(self.served.joint, self.shop.means, self.shop.sigmas, various=self.views.various)
         return msgspec.structs.replace(self, verdict=verdict)
 

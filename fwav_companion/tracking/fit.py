@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import log
+from math import hypot, log
 from statistics import median
 
 import msgspec
@@ -38,9 +38,6 @@ class Fit(msgspec.Struct, frozen=True):
         joint = self.joint.predicted(glimpse.host_ns)
         if glimpse.track in joint.tracks:
             return self._taken(joint, glimpse)
-        hint = self.hints.get(glimpse.track)
-        if hint is not None:
-            return msgspec.structs.replace(self, joint=joint.with_target(glimpse, hint) or joint)
         waiting = (*self.waiting, glimpse)[-MOST_WAITING:]
         own = [each for each in waiting if each.track == glimpse.track]
         if len(own) < FIRST_GLIMPSES:
@@ -48,23 +45,32 @@ class Fit(msgspec.Struct, frozen=True):
         others = tuple(each for each in waiting if each.track != glimpse.track)
         return msgspec.structs.replace(self, joint=joint, waiting=others)._begun(own)
 
+    @property
+    def fits(self) -> bool:
+        """Most glimpses agree with it."""
+        return self.refused <= max(FIRST_GLIMPSES, self.used // 2)
+
     def without(self, track: int) -> Fit:
         """With a target forgotten; what it taught about the common unknowns stays."""
         waiting = tuple(each for each in self.waiting if each.track != track)
         return msgspec.structs.replace(self, joint=self.joint.without(track), waiting=waiting)
 
     def _begun(self, own: list[Glimpse]) -> Fit:
+        """With a target: the glimpse nearest to the middle of all is the first, for any one of them may be gross."""
         common = self.joint.around[:COMMON_COUNT]
-        points = [point for glimpse in own if (point := ground_point(glimpse, common)) is not None]
+        points = [(point, glimpse) for glimpse in own if (point := ground_point(glimpse, common)) is not None]
         if not points:
             return self
-        at = (median(n for n, _ in points), median(e for _, e in points))
-        joint = self.joint.with_target(own[0], at)
+        middle = (median(n for (n, _), _ in points), median(e for (_, e), _ in points))
+        at = self.hints.get(own[0].track, middle)
+        _, first = min(points, key=lambda each: hypot(each[0][0] - middle[0], each[0][1] - middle[1]))
+        joint = self.joint.with_target(first, at)
         if joint is None:
             return self
         fit = msgspec.structs.replace(self, joint=joint)
-        for glimpse in own[1:]:
-            fit = fit._taken(fit.joint, glimpse)
+        for glimpse in own:
+            if glimpse is not first:
+                fit = fit._taken(fit.joint, glimpse)
         return fit
 
     def _taken(self, joint: Joint, glimpse: Glimpse) -> Fit:
