@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 
 import msgspec
@@ -26,6 +26,8 @@ UNADOPTED_SYSTEM: Final = 1
 """Our system id until the vehicle's is known."""
 QUIET_NS: Final = 50 * NS_PER_MS
 """A stream that pauses so long pauses between frames: more than the 16 ms that USB serial adapters gather bytes for."""
+JOINED_BYTES: Final = 1200
+"""Of frames in one send: below what IPv6 carries in one piece everywhere (1280), so that no datagram is cut in two."""
 _HEARTBEAT: Final = BY_NAME["HEARTBEAT"]
 _SYSTEM_TIME: Final = BY_NAME["SYSTEM_TIME"]
 _TYPE_OFFSET: Final = _HEARTBEAT.fields["type"].offset
@@ -42,7 +44,8 @@ class Received(msgspec.Struct):
     messages: list[Message]
     """Those that are wanted, meant for us or for all, and believed; in order."""
     forwards: list[tuple[str, bytes]]
-    """(link, frame as it came), to be sent in order."""
+    """(link, whole frames as they came), to be sent in order: what came together goes on together, up to
+    :data:`JOINED_BYTES`, since a send costs more than all the rest of relaying a frame."""
     frames: Sequence[RawFrame] = ()
     """All that were taken, for a recording: no duplicates, no echoes of ours, nothing that was refused for its
     signature, and no SETUP_SIGNING, which carries a key."""
@@ -145,11 +148,11 @@ class Node:
         router, link, forward = self._router, port.index, received.forwards.append
         router.sweep(now)
         young, old = self._duplicates.generations(now)
-        dropped: set[int] = set()
+        dropped: list[RawFrame] = []
         for frame in frames:
             data, flow, seq = frame.data, frame.flow, frame.seq
             if flow.version != router.version and not self._attach(port, frame, now):
-                dropped.add(id(frame))
+                dropped.append(frame)
                 continue
             stream: Stream = flow.stream
             peer = stream.peer
@@ -161,7 +164,7 @@ class Node:
             stream.count += 1
             if old.get(data, link) != link or young.setdefault(data, link) != link:
                 port.duplicates += 1
-                dropped.add(id(frame))
+                dropped.append(frame)
                 continue
             if stream.direct is None:
                 self._forward(port, frame, stream, received, now)
@@ -169,9 +172,11 @@ class Node:
                 for name in stream.direct:
                     forward((name, data))
             if stream.watched and not self._read(port, frame, received, now):
-                dropped.add(id(frame))
+                dropped.append(frame)
+        if len(frames) > 1:
+            received.forwards = _joined(received.forwards)
         if dropped:
-            received.frames = [frame for frame in received.frames if id(frame) not in dropped]
+            received.frames = _without(received.frames, dropped)
         return received
 
     def _attach(self, port: Port, frame: RawFrame, now: HostNs) -> bool:
@@ -203,7 +208,7 @@ class Node:
         sender = frame.system << 8 | frame.component
         outs = self._router.route_of(port, frame, stream)
         if msgid == SETUP_SIGNING:
-            received.frames = [other for other in received.frames if other.msgid != SETUP_SIGNING]
+            received.frames = _without(received.frames, [frame])
         if msgid == REQUEST_DATA_STREAM and not port.forwards_rate_requests:
             port.stopped += 1
         for out in outs:
@@ -229,6 +234,36 @@ class Node:
         if frame.msgid in self._wanted:
             received.messages.append(decode(frame, port.name, signed=trust is Trust.SIGNED))
         return True
+
+
+def _without(frames: Sequence[RawFrame], dropped: Sequence[RawFrame]) -> Sequence[RawFrame]:
+    gone = {id(frame) for frame in dropped}
+    return [frame for frame in frames if id(frame) not in gone]
+
+
+def _joined(forwards: list[tuple[str, bytes]]) -> list[tuple[str, bytes]]:
+    """For each link its frames one after another, in pieces of whole frames that are not too long for a datagram."""
+    by_link: dict[str, list[bytes]] = {}
+    for name, data in forwards:
+        if name in by_link:
+            by_link[name].append(data)
+        else:
+            by_link[name] = [data]
+    return [(name, piece) for name, datas in by_link.items() for piece in _cut(datas)]
+
+
+def _cut(frames: Sequence[bytes]) -> Iterator[bytes]:
+    joined = b"".join(frames)
+    if len(joined) <= JOINED_BYTES:
+        yield joined
+        return
+    start = size = 0
+    for i, frame in enumerate(frames):
+        if size + len(frame) > JOINED_BYTES:
+            yield b"".join(frames[start:i])
+            start, size = i, 0
+        size += len(frame)
+    yield b"".join(frames[start:])
 
 
 def _asks_rates(frame: RawFrame) -> bool:

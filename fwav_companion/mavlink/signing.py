@@ -57,15 +57,17 @@ class SigningClock:
         """Let host time pass; the timestamp then."""
         if self._ticked_ns is None:
             self._ticked_ns = now
-        elif (units := (now - self._ticked_ns) // _TICK_NS) > 0:
+        elif now - self._ticked_ns >= _TICK_NS:
+            units = (now - self._ticked_ns) // _TICK_NS
             self._ticked_ns = HostNs(self._ticked_ns + units * _TICK_NS)
-            self.learn(self._timestamp + units)
+            self._timestamp = min(self._timestamp + units, _GREATEST)
         return self._timestamp
 
     def next(self, now: HostNs) -> int:
         """The timestamp of one frame: no two frames have the same."""
         timestamp = self.tick(now)
-        self.learn(timestamp + 1)
+        if timestamp < _GREATEST:
+            self._timestamp = timestamp + 1
         return timestamp
 
     def learn(self, timestamp: int) -> None:

@@ -10,7 +10,8 @@ from mavlink_wire import Wire, dialect, parse, unknown_frame
 
 from fwav_companion.errors import EncodeError
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs
-from fwav_companion.mavlink.node import QUIET_NS, LinkPolicy, Node, SigningPolicy
+from fwav_companion.mavlink.node import JOINED_BYTES, QUIET_NS, LinkPolicy, Node, SigningPolicy
+from fwav_companion.mavlink.scanner import Scanner
 from fwav_companion.nouns import Destination, Outgoing
 
 KEY = bytes(range(32))
@@ -184,7 +185,7 @@ def test_forged_and_replayed_frames_are_not_read_but_go_on() -> None:
     assert names(node, "autopilot", genuine) == ["ATTITUDE"]
     received = node.receive("autopilot", forged + genuine, NOW)
     assert received.messages == []
-    assert len(received.forwards) == 6
+    assert received.forwards == [(name, forged + genuine) for name in ("spare", "ground", "tablet")]
     assert node.statistics(NOW)[0].refused_signatures == 2
 
 
@@ -305,10 +306,22 @@ def test_a_lossy_wire_loses_its_own_frames_and_no_others() -> None:
             stream.append(frame)
             wanted.append(frame)
     data = b"".join(stream) + vehicle.heartbeat()
-    got = []
+    got = b""
     for i in range(0, len(data), 256):
         received = node.receive("autopilot", data[i : i + 256], HostNs(NOW + i * 100_000))
-        got += [frame for name, frame in received.forwards if name == "ground"]
-    rest = iter(got)
-    assert all(any(frame == other for other in rest) for frame in wanted)
+        got += b"".join(frames for name, frames in received.forwards if name == "ground")
+    rest = iter(Scanner().feed(got))
+    assert all(any(frame == other.data for other in rest) for frame in wanted)
     assert node.statistics(HostNs(NOW + len(data) * 100_000))[0].bad_checksums > 200
+
+
+def test_what_comes_together_goes_on_together_in_whole_frames_and_datagrams_that_are_not_too_long() -> None:
+    node = Node(LINKS, [])
+    vehicle = Wire(1, 1)
+    frames = [vehicle.attitude(i) for i in range(100)]
+    received = node.receive("autopilot", b"".join(frames), NOW)
+    sent = [data for name, data in received.forwards if name == "ground"]
+    assert b"".join(sent) == b"".join(frames)
+    assert all(len(data) <= JOINED_BYTES and len(data) % len(frames[0]) == 0 for data in sent)
+    assert len(sent) == 4
+    assert node.receive("autopilot", frames[0][:3], NOW).forwards == []
