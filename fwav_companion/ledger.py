@@ -22,6 +22,7 @@ class Ledger:
     def __init__(self, version: str, config: Mapping[str, Any], unix_offset_ns: int) -> None:
         self._version = version
         self._config = config
+        self._origin: Geodetic | None = None
         self._unix_offset_ns = unix_offset_ns
         self._held: list[Line] | None = []
         self._lines: list[Line] = []
@@ -39,15 +40,16 @@ class Ledger:
         """Write the header; a later origin gets a line of its own."""
         if self._held is None:
             return
-        self._lines.append(header_line(self._version, origin, self._unix_offset_ns, self._config))
-        self._lines.extend(self._held)
-        self._held = None
+        held, self._held, self._origin = self._held, None, origin
+        self._lines.append(self._header())
+        self._lines.extend(held)
 
     def origin_moved_in(self, now_ns: HostNs, origin: Geodetic) -> None:
         """An origin is known: it goes into the header, or where that is written into a line of its own."""
         if self._held is not None:
             self.begin(origin)
         else:
+            self._origin = origin
             self._lines.append(origin_line(unix_seconds(now_ns, self._unix_offset_ns), origin))
 
     def write(self, line: Line) -> None:
@@ -83,6 +85,13 @@ class Ledger:
             "fixes": self.fixes,
             "dropped": {reason.value: count for reason, count in sorted(self.dropped.items())},
         }
+
+    def header(self) -> Line | None:
+        """The first line of a file that begins now; None while the origin is waited for."""
+        return None if self._held is not None else self._header()
+
+    def _header(self) -> Line:
+        return header_line(self._version, self._origin, self._unix_offset_ns, self._config)
 
     def summary(self) -> Line:
         """The last line."""

@@ -157,6 +157,19 @@ class Pipeline:
         self._ledger.begin(world.plane.origin if world.plane else None)
         self._ledger.write(self._ledger.summary())
 
+    def on_refused(self, reason: Reason, count: int, now: HostNs) -> None:
+        """So many frames were refused before they came here: a recording tells of them."""
+        self.advance(now)
+        self._ledger.drop(reason, count)
+
+    def header(self) -> Line | None:
+        """How a targets file begins that is opened now; None while that is not known."""
+        return self._ledger.header()
+
+    def summary(self) -> Line:
+        """How a targets file ends that is closed now: counts since the start."""
+        return self._ledger.summary()
+
     def arrival_untold(self, frame: Frame) -> HostNs | None:
         """When a recorded frame that does not tell is taken to have come; None while that is not known."""
         return None if self._rooms.sight is None else self._rooms.sight.arrival_untold(frame)
@@ -167,6 +180,12 @@ class Pipeline:
     def system(self) -> int:
         """The MAVLink system id that we speak with."""
         return self._rooms.identity.system
+
+    @property
+    def armed(self) -> bool:
+        """The adopted autopilot says that it is armed."""
+        autopilot = self._rooms.identity.autopilot
+        return autopilot is not None and autopilot.armed
 
     def take(self) -> Outputs:
         """All outputs since the last call."""

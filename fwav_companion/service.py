@@ -7,6 +7,7 @@ import logging
 import os
 import signal
 import time
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -23,15 +24,18 @@ from fwav_companion.links.url import UdpUrl
 from fwav_companion.localization import ElevationTile
 from fwav_companion.mavlink.node import Received
 from fwav_companion.mavlink.signing import starting_timestamp
-from fwav_companion.nouns import Frame, NoFrame, Notice, Severity
+from fwav_companion.mavlink.unsigning import unsigned, without_signature
+from fwav_companion.nouns import Frame, NoFrame, Notice, Reason, Severity
 from fwav_companion.pipeline import Outputs
-from fwav_companion.recording.lines import encode_line
-from fwav_companion.recording.recorder import DETECTIONS, TARGETS, Recorder
+from fwav_companion.recording.events import end_line, refused_line
+from fwav_companion.recording.recorder import Recorder, RecordingPlan
+from fwav_companion.recording.space import BYTES_PER_MB, SpacePolicy
 from fwav_companion.systemd_notify import SystemdNotifier
 from fwav_companion.vision.detections_in import DetectionsIn, read_clocks
+from fwav_companion.vision.supervisor import VisionProcess
 from fwav_companion.vision.wall_clock import ClockStep, WallClock
 from fwav_companion.vision.wire import encode_frame
-from fwav_companion.wiring import make_node, make_pipeline
+from fwav_companion.wiring import make_node, make_pipeline, make_vision_task
 
 log = logging.getLogger("fwav_companion")
 
@@ -72,7 +76,9 @@ class Service:
         }
         self._map_link = self._make_map_link()
         self._detections = self._make_detections() if calibration is not None else None
+        self._vision = self._make_vision() if calibration is not None else None
         self._recorder = self._make_recorder(beside_recording)
+        self._refused: Counter[Reason] = Counter()
         self._status = LatestFile(status_paths(config.status.file), self._warn_from_thread, outlives_us=False)
         self._notifier = SystemdNotifier()
         self._last_ns = host_ns
@@ -97,7 +103,7 @@ class Service:
 
     def _start(self) -> None:
         files = (self._recorder, self._status, self._signing_file)
-        for part in (*files, self._detections, self._map_link, *self._links.values()):
+        for part in (*files, self._detections, self._vision, self._map_link, *self._links.values()):
             if part is not None:
                 part.start()
         log.info("waiting for an autopilot on %s", self._listening_on())
@@ -107,9 +113,12 @@ class Service:
 
     def _close(self) -> None:
         now = self._now()
+        self._record_refused(now)
         self._pipeline.finish(now)
         self._flush(now)
-        for part in (self._detections, self._map_link, *self._links.values()):
+        if self._recorder is not None:
+            self._recorder.detection(self._unix_us(now), end_line(self._unix_us(now)))
+        for part in (self._detections, self._vision, self._map_link, *self._links.values()):
             if part is not None:
                 part.close()
         for file in (self._recorder, self._status, self._signing_file):
@@ -140,11 +149,35 @@ class Service:
             clocks=self._read_clocks,
         )
 
+    def _make_vision(self) -> VisionProcess | None:
+        task = make_vision_task(self._config)
+        if task is None:
+            return None
+        return VisionProcess(
+            task,
+            self._wall_clock,
+            on_frame=self._on_frame,
+            on_state=self._on_vision_state,
+            on_step=self._on_clock_step,
+            clocks=self._read_clocks,
+        )
+
     def _make_recorder(self, beside: Mapping[str, bytes]) -> Recorder | None:
         record = self._config.record
         if not record.directory:
             return None
-        return Recorder(self._config.resolve(record.directory), beside, record.sync_s, self._warn_from_thread)
+        plan = RecordingPlan(
+            directory=self._config.resolve(record.directory),
+            when=record.when,
+            sync_s=record.sync_s,
+            space=SpacePolicy(
+                most_used_bytes=round(record.max_used_mb * BYTES_PER_MB),
+                least_free_bytes=round(record.min_free_mb * BYTES_PER_MB),
+                remove_oldest=record.remove_oldest,
+            ),
+            beside=beside,
+        )
+        return Recorder(plan, self._warn_from_thread, header=self._pipeline.header, summary=self._pipeline.summary)
 
     def _make_signing_file(self) -> LatestFile | None:
         path = self._signing_path() if self._config.signing is not None else None
@@ -187,7 +220,7 @@ class Service:
             self._links[name].send(frame)
         if self._recorder is not None:
             for raw in received.frames:
-                self._recorder.telemetry(self._unix_us(now), raw.data)
+                self._recorder.telemetry(self._unix_us(now), unsigned(raw))
         for message in received.messages:
             self._pipeline.on_message(message, now)
         if received.rate_request:
@@ -197,8 +230,10 @@ class Service:
 
     def _on_frame(self, frame: Frame | NoFrame) -> None:
         now = frame.arrival_ns if isinstance(frame, Frame) and frame.arrival_ns is not None else self._now()
-        if self._recorder is not None and isinstance(frame, Frame):
-            self._recorder.write(DETECTIONS, encode_frame(frame, self._unix_offset_ns))
+        if isinstance(frame, NoFrame):
+            self._refused[frame.reason] += 1
+        elif self._recorder is not None:
+            self._recorder.detection(self._unix_us(now), encode_frame(frame, self._unix_offset_ns))
         self._pipeline.on_frame(frame, now)
         self._flush(now)
 
@@ -216,9 +251,15 @@ class Service:
         now = self._now()
         self._status.write(msgspec.json.encode(self._status_object(now)))
         self._notifier.alive()
+        self._record_refused(now)
         self._ticks += 1
         if self._signing_file is not None and self._node.signing_clock is not None and self._ticks % 60 == 1:
             self._signing_file.write(msgspec.json.encode(self._node.signing_clock.timestamp))
+
+    def _record_refused(self, now: HostNs) -> None:
+        if self._refused and self._recorder is not None:
+            self._recorder.detection(self._unix_us(now), refused_line(self._unix_us(now), self._refused))
+        self._refused.clear()
 
     # What goes out.
 
@@ -227,7 +268,8 @@ class Service:
         self._send(outputs, now)
         if self._recorder is not None:
             for line in outputs.lines:
-                self._recorder.write(TARGETS, encode_line(line))
+                self._recorder.target(self._unix_us(now), line)
+            self._recorder.on_armed(self._pipeline.armed, self._unix_us(now))
         for notice in outputs.notices:
             log.log(_LEVELS[notice.severity], "%s", notice.text)
         self._arm()
@@ -239,7 +281,7 @@ class Service:
             for name, frame in frames:
                 self._links[name].send(frame)
             if frames and self._recorder is not None:
-                self._recorder.telemetry(self._unix_us(now), frames[0][1])
+                self._recorder.telemetry(self._unix_us(now), without_signature(frames[0][1]))
         if self._map_link is not None:
             for datagram in outputs.datagrams:
                 self._map_link.send(datagram)
@@ -269,6 +311,13 @@ class Service:
         if not listens:
             log.warning("detections cannot be taken on %s: %s; trying again", self._config.detections.url, why)
 
+    def _on_vision_state(self, works: bool, why: str) -> None:
+        source = self._config.vision.source if self._config.vision is not None else ""
+        if works:
+            log.info("looking at pictures of %s", source)
+        else:
+            log.warning("no pictures of %s: %s; trying again", source, why)
+
     def _on_clock_step(self, step: ClockStep) -> None:
         notice = Notice(Severity.WARNING, f"the wall clock was set by {step.size_s:+.3f} s; nothing here hangs on it")
         log.warning("%s", notice.text)
@@ -294,6 +343,7 @@ class Service:
             "internal_faults": self._faults,
             "links": {name: link.status() for name, link in self._links.items()},
             "traffic": msgspec.to_builtins(self._node.statistics(now)),
+            "vision": None if self._vision is None else self._vision.status(),
             "recording": None if self._recorder is None else self._recorder.failure or str(self._recorder.folder),
             **self._pipeline.status(now),
         }

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from fwav_companion.config.inputs import Positive, Section
+from fwav_companion.config.inputs import NotNegative, Positive, Section
 from fwav_companion.links.url import TcpUrl, UdpUrl, parse_cot_url
 
 
@@ -63,6 +63,12 @@ class Record(Section, frozen=True):
     """Whether recording waits for arming."""
     sync_s: Annotated[float, Meta(gt=0, le=3600)] = 1.0
     """A power cut loses at most this, seconds."""
+    max_used_mb: NotNegative = 4096.0
+    """All recordings together, 10^6 bytes: about a day of flight. 0: no limit."""
+    min_free_mb: NotNegative = 200.0
+    """Stays free on the disk, 10^6 bytes: what a system needs for its logs, its updates and a login."""
+    remove_oldest: bool = False
+    """Whether the oldest recordings make room for new ones; else recording stops there, and says so."""
 
 
 class State(Section, frozen=True):

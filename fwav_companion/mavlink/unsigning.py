@@ -8,18 +8,20 @@ from __future__ import annotations
 
 from typing import Final
 
-from fwav_companion.mavlink.scanner import SIGNATURE_LENGTH, RawFrame, checksum
+from fwav_companion.mavlink.scanner import FLAG_SIGNED, MARKER_V2, SIGNATURE_LENGTH, RawFrame, checksum
 
 _CHECKSUM_LENGTH: Final = 2
 
 
 def unsigned(frame: RawFrame) -> bytes:
     """The same message without its signature; the very bytes where it carries none."""
-    return without_signature(frame.data) if frame.signed else frame.data
+    return without_signature(frame.data)
 
 
 def without_signature(data: bytes) -> bytes:
-    """A signed frame as if it had never been signed. Of unknown ids too: see :func:`_seed_byte`."""
+    """A whole frame as if it had never been signed. Of unknown ids too: see :func:`_seed_byte`."""
+    if data[0] != MARKER_V2 or data[2] != FLAG_SIGNED:
+        return data
     body_end = len(data) - SIGNATURE_LENGTH - _CHECKSUM_LENGTH
     told = int.from_bytes(data[body_end : body_end + _CHECKSUM_LENGTH], "little")
     seed = _seed_byte(checksum(data[1:body_end]), told)

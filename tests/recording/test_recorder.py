@@ -1,64 +1,154 @@
-"""The recorder keeps what it is given, and a failing disk is told once."""
+"""The recorder keeps what it is given, within the disk it may use; and a failing disk is told once."""
 
 import os
+import time
+from pathlib import Path
 
-from fwav_companion.recording.recorder import DETECTIONS, TARGETS, TELEMETRY, Recorder
+import pytest
+
+from fwav_companion.recording import space
+from fwav_companion.recording.recorder import DETECTIONS, TARGETS, TELEMETRY, Recorder, RecordingPlan
+from fwav_companion.recording.space import Space, SpaceError, SpacePolicy, new_folder, recordings
+
+NO_LIMIT = SpacePolicy(0, 0, False)
+START_US = 1_790_000_000_000_000
+
+
+def plan(directory, **how):
+    return RecordingPlan(**{"directory": directory, "sync_s": 0.05, "space": NO_LIMIT} | how)
+
+
+def recorded(directory, *, told=None, **how):
+    """A recorder that has been given one record of each kind, and closed."""
+    told = [] if told is None else told
+    recorder = Recorder(plan(directory, **how), told.append)
+    recorder.start()
+    recorder.telemetry(START_US, b"\xfd\x00")
+    recorder.detection(START_US, b'{"a":1}\n')
+    recorder.target(START_US, {"type": "header"})
+    recorder.target(START_US, {"type": "target"})
+    recorder.close(5.0)
+    return recorder
 
 
 def test_what_is_written_is_on_the_disk_after_close(tmp_path):
-    recorder = Recorder(tmp_path, {"fwav-companion.toml": b"# x\n"}, sync_s=0.05, on_failure=lambda why: None)
-    recorder.start()
-    recorder.telemetry(1_790_000_000_000_000, b"\xfd\x00")
-    recorder.write(DETECTIONS, b'{"a":1}\n')
-    recorder.write(TARGETS, b'{"b":1}\n')
-    recorder.write(TARGETS, b'{"b":2}\n')
-    recorder.close(5.0)
-    (folder,) = tmp_path.iterdir()
-    assert (folder / TELEMETRY).read_bytes() == (1_790_000_000_000_000).to_bytes(8, "big") + b"\xfd\x00"
+    recorded(tmp_path / "new" / "records", beside={"fwav-companion.toml": b"# x\n"})
+    (folder,) = (tmp_path / "new" / "records").iterdir()
+    assert (folder / TELEMETRY).read_bytes() == START_US.to_bytes(8, "big") + b"\xfd\x00"
     assert (folder / DETECTIONS).read_bytes() == b'{"a":1}\n'
-    assert (folder / TARGETS).read_bytes() == b'{"b":1}\n{"b":2}\n'
+    assert (folder / TARGETS).read_bytes() == b'{"type":"header"}\n{"type":"target"}\n'
     assert (folder / "fwav-companion.toml").read_bytes() == b"# x\n"
 
 
-def test_two_recordings_of_one_second_get_folders_of_their_own(tmp_path):
-    for _ in range(2):
-        recorder = Recorder(tmp_path, {}, sync_s=0.05, on_failure=lambda why: None)
-        recorder.start()
-        recorder.close(5.0)
-    assert len(list(tmp_path.iterdir())) == 2
+def test_recordings_of_one_second_or_of_a_clock_that_went_back_stay_in_order(tmp_path, monkeypatch):
+    for stem in ("20260921T101500Z", "19700101T000003Z", "19700101T000003Z"):
+        monkeypatch.setattr(space, "datetime", FrozenTime(stem))
+        recorded(tmp_path)
+    assert [path.name for path in recordings(tmp_path)] == [
+        "00001-20260921T101500Z",
+        "00002-19700101T000003Z",
+        "00003-19700101T000003Z",
+    ]
 
 
-def test_a_directory_that_cannot_be_made_is_told_once(tmp_path):
+class FrozenTime:
+    def __init__(self, stem):
+        self._stem = stem
+
+    def now(self, _zone):
+        return self
+
+    def strftime(self, _format):
+        return self._stem
+
+
+def test_what_is_written_reaches_the_disk_within_sync_s(tmp_path, monkeypatch):
+    """Judged by what a power cut would leave: the file's content when fdatasync was called."""
+    synced = []
+    fdatasync = os.fdatasync
+
+    def watched(descriptor):
+        fdatasync(descriptor)
+        synced.append(str(Path(f"/proc/self/fd/{descriptor}").readlink()))
+
+    monkeypatch.setattr(os, "fdatasync", watched)
+    recorder = Recorder(plan(tmp_path, sync_s=0.2), [].append)
+    recorder.start()
+    recorder.target(START_US, {"type": "target"})
+    while not synced:  # the test's own time limit ends a recorder that never does
+        time.sleep(0.01)
+    recorder.close(5.0)
+    assert synced[0].endswith(TARGETS)
+
+
+def test_a_directory_that_cannot_be_made_is_told_once_and_at_once(tmp_path):
     (tmp_path / "file").write_text("")
     told = []
-    recorder = Recorder(tmp_path / "file" / "records", {}, sync_s=0.05, on_failure=told.append)
-    recorder.start()
-    recorder.close(5.0)
-    recorder.telemetry(0, b"")
+    recorded(tmp_path / "file" / "records", told=told, when="armed")
     assert len(told) == 1
     assert "recording stopped" in told[0]
     assert str(tmp_path) in told[0]
 
 
-def test_a_full_disk_stops_the_recording_and_nothing_else(tmp_path, monkeypatch):
-    def full(descriptor):
+@pytest.mark.parametrize("call", ["fdatasync", "fsync"])
+def test_a_full_disk_stops_the_recording_and_nothing_else(tmp_path, monkeypatch, call):
+    def full(_descriptor):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(os, "fdatasync", full)
+    monkeypatch.setattr(os, call, full)
     told = []
-    recorder = Recorder(tmp_path, {}, sync_s=0.05, on_failure=told.append)
-    recorder.start()
-    recorder.write(TARGETS, b"{}\n")
-    recorder.close(5.0)
+    recorder = recorded(tmp_path, told=told)
     assert len(told) == 1
     assert "No space left on device" in told[0]
-    recorder.write(TARGETS, b"{}\n")
+    assert recorder.failure == told[0]
+    recorder.telemetry(START_US, b"later")
 
 
 def test_what_waits_for_a_hanging_disk_is_bounded(tmp_path):
     told = []
-    recorder = Recorder(tmp_path, {}, sync_s=1000.0, on_failure=told.append)  # never started: nothing is taken
+    recorder = Recorder(plan(tmp_path, sync_s=1000.0), told.append)  # never started: nothing is taken
     for _ in range(100):
-        recorder.write(TELEMETRY, bytes(1 << 20))
+        recorder.telemetry(START_US, bytes(1 << 20))
     assert len(told) == 1
     assert "did not take 8 MiB" in told[0]
+
+
+def test_too_little_space_left_is_told_and_makes_no_folder(tmp_path):
+    told = []
+    recorded(tmp_path, told=told, space=SpacePolicy(0, 1 << 60, False))
+    assert len(told) == 1
+    assert "[record] min_free_mb" in told[0]
+    assert list(tmp_path.iterdir()) == []
+
+
+def old_recording(directory, size):
+    folder = new_folder(directory)
+    (folder / TELEMETRY).write_bytes(bytes(size))
+    return folder
+
+
+def test_at_the_limit_nothing_is_removed_unless_the_user_said_so(tmp_path):
+    kept = [old_recording(tmp_path, 600), old_recording(tmp_path, 300)]
+    told = []
+    recorded(tmp_path, told=told, space=SpacePolicy(900, 0, False))
+    assert "[record] max_used_mb" in told[0]
+    assert recordings(tmp_path)[:2] == kept
+
+
+def test_the_oldest_makes_room_where_that_is_allowed_and_each_is_told(tmp_path):
+    oldest, younger = old_recording(tmp_path, 600), old_recording(tmp_path, 300)
+    (tmp_path / "mine").mkdir()
+    told = []
+    recorded(tmp_path, told=told, space=SpacePolicy(920, 0, True))
+    assert [str(oldest) in line for line in told] == [True]
+    assert not oldest.exists()
+    assert younger.exists()
+    assert (tmp_path / "mine").exists()
+    assert len(recordings(tmp_path)) == 2
+
+
+def test_the_recording_under_way_is_never_the_one_that_goes(tmp_path):
+    current = old_recording(tmp_path, 600)
+    with pytest.raises(SpaceError):
+        Space(tmp_path, SpacePolicy(900, 0, True)).take(400, current)
+    assert current.exists()

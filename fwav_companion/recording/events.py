@@ -1,0 +1,50 @@
+"""What happened at the door, as lines between the frames of a detections file: a replay counts as the flight did. Pure.
+
+``{"event": "refused", "received_unix": 5.25, "reasons": {"across_clock_step": 2}}`` tells, at most once a second, how
+many frames were refused before they were any; ``{"event": "end", "received_unix": 61.5}`` when the service stopped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import msgspec
+
+from fwav_companion.nouns import Reason
+
+
+class Refused(msgspec.Struct, frozen=True, tag_field="event", tag="refused"):
+    """So many frames were refused since the last such line."""
+
+    received_unix: float
+    reasons: dict[Reason, int]
+
+
+class End(msgspec.Struct, frozen=True, tag_field="event", tag="end"):
+    """The flight was over then."""
+
+    received_unix: float
+
+
+_decoder = msgspec.json.Decoder(Refused | End)
+
+
+def refused_line(unix_us: int, reasons: Mapping[Reason, int]) -> bytes:
+    """One line."""
+    return msgspec.json.encode(Refused(unix_us / 1e6, dict(sorted(reasons.items())))) + b"\n"
+
+
+def end_line(unix_us: int) -> bytes:
+    """One line."""
+    return msgspec.json.encode(End(unix_us / 1e6)) + b"\n"
+
+
+def parse_event(line: bytes) -> Refused | End | None:
+    """The event in a line of a detections file; None where it is a frame, or nothing that we wrote."""
+    if b'"event"' not in line:
+        return None
+    try:
+        event: Refused | End = _decoder.decode(line)
+    except (msgspec.DecodeError, UnicodeError, RecursionError):
+        return None
+    return event

@@ -1,0 +1,134 @@
+"""When a recording begins and ends: by arming and by size. PURE: it is handed every record with its time."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from typing import Final, Literal
+
+import msgspec
+
+US_PER_S: Final = 1_000_000
+BEFORE_ARMING_US: Final = 30 * US_PER_S
+"""Kept in memory while disarmed with ``when = "armed"``: the clock settles in five seconds, an autopilot is adopted in
+three, and seldom messages (HOME_POSITION) come each five, so a replay finds its feet before the take-off."""
+MOST_BEFORE_BYTES: Final = 2 << 20
+"""30 s of a busy 921 600 baud link. Memory is dear: what is older goes first."""
+AFTER_DISARMING_US: Final = 10 * US_PER_S
+"""Still recorded: what a crash leaves to see."""
+MOST_FOLDER_BYTES: Final = 512 << 20
+"""About three hours of a flight; then the next folder begins, so that no file grows beyond what tools open at once."""
+
+
+class Record(msgspec.Struct, frozen=True, gc=False):
+    """Some bytes for one file of the recording."""
+
+    at_us: int
+    file: str
+    data: bytes
+    is_header: bool = False
+    """The first line of a targets file."""
+
+
+class Begin(msgspec.Struct, frozen=True):
+    """A new folder is to be made."""
+
+
+class End(msgspec.Struct, frozen=True):
+    """The folder is complete."""
+
+
+Step = Record | Begin | End
+FrameLine = Callable[[int], Record | None]
+"""The header or the summary of a targets file at an instant; None while there is none yet."""
+
+
+class Spans:
+    """Turns what happens into folders. ``always``: a folder from the start, and another for each later arming.
+
+    Every folder stands for itself: its targets file begins with a header, and ends, unless the flight goes on without
+    us, with a summary.
+    """
+
+    def __init__(
+        self,
+        when: Literal["always", "armed"],
+        header: FrameLine,
+        summary: FrameLine,
+        most_folder_bytes: int = MOST_FOLDER_BYTES,
+    ) -> None:
+        self._when = when
+        self._header = header
+        self._summary = summary
+        self._most_folder_bytes = most_folder_bytes
+        self._open = False
+        self._has_header = False
+        self._folder_bytes = 0
+        self._before: deque[Record] = deque()
+        self._before_bytes = 0
+        self._armed = False
+        self._was_armed = False
+        self._disarmed_us: int | None = None
+
+    def on_armed(self, armed: bool, now_us: int) -> list[Step]:
+        """The vehicle is armed or not; to be told as often as one likes."""
+        if armed == self._armed:
+            return []
+        self._armed = armed
+        if not armed:
+            self._disarmed_us = now_us
+            return []
+        again, self._was_armed, self._disarmed_us = self._was_armed, True, None
+        if self._when == "armed":
+            return [] if self._open else self._begin(now_us)
+        return self._begin(now_us) if again else []
+
+    def on_record(self, record: Record) -> list[Step]:
+        """What is to be done with a record, in order."""
+        steps: list[Step] = []
+        if self._open and self._over(record.at_us):
+            steps += self._end(record.at_us)
+        if not self._open and self._when == "armed":
+            self._hold(record)
+            return steps
+        if not self._open or self._folder_bytes + len(record.data) > self._most_folder_bytes:
+            steps += self._begin(record.at_us)
+        return steps + self._take(record)
+
+    def _over(self, now_us: int) -> bool:
+        return (
+            self._when == "armed" and self._disarmed_us is not None and now_us - self._disarmed_us >= AFTER_DISARMING_US
+        )
+
+    def _begin(self, now_us: int) -> list[Step]:
+        steps = self._end(now_us) if self._open else []
+        self._open, self._has_header, self._folder_bytes = True, False, 0
+        steps.append(Begin())
+        header = self._header(now_us)
+        if header is not None:
+            steps += self._take(header)
+        while self._before:
+            steps += self._take(self._before.popleft())
+        self._before_bytes = 0
+        return steps
+
+    def _take(self, record: Record) -> list[Step]:
+        if record.is_header:
+            if self._has_header:
+                return []
+            self._has_header = True
+        self._folder_bytes += len(record.data)
+        return [record]
+
+    def _end(self, now_us: int) -> list[Step]:
+        self._open = False
+        summary = self._summary(now_us)
+        return [End()] if summary is None else [summary, End()]
+
+    def _hold(self, record: Record) -> None:
+        self._before.append(record)
+        self._before_bytes += len(record.data)
+        while self._before and (
+            record.at_us - self._before[0].at_us > BEFORE_ARMING_US or self._before_bytes > MOST_BEFORE_BYTES
+        ):
+            self._before_bytes -= len(self._before.popleft().data)
