@@ -81,7 +81,8 @@ class Sighting(msgspec.Struct, frozen=True, gc=False):
     pixel_sigma: tuple[float, float]
     """One sigma of u and v, pixels."""
     row_fraction: float
-    """How far down the readout the detection's row lies, 0 to 1: d(capture)/d(readout)."""
+    """d(capture)/d(Bias.READOUT): how far down the readout the detection's row lies, 0 to 1; times the frame interval
+    over 1/30 s where the readout is unknown, since the bias's prior is that of 30 frames/s."""
     time_noise_s: float
     """One sigma of the capture's instant on the autopilot's clock that is fresh in this frame."""
     state: VehicleState

@@ -152,6 +152,7 @@ class Pairer:
         view = None if isinstance(state, Unpaired) else self._outlook(state, relative=vehicle.world.relative)
         sightings: list[Sighting] = []
         refused: list[tuple[int, Reason, float | None]] = []
+        by_readout = self._rows.readout_doubt
         for index, raw in enumerate(frame.detections):
             detection = scaling.detection(raw)
             seen = self._look(detection)
@@ -160,7 +161,7 @@ class Pairer:
                 continue
             row = Row(number, index, host_ns, timing.capture_ns(detection.v) - timing.first_row_ns)
             told = self._sighting(
-                row, boot_ns, timing.row_fraction(detection.v), detection, seen, clock_sigma_s, vehicle
+                row, boot_ns, by_readout * timing.row_fraction(detection.v), detection, seen, clock_sigma_s, vehicle
             )
             if isinstance(told, Unpaired):
                 refused.append((index, told.reason, told.gap_s))

@@ -99,6 +99,11 @@ class RowClock:
         """One sigma of the readout: unknown, it is uniform from nothing to a frame interval, one through a flight."""
         return self.interval_s / sqrt(12.0) if self._timing.readout_s is None else 0.0
 
+    @property
+    def readout_doubt(self) -> float:
+        """How much wider an unknown readout is than [uncertainty] has it, which takes 30 frames/s for granted."""
+        return self.interval_s / INTERVAL_BEFORE_ANY_S if self._timing.readout_s is None else 1.0
+
     def set_time_offset(self, time_offset_s: float) -> None:
         """Stamps come this late, from now on."""
         self._timing = msgspec.structs.replace(self._timing, time_offset_s=time_offset_s)
