@@ -20,7 +20,9 @@ from fwav_companion.mavlink.identity import Adopted, ArmedChanged, Identity, Ide
 from fwav_companion.mavlink.rates import Rates
 from fwav_companion.mavlink.timesync import Timesync
 from fwav_companion.nouns import (
+    BoardReport,
     ClockExchange,
+    Destination,
     Frame,
     Message,
     NoFrame,
@@ -31,6 +33,7 @@ from fwav_companion.nouns import (
     Situation,
     Unpaired,
 )
+from fwav_companion.publishing.board_status import onboard_computer_status
 from fwav_companion.publishing.publisher import Publisher
 from fwav_companion.publishing.readiness import Readiness, ready_notice
 from fwav_companion.recording.lines import Line, clock_line, home_line, unix_seconds
@@ -82,6 +85,7 @@ class Pipeline:
         self._clock_line_ns: HostNs | None = None
         self._fault_over_ns: HostNs | None = None
         self._undulation_was_untold = False
+        self._board: BoardReport | None = None
         self._outputs = Outputs()
         self._ended = False
 
@@ -123,6 +127,22 @@ class Pipeline:
             return
         self._rooms.sight.on_frame(frame, now)
         self._take_ready(now)
+
+    def on_board(self, board: BoardReport, now: HostNs) -> None:
+        """How the board is doing, every few seconds: ground stations are told, once we know whose board it is."""
+        self.advance(now)
+        self._board = board
+        identity = self._rooms.identity
+        if identity.autopilot is not None:
+            fields = onboard_computer_status(board, now)
+            self._outputs.messages.append(
+                Outgoing(
+                    name="ONBOARD_COMPUTER_STATUS",
+                    fields=fields,
+                    to=Destination.GROUND,
+                    component=identity.companion_component,
+                )
+            )
 
     def on_internal_fault(self, now: HostNs) -> None:
         """A mistake of our own came up: no heartbeats for a while, since what we say may be wrong."""
@@ -201,6 +221,7 @@ class Pipeline:
             "autopilot": msgspec.to_builtins(rooms.identity.autopilot),
             "autopilot_lost": rooms.identity.autopilot_lost,
             "clock": msgspec.to_builtins(rooms.telemetry.clock.estimate(now)),
+            "timesync": rooms.timesync.status(),
             "rates": rooms.rates.status(),
             "telemetry": rooms.telemetry.status(now),
             "publishing": rooms.publisher.status(),
@@ -356,5 +377,10 @@ class Pipeline:
             local_position_ned=telemetry.local_position_at(at_capture.boot_ns) if at_capture else None,
             clock=telemetry.clock.estimate(now),
             undulation_m=telemetry.undulation_m,
-            utc_minus_host_s=telemetry.utc_minus_host_s,
+            utc_minus_host_s=self._utc_minus_host_s(),
+            board=self._board,
         )
+
+    def _utc_minus_host_s(self) -> float | None:
+        told_s = self._rooms.telemetry.utc_minus_host_s
+        return told_s if told_s is not None or self._board is None else self._board.utc_minus_host_s

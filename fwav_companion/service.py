@@ -14,13 +14,14 @@ from pathlib import Path
 import msgspec
 
 from fwav_companion import __version__
+from fwav_companion.board import BoardWatch, board_name, wall_clock_is_synchronised
 from fwav_companion.camera import Calibration
 from fwav_companion.config import Config
 from fwav_companion.geometry.stamps import NS_PER_S, NS_PER_US, HostNs, whole_microseconds
 from fwav_companion.latest_file import LatestFile, state_path, status_paths
 from fwav_companion.links.base import Link
 from fwav_companion.links.make import make_link
-from fwav_companion.links.url import UdpUrl
+from fwav_companion.links.url import SerialUrl, UdpUrl
 from fwav_companion.localization import ElevationTile
 from fwav_companion.mavlink.node import Received
 from fwav_companion.mavlink.signing import starting_timestamp
@@ -42,6 +43,8 @@ log = logging.getLogger("fwav_companion")
 FILE_STOP_S = 0.5
 """For each file's last words: three of them stay below the two seconds that are promised for a stop."""
 STATUS_INTERVAL_S = 1.0
+BOARD_TICKS = 5
+"""Once so often, in status intervals, ground stations are told how the board is doing."""
 _LEVELS = {Severity.INFO: logging.INFO, Severity.WARNING: logging.WARNING, Severity.ERROR: logging.ERROR}
 
 
@@ -66,7 +69,12 @@ class Service:
         self._unix_offset_ns = (unix_ns - host_ns) // NS_PER_US * NS_PER_US
         self._wall_clock = WallClock(host_ns, unix_ns)
         self._pipeline = make_pipeline(
-            config, calibration, unix_offset_ns=self._unix_offset_ns, live=True, elevation=elevation
+            config,
+            calibration,
+            unix_offset_ns=self._unix_offset_ns,
+            live=True,
+            elevation=elevation,
+            unit=board_name(),
         )
         self._signing_file = self._make_signing_file()
         self._node = make_node(config, signing_key, starting_timestamp(self._kept_signing_timestamp(), unix_ns))
@@ -74,6 +82,7 @@ class Service:
             link.name: make_link(link.name, link.parsed_url, self._on_bytes, self._on_link_state)
             for link in config.link
         }
+        self._board = BoardWatch({link.name: isinstance(link.parsed_url, SerialUrl) for link in config.link})
         self._map_link = self._make_map_link()
         self._detections = self._make_detections() if calibration is not None else None
         self._vision = self._make_vision() if calibration is not None else None
@@ -252,6 +261,8 @@ class Service:
         self._status.write(msgspec.json.encode(self._status_object(now)))
         self._notifier.alive()
         self._record_refused(now)
+        if self._ticks % BOARD_TICKS == 0:
+            self._look_at_board(now)
         self._ticks += 1
         if self._signing_file is not None and self._node.signing_clock is not None and self._ticks % 60 == 1:
             self._signing_file.write(msgspec.json.encode(self._node.signing_clock.timestamp))
@@ -260,6 +271,15 @@ class Service:
         if self._refused and self._recorder is not None:
             self._recorder.detection(self._unix_us(now), refused_line(self._unix_us(now), self._refused))
         self._refused.clear()
+
+    def _look_at_board(self, now: HostNs) -> None:
+        """The wall clock is asked only where somebody wants UTC of us."""
+        believed = self._map_link is not None and wall_clock_is_synchronised()
+        _, unix_ns = read_clocks()
+        utc_minus_host_s = (unix_ns - now) / NS_PER_S if believed else None
+        links = {name: link.status() for name, link in self._links.items()}
+        self._pipeline.on_board(self._board.report(links, utc_minus_host_s, now), now)
+        self._flush(now)
 
     # What goes out.
 

@@ -32,6 +32,7 @@ from fwav_companion.mavlink.timesync import Timesync
 from fwav_companion.mavlink.wanted import default_wanted
 from fwav_companion.pairing import CameraTiming, Pairer, StampRule
 from fwav_companion.pipeline import Pipeline, Rooms
+from fwav_companion.publishing.board_status import ONBOARD_COMPUTER_STATUS, requested_board_status
 from fwav_companion.publishing.options import PublishOptions
 from fwav_companion.publishing.publisher import Publisher
 from fwav_companion.sight import Sight
@@ -84,6 +85,7 @@ def make_pipeline(
         handlers[CAMERA_COMPONENT] = publisher.on_command
     commands = Commands(handlers, require_signed=config.signing is not None, version=_version_numbers())
     commands.system = config.vehicle.system_id
+    commands.provide(component, ONBOARD_COMPUTER_STATUS, "ONBOARD_COMPUTER_STATUS", requested_board_status)
     rooms = Rooms(
         identity=Identity(config.vehicle.system_id, component, CAMERA_COMPONENT if has_camera else None),
         timesync=Timesync(component),

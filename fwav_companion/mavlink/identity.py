@@ -81,7 +81,7 @@ class Identity:
 
     def __init__(self, configured_system: int, companion_component: int = 191, camera_component: int | None = 100):
         self._configured_system = configured_system
-        self._companion_component = companion_component
+        self.companion_component = companion_component
         self._camera_component = camera_component
         self._candidates: dict[int, Autopilot] = {}
         self._candidate_heard_ns: HostNs | None = None
@@ -166,7 +166,7 @@ class Identity:
         if self._faulted or (self._beat_ns is not None and now < self._beat_ns):
             return []
         self._beat_ns = _next_beat(self._beat_ns, now)
-        beats = [self._heartbeat(self._companion_component, enums.MAV_TYPE_ONBOARD_CONTROLLER, healthy)]
+        beats = [self._heartbeat(self.companion_component, enums.MAV_TYPE_ONBOARD_CONTROLLER, healthy)]
         if self._camera_component is not None and (self.autopilot is not None or self._configured_system):
             beats.append(self._heartbeat(self._camera_component, enums.MAV_TYPE_CAMERA, healthy))
         return beats

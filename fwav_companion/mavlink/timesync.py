@@ -9,7 +9,7 @@ that name us.
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import msgspec
 
@@ -29,6 +29,8 @@ DRIFT = 600e-6
 GROWTH_SHARE = 0.25
 """Of half the best round trip, that the bound may grow by between exchanges."""
 KEPT_ROUND_TRIPS = 16
+JITTER_SHARE = 1.0 / 16.0
+"""Of the newest change of the round trip in its running mean, as RTP has it (RFC 3550, 6.4.1)."""
 
 MAX_OUTSTANDING = 32
 EXPIRY_NS = 5 * NS_PER_S
@@ -71,6 +73,7 @@ class Timesync:
         self._autopilot: Autopilot | None = None
         self._outstanding: dict[int, HostNs] = {}
         self._round_trips_ns: list[int] = []
+        self._jitter_ns = 0.0
         self._settled_ns: HostNs | None = None
         self._answered = False
         self.wake_at: HostNs | None = None
@@ -87,6 +90,7 @@ class Timesync:
         """The autopilot's clock is new (adopted, or rebooted): forget the requests in flight, and settle again."""
         self._outstanding.clear()
         self._round_trips_ns.clear()
+        self._jitter_ns = 0.0
         self._answered = False
         self._settled_ns = HostNs(now + SETTLING_NS)
         self.wake_at = now
@@ -125,6 +129,17 @@ class Timesync:
             return self._ignore(NotTaken.NO_AUTOPILOT)
         return self._on_request(message, now) if message.fields.tc1 == 0 else self._on_answer(message, now)
 
+    def status(self) -> dict[str, Any]:
+        """For the status file: the round trips to the autopilot, of the last exchanges."""
+        trips = self._round_trips_ns
+        return {
+            "exchanges": self.exchanges,
+            "round_trip_s": trips[-1] / NS_PER_S if trips else None,
+            "least_round_trip_s": min(trips) / NS_PER_S if trips else None,
+            "jitter_s": self._jitter_ns / NS_PER_S if len(trips) > 1 else None,
+            "ignored": {str(reason): count for reason, count in self.ignored.items() if count},
+        }
+
     def _on_answer(self, message: Message, now: HostNs) -> ClockExchange | Ignored:
         fields = message.fields
         sent_ns = self._outstanding.get(fields.ts1)
@@ -152,6 +167,9 @@ class Timesync:
 
     def _learn_round_trip(self, round_trip_ns: int, now: HostNs) -> None:
         self.exchanges += 1
+        if self._round_trips_ns:
+            change_ns = abs(round_trip_ns - self._round_trips_ns[-1])
+            self._jitter_ns += JITTER_SHARE * (change_ns - self._jitter_ns)
         self._round_trips_ns = [*self._round_trips_ns[1 - KEPT_ROUND_TRIPS :], round_trip_ns]
         if not self._answered:
             self._answered = True

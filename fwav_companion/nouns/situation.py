@@ -9,6 +9,7 @@ import msgspec
 from fwav_companion.geometry.earth import TangentPlane
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Vector3
+from fwav_companion.nouns.board import BoardReport
 from fwav_companion.nouns.telemetry import ClockEstimate, VehicleState
 
 
@@ -50,4 +51,6 @@ class Situation(msgspec.Struct, frozen=True, kw_only=True):
     undulation_m: float | None = None
     """Geoid above ellipsoid, by GPS_RAW_INT's own alt_ellipsoid - alt."""
     utc_minus_host_s: float | None = None
-    """From SYSTEM_TIME; None while nothing trustworthy tells UTC."""
+    """From SYSTEM_TIME, else from a wall clock that is synchronised; None while neither tells UTC."""
+    board: BoardReport | None = None
+    """How our own board was doing lately; None until it has been looked at."""

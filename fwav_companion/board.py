@@ -1,0 +1,123 @@
+"""SHELL: the board that we run on: how busy it is, what it is called, whether its wall clock can be believed."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Mapping
+from hashlib import sha256
+from pathlib import Path
+
+from fwav_companion.geometry.stamps import HostNs, s_from_ns
+from fwav_companion.nouns.board import BoardReport, LinkLoad
+
+NAME_LENGTH = 12
+"""Hexadecimal digits: enough that no two boards of one operation are called alike."""
+TIME_ERROR = 5
+"""What adjtimex(2) gives back while nothing keeps the clock synchronised."""
+TIMEX_BYTES = 256
+"""More than any struct timex has."""
+
+
+def board_name(machine_id: Path = Path("/etc/machine-id")) -> str:
+    """A name that outlives restarts and tells nothing: machine-id(5) asks that the id itself be kept private."""
+    try:
+        secret = machine_id.read_text().strip()
+    except (OSError, UnicodeDecodeError):
+        secret = ""
+    return sha256(f"fwav-companion {secret or socket.gethostname()}".encode()).hexdigest()[:NAME_LENGTH]
+
+
+def wall_clock_is_synchronised() -> bool:
+    """By the kernel, which NTP daemons tell (adjtimex(2) with nothing to adjust, which everybody may call)."""
+    import ctypes  # most boards never ask
+
+    try:
+        state: int = ctypes.CDLL(None).adjtimex(ctypes.create_string_buffer(TIMEX_BYTES))
+    except (OSError, AttributeError):
+        return False
+    return 0 <= state < TIME_ERROR
+
+
+class BoardWatch:
+    """Tells the load since it was asked last."""
+
+    def __init__(self, serial: Mapping[str, bool], proc: Path = Path("/proc"), sys: Path = Path("/sys")) -> None:
+        """``serial``: by link's name, whether it is a serial line."""
+        self._serial = serial
+        self._proc = proc
+        self._celsius = sys / "class/thermal/thermal_zone0/temp"
+        self._ticks: list[tuple[int, int]] = []
+        self._bytes: dict[str, tuple[int, int]] = {}
+        self._taken_ns: HostNs | None = None
+
+    def report(
+        self, links: Mapping[str, Mapping[str, object]], utc_minus_host_s: float | None, now: HostNs
+    ) -> BoardReport:
+        """``links``: their status by name."""
+        ram_total_mib, ram_used_mib = self._ram()
+        return BoardReport(
+            cpu=self._cpu(),
+            ram_used_mib=ram_used_mib,
+            ram_total_mib=ram_total_mib,
+            core_celsius=self._core_celsius(),
+            links=self._loads(links, now),
+            utc_minus_host_s=utc_minus_host_s,
+        )
+
+    def _cpu(self) -> tuple[float, ...]:
+        """/proc/stat, proc(5): user, nice, system, idle, iowait, irq, softirq, steal."""
+        ticks = []
+        for line in _text(self._proc / "stat").splitlines():
+            name, *numbers = line.split()
+            if name.startswith("cpu") and name != "cpu" and len(numbers) >= 5:
+                counts = [int(number) for number in numbers[:8]]
+                ticks.append((sum(counts), counts[3] + counts[4]))
+        before, self._ticks = self._ticks, ticks
+        if len(before) != len(ticks):
+            return ()
+        return tuple(
+            1.0 - (idle - idle_before) / (total - total_before) if total > total_before else 0.0
+            for (total, idle), (total_before, idle_before) in zip(ticks, before, strict=True)
+        )
+
+    def _ram(self) -> tuple[int | None, int | None]:
+        kib = {}
+        for line in _text(self._proc / "meminfo").splitlines():
+            name, _, value = line.partition(":")
+            if name in {"MemTotal", "MemAvailable"}:
+                kib[name] = int(value.split()[0])
+        if len(kib) < 2:
+            return None, None
+        return kib["MemTotal"] // 1024, (kib["MemTotal"] - kib["MemAvailable"]) // 1024
+
+    def _core_celsius(self) -> float | None:
+        told = _text(self._celsius).strip()
+        return int(told) / 1000.0 if told.removeprefix("-").isdecimal() else None
+
+    def _loads(self, links: Mapping[str, Mapping[str, object]], now: HostNs) -> tuple[LinkLoad, ...]:
+        elapsed_s = 0.0 if self._taken_ns is None else s_from_ns(now - self._taken_ns)
+        loads = []
+        for name, status in links.items():
+            counts = (_count(status, "bytes_out"), _count(status, "bytes_in"))
+            sent, received = self._bytes.get(name, counts)
+            self._bytes[name] = counts
+            if elapsed_s > 0.0:
+                scale = 1.0 / (1024.0 * elapsed_s)
+                loads.append(
+                    LinkLoad(self._serial.get(name, False), (counts[0] - sent) * scale, (counts[1] - received) * scale)
+                )
+        self._taken_ns = now
+        return tuple(loads)
+
+
+def _text(path: Path) -> str:
+    """Of a file of the kernel's; "" where there is none."""
+    try:
+        return path.read_text()
+    except (OSError, UnicodeDecodeError):
+        return ""
+
+
+def _count(status: Mapping[str, object], name: str) -> int:
+    value = status.get(name)
+    return value if isinstance(value, int) else 0
