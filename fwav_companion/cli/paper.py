@@ -1,0 +1,46 @@
+"""``fwav-companion paper``: the paper's experiment, its Table I beside ours, and its figures."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from argparse import _SubParsersAction
+
+
+def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Register the command."""
+    parser = subparsers.add_parser(
+        "paper",
+        description="Repeats the paper's experiment from its constants and says what holds of its Table I.",
+        epilog="example:\n  fwav-companion paper --out paper-out --seed 1",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--out", metavar="DIR", type=Path, default="paper-out", help="for figures; default: paper-out")
+    parser.add_argument("--seed", type=_seed, default=1, help="of all noise; default: 1")
+    parser.add_argument("--json", action="store_true", help="ends with one JSON object")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Compute, print, draw."""
+    from fwav_companion.paper.comparison import RUNS, compare
+    from fwav_companion.paper.figures import draw_figures
+    from fwav_companion.paper.report import as_object, as_text
+
+    comparison = compare(arguments.seed)
+    print(as_text(comparison, arguments.seed, RUNS))
+    for path in draw_figures(arguments.out, arguments.seed, comparison):
+        print(f"wrote {path}")
+    if arguments.json:
+        print(json.dumps(as_object(comparison, arguments.seed, RUNS)))
+    return 0
+
+
+def _seed(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text!r} stands there; a whole number from 0 is accepted")
+    return int(text)
