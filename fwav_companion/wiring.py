@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from difflib import get_close_matches
+from importlib.util import find_spec
 from typing import Any
 
 from fwav_companion import __version__
@@ -38,6 +39,7 @@ from fwav_companion.publishing.publisher import Publisher
 from fwav_companion.sight import Sight
 from fwav_companion.telemetry import Telemetry, TelemetryOptions
 from fwav_companion.tracking import Reorder, TrackingOptions, make_tracker
+from fwav_companion.vision.task import VisionTask
 
 CAMERA_COMPONENT = 100
 """MAV_COMP_ID_CAMERA."""
@@ -136,6 +138,25 @@ def _require_message_names(config: Config) -> None:
                 raise ConfigError(f"{where}: no MAVLink message is called {name}; {accepted}")
 
 
+def make_vision_task(config: Config) -> VisionTask | None:
+    """What the vision process is to do; None without [vision]. ConfigError for what cannot be done here."""
+    vision = config.vision
+    if vision is None:
+        return None
+    if vision.detector == "onnx":
+        accepted = "apriltag, aruco, color; another detector sends its pixels to [detections] url"
+        raise ConfigError(f'{config.file}: [vision] detector = "onnx": not in this version; accepted: {accepted}')
+    if find_spec("cv2") is None:
+        raise ConfigError(f"{config.file}: [vision]: OpenCV is missing; accepted: pip install opencv-python-headless")
+    is_path = not vision.source.startswith(("libcamera:", "/dev/", "rtsp://", "rtsps://"))
+    return VisionTask(
+        source=str(config.resolve(vision.source)) if is_path else vision.source,
+        detector=vision.detector,
+        aruco_dictionary=vision.aruco_dictionary,
+        color_hue_deg=vision.color_hue_deg,
+    )
+
+
 def own_components(config: Config) -> frozenset[int]:
     """The component ids that we speak as."""
     return frozenset({config.vehicle.component_id, CAMERA_COMPONENT})
@@ -151,13 +172,18 @@ def _pairer(config: Config, calibration: Calibration) -> Pairer:
         timing=CameraTiming(
             time_offset_s=camera.time_offset_s or calibration.time_offset_s or 0.0,
             readout_s=camera.known_readout_s,
-            stamp_rule=StampRule(camera.stamp_rule(libcamera_on_raspberry_pi=False)),
+            stamp_rule=StampRule(camera.stamp_rule(libcamera_on_raspberry_pi=_on_libcamera(config))),
             exposure_s=camera.exposure_s,
         ),
         pixel_noise_px=config.uncertainty.pixel_noise_px,
         min_score=config.detections.min_score,
         labels=config.detections.labels,
     )
+
+
+def _on_libcamera(config: Config) -> bool:
+    """Our own libcamera source is picamera2's, which is there on a Raspberry Pi alone."""
+    return config.vision is not None and config.vision.source.startswith("libcamera:")
 
 
 def _ground(config: Config, elevation: Sequence[ElevationTile]) -> Ground:

@@ -148,6 +148,10 @@ class Vision(Section, frozen=True):
     """[vision]: present, this service opens a camera and looks for targets itself."""
 
     source: Annotated[str, Meta(min_length=1)] = "libcamera:0"
-    """libcamera:N, /dev/videoN, a video file, a folder of images, or rtsp://."""
+    """libcamera:N, /dev/videoN, a video file, a folder or named pipe of images with stamps, or rtsp://."""
     detector: Literal["apriltag", "aruco", "color", "onnx"] = "apriltag"
     """What looks at the images."""
+    aruco_dictionary: Annotated[str, Meta(pattern=r"^[4-7]x[4-7]_(50|100|250|1000)$")] = "4x4_50"
+    """For aruco: OpenCV's name of it in small letters."""
+    color_hue_deg: AngleDeg = 0.0
+    """For color, degrees: 0 red, 60 yellow, 120 green, 240 blue."""

@@ -1,0 +1,44 @@
+"""From the text of [vision] source to an open source."""
+
+from __future__ import annotations
+
+import re
+import stat
+from pathlib import Path
+
+from fwav_companion.vision.images import Source, SourceLostError
+
+
+def open_source(text: str) -> Source:
+    """Open it now; what a path is, its file tells. SourceLostError where it is not there."""
+    if match := re.fullmatch(r"libcamera:(\d+)", text):
+        from fwav_companion.vision.sources.libcamera import LibcameraSource
+
+        return LibcameraSource(int(match[1]))
+    if text.startswith(("rtsp://", "rtsps://")):
+        from fwav_companion.vision.sources.capture import StreamSource
+
+        return StreamSource(text)
+    if text.startswith("/dev/video"):
+        from fwav_companion.vision.sources.capture import DeviceSource
+
+        return DeviceSource(text)
+    return _open_path(Path(text))
+
+
+def _open_path(path: Path) -> Source:
+    try:
+        mode = path.stat().st_mode
+    except OSError as error:
+        raise SourceLostError(f"{path}: {error.strerror}") from None
+    if stat.S_ISFIFO(mode):
+        from fwav_companion.vision.sources.pipe import PipeSource
+
+        return PipeSource(path)
+    if stat.S_ISDIR(mode):
+        from fwav_companion.vision.sources.folder import FolderSource
+
+        return FolderSource(path)
+    from fwav_companion.vision.sources.capture import VideoSource
+
+    return VideoSource(str(path))

@@ -1,0 +1,97 @@
+"""A named pipe of pictures. Each is a line of JSON and then its bytes, row by row.
+
+The line tells ``size`` [width, height], ``format`` (gray8 or bgr8), one stamp, perhaps ``frame`` and ``exposure_s``.
+Whoever writes may come and go; a picture that was begun and not ended is lost, and the pipe is opened anew.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import select
+import time
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fwav_companion.vision.images import Picture, SourceLostError
+from fwav_companion.vision.sources.stamps import exposure_of, number_of, parse_line, stamp_of
+
+CHANNELS = {"gray8": 1, "bgr8": 3}
+LONGEST_LINE = 4096
+MOST_PIXELS = 1 << 26
+"""64 megapixels: no camera of a small vehicle has more."""
+PIPE_BYTES = 1 << 20
+"""Asked of the kernel, so that a writer is not held up by every 64 KiB."""
+
+
+class PipeSource:
+    """The reading end."""
+
+    def __init__(self, path: Path) -> None:
+        try:
+            self._file = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+        except OSError as error:
+            raise SourceLostError(f"{path}: {error.strerror}") from None
+        with suppress(OSError):
+            fcntl.fcntl(self._file, fcntl.F_SETPIPE_SZ, PIPE_BYTES)
+        self._path = path
+        self._buffer = bytearray()
+
+    def read(self, timeout_s: float) -> Picture | None:
+        """The next picture that is whole."""
+        deadline = time.monotonic() + timeout_s
+        while (picture := self._taken()) is None:
+            if not self._more(deadline - time.monotonic()):
+                return None
+        return picture
+
+    def close(self) -> None:
+        """Let go of the pipe."""
+        os.close(self._file)
+
+    def _more(self, timeout_s: float) -> bool:
+        """Wait for bytes; False where none came."""
+        poll = select.poll()
+        poll.register(self._file, select.POLLIN)
+        events = poll.poll(max(0.0, timeout_s) * 1e3)
+        if not events:
+            return False
+        data = os.read(self._file, PIPE_BYTES) if events[0][1] & select.POLLIN else b""
+        if not data:
+            raise SourceLostError(f"{self._path}: whoever wrote pictures into it has gone")
+        self._buffer += data
+        return True
+
+    def _taken(self) -> Picture | None:
+        """The first whole picture of the buffer, taken out of it."""
+        end = self._buffer.find(b"\n", 0, LONGEST_LINE)
+        if end < 0:
+            if len(self._buffer) >= LONGEST_LINE:
+                raise SourceLostError(f"{self._path}: no line of JSON before the picture")
+            return None
+        told = parse_line(bytes(self._buffer[:end]), str(self._path))
+        width, height, channels = self._form(told)
+        length = width * height * channels
+        if len(self._buffer) < end + 1 + length:
+            return None
+        data = bytes(self._buffer[end + 1 : end + 1 + length])
+        del self._buffer[: end + 1 + length]
+        shape = (height, width) if channels == 1 else (height, width, channels)
+        pixels = np.frombuffer(data, np.uint8).reshape(shape)
+        return Picture(pixels, stamp_of(told, str(self._path)), number_of(told), exposure_of(told))
+
+    def _form(self, told: dict[str, Any]) -> tuple[int, int, int]:
+        """Width, height, channels."""
+        size, channels = told.get("size"), CHANNELS.get(str(told.get("format")))
+        if (
+            channels is None
+            or not isinstance(size, list)
+            or len(size) != 2
+            or not all(isinstance(side, int) and side > 0 for side in size)
+            or size[0] * size[1] > MOST_PIXELS
+        ):
+            raise SourceLostError(f"{self._path}: accepted: size [width, height] and format {' or '.join(CHANNELS)}")
+        return size[0], size[1], channels

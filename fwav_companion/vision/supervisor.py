@@ -1,0 +1,196 @@
+"""SHELL: keeps the vision process running: starts it, hears it, and starts another where it dies or hangs."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
+from typing import Any
+
+import msgspec
+
+from fwav_companion.blocking import in_daemon_thread
+from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.nouns import Frame, NoFrame
+from fwav_companion.vision.detections_in import DRAIN_LIMIT, LARGEST_DATAGRAM, read_clocks
+from fwav_companion.vision.task import VisionState, VisionTask
+from fwav_companion.vision.wall_clock import ClockStep, WallClock
+from fwav_companion.vision.wire import parse_frame
+
+FIRST_RETRY_S, LONGEST_RETRY_S = 1.0, 30.0
+LIVED_LONG_S = 60.0
+"""A process that lived so long is started again at once as if it were the first."""
+SILENCE_S = 15.0
+"""The process tells something every two seconds; a slow board needs ten to load OpenCV."""
+LOOK_S = 0.5
+"""How often silence is looked for."""
+REAP_S = 0.2
+"""A killed process ends in a moment, or hangs in the kernel and is left behind."""
+ENVIRONMENT = {"OPENCV_LOG_LEVEL": "ERROR"}
+_STATE = b'{"vision":'
+
+Started = tuple[subprocess.Popen[bytes], socket.socket]
+
+
+class VisionProcess:
+    """From a running loop: ``start`` once, ``close`` once. Nothing here blocks."""
+
+    def __init__(
+        self,
+        task: VisionTask,
+        wall_clock: WallClock,
+        *,
+        on_frame: Callable[[Frame | NoFrame], None],
+        on_state: Callable[[bool, str], None],
+        on_step: Callable[[ClockStep], None],
+        clocks: Callable[[], tuple[HostNs, int]] = read_clocks,
+    ) -> None:
+        """``on_state`` tells once whether pictures come, and why not."""
+        self._command = [sys.executable, "-m", "fwav_companion.vision.worker"]
+        self._task_json = msgspec.json.encode(task).decode()
+        self._wall_clock = wall_clock
+        self._on_frame, self._on_state, self._on_step, self._clocks = on_frame, on_state, on_step, clocks
+        self._started: Started | None = None
+        self._ended = asyncio.Event()
+        self._heard_s = 0.0
+        self._works: bool | None = None
+        self._why = ""
+        self._deaths = 0
+        self._supervision: asyncio.Task[None] | None = None
+
+    def start(self) -> None:
+        """Begin."""
+        self._supervision = asyncio.get_running_loop().create_task(self._stay_up(), name="vision")
+
+    def close(self) -> None:
+        """End it at once; no callback follows."""
+        if self._supervision is not None:
+            self._supervision.cancel()
+        started = self._let_go()
+        if started is not None:
+            _end(started, 0.0)
+
+    def status(self) -> dict[str, Any]:
+        """For the status file."""
+        pid = self._started[0].pid if self._started is not None else None
+        return {"works": bool(self._works), "why": self._why, "pid": pid, "deaths": self._deaths}
+
+    async def _stay_up(self) -> None:
+        retry_s = FIRST_RETRY_S
+        while True:
+            began_s = time.monotonic()
+            try:
+                started = await in_daemon_thread(self._spawn, name="start vision", undo=_undo)
+            except OSError as error:
+                self._tell(works=False, why=f"its process cannot be started: {error.strerror}")
+            else:
+                self._tell(works=False, why=await self._lived(started))
+                self._deaths += 1
+            if time.monotonic() - began_s > LIVED_LONG_S:
+                retry_s = FIRST_RETRY_S
+            await asyncio.sleep(retry_s)
+            retry_s = min(2.0 * retry_s, LONGEST_RETRY_S)
+
+    async def _lived(self, started: Started) -> str:
+        """From its start to its end; how it ended."""
+        self._started = started
+        self._ended.clear()
+        self._heard_s = time.monotonic()
+        asyncio.get_running_loop().add_reader(started[1], self._drain, started[1])
+        silent = False
+        while not silent and not self._ended.is_set():
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._ended.wait(), LOOK_S)
+            silent = time.monotonic() - self._heard_s > SILENCE_S
+        self._let_go()
+        status = await in_daemon_thread(partial(_end, started, 0.0 if silent else REAP_S), name="end vision")
+        if silent:
+            return f"its process was silent for {SILENCE_S:.0f} s and was ended: the camera may hang"
+        return f"its process ended ({_how_ended(status)})"
+
+    def _spawn(self) -> Started:
+        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with theirs:
+            ours.setblocking(False)
+            try:
+                process = subprocess.Popen(  # noqa: S603  # our own interpreter and module
+                    [*self._command, str(theirs.fileno()), self._task_json],
+                    pass_fds=[theirs.fileno()],
+                    stdin=subprocess.DEVNULL,
+                    stdout=subprocess.DEVNULL,
+                    env={**os.environ, **ENVIRONMENT},
+                )
+            except OSError:
+                ours.close()
+                raise
+        return process, ours
+
+    def _drain(self, sock: socket.socket) -> None:
+        arrival_ns, unix_ns = self._clocks()
+        step = self._wall_clock.observe(arrival_ns, unix_ns)
+        if step is not None:
+            self._on_step(step)
+        for _ in range(DRAIN_LIMIT):
+            try:
+                data = sock.recv(LARGEST_DATAGRAM)
+            except BlockingIOError:
+                return
+            except OSError:
+                data = b""
+            if not data:
+                asyncio.get_running_loop().remove_reader(sock)
+                self._ended.set()
+                return
+            self._heard_s = time.monotonic()
+            self._take(data, arrival_ns)
+
+    def _take(self, data: bytes, arrival_ns: HostNs) -> None:
+        if data.startswith(_STATE):
+            state = msgspec.json.decode(data, type=VisionState)
+            self._tell(works=state.vision == "looking", why=state.why)
+            return
+        self._tell(works=True, why="")
+        self._on_frame(parse_frame(data, arrival_ns, self._wall_clock))
+
+    def _tell(self, *, works: bool, why: str) -> None:
+        self._why = why
+        if works is not self._works:
+            self._works = works
+            self._on_state(works, why)
+
+    def _let_go(self) -> Started | None:
+        """Hear no more of the process, if there is one."""
+        started, self._started = self._started, None
+        if started is not None:
+            asyncio.get_running_loop().remove_reader(started[1])
+        return started
+
+
+def _end(started: Started, patience_s: float) -> int | None:
+    """The process's exit status, after patience by force; None where even that leaves it in the kernel."""
+    process, sock = started
+    sock.close()
+    if patience_s:
+        with suppress(subprocess.TimeoutExpired):
+            return process.wait(patience_s)
+    process.kill()
+    with suppress(subprocess.TimeoutExpired):
+        return process.wait(REAP_S)
+    return None
+
+
+def _undo(started: Started) -> None:
+    _end(started, 0.0)
+
+
+def _how_ended(status: int | None) -> str:
+    if status is None:
+        return "it hangs in the kernel"
+    return f"signal {signal.Signals(-status).name}" if status < 0 else f"exit status {status}"

@@ -1,0 +1,90 @@
+"""``python -m fwav_companion.vision.worker FD TASK``: cameras and detectors, in a process of their own.
+
+What it finds goes back over the inherited socket as detections travel from anywhere else; in between it tells how it
+fares. A camera that hangs hangs here and not in the daemon, which then ends this process and starts another.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import sys
+import threading
+import time
+from contextlib import closing
+
+import cv2
+import msgspec
+
+from fwav_companion.vision.detectors.make import make_detector
+from fwav_companion.vision.images import Detector, Picture, SourceEndedError, SourceLostError
+from fwav_companion.vision.sources.make import open_source
+from fwav_companion.vision.task import VisionState, VisionTask
+from fwav_companion.vision.wire import MAX_DETECTIONS
+
+SIGN_OF_LIFE_S = 2.0
+"""Something is told at least this often while nothing hangs."""
+RETRY_S = 1.0
+"""A source that is not there is looked for this often: a camera may be plugged in late."""
+
+_encode = msgspec.json.Encoder().encode
+
+
+def main() -> None:
+    """Until the daemon closes its end."""
+    daemon = socket.socket(fileno=int(sys.argv[1]))
+    task = msgspec.json.decode(sys.argv[2], type=VisionTask)
+    threading.Thread(target=_end_with, args=(daemon,), daemon=True).start()
+    cv2.setNumThreads(1)  # one core of a small board for pictures, the rest for flying
+    detector = make_detector(task)
+    while True:
+        try:
+            _look(daemon, task.source, detector)
+        except SourceLostError as error:
+            _tell(daemon, VisionState("lost", str(error)))
+            time.sleep(RETRY_S)
+        except SourceEndedError as error:
+            while True:
+                _tell(daemon, VisionState("ended", str(error)))
+                time.sleep(SIGN_OF_LIFE_S)
+
+
+def frame_bytes(picture: Picture, detector: Detector) -> bytes:
+    """A picture as its detections travel."""
+    height, width = picture.pixels.shape[:2]
+    frame = {**picture.stamp, "size": [width, height], "detections": detector.detect(picture.pixels)[:MAX_DETECTIONS]}
+    if picture.number is not None:
+        frame["frame"] = picture.number
+    if picture.exposure_s is not None:
+        frame["exposure_s"] = picture.exposure_s
+    return _encode(frame)
+
+
+def _look(daemon: socket.socket, text: str, detector: Detector) -> None:
+    """Until the source is lost or ends."""
+    with closing(open_source(text)) as source:
+        while True:
+            picture = source.read(SIGN_OF_LIFE_S)
+            if picture is None:
+                _tell(daemon, VisionState("looking"))
+            else:
+                daemon.send(frame_bytes(picture, detector))
+
+
+def _tell(daemon: socket.socket, state: VisionState) -> None:
+    daemon.send(_encode(state))
+
+
+def _end_with(daemon: socket.socket) -> None:
+    """The daemon never says anything: a read ends when the daemon does, however it ended."""
+    try:
+        daemon.recv(1)
+    finally:
+        os._exit(0)
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except BrokenPipeError:
+        os._exit(0)

@@ -1,0 +1,200 @@
+"""The vision process as the daemon has it: found tags come; death, silence and absence are survived and told once."""
+
+import asyncio
+import os
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+from vision_pictures import pipe_bytes, tag_picture
+
+from fwav_companion.nouns import Frame
+from fwav_companion.vision import supervisor
+from fwav_companion.vision.detections_in import read_clocks
+from fwav_companion.vision.supervisor import VisionProcess
+from fwav_companion.vision.task import VisionTask
+from fwav_companion.vision.wall_clock import WallClock
+
+
+class Daemon:
+    """Keeps what the vision process says."""
+
+    def __init__(self, task: VisionTask) -> None:
+        self.frames: list[Frame] = []
+        self.states: list[tuple[bool, str]] = []
+        self.changed = asyncio.Event()
+        self.process = VisionProcess(
+            task,
+            WallClock(*read_clocks()),
+            on_frame=self._frame,
+            on_state=lambda works, why: self._state(works, why),
+            on_step=lambda step: None,
+        )
+
+    def _frame(self, frame) -> None:
+        self.frames.append(frame)
+        self.changed.set()
+
+    def _state(self, works: bool, why: str) -> None:
+        self.states.append((works, why))
+        self.changed.set()
+
+    async def until(self, true, timeout_s: float = 20.0) -> None:
+        async with asyncio.timeout(timeout_s):
+            while not true():
+                self.changed.clear()
+                await self.changed.wait()
+
+
+def feed(path: Path, pictures: list[bytes], go_on: threading.Event) -> threading.Thread:
+    """Writes pictures into a named pipe from another thread, and leaves it when told."""
+
+    def write() -> None:
+        with path.open("wb") as file:
+            for picture in pictures:
+                file.write(picture)
+            file.flush()
+            go_on.wait(20.0)
+
+    thread = threading.Thread(target=write, daemon=True)
+    thread.start()
+    return thread
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    monkeypatch.setattr(supervisor, "FIRST_RETRY_S", 0.05)
+    monkeypatch.setattr(supervisor, "LOOK_S", 0.05)
+
+
+def test_tags_are_found_in_the_process_and_its_death_is_survived(tmp_path: Path, quick):
+    path = tmp_path / "frames"
+    os.mkfifo(path)
+
+    async def watch() -> Daemon:
+        daemon = Daemon(VisionTask(str(path)))
+        daemon.process.start()
+        leave = threading.Event()
+        picture = tag_picture((200.0, 120.0))
+        first = feed(path, [pipe_bytes(picture, time_monotonic=1.0 + i, frame=i) for i in range(2)], leave)
+        await daemon.until(lambda: len(daemon.frames) == 2)
+        os.kill(daemon.process.status()["pid"], signal.SIGKILL)
+        leave.set()
+        await daemon.until(lambda: daemon.states and not daemon.states[-1][0])
+        await asyncio.to_thread(first.join, 5.0)
+        leave = threading.Event()
+        second = feed(path, [pipe_bytes(picture, time_monotonic=9.0, frame=9)], leave)
+        await daemon.until(lambda: len(daemon.frames) == 3)
+        assert daemon.process.status()["deaths"] == 1
+        daemon.process.close()
+        leave.set()
+        await asyncio.to_thread(second.join, 5.0)
+        return daemon
+
+    daemon = asyncio.run(watch())
+    assert [frame.number for frame in daemon.frames] == [0, 1, 9]
+    assert [frame.stamp_ns for frame in daemon.frames] == [1_000_000_000, 2_000_000_000, 9_000_000_000]
+    for frame in daemon.frames:
+        assert frame.size == (640, 480)
+        (detection,) = frame.detections
+        assert detection.label == "tag36h11:7"
+        assert (detection.u, detection.v) == pytest.approx((200.0, 120.0), abs=0.3)
+    assert [works for works, _ in daemon.states] == [True, False, True]
+    assert "SIGKILL" in daemon.states[1][1]
+
+
+def test_a_source_that_is_not_there_is_told_once_and_taken_when_it_comes(tmp_path: Path, quick):
+    path = tmp_path / "frames"
+
+    async def watch() -> Daemon:
+        daemon = Daemon(VisionTask(str(path)))
+        daemon.process.start()
+        await daemon.until(lambda: bool(daemon.states))
+        await asyncio.sleep(2.5)  # it looks again several times, and says nothing new
+        assert len(daemon.states) == 1
+        os.mkfifo(path)
+        leave = threading.Event()
+        writer = feed(path, [pipe_bytes(tag_picture(), time_monotonic=1.0)], leave)
+        await daemon.until(lambda: bool(daemon.frames))
+        daemon.process.close()
+        leave.set()
+        await asyncio.to_thread(writer.join, 5.0)
+        return daemon
+
+    daemon = asyncio.run(watch())
+    assert [works for works, _ in daemon.states] == [False, True]
+    assert "No such file" in daemon.states[0][1]
+
+
+def test_a_process_that_hangs_is_ended_and_another_started(tmp_path: Path, quick, monkeypatch):
+    path = tmp_path / "frames"
+    os.mkfifo(path)
+    leave = threading.Event()
+
+    async def watch() -> Daemon:
+        daemon = Daemon(VisionTask(str(path)))
+        daemon.process.start()
+        writer = feed(path, [pipe_bytes(tag_picture(), time_monotonic=1.0)], leave)
+        await daemon.until(lambda: bool(daemon.frames))
+        hanging = daemon.process.status()["pid"]
+        os.kill(hanging, signal.SIGSTOP)
+        monkeypatch.setattr(supervisor, "SILENCE_S", 0.2)
+        await daemon.until(lambda: daemon.states[-1][0] is False)
+        monkeypatch.setattr(supervisor, "SILENCE_S", 15.0)
+        leave.set()
+        await asyncio.to_thread(writer.join, 5.0)
+        await asyncio.sleep(0.3)
+        assert daemon.process.status()["pid"] not in (None, hanging)
+        daemon.process.close()
+        with pytest.raises(ProcessLookupError):
+            os.kill(hanging, 0)
+        return daemon
+
+    daemon = asyncio.run(watch())
+    assert "silent" in daemon.states[1][1]
+
+
+def test_closing_takes_no_time_and_leaves_no_process(tmp_path: Path):
+    async def watch() -> int:
+        daemon = Daemon(VisionTask(str(tmp_path / "frames")))
+        daemon.process.start()
+        await daemon.until(lambda: bool(daemon.states))
+        pid = daemon.process.status()["pid"]
+        before = asyncio.get_running_loop().time()
+        daemon.process.close()
+        assert asyncio.get_running_loop().time() - before < 1.0
+        return pid
+
+    pid = asyncio.run(watch())
+    with pytest.raises(ProcessLookupError):
+        os.kill(pid, 0)
+
+
+def test_the_process_ends_with_a_daemon_that_was_killed(tmp_path: Path):
+    code = (
+        "import asyncio, os, sys; sys.path.insert(0, sys.argv[1]);"
+        "from test_supervisor import Daemon, VisionTask\n"
+        "async def watch():\n"
+        "    daemon = Daemon(VisionTask(sys.argv[2]))\n"
+        "    daemon.process.start()\n"
+        "    await daemon.until(lambda: bool(daemon.states))\n"
+        "    print(daemon.process.status()['pid'], flush=True)\n"
+        "    os.kill(os.getpid(), 9)\n"
+        "asyncio.run(watch())"
+    )
+    command = [sys.executable, "-c", code, str(Path(__file__).parent), str(tmp_path / "frames")]
+    done = subprocess.run(command, stdout=subprocess.PIPE, timeout=30)
+    pid = int(done.stdout)
+    for _ in range(200):
+        try:
+            os.kill(pid, 0)
+            state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+        except (ProcessLookupError, FileNotFoundError):
+            return
+        if state == "Z":  # ended; whoever adopts orphans here has not looked yet
+            return
+        threading.Event().wait(0.05)
+    pytest.fail("the vision process outlived its daemon")
