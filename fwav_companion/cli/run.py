@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import asyncio
 import logging
 import sys
 from typing import TYPE_CHECKING
@@ -26,6 +25,11 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Check everything that a user can get wrong, then serve."""
+    from fwav_companion.lean import spare_memory
+
+    spare_memory()  # before anything large is imported
+    import asyncio
+
     from fwav_companion.config import load, load_signing_key
     from fwav_companion.named_files import load_calibration, load_elevation, recording_companions
     from fwav_companion.service import Service

@@ -128,6 +128,11 @@ DEFINITIONS: Final[dict[int, Definition]] = {source.id: Definition(source) for s
 BY_NAME: Final[dict[str, Definition]] = {definition.name: definition for definition in DEFINITIONS.values()}
 
 
+def forget_descriptions() -> None:
+    """Let go of the texts about enumerations: megabytes that only pymavlink's own tools read."""
+    _dialect.enums.clear()
+
+
 def definition_of(name: str) -> Definition:
     """The definition of the message of this name; EncodeError if the dialect has none."""
     try:
