@@ -10,8 +10,8 @@ def spare_memory() -> None:
     """To be called before asyncio is imported, in a process that is the daemon and nothing else.
 
     asyncio and hashlib are made to do without OpenSSL, as on a Python that was built without it: 6 MiB. We open no
-    such connection, and Python's own SHA-256 takes 0.2 us longer on a frame. pymavlink's texts about enumerations are 3 MiB;
-    what is imported afterwards gets their place.
+    such connection, and Python's own SHA-256 takes 0.2 us longer on a frame. pymavlink's texts about enumerations are
+    3 MiB; what is imported afterwards gets their place.
     """
     for name in ("ssl", "_hashlib"):
         cast("dict[str, object]", sys.modules).setdefault(name, None)  # an import of it then fails
