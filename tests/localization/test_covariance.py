@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 from scipy.stats import chi2
-from true_flights import PRIORS, Scene
+from true_flights import PRIORS, STEPS, Scene
 
 from fwav_companion.localization import FixedGround, HomeGround, Localizer, RangefinderGround
 from fwav_companion.nouns import BIAS_COUNT, Bias, GroundFix, NoFix, Reason
@@ -19,7 +19,6 @@ SCENES = {
     "low": Scene(height_m=3.0, target=(1.0, 1.5), velocity=(1.0, 0.0, 0.3)),
 }
 every_scene = pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES.keys())
-STEPS = np.array([1e-5] * 6 + [1e-5, 1e-5] + [1e-3] * 4)
 
 
 def home() -> Localizer:

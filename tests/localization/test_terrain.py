@@ -9,7 +9,7 @@ import rasterio
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rasterio.transform import from_origin
-from true_flights import PRIORS, Scene
+from true_flights import PRIORS, STEPS, Scene
 
 from fwav_companion.errors import InputFileError
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
@@ -293,8 +293,6 @@ class TestGround:
         # by hand: z = -(0.2 n - 0.1 e) along (0, 0, -40) + s ray
         s = 40.0 / (rays[2] + 0.2 * rays[0] - 0.1 * rays[1])
         assert fix.position_ned == pytest.approx((s * rays[0], s * rays[1], -40.0 + s * rays[2]), abs=0.05)
-        from test_covariance import STEPS
-
         for bias in Bias:
             if bias is Bias.TERRAIN:
                 continue

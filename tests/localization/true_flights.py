@@ -24,6 +24,8 @@ PRIORS = ErrorPriors(
     bias_sigmas=(radians(0.5), radians(0.5), radians(2), *(radians(1),) * 3, 0.01, 0.008, 0.5, 1.0, 1.0, 4.0),
     position_bias_time_s=60.0,
 )
+STEPS = np.array([1e-5] * 8 + [1e-3] * 4)
+"""Of differences, by Bias: radians, seconds, metres."""
 
 
 def tuples(matrix):
