@@ -19,6 +19,11 @@ from fwav_companion.tracking.linear import horizontal_sigma
 GATE = 16.0
 """Squared Mahalanobis distance, 2 degrees of freedom: a true fix lies beyond it once in 3000 times."""
 
+CHANCE = 20.0
+"""Distance and spread together, beyond which a fix is likelier a false one than this target's: with one false detection
+in ten frames of 640 x 480 pixels and 4 px of noise, 2 log(640 * 480 / (0.1 * 2 pi * 16)). So a track that is hardly
+known where cannot take whatever comes."""
+
 ID_GATE = 4.0 * GATE
 """With the detector's own id in favour: trackers swap ids, but seldom to something that far away."""
 
@@ -33,8 +38,8 @@ class Candidate(msgspec.Struct, frozen=True):
     """The detector's id of the last fix it took."""
 
 
-def associate(candidates: Sequence[Candidate], fixes: Sequence[GroundFix]) -> dict[int, int]:
-    """Candidate index -> fix index, each at most once."""
+def associate(candidates: Sequence[Candidate], fixes: Sequence[GroundFix]) -> dict[int, tuple[int, float]]:
+    """Candidate index -> fix index, each at most once, and how much likelier than a false one it is (a logarithm)."""
     reaches = [horizontal_sigma(fix.cov) for fix in fixes]
     costs: dict[tuple[int, int], float] = {}
     for i, candidate in enumerate(candidates):
@@ -44,7 +49,7 @@ def associate(candidates: Sequence[Candidate], fixes: Sequence[GroundFix]) -> di
                 cost = _cost(candidate, fix)
                 if cost is not None:
                     costs[i, j] = cost
-    return _settled(costs)
+    return {i: (j, -0.5 * max(costs[i, j], -CHANCE)) for i, j in _settled(costs).items()}
 
 
 def _near(candidate: Candidate, fix: GroundFix, reach_m: float) -> bool:
@@ -55,11 +60,12 @@ def _near(candidate: Candidate, fix: GroundFix, reach_m: float) -> bool:
 
 def _cost(candidate: Candidate, fix: GroundFix) -> float | None:
     """Negative, the lower the better; None: not this one."""
-    distance2 = candidate.belief.surprise(fix)
+    seen = candidate.belief.surprise(fix)
     detector_id = fix.sighting.detection.detector_id
     if detector_id is not None and detector_id == candidate.detector_id:
-        return distance2 - 2.0 * ID_GATE if distance2 < ID_GATE else None
-    return distance2 - GATE if distance2 < GATE else None
+        return seen.distance2 - 2.0 * ID_GATE if seen.distance2 < ID_GATE else None
+    unlikely = seen.distance2 + seen.spread
+    return unlikely - CHANCE if seen.distance2 < GATE and unlikely < CHANCE else None
 
 
 def _settled(costs: dict[tuple[int, int], float]) -> dict[int, int]:

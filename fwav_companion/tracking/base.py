@@ -7,6 +7,7 @@ from typing import Protocol
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.nouns import GroundFix
+from fwav_companion.tracking.estimate import Surprise
 
 
 class Belief(Protocol):
@@ -35,8 +36,8 @@ class Belief(Protocol):
     def predicted(self, host_ns: HostNs) -> Belief:
         """The same target at a later instant."""
 
-    def surprise(self, fix: GroundFix) -> float:
-        """Squared Mahalanobis distance of a fix at this instant, horizontal, 2 degrees of freedom.
+    def surprise(self, fix: GroundFix) -> Surprise:
+        """How little a fix at this instant was expected.
 
         Errors that the belief and the fix share cancel, as they do in the difference that is weighed.
         """

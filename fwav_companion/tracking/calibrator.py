@@ -18,9 +18,10 @@ import msgspec
 from fwav_companion.geometry.rotations import euler_from_quaternion
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs, ns_from_s
 from fwav_companion.geometry.vectors import Matrix3, Vector3, transform
-from fwav_companion.nouns import Bias, ErrorPriors, GroundFix
+from fwav_companion.nouns import Bias, ErrorPriors, GroundFix, VehicleState
 from fwav_companion.tracking.base import Belief
 from fwav_companion.tracking.course import Course, StateAt, course_of
+from fwav_companion.tracking.estimate import Surprise
 from fwav_companion.tracking.fit import Fit
 from fwav_companion.tracking.joint import joint_of
 from fwav_companion.tracking.linear import Symmetric2
@@ -30,8 +31,8 @@ from fwav_companion.tracking.verdict import CalibrationStatus, Placed, Verdict, 
 DELAY_STEP_S = 0.015
 """Between two hypotheses: a fifth of a beat at 15 Hz, so one of them is always in the linear range."""
 SEARCH_SIGMAS = 3.0
-SEARCH_TRACKS = 2
-"""The search looks at the first targets only."""
+SEARCH_A_FRAME = 2
+"""Glimpses that the search takes of one frame: each costs a step of every hypothesis."""
 SEARCH_LEAST = 40
 SEARCH_MOST = 240
 """Glimpses: four beats at 30 frames/s, and when to give up: what does not shake shows no delay."""
@@ -42,12 +43,12 @@ SEARCH_MARGIN = 10.0
 LAG_S = 0.06
 """Behind the newest frame, beside the delays that are asked for: attitudes beyond them must have come."""
 
-MOST_KEPT = 600
-"""Glimpses for the passes: 20 s of one target at 30 frames/s; they settle the linearization."""
+MOST_KEPT = 1200
+"""Glimpses for the passes, a megabyte: 40 s of one target at 30 frames/s. They settle the linearization."""
 PASSES_AT = (60, 120, 240, 480)
-"""Glimpses seen, at which a new pass is begun."""
-PASS_STEP = 12
-"""Glimpses a frame: 2 ms of work."""
+"""Glimpses seen of each target, at which a new pass is begun."""
+PASS_STEP = 8
+"""Glimpses a frame, beside two for each target, so that a pass overtakes what goes on coming."""
 
 LEAST_TURN = 0.9
 """Mean resultant length of the headings: above, the vehicle has looked from one side only (26 deg of spread)."""
@@ -118,11 +119,19 @@ class Workshop:
     def __init__(self, priors: ErrorPriors, state_at: StateAt | None, kept: KeptCalibration | None = None) -> None:
         self.priors = priors
         self.state_at = state_at
+        self._remembered: tuple[tuple[int, tuple[float, ...]], Course] | None = None
         self.means, self.sigmas = _prior(priors, kept)
         reach = SEARCH_SIGMAS * self.sigmas[Common.DELAY]
         steps = int(reach / DELAY_STEP_S + 0.5) if state_at is not None else 0
         middle = self.means[Common.DELAY]
         self.delays = tuple(middle + i * DELAY_STEP_S for i in range(-steps, steps + 1))
+
+    def course(self, nominal: VehicleState, delays_s: tuple[float, ...]) -> Course:
+        """The vehicle about a capture. Remembers the last one: the sightings of a frame mostly share it."""
+        key = (nominal.boot_ns, delays_s)
+        if self._remembered is None or self._remembered[0] != key:
+            self._remembered = (key, course_of(nominal, delays_s, self.state_at))
+        return self._remembered[1]
 
     def bank(self) -> tuple[Fit, ...]:
         """A fit a delay, each with a prior as wide as the step between them."""
@@ -156,6 +165,8 @@ class Calibrator(msgspec.Struct, frozen=True):
     shop: Workshop
     queue: tuple[_Queued, ...] = ()
     kept: tuple[Glimpse, ...] = ()
+    complete: bool = True
+    """All that was seen is kept."""
     seen: int = 0
     bank: tuple[Fit, ...] = ()
     """While the delay is searched for."""
@@ -184,21 +195,20 @@ class Calibrator(msgspec.Struct, frozen=True):
         due_ns = host_ns - ns_from_s(state._lag_s())
         while state.queue and state.queue[0].host_ns <= due_ns:
             first, state = state.queue[0], msgspec.structs.replace(state, queue=state.queue[1:])
-            for track, fix, since_s in first.fixes:
-                if track in alive and first.host_ns >= state.idle_until_ns:
-                    state = state._glimpsed(track, fix, since_s)
+            if first.host_ns >= state.idle_until_ns:
+                state = state._taught([each for each in first.fixes if each[0] in alive])
         return state._passed_on()._judged()
 
     def placed(self, track: int) -> Placed | None:
         """Where a target stands; None while that is not known here."""
         return None if self.verdict is None else self.verdict.placed(track)
 
-    def surprise(self, track: int, fix: GroundFix) -> float | None:
-        """Squared Mahalanobis distance of a fix to a target that stands in the joint estimate; None: it does not."""
+    def surprise(self, track: int, fix: GroundFix) -> Surprise | None:
+        """How little a fix was expected of a target that stands in the joint estimate; None: it does not."""
         if self.served is None or self.delay_s is None or self.served.joint.place_of(track) is None:
             return None
-        seen = self.served.joint.innovation(track, self._glimpse(track, fix, 0.0))
-        return None if seen is None else seen.distance2
+        seen = self.served.joint.innovation(track, glimpse_of(track, fix, self._course(fix), 0.0))
+        return None if seen is None else Surprise(seen.distance2, seen.spread)
 
     def report(self) -> CalibrationReport:
         """What is known now."""
@@ -242,14 +252,34 @@ class Calibrator(msgspec.Struct, frozen=True):
         kept = tuple(glimpse for glimpse in self.kept if glimpse.track not in gone)
         return msgspec.structs.replace(self, served=served, coming=coming, kept=kept, cursor=taken)
 
-    def _glimpse(self, track: int, fix: GroundFix, since_s: float) -> Glimpse:
-        delays = self.shop.delays if self.delay_s is None else (self.delay_s,)
-        return glimpse_of(track, fix, course_of(fix.sighting.state, delays, self.shop.state_at), since_s)
+    def _course(self, fix: GroundFix) -> Course:
+        return self.shop.course(fix.sighting.state, self.shop.delays if self.delay_s is None else (self.delay_s,))
 
-    def _glimpsed(self, track: int, fix: GroundFix, since_s: float) -> Calibrator:
-        glimpse = self._glimpse(track, fix, since_s)
-        kept = (*self.kept, glimpse) if self.seen < MOST_KEPT or self.coming is not None else ()
-        state = msgspec.structs.replace(self, kept=kept, seen=self.seen + 1, views=self.views.with_fix(fix))
+    def _taught(self, fixes: Sequence[tuple[int, GroundFix, float]]) -> Calibrator:
+        """With one frame's fixes; all of them share one course of the vehicle."""
+        if not fixes:
+            return self
+        if self.delay_s is None:
+            known = {glimpse.track for glimpse in self.kept}
+            fixes = sorted(fixes, key=lambda each: each[0] not in known)[:SEARCH_A_FRAME]
+        first = fixes[0][1].sighting
+        course = self._course(fixes[0][1])
+        state = self
+        for track, fix, since_s in fixes:
+            later_s = (fix.sighting.boot_ns - first.boot_ns) * 1e-9
+            glimpse = glimpse_of(track, fix, course.seen_from(later_s), since_s)
+            state = state._glimpsed(glimpse, state.views.with_fix(fix))
+        return state
+
+    def _glimpsed(self, glimpse: Glimpse, views: _Views) -> Calibrator:
+        keeping = self.complete and (self.seen < MOST_KEPT or self.coming is not None)
+        state = msgspec.structs.replace(
+            self,
+            kept=(*self.kept, glimpse) if keeping else (),
+            complete=keeping,
+            seen=self.seen + 1,
+            views=views,
+        )
         if state.delay_s is None:
             return state._searched(glimpse)
         served = state.served.fed(glimpse) if state.served is not None else None
@@ -257,8 +287,7 @@ class Calibrator(msgspec.Struct, frozen=True):
 
     def _searched(self, glimpse: Glimpse) -> Calibrator:
         bank = self.bank or self.shop.bank()
-        tracks = list(dict.fromkeys(each.track for each in self.kept))[:SEARCH_TRACKS]
-        if glimpse.track in tracks and len(bank) > 1:
+        if len(bank) > 1:
             bank = tuple(fit.fed(glimpse) for fit in bank)
         state = msgspec.structs.replace(self, bank=bank)
         if len(bank) == 1:
@@ -295,17 +324,20 @@ class Calibrator(msgspec.Struct, frozen=True):
         coming, cursor = self.coming, self.cursor
         if coming is None:
             return self._begin_pass()
-        for glimpse in self.kept[cursor : cursor + PASS_STEP]:
+        step = PASS_STEP + 2 * len(coming.joint.tracks)
+        for glimpse in self.kept[cursor : cursor + step]:
             coming = coming.fed(glimpse)
-        cursor += PASS_STEP
+        cursor += step
         if cursor < len(self.kept):
             return msgspec.structs.replace(self, coming=coming, cursor=cursor)
         return msgspec.structs.replace(self, served=coming, coming=None, cursor=0)
 
     def _begin_pass(self) -> Calibrator:
-        if self.served is None or self.passes >= len(PASSES_AT) or self.seen < PASSES_AT[self.passes]:
+        if self.served is None or not self.complete or self.passes >= len(PASSES_AT):
             return self
         joint = self.served.joint
+        if self.seen < PASSES_AT[self.passes] * max(1, len(joint.tracks)):
+            return self
         hints = {track: (joint.mean[i], joint.mean[i + 1]) for track in joint.tracks if (i := joint.place_of(track))}
         around = (*joint.mean[: Common.NORTH], 0.0, 0.0)
         return msgspec.structs.replace(
@@ -359,10 +391,10 @@ class CalibratedBelief(msgspec.Struct, frozen=True):
         """The target stays."""
         return self.own.predicted(host_ns)
 
-    def surprise(self, fix: GroundFix) -> float:
-        """Squared Mahalanobis distance in the image, with what calibration knows by now."""
-        distance2 = self.calibrator.surprise(self.track, fix)
-        return self.own.surprise(fix) if distance2 is None else distance2
+    def surprise(self, fix: GroundFix) -> Surprise:
+        """How little a fix was expected in the image, with what calibration knows by now."""
+        seen = self.calibrator.surprise(self.track, fix)
+        return self.own.surprise(fix) if seen is None else seen
 
     def updated(self, fix: GroundFix) -> Belief:
         """Its own filter goes on beside the joint estimate."""

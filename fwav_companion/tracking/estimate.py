@@ -7,16 +7,62 @@ wandering ones make. What is here is exact for any gain; choosing one is the fil
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from math import log, sqrt
 from operator import mul
 
 import msgspec
 
 from fwav_companion.geometry.vectors import Matrix3, Vector3, add, multiply, subtract, transform, transpose
 from fwav_companion.tracking.linear import Symmetric2, symmetric_inverse
-from fwav_companion.tracking.shared import Row, Rows, Weighed
+from fwav_companion.tracking.shared import Rows, Weighed
 
-SWING_SHARE = 0.1
-"""Of a new fix in the running mean: ten fixes, a beat and a half of the slowest wings at 30 frames/s."""
+SCATTER_SHARE = 0.02
+"""Of a new fix in what was seen: fifty fixes, eight beats of 5 Hz at 30 frames/s."""
+FIXES_TO_LEARN = 20
+"""Three beats of 5 Hz at 30 frames/s: by then what a time offset does to this target was seen."""
+MOST_SCATTER = 4.0
+"""Times what one sigma of the time offset makes: two sigma."""
+LEAST_DOUBT = 0.1
+"""A glide does not show what the next beat will."""
+
+
+class Scatter(msgspec.Struct, frozen=True, gc=False):
+    """How far fixes lie from the estimate beyond their noise: what a standing time offset does on a flapping wing.
+
+    It throws single fixes much farther than their mean, and not in proportion to the rate of the moment; so what its
+    prior allows is believed of a new target only, and of an old one what was seen.
+    """
+
+    variance: float = 0.0
+    """Seen, an axis, m^2; at most what is allowed: clutter must not widen a gate that lets in more clutter."""
+    allowed: float = 0.0
+    """By the prior of the time offset, an axis, as a running mean over the fixes, m^2."""
+    count: int = 1
+    """Fixes blended."""
+
+    def with_fix(self, distance2: float, expected2: float, thrown2: float) -> Scatter:
+        """With one more fix, so far from the estimate, where noise alone made so much, and one sigma of the time
+        offset throws it so far: squares of two axes, m^2.
+        """
+        share = max(SCATTER_SHARE, 1.0 / (self.count + 1))
+        allowed = self.allowed + share * (0.5 * thrown2 - self.allowed)
+        variance = self.variance + share * (0.5 * (distance2 - expected2) - self.variance)
+        return Scatter(min(max(0.0, variance), MOST_SCATTER * allowed), allowed, self.count + 1)
+
+    @property
+    def doubt(self) -> float:
+        """The share of what the time offset's prior allows that is still to be reckoned with."""
+        return max(LEAST_DOUBT, 1.0 - self.count / FIXES_TO_LEARN)
+
+
+class Surprise(msgspec.Struct, frozen=True, gc=False):
+    """How little a fix was expected."""
+
+    distance2: float
+    """Squared Mahalanobis distance, 2 degrees of freedom."""
+    spread: float
+    """Log of how much wider than the fix's own noise it was looked for: areas squared."""
 
 
 class Estimate(msgspec.Struct, frozen=True, gc=False):
@@ -31,9 +77,8 @@ class Estimate(msgspec.Struct, frozen=True, gc=False):
     """Where the wandering biases begin in it."""
     wander: Symmetric2
     """Covariance of what the wandering biases left, horizontal."""
-    swing: Symmetric2
-    """How far a standing time offset throws single fixes, as a running mean square: on a flapping wing much farther
-    than the mean of them, and not in proportion to the rate of the moment."""
+    scatter: Scatter
+    """How single fixes scatter about it."""
 
     @property
     def relative_cov(self) -> Matrix3:
@@ -53,16 +98,16 @@ class Estimate(msgspec.Struct, frozen=True, gc=False):
         return ((nn, ne, nd), (ne, ee, ed), (nd, ed, dd))
 
 
-def inner(a: Row, b: Row) -> float:
+def inner(a: Sequence[float], b: Sequence[float]) -> float:
     """The inner product of two rows."""
     return sum(map(mul, a, b), 0.0)
 
 
-def first_estimate(fix: Weighed, wandering: int, timed: int | None) -> Estimate:
+def first_estimate(fix: Weighed, wandering: int) -> Estimate:
     """After a first fix: the fix itself."""
     north, east = fix.shared[0][wandering:], fix.shared[1][wandering:]
     wander = (inner(north, north), inner(north, east), inner(east, east))
-    return Estimate(fix.position, fix.noise, fix.shared, wandering, wander, thrown(fix.shared, timed))
+    return Estimate(fix.position, fix.noise, fix.shared, wandering, wander, Scatter())
 
 
 def noise_gain(estimate: Estimate, fix: Weighed) -> Matrix3:
@@ -80,31 +125,44 @@ def noise_gain(estimate: Estimate, fix: Weighed) -> Matrix3:
 
 def blended(estimate: Estimate, fix: Weighed, gain: Matrix3, timed: int | None) -> Estimate:
     """The estimate with error e + K (m - e)."""
+    difference = subtract(fix.position, estimate.position)
     return Estimate(
-        add(estimate.position, transform(gain, subtract(fix.position, estimate.position))),
+        add(estimate.position, transform(gain, difference)),
         blended_noise(estimate.noise, fix.noise, gain),
         blended_shared(estimate.shared, fix.shared, estimate.shared, gain),
         estimate.wandering,
         _blended_wander(estimate, fix, gain),
-        mean_swing(estimate.swing, fix.shared, timed),
+        scattered(estimate, difference, fix, timed),
     )
 
 
-def surprise(estimate: Estimate, fix: Weighed) -> float:
-    """Squared Mahalanobis distance of a fix, horizontal. Shared errors cancel as they do in the difference."""
+def scattered(estimate: Estimate, difference: Vector3, fix: Weighed, timed: int | None) -> Scatter:
+    """The scatter after a fix that lay so far off."""
+    n, e, _ = difference
+    own, new = estimate.noise, fix.noise
+    thrown2 = 0.0 if timed is None else fix.shared[0][timed] ** 2 + fix.shared[1][timed] ** 2
+    return estimate.scatter.with_fix(n * n + e * e, own[0][0] + own[1][1] + new[0][0] + new[1][1], thrown2)
+
+
+def surprise(estimate: Estimate, fix: Weighed, timed: int | None) -> Surprise:
+    """How little a fix was expected. Shared errors cancel as they do in the difference."""
     (fix_n, fix_e, _), (own_n, own_e, _) = fix.shared, estimate.shared
     i = estimate.wandering
-    north = tuple([a - b for a, b in zip(fix_n[:i], own_n[:i], strict=True)])
-    east = tuple([a - b for a, b in zip(fix_e[:i], own_e[:i], strict=True)])
+    north = [a - b for a, b in zip(fix_n[:i], own_n[:i], strict=True)]
+    east = [a - b for a, b in zip(fix_e[:i], own_e[:i], strict=True)]
+    if timed is not None:
+        doubt = sqrt(estimate.scatter.doubt)
+        north[timed], east[timed] = doubt * north[timed], doubt * east[timed]
     wander_nn, wander_ne, wander_ee = _wander_difference(estimate, fix)
-    swing_nn, swing_ne, swing_ee = estimate.swing
     (p_nn, p_ne, _), (_, p_ee, _), _ = estimate.noise
     (f_nn, f_ne, _), (_, f_ee, _), _ = fix.noise
-    nn = p_nn + f_nn + inner(north, north) + wander_nn + swing_nn
-    ne = p_ne + f_ne + inner(north, east) + wander_ne + swing_ne
-    ee = p_ee + f_ee + inner(east, east) + wander_ee + swing_ee
+    seen = estimate.scatter.variance
+    nn = p_nn + f_nn + inner(north, north) + wander_nn + seen
+    ne = p_ne + f_ne + inner(north, east) + wander_ne
+    ee = p_ee + f_ee + inner(east, east) + wander_ee + seen
     n, e = fix.position[0] - estimate.position[0], fix.position[1] - estimate.position[1]
-    return (ee * n * n - 2.0 * ne * n * e + nn * e * e) / (nn * ee - ne * ne)
+    area2 = nn * ee - ne * ne
+    return Surprise((ee * n * n - 2.0 * ne * n * e + nn * e * e) / area2, log(area2 / (f_nn * f_ee - f_ne * f_ne)))
 
 
 def blended_shared(own: Rows, fix: Rows, estimate: Rows, gain: Matrix3) -> Rows:
@@ -167,17 +225,3 @@ def _wander_difference(estimate: Estimate, fix: Weighed) -> Symmetric2:
         w_ne + inner(north, east) - c_ne - c_en,
         w_ee + inner(east, east) - 2.0 * c_ee,
     )
-
-
-def thrown(shared: Rows, timed: int | None) -> Symmetric2:
-    """How far one sigma of the time offset throws this fix: squares, horizontal."""
-    if timed is None:
-        return (0.0, 0.0, 0.0)
-    n, e = shared[0][timed], shared[1][timed]
-    return (n * n, n * e, e * e)
-
-
-def mean_swing(mean: Symmetric2, shared: Rows, timed: int | None) -> Symmetric2:
-    """The running mean with one more fix."""
-    (nn, ne, ee), (a, b, c) = thrown(shared, timed), mean
-    return (a + SWING_SHARE * (nn - a), b + SWING_SHARE * (ne - b), c + SWING_SHARE * (ee - c))

@@ -9,7 +9,7 @@ Immutable: an update returns a new estimate that shares the rows it did not touc
 
 from __future__ import annotations
 
-from math import exp
+from math import exp, log
 from typing import TypeAlias
 
 import msgspec
@@ -34,6 +34,8 @@ class Innovation(msgspec.Struct, frozen=True, gc=False):
     """Of the innovation's covariance: uu, uv, vv, 1/px^2."""
     determinant: float
     distance2: float
+    spread: float
+    """Log of the innovation's determinant over that of the noise alone."""
 
 
 class Joint(msgspec.Struct, frozen=True):
@@ -107,6 +109,7 @@ class Joint(msgspec.Struct, frozen=True):
                 )
             )
         uu, uv, vv = pixel_noise(glimpse, prediction, self.priors)
+        alone = uu * vv - uv * uv
         pu, pv = carried
         own_u, own_v = (*pu[:COMMON_COUNT], pu[place], pu[place + 1]), (*pv[:COMMON_COUNT], pv[place], pv[place + 1])
         uu += sum(h * p for h, p in zip(full[0], own_u, strict=True))
@@ -118,7 +121,7 @@ class Joint(msgspec.Struct, frozen=True):
         inverse = (vv / determinant, -uv / determinant, uu / determinant)
         du, dv = difference
         distance2 = inverse[0] * du * du + 2.0 * inverse[1] * du * dv + inverse[2] * dv * dv
-        return Innovation((du, dv), (pu, pv), inverse, determinant, distance2)
+        return Innovation((du, dv), (pu, pv), inverse, determinant, distance2, log(determinant / alone))
 
     def updated(self, seen: Innovation) -> Joint:
         """With the gain of least covariance, but for the vehicle's position, which is only considered."""

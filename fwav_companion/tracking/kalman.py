@@ -7,7 +7,7 @@ import msgspec
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.nouns import ErrorPriors, GroundFix
-from fwav_companion.tracking.estimate import Estimate, blended, first_estimate, noise_gain, surprise
+from fwav_companion.tracking.estimate import Estimate, Surprise, blended, first_estimate, noise_gain, surprise
 from fwav_companion.tracking.shared import SharedErrors
 
 
@@ -52,12 +52,12 @@ class StaticBelief(msgspec.Struct, frozen=True):
         shared = self.errors.faded(was.shared, self.host_ns, host_ns)
         if shared is was.shared:
             return self
-        estimate = Estimate(was.position, was.noise, shared, was.wandering, was.wander, was.swing)
+        estimate = Estimate(was.position, was.noise, shared, was.wandering, was.wander, was.scatter)
         return StaticBelief(self.errors, estimate, host_ns, self.fixed_ns)
 
-    def surprise(self, fix: GroundFix) -> float:
-        """Squared Mahalanobis distance of a fix at this instant, horizontal."""
-        return surprise(self.estimate, self.errors.weighed(fix, None))
+    def surprise(self, fix: GroundFix) -> Surprise:
+        """How little a fix at this instant was expected, horizontal."""
+        return surprise(self.estimate, self.errors.weighed(fix, None), self.errors.timed)
 
     def updated(self, fix: GroundFix) -> StaticBelief:
         """With the gain of least noise: the weighted mean of all fixes."""
@@ -80,5 +80,5 @@ class StaticKalman:
     def started(self, fix: GroundFix) -> StaticBelief:
         """The belief after the first fix: the fix itself."""
         host_ns, errors = fix.sighting.frame_host_ns, self._errors
-        estimate = first_estimate(errors.weighed(fix, None), errors.wandering, errors.timed)
+        estimate = first_estimate(errors.weighed(fix, None), errors.wandering)
         return StaticBelief(errors, estimate, host_ns, host_ns)

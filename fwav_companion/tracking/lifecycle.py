@@ -14,12 +14,15 @@ from fwav_companion.nouns import Reason, TrackState
 CONFIRMING_SIGHTS = 5
 """Sights before a track is believed. With one false detection in ten frames, two of them within one gate of 1 m^2 on
 a footprint of 50 m^2 meet once in 500 frames; five of them never."""
+CONFIRMING_SCORE = 15.0
+"""Log-likelihood ratio of those sights against false detections, summed. A sight where it was expected within noise
+makes 8, one in a gate ten times as wide as the noise 4; chains of clutter in a wide gate make 1 each."""
 TENTATIVE_LOOKS = 10
-"""Frames that looked, before which those sights must have come."""
+"""Frames within which those sights must have come."""
 TENTATIVE_MISSES = 3
-"""Looks in a row that saw nothing, which end a tentative track: a true one misses three of three once in 1000."""
+"""Frames in a row that saw nothing, which end a tentative track: a true one misses three of three once in 1000."""
 TENTATIVE_NS = 2 * NS_PER_S
-"""Unseen for so long, whether or not anybody looked."""
+"""Unseen for so long, however few frames there were."""
 
 COASTING_AFTER_NS = 250 * NS_PER_MS
 """Longer than a detector's usual gaps, shorter than a person takes to notice."""
@@ -39,6 +42,8 @@ class Life(msgspec.Struct, frozen=True, gc=False):
     last_seen_ns: HostNs
     last_frame_ns: HostNs
     sights: int = 1
+    score: float = 0.0
+    """How much likelier a target than clutter: a logarithm."""
     looks: int = 1
     """Frames that saw it, or could have."""
     misses: int = 0
@@ -54,11 +59,11 @@ def born(host_ns: HostNs) -> Life:
     return Life(TrackState.TENTATIVE, host_ns, host_ns, host_ns)
 
 
-def seen(life: Life, host_ns: HostNs) -> Life:
-    """After a frame that saw it."""
-    sights = life.sights + 1
+def seen(life: Life, host_ns: HostNs, likelier: float) -> Life:
+    """After a frame that saw it, by a fix so much likelier its own than a false one (a logarithm)."""
+    sights, score = life.sights + 1, life.score + likelier
     confirmed_ns = life.confirmed_ns
-    if confirmed_ns is None and sights >= CONFIRMING_SIGHTS:
+    if confirmed_ns is None and sights >= CONFIRMING_SIGHTS and score >= CONFIRMING_SCORE:
         confirmed_ns = host_ns
     return Life(
         TrackState.TENTATIVE if confirmed_ns is None else TrackState.CONFIRMED,
@@ -66,13 +71,18 @@ def seen(life: Life, host_ns: HostNs) -> Life:
         host_ns,
         host_ns,
         sights,
+        score,
         life.looks + 1,
         confirmed_ns=confirmed_ns,
     )
 
 
 def unseen(life: Life, host_ns: HostNs, *, looked: bool, keep_ns: int) -> Life:
-    """After a frame that did not see it; ``looked``: it could have. ``keep_ns``: how long a believed target is kept."""
+    """After a frame that did not see it; ``looked``: it could have. ``keep_ns``: how long a believed target is kept.
+
+    A tentative track is not given the benefit of the doubt: nobody knows yet where to look for it.
+    """
+    looked = looked or life.confirmed_ns is None
     life = msgspec.structs.replace(
         life,
         last_frame_ns=host_ns,

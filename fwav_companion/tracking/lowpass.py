@@ -14,7 +14,7 @@ import msgspec
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.nouns import ErrorPriors, GroundFix
-from fwav_companion.tracking.estimate import Estimate, blended, first_estimate, surprise
+from fwav_companion.tracking.estimate import Estimate, Surprise, blended, first_estimate, surprise
 from fwav_companion.tracking.shared import SharedErrors, Weighed
 
 
@@ -59,14 +59,14 @@ class LowPassBelief(msgspec.Struct, frozen=True):
         shared = errors.faded(was.shared, self.host_ns, host_ns)
         if shared is was.shared:
             return self
-        estimate = Estimate(was.position, was.noise, shared, was.wandering, was.wander, was.swing)
+        estimate = Estimate(was.position, was.noise, shared, was.wandering, was.wander, was.scatter)
         if waiting is not None:
             waiting = Weighed(waiting.position, waiting.noise, errors.faded(waiting.shared, self.host_ns, host_ns))
         return LowPassBelief(self.filter, estimate, host_ns, self.fixed_ns, waiting)
 
-    def surprise(self, fix: GroundFix) -> float:
-        """Squared Mahalanobis distance of a fix at this instant, horizontal."""
-        return surprise(self.estimate, self.filter.errors.weighed(fix, None))
+    def surprise(self, fix: GroundFix) -> Surprise:
+        """How little a fix at this instant was expected, horizontal."""
+        return surprise(self.estimate, self.filter.errors.weighed(fix, None), self.filter.errors.timed)
 
     def updated(self, fix: GroundFix) -> LowPassBelief:
         """One step of the recursion."""
@@ -108,6 +108,4 @@ class LowPass:
         sample = self.errors.weighed(fix, None)
         host_ns = fix.sighting.frame_host_ns
         waiting = sample if self.alpha_rate_hz == 0.0 else None
-        return LowPassBelief(
-            self, first_estimate(sample, self.errors.wandering, self.errors.timed), host_ns, host_ns, waiting
-        )
+        return LowPassBelief(self, first_estimate(sample, self.errors.wandering), host_ns, host_ns, waiting)

@@ -25,14 +25,15 @@ from fwav_companion.geometry.vectors import (
 from fwav_companion.nouns import ErrorPriors, GroundFix
 from fwav_companion.tracking.estimate import (
     Estimate,
+    Scatter,
+    Surprise,
     blended_noise,
     blended_shared,
     inner,
-    mean_swing,
+    scattered,
     surprise,
-    thrown,
 )
-from fwav_companion.tracking.linear import Symmetric2, add_diagonal, minus, scaled, symmetric_inverse, symmetrized
+from fwav_companion.tracking.linear import add_diagonal, minus, scaled, symmetric_inverse, symmetrized
 from fwav_companion.tracking.shared import Rows, SharedErrors
 
 START_SPEED_M_S = 3.0
@@ -61,8 +62,8 @@ class MovingBelief(msgspec.Struct, frozen=True):
     shared: Rows
     """cov(position error, b / sigma), metres."""
     velocity_shared: Rows
-    swing: Symmetric2
-    """How far a standing time offset throws single fixes (``estimate``)."""
+    scatter: Scatter
+    """How single fixes scatter beyond their noise."""
     host_ns: HostNs
     fixed_ns: HostNs
 
@@ -98,23 +99,21 @@ class MovingBelief(msgspec.Struct, frozen=True):
             _accelerated(self.velocity_noise, dt),
             _carried(self.shared, self.velocity_shared, dt),
             self.velocity_shared,
-            self.swing,
+            self.scatter,
             host_ns,
             self.fixed_ns,
         )
 
-    def surprise(self, fix: GroundFix) -> float:
-        """Squared Mahalanobis distance of a fix at this instant, horizontal."""
-        here = Estimate(self.position_ned, self.noise, self.shared, self.errors.count, (0.0, 0.0, 0.0), self.swing)
-        return surprise(here, self.errors.weighed(fix, None))
+    def surprise(self, fix: GroundFix) -> Surprise:
+        """How little a fix at this instant was expected, horizontal."""
+        return surprise(self._as_point(), self.errors.weighed(fix, None), self.errors.timed)
 
     def updated(self, fix: GroundFix) -> MovingBelief:
-        """With the gain of least noise, the swing of a standing time offset counted as noise."""
+        """With the gain of least noise, the scatter that was seen counted as noise."""
         host_ns = fix.sighting.frame_host_ns
         weighed = self.errors.weighed(fix, s_from_ns(host_ns - self.fixed_ns))
-        swing = mean_swing(self.swing, weighed.shared, self.errors.timed)
         (nn, ne, nd), (_, ee, ed), dd = add_matrices(self.noise, weighed.noise)
-        nn, ne, ee = nn + swing[0], ne + swing[1], ee + swing[2]
+        nn, ee = nn + self.scatter.variance, ee + self.scatter.variance
         inverse = symmetric_inverse(((nn, ne, nd), (ne, ee, ed), dd))
         gain, velocity_gain = multiply(self.noise, inverse), multiply(transpose(self.cross), inverse)
         difference = subtract(weighed.position, self.position_ned)
@@ -128,10 +127,13 @@ class MovingBelief(msgspec.Struct, frozen=True):
             velocity_noise,
             blended_shared(self.shared, weighed.shared, self.shared, gain),
             blended_shared(self.velocity_shared, weighed.shared, self.shared, velocity_gain),
-            swing,
+            scattered(self._as_point(), difference, weighed, self.errors.timed),
             self.host_ns,
             host_ns,
         )
+
+    def _as_point(self) -> Estimate:
+        return Estimate(self.position_ned, self.noise, self.shared, self.errors.count, (0.0, 0.0, 0.0), self.scatter)
 
     def _blended_noise(self, fix: Matrix3, gain: Matrix3, velocity_gain: Matrix3) -> tuple[Matrix3, Matrix3, Matrix3]:
         """(I - K H) P (I - K H)' + K R K' for any gain, by its blocks."""
@@ -169,7 +171,7 @@ class MovingKalman:
             ((speed, 0.0, 0.0), (0.0, speed, 0.0), (0.0, 0.0, START_CLIMB_M_S**2)),
             weighed.shared,
             (nothing, nothing, nothing),
-            thrown(weighed.shared, self._errors.timed),
+            Scatter(),
             host_ns,
             host_ns,
         )

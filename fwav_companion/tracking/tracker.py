@@ -85,7 +85,7 @@ class Tracker:
         )
         taken = self._associated(alive, view.fixes)
         kept = [self._after(track, taken.get(track.id), view) for track in alive]
-        used = {id(fix) for fix in taken.values()}
+        used = {id(fix) for fix, _ in taken.values()}
         tracks, next_id = self._with_newborn(kept, [fix for fix in view.fixes if id(fix) not in used], view.host_ns)
         living = tuple(track for track in tracks if track.life.state is not TrackState.DROPPED)
         self._state = Snapshot(living, next_id, self._learned(view.host_ns, living))
@@ -101,9 +101,12 @@ class Tracker:
         self._state = Snapshot((), self._state.next_id, None if calibrator is None else calibrator.restarted())
         return told
 
-    def _associated(self, alive: tuple[Alive, ...], fixes: tuple[GroundFix, ...]) -> dict[int, GroundFix]:
-        """Track id -> its fix. Believed tracks choose first: a newborn must not take a known target's fix."""
-        taken: dict[int, GroundFix] = {}
+    def _associated(self, alive: tuple[Alive, ...], fixes: tuple[GroundFix, ...]) -> dict[int, tuple[GroundFix, float]]:
+        """Track id -> its fix, and how much likelier it is than a false one.
+
+        Believed tracks choose first: a newborn must not take a known target's fix.
+        """
+        taken: dict[int, tuple[GroundFix, float]] = {}
         free = list(fixes)
         for believed in (True, False):
             group = [track for track in alive if (track.life.confirmed_ns is not None) is believed]
@@ -111,21 +114,23 @@ class Tracker:
                 continue
             candidates = [Candidate(track.label, self._seen_as(track), track.detector_id) for track in group]
             pairs = associate(candidates, free)
-            taken |= {group[i].id: free[j] for i, j in pairs.items()}
-            free = [fix for j, fix in enumerate(free) if j not in set(pairs.values())]
+            taken |= {group[i].id: (free[j], likelier) for i, (j, likelier) in pairs.items()}
+            gone = {j for j, _ in pairs.values()}
+            free = [fix for j, fix in enumerate(free) if j not in gone]
         return taken
 
-    def _after(self, track: Alive, fix: GroundFix | None, view: FrameView) -> Alive:
-        if fix is None:
+    def _after(self, track: Alive, taken: tuple[GroundFix, float] | None, view: FrameView) -> Alive:
+        if taken is None:
             looked = view.could_see(self._seen_as(track).position_ned)
             life = unseen(track.life, view.host_ns, looked=looked, keep_ns=self._keep_ns)
             return msgspec.structs.replace(track, life=life)
+        fix, likelier = taken
         detection = fix.sighting.detection
         return Alive(
             track.id,
             track.label,
             track.belief.updated(fix),
-            seen(track.life, view.host_ns),
+            seen(track.life, view.host_ns, likelier),
             detection.detector_id if detection.detector_id is not None else track.detector_id,
             (detection.u, detection.v),
             fix,
