@@ -269,7 +269,7 @@ class Scanner:
             inside = self._frame_at(buffer, marker.start())
             if isinstance(inside, RawFrame) and inside.definition is not None:
                 return _Nothing.HERE
-            if inside is _Nothing.YET and not at_end:
+            if inside is _Nothing.YET and not at_end and _may_be_known(buffer, marker.start()):
                 return _Nothing.YET
             start = self._clear_to = marker.start() + 1
         return frame
@@ -324,3 +324,11 @@ class Scanner:
     def _begins_with_known_frame(self, data: bytes) -> bool:
         found = self._frame_at(data, 0) if data else _Nothing.YET
         return isinstance(found, RawFrame) and found.known
+
+
+def _may_be_known(buffer: bytes, position: int) -> bool:
+    """What begins here has a known message id, as far as it has come."""
+    if buffer[position] == MARKER_V2:
+        msgid = buffer[position + 7 : position + HEADER_V2]
+        return len(msgid) < 3 or int.from_bytes(msgid, "little") in DEFINITIONS
+    return len(buffer) - position < HEADER_V1 or buffer[position + 5] in DEFINITIONS

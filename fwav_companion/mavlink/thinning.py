@@ -8,8 +8,6 @@ from typing import Final
 from fwav_companion.geometry.stamps import HostNs, ns_from_s
 from fwav_companion.mavlink.definitions import BY_NAME
 
-_EARLY: Final = 4
-"""A frame may come a quarter of an interval early, so that jitter does not halve a stream of just the right rate."""
 _PAUSE: Final = 2
 """Intervals without a frame after which the grid begins anew. One may be jitter of a source that is hardly faster."""
 MAX_STREAMS: Final = 1024
@@ -49,7 +47,7 @@ class Thinner:
             self._due_ns.clear()
         if due is None or now - due >= _PAUSE * interval:
             due = now
-        elif now < due - interval // _EARLY:
+        elif now < due:
             return False
         self._due_ns[stream] = due + interval
         return True

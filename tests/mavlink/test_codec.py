@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from struct import unpack
 
 import pytest
 from hypothesis import given
@@ -89,8 +90,10 @@ def test_a_signed_frame_cut_short_by_just_the_length_of_a_signature() -> None:
     wire = Wire()
     wire.mav.signing.secret_key = b"k" * 32
     wire.mav.signing.sign_outgoing = True
-    values = (7, 1.5, *[0.0] * 5)  # time_boot_ms and roll; 20 zero bytes are left out, and the signature adds 13
+    (tiny,) = unpack("<f", b"\1\2\3\0")
+    values = (7, 1.5, 2.5, tiny, 0.0, 0.0, 0.0)  # 13 zero bytes are left out, and the signature adds as many
     frame = wire.frame("ATTITUDE", *values)
+    assert frame[1] == 28 - 13
     (found,) = Scanner().feed(frame)
     assert tuple(decode(found).fields) == values
 

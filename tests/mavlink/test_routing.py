@@ -125,10 +125,13 @@ def test_unknown_and_signed_frames_go_on_byte_for_byte() -> None:
 def test_setup_signing_is_never_forwarded_and_never_recorded() -> None:
     net = Net()
     vehicle_and_ground(net)
+    wire = Wire(255, 191)
     for target in ((1, 1), (0, 0), (255, 190)):
-        frame = Wire(255, 191).frame("SETUP_SIGNING", *target, tuple(range(32)), 0)
-        received = net.node.receive("tablet", frame + Wire(255, 191).heartbeat(6, 8), net.now)
-        assert [name for name, data in received.forwards if data == frame] == []
+        frame = wire.frame("SETUP_SIGNING", *target, tuple(range(32)), 0)
+        net.wait(NS_PER_S)
+        received = net.node.receive("tablet", frame + wire.heartbeat(6, 8), net.now)
+        assert [name for name, data in received.forwards if frame in data] == []
+        assert [name for name, _ in received.forwards] == ["autopilot", "ground"]  # the heartbeat
         assert [raw.msgid for raw in received.frames] == [0]
 
 
@@ -186,6 +189,13 @@ def test_adopting_a_system_forgets_our_own_under_it() -> None:
     assert net.node.system == 9
 
 
+def test_adopting_the_same_system_again_changes_nothing() -> None:
+    net = Net(system=9)
+    version = net.node._router.version
+    net.node.adopt(9)
+    assert net.node._router.version == version
+
+
 def test_a_frame_that_came_by_another_link_is_a_duplicate() -> None:
     net = Net(AUTOPILOT, SECOND, GROUND, wanted=("ATTITUDE",))
     vehicle = Wire(1, 1)
@@ -206,6 +216,19 @@ def test_the_same_bytes_again_on_one_link_are_no_duplicate() -> None:
     frame = Wire(1, 1).heartbeat()
     assert net.links_of("autopilot", frame) == ["ground", "tablet"]
     assert net.links_of("autopilot", frame) == ["ground", "tablet"]
+
+
+def test_a_duplicate_may_be_late() -> None:
+    net = Net(AUTOPILOT, SECOND, GROUND)
+    vehicle = Wire(1, 1)
+    net.feed("autopilot", vehicle.heartbeat())
+    net.feed("second", vehicle.heartbeat())
+    net.wait(400 * NS_PER_MS)
+    frame = vehicle.attitude()
+    net.feed("autopilot", frame)
+    net.wait(480 * NS_PER_MS)
+    net.feed("autopilot", vehicle.attitude(2))
+    assert net.links_of("second", frame) == []
 
 
 def test_the_same_bytes_much_later_on_another_link_are_no_duplicate() -> None:

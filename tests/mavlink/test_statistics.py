@@ -64,6 +64,12 @@ def test_frames_sent_twice_are_neither_lost_nor_more() -> None:
     assert (peer.received, peer.lost) == (1000, 0)
 
 
+def test_a_frame_sent_twice_a_round_after_one_of_its_number_was_lost_is_no_late_one() -> None:
+    frames = sent(300)
+    peer = heard([*frames[:10], *frames[11:267], frames[266], *frames[267:]])
+    assert (peer.received, peer.lost, peer.late) == (299, 1, 0)
+
+
 def test_a_long_outage_is_counted_as_far_as_the_counter_tells() -> None:
     frames = sent(600)
     node = Node([LinkPolicy("a", "autopilot", datagrams=True)], [])
