@@ -1,4 +1,4 @@
-"""A recording through the same pipeline that flew, as fast as it goes. Pure: file contents in, lines out."""
+"""A recording through the same pipeline that flew, as fast as it goes. Pure: a recording in, lines out."""
 
 from __future__ import annotations
 
@@ -9,47 +9,18 @@ import msgspec
 
 from fwav_companion.camera import Calibration
 from fwav_companion.config import Config
-from fwav_companion.geometry.stamps import NS_PER_US, HostNs
+from fwav_companion.geometry.stamps import NS_PER_US, HostNs, host_from_seconds
 from fwav_companion.localization import ElevationTile
-from fwav_companion.mavlink.codec import decode
-from fwav_companion.mavlink.scanner import Scanner
 from fwav_companion.nouns import Frame, Message, NoFrame, StampClock
 from fwav_companion.pipeline import Pipeline
+from fwav_companion.recorded import Recording, is_own, read_recording
+from fwav_companion.recording.events import End, Refused
 from fwav_companion.recording.lines import Line
-from fwav_companion.recording.tlog import SkippedBytes, read_tlog
 from fwav_companion.recording.truth import ErrorTally, TruthPoint
-from fwav_companion.vision.wall_clock import RecordingClock
-from fwav_companion.vision.wire import parse_frame
-from fwav_companion.wiring import WANTED, make_pipeline, own_components
+from fwav_companion.tracking.base import Filter
+from fwav_companion.wiring import make_pipeline, own_components
 
-
-class Recording(msgspec.Struct, frozen=True):
-    """A flight as it was recorded, on the clock of its telemetry's stamps."""
-
-    messages: Sequence[tuple[int, Message]]
-    """(Unix microseconds, message), in file order with times that never go back."""
-    frames: Sequence[Frame | NoFrame]
-    unix_offset_ns: int
-    """Unix minus host, by the recording's own TIMESYNC requests; 0 where there are none: host time is Unix time."""
-    skipped: Sequence[SkippedBytes]
-    """Damaged stretches of the telemetry."""
-
-
-def read_recording(telemetry: bytes, detections: bytes, own: frozenset[int]) -> Recording:
-    """``own``: our component ids, whose TIMESYNC requests tell the host's clock."""
-    messages: list[tuple[int, Message]] = []
-    skipped: list[SkippedBytes] = []
-    scanner, latest_us = Scanner(datagrams=True), 0
-    for item in read_tlog(telemetry):
-        if isinstance(item, SkippedBytes):
-            skipped.append(item)
-            continue
-        latest_us = max(latest_us, item.unix_us)
-        messages.extend((latest_us, message) for message in _decoded(scanner, item.frame))
-    unix_offset_ns = _unix_offset_ns(messages, own)
-    clock = RecordingClock(unix_offset_ns)
-    lines = (line for line in detections.splitlines() if line.strip())
-    return Recording(messages, [parse_frame(line, None, clock) for line in lines], unix_offset_ns, skipped)
+__all__ = ["Recording", "read_recording", "replay"]
 
 
 def replay(
@@ -58,16 +29,21 @@ def replay(
     calibration: Calibration,
     *,
     elevation: Sequence[ElevationTile] = (),
+    own_filter: Filter | None = None,
     sightings: bool = False,
     truth: Sequence[TruthPoint] = (),
 ) -> Iterator[Line]:
-    """The lines of a targets file, header first, summary last. With truth the summary has ``errors``."""
+    """The lines of a targets file, header first, summary last. With truth the summary has ``errors``.
+
+    ``own_filter`` follows targets in the place of [tracking] filter.
+    """
     pipeline = make_pipeline(
-        config,
+        _config_for(recording, config),
         calibration,
         unix_offset_ns=recording.unix_offset_ns,
         live=False,
         elevation=elevation,
+        own_filter=own_filter,
         sightings=sightings,
     )
     tally = ErrorTally(truth) if truth else None
@@ -81,19 +57,12 @@ def replay(
             yield line
 
 
-def _decoded(scanner: Scanner, data: bytes) -> Iterator[Message]:
-    for frame in scanner.feed(data):
-        if frame.definition is not None and frame.definition.name in WANTED:
-            yield decode(frame)
-
-
-def _unix_offset_ns(messages: Sequence[tuple[int, Message]], own: frozenset[int]) -> int:
-    """Our requests carry the host's clock in whole microseconds, and below them a nonce."""
-    for unix_us, message in messages:
-        if message.name == "TIMESYNC" and message.component in own and message.fields.tc1 == 0:
-            host_us: int = message.fields.ts1 // NS_PER_US
-            return (unix_us - host_us) * NS_PER_US
-    return 0
+def _config_for(recording: Recording, config: Config) -> Config:
+    """A log's attitudes are not delayed by their sending."""
+    if not recording.exact_stamps or config.uncertainty.attitude_stamp_delay_s != "auto":
+        return config
+    uncertainty = msgspec.structs.replace(config.uncertainty, attitude_stamp_delay_s=0.0)
+    return msgspec.structs.replace(config, uncertainty=uncertainty)
 
 
 def _drive(pipeline: Pipeline, recording: Recording, own: frozenset[int]) -> Iterator[None]:
@@ -104,8 +73,13 @@ def _drive(pipeline: Pipeline, recording: Recording, own: frozenset[int]) -> Ite
         for frame in _arrived(untold, pipeline, now):
             pipeline.on_frame(frame, now)
         if isinstance(event, Message):
-            on_message = pipeline.on_own_message if event.component in own else pipeline.on_message
+            on_message = pipeline.on_own_message if is_own(event, own, recording.own_system) else pipeline.on_message
             on_message(event, now)
+        elif isinstance(event, Refused):
+            for reason, count in event.reasons.items():
+                pipeline.on_refused(reason, count, now)
+        elif isinstance(event, End):
+            break
         else:
             pipeline.on_frame(event, now)
         yield
@@ -115,7 +89,7 @@ def _drive(pipeline: Pipeline, recording: Recording, own: frozenset[int]) -> Ite
     yield
 
 
-_Event = tuple[HostNs, int, Message | Frame | NoFrame]
+_Event = tuple[HostNs, int, Message | Frame | NoFrame | Refused | End]
 
 
 def _by_time(event: _Event) -> tuple[HostNs, int]:
@@ -133,6 +107,10 @@ def _frames(recording: Recording, pipeline: Pipeline, untold: list[Frame]) -> It
     last_ns = HostNs(0)
     for frame in recording.frames:
         if isinstance(frame, NoFrame):
+            events.append((last_ns, 1, frame))
+            continue
+        if isinstance(frame, Refused | End):
+            last_ns = HostNs(host_from_seconds(frame.received_unix) - recording.unix_offset_ns)
             events.append((last_ns, 1, frame))
             continue
         if frame.arrival_ns is None and frame.stamp_clock is StampClock.BOOT:

@@ -38,7 +38,9 @@ from fwav_companion.publishing.options import PublishOptions
 from fwav_companion.publishing.publisher import Publisher
 from fwav_companion.sight import Sight
 from fwav_companion.telemetry import Telemetry, TelemetryOptions
-from fwav_companion.tracking import Reorder, TrackingOptions, make_tracker
+from fwav_companion.tracking import Reorder, Tracker, TrackingOptions, make_tracker
+from fwav_companion.tracking.base import Filter
+from fwav_companion.tracking.tracker import KEEP_STATIC_NS
 from fwav_companion.vision.task import VisionTask
 
 CAMERA_COMPONENT = 100
@@ -62,12 +64,15 @@ def make_pipeline(
     unix_offset_ns: int,
     live: bool,
     elevation: Sequence[ElevationTile] = (),
+    own_filter: Filter | None = None,
     sightings: bool = False,
     unit: str = "",
 ) -> Pipeline:
     """The pipeline of one flight. Without a calibration it is a relay's: nothing is localized.
 
-    ``elevation``: what [ground] terrain names. ``unit`` names this board for good, for uids that outlive a restart.
+    ``elevation``: what [ground] terrain names. ``own_filter`` follows targets in the place of [tracking] filter: where
+    that names a class of the user's there must be one (ConfigError). ``unit`` names this board for good, for uids that
+    outlive a restart.
     """
     ledger = Ledger(__version__, config.as_builtins(), unix_offset_ns)
     component, has_camera = config.vehicle.component_id, config.publish.camera_tracking and calibration is not None
@@ -75,7 +80,11 @@ def make_pipeline(
     sight = None
     if calibration is not None:
         localizer = Localizer(_ground(config, elevation), config.priors, min_height_m=config.ground.min_height_m)
-        reorder = Reorder(make_tracker(_tracking_options(config), config.priors))
+        if own_filter is None:
+            tracker = make_tracker(_tracking_options(config), config.priors)
+        else:
+            tracker = Tracker(own_filter, KEEP_STATIC_NS)
+        reorder = Reorder(tracker)
         sight = Sight(telemetry, _pairer(config, calibration), localizer, reorder, ledger, sightings=sightings)
     publisher = Publisher(
         _publish_options(config, calibration, unit),
@@ -217,8 +226,13 @@ def _telemetry_options(config: Config) -> TelemetryOptions:
 
 def _tracking_options(config: Config) -> TrackingOptions:
     tracking = config.tracking
+    if tracking.is_own_filter:
+        raise ConfigError(
+            f'{config.file}: [tracking] filter = "{tracking.filter}": only `replay` takes a filter of one\'s own; '
+            'accepted: "kalman" | "lowpass"'
+        )
     return TrackingOptions(
-        filter=tracking.filter,
+        filter="lowpass" if tracking.filter == "lowpass" else "kalman",
         alpha=tracking.alpha,
         alpha_rate_hz=tracking.alpha_rate_hz,
         motion=tracking.motion,

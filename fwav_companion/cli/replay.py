@@ -12,10 +12,16 @@ from fwav_companion.errors import InputFileError
 
 if TYPE_CHECKING:
     from argparse import _SubParsersAction
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator, Sequence
 
+    from fwav_companion.config import Config
+    from fwav_companion.recorded import Recording, TelemetryRead
+    from fwav_companion.recording.exports import Export
     from fwav_companion.recording.lines import Line
     from fwav_companion.recording.truth import TruthPoint
+
+MOST_TOLD = 10
+"""Damaged places of one file that are told one by one."""
 
 
 def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -25,24 +31,23 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
         description="Puts recorded telemetry and detections through the same pipeline as `run`, as fast as it goes.",
         epilog=(
             "example:\n  fwav-companion replay --telemetry telemetry.tlog --detections detections.jsonl \\\n"
-            "      --config fwav-companion.toml --out targets.jsonl"
+            "      --config fwav-companion.toml --out targets.jsonl --export targets.kml"
         ),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--telemetry", metavar="F.tlog", required=True, help="the MAVLink recording")
-    parser.add_argument("--detections", metavar="D.jsonl", required=True, help="one JSON object a frame")
-    parser.add_argument("--config", metavar="FILE", required=True, help="the configuration, as `init` writes one")
-    parser.add_argument("--out", metavar="T.jsonl", required=True, help="where the targets go")
-    parser.add_argument("--truth", metavar="T", help="CSV or JSONL with label and place: adds errors to the summary")
-    parser.add_argument("--sightings", action="store_true", help="a line for every detection, used or not")
-    parser.add_argument(
-        "--set",
-        metavar="KEY=VALUE",
-        action="append",
-        default=[],
-        help="a configuration key, as tracking.filter=lowpass",
-    )
-    parser.add_argument("--json", action="store_true", help="end with the summary as one JSON object")
+    add = parser.add_argument
+    add("--telemetry", metavar="F.tlog", required=True, nargs="+",
+        help="the MAVLink recording, in parts if it has several; or an ArduPilot .bin or a PX4 .ulg log")  # fmt: skip
+    add("--detections", metavar="D.jsonl", required=True, nargs="+", help="one JSON object a frame; in parts too")
+    add("--config", metavar="FILE", required=True, help="the configuration, as `init` writes one")
+    add("--out", metavar="T.jsonl", required=True, help="where the targets go")
+    add("--truth", metavar="T", help="CSV or JSONL with label and place: adds errors to the summary")
+    add("--sightings", action="store_true", help="a line for every detection, used or not")
+    add("--set", metavar="KEY=VALUE", action="append", default=[],
+        help="a configuration key, as tracking.filter=lowpass; filters of your own: module:Class")  # fmt: skip
+    add("--export", metavar="FILE", action="append", default=[],
+        help="the targets for other tools, by the name's end: .geojson, .kml or .csv; may be repeated")  # fmt: skip
+    add("--json", action="store_true", help="end with the summary as one JSON object")
     parser.set_defaults(run=run)
 
 
@@ -50,24 +55,72 @@ def run(arguments: argparse.Namespace) -> int:
     """Read everything, then write line by line."""
     from fwav_companion.config import load
     from fwav_companion.named_files import load_calibration, load_elevation
-    from fwav_companion.recording.tlog import load_tlog
-    from fwav_companion.replaying import read_recording, replay
-    from fwav_companion.wiring import own_components
+    from fwav_companion.own_filter import load_own_filter
+    from fwav_companion.recording.exports import export_for
+    from fwav_companion.replaying import replay
 
     config = load(arguments.config, arguments.set)
+    exports = [export_for(Path(name)) for name in arguments.export]
     calibration = load_calibration(config)
     truth = _truth(arguments.truth)
-    telemetry = load_tlog(Path(arguments.telemetry))
-    recording = read_recording(telemetry, _content(arguments.detections), own_components(config))
-    for skipped in recording.skipped:
-        print(
-            f"{arguments.telemetry}: skipped {skipped.length} damaged bytes at offset {skipped.offset}", file=sys.stderr
-        )
-    elevation = load_elevation(config)
-    lines = replay(recording, config, calibration, elevation=elevation, sightings=arguments.sightings, truth=truth)
-    summary = _write(Path(arguments.out), lines)
+    recording = _recording(arguments, config)
+    _tell_damage(arguments, recording)
+    lines = replay(
+        recording,
+        config,
+        calibration,
+        elevation=load_elevation(config),
+        own_filter=load_own_filter(config),
+        sightings=arguments.sightings,
+        truth=truth,
+    )
+    summary = _write(Path(arguments.out), _exported(lines, exports))
+    for export in exports:
+        _write_bytes(export.path, export.content())
     _tell(summary, as_json=arguments.json)
     return 0
+
+
+def _recording(arguments: argparse.Namespace, config: Config) -> Recording:
+    from fwav_companion.recorded import join
+    from fwav_companion.wiring import own_components
+
+    own = own_components(config)
+    detections = b"".join(_content(name) for name in arguments.detections)
+    return join(_telemetry(arguments.telemetry, own), detections, own, config.vehicle.system_id)
+
+
+def _telemetry(names: Sequence[str], own: frozenset[int]) -> TelemetryRead:
+    """One file of any kind, or the parts of one .tlog in their order."""
+    from fwav_companion.recorded import load_telemetry, read_telemetry
+    from fwav_companion.recording.tlog import load_tlog
+
+    if len(names) == 1:
+        return load_telemetry(Path(names[0]), own)
+    return read_telemetry(b"".join(load_tlog(Path(name)) for name in names))
+
+
+def _tell_damage(arguments: argparse.Namespace, recording: Recording) -> None:
+    """What was skipped, with offsets: counted through all parts where there are several."""
+    telemetry, detections = " + ".join(arguments.telemetry), " + ".join(arguments.detections)
+    for note in recording.notes:
+        print(f"{telemetry}: {note}", file=sys.stderr)
+    _tell_first(
+        f"{telemetry}: skipped {skipped.length} damaged bytes at offset {skipped.offset}"
+        for skipped in recording.skipped
+    )
+    _tell_first(
+        f"{detections}: line {skipped.number} at offset {skipped.offset} is no frame: {skipped.why}"
+        for skipped in recording.skipped_lines
+    )
+
+
+def _tell_first(complaints: Iterable[str]) -> None:
+    complaints = list(complaints)
+    for complaint in complaints[:MOST_TOLD]:
+        print(complaint, file=sys.stderr)
+    if len(complaints) > MOST_TOLD:
+        print(f"  and {len(complaints) - MOST_TOLD} more such places", file=sys.stderr)
 
 
 def _content(name: str) -> bytes:
@@ -90,6 +143,14 @@ def _truth(name: str | None) -> list[TruthPoint]:
         raise InputFileError(f"{name}: byte {error.start} is not UTF-8; accepted: CSV or JSONL") from None
 
 
+def _exported(lines: Iterator[Line], exports: Sequence[Export]) -> Iterator[Line]:
+    """The same lines; each export has seen them too."""
+    for line in lines:
+        for export in exports:
+            export.add(line)
+        yield line
+
+
 def _write(path: Path, lines: Iterator[Line]) -> Line:
     """Write all lines; the last one, which is the summary."""
     from fwav_companion.recording.lines import encode_line
@@ -102,6 +163,13 @@ def _write(path: Path, lines: Iterator[Line]) -> Line:
     except OSError as error:
         raise InputFileError(f"{path}: {error.strerror}; accepted: a file that can be written") from None
     return last
+
+
+def _write_bytes(path: Path, content: bytes) -> None:
+    try:
+        path.write_bytes(content)
+    except OSError as error:
+        raise InputFileError(f"{path}: {error.strerror}; accepted: a file that can be written") from None
 
 
 def _tell(summary: Line, *, as_json: bool) -> None:

@@ -89,8 +89,10 @@ class Uncertainty(Section, frozen=True):
 class Tracking(Section, frozen=True):
     """[tracking]: how fixes become targets."""
 
-    filter: Literal["kalman", "lowpass"] = "kalman"
-    """``lowpass`` is the paper's."""
+    filter: Annotated[
+        str, Meta(pattern=r"^(kalman|lowpass|[A-Za-z_][\w.]*:[A-Za-z_]\w*)$", description='"kalman" | "lowpass"')
+    ] = "kalman"
+    """``lowpass`` is the paper's. In ``replay`` alone, ``module:Class`` is a filter of the user's own."""
     alpha: Annotated[float, Meta(gt=0, le=1)] = 0.125
     """Of the low-pass, at alpha_rate_hz."""
     alpha_rate_hz: NotNegative = 30.0
@@ -99,3 +101,8 @@ class Tracking(Section, frozen=True):
     """What targets do."""
     self_calibration: bool = False
     """Whether the camera's delay and mount are estimated in flight."""
+
+    @property
+    def is_own_filter(self) -> bool:
+        """``filter`` names a class of the user's."""
+        return ":" in self.filter

@@ -7,23 +7,28 @@ many frames were refused before they were any; ``{"event": "end", "received_unix
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Annotated, TypeAlias
 
 import msgspec
+from msgspec import Meta
 
 from fwav_companion.nouns import Reason
+
+UnixSeconds: TypeAlias = Annotated[float, Meta(ge=0.0, le=1e11)]
+"""As detections have it: until the year 5138."""
 
 
 class Refused(msgspec.Struct, frozen=True, tag_field="event", tag="refused"):
     """So many frames were refused since the last such line."""
 
-    received_unix: float
-    reasons: dict[Reason, int]
+    received_unix: UnixSeconds
+    reasons: dict[Reason, Annotated[int, Meta(ge=0, le=10**12)]]
 
 
 class End(msgspec.Struct, frozen=True, tag_field="event", tag="end"):
     """The flight was over then."""
 
-    received_unix: float
+    received_unix: UnixSeconds
 
 
 _decoder = msgspec.json.Decoder(Refused | End)

@@ -1,4 +1,9 @@
-"""What the tracker needs of a filter: a belief about one target that is replaced, never changed."""
+"""What the tracker needs of a filter: a belief about one target that is replaced, never changed.
+
+A filter of one's own: a class in a module that Python finds (the current folder too), which is made with the
+configuration's :class:`~fwav_companion.nouns.ErrorPriors` and is a :class:`Filter`; its beliefs need every attribute
+of :class:`Belief`. ``replay --set tracking.filter=module:Class`` puts a recorded flight through it.
+"""
 
 from __future__ import annotations
 

@@ -1,0 +1,230 @@
+"""What an autopilot's own log tells of a flight, as the telemetry it would have sent. Pure.
+
+A log has one clock, the autopilot's: host time is boot time here, so the clock between them is exact by construction,
+and TIMESYNC exchanges without a round trip say so. Attitudes have no delay of sending: they are logged where they are
+made. What GPS tells of UTC places the whole on Unix time, some tenths of a second late.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from heapq import merge
+from itertools import pairwise
+from math import asin, degrees, sqrt
+from typing import Any, Final
+
+import msgspec
+
+from fwav_companion.geometry.rotations import Quaternion, conjugate, multiply, normalized
+from fwav_companion.geometry.vectors import Vector3
+
+US_PER_S: Final = 1_000_000
+EXCHANGE_EVERY_US: Final = 500_000
+HEARTBEAT_EVERY_US: Final = US_PER_S
+LONGEST_PAIR_US: Final = US_PER_S
+"""Attitudes further apart say nothing about how they could be interpolated."""
+TOLERABLE: Final = 0.1
+"""degrees, RMS: the attitude noise that a configuration has by default. More, and the log's rate limits what comes."""
+AUTOPILOTS: Final = {"ardupilot": 3, "px4": 12}
+MAV_TYPE_QUADROTOR: Final = 2
+"""The logs do not tell the type in MAVLink's numbers, and of an autopilot's log nothing hangs on it."""
+
+
+class LoggedAttitude(msgspec.Struct, frozen=True, gc=False):
+    """Where the body points."""
+
+    boot_us: int
+    ned_from_body: Quaternion
+    rates: Vector3 = (0.0, 0.0, 0.0)
+    """rad/s, FRD."""
+
+
+class LoggedPosition(msgspec.Struct, frozen=True, gc=False):
+    """Where it is: degrees, metres, m/s."""
+
+    boot_us: int
+    lat: float
+    lon: float
+    alt_amsl_m: float
+    height_above_home_m: float
+    velocity_ned: Vector3 = (0.0, 0.0, 0.0)
+
+
+class LoggedRange(msgspec.Struct, frozen=True, gc=False):
+    """A rangefinder's reading."""
+
+    boot_us: int
+    distance_m: float
+    orientation: int
+    """MAV_SENSOR_ORIENTATION; 25 looks down."""
+
+
+class LoggedGps(msgspec.Struct, frozen=True, gc=False):
+    """The receiver: its fix, and UTC where it knows it."""
+
+    boot_us: int
+    fix_type: int
+    """GPS_FIX_TYPE."""
+    unix_us: int | None
+
+
+class FlightLog(msgspec.Struct, frozen=True, kw_only=True):
+    """One autopilot's log, everything in the order of its clock."""
+
+    autopilot: str
+    """ardupilot | px4."""
+    attitude_source: str
+    """The log's name for the messages that the attitudes are from."""
+    attitudes: Sequence[LoggedAttitude]
+    positions: Sequence[LoggedPosition] = ()
+    ranges: Sequence[LoggedRange] = ()
+    gps: Sequence[LoggedGps] = ()
+    origin: tuple[float, float, float] | None = None
+    """Of the estimator: latitude, longitude in degrees, metres AMSL."""
+
+    @property
+    def unix_minus_boot_us(self) -> int:
+        """By GPS; 0 where it never knew UTC. The greatest difference: a message is logged late, never early."""
+        differences = sorted(fix.unix_us - fix.boot_us for fix in self.gps if fix.unix_us is not None)
+        return differences[-1 - len(differences) // 20] if differences else 0
+
+    def complaints(self) -> list[str]:
+        """What a user should know before believing what comes of this log."""
+        told = []
+        off_deg = degrees(between_attitudes(self.attitudes))
+        if off_deg > TOLERABLE:
+            told.append(
+                f"{self.attitude_source} comes at {self._rate_hz():.0f} Hz, which is too slow for this motion: halfway "
+                f"between two of them the attitude is off by about {off_deg:.1f} deg (RMS). {_FASTER[self.autopilot]}"
+            )
+        if not self.unix_minus_boot_us:
+            told.append("GPS never told UTC: detections must be stamped with time_boot")
+        return told
+
+    def _rate_hz(self) -> float:
+        if len(self.attitudes) < 2:
+            return 0.0
+        span_us = self.attitudes[-1].boot_us - self.attitudes[0].boot_us
+        return US_PER_S * (len(self.attitudes) - 1) / span_us if span_us else 0.0
+
+
+_FASTER: Final = {
+    "ardupilot": "Next time set LOG_BITMASK bit 0 (ATTITUDE_FAST).",
+    "px4": "Next time set SDLOG_PROFILE bit 3 (high rate).",
+}
+
+
+def between_attitudes(attitudes: Sequence[LoggedAttitude]) -> float:
+    """How far off a straight line between two attitudes is in its middle, rad, RMS over the log.
+
+    Each attitude is compared with the line between its neighbours; at half that distance a line errs by a quarter.
+    """
+    squares: list[float] = []
+    for (before, here), (_, after) in pairwise(pairwise(attitudes)):
+        span_us = after.boot_us - before.boot_us
+        if not 0 < span_us <= LONGEST_PAIR_US:
+            continue
+        share = (here.boot_us - before.boot_us) / span_us
+        if 0.25 < share < 0.75:
+            squares.append(_angle(_between(before.ned_from_body, after.ned_from_body, share), here.ned_from_body) ** 2)
+    return 0.25 * sqrt(sum(squares) / len(squares)) if squares else 0.0
+
+
+def _between(a: Quaternion, b: Quaternion, share: float) -> Quaternion:
+    sign = 1.0 if sum(x * y for x, y in zip(a, b, strict=True)) >= 0.0 else -1.0
+    w, x, y, z = ((1.0 - share) * p + share * sign * q for p, q in zip(a, b, strict=True))
+    return normalized((w, x, y, z))
+
+
+def _angle(a: Quaternion, b: Quaternion) -> float:
+    _, x, y, z = multiply(conjugate(a), b)
+    return 2.0 * asin(min(1.0, sqrt(x * x + y * y + z * z)))
+
+
+Told = tuple[int, str, Mapping[str, Any]]
+"""(boot time in microseconds, a message's MAVLink name, its fields)."""
+
+
+def messages_of(log: FlightLog) -> Iterator[Told]:
+    """The autopilot's messages in their order; after each TIMESYNC request of ours, its answer."""
+    streams = (
+        _beats(log),
+        map(_attitude, log.attitudes),
+        map(_gps, log.gps),
+        map(_position, log.positions),
+        map(_range, log.ranges),
+    )
+    return merge(*streams, key=lambda told: told[0])
+
+
+def _beats(log: FlightLog) -> Iterator[Told]:
+    times = [series[end].boot_us for series in (log.attitudes, log.positions) if series for end in (0, -1)]
+    if not times:
+        return
+    first_us, last_us = min(times), max(times)
+    if log.origin is not None:
+        lat, lon, alt_m = log.origin
+        fields = {"latitude": _degrees_e7(lat), "longitude": _degrees_e7(lon), "altitude": round(alt_m * 1e3)}
+        yield first_us, "GPS_GLOBAL_ORIGIN", fields | {"time_usec": first_us}
+    for at_us in range(first_us, last_us + 1, EXCHANGE_EVERY_US):
+        if (at_us - first_us) % HEARTBEAT_EVERY_US == 0:
+            yield at_us, "HEARTBEAT", _HEARTBEAT | {"autopilot": AUTOPILOTS[log.autopilot]}
+        yield at_us, "TIMESYNC", {"tc1": 0, "ts1": at_us * 1000}
+        yield at_us, "TIMESYNC", {"tc1": max(1, at_us * 1000), "ts1": at_us * 1000}
+
+
+_HEARTBEAT: Final = {"type": MAV_TYPE_QUADROTOR, "base_mode": 0, "custom_mode": 0, "system_status": 4}
+
+
+def _attitude(attitude: LoggedAttitude) -> Told:
+    w, x, y, z = attitude.ned_from_body
+    p, q, r = attitude.rates
+    fields = {"time_boot_ms": _ms(attitude.boot_us), "q1": w, "q2": x, "q3": y, "q4": z}
+    return attitude.boot_us, "ATTITUDE_QUATERNION", fields | {"rollspeed": p, "pitchspeed": q, "yawspeed": r}
+
+
+def _position(position: LoggedPosition) -> Told:
+    north, east, down = (max(-32767, min(32767, round(speed * 100.0))) for speed in position.velocity_ned)
+    return (
+        position.boot_us,
+        "GLOBAL_POSITION_INT",
+        {
+            "time_boot_ms": _ms(position.boot_us),
+            "lat": _degrees_e7(position.lat),
+            "lon": _degrees_e7(position.lon),
+            "alt": round(position.alt_amsl_m * 1e3),
+            "relative_alt": round(position.height_above_home_m * 1e3),
+            "vx": north,
+            "vy": east,
+            "vz": down,
+            "hdg": 65535,
+        },
+    )
+
+
+def _range(reading: LoggedRange) -> Told:
+    fields = {
+        "time_boot_ms": _ms(reading.boot_us),
+        "min_distance": 0,
+        "max_distance": 65535,
+        "current_distance": max(0, min(65535, round(reading.distance_m * 100.0))),
+        "type": 0,
+        "id": 0,
+        "orientation": reading.orientation,
+        "covariance": 255,
+    }
+    return reading.boot_us, "DISTANCE_SENSOR", fields
+
+
+def _gps(fix: LoggedGps) -> Told:
+    fields = dict.fromkeys(("lat", "lon", "alt"), 0) | dict.fromkeys(("eph", "epv", "vel", "cog"), 65535)
+    told = fields | {"time_usec": fix.boot_us, "fix_type": fix.fix_type, "satellites_visible": 255}
+    return fix.boot_us, "GPS_RAW_INT", told
+
+
+def _ms(boot_us: int) -> int:
+    return boot_us // 1000 & 0xFFFFFFFF
+
+
+def _degrees_e7(angle: float) -> int:
+    return round(angle * 1e7)

@@ -1,0 +1,134 @@
+"""PX4's own log (``.ulg``), read by pyulog: an extra, imported only here and only when such a file is read. SHELL."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import redirect_stdout
+from math import isfinite, sqrt
+from pathlib import Path
+from typing import Any, Final
+
+from fwav_companion.errors import InputFileError
+from fwav_companion.geometry.rotations import normalized
+from fwav_companion.recording.flight_log import (
+    FlightLog,
+    LoggedAttitude,
+    LoggedGps,
+    LoggedPosition,
+    LoggedRange,
+)
+
+HEAD: Final = b"ULog\x01\x12\x35"
+TOPICS: Final = (
+    "vehicle_attitude",
+    "vehicle_angular_velocity",
+    "vehicle_global_position",
+    "vehicle_local_position",
+    "home_position",
+    "distance_sensor",
+    "vehicle_gps_position",
+    "sensor_gps",
+)
+
+
+def is_ulog(data: bytes) -> bool:
+    """Whether this looks like a PX4 log."""
+    return data.startswith(HEAD)
+
+
+def read_ulog(path: Path) -> tuple[FlightLog, bool]:
+    """What the log tells, and whether parts of it are damaged and were left out.
+
+    InputFileError where it cannot be read, or where pyulog is not installed.
+    """
+    try:
+        from pyulog import ULog
+    except ImportError as error:
+        raise InputFileError(
+            f"{path}: reading it needs pyulog, which is not installed; pip install 'fwav-companion[ulog]'"
+        ) from error
+    try:
+        with redirect_stdout(sys.stderr):  # it prints what it thinks of a file
+            log = ULog(str(path), list(TOPICS), disable_str_exceptions=True)
+    except Exception as error:  # pyulog tells damage by whatever its parsing runs into
+        raise InputFileError(f"{path}: {' '.join(str(error).split())}; accepted: a PX4 log (.ulg)") from error
+    topics = {each.name: _Rows(each.data) for each in log.data_list if each.multi_id == 0}
+    return _flight(topics), bool(log.file_corruption)
+
+
+class _Rows:
+    """One topic, a row a sample; what the log does not have, it has no rows of."""
+
+    def __init__(self, columns: Mapping[str, Any]) -> None:
+        self._columns = {name: column.tolist() for name, column in columns.items()}
+
+    def rows(self, *names: str) -> Iterator[tuple[int, tuple[float, ...]]]:
+        """(boot time in microseconds, the values) of every finite row; a name may have alternatives: ``a|b``."""
+        times = self._column("timestamp_sample|timestamp")
+        columns = [self._column(name) for name in names]
+        if times is None or any(column is None for column in columns):
+            return
+        for at_us, *values in zip(times, *(column or () for column in columns), strict=True):
+            if all(map(isfinite, values)):
+                yield int(at_us), tuple(values)
+
+    def _column(self, alternatives: str) -> Sequence[float] | None:
+        return next((self._columns[name] for name in alternatives.split("|") if name in self._columns), None)
+
+
+_NOTHING: Final = _Rows({})
+
+
+def _flight(topics: Mapping[str, _Rows]) -> FlightLog:
+    return FlightLog(
+        autopilot="px4",
+        attitude_source="vehicle_attitude",
+        attitudes=list(_attitudes(topics)),
+        positions=list(_positions(topics)),
+        ranges=[
+            LoggedRange(at_us, distance_m, round(orientation))
+            for at_us, (distance_m, orientation) in topics.get("distance_sensor", _NOTHING).rows(
+                "current_distance", "orientation"
+            )
+        ],
+        gps=list(_gps(topics)),
+        origin=_origin(topics),
+    )
+
+
+def _attitudes(topics: Mapping[str, _Rows]) -> Iterator[LoggedAttitude]:
+    rates = iter(topics.get("vehicle_angular_velocity", _NOTHING).rows("xyz[0]", "xyz[1]", "xyz[2]"))
+    newest, waiting = (0.0, 0.0, 0.0), next(rates, None)
+    for at_us, q in topics.get("vehicle_attitude", _NOTHING).rows("q[0]", "q[1]", "q[2]", "q[3]"):
+        while waiting is not None and waiting[0] <= at_us:
+            x, y, z = waiting[1]
+            newest, waiting = (x, y, z), next(rates, None)
+        if 0.95 <= sqrt(sum(c * c for c in q)) <= 1.05:
+            w, i, j, k = q
+            yield LoggedAttitude(at_us, normalized((w, i, j, k)), newest)
+
+
+def _positions(topics: Mapping[str, _Rows]) -> Iterator[LoggedPosition]:
+    home = [alt for _, (alt,) in topics.get("home_position", _NOTHING).rows("alt")]
+    velocities = iter(topics.get("vehicle_local_position", _NOTHING).rows("vx", "vy", "vz"))
+    velocity, waiting = (0.0, 0.0, 0.0), next(velocities, None)
+    ground_m = home[-1] if home else None
+    for at_us, (lat, lon, alt) in topics.get("vehicle_global_position", _NOTHING).rows("lat", "lon", "alt"):
+        while waiting is not None and waiting[0] <= at_us:
+            x, y, z = waiting[1]
+            velocity, waiting = (x, y, z), next(velocities, None)
+        # Without a home the flight is taken to begin on the ground.
+        ground_m = alt if ground_m is None else ground_m
+        yield LoggedPosition(at_us, lat, lon, alt, alt - ground_m, velocity)
+
+
+def _gps(topics: Mapping[str, _Rows]) -> Iterator[LoggedGps]:
+    rows = topics.get("vehicle_gps_position") or topics.get("sensor_gps") or _NOTHING
+    for at_us, (fix, utc_us) in rows.rows("fix_type", "time_utc_usec"):
+        yield LoggedGps(at_us, round(fix), int(utc_us) or None)
+
+
+def _origin(topics: Mapping[str, _Rows]) -> tuple[float, float, float] | None:
+    rows = topics.get("vehicle_local_position", _NOTHING).rows("ref_lat", "ref_lon", "ref_alt", "xy_global")
+    return next(((lat, lon, alt) for _, (lat, lon, alt, is_global) in rows if is_global), None)
