@@ -15,6 +15,7 @@ from fwav_companion.mavlink.codec import Encoder, decode
 from fwav_companion.mavlink.scanner import Scanner
 from fwav_companion.nouns import Frame, Outgoing
 from fwav_companion.pipeline import Pipeline
+from fwav_companion.recording.events import end_line, refused_line
 from fwav_companion.recording.lines import Line, encode_line
 from fwav_companion.recording.tlog import tlog_record
 from fwav_companion.vision.wall_clock import WallClock
@@ -42,9 +43,10 @@ class Companion:
         unix_minus_host_s: float = 0.0,
         sightings: bool = False,
         wall_steps: Sequence[tuple[int, float]] = (),
+        text: str = LINK + '[camera]\ncalibration = "camera.yaml"\n',
     ) -> None:
-        """``wall_steps``: (host ns, seconds) by which somebody sets this board's wall clock."""
-        self.config = parse(LINK + '[camera]\ncalibration = "camera.yaml"\n', "flight.toml", settings)
+        """``wall_steps``: (host ns, seconds) by which somebody sets this board's wall clock. ``text``: TOML."""
+        self.config = parse(text, "flight.toml", settings)
         self.calibration = parse_calibration(CAMERA, "camera.yaml")
         self.unix_offset_ns = round(unix_minus_host_s * 1e6) * 1000
         self.pipeline: Pipeline = make_pipeline(
@@ -85,12 +87,16 @@ class Companion:
         parsed = parse_frame(json.dumps(frame), now, self.wall_clock)
         if isinstance(parsed, Frame):
             self.detections += encode_frame(parsed, self.unix_offset_ns)
+        else:
+            self.detections += refused_line(self._unix_us(now), {parsed.reason: 1})
         self.pipeline.on_frame(parsed, now)
         return self._flushed(now)
 
     def finish(self) -> None:
-        self.pipeline.finish(self._instant(self._now + 1000))
-        self._flushed(self._now)
+        now = self._instant(self._now + 1000)
+        self.pipeline.finish(now)
+        self._flushed(now)
+        self.detections += end_line(self._unix_us(now))
 
     def targets(self, label: str | None = None) -> list[Line]:
         """All target lines, of one label or of all."""
@@ -105,7 +111,10 @@ class Companion:
         return self._now
 
     def _record(self, now: HostNs, frame: bytes) -> None:
-        self.tlog += tlog_record((now + self.unix_offset_ns) // 1000, frame)
+        self.tlog += tlog_record(self._unix_us(now), frame)
+
+    def _unix_us(self, now: HostNs) -> int:
+        return (now + self.unix_offset_ns) // 1000
 
     def _flushed(self, now: HostNs) -> list[bytes]:
         outputs = self.pipeline.take()

@@ -1,0 +1,67 @@
+"""``fwav-companion demo``: the main job with nothing attached."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import signal
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fwav_companion.errors import UserError
+
+if TYPE_CHECKING:
+    from argparse import _SubParsersAction
+    from types import FrameType
+
+SECONDS = (3.0, 3600.0)
+
+
+def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Register the command."""
+    parser = subparsers.add_parser(
+        "demo",
+        description="A mock flapping-wing vehicle flies over AprilTags; its camera's pictures are rendered, and the "
+        "service finds the tags, tells a ground station where they are and how sure it is. All on this machine.",
+        epilog="example:\n  fwav-companion demo --seed 7 && xdg-open demo-out/report.html",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--seconds", type=float, default=30.0, help="length of the flight; default %(default)g")
+    parser.add_argument("--seed", type=int, default=1, help="of everything that is wrong with the vehicle; default 1")
+    parser.add_argument(
+        "--out", metavar="DIR", default="demo-out", help="recording and report.html; default %(default)s"
+    )
+    parser.add_argument("--json", action="store_true", help="end with the result as one JSON object")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """0: every target found, each within what was claimed; 1: not so."""
+    if not SECONDS[0] <= arguments.seconds <= SECONDS[1]:
+        raise UserError(f"--seconds {arguments.seconds:g}: accepted: {SECONDS[0]:g} to {SECONDS[1]:g}")
+    for module, package in (("cv2", "fwav-companion[demo]"), ("sitl_mock", "fwav-companion[demo]")):
+        if find_spec(module) is None:
+            raise UserError(f"demo: {module} is not installed; accepted: pip install '{package}'")
+    from rich.console import Console
+
+    from fwav_companion.demo.flight import Demonstration
+    from fwav_companion.demo.setting import Setting
+    from fwav_companion.demo.table import LiveTable, show_outcome
+
+    signal.signal(signal.SIGTERM, _interrupt)
+    out = Path(arguments.out).resolve()
+    console = Console()
+    demonstration = Demonstration(Setting(arguments.seed, arguments.seconds), out)
+    with LiveTable(console, arguments.seconds) as table:
+        outcome = demonstration.fly(table.watch)
+    report = None
+    show_outcome(console, outcome, report)
+    if arguments.json:
+        print(json.dumps(outcome.as_json()))
+    return 1 if outcome.troubles else 0
+
+
+def _interrupt(_number: int, _frame: FrameType | None) -> None:
+    """SIGTERM ends a demonstration as Ctrl-C does: with all its processes."""
+    raise KeyboardInterrupt

@@ -1,0 +1,45 @@
+"""What a horizontal covariance claims: the radius of the circle that holds a given share, exact for any ellipse."""
+
+from __future__ import annotations
+
+from math import atan2, cos, exp, log, pi, sin, sqrt
+
+from fwav_companion.geometry.vectors import Matrix3
+
+ANGLES = 48
+"""Of a quarter turn: the mean over them is exact to 1e-6 of the share for axes of 1 to 100, and better for rounder."""
+HALVINGS = 60
+
+
+def semi_axes(cov: Matrix3) -> tuple[float, float, float]:
+    """(larger, smaller, bearing of the larger from north): one sigma of the horizontal ellipse, metres and radians."""
+    nn, ne, ee = cov[0][0], cov[0][1], cov[1][1]
+    mean, half = 0.5 * (nn + ee), 0.5 * (nn - ee)
+    reach = sqrt(half * half + ne * ne)
+    return sqrt(max(0.0, mean + reach)), sqrt(max(0.0, mean - reach)), 0.5 * atan2(2.0 * ne, nn - ee)
+
+
+def share_within(radius_m: float, larger_m: float, smaller_m: float) -> float:
+    """The probability that a centred Gaussian with these semi-axes lies within the radius.
+
+    In coordinates in which the Gaussian is round its direction is uniform and its length Rayleigh's: for each direction
+    the share is elementary, and the mean over directions is the answer.
+    """
+    if larger_m <= 0.0:
+        return 1.0
+    total = 0.0
+    for index in range(ANGLES):
+        angle = 0.5 * pi * (index + 0.5) / ANGLES
+        square = (larger_m * cos(angle)) ** 2 + (smaller_m * sin(angle)) ** 2
+        total += exp(-0.5 * radius_m * radius_m / square)
+    return 1.0 - total / ANGLES
+
+
+def circle_radius(cov: Matrix3, share: float) -> float:
+    """Metres: the circle about the estimate that holds the target with this probability."""
+    larger, smaller, _ = semi_axes(cov)
+    low, high = 0.0, larger * sqrt(-2.0 * log(1.0 - share))
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if share_within(middle, larger, smaller) < share else (low, middle)
+    return high
