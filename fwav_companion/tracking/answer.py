@@ -25,44 +25,47 @@ class Held(msgspec.Struct, frozen=True):
 
     joint: Joint
     held: tuple[int, ...]
-    prior_means: tuple[float, ...]
     prior_sigmas: tuple[float, ...]
     factor: tuple[tuple[float, ...], ...]
     """Cholesky factor of the held unknowns' posterior covariance."""
 
-    def moments(self, places: Sequence[int], *, doubted: bool = True) -> tuple[list[float], list[list[float]]]:
-        """Mean and covariance of some of the joint's unknowns, none of them held.
+    weights: tuple[float, ...]
+    """Of the crossed covariances in the shift of a mean: posterior covariance^-1 (posterior - prior mean)."""
+
+    def mean(self, place: int) -> float:
+        """Of one of the joint's unknowns that is not held."""
+        row = self.joint.cov[place]
+        return self.joint.mean[place] - sum([row[i] * w for i, w in zip(self.held, self.weights, strict=True)])
+
+    def cov(self, places: Sequence[int], *, doubted: bool = True) -> list[list[float]]:
+        """Covariance of some of the joint's unknowns, none of them held.
 
         ``doubted``: with the whole prior of what is held; otherwise as if what is held were right.
         """
         joint, held = self.joint, self.held
         crossed = [[joint.cov[place][i] for i in held] for place in places]
         pulls = [solved(self.factor, row) for row in crossed]
-        offset = [joint.mean[i] - self.prior_means[i] for i in held]
-        mean = [
-            joint.mean[place] - sum(a * o for a, o in zip(pull, offset, strict=True))
-            for place, pull in zip(places, pulls, strict=True)
-        ]
         prior2 = [self.prior_sigmas[i] ** 2 if doubted else 0.0 for i in held]
-        cov = [
+        return [
             [
-                joint.cov[p][q] + sum(a * (b * s - c) for a, b, s, c in zip(pull_p, pull_q, prior2, row_q, strict=True))
-                for q, pull_q, row_q in zip(places, pulls, crossed, strict=True)
+                joint.cov[p][q] + sum([a * (b * s - c) for a, b, s, c in zip(pull_p, pull_q, prior2, row, strict=True)])
+                for q, pull_q, row in zip(places, pulls, crossed, strict=True)
             ]
             for p, pull_p in zip(places, pulls, strict=True)
         ]
-        return mean, cov
 
     def known_sigma(self, place: int) -> float:
         """One sigma as far as the flight has shown it, the held unknowns taken as right."""
-        return sqrt(max(0.0, self.moments([place], doubted=False)[1][0][0]))
+        return sqrt(max(0.0, self.cov([place], doubted=False)[0][0]))
 
 
 def holding(joint: Joint, held: Sequence[int], prior_means: tuple[float, ...], prior_sigmas: tuple[float, ...]) -> Held:
     """The joint estimate with these unknowns held; those that have no prior at all are certain anyway."""
     uncertain = tuple(i for i in held if prior_sigmas[i] > 0.0)
     block = [[joint.cov[i][j] for j in uncertain] for i in uncertain]
-    return Held(joint, uncertain, prior_means, prior_sigmas, cholesky(block))
+    factor = cholesky(block)
+    weights = solved(factor, [joint.mean[i] - prior_means[i] for i in uncertain])
+    return Held(joint, uncertain, prior_sigmas, factor, tuple(weights))
 
 
 def cholesky(m: Sequence[Sequence[float]]) -> tuple[tuple[float, ...], ...]:
@@ -71,7 +74,7 @@ def cholesky(m: Sequence[Sequence[float]]) -> tuple[tuple[float, ...], ...]:
     for i, row in enumerate(m):
         line: list[float] = []
         for j in range(i):
-            line.append((row[j] - sum(a * b for a, b in zip(line, factor[j], strict=False))) / factor[j][j])
+            line.append((row[j] - sum([a * b for a, b in zip(line, factor[j], strict=False)])) / factor[j][j])
         pivot = row[i] - sum(a * a for a in line)
         line.append(sqrt(max(pivot, 1e-12 * row[i], 1e-300)))
         factor.append(line)
@@ -82,10 +85,10 @@ def solved(factor: Sequence[Sequence[float]], right: Sequence[float]) -> list[fl
     """X of L L' x = right."""
     y: list[float] = []
     for i, line in enumerate(factor):
-        y.append((right[i] - sum(a * b for a, b in zip(line, y, strict=False))) / line[i])
+        y.append((right[i] - sum([a * b for a, b in zip(line, y, strict=False)])) / line[i])
     n = len(y)
     for i in reversed(range(n)):
-        y[i] = (y[i] - sum(factor[k][i] * y[k] for k in range(i + 1, n))) / factor[i][i]
+        y[i] = (y[i] - sum([factor[k][i] * y[k] for k in range(i + 1, n)])) / factor[i][i]
     return y
 
 

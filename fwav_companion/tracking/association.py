@@ -6,6 +6,7 @@ detector's own id is believed as long as it is not absurd, and the rest is settl
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from math import hypot, sqrt
 
@@ -36,6 +37,8 @@ class Candidate(msgspec.Struct, frozen=True):
     """Predicted to the frame."""
     detector_id: int | None
     """The detector's id of the last fix it took."""
+    closer: Belief | None = None
+    """A second, sharper and dearer, opinion, asked where the first leaves a choice."""
 
 
 def associate(candidates: Sequence[Candidate], fixes: Sequence[GroundFix]) -> dict[int, tuple[int, float]]:
@@ -46,10 +49,26 @@ def associate(candidates: Sequence[Candidate], fixes: Sequence[GroundFix]) -> di
         reach = horizontal_sigma(candidate.belief.cov)
         for j, fix in enumerate(fixes):
             if fix.sighting.detection.label == candidate.label and _near(candidate, fix, reach + reaches[j]):
-                cost = _cost(candidate, fix)
+                cost = _cost(candidate, candidate.belief, fix)
                 if cost is not None:
                     costs[i, j] = cost
+    costs = _looked_at_closer(costs, candidates, fixes)
     return {i: (j, -0.5 * max(costs[i, j], -CHANCE)) for i, j in _settled(costs).items()}
+
+
+def _looked_at_closer(
+    costs: dict[tuple[int, int], float], candidates: Sequence[Candidate], fixes: Sequence[GroundFix]
+) -> dict[tuple[int, int], float]:
+    """The same, by the sharper opinion wherever a track or a fix has more than one partner to choose from."""
+    rows, columns = Counter(i for i, _ in costs), Counter(j for _, j in costs)
+    closer: dict[tuple[int, int], float] = {}
+    for (i, j), first_cost in costs.items():
+        belief = candidates[i].closer
+        chosen = rows[i] == 1 and columns[j] == 1
+        cost = first_cost if belief is None or chosen else _cost(candidates[i], belief, fixes[j])
+        if cost is not None:
+            closer[i, j] = cost
+    return closer
 
 
 def _near(candidate: Candidate, fix: GroundFix, reach_m: float) -> bool:
@@ -58,9 +77,9 @@ def _near(candidate: Candidate, fix: GroundFix, reach_m: float) -> bool:
     return hypot(a[0] - b[0], a[1] - b[1]) <= sqrt(ID_GATE) * reach_m
 
 
-def _cost(candidate: Candidate, fix: GroundFix) -> float | None:
+def _cost(candidate: Candidate, belief: Belief, fix: GroundFix) -> float | None:
     """Negative, the lower the better; None: not this one."""
-    seen = candidate.belief.surprise(fix)
+    seen = belief.surprise(fix)
     detector_id = fix.sighting.detection.detector_id
     if detector_id is not None and detector_id == candidate.detector_id:
         return seen.distance2 - 2.0 * ID_GATE if seen.distance2 < ID_GATE else None

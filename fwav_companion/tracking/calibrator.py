@@ -183,6 +183,8 @@ class Calibrator(msgspec.Struct, frozen=True):
     """After a search that found nothing."""
     verdict: Verdict | None = None
     """What of the served estimate may be believed."""
+    places: dict[int, Placed] = {}
+    """By it, by track."""
     host_ns: HostNs = HostNs(0)
 
     def learned(
@@ -201,7 +203,7 @@ class Calibrator(msgspec.Struct, frozen=True):
 
     def placed(self, track: int) -> Placed | None:
         """Where a target stands; None while that is not known here."""
-        return None if self.verdict is None else self.verdict.placed(track)
+        return self.places.get(track)
 
     def surprise(self, track: int, fix: GroundFix) -> Surprise | None:
         """How little a fix was expected of a target that stands in the joint estimate; None: it does not."""
@@ -351,7 +353,7 @@ class Calibrator(msgspec.Struct, frozen=True):
         if not self.served.fits:
             return self._given_up()
         verdict = judged(self.served.joint, self.shop.means, self.shop.sigmas, various=self.views.various)
-        return msgspec.structs.replace(self, verdict=verdict)
+        return msgspec.structs.replace(self, verdict=verdict, places=verdict.places())
 
 
 class CalibratedBelief(msgspec.Struct, frozen=True):

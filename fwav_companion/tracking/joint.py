@@ -131,10 +131,11 @@ class Joint(msgspec.Struct, frozen=True):
         gain_u = [a * iuu + b * iuv for a, b in zip(pu, pv, strict=True)]
         gain_v = [a * iuv + b * ivv for a, b in zip(pu, pv, strict=True)]
         mean = [m + gu * du + gv * dv for m, gu, gv in zip(self.mean, gain_u, gain_v, strict=True)]
-        cov = [
-            [p - gu * a - gv * b for p, a, b in zip(row, pu, pv, strict=True)]
-            for row, gu, gv in zip(self.cov, gain_u, gain_v, strict=True)
-        ]
+        cov: list[list[float]] = []
+        for i, (row, gu, gv) in enumerate(zip(self.cov, gain_u, gain_v, strict=True)):
+            mirrored = [above[i] for above in cov]
+            rest = [p - gu * a - gv * b for p, a, b in zip(row[i:], pu[i:], pv[i:], strict=True)]
+            cov.append(mirrored + rest)
         for i in (Common.NORTH, Common.EAST):
             mean[i] = self.mean[i]
             for j in (Common.NORTH, Common.EAST):

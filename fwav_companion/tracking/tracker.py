@@ -112,7 +112,9 @@ class Tracker:
             group = [track for track in alive if (track.life.confirmed_ns is not None) is believed]
             if not (group and free):
                 continue
-            candidates = [Candidate(track.label, self._seen_as(track), track.detector_id) for track in group]
+            candidates = [
+                Candidate(track.label, track.belief, track.detector_id, self._calibrated(track)) for track in group
+            ]
             pairs = associate(candidates, free)
             taken |= {group[i].id: (free[j], likelier) for i, (j, likelier) in pairs.items()}
             gone = {j for j, _ in pairs.values()}
@@ -184,16 +186,20 @@ class Tracker:
         ]
         return calibrator.learned(host_ns, fixes, {track.id for track in living})
 
-    def _seen_as(self, track: Alive) -> Belief:
-        """The track's own filter, or the joint estimate where that holds the target."""
+    def _calibrated(self, track: Alive) -> CalibratedBelief | None:
+        """The track by the joint estimate, where that holds the target."""
         calibrator = self._state.calibrator
         placed = None if calibrator is None else calibrator.placed(track.id)
         if calibrator is None or placed is None:
+            return None
+        return CalibratedBelief(calibrator, track.id, placed, track.belief)
+
+    def _seen_as(self, track: Alive) -> Belief:
+        """The track by the surer of its own filter and the joint estimate: a flight may show the latter little."""
+        calibrated = self._calibrated(track)
+        if calibrated is None or horizontal_sigma(calibrated.cov) > horizontal_sigma(track.belief.cov):
             return track.belief
-        calibrated = CalibratedBelief(calibrator, track.id, placed, track.belief)
-        # Where a flight shows little, the joint estimate can be the less certain of the two.
-        better = horizontal_sigma(calibrated.cov) <= horizontal_sigma(track.belief.cov)
-        return calibrated if better else track.belief
+        return calibrated
 
 
 def make_tracker(

@@ -56,34 +56,31 @@ class Verdict(msgspec.Struct, frozen=True):
     contradicted: bool
     """The configuration, by what was shown."""
 
-    def placed(self, track: int) -> Placed | None:
-        """Where a target stands; None where it is not in the estimate."""
-        place = self.free.joint.place_of(track)
-        if place is None:
-            return None
-        mean, cov = self.free.moments((place, place + 1, *CONSIDERED))
-        own_nn = own_ne = own_ee = 0.0
-        for i in (2, 3):
-            if cov[i][i] > 0.0:
-                n, e = cov[0][i], cov[1][i]
-                own_nn, own_ne, own_ee = (
-                    own_nn + n * n / cov[i][i],
-                    own_ne + n * e / cov[i][i],
-                    own_ee + e * e / cov[i][i],
-                )
+    def places(self) -> dict[int, Placed]:
+        """Where each target stands, by track."""
+        return {track: self._placed(self.free.joint.place_of(track) or 0) for track in self.free.joint.tracks}
+
+    def _placed(self, place: int) -> Placed:
+        free = self.free
+        wandering = [i for i in CONSIDERED if free.joint.cov[i][i] > 0.0]
+        cov = free.cov((place, place + 1, *wandering))
         nn, ne, ee = cov[0][0], cov[0][1], cov[1][1]
-        if not self.contradicted and self.plain is not self.free:
-            (north, east), _ = self.plain.moments((place, place + 1))
-            dn, de = north - mean[0], east - mean[1]
-            mean[0], mean[1] = north, east
-            nn, ne, ee = nn + dn * dn, ne + dn * de, ee + de * de  # the plain answer may be off by what parts the two
-        return Placed(mean[0], mean[1], (nn, ne, ee), (nn - own_nn, ne - own_ne, ee - own_ee))
+        own_nn = own_ne = own_ee = 0.0
+        for i in range(2, 2 + len(wandering)):
+            n, e, variance = cov[0][i], cov[1][i], cov[i][i]
+            own_nn, own_ne, own_ee = own_nn + n * n / variance, own_ne + n * e / variance, own_ee + e * e / variance
+        north, east = free.mean(place), free.mean(place + 1)
+        if not self.contradicted and self.plain is not free:
+            # The configuration stands: the plain answer, which may be off by what parts it from the free one.
+            dn, de = self.plain.mean(place) - north, self.plain.mean(place + 1) - east
+            north, east = north + dn, east + de
+            nn, ne, ee = nn + dn * dn, ne + dn * de, ee + de * de
+        return Placed(north, east, (nn, ne, ee), (nn - own_nn, ne - own_ne, ee - own_ee))
 
     def told(self) -> dict[int, tuple[float, float]]:
         """Mean and one sigma of the common unknowns that are let go."""
         free = [i for i in range(COMMON_COUNT) if i not in self.report.held and i not in CONSIDERED]
-        mean, _ = self.report.moments(free)
-        return {i: (mean[k], self.report.known_sigma(i)) for k, i in enumerate(free)}
+        return {i: (self.report.mean(i), self.report.known_sigma(i)) for i in free}
 
 
 def judged(joint: Joint, means: tuple[float, ...], sigmas: tuple[float, ...], *, various: bool) -> Verdict:
@@ -121,6 +118,6 @@ def _shown(joint: Joint, means: tuple[float, ...], sigmas: tuple[float, ...], de
 
 def _distance2(report: Held, shown: Sequence[int], means: tuple[float, ...]) -> float:
     """Squared Mahalanobis distance of what was shown from what was configured."""
-    mean, cov = report.moments(shown, doubted=False)
-    offset = [m - means[i] for m, i in zip(mean, shown, strict=True)]
+    cov = report.cov(shown, doubted=False)
+    offset = [report.mean(i) - means[i] for i in shown]
     return sum(a * b for a, b in zip(offset, solved(cholesky(cov), offset), strict=True))
