@@ -4,8 +4,19 @@ Pure: frames come in with their own capture times, tracks go out. Reading order:
 ``association``, ``lifecycle``, ``tracker``, ``reorder``.
 """
 
+from fwav_companion.tracking.calibrator import CalibrationReport, KeptCalibration
 from fwav_companion.tracking.options import TrackingOptions
 from fwav_companion.tracking.reorder import Reorder, Settled
 from fwav_companion.tracking.tracker import Tracker, make_tracker
+from fwav_companion.tracking.verdict import CalibrationStatus
 
-__all__ = ["Reorder", "Settled", "Tracker", "TrackingOptions", "make_tracker"]
+__all__ = [
+    "CalibrationReport",
+    "CalibrationStatus",
+    "KeptCalibration",
+    "Reorder",
+    "Settled",
+    "Tracker",
+    "TrackingOptions",
+    "make_tracker",
+]

@@ -114,7 +114,8 @@ def predict(glimpse: Glimpse, target: tuple[float, float], common: tuple[float, 
     c, s = cos(common[Common.HEADING]), sin(common[Common.HEADING])
     told = (c * north - s * east, s * north + c * east, below)  # as the told heading would have it
     body = transform(transpose(ned_from_body), told)
-    correction = matrix_from_quaternion(exp((common[1], common[2], common[3])))
+    mount_vector = (common[1], common[2], common[3])
+    correction = matrix_from_quaternion(exp(mount_vector))
     mounted = transform(transpose(correction), body)
     seen = transform(transpose(glimpse.body_from_camera), mounted)
     depth = dot(seen, glimpse.ray)
@@ -132,7 +133,9 @@ def predict(glimpse: Glimpse, target: tuple[float, float], common: tuple[float, 
         by_north, by_east = c * by_told[0] + s * by_told[1], c * by_told[1] - s * by_told[0]
         vn, ve, vd = moment.velocity_ned
         by_delay = dot(by_body, cross(moment.rates, body)) + by_north * vn + by_east * ve + by_told[2] * vd
-        mx, my, mz = cross(by_mounted, mounted)
+        turn = cross(by_mounted, mounted)
+        # a step of the rotation vector is not quite a rotation: to first order in the correction itself
+        mx, my, mz = subtract(turn, scale(cross(turn, mount_vector), 0.5))
         by_heading = by_told[1] * told[0] - by_told[0] * told[1]
         by_readout = -glimpse.row_fraction * by_delay
         rows.append((by_delay, mx, my, mz, by_heading, -by_told[2], by_readout, by_north, by_east))

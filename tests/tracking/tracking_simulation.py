@@ -335,3 +335,42 @@ def _t(v):
 
 def _m(a):
     return tuple(_t(row) for row in a)
+
+
+LEVEL = np.diag([0.04, 0.04, 0.0])
+
+
+def a_fix(t, position, noise=LEVEL, jacobian=None, sigmas=None, **detection):
+    """One fix at t seconds, made by hand: ``jacobian`` (3, BIAS_COUNT), ``sigmas`` the biases' priors."""
+    jacobian = np.zeros((3, BIAS_COUNT)) if jacobian is None else jacobian
+    scaled = jacobian * (np.zeros(BIAS_COUNT) if sigmas is None else np.array(sigmas))
+    shares = [np.outer(j, j) for j in scaled.T]
+    relative = noise + sum(shares[: Bias.POSITION_NORTH])
+    total = relative + shares[Bias.POSITION_NORTH] + shares[Bias.POSITION_EAST]
+    boot, host = _ns(BOOT_NS, t), _ns(EPOCH_NS, t)
+    camera = np.array([0.0, 0.0, -10.0])
+    identity = Rotation.identity()
+    sighting = Sighting(
+        frame=round(t * 1000), index=0, frame_host_ns=host, host_ns=host,
+        detection=Detection(320.0, 240.0, **detection), ray=Ray((0, 0, 1.0), (0.0015, 0, 0), (0, 0.0015, 0)),
+        pixel_sigma=(4.0, 4.0), row_fraction=0.0, time_noise_s=0.0,
+        state=_state(boot, identity.as_quat(), np.zeros(3), camera, np.zeros(3)),
+        body_from_camera=_m(np.eye(3)), ned_from_camera=_m(np.eye(3)), camera_ned=_t(camera),
+        camera_height_above_home_m=10.0, relative=False,
+    )  # fmt: skip
+    budget = ErrorBudget(0, 0, 0, 0, 0, 0, 0, 0)
+    return GroundFix(
+        sighting, _t(position), _m(noise), tuple(_t(j) for j in jacobian.T), _m(total), _m(relative), budget, "home"
+    )
+
+
+def a_view(t, *fixes, sees=True):
+    """One frame at t seconds."""
+    return FrameView(
+        frame=round(t * 1000), host_ns=_ns(EPOCH_NS, t), boot_ns=_ns(BOOT_NS, t), fixes=fixes, could_see=lambda _: sees
+    )
+
+
+def host_ns(t):
+    """The host instant at t seconds."""
+    return _ns(EPOCH_NS, t)

@@ -1,0 +1,166 @@
+"""Self-calibration: its geometry by differences, its algebra by a batch fit, and flights with planted faults."""
+
+import numpy as np
+import pytest
+from tracking_simulation import Flight, World, priors
+
+from fwav_companion.nouns import BIAS_COUNT, Bias
+from fwav_companion.tracking import CalibrationStatus, KeptCalibration, TrackingOptions, make_tracker
+from fwav_companion.tracking.course import course_of
+from fwav_companion.tracking.joint import joint_of
+from fwav_companion.tracking.rays import COMMON_COUNT, Common, glimpse_of, ground_point, pixel_noise, predict
+
+PLANTED = np.zeros(BIAS_COUNT)
+PLANTED[Bias.TIME_OFFSET] = 0.035
+PLANTED[[Bias.MOUNT_X, Bias.MOUNT_Y, Bias.MOUNT_Z]] = np.radians([0.5, 1.0, 2.0])
+"""Of the configured mount against the true one: the correction is its opposite."""
+
+
+def flown(flight, **options):
+    """(the oldest believed track's last state, the calibration) after a flight."""
+    world, best = World(flight), None
+    options = {"self_calibration": True, **options}
+    tracker = make_tracker(TrackingOptions(**options), flight.priors, world.state_at)
+    for view in world.frames():
+        for track in tracker.on_frame(view):
+            if track.confirmed_host_ns is not None and (best is None or track.id == best.id):
+                best = track
+    return best, tracker.calibration
+
+
+def error_of(track, target):
+    return float(np.hypot(*np.subtract(track.position_ned[:2], target)))
+
+
+def some_glimpses(count=40):
+    flight = Flight(seconds=8, shape="hover", height_m=10.0, targets=((4.0, 3.0),), pixel_px=0.5)
+    world = World(flight)
+    fixes = [fix for view in world.frames() for fix in view.fixes][:: max(1, 200 // count)][:count]
+    return [glimpse_of(1, fix, course_of(fix.sighting.state, (0.0,), world.state_at), 0.2) for fix in fixes]
+
+
+def test_rows_are_the_differences_of_the_residual():
+    common = np.array([0.002, 0.01, -0.02, 0.03, 0.04, 0.3, 0.0, 0.2, -0.1])
+    target = np.array([4.1, 3.2])
+    for glimpse in some_glimpses(10):
+        at = predict(glimpse, tuple(target), tuple(common))
+        for i in range(COMMON_COUNT + 2):
+            step = np.zeros(COMMON_COUNT + 2)
+            step[i] = 1e-6
+            sides = [
+                np.array(predict(glimpse, tuple(target + s * step[9:]), tuple(common + s * step[:9])).residual)
+                for s in (1, -1)
+            ]
+            told = [(*c, *t)[i] for c, t in zip(at.by_common, at.by_target, strict=True)]
+            tolerance = 1e-3 * np.abs(at.by_common).max(1)[0] if i in (1, 2, 3) else 1e-3  # third order of the vector
+            assert -(sides[0] - sides[1]) / 2e-6 == pytest.approx(told, rel=1e-4, abs=tolerance)
+
+
+def test_the_ground_point_is_where_the_residual_vanishes():
+    common = (0.0, 0.01, -0.02, 0.03, 0.04, 0.3, 0.0, 0.2, -0.1)
+    for glimpse in some_glimpses(5):
+        assert predict(glimpse, ground_point(glimpse, common), common).residual == pytest.approx((0, 0), abs=1e-6)
+
+
+def test_the_joint_estimate_is_the_batch_fit():
+    """Information added up in numpy, with the same rows at the same point."""
+    p = priors(time_offset=0.01, height=0.5)
+    sigmas = (0.01, 0.0175, 0.0175, 0.0175, 0.035, 0.5, 0.0, 0.0, 0.0)
+    glimpses = some_glimpses()
+    around, target = (0.0,) * COMMON_COUNT, (4.0, 3.0)
+    joint = joint_of(p, sigmas, around, around).with_target(glimpses[0], target)
+    for glimpse in glimpses[1:]:
+        joint = joint.updated(joint.innovation(1, glimpse))
+
+    used = [i for i in range(COMMON_COUNT) if sigmas[i] > 0]
+    information = np.zeros((len(used) + 2,) * 2)
+    information[: len(used), : len(used)] = np.diag([sigmas[i] ** -2 for i in used])
+    right = np.zeros(len(used) + 2)
+    for glimpse in glimpses:
+        at = predict(glimpse, target, around)
+        rows = np.array([[*(c[i] for i in used), *t] for c, t in zip(at.by_common, at.by_target, strict=True)])
+        uu, uv, vv = pixel_noise(glimpse, at, p)
+        weight = np.linalg.inv([[uu, uv], [uv, vv]])
+        information += rows.T @ weight @ rows
+        right += rows.T @ weight @ np.array(at.residual)
+    cov = np.linalg.inv(information)
+    places = [*used, COMMON_COUNT, COMMON_COUNT + 1]
+    mean = np.array([joint.mean[i] for i in places]) - np.array([0.0] * len(used) + [4.0, 3.0])
+    assert mean == pytest.approx(cov @ right, rel=1e-4, abs=1e-6)
+    assert np.array([[joint.cov[i][j] for j in places] for i in places]) == pytest.approx(cov, rel=1e-4, abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_late_camera_and_a_crooked_mount_are_found(seed):
+    flight = Flight(seed=seed, biases=PLANTED)
+    track, report = flown(flight)
+    assert report.status is CalibrationStatus.CALIBRATED
+    assert error_of(track, (2.0, 3.0)) < 0.06
+    assert report.time_offset_s == pytest.approx(0.035, abs=0.003)
+    assert np.degrees(report.mount) == pytest.approx(-np.degrees(PLANTED[3:6]), abs=0.3)
+    assert abs(report.time_offset_s - 0.035) < 4 * report.time_offset_sigma_s < 0.01
+
+
+def test_gross_detections_do_not_spoil_it():
+    track, report = flown(Flight(seed=32, biases=PLANTED, gross=0.05))
+    assert error_of(track, (2.0, 3.0)) < 0.06
+    assert report.time_offset_s == pytest.approx(0.035, abs=0.003)
+
+
+def test_where_nothing_is_wrong_nothing_gets_worse():
+    ratio = []
+    for seed in (1, 2):
+        flight = Flight(seed=seed, seconds=45)
+        ratio.append([error_of(flown(flight, self_calibration=on)[0], (2.0, 3.0)) for on in (True, False)])
+    on, off = np.sqrt(np.mean(np.square(ratio), axis=0))
+    assert on < 1.1 * off + 0.002
+
+
+def test_a_hover_leaves_the_mount_alone():
+    flight = Flight(seed=6, seconds=20, fps=15, shape="hover", height_m=10.0, targets=((4.0, 3.0),))
+    track, report = flown(flight)
+    assert report.status is CalibrationStatus.TIME
+    assert report.mount == (0.0, 0.0, 0.0)
+    assert report.mount_sigma == pytest.approx(np.radians([1, 1, 1]))
+    assert report.time_offset_s == pytest.approx(0.0, abs=0.002)
+    assert error_of(track, (4.0, 3.0)) < 0.02
+    assert np.sqrt(track.cov[0][0]) > 0.15  # the mount's prior is still in it
+
+
+def test_what_does_not_shake_shows_no_delay():
+    flight = Flight(seed=6, seconds=20, fps=15, shape="hover", height_m=10.0, targets=((4.0, 3.0),), flapping_deg=0.0)
+    track, report = flown(flight)
+    assert report.status is CalibrationStatus.WAITING
+    assert report.time_offset_sigma_s == 0.05
+    assert error_of(track, (4.0, 3.0)) < 0.03
+
+
+def test_two_delays_a_beat_apart_are_not_guessed_between():
+    """A hover at a steady 5 Hz repeats itself every 200 ms: -100 ms and +100 ms look the same."""
+    biases = np.zeros(BIAS_COUNT)
+    biases[Bias.TIME_OFFSET] = 0.1
+    flight = Flight(seed=6, seconds=20, fps=15, shape="hover", height_m=10.0, targets=((4.0, 3.0),), biases=biases)
+    _, report = flown(flight)
+    assert abs(report.time_offset_s - 0.1) < 3 * report.time_offset_sigma_s
+
+
+def test_a_kept_calibration_is_where_the_next_flight_starts():
+    p = priors()
+    kept = KeptCalibration(
+        time_offset_s=0.035, time_offset_sigma_s=0.001, mount=(-0.01, 0.0, 0.0), mount_sigma=(0.002,) * 3
+    )
+    report = make_tracker(TrackingOptions(self_calibration=True), p, None, kept).calibration
+    assert (report.time_offset_s, report.time_offset_sigma_s, report.mount) == (0.035, 0.001, (-0.01, 0.0, 0.0))
+    assert report.status is CalibrationStatus.WAITING
+
+
+def test_without_the_vehicles_history_it_still_runs():
+    flight = Flight(seconds=15, shape="hover", height_m=10.0, targets=((4.0, 3.0),))
+    tracker = make_tracker(TrackingOptions(self_calibration=True), flight.priors)
+    for view in World(flight).frames():
+        tracks = tracker.on_frame(view)
+    assert error_of(tracks[0], (4.0, 3.0)) < 0.05
+
+
+def test_common_order():
+    assert [c.name for c in Common][:6] == ["DELAY", "MOUNT_X", "MOUNT_Y", "MOUNT_Z", "HEADING", "HEIGHT"]

@@ -1,0 +1,90 @@
+"""The life of a track: what confirms it, what ends it, and what speaks against it."""
+
+import pytest
+from tracking_simulation import a_fix, a_view, host_ns, priors
+
+from fwav_companion.nouns import Reason, TrackState
+from fwav_companion.tracking import TrackingOptions, make_tracker
+
+NO_BIAS = priors(time_offset=0, heading=0, mount_x=0, mount_y=0, mount_z=0)
+
+
+def fed(tracker, start, seconds, *, fps=10, seen=True, looks=True, **detection):
+    out = []
+    for k in range(round(seconds * fps)):
+        t = start + k / fps
+        out.append(tracker.on_frame(a_view(t, *([a_fix(t, (4, 3, 0), **detection)] if seen else []), sees=looks)))
+    return out
+
+
+def confirmed(**options):
+    tracker = make_tracker(TrackingOptions(**options), NO_BIAS)
+    fed(tracker, 0.0, 1.0)
+    return tracker
+
+
+def test_it_is_confirmed_by_five_sights():
+    tracker = make_tracker(TrackingOptions(), NO_BIAS)
+    states = [tracks[0].state for tracks in fed(tracker, 0.0, 0.7)]
+    assert states == [TrackState.TENTATIVE] * 4 + [TrackState.CONFIRMED] * 3
+
+
+def test_a_single_sight_ends_as_never_confirmed():
+    tracker = make_tracker(TrackingOptions(), NO_BIAS)
+    fed(tracker, 0.0, 0.1)
+    told = fed(tracker, 0.1, 1.0, seen=False)
+    assert [(t.state, t.reason) for tracks in told for t in tracks] == [
+        (TrackState.TENTATIVE, None),
+        (TrackState.TENTATIVE, None),
+        (TrackState.DROPPED, Reason.NEVER_CONFIRMED),
+    ]
+
+
+def test_looks_that_see_nothing_end_it_after_three_seconds():
+    told = fed(confirmed(), 1.0, 5.0, seen=False)
+    ends = [(round(k / 10, 1), t.reason) for k, tracks in enumerate(told) for t in tracks if t.reason]
+    assert ends == [(2.9, Reason.NOT_SEEN)]
+    assert told[0][0].state is TrackState.CONFIRMED
+    assert told[5][0].state is TrackState.COASTING
+    assert told[-1] == ()
+
+
+def test_frames_that_could_not_see_do_not_count():
+    tracker = confirmed()
+    told = fed(tracker, 1.0, 60.0, seen=False, looks=False, fps=5)
+    assert told[-1][0].state is TrackState.COASTING
+    assert fed(tracker, 61.0, 0.1)[0][0].id == 1
+
+
+def test_it_is_not_kept_for_ever():
+    told = fed(confirmed(), 1.0, 302.0, seen=False, looks=False, fps=1)
+    assert [t.reason for tracks in told for t in tracks if t.reason] == [Reason.NOT_SEEN_LONG]
+
+
+def test_a_slow_camera_gives_up_by_looks_not_by_seconds():
+    told = fed(confirmed(), 2.0, 20.0, fps=1, seen=False)
+    assert [k for k, tracks in enumerate(told) for t in tracks if t.reason] == [14]  # 15 looks at 0.2 s each
+
+
+def test_drop_all_tells_every_track_once_and_uses_no_id_again():
+    tracker = confirmed()
+    (dropped,) = tracker.drop_all(Reason.ORIGIN_SET, 7, host_ns(1.0), host_ns(1.0))
+    assert (dropped.id, dropped.state, dropped.reason) == (1, TrackState.DROPPED, Reason.ORIGIN_SET)
+    assert fed(tracker, 1.1, 0.1)[0][0].id == 2
+
+
+@pytest.mark.parametrize("motion", ["static", "moving"])
+def test_the_table_is_bounded(motion):
+    tracker = make_tracker(TrackingOptions(motion=motion), NO_BIAS)
+    for k in range(12):
+        fixes = [a_fix(k / 10, (50.0 * i + 1000 * k, 3, 0)) for i in range(256)]
+        tracks = tracker.on_frame(a_view(k / 10, *fixes))
+        assert sum(t.state is not TrackState.DROPPED for t in tracks) <= 20
+        assert {t.reason for t in tracks} <= {None, Reason.NEVER_CONFIRMED, Reason.TOO_MANY_TRACKS}
+
+
+def test_a_full_table_of_believed_tracks_takes_no_newcomer():
+    tracker = make_tracker(TrackingOptions(), NO_BIAS)
+    for k in range(8):
+        tracks = tracker.on_frame(a_view(k / 10, *[a_fix(k / 10, (50.0 * i, 3, 0)) for i in range(30)]))
+    assert [t.id for t in tracks] == list(range(1, 21))

@@ -1,0 +1,131 @@
+"""The static filter against a batch weighted mean, and its claims against many flights with drawn biases."""
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+from tracking_simulation import Flight, World, a_fix, a_view, host_ns, priors
+
+from fwav_companion.nouns import BIAS_COUNT, Bias
+from fwav_companion.tracking import TrackingOptions, make_tracker
+from fwav_companion.tracking.kalman import StaticKalman
+
+NO_BIAS = priors(time_offset=0, heading=0, mount_x=0, mount_y=0, mount_z=0, height_noise_m=0.0)
+
+
+def some_cov(rng):
+    a = rng.standard_normal((2, 2)) * 0.2
+    cov = np.zeros((3, 3))
+    cov[:2, :2] = a @ a.T + 0.01 * np.eye(2)
+    return cov
+
+
+def test_it_is_the_batch_weighted_mean():
+    rng = np.random.default_rng(5)
+    covs = [some_cov(rng) for _ in range(60)]
+    samples = [rng.multivariate_normal((4.0, -3.0, 0.0), cov) for cov in covs]
+    weights = [np.linalg.inv(cov[:2, :2]) for cov in covs]
+    total = np.linalg.inv(sum(weights))
+    mean = total @ sum(w @ x[:2] for w, x in zip(weights, samples, strict=True))
+
+    belief_filter = StaticKalman(NO_BIAS)
+    belief = belief_filter.started(a_fix(0.0, samples[0], covs[0]))
+    for k in range(1, 60):
+        belief = belief.predicted(host_ns(k * 0.2)).updated(a_fix(k * 0.2, samples[k], covs[k]))
+    assert belief.position_ned[:2] == pytest.approx(mean, abs=1e-9)
+    assert np.array(belief.cov)[:2, :2] == pytest.approx(total, rel=1e-6)
+
+
+def test_a_standing_bias_does_not_shrink_with_the_number_of_fixes():
+    p = priors(time_offset=0, heading=0, mount_x=0, mount_y=0.02, mount_z=0)
+    jacobian = np.zeros((3, BIAS_COUNT))
+    jacobian[0, Bias.MOUNT_Y] = 12.0
+    tracker = make_tracker(TrackingOptions(), p)
+    for k in range(400):
+        fix = a_fix(k * 0.2, (4.0, 3.0, 0.0), jacobian=jacobian, sigmas=p.bias_sigmas)
+        (track,) = tracker.on_frame(a_view(k * 0.2, fix))
+    assert track.cov[0][0] == pytest.approx(0.24**2 + 0.04 / 400, rel=1e-9)
+    assert track.cov[1][1] == pytest.approx(0.04 / 400, rel=1e-9)
+
+
+def test_a_wandering_position_is_forgotten_as_slowly_as_it_wanders():
+    """The covariance of a mean of n samples of a Gauss-Markov process, by the double sum."""
+    p = priors(time_offset=0, heading=0, mount_x=0, mount_y=0, mount_z=0, position_north=1.0, position_east=1.0)
+    jacobian = np.zeros((3, BIAS_COUNT))
+    jacobian[0, Bias.POSITION_NORTH] = jacobian[1, Bias.POSITION_EAST] = 1.0
+    tracker, times = make_tracker(TrackingOptions(), p), np.arange(300) * 0.5
+    for t in times:
+        fix = a_fix(t, (4.0, 3.0, 0.0), jacobian=jacobian, sigmas=p.bias_sigmas)
+        (track,) = tracker.on_frame(a_view(t, fix))
+    wander = np.exp(-np.abs(times[:, None] - times) / 60.0).mean()
+    assert track.cov[0][0] == pytest.approx(wander + 0.04 / 300, rel=1e-6)
+    assert track.relative_cov[0][0] == pytest.approx(0.04 / 300, rel=1e-6)
+
+
+def test_telemetry_noise_averages_with_the_telemetry_not_with_the_frames():
+    p = priors(time_offset=0, heading=0, mount_x=0, mount_y=0, mount_z=0, height_noise_m=0.3)
+    jacobian = np.zeros((3, BIAS_COUNT))
+    jacobian[0, Bias.HEIGHT] = 1.0
+    noise = np.diag([1e-6 + 0.09, 1e-6, 0.0])
+    tracker = make_tracker(TrackingOptions(), p)
+    for k in range(600):
+        fix = a_fix(k / 30, (4.0, 3.0, 0.0), noise, jacobian, p.bias_sigmas)
+        (track,) = tracker.on_frame(a_view(k / 30, fix))
+    assert track.cov[0][0] == pytest.approx(0.09 / 200, rel=0.02)
+
+
+def test_claims_hold_over_flights_with_biases_drawn_from_the_priors():
+    """Linear by construction: directions, noise and biases of 400 flights, every one a sample."""
+    p = priors(roll=0.01, pitch=0.01, time_offset=0.01, height=0.5, position_north=1.0, position_east=1.0)
+    sigmas, rng, squares, inside = np.array(p.bias_sigmas), np.random.default_rng(8), [], 0
+    for _ in range(400):
+        standing = rng.standard_normal(BIAS_COUNT) * sigmas
+        belief, keep = None, np.exp(-0.5 / 60.0)
+        for k in range(20):
+            jacobian = rng.standard_normal((3, BIAS_COUNT)) * 8.0
+            jacobian[2] = 0.0
+            jacobian[:, Bias.POSITION_NORTH :] = np.eye(3)
+            if k:
+                fresh = rng.standard_normal(2) * sigmas[[9, 10]]
+                standing[[9, 10]] = keep * standing[[9, 10]] + np.sqrt(1 - keep**2) * fresh
+            cov = some_cov(rng)
+            sample = rng.multivariate_normal((4.0, -3.0, 0.0), cov) + jacobian @ (standing * (sigmas > 0))
+            fix = a_fix(k * 0.5, sample, cov, jacobian * (sigmas > 0), sigmas)
+            before = None if belief is None else belief.predicted(host_ns(k * 0.5))
+            belief = StaticKalman(p).started(fix) if before is None else before.updated(fix)
+        error = np.array(belief.position_ned[:2]) - (4.0, -3.0)
+        squares.append(error @ np.linalg.solve(np.array(belief.cov)[:2, :2], error))
+        inside += squares[-1] < chi2.ppf(0.9, 2)
+    low, high = chi2.ppf([0.0005, 0.9995], 2 * 400)
+    assert low < sum(squares) < high
+    assert 0.85 <= inside / 400 <= 0.95
+
+
+def final_track(flight, **options):
+    world, best = World(flight), None
+    tracker = make_tracker(TrackingOptions(**options), flight.priors, world.state_at)
+    for view in world.frames():
+        for track in tracker.on_frame(view):
+            if track.confirmed_host_ns is not None and (best is None or track.id == best.id):
+                best = track
+    return best
+
+
+def test_the_papers_case_is_estimated_as_well_as_noise_allows():
+    """Hover, 4 m forward and 3 m right of it, 10 m: the optimum is the mean of what the camera saw."""
+    errors = []
+    for seed in range(12):
+        flight = Flight(seed=seed, seconds=4, fps=10, shape="hover", height_m=10.0, targets=((4.0, 3.0),))
+        errors.append(np.hypot(*np.subtract(final_track(flight).position_ned[:2], (4.0, 3.0))))
+    fixes = [fix for view in World(flight).frames() for fix in view.fixes]
+    optimum = np.sqrt(np.trace(np.linalg.inv(sum(np.linalg.inv(np.array(f.noise_cov)[:2, :2]) for f in fixes))))
+    assert np.sqrt(np.mean(np.square(errors))) < 1.3 * optimum
+
+
+def test_gross_detections_do_not_pull_it():
+    clean, dirty = [], []
+    for seed in range(6):
+        flight = Flight(seed=seed, seconds=6, shape="hover", height_m=10.0, targets=((4.0, 3.0),), start=(0, 0, 0.3))
+        for errors, gross in ((clean, 0.0), (dirty, 0.05)):
+            flight.gross = gross
+            errors.append(np.hypot(*np.subtract(final_track(flight).position_ned[:2], (4.0, 3.0))))
+    assert np.sqrt(np.mean(np.square(dirty))) < np.sqrt(np.mean(np.square(clean))) + 0.01
