@@ -10,9 +10,10 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -21,17 +22,31 @@ STARTING_S = 20.0
 
 
 class Process:
-    """A child whose stderr can be waited for, line by line."""
+    """A child whose words can be waited for, line by line, and that can be spoken to."""
 
-    def __init__(self, *words: str, folder: Path, **environment: str) -> None:
+    def __init__(
+        self, *words: str, folder: Path, program: Sequence[str] = (sys.executable, "-m"), **environment: str
+    ) -> None:
         self._child = subprocess.Popen(
-            [sys.executable, "-m", *words],
+            [*program, *words],
             cwd=folder,
             env={**os.environ, "PYTHONUNBUFFERED": "1", **environment},
+            stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
         )
         self.said = ""
+
+    @property
+    def pid(self) -> int:
+        """Of the child."""
+        return self._child.pid
+
+    def tell(self, line: str) -> None:
+        """One line on its stdin."""
+        assert self._child.stdin is not None
+        self._child.stdin.write(line.encode() + b"\n")
+        self._child.stdin.flush()
 
     def wait_for(self, pattern: str, within_s: float = STARTING_S) -> re.Match[str]:
         """The first match in what it has said, which may come later."""
@@ -44,7 +59,7 @@ class Process:
             if select.select([stream], [], [], left)[0]:
                 data = os.read(stream.fileno(), 65536)
                 assert data, f"it ended without {pattern!r}; it said:\n{self.said}"
-                self.said += data.decode()
+                self.said += data.decode(errors="replace")
         return match
 
     def stop(self, number: int = signal.SIGTERM, within_s: float = 10.0) -> int:
@@ -55,20 +70,23 @@ class Process:
     def end(self, within_s: float = 60.0) -> int:
         """Its exit status, when it has ended by itself."""
         output, _ = self._child.communicate(timeout=within_s)
-        self.said += output.decode()
+        self.said += output.decode(errors="replace")
         return self._child.returncode
 
     def kill(self) -> None:
         """However the test ended, nothing is left running."""
         if self._child.poll() is None:
             self._child.kill()
-            self._child.communicate()
+        for stream in (self._child.stdin, self._child.stdout):
+            if stream is not None and not stream.closed:
+                stream.close()
+        self._child.wait()
 
 
 @contextmanager
-def process(*words: str, folder: Path, **environment: str) -> Iterator[Process]:
+def process(*words: str, folder: Path, **how: Any) -> Iterator[Process]:
     """A child for as long as the block lasts."""
-    child = Process(*words, folder=folder, **environment)
+    child = Process(*words, folder=folder, **how)
     try:
         yield child
     finally:

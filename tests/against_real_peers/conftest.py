@@ -1,0 +1,31 @@
+"""MAVProxy in an environment of its own: it pulls in a gigabyte that a ground station without windows does not need."""
+
+import fcntl
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PINNED = ("MAVProxy==1.8.75", "pymavlink==2.4.50", "pyserial==3.5", "fastcrc==0.5.0")
+"""What a headless MAVProxy imports, and no more: installed without what else it asks for."""
+
+
+@pytest.fixture(scope="session")
+def mavproxy() -> tuple[str, str]:
+    """The command that starts it. Made once, from PyPI, and kept in the user's cache for the next time."""
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "fwav-companion-tests"
+    version = f"{sys.version_info.major}.{sys.version_info.minor}"
+    home = cache / f"{'-'.join(PINNED)}-python{version}".replace("==", "-")
+    cache.mkdir(parents=True, exist_ok=True)
+    with (cache / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not (home / "complete").exists():
+            shutil.rmtree(home, ignore_errors=True)
+            subprocess.run([sys.executable, "-m", "venv", home], check=True, timeout=120)
+            install = [home / "bin/python", "-m", "pip", "install", "--quiet", "--no-deps", *PINNED]
+            subprocess.run(install, check=True, timeout=300)
+            (home / "complete").touch()
+    return str(home / "bin/python"), str(home / "bin/mavproxy.py")

@@ -1,0 +1,71 @@
+"""MAVProxy as the ground station, with its own pymavlink: it sees our components, and they do what it asks."""
+
+import signal
+from pathlib import Path
+
+import pytest
+from processes import Process, process
+from pymavlink import mavutil
+from sites import Site
+
+SECONDS_S = 60.0
+
+
+@pytest.fixture
+def site(tmp_path: Path):
+    site = Site(tmp_path)
+    site.close()  # its port is MAVProxy's
+    return site
+
+
+def station(site: Site, mavproxy: tuple[str, str]) -> Process:
+    return process(
+        f"--master=udpin:127.0.0.1:{site.ground.port}",
+        *("--target-system=1", "--target-component=100"),
+        "--default-modules=link,cmdlong,misc,output",
+        *("--logfile=station.tlog", f"--state-basedir={site.folder}", "--streamrate=-1"),
+        folder=site.folder,
+        program=mavproxy,
+    )
+
+
+def heard(site: Site) -> list:
+    """Everything in its log."""
+    log = mavutil.mavlink_connection(str(site.folder / "station.tlog"))
+    messages = []
+    while (message := log.recv_match()) is not None:
+        messages.append(message)
+    log.close()
+    return messages
+
+
+@pytest.mark.timeout(400)
+def test_mavproxy_sees_the_vehicle_and_the_target_and_is_obeyed(site: Site, mavproxy: tuple[str, str]):
+    with site.service() as service, site.mock("--scenario", "unbiased", seconds=60.0) as mock:
+        service.wait_for("link ground is up")
+        with station(site, mavproxy) as peer:
+            peer.wait_for(r"Detected vehicle 1:1 on link 0", SECONDS_S)
+            peer.wait_for(r"Detected vehicle 1:100 on link 0", SECONDS_S)
+            peer.tell("watch CAMERA_TRACKING_GEO_STATUS")
+            peer.wait_for(r"CAMERA_TRACKING_GEO_STATUS {.*lat : 4813\d{5}", SECONDS_S)
+            peer.tell("watch COMMAND_ACK")
+            for line, result in (("512 259", 0), ("CAMERA_STOP_TRACKING", 0), ("40999", 3)):
+                number = {"CAMERA_STOP_TRACKING": 2010}.get(line, line.split()[0])
+                peer.tell(f"long {line}")
+                peer.wait_for(rf"COMMAND_ACK {{command : {number}, result : {result},", SECONDS_S)
+            peer.tell("status")  # its counters of all messages, whoever sent them
+            peer.wait_for(r"\d+: ATTITUDE_QUATERNION {", SECONDS_S)
+            peer.stop(signal.SIGINT)
+        assert service.stop() == 0
+        assert mock.stop() == 0
+    messages = heard(site)
+    names = {(message.get_type(), message.get_srcComponent()) for message in messages}
+    assert {("ATTITUDE", 1), ("GLOBAL_POSITION_INT", 1), ("HEARTBEAT", 1)} <= names, "nothing was relayed"
+    assert {("CAMERA_INFORMATION", 100), ("CAMERA_TRACKING_GEO_STATUS", 100)} <= names
+    texts = [message.text for message in messages if message.get_type() == "STATUSTEXT"]
+    assert any(text.startswith("found target 1: 48.1") for text in texts)
+    beats = {
+        (m.get_srcComponent(), m.type, m.autopilot, m.system_status) for m in messages if m.get_type() == "HEARTBEAT"
+    }
+    assert {(191, 18, 8, 4), (100, 30, 8, 4)} <= beats
+    assert "fault" not in service.said

@@ -1,0 +1,87 @@
+"""MAVSDK as the ground station: a decoder that shares no line with pymavlink, nor with us."""
+
+import json
+import sys
+from collections import defaultdict
+from math import cos, radians
+from pathlib import Path
+from typing import Any
+
+import pytest
+from processes import Process, process
+from sites import Site
+
+STATION = Path(__file__).with_name("mavsdk_station.py")
+SECONDS_S = 60.0
+
+
+@pytest.fixture
+def site(tmp_path: Path):
+    site = Site(tmp_path)
+    site.close()  # its port is MAVSDK's
+    return site
+
+
+def station(site: Site) -> Process:
+    url = f"udpin://127.0.0.1:{site.ground.port}"
+    return process(url, folder=site.folder, program=(sys.executable, str(STATION)))
+
+
+def command(component: int, number: int, *params: float) -> str:
+    padded = [*params, *[0.0] * (7 - len(params))]
+    named = {f"param{index}": value for index, value in enumerate(padded, start=1)}
+    return json.dumps({"target_system": 1, "target_component": component, "command": number, "confirmation": 0} | named)
+
+
+def heard(said: str) -> dict[tuple[str, int], list[dict[str, Any]]]:
+    """The fields of every message, by name and component."""
+    messages = defaultdict(list)
+    for line in said.splitlines():
+        if line.startswith('{"name"'):
+            told = json.loads(line)
+            messages[told["name"], told["component"]].append(told["fields"])
+    return messages
+
+
+@pytest.mark.timeout(300)
+def test_mavsdk_sees_the_vehicle_and_the_target_and_is_obeyed(site: Site):
+    with site.service() as service, site.mock("--scenario", "unbiased", seconds=60.0) as mock:
+        service.wait_for("link ground is up")
+        with station(site) as peer:
+            peer.wait_for(r'"system": true', SECONDS_S)
+            peer.wait_for(r'"CAMERA_TRACKING_GEO_STATUS"(.|\n)*"CAMERA_TRACKING_GEO_STATUS"', SECONDS_S)
+            peer.tell(command(100, 512, 259.0))
+            peer.wait_for(r'"answer": .*"command": 512, .*"result": 0,', SECONDS_S)
+            peer.wait_for(r'"CAMERA_INFORMATION"', SECONDS_S)
+            peer.tell(command(100, 2010))
+            peer.wait_for(r'"answer": .*"command": 2010, .*"result": 0,', SECONDS_S)
+            peer.tell(command(191, 40999))
+            peer.wait_for(r'"answer": .*"command": 40999, .*"result": 3,', SECONDS_S)
+            peer.stop()
+        assert service.stop() == 0
+        assert mock.stop() == 0
+    messages = heard(peer.said)
+    beats = {component: messages["HEARTBEAT", component][-1] for component in (1, 191, 100)}
+    assert [(beats[c]["type"], beats[c]["autopilot"], beats[c]["system_status"]) for c in (191, 100)] == [
+        (18, 8, 4),
+        (30, 8, 4),
+    ]
+    assert messages["ATTITUDE_QUATERNION", 1], "nothing was relayed"
+    _is_the_target(messages["CAMERA_TRACKING_GEO_STATUS", 100][-1], site.truth()[0]["targets"][0])
+    image = messages["CAMERA_TRACKING_IMAGE_STATUS", 100][0]
+    assert (image["tracking_status"], image["target_data"]) == (1, 4)
+    assert 0.0 < image["point_x"] < 1.0
+    assert image["rec_top_x"] is None, "NaN, which JSON does not have"
+    information = messages["CAMERA_INFORMATION", 100][-1]
+    assert information["flags"] & (512 | 1024 | 2048) == 512 | 1024 | 2048
+    assert (information["resolution_h"], information["resolution_v"]) == (640, 480)
+    assert any(text["text"].startswith("found target 1: 48.1") for text in messages["STATUSTEXT", 191])
+
+
+def _is_the_target(geo: dict[str, Any], true: dict[str, float]) -> None:
+    north_m = (geo["lat"] / 1e7 - true["lat"]) * 111_320.0
+    east_m = (geo["lon"] / 1e7 - true["lon"]) * 111_320.0 * cos(radians(true["lat"]))
+    assert (abs(north_m), abs(east_m)) < (1.5, 1.5)
+    assert geo["alt"] == pytest.approx(true["alt_amsl"], abs=1.0)
+    assert 0.0 < geo["h_acc"] < 3.0
+    assert geo["hdg"] is None, "of a target that stands still"
