@@ -36,7 +36,7 @@ from fwav_companion.nouns import (
 from fwav_companion.publishing.board_status import onboard_computer_status
 from fwav_companion.publishing.publisher import Publisher
 from fwav_companion.publishing.readiness import Readiness, ready_notice
-from fwav_companion.recording.lines import Line, clock_line, home_line, unix_seconds
+from fwav_companion.recording.lines import Line, clock_line, home_line, origin_object, unix_seconds
 from fwav_companion.sayings import said_of
 from fwav_companion.sight import Seen, Sight
 from fwav_companion.telemetry import HomeMoved, OriginSet, Rebooted, RelativeWorld, Telemetry, TelemetryEvent
@@ -223,6 +223,8 @@ class Pipeline:
             "clock": msgspec.to_builtins(rooms.telemetry.clock.estimate(now)),
             "timesync": rooms.timesync.status(),
             "rates": rooms.rates.status(),
+            "parameters": dict(rooms.rates.parameters),
+            "origin": origin_object(rooms.telemetry.world.plane.origin) if rooms.telemetry.world.plane else None,
             "telemetry": rooms.telemetry.status(now),
             "publishing": rooms.publisher.status(),
             **self._ledger.counts(),
@@ -247,6 +249,7 @@ class Pipeline:
         self._settle(due)
         if self._clock_line_ns is not None and due >= self._clock_line_ns:
             self._write_clock_line(self._clock_line_ns)
+            self._write_calibration_line(self._clock_line_ns)
             self._clock_line_ns = self._next_whole_second(due)
         if self._fault_over_ns is not None and due >= self._fault_over_ns:
             self._fault_over_ns = None
@@ -354,6 +357,12 @@ class Pipeline:
         utc_minus_host_s = telemetry.utc_minus_host_s
         utc_minus_unix_s = None if utc_minus_host_s is None else utc_minus_host_s - self._unix_offset_ns / 1e9
         self._ledger.write(clock_line(at, telemetry.clock.estimate(at), boot_ns, utc_minus_unix_s))
+
+    def _write_calibration_line(self, at: HostNs) -> None:
+        sight = self._rooms.sight
+        line = None if sight is None else sight.calibration_line(unix_seconds(at, self._unix_offset_ns))
+        if line is not None:
+            self._ledger.write(line)
 
     def _next_whole_second(self, now: HostNs) -> HostNs:
         """Of the recording's clock: where the lines of one flight stand must not hang on when it was replayed."""

@@ -14,7 +14,7 @@ from fwav_companion.ledger import Ledger
 from fwav_companion.localization import Localizer
 from fwav_companion.nouns import Frame, FrameView, GroundFix, NoFix, NoFrame, Reason, Sighting, Track, VehicleState
 from fwav_companion.pairing import PairedFrame, Pairer, RefusedFrame, WaitingFrames, sees_nothing
-from fwav_companion.recording.lines import Line, sighting_line
+from fwav_companion.recording.lines import Line, calibration_line, sighting_line
 from fwav_companion.telemetry import RateMeter, Telemetry
 from fwav_companion.tracking import Reorder, Settled
 
@@ -80,6 +80,20 @@ class Sight:
         """The frames whose lines may be written, in the order of capture."""
         settled, self._dropped = [*self._reorder.close(now), *self._dropped], []
         return settled
+
+    def calibration_line(self, time_unix: float) -> Line | None:
+        """What self-calibration believes now; None without it. Its time offset is total, the configured one in it."""
+        report = self._reorder.calibration
+        if report is None:
+            return None
+        return calibration_line(
+            time_unix,
+            self._pairer.time_offset_s + report.time_offset_s,
+            report.time_offset_sigma_s,
+            report.mount,
+            report.mount_sigma,
+            report.status.value,
+        )
 
     def locate(self, u: float, v: float, sigma_px: float, host_ns: HostNs) -> GroundFix | None:
         """The ground under a pixel of a picture taken then; None where there is no telling."""

@@ -81,7 +81,7 @@ def make_pipeline(
     if calibration is not None:
         localizer = Localizer(_ground(config, elevation), config.priors, min_height_m=config.ground.min_height_m)
         if own_filter is None:
-            tracker = make_tracker(_tracking_options(config), config.priors)
+            tracker = make_tracker(_tracking_options(config), config.priors, telemetry.state_at)
         else:
             tracker = Tracker(own_filter, KEEP_STATIC_NS)
         reorder = Reorder(tracker)

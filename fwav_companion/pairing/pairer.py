@@ -107,6 +107,11 @@ class Pairer:
         self._last_number = -1
 
     @property
+    def time_offset_s(self) -> float:
+        """How late stamps are taken to come."""
+        return self._rows.time_offset_s
+
+    @property
     def readout_s(self) -> float:
         """In use now: as configured, or half the median frame interval."""
         return self._rows.readout_s

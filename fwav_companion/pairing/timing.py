@@ -83,6 +83,11 @@ class RowClock:
         self._last_stamp_ns: int | None = None
 
     @property
+    def time_offset_s(self) -> float:
+        """How late stamps are taken to come."""
+        return self._timing.time_offset_s
+
+    @property
     def interval_s(self) -> float:
         """The median interval between frames."""
         if not self._intervals:

@@ -13,6 +13,7 @@ import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_MS, BootNs, HostNs
 from fwav_companion.nouns import FrameView, NoFrame, Reason, Track
+from fwav_companion.tracking.calibrator import CalibrationReport
 from fwav_companion.tracking.tracker import Snapshot, Tracker
 
 WINDOW_NS = 500 * NS_PER_MS
@@ -54,6 +55,11 @@ class Reorder:
         if self._settled:
             return self._settled[0].view.host_ns
         return HostNs(self._placed[0].view.host_ns + WINDOW_NS) if self._placed else None
+
+    @property
+    def calibration(self) -> CalibrationReport | None:
+        """What self-calibration knows by the newest frame; None without it."""
+        return self._tracker.calibration
 
     def put(self, view: FrameView, now_ns: HostNs) -> tuple[Track, ...] | NoFrame:
         """The current tracks after all frames known so far, of the newest capture; or why the frame is refused."""
