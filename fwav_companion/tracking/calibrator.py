@@ -11,26 +11,23 @@ Immutable but for :class:`Workshop`, which holds what never changes.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from math import acos, cos, hypot, sin
+from math import sqrt
 
 import msgspec
 
-from fwav_companion.geometry.rotations import euler_from_quaternion
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs, ns_from_s
-from fwav_companion.geometry.vectors import Matrix3, Vector3, transform
-from fwav_companion.nouns import Bias, ErrorPriors, GroundFix, VehicleState
-from fwav_companion.tracking.base import Belief
-from fwav_companion.tracking.course import Course, StateAt, course_of
+from fwav_companion.nouns import GroundFix
+from fwav_companion.tracking.answer import MOUNT
+from fwav_companion.tracking.calibration import CalibrationReport, KeptCalibration
+from fwav_companion.tracking.course import Course
 from fwav_companion.tracking.estimate import Surprise
 from fwav_companion.tracking.fit import Fit
-from fwav_companion.tracking.joint import joint_of
-from fwav_companion.tracking.linear import Symmetric2
+from fwav_companion.tracking.mistakes import Suspicion
 from fwav_companion.tracking.rays import COMMON_COUNT, Common, Glimpse, glimpse_of
 from fwav_companion.tracking.verdict import CalibrationStatus, Placed, Verdict, judged
+from fwav_companion.tracking.views import Views
+from fwav_companion.tracking.workshop import Workshop
 
-DELAY_STEP_S = 0.015
-"""Between two hypotheses: a fifth of a beat at 15 Hz, so one of them is always in the linear range."""
-SEARCH_SIGMAS = 3.0
 SEARCH_A_FRAME = 2
 """Glimpses that the search takes of one frame: each costs a step of every hypothesis."""
 SEARCH_LEAST = 40
@@ -50,113 +47,11 @@ PASSES_AT = (60, 120, 240, 480)
 PASS_STEP = 8
 """Glimpses a frame, beside two for each target, so that a pass overtakes what goes on coming."""
 
-LEAST_TURN = 0.9
-"""Mean resultant length of the headings: above, the vehicle has looked from one side only (26 deg of spread)."""
-LEAST_SWING_RAD = 0.17
-"""Spread of the angle off the nadir that shows the mount without any turn."""
-
-
-class CalibrationReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What self-calibration knows: corrections to what was configured."""
-
-    host_ns: HostNs
-    time_offset_s: float
-    """To be added to the configured time offset."""
-    time_offset_sigma_s: float
-    mount: Vector3
-    """Rotation vector, body axes, rad: the true mount is Exp(mount) times the configured one."""
-    mount_sigma: Vector3
-    height_m: float
-    """Told minus true."""
-    height_sigma_m: float
-    status: CalibrationStatus
-
-
-class KeptCalibration(msgspec.Struct, frozen=True, kw_only=True):
-    """A calibration of an earlier flight, as a narrower prior than the configuration's."""
-
-    time_offset_s: float
-    time_offset_sigma_s: float
-    mount: Vector3
-    mount_sigma: Vector3
-
 
 class _Queued(msgspec.Struct, frozen=True):
     host_ns: HostNs
     fixes: tuple[tuple[int, GroundFix, float], ...]
     """Track, its fix, seconds since its fix before."""
-
-
-class _Views(msgspec.Struct, frozen=True, gc=False):
-    """How differently the targets were looked at: sums over glimpses."""
-
-    count: int = 0
-    cos: float = 0.0
-    sin: float = 0.0
-    off: float = 0.0
-    off2: float = 0.0
-
-    def with_fix(self, fix: GroundFix) -> _Views:
-        """With one more look."""
-        _, _, yaw = euler_from_quaternion(fix.sighting.state.ned_from_body)
-        ray = transform(fix.sighting.ned_from_camera, fix.sighting.ray.direction)
-        off = acos(max(-1.0, min(1.0, ray[2])))
-        return _Views(self.count + 1, self.cos + cos(yaw), self.sin + sin(yaw), self.off + off, self.off2 + off * off)
-
-    @property
-    def various(self) -> bool:
-        """From different headings, or at different ranges."""
-        if not self.count:
-            return False
-        turn = hypot(self.cos, self.sin) / self.count
-        swing2 = self.off2 / self.count - (self.off / self.count) ** 2
-        return turn < LEAST_TURN or swing2 > LEAST_SWING_RAD**2
-
-
-class Workshop:
-    """What never changes: the priors, the delays to try, and whom to ask for the vehicle's states."""
-
-    def __init__(self, priors: ErrorPriors, state_at: StateAt | None, kept: KeptCalibration | None = None) -> None:
-        self.priors = priors
-        self.state_at = state_at
-        self._remembered: tuple[tuple[int, tuple[float, ...]], Course] | None = None
-        self.means, self.sigmas = _prior(priors, kept)
-        reach = SEARCH_SIGMAS * self.sigmas[Common.DELAY]
-        steps = int(reach / DELAY_STEP_S + 0.5) if state_at is not None else 0
-        middle = self.means[Common.DELAY]
-        self.delays = tuple(middle + i * DELAY_STEP_S for i in range(-steps, steps + 1))
-
-    def course(self, nominal: VehicleState, delays_s: tuple[float, ...]) -> Course:
-        """The vehicle about a capture. Remembers the last one: the sightings of a frame mostly share it."""
-        key = (nominal.boot_ns, delays_s)
-        if self._remembered is None or self._remembered[0] != key:
-            self._remembered = (key, course_of(nominal, delays_s, self.state_at))
-        return self._remembered[1]
-
-    def bank(self) -> tuple[Fit, ...]:
-        """A fit a delay, each with a prior as wide as the step between them."""
-        if len(self.delays) == 1:
-            return (self.fit(self.delays),)
-        middle, sigma = self.means[Common.DELAY], self.sigmas[Common.DELAY]
-        fits = [self.fit((delay,), DELAY_STEP_S * 0.6) for delay in self.delays]
-        return tuple(
-            msgspec.structs.replace(fit, score=-0.5 * ((delay - middle) / sigma) ** 2)
-            for delay, fit in zip(self.delays, fits, strict=True)
-        )
-
-    def fit(
-        self,
-        around: Sequence[float],
-        delay_sigma: float | None = None,
-        hints: dict[int, tuple[float, float]] | None = None,
-    ) -> Fit:
-        """A fresh fit about a point of linearization; with a sigma, about that delay only."""
-        full = (*around, *self.means[len(around) :])
-        means, sigmas = self.means, self.sigmas
-        if delay_sigma is not None:
-            means = (around[Common.DELAY], *means[1:])
-            sigmas = (delay_sigma, *sigmas[1:])
-        return Fit(joint_of(self.priors, sigmas, means, full), hints or {})
 
 
 class Calibrator(msgspec.Struct, frozen=True):
@@ -178,22 +73,31 @@ class Calibrator(msgspec.Struct, frozen=True):
     cursor: int = 0
     """How many of the kept glimpses the pass has taken."""
     passes: int = 0
-    views: _Views = _Views()
+    views: Views = Views()
     idle_until_ns: HostNs = HostNs(0)
     """After a search that found nothing."""
     verdict: Verdict | None = None
     """What of the served estimate may be believed."""
     places: dict[int, Placed] = {}
     """By it, by track."""
+    suspicion: Suspicion = Suspicion()
     host_ns: HostNs = HostNs(0)
 
     def learned(
-        self, host_ns: HostNs, fixes: Sequence[tuple[int, GroundFix, float]], alive: Collection[int]
+        self,
+        host_ns: HostNs,
+        seen: Sequence[GroundFix],
+        fixes: Sequence[tuple[int, GroundFix, float]],
+        alive: Collection[int],
     ) -> Calibrator:
-        """After a frame: ``fixes`` by track, with the seconds since the fix before; ``alive``: all tracks there are."""
-        state = msgspec.structs.replace(
-            self, queue=(*self.queue, _Queued(host_ns, tuple(fixes))), host_ns=host_ns
-        )._forgotten(alive)
+        """After a frame with all that was ``seen``; ``fixes`` by track, with the seconds since the fix before;
+        ``alive``: all tracks there are.
+        """
+        suspicion = self.suspicion.seen(seen)
+        if suspicion.text:
+            return Calibrator(self.shop, host_ns=host_ns, suspicion=suspicion)
+        queue = (*self.queue, _Queued(host_ns, tuple(fixes)))
+        state = msgspec.structs.replace(self, queue=queue, host_ns=host_ns, suspicion=suspicion)._forgotten(alive)
         due_ns = host_ns - ns_from_s(state._lag_s())
         while state.queue and state.queue[0].host_ns <= due_ns:
             first, state = state.queue[0], msgspec.structs.replace(state, queue=state.queue[1:])
@@ -227,11 +131,30 @@ class Calibrator(msgspec.Struct, frozen=True):
             height_m=means[Common.HEIGHT],
             height_sigma_m=sigmas[Common.HEIGHT],
             status=CalibrationStatus.WAITING if self.verdict is None else self.verdict.status,
+            mistake=self.suspicion.text,
+            keep=self._worth_keeping(),
         )
 
     def restarted(self) -> Calibrator:
         """After every target was dropped: what the flight has taught is kept, as a prior."""
-        return Calibrator(self.shop)
+        keep = self._worth_keeping()
+        shop = self.shop if keep is None else Workshop(self.shop.priors, self.shop.state_at, keep)
+        return Calibrator(shop, host_ns=self.host_ns, suspicion=self.suspicion)
+
+    def _worth_keeping(self) -> KeptCalibration | None:
+        verdict = self.verdict
+        if verdict is None or verdict.status is not CalibrationStatus.CALIBRATED:
+            return None
+        told = verdict.told()
+        if not all(i in told for i in (Common.DELAY, *MOUNT)):
+            return None
+        cov = verdict.report.cov(MOUNT)
+        return KeptCalibration(
+            time_offset_s=told[Common.DELAY][0],
+            time_offset_sigma_s=told[Common.DELAY][1],
+            mount=(told[Common.MOUNT_X][0], told[Common.MOUNT_Y][0], told[Common.MOUNT_Z][0]),
+            mount_sigma=(sqrt(cov[0][0]), sqrt(cov[1][1]), sqrt(cov[2][2])),
+        )
 
     # Each step returns the next state.
 
@@ -273,7 +196,7 @@ class Calibrator(msgspec.Struct, frozen=True):
             state = state._glimpsed(glimpse, state.views.with_fix(fix))
         return state
 
-    def _glimpsed(self, glimpse: Glimpse, views: _Views) -> Calibrator:
+    def _glimpsed(self, glimpse: Glimpse, views: Views) -> Calibrator:
         keeping = self.complete and (self.seen < MOST_KEPT or self.coming is not None)
         state = msgspec.structs.replace(
             self,
@@ -309,7 +232,9 @@ class Calibrator(msgspec.Struct, frozen=True):
     def _given_up(self) -> Calibrator:
         """Two delays fit alike (a steady beat repeats itself), or none does: what was kept decides nothing."""
         pause_ns = HostNs(self.host_ns + SEARCH_PAUSE_NS)
-        return Calibrator(self.shop, host_ns=self.host_ns, queue=self.queue, idle_until_ns=pause_ns)
+        return Calibrator(
+            self.shop, host_ns=self.host_ns, queue=self.queue, idle_until_ns=pause_ns, suspicion=self.suspicion
+        )
 
     def _found(self, around: tuple[float, ...]) -> Calibrator:
         """The delay is settled enough: glimpses shrink to it, and the first pass begins."""
@@ -354,66 +279,3 @@ class Calibrator(msgspec.Struct, frozen=True):
             return self._given_up()
         verdict = judged(self.served.joint, self.shop.means, self.shop.sigmas, various=self.views.various)
         return msgspec.structs.replace(self, verdict=verdict, places=verdict.places())
-
-
-class CalibratedBelief(msgspec.Struct, frozen=True):
-    """A track as the joint estimate sees it, heights by its own filter."""
-
-    calibrator: Calibrator
-    track: int
-    placed: Placed
-    own: Belief
-
-    @property
-    def position_ned(self) -> Vector3:
-        """Metres."""
-        return (self.placed.north, self.placed.east, self.own.position_ned[2])
-
-    @property
-    def cov(self) -> Matrix3:
-        """Every source of error, m^2, NED."""
-        return _level(self.placed.cov, self.own.cov[2][2])
-
-    @property
-    def relative_cov(self) -> Matrix3:
-        """Without the vehicle's own position, m^2, NED."""
-        return _level(self.placed.relative_cov, self.own.relative_cov[2][2])
-
-    @property
-    def velocity_ned(self) -> Vector3 | None:
-        """A standing target has none to tell."""
-        return None
-
-    @property
-    def velocity_cov(self) -> Matrix3 | None:
-        """A standing target has none to tell."""
-        return None
-
-    def predicted(self, host_ns: HostNs) -> Belief:
-        """The target stays."""
-        return self.own.predicted(host_ns)
-
-    def surprise(self, fix: GroundFix) -> Surprise:
-        """How little a fix was expected in the image, with what calibration knows by now."""
-        seen = self.calibrator.surprise(self.track, fix)
-        return self.own.surprise(fix) if seen is None else seen
-
-    def updated(self, fix: GroundFix) -> Belief:
-        """Its own filter goes on beside the joint estimate."""
-        return self.own.updated(fix)
-
-
-def _level(horizontal: Symmetric2, down: float) -> Matrix3:
-    nn, ne, ee = horizontal
-    return ((nn, ne, 0.0), (ne, ee, 0.0), (0.0, 0.0, down))
-
-
-def _prior(priors: ErrorPriors, kept: KeptCalibration | None) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Means and sigmas by Common. The autopilot's own constant roll and pitch errors are part of the correction."""
-    b = priors.bias_sigmas
-    mount = (hypot(b[Bias.MOUNT_X], b[Bias.ROLL]), hypot(b[Bias.MOUNT_Y], b[Bias.PITCH]), b[Bias.MOUNT_Z])
-    rest = (b[Bias.HEADING], b[Bias.HEIGHT], b[Bias.READOUT], b[Bias.POSITION_NORTH], b[Bias.POSITION_EAST])
-    zero = (0.0,) * COMMON_COUNT
-    if kept is None:
-        return zero, (b[Bias.TIME_OFFSET], *mount, *rest)
-    return (kept.time_offset_s, *kept.mount, *zero[4:]), (kept.time_offset_sigma_s, *kept.mount_sigma, *rest)

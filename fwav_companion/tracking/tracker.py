@@ -8,13 +8,9 @@ from fwav_companion.geometry.stamps import NS_PER_S, BootNs, HostNs, s_from_ns
 from fwav_companion.nouns import ErrorPriors, FrameView, GroundFix, Reason, Track, TrackState
 from fwav_companion.tracking.association import Candidate, associate
 from fwav_companion.tracking.base import Belief, Filter
-from fwav_companion.tracking.calibrator import (
-    CalibratedBelief,
-    CalibrationReport,
-    Calibrator,
-    KeptCalibration,
-    Workshop,
-)
+from fwav_companion.tracking.calibrated import CalibratedBelief
+from fwav_companion.tracking.calibration import CalibrationReport, KeptCalibration
+from fwav_companion.tracking.calibrator import Calibrator
 from fwav_companion.tracking.course import StateAt
 from fwav_companion.tracking.kalman import StaticKalman
 from fwav_companion.tracking.lifecycle import Life, born, ended, seen, unseen
@@ -22,6 +18,7 @@ from fwav_companion.tracking.linear import horizontal_sigma
 from fwav_companion.tracking.lowpass import LowPass
 from fwav_companion.tracking.moving import MovingKalman
 from fwav_companion.tracking.options import TrackingOptions
+from fwav_companion.tracking.workshop import Workshop
 
 MAX_TRACKS = 20
 """Live at once: twice what a pilot can care for, and what the assignment is sized for."""
@@ -88,7 +85,7 @@ class Tracker:
         used = {id(fix) for fix, _ in taken.values()}
         tracks, next_id = self._with_newborn(kept, [fix for fix in view.fixes if id(fix) not in used], view.host_ns)
         living = tuple(track for track in tracks if track.life.state is not TrackState.DROPPED)
-        self._state = Snapshot(living, next_id, self._learned(view.host_ns, living))
+        self._state = Snapshot(living, next_id, self._learned(view, living))
         return tuple(self._told(track, view.frame, view.host_ns, view.boot_ns) for track in tracks)
 
     def drop_all(self, reason: Reason, frame: int, host_ns: HostNs, boot_ns: BootNs) -> tuple[Track, ...]:
@@ -174,17 +171,17 @@ class Tracker:
             last_pixel=track.last_pixel,
         )
 
-    def _learned(self, host_ns: HostNs, living: tuple[Alive, ...]) -> Calibrator | None:
+    def _learned(self, view: FrameView, living: tuple[Alive, ...]) -> Calibrator | None:
         calibrator = self._state.calibrator
         if calibrator is None:
             return None
         before = {track.id: track.life.last_seen_ns for track in self._state.alive}
         fixes = [
-            (track.id, track.fix, s_from_ns(host_ns - before.get(track.id, host_ns)))
+            (track.id, track.fix, s_from_ns(view.host_ns - before.get(track.id, view.host_ns)))
             for track in living
             if track.fix is not None
         ]
-        return calibrator.learned(host_ns, fixes, {track.id for track in living})
+        return calibrator.learned(view.host_ns, view.fixes, fixes, {track.id for track in living})
 
     def _calibrated(self, track: Alive) -> CalibratedBelief | None:
         """The track by the joint estimate, where that holds the target."""

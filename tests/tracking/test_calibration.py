@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+import tracking_simulation
 from tracking_simulation import Flight, World, priors
 
-from fwav_companion.nouns import BIAS_COUNT, Bias
+from fwav_companion.nouns import BIAS_COUNT, Bias, Reason
 from fwav_companion.tracking import CalibrationStatus, KeptCalibration, TrackingOptions, make_tracker
 from fwav_companion.tracking.course import course_of
 from fwav_companion.tracking.joint import joint_of
@@ -164,3 +165,59 @@ def test_without_the_vehicles_history_it_still_runs():
 
 def test_common_order():
     assert [c.name for c in Common][:6] == ["DELAY", "MOUNT_X", "MOUNT_Y", "MOUNT_Z", "HEADING", "HEIGHT"]
+
+
+TURNS = {
+    "upside down": (-1, 0, 0, -1),
+    "90 degrees clockwise": (0, -1, 1, 0),
+    "90 degrees counterclockwise": (0, 1, -1, 0),
+    "left to right": (-1, 0, 0, 1),
+    "top to bottom": (1, 0, 0, -1),
+}
+
+
+def turned_flight(monkeypatch, a, b, c, d):
+    """A flight whose image is turned about its middle: pixel x' = a x + b y, y' = c x + d y."""
+    straight = tracking_simulation.pixel_from_camera
+
+    def turned(points):
+        x, y = (straight(points) - (320, 240)).T
+        return np.stack([320 + a * x + b * y, 240 + c * x + d * y], -1)
+
+    flight = Flight(fps=10)
+    world = World(flight)
+    monkeypatch.setattr(tracking_simulation, "pixel_from_camera", turned)
+    return flight, world, world.frames()
+
+
+@pytest.mark.parametrize("name", TURNS)
+def test_a_gross_mistake_is_named_and_nothing_is_estimated(name, monkeypatch):
+    flight, world, views = turned_flight(monkeypatch, *TURNS[name])
+    tracker = make_tracker(TrackingOptions(self_calibration=True), flight.priors, world.state_at)
+    for view in views:
+        tracker.on_frame(view)
+    assert name in tracker.calibration.mistake
+    assert tracker.calibration.status is CalibrationStatus.WAITING
+
+
+def test_a_mount_off_by_degrees_is_no_gross_mistake(monkeypatch):
+    flight, world, views = turned_flight(monkeypatch, 1, 0, 0, 1)
+    flight.biases[:] = 2 * PLANTED
+    tracker = make_tracker(TrackingOptions(self_calibration=True), flight.priors, world.state_at)
+    for view in views:
+        tracker.on_frame(view)
+    assert tracker.calibration.mistake == ""
+
+
+def test_what_was_learnt_outlives_the_tracks():
+    flight = Flight(seed=1, biases=PLANTED, seconds=45)
+    world = World(flight)
+    tracker = make_tracker(TrackingOptions(self_calibration=True), flight.priors, world.state_at)
+    for view in world.frames():
+        tracker.on_frame(view)
+    keep = tracker.calibration.keep
+    tracker.drop_all(Reason.ORIGIN_SET, view.frame, view.host_ns, view.boot_ns)
+    report = tracker.calibration
+    assert report.time_offset_s == keep.time_offset_s == pytest.approx(0.035, abs=0.003)
+    assert report.mount == keep.mount
+    assert report.mount_sigma[2] > np.radians(0.5)  # as far as heading and mount are one, it is the heading's doubt

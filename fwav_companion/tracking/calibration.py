@@ -1,0 +1,41 @@
+"""What self-calibration tells, and what of it is kept for the next flight."""
+
+from __future__ import annotations
+
+import msgspec
+
+from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.geometry.vectors import Vector3
+from fwav_companion.tracking.verdict import CalibrationStatus
+
+
+class KeptCalibration(msgspec.Struct, frozen=True, kw_only=True):
+    """A calibration of an earlier flight, as a narrower prior than the configuration's.
+
+    Its mount is as uncertain as the heading leaves it: another flight has another error of heading.
+    """
+
+    time_offset_s: float
+    time_offset_sigma_s: float
+    mount: Vector3
+    mount_sigma: Vector3
+
+
+class CalibrationReport(msgspec.Struct, frozen=True, kw_only=True):
+    """What self-calibration knows: corrections to what was configured."""
+
+    host_ns: HostNs
+    time_offset_s: float
+    """To be added to the configured time offset."""
+    time_offset_sigma_s: float
+    mount: Vector3
+    """Rotation vector, body axes, rad: the true mount is Exp(mount) times the configured one."""
+    mount_sigma: Vector3
+    height_m: float
+    """Told minus true."""
+    height_sigma_m: float
+    status: CalibrationStatus
+    mistake: str = ""
+    """A gross mistake in the mount, as a sentence; nothing is estimated then."""
+    keep: KeptCalibration | None = None
+    """What is worth keeping for the next flight; None while that is nothing."""

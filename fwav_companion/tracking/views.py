@@ -1,0 +1,42 @@
+"""How differently the targets were looked at: what a flight must offer before a mount can be told from a place."""
+
+from __future__ import annotations
+
+from math import acos, cos, hypot, sin
+
+import msgspec
+
+from fwav_companion.geometry.rotations import euler_from_quaternion
+from fwav_companion.geometry.vectors import transform
+from fwav_companion.nouns import GroundFix
+
+LEAST_TURN = 0.9
+"""Mean resultant length of the headings: above, the vehicle has looked from one side only (26 deg of spread)."""
+LEAST_SWING_RAD = 0.17
+"""Spread of the angle off the nadir that shows the mount without any turn."""
+
+
+class Views(msgspec.Struct, frozen=True, gc=False):
+    """How differently the targets were looked at: sums over glimpses."""
+
+    count: int = 0
+    cos: float = 0.0
+    sin: float = 0.0
+    off: float = 0.0
+    off2: float = 0.0
+
+    def with_fix(self, fix: GroundFix) -> Views:
+        """With one more look."""
+        _, _, yaw = euler_from_quaternion(fix.sighting.state.ned_from_body)
+        ray = transform(fix.sighting.ned_from_camera, fix.sighting.ray.direction)
+        off = acos(max(-1.0, min(1.0, ray[2])))
+        return Views(self.count + 1, self.cos + cos(yaw), self.sin + sin(yaw), self.off + off, self.off2 + off * off)
+
+    @property
+    def various(self) -> bool:
+        """From different headings, or at different ranges."""
+        if not self.count:
+            return False
+        turn = hypot(self.cos, self.sin) / self.count
+        swing2 = self.off2 / self.count - (self.off / self.count) ** 2
+        return turn < LEAST_TURN or swing2 > LEAST_SWING_RAD**2

@@ -1,0 +1,76 @@
+"""What of self-calibration never changes in a flight: priors, the delays to try, and whom to ask for states."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import hypot
+
+import msgspec
+
+from fwav_companion.nouns import Bias, ErrorPriors, VehicleState
+from fwav_companion.tracking.calibration import KeptCalibration
+from fwav_companion.tracking.course import Course, StateAt, course_of
+from fwav_companion.tracking.fit import Fit
+from fwav_companion.tracking.joint import joint_of
+from fwav_companion.tracking.rays import COMMON_COUNT, Common
+
+DELAY_STEP_S = 0.015
+"""Between two hypotheses: a fifth of a beat at 15 Hz, so one of them is always in the linear range."""
+SEARCH_SIGMAS = 3.0
+
+
+class Workshop:
+    """What never changes: the priors, the delays to try, and whom to ask for the vehicle's states."""
+
+    def __init__(self, priors: ErrorPriors, state_at: StateAt | None, kept: KeptCalibration | None = None) -> None:
+        self.priors = priors
+        self.state_at = state_at
+        self._remembered: tuple[tuple[int, tuple[float, ...]], Course] | None = None
+        self.means, self.sigmas = _prior(priors, kept)
+        reach = SEARCH_SIGMAS * self.sigmas[Common.DELAY]
+        steps = int(reach / DELAY_STEP_S + 0.5) if state_at is not None else 0
+        middle = self.means[Common.DELAY]
+        self.delays = tuple(middle + i * DELAY_STEP_S for i in range(-steps, steps + 1))
+
+    def course(self, nominal: VehicleState, delays_s: tuple[float, ...]) -> Course:
+        """The vehicle about a capture. Remembers the last one: the sightings of a frame mostly share it."""
+        key = (nominal.boot_ns, delays_s)
+        if self._remembered is None or self._remembered[0] != key:
+            self._remembered = (key, course_of(nominal, delays_s, self.state_at))
+        return self._remembered[1]
+
+    def bank(self) -> tuple[Fit, ...]:
+        """A fit a delay, each with a prior as wide as the step between them."""
+        if len(self.delays) == 1:
+            return (self.fit(self.delays),)
+        middle, sigma = self.means[Common.DELAY], self.sigmas[Common.DELAY]
+        fits = [self.fit((delay,), DELAY_STEP_S * 0.6) for delay in self.delays]
+        return tuple(
+            msgspec.structs.replace(fit, score=-0.5 * ((delay - middle) / sigma) ** 2)
+            for delay, fit in zip(self.delays, fits, strict=True)
+        )
+
+    def fit(
+        self,
+        around: Sequence[float],
+        delay_sigma: float | None = None,
+        hints: dict[int, tuple[float, float]] | None = None,
+    ) -> Fit:
+        """A fresh fit about a point of linearization; with a sigma, about that delay only."""
+        full = (*around, *self.means[len(around) :])
+        means, sigmas = self.means, self.sigmas
+        if delay_sigma is not None:
+            means = (around[Common.DELAY], *means[1:])
+            sigmas = (delay_sigma, *sigmas[1:])
+        return Fit(joint_of(self.priors, sigmas, means, full), hints or {})
+
+
+def _prior(priors: ErrorPriors, kept: KeptCalibration | None) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Means and sigmas by Common. The autopilot's own constant roll and pitch errors are part of the correction."""
+    b = priors.bias_sigmas
+    mount = (hypot(b[Bias.MOUNT_X], b[Bias.ROLL]), hypot(b[Bias.MOUNT_Y], b[Bias.PITCH]), b[Bias.MOUNT_Z])
+    rest = (b[Bias.HEADING], b[Bias.HEIGHT], b[Bias.READOUT], b[Bias.POSITION_NORTH], b[Bias.POSITION_EAST])
+    zero = (0.0,) * COMMON_COUNT
+    if kept is None:
+        return zero, (b[Bias.TIME_OFFSET], *mount, *rest)
+    return (kept.time_offset_s, *kept.mount, *zero[4:]), (kept.time_offset_sigma_s, *kept.mount_sigma, *rest)
