@@ -22,9 +22,9 @@ TEXEL_M = 0.02
 HAZE = 118
 FADE_M = 8.0
 """Over the last metres the ground fades into the haze."""
-SCALES_M = ((11.0, 15.0), (3.7, 13.0), (1.3, 11.0), (0.45, 9.0), (0.15, 7.0), (0.05, 5.0))
+SCALES_M = ((11.0, 14.0), (3.7, 13.0), (1.3, 12.0), (0.45, 13.0), (0.15, 13.0), (0.06, 10.0))
 """(size of a patch, how much it differs in grey levels): their sizes are no multiples of one another."""
-STONES = 900
+STONES = 2600
 OVERSAMPLED = 8
 """Per texel and axis, when a tag is drawn."""
 BLACK, WHITE = 25, 225
@@ -103,7 +103,7 @@ def _strew(soil: NDArray[np.float32], rng: np.random.Generator) -> None:
     """Stones and tufts: what a real ground has that is no noise."""
     size = soil.shape[0]
     places = rng.uniform(0, size, (STONES, 2)).astype(int)
-    radii = rng.gamma(2.0, 0.06 / TEXEL_M, STONES)
+    radii = rng.gamma(1.6, 0.05 / TEXEL_M, STONES)
     shades = rng.normal(HAZE, 45.0, STONES)
     for (x, y), radius, shade, turn in zip(places, radii, shades, rng.uniform(0, 180, STONES), strict=True):
         axes = (max(1, int(radius)), max(1, int(radius * 0.6)))

@@ -57,6 +57,8 @@ class TagView(NamedTuple):
     pixel: Pixel
     """Of its centre, at the instant of the centre's row."""
     corners: tuple[Pixel, ...]
+    module_px: float
+    """Along the shortest side."""
     blur_px: float
     """The centre's way during the exposure."""
     usable: bool
@@ -90,7 +92,7 @@ def tag_view(camera: MockCamera, scene: list[Target], tag: GroundTag, row0_s: fl
     blur_px = hypot(after[0] - before[0], after[1] - before[1])
     module_px = min(_distance(corners[i], corners[i - 1]) for i in range(4)) / MODULES
     usable = whole and module_px >= LEAST_MODULE_PX and blur_px <= MOST_BLUR_MODULES * module_px
-    return TagView(tag.tag_id, pixel, corners, blur_px, usable)
+    return TagView(tag.tag_id, pixel, corners, module_px, blur_px, usable)
 
 
 def _distance(a: Pixel, b: Pixel) -> float:

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from argparse import _SubParsersAction
     from types import FrameType
 
+    from fwav_companion.demo.flight import Demonstration, Outcome
+    from fwav_companion.demo.setting import Setting
+
 SECONDS = (3.0, 3600.0)
 
 
@@ -52,14 +55,24 @@ def run(arguments: argparse.Namespace) -> int:
     signal.signal(signal.SIGTERM, _interrupt)
     out = Path(arguments.out).resolve()
     console = Console()
-    demonstration = Demonstration(Setting(arguments.seed, arguments.seconds), out)
+    setting = Setting(arguments.seed, arguments.seconds)
+    demonstration = Demonstration(setting, out)
     with LiveTable(console, arguments.seconds) as table:
         outcome = demonstration.fly(table.watch)
-    report = None
+    report = _report(demonstration, setting, out, outcome)
     show_outcome(console, outcome, report)
     if arguments.json:
         print(json.dumps(outcome.as_json()))
     return 1 if outcome.troubles else 0
+
+
+def _report(demonstration: Demonstration, setting: Setting, out: Path, outcome: Outcome) -> str | None:
+    """Where it was written; None where there is nothing to tell."""
+    from fwav_companion.demo.telling import write_report
+
+    if outcome.recording is None:
+        return None
+    return str(write_report(setting, demonstration.flight_arguments, out, outcome.recording))
 
 
 def _interrupt(_number: int, _frame: FrameType | None) -> None:

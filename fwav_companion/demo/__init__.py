@@ -1,1 +1,1 @@
-"""SHELL: the demonstration: a mock autopilot and a rendered camera in processes of their own, and the service as ever."""
+"""SHELL: the demonstration: mock autopilot and rendered camera in processes of their own, the service as it flies."""

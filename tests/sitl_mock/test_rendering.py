@@ -66,7 +66,7 @@ def test_a_tags_corners_are_where_opencv_and_scipy_put_them():
                     expected = opencv_pixel(simulation, corner, simulation.camera.row0_s(frame))
                     assert pixel == pytest.approx(expected, abs=1e-6)
                     compared += 1
-    assert compared > 40
+    assert compared > 25
 
 
 def test_the_grids_rays_are_opencvs():
@@ -98,7 +98,7 @@ def test_a_detector_finds_the_corners_within_a_pixel_of_the_truth_through_the_ro
 def test_blur_hides_tags_from_the_detector_as_the_truth_says():
     eye = Eye(flown("demo_blur", **{"camera.exposure_s": 0.008}))
     usable = unusable = usable_found = unusable_found = 0
-    for frame in range(0, 340, 5):
+    for frame in range(0, 320, 4):
         seen = None
         for view in eye.views(frame):
             inside = all(eye._camera.lens.sees(*corner) for corner in view.corners)
@@ -107,7 +107,7 @@ def test_blur_hides_tags_from_the_detector_as_the_truth_says():
             seen = found(eye.picture(frame)) if seen is None else seen
             if view.usable:
                 usable, usable_found = usable + 1, usable_found + (view.tag_id in seen)
-            elif view.blur_px > 14.0:
+            elif view.blur_px > 2.0 * view.module_px:
                 unusable, unusable_found = unusable + 1, unusable_found + (view.tag_id in seen)
     assert usable >= 5
     assert usable_found >= 0.8 * usable

@@ -1,3 +1,4 @@
+# ruff: noqa: T201  # a program that tells its figures, and a module of the tests
 """The demonstration's flight in invented time: the same pictures, detector and pipeline, as fast as it goes.
 
 ``python tests/support/rendered_flights.py --seeds 20`` prints what twenty demonstrations would have said.
