@@ -88,6 +88,8 @@ class Service:
         self._vision = self._make_vision() if calibration is not None else None
         self._recorder = self._make_recorder(beside_recording)
         self._refused: Counter[Reason] = Counter()
+        self._came, self._came_ns = 0, HostNs(0)
+        self._deaf_because = ""
         self._status = LatestFile(status_paths(config.status.file), self._warn_from_thread, outlives_us=False)
         self._notifier = SystemdNotifier()
         self._last_ns = host_ns
@@ -107,6 +109,16 @@ class Service:
         await self._stop.wait()
         self._notifier.stopping()
         self._close()
+
+    async def listen(self, seconds: float) -> dict[str, object]:
+        """Run for so long; what the status file would say at the end. For ``check``."""
+        self._start()
+        try:
+            await asyncio.sleep(seconds)
+            status = self._status_object(self._now())
+        finally:
+            self._close()
+        return status
 
     # Coming up and going down.
 
@@ -239,6 +251,7 @@ class Service:
 
     def _on_frame(self, frame: Frame | NoFrame) -> None:
         now = frame.arrival_ns if isinstance(frame, Frame) and frame.arrival_ns is not None else self._now()
+        self._came, self._came_ns = self._came + 1, now
         if isinstance(frame, NoFrame):
             self._refused[frame.reason] += 1
         elif self._recorder is not None:
@@ -328,6 +341,7 @@ class Service:
             (self._node.link_up if up else self._node.link_down)(name)
 
     def _on_detections_state(self, listens: bool, why: str) -> None:
+        self._deaf_because = why
         if not listens:
             log.warning("detections cannot be taken on %s: %s; trying again", self._config.detections.url, why)
 
@@ -358,11 +372,17 @@ class Service:
             "version": __version__,
             "pid": os.getpid(),
             "config": self._config.file,
+            "config_path": str(Path(self._config.file).absolute()),
             "time_unix": self._unix_us(now) / 1e6,
             "time_monotonic": now / NS_PER_S,
             "internal_faults": self._faults,
             "links": {name: link.status() for name, link in self._links.items()},
             "traffic": msgspec.to_builtins(self._node.statistics(now)),
+            "intake": {
+                "came": self._came,
+                "age_s": (now - self._came_ns) / NS_PER_S if self._came else None,
+                "why": self._deaf_because,
+            },
             "vision": None if self._vision is None else self._vision.status(),
             "recording": None if self._recorder is None else self._recorder.failure or str(self._recorder.folder),
             **self._pipeline.status(now),

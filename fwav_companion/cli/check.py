@@ -1,0 +1,116 @@
+"""``fwav-companion check``: the doctor."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import threading
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from argparse import _SubParsersAction
+    from collections.abc import Mapping
+    from typing import Any
+
+    from fwav_companion.config import Config
+    from fwav_companion.doctor.evidence import Files
+    from fwav_companion.doctor.finding import Finding
+
+SECONDS = 12.0
+"""Three to know the autopilot, two to settle the clock, the rest to measure the rates that were then asked for."""
+EXIT_STOPS = 1
+
+
+def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Register the command."""
+    parser = subparsers.add_parser(
+        "check",
+        description=(
+            "Says what every link and stream delivers and what to change, the most important first. Beside a `run` it "
+            "reads that one's status; else it opens what the configuration names, and steers and records nothing."
+        ),
+        epilog="example:\n  fwav-companion check --config fwav-companion.toml",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--config", metavar="FILE", required=True, help="the configuration, as `init` writes one")
+    parser.add_argument(
+        "--seconds", type=_seconds, default=SECONDS, help=f"how long to listen where nothing runs; default {SECONDS:g}"
+    )
+    parser.add_argument("--json", action="store_true", help="end with everything as one JSON object")
+    parser.set_defaults(run=run)
+
+
+def _seconds(text: str) -> float:
+    seconds = float(text)
+    if not 0.1 <= seconds <= 3600.0:
+        raise argparse.ArgumentTypeError(f"{text}: accepted: 0.1 to 3600")
+    return seconds
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Look, listen, judge, tell."""
+    from fwav_companion.config import load
+    from fwav_companion.doctor.board import Probe
+    from fwav_companion.doctor.evidence import Evidence
+    from fwav_companion.doctor.examine import examine
+    from fwav_companion.doctor.files import load_files
+    from fwav_companion.doctor.finding import Level
+    from fwav_companion.doctor.listening import running_status
+    from fwav_companion.doctor.telling import told
+
+    config = load(arguments.config)
+    config.require_links()
+    files, key = load_files(config)
+    status = running_status(config)
+    how = "by the status of the service that runs"
+    if status is None:
+        how = f"listened for {arguments.seconds:g} s"
+        status = _listened(config, files, key, arguments.seconds)
+    board = Probe().board(config, _taken(status))
+    evidence = Evidence(config=config, board=board, files=files, status=status)
+    findings = examine(evidence)
+    for line in told(evidence, findings, how):
+        print(line)
+    ok = all(finding.level is not Level.STOPS for finding in findings)
+    if arguments.json:
+        print(json.dumps(_object(ok, how, findings, status)))
+    return 0 if ok else EXIT_STOPS
+
+
+def _listened(config: Config, files: Files, key: bytes | None, seconds: float) -> Mapping[str, Any]:
+    from fwav_companion.doctor.listening import listen
+
+    done = threading.Event()
+    bar = threading.Thread(target=_progress, args=(seconds, done), daemon=True)
+    if sys.stderr.isatty():
+        bar.start()
+    try:
+        return listen(config, files.calibration, key, tuple(files.elevation), seconds)
+    finally:
+        done.set()
+        if bar.is_alive():
+            bar.join(1.0)
+
+
+def _progress(seconds: float, done: threading.Event) -> None:
+    from rich.console import Console
+    from rich.progress import Progress
+
+    step_s = 0.2
+    with Progress(console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task("listening", total=seconds)
+        while not done.wait(step_s):
+            progress.advance(task, step_s)
+
+
+def _taken(status: Mapping[str, Any]) -> dict[str, str]:
+    """Why links, and the port of the detections, are not open."""
+    links = status.get("links") or {}
+    taken = {name: str(link.get("why") or "") for name, link in links.items() if link.get("state") == "down"}
+    return taken | {"detections": str((status.get("intake") or {}).get("why") or "")}
+
+
+def _object(ok: bool, how: str, findings: list[Finding], status: Mapping[str, Any]) -> dict[str, Any]:
+    listed = [{name: str(getattr(finding, name)) for name in finding.__struct_fields__} for finding in findings]
+    return {"ok": ok, "how": how, "findings": listed, "status": status}

@@ -1,0 +1,83 @@
+"""SHELL: what the service hears: by its status file where it runs, else by running it quietly for some seconds."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+import tempfile
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import msgspec
+
+from fwav_companion.camera import Calibration
+from fwav_companion.config import Config
+from fwav_companion.latest_file import status_paths
+from fwav_companion.localization import ElevationTile
+
+FRESH_S: Final = 3.0
+"""A status file is rewritten each second."""
+
+
+def running_status(config: Config) -> Mapping[str, Any] | None:
+    """The freshest status of a service that runs with this configuration; None where none does."""
+    told = [status for path in status_paths(config.status.file) if (status := _status_of(path, config)) is not None]
+    return max(told, key=lambda status: float(status["time_monotonic"]), default=None)
+
+
+def _status_of(path: Path, config: Config) -> Mapping[str, Any] | None:
+    try:
+        status = msgspec.json.decode(path.read_bytes())
+        age_s = time.monotonic() - float(status["time_monotonic"])
+        os.kill(int(status["pid"]), 0)
+        ours = Path(status["config_path"]).resolve() == Path(config.file).resolve()
+    except PermissionError:  # of kill: it is there, and another user's
+        ours = True
+    except (OSError, ValueError, KeyError, TypeError, msgspec.DecodeError):
+        return None
+    return status if ours and 0.0 <= age_s <= FRESH_S else None
+
+
+def listen(
+    config: Config,
+    calibration: Calibration | None,
+    signing_key: bytes | None,
+    elevation: tuple[ElevationTile, ...],
+    seconds: float,
+) -> Mapping[str, Any]:
+    """Run the service itself for so long: it asks for rates and the time, and steers, tells and records nothing."""
+    from fwav_companion.service import Service
+
+    logging.getLogger("fwav_companion").addHandler(logging.NullHandler())
+    with tempfile.TemporaryDirectory(prefix="fwav-check-") as folder:
+        quiet = _quiet(config, Path(folder))
+
+        async def hear() -> Mapping[str, Any]:
+            service = Service(quiet, calibration, signing_key, elevation=elevation, beside_recording={})
+            return await service.listen(seconds)
+
+        return asyncio.run(hear())
+
+
+def _quiet(config: Config, folder: Path) -> Config:
+    """The same without what others would act on or keep."""
+    replace = msgspec.structs.replace
+    publish = replace(
+        config.publish,
+        landing_target=False,
+        statustext=False,
+        named_values=False,
+        adsb=False,
+        cot="",
+        camera_tracking=False,
+    )
+    return replace(
+        config,
+        publish=publish,
+        record=replace(config.record, directory=""),
+        tracking=replace(config.tracking, self_calibration=False),
+        status=replace(config.status, file=str((folder / "status.json").absolute())),
+    )
