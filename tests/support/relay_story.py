@@ -1,0 +1,178 @@
+"""Ten minutes of a network, written down before anybody relays it: every frame, when and where it comes in, and the
+links that the routing rules send it to.
+
+Four links: a vehicle speaks over two of them at once, and each loses its own share; it reboots every two minutes. Two
+ground stations have one each. The rules are applied here in a few plain lines of their own (MAVLink guide, routing).
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from mavlink_wire import Wire, unknown_frame
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+VEHICLE_LINKS, STATION_LINKS = ("fc1", "fc2"), ("gs1", "gs2")
+LINKS = VEHICLE_LINKS + STATION_LINKS
+VEHICLE, COMPANION = (1, 1), (1, 191)
+STATIONS = {"gs1": (255, 190), "gs2": (254, 190)}
+STEP_MS = 10
+SECOND_COPY_MS = 3
+REBOOT_EVERY_S, REBOOT_TAKES_S = 120, 4
+LOSS = 0.05
+
+
+class Event(NamedTuple):
+    """One frame comes in by one link."""
+
+    at_ms: int
+    link: str
+    frame: bytes
+    to: tuple[str, ...]
+
+
+class Rules:
+    """Who was heard where, and so where a frame goes."""
+
+    def __init__(self) -> None:
+        self._heard: dict[str, set[tuple[int, int]]] = {link: set() for link in LINKS}
+
+    def hear(self, link: str, sender: tuple[int, int]) -> None:
+        self._heard[link].add(sender)
+
+    def forget(self, system: int) -> None:
+        """It rebooted."""
+        for heard in self._heard.values():
+            heard -= {sender for sender in heard if sender[0] == system}
+
+    def everywhere(self, link: str, sender: tuple[int, int]) -> tuple[str, ...]:
+        """What names nobody goes to every link but those where its sender is."""
+        return tuple(out for out in LINKS if out != link and sender not in self._heard[out])
+
+    def where(self, link: str, target: tuple[int, int]) -> tuple[str, ...]:
+        """What names somebody goes where that was heard; without a component, where any of the system was."""
+        system, component = target
+        return tuple(
+            out
+            for out in LINKS
+            if out != link and any(heard[0] == system and component in (0, heard[1]) for heard in self._heard[out])
+        )
+
+
+class Vehicle:
+    """Speaks the standard stream, and answers the first station."""
+
+    def __init__(self, rng: random.Random) -> None:
+        self._rng = rng
+        self._wire = Wire(*VEHICLE)
+        self._booted_ms = 0
+
+    def reboot(self, at_ms: int) -> None:
+        self._wire = Wire(*VEHICLE)
+        self._booted_ms = at_ms
+
+    def speak(self, at_ms: int) -> tuple[bytes, str]:
+        """The frame of this step, and what it is."""
+        boot_ms, step = at_ms - self._booted_ms, at_ms // STEP_MS
+        wire = self._wire
+        if step % 100 == 0:
+            return wire.heartbeat(), "to all"
+        if step % 100 == 1:
+            return wire.frame("SYSTEM_TIME", 1_790_000_000_000_000 + at_ms * 1000, boot_ms), "clock"
+        if step % 100 == 2:
+            return wire.frame("COMMAND_ACK", 400, 0, 0, 0, *STATIONS["gs1"]), "to gs1"
+        if step % 100 == 3:
+            payload = bytes(self._rng.randrange(256) for _ in range(20))
+            frame = unknown_frame(payload=payload, seq=wire.mav.seq)
+            wire.mav.seq = (wire.mav.seq + 1) % 256
+            return frame, "to all"
+        if step % 5 == 0:
+            place = (480_000_000 + step, 110_000_000, 520_000, 10_000, 1, 2, 3, 4)
+            return wire.frame("GLOBAL_POSITION_INT", boot_ms, *place), "to all"
+        return wire.attitude(boot_ms), "to all"
+
+
+class Station:
+    """One ground station: what it sends in each second, by tenths of it."""
+
+    def __init__(self, link: str, rng: random.Random) -> None:
+        self.link = link
+        self.sender = STATIONS[link]
+        self._wire = Wire(*self.sender)
+        self._rng = rng
+
+    def speak(self, tenth: int) -> tuple[bytes, tuple[int, int] | str] | None:
+        """The frame, and whom it names; a word where a rule of its own applies."""
+        wire = self._wire
+        match tenth:
+            case 0:
+                return wire.heartbeat(dialect.MAV_TYPE_GCS, dialect.MAV_AUTOPILOT_INVALID), "all"
+            case 2:
+                return wire.command(*VEHICLE), VEHICLE
+            case 3:
+                return wire.frame("PARAM_REQUEST_READ", VEHICLE[0], 0, b"PLND_LAG", -1), (VEHICLE[0], 0)
+            case 4:
+                return wire.command(*COMPANION, command=2010), "none"
+            case 5:
+                return wire.frame("REQUEST_DATA_STREAM", *VEHICLE, 10, 4, 1), "none"
+            case 6:
+                return wire.frame("SETUP_SIGNING", *VEHICLE, bytes(32), 1), "none"
+            case 7:
+                other = next(sender for sender in STATIONS.values() if sender != self.sender)
+                return wire.frame("FILE_TRANSFER_PROTOCOL", 0, *other, bytes(251)), other
+            case 8:
+                return wire.command(9, 1), (9, 1)
+        return None
+
+
+def story(seconds: int, seed: int = 1) -> Iterator[Event]:
+    """Frame by frame, in the order of time."""
+    rng = random.Random(seed)
+    rules, vehicle = Rules(), Vehicle(rng)
+    stations = [Station(link, rng) for link in STATION_LINKS]
+    rebooted = False
+    for at_ms in range(0, seconds * 1000, STEP_MS):
+        in_cycle_s = at_ms / 1000 % REBOOT_EVERY_S
+        away = in_cycle_s >= REBOOT_EVERY_S - REBOOT_TAKES_S
+        if in_cycle_s == 0 and at_ms:
+            vehicle.reboot(at_ms)
+            rebooted = True
+        if not away:
+            frame, what = vehicle.speak(at_ms)
+            draw = rng.random()
+            lost_by = "fc1" if draw < LOSS else "fc2" if draw < 2 * LOSS else ""
+            for when_ms, link in ((at_ms, "fc1"), (at_ms + SECOND_COPY_MS, "fc2")):
+                if link != lost_by:
+                    first = "fc1" in (link, lost_by)
+                    yield Event(when_ms, link, frame, _from_vehicle(rules, link, what, rebooted) if first else ())
+                    rebooted = rebooted and what != "clock"
+        if at_ms % 100 == 0 and 1.0 < in_cycle_s < REBOOT_EVERY_S - REBOOT_TAKES_S - 1.0:
+            for station in stations:
+                yield from _from_station(rules, station, at_ms)
+
+
+def _from_vehicle(rules: Rules, link: str, what: str, rebooted: bool) -> tuple[str, ...]:
+    """Of first copies. A second one may be our own frame that came back: nobody is learned from it."""
+    rules.hear(link, VEHICLE)
+    to = rules.where(link, STATIONS["gs1"]) if what == "to gs1" else rules.everywhere(link, VEHICLE)
+    if rebooted and what == "clock":
+        rules.forget(VEHICLE[0])
+        rules.hear(link, VEHICLE)
+    return to
+
+
+def _from_station(rules: Rules, station: Station, at_ms: int) -> Iterator[Event]:
+    spoken = station.speak(at_ms // 100 % 10)
+    if spoken is None:
+        return
+    frame, whom = spoken
+    rules.hear(station.link, station.sender)
+    if whom == "all":
+        to = rules.everywhere(station.link, station.sender)
+    elif isinstance(whom, tuple):
+        to = rules.where(station.link, whom)
+    else:
+        to = ()
+    yield Event(at_ms + 2 * SECOND_COPY_MS, station.link, frame, to)
