@@ -123,12 +123,12 @@ def noise_gain(estimate: Estimate, fix: Weighed) -> Matrix3:
     return multiply(estimate.noise, symmetric_inverse(both))
 
 
-def blended(estimate: Estimate, fix: Weighed, gain: Matrix3, timed: int | None) -> Estimate:
-    """The estimate with error e + K (m - e)."""
+def blended(estimate: Estimate, fix: Weighed, gain: Matrix3, noise: Matrix3, timed: int | None) -> Estimate:
+    """The estimate with error e + K (m - e), whose noise is then ``noise``."""
     difference = subtract(fix.position, estimate.position)
     return Estimate(
         add(estimate.position, transform(gain, difference)),
-        blended_noise(estimate.noise, fix.noise, gain),
+        noise,
         blended_shared(estimate.shared, fix.shared, estimate.shared, gain),
         estimate.wandering,
         _blended_wander(estimate, fix, gain),
@@ -177,8 +177,22 @@ def blended_shared(own: Rows, fix: Rows, estimate: Rows, gain: Matrix3) -> Rows:
     )
 
 
+def least_noise(own: Matrix3, gain: Matrix3) -> Matrix3:
+    """(I - K) P: what is left by the gain of least noise, and by no other."""
+    (nn, ne, nd), (_, ee, ed), (_, _, dd) = own
+    (a, b, c), (d, e, f), (g, h, i) = gain
+    left_ne = ne - a * ne - b * ee - c * ed
+    left_nd = nd - a * nd - b * ed - c * dd
+    left_ed = ed - d * nd - e * ed - f * dd
+    return (
+        (nn - a * nn - b * ne - c * nd, left_ne, left_nd),
+        (left_ne, ee - d * ne - e * ee - f * ed, left_ed),
+        (left_nd, left_ed, dd - g * nd - h * ed - i * dd),
+    )
+
+
 def blended_noise(own: Matrix3, fix: Matrix3, gain: Matrix3) -> Matrix3:
-    """(I - K) P (I - K)' + K R K'."""
+    """(I - K) P (I - K)' + K R K', for any gain."""
     (a, b, c), (d, e, f), (g, h, i) = gain
     rest = ((1.0 - a, -b, -c), (-d, 1.0 - e, -f), (-g, -h, 1.0 - i))
     kept, come = multiply(multiply(rest, own), transpose(rest)), multiply(multiply(gain, fix), transpose(gain))

@@ -7,7 +7,15 @@ import msgspec
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.nouns import ErrorPriors, GroundFix
-from fwav_companion.tracking.estimate import Estimate, Surprise, blended, first_estimate, noise_gain, surprise
+from fwav_companion.tracking.estimate import (
+    Estimate,
+    Surprise,
+    blended,
+    first_estimate,
+    least_noise,
+    noise_gain,
+    surprise,
+)
 from fwav_companion.tracking.shared import SharedErrors
 
 
@@ -65,7 +73,10 @@ class StaticBelief(msgspec.Struct, frozen=True):
         weighed = self.errors.weighed(fix, s_from_ns(host_ns - self.fixed_ns))
         gain = noise_gain(self.estimate, weighed)
         return StaticBelief(
-            self.errors, blended(self.estimate, weighed, gain, self.errors.timed), self.host_ns, host_ns
+            self.errors,
+            blended(self.estimate, weighed, gain, least_noise(self.estimate.noise, gain), self.errors.timed),
+            self.host_ns,
+            host_ns,
         )
 
 

@@ -14,7 +14,7 @@ import msgspec
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.nouns import ErrorPriors, GroundFix
-from fwav_companion.tracking.estimate import Estimate, Surprise, blended, first_estimate, surprise
+from fwav_companion.tracking.estimate import Estimate, Surprise, blended, blended_noise, first_estimate, surprise
 from fwav_companion.tracking.shared import SharedErrors, Weighed
 
 
@@ -84,7 +84,8 @@ class LowPassBelief(msgspec.Struct, frozen=True):
 
     def _step(self, sample: Weighed, share: float) -> Estimate:
         gain: Matrix3 = ((share, 0.0, 0.0), (0.0, share, 0.0), (0.0, 0.0, share))
-        return blended(self.estimate, sample, gain, self.filter.errors.timed)
+        noise = blended_noise(self.estimate.noise, sample.noise, gain)
+        return blended(self.estimate, sample, gain, noise, self.filter.errors.timed)
 
 
 class LowPass:
