@@ -25,7 +25,8 @@ class Held(msgspec.Struct, frozen=True):
 
     joint: Joint
     held: tuple[int, ...]
-    prior_sigmas: tuple[float, ...]
+    doubts: tuple[float, ...]
+    """One sigma of each of those, for claims."""
     factor: tuple[tuple[float, ...], ...]
     """Cholesky factor of the held unknowns' posterior covariance."""
 
@@ -45,7 +46,7 @@ class Held(msgspec.Struct, frozen=True):
         joint, held = self.joint, self.held
         crossed = [[joint.cov[place][i] for i in held] for place in places]
         pulls = [solved(self.factor, row) for row in crossed]
-        prior2 = [self.prior_sigmas[i] ** 2 if doubted else 0.0 for i in held]
+        prior2 = [doubt * doubt if doubted else 0.0 for doubt in self.doubts]
         return [
             [
                 joint.cov[p][q] + sum([a * (b * s - c) for a, b, s, c in zip(pull_p, pull_q, prior2, row, strict=True)])
@@ -53,6 +54,11 @@ class Held(msgspec.Struct, frozen=True):
             ]
             for p, pull_p in zip(places, pulls, strict=True)
         ]
+
+    def undoubting(self, unknown: int) -> Held:
+        """The same, where the answer is told as if this unknown, which is held, were right."""
+        doubts = tuple(0.0 if i == unknown else doubt for i, doubt in zip(self.held, self.doubts, strict=True))
+        return msgspec.structs.replace(self, doubts=doubts)
 
     def known_sigma(self, place: int) -> float:
         """One sigma as far as the flight has shown it, the held unknowns taken as right."""
@@ -65,7 +71,7 @@ def holding(joint: Joint, held: Sequence[int], prior_means: tuple[float, ...], p
     block = [[joint.cov[i][j] for j in uncertain] for i in uncertain]
     factor = cholesky(block)
     weights = solved(factor, [joint.mean[i] - prior_means[i] for i in uncertain])
-    return Held(joint, uncertain, prior_sigmas, factor, tuple(weights))
+    return Held(joint, uncertain, tuple(prior_sigmas[i] for i in uncertain), factor, tuple(weights))
 
 
 def cholesky(m: Sequence[Sequence[float]]) -> tuple[tuple[float, ...], ...]:

@@ -148,7 +148,7 @@ class Calibrator(msgspec.Struct, frozen=True):
         told = verdict.told()
         if not all(i in told for i in (Common.DELAY, *MOUNT)):
             return None
-        cov = verdict.report.cov(MOUNT)
+        cov = verdict.mount_cov(self.shop.sigmas[Common.HEADING])
         return KeptCalibration(
             time_offset_s=told[Common.DELAY][0],
             time_offset_sigma_s=told[Common.DELAY][1],

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from enum import StrEnum
+from math import sqrt
 
 import msgspec
 
@@ -77,25 +78,32 @@ class Verdict(msgspec.Struct, frozen=True):
             nn, ne, ee = nn + dn * dn, ne + dn * de, ee + de * de
         return Placed(north, east, (nn, ne, ee), (nn - own_nn, ne - own_ne, ee - own_ee))
 
+    def mount_cov(self, heading_sigma: float) -> list[list[float]]:
+        """Of the mount as the report tells it, the doubt of the heading in it."""
+        doubts = tuple(
+            heading_sigma if i == Common.HEADING else doubt
+            for i, doubt in zip(self.report.held, self.report.doubts, strict=True)
+        )
+        return msgspec.structs.replace(self.report, doubts=doubts).cov(MOUNT)
+
     def told(self) -> dict[int, tuple[float, float]]:
         """Mean and one sigma of the common unknowns that are let go."""
         free = [i for i in range(COMMON_COUNT) if i not in self.report.held and i not in CONSIDERED]
-        return {i: (self.report.mean(i), self.report.known_sigma(i)) for i in free}
+        return {i: (self.report.mean(i), sqrt(max(0.0, self.report.cov([i])[0][0]))) for i in free}
 
 
 def judged(joint: Joint, means: tuple[float, ...], sigmas: tuple[float, ...], *, various: bool) -> Verdict:
     """``various``: the targets were seen from different headings or at different ranges."""
-    delay: list[int] = []
-    plain = holding(joint, all_but([Common.DELAY]), means, sigmas)
-    if plain.known_sigma(Common.DELAY) <= DELAY_SHOWN * sigmas[Common.DELAY]:
-        delay = [Common.DELAY]
-    else:
-        plain = holding(joint, all_but([]), means, sigmas)
+    delay: tuple[int, ...] = (Common.DELAY, Common.READOUT)  # a delay of the rows below the first is one, too
+    plain = holding(joint, all_but(delay), means, sigmas)
+    if plain.known_sigma(Common.DELAY) > DELAY_SHOWN * sigmas[Common.DELAY]:
+        delay = ()
+        plain = holding(joint, all_but(delay), means, sigmas)
     shown = _shown(joint, means, sigmas, delay) if various else ()
     if not shown:
         status = CalibrationStatus.TIME if delay else CalibrationStatus.WAITING
         return Verdict(status, plain, plain, plain, contradicted=False)
-    report = holding(joint, all_but([*delay, *shown]), means, sigmas)
+    report = holding(joint, all_but([*delay, *shown]), means, sigmas).undoubting(Common.HEADING)
     free = holding(joint, all_but([*delay, *shown, Common.HEADING]), means, sigmas)
     return Verdict(
         status=CalibrationStatus.CALIBRATED,
@@ -118,6 +126,6 @@ def _shown(joint: Joint, means: tuple[float, ...], sigmas: tuple[float, ...], de
 
 def _distance2(report: Held, shown: Sequence[int], means: tuple[float, ...]) -> float:
     """Squared Mahalanobis distance of what was shown from what was configured."""
-    cov = report.cov(shown, doubted=False)
+    cov = report.cov(shown)
     offset = [report.mean(i) - means[i] for i in shown]
     return sum(a * b for a, b in zip(offset, solved(cholesky(cov), offset), strict=True))
