@@ -51,6 +51,10 @@ class Reason(StrEnum):
     """The capture lies in a hole of the attitude stream that is too wide to interpolate."""
     BEFORE_HISTORY = "before_history"
     """The capture is older than the attitudes that are kept."""
+    NO_GIMBAL = "no_gimbal"
+    """The gimbal that carries the camera was never heard, or told no attitude near the capture."""
+    STALE_GIMBAL = "stale_gimbal"
+    """The gimbal's newest attitude is older than may be bridged by its rates."""
     NO_POSITION = "no_position"
     """A position is expected but there is none near the capture."""
 

@@ -10,6 +10,7 @@ from fwav_companion.geometry.earth import Geodetic
 from fwav_companion.geometry.rotations import Quaternion
 from fwav_companion.geometry.stamps import BootNs, HostNs
 from fwav_companion.geometry.vectors import Vector3
+from fwav_companion.nouns.refusals import Reason
 
 
 class AttitudeSample(msgspec.Struct, frozen=True, gc=False):
@@ -87,6 +88,19 @@ class ClockEstimate(msgspec.Struct, frozen=True):
     status: ClockStatus
 
 
+class GimbalAt(msgspec.Struct, frozen=True, gc=False):
+    """The gimbal that carries the camera, at one instant."""
+
+    ned_from_gimbal: Quaternion
+    """Its x axis is where a camera without a further mount looks, y the image's right."""
+    rates: Vector3
+    """Its angular velocity, rad/s, its own axes, from its attitude's own course."""
+    sigma: float
+    """What interpolation, extrapolation and the doubt about its clock add, one sigma about each axis, radians."""
+    gap_s: float
+    """To the nearest attitude of it, seconds, >= 0."""
+
+
 class VehicleState(msgspec.Struct, frozen=True, gc=False):
     """The vehicle at one instant, interpolated. Telemetry's answer to pairing."""
 
@@ -112,3 +126,21 @@ class VehicleState(msgspec.Struct, frozen=True, gc=False):
     """TERRAIN_REPORT's current_height near this instant."""
     stamp_sigma_s: float = 0.0
     """One sigma of the instant that the stamps of the attitudes leave open."""
+    gimbal: GimbalAt | Reason | None = None
+    """What carries the camera in the body's place, or why its attitude is not known; None: the camera is fixed to the
+    body."""
+
+    @property
+    def ned_from_carrier(self) -> Quaternion:
+        """The attitude of what carries the camera: the gimbal's where there is one, else the body's."""
+        return self.gimbal.ned_from_gimbal if isinstance(self.gimbal, GimbalAt) else self.ned_from_body
+
+    @property
+    def carrier_rates(self) -> Vector3:
+        """The angular velocity of what carries the camera, rad/s, its own axes."""
+        return self.gimbal.rates if isinstance(self.gimbal, GimbalAt) else self.rates
+
+    @property
+    def carrier_sigma(self) -> float:
+        """What its interpolation adds, one sigma about each axis, radians."""
+        return self.gimbal.sigma if isinstance(self.gimbal, GimbalAt) else self.attitude_sigma
