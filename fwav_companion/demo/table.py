@@ -80,13 +80,14 @@ def show_outcome(console: Console, outcome: Outcome, report: str | None) -> None
     if found:
         console.print(f"{len(found)} of {len(outcome.scores)} tags found; {inside} inside the claimed 95 % radius.")
     sent = outcome.heard.get("CAMERA_TRACKING_GEO_STATUS", 0)
-    console.print(f"The ground station received {sent} target positions (CAMERA_TRACKING_GEO_STATUS) over MAVLink.")
-    for trouble in outcome.troubles:
-        console.print(Text(f"trouble: {trouble}", "bold red"))
+    told = f"The ground station received {sent} target positions (CAMERA_TRACKING_GEO_STATUS) over MAVLink."
+    console.print(told, soft_wrap=True)
     if outcome.recording is not None:
         console.print(f"recording  {outcome.recording}", soft_wrap=True)
     if report is not None:
         console.print(f"report     {report}", soft_wrap=True)
+    for trouble in outcome.troubles:
+        Console(stderr=True).print(Text(f"demo: {trouble}", "bold red"), soft_wrap=True)
 
 
 def _health(moment: Moment) -> RenderableType:

@@ -174,22 +174,17 @@ def _errors(story: Story) -> str:
 
 def _causes(story: Story) -> str:
     bars = charts.budget_bars(story.budget_m, CAUSE_NAMES)
-    if not bars:
-        return ""
     hidden = "".join(
         f"<tr><td>{escape(name)}</td><td>{escape(value)}</td></tr>" for name, value in story.hidden.items()
     )
-    secret = (
-        "<div><h3>What was wrong with this vehicle</h3><p>Drawn from the configuration's own priors. The service was "
-        f"told none of it.</p><table>{hidden}</table></div>"
-        if hidden
-        else ""
-    )
-    return (
-        '<section><h2>Why not better?</h2><div class="two"><div><h3>What one sighting can be off by</h3><p>One sigma '
-        "on the ground, by its cause. The longest bar is what to improve first.</p>"
-        f"{bars}</div>{secret}</div></section>"
-    )
+    parts = []
+    if bars:
+        words = "One sigma on the ground, by its cause. The longest bar is what to improve first."
+        parts.append(f"<div><h3>What one sighting can be off by</h3><p>{words}</p>{bars}</div>")
+    if hidden:
+        words = "Drawn from the configuration's own priors. The service was told none of it."
+        parts.append(f"<div><h3>What was wrong with this vehicle</h3><p>{words}</p><table>{hidden}</table></div>")
+    return f'<section><h2>Why not better?</h2><div class="two">{"".join(parts)}</div></section>' if parts else ""
 
 
 def _timing(story: Story) -> str:

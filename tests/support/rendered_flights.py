@@ -43,7 +43,7 @@ class RenderedCompanion(Companion):
     """A companion that looks at rendered pictures instead of being told pixels."""
 
     def __init__(self, simulation: Simulation, text: str, settings: Sequence[str] = ()) -> None:
-        super().__init__(settings, unix_minus_host_s=simulation.unix_minus_host_s, text=text)
+        super().__init__(settings, unix_minus_host_s=simulation.unix_minus_host_s, text=text, sightings=True)
         self._eye, self._detector = Eye(simulation), apriltags()
         self.usable: Counter[str] = Counter()
 
