@@ -153,8 +153,10 @@ def _round_up(rate_hz: float) -> float:
 
 
 def _world(evidence: Evidence, where: str) -> Iterator[Finding]:
-    if evidence.config.vehicle.position == "auto" and evidence.ask("telemetry", "relative_world"):
+    if evidence.config.vehicle.position == "auto" and evidence.ask("origin") is None:
+        decided = evidence.ask("telemetry", "relative_world")
         yield Finding(
-            "no_position", Level.HARMS, where, "no global position came: targets are relative to the vehicle",
+            "no_position", Level.HARMS, where,
+            "no global position came: targets are relative to the vehicle" if decided else "no global position yet",
             'wait for GPS before take-off; [vehicle] position = "none" where there is none on purpose',
         )  # fmt: skip
