@@ -36,6 +36,8 @@ def said_of(event: IdentityEvent | TelemetryEvent) -> tuple[Notice, ...]:
             return (Notice(Severity.INFO, f"home surface moved to {-down_m:+.2f} m above the origin", to_ground=True),)
         case AttitudeSource(message, before):
             return (Notice(Severity.INFO, f"attitude from {message} instead of {before}"),)
+        case StampDelay(in_step=True):
+            return (Notice(Severity.INFO, "attitudes keep step with their stamps: these are taken at their word"),)
         case StampDelay(delay_s):
             return (Notice(Severity.INFO, f"attitudes are stamped up to {delay_s * 1e3:.1f} ms late"),)
         case _:

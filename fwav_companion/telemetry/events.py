@@ -48,10 +48,12 @@ class AttitudeSource(msgspec.Struct, frozen=True):
 
 
 class StampDelay(msgspec.Struct, frozen=True):
-    """The autopilot told how late its attitudes are stamped; the kept ones were moved along."""
+    """The autopilot told, or its attitudes showed, how late these are stamped; the kept ones were moved along."""
 
     delay_s: float
     """The most; the mean, half of it, is what is corrected."""
+    in_step: bool = False
+    """The attitudes show that stamps do not scatter: they are taken at their word, unless a delay is configured."""
 
 
 TelemetryEvent: TypeAlias = Rebooted | OriginSet | RelativeWorld | HomeMoved | AttitudeSource | StampDelay

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from enum import StrEnum
 from itertools import pairwise
-from math import exp, pi, sqrt
+from math import exp, inf, pi, sqrt
 from typing import Any
 
 from fwav_companion.geometry.rotations import Quaternion, conjugate, multiply
@@ -37,8 +37,12 @@ FOUR_LEFT_OUT, SIX_LEFT_OUT, RATES_LEFT_OUT = 64.0 / 9.0, 36.0 * 64.0 / 225.0, 1
 """Error with the middle sample left out, over that amid an interval: ratios of the products of distances."""
 FOUR_POWER, SIX_POWER, RATES_POWER = 4, 6, 4
 """Their errors grow so with the width of an interval."""
-NOISE_SHARE = (1.0 + 34.0 / 36.0) / (1.0 + 524.0 / 400.0)
-"""Of independent errors of the samples: (left out of four)^2 over (left out of six)^2, one plus the squared weights."""
+SIX_NOISE = 1.0 + 524.0 / 400.0
+"""Of independent errors of the samples: the square of what is left out of six, one plus the squared weights."""
+NOISE_SHARE = (1.0 + 34.0 / 36.0) / SIX_NOISE
+"""Of the same: (left out of four)^2 over (left out of six)^2."""
+SLOWEST_TELLING_RATE = 0.1
+"""rad/s, RMS: in slower motion, an error of a stamp does not show in the attitudes."""
 
 MOST_SWING = 0.5
 """rad: the most that an interpolation may be off where nothing better is known."""
@@ -113,6 +117,16 @@ class StreamCheck:
         if self._acceleration2 <= 1e-12:
             return MOST_SWING
         return min(MOST_SWING, self._rate2 / sqrt(self._acceleration2))
+
+    @property
+    def stamp_scatter_s(self) -> float:
+        """The most by which stamps can err independently of one another, RMS: more would show in moving attitudes.
+
+        Noise and a motion too fast for the stream make it larger than it is. Infinite where nothing tells.
+        """
+        if not self.settled or self._rate2 < SLOWEST_TELLING_RATE**2:
+            return inf
+        return sqrt(self._six2 / (SIX_NOISE * self._rate2))
 
     @property
     def too_slow(self) -> bool:

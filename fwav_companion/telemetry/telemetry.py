@@ -25,6 +25,7 @@ from fwav_companion.telemetry.clock import Clock
 from fwav_companion.telemetry.courses import Course, Latest
 from fwav_companion.telemetry.decoding import Implausible
 from fwav_companion.telemetry.events import Rebooted, StampDelay, TelemetryEvent
+from fwav_companion.telemetry.gimbal import Gimbal
 from fwav_companion.telemetry.history import AttitudeHistory
 from fwav_companion.telemetry.meter import RateMeter
 from fwav_companion.telemetry.sources import AttitudeChoice
@@ -48,6 +49,8 @@ class TelemetryOptions(msgspec.Struct, frozen=True, kw_only=True):
     """How old a position is against its stamp."""
     attitude_stamp_delay_s: float | str = "auto"
     """An attitude is up to this older than its stamp."""
+    gimbal_device_id: int = 0
+    """Of the gimbal that carries the camera: 1 to 6 behind the autopilot, else its MAVLink component; 0: none does."""
 
 
 class Telemetry:
@@ -73,6 +76,7 @@ class Telemetry:
         self._ranges = Latest()
         self._terrain = Latest()
         self._utc: tuple[int, BootNs] | None = None
+        self._gimbal = Gimbal(options.gimbal_device_id) if options.gimbal_device_id else None
         self._meter = RateMeter()
         self._refused: dict[str, int] = {}
         self._reboots = 0
@@ -116,6 +120,12 @@ class Telemetry:
             self.clock.on_arrival(placed, arrival_ns)
         return events + handler(message.fields, arrival_ns)
 
+    def on_gimbal(self, message: Message, autopilot_component: int, arrival_ns: HostNs) -> None:
+        """Take a message of any component of the vehicle that may be the gimbal's."""
+        if self._gimbal is not None and self._gimbal.is_meant(message, autopilot_component):
+            self._meter.count(message.name, arrival_ns)
+            self._gimbal.on_message(message.fields, arrival_ns)
+
     def on_exchange(self, exchange: ClockExchange) -> tuple[TelemetryEvent, ...]:
         """Take one answered TIMESYNC request."""
         aligned_ns = self._timeline.align(exchange.autopilot_ns, exchange.received_ns)
@@ -157,11 +167,14 @@ class Telemetry:
             range=nearest_range if isinstance(nearest_range, RangeSample) else None,
             terrain_height_m=terrain if isinstance(terrain, float) else None,
             stamp_sigma_s=self._stamps.sigma_s,
+            gimbal=None if self._gimbal is None else self._gimbal.at(boot_ns, self.clock, attitude),
         )
 
     def ready_for(self, boot_ns: BootNs) -> bool:
         """Enough attitudes lie beyond this instant: waiting longer makes the answer no better."""
-        return self._attitudes.ready_for(boot_ns)
+        return self._attitudes.ready_for(boot_ns) and (
+            self._gimbal is None or self._gimbal.ready_for(boot_ns, self.clock)
+        )
 
     def newest_state(self) -> VehicleState | Unpaired:
         """At the latest attitude."""
@@ -199,10 +212,12 @@ class Telemetry:
             "attitudes_kept": len(self._attitudes),
             **self._attitudes.check.status(),
             "attitude_stamp_delay_s": self._stamps.delay_s,
+            "attitude_stamps_in_step": self._stamps.in_step,
             "relative_world": self.world.relative,
             "home_down_m": self.world.home_down_m,
             "refused": dict(self._refused),
             "reboots": self._reboots,
+            "gimbal": None if self._gimbal is None else self._gimbal.status(now),
         }
 
     # Messages, one by one. `self._stamp_ns` is the placed stamp of the one in hand.
@@ -227,7 +242,7 @@ class Telemetry:
         boot_ns = BootNs(self._stamp_ns + self._stamps.correction_ns)
         if not self._attitudes.insert(AttitudeSample(boot_ns, attitude.ned_from_body, attitude.rates)):
             self._refuse(name)
-        return events
+        return events + self._move_stamps(self._stamps.on_scatter(self._attitudes.check.stamp_scatter_s))
 
     def _on_position(self, fields: Any, _now: HostNs) -> tuple[TelemetryEvent, ...]:
         position = decoding.position(fields)
@@ -330,7 +345,7 @@ class Telemetry:
         if moved_ns == 0:
             return ()
         self._attitudes.shift(moved_ns)
-        return (StampDelay(self._stamps.delay_s),)
+        return (StampDelay(self._stamps.delay_s, self._stamps.in_step),)
 
     def _restart(self, now: HostNs) -> tuple[TelemetryEvent, ...]:
         self.clock.reset()

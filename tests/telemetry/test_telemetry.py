@@ -1,6 +1,7 @@
 """The room as a whole: what it is told, and what can then be asked."""
 
-from math import degrees, radians
+import random
+from math import cos, degrees, pi, radians, sin
 
 import pytest
 from told import WHOLE_MS, Autopilot
@@ -18,9 +19,9 @@ def pitch_deg(autopilot: Autopilot, boot_ms: float) -> float:
 
 
 def climbing(autopilot: Autopilot, until_ms: int, every_ms: int = 10) -> None:
-    """Pitch rises by one degree in 100 ms."""
+    """Pitch rises by one degree in a second: too slowly to show whether stamps scatter."""
     for boot_ms in range(0, until_ms, every_ms):
-        autopilot.tell("ATTITUDE", boot_ms, pitch=radians(boot_ms / 100.0))
+        autopilot.tell("ATTITUDE", boot_ms, pitch=radians(boot_ms / 1000.0))
 
 
 @pytest.mark.parametrize(
@@ -31,7 +32,38 @@ def test_stamps_are_corrected_by_their_means(delay, late_ms):
     """Cut stamps are 0.5 ms early; an attitude is older than its stamp by half the most, on average."""
     autopilot = Autopilot(attitude_stamp_delay_s=delay)
     climbing(autopilot, 500)
-    assert pitch_deg(autopilot, 303.0) == pytest.approx((303.0 - late_ms) / 100.0, abs=1e-6)
+    assert pitch_deg(autopilot, 303.0) == pytest.approx((303.0 - late_ms) / 1000.0, abs=1e-7)
+
+
+def swinging(autopilot: Autopilot, scatter_ms: float, *, seed: int = 4) -> None:
+    """5 degrees at 5 Hz for 2 s, 100 a second; attitudes are older than their stamps by uniform [0, scatter_ms]."""
+    rng = random.Random(seed)
+    for boot_ms in range(0, 2000, 10):
+        t, w = (boot_ms - rng.uniform(0.0, scatter_ms)) * 1e-3, 10.0 * pi
+        autopilot.tell("ATTITUDE", boot_ms, pitch=radians(5.0) * sin(w * t), pitchspeed=radians(5.0) * w * cos(w * t))
+
+
+@pytest.mark.parametrize(
+    ("delay", "scatter_ms", "late_ms"),
+    [
+        (0.0, 0.0, 0.0),  # not 0.5 ms early: nothing scatters
+        ("auto", 0.0, 0.0),
+        (0.0025, 0.0, -0.75),  # configured is configured
+        (0.0, 1.0, 0.5),
+        ("auto", 2.5, -0.75),
+    ],
+)
+def test_stamps_that_do_not_scatter_are_taken_at_their_word(delay, scatter_ms, late_ms):
+    autopilot = Autopilot(attitude_stamp_delay_s=delay)
+    swinging(autopilot, scatter_ms)
+    asked_ms = 1500.0 + late_ms + 3.3
+    if scatter_ms == 0.0:
+        true_deg = 5.0 * sin(10.0 * pi * (asked_ms - late_ms) * 1e-3)
+        assert pitch_deg(autopilot, asked_ms) == pytest.approx(true_deg, abs=2e-3)
+    in_step = scatter_ms == 0.0
+    assert autopilot.telemetry.status(autopilot.host(2000.0))["attitude_stamps_in_step"] is in_step
+    told = [event for event in autopilot.events if isinstance(event, StampDelay)]
+    assert [event.in_step for event in told] == ([True] if in_step and delay != 0.0025 else [])
 
 
 def test_what_is_left_open_of_stamps_is_told():
@@ -68,7 +100,7 @@ def test_the_delay_of_stamps_follows_the_autopilot(name, fields, delay_s):
         [delay_s] if delay_s != 0.0025 else []
     )
     # what is kept moved along: no step in the history
-    assert pitch_deg(autopilot, 303.0) == pytest.approx((303.0 - 0.5 + delay_s * 500.0) / 100.0, abs=1e-6)
+    assert pitch_deg(autopilot, 303.0) == pytest.approx((303.0 - 0.5 + delay_s * 500.0) / 1000.0, abs=1e-7)
 
 
 def test_a_configured_delay_is_not_overruled():
