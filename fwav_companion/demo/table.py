@@ -18,6 +18,12 @@ from fwav_companion.demo.scoreboard import Score
 
 STATE_STYLES = {"tentative": "yellow", "confirmed": "green", "coasting": "cyan", "dropped": "dim"}
 TEXTS_SHOWN = 3
+AFTERGLOW_S = 0.3
+INTRODUCTION = (
+    "A mock flapping-wing vehicle flies a figure eight over AprilTags. Its camera shakes with every wing beat; its "
+    "clock, compass, mount and position are off by amounts that nobody is told. The service finds the tags in the "
+    "rendered pictures, tells a ground station where they are, and how sure it is."
+)
 
 
 class LiveTable:
@@ -31,6 +37,7 @@ class LiveTable:
         self._live = Live(console=console, refresh_per_second=5, transient=True)
 
     def __enter__(self) -> Self:
+        self._console.print(INTRODUCTION)
         if self._console.is_terminal:
             self._live.start()
             self._live.update(Group(self._bar))
@@ -42,8 +49,8 @@ class LiveTable:
         self._live.stop()
 
     def watch(self, moment: Moment) -> None:
-        """Show this."""
-        if not self._console.is_terminal:
+        """Show this; after the flight the last of it stands until the summary."""
+        if not self._console.is_terminal or moment.flown_s > self._seconds + AFTERGLOW_S:
             return
         told = f"{min(max(moment.flown_s, 0.0), self._seconds):4.0f} of {self._seconds:.0f} s"
         doing = "starting" if moment.flown_s < 0.0 else "flying"
@@ -78,7 +85,10 @@ def show_outcome(console: Console, outcome: Outcome, report: str | None) -> None
         score.error_m <= score.claimed95_m for score in found if score.error_m is not None and score.claimed95_m
     )
     if found:
-        console.print(f"{len(found)} of {len(outcome.scores)} tags found; {inside} inside the claimed 95 % radius.")
+        unseen = sum(not score.found and not score.due for score in outcome.scores)
+        beside = f" ({unseen} never readable for long enough)" if unseen else ""
+        tags = f"{len(found)} of {len(outcome.scores)} tags found{beside}"
+        console.print(f"{tags}; {inside} of {len(found)} inside their claimed 95 % radius.", soft_wrap=True)
     sent = outcome.heard.get("CAMERA_TRACKING_GEO_STATUS", 0)
     told = f"The ground station received {sent} target positions (CAMERA_TRACKING_GEO_STATUS) over MAVLink."
     console.print(told, soft_wrap=True)
@@ -96,6 +106,7 @@ def _health(moment: Moment) -> RenderableType:
     grid.add_column()
     for name, text in (
         ("vehicle", _vehicle(moment.status)),
+        ("links", _links(moment.status)),
         ("clock", _clock(moment.clock)),
         ("camera", _camera(moment)),
         ("to ground", _to_ground(moment)),
@@ -114,6 +125,15 @@ def _vehicle(status: Mapping[str, Any]) -> str:
     wanted = ("ATTITUDE_QUATERNION", "ATTITUDE", "GLOBAL_POSITION_INT")
     told = ", ".join(f"{name} {rates[name]:.0f} Hz" for name in wanted if rates.get(name))
     return f"{autopilot['kind']}, {'armed' if autopilot['armed'] else 'not armed'}; {told}"
+
+
+def _links(status: Mapping[str, Any]) -> str:
+    told = []
+    for link in status.get("traffic") or []:
+        received = sum(peer["received"] for peer in link["peers"])
+        lost = sum(peer["lost"] for peer in link["peers"])
+        told.append(f"{link['name']} {'up' if link['up'] else 'down'}, {lost} of {received + lost} messages lost")
+    return "; ".join(told)
 
 
 def _clock(clock: Mapping[str, Any] | None) -> str:
