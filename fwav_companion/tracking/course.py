@@ -24,8 +24,9 @@ class Moment(msgspec.Struct, frozen=True, gc=False):
 
     delay_s: float
     ned_from_body: Quaternion
+    """Of what carries the camera: the body, or a gimbal."""
     rates: Vector3
-    """Body rates, rad/s."""
+    """Its rates, rad/s, its own axes."""
     acceleration: Vector3
     """Of the rates, rad/s^2; zero where nothing tells it."""
     position_ned: Vector3
@@ -36,8 +37,8 @@ def moment_of(state: VehicleState, delay_s: float, acceleration: Vector3 = ZERO3
     """The state as a moment; what is not told of place and motion counts as none."""
     return Moment(
         delay_s,
-        state.ned_from_body,
-        state.rates,
+        state.ned_from_carrier,
+        state.carrier_rates,
         acceleration,
         state.position_ned or ZERO3,
         state.velocity_ned or ZERO3,
@@ -98,4 +99,4 @@ def course_of(nominal: VehicleState, delays_s: tuple[float, ...], state_at: Stat
 
 def _acceleration(states: list[tuple[float, VehicleState]], i: int) -> Vector3:
     (first, before), (last, after) = states[max(0, i - 1)], states[min(len(states) - 1, i + 1)]
-    return scale(subtract(before.rates, after.rates), 1.0 / (last - first)) if last > first else ZERO3
+    return scale(subtract(before.carrier_rates, after.carrier_rates), 1.0 / (last - first)) if last > first else ZERO3

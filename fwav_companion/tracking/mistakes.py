@@ -38,8 +38,9 @@ LEAST_KEPT = 30
 WILD = 0.12
 """Scatter over height under the configured mount, above which it is asked why: a delay of 35 ms makes as much on a
 flapping camera, a mount off by a few degrees less. Neither is gathered by a turn of the image."""
-GATHERED = 0.3
-"""Scatter against that of the configured mount, below which a candidate explains it."""
+GATHERED = 0.45
+"""Scatter against that of the configured mount, below which a candidate explains it: a metre of wandering position is
+left even by the right one."""
 
 
 class _Sight(msgspec.Struct, frozen=True, gc=False):
@@ -67,7 +68,7 @@ class Suspicion(msgspec.Struct, frozen=True):
         sighting = fixes[0].sighting
         if self.sights and sighting.frame_host_ns - self.sights[-1].host_ns < EVERY_NS:
             return self
-        ned_from_body = matrix_from_quaternion(sighting.state.ned_from_body)
+        ned_from_body = matrix_from_quaternion(sighting.state.ned_from_carrier)
         sight = _Sight(
             sighting.frame_host_ns,
             sighting.detection.label,
