@@ -6,7 +6,6 @@ import asyncio
 import logging
 import os
 import signal
-import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -17,24 +16,25 @@ from fwav_companion import __version__
 from fwav_companion.board import BoardWatch, board_name, wall_clock_is_synchronised
 from fwav_companion.camera import Calibration
 from fwav_companion.config import Config
-from fwav_companion.geometry.stamps import NS_PER_S, NS_PER_US, HostNs, whole_microseconds
-from fwav_companion.latest_file import LatestFile, state_path, status_paths
+from fwav_companion.geometry.stamps import NS_PER_S, HostNs
+from fwav_companion.host_clock import HostClock
+from fwav_companion.latest_file import LatestFile, status_paths
 from fwav_companion.links.base import Link
 from fwav_companion.links.make import make_link
 from fwav_companion.links.url import SerialUrl, UdpUrl
 from fwav_companion.localization import ElevationTile
 from fwav_companion.mavlink.node import Received
-from fwav_companion.mavlink.signing import starting_timestamp
 from fwav_companion.mavlink.unsigning import unsigned, without_signature
 from fwav_companion.nouns import Frame, NoFrame, Notice, Reason, Severity
 from fwav_companion.pipeline import Outputs
 from fwav_companion.recording.events import end_line, refused_line
 from fwav_companion.recording.recorder import Recorder, RecordingPlan
 from fwav_companion.recording.space import BYTES_PER_MB, SpacePolicy
+from fwav_companion.signing_memory import SigningMemory
 from fwav_companion.systemd_notify import SystemdNotifier
-from fwav_companion.vision.detections_in import DetectionsIn, read_clocks
+from fwav_companion.vision.detections_in import DetectionsIn
 from fwav_companion.vision.supervisor import VisionProcess
-from fwav_companion.vision.wall_clock import ClockStep, WallClock
+from fwav_companion.vision.wall_clock import ClockStep
 from fwav_companion.vision.wire import encode_frame
 from fwav_companion.wiring import make_node, make_pipeline, make_vision_task
 
@@ -65,19 +65,17 @@ class Service:
         ``beside_recording``: files that are kept with a flight's recording, by name.
         """
         self._config = config
-        host_ns, unix_ns = read_clocks()
-        self._unix_offset_ns = (unix_ns - host_ns) // NS_PER_US * NS_PER_US
-        self._wall_clock = WallClock(host_ns, unix_ns)
+        self._clock = HostClock()
         self._pipeline = make_pipeline(
             config,
             calibration,
-            unix_offset_ns=self._unix_offset_ns,
+            unix_offset_ns=self._clock.unix_offset_ns,
             live=True,
             elevation=elevation,
             unit=board_name(),
         )
-        self._signing_file = self._make_signing_file()
-        self._node = make_node(config, signing_key, starting_timestamp(self._kept_signing_timestamp(), unix_ns))
+        self._signing = SigningMemory(config, _warn)
+        self._node = make_node(config, signing_key, self._signing.starting_timestamp(self._clock.started_unix_ns))
         self._links = {
             link.name: make_link(link.name, link.parsed_url, self._on_bytes, self._on_link_state)
             for link in config.link
@@ -90,9 +88,8 @@ class Service:
         self._refused: Counter[Reason] = Counter()
         self._came, self._came_ns = 0, HostNs(0)
         self._deaf_because = ""
-        self._status = LatestFile(status_paths(config.status.file), self._warn_from_thread, outlives_us=False)
+        self._status = LatestFile(status_paths(config.status.file), _warn, outlives_us=False)
         self._notifier = SystemdNotifier()
-        self._last_ns = host_ns
         self._timer: asyncio.TimerHandle | None = None
         self._timer_ns: HostNs | None = None
         self._stop = asyncio.Event()
@@ -115,7 +112,7 @@ class Service:
         self._start()
         try:
             await asyncio.sleep(seconds)
-            status = self._status_object(self._now())
+            status = self._status_object(self._clock.now())
         finally:
             self._close()
         return status
@@ -123,7 +120,7 @@ class Service:
     # Coming up and going down.
 
     def _start(self) -> None:
-        files = (self._recorder, self._status, self._signing_file)
+        files = (self._recorder, self._status, self._signing)
         for part in (*files, self._detections, self._vision, self._map_link, *self._links.values()):
             if part is not None:
                 part.start()
@@ -133,16 +130,16 @@ class Service:
         self._on_timer()
 
     def _close(self) -> None:
-        now = self._now()
+        now = self._clock.now()
         self._record_refused(now)
         self._pipeline.finish(now)
         self._flush(now)
         if self._recorder is not None:
-            self._recorder.detection(self._unix_us(now), end_line(self._unix_us(now)))
+            self._recorder.detection(self._clock.unix_us(now), end_line(self._clock.unix_us(now)))
         for part in (self._detections, self._vision, self._map_link, *self._links.values()):
             if part is not None:
                 part.close()
-        for file in (self._recorder, self._status, self._signing_file):
+        for file in (self._recorder, self._status, self._signing):
             if file is not None:
                 file.close(FILE_STOP_S)
         self._notifier.close()
@@ -163,11 +160,11 @@ class Service:
             return None
         return DetectionsIn(
             (url.host, url.port) if isinstance(url, UdpUrl) else url.path,
-            self._wall_clock,
+            self._clock.wall,
             on_frame=self._on_frame,
             on_state=self._on_detections_state,
             on_step=self._on_clock_step,
-            clocks=self._read_clocks,
+            clocks=self._clock.read,
         )
 
     def _make_vision(self) -> VisionProcess | None:
@@ -176,11 +173,11 @@ class Service:
             return None
         return VisionProcess(
             task,
-            self._wall_clock,
+            self._clock.wall,
             on_frame=self._on_frame,
             on_state=self._on_vision_state,
             on_step=self._on_clock_step,
-            clocks=self._read_clocks,
+            clocks=self._clock.read,
         )
 
     def _make_recorder(self, beside: Mapping[str, bytes]) -> Recorder | None:
@@ -198,42 +195,12 @@ class Service:
             ),
             beside=beside,
         )
-        return Recorder(plan, self._warn_from_thread, header=self._pipeline.header, summary=self._pipeline.summary)
-
-    def _make_signing_file(self) -> LatestFile | None:
-        path = self._signing_path() if self._config.signing is not None else None
-        return None if path is None else LatestFile([path], self._warn_from_thread, outlives_us=True)
-
-    def _signing_path(self) -> Path | None:
-        configured = self._config.state.directory
-        return state_path(self._config.resolve(configured) if configured else None, "signing.json")
-
-    def _kept_signing_timestamp(self) -> int | None:
-        path = self._signing_path()
-        try:
-            return None if path is None else msgspec.json.decode(path.read_bytes(), type=int)
-        except (OSError, msgspec.DecodeError):  # the first run, or a file that a power cut left empty
-            return None
-
-    # Time. Every event gets an instant of its own, so that a recording replays in the same order.
-
-    def _now(self) -> HostNs:
-        now = whole_microseconds(time.monotonic_ns())
-        self._last_ns = HostNs(max(now, self._last_ns + NS_PER_US))
-        return self._last_ns
-
-    def _read_clocks(self) -> tuple[HostNs, int]:
-        host_ns, unix_ns = read_clocks()
-        now = self._now()
-        return now, unix_ns + now - host_ns
-
-    def _unix_us(self, now: HostNs) -> int:
-        return (now + self._unix_offset_ns) // NS_PER_US
+        return Recorder(plan, _warn, header=self._pipeline.header, summary=self._pipeline.summary)
 
     # What comes in.
 
     def _on_bytes(self, link: str, data: bytes) -> None:
-        now = self._now()
+        now = self._clock.now()
         self._take(self._node.receive(link, data, now), now)
 
     def _take(self, received: Received, now: HostNs) -> None:
@@ -241,7 +208,7 @@ class Service:
             self._links[name].send(frame)
         if self._recorder is not None:
             for raw in received.frames:
-                self._recorder.telemetry(self._unix_us(now), unsigned(raw))
+                self._recorder.telemetry(self._clock.unix_us(now), unsigned(raw))
         for message in received.messages:
             self._pipeline.on_message(message, now)
         if received.rate_request:
@@ -250,18 +217,18 @@ class Service:
             self._flush(now)
 
     def _on_frame(self, frame: Frame | NoFrame) -> None:
-        now = frame.arrival_ns if isinstance(frame, Frame) and frame.arrival_ns is not None else self._now()
+        now = frame.arrival_ns if isinstance(frame, Frame) and frame.arrival_ns is not None else self._clock.now()
         self._came, self._came_ns = self._came + 1, now
         if isinstance(frame, NoFrame):
             self._refused[frame.reason] += 1
         elif self._recorder is not None:
-            self._recorder.detection(self._unix_us(now), encode_frame(frame, self._unix_offset_ns))
+            self._recorder.detection(self._clock.unix_us(now), encode_frame(frame, self._clock.unix_offset_ns))
         self._pipeline.on_frame(frame, now)
         self._flush(now)
 
     def _on_timer(self) -> None:
         self._timer = self._timer_ns = None
-        now = self._now()
+        now = self._clock.now()
         if self._node.wake_at is not None:
             self._take(self._node.on_wake(now), now)
         self._pipeline.advance(now)
@@ -270,26 +237,25 @@ class Service:
     def _tick(self) -> None:
         """Once a second: the status file, and the watchdog's bone."""
         asyncio.get_running_loop().call_later(STATUS_INTERVAL_S, self._tick)
-        now = self._now()
+        now = self._clock.now()
         self._status.write(msgspec.json.encode(self._status_object(now)))
         self._notifier.alive()
         self._record_refused(now)
         if self._ticks % BOARD_TICKS == 0:
             self._look_at_board(now)
         self._ticks += 1
-        if self._signing_file is not None and self._node.signing_clock is not None and self._ticks % 60 == 1:
-            self._signing_file.write(msgspec.json.encode(self._node.signing_clock.timestamp))
+        self._signing.tick(self._node.signing_clock)
 
     def _record_refused(self, now: HostNs) -> None:
         if self._refused and self._recorder is not None:
-            self._recorder.detection(self._unix_us(now), refused_line(self._unix_us(now), self._refused))
+            self._recorder.detection(self._clock.unix_us(now), refused_line(self._clock.unix_us(now), self._refused))
         self._refused.clear()
 
     def _look_at_board(self, now: HostNs) -> None:
         """The wall clock is asked only where somebody wants UTC of us."""
         believed = self._map_link is not None and wall_clock_is_synchronised()
-        _, unix_ns = read_clocks()
-        utc_minus_host_s = (unix_ns - now) / NS_PER_S if believed else None
+        read_ns, unix_ns = self._clock.read()
+        utc_minus_host_s = (unix_ns - read_ns) / NS_PER_S if believed else None
         links = {name: link.status() for name, link in self._links.items()}
         self._pipeline.on_board(self._board.report(links, utc_minus_host_s, now), now)
         self._flush(now)
@@ -301,8 +267,8 @@ class Service:
         self._send(outputs, now)
         if self._recorder is not None:
             for line in outputs.lines:
-                self._recorder.target(self._unix_us(now), line)
-            self._recorder.on_armed(self._pipeline.armed, self._unix_us(now))
+                self._recorder.target(self._clock.unix_us(now), line)
+            self._recorder.on_armed(self._pipeline.armed, self._clock.unix_us(now))
         for notice in outputs.notices:
             log.log(_LEVELS[notice.severity], "%s", notice.text)
         self._arm()
@@ -314,7 +280,7 @@ class Service:
             for name, frame in frames:
                 self._links[name].send(frame)
             if frames and self._recorder is not None:
-                self._recorder.telemetry(self._unix_us(now), without_signature(frames[0][1]))
+                self._recorder.telemetry(self._clock.unix_us(now), without_signature(frames[0][1]))
         if self._map_link is not None:
             for datagram in outputs.datagrams:
                 self._map_link.send(datagram)
@@ -356,16 +322,13 @@ class Service:
         notice = Notice(Severity.WARNING, f"the wall clock was set by {step.size_s:+.3f} s; nothing here hangs on it")
         log.warning("%s", notice.text)
 
-    def _warn_from_thread(self, text: str) -> None:
-        log.warning("%s", text)
-
     def _on_internal_fault(self, _loop: asyncio.AbstractEventLoop, context: dict[str, object]) -> None:
         """A mistake of ours: say it whole once, fall silent for a while as MAVLink demands, and go on."""
         self._faults += 1
         error = context.get("exception")
         trace = error if isinstance(error, BaseException) and self._faults == 1 else None
         log.error("internal fault %d: %s %r", self._faults, context.get("message"), error, exc_info=trace)
-        self._pipeline.on_internal_fault(self._now())
+        self._pipeline.on_internal_fault(self._clock.now())
 
     def _status_object(self, now: HostNs) -> dict[str, object]:
         return {
@@ -373,7 +336,7 @@ class Service:
             "pid": os.getpid(),
             "config": self._config.file,
             "config_path": str(Path(self._config.file).absolute()),
-            "time_unix": self._unix_us(now) / 1e6,
+            "time_unix": self._clock.unix_us(now) / 1e6,
             "time_monotonic": now / NS_PER_S,
             "internal_faults": self._faults,
             "links": {name: link.status() for name, link in self._links.items()},
@@ -387,6 +350,11 @@ class Service:
             "recording": None if self._recorder is None else self._recorder.failure or str(self._recorder.folder),
             **self._pipeline.status(now),
         }
+
+
+def _warn(text: str) -> None:
+    """From whatever thread."""
+    log.warning("%s", text)
 
 
 def _ignore_bytes(_link: str, _data: bytes) -> None:
