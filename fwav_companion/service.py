@@ -19,24 +19,20 @@ from fwav_companion.config import Config
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.host_clock import HostClock
 from fwav_companion.latest_file import LatestFile, status_paths
-from fwav_companion.links.base import Link
 from fwav_companion.links.make import make_link
-from fwav_companion.links.url import SerialUrl, UdpUrl
+from fwav_companion.links.url import SerialUrl
 from fwav_companion.localization import ElevationTile
 from fwav_companion.mavlink.node import Received
 from fwav_companion.mavlink.unsigning import unsigned, without_signature
 from fwav_companion.nouns import Frame, NoFrame, Notice, Reason, Severity
 from fwav_companion.pipeline import Outputs
 from fwav_companion.recording.events import end_line, refused_line
-from fwav_companion.recording.recorder import Recorder, RecordingPlan
-from fwav_companion.recording.space import BYTES_PER_MB, SpacePolicy
+from fwav_companion.service_parts import FrameEars, make_detections, make_map_link, make_recorder, make_vision
 from fwav_companion.signing_memory import SigningMemory
 from fwav_companion.systemd_notify import SystemdNotifier
-from fwav_companion.vision.detections_in import DetectionsIn
-from fwav_companion.vision.supervisor import VisionProcess
 from fwav_companion.vision.wall_clock import ClockStep
 from fwav_companion.vision.wire import encode_frame
-from fwav_companion.wiring import make_node, make_pipeline, make_vision_task
+from fwav_companion.wiring import make_node, make_pipeline
 
 log = logging.getLogger("fwav_companion")
 
@@ -81,10 +77,13 @@ class Service:
             for link in config.link
         }
         self._board = BoardWatch({link.name: isinstance(link.parsed_url, SerialUrl) for link in config.link})
-        self._map_link = self._make_map_link()
-        self._detections = self._make_detections() if calibration is not None else None
-        self._vision = self._make_vision() if calibration is not None else None
-        self._recorder = self._make_recorder(beside_recording)
+        self._map_link = make_map_link(config, self._on_link_state)
+        ears = FrameEars(self._on_frame, self._on_clock_step)
+        self._detections = self._vision = None
+        if calibration is not None:
+            self._detections = make_detections(config, self._clock, ears, self._on_detections_state)
+            self._vision = make_vision(config, self._clock, ears, self._on_vision_state)
+        self._recorder = make_recorder(config, beside_recording, self._pipeline, _warn)
         self._refused: Counter[Reason] = Counter()
         self._came, self._came_ns = 0, HostNs(0)
         self._deaf_because = ""
@@ -149,53 +148,6 @@ class Service:
         urls = [f"{link.name} ({link.url})" for link in self._config.link if link.role == "autopilot"]
         detections = f", and for detections on {self._config.detections.url}" if self._detections is not None else ""
         return " or ".join(urls) + detections
-
-    def _make_map_link(self) -> Link | None:
-        url = self._config.publish.parsed_cot
-        return None if url is None else make_link("cot", url, _ignore_bytes, self._on_link_state)
-
-    def _make_detections(self) -> DetectionsIn | None:
-        url = self._config.detections.parsed_url
-        if url is None:
-            return None
-        return DetectionsIn(
-            (url.host, url.port) if isinstance(url, UdpUrl) else url.path,
-            self._clock.wall,
-            on_frame=self._on_frame,
-            on_state=self._on_detections_state,
-            on_step=self._on_clock_step,
-            clocks=self._clock.read,
-        )
-
-    def _make_vision(self) -> VisionProcess | None:
-        task = make_vision_task(self._config)
-        if task is None:
-            return None
-        return VisionProcess(
-            task,
-            self._clock.wall,
-            on_frame=self._on_frame,
-            on_state=self._on_vision_state,
-            on_step=self._on_clock_step,
-            clocks=self._clock.read,
-        )
-
-    def _make_recorder(self, beside: Mapping[str, bytes]) -> Recorder | None:
-        record = self._config.record
-        if not record.directory:
-            return None
-        plan = RecordingPlan(
-            directory=self._config.resolve(record.directory),
-            when=record.when,
-            sync_s=record.sync_s,
-            space=SpacePolicy(
-                most_used_bytes=round(record.max_used_mb * BYTES_PER_MB),
-                least_free_bytes=round(record.min_free_mb * BYTES_PER_MB),
-                remove_oldest=record.remove_oldest,
-            ),
-            beside=beside,
-        )
-        return Recorder(plan, _warn, header=self._pipeline.header, summary=self._pipeline.summary)
 
     # What comes in.
 
@@ -355,7 +307,3 @@ class Service:
 def _warn(text: str) -> None:
     """From whatever thread."""
     log.warning("%s", text)
-
-
-def _ignore_bytes(_link: str, _data: bytes) -> None:
-    """A map server says nothing that we need."""
