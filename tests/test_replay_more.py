@@ -1,0 +1,178 @@
+"""Replays of damaged, divided and foreign recordings; filters of one's own; exports by the command line."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+from flying import CAMERA, LINK, Flight, fly
+
+from fwav_companion.replaying import read_recording, replay
+from fwav_companion.wiring import own_components
+from sitl_mock import scenario
+
+CONFIG = LINK + '[camera]\ncalibration = "camera.yaml"\n'
+
+OWN = """
+import msgspec
+from fwav_companion.nouns import GroundFix
+from fwav_companion.tracking.estimate import Surprise
+
+class Mean(msgspec.Struct, frozen=True):
+    fix: GroundFix
+    position_ned: tuple
+    count: int
+    velocity_ned = None
+    velocity_cov = None
+    @property
+    def cov(self): return self.fix.cov
+    @property
+    def relative_cov(self): return self.fix.relative_cov
+    def predicted(self, host_ns): return self
+    def surprise(self, fix): return Surprise(0.0, 0.0)
+    def updated(self, fix):
+        n = self.count + 1
+        return Mean(fix, tuple(p + (f - p) / n for p, f in zip(self.position_ned, fix.position_ned)), n)
+
+class Means:
+    def __init__(self, priors): self.priors = priors
+    def started(self, fix): return Mean(fix, fix.position_ned, 1)
+
+class Refuses:
+    def __init__(self, priors): raise RuntimeError("no such luck")
+
+class Nothing:
+    def __init__(self, priors): pass
+"""
+
+
+@pytest.fixture(scope="module")
+def flown() -> Flight:
+    return fly(scenario("unbiased").but({"seconds": 12.0, "seed": 6}))
+
+
+class Site:
+    def __init__(self, folder, flown):
+        self.folder, self.flown = folder, flown
+        self.write("flight.toml", CONFIG)
+        self.write("camera.yaml", CAMERA)
+        self.telemetry, self.detections = bytes(flown.companion.tlog), bytes(flown.companion.detections)
+
+    def write(self, name, content):
+        (self.folder / name).write_bytes(content if isinstance(content, bytes) else content.encode())
+
+    def replay(self, *words, telemetry=("telemetry.tlog",), detections=("detections.jsonl",)):
+        if "telemetry.tlog" in telemetry:
+            self.write("telemetry.tlog", self.telemetry)
+        if "detections.jsonl" in detections:
+            self.write("detections.jsonl", self.detections)
+        command = [sys.executable, "-m", "fwav_companion", "replay", "--telemetry", *telemetry, "--detections"]
+        command += [*detections, "--config", "flight.toml", "--out", "targets.jsonl", *words]
+        return subprocess.run(command, capture_output=True, text=True, cwd=self.folder, timeout=60)
+
+    def targets(self):
+        return (self.folder / "targets.jsonl").read_bytes()
+
+
+@pytest.fixture
+def site(tmp_path, flown):
+    return Site(tmp_path, flown)
+
+
+def test_lines_that_are_none_are_told_with_their_place_and_the_rest_is_used(site):
+    lines = site.detections.splitlines(keepends=True)
+    offset = sum(map(len, lines[:3]))
+    site.detections = b"".join([*lines[:3], b'{"time_unix": 17', b"\n", *lines[3:]])
+    done = site.replay()
+    assert done.returncode == 0
+    assert f"detections.jsonl: line 4 at offset {offset} is no frame" in done.stderr
+    summary = json.loads(site.targets().splitlines()[-1])
+    assert summary["dropped"]["malformed"] == 1
+    assert summary["fixes"] == site.flown.companion.lines[-1]["fixes"]
+
+
+def test_damaged_telemetry_is_told_with_its_place(site):
+    site.telemetry = site.telemetry[:5000] + bytes(40) + site.telemetry[5000:]
+    done = site.replay()
+    assert done.returncode == 0
+    assert "damaged bytes at offset" in done.stderr
+
+
+def test_parts_of_one_recording_are_the_whole_again(site):
+    telemetry, detections = site.telemetry, site.detections
+    cut, line_end = frame_end(telemetry, len(telemetry) // 2), detections.index(b"\n", len(detections) // 2) + 1
+    for name, data, at in (("a.tlog", telemetry, cut), ("a.jsonl", detections, line_end)):
+        site.write(name, data[:at])
+        site.write(name.replace("a", "b", 1), data[at:])
+    done = site.replay(telemetry=("a.tlog", "b.tlog"), detections=("a.jsonl", "b.jsonl"))
+    assert done.returncode == 0, done.stderr
+    assert site.targets() == site.flown.companion.targets_file()
+
+
+def frame_end(data, beyond):
+    at = 0
+    while at < beyond:
+        at += 8 + 12 + data[at + 9]
+    return at
+
+
+def test_another_vehicles_companion_does_not_set_our_clock(flown):
+    """A swarm: (2, 191) asks for the time too, and is heard before we ask."""
+    from mavlink_wire import Wire
+
+    from fwav_companion.recording.tlog import tlog_record
+
+    companion = flown.companion
+    stranger = Wire(2, 191).frame("TIMESYNC", 0, 77_000_000_000)
+    first_us = int.from_bytes(companion.tlog[:8], "big")
+    data = tlog_record(first_us, stranger) + bytes(companion.tlog)
+    recording = read_recording(data, bytes(companion.detections), own_components(companion.config))
+    assert recording.unix_offset_ns == companion.unix_offset_ns
+    assert list(replay(recording, companion.config, companion.calibration)) == companion.lines
+
+
+def test_a_filter_of_ones_own_follows_the_targets(site):
+    site.write("mine.py", OWN)
+    done = site.replay("--set", "tracking.filter=mine:Means")
+    assert done.returncode == 0, done.stderr
+    lines = [json.loads(line) for line in site.targets().splitlines()]
+    assert lines[0]["config"]["tracking"]["filter"] == "mine:Means"
+    confirmed = [line for line in lines if line["type"] == "target" and line["state"] == "confirmed"]
+    assert site.flown.error_m(confirmed[-1]) < 1.5
+
+
+@pytest.mark.parametrize(
+    ("spec", "said"),
+    [
+        ("absent:Means", "No module named 'absent'"),
+        ("mine:Absent", "Absent"),
+        ("mine:Refuses", "no such luck"),
+        ("mine:Nothing", "no method started"),
+        ("kalmann", '"kalman" | "lowpass"'),
+    ],
+)
+def test_a_filter_that_cannot_be_had_is_one_line_and_exit_2(site, spec, said):
+    site.write("mine.py", OWN)
+    done = site.replay("--set", f"tracking.filter={spec}")
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_run_takes_no_filter_of_ones_own(site):
+    site.write("flight.toml", CONFIG + '[tracking]\nfilter = "mine:Means"\n')
+    command = [sys.executable, "-m", "fwav_companion", "run", "--config", "flight.toml"]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=site.folder, timeout=60)
+    assert done.returncode == 2
+    assert "only `replay` takes a filter of one's own" in done.stderr
+
+
+def test_exports_stand_beside_the_targets(site):
+    done = site.replay("--export", "t.kml", "--export", "t.geojson", "--export", "t.csv")
+    assert done.returncode == 0, done.stderr
+    assert site.targets() == site.flown.companion.targets_file()
+    features = json.loads((site.folder / "t.geojson").read_text())["features"]
+    assert len({feature["properties"]["track"] for feature in features}) >= 1
+    rows = (site.folder / "t.csv").read_text().splitlines()
+    assert len(rows) - 1 == sum(line["type"] == "target" for line in site.flown.companion.lines)
+    assert site.replay("--export", "t.shp").returncode == 2
