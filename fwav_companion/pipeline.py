@@ -10,15 +10,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
-import msgspec
-
 from fwav_companion.geometry.earth import TangentPlane
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.ledger import Ledger
-from fwav_companion.mavlink.commands import Commands
-from fwav_companion.mavlink.identity import Adopted, ArmedChanged, Identity, IdentityEvent
-from fwav_companion.mavlink.rates import Rates
-from fwav_companion.mavlink.timesync import Timesync
+from fwav_companion.mavlink.identity import Adopted, ArmedChanged, IdentityEvent
 from fwav_companion.nouns import (
     BoardReport,
     ClockExchange,
@@ -30,36 +25,19 @@ from fwav_companion.nouns import (
     Outgoing,
     Reason,
     Severity,
-    Situation,
-    Unpaired,
 )
 from fwav_companion.publishing.board_status import onboard_computer_status
-from fwav_companion.publishing.publisher import Publisher
-from fwav_companion.publishing.readiness import Readiness, ready_notice
-from fwav_companion.recording.lines import Line, clock_line, home_line, origin_object, unix_seconds
+from fwav_companion.publishing.readiness import ready_notice
+from fwav_companion.recording.lines import Line, home_line, unix_seconds
+from fwav_companion.rooms import Rooms
 from fwav_companion.sayings import said_of
-from fwav_companion.sight import Seen, Sight
-from fwav_companion.telemetry import HomeMoved, OriginSet, Rebooted, RelativeWorld, Telemetry, TelemetryEvent
+from fwav_companion.telemetry import HomeMoved, OriginSet, Rebooted, RelativeWorld, TelemetryEvent
 from fwav_companion.tracking import Settled
 
 ANSWERED = frozenset({"COMMAND_LONG", "COMMAND_INT", "PING"})
 """What is a question to us, whoever asks."""
 FAULT_SILENCE_NS = 6 * NS_PER_S
 """Long enough that peers notice: they allow five missed heartbeats."""
-
-
-@dataclass(frozen=True, slots=True)
-class Rooms:
-    """Everything that the pipeline joins; :mod:`fwav_companion.wiring` makes it from a configuration."""
-
-    identity: Identity
-    timesync: Timesync
-    rates: Rates
-    commands: Commands
-    telemetry: Telemetry
-    publisher: Publisher
-    sight: Sight | None
-    """None: a relay without a camera."""
 
 
 @dataclass(slots=True)
@@ -85,7 +63,6 @@ class Pipeline:
         self._clock_line_ns: HostNs | None = None
         self._fault_over_ns: HostNs | None = None
         self._undulation_was_untold = False
-        self._board: BoardReport | None = None
         self._outputs = Outputs()
         self._ended = False
 
@@ -106,7 +83,7 @@ class Pipeline:
                 self._place_ground(now)
             self._take_ready(now)
         if self._live and message.name in ANSWERED:
-            self._outputs.messages += rooms.commands.on_message(message, self._situation(now))
+            self._outputs.messages += rooms.commands.on_message(message, rooms.situation(now))
 
     def on_own_message(self, message: Message, now: HostNs) -> None:
         """A message that we ourselves sent, in a recording: our TIMESYNC requests are learned from it."""
@@ -131,7 +108,7 @@ class Pipeline:
     def on_board(self, board: BoardReport, now: HostNs) -> None:
         """How the board is doing, every few seconds: ground stations are told, once we know whose board it is."""
         self.advance(now)
-        self._board = board
+        self._rooms.board = board
         identity = self._rooms.identity
         if identity.autopilot is not None:
             fields = onboard_computer_status(board, now)
@@ -216,19 +193,7 @@ class Pipeline:
 
     def status(self, now: HostNs) -> dict[str, Any]:
         """For the status file."""
-        rooms = self._rooms
-        return {
-            "autopilot": msgspec.to_builtins(rooms.identity.autopilot),
-            "autopilot_lost": rooms.identity.autopilot_lost,
-            "clock": msgspec.to_builtins(rooms.telemetry.clock.estimate(now)),
-            "timesync": rooms.timesync.status(),
-            "rates": rooms.rates.status(),
-            "parameters": dict(rooms.rates.parameters),
-            "origin": origin_object(rooms.telemetry.world.plane.origin) if rooms.telemetry.world.plane else None,
-            "telemetry": rooms.telemetry.status(now),
-            "publishing": rooms.publisher.status(),
-            **self._ledger.counts(),
-        }
+        return {**self._rooms.status(now), **self._ledger.counts()}
 
     # Steps.
 
@@ -248,8 +213,7 @@ class Pipeline:
         self._take_ready(due)
         self._settle(due)
         if self._clock_line_ns is not None and due >= self._clock_line_ns:
-            self._write_clock_line(self._clock_line_ns)
-            self._write_calibration_line(self._clock_line_ns)
+            self._write_each_second(self._clock_line_ns)
             self._clock_line_ns = self._next_whole_second(due)
         if self._fault_over_ns is not None and due >= self._fault_over_ns:
             self._fault_over_ns = None
@@ -267,7 +231,7 @@ class Pipeline:
         messages += rooms.rates.on_wake(now)
         self._notify(rooms.rates.notices(), now)
         if rooms.publisher.wake_at is not None and rooms.publisher.wake_at <= now:
-            messages += rooms.publisher.on_wake(now, self._situation(now))
+            messages += rooms.publisher.on_wake(now, rooms.situation(now))
             self._outputs.notices += rooms.publisher.notices()
 
     def _on_identity(self, events: Iterable[IdentityEvent], now: HostNs) -> None:
@@ -276,20 +240,8 @@ class Pipeline:
                 self._rooms.timesync.adopt(event.autopilot, now)
                 self._rooms.rates.adopt(event.autopilot, now)
             if isinstance(event, ArmedChanged) and event.armed and self._rooms.sight is not None:
-                self._notify((ready_notice(self._readiness(self._rooms.sight, now)),), now)
+                self._notify((ready_notice(self._rooms.readiness(self._rooms.sight, now)),), now)
             self._notify(said_of(event), now)
-
-    def _readiness(self, sight: Sight, now: HostNs) -> Readiness:
-        telemetry, expected = self._rooms.telemetry, sight.expected()
-        return Readiness(
-            attitude_hz=telemetry.attitude_hz(now),
-            wanted_attitude_hz=self._rooms.rates.wanted_attitude_hz,
-            clock_sigma_s=telemetry.clock.estimate(now).sigma_s,
-            frames_hz=sight.frames_hz(now),
-            expected_m=None if expected is None else expected.sigma_m,
-            height_m=None if expected is None else expected.height_m,
-            trouble=sight.trouble,
-        )
 
     def _on_timesync(self, message: Message, now: HostNs) -> None:
         result = self._rooms.timesync.on_message(message, now)
@@ -334,7 +286,7 @@ class Pipeline:
             return
         for seen in self._rooms.sight.take_ready(now):
             if self._live:
-                situation = self._situation(now, seen)
+                situation = self._rooms.situation(now, seen)
                 publisher, parameters = self._rooms.publisher, self._rooms.rates.parameters
                 publisher.landing.lag_s = parameters.get("PLND_LAG", publisher.landing.lag_s)
                 self._outputs.messages += publisher.on_tracks(seen.tracks, situation, seen.pixel_from_ned)
@@ -349,20 +301,14 @@ class Pipeline:
         for frame in frames:
             self._ledger.settle(frame.view, frame.tracks, plane)
 
-    def _write_clock_line(self, at: HostNs) -> None:
-        telemetry = self._rooms.telemetry
-        boot_ns = telemetry.clock.boot_from_host(at)
-        if isinstance(boot_ns, Unpaired):
-            return
-        utc_minus_host_s = telemetry.utc_minus_host_s
-        utc_minus_unix_s = None if utc_minus_host_s is None else utc_minus_host_s - self._unix_offset_ns / 1e9
-        self._ledger.write(clock_line(at, telemetry.clock.estimate(at), boot_ns, utc_minus_unix_s))
-
-    def _write_calibration_line(self, at: HostNs) -> None:
-        sight = self._rooms.sight
-        line = None if sight is None else sight.calibration_line(unix_seconds(at, self._unix_offset_ns))
-        if line is not None:
-            self._ledger.write(line)
+    def _write_each_second(self, at: HostNs) -> None:
+        rooms = self._rooms
+        calibration = None
+        if rooms.sight is not None:
+            calibration = rooms.sight.calibration_line(unix_seconds(at, self._unix_offset_ns))
+        for line in (rooms.clock_line(at, self._unix_offset_ns), calibration):
+            if line is not None:
+                self._ledger.write(line)
 
     def _next_whole_second(self, now: HostNs) -> HostNs:
         """Of the recording's clock: where the lines of one flight stand must not hang on when it was replayed."""
@@ -373,23 +319,3 @@ class Pipeline:
             self._outputs.notices.append(notice)
             if self._live:
                 self._outputs.messages += self._rooms.publisher.on_notice(notice, now)
-
-    def _situation(self, now: HostNs, seen: Seen | None = None) -> Situation:
-        telemetry = self._rooms.telemetry
-        vehicle, at_capture = telemetry.newest_state(), seen.state if seen else None
-        return Situation(
-            now_ns=now,
-            autopilot=self._rooms.identity.autopilot,
-            plane=telemetry.world.plane,
-            vehicle=None if isinstance(vehicle, Unpaired) else vehicle,
-            at_capture=at_capture,
-            local_position_ned=telemetry.local_position_at(at_capture.boot_ns) if at_capture else None,
-            clock=telemetry.clock.estimate(now),
-            undulation_m=telemetry.undulation_m,
-            utc_minus_host_s=self._utc_minus_host_s(),
-            board=self._board,
-        )
-
-    def _utc_minus_host_s(self) -> float | None:
-        told_s = self._rooms.telemetry.utc_minus_host_s
-        return told_s if told_s is not None or self._board is None else self._board.utc_minus_host_s

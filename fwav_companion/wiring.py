@@ -32,10 +32,11 @@ from fwav_companion.mavlink.rates import Rates
 from fwav_companion.mavlink.timesync import Timesync
 from fwav_companion.mavlink.wanted import default_wanted
 from fwav_companion.pairing import CameraTiming, Pairer, StampRule
-from fwav_companion.pipeline import Pipeline, Rooms
+from fwav_companion.pipeline import Pipeline
 from fwav_companion.publishing.board_status import ONBOARD_COMPUTER_STATUS, requested_board_status
 from fwav_companion.publishing.options import PublishOptions
 from fwav_companion.publishing.publisher import Publisher
+from fwav_companion.rooms import Rooms
 from fwav_companion.sight import Sight
 from fwav_companion.telemetry import Telemetry, TelemetryOptions
 from fwav_companion.tracking import Reorder, Tracker, TrackingOptions, make_tracker
