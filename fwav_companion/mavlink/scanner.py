@@ -176,11 +176,12 @@ class Scanner:
         pending = self._pending
         if not self._datagrams:
             return self._scan(pending + data if pending else data, at_end=False)
+        frames: list[RawFrame] = []
         if pending and self._begins_with_known_frame(data):
-            self.skipped_bytes += len(pending)  # its datagram was cut off: what it began will not be continued
-            pending, self._clear_to = b"", 0
+            frames = self._give_up(pending)
+            pending = b""
         self._due = self._due or not pending
-        return self._scan(pending + data, at_end=True)
+        return frames + self._scan(pending + data, at_end=True)
 
     def reset(self) -> None:
         """The link is opened anew: what was begun will not be continued."""
@@ -192,6 +193,18 @@ class Scanner:
     def settle(self) -> list[RawFrame]:
         """What may be taken for a frame if nothing follows: for a stream that has been quiet for a while."""
         return self._scan(self._pending, at_end=True)
+
+    def _give_up(self, pending: bytes) -> list[RawFrame]:
+        """Whole frames behind one that was cut off with its datagram, and will not be continued."""
+        frames: list[RawFrame] = []
+        while pending:
+            marker = _next_marker(pending, 1)
+            start = marker.start() if marker else len(pending)
+            self.skipped_bytes += start
+            self._due, self._clear_to = False, 0
+            frames += self._scan(pending[start:], at_end=True)
+            pending = self._pending
+        return frames
 
     def _scan(self, buffer: bytes, *, at_end: bool) -> list[RawFrame]:
         frames: list[RawFrame] = []

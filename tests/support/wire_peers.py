@@ -1,0 +1,201 @@
+"""The far end of a link of any kind, made of plain sockets and pseudo-terminals."""
+
+from __future__ import annotations
+
+import os
+import pty
+import select
+import socket
+import time
+import tty
+from collections.abc import Iterator
+
+from processes import free_port
+
+PATIENCE_S = 20.0
+OURS = {(1, 191), (1, 100)}
+"""The daemon's own components."""
+
+
+class Peer:
+    """Sends bytes, and collects what comes; :attr:`url` is what the daemon's configuration says to meet it."""
+
+    url: str
+
+    def __init__(self) -> None:
+        self.came = b""
+
+    def meet(self) -> None:
+        """Be known to the daemon, which is up by then: its heartbeat has come."""
+        self.connect()
+        assert select.select([self.fileno()], [], [], PATIENCE_S)[0], f"no heartbeat by {self.url}"
+
+    def connect(self) -> None:
+        """What it takes on this side."""
+
+    def send(self, data: bytes) -> None:
+        raise NotImplementedError
+
+    def fileno(self) -> int:
+        raise NotImplementedError
+
+    def take(self) -> bytes:
+        """What is there to be read now."""
+        raise NotImplementedError
+
+    def close(self) -> None:
+        raise NotImplementedError
+
+    def collect(self, count: int) -> list[bytes]:
+        """Foreign frames, until there are so many."""
+        deadline = time.monotonic() + PATIENCE_S
+        while len(frames := foreign_frames(self.came)) < count:
+            assert time.monotonic() < deadline, f"only {len(frames)} of {count} frames came by {self.url}"
+            self.listen(0.1)
+        self.came = b""
+        return frames
+
+    def listen(self, seconds: float) -> None:
+        """Take what comes within this time, or the first of it: a line that nobody reads is soon full."""
+        if select.select([self.fileno()], [], [], seconds)[0]:
+            self.came += self.take()
+
+
+def foreign_frames(data: bytes) -> list[bytes]:
+    """Whole MAVLink frames, by the lengths in their headers, but for the daemon's own."""
+    return [frame for frame in _frames(data) if (frame[3:5] if frame[0] == 0xFE else frame[5:7]) not in _OURS_BYTES]
+
+
+_OURS_BYTES = {bytes(component) for component in OURS}
+
+
+def _frames(data: bytes) -> Iterator[bytes]:
+    while len(data) > 2:
+        if data[0] == 0xFE:
+            length = data[1] + 8
+        else:
+            assert data[0] == 0xFD, f"no frame begins with {data[:8].hex()}"
+            length = data[1] + 12 + 13 * (data[2] & 1)
+        if len(data) < length:
+            return
+        yield data[:length]
+        data = data[length:]
+
+
+class UdpPeer(Peer):
+    """``kind``: udpin, udpout or udpbcast, as the daemon sees it."""
+
+    def __init__(self, kind: str) -> None:
+        super().__init__()
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 20)
+        self._daemon: tuple[str, int] | None = None
+        if kind == "udpin":
+            port = free_port()
+            self._daemon = ("127.0.0.1", port)
+            self._socket.bind(("127.0.0.1", 0))
+            self.url = f"udpin://127.0.0.1:{port}"
+            return
+        host = "127.0.0.1" if kind == "udpout" else "127.255.255.255"
+        self._socket.bind((host, 0))
+        self.url = f"{kind}://{host}:{self._socket.getsockname()[1]}"
+
+    def connect(self) -> None:
+        if self._daemon is not None:
+            self.send(b"\0")
+            return
+        self._socket.settimeout(PATIENCE_S)
+        _, self._daemon = self._socket.recvfrom(65536, socket.MSG_PEEK)
+
+    def send(self, data: bytes) -> None:
+        assert self._daemon is not None
+        sender = self._socket
+        if self.url.startswith("udpbcast"):  # nobody can send from a broadcast address
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+                sender.sendto(data, self._daemon)
+            return
+        sender.sendto(data, self._daemon)
+
+    def fileno(self) -> int:
+        return self._socket.fileno()
+
+    def take(self) -> bytes:
+        return self._socket.recv(65536)
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+class TcpPeer(Peer):
+    """``kind``: tcpin or tcpout, as the daemon sees it."""
+
+    def __init__(self, kind: str) -> None:
+        super().__init__()
+        self._connection: socket.socket | None = None
+        self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        self._listener.bind(("127.0.0.1", 0))
+        self._port: int = self._listener.getsockname()[1]
+        self.url = f"{kind}://127.0.0.1:{self._port}"
+        self._listens = kind == "tcpout"
+        if self._listens:
+            self._listener.listen()
+            self._listener.settimeout(PATIENCE_S)
+        else:
+            self._listener.close()  # the port is the daemon's now
+
+    def connect(self) -> None:
+        if self._listens:
+            self._connection, _ = self._listener.accept()
+        else:
+            self._connection = socket.create_connection(("127.0.0.1", self._port), PATIENCE_S)
+        self._connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+    @property
+    def _socket(self) -> socket.socket:
+        assert self._connection is not None
+        return self._connection
+
+    def send(self, data: bytes) -> None:
+        self._socket.sendall(data)
+
+    def fileno(self) -> int:
+        return self._socket.fileno()
+
+    def take(self) -> bytes:
+        return self._socket.recv(65536)
+
+    def close(self) -> None:
+        self._listener.close()
+        if self._connection is not None:
+            self._connection.close()
+
+
+class SerialPeer(Peer):
+    """The other end of a pseudo-terminal."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._end, self._line = pty.openpty()
+        tty.setraw(self._end)
+        self.url = f"serial://{os.ttyname(self._line)}:921600"
+
+    def send(self, data: bytes) -> None:
+        while data:
+            data = data[os.write(self._end, data) :]
+
+    def fileno(self) -> int:
+        return self._end
+
+    def take(self) -> bytes:
+        return os.read(self._end, 65536)
+
+    def close(self) -> None:
+        os.close(self._end)
+        os.close(self._line)
+
+
+def peer_of(kind: str) -> Peer:
+    """By the scheme of the daemon's URL."""
+    if kind == "serial":
+        return SerialPeer()
+    return TcpPeer(kind) if kind.startswith("tcp") else UdpPeer(kind)
