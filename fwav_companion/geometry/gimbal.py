@@ -11,7 +11,7 @@ from enum import IntFlag
 from math import cos, isfinite, sin
 
 from fwav_companion.geometry.rotations import Quaternion, multiply, normalized, quaternion_from_matrix
-from fwav_companion.geometry.vectors import Matrix3
+from fwav_companion.geometry.vectors import Matrix3, Vector3, cross, transform
 
 
 class GimbalFlags(IntFlag):
@@ -39,10 +39,17 @@ def ned_from_gimbal(q: Quaternion, flags: int, ned_from_body: Matrix3, delta_yaw
         return normalized(q)
     if in_vehicle and isfinite(delta_yaw) and delta_yaw != 0.0:  # 0: also what a sender without the field sends
         return normalized(multiply((cos(0.5 * delta_yaw), 0.0, 0.0, sin(0.5 * delta_yaw)), q))
-    return normalized(multiply(_heading_only(ned_from_body), q))
+    return normalized(multiply(heading_only(ned_from_body), q))
 
 
-def _heading_only(ned_from_body: Matrix3) -> Quaternion:
+def counts_from_north(flags: int, delta_yaw: float) -> bool:
+    """Whether the message alone tells the gimbal's yaw from north; else it counts from the vehicle's heading."""
+    if flags & GimbalFlags.YAW_IN_VEHICLE_FRAME:
+        return isfinite(delta_yaw) and delta_yaw != 0.0
+    return bool(flags & (GimbalFlags.YAW_IN_EARTH_FRAME | GimbalFlags.YAW_LOCK))
+
+
+def heading_only(ned_from_body: Matrix3) -> Quaternion:
     """The vehicle's attitude with roll and pitch taken out: a turn about down alone."""
     forward_north, forward_east = ned_from_body[0][0], ned_from_body[1][0]
     length = (forward_north**2 + forward_east**2) ** 0.5
@@ -52,3 +59,11 @@ def _heading_only(ned_from_body: Matrix3) -> Quaternion:
         length = (forward_north**2 + forward_east**2) ** 0.5
     c, s = forward_north / length, forward_east / length
     return quaternion_from_matrix(((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)))
+
+
+def heading_rate(ned_from_body: Matrix3, rates: Vector3) -> float:
+    """How fast the vehicle's heading turns, rad/s about down; ``rates``: of the body, its own axes."""
+    nose = (ned_from_body[0][0], ned_from_body[1][0], ned_from_body[2][0])
+    north, east, _ = cross(transform(ned_from_body, rates), nose)
+    length2 = nose[0] ** 2 + nose[1] ** 2
+    return (nose[0] * east - nose[1] * north) / length2 if length2 > 1e-6 else 0.0

@@ -1,0 +1,228 @@
+"""The gimbal that carries the camera: its attitudes on its own clock, and its attitude at any instant.
+
+GIMBAL_DEVICE_ATTITUDE_STATUS comes some five times a second, stamped by a clock that nobody synchronises. So it is
+placed by its arrivals, as telemetry without TIMESYNC is; only where the autopilot itself speaks for the gimbal and the
+stamps agree with the autopilot's clock is that one taken. Between two attitudes the shorter way round is gone at an
+even rate: a gimbal is there to turn smoothly. How smoothly this one does is measured on attitudes that are left out.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right, insort
+from itertools import pairwise
+from math import exp, hypot, sqrt
+from typing import Any
+
+import msgspec
+
+from fwav_companion.geometry import rotations
+from fwav_companion.geometry.gimbal import counts_from_north, heading_only, heading_rate, ned_from_gimbal
+from fwav_companion.geometry.rotations import Quaternion, conjugate, difference, matrix_from_quaternion, multiply
+from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, BootNs, HostNs
+from fwav_companion.geometry.vectors import Matrix3, Vector3, add, norm, scale
+from fwav_companion.nouns import GimbalAt, Message, Reason, Unpaired
+from fwav_companion.telemetry.boot_time import BootTimeline, Restarted, Strange
+from fwav_companion.telemetry.clock import Clock
+from fwav_companion.telemetry.history import AttitudeAt
+from fwav_companion.telemetry.stamp_delay import HALF_MS_NS
+
+MESSAGE = "GIMBAL_DEVICE_ATTITUDE_STATUS"
+LAST_NON_MAVLINK_DEVICE = 6
+"""gimbal_device_id 1 to 6: gimbals that speak no MAVLink, for which the autopilot does."""
+SAME_CLOCK_NS = 100 * NS_PER_MS
+"""An autopilot that stamps for its gimbal stamps by its own clock; what its link delays is less than this."""
+KEPT_NS = 4 * NS_PER_S
+MOST_KEPT = 512
+WIDEST_GAP_NS = NS_PER_S
+"""Five times the usual interval: a few were lost."""
+LEAST_APART_NS = 4 * NS_PER_MS
+"""Nearer to one another, whole milliseconds tell no rate: the same attitude over two links, or a flood."""
+MOST_EXTRAPOLATION_NS = 300 * NS_PER_MS
+"""One interval and a half at 5 Hz: then the next attitude is missing."""
+MOST_SIGMA = 0.1
+"""rad: as of the body, an attitude less certain than 6 degrees is none."""
+UNCHECKED = 2.0
+"""rad/s^2, before it was measured: an operator's stick turns a gimbal by 100 degrees a second, within a second."""
+MEMORY_S = 3.0
+CHECKS_TO_BEGIN = 3
+UNEVEN = 2.5
+"""Five attitudes whose longest interval exceeds the shortest by more tell little about the motion."""
+MOST_UNRESOLVED = 4.0
+"""A sample left out at twice the spacing errs by four times what the middle of an interval does, if the motion is
+smooth; motion faster than the samples errs by the same at every spacing."""
+IDENTITY: Matrix3 = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+class _Look(msgspec.Struct, frozen=True, gc=False, order=True):
+    """One message."""
+
+    stamp_ns: int
+    """The gimbal's clock."""
+    q: Quaternion
+    """Levelled; its yaw counts from north or from the vehicle's heading."""
+    from_north: bool
+
+
+class Gimbal:
+    """One gimbal, told by the configuration: 1 to 6 behind the autopilot, else the MAVLink component itself."""
+
+    def __init__(self, device_id: int) -> None:
+        self._device_id = device_id
+        self._clock = Clock()
+        self._timeline = BootTimeline()
+        self._looks: list[_Look] = []
+        self._by_autopilot = device_id <= LAST_NON_MAVLINK_DEVICE
+        self._checks = 0
+        self._bend2 = self._wide_bend2 = 0.0
+        self._refused = 0
+
+    # What goes in.
+
+    def is_meant(self, message: Message, autopilot_component: int) -> bool:
+        """Whether a message of the adopted vehicle is an attitude of this gimbal."""
+        if message.name != MESSAGE:
+            return False
+        if not self._by_autopilot:
+            return message.component == self._device_id
+        return message.component == autopilot_component and message.fields.gimbal_device_id == self._device_id
+
+    def on_message(self, fields: Any, arrival_ns: HostNs) -> None:
+        """An attitude of this gimbal; what holds none is counted."""
+        q = (float(fields.q[0]), float(fields.q[1]), float(fields.q[2]), float(fields.q[3]))
+        delta_yaw = float(fields.delta_yaw)
+        told = ned_from_gimbal(q, fields.flags, IDENTITY, delta_yaw) if 0.95 <= hypot(*q) <= 1.05 else None
+        placed = self._timeline.place(fields.time_boot_ms, arrival_ns)
+        if isinstance(placed, Restarted):
+            self.clear()
+            placed = placed.boot_ns
+        if told is None or isinstance(placed, Strange):
+            self._refused += 1
+            return
+        self._clock.on_arrival(placed, arrival_ns)
+        self._insert(_Look(placed + HALF_MS_NS, told, counts_from_north(fields.flags, delta_yaw)))
+
+    def clear(self) -> None:
+        """Forget every attitude, and the clock they were stamped by."""
+        self._clock = Clock()
+        self._looks.clear()
+        self._checks = 0
+
+    # What can be asked.
+
+    def ready_for(self, boot_ns: BootNs, autopilot: Clock) -> bool:
+        """An attitude lies beyond this instant of the autopilot's clock; none is coming while the gimbal is silent."""
+        stamp = self._stamp_of(boot_ns, autopilot)
+        return stamp is None or not self._looks or self._looks[-1].stamp_ns >= stamp[0]
+
+    def at(self, boot_ns: BootNs, autopilot: Clock, body: AttitudeAt) -> GimbalAt | Reason:
+        """The gimbal at this instant of the autopilot's clock; ``body``: the vehicle then."""
+        stamp = self._stamp_of(boot_ns, autopilot)
+        if stamp is None or not self._looks:
+            return Reason.NO_GIMBAL
+        stamp_ns, stamp_sigma_s = stamp
+        told = self._told_at(stamp_ns)
+        if isinstance(told, Reason):
+            return told
+        q, rates, sigma, gap_s, from_north = told
+        if not from_north:
+            ned_from_body = matrix_from_quaternion(body.ned_from_body)
+            q = multiply(heading_only(ned_from_body), q)
+            turn = (0.0, 0.0, heading_rate(ned_from_body, body.rates))
+            rates = add(rates, rotations.rotate(conjugate(q), turn))
+            sigma = hypot(sigma, body.sigma)
+        sigma = hypot(sigma, norm(rates) * stamp_sigma_s)
+        return GimbalAt(q, rates, sigma, gap_s) if sigma <= MOST_SIGMA else Reason.NO_GIMBAL
+
+    def status(self, now: HostNs) -> dict[str, Any]:
+        """For the status file and ``check``."""
+        newest = self._looks[-1] if self._looks else None
+        host_ns = None if newest is None else self._clock.host_from_boot(BootNs(newest.stamp_ns))
+        return {
+            "device_id": self._device_id,
+            "age_s": (now - host_ns) * 1e-9 if isinstance(host_ns, int) else None,
+            "yaw_from": None if newest is None else "north" if newest.from_north else "the vehicle's heading",
+            "interpolation_sigma": sqrt(self._bend2) / 8.0 * self._spacing_s() ** 2 * self._unresolved(),
+            "refused": self._refused,
+        }
+
+    # Steps.
+
+    def _insert(self, look: _Look) -> None:
+        if any(abs(known.stamp_ns - look.stamp_ns) < LEAST_APART_NS for known in self._looks):
+            return
+        insort(self._looks, look)
+        oldest_ns = self._looks[-1].stamp_ns - KEPT_NS
+        while self._looks[0].stamp_ns < oldest_ns or len(self._looks) > MOST_KEPT:
+            del self._looks[0]
+        if look is self._looks[-1] and len(self._looks) >= 5:
+            self._check(self._looks[-5:])
+
+    def _check(self, five: list[_Look]) -> None:
+        """How much the course bends, by samples left out at twice the spacing and at four times."""
+        steps = [b.stamp_ns - a.stamp_ns for a, b in pairwise(five)]
+        if len({look.from_north for look in five}) > 1 or max(steps) > min(UNEVEN * min(steps), WIDEST_GAP_NS):
+            return
+        self._checks += 1
+        elapsed_s = (five[4].stamp_ns - five[3].stamp_ns) * 1e-9
+        gain = max(1.0 / self._checks, 1.0 - exp(-elapsed_s / MEMORY_S))
+        self._bend2 += gain * (_bend(five[2], five[3], five[4]) ** 2 - self._bend2)
+        self._wide_bend2 += gain * (_bend(five[0], five[2], five[4]) ** 2 - self._wide_bend2)
+
+    def _unresolved(self) -> float:
+        """By how much the error amid an interval exceeds that of a smooth course."""
+        if self._checks < CHECKS_TO_BEGIN or self._wide_bend2 <= 0.0:
+            return 1.0
+        return max(1.0, min(MOST_UNRESOLVED, sqrt(self._bend2 / self._wide_bend2)))
+
+    def _acceleration(self) -> float:
+        """RMS, rad/s^2."""
+        return (UNCHECKED if self._checks < CHECKS_TO_BEGIN else sqrt(self._bend2)) * self._unresolved()
+
+    def _spacing_s(self) -> float:
+        if len(self._looks) < 2:
+            return 0.0
+        return (self._looks[-1].stamp_ns - self._looks[0].stamp_ns) * 1e-9 / (len(self._looks) - 1)
+
+    def _stamp_of(self, boot_ns: BootNs, autopilot: Clock) -> tuple[int, float] | None:
+        """The gimbal's clock at an instant of the autopilot's, and one sigma of that in seconds."""
+        host_ns = autopilot.host_from_boot(boot_ns)
+        if isinstance(host_ns, Unpaired):
+            return None
+        stamp_ns = self._clock.boot_from_host(host_ns)
+        if isinstance(stamp_ns, Unpaired):
+            return None
+        if self._by_autopilot and abs(stamp_ns - boot_ns) <= SAME_CLOCK_NS:
+            return boot_ns, 0.0
+        return stamp_ns, self._clock.estimate(host_ns).sigma_s
+
+    def _told_at(self, stamp_ns: int) -> tuple[Quaternion, Vector3, float, float, bool] | Reason:
+        """(attitude, rates, sigma, gap, whether its yaw counts from north) as the messages have it."""
+        looks = self._looks
+        index = bisect_right(looks, stamp_ns, key=lambda look: look.stamp_ns)
+        if index == 0:
+            return Reason.NO_GIMBAL
+        beyond = index == len(looks)
+        if beyond:
+            if stamp_ns - looks[-1].stamp_ns > MOST_EXTRAPOLATION_NS:
+                return Reason.STALE_GIMBAL
+            index -= 1
+        if index == 0:
+            return Reason.NO_GIMBAL
+        first, last = looks[index - 1], looks[index]
+        span_ns, since_s = last.stamp_ns - first.stamp_ns, (stamp_ns - first.stamp_ns) * 1e-9
+        if span_ns > WIDEST_GAP_NS or first.from_north != last.from_north:
+            return Reason.NO_GIMBAL
+        rates = scale(difference(last.q, first.q), NS_PER_S / span_ns)
+        q = multiply(first.q, rotations.exp(scale(rates, since_s)))
+        until_s = (last.stamp_ns - stamp_ns) * 1e-9
+        sigma = 0.5 * self._acceleration() * since_s * abs(until_s)
+        gap_s = abs(until_s) if beyond else min(since_s, until_s)
+        return q, rates, sigma, gap_s, first.from_north
+
+
+def _bend(first: _Look, middle: _Look, last: _Look) -> float:
+    """The acceleration that would put the middle one so far off the even way between the others, rad/s^2."""
+    before_s, after_s = (middle.stamp_ns - first.stamp_ns) * 1e-9, (last.stamp_ns - middle.stamp_ns) * 1e-9
+    turn = scale(difference(last.q, first.q), before_s / (before_s + after_s))
+    off = norm(difference(middle.q, multiply(first.q, rotations.exp(turn))))
+    return 2.0 * off / (before_s * after_s)
