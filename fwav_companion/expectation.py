@@ -54,7 +54,7 @@ def _look_down(pairer: Pairer, telemetry: Telemetry) -> Sighting | None:
     host_ns = telemetry.clock.host_from_boot(state.boot_ns)
     if isinstance(host_ns, Unpaired):
         return None
-    ned_from_camera = multiply(matrix_from_quaternion(state.ned_from_body), pairer.body_from_camera)
+    ned_from_camera = multiply(matrix_from_quaternion(state.ned_from_carrier), pairer.body_from_camera)
     below = pairer.lens.pixel_from_camera_point(ned_from_camera[2])
     width, height = pairer.lens.image_size
     middle = ((width - 1) / 2, (height - 1) / 2)

@@ -36,6 +36,8 @@ from fwav_companion.tracking import Settled
 
 ANSWERED = frozenset({"COMMAND_LONG", "COMMAND_INT", "PING"})
 """What is a question to us, whoever asks."""
+GIMBAL_ATTITUDE = "GIMBAL_DEVICE_ATTITUDE_STATUS"
+"""The one message of telemetry that another component of the vehicle may send."""
 FAULT_SILENCE_NS = 6 * NS_PER_S
 """Long enough that peers notice: they allow five missed heartbeats."""
 
@@ -77,7 +79,10 @@ class Pipeline:
             self._on_timesync(message, now)
         rooms.rates.on_message(message, now)
         autopilot = rooms.identity.autopilot
-        if autopilot and message.system == autopilot.system and message.component == autopilot.component:
+        if autopilot and message.system == autopilot.system and message.name == GIMBAL_ATTITUDE:
+            rooms.telemetry.on_gimbal(message, autopilot.component, now)
+            self._take_ready(now)
+        elif autopilot and message.system == autopilot.system and message.component == autopilot.component:
             self._on_telemetry(rooms.telemetry.on_message(message, now), now)
             if self._undulation_was_untold and rooms.telemetry.undulation_m is not None:
                 self._place_ground(now)

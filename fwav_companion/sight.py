@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import msgspec
 
@@ -109,6 +110,10 @@ class Sight:
     def trouble(self) -> str:
         """Why the newest frame could not be used; "" if it could."""
         return "" if self._refused is None else f"pictures are refused: {self._refused.value}"
+
+    def status(self) -> dict[str, Any]:
+        """For the status file: the ground, and why the newest frame could not be used."""
+        return {"ground": self._localizer.ground.status(), "refused": self._refused and self._refused.value}
 
     def expected(self) -> Expectation | None:
         """What a fix straight below would be worth now."""

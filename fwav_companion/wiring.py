@@ -39,6 +39,7 @@ from fwav_companion.publishing.publisher import Publisher
 from fwav_companion.rooms import Rooms
 from fwav_companion.sight import Sight
 from fwav_companion.telemetry import Telemetry, TelemetryOptions
+from fwav_companion.telemetry.gimbal import LAST_NON_MAVLINK_DEVICE
 from fwav_companion.tracking import Reorder, Tracker, TrackingOptions, make_tracker
 from fwav_companion.tracking.base import Filter
 from fwav_companion.tracking.tracker import KEEP_STATIC_NS
@@ -52,7 +53,7 @@ WANTED = frozenset(
         "HEARTBEAT", "TIMESYNC", "PING", "COMMAND_LONG", "COMMAND_INT", "COMMAND_ACK",
         "ATTITUDE", "ATTITUDE_QUATERNION", "GLOBAL_POSITION_INT", "LOCAL_POSITION_NED", "ALTITUDE", "VFR_HUD",
         "GPS_RAW_INT", "GPS_GLOBAL_ORIGIN", "HOME_POSITION", "DISTANCE_SENSOR", "TERRAIN_REPORT", "SYSTEM_TIME",
-        "PARAM_VALUE", "STATUSTEXT",
+        "GIMBAL_DEVICE_ATTITUDE_STATUS", "PARAM_VALUE", "STATUSTEXT",
     }
 )  # fmt: skip
 """The messages that any room takes; no other is decoded."""
@@ -102,7 +103,7 @@ def make_pipeline(
         identity=Identity(config.vehicle.system_id, component, CAMERA_COMPONENT if has_camera else None),
         timesync=Timesync(component),
         rates=Rates(
-            default_wanted(config.rates.attitude, config.rates.position) | _wanted_of_ground(config),
+            default_wanted(config.rates.attitude, config.rates.position) | _wanted_by(config),
             attitude_message=config.vehicle.attitude_message,
             component=component,
         ),
@@ -175,9 +176,10 @@ def own_components(config: Config) -> frozenset[int]:
 def _pairer(config: Config, calibration: Calibration) -> Pairer:
     """Where the configuration leaves the default, the calibration's own delay and mount count, if it tells them."""
     camera = config.camera
+    on_gimbal = camera.mount.body_from_camera if camera.mount.gimbal_device_id else None
     return Pairer(
         lens=calibration.lens,
-        body_from_camera=calibration.body_from_camera or camera.mount.body_from_camera,
+        body_from_camera=on_gimbal or calibration.body_from_camera or camera.mount.body_from_camera,
         lever_arm_m=camera.mount.lever_arm_m,
         timing=CameraTiming(
             time_offset_s=camera.time_offset_s or calibration.time_offset_s or 0.0,
@@ -210,9 +212,12 @@ def _ground(config: Config, elevation: Sequence[ElevationTile]) -> Ground:
             return HomeGround()
 
 
-def _wanted_of_ground(config: Config) -> dict[str, float]:
-    """What only an elevation ground needs of the autopilot, Hz."""
-    return {"TERRAIN_REPORT": 1.0} if config.ground.model == "terrain" else {}
+def _wanted_by(config: Config) -> dict[str, float]:
+    """What only an elevation ground, or only a gimbal behind the autopilot, needs of the autopilot, Hz."""
+    wanted = {"TERRAIN_REPORT": 1.0} if config.ground.model == "terrain" else {}
+    if 0 < config.camera.mount.gimbal_device_id <= LAST_NON_MAVLINK_DEVICE:
+        wanted["GIMBAL_DEVICE_ATTITUDE_STATUS"] = config.rates.position
+    return wanted
 
 
 def _telemetry_options(config: Config) -> TelemetryOptions:
@@ -222,6 +227,7 @@ def _telemetry_options(config: Config) -> TelemetryOptions:
         attitude_message=vehicle.attitude_message,
         position_delay_s=vehicle.position_delay_s,
         attitude_stamp_delay_s=config.uncertainty.attitude_stamp_delay_s,
+        gimbal_device_id=config.camera.mount.gimbal_device_id,
     )
 
 

@@ -8,7 +8,7 @@ from typing import Annotated, Literal, TypeAlias
 import msgspec
 from msgspec import Meta
 
-from fwav_companion.geometry.mounts import body_from_camera_from_euler
+from fwav_companion.geometry.mounts import BODY_FROM_FORWARD_CAMERA, body_from_camera_from_euler
 from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.links.url import LinkUrl, UdpUrl, UnixUrl, parse_detections_url, parse_link_url
 
@@ -88,10 +88,15 @@ class Mount(Section, frozen=True):
     """Degrees."""
     position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Of the camera in body FRD, metres."""
+    gimbal_device_id: Annotated[int, Meta(ge=0, le=255)] = 0
+    """0: fixed to the body. Else the gimbal that carries it, whose GIMBAL_DEVICE_ATTITUDE_STATUS then says where it
+    looks in the place of the three angles: 1 to 6 for one behind the autopilot, else its MAVLink component (154)."""
 
     @property
     def body_from_camera(self) -> Matrix3:
-        """The rotation that the three angles stand for."""
+        """The rotation that the three angles stand for; of a camera on a gimbal, in the gimbal's own axes."""
+        if self.gimbal_device_id:
+            return BODY_FROM_FORWARD_CAMERA
         return body_from_camera_from_euler(radians(self.roll_deg), radians(self.pitch_deg), radians(self.yaw_deg))
 
     @property

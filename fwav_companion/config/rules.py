@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from fwav_companion.config.document import Document
+from fwav_companion.config.inputs import Mount
 from fwav_companion.links.url import UrlError, parse_cot_url, parse_detections_url, parse_link_url
 
 CAMERA_COMPONENT_ID = 100
@@ -56,6 +57,13 @@ def _vehicle_and_camera(document: Document) -> Iterator[Complaint]:
             ("vehicle", "component_id"),
             f"{CAMERA_COMPONENT_ID} is the camera component's while [publish] camera_tracking is on; accepted: another",
         )
+    mount, fixed = document.camera.mount, Mount()
+    for key in ("roll_deg", "pitch_deg", "yaw_deg") if mount.gimbal_device_id else ():
+        if getattr(mount, key) != getattr(fixed, key):
+            yield (
+                ("camera", "mount", key),
+                "while gimbal_device_id is set, the gimbal tells where the camera looks; accepted: leave it out",
+            )
     if not document.camera.calibration and (document.detections.url or document.vision is not None):
         source = "[vision] opens a camera" if document.vision is not None else "[detections] url brings pixels"
         yield (

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from fwav_companion.geometry.earth import TangentPlane
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.localization.ground import Meeting, camera_above_flat, flat_distance
@@ -33,6 +35,10 @@ class HomeGround:
             return distance_m
         return Meeting(camera_above_flat(sighting, height_m), distance_m, height_m, "home")
 
+    def status(self) -> dict[str, Any]:
+        """Where the surface lies."""
+        return {"model": "home", "home_down_m": self.home_down_m}
+
     def height_m(self, sighting: Sighting) -> float | None:
         """Of the camera above the surface; None where nothing tells it."""
         if sighting.relative:
@@ -52,6 +58,10 @@ class FixedGround:
     def origin_set(self, plane: TangentPlane, undulation_m: float | None) -> str:  # noqa: ARG002 - as every ground
         """Nothing depends on it."""
         return ""
+
+    def status(self) -> dict[str, Any]:
+        """The height below the camera."""
+        return {"model": "fixed", "height_m": self._height_m}
 
     def meet(self, sighting: Sighting, direction: Vector3) -> Meeting | NoFix:
         """At the stated height, whatever the autopilot tells."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol
 
 import msgspec
 
@@ -50,6 +50,9 @@ class Ground(Protocol):
 
     def origin_set(self, plane: TangentPlane, undulation_m: float | None) -> str:
         """The world has its origin, or its undulation is known better; what the user should be told of it, or ""."""
+
+    def status(self) -> dict[str, Any]:
+        """For the status file: the model by name, and what it does about the ground."""
 
 
 def camera_above_flat(sighting: Sighting, height_m: float) -> Vector3:

@@ -39,7 +39,7 @@ class Stretch(msgspec.Struct, frozen=True, gc=False):
     """The relative change of the ray's length per unit of each error that turns the ray: all that is not linear."""
 
     body: Vector3
-    """Per radian about the body's axes."""
+    """Per radian about the axes of the body, or of the gimbal that carries the camera."""
     heading: float
     """Per radian about down."""
     pixel: tuple[float, float]
@@ -65,7 +65,7 @@ def propagate(sighting: Sighting, direction: Vector3, meeting: Meeting) -> Propa
     deeper = scale(direction, m[2])  # a metre more between the camera and the ground's level
     turned = cross(direction, m)
     by_rotation = _by_rotation(direction, turned, meeting.distance_m)
-    body_axes = transpose(matrix_from_quaternion(sighting.state.ned_from_body))
+    body_axes = transpose(matrix_from_quaternion(sighting.state.ned_from_carrier))
     x_axis, y_axis, z_axis = body_axes
     roll, pitch, yaw = transform(by_rotation, x_axis), transform(by_rotation, y_axis), transform(by_rotation, z_axis)
     heading = (by_rotation[0][2], by_rotation[1][2], by_rotation[2][2])
@@ -73,7 +73,9 @@ def propagate(sighting: Sighting, direction: Vector3, meeting: Meeting) -> Propa
     mount_x, mount_y, mount_z = scale(roll, -1.0), scale(pitch, -1.0), scale(yaw, -1.0)
     height = _by_height(sighting, meeting, deeper)
     lift = meeting.height_by_rotation
-    if lift is not ZERO3:  # a beam turns with the vehicle, and the height changes with it
+    if (
+        lift is not ZERO3 and sighting.state.gimbal is None
+    ):  # a beam turns with the vehicle, and the height changes with it
         roll, pitch, yaw = (
             add(turn, scale(height, dot(axis, lift))) for turn, axis in zip((roll, pitch, yaw), body_axes, strict=True)
         )
@@ -89,7 +91,7 @@ def propagate(sighting: Sighting, direction: Vector3, meeting: Meeting) -> Propa
         pixel_u,
         pixel_v,
         (roll, pitch, heading, mount_x, mount_y, mount_z, time, readout, height, north, east, terrain),
-        Stretch(stretch_body, turned[2], (stretch_u, stretch_v), dot(stretch_body, sighting.state.rates)),
+        Stretch(stretch_body, turned[2], (stretch_u, stretch_v), dot(stretch_body, sighting.state.carrier_rates)),
     )
 
 
@@ -111,7 +113,7 @@ def _by_ray(x: Vector3, d: Vector3, meeting: Meeting, m: Vector3) -> tuple[Vecto
 
 def _by_time(sighting: Sighting, d: Vector3, meeting: Meeting, m: Vector3, turns: Columns) -> Vector3:
     """The point's change with a second of the vehicle's motion. A velocity that is not told counts as none."""
-    (p, q, r), velocity = sighting.state.rates, sighting.state.velocity_ned
+    (p, q, r), velocity = sighting.state.carrier_rates, sighting.state.velocity_ned
     (x0, x1, x2), (y0, y1, y2), (z0, z1, z2) = turns
     north, east, down = velocity or ZERO3
     if sighting.relative:  # the world goes along with the vehicle; only its height changes

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from math import hypot, sqrt
+from typing import Any
 
 from fwav_companion.geometry.earth import TangentPlane
 from fwav_companion.geometry.rotations import exp, multiply, rotate
@@ -51,6 +52,14 @@ class RangefinderGround:
             return self._meet_home(Reason.RANGE_TILTED, sighting, direction)
         self.fallback = None
         return self._meet_reading(reading, beam, age_s, sighting, direction)
+
+    def status(self) -> dict[str, Any]:
+        """Why the home surface stands in for the reading now, and how often it did for which reason."""
+        return {
+            "model": "rangefinder",
+            "fallback": None if self.fallback is None else self.fallback.value,
+            "fallbacks": {reason.value: count for reason, count in sorted(self.fallbacks.items())},
+        }
 
     def _meet_home(self, why: Reason, sighting: Sighting, direction: Vector3) -> Meeting | NoFix:
         self.fallback = why

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 from math import cos, degrees, isnan, radians, sin, sqrt
+from typing import Any
 
 from fwav_companion.geometry.earth import ECCENTRICITY2, SEMI_MAJOR_M, TangentPlane
 from fwav_companion.geometry.vectors import Vector3, unit
@@ -77,6 +78,16 @@ class TerrainGround:
         if self._plane is None or self._trouble is not None:
             return NoFix(self._trouble or Reason.NO_POSITION)
         return self._meet_model(self._model, self._plane, sighting, direction)
+
+    def status(self) -> dict[str, Any]:
+        """How the model was placed, or why it gives no fixes."""
+        return {
+            "model": "terrain",
+            "source": "TERRAIN_REPORT" if self._model is None else "files",
+            "datum": self._datum.value,
+            "shift_m": self.shift_m,
+            "trouble": None if self._model is None or self._trouble is None else self._trouble.value,
+        }
 
     def _meet_model(
         self, model: ElevationModel, plane: TangentPlane, sighting: Sighting, direction: Vector3

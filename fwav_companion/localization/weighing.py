@@ -81,7 +81,7 @@ def noise_variances(sighting: Sighting, meeting: Meeting, priors: ErrorPriors) -
         sigma_u * sigma_u,
         sigma_v * sigma_v,
         priors.attitude_noise**2,
-        state.attitude_sigma**2,
+        state.carrier_sigma**2,
         height_noise_m**2 + (0.0 if meeting.carried else age_variance),
         priors.height_noise_m**2,
         sighting.time_noise_s**2,

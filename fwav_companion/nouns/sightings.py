@@ -17,13 +17,13 @@ class Bias(IntEnum):
     """Errors that many fixes share, in the order of every bias vector of this package."""
 
     ROLL = 0
-    """Of the autopilot, rotation about body x, rad."""
+    """Of the autopilot, rotation about body x, rad. On a gimbal: of its own attitude, about its own x."""
     PITCH = 1
-    """Of the autopilot, rotation about body y, rad."""
+    """Of the autopilot, rotation about body y, rad. On a gimbal: of its own attitude, about its own y."""
     HEADING = 2
     """Of the autopilot, rotation about down, rad."""
     MOUNT_X = 3
-    """Rotation vector of the mount, body axes, rad."""
+    """Rotation vector of the mount, body axes, rad. On a gimbal: of the camera on it, its axes."""
     MOUNT_Y = 4
     MOUNT_Z = 5
     TIME_OFFSET = 6
@@ -87,6 +87,7 @@ class Sighting(msgspec.Struct, frozen=True, gc=False):
     """One sigma of the capture's instant on the autopilot's clock that is fresh in this frame."""
     state: VehicleState
     body_from_camera: Matrix3
+    """Of a camera on a gimbal: in the gimbal's axes."""
     ned_from_camera: Matrix3
     camera_ned: Vector3
     """The camera's centre, metres, local NED; in a relative world (0, 0, 0): the localizer knows the height."""

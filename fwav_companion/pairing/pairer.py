@@ -205,6 +205,8 @@ class Pairer:
         at = vehicle.state_at(BootNs(boot_ns + row.since_first_ns))
         if isinstance(at, Unpaired):
             return at
+        if isinstance(at.gimbal, Reason):
+            return Unpaired(at.gimbal)
         seen_from = self._view(at, relative=vehicle.world.relative)
         if seen_from is None:
             return Unpaired(Reason.NO_POSITION, at.gap_s)
@@ -270,14 +272,15 @@ class Pairer:
         return ray.reason if isinstance(ray, NoRay) else ray
 
     def _view(self, state: VehicleState, *, relative: bool | None) -> CameraView | None:
-        """The camera at this state; None where its place is expected and not known."""
-        ned_from_body = matrix_from_quaternion(state.ned_from_body)
-        ned_from_camera = multiply(ned_from_body, self.body_from_camera)
+        """The camera at this state; None where its place is expected and not known, or its gimbal's attitude is not."""
+        if isinstance(state.gimbal, Reason):
+            return None
+        ned_from_camera = multiply(matrix_from_quaternion(state.ned_from_carrier), self.body_from_camera)
         if relative:
             return CameraView(self.lens, ned_from_camera, ZERO3)
         if state.position_ned is None:
             return None
-        arm_ned = transform(ned_from_body, self._lever_arm_m)
+        arm_ned = transform(matrix_from_quaternion(state.ned_from_body), self._lever_arm_m)
         return CameraView(self.lens, ned_from_camera, add(state.position_ned, arm_ned))
 
     def _outlook(self, state: VehicleState, *, relative: bool | None) -> CameraView | None:

@@ -103,6 +103,7 @@ def sighting_line(
         "ray_ned": transform(sighting.ned_from_camera, sighting.ray.direction) if sighting else None,
         "camera_ned": sighting.camera_ned if sighting else None,
         "q_ned_body": state.ned_from_body if state else None,
+        **({"q_ned_gimbal": state.ned_from_carrier} if state and state.gimbal is not None else {}),
         "gap_s": state.gap_s if state else gap_s,
         "reason": reason.value if reason else None,
         "budget": _budget_object(fix.budget) if fix else None,
