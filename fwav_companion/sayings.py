@@ -14,6 +14,7 @@ from fwav_companion.telemetry import (
     AttitudeSource,
     HomeMoved,
     OriginSet,
+    PitchTrimUndone,
     Rebooted,
     RelativeWorld,
     StampDelay,
@@ -36,6 +37,8 @@ def said_of(event: IdentityEvent | TelemetryEvent) -> tuple[Notice, ...]:
             return (Notice(Severity.INFO, f"home surface moved to {-down_m:+.2f} m above the origin", to_ground=True),)
         case AttitudeSource(message, before):
             return (Notice(Severity.INFO, f"attitude from {message} instead of {before}"),)
+        case PitchTrimUndone(deg):
+            return (Notice(Severity.INFO, f"ATTITUDE lacks the pitch trim: {deg:.1f} deg are put back"),)
         case StampDelay(in_step=True):
             return (Notice(Severity.INFO, "attitudes keep step with their stamps: these are taken at their word"),)
         case StampDelay(delay_s):

@@ -46,13 +46,13 @@ class Position(msgspec.Struct, frozen=True, gc=False):
     velocity_ned: Vector3
 
 
-def attitude_from_euler(fields: Any) -> Attitude | Implausible:
-    """ATTITUDE: Z-Y-X Euler angles."""
+def attitude_from_euler(fields: Any, pitch_trim: float = 0.0) -> Attitude | Implausible:
+    """ATTITUDE: Z-Y-X Euler angles; ``pitch_trim``, radians, was taken off the pitch."""
     roll, pitch, yaw = float(fields.roll), float(fields.pitch), float(fields.yaw)
     rates = _rates(fields)
     if not (isfinite(roll + pitch + yaw) and max(abs(roll), abs(pitch), abs(yaw)) <= 2.0 * pi + 1e-3) or rates is None:
         return Implausible()
-    return Attitude(quaternion_from_euler(roll, pitch, yaw), rates)
+    return Attitude(quaternion_from_euler(roll, pitch + pitch_trim, yaw), rates)
 
 
 def attitude_from_quaternion(fields: Any) -> Attitude | Implausible:

@@ -56,4 +56,13 @@ class StampDelay(msgspec.Struct, frozen=True):
     """The attitudes show that stamps do not scatter: they are taken at their word, unless a delay is configured."""
 
 
-TelemetryEvent: TypeAlias = Rebooted | OriginSet | RelativeWorld | HomeMoved | AttitudeSource | StampDelay
+class PitchTrimUndone(msgspec.Struct, frozen=True):
+    """The pitch trim that ATTITUDE lacks is put back from now on; attitudes taken without it are forgotten."""
+
+    deg: float
+    """0: none is put back any more."""
+
+
+TelemetryEvent: TypeAlias = (
+    Rebooted | OriginSet | RelativeWorld | HomeMoved | AttitudeSource | StampDelay | PitchTrimUndone
+)

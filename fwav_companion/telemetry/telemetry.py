@@ -24,11 +24,12 @@ from fwav_companion.telemetry.boot_time import BootTimeline, Restarted, Strange
 from fwav_companion.telemetry.clock import Clock
 from fwav_companion.telemetry.courses import Course, Latest
 from fwav_companion.telemetry.decoding import Implausible
-from fwav_companion.telemetry.events import Rebooted, StampDelay, TelemetryEvent
+from fwav_companion.telemetry.events import PitchTrimUndone, Rebooted, StampDelay, TelemetryEvent
 from fwav_companion.telemetry.gimbal import Gimbal
 from fwav_companion.telemetry.history import AttitudeHistory
 from fwav_companion.telemetry.meter import RateMeter
-from fwav_companion.telemetry.sources import AttitudeChoice
+from fwav_companion.telemetry.pitch_trim import PitchTrim
+from fwav_companion.telemetry.sources import EULER, AttitudeChoice
 from fwav_companion.telemetry.stamp_delay import HALF_MS_NS, AttitudeStamps
 from fwav_companion.telemetry.world import World
 
@@ -70,6 +71,8 @@ class Telemetry:
         self._attitudes = AttitudeHistory()
         self._choice = AttitudeChoice(options.attitude_message)
         self._stamps = AttitudeStamps(options.attitude_stamp_delay_s)
+        self._trim = PitchTrim()
+        self._trim_undone_deg = 0.0
         self._positions = Course()
         self._local = Course()
         self._heights = {source: Course() for source in HeightSource}
@@ -213,6 +216,7 @@ class Telemetry:
             **self._attitudes.check.status(),
             "attitude_stamp_delay_s": self._stamps.delay_s,
             "attitude_stamps_in_step": self._stamps.in_step,
+            "pitch_trim_undone_deg": self._trim_undone_deg if self._choice.source == EULER else None,
             "relative_world": self.world.relative,
             "home_down_m": self.world.home_down_m,
             "refused": dict(self._refused),
@@ -223,7 +227,8 @@ class Telemetry:
     # Messages, one by one. `self._stamp_ns` is the placed stamp of the one in hand.
 
     def _on_attitude(self, fields: Any, now: HostNs) -> tuple[TelemetryEvent, ...]:
-        return self._take_attitude("ATTITUDE", decoding.attitude_from_euler(fields), now)
+        events = self._put_trim_back()
+        return events + self._take_attitude(EULER, decoding.attitude_from_euler(fields, self._trim.taken_off), now)
 
     def _on_attitude_quaternion(self, fields: Any, now: HostNs) -> tuple[TelemetryEvent, ...]:
         return self._take_attitude("ATTITUDE_QUATERNION", decoding.attitude_from_quaternion(fields), now)
@@ -331,15 +336,25 @@ class Telemetry:
         return ()
 
     def _on_heartbeat(self, fields: Any, _now: HostNs) -> tuple[TelemetryEvent, ...]:
+        self._trim.on_heartbeat(fields.type)
         return self._move_stamps(self._stamps.on_heartbeat(fields.autopilot, fields.type))
 
     def _on_param_value(self, fields: Any, _now: HostNs) -> tuple[TelemetryEvent, ...]:
+        self._trim.on_parameter(fields.param_id, fields.param_value)
         return self._move_stamps(self._stamps.on_parameter(fields.param_id, fields.param_value))
 
     def _on_statustext(self, fields: Any, _now: HostNs) -> tuple[TelemetryEvent, ...]:
         return self._move_stamps(self._stamps.on_text(fields.text))
 
     # Steps.
+
+    def _put_trim_back(self) -> tuple[TelemetryEvent, ...]:
+        """Where ATTITUDE counts and its trim is another now: what was taken until now lies apart from what comes."""
+        if self._choice.source != EULER or self._trim.taken_off_deg == self._trim_undone_deg:
+            return ()
+        self._trim_undone_deg = self._trim.taken_off_deg
+        self._attitudes.clear()
+        return (PitchTrimUndone(self._trim_undone_deg),)
 
     def _move_stamps(self, moved_ns: int) -> tuple[TelemetryEvent, ...]:
         if moved_ns == 0:

@@ -9,7 +9,7 @@ from told import WHOLE_MS, Autopilot
 from fwav_companion.geometry.rotations import euler_from_quaternion
 from fwav_companion.geometry.stamps import BootNs
 from fwav_companion.nouns import ClockExchange, Reason, Unpaired
-from fwav_companion.telemetry import AttitudeSource, Rebooted, StampDelay
+from fwav_companion.telemetry import AttitudeSource, PitchTrimUndone, Rebooted, StampDelay
 
 MS = 1_000_000
 
@@ -108,6 +108,42 @@ def test_a_configured_delay_is_not_overruled():
     autopilot.tell("PARAM_VALUE", 0, param_id="SCHED_LOOP_RATE", param_value=50.0)
     assert autopilot.telemetry.stamp_delay_s == 0.004
     assert autopilot.events == []
+
+
+@pytest.mark.parametrize(
+    ("vehicle_type", "parameters", "missing_deg"),
+    [
+        (16, {"PTCH_TRIM_DEG": 5.0, "FLIGHT_OPTIONS": 0.0}, 5.0),
+        (1, {"TRIM_PITCH_CD": -300.0}, -3.0),
+        (16, {"PTCH_TRIM_DEG": 5.0, "FLIGHT_OPTIONS": 256.0}, 0.0),
+        (21, {"PTCH_TRIM_DEG": 5.0}, 0.0),
+        (16, {"PTCH_TRIM_DEG": float("nan"), "FLIGHT_OPTIONS": float("inf")}, 0.0),
+        (16, {}, 0.0),
+    ],
+    ids=["flapping wing", "older name", "stays on by option", "quadplane", "nonsense", "copter"],
+)
+def test_the_pitch_trim_that_attitude_lacks_is_put_back(vehicle_type, parameters, missing_deg):
+    """Once it is known; what was taken without it is forgotten, and no course leads across the step."""
+    autopilot = Autopilot()
+    autopilot.tell("HEARTBEAT", 0, type=vehicle_type)
+    autopilot.attitudes(0, 200)
+    for name, value in parameters.items():
+        autopilot.tell("PARAM_VALUE", 200, param_id=name, param_value=value)
+    autopilot.attitudes(200, 400)
+    assert pitch_deg(autopilot, 303.0) == pytest.approx(missing_deg, abs=1e-9)
+    told = [event.deg for event in autopilot.events if isinstance(event, PitchTrimUndone)]
+    assert told == ([missing_deg] if missing_deg else [])
+    assert autopilot.telemetry.status(autopilot.host(400.0))["pitch_trim_undone_deg"] == missing_deg
+    if missing_deg:
+        assert autopilot.telemetry.state_at(BootNs(195 * MS)) == Unpaired(Reason.BEFORE_HISTORY, pytest.approx(5e-3))
+
+
+def test_a_quaternion_knows_no_trim():
+    autopilot = Autopilot()
+    autopilot.tell("PARAM_VALUE", 0, param_id="PTCH_TRIM_DEG", param_value=5.0)
+    autopilot.attitudes(0, 200, name="ATTITUDE_QUATERNION")
+    assert pitch_deg(autopilot, 103.0) == 0.0
+    assert autopilot.telemetry.status(autopilot.host(200.0))["pitch_trim_undone_deg"] is None
 
 
 def test_quaternions_are_preferred_and_the_change_leaves_no_step():
