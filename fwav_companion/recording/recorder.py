@@ -169,7 +169,8 @@ def _joined(steps: Iterable[Step]) -> list[Step]:
     pieces: dict[str, list[bytes]] = {}
 
     def settle() -> None:
-        joined.extend(Record(0, name, b"".join(data)) for name, data in pieces.items())
+        # What a line of the targets came from is on the disk before the line is.
+        joined.extend(Record(0, name, b"".join(pieces[name])) for name in FILES if name in pieces)
         pieces.clear()
 
     for step in steps:
