@@ -27,11 +27,10 @@ TENTATIVE_NS = 2 * NS_PER_S
 COASTING_AFTER_NS = 250 * NS_PER_MS
 """Longer than a detector's usual gaps, shorter than a person takes to notice."""
 
-GIVE_UP_LOOKS = 10
 GIVE_UP_NS = 3 * NS_PER_S
-"""A believed target is given up after so many looks in a row, over so much looking, that saw nothing."""
+"""A believed target is given up after so much looking, with no sight between, that saw nothing."""
 LOOK_NS = 200 * NS_PER_MS
-"""What one look counts at most: between two frames a minute apart nobody looked for a minute."""
+"""What one look counts at most: between two frames a minute apart nobody looked for a minute. So it takes 15 looks."""
 
 
 class Life(msgspec.Struct, frozen=True, gc=False):
@@ -107,6 +106,6 @@ def _end(life: Life, unseen_ns: int, keep_ns: int) -> Reason | None:
     if life.confirmed_ns is None:
         hopeless = life.misses >= TENTATIVE_MISSES or life.looks >= TENTATIVE_LOOKS or unseen_ns > TENTATIVE_NS
         return Reason.NEVER_CONFIRMED if hopeless else None
-    if life.misses >= GIVE_UP_LOOKS and life.missing_ns >= GIVE_UP_NS:
+    if life.missing_ns >= GIVE_UP_NS:
         return Reason.NOT_SEEN
     return Reason.NOT_SEEN_LONG if unseen_ns > keep_ns else None

@@ -1,15 +1,19 @@
 """Self-calibration: its geometry by differences, its algebra by a batch fit, and flights with planted faults."""
 
+import msgspec
 import numpy as np
 import pytest
 import tracking_simulation
+from scipy.spatial.transform import Rotation
 from tracking_simulation import Flight, World, priors
 
 from fwav_companion.nouns import BIAS_COUNT, Bias, Reason
 from fwav_companion.tracking import CalibrationStatus, KeptCalibration, TrackingOptions, make_tracker
 from fwav_companion.tracking.course import course_of
+from fwav_companion.tracking.fit import Fit
 from fwav_companion.tracking.joint import joint_of
 from fwav_companion.tracking.rays import COMMON_COUNT, Common, glimpse_of, ground_point, pixel_noise, predict
+from fwav_companion.tracking.verdict import judged
 
 PLANTED = np.zeros(BIAS_COUNT)
 PLANTED[Bias.TIME_OFFSET] = 0.035
@@ -221,3 +225,27 @@ def test_what_was_learnt_outlives_the_tracks():
     assert report.time_offset_s == keep.time_offset_s == pytest.approx(0.035, abs=0.003)
     assert report.mount == keep.mount
     assert report.mount_sigma[2] > np.radians(0.5)  # as far as heading and mount are one, it is the heading's doubt
+
+
+def test_one_gross_glimpse_among_the_first_does_not_place_a_target():
+    glimpses = some_glimpses()
+    turn = Rotation.from_rotvec([0.15, 0.0, 0.0])
+    first = glimpses[0]
+    turned = {name: tuple(turn.apply(getattr(first, name))) for name in ("ray", "by_u", "by_v")}
+    gross = msgspec.structs.replace(first, **turned)
+    sigmas = (0.001, 0.001, 0.001, 0.001, 0.001, 0.0, 0.0, 0.0, 0.0)
+    fit = Fit(joint_of(priors(), sigmas, (0.0,) * COMMON_COUNT, (0.0,) * COMMON_COUNT))
+    for glimpse in (gross, *glimpses[1:]):
+        fit = fit.fed(glimpse)
+    assert fit.refused == 1
+    assert fit.joint.mean[COMMON_COUNT:] == pytest.approx((4.0, 3.0), abs=0.05)
+
+
+@pytest.mark.parametrize(("various", "status"), [(False, CalibrationStatus.TIME), (True, CalibrationStatus.CALIBRATED)])
+def test_a_mount_is_let_go_only_after_various_views(various, status):
+    """However small the algebra says it is: one view from one side shows a mount only through its own errors."""
+    sigmas = (0.05, 0.0175, 0.0175, 0.0175, 0.035, 0.0, 0.0, 0.0, 0.0)
+    joint = joint_of(priors(), tuple(s / 100 for s in sigmas), (0.01,) * COMMON_COUNT, (0.0,) * COMMON_COUNT)
+    verdict = judged(joint, (0.0,) * COMMON_COUNT, sigmas, various=various)
+    assert verdict.status is status
+    assert (Common.MOUNT_X in verdict.told()) is various
