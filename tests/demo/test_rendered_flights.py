@@ -4,6 +4,8 @@
 95 % radius, which is 1.5 times the RMS error.
 """
 
+import json
+
 from rendered_flights import results
 
 
@@ -21,3 +23,15 @@ def test_what_was_seen_was_used(flight):
     summary = companion.lines[-1]
     assert summary["fixes"] > 20
     assert set(summary["dropped"]) <= {"no_clock"}
+
+
+def test_the_detector_places_tags_as_surely_as_it_claims(flight):
+    companion, _ = flight
+    squares = []
+    for frame in map(json.loads, companion.detections.splitlines()):
+        true = {f"tag36h11:{view.tag_id}": view.pixel for view in companion.eye.views(frame["frame"])}
+        for found in frame["detections"]:
+            u, v = true[found["label"]]
+            squares.append(((found["u"] - u) ** 2 + (found["v"] - v) ** 2) / (2 * found["sigma"][0] ** 2))
+    assert len(squares) > 20
+    assert 0.2 < sum(squares) / len(squares) < 1.5

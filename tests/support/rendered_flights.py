@@ -44,12 +44,12 @@ class RenderedCompanion(Companion):
 
     def __init__(self, simulation: Simulation, text: str, settings: Sequence[str] = ()) -> None:
         super().__init__(settings, unix_minus_host_s=simulation.unix_minus_host_s, text=text, sightings=True)
-        self._eye, self._detector = Eye(simulation), apriltags()
+        self.eye, self._detector = Eye(simulation), apriltags()
         self.usable: Counter[str] = Counter()
 
     def on_frame(self, frame: Mapping[str, Any], now_ns: int) -> list[bytes]:
-        self.usable.update(f"tag36h11:{view.tag_id}" for view in self._eye.views(frame["frame"]) if view.usable)
-        detections = self._detector.detect(self._eye.picture(frame["frame"]))
+        self.usable.update(f"tag36h11:{view.tag_id}" for view in self.eye.views(frame["frame"]) if view.usable)
+        detections = self._detector.detect(self.eye.picture(frame["frame"]))
         return super().on_frame({**frame, "detections": detections}, now_ns)
 
 

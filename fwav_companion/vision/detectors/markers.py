@@ -16,12 +16,13 @@ ARUCO_DICTIONARIES: Final = {
     for side in (4, 5, 6, 7)
     for count in (50, 100, 250, 1000)
 }
-SHARP_SIGMA_PX = 0.3
+SHARP_SIGMA_PX = 0.22
 """Of a centre in a sharp picture, an axis: corners refined to some tenths, and a fisheye's bend of the diagonals.
-Measured on rendered tags of 30 to 100 px: 68 in 100 within 0.32 px."""
-SIGMA_OF_WIDTH = 0.15
-"""What the width of an edge adds, an axis: a marker that moves 6 px in the exposure is placed within 0.8 px."""
-SHARP_WIDTH_PX = 1.5
+Measured on rendered tags of 30 to 100 px: 0.20 px."""
+SIGMA_OF_WIDTH = 0.13
+"""What the excess width of an edge adds, an axis. Measured where motion blurs by 0.5 to 1, 1 to 1.5, and 1.5 to 3
+modules of a tag: 0.3 to 0.5, 0.5 to 0.75, and 1.0 px."""
+SHARP_WIDTH_PX = 2.5
 """Of an edge that is as sharp as a lens and a sensor leave it."""
 PROFILES = 5
 """Across each side."""
