@@ -18,6 +18,7 @@ from fwav_companion.mavlink import enums
 from fwav_companion.mavlink.asking import ask, command
 from fwav_companion.mavlink.inquiries import Inquiries
 from fwav_companion.mavlink.rate_stream import Stream, StreamState
+from fwav_companion.mavlink.rate_takers import RateTakers
 from fwav_companion.mavlink.wanted import DATA_STREAMS, MESSAGE_IDS, ONLY_PX4
 from fwav_companion.nouns.messages import Message, Notice, Outgoing, Severity
 from fwav_companion.nouns.situation import Autopilot, AutopilotKind
@@ -27,8 +28,8 @@ BACKGROUND_ATTITUDE_HZ = 4.0
 CHECK_NS = NS_PER_S
 ACK_TIMEOUT_NS = 700 * NS_PER_MS
 MAX_TRIES = 4
-BLAME_NS = 15 * NS_PER_S
-"""How long after a foreign request for rates a fall is laid at its door."""
+SILENT_NS = 3 * NS_PER_S // 2
+"""An autopilot's heartbeat comes each second: without one, it is the link that fell, and nobody took the rates."""
 PASSED_PAUSE_NS = NS_PER_S // 2
 MAX_NOTICES = 32
 MAX_STREAM_RATE = 0xFFFF
@@ -53,13 +54,13 @@ class Rates:
         self._autopilot: Autopilot | None = None
         self._streams: dict[str, Stream] = {}
         self._question: _Question | None = None
-        self._now = HostNs(0)
+        self._now = self._heard_ns = HostNs(0)
         self._check_ns = HostNs(0)
         self._command_unknown = False
         self._command_known = False
         self._streams_asked_ns: dict[int, HostNs] = {}
         self._inquiries = Inquiries(component)
-        self._passed: tuple[str, HostNs] | None = None
+        self._takers = RateTakers()
         self._notices: deque[Notice] = deque(maxlen=MAX_NOTICES)
 
     @property
@@ -102,8 +103,10 @@ class Rates:
     def on_message(self, message: Message, now: HostNs) -> None:
         """Count arrivals of our autopilot; take its acknowledgements and parameters."""
         if not self._is_from_autopilot(message):
+            if self._autopilot is not None:
+                self._takers.on_message(message, self._autopilot, now)
             return
-        self._now = now
+        self._now = self._heard_ns = now
         stream = self._streams.get(message.name)
         if stream is not None:
             stream.meter.arrived()
@@ -119,9 +122,9 @@ class Rates:
         """
         if self._autopilot is None:
             return
-        if self._passed is None or self._passed[0] != who or now - self._passed[1] > BLAME_NS:
+        if self._takers.saw(who, now):
             self._tell(Severity.INFO, f"{who} asks the autopilot for other message rates over our link: asked again")
-        self._passed, self._now = (who, now), now
+        self._now = now
         for stream in self._streams.values():
             if stream.state is StreamState.GRANTED:
                 stream.undone_by = who
@@ -175,8 +178,9 @@ class Rates:
             self._share_attitude(now)
 
     def _blame(self, stream: Stream, fell_from_hz: float, now: HostNs) -> None:
-        recent = self._passed is not None and now - self._passed[1] <= BLAME_NS
-        stream.undone_by = self._passed[0] if recent and self._passed is not None else "nobody seen"
+        if now - self._heard_ns > SILENT_NS:
+            return
+        stream.undone_by = self._takers.to_blame(self._autopilot, now)
         self._tell(
             Severity.WARNING,
             f"{stream.name} fell from {fell_from_hz:.1f} to {stream.meter.hz or 0.0:.1f} Hz"

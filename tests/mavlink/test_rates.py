@@ -253,6 +253,42 @@ def test_a_rate_that_falls_without_anybody_seen_is_asked_for_again_and_told():
     assert any("fell from 100" in notice.text for notice in them.rates.notices())
 
 
+Beat = namedtuple("Beat", "type")
+Command = namedtuple("Command", "command")
+
+
+def test_a_ground_station_that_shares_the_link_is_presumed_to_have_taken_a_rate():
+    """It spoke to the autopilot out of our sight; its heartbeat shows that it is there."""
+    them = peer().start().run(18)
+    them.deliver(Message("HEARTBEAT", 255, 190, "fc", Beat(mavlink.MAV_TYPE_GCS)))
+    them.deliver(Message("HEARTBEAT", 254, 190, "ground", Beat(mavlink.MAV_TYPE_GCS)))  # its requests pass us by
+    them.deliver(Message("HEARTBEAT", 1, 154, "fc", Beat(mavlink.MAV_TYPE_GIMBAL)))
+    them.gcs_requests_streams()
+    them.run(8)
+    assert status(them, "ATTITUDE_QUATERNION")["undone_by"] == "presumably the ground station 255/190 on fc"
+    assert any("255/190" in notice.text for notice in them.rates.notices())
+
+
+def test_a_component_whose_command_was_heard_is_named():
+    them = peer().start().run(20)
+    them.deliver(Message("COMMAND_LONG", 1, 195, "fc", Command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL)))
+    them.gcs_requests_streams()
+    them.run(8)
+    assert status(them, "ATTITUDE_QUATERNION")["undone_by"] == "1/195 on fc"
+
+
+def test_nobody_is_blamed_for_a_link_that_fell_silent():
+    them = peer().start().run(20)
+    them.rates.notices()
+    deliver, them.deliver = them.deliver, lambda message: None
+    them.run(6)
+    them.deliver = deliver
+    them.run(10)
+    assert status(them, "ATTITUDE_QUATERNION")["measured_hz"] == pytest.approx(100, rel=0.02)
+    assert {got["undone_by"] for got in them.rates.status().values()} == {None}
+    assert not [notice for notice in them.rates.notices() if "fell" in notice.text]
+
+
 def test_a_rate_that_is_taken_again_and_again_is_not_fought_for_more_than_once_in_four_seconds():
     them = peer().start().run(20)
     before = len(them.asks_for("ATTITUDE_QUATERNION"))
