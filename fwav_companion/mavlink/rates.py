@@ -28,8 +28,9 @@ BACKGROUND_ATTITUDE_HZ = 4.0
 CHECK_NS = NS_PER_S
 ACK_TIMEOUT_NS = 700 * NS_PER_MS
 MAX_TRIES = 4
-SILENT_NS = 3 * NS_PER_S // 2
-"""An autopilot's heartbeat comes each second: without one, it is the link that fell, and nobody took the rates."""
+SILENT_NS = 600 * NS_PER_MS
+"""A window is told to have fallen when 0.6 s of it are missing. Nothing at all for so long, when rates that were taken
+leave at least a few messages a second: then it is the link that fell, and nobody took them."""
 PASSED_PAUSE_NS = NS_PER_S // 2
 MAX_NOTICES = 32
 MAX_STREAM_RATE = 0xFFFF
