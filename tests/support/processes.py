@@ -10,7 +10,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -93,10 +93,15 @@ def process(*words: str, folder: Path, **how: Any) -> Iterator[Process]:
         child.kill()
 
 
+SIGNING_EPOCH_S = 1_420_070_400
+"""2015-01-01 UTC, from which signatures count units of 10 us."""
+
+
 class GroundStation:
     """A UDP socket that a ground station would have, with pymavlink behind it: not our codec."""
 
-    def __init__(self) -> None:
+    def __init__(self, system: int = 255, key: bytes | None = None) -> None:
+        """``key``: it signs what it says, and believes only what is signed, or what no key was asked of."""
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind(("127.0.0.1", 0))
         self._socket.settimeout(0.2)
@@ -104,28 +109,87 @@ class GroundStation:
         self._parser.robust_parsing = True
         self.port: int = self._socket.getsockname()[1]
         self._peer: tuple[str, int] | None = None
-        self._sender = dialect.MAVLink(None, srcSystem=255, srcComponent=190)
+        self._sender = dialect.MAVLink(None, srcSystem=system, srcComponent=190)
+        if key is not None:
+            self._parser.signing.secret_key = key
+            self._parser.signing.allow_unsigned_callback = lambda *_: True
+            self._sender.signing.secret_key = key
+            self._sender.signing.sign_outgoing = True
+            self._sender.signing.timestamp = round((time.time() - SIGNING_EPOCH_S) * 1e5)
 
     def listen(self, until: str, count: int = 1, within_s: float = 30.0) -> list[dialect.MAVLink_message]:
         """Everything up to the count-th message of that name."""
+        return self.listen_for(lambda message: message.get_type() == until, count, within_s, until)
+
+    def listen_for(
+        self, wanted: Callable[[Any], bool], count: int = 1, within_s: float = 30.0, what: str = "it"
+    ) -> list[dialect.MAVLink_message]:
+        """Everything up to the count-th message that is wanted."""
         heard: list[dialect.MAVLink_message] = []
         deadline = time.monotonic() + within_s
         while count > 0:
             names = sorted({message.get_type() for message in heard})
-            assert time.monotonic() < deadline, f"{until} never came, only {names}"
-            try:
-                data, self._peer = self._socket.recvfrom(65536)
-            except TimeoutError:
-                continue
-            for message in self._parser.parse_buffer(data) or []:
+            assert time.monotonic() < deadline, f"{what} never came, only {names}"
+            for message in self._receive():
                 heard.append(message)
-                count -= message.get_type() == until
+                count -= wanted(message)
         return heard
 
-    def send(self, message: dialect.MAVLink_message) -> None:
-        """To whoever was heard last."""
+    def listen_during(self, seconds: float) -> list[dialect.MAVLink_message]:
+        """Everything that comes in this time."""
+        heard: list[dialect.MAVLink_message] = []
+        deadline = time.monotonic() + seconds
+        while time.monotonic() < deadline:
+            heard += self._receive()
+        return heard
+
+    def _receive(self) -> list[dialect.MAVLink_message]:
+        try:
+            data, self._peer = self._socket.recvfrom(65536)
+        except TimeoutError:
+            return []
+        return self._parser.parse_buffer(data) or []
+
+    def send(self, message: dialect.MAVLink_message) -> bytes:
+        """To whoever was heard last; the bytes that were sent."""
+        frame = self.packed(message)
+        self.send_bytes(frame)
+        return frame
+
+    def packed(self, message: dialect.MAVLink_message) -> bytes:
+        """The next frame of ours."""
+        frame = bytes(message.pack(self._sender))
+        self._sender.seq = (self._sender.seq + 1) % 256
+        return frame
+
+    def send_bytes(self, data: bytes) -> None:
+        """As they are."""
         assert self._peer is not None
-        self._socket.sendto(message.pack(self._sender), self._peer)
+        self._socket.sendto(data, self._peer)
+
+    def beat(self) -> None:
+        """One heartbeat."""
+        self.send(dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))
+
+    def command(self, component: int, number: int, *params: float) -> bytes:
+        """A COMMAND_LONG to a component of system 1; the bytes that were sent."""
+        frame = self.packed_command(component, number, *params)
+        self.send_bytes(frame)
+        return frame
+
+    def packed_command(self, component: int, number: int, *params: float) -> bytes:
+        """The same, not sent."""
+        padded = [*params, *[0.0] * (7 - len(params))]
+        return self.packed(dialect.MAVLink_command_long_message(1, component, number, 0, *padded))
+
+    def ask(self, component: int, number: int, *params: float) -> tuple[int, list[dialect.MAVLink_message]]:
+        """The result of a command, and everything heard until it came."""
+        self.command(component, number, *params)
+        heard = self.listen_for(
+            lambda m: m.get_type() == "COMMAND_ACK" and (m.command, m.get_srcComponent()) == (number, component),
+            what=f"an acknowledgement of {number}",
+        )
+        return heard[-1].result, heard
 
     def close(self) -> None:
         self._socket.close()
