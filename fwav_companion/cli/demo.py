@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from fwav_companion.demo.setting import Setting
 
 SECONDS = (3.0, 3600.0)
+SCENARIOS = ("demo", "demo_blur")
 
 
 def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -30,12 +31,13 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
         epilog="example:\n  fwav-companion demo --seed 7 && xdg-open demo-out/report.html",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--seconds", type=float, default=30.0, help="length of the flight; default %(default)g")
-    parser.add_argument("--seed", type=int, default=1, help="of everything that is wrong with the vehicle; default 1")
-    parser.add_argument(
-        "--out", metavar="DIR", default="demo-out", help="recording and report.html; default %(default)s"
-    )
-    parser.add_argument("--json", action="store_true", help="end with the result as one JSON object")
+    add = parser.add_argument
+    add("--seconds", type=float, default=30.0, help="length of the flight; default %(default)g")
+    add("--seed", type=int, default=1, help="of everything that is wrong with the vehicle; default %(default)d")
+    add("--out", metavar="DIR", default="demo-out", help="recording and report.html; default %(default)s")
+    add("--scenario", choices=SCENARIOS, default=SCENARIOS[0], help="demo_blur: an exposure so long that mostly the "
+        "moments of low rate leave a tag readable")  # fmt: skip
+    add("--json", action="store_true", help="end with the result as one JSON object")
     parser.set_defaults(run=run)
 
 
@@ -55,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
     signal.signal(signal.SIGTERM, _interrupt)
     out = Path(arguments.out).resolve()
     console = Console()
-    setting = Setting(arguments.seed, arguments.seconds)
+    setting = Setting(arguments.seed, arguments.seconds, arguments.scenario)
     demonstration = Demonstration(setting, out)
     with LiveTable(console, arguments.seconds) as table:
         outcome = demonstration.fly(table.watch)

@@ -11,7 +11,7 @@ from typing import Any
 
 from fwav_companion.config import Config, load
 from fwav_companion.demo.flight import EYE_MODULE
-from fwav_companion.demo.setting import CONFIG_FILE, Setting
+from fwav_companion.demo.setting import CONFIG_FILE, SCENARIO, Setting
 from fwav_companion.named_files import load_calibration
 from fwav_companion.recorded import join, load_telemetry
 from fwav_companion.recording.lines import Line
@@ -44,12 +44,17 @@ def write_report(setting: Setting, flight_arguments: Sequence[str], out: Path, r
         hidden=_hidden(truth[0]["biases"]) if truth else {},
         notes=[
             f"A demonstration with seed {setting.seed}: nothing was attached. {NOTE}",
-            f"Again: fwav-companion demo --seed {setting.seed} --seconds {setting.seconds:g}",
+            f"Again: {_command(setting)}",
         ],
     )
     path = out / "report.html"
     path.write_text(page(story), encoding="utf-8")
     return path
+
+
+def _command(setting: Setting) -> str:
+    words = f"fwav-companion demo --seed {setting.seed} --seconds {setting.seconds:g}"
+    return words if setting.scenario == SCENARIO else f"{words} --scenario {setting.scenario}"
 
 
 def _replayed(recording: Path, config: Config, *, sightings: bool) -> list[Line]:

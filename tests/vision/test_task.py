@@ -1,0 +1,51 @@
+"""From [vision] to what its process is told; and what a stamp then marks."""
+
+import pytest
+
+from fwav_companion.config import parse
+from fwav_companion.errors import ConfigError
+from fwav_companion.vision.task import VisionTask
+from fwav_companion.wiring import make_vision_task
+
+CAMERA = '[camera]\ncalibration = "camera.yaml"\n'
+
+
+def config(*vision: str):
+    return parse(CAMERA + "[vision]\n" + "\n".join(vision), "/flights/one/flight.toml")
+
+
+@pytest.mark.parametrize(
+    ("source", "told"),
+    [
+        ("frames", "/flights/one/frames"),
+        ("../video.avi", "/flights/one/../video.avi"),
+        ("/srv/frames", "/srv/frames"),
+        ("/dev/video2", "/dev/video2"),
+        ("rtsp://camera.local/main", "rtsp://camera.local/main"),
+        ("libcamera:1", "libcamera:1"),
+    ],
+)
+def test_paths_are_relative_to_the_file_and_other_sources_are_not(source: str, told: str):
+    assert make_vision_task(config(f'source = "{source}"')) == VisionTask(told)
+
+
+def test_a_detectors_settings_go_along():
+    task = make_vision_task(config('source = "x"', 'detector = "aruco"', 'aruco_dictionary = "6x6_250"'))
+    assert (task.detector, task.aruco_dictionary) == ("aruco", "6x6_250")
+    assert make_vision_task(config('detector = "color"', "color_hue_deg = 240.0")).color_hue_deg == 240.0
+
+
+def test_without_vision_there_is_nothing_to_do():
+    assert make_vision_task(parse(CAMERA, "flight.toml")) is None
+
+
+def test_what_this_version_has_not_is_said_with_what_it_has():
+    with pytest.raises(
+        ConfigError, match=r'flight\.toml: \[vision\] detector = "onnx": not in this version; accepted: '
+    ):
+        make_vision_task(config('detector = "onnx"'))
+
+
+def test_an_unknown_dictionary_is_an_error():
+    with pytest.raises(ConfigError, match="aruco_dictionary"):
+        config('aruco_dictionary = "8x8_50"')
