@@ -12,6 +12,7 @@ from fwav_companion.latest_file import LatestFile, state_path
 from fwav_companion.mavlink.signing import SigningClock, starting_timestamp
 
 NAME = "signing.json"
+NOT_KEPT = "the signing time is not kept: neither [state] directory nor $STATE_DIRECTORY names a place for it"
 EVERY_TICKS = 60
 """Once a minute, as the MAVLink guide has it; a restart goes on two minutes later than what is kept."""
 
@@ -24,6 +25,8 @@ class SigningMemory:
         self._path: Path | None = None
         if config.signing is not None:
             self._path = state_path(config.resolve(configured) if configured else None, NAME)
+        self._untold = "" if config.signing is None or self._path is not None else NOT_KEPT
+        self._on_failure = on_failure
         self._file = None if self._path is None else LatestFile([self._path], on_failure, outlives_us=True)
         self._ticks = 0
 
@@ -32,7 +35,9 @@ class SigningMemory:
         return starting_timestamp(self._kept(), unix_ns)
 
     def start(self) -> None:
-        """Begin writing."""
+        """Begin writing; where there is no place for it, that is told."""
+        if self._untold:
+            self._on_failure(self._untold)
         if self._file is not None:
             self._file.start()
 

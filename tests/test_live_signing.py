@@ -6,11 +6,12 @@ import time
 from pathlib import Path
 
 import pytest
-from processes import SIGNING_EPOCH_S, GroundStation
+from processes import SIGNING_EPOCH_S, GroundStation, process
 from sites import Site
 
 KEY = bytes(range(32))
 STOP_TRACKING, REQUEST_MESSAGE, CAMERA_INFORMATION = 2010, 512, 259
+RUN = ("fwav_companion", "run", "--config", "fwav-companion.toml")
 DAY = 24 * 3600 * 100_000
 """In units of 10 us."""
 
@@ -105,3 +106,11 @@ def test_signing_goes_on_ahead_after_a_restart(site: SignedSite):
     assert kept < min(first)
     assert max(first) < min(second)
     assert json.loads((site.folder / "state/signing.json").read_text()) > max(first)
+
+
+def test_without_a_place_to_keep_it_that_is_told_once(site: SignedSite):
+    site.replace('directory = "state"', 'directory = ""')
+    with process(*RUN, folder=site.folder, STATE_DIRECTORY="") as service:
+        service.wait_for("link ground is up")
+        assert service.stop() == 0
+    assert service.said.count("the signing time is not kept") == 1
