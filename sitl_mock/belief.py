@@ -8,6 +8,7 @@ from random import Random
 from sitl_mock.draws import DrawnBiases, Wander
 from sitl_mock.earth import ArduPilotProjection, LocalProjection, Place, Px4Projection, World
 from sitl_mock.flight import Flight, State
+from sitl_mock.gimbal import Gimbal
 from sitl_mock.gyro import Gyro
 from sitl_mock.options import Options
 from sitl_mock.rotation import Vector, plus
@@ -20,6 +21,7 @@ class Belief:
         self._o, self._biases, self._flight, self.world = options, biases, flight, world
         seed, priors = options.seed, options.priors
         self._gyro = Gyro(flight, options.autopilot.gyro_filter_hz)
+        self.gimbal = Gimbal(options, biases, flight)
         self._noise = Random(f"{seed}/noise")
         self._wander = tuple(
             Wander(biases.position_sigma_m, priors.position_bias_time_s, Random(f"{seed}/wander/{axis}"))

@@ -12,12 +12,14 @@ from typing import Any
 from sitl_mock.clock import BootClock
 from sitl_mock.draws import DrawnBiases, radians3
 from sitl_mock.flight import Flight
+from sitl_mock.gimbal import Gimbal
 from sitl_mock.lens import Lens
 from sitl_mock.options import Options
 from sitl_mock.rotation import (
     FORWARD_CAMERA,
     Matrix,
     Vector,
+    apply,
     apply_transposed,
     matrix_from_euler,
     matrix_from_rotation_vector,
@@ -63,6 +65,8 @@ class MockCamera:
         self._clock, self._start, self._unix_minus_host_s = clock, start_host_ns, unix_minus_host_s
         self.lens = Lens(options.camera)
         self.body_from_camera = true_mount(options, biases)
+        """Of a camera on a gimbal: gimbal_from_camera."""
+        self._gimbal = Gimbal(options, biases, flight)
         self._rng = Random(f"{options.seed}/camera")
         self._frame = 0
 
@@ -119,8 +123,11 @@ class MockCamera:
 
     def _project(self, place: Vector, t: float) -> Pixel:
         state = self._flight.at(t)
-        in_body = apply_transposed(state.ned_from_body, minus(place, state.position))
-        return self.lens.pixel(apply_transposed(self.body_from_camera, minus(in_body, self._c.position_m)))
+        in_body = minus(apply_transposed(state.ned_from_body, minus(place, state.position)), self._c.position_m)
+        if self._o.gimbal.device_id:
+            in_ned = apply(state.ned_from_body, in_body)
+            in_body = apply_transposed(self._gimbal.ned_from_gimbal(t), in_ned)
+        return self.lens.pixel(apply_transposed(self.body_from_camera, in_body))
 
     def _latency_s(self) -> float:
         latency_s = self._c.latency_s

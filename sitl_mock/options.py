@@ -196,6 +196,27 @@ class CameraOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
+class GimbalOptions:
+    """What carries the camera in the body's place; camera.mount_deg then counts from the gimbal's own axes."""
+
+    device_id: int = 0
+    """0: none. Up to 6: the autopilot speaks for it; else its own MAVLink component."""
+    rate_hz: float = 5.0
+    yaw: str = "north"
+    """north | vehicle | vehicle_and_delta | old_lock | old_follow: where the message counts yaw from, and how."""
+    pitch_deg: float = -60.0
+    yaw_deg: float = 15.0
+    """From the vehicle's heading."""
+    swing_deg: float = 8.0
+    """Of pitch and yaw, slowly."""
+    boot_at_start_s: float = 912.5
+    """Its clock at the start, where it is a component of its own."""
+    drift_ppm: float = -20.0
+    silent_from_s: float = 0.0
+    """It says nothing from then on; 0: it always does."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class TargetOptions:
     """One thing on the ground, relative to the flight centre."""
 
@@ -263,6 +284,7 @@ class Options:
     flight: FlightOptions = field(default_factory=FlightOptions)
     autopilot: AutopilotOptions = field(default_factory=AutopilotOptions)
     camera: CameraOptions = field(default_factory=CameraOptions)
+    gimbal: GimbalOptions = field(default_factory=GimbalOptions)
     targets: tuple[TargetOptions, ...] = (TargetOptions(),)
     downlink: WireOptions = field(default_factory=WireOptions)
     uplink: WireOptions = field(default_factory=WireOptions)

@@ -163,6 +163,10 @@ SCENARIOS: dict[str, tuple[str, dict[str, Any]]] = {
         "the same with 8 ms of exposure: mostly the moments of low rate leave a tag readable",
         {**DEMO, "camera.exposure_s": 0.008},
     ),
+    "gimbal": (
+        "the camera on a MAVLink gimbal that tells its attitude five times a second by its own clock",
+        {"gimbal.device_id": 154, "camera.mount_deg": (0.0, 0.0, 0.0)},
+    ),
     "walker": (
         "a target that walks at 1.5 m/s",
         {"targets": (TargetOptions(label="person", north=-4.0, speed_m_s=1.5, leg_m=8.0),)},

@@ -10,6 +10,8 @@ from typing import Any
 from sitl_mock.belief import Belief
 from sitl_mock.clock import BootClock
 from sitl_mock.earth import Place
+from sitl_mock.gimbal import BEHIND_AUTOPILOT
+from sitl_mock.gimbal import MESSAGE as GIMBAL
 from sitl_mock.options import Options
 from sitl_mock.rotation import Vector, quaternion_from_euler
 from sitl_mock.standing import autopilot_version, heartbeat, sys_status
@@ -50,6 +52,8 @@ class Telemetry:
         }
         if self._a.firmware == "px4":
             self._makers["ALTITUDE"] = self._altitude
+        if 0 < options.gimbal.device_id <= BEHIND_AUTOPILOT:
+            self._makers[GIMBAL] = self._gimbal_attitude
         if not self._a.has_quaternion:
             del self._makers["ATTITUDE_QUATERNION"]
 
@@ -239,6 +243,9 @@ class Telemetry:
             "approach_z": 0.0,
             "time_usec": self._boot_us(host_ns),
         }
+
+    def _gimbal_attitude(self, host_ns: int) -> Fields:
+        return self._belief.gimbal.fields(self.flight_s(host_ns), self._boot_ms(host_ns))
 
     def _raw_imu(self, host_ns: int) -> Fields:
         fields: Fields = dict.fromkeys(("xacc", "yacc", "zacc", "xgyro", "ygyro", "zgyro", "xmag", "ymag", "zmag"), 0)

@@ -15,6 +15,7 @@ from sitl_mock.commands import Commands
 from sitl_mock.draws import DrawnBiases
 from sitl_mock.earth import World
 from sitl_mock.flight import Flight
+from sitl_mock.gimbal import BEHIND_AUTOPILOT, GimbalComponent
 from sitl_mock.options import Options
 from sitl_mock.others import Others
 from sitl_mock.parameters import Parameters
@@ -62,6 +63,8 @@ class MockVehicle:
         self.parameters = Parameters(self)
         self.precland = PrecisionLanding(self, scene)
         self.others = Others(self, start_host_ns)
+        if options.gimbal.device_id > BEHIND_AUTOPILOT:
+            GimbalComponent(self, self.belief.gimbal, start_host_ns)
         self._handlers = self._table()
         self._begin(start_host_ns)
 

@@ -1,0 +1,99 @@
+"""A gimbal that carries the camera: levelled to the horizon, slewed slowly, stamped by its own clock."""
+
+from __future__ import annotations
+
+from math import cos, nan, pi, radians, sin
+from random import Random
+from typing import TYPE_CHECKING, Any
+
+from sitl_mock.clock import BootClock
+from sitl_mock.codec import Speaker
+from sitl_mock.draws import DrawnBiases
+from sitl_mock.flight import Flight
+from sitl_mock.options import Options
+from sitl_mock.rotation import Matrix, Vector, matrix_from_euler, quaternion_from_euler
+
+if TYPE_CHECKING:
+    from sitl_mock.vehicle import MockVehicle
+
+MESSAGE = "GIMBAL_DEVICE_ATTITUDE_STATUS"
+BEHIND_AUTOPILOT = 6
+"""gimbal_device_id up to this: the autopilot speaks for it, by its own clock."""
+SWING_HZ = 0.15
+ROLL_LOCK_AND_PITCH_LOCK, YAW_LOCK, YAW_IN_VEHICLE_FRAME, YAW_IN_EARTH_FRAME = 12, 16, 32, 64
+FLAGS = {
+    "north": YAW_IN_EARTH_FRAME,
+    "vehicle": YAW_IN_VEHICLE_FRAME,
+    "vehicle_and_delta": YAW_IN_VEHICLE_FRAME,
+    "old_lock": YAW_LOCK,
+    "old_follow": 0,
+}
+"""How its messages tell yaw; the old ways have neither frame flag, and a delta_yaw that means nothing."""
+
+
+class Gimbal:
+    """Where it looks, and what it says of that."""
+
+    def __init__(self, options: Options, biases: DrawnBiases, flight: Flight) -> None:
+        self._o, self._biases, self._flight = options.gimbal, biases, flight
+        self._noise = options.priors.attitude_noise_deg
+        self._rng = Random(f"{options.seed}/gimbal")
+        if self._o.yaw not in FLAGS:
+            raise KeyError(f"no gimbal.yaw {self._o.yaw!r}: one of {', '.join(FLAGS)}")
+
+    def ned_from_gimbal(self, flight_s: float) -> Matrix:
+        """As it really is; x looks, y is the picture's right."""
+        pitch, yaw = self._angles(flight_s)
+        return matrix_from_euler(0.0, pitch, yaw + self._flight.at(flight_s).euler[2])
+
+    def fields(self, flight_s: float, stamp_ms: int) -> dict[str, Any]:
+        """The message, with errors of its own and the heading's where it counts from north."""
+        pitch, yaw = self._angles(flight_s)
+        heading = self._flight.at(flight_s).euler[2] + radians(self._biases.heading_deg)
+        if self._o.yaw in ("north", "old_lock"):
+            yaw += heading
+        euler: Vector = (
+            radians(self._biases.attitude_roll_deg) + self._fresh(),
+            pitch + radians(self._biases.attitude_pitch_deg) + self._fresh(),
+            yaw + self._fresh(),
+        )
+        delta_yaw = {"vehicle_and_delta": heading, "vehicle": nan, "north": nan}.get(self._o.yaw, 1.0)
+        return {
+            "target_system": 0,
+            "target_component": 0,
+            "time_boot_ms": stamp_ms % 2**32,
+            "flags": ROLL_LOCK_AND_PITCH_LOCK | FLAGS[self._o.yaw],
+            "q": list(quaternion_from_euler(*euler)),
+            "angular_velocity_x": nan,
+            "angular_velocity_y": nan,
+            "angular_velocity_z": nan,
+            "failure_flags": 0,
+            "delta_yaw": delta_yaw,
+            "delta_yaw_velocity": nan,
+            "gimbal_device_id": self._o.device_id if self._o.device_id <= BEHIND_AUTOPILOT else 0,
+        }
+
+    def _angles(self, t: float) -> tuple[float, float]:
+        """Pitch, and yaw from the vehicle's heading."""
+        w = 2.0 * pi * SWING_HZ
+        pitch_deg = self._o.pitch_deg + self._o.swing_deg * sin(w * t)
+        return radians(pitch_deg), radians(self._o.yaw_deg + self._o.swing_deg * cos(0.7 * w * t))
+
+    def _fresh(self) -> float:
+        return radians(self._rng.gauss(0.0, self._noise)) if self._noise else 0.0
+
+
+class GimbalComponent:
+    """A MAVLink gimbal of its own, behind the autopilot's link."""
+
+    def __init__(self, vehicle: MockVehicle, gimbal: Gimbal, start_host_ns: int) -> None:
+        self._vehicle, self._gimbal, self._o = vehicle, gimbal, vehicle.options.gimbal
+        self._speaker = Speaker(vehicle.options.autopilot.system_id, self._o.device_id)
+        self._clock = BootClock(start_host_ns, round(self._o.boot_at_start_s * 1e9), self._o.drift_ppm)
+        vehicle.agenda.at(start_host_ns + 70_000_000, self._say)
+
+    def _say(self, at_ns: int) -> None:
+        fields = self._gimbal.fields(self._vehicle.telemetry.flight_s(at_ns), self._clock.boot_ns(at_ns) // 1_000_000)
+        if not self._o.silent_from_s or self._vehicle.telemetry.flight_s(at_ns) < self._o.silent_from_s:
+            self._vehicle.put(self._speaker.frame(MESSAGE, fields), at_ns)
+        self._vehicle.agenda.at(at_ns + round(1e9 / self._o.rate_hz), self._say)

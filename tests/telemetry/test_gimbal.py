@@ -1,0 +1,173 @@
+"""A gimbal's attitudes between its messages, by scipy; and what its messages may not do."""
+
+from collections import namedtuple
+from math import nan
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation, Slerp
+
+from fwav_companion.geometry.rotations import IDENTITY_QUATERNION
+from fwav_companion.geometry.stamps import BootNs, HostNs
+from fwav_companion.nouns import GimbalAt, Message, Reason
+from fwav_companion.telemetry.clock import Clock
+from fwav_companion.telemetry.gimbal import Gimbal
+from fwav_companion.telemetry.history import AttitudeAt
+
+Fields = namedtuple("Fields", "time_boot_ms flags q delta_yaw gimbal_device_id")
+EARTH = 64
+LEVEL = AttitudeAt(IDENTITY_QUATERNION, (0.0, 0.0, 0.0), 0.0, 0.0)
+BOOT_S, GIMBAL_S = 30.0, 700.0
+"""What the clocks show at the host's zero."""
+
+
+def fields(t_s, q, flags=EARTH, delta_yaw=nan, device_id=0):
+    return Fields(round((GIMBAL_S + t_s) * 1e3), flags, tuple(q), delta_yaw, device_id)
+
+
+def look(t_s):
+    """A slow slew: pitch and yaw at even rates."""
+    return Rotation.from_euler("ZYX", [10.0 + 8.0 * t_s, -60.0 + 5.0 * t_s, 1.0], degrees=True)
+
+
+def quaternion(rotation):
+    x, y, z, w = rotation.as_quat()
+    return (w, x, y, z)
+
+
+def autopilot_clock():
+    clock = Clock()
+    for k in range(60):
+        clock.on_arrival(BootNs(round((BOOT_S + 0.1 * k) * 1e9)), HostNs(round(0.1e9 * k)))
+    return clock
+
+
+def fed(rate_hz=5.0, seconds=5.0, turn=look, **how):
+    gimbal = Gimbal(154)
+    for k in range(round(seconds * rate_hz) + 1):
+        t_s = k / rate_hz
+        gimbal.on_message(fields(t_s, quaternion(turn(t_s)), **how), HostNs(round(t_s * 1e9)))
+    return gimbal
+
+
+def asked(gimbal, t_s, body=LEVEL):
+    return gimbal.at(BootNs(round((BOOT_S + t_s) * 1e9)), autopilot_clock(), body)
+
+
+def test_between_two_messages_it_is_where_slerp_has_it():
+    gimbal, nodes = fed(), np.arange(0.0, 5.01, 0.2)
+    slerp = Slerp(nodes + 0.0005, Rotation.concatenate([look(t) for t in nodes]))
+    for t_s in np.arange(3.0, 4.9, 0.037):
+        at = asked(gimbal, t_s)
+        assert isinstance(at, GimbalAt)
+        w, x, y, z = at.ned_from_gimbal
+        assert (Rotation.from_quat([x, y, z, w]).inv() * slerp(t_s)).magnitude() < 1e-4  # 0.1 ms of clock
+        expected = (slerp(t_s).inv() * slerp(t_s + 1e-4)).as_rotvec() / 1e-4
+        assert at.rates == pytest.approx(expected, abs=1e-3)
+
+
+def test_doubt_grows_with_the_motion_the_gap_and_the_doubt_about_the_clock():
+    smooth = asked(fed(), 4.1).sigma
+
+    def swinging(t_s):
+        return Rotation.from_euler("ZYX", [0.0, -60.0 + 6.0 * np.sin(2 * np.pi * 0.5 * t_s), 0.0], degrees=True)
+
+    swings = fed(turn=swinging)
+    amid, near, beyond = (asked(swings, t_s).sigma for t_s in (4.1, 4.02, 5.2))
+    assert near < amid < beyond
+    assert 3.0 * smooth < amid
+    truth = swinging(4.1 - 0.0005)
+    w, x, y, z = asked(swings, 4.1).ned_from_gimbal
+    assert (Rotation.from_quat([x, y, z, w]).inv() * truth).magnitude() < 3.0 * amid
+
+
+def test_motion_that_the_messages_do_not_show_is_not_taken_for_smooth():
+    """Three swings a second, told five times a second."""
+
+    def shaking(t_s):
+        return Rotation.from_euler("ZYX", [0.0, -60.0 + 2.0 * np.sin(2 * np.pi * 3.1 * t_s), 0.0], degrees=True)
+
+    gimbal = fed(turn=shaking, seconds=8.0)
+    errors, sigmas = [], []
+    for t_s in np.arange(5.0, 5.9, 0.011):
+        w, x, y, z = asked(gimbal, t_s).ned_from_gimbal
+        errors.append((Rotation.from_quat([x, y, z, w]).inv() * shaking(t_s - 0.0005)).magnitude())
+        sigmas.append(asked(gimbal, t_s).sigma)
+    assert np.sqrt(np.mean(np.square(errors))) < 2.0 * np.sqrt(np.mean(np.square(sigmas)))
+
+
+@pytest.mark.parametrize(
+    ("t_s", "reason"),
+    [(5.35, Reason.STALE_GIMBAL), (60.0, Reason.STALE_GIMBAL), (-1.0, Reason.NO_GIMBAL), (0.5, Reason.NO_GIMBAL)],
+)
+def test_far_from_every_message_there_is_a_reason_and_no_attitude(t_s, reason):
+    assert asked(fed(), t_s) is reason
+
+
+def test_a_hole_is_not_bridged():
+    gimbal = fed(seconds=4.0)
+    for t_s in (5.2, 5.4):
+        gimbal.on_message(fields(t_s, quaternion(look(t_s))), HostNs(round(t_s * 1e9)))
+    assert asked(gimbal, 4.6) is Reason.NO_GIMBAL
+    assert isinstance(asked(gimbal, 5.3), GimbalAt)
+
+
+@pytest.mark.parametrize(
+    "broken",
+    [
+        fields(5.1, (nan,) * 4),
+        fields(5.1, (0.0,) * 4),
+        fields(5.1, (2.0, 0.0, 0.0, 0.0)),
+        fields(5.1, IDENTITY_QUATERNION, flags=32 | 64),
+    ],
+)
+def test_what_holds_no_attitude_is_counted_and_changes_nothing(broken):
+    gimbal, other = fed(), fed()
+    gimbal.on_message(broken, HostNs(round(5.1e9)))
+    assert asked(gimbal, 4.1) == asked(other, 4.1)
+    assert gimbal.status(HostNs(6_000_000_000))["refused"] == 1
+
+
+def test_the_vehicles_heading_turns_a_gimbal_that_follows_it_but_not_one_that_counts_from_north():
+    turned = AttitudeAt(quaternion(Rotation.from_euler("ZYX", [70, -15, 20], degrees=True)), (0.1, 0.2, 0.3), 0.0, 0.0)
+    follows, north = fed(flags=32), fed()
+    assert asked(north, 4.1, turned).ned_from_gimbal == asked(north, 4.1).ned_from_gimbal
+    w, x, y, z = asked(follows, 4.1, turned).ned_from_gimbal
+    level = asked(north, 4.1).ned_from_gimbal
+    expected = Rotation.from_euler("Z", 70, degrees=True) * Rotation.from_quat([*level[1:], level[0]])
+    assert (Rotation.from_quat([x, y, z, w]).inv() * expected).magnitude() < 1e-9
+
+
+def test_a_flood_is_kept_within_bounds_and_a_restart_begins_anew():
+    gimbal = Gimbal(154)
+    for k in range(3000):
+        gimbal.on_message(fields(0.005 * k, IDENTITY_QUATERNION), HostNs(round(5e6 * k)))
+    assert len(gimbal._looks) <= 512
+    for k in range(4):
+        restarted = Fields(k * 200, EARTH, IDENTITY_QUATERNION, nan, 0)
+        gimbal.on_message(restarted, HostNs(round((16.0 + 0.2 * k) * 1e9)))
+    assert len(gimbal._looks) <= 2
+
+
+@pytest.mark.parametrize(
+    ("device_id", "component", "told_id", "meant"),
+    [
+        (154, 154, 0, True),
+        (154, 155, 0, False),
+        (2, 1, 2, True),
+        (2, 1, 3, False),
+        (2, 154, 2, False),
+        (1, 1, 0, False),
+    ],
+)
+def test_whose_message_it_is(device_id, component, told_id, meant):
+    message = Message("GIMBAL_DEVICE_ATTITUDE_STATUS", 1, component, "", fields(0.0, (1, 0, 0, 0), device_id=told_id))
+    assert Gimbal(device_id).is_meant(message, 1) is meant
+    assert not Gimbal(device_id).is_meant(Message("ATTITUDE", 1, component, "", None), 1)
+
+
+def test_an_attitude_less_certain_than_six_degrees_is_none():
+    def wild(t_s):
+        return Rotation.from_euler("ZYX", [0.0, -60.0 + 40.0 * np.sin(13.0 * t_s), 0.0], degrees=True)
+
+    assert asked(fed(turn=wild), 4.1) is Reason.NO_GIMBAL
