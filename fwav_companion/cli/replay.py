@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fwav_companion.errors import InputFileError
+from fwav_companion.errors import InputFileError, UserError
 
 if TYPE_CHECKING:
     from argparse import _SubParsersAction
@@ -36,28 +36,56 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
-    add("--telemetry", metavar="F.tlog", required=True, nargs="+",
+    add("--telemetry", metavar="F.tlog", nargs="+",
         help="the MAVLink recording, in parts if it has several; or an ArduPilot .bin or a PX4 .ulg log")  # fmt: skip
-    add("--detections", metavar="D.jsonl", required=True, nargs="+", help="one JSON object a frame; in parts too")
-    add("--config", metavar="FILE", required=True, help="the configuration, as `init` writes one")
-    add("--out", metavar="T.jsonl", required=True, help="where the targets go")
+    add("--detections", metavar="D.jsonl", nargs="+", help="one JSON object a frame; in parts too")
+    add("--config", metavar="FILE", help="the configuration, as `init` writes one")
+    add("--out", metavar="T.jsonl", help="where the targets go")
     add("--truth", metavar="T", help="CSV or JSONL with label and place: adds errors to the summary")
     add("--sightings", action="store_true", help="a line for every detection, used or not")
     add("--set", metavar="KEY=VALUE", action="append", default=[],
         help="a configuration key, as tracking.filter=lowpass; filters of your own: module:Class")  # fmt: skip
     add("--export", metavar="FILE", action="append", default=[],
         help="the targets for other tools, by the name's end: .geojson, .kml or .csv; may be repeated")  # fmt: skip
+    add("--report", metavar="DIR", help="a folder for report.html: where everything is, how sure, and what limited it")
+    add("--compare", metavar=("A.jsonl", "B.jsonl"), nargs=2,
+        help="no replay: two targets files side by side, as compare.html in the --report folder")  # fmt: skip
     add("--json", action="store_true", help="end with the summary as one JSON object")
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Read everything, then write line by line."""
+    if arguments.compare:
+        return _compare(arguments)
+    _require(arguments, "telemetry", "detections", "config", "out")
+    return _replay(arguments)
+
+
+def _require(arguments: argparse.Namespace, *names: str) -> None:
+    missing = [f"--{name}" for name in names if getattr(arguments, name) is None]
+    if missing:
+        raise UserError(
+            f"the following arguments are required: {', '.join(missing)} (see fwav-companion replay --help)"
+        )
+
+
+def _compare(arguments: argparse.Namespace) -> int:
+    from fwav_companion.report_files import write_comparison
+
+    _require(arguments, "report")
+    first, second = map(Path, arguments.compare)
+    print(write_comparison(Path(arguments.report), first, second, _truth(arguments.truth)))
+    return 0
+
+
+def _replay(arguments: argparse.Namespace) -> int:
     from fwav_companion.config import load
     from fwav_companion.named_files import load_calibration, load_elevation
     from fwav_companion.own_filter import load_own_filter
     from fwav_companion.recording.exports import export_for
     from fwav_companion.replaying import replay
+    from fwav_companion.report_files import ReportWriter
 
     config = load(arguments.config, arguments.set)
     exports = [export_for(Path(name)) for name in arguments.export]
@@ -71,12 +99,18 @@ def run(arguments: argparse.Namespace) -> int:
         calibration,
         elevation=load_elevation(config),
         own_filter=load_own_filter(config),
-        sightings=arguments.sightings,
+        sightings=arguments.sightings or arguments.report is not None,
         truth=truth,
     )
+    report = ReportWriter() if arguments.report is not None else None
+    if report is not None:
+        lines = report.watched(lines, sightings=arguments.sightings)
     summary = _write(Path(arguments.out), _exported(lines, exports))
     for export in exports:
         _write_bytes(export.path, export.content())
+    if report is not None:
+        title = Path(arguments.telemetry[0]).stem
+        print(report.write(Path(arguments.report), title, truth, recording.notes))
     _tell(summary, as_json=arguments.json)
     return 0
 

@@ -107,6 +107,8 @@ def sighting_line(
         "gap_s": state.gap_s if state else gap_s,
         "reason": reason.value if reason else None,
         "budget": _budget_object(fix.budget) if fix else None,
+        "ground_ned": fix.position_ned if fix else None,
+        "noise_cov": fix.noise_cov if fix else None,
     }
 
 
@@ -123,6 +125,7 @@ def clock_line(now_ns: HostNs, estimate: ClockEstimate, time_boot_ns: int, utc_m
         "host_from_autopilot_s": estimate.host_from_autopilot_ns / 1e9,
         "sigma_s": estimate.sigma_s,
         "bound_s": estimate.bound_s,
+        "round_trip_s": estimate.round_trip_s,
         "utc_minus_time_unix_s": utc_minus_unix_s,
         "status": estimate.status.value,
     }

@@ -39,8 +39,8 @@ REASONS = {
 }
 
 
-def page(story: Story) -> str:
-    """The whole file."""
+def page(story: Story, more: Iterable[str] = ()) -> str:
+    """The whole file. ``more``: sections for who wants to look behind it."""
     sections = [
         _head(story),
         _figures(story),
@@ -48,13 +48,19 @@ def page(story: Story) -> str:
         _errors(story),
         _causes(story),
         _timing(story),
+        *more,
         _dropped(story),
         _foot(story),
     ]
+    return document(story.title, sections)
+
+
+def document(title: str, sections: Iterable[str]) -> str:
+    """A page of these sections; empty ones are left out."""
     body = "\n".join(section for section in sections if section)
     return f"""<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
-<title>{escape(story.title)}</title><style>{STYLE}</style></head>
+<title>{escape(title)}</title><style>{STYLE}</style></head>
 <body><main>
 {body}
 </main></body></html>

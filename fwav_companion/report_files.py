@@ -1,0 +1,82 @@
+"""SHELL: report.html of a replay, and compare.html of two."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from fwav_companion.errors import InputFileError
+from fwav_companion.recording.lines import Line
+from fwav_companion.recording.truth import TruthPoint
+from fwav_companion.report import Story, page, tell
+from fwav_companion.report.comparison import comparison
+from fwav_companion.report.depths import depths
+
+
+class ReportWriter:
+    """Sees the lines of a replay go by, sightings and all, and tells them afterwards."""
+
+    def __init__(self) -> None:
+        self._lines: list[Line] = []
+
+    def watched(self, lines: Iterator[Line], *, sightings: bool) -> Iterator[Line]:
+        """The same lines; those of sightings only where they were asked for."""
+        for line in lines:
+            self._lines.append(line)
+            if sightings or line["type"] != "sighting":
+                yield line
+
+    def write(self, folder: Path, title: str, truth: Sequence[TruthPoint], notes: Sequence[str]) -> Path:
+        """Where the report was written. InputFileError where it cannot be."""
+        story = tell(self._lines, title=title, truth=truth, notes=notes)
+        return _write(folder / "report.html", page(story, depths(self._lines)))
+
+
+def write_comparison(folder: Path, first: Path, second: Path, truth: Sequence[TruthPoint]) -> Path:
+    """Two targets files side by side. InputFileError where one cannot be read."""
+    lines = _targets(first), _targets(second)
+    stories: tuple[Story, Story] = (
+        tell(lines[0], title=first.name, truth=truth),
+        tell(lines[1], title=second.name, truth=truth),
+    )
+    changed = _differences(lines[0][0]["config"], lines[1][0]["config"])
+    title = f"{first.stem} beside {second.stem}"
+    return _write(folder / "compare.html", comparison(title, (first.name, second.name), stories, changed))
+
+
+def _targets(path: Path) -> list[Line]:
+    accepted = "accepted: a targets file, as `replay --out` writes one"
+    try:
+        with path.open(encoding="utf-8") as file:
+            lines = [json.loads(line) for line in file if line.strip()]
+        first = lines[0]["type"] == "header" and isinstance(lines[0]["config"], dict)
+    except OSError as error:
+        raise InputFileError(f"{path}: {error.strerror}; {accepted}") from None
+    except (ValueError, IndexError, KeyError, TypeError) as error:
+        raise InputFileError(f"{path}: {type(error).__name__} while reading it; {accepted}") from None
+    if not first:
+        raise InputFileError(f"{path}: its first line is no header; {accepted}")
+    return lines
+
+
+def _differences(ours: Mapping[str, Any], theirs: Mapping[str, Any], prefix: str = "") -> list[str]:
+    """``tracking.filter: kalman | lowpass``, key by key."""
+    told = []
+    for key in sorted({*ours, *theirs}):
+        a, b = ours.get(key), theirs.get(key)
+        if isinstance(a, dict) and isinstance(b, dict):
+            told += _differences(a, b, f"{prefix}{key}.")
+        elif a != b:
+            told.append(f"{prefix}{key}: {json.dumps(a)} | {json.dumps(b)}")
+    return told
+
+
+def _write(path: Path, text: str) -> Path:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputFileError(f"{error.filename}: {error.strerror}; accepted: a folder to write to") from None
+    return path

@@ -1,0 +1,124 @@
+"""report.html and compare.html of replays: whole, self-contained, and with the right numbers in them."""
+
+import json
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from flying import CAMERA, LINK, fly
+from lxml import html
+
+from fwav_companion.report.depths import BEYOND_95, EXPECTED, innovations
+from sitl_mock import scenario
+
+CONFIG = LINK + '[camera]\ncalibration = "camera.yaml"\n'
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("flight")
+    flown = fly(scenario("unbiased").but({"seconds": 20.0, "seed": 8}), ["tracking.self_calibration=true"])
+    for name, content in (("flight.toml", CONFIG), ("camera.yaml", CAMERA)):
+        (folder / name).write_text(content)
+    (folder / "telemetry.tlog").write_bytes(flown.companion.tlog)
+    (folder / "detections.jsonl").write_bytes(flown.companion.detections)
+    place = flown.mock.world.place(flown.mock.scene[0].at(0.0))
+    (folder / "truth.csv").write_text(
+        f"label,lat,lon,alt_amsl\ntarget,{place.lat!r},{place.lon!r},{place.alt_amsl!r}\n"
+    )
+    return folder
+
+
+def replay(folder, *words):
+    files = ["--telemetry", "telemetry.tlog", "--detections", "detections.jsonl", "--config", "flight.toml"]
+    command = [sys.executable, "-m", "fwav_companion", "replay", *files, *words]
+    return subprocess.run(command, capture_output=True, text=True, cwd=folder, timeout=60)
+
+
+def read(path):
+    """The page as a browser's parser has it; nothing in it may point elsewhere."""
+    text = path.read_text(encoding="utf-8")
+    assert not re.search(r"""(src|href)=["'](?!data:|#)|url\((?!data:)|@import""", text)
+    return html.fromstring(text)
+
+
+def test_a_report_says_where_how_surely_and_why(site):
+    assert replay(site, "--out", "plain.jsonl", "--truth", "truth.csv").returncode == 0
+    settings = ("--set", "tracking.self_calibration=true")
+    done = replay(site, "--out", "t.jsonl", "--truth", "truth.csv", "--report", "out/here", *settings)
+    assert done.returncode == 0, done.stderr
+    assert "out/here/report.html" in done.stdout
+    page = read(site / "out/here/report.html")
+    text = page.text_content()
+    for words in ("Why not better?", "Do the sightings agree", "The best round trip", "true error"):
+        assert words in text
+    assert len(page.findall(".//svg")) >= 6
+    assert b'"type":"sighting"' not in (site / "t.jsonl").read_bytes()
+
+
+def test_a_report_changes_nothing_in_what_is_said(site):
+    assert replay(site, "--out", "a.jsonl").returncode == 0
+    assert replay(site, "--out", "b.jsonl", "--report", "out").returncode == 0
+    assert (site / "a.jsonl").read_bytes() == (site / "b.jsonl").read_bytes()
+
+
+def test_normalised_squares_of_pure_noise_are_two_on_average():
+    draw, cov, lines = np.random.default_rng(4), np.array([[2.0, 0.7], [0.7, 0.5]]), []
+    for frame, (north, east) in enumerate(draw.multivariate_normal((40.0, -25.0), cov, size=3000)):
+        fix = {"north": north, "east": east, "down": 0.0}
+        told = {"frame": frame, "ground_ned": [north, east, 0.0], "noise_cov": [[2.0, 0.7, 0], [0.7, 0.5, 0], [0] * 3]}
+        lines.append({"type": "sighting", **told})
+        lines.append(
+            {
+                "type": "target",
+                "frame": frame,
+                "track": 1,
+                "time_unix": frame / 30,
+                "north": 40.0,
+                "east": -25.0,
+                "fix": fix,
+            }
+        )
+    squares = [each.squared for each in innovations(lines, 0.0)]
+    assert np.mean(squares) == pytest.approx(EXPECTED, abs=0.15)
+    assert np.mean(np.array(squares) > BEYOND_95) == pytest.approx(0.05, abs=0.015)
+
+
+def test_a_replay_tells_what_the_squares_need(site):
+    assert replay(site, "--out", "s.jsonl", "--sightings").returncode == 0
+    lines = [json.loads(line) for line in (site / "s.jsonl").read_text().splitlines()]
+    squares = [each.squared for each in innovations(lines, 0.0)]
+    assert len(squares) > 100
+    assert all(square is not None for square in squares)
+
+
+def test_two_filters_side_by_side(site):
+    assert replay(site, "--out", "kalman.jsonl").returncode == 0
+    assert replay(site, "--out", "lowpass.jsonl", "--set", "tracking.filter=lowpass").returncode == 0
+    command = [sys.executable, "-m", "fwav_companion", "replay", "--compare", "kalman.jsonl", "lowpass.jsonl"]
+    command += ["--report", "out", "--truth", "truth.csv"]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=site, timeout=60)
+    assert done.returncode == 0, done.stderr
+    text = read(site / "out/compare.html").text_content()
+    assert 'tracking.filter: "kalman" | "lowpass"' in text
+    assert "A claimed 95 %" in text
+    assert "B true error" in text
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--compare", "absent.jsonl", "flight.toml", "--report", "out"], "absent.jsonl: No such file"),
+        (["--compare", "flight.toml", "flight.toml", "--report", "out"], "flight.toml: "),
+        (["--compare", "a", "b"], "--report"),
+        (["--out", "x.jsonl"], "--telemetry, --detections, --config"),
+    ],
+)
+def test_what_is_missing_is_one_line_and_exit_2(site, words, said):
+    command = [sys.executable, "-m", "fwav_companion", "replay", *words]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=site, timeout=60)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert done.stderr.count("\n") == 1
