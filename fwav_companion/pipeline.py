@@ -32,7 +32,7 @@ from fwav_companion.recording.lines import Line, home_line, unix_seconds
 from fwav_companion.rooms import Rooms
 from fwav_companion.sayings import said_of
 from fwav_companion.telemetry import HomeMoved, OriginSet, Rebooted, RelativeWorld, TelemetryEvent
-from fwav_companion.tracking import Settled
+from fwav_companion.tracking import KeptCalibration, Settled
 
 ANSWERED = frozenset({"COMMAND_LONG", "COMMAND_INT", "PING"})
 """What is a question to us, whoever asks."""
@@ -179,6 +179,12 @@ class Pipeline:
     # What goes out.
 
     @property
+    def calibration_to_keep(self) -> KeptCalibration | None:
+        """What self-calibration found and the next flight may begin with; None while that is nothing."""
+        report = None if self._rooms.sight is None else self._rooms.sight.calibration
+        return None if report is None else report.keep
+
+    @property
     def system(self) -> int:
         """The MAVLink system id that we speak with."""
         return self._rooms.identity.system
@@ -308,12 +314,13 @@ class Pipeline:
 
     def _write_each_second(self, at: HostNs) -> None:
         rooms = self._rooms
-        calibration = None
-        if rooms.sight is not None:
-            calibration = rooms.sight.calibration_line(unix_seconds(at, self._unix_offset_ns))
-        for line in (rooms.clock_line(at, self._unix_offset_ns), calibration):
-            if line is not None:
-                self._ledger.write(line)
+        clock_line = rooms.clock_line(at, self._unix_offset_ns)
+        if clock_line is not None:
+            self._ledger.write(clock_line)
+        report = rooms.sight.calibration if rooms.sight is not None else None
+        if rooms.sight is not None and report is not None:
+            self._ledger.write(rooms.sight.calibration_news.line(report, unix_seconds(at, self._unix_offset_ns)))
+            self._notify(rooms.sight.calibration_news.notices(report), at)
 
     def _next_whole_second(self, now: HostNs) -> HostNs:
         """Of the recording's clock: where the lines of one flight stand must not hang on when it was replayed."""

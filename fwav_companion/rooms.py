@@ -83,6 +83,7 @@ class Rooms:
     def status(self, now: HostNs) -> dict[str, Any]:
         """For the status file."""
         plane = self.telemetry.world.plane
+        report = None if self.sight is None else self.sight.calibration
         return {
             "autopilot": msgspec.to_builtins(self.identity.autopilot),
             "autopilot_lost": self.identity.autopilot_lost,
@@ -92,5 +93,7 @@ class Rooms:
             "parameters": dict(self.rates.parameters),
             "origin": origin_object(plane.origin) if plane else None,
             "telemetry": self.telemetry.status(now),
+            "sight": None if self.sight is None else self.sight.status(),
+            "calibration": None if self.sight is None or report is None else self.sight.calibration_news.status(report),
             "publishing": self.publisher.status(),
         }

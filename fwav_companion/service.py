@@ -14,6 +14,7 @@ import msgspec
 
 from fwav_companion import __version__
 from fwav_companion.board import BoardWatch, board_name, wall_clock_is_synchronised
+from fwav_companion.calibration_memory import CalibrationMemory
 from fwav_companion.camera import Calibration
 from fwav_companion.config import Config
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
@@ -36,8 +37,8 @@ from fwav_companion.wiring import make_node, make_pipeline
 
 log = logging.getLogger("fwav_companion")
 
-FILE_STOP_S = 0.5
-"""For each file's last words: three of them stay below the two seconds that are promised for a stop."""
+FILE_STOP_S = 0.4
+"""For each file's last words: four of them stay below the two seconds that are promised for a stop."""
 STATUS_INTERVAL_S = 1.0
 BOARD_TICKS = 5
 """Once so often, in status intervals, ground stations are told how the board is doing."""
@@ -62,12 +63,14 @@ class Service:
         """
         self._config = config
         self._clock = HostClock()
+        self._calibrations = CalibrationMemory(config, _warn)
         self._pipeline = make_pipeline(
             config,
             calibration,
             unix_offset_ns=self._clock.unix_offset_ns,
             live=True,
             elevation=elevation,
+            kept=self._calibrations.kept(),
             unit=board_name(),
         )
         self._signing = SigningMemory(config, _warn)
@@ -119,7 +122,7 @@ class Service:
     # Coming up and going down.
 
     def _start(self) -> None:
-        files = (self._recorder, self._status, self._signing)
+        files = (self._recorder, self._status, self._signing, self._calibrations)
         for part in (*files, self._detections, self._vision, self._map_link, *self._links.values()):
             if part is not None:
                 part.start()
@@ -138,7 +141,7 @@ class Service:
         for part in (self._detections, self._vision, self._map_link, *self._links.values()):
             if part is not None:
                 part.close()
-        for file in (self._recorder, self._status, self._signing):
+        for file in (self._recorder, self._status, self._signing, self._calibrations):
             if file is not None:
                 file.close(FILE_STOP_S)
         self._notifier.close()
@@ -197,6 +200,7 @@ class Service:
             self._look_at_board(now)
         self._ticks += 1
         self._signing.tick(self._node.signing_clock)
+        self._calibrations.tick(self._pipeline.calibration_to_keep)
 
     def _record_refused(self, now: HostNs) -> None:
         if self._refused and self._recorder is not None:

@@ -7,6 +7,7 @@ from typing import Any
 
 import msgspec
 
+from fwav_companion.calibration_news import CalibrationNews
 from fwav_companion.expectation import Expectation, expected_below
 from fwav_companion.geometry.earth import TangentPlane
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
@@ -15,9 +16,9 @@ from fwav_companion.ledger import Ledger
 from fwav_companion.localization import Localizer
 from fwav_companion.nouns import Frame, FrameView, GroundFix, NoFix, NoFrame, Reason, Sighting, Track, VehicleState
 from fwav_companion.pairing import PairedFrame, Pairer, RefusedFrame, WaitingFrames, sees_nothing
-from fwav_companion.recording.lines import Line, calibration_line, sighting_line
+from fwav_companion.recording.lines import Line, sighting_line
 from fwav_companion.telemetry import RateMeter, Telemetry
-from fwav_companion.tracking import Reorder, Settled
+from fwav_companion.tracking import CalibrationReport, Reorder, Settled
 
 LONG_AFTER_NS = 60 * NS_PER_S
 """Beyond every wait and window there is."""
@@ -51,6 +52,7 @@ class Sight:
         self._pairer = pairer
         self._localizer = localizer
         self._reorder = reorder
+        self.calibration_news = CalibrationNews(pairer.body_from_camera, pairer.time_offset_s)
         self._ledger = ledger
         self._sightings = sightings
         self._waiting = WaitingFrames()
@@ -82,19 +84,10 @@ class Sight:
         settled, self._dropped = [*self._reorder.close(now), *self._dropped], []
         return settled
 
-    def calibration_line(self, time_unix: float) -> Line | None:
-        """What self-calibration believes now; None without it. Its time offset is total, the configured one in it."""
-        report = self._reorder.calibration
-        if report is None:
-            return None
-        return calibration_line(
-            time_unix,
-            self._pairer.time_offset_s + report.time_offset_s,
-            report.time_offset_sigma_s,
-            report.mount,
-            report.mount_sigma,
-            report.status.value,
-        )
+    @property
+    def calibration(self) -> CalibrationReport | None:
+        """What self-calibration knows now; None without it."""
+        return self._reorder.calibration
 
     def locate(self, u: float, v: float, sigma_px: float, host_ns: HostNs) -> GroundFix | None:
         """The ground under a pixel of a picture taken then; None where there is no telling."""

@@ -40,7 +40,7 @@ from fwav_companion.rooms import Rooms
 from fwav_companion.sight import Sight
 from fwav_companion.telemetry import Telemetry, TelemetryOptions
 from fwav_companion.telemetry.gimbal import LAST_NON_MAVLINK_DEVICE
-from fwav_companion.tracking import Reorder, Tracker, TrackingOptions, make_tracker
+from fwav_companion.tracking import KeptCalibration, Reorder, Tracker, TrackingOptions, make_tracker
 from fwav_companion.tracking.base import Filter
 from fwav_companion.tracking.tracker import KEEP_STATIC_NS
 from fwav_companion.vision.task import VisionTask
@@ -66,15 +66,16 @@ def make_pipeline(
     unix_offset_ns: int,
     live: bool,
     elevation: Sequence[ElevationTile] = (),
+    kept: KeptCalibration | None = None,
     own_filter: Filter | None = None,
     sightings: bool = False,
     unit: str = "",
 ) -> Pipeline:
     """The pipeline of one flight. Without a calibration it is a relay's: nothing is localized.
 
-    ``elevation``: what [ground] terrain names. ``own_filter`` follows targets in the place of [tracking] filter: where
-    that names a class of the user's there must be one (ConfigError). ``unit`` names this board for good, for uids that
-    outlive a restart.
+    ``elevation``: what [ground] terrain names. ``kept``: a calibration of an earlier flight with this camera.
+    ``own_filter`` follows targets in the place of [tracking] filter: where that names a class of the user's there must
+    be one (ConfigError). ``unit`` names this board for good, for uids that outlive a restart.
     """
     ledger = Ledger(__version__, config.as_builtins(), unix_offset_ns)
     component, has_camera = config.vehicle.component_id, config.publish.camera_tracking and calibration is not None
@@ -83,7 +84,7 @@ def make_pipeline(
     if calibration is not None:
         localizer = Localizer(_ground(config, elevation), config.priors, min_height_m=config.ground.min_height_m)
         if own_filter is None:
-            tracker = make_tracker(_tracking_options(config), config.priors, telemetry.state_at)
+            tracker = make_tracker(_tracking_options(config), config.priors, telemetry.state_at, kept)
         else:
             tracker = Tracker(own_filter, KEEP_STATIC_NS)
         reorder = Reorder(tracker)

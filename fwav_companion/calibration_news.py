@@ -1,0 +1,68 @@
+"""What self-calibration found, told: in lines each second, in words once, and for the configuration. Pure."""
+
+from __future__ import annotations
+
+from math import degrees
+from typing import Any
+
+from fwav_companion.geometry.mounts import corrected_mount, euler_from_body_from_camera
+from fwav_companion.geometry.vectors import Matrix3
+from fwav_companion.nouns import Notice, Severity
+from fwav_companion.recording.lines import Line, calibration_line
+from fwav_companion.tracking import CalibrationReport, CalibrationStatus
+
+
+class CalibrationNews:
+    """Of one camera, as it is configured."""
+
+    def __init__(self, body_from_camera: Matrix3, time_offset_s: float) -> None:
+        self._body_from_camera = body_from_camera
+        self._time_offset_s = time_offset_s
+        self._told_mistake = ""
+        self._told_status = CalibrationStatus.WAITING
+
+    def line(self, report: CalibrationReport, time_unix: float) -> Line:
+        """For the recording. The time offset is total, the configured one in it."""
+        return calibration_line(
+            time_unix,
+            self._time_offset_s + report.time_offset_s,
+            report.time_offset_sigma_s,
+            report.mount,
+            report.mount_sigma,
+            report.status.value,
+        )
+
+    def notices(self, report: CalibrationReport) -> tuple[Notice, ...]:
+        """A gross mistake, and what was found, each once."""
+        told: tuple[Notice, ...] = ()
+        if report.mistake and report.mistake != self._told_mistake:
+            self._told_mistake = report.mistake
+            told = (Notice(Severity.ERROR, f"camera mount: {report.mistake}", to_ground=True),)
+        if report.status is not self._told_status and report.status is not CalibrationStatus.WAITING:
+            self._told_status = report.status
+            text = f"self-calibration: {'; '.join(self.configuration_lines(report))}"
+            told = (*told, Notice(Severity.INFO, text))
+        return told
+
+    def configuration_lines(self, report: CalibrationReport) -> list[str]:
+        """What to write into the configuration, so that the next flight begins with it; only what was found."""
+        if report.status is CalibrationStatus.WAITING:
+            return []
+        lines = [f"[camera] time_offset_s = {self._time_offset_s + report.time_offset_s:.4f}"]
+        if report.status is CalibrationStatus.CALIBRATED:
+            mount = corrected_mount(self._body_from_camera, report.mount)
+            roll, pitch, yaw = (degrees(angle) for angle in euler_from_body_from_camera(mount))
+            lines.append(f"[camera.mount] roll_deg = {roll:.3f}, pitch_deg = {pitch:.3f}, yaw_deg = {yaw:.3f}")
+        return lines
+
+    def status(self, report: CalibrationReport) -> dict[str, Any]:
+        """For the status file."""
+        return {
+            "status": report.status.value,
+            "time_offset_s": self._time_offset_s + report.time_offset_s,
+            "time_offset_sigma_s": report.time_offset_sigma_s,
+            "mount_deg": [degrees(angle) for angle in report.mount],
+            "mount_sigma_deg": [degrees(sigma) for sigma in report.mount_sigma],
+            "mistake": report.mistake,
+            "configuration_lines": self.configuration_lines(report),
+        }
