@@ -137,7 +137,7 @@ def _parameters(evidence: Evidence, where: str) -> Iterator[Finding]:
     if by_euler and abs(trim_deg) > SMALL_TRIM_DEG and not int(parameters.get("FLIGHT_OPTIONS") or 0) & TRIM_STAYS_ON:
         undone = bool(evidence.ask("telemetry", "pitch_trim_undone_deg"))
         yield Finding(
-            "pitch_trim", Level.MINDS if undone else Level.MINDS, where,
+            "pitch_trim", Level.MINDS if undone else Level.HARMS, where,
             f"ATTITUDE is turned by the pitch trim of {trim_deg:.1f} deg, and ATTITUDE_QUATERNION does not come"
             + (": the trim is put back here" if undone else ""),
             '[vehicle] attitude_message = "ATTITUDE_QUATERNION"; or set FLIGHT_OPTIONS bit 8, or the trim to 0',
