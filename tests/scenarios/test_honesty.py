@@ -1,0 +1,106 @@
+"""What single fixes claim, against the truth of many flights whose biases are drawn from the configured priors.
+
+One fix a flight, since a flight's biases are one draw. The bounds are those of as many draws: a claim too small and a
+claim too large both fail.
+"""
+
+from math import cos, degrees, sin, tau
+from random import Random
+
+import pytest
+from flying import Companion
+from scipy.stats import chi2
+
+from fwav_companion.nouns import GroundFix
+from sitl_mock import Options, Simulation, TargetOptions, scenario, simulate
+from sitl_mock.earth import Place
+
+FLIGHTS = 40
+FIRST_SEED = 5000
+CLEAR = {"camera.clutter": 0.0, "camera.missed": 0.0}
+"""What is not the target is another matter."""
+
+
+def placed(options: Options, rng: Random) -> Options:
+    """The target where the flight will look, or nearly, at some instant."""
+    mock = simulate(options)
+    t = rng.uniform(3.5, options.seconds - 0.3)
+    state = mock.flight.at(t)
+    axis = tuple(row[2] for row in state.ned_from_body)
+    if options.gimbal.device_id:
+        axis = tuple(row[0] for row in mock.vehicle.belief.gimbal.ned_from_gimbal(t))
+    height_m = -state.position[2]
+    off_m, course = 0.3 * height_m * rng.random() ** 0.5, rng.uniform(0.0, tau)
+    north = state.position[0] + axis[0] / axis[2] * height_m + off_m * cos(course) - options.flight.centre[0]
+    east = state.position[1] + axis[1] / axis[2] * height_m + off_m * sin(course) - options.flight.centre[1]
+    return options.but({"targets": (TargetOptions(north=north, east=east),)})
+
+
+def fixes_of(mock: Simulation, settings: list[str]) -> tuple[Companion, list[GroundFix]]:
+    """Every fix of a flight."""
+    companion = Companion(settings, unix_minus_host_s=mock.unix_minus_host_s)
+    localizer = companion.pipeline._rooms.sight._localizer
+    locate, fixes = localizer.locate, []
+
+    def kept(sighting):
+        fix = locate(sighting)
+        if sighting.frame >= 0 and isinstance(fix, GroundFix):
+            fixes.append(fix)
+        return fix
+
+    localizer.locate = kept
+    for _ in mock.drive(companion):
+        pass
+    return companion, fixes
+
+
+def normalised_square(mock: Simulation, companion: Companion, fix: GroundFix) -> float:
+    """Of the horizontal error; the world's origin is where the companion froze it."""
+    origin = companion.pipeline._rooms.telemetry.world.plane.origin
+    shift = mock.world.ned(Place(degrees(origin.lat), degrees(origin.lon), origin.alt_amsl_m))
+    true = mock.scene[0].at(mock.flight_s(fix.sighting.host_ns))
+    north, east = (fix.position_ned[k] - (true[k] - shift[k]) for k in (0, 1))
+    (nn, ne, _), (_, ee, _), _ = fix.cov
+    return (ee * north**2 - 2.0 * ne * north * east + nn * east**2) / (nn * ee - ne**2)
+
+
+def squares_of(name: str, settings: list[str], **differences) -> list[float]:
+    """One normalised square a flight, of a fix at random."""
+    squares = []
+    for seed in range(FIRST_SEED, FIRST_SEED + FLIGHTS):
+        rng = Random(f"{name}/{seed}")
+        options = scenario(name, Options(seed=seed)).but(
+            {"seconds": 6.0, "flight.start_phase_deg": rng.uniform(0.0, 360.0), **CLEAR, **differences}
+        )
+        mock = simulate(placed(options, rng))
+        companion, fixes = fixes_of(mock, settings)
+        if fixes:
+            squares.append(normalised_square(mock, companion, rng.choice(fixes)))
+    return squares
+
+
+FLOWN = {
+    "default": [],
+    "figure_eight": [],
+    "nadir": ["ground.model=rangefinder"],
+    "gimbal": ["camera.mount.gimbal_device_id=154"],
+}
+
+
+@pytest.fixture(scope="module")
+def squares():
+    return {name: squares_of(name, settings) for name, settings in FLOWN.items()}
+
+
+@pytest.mark.parametrize("name", FLOWN)
+def test_fixes_are_as_good_as_they_claim(squares, name):
+    n, total = len(squares[name]), sum(squares[name])
+    assert n > 0.9 * FLIGHTS
+    low, high = chi2.ppf([0.0005, 0.9995], 2 * n)
+    assert low < total < high, f"mean of {n} squares {total / n:.2f}, of 2 when honest"
+
+
+def test_a_claimed_ellipse_of_90_percent_holds_85_to_95_of_100(squares):
+    together = [square for each in squares.values() for square in each]
+    inside = sum(square < chi2.ppf(0.9, 2) for square in together)
+    assert 0.85 < inside / len(together) < 0.95
