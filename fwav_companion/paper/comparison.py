@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import pi, radians
 
 import msgspec
@@ -23,6 +24,8 @@ from fwav_companion.paper.experiment import (
 )
 
 RUNS = 2000
+STEPS = 4
+STATED_PX, MORE_PX = 4.0, 200.0
 FLAP_HZ, FLAP = 5.0, radians(5.0)
 """Of the pitch: what a bird of this size does."""
 
@@ -31,6 +34,8 @@ class Quantity(msgspec.Struct, frozen=True):
     """One number of a row."""
 
     median: float
+    median_sigma: float
+    """One sigma of the median itself: of how it would scatter from seed to seed."""
     low: float
     """5 of 100 runs lie below."""
     high: float
@@ -71,12 +76,13 @@ class Comparison(msgspec.Struct, frozen=True):
     """(X, Y) of one fix, each cause alone."""
 
 
-def compare(seed: int, runs: int = RUNS) -> Comparison:
-    """The whole experiment; the same seed gives the same numbers."""
-    rng = np.random.default_rng(seed)
-    stated = located_samples(rng, runs, Noise())
-    one_mm = located_samples(rng, runs, Noise(pixel_px=ONE_MM_PX))
-    more = located_samples(rng, runs, Noise(pixel_px=200.0))
+def compare(seed: int, runs: int = RUNS, on_step: Callable[[], None] = lambda: None) -> Comparison:
+    """The whole experiment; the same seed gives the same numbers. ``on_step`` is called :data:`STEPS` times.
+
+    Every noise is drawn once, and scaled: rows differ by what their names say and by nothing else.
+    """
+    stated, one_mm, more = (drawn_samples(seed, px, runs, on_step) for px in (STATED_PX, ONE_MM_PX, MORE_PX))
+    rng = np.random.default_rng((seed, 1))
     rows = (
         _row("stated noise, unfiltered", stated),
         _row("stated noise, filtered, start at 0 (the paper's)", filtered(stated, 0.0)),
@@ -90,6 +96,7 @@ def compare(seed: int, runs: int = RUNS) -> Comparison:
     )
     white = rng.standard_normal((200, 2000, 1))
     settled = filtered(white, 0.0)[:, 200:]
+    on_step()
     k = np.arange(stated.shape[1])
     return Comparison(
         rows,
@@ -98,6 +105,13 @@ def compare(seed: int, runs: int = RUNS) -> Comparison:
         float(np.mean(1.0 - (1.0 - ALPHA) ** k)),
         _rms_by_source(rng),
     )
+
+
+def drawn_samples(seed: int, pixel_px: float, runs: int = RUNS, on_step: Callable[[], None] = lambda: None) -> Floats:
+    """(runs, 90, 2) of the comparison, and of the figures, which show the first run."""
+    samples = located_samples(np.random.default_rng(seed), runs, Noise(pixel_px=pixel_px))
+    on_step()
+    return samples
 
 
 def _row(name: str, output: Floats) -> Row:
@@ -115,7 +129,9 @@ def _row(name: str, output: Floats) -> Row:
 
 def _quantity(by_run: Floats) -> Quantity:
     low, median, high = np.percentile(by_run, [5.0, 50.0, 95.0])
-    return Quantity(float(median), float(low), float(high), float(by_run[0]))
+    n, half = len(by_run), 0.5 * len(by_run) ** 0.5  # the rank of the median is binomial: sigma sqrt(n) / 2
+    below, above = np.percentile(by_run, [50.0 - 100.0 * half / n, 50.0 + 100.0 * half / n])
+    return Quantity(float(median), float(above - below) / 2.0, float(low), float(high), float(by_run[0]))
 
 
 def _rms_by_source(rng: np.random.Generator) -> dict[str, tuple[float, float]]:

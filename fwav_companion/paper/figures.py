@@ -8,8 +8,11 @@ from typing import Any
 import numpy as np
 
 from fwav_companion.errors import UserError
-from fwav_companion.paper.comparison import Comparison, flapping_pitch
-from fwav_companion.paper.experiment import ONE_MM_PX, TARGET_M, Noise, filtered, located_samples
+from fwav_companion.paper.comparison import STATED_PX, Comparison, drawn_samples, flapping_pitch
+from fwav_companion.paper.experiment import ONE_MM_PX, TARGET_M, filtered
+
+TOLD_HZ = 10.0
+"""What autopilots send of ATTITUDE where nobody asks for more."""
 
 
 def draw_figures(folder: Path, seed: int, comparison: Comparison) -> list[Path]:
@@ -34,40 +37,49 @@ def draw_figures(folder: Path, seed: int, comparison: Comparison) -> list[Path]:
 
 
 def _pitch(plt: Any, path: Path) -> Path:
-    at_s = np.linspace(0.0, 2.0, 400)
-    figure, axes = plt.subplots(figsize=(8, 3), layout="constrained")
-    axes.plot(at_s, np.degrees(flapping_pitch(at_s)), color="tab:blue")
-    axes.set(title="Pitch of the flapping body: 37° on the mean", xlabel="time, s", ylabel="pitch, °")
+    """What a flapping body does, what ten attitudes a second tell of it, and what the paper's noise takes in."""
+    at_s = np.linspace(0.0, 1.0, 800)
+    told = np.degrees(flapping_pitch(np.floor(at_s * TOLD_HZ) / TOLD_HZ))
+    figure, axes = plt.subplots(figsize=(9, 3.5), layout="constrained")
+    axes.axhspan(36.8, 37.2, color="tab:green", alpha=0.4, label="the paper's simulation: 37° ± two of its 0.1°")
+    axes.plot(at_s, np.degrees(flapping_pitch(at_s)), color="tab:blue", label="the body, 5 strokes a second")
+    axes.step(at_s, told, color="tab:red", linewidth=1, label=f"the latest of {TOLD_HZ:.0f} attitudes a second")
+    axes.set(title="Pitch of the flapping body: 37° on the mean", xlabel="time, s", ylabel="pitch, °", ylim=(30, 48))
+    axes.legend(fontsize="small", loc="upper right", ncols=3)
     return _saved(plt, figure, path)
 
 
 def _coordinate(plt: Any, path: Path, axis: int, seed: int) -> Path:
-    """One run each with the noise that the paper states and with the one that gives its Table I."""
+    """The table's first run with the noise that the paper states, and with the one that gives its Table I."""
     name = "XY"[axis]
     figure, both = plt.subplots(1, 2, figsize=(11, 3.5), layout="constrained")
-    for axes, pixel_px in zip(both, (4.0, ONE_MM_PX), strict=True):
-        samples = located_samples(np.random.default_rng(seed), 1, Noise(pixel_px=pixel_px))
+    for axes, pixel_px in zip(both, (STATED_PX, ONE_MM_PX), strict=True):
+        samples = drawn_samples(seed, pixel_px)[:1]
         axes.plot(samples[0, :, axis], ":", color="tab:green", label="each fix")
         axes.plot(filtered(samples, 0.0)[0, :, axis], color="tab:red", label="filtered, start at 0 (the paper's)")
         started = filtered(samples, samples[:, 0])[0, :, axis]
         axes.plot(started, color="tab:blue", label="filtered, start at the first sample")
         axes.axhline(TARGET_M[axis], color="black", linewidth=0.8, label="truth")
-        axes.set(title=f"{name}, detection noise {pixel_px:.0f} px", xlabel="sample", ylabel=f"{name}, m")
+        why = "as the paper states" if pixel_px == STATED_PX else "one millimetre, as its Table I needs"
+        axes.set(title=f"{name}, detection noise {pixel_px:.0f} px: {why}", xlabel="sample", ylabel=f"{name}, m")
     both[0].legend(fontsize="small")
     return _saved(plt, figure, path)
 
 
 def _where_the_error_goes(plt: Any, path: Path, comparison: Comparison) -> Path:
-    names = list(comparison.rms_by_source_m)
+    """Each cause alone, the largest first, with its numbers: the scale is logarithmic."""
+    names = sorted(comparison.rms_by_source_m, key=lambda name: -max(comparison.rms_by_source_m[name]))
     x, y = (np.array([comparison.rms_by_source_m[name][axis] for name in names]) for axis in (0, 1))
-    figure, axes = plt.subplots(figsize=(8, 4), layout="constrained")
+    figure, axes = plt.subplots(figsize=(9, 4), layout="constrained")
     at = np.arange(len(names))
-    axes.barh(at - 0.2, x, 0.4, label="X")
-    axes.barh(at + 0.2, y, 0.4, label="Y")
+    for offset, values, name in ((-0.2, x, "X"), (0.2, y, "Y")):
+        bars = axes.barh(at + offset, values, 0.4, label=name)
+        axes.bar_label(bars, [f" {value:.2g} m" for value in values], fontsize="small")
     axes.set_yticks(at, names)
     axes.invert_yaxis()
-    axes.set(xscale="log", xlabel="RMS error of one output by this cause alone, m", title="Where the error goes")
-    axes.legend()
+    axes.set(xscale="log", xlim=(1e-3, 20.0), title="Where the error goes")
+    axes.set_xlabel("RMS error of one output by this cause alone, m; the target is 5 m away")
+    axes.legend(loc="lower right")
     return _saved(plt, figure, path)
 
 

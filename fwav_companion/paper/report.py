@@ -10,7 +10,7 @@ import msgspec
 from fwav_companion.paper.comparison import TABLE_I, Comparison, Quantity
 
 COLUMNS = ("mean_x", "var_x", "mean_y", "var_y")
-WIDTH, COLUMN = 52, 18
+WIDTH, COLUMN = 52, 19
 
 
 def as_object(comparison: Comparison, seed: int, runs: int) -> dict[str, Any]:
@@ -24,14 +24,17 @@ def as_text(comparison: Comparison, seed: int, runs: int) -> str:
 
 
 def _table(comparison: Comparison, seed: int, runs: int) -> Iterator[str]:
-    yield f"Metres and square metres; truth X = 4, Y = 3. Medians of {runs} runs of 90 samples, seed {seed}; below each"
-    yield "the range of 90 of 100 single runs, and the first run."
+    yield f"Metres and square metres; truth X = 4, Y = 3; variances with ddof = 0. Medians of {runs} runs of 90 samples,"
+    yield f"seed {seed}, with one sigma of how the median itself varies from seed to seed; below each the range of 90 of 100"
+    yield "single runs, and the first run, which the figures show."
     yield f"{'':{WIDTH}}" + "".join(f"{name:>{COLUMN}}" for name in ("mean X", "var X", "mean Y", "var Y"))
     for name, numbers in TABLE_I.items():
         yield f"{'Table I, ' + name:{WIDTH}}" + "".join(f"{numbers[column]:{COLUMN}.2f}" for column in COLUMNS)
     for row in comparison.rows:
         quantities: list[Quantity] = [getattr(row, column) for column in COLUMNS]
-        yield f"{row.name:{WIDTH}}" + "".join(f"{q.median:{COLUMN}.4g}" for q in quantities)
+        yield f"{row.name:{WIDTH}}" + "".join(
+            f"{f'{q.median:#.4g} ±{q.median_sigma:.1g}':>{COLUMN}}" for q in quantities
+        )
         yield f"{'    90 of 100 runs':{WIDTH}}" + "".join(
             f"{f'{q.low:.3g}..{q.high:.3g}':>{COLUMN}}" for q in quantities
         )
@@ -59,6 +62,6 @@ def _conclusions(comparison: Comparison) -> Iterator[str]:
     )
     yield "  with the stated noise that start makes X and Y worse by a tenth. Started at its first sample it leaves the"
     yield "  mean alone."
-    yield "What is left out: a flapping body. An attitude that is up to 20 ms old costs more than all the stated noise;"
-    yield "  it is periodic and biased, and no averaging removes it. Pair pictures and attitudes in time first."
+    yield "What is left out: a flapping body. Along the flight an attitude that is up to 20 ms old costs more than all"
+    yield "  the stated noise; it is periodic and biased, and no averaging removes it. Pair pictures and attitudes in time first."
     yield f"Rays at or above the horizon have no ground: {refused} samples were refused, never given a number."

@@ -1,6 +1,7 @@
 """The paper's experiment against the numbers that an independent recomputation gave, and against the localizer."""
 
 import json
+import sys
 
 import numpy as np
 import pytest
@@ -39,6 +40,14 @@ def test_each_number_shows_its_own_spread(comparison):
         for column in OUR_ROWS:
             quantity = getattr(row, column)
             assert quantity.low < quantity.median < quantity.high
+            assert 0.0 < quantity.median_sigma < 0.05 * (quantity.high - quantity.low)
+
+
+def test_a_median_scatters_from_seed_to_seed_as_it_says():
+    seeds = [compare(seed, runs=100).rows[5] for seed in range(20, 50)]
+    for column in OUR_ROWS:
+        told = np.mean([getattr(row, column).median_sigma for row in seeds])
+        assert np.std([getattr(row, column).median for row in seeds]) == pytest.approx(told, rel=0.4)
 
 
 def test_the_filters_theory(comparison):
@@ -86,6 +95,16 @@ def test_the_command_prints_the_table_draws_four_figures_and_ends_with_json(tmp_
         "x.png",
         "y.png",
     ]
+
+
+def test_without_matplotlib_the_numbers_come_and_one_line_tells_what_the_figures_need(tmp_path, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    assert main(["paper", "--out", str(tmp_path), "--json"]) == 2
+
+    told = capsys.readouterr()
+    assert json.loads(told.out.splitlines()[-1])["seed"] == 1
+    (line,) = told.err.splitlines()
+    assert "pip install 'fwav-companion[demo]'" in line
 
 
 @pytest.mark.parametrize("seed", ["-1", "x", "1.5"])
