@@ -44,7 +44,7 @@ class CalibrationMemory:
             kept = msgspec.json.decode(self._path.read_bytes(), type=_Kept)
         except (OSError, msgspec.DecodeError):  # the first flight, or a file that a power cut left empty
             return None
-        return kept.calibration if kept.camera == self._camera and _is_sound(kept.calibration) else None
+        return kept.calibration if kept.camera == self._camera and is_sound(kept.calibration) else None
 
     def start(self) -> None:
         """Begin writing."""
@@ -75,7 +75,7 @@ def _fingerprint(config: Config) -> str:
     return hashlib.sha256(described).hexdigest()
 
 
-def _is_sound(kept: KeptCalibration) -> bool:
+def is_sound(kept: KeptCalibration) -> bool:
     """Finite, with sigmas that are some: a file may have been written by anybody."""
     numbers = (kept.time_offset_s, *kept.mount)
     sigmas = (kept.time_offset_sigma_s, *kept.mount_sigma)

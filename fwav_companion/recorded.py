@@ -10,6 +10,7 @@ from pathlib import Path
 
 import msgspec
 
+from fwav_companion.calibration_memory import is_sound
 from fwav_companion.errors import EncodeError, InputFileError
 from fwav_companion.geometry.stamps import NS_PER_US
 from fwav_companion.mavlink import enums
@@ -17,10 +18,11 @@ from fwav_companion.mavlink.codec import Encoder, decode
 from fwav_companion.mavlink.scanner import Scanner
 from fwav_companion.nouns import Frame, Message, NoFrame, Reason
 from fwav_companion.recording.dataflash import is_dataflash, read_dataflash
-from fwav_companion.recording.events import End, Refused, parse_event
+from fwav_companion.recording.events import BeganWith, End, Refused, parse_event
 from fwav_companion.recording.flight_log import FlightLog, messages_of
 from fwav_companion.recording.tlog import SkippedBytes, load_tlog, read_tlog
 from fwav_companion.recording.ulog import is_ulog, read_ulog
+from fwav_companion.tracking import KeptCalibration
 from fwav_companion.vision.wall_clock import RecordingClock
 from fwav_companion.vision.wire import parse_frame
 from fwav_companion.wiring import WANTED
@@ -66,6 +68,8 @@ class Recording(msgspec.Struct, frozen=True):
     """Unix minus host, by the recording's own TIMESYNC requests; 0 where there are none: host time is Unix time."""
     own_system: int | None
     """The system id that we speak with in it; None: nothing tells."""
+    kept: KeptCalibration | None = None
+    """What self-calibration knew from the start."""
     skipped: Sequence[SkippedBytes] = ()
     """Damaged stretches of the telemetry."""
     skipped_lines: Sequence[SkippedLine] = ()
@@ -119,12 +123,13 @@ def join(telemetry: TelemetryRead, detections: bytes, own: frozenset[int], syste
     """Telemetry and detections as one flight."""
     own_system = system or _first_autopilot(telemetry.messages)
     unix_offset_ns = _unix_offset_ns(telemetry.messages, own, own_system)
-    frames, skipped_lines = _frames(detections, RecordingClock(unix_offset_ns))
+    frames, kept, skipped_lines = _frames(detections, RecordingClock(unix_offset_ns))
     return Recording(
         messages=telemetry.messages,
         frames=frames,
         unix_offset_ns=unix_offset_ns,
         own_system=own_system,
+        kept=kept,
         skipped=telemetry.skipped,
         skipped_lines=skipped_lines,
         notes=telemetry.notes,
@@ -163,18 +168,32 @@ def _of_log(
     return TelemetryRead(messages, skipped, told, exact_stamps=True)
 
 
-def _frames(data: bytes, clock: RecordingClock) -> tuple[list[Frame | NoFrame | Refused | End], list[SkippedLine]]:
+def _frames(
+    data: bytes, clock: RecordingClock
+) -> tuple[list[Frame | NoFrame | Refused | End], KeptCalibration | None, list[SkippedLine]]:
     entries: list[Frame | NoFrame | Refused | End] = []
+    kept: KeptCalibration | None = None
     skipped: list[SkippedLine] = []
     offset = 0
     for number, line in enumerate(data.split(b"\n"), start=1):
         if line.strip():
             entry = parse_event(line) or parse_frame(line, None, clock)
-            entries.append(entry)
+            if isinstance(entry, BeganWith):
+                kept = _kept(entry) or kept
+            else:
+                entries.append(entry)
             if isinstance(entry, NoFrame) and entry.reason is Reason.MALFORMED:
                 skipped.append(SkippedLine(number, offset, entry.detail))
         offset += len(line) + 1
-    return entries, skipped
+    return entries, kept, skipped
+
+
+def _kept(event: BeganWith) -> KeptCalibration | None:
+    try:
+        kept = msgspec.convert(event.calibration, KeptCalibration)
+    except msgspec.ValidationError:  # of another version: the replay learns it anew
+        return None
+    return kept if is_sound(kept) else None
 
 
 def _first_autopilot(messages: Sequence[Timed]) -> int | None:

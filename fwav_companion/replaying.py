@@ -43,6 +43,7 @@ def replay(
         unix_offset_ns=recording.unix_offset_ns,
         live=False,
         elevation=elevation,
+        kept=recording.kept,
         own_filter=own_filter,
         sightings=sightings,
     )

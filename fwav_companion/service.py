@@ -27,7 +27,7 @@ from fwav_companion.mavlink.node import Received
 from fwav_companion.mavlink.unsigning import unsigned, without_signature
 from fwav_companion.nouns import Frame, NoFrame, Notice, Reason, Severity
 from fwav_companion.pipeline import Outputs
-from fwav_companion.recording.events import end_line, refused_line
+from fwav_companion.recording.events import began_with_line, end_line, refused_line
 from fwav_companion.service_parts import FrameEars, make_detections, make_map_link, make_recorder, make_vision
 from fwav_companion.signing_memory import SigningMemory
 from fwav_companion.systemd_notify import SystemdNotifier
@@ -64,13 +64,14 @@ class Service:
         self._config = config
         self._clock = HostClock()
         self._calibrations = CalibrationMemory(config, _warn)
+        self._kept = self._calibrations.kept()
         self._pipeline = make_pipeline(
             config,
             calibration,
             unix_offset_ns=self._clock.unix_offset_ns,
             live=True,
             elevation=elevation,
-            kept=self._calibrations.kept(),
+            kept=self._kept,
             unit=board_name(),
         )
         self._signing = SigningMemory(config, _warn)
@@ -126,6 +127,9 @@ class Service:
         for part in (*files, self._detections, self._vision, self._map_link, *self._links.values()):
             if part is not None:
                 part.start()
+        if self._recorder is not None and self._kept is not None:
+            unix_us = self._clock.unix_us(self._clock.now())
+            self._recorder.detection(unix_us, began_with_line(unix_us, msgspec.to_builtins(self._kept)))
         log.info("waiting for an autopilot on %s", self._listening_on())
         self._notifier.ready()
         self._tick()

@@ -10,8 +10,11 @@ import pytest
 from processes import GroundStation, free_port, process
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from fwav_companion.calibration_memory import CalibrationMemory
 from fwav_companion.cli.main import main
+from fwav_companion.config import load
 from fwav_companion.recording.tlog import TlogRecord, read_tlog
+from fwav_companion.tracking import KeptCalibration
 
 KEY = bytes(range(200, 232))
 
@@ -152,3 +155,25 @@ def test_it_records_while_armed_and_from_half_a_minute_before(site: Site):
     lines = [json.loads(line) for line in (folder / "targets.jsonl").read_text().splitlines()]
     assert [lines[0]["type"], lines[-1]["type"]] == ["header", "summary"]
     assert (folder / "targets.jsonl").read_bytes() == site.replayed(folder)
+
+
+def test_a_flight_that_began_with_a_kept_calibration_replays_with_it(site: Site):
+    site.replace("self_calibration = false", "self_calibration = true")
+    site.replace('directory = ""                # kept', 'directory = "state"  # kept')
+    config = load(site.folder / "fwav-companion.toml")
+    kept = KeptCalibration(
+        time_offset_s=0.004, time_offset_sigma_s=0.002, mount=(0.01, -0.02, 0.0), mount_sigma=(0.01, 0.01, 0.03)
+    )
+    memory = CalibrationMemory(config, pytest.fail)
+    memory.start()
+    memory.tick(kept)
+    memory.close(5.0)
+    assert memory.kept() == kept
+    with site.service() as service, site.mock():
+        wait_until_it_tracks(site)
+        assert service.stop() == 0
+    (folder,) = site.recordings()
+    said = (folder / "targets.jsonl").read_bytes()
+    assert b'"event":"began_with"' in (folder / "detections.jsonl").read_bytes()
+    assert said.count(b'"type":"calibration"') > 3
+    assert site.replayed(folder) == said
