@@ -11,8 +11,8 @@ from fwav_companion.errors import UserError
 from fwav_companion.paper.comparison import STATED_PX, Comparison, drawn_samples, flapping_pitch
 from fwav_companion.paper.experiment import ONE_MM_PX, TARGET_M, filtered
 
-TOLD_HZ = 10.0
-"""What autopilots send of ATTITUDE where nobody asks for more."""
+TOLD_HZ = 25.0
+"""At ten, the same phase of every other stroke is told: a body that does not move."""
 
 
 def draw_figures(folder: Path, seed: int, comparison: Comparison) -> list[Path]:
@@ -37,7 +37,7 @@ def draw_figures(folder: Path, seed: int, comparison: Comparison) -> list[Path]:
 
 
 def _pitch(plt: Any, path: Path) -> Path:
-    """What a flapping body does, what ten attitudes a second tell of it, and what the paper's noise takes in."""
+    """What a flapping body does, what the latest attitude tells of it, and what the paper's noise takes in."""
     at_s = np.linspace(0.0, 1.0, 800)
     told = np.degrees(flapping_pitch(np.floor(at_s * TOLD_HZ) / TOLD_HZ))
     figure, axes = plt.subplots(figsize=(9, 3.5), layout="constrained")
@@ -60,7 +60,7 @@ def _coordinate(plt: Any, path: Path, axis: int, seed: int) -> Path:
         started = filtered(samples, samples[:, 0])[0, :, axis]
         axes.plot(started, color="tab:blue", label="filtered, start at the first sample")
         axes.axhline(TARGET_M[axis], color="black", linewidth=0.8, label="truth")
-        why = "as the paper states" if pixel_px == STATED_PX else "one millimetre, as its Table I needs"
+        why = "as stated" if pixel_px == STATED_PX else "as Table I needs"
         axes.set(title=f"{name}, detection noise {pixel_px:.0f} px: {why}", xlabel="sample", ylabel=f"{name}, m")
     both[0].legend(fontsize="small")
     return _saved(plt, figure, path)

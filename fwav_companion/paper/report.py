@@ -24,9 +24,9 @@ def as_text(comparison: Comparison, seed: int, runs: int) -> str:
 
 
 def _table(comparison: Comparison, seed: int, runs: int) -> Iterator[str]:
-    yield f"Metres and square metres; truth X = 4, Y = 3; variances with ddof = 0. Medians of {runs} runs of 90 samples,"
-    yield f"seed {seed}, with one sigma of how the median itself varies from seed to seed; below each the range of 90 of 100"
-    yield "single runs, and the first run, which the figures show."
+    yield f"Metres and square metres; truth X = 4, Y = 3; variances with ddof = 0. Medians of {runs} runs of 90"
+    yield f"samples, seed {seed}, with one sigma of how the median itself varies from seed to seed; below each the"
+    yield "range of 90 of 100 single runs, and the first run, which the figures show."
     yield f"{'':{WIDTH}}" + "".join(f"{name:>{COLUMN}}" for name in ("mean X", "var X", "mean Y", "var Y"))
     for name, numbers in TABLE_I.items():
         yield f"{'Table I, ' + name:{WIDTH}}" + "".join(f"{numbers[column]:{COLUMN}.2f}" for column in COLUMNS)
@@ -63,5 +63,6 @@ def _conclusions(comparison: Comparison) -> Iterator[str]:
     yield "  with the stated noise that start makes X and Y worse by a tenth. Started at its first sample it leaves the"
     yield "  mean alone."
     yield "What is left out: a flapping body. Along the flight an attitude that is up to 20 ms old costs more than all"
-    yield "  the stated noise; it is periodic and biased, and no averaging removes it. Pair pictures and attitudes in time first."
+    yield "  the stated noise; it is periodic and biased, and no averaging removes it. Pair pictures and attitudes in"
+    yield "  time first."
     yield f"Rays at or above the horizon have no ground: {refused} samples were refused, never given a number."
