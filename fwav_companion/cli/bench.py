@@ -1,0 +1,75 @@
+"""``fwav-companion bench``: the project's benchmarks, as ratios against what else there is."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable, Iterator
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from fwav_companion.errors import UserError
+
+if TYPE_CHECKING:
+    from argparse import _SubParsersAction
+
+FOLDER = Path("tests", "benchmarks")
+"""They stand beside the code that they compare with, in a checkout; an installed package has neither."""
+
+
+def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Register the command."""
+    parser = subparsers.add_parser(
+        "bench",
+        description="Runs the project's benchmarks, about three minutes, from a checkout with the test extra.",
+        epilog="example:\n  git clone ... && cd fwav-companion && pip install '.[test]' && fwav-companion bench",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--only", metavar="NAME", action="append", default=[], help="one of them; may be repeated")
+    parser.add_argument("--json", action="store_true", help="end with the figures as one JSON object")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Each in turn; 1 if a budget was missed."""
+    figures = []
+    for name, measure in _chosen(arguments.only):
+        for figure in _measured(name, measure):
+            figures.append(figure)
+            print(figure, flush=True)
+    ok = all(figure.ok for figure in figures)
+    if arguments.json:
+        told = [{**figure._asdict(), "ok": figure.ok} for figure in figures]
+        print(json.dumps({"ok": ok, "figures": told}))
+    return 0 if ok else 1
+
+
+def _chosen(only: list[str]) -> Iterator[tuple[str, Callable[[], Any]]]:
+    sys.path.append(str(_checkout()))
+    everything = import_module("tests.benchmarks.everything")
+    unknown = [name for name in only if name not in everything.BENCHMARKS]
+    if unknown:
+        raise UserError(f"bench --only {unknown[0]}: accepted: {', '.join(everything.BENCHMARKS)}")
+    wanted = only or everything.BENCHMARKS
+    return ((name, measure) for name, measure in everything.benchmarks() if name in wanted)
+
+
+def _checkout() -> Path:
+    """The nearest folder that holds the benchmarks: from here upward, else where this package lies."""
+    here, package = Path.cwd(), Path(__file__).resolve()
+    for folder in (here, *here.parents, *package.parents):
+        if (folder / FOLDER / "everything.py").is_file():
+            return folder
+    raise UserError(f"bench: no {FOLDER} here: accepted: a checkout of the project, in which the benchmarks are kept")
+
+
+def _measured(name: str, measure: Callable[[], Any]) -> Any:
+    """With a word on a terminal about what is being done: nobody waits gladly for half a minute of nothing."""
+    if not sys.stderr.isatty():
+        return measure()
+    from rich.console import Console
+
+    with Console(stderr=True).status(f"measuring {name}"):
+        return measure()

@@ -1,0 +1,187 @@
+"""The daemon at work, as a process of its own beside the mock: memory, CPU, and how soon a detection is answered.
+
+The mock sends attitudes at 100 Hz and thirty frames a second; everything is relayed to one ground station. We stand
+between the two: a detection is timed from when it goes to the daemon until its LANDING_TARGET comes back.
+``python -m tests.benchmarks.daemon``
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from statistics import quantiles
+from typing import NamedTuple
+
+from fwav_companion.mavlink.codec import decode
+from fwav_companion.mavlink.scanner import Scanner
+from tests.benchmarks.figure import Figure
+from tests.benchmarks.startup import relay_configuration
+
+SETTLING_S = 8.0
+"""Adoption, rates and clock, and the first targets confirmed."""
+MEASURED_S = 20.0
+NEAR_S = 0.02
+"""A LANDING_TARGET's capture and its frame's stamp differ by less: by offsets and rows."""
+TICKS_A_SECOND = os.sysconf("SC_CLK_TCK")
+
+CONFIGURATION = """
+[camera]
+calibration = "camera.yaml"
+[detections]
+url = "udpin://127.0.0.1:{detections}"
+[tracking]
+self_calibration = {calibrates}
+[publish]
+landing_target = true
+landing_label = "target"
+landing_max_sigma_m = 10.0
+"""
+
+
+class Work(NamedTuple):
+    """What the daemon took while it was watched."""
+
+    rss_mib: float
+    cpu: float
+    """Of one core."""
+    latencies_s: list[float]
+
+
+class Between:
+    """Sockets between the mock and the daemon, and a deaf ground station."""
+
+    def __init__(self) -> None:
+        self.sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(4)]
+        for sock in self.sockets:
+            sock.bind(("127.0.0.1", 0))
+        self.mock, self.frames, self.daemon, self.station = self.sockets
+        self.vehicle: tuple[str, int] | None = None
+        self.scanner = Scanner(datagrams=True)
+        self.stamps: dict[float, float] = {}
+        """When a frame went to the daemon, by its stamp."""
+        self.latencies_s: list[float] = []
+
+    def port(self, sock: socket.socket) -> int:
+        port: int = sock.getsockname()[1]
+        return port
+
+    def carry(self, autopilot: tuple[str, int], detections: tuple[str, int], seconds: float) -> None:
+        """Everything both ways for this long."""
+        until = time.monotonic() + seconds
+        while (left := until - time.monotonic()) > 0.0:
+            for ready in select.select(self.sockets, [], [], left)[0]:
+                data, address = ready.recvfrom(65536)
+                if ready is self.frames:
+                    self.stamps[json.loads(data)["time_monotonic"]] = time.monotonic()
+                    self.frames.sendto(data, detections)
+                elif ready is self.mock:
+                    self.vehicle = address
+                    self.daemon.sendto(data, autopilot)
+                elif ready is self.daemon:
+                    self._answered(data, time.monotonic())
+                    if self.vehicle is not None:
+                        self.mock.sendto(data, self.vehicle)
+
+    def _answered(self, data: bytes, now_s: float) -> None:
+        for frame in self.scanner.feed(data):
+            if frame.definition is None or frame.definition.name != "LANDING_TARGET":
+                continue
+            capture_s = decode(frame, "").fields.time_usec * 1e-6
+            stamp = min(self.stamps, key=lambda told: abs(told - capture_s), default=None)
+            if stamp is not None and abs(stamp - capture_s) < NEAR_S:
+                self.latencies_s.append(now_s - self.stamps.pop(stamp))
+        for old in [stamp for stamp in self.stamps if stamp < now_s - 1.0]:
+            del self.stamps[old]
+
+
+@contextmanager
+def child(*command: str, folder: Path) -> Iterator[subprocess.Popen[bytes]]:
+    """Until the block ends."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", *command], cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    try:
+        yield process
+    finally:
+        process.terminate()
+        process.wait()
+
+
+def cpu_s(pid: int) -> float:
+    """Of a process since its start."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / TICKS_A_SECOND
+
+
+def rss_mib(pid: int) -> float:
+    """Of a process now."""
+    return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
+
+
+def free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        sock.bind(("127.0.0.1", 0))
+        port: int = sock.getsockname()[1]
+        return port
+
+
+def watch(*scenario: str, camera: bool = True, calibrates: bool = False) -> Work:
+    """One flight."""
+    autopilot, detections = ("127.0.0.1", free_port()), ("127.0.0.1", free_port())
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        between = Between()
+        for sock in between.sockets:
+            stack.enter_context(sock)
+        text = relay_configuration(between.port(between.station), autopilot[1])
+        if camera:
+            subprocess.run([sys.executable, "-m", "fwav_companion", "init", "made"], cwd=folder, check=True,
+                           stdout=subprocess.DEVNULL)  # fmt: skip
+            (folder / "camera.yaml").write_bytes((folder / "made/camera.yaml").read_bytes())
+            told = CONFIGURATION.format(detections=detections[1], calibrates=str(calibrates).lower())
+            text = text.replace('[detections]\nurl = ""\n', told)
+        (folder / "flight.toml").write_text(text)
+        daemon = stack.enter_context(child("fwav_companion", "run", "--config", "flight.toml", folder=folder))
+        mock = ("sitl_mock", "--connect", f"udpout:127.0.0.1:{between.port(between.mock)}", "--seconds", "600")
+        looks = ("--detections", f"127.0.0.1:{between.port(between.frames)}") if camera else ()
+        stack.enter_context(child(*mock, *looks, *scenario, folder=folder))
+        between.carry(autopilot, detections, SETTLING_S)
+        between.latencies_s.clear()
+        before_s, began_s = cpu_s(daemon.pid), time.monotonic()
+        between.carry(autopilot, detections, MEASURED_S)
+        share = (cpu_s(daemon.pid) - before_s) / (time.monotonic() - began_s)
+        return Work(rss_mib(daemon.pid), share, between.latencies_s)
+
+
+def measure() -> list[Figure]:
+    """Four flights, about two minutes."""
+    relay = watch(camera=False)
+    plain = watch("--scenario", "default")
+    calibrating = watch("--scenario", "default", calibrates=True)
+    busy = watch("--scenario", "default", "--set", "camera.clutter=9.0", "--set", "camera.missed=0.0")
+    if len(busy.latencies_s) < MEASURED_S:
+        raise AssertionError("no landing target came back")
+    cuts_s = quantiles(busy.latencies_s, n=100)
+    told = f"median {cuts_s[49] * 1e3:.2f} ms, of {len(busy.latencies_s)} frames"
+    beside = "100 Hz attitude, 30 frames/s, one relay"
+    return [
+        Figure("detection in to MAVLink out, p99, ms", cuts_s[98] * 1e3, 2.0, False, f"{told}; 10 detections each"),
+        Figure("pure relay: memory, MiB", relay.rss_mib, 35.0, False, f"{100.0 * relay.cpu:.1f} % of a core"),
+        Figure("daemon without a camera: memory, MiB", plain.rss_mib, 50.0, False, beside),
+        Figure("daemon without a camera: % of a core", 100.0 * plain.cpu, 3.0, False, beside),
+        Figure("the same with self-calibration: memory, MiB", calibrating.rss_mib, 50.0, False, beside),
+        Figure("the same with self-calibration: % of a core", 100.0 * calibrating.cpu, 5.0, False, beside),
+    ]
+
+
+if __name__ == "__main__":
+    print(*measure(), sep="\n")

@@ -1,0 +1,36 @@
+"""All benchmarks in the order of the design's table: what ``fwav-companion bench`` runs.
+
+``python -m tests.benchmarks.everything``
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from importlib import import_module
+
+from tests.benchmarks.figure import Figure
+
+BENCHMARKS = (
+    "decode",
+    "corruption",
+    "encode",
+    "relay",
+    "lens",
+    "fix",
+    "attitude_at",
+    "filter_update",
+    "startup",
+    "daemon",
+)
+"""Modules beside this one, each with ``measure() -> list[Figure]``."""
+
+
+def benchmarks() -> Iterator[tuple[str, Callable[[], list[Figure]]]]:
+    """Each by its name, imported when its turn comes: one's libraries are no burden on those before it."""
+    for name in BENCHMARKS:
+        yield name, import_module(f"tests.benchmarks.{name}").measure
+
+
+if __name__ == "__main__":
+    for _, measure in benchmarks():
+        print(*measure(), sep="\n", flush=True)
