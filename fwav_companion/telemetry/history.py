@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from math import inf
+from math import inf, sqrt
 
 import msgspec
 
-from fwav_companion.geometry.rotations import Quaternion, exp, multiply
+from fwav_companion.geometry.rotations import Quaternion, difference, exp, multiply
 from fwav_companion.geometry.stamps import NS_PER_S, BootNs
-from fwav_companion.geometry.vectors import Vector3, scale
+from fwav_companion.geometry.vectors import Vector3, add, dot, scale, subtract
 from fwav_companion.nouns import AttitudeSample, Reason, Unpaired
 from fwav_companion.telemetry.pieces import Piece, piece_through, piece_with_rates, quaternion_at, rates_at
-from fwav_companion.telemetry.stream_check import SEVEN, Method, StreamCheck
+from fwav_companion.telemetry.stream_check import MOST_SWING, SEVEN, Method, StreamCheck
 
 KEPT_NS = 3 * NS_PER_S
 """A frame may come 0.5 s late and wait 0.15 s; a clock that is unsure may place it half a second off."""
@@ -25,7 +25,9 @@ MOST_EXTRAPOLATION_NS = 30_000_000
 EXTRAPOLATED_SHARE = 0.5
 """Of the acceleration times the square of the time: a tangent's departure."""
 UNSURE_RATE = 0.05
-"""rad/s, one sigma of the rate at the newest attitude."""
+"""rad/s, one sigma of the rate at the newest attitude, where the stream shows the motion well."""
+END_SLOPE = 32.0 / 3.0
+"""Of four attitudes' polynomial: error of the slope at its end, times the spacing, over the error amid its middle."""
 MOST_SIGMA = 0.1
 """rad: across a hole, an attitude less certain than 6 degrees is none."""
 HOLE = 2.5
@@ -157,6 +159,8 @@ class AttitudeHistory:
             sigma = check.sigma(interval_s, Method.FOUR)
             if not inside_four:
                 sigma += 0.125 * check.angular_acceleration * interval_s**2 * 0.2
+        if not check.settled:
+            sigma = max(sigma, _first_guess(samples[index], samples[index + 1], interval_s))
         built = (piece, sigma if interval_s * 1e9 <= WIDEST_GAP_NS else inf)
         self._pieces[index] = built
         return built
@@ -173,5 +177,20 @@ class AttitudeHistory:
             piece, _ = self._pieces[-2] or self._build(len(self._times) - 2)
             rates = rates_at(piece, last.boot_ns)
         q = multiply(last.ned_from_body, exp(scale(rates, age_s)))
-        sigma = EXTRAPOLATED_SHARE * self._check.angular_acceleration * age_s * age_s
-        return AttitudeAt(q, rates, min(sigma + age_s * UNSURE_RATE, MOST_SIGMA), age_s)
+        sigma = EXTRAPOLATED_SHARE * self._check.angular_acceleration * age_s * age_s + age_s * self._unsure_rate
+        return AttitudeAt(q, rates, sigma, age_s) if sigma <= MOST_SIGMA else Unpaired(Reason.STALE_ATTITUDE, age_s)
+
+    @property
+    def _unsure_rate(self) -> float:
+        """One sigma of the course's rate at the newest attitude, rad/s."""
+        spacing_s = self._check.spacing_s
+        return UNSURE_RATE + (END_SLOPE * self._check.sigma(spacing_s, Method.FOUR) / spacing_s if spacing_s else 0.0)
+
+
+def _first_guess(first: AttitudeSample, last: AttitudeSample, interval_s: float) -> float:
+    """What interpolation may miss while the stream was not checked yet: by how much these two contradict themselves."""
+    turn = scale(difference(last.ned_from_body, first.ned_from_body), 1.0 / interval_s)
+    sent = scale(add(first.rates, last.rates), 0.5)
+    change = subtract(last.rates, first.rates)
+    apart = subtract(turn, sent)
+    return min(MOST_SWING, interval_s * (0.5 * sqrt(dot(apart, apart)) + 0.125 * sqrt(dot(change, change))))

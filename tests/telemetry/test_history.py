@@ -1,6 +1,7 @@
 """What the history keeps, takes in any order, and refuses by name."""
 
 import random
+from itertools import pairwise
 
 import flapping
 import pytest
@@ -111,3 +112,32 @@ def test_a_hovering_body_claims_little_whatever_the_noise():
         AttitudeSample(BootNs(k * 10 * MS), (1.0, *(rng.gauss(0.0, 1e-3) for _ in range(3))), STILL) for k in range(300)
     ]
     assert flapping.history_of(samples).at(BootNs(2_505 * MS)).sigma < 4e-3
+
+
+@pytest.mark.parametrize("hz", [10, 15, 25, 100])
+def test_the_first_attitudes_claim_what_their_own_rates_contradict(hz):
+    """Before the stream was checked: seven samples of a wing that beats at 5 Hz, few of which show it."""
+    motion = flapping.nodding(5.0)
+    samples = flapping.stream(motion, hz, 1.0, filter_hz=None)[:6]
+    history = flapping.history_of(samples)
+    instants = [(a.boot_ns + b.boot_ns) // 2 for a, b in pairwise(samples)]
+    at = [history.at(BootNs(instant)) for instant in instants]
+    errors = [flapping.angle_error(motion, t, a.ned_from_body)[1] for t, a in zip(instants, at, strict=True)]
+    assert flapping.rms(errors) < 1.5 * flapping.rms([a.sigma for a in at])
+
+
+@pytest.mark.parametrize("hz", [10, 15, 25, 50])
+def test_beyond_the_newest_attitude_a_slow_stream_claims_more_or_refuses(hz):
+    motion = flapping.nodding(5.0)
+    samples = flapping.stream(motion, hz, 8.0)
+    ratios = []
+    for newest in range(5 * hz, len(samples), max(1, hz // 10)):
+        history = flapping.history_of(samples[newest - 4 * hz : newest])
+        asked_ns = BootNs(samples[newest - 1].boot_ns + 15 * MS)
+        at = history.at(asked_ns)
+        if isinstance(at, Unpaired):
+            assert at.reason is Reason.STALE_ATTITUDE
+            assert hz < 20
+        else:
+            ratios.append(flapping.angle_error(motion, asked_ns, at.ned_from_body)[1] / at.sigma)
+    assert not ratios or flapping.rms(ratios) < 1.3
