@@ -11,6 +11,7 @@ from typing import Any
 from fwav_companion.camera import parse_calibration
 from fwav_companion.config import parse
 from fwav_companion.geometry.stamps import HostNs, whole_microseconds
+from fwav_companion.localization import ElevationTile
 from fwav_companion.mavlink.codec import Encoder, decode
 from fwav_companion.mavlink.scanner import Scanner
 from fwav_companion.nouns import Frame, Outgoing
@@ -44,13 +45,19 @@ class Companion:
         sightings: bool = False,
         wall_steps: Sequence[tuple[int, float]] = (),
         text: str = LINK + '[camera]\ncalibration = "camera.yaml"\n',
+        elevation: Sequence[ElevationTile] = (),
     ) -> None:
         """``wall_steps``: (host ns, seconds) by which somebody sets this board's wall clock. ``text``: TOML."""
         self.config = parse(text, "flight.toml", settings)
         self.calibration = parse_calibration(CAMERA, "camera.yaml")
         self.unix_offset_ns = round(unix_minus_host_s * 1e6) * 1000
         self.pipeline: Pipeline = make_pipeline(
-            self.config, self.calibration, unix_offset_ns=self.unix_offset_ns, live=True, sightings=sightings
+            self.config,
+            self.calibration,
+            unix_offset_ns=self.unix_offset_ns,
+            live=True,
+            sightings=sightings,
+            elevation=elevation,
         )
         self.wall_clock = WallClock(HostNs(0), self.unix_offset_ns)
         self._wall_steps = wall_steps

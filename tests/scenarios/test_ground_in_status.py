@@ -1,0 +1,38 @@
+"""What the ground does is seen in the status: why a rangefinder is not used, how far a model was moved."""
+
+from math import nan
+
+import pytest
+from flying import Companion, fly
+
+from fwav_companion.localization import ElevationTile
+from sitl_mock import scenario, simulate
+
+
+def status(companion: Companion):
+    return companion.pipeline.status(companion._now)["sight"]["ground"]
+
+
+def test_a_rangefinder_that_is_not_there_is_told_with_its_count():
+    settings = ["ground.model=rangefinder"]
+    without = status(fly(scenario("default").but({"seconds": 6.0, "autopilot.rangefinder": False}), settings).companion)
+    assert without["fallback"] == "no_range"
+    assert without["fallbacks"]["no_range"] > 30
+    with_one = status(fly(scenario("default").but({"seconds": 6.0}), settings).companion)
+    assert with_one["fallback"] is None
+
+
+@pytest.mark.parametrize(("height_m", "trouble"), [(512.0, None), (400.0, "terrain_unfit"), (nan, None)])
+def test_a_models_shift_to_the_take_off_height_is_told(height_m, trouble):
+    tile = ElevationTile(48.2, 11.5, 0.001, 0.001, 200, 200, lambda row, column: height_m, "made")
+    mock = simulate(scenario("unbiased").but({"seconds": 6.0}))
+    companion = Companion(
+        ["ground.model=terrain", 'ground.terrain=["made.tif"]', "ground.terrain_datum=egm96"],
+        unix_minus_host_s=mock.unix_minus_host_s,
+        elevation=(tile,),
+    )
+    for _ in mock.drive(companion):
+        pass
+    told = status(companion)
+    assert (told["model"], told["datum"], told["trouble"]) == ("terrain", "egm96", trouble)
+    assert told["shift_m"] == pytest.approx(7.0 if height_m == 512.0 else 0.0, abs=0.5)
