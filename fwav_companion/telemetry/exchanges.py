@@ -64,7 +64,7 @@ class Exchange(msgspec.Struct, frozen=True, gc=False):
 class ExchangeFit:
     """A weighted line through the last two minutes of exchanges, and the interval none of them contradicts."""
 
-    __slots__ = ("_bound", "_contradicting", "_fitted_ns", "_floor_s", "_scale", "_window", "line")
+    __slots__ = ("_best_ns", "_bound", "_contradicting", "_fitted_ns", "_floor_s", "_scale", "_window", "line")
 
     def __init__(self) -> None:
         self._begin()
@@ -72,6 +72,7 @@ class ExchangeFit:
     def _begin(self) -> None:
         self.line: Line | None = None
         self._window: list[Exchange] = []
+        self._best_ns: int | None = None
         self._contradicting: list[Exchange] = []
         self._bound = HardBound()
         self._fitted_ns = HostNs(0)
@@ -85,7 +86,9 @@ class ExchangeFit:
     @property
     def best_round_trip_s(self) -> float | None:
         """The least in the window."""
-        return min(e.round_trip_ns for e in self._window) * 1e-9 if self._window else None
+        if self._best_ns is None and self._window:  # asked for with every message, and changed with few
+            self._best_ns = min(e.round_trip_ns for e in self._window)
+        return None if self._best_ns is None else self._best_ns * 1e-9
 
     def insert(self, exchange: ClockExchange) -> bool:
         """Take one exchange. True: the last few contradict all before them, and the fit began anew with these."""
@@ -122,6 +125,7 @@ class ExchangeFit:
 
     def _take(self, entry: Exchange) -> None:
         self._bound.take(entry)
+        self._best_ns = None
         self._window.append(entry)
         oldest_ns = entry.host_ns - WINDOW_NS
         while self._window[0].host_ns < oldest_ns or len(self._window) > MOST_KEPT:
