@@ -63,7 +63,7 @@ class ArrivalEnvelope:
         mean_t = sum(t for t, _ in points) / len(points)
         (t0, y0), slope = hull[-1], 0.0
         for (ta, ya), (tb, yb) in pairwise(hull):
-            if tb >= mean_t:
+            if tb >= mean_t and tb > ta:  # what came in one datagram came at one instant, whatever its stamps
                 t0, y0, slope = ta, ya, (yb - ya) / (tb - ta)
                 break
         slope = max(-MOST_SKEW, min(MOST_SKEW, slope))
