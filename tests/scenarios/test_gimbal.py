@@ -3,6 +3,8 @@
 import pytest
 from flying import fly
 
+from fwav_companion.replaying import read_recording, replay
+from fwav_companion.wiring import own_components
 from sitl_mock import scenario
 from sitl_mock.scenarios import NO_NOISE, NO_TROUBLE
 
@@ -63,3 +65,12 @@ def test_a_fixed_camera_pays_no_heed_to_a_gimbal():
     with_gimbal_messages = options.but({"autopilot.rates_hz": {"GIMBAL_DEVICE_ATTITUDE_STATUS": 10.0}})
     settings = ["camera.readout_s=0.0"]
     assert errors_m(fly(options, settings)) == errors_m(fly(with_gimbal_messages, settings))
+
+
+@pytest.mark.parametrize("device_id", [BEHIND_AUTOPILOT, OWN_COMPONENT])
+def test_a_recorded_flight_replays_to_the_line(device_id):
+    options = scenario("gimbal").but({"seconds": 8.0, "gimbal.device_id": device_id, "downlink.loss": 0.1})
+    companion = fly(options, [f"camera.mount.gimbal_device_id={device_id}"], sightings=True).companion
+    recording = read_recording(bytes(companion.tlog), bytes(companion.detections), own_components(companion.config))
+    assert list(replay(recording, companion.config, companion.calibration, sightings=True)) == companion.lines
+    assert any("q_ned_gimbal" in line for line in companion.lines)
