@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cache
-from math import cos, hypot
+from math import cos, hypot, radians, sqrt
 from typing import Any, NamedTuple
 
 import pytest
 from flying import Flight, fly
 
-from sitl_mock import scenario
+from sitl_mock import TargetOptions, scenario
 from sitl_mock.clock import BootClock
 
 CALM = {
@@ -22,7 +22,8 @@ CALM = {
     "camera.missed": 0.0,
     "camera.clutter": 0.0,
     "camera.readout_s": 0.0,
-    "seconds": 24.0,
+    "camera.fps": 10.0,
+    "seconds": 23.0,
     "seed": 3,
 }
 """Noise, but no bias: what is left is the trouble of the scenario."""
@@ -59,13 +60,22 @@ def clock_errors(flown: Flight) -> list[ClockError]:
     return errors
 
 
-def fly_and_bound(name: str, differences: dict[str, Any], settings: Sequence[str] = GLOBAL_SHUTTER) -> Flight:
-    flown = fly(scenario(name).but({**CALM, **differences}), settings)
+def fly_and_bound(
+    name: str, differences: dict[str, Any], settings: Sequence[str] = (), *, sightings: bool = False
+) -> Flight:
+    options = scenario(name).but({**CALM, **differences})
+    flown = fly(options, (f"camera.readout_s={options.camera.readout_s}", *settings), sightings=sightings)
     reboots = flown.options.others.reboots_at_s
     for line in clock_errors(flown):
         if not any(at < line.flight_s < at + flown.options.others.reboot_takes_s + 1.0 for at in reboots):
             assert abs(line.error_s) <= line.bound_s, line
     return flown
+
+
+@cache
+def seen(name: str, *how: str, **differences: Any) -> Flight:
+    """Flights that several tests look at."""
+    return fly_and_bound(name, differences, sightings="sightings" in how)
 
 
 def worst_s(flown: Flight, after_s: float = SETTLED_S) -> float:
@@ -77,13 +87,7 @@ def miss_m(flown: Flight) -> float:
     line = flown.final()
     true = flown.mock.world.place(flown.mock.scene[0].at(0.0))
     north = (line["lat"] - true.lat) * 111_200.0
-    return hypot(north, (line["lon"] - true.lon) * 111_200.0 * cos(true.lat * 3.14159265 / 180.0))
-
-
-@cache
-def untroubled() -> Flight:
-    """What the troubled flights are compared with."""
-    return fly_and_bound("unbiased", {})
+    return hypot(north, (line["lon"] - true.lon) * 111_200.0 * cos(radians(true.lat)))
 
 
 # 1xx: the clock. (trouble, scenario, difference, worst error of the clock after 20 s, worst miss of the target)
@@ -121,8 +125,220 @@ CLOCK = [
     ("name", "differences", "clock_s", "target_m"), [row[2:] for row in CLOCK], ids=[f"{n} {t}" for n, t, *_ in CLOCK]
 )
 def test_clock(name, differences, clock_s, target_m):
-    settings = (*GLOBAL_SHUTTER, "vehicle.system_id=1") if name == "two_vehicles" else GLOBAL_SHUTTER
-    flown = fly_and_bound(name, differences, settings)
-    print(name, worst_s(flown) * 1e3, miss_m(flown))
+    flown = (
+        fly_and_bound(name, differences, ["vehicle.system_id=1"])
+        if name == "two_vehicles"
+        else seen(name, **differences)
+    )
     assert worst_s(flown) < clock_s
     assert miss_m(flown) < target_m
+
+
+@pytest.mark.parametrize(
+    ("name", "differences"),
+    [
+        ("foreign_timesync", {}),
+        ("rebooting", {}),
+        ("stepped_wall_clock", {}),
+        ("unbiased", {"camera.stamp_clock": "time_boot"}),
+        ("unbiased", {"camera.stamp_clock": "time_unix"}),
+        ("unbiased", {"autopilot.boot_at_start_s": WRAP_S - 12.0, "camera.stamp_clock": "time_boot"}),
+    ],
+    ids=["foreign speaker", "reboot", "wall clock", "stamps by the autopilot", "stamps by the wall", "wrapping stamps"],
+)
+def test_118_what_leaves_the_error_where_it_was(name, differences):
+    """Against the same flight without it: estimate and clock stay within what noise drawn anew makes of them."""
+    calm, troubled = seen("unbiased"), seen(name, **differences)
+    assert miss_m(troubled) < miss_m(calm) + 0.01
+    assert worst_s(troubled) < worst_s(calm) + 0.05 * MS
+    assert troubled.companion.lines[-1]["fixes"] > 0.7 * calm.companion.lines[-1]["fixes"]
+
+
+def test_119_a_reboot_is_told_and_frames_meanwhile_are_held_back():
+    flown = seen("rebooting")
+    assert sum("rebooted" in notice for notice in flown.companion.notices) == 1
+    assert flown.companion.pipeline.status(flown.mock.end_ns)["telemetry"]["reboots"] == 1
+    assert 15 < sum(held_back(flown).values()) < 35  # two seconds of ten frames, and the new clock's first
+    after = [line for line in clock_errors(flown) if line.flight_s > 15.5]
+    assert all(abs(line.error_s) < 1.0 * MS for line in after)
+
+
+def test_120_frames_across_a_step_of_the_wall_clock_are_refused_by_name_and_no_others():
+    dropped = seen("stepped_wall_clock").companion.lines[-1]["dropped"]
+    calm = seen("unbiased", **{"camera.stamp_clock": "time_unix"}).companion.lines[-1]["dropped"]
+    assert 1 <= dropped.pop("across_clock_step") <= 2
+    assert dropped == calm
+
+
+def test_121_an_unsure_clock_is_told_and_carried_by_the_fixes():
+    """By arrivals alone sigma is 5 ms; the error is the least delay. The same flight with answers claims less."""
+    silent, answered = seen("silent_clock", "sightings"), seen("unbiased", "sightings")
+    last = clock_errors(silent)[-1]
+    assert last.status == "arrivals"
+    assert abs(last.error_s) < last.sigma_s == pytest.approx(5.0 * MS, rel=0.1)
+    by_time = [
+        sqrt(sum(line["budget"]["time"] ** 2 for line in used) / len(used))
+        for used in (budgets(silent), budgets(answered))
+    ]
+    assert by_time[0] > 1.05 * by_time[1]
+
+
+def held_back(flown: Flight) -> dict[str, int]:
+    reasons = {"before_history", "no_clock", "stale_attitude", "attitude_gap", "from_the_future", "too_late"}
+    dropped, calm = flown.companion.lines[-1]["dropped"], seen("unbiased").companion.lines[-1]["dropped"]
+    return {reason: dropped.get(reason, 0) - calm.get(reason, 0) for reason in reasons}
+
+
+def budgets(flown: Flight) -> list[dict[str, Any]]:
+    return [line for line in flown.companion.lines if line["type"] == "sighting" and line["budget"]]
+
+
+# 2xx: from attitudes to rays. At nadir from 10 m, 5 deg at 5 Hz about two axes, no noise, rates behind 20 Hz.
+
+NADIR = {
+    "seconds": 15.0,
+    "flight.pattern": "hover",
+    "flight.pitch_deg": 0.0,
+    "flight.height_m": 10.0,
+    "flight.wander_m": 0.0,
+    "flight.wander_deg": 0.0,
+    "flight.heave_m": 0.0,
+    "flight.flapping_roll_deg": 5.0,
+    "targets": (TargetOptions(north=0.7, east=0.9),),
+}
+PERFECT_CLOCK = {"autopilot.attitude_on_whole_ms": True, "camera.stamp_clock": "time_boot"}
+
+
+def nadir_mm(differences: dict[str, Any], *settings: str) -> float:
+    """RMS on the ground, of the worse axis: where the ray of each sighting meets it, seen from the true place."""
+    options = scenario("perfect").but({**NADIR, **differences})
+    readout_s = f"camera.readout_s={options.camera.readout_s}"
+    flown = fly(options, (readout_s, *settings), sightings=True)
+    late = [line for line in budgets(flown) if flown.mock.camera.row0_s(line["frame"]) > 6.0]
+    errors = [on_the_ground(flown, line) for line in late]
+    assert len(errors) > 200
+    return 1000.0 * sqrt(max(sum(error[axis] ** 2 for error in errors) for axis in (0, 1)) / len(errors))
+
+
+def on_the_ground(flown: Flight, line: dict[str, Any]) -> tuple[float, float]:
+    """North and east by which a sighting's ray, seen from the true place, misses the target on the ground."""
+    camera, target = flown.mock.camera, flown.mock.scene[0]
+    _, t = camera.true_pixel(target, camera.row0_s(line["frame"]))
+    place, true, ray = flown.mock.flight.at(t).position, target.at(t), line["ray_ned"]
+    reach = (true[2] - place[2]) / ray[2]
+    return (place[0] + reach * ray[0] - true[0], place[1] + reach * ray[1] - true[1])
+
+
+@pytest.mark.parametrize("readout_s", [0.0, 0.03])
+@pytest.mark.parametrize(("hz", "most_mm"), [(100, 0.5), (50, 3.0), (25, 20.0)])
+def test_201_what_pairing_adds_with_a_perfect_clock(hz, most_mm, readout_s):
+    """The stamps keep step with the attitudes, which the attitudes show: nothing has to be configured for it."""
+    assert nadir_mm({**PERFECT_CLOCK, "camera.readout_s": readout_s}, f"rates.attitude={hz}") < most_mm
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.001])
+def test_202_the_same_with_the_delay_of_stamps_configured(delay_s):
+    """As none at all, or as one whose mean cancels that of cutting stamps to milliseconds."""
+    delay = f"uncertainty.attitude_stamp_delay_s={delay_s}"
+    assert nadir_mm(PERFECT_CLOCK, "rates.attitude=50", delay) < 3.0
+
+
+@pytest.mark.parametrize("hz", [50, 100])
+def test_203_with_cut_stamps_their_delay_and_the_estimated_clock(hz):
+    jitter = {"downlink.jitter_s": 0.003, "uplink.jitter_s": 0.003}
+    assert nadir_mm(jitter, f"rates.attitude={hz}") < 20.0
+
+
+@pytest.mark.parametrize("trouble", [{"has_quaternion": False}, {"knows_set_message_interval": False}])
+def test_204_attitude_alone_has_its_pitch_trim_put_back(trouble):
+    """5 degrees that ArduPlane takes off: 0.87 m from 10 m."""
+    differences = {f"autopilot.{name}": value for name, value in trouble.items()}
+    assert nadir_mm({"autopilot.pitch_trim_deg": 5.0, **differences}) < 20.0
+
+
+def test_205_a_stream_too_slow_for_the_motion_says_so_and_carries_it():
+    """Ten attitudes a second of a wing that beats at 5 Hz show nothing of it; the rates that come with them do."""
+    options = scenario("perfect").but({**NADIR, "camera.readout_s": 0.0})
+    flown = fly(options, (*GLOBAL_SHUTTER, "rates.attitude=10"), sightings=True)
+    assert flown.companion.pipeline.status(flown.mock.end_ns)["telemetry"]["too_slow_for_motion"]
+    ratios = []
+    for line in budgets(flown):
+        north, east = on_the_ground(flown, line)
+        ratios.append(hypot(north, east) / line["budget"]["attitude"])
+    assert sqrt(sum(ratio**2 for ratio in ratios) / len(ratios)) < 1.5
+
+
+# 3xx: frames.
+
+
+@pytest.mark.parametrize(
+    ("name", "most_m"),
+    [("perfect", 1e-4), ("unbiased", 5e-3), ("rolling_shutter", 5e-3)],
+)
+def test_301_frames_300_ms_late_leave_the_final_estimate_as_in_time(name, most_m):
+    """A late frame may find a position behind it where one in time had to go on from the last: with noise in the
+    positions that is worth some millimetres of its own fix, and of the estimate one or two."""
+    changes = {"seconds": 18.0, "camera.stops_at_s": 16.0, "camera.readout_s": 0.03 if "shutter" in name else 0.0}
+    in_time, late = (seen(name, **changes, **{"camera.late_every": every}) for every in (0, 7))
+    assert late.companion.lines[-1]["fixes"] == in_time.companion.lines[-1]["fixes"]
+    for axis in ("north", "east", "down"):
+        assert late.final()[axis] == pytest.approx(in_time.final()[axis], abs=most_m)
+
+
+def test_302_an_unknown_readout_is_uncertainty():
+    """The mock's is 30 ms, all of a frame interval; half of one is assumed."""
+    known, unknown = (
+        fly(
+            scenario("rolling_shutter").but({**CALM, "camera.readout_s": 0.03, "camera.fps": 30.0, "seconds": 10.0}),
+            (f"camera.readout_s={readout}",),
+            sightings=True,
+        )
+        for readout in ("0.03", '"unknown"')
+    )
+    claims = [
+        sum(line["budget"]["time"] for line in budgets(flown)) / len(budgets(flown)) for flown in (known, unknown)
+    ]
+    assert claims[1] > claims[0]
+    assert miss_m(known) < 0.05
+    assert miss_m(unknown) < 0.2
+
+
+# 4xx: rates. (trouble, scenario, difference, the message attitudes come from, its rate, what the log says)
+
+RATES = [
+    (
+        401,
+        "a ground station takes them every 10 s",
+        "gcs_thief",
+        {"seconds": 26.0},
+        "ATTITUDE_QUATERNION",
+        100,
+        "255/190",
+    ),
+    (402, "at most 0.8 of a loop of 50 Hz", "slow_loop", {}, "ATTITUDE_QUATERNION", 40, "accepted rate is 40.0 Hz"),
+    (403, "only REQUEST_DATA_STREAM", "old_rates", {}, "ATTITUDE", 100, "REQUEST_DATA_STREAM"),
+    (404, "no quaternion", "no_quaternion", {}, "ATTITUDE", 100, "pitch trim"),
+    (405, "a reboot forgets them", "rebooting", {}, "ATTITUDE_QUATERNION", 100, "rebooted"),
+    (406, "acknowledged and not sent", "px4_slow", {}, "ATTITUDE_QUATERNION", 18.4, "not ready: attitude"),
+]
+
+
+@pytest.mark.parametrize(
+    ("name", "differences", "message", "hz", "said"),
+    [row[2:] for row in RATES],
+    ids=[f"{number} {trouble}" for number, trouble, *_ in RATES],
+)
+def test_rates(name, differences, message, hz, said):
+    flown = seen(name, **differences)
+    status = flown.companion.pipeline.status(flown.mock.end_ns)
+    assert status["telemetry"]["attitude_source"] == message
+    assert status["telemetry"]["rates_hz"][message] == pytest.approx(hz, rel=0.05)
+    assert any(said in notice for notice in flown.companion.notices)
+
+
+def test_407_the_thief_is_named_where_check_looks():
+    flown = seen("gcs_thief", seconds=26.0)
+    undone_by = flown.companion.pipeline.status(flown.mock.end_ns)["rates"]["ATTITUDE_QUATERNION"]["undone_by"]
+    assert "255/190" in undone_by
+    lost = held_back(flown)
+    assert lost["stale_attitude"] + lost["attitude_gap"] < 2 * 10 * 3.0, "three seconds for each of two thefts"
