@@ -84,6 +84,8 @@ class Space:
     def _complaint(self, count: int) -> str | None:
         policy = self._policy
         if policy.most_used_bytes and self._used + count > policy.most_used_bytes:
+            self._used = sum(map(_size, recordings(self._directory)))  # somebody may have made room meanwhile
+        if policy.most_used_bytes and self._used + count > policy.most_used_bytes:
             most = policy.most_used_bytes // BYTES_PER_MB
             return f"recordings take {self._used // BYTES_PER_MB} of {most} MB ([record] max_used_mb)"
         disk = os.statvfs(self._directory)

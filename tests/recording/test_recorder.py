@@ -152,3 +152,10 @@ def test_the_recording_under_way_is_never_the_one_that_goes(tmp_path):
     with pytest.raises(SpaceError):
         Space(tmp_path, SpacePolicy(900, 0, True)).take(400, current)
     assert current.exists()
+
+
+def test_room_that_somebody_made_meanwhile_is_used(tmp_path):
+    current, old = old_recording(tmp_path, 100), old_recording(tmp_path, 700)
+    room = Space(tmp_path, SpacePolicy(900, 0, False))
+    (old / TELEMETRY).unlink()
+    assert room.take(600, current) == []
