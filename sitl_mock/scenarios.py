@@ -44,7 +44,6 @@ DEMO: dict[str, Any] = {
     "flight.height_m": 12.0,
     "flight.speed_m_s": 5.0,
     "camera.fps": 12.0,
-    "camera.first_frame_s": 1.5,
     "camera.exposure_s": 0.003,
     "camera.readout_s": 0.025,
     "targets": TAGS,

@@ -16,6 +16,8 @@ CONFIG_FILE, CAMERA_FILE, PIPE = "fwav-companion.toml", "camera.yaml", "frames.p
 SCENARIO = "demo"
 READOUT_S = (0.015, 0.033)
 """Of a small sensor, by its data sheet: what the configuration knows."""
+CAMERA_COMES_UP_S = 1.5
+"""After the autopilot: nothing on a board is there at once."""
 PRIORS = (
     "attitude_noise_deg", "attitude_bias_deg", "heading_bias_deg", "position_noise_m", "position_bias_m",
     "position_bias_time_s", "height_noise_m", "height_bias_m", "mount_bias_deg", "time_offset_sigma_s",
@@ -72,6 +74,6 @@ file = "status.json"
     def mock_arguments(self, config: Config) -> list[str]:
         """For both processes of the mock."""
         told = {f"priors.{name}": getattr(config.uncertainty, name) for name in PRIORS}
-        told["camera.readout_s"] = self.readout_s
+        told |= {"camera.readout_s": self.readout_s, "camera.first_frame_s": CAMERA_COMES_UP_S}
         sets = [f"--set={name}={value!r}" for name, value in told.items()]
         return [f"--scenario={self.scenario}", f"--seed={self.seed}", f"--seconds={self.seconds}", *sets]
