@@ -1,7 +1,5 @@
 """The camera component as a ground station meets it: pymavlink over UDP, the daemon and the mock as processes."""
 
-import select
-import socket
 import threading
 import time
 from collections.abc import Callable
@@ -10,8 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from processes import free_port
-from pymavlink.dialects.v20 import ardupilotmega as dialect
+from autopilot_tap import Tap
 from sites import Site
 
 CAMERA, COMPANION = 100, 191
@@ -124,51 +121,6 @@ def test_a_target_that_is_not_seen_coasts(site: Site):
         assert service.stop() == 0
 
 
-class Tap:
-    """Sits on the autopilot's line and sees what goes to it."""
-
-    def __init__(self, service_port: int) -> None:
-        self.port = free_port()
-        self.seen: list[tuple[float, Any]] = []
-        self._vehicle = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._vehicle.bind(("127.0.0.1", self.port))
-        self._service = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._service.connect(("127.0.0.1", service_port))
-        self._parser = dialect.MAVLink(None)
-        self._parser.robust_parsing = True
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run)
-
-    def __enter__(self) -> "Tap":
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._stop.set()
-        self._thread.join()
-        self._vehicle.close()
-        self._service.close()
-
-    def rates(self, seconds: float) -> dict[str, float]:
-        """Of our camera's messages on this line from now on."""
-        start = time.monotonic()
-        time.sleep(seconds)
-        heard = [message for at, message in list(self.seen) if at >= start and message.get_srcComponent() == CAMERA]
-        return {name: len(named(name, heard)) / seconds for name in (IMAGE, GEO)}
-
-    def _run(self) -> None:
-        vehicle = None
-        while not self._stop.is_set():
-            for ready in select.select([self._vehicle, self._service], [], [], 0.1)[0]:
-                if ready is self._vehicle:
-                    data, vehicle = self._vehicle.recvfrom(65536)
-                    self._service.send(data)
-                elif vehicle is not None:
-                    data = self._service.recv(65536)
-                    self.seen += [(time.monotonic(), message) for message in self._parser.parse_buffer(data) or []]
-                    self._vehicle.sendto(data, vehicle)
-
-
 @pytest.mark.timeout(120)
 def test_with_the_radio_on_the_autopilot_the_camera_speaks_through_it_seldom(site: Site):
     """Until a ground station's heartbeat is heard on a link of its own."""
@@ -177,14 +129,14 @@ def test_with_the_radio_on_the_autopilot_the_camera_speaks_through_it_seldom(sit
         service.wait_for("link autopilot is up")
         with site.mock("--scenario", "unbiased", seconds=60.0):
             site.ground.listen(until=GEO, count=3)
-            told = tap.rates(4.0)
+            told = tap.rates(CAMERA, (IMAGE, GEO), 4.0)
             assert told == {IMAGE: pytest.approx(2.0, abs=0.3), GEO: pytest.approx(2.0, abs=0.3)}
             assert "found" in {m.text[:5] for _, m in tap.seen if m.get_type() == "STATUSTEXT"}
             beating = threading.Event()
             beats = threading.Thread(target=beat_until, args=(site, beating))
             beats.start()
             time.sleep(1.5)
-            assert tap.rates(3.0) == {IMAGE: 0.0, GEO: 0.0}
+            assert tap.rates(CAMERA, (IMAGE, GEO), 3.0) == {IMAGE: 0.0, GEO: 0.0}
             beating.set()
             beats.join()
         assert service.stop() == 0

@@ -1,0 +1,69 @@
+"""Sits on the line between the mock and the daemon, and sees what goes to the autopilot."""
+
+from __future__ import annotations
+
+import contextlib
+import select
+import socket
+import threading
+import time
+from typing import Any
+
+from processes import free_port
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+
+class Tap:
+    """For as long as the block lasts; the mock is to speak to :attr:`port`."""
+
+    def __init__(self, service_port: int) -> None:
+        self.port = free_port()
+        self.seen: list[tuple[float, Any]] = []
+        """(when, message): all that went to the autopilot."""
+        self._vehicle = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._vehicle.bind(("127.0.0.1", self.port))
+        self._service = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._service.connect(("127.0.0.1", service_port))
+        self._peer: tuple[str, int] | None = None
+        self._parser = dialect.MAVLink(None)
+        self._parser.robust_parsing = True
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+
+    def __enter__(self) -> Tap:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop.set()
+        self._thread.join()
+        self._vehicle.close()
+        self._service.close()
+
+    def names(self) -> set[str]:
+        """Of all messages so far."""
+        return {message.get_type() for _, message in list(self.seen)}
+
+    def rates(self, component: int, names: tuple[str, ...], seconds: float) -> dict[str, float]:
+        """How often the component says these from now on."""
+        start = time.monotonic()
+        time.sleep(seconds)
+        heard = [message for at, message in list(self.seen) if at >= start]
+        told = [message.get_type() for message in heard if message.get_srcComponent() == component]
+        return {name: told.count(name) / seconds for name in names}
+
+    def _run(self) -> None:
+        while not self._stop.is_set():
+            for ready in select.select([self._vehicle, self._service], [], [], 0.1)[0]:
+                with contextlib.suppress(ConnectionRefusedError):  # the daemon is not up yet, or no more
+                    (self._upward if ready is self._vehicle else self._downward)()
+
+    def _upward(self) -> None:
+        data, self._peer = self._vehicle.recvfrom(65536)
+        self._service.send(data)
+
+    def _downward(self) -> None:
+        data = self._service.recv(65536)
+        self.seen += [(time.monotonic(), message) for message in self._parser.parse_buffer(data) or []]
+        if self._peer is not None:
+            self._vehicle.sendto(data, self._peer)
