@@ -8,7 +8,7 @@ from typing import Annotated, Literal, TypeAlias
 import msgspec
 from msgspec import Meta
 
-from fwav_companion.geometry.mounts import BODY_FROM_FORWARD_CAMERA, body_from_camera_from_euler
+from fwav_companion.geometry.mounts import body_from_camera_from_euler
 from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.links.url import LinkUrl, UdpUrl, UnixUrl, parse_detections_url, parse_link_url
 
@@ -89,14 +89,13 @@ class Mount(Section, frozen=True):
     position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Of the camera in body FRD, metres."""
     gimbal_device_id: Annotated[int, Meta(ge=0, le=255)] = 0
-    """0: fixed to the body. Else the gimbal that carries it, whose GIMBAL_DEVICE_ATTITUDE_STATUS then says where it
-    looks in the place of the three angles: 1 to 6 for one behind the autopilot, else its MAVLink component (154)."""
+    """0: fixed to the body. Else it is carried by the gimbal whose GIMBAL_DEVICE_ATTITUDE_STATUS this is: 1 to 6 for
+    one behind the autopilot, else its MAVLink component (154). The angles then count from the gimbal's own axes, all 0
+    for a camera that looks where the gimbal does, and [uncertainty]'s of attitude and mount are the gimbal's."""
 
     @property
     def body_from_camera(self) -> Matrix3:
         """The rotation that the three angles stand for; of a camera on a gimbal, in the gimbal's own axes."""
-        if self.gimbal_device_id:
-            return BODY_FROM_FORWARD_CAMERA
         return body_from_camera_from_euler(radians(self.roll_deg), radians(self.pitch_deg), radians(self.yaw_deg))
 
     @property

@@ -57,13 +57,11 @@ def _vehicle_and_camera(document: Document) -> Iterator[Complaint]:
             ("vehicle", "component_id"),
             f"{CAMERA_COMPONENT_ID} is the camera component's while [publish] camera_tracking is on; accepted: another",
         )
-    mount, fixed = document.camera.mount, Mount()
-    for key in ("roll_deg", "pitch_deg", "yaw_deg") if mount.gimbal_device_id else ():
-        if getattr(mount, key) != getattr(fixed, key):
-            yield (
-                ("camera", "mount", key),
-                "while gimbal_device_id is set, the gimbal tells where the camera looks; accepted: leave it out",
-            )
+    if document.camera.mount.gimbal_device_id and document.camera.mount.pitch_deg == Mount().pitch_deg:
+        yield (
+            ("camera", "mount", "pitch_deg"),
+            "on a gimbal the angles count from its own axes; accepted: 0.0 for a camera that looks where it does",
+        )
     if not document.camera.calibration and (document.detections.url or document.vision is not None):
         source = "[vision] opens a camera" if document.vision is not None else "[detections] url brings pixels"
         yield (

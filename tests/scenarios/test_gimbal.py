@@ -15,7 +15,10 @@ def flown(device_id, *settings, seconds=9.0, **differences):
     options = scenario("gimbal").but(
         {"seconds": seconds, "gimbal.device_id": device_id, **NO_NOISE, **NO_TROUBLE, **differences}
     )
-    return fly(options, [f"camera.mount.gimbal_device_id={device_id}", "camera.readout_s=0.0", *settings])
+    return fly(
+        options,
+        [f"camera.mount.gimbal_device_id={device_id}", "camera.mount.pitch_deg=0.0", "camera.readout_s=0.0", *settings],
+    )
 
 
 def errors_m(flight, from_s=4.0):
@@ -54,7 +57,8 @@ def test_a_gimbal_that_falls_silent_gives_no_fixes_and_says_why():
 
 def test_another_gimbal_is_not_ours():
     flight = fly(
-        scenario("gimbal").but({"seconds": 5.0}), ["camera.mount.gimbal_device_id=155", "camera.readout_s=0.0"]
+        scenario("gimbal").but({"seconds": 5.0}),
+        ["camera.mount.gimbal_device_id=155", "camera.mount.pitch_deg=0.0", "camera.readout_s=0.0"],
     )
     assert not flight.companion.targets()
     assert flight.companion.lines[-1]["dropped"]["no_gimbal"] > 30
@@ -70,7 +74,9 @@ def test_a_fixed_camera_pays_no_heed_to_a_gimbal():
 @pytest.mark.parametrize("device_id", [BEHIND_AUTOPILOT, OWN_COMPONENT])
 def test_a_recorded_flight_replays_to_the_line(device_id):
     options = scenario("gimbal").but({"seconds": 8.0, "gimbal.device_id": device_id, "downlink.loss": 0.1})
-    companion = fly(options, [f"camera.mount.gimbal_device_id={device_id}"], sightings=True).companion
+    companion = fly(
+        options, [f"camera.mount.gimbal_device_id={device_id}", "camera.mount.pitch_deg=0.0"], sightings=True
+    ).companion
     recording = read_recording(bytes(companion.tlog), bytes(companion.detections), own_components(companion.config))
     assert list(replay(recording, companion.config, companion.calibration, sightings=True)) == companion.lines
     assert any("q_ned_gimbal" in line for line in companion.lines)

@@ -83,7 +83,7 @@ FLOWN = {
     "default": [],
     "figure_eight": [],
     "nadir": ["ground.model=rangefinder"],
-    "gimbal": ["camera.mount.gimbal_device_id=154"],
+    "gimbal": ["camera.mount.gimbal_device_id=154", "camera.mount.pitch_deg=0.0"],
 }
 
 
