@@ -329,5 +329,5 @@ class Pipeline:
     def _notify(self, notices: Iterable[Notice], now: HostNs) -> None:
         for notice in notices:
             self._outputs.notices.append(notice)
-            if self._live:
+            if self._live and self._rooms.identity.knows_its_vehicle:
                 self._outputs.messages += self._rooms.publisher.on_notice(notice, now)

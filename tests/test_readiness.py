@@ -3,7 +3,8 @@
 from math import radians
 
 import pytest
-from flying import fly
+from flying import Companion, fly
+from mavlink_wire import Wire
 
 from sitl_mock import scenario
 
@@ -71,3 +72,15 @@ def test_armed_right_after_the_start_it_tells_what_has_come_until_then():
 )
 def test_or_the_one_reason_why_not(changes: dict[str, object], settings: tuple[str, ...], why: str):
     assert lines("default", *settings, **changes) == [f"not ready: {why}"]
+
+
+def test_of_several_autopilots_none_is_adopted_and_only_the_log_is_told():
+    """Whoever's system we spoke for, it might be the wrong one: no word leaves but the companion's heartbeat."""
+    companion, one, other = Companion(), Wire(1, 1), Wire(2, 1)
+    for second in range(1, 12):
+        asked = one.frame("PING", 5, 1, 0, 0) + one.command(1, 191)
+        companion.on_bytes(one.heartbeat() + other.heartbeat() + asked, second * 1_000_000_000)
+        companion.on_wake(second * 1_000_000_000 + 500_000_000)
+    assert companion.notices == ["several autopilots heard (1, 2), none adopted: set [vehicle] system_id"]
+    assert {(outgoing.name, outgoing.component) for _, outgoing in companion.sent} == {("HEARTBEAT", 191)}
+    assert companion.pipeline.system == 1

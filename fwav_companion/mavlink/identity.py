@@ -103,6 +103,14 @@ class Identity:
         return self._configured_system or UNASSIGNED_SYSTEM
 
     @property
+    def knows_its_vehicle(self) -> bool:
+        """An autopilot was adopted, or the configuration names the system: what we say is said for that vehicle.
+
+        Until then our only messages are the companion's heartbeats.
+        """
+        return self.autopilot is not None or bool(self._configured_system)
+
+    @property
     def autopilot_lost(self) -> bool:
         """An autopilot was adopted, and is not heard now."""
         return self._lost
@@ -167,7 +175,7 @@ class Identity:
             return []
         self._beat_ns = _next_beat(self._beat_ns, now)
         beats = [self._heartbeat(self.companion_component, enums.MAV_TYPE_ONBOARD_CONTROLLER, healthy)]
-        if self._camera_component is not None and (self.autopilot is not None or self._configured_system):
+        if self._camera_component is not None and self.knows_its_vehicle:
             beats.append(self._heartbeat(self._camera_component, enums.MAV_TYPE_CAMERA, healthy))
         return beats
 
