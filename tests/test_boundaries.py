@@ -10,7 +10,18 @@ import pytest
 import fwav_companion
 
 PACKAGE = Path(fwav_companion.__file__).parent
-PURE = ("camera", "geometry", "localization", "mavlink", "nouns", "pairing", "publishing", "report", "telemetry", "tracking")
+PURE = (
+    "camera",
+    "geometry",
+    "localization",
+    "mavlink",
+    "nouns",
+    "pairing",
+    "publishing",
+    "report",
+    "telemetry",
+    "tracking",
+)
 CLOCK_READERS = {"time", "time_ns", "monotonic", "monotonic_ns", "perf_counter", "now", "utcnow", "today"}
 
 
