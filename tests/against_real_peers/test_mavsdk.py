@@ -57,6 +57,8 @@ def test_mavsdk_sees_the_vehicle_and_the_target_and_is_obeyed(site: Site):
             peer.wait_for(r'"answer": .*"command": 2010, .*"result": 0,', SECONDS_S)
             peer.tell(command(191, 40999))
             peer.wait_for(r'"answer": .*"command": 40999, .*"result": 3,', SECONDS_S)
+            for component in (1, 191, 100):
+                peer.wait_for(rf'"HEARTBEAT", "component": {component},', SECONDS_S)
             peer.stop()
         assert service.stop() == 0
         assert mock.stop() == 0
