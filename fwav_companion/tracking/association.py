@@ -43,12 +43,12 @@ class Candidate(msgspec.Struct, frozen=True):
 
 def associate(candidates: Sequence[Candidate], fixes: Sequence[GroundFix]) -> dict[int, tuple[int, float]]:
     """Candidate index -> fix index, each at most once, and how much likelier than a false one it is (a logarithm)."""
-    reaches = [horizontal_sigma(fix.cov) for fix in fixes]
+    reaches = [horizontal_sigma(candidate.belief.cov) for candidate in candidates]
     costs: dict[tuple[int, int], float] = {}
-    for i, candidate in enumerate(candidates):
-        reach = horizontal_sigma(candidate.belief.cov)
-        for j, fix in enumerate(fixes):
-            if fix.sighting.detection.label == candidate.label and _near(candidate, fix, reach + reaches[j]):
+    for j, fix in enumerate(fixes):
+        reach = horizontal_sigma(fix.cov)
+        for i, candidate in enumerate(candidates):
+            if fix.sighting.detection.label == candidate.label and _near(candidate, fix, reach + reaches[i]):
                 cost = _cost(candidate, candidate.belief, fix)
                 if cost is not None:
                     costs[i, j] = cost

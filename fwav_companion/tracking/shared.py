@@ -46,6 +46,7 @@ class SharedErrors:
     __slots__ = (
         "_height_noise2",
         "_indices",
+        "_newest",
         "_position_noise2",
         "_sigmas",
         "_wander_s",
@@ -67,11 +68,22 @@ class SharedErrors:
         self._indices = tuple(int(bias) for bias in used)
         self._sigmas = tuple(priors.sigma(bias) for bias in used)
         self._wander_s = priors.position_bias_time_s
+        self._newest: tuple[GroundFix, Weighed] | None = None
         self._height_noise2 = priors.height_noise_m**2
         self._position_noise2 = priors.position_noise_m**2
 
     def weighed(self, fix: GroundFix, since_s: float | None) -> Weighed:
-        """The fix with its scaled Jacobian; ``since_s`` is the time since the fix before, None for a first."""
+        """The fix with its scaled Jacobian; ``since_s`` is the time since the fix before, None for a first.
+
+        Association asks many tracks about one fix in a row: the newest is remembered.
+        """
+        if since_s is None:
+            if self._newest is None or self._newest[0] is not fix:
+                self._newest = (fix, self._weigh(fix, None))
+            return self._newest[1]
+        return self._weigh(fix, since_s)
+
+    def _weigh(self, fix: GroundFix, since_s: float | None) -> Weighed:
         jacobian, sigmas = fix.bias_jacobian, self._sigmas
         north, east, down = zip(*[jacobian[i] for i in self._indices], strict=True) if sigmas else ((), (), ())
         noise = add_diagonal(fix.noise_cov, 0.0, DOWN_FLOOR_M2)
