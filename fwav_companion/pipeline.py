@@ -257,7 +257,10 @@ class Pipeline:
     def _on_timesync(self, message: Message, now: HostNs) -> None:
         result = self._rooms.timesync.on_message(message, now)
         if isinstance(result, ClockExchange):
-            self._on_telemetry(self._rooms.telemetry.on_exchange(result), now)
+            telemetry = self._rooms.telemetry
+            self._on_telemetry(telemetry.on_exchange(result), now)
+            if telemetry.clock.in_doubt:
+                self._rooms.timesync.settle(now)
         elif isinstance(result, Outgoing) and self._live:
             self._outputs.messages.append(result)
 

@@ -21,6 +21,7 @@ from fwav_companion.nouns.telemetry import ClockExchange
 SETTLING_INTERVAL_NS = 100 * NS_PER_MS
 """Ten requests a second while the clock settles."""
 SETTLING_NS = 20 * NS_PER_S
+DOUBT_NS = 2 * NS_PER_S
 FASTEST_NS = 500 * NS_PER_MS
 SLOWEST_NS = 2 * NS_PER_S
 """Later: between two a second and one in two seconds, as the bound needs."""
@@ -94,6 +95,13 @@ class Timesync:
         self._answered = False
         self._settled_ns = HostNs(now + SETTLING_NS)
         self.wake_at = now
+
+    def settle(self, now: HostNs) -> None:
+        """The clock has come into doubt: ask as often as at the beginning, until that is some seconds past."""
+        if self._settled_ns is not None:
+            self._settled_ns = HostNs(max(self._settled_ns, now + DOUBT_NS))
+        if self.wake_at is not None:
+            self.wake_at = min(self.wake_at, HostNs(now + SETTLING_INTERVAL_NS))
 
     @property
     def interval_ns(self) -> int:

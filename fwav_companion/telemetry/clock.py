@@ -45,6 +45,11 @@ class Clock:
         self._exchanges = ExchangeFit()
         self._arrivals = ArrivalEnvelope()
 
+    @property
+    def in_doubt(self) -> bool:
+        """More exchanges would tell more: they are few, since the start or a change of pace, or contradict others."""
+        return self._exchanges.count < EXCHANGES_WHEN_SETTLED or self._exchanges.in_doubt
+
     def host_from_boot(self, boot_ns: BootNs) -> HostNs | Unpaired:
         """The host's instant; NO_CLOCK while nothing is known."""
         line = self._line()
@@ -65,7 +70,7 @@ class Clock:
             bound_s = self._arrivals.bound_s(now, offset_ns)
             return ClockEstimate(now, offset_ns, line.skew, line.sigma_s(now), bound_s, None, ClockStatus.ARRIVALS)
         sigma_s = line.sigma_s(now)
-        settled = self._exchanges.count >= EXCHANGES_WHEN_SETTLED and sigma_s <= SETTLED_SIGMA_S
+        settled = not self.in_doubt and sigma_s <= SETTLED_SIGMA_S
         return ClockEstimate(
             now,
             offset_ns,

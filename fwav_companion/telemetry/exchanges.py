@@ -11,7 +11,7 @@ alone tell more (:mod:`envelopes`), they do.
 from __future__ import annotations
 
 from math import log, pi, sqrt
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import msgspec
 
@@ -29,6 +29,8 @@ RESOLUTION_S = 5e-6
 """Whole microseconds on both sides, and what the two clocks' own reading takes."""
 EXCHANGES_TO_WEIGH = 12
 """From here on the residuals tell how errors depend on the round trip; before, an error is uniform in its bound."""
+EXCHANGES_TO_WEIGH_ANEW = 48
+"""After a change of the skew."""
 FITTED_EACH = 20
 FIT_EVERY_NS = 900_000_000
 """A line is good for far longer; fitting it more often, once it is one, would be work for nothing."""
@@ -42,6 +44,19 @@ ROUNDING_NS = 2_000
 LONGEST_TAIL = 64
 ASTRAY_SIGMAS = 4.5
 """Of the mean of the newest exchanges. Tried for every length of tail at every exchange, but these hardly differ."""
+
+TAILS = (12, 24, 48, 96)
+"""So many newest exchanges are asked alone whether they agree with all of them."""
+SURE_TAIL = 24
+"""From so many on, disagreement beyond ASTRAY_SIGMAS is a change of the skew."""
+DOUBT_AFTER_NS = 5 * NS_PER_S
+"""After a change of the skew: a discipline that began to slew may change its mind."""
+BY_CHANCE_SIGMAS = 3.0
+"""What they differ by beyond this is told as uncertainty, until it is evident or gone."""
+
+FEW, FEW_ASTRAY_SIGMAS = 4, 6.0
+"""So few must lie off by more than delays can make of it: an exchange errs by at most half its round trip, which is
+two of its own sigmas."""
 
 _FLOORS = (0.03, 0.06, 0.12, 0.2, 0.4, 0.8, 1.6, 3.2, 100.0)
 """Of the variance model, in median excesses; the last means: errors do not depend on the round trip."""
@@ -61,22 +76,58 @@ class Exchange(msgspec.Struct, frozen=True, gc=False):
     round_trip_ns: int
 
 
+class Description(NamedTuple):
+    """What some exchanges say: seconds, times and offsets counted from the newest."""
+
+    times: list[float]
+    offsets: list[float]
+    excesses: list[float]
+    """Of the round trips over the least."""
+    weighted: Fit
+    fit: Fit
+    """The likelier of the two."""
+    between: bool
+    """It is the one between the envelopes."""
+    room_s: float
+    """Between the envelopes."""
+
+
 class ExchangeFit:
     """A weighted line through the last two minutes of exchanges, and the interval none of them contradicts."""
 
-    __slots__ = ("_best_ns", "_bound", "_contradicting", "_fitted_ns", "_floor_s", "_scale", "_window", "line")
+    __slots__ = (
+        "_base_s",
+        "_best_ns",
+        "_bound",
+        "_by_envelopes",
+        "_changed_ns",
+        "_contradicting",
+        "_fitted_ns",
+        "_floor_s",
+        "_scale",
+        "_weigh_from",
+        "_window",
+        "in_doubt",
+        "line",
+    )
 
     def __init__(self) -> None:
         self._begin()
 
     def _begin(self) -> None:
         self.line: Line | None = None
+        self._changed_ns: HostNs | None = None
+        self._weigh_from = EXCHANGES_TO_WEIGH
+        self._by_envelopes = False
+        """Delays were seen to be such that the envelopes tell more than weights: links do not change in that."""
+        self.in_doubt = False
+        """The skew has just changed, or the newest exchanges disagree with those before by more than chance."""
         self._window: list[Exchange] = []
         self._best_ns: int | None = None
         self._contradicting: list[Exchange] = []
         self._bound = HardBound()
         self._fitted_ns = HostNs(0)
-        self._floor_s, self._scale = 0.0, 1.0 / 12.0
+        self._base_s, self._floor_s, self._scale = 0.0, 0.0, 1.0 / 12.0
 
     @property
     def count(self) -> int:
@@ -134,30 +185,70 @@ class ExchangeFit:
             self.line = self._fit()
 
     def _fit(self) -> Line:
-        ref = self._window[-1]
-        self._fitted_ns = ref.host_ns
-        times = [(e.host_ns - ref.host_ns) * 1e-9 for e in self._window]
-        offsets = [(e.offset_ns - ref.offset_ns) * 1e-9 for e in self._window]
-        excesses = self._excesses()
-        many = len(times) >= EXCHANGES_TO_WEIGH
-        if many:
-            self._weigh(times, offsets, excesses)
-        fit = self._weighted_line(times, offsets, excesses)
-        tail = self._astray(times, offsets, excesses, fit[0], fit[1])
+        """Over the whole window, as far back as the newest exchanges bear it out."""
+        self._fitted_ns = self._window[-1].host_ns
+        whole = self._described(self._window, weigh=len(self._window) >= self._weigh_from)
+        times, offsets, excesses = whole.times, whole.offsets, whole.excesses
+        tail = self._astray(times, offsets, excesses, whole.weighted[0], whole.weighted[1])
         if tail:
-            del self._window[:-tail]
-            return self._fit()
-        if many:
-            between = fit_between(times, offsets, [e.round_trip_ns * 1e-9 for e in self._window], MOST_SKEW)
-            if between.room_s < -ROUNDING_NS * 1e-9 and len(times) >= 2 * EXCHANGES_TO_WEIGH:
-                del self._window[: len(times) // 2]
-                return self._fit()
-            if between.log_likelihood > self._log_likelihood(fit, times, offsets, excesses) + self._margin:
-                fit = (between.level, between.skew, between.var_level, between.cov_level_skew, between.var_skew)
-        level, skew, p00, p01, p11 = fit
+            return self._fit_newest(tail)
+        if whole.room_s < -ROUNDING_NS * 1e-9 and len(times) >= 2 * EXCHANGES_TO_WEIGH:
+            return self._fit_newest(len(times) - len(times) // 2)
+        level, skew, p00, p01, p11 = whole.fit
+        self._by_envelopes |= whole.between
+        apart2 = 0.0
+        for length in TAILS:
+            if 2 * length > len(times):
+                break
+            newest = self._described(self._window[-length:], between=self._by_envelopes)
+            difference2, chance2 = (newest.fit[0] - level) ** 2, newest.fit[2] + p00
+            if length >= SURE_TAIL and difference2 > ASTRAY_SIGMAS**2 * chance2:
+                return self._fit_newest(length)
+            apart2 = max(apart2, difference2 - BY_CHANCE_SIGMAS**2 * chance2)
+        changed = self._changed_ns is not None and self._fitted_ns - self._changed_ns < DOUBT_AFTER_NS
+        self.in_doubt = changed or apart2 > 0.0
+        ref = self._window[-1]
         low_ns, high_ns = self._bound.interval(ref.host_ns)
         offset_ns = max(low_ns, min(high_ns, ref.offset_ns + round(level * 1e9)))
-        return Line(ref.host_ns, offset_ns, max(-MOST_SKEW, min(MOST_SKEW, skew)), p00, p01, p11)
+        return Line(ref.host_ns, offset_ns, max(-MOST_SKEW, min(MOST_SKEW, skew)), p00 + apart2, p01, p11)
+
+    def _fit_newest(self, length: int) -> Line:
+        """The skew was another before: forget what lies farther back.
+
+        What delays are like is remembered: residuals that hold the rest of a bend would tell that errors do not depend
+        on the round trip, and so hide the bend.
+        """
+        self._changed_ns = self._fitted_ns
+        if len(self._window) >= self._weigh_from:
+            self._weigh_from = EXCHANGES_TO_WEIGH_ANEW
+        del self._window[:-length]
+        return self._fit()
+
+    def _described(self, window: list[Exchange], *, weigh: bool = False, between: bool | None = None) -> Description:
+        """A line through these exchanges: between the envelopes or by weights, whichever they make likelier.
+
+        ``weigh``: learn from them how errors depend on the round trip. ``between``: which of the two, if not asked.
+        """
+        ref = self._window[-1]
+        times = [(e.host_ns - ref.host_ns) * 1e-9 for e in window]
+        offsets = [(e.offset_ns - ref.offset_ns) * 1e-9 for e in window]
+        trips = [e.round_trip_ns * 1e-9 for e in window]
+        if weigh:
+            self._base_s = _base_s(trips)
+        excesses = [max(0.0, trip - self._base_s) for trip in trips]
+        if weigh:
+            self._weigh(times, offsets, excesses)
+        weighted = self._weighted_line(times, offsets, excesses)
+        room_s, fit = 0.0, weighted
+        if weigh or between:
+            e = fit_between(times, offsets, trips, MOST_SKEW)
+            room_s = e.room_s
+            if between is None:
+                likelier = self._log_likelihood(weighted, times, offsets, excesses) + self._margin
+                between = e.log_likelihood > likelier
+            if between:
+                fit = (e.level, e.skew, e.var_level, e.cov_level_skew, e.var_skew)
+        return Description(times, offsets, excesses, weighted, fit, bool(between), room_s)
 
     @property
     def _margin(self) -> float:
@@ -170,16 +261,6 @@ class ExchangeFit:
             w = self._weight(x)
             total += 0.5 * log(w / (2.0 * pi)) - 0.5 * w * (y - fit[0] - fit[1] * t) ** 2
         return total
-
-    def _excesses(self) -> list[float]:
-        """Round trips above their least, seconds; the whole round trips while they are few."""
-        trips = [e.round_trip_ns * 1e-9 for e in self._window]
-        if len(trips) < EXCHANGES_TO_WEIGH:
-            return trips
-        least = sorted(trips)[:4]
-        # The k-th least of n sums of two long-tailed delays lies about sqrt(k) above their base: the first tells it.
-        base = max(0.0, 2.0 * least[0] - least[3])
-        return [trip - base for trip in trips]
 
     def _weigh(self, times: list[float], offsets: list[float], excesses: list[float]) -> None:
         """Choose the likeliest floor of the variance model, and its scale, from the residuals of the line so far."""
@@ -208,7 +289,8 @@ class ExchangeFit:
             w = self._weight(excesses[-back])
             weight += w
             moment += w * (offsets[-back] - level - skew * times[-back])
-            if back >= EXCHANGES_TO_WEIGH and moment * moment > ASTRAY_SIGMAS**2 * weight:
+            evident = ASTRAY_SIGMAS if back >= EXCHANGES_TO_WEIGH else FEW_ASTRAY_SIGMAS
+            if back >= FEW and moment * moment > evident**2 * weight:
                 return back
         return 0
 
@@ -230,6 +312,12 @@ class ExchangeFit:
         s2 += 1.0 / SKEW_PRIOR**2
         d = s0 * s2 - s1 * s1
         return ((s2 * b0 - s1 * b1) / d, (s0 * b1 - s1 * b0) / d, s2 / d, -s1 / d, s0 / d)
+
+
+def _base_s(trips: list[float]) -> float:
+    """The least round trip there is: the k-th least of n sums of two long-tailed delays lies about sqrt(k) above it."""
+    least = sorted(trips)[:4]
+    return max(0.0, 2.0 * least[0] - least[3])
 
 
 class HardBound:

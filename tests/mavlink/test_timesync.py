@@ -140,6 +140,18 @@ def test_ten_a_second_for_twenty_seconds_then_as_many_as_the_bound_needs(sync, r
     assert rate(sent, 30, 100) == pytest.approx(later_hz, rel=0.05)
 
 
+def test_in_doubt_it_asks_ten_times_a_second_again(sync):
+    run(sync, 30, 4 * MS)
+    now = T0 + 30 * S
+    sync.settle(now)
+    assert sync.wake_at - now <= 100 * MS
+    sent, at = 0, sync.wake_at
+    while at < now + 6 * S:
+        sent += sync.on_wake(at) is not None
+        at = sync.wake_at
+    assert 24 <= sent <= 30  # two seconds of ten, then four of two
+
+
 def test_a_silent_autopilot_is_asked_seldom_but_settles_once_it_answers(sync):
     sent = run(sync, 100, MS, answered=lambda now: now >= T0 + 60 * S)
     assert rate(sent, 25, 60) == pytest.approx(0.5, abs=0.05)

@@ -61,6 +61,34 @@ def test_005b_the_host_begins_to_slew_behind_a_slow_link(seed):
     assert wire.worst_s(75.0) < 2.5e-3
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_005c_the_host_begins_to_slew_on_a_quiet_wire(seed):
+    """Seen after two seconds; what is claimed from then on is honest, and a third of a millisecond is left."""
+    quiet = exponential(0.0003, base_s=0.001)
+    wire = Wire(up=quiet, down=quiet, drift=lambda t: 500e-6 * max(0.0, t - 40.0), requests_hz=slowing, seed=seed)
+    wire.run(80.0)
+    after = [(error_s, estimate.sigma_s) for t, error_s, estimate in wire.errors if 43.5 < t < 80.0]
+    assert wire.worst_s(40.0) < 1.2e-3
+    assert wire.worst_s(43.5) < 0.35e-3
+    assert all(abs(error_s) < 3.0 * sigma_s for error_s, sigma_s in after)
+
+
+def test_005d_doubt_is_told_so_that_more_is_asked():
+    """Before the change is evident, and over when it is settled."""
+    wire = Wire(drift=lambda t: 500e-6 * max(0.0, t - 40.0), seed=2)
+    asked = []
+
+    def as_needed(t: float) -> float:
+        asked.append((t, wire.clock.in_doubt))
+        return 10.0 if wire.clock.in_doubt else 2.0
+
+    wire.requests_hz = as_needed
+    wire.run(90.0)
+    assert not [t for t, doubt in asked if doubt and 20.0 < t < 40.0]
+    assert [t for t, doubt in asked if doubt and 40.0 < t < 50.0]
+    assert sum(doubt for t, doubt in asked if t > 70.0) < 0.3 * sum(t > 70.0 for t, _ in asked)
+
+
 def test_006_reboot():
     """The clock begins anew at 30 s: told once, and right again at once."""
     wire = Wire(up=constant(0.004), down=constant(0.006)).run(30.0)
