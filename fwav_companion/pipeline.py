@@ -65,6 +65,8 @@ class Pipeline:
         self._clock_line_ns: HostNs | None = None
         self._fault_over_ns: HostNs | None = None
         self._undulation_was_untold = False
+        self._due_ns: HostNs | None = None
+        self._due_is_known = False
         self._outputs = Outputs()
         self._ended = False
 
@@ -99,6 +101,7 @@ class Pipeline:
     def on_rate_request_passed(self, who: str, now: HostNs) -> None:
         """Somebody's request for other message rates went to the autopilot over a link of ours."""
         self._rooms.rates.on_rate_request_passed(who, now)
+        self._due_is_known = False
 
     def on_frame(self, frame: Frame | NoFrame, now: HostNs) -> None:
         """A frame that was looked at, or what was no frame."""
@@ -129,14 +132,18 @@ class Pipeline:
     def on_internal_fault(self, now: HostNs) -> None:
         """A mistake of our own came up: no heartbeats for a while, since what we say may be wrong."""
         self._rooms.identity.fault()
+        self._due_is_known = False
         self._fault_over_ns = HostNs(now + FAULT_SILENCE_NS)
 
     # Time.
 
     @property
     def wake_at(self) -> HostNs | None:
-        """When :meth:`advance` has something to do; None: not before the next event."""
-        return min((due for due in self._dues() if due is not None), default=None)
+        """When :meth:`advance` has something to do; None: not before the next event. Worked out once an event."""
+        if not self._due_is_known:
+            self._due_ns = min((due for due in self._dues() if due is not None), default=None)
+            self._due_is_known = True
+        return self._due_ns
 
     def advance(self, now: HostNs) -> None:
         """Do everything that was due until now, in its order and at its own time."""
@@ -144,8 +151,11 @@ class Pipeline:
             self._clock_line_ns = self._next_whole_second(now)
             if self._live:
                 self._speak(now)
+            self._due_is_known = False
         while (due := self.wake_at) is not None and due <= now:
             self._wake(due, now)
+            self._due_is_known = False
+        self._due_is_known = False  # what comes now changes it
 
     def finish(self, now: HostNs) -> None:
         """The flight is over: settle every frame and write the summary."""

@@ -187,7 +187,10 @@ class Service:
 
     def _on_timer(self) -> None:
         self._timer = self._timer_ns = None
-        now = self._clock.now()
+        wake_at, now = self._wake_at, self._clock.now()
+        if wake_at is not None and wake_at > now:  # rung for what has been done meanwhile
+            self._arm()
+            return
         if self._node.wake_at is not None:
             self._take(self._node.on_wake(now), now)
         self._pipeline.advance(now)
@@ -245,10 +248,16 @@ class Service:
             for datagram in outputs.datagrams:
                 self._map_link.send(datagram)
 
+    @property
+    def _wake_at(self) -> HostNs | None:
+        first, other = self._pipeline.wake_at, self._node.wake_at
+        if first is None or other is None:
+            return first if other is None else other
+        return min(first, other)
+
     def _arm(self) -> None:
         """Have the timer ring by the next due time; an earlier ring does no harm."""
-        dues = [due for due in (self._pipeline.wake_at, self._node.wake_at) if due is not None]
-        wake_at = min(dues, default=None)
+        wake_at = self._wake_at
         if wake_at is None or (self._timer_ns is not None and self._timer_ns <= wake_at):
             return
         if self._timer is not None:

@@ -7,7 +7,7 @@ import pytest
 from flying import Companion, Flight, fly
 
 from fwav_companion.geometry.stamps import HostNs
-from sitl_mock import TargetOptions, scenario
+from sitl_mock import TargetOptions, scenario, simulate
 
 LANDING = ("publish.landing_target=true", 'publish.landing_label="target"', "publish.landing_max_sigma_m=3.0")
 GLOBAL_SHUTTER = ("camera.readout_s=0.0",)
@@ -182,3 +182,22 @@ def test_other_grounds_find_the_same_target(ground: str):
     flown = fly(options, (*GLOBAL_SHUTTER, ground, height))
     assert flown.error_m(flown.final()) < 0.1
     assert abs(flown.final()["down"]) < 0.1
+
+
+def test_the_next_due_time_is_always_the_one_that_the_rooms_tell():
+    class Watched(Companion):
+        def _flushed(self, now: HostNs) -> list[bytes]:
+            frames = super()._flushed(now)
+            told = self.pipeline.wake_at
+            assert told == min((due for due in self.pipeline._dues() if due is not None), default=None)
+            return frames
+
+    options = scenario("default").but({"seconds": 9.0, "seed": 4, "camera.late_every": 7})
+    mock = simulate(options)
+    companion = Watched(unix_minus_host_s=mock.unix_minus_host_s)
+    for _ in mock.drive(companion):
+        pass
+    companion.pipeline.on_rate_request_passed("255/190", HostNs(mock.end_ns))
+    companion._flushed(HostNs(mock.end_ns))
+    companion.pipeline.on_internal_fault(HostNs(mock.end_ns))
+    companion._flushed(HostNs(mock.end_ns))
