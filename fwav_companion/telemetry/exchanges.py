@@ -29,8 +29,8 @@ RESOLUTION_S = 5e-6
 """Whole microseconds on both sides, and what the two clocks' own reading takes."""
 EXCHANGES_TO_WEIGH = 12
 """From here on the residuals tell how errors depend on the round trip; before, an error is uniform in its bound."""
-EXCHANGES_TO_WEIGH_ANEW = 48
-"""After a change of the skew."""
+EXCHANGES_TO_WEIGH_ANEW = 12
+"""So many more, after a change of the skew."""
 FITTED_EACH = 20
 FIT_EVERY_NS = 900_000_000
 """A line is good for far longer; fitting it more often, once it is one, would be work for nothing."""
@@ -47,11 +47,12 @@ ASTRAY_SIGMAS = 4.5
 
 TAILS = (12, 24, 48, 96)
 """So many newest exchanges are asked alone whether they agree with all of them."""
-SURE_TAIL = 24
-"""From so many on, disagreement beyond ASTRAY_SIGMAS is a change of the skew."""
+SURE_TAIL, SURE_SIGMAS = 24, 8.0
+"""From so many on, disagreement beyond this is a change of the skew. What lies between envelopes errs like a Laplacian:
+eight of its sigmas are as rare as four and a half of a Gaussian."""
 DOUBT_AFTER_NS = 5 * NS_PER_S
 """After a change of the skew: a discipline that began to slew may change its mind."""
-BY_CHANCE_SIGMAS = 3.0
+BY_CHANCE_SIGMAS = 4.0
 """What they differ by beyond this is told as uncertainty, until it is evident or gone."""
 
 FEW, FEW_ASTRAY_SIGMAS = 4, 6.0
@@ -202,7 +203,7 @@ class ExchangeFit:
                 break
             newest = self._described(self._window[-length:], between=self._by_envelopes)
             difference2, chance2 = (newest.fit[0] - level) ** 2, newest.fit[2] + p00
-            if length >= SURE_TAIL and difference2 > ASTRAY_SIGMAS**2 * chance2:
+            if length >= SURE_TAIL and difference2 > SURE_SIGMAS**2 * chance2:
                 return self._fit_newest(length)
             apart2 = max(apart2, difference2 - BY_CHANCE_SIGMAS**2 * chance2)
         changed = self._changed_ns is not None and self._fitted_ns - self._changed_ns < DOUBT_AFTER_NS
@@ -219,8 +220,8 @@ class ExchangeFit:
         on the round trip, and so hide the bend.
         """
         self._changed_ns = self._fitted_ns
-        if len(self._window) >= self._weigh_from:
-            self._weigh_from = EXCHANGES_TO_WEIGH_ANEW
+        if len(self._window) >= EXCHANGES_TO_WEIGH:
+            self._weigh_from = length + EXCHANGES_TO_WEIGH_ANEW
         del self._window[:-length]
         return self._fit()
 

@@ -16,7 +16,7 @@ def slowing(t: float) -> float:
     return 10.0 if t < 20.0 else 2.0
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", [0, 1, 2, 3, 4, 12, 14, 37])  # the last three once looked like a change of pace
 def test_001_jitter(seed):
     wire = Wire(seed=seed, requests_hz=slowing).run(60.0)
     assert wire.worst_s(20.0) < 1e-3
