@@ -67,13 +67,29 @@ def test_without_an_autopilot_it_says_in_one_line_what_it_waits_for(site: Site):
     assert f"autopilot (udpin://127.0.0.1:{site.autopilot_port})" in waiting[0]
 
 
+@pytest.fixture
+def deaf_port():
+    """A TCP port whose queue is full: connecting to it takes until somebody gives up."""
+    with socket.socket() as server:
+        server.bind(("127.0.0.1", 0))
+        server.listen(0)
+        waiting = [socket.socket() for _ in range(8)]
+        for each in waiting:
+            each.setblocking(False)
+            each.connect_ex(server.getsockname())
+        yield server.getsockname()[1]
+        for each in waiting:
+            each.close()
+
+
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT], ids=["SIGTERM", "SIGINT"])
-def test_it_stops_while_a_link_is_being_opened(site: Site, number: int):
-    """Opening a FIFO waits until somebody writes to it: a serial port that hangs."""
-    os.mkfifo(site.folder / "tty")
-    site.replace(f"udpin://127.0.0.1:{site.autopilot_port}", f"serial://{site.folder}/tty:115200")
+def test_it_stops_while_a_link_is_being_opened(site: Site, deaf_port: int, number: int):
+    site.replace(f"udpin://127.0.0.1:{site.autopilot_port}", f"tcpout://127.0.0.1:{deaf_port}")
     with site.service() as service:
-        service.wait_for("waiting for an autopilot")
+        service.wait_for("link ground is up")
+        site.ground.listen(until="HEARTBEAT", count=2)
+        status = json.loads((site.folder / "status.json").read_text())
+        assert status["links"]["autopilot"]["state"] == "opening"
         assert service.stop(number, within_s=5.0) == 0
     assert "stopped" in service.said
 
