@@ -201,3 +201,11 @@ def test_the_next_due_time_is_always_the_one_that_the_rooms_tell():
     companion._flushed(HostNs(mock.end_ns))
     companion.pipeline.on_internal_fault(HostNs(mock.end_ns))
     companion._flushed(HostNs(mock.end_ns))
+
+
+def test_no_number_of_fixes_takes_away_what_is_not_known_of_the_grounds_level(perfect: Flight):
+    """[uncertainty] height_bias_m is 0.5 by default, and the same in every fix."""
+    line = perfect.final()
+    assert len(perfect.companion.targets()) > 300
+    assert line["cov"][2][2] >= 0.5**2
+    assert line["fix"]["cov"][2][2] >= line["cov"][2][2]

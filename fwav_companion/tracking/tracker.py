@@ -5,6 +5,7 @@ from __future__ import annotations
 import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_S, BootNs, HostNs, s_from_ns
+from fwav_companion.geometry.vectors import Matrix3
 from fwav_companion.nouns import ErrorPriors, FrameView, GroundFix, Reason, Track, TrackState
 from fwav_companion.tracking.association import Candidate, associate
 from fwav_companion.tracking.base import Belief, Filter
@@ -39,6 +40,8 @@ class Alive(msgspec.Struct, frozen=True):
     last_pixel: tuple[float, float] | None = None
     fix: GroundFix | None = None
     """Of the newest frame."""
+    level_sigma_m: float = 0.0
+    """Of the ground's level by the newest fix: the same in every fix, so no number of them takes it away."""
 
 
 class Snapshot(msgspec.Struct, frozen=True):
@@ -133,6 +136,7 @@ class Tracker:
             detection.detector_id if detection.detector_id is not None else track.detector_id,
             (detection.u, detection.v),
             fix,
+            fix.level_sigma_m,
         )
 
     def _with_newborn(self, tracks: list[Alive], fixes: list[GroundFix], host_ns: HostNs) -> tuple[list[Alive], int]:
@@ -145,7 +149,9 @@ class Tracker:
             detection = fix.sighting.detection
             pixel = (detection.u, detection.v)
             belief = self._filter.started(fix)
-            tracks.append(Alive(next_id, detection.label, belief, born(host_ns), detection.detector_id, pixel, fix))
+            life, level_sigma_m = born(host_ns), fix.level_sigma_m
+            newborn = Alive(next_id, detection.label, belief, life, detection.detector_id, pixel, fix, level_sigma_m)
+            tracks.append(newborn)
             next_id += 1
         return tracks, next_id
 
@@ -160,8 +166,8 @@ class Tracker:
             boot_ns=boot_ns,
             frame=frame,
             position_ned=belief.position_ned,
-            cov=belief.cov,
-            relative_cov=belief.relative_cov,
+            cov=_with_level(belief.cov, track.level_sigma_m),
+            relative_cov=_with_level(belief.relative_cov, track.level_sigma_m),
             velocity_ned=belief.velocity_ned,
             velocity_cov=belief.velocity_cov,
             fix=track.fix,
@@ -216,6 +222,12 @@ def make_tracker(
         return Tracker(MovingKalman(priors), KEEP_MOVING_NS)
     calibrator = Calibrator(Workshop(priors, state_at, kept)) if options.self_calibration else None
     return Tracker(StaticKalman(priors), KEEP_STATIC_NS, calibrator)
+
+
+def _with_level(cov: Matrix3, level_sigma_m: float) -> Matrix3:
+    """What is not known of the ground's own level stands in every fix, and so in the track."""
+    north, east, (down_north, down_east, down_down) = cov
+    return (north, east, (down_north, down_east, down_down + level_sigma_m * level_sigma_m))
 
 
 def _living(tracks: list[Alive]) -> int:
