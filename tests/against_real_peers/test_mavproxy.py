@@ -48,6 +48,10 @@ def test_mavproxy_sees_the_vehicle_and_the_target_and_is_obeyed(site: Site, mavp
             peer.wait_for(r"Detected vehicle 1:100 on link 0", SECONDS_S)
             peer.tell("watch CAMERA_TRACKING_GEO_STATUS")
             peer.wait_for(r"CAMERA_TRACKING_GEO_STATUS {.*lat : 4813\d{5}", SECONDS_S)
+            peer.tell("watch CAMERA_INFORMATION")
+            for _ in range(2):  # as ground stations do: a datagram may be lost
+                peer.tell("long 512 259")
+            peer.wait_for(r"CAMERA_INFORMATION {", SECONDS_S)
             peer.tell("watch COMMAND_ACK")
             for line, result in (("512 259", 0), ("CAMERA_STOP_TRACKING", 0), ("40999", 3)):
                 number = {"CAMERA_STOP_TRACKING": 2010}.get(line, line.split()[0])
