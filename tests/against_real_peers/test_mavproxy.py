@@ -1,6 +1,7 @@
 """MAVProxy as the ground station, with its own pymavlink: it sees our components, and they do what it asks."""
 
 import signal
+import time
 from pathlib import Path
 
 import pytest
@@ -39,6 +40,15 @@ def heard(site: Site) -> list:
     return messages
 
 
+def wait_until_logged(site: Site, wanted: tuple[str, int]) -> None:
+    """MAVProxy writes its log behind, and a stop takes what it has not written."""
+    for _ in range(100):
+        if wanted in {(message.get_type(), message.get_srcComponent()) for message in heard(site)}:
+            return
+        time.sleep(0.2)
+    pytest.fail(f"{wanted} never came into MAVProxy's log")
+
+
 @pytest.mark.timeout(400)
 def test_mavproxy_sees_the_vehicle_and_the_target_and_is_obeyed(site: Site, mavproxy: tuple[str, str]):
     with site.service() as service, site.mock("--scenario", "unbiased", seconds=60.0) as mock:
@@ -59,6 +69,7 @@ def test_mavproxy_sees_the_vehicle_and_the_target_and_is_obeyed(site: Site, mavp
                 peer.wait_for(rf"COMMAND_ACK {{command : {number}, result : {result},", SECONDS_S)
             peer.tell("status")  # its counters of all messages, whoever sent them
             peer.wait_for(r"\d+: ATTITUDE_QUATERNION {", SECONDS_S)
+            wait_until_logged(site, ("CAMERA_INFORMATION", 100))
             peer.stop(signal.SIGINT)
         assert service.stop() == 0
         assert mock.stop() == 0
