@@ -10,8 +10,8 @@ from pathlib import Path
 
 import msgspec
 
-from fwav_companion.calibration_memory import is_sound
 from fwav_companion.errors import EncodeError, InputFileError
+from fwav_companion.flow.wiring import WANTED
 from fwav_companion.geometry.stamps import NS_PER_US
 from fwav_companion.mavlink import enums
 from fwav_companion.mavlink.codec import Encoder, decode
@@ -22,10 +22,10 @@ from fwav_companion.recording.events import BeganWith, End, Refused, parse_event
 from fwav_companion.recording.flight_log import FlightLog, messages_of
 from fwav_companion.recording.tlog import SkippedBytes, load_tlog, read_tlog
 from fwav_companion.recording.ulog import is_ulog, read_ulog
+from fwav_companion.service.calibration_memory import is_sound
 from fwav_companion.tracking import KeptCalibration
 from fwav_companion.vision.wall_clock import RecordingClock
 from fwav_companion.vision.wire import parse_frame
-from fwav_companion.wiring import WANTED
 
 AUTOPILOT_SYSTEM = AUTOPILOT_COMPONENT = 1
 """As whom a log speaks: it has no MAVLink ids."""

@@ -9,16 +9,16 @@ import msgspec
 
 from fwav_companion.camera import Calibration
 from fwav_companion.config import Config
+from fwav_companion.flow.pipeline import Pipeline
+from fwav_companion.flow.wiring import make_pipeline, own_components
 from fwav_companion.geometry.stamps import NS_PER_US, HostNs, host_from_seconds
 from fwav_companion.localization import ElevationTile
 from fwav_companion.nouns import Frame, Message, NoFrame, StampClock
-from fwav_companion.pipeline import Pipeline
 from fwav_companion.recorded import Recording, is_own, read_recording
 from fwav_companion.recording.events import End, Refused
 from fwav_companion.recording.lines import Line
 from fwav_companion.recording.truth import ErrorTally, TruthPoint
 from fwav_companion.tracking.base import Filter
-from fwav_companion.wiring import make_pipeline, own_components
 
 __all__ = ["Recording", "read_recording", "replay"]
 

@@ -8,11 +8,11 @@ from typing import Any
 import msgspec
 
 from fwav_companion.calibration_news import CalibrationNews
-from fwav_companion.expectation import Expectation, expected_below
+from fwav_companion.flow.expectation import Expectation, expected_below
+from fwav_companion.flow.ledger import Ledger
 from fwav_companion.geometry.earth import TangentPlane
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.geometry.vectors import Vector3
-from fwav_companion.ledger import Ledger
 from fwav_companion.localization import Localizer
 from fwav_companion.nouns import Frame, FrameView, GroundFix, NoFix, NoFrame, Reason, Sighting, Track, VehicleState
 from fwav_companion.pairing import PairedFrame, Pairer, RefusedFrame, WaitingFrames, sees_nothing

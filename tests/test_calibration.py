@@ -5,9 +5,9 @@ from math import radians
 import pytest
 from flying import CAMERA, LINK, Companion, fly
 
-from fwav_companion.calibration_memory import CalibrationMemory
 from fwav_companion.config import load, parse
 from fwav_companion.geometry.mounts import corrected_mount
+from fwav_companion.service.calibration_memory import CalibrationMemory
 from fwav_companion.tracking import KeptCalibration
 from sitl_mock import scenario
 

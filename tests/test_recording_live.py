@@ -10,10 +10,10 @@ import pytest
 from processes import GroundStation, free_port, process
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from fwav_companion.calibration_memory import CalibrationMemory
 from fwav_companion.cli.main import main
 from fwav_companion.config import load
 from fwav_companion.recording.tlog import TlogRecord, read_tlog
+from fwav_companion.service.calibration_memory import CalibrationMemory
 from fwav_companion.tracking import KeptCalibration
 
 KEY = bytes(range(200, 232))

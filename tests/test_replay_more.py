@@ -7,8 +7,8 @@ import sys
 import pytest
 from flying import CAMERA, LINK, Flight, fly
 
+from fwav_companion.flow.wiring import own_components
 from fwav_companion.replaying import read_recording, replay
-from fwav_companion.wiring import own_components
 from sitl_mock import scenario
 
 CONFIG = LINK + '[camera]\ncalibration = "camera.yaml"\n'

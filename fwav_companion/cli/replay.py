@@ -81,7 +81,7 @@ def _compare(arguments: argparse.Namespace) -> int:
 
 def _replay(arguments: argparse.Namespace) -> int:
     from fwav_companion.config import load
-    from fwav_companion.named_files import load_calibration, load_elevation
+    from fwav_companion.files.named import load_calibration, load_elevation
     from fwav_companion.own_filter import load_own_filter
     from fwav_companion.recording.exports import export_for
     from fwav_companion.replaying import replay
@@ -116,8 +116,8 @@ def _replay(arguments: argparse.Namespace) -> int:
 
 
 def _recording(arguments: argparse.Namespace, config: Config) -> Recording:
+    from fwav_companion.flow.wiring import own_components
     from fwav_companion.recorded import join
-    from fwav_companion.wiring import own_components
 
     own = own_components(config)
     detections = b"".join(_content(name) for name in arguments.detections)

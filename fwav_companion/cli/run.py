@@ -25,14 +25,14 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Check everything that a user can get wrong, then serve."""
-    from fwav_companion.lean import spare_memory
+    from fwav_companion.service.lean import spare_memory
 
     spare_memory()  # before anything large is imported
     import asyncio
 
     from fwav_companion.config import load, load_signing_key
-    from fwav_companion.named_files import load_calibration, load_elevation, recording_companions
-    from fwav_companion.service import Service
+    from fwav_companion.files.named import load_calibration, load_elevation, recording_companions
+    from fwav_companion.service.daemon import Service
 
     config = load(arguments.config)
     config.require_links()

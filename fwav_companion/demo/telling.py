@@ -12,13 +12,13 @@ from typing import Any
 from fwav_companion.config import Config, load
 from fwav_companion.demo.flight import EYE_MODULE
 from fwav_companion.demo.setting import CONFIG_FILE, SCENARIO, Setting
-from fwav_companion.named_files import load_calibration
+from fwav_companion.files.named import load_calibration
+from fwav_companion.flow.wiring import own_components
 from fwav_companion.recorded import join, load_telemetry
 from fwav_companion.recording.lines import Line
 from fwav_companion.recording.truth import parse_truth
 from fwav_companion.replaying import replay
 from fwav_companion.report import PictureShown, page, tell
-from fwav_companion.wiring import own_components
 
 PAPERS_FILTER = ("tracking.filter=lowpass", "tracking.alpha_rate_hz=0")
 PICTURE = "picture.jpg"

@@ -12,7 +12,7 @@ from typing import Final
 
 from fwav_companion.config import Config
 from fwav_companion.doctor.evidence import Board, Device, Folder, Power, SerialPort
-from fwav_companion.latest_file import state_path
+from fwav_companion.files.latest import state_path
 from fwav_companion.links.url import SerialUrl, TcpUrl, UdpUrl
 
 SERIAL_GLOBS: Final = ("ttyAMA*", "ttyS[0-9]*", "ttyUSB*", "ttyACM*", "serial[0-9]*", "ttyTHS*")

@@ -8,8 +8,8 @@ from fwav_companion.camera import Calibration
 from fwav_companion.config import Config, load_signing_key
 from fwav_companion.doctor.evidence import Files
 from fwav_companion.errors import UserError
+from fwav_companion.files.named import load_calibration, load_elevation
 from fwav_companion.localization import ElevationTile
-from fwav_companion.named_files import load_calibration, load_elevation
 
 
 def load_files(config: Config) -> tuple[Files, bytes | None]:

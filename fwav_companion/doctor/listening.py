@@ -15,7 +15,7 @@ import msgspec
 
 from fwav_companion.camera import Calibration
 from fwav_companion.config import Config
-from fwav_companion.latest_file import status_paths
+from fwav_companion.files.latest import status_paths
 from fwav_companion.localization import ElevationTile
 
 FRESH_S: Final = 3.0
@@ -49,7 +49,7 @@ def listen(
     seconds: float,
 ) -> Mapping[str, Any]:
     """Run the service itself for so long: it asks for rates and the time, and steers, tells and records nothing."""
-    from fwav_companion.service import Service
+    from fwav_companion.service.daemon import Service
 
     logging.getLogger("fwav_companion").addHandler(logging.NullHandler())
     with tempfile.TemporaryDirectory(prefix="fwav-check-") as folder:

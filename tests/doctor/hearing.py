@@ -14,10 +14,10 @@ from fwav_companion.config import parse
 from fwav_companion.doctor.evidence import Board, Evidence, Files
 from fwav_companion.doctor.examine import examine
 from fwav_companion.doctor.finding import Finding
+from fwav_companion.flow.wiring import make_node, make_pipeline
 from fwav_companion.geometry.stamps import HostNs, whole_microseconds
 from fwav_companion.vision.wall_clock import WallClock
 from fwav_companion.vision.wire import parse_frame
-from fwav_companion.wiring import make_node, make_pipeline
 from sitl_mock import Options, simulate
 
 AUTOPILOT = '[[link]]\nname = "autopilot"\nurl = "udpin://127.0.0.1:14540"\nrole = "autopilot"\n'

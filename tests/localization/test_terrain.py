@@ -12,11 +12,11 @@ from rasterio.transform import from_origin
 from true_flights import PRIORS, STEPS, Scene
 
 from fwav_companion.errors import InputFileError
+from fwav_companion.files.terrain import read_elevation
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.localization import Datum, ElevationModel, ElevationTile, Localizer, TerrainGround
 from fwav_companion.localization.ray_search import first_hit
 from fwav_companion.nouns import Bias, NoFix, Reason
-from fwav_companion.terrain_files import read_elevation
 
 pytestmark = pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")  # rasterio's own use of affine
 

@@ -4,8 +4,8 @@ import pytest
 
 from fwav_companion.config import parse
 from fwav_companion.errors import ConfigError
+from fwav_companion.flow.wiring import make_vision_task
 from fwav_companion.vision.task import VisionTask
-from fwav_companion.wiring import make_vision_task
 
 CAMERA = '[camera]\ncalibration = "camera.yaml"\n'
 

@@ -10,9 +10,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
+from fwav_companion.flow.ledger import Ledger
+from fwav_companion.flow.rooms import Rooms
+from fwav_companion.flow.sayings import said_of
 from fwav_companion.geometry.earth import TangentPlane
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
-from fwav_companion.ledger import Ledger
 from fwav_companion.mavlink.identity import Adopted, ArmedChanged, IdentityEvent
 from fwav_companion.nouns import (
     BoardReport,
@@ -29,8 +31,6 @@ from fwav_companion.nouns import (
 from fwav_companion.publishing.board_status import onboard_computer_status
 from fwav_companion.publishing.readiness import ready_notice
 from fwav_companion.recording.lines import Line, home_line, unix_seconds
-from fwav_companion.rooms import Rooms
-from fwav_companion.sayings import said_of
 from fwav_companion.telemetry import HomeMoved, OriginSet, Rebooted, RelativeWorld, TelemetryEvent
 from fwav_companion.tracking import KeptCalibration, Settled
 

@@ -4,7 +4,7 @@ import json
 import threading
 from pathlib import Path
 
-from fwav_companion.latest_file import LatestFile, state_path, status_paths
+from fwav_companion.files.latest import LatestFile, state_path, status_paths
 
 
 def test_the_newest_content_is_there_whole_while_a_reader_looks(tmp_path):

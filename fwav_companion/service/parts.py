@@ -7,18 +7,18 @@ from collections.abc import Callable, Mapping
 import msgspec
 
 from fwav_companion.config import Config
-from fwav_companion.host_clock import HostClock
+from fwav_companion.flow.pipeline import Pipeline
+from fwav_companion.flow.wiring import make_vision_task
 from fwav_companion.links.base import Link, OnState
 from fwav_companion.links.make import make_link
 from fwav_companion.links.url import UdpUrl
 from fwav_companion.nouns import Frame, NoFrame
-from fwav_companion.pipeline import Pipeline
 from fwav_companion.recording.recorder import Recorder, RecordingPlan
 from fwav_companion.recording.space import BYTES_PER_MB, SpacePolicy
+from fwav_companion.service.host_clock import HostClock
 from fwav_companion.vision.detections_in import DetectionsIn
 from fwav_companion.vision.supervisor import VisionProcess
 from fwav_companion.vision.wall_clock import ClockStep
-from fwav_companion.wiring import make_vision_task
 
 
 class FrameEars(msgspec.Struct, frozen=True):

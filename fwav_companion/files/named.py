@@ -31,7 +31,7 @@ def load_elevation(config: Config) -> tuple[ElevationTile, ...]:
     """What [ground] terrain names, where the ground is terrain. InputFileError for a file that is none."""
     if config.ground.model != "terrain" or not config.ground.terrain:
         return ()
-    from fwav_companion.terrain_files import read_elevation  # here: GeoTIFF needs a library that few boards carry
+    from fwav_companion.files.terrain import read_elevation  # here: GeoTIFF needs a library that few boards carry
 
     return read_elevation([config.resolve(path) for path in config.ground.terrain])
 

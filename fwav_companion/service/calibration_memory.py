@@ -9,7 +9,7 @@ from math import isfinite
 import msgspec
 
 from fwav_companion.config import Config
-from fwav_companion.latest_file import LatestFile, state_path
+from fwav_companion.files.latest import LatestFile, state_path
 from fwav_companion.tracking import KeptCalibration
 
 NAME = "calibration.json"

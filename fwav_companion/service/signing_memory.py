@@ -8,7 +8,7 @@ from pathlib import Path
 import msgspec
 
 from fwav_companion.config import Config
-from fwav_companion.latest_file import LatestFile, state_path
+from fwav_companion.files.latest import LatestFile, state_path
 from fwav_companion.mavlink.signing import SigningClock, starting_timestamp
 
 NAME = "signing.json"

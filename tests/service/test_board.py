@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from fwav_companion.board import TIMEX_BYTES, BoardWatch, board_name, wall_clock_is_synchronised
 from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.service.board import TIMEX_BYTES, BoardWatch, board_name, wall_clock_is_synchronised
 
 S = 1_000_000_000
 

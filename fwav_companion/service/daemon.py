@@ -13,27 +13,27 @@ from pathlib import Path
 import msgspec
 
 from fwav_companion import __version__
-from fwav_companion.board import BoardWatch, board_name, wall_clock_is_synchronised
-from fwav_companion.calibration_memory import CalibrationMemory
 from fwav_companion.camera import Calibration
 from fwav_companion.config import Config
+from fwav_companion.files.latest import LatestFile, status_paths
+from fwav_companion.flow.pipeline import Outputs
+from fwav_companion.flow.wiring import make_node, make_pipeline
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
-from fwav_companion.host_clock import HostClock
-from fwav_companion.latest_file import LatestFile, status_paths
 from fwav_companion.links.make import make_link
 from fwav_companion.links.url import SerialUrl
 from fwav_companion.localization import ElevationTile
 from fwav_companion.mavlink.node import Received
 from fwav_companion.mavlink.unsigning import unsigned, without_signature
 from fwav_companion.nouns import Frame, NoFrame, Notice, Reason, Severity
-from fwav_companion.pipeline import Outputs
 from fwav_companion.recording.events import began_with_line, end_line, refused_line
-from fwav_companion.service_parts import FrameEars, make_detections, make_map_link, make_recorder, make_vision
-from fwav_companion.signing_memory import SigningMemory
-from fwav_companion.systemd_notify import SystemdNotifier
+from fwav_companion.service.board import BoardWatch, board_name, wall_clock_is_synchronised
+from fwav_companion.service.calibration_memory import CalibrationMemory
+from fwav_companion.service.host_clock import HostClock
+from fwav_companion.service.parts import FrameEars, make_detections, make_map_link, make_recorder, make_vision
+from fwav_companion.service.signing_memory import SigningMemory
+from fwav_companion.service.systemd_notify import SystemdNotifier
 from fwav_companion.vision.wall_clock import ClockStep
 from fwav_companion.vision.wire import encode_frame
-from fwav_companion.wiring import make_node, make_pipeline
 
 log = logging.getLogger("fwav_companion")
 

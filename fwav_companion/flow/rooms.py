@@ -23,7 +23,7 @@ from fwav_companion.telemetry import Telemetry
 
 @dataclass(slots=True)
 class Rooms:
-    """Everything that the pipeline joins; :mod:`fwav_companion.wiring` makes it from a configuration."""
+    """Everything that the pipeline joins; :mod:`fwav_companion.flow.wiring` makes it from a configuration."""
 
     identity: Identity
     timesync: Timesync

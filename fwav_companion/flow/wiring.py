@@ -11,7 +11,9 @@ from fwav_companion import __version__
 from fwav_companion.camera import Calibration
 from fwav_companion.config import Config
 from fwav_companion.errors import ConfigError
-from fwav_companion.ledger import Ledger
+from fwav_companion.flow.ledger import Ledger
+from fwav_companion.flow.pipeline import Pipeline
+from fwav_companion.flow.rooms import Rooms
 from fwav_companion.links.url import UdpUrl
 from fwav_companion.localization import (
     Datum,
@@ -32,11 +34,9 @@ from fwav_companion.mavlink.rates import Rates
 from fwav_companion.mavlink.timesync import Timesync
 from fwav_companion.mavlink.wanted import default_wanted
 from fwav_companion.pairing import CameraTiming, Pairer, StampRule
-from fwav_companion.pipeline import Pipeline
 from fwav_companion.publishing.board_status import ONBOARD_COMPUTER_STATUS, requested_board_status
 from fwav_companion.publishing.options import PublishOptions
 from fwav_companion.publishing.publisher import Publisher
-from fwav_companion.rooms import Rooms
 from fwav_companion.sight import Sight
 from fwav_companion.telemetry import Telemetry, TelemetryOptions
 from fwav_companion.telemetry.gimbal import LAST_NON_MAVLINK_DEVICE

@@ -1,0 +1,1 @@
+"""SHELL: the daemon, what it is made of, and what it remembers from one run to the next."""
