@@ -4,7 +4,18 @@
 """
 
 from fwav_companion.nouns.board import BoardReport, LinkLoad
-from fwav_companion.nouns.camera import Detection, Frame, Lens, NoFrame, NoRay, Projection, Ray, StampClock
+from fwav_companion.nouns.camera import (
+    Corners,
+    Detection,
+    Frame,
+    Lens,
+    NoFrame,
+    NoRay,
+    Pixel,
+    Projection,
+    Ray,
+    StampClock,
+)
 from fwav_companion.nouns.commands import Command, CommandAnswer, CommandResult
 from fwav_companion.nouns.messages import Destination, Message, Notice, Outgoing, Severity
 from fwav_companion.nouns.refusals import Reason
@@ -45,6 +56,7 @@ __all__ = [
     "Command",
     "CommandAnswer",
     "CommandResult",
+    "Corners",
     "Destination",
     "Detection",
     "ErrorBudget",
@@ -62,6 +74,7 @@ __all__ = [
     "NoRay",
     "Notice",
     "Outgoing",
+    "Pixel",
     "PositionSample",
     "Projection",
     "RangeSample",

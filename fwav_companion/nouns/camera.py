@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 import msgspec
 
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.nouns.refusals import Reason
+
+Pixel: TypeAlias = tuple[float, float]
+"""(u, v); (0, 0) is the centre of the top left pixel."""
+Corners: TypeAlias = tuple[Pixel, Pixel, Pixel, Pixel]
+"""Of a marker's black square: top left, top right, bottom right, bottom left of its own picture, as it was printed."""
 
 
 class StampClock(StrEnum):
@@ -34,6 +39,8 @@ class Detection(msgspec.Struct, frozen=True, gc=False):
     """Left, top, right, bottom, pixels."""
     detector_id: int | None = None
     """The detector's own track id."""
+    corners: Corners | None = None
+    """Of a marker; None for everything else."""
 
 
 class Frame(msgspec.Struct, frozen=True):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
-from fwav_companion.nouns import Detection, Reason
+from fwav_companion.nouns import Corners, Detection, Reason
 
 
 class Scaling(msgspec.Struct, frozen=True, gc=False):
@@ -29,7 +29,12 @@ class Scaling(msgspec.Struct, frozen=True, gc=False):
             if box is None
             else (_scaled(box[0], h), _scaled(box[1], v), _scaled(box[2], h), _scaled(box[3], v)),
             detector_id=told.detector_id,
+            corners=None if told.corners is None else self._corners(told.corners),
         )
+
+    def _corners(self, told: Corners) -> Corners:
+        first, second, third, fourth = ((_scaled(u, self.horizontal), _scaled(v, self.vertical)) for u, v in told)
+        return (first, second, third, fourth)
 
 
 def scaling_from_size(told: tuple[int, int] | None, calibrated: tuple[int, int]) -> Scaling | Reason:

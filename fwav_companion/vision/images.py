@@ -16,7 +16,7 @@ from fwav_companion.errors import CompanionError
 Pixels = NDArray[np.uint8]
 """(height, width) grey levels, or (height, width, 3) in OpenCV's order blue, green, red."""
 Found = dict[str, Any]
-"""One detection as the wire has it: u, v, sigma, label, box, id."""
+"""One detection as the wire has it: u, v, sigma, label, box, id, corners."""
 
 
 class SourceLostError(CompanionError):

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from itertools import chain
 from math import isfinite, nan
 from typing import Annotated, TypeAlias
 
@@ -16,7 +17,7 @@ import msgspec
 from msgspec import Meta
 
 from fwav_companion.geometry.stamps import HostNs, host_from_seconds
-from fwav_companion.nouns import Detection, Frame, NoFrame, Reason, StampClock
+from fwav_companion.nouns import Corners, Detection, Frame, NoFrame, Reason, StampClock
 from fwav_companion.vision.wall_clock import StampClocks
 
 MAX_DETECTIONS = 256
@@ -47,6 +48,7 @@ class WireDetection(msgspec.Struct, gc=False):
     score: float | None = None
     box: tuple[float, float, float, float] | None = None
     id: Int64 | None = None
+    corners: Corners | None = None
 
 
 class WireFrame(msgspec.Struct):
@@ -82,6 +84,7 @@ class _RecordedDetection(msgspec.Struct, omit_defaults=True):
     score: float | None = None
     box: tuple[float, float, float, float] | None = None
     id: int | None = None
+    corners: Corners | None = None
 
 
 _decoder = msgspec.json.Decoder(WireFrame)
@@ -128,7 +131,8 @@ def encode_frame(frame: Frame, unix_offset_ns: int) -> bytes:
         size=frame.size,
         exposure_s=frame.exposure_s,
         detections=tuple(
-            _RecordedDetection(d.u, d.v, d.sigma, d.label, d.score, d.box, d.detector_id) for d in frame.detections
+            _RecordedDetection(d.u, d.v, d.sigma, d.label, d.score, d.box, d.detector_id, d.corners)
+            for d in frame.detections
         ),
     )
     return _encoder.encode(line) + b"\n"
@@ -177,6 +181,8 @@ def _numbers(wire: WireFrame) -> Iterator[float]:
             yield detection.score
         if detection.box is not None:
             yield from detection.box
+        if detection.corners is not None:
+            yield from chain.from_iterable(detection.corners)
 
 
 def _stamp(wire: WireFrame, arrival_ns: HostNs | None, clocks: StampClocks) -> tuple[int, StampClock] | NoFrame:
@@ -219,6 +225,7 @@ def _detection(wire: WireDetection) -> Detection:
         score=wire.score,
         box=wire.box,
         detector_id=wire.id,
+        corners=wire.corners,
     )
 
 

@@ -184,11 +184,15 @@ def test_a_frame_that_came_too_late_may_come_again_in_time():
     whole(one.pair(frame(CENTRE, number=7), StillVehicle()))
 
 
+HALF_CORNERS = ((-0.5, -0.5), (319.5, -0.5), (319.5, 239.5), (-0.5, 239.5))
+
+
 def test_other_sizes_of_the_same_shape_are_scaled_about_pixel_edges():
-    half = Detection(159.75, 119.75, sigma=(2.0, 2.0), box=(-0.5, -0.5, 319.5, 239.5))
+    half = Detection(159.75, 119.75, sigma=(2.0, 2.0), box=(-0.5, -0.5, 319.5, 239.5), corners=HALF_CORNERS)
     (sighting,) = whole(pairer().pair(frame(detections=(half,), size=(320, 240)), StillVehicle())).sightings
     assert (sighting.detection.u, sighting.detection.v) == CENTRE
     assert sighting.detection.box == (-0.5, -0.5, 639.5, 479.5)
+    assert sighting.detection.corners == ((-0.5, -0.5), (639.5, -0.5), (639.5, 479.5), (-0.5, 479.5))
     assert sighting.pixel_sigma == (4.0, 4.0)
 
 

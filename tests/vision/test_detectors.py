@@ -35,6 +35,14 @@ def test_perspective_keeps_the_crossing_of_diagonals_where_the_mean_of_corners_m
     assert hypot((left + right) / 2 - 300.0, (top + bottom) / 2 - 200.0) > 2.0
 
 
+@pytest.mark.parametrize("turn_deg", [0.0, 20.0, 110.0, 200.0])
+def test_corners_are_those_of_the_black_square_in_the_order_of_the_print(turn_deg):
+    (found,) = apriltags().detect(tag_picture((320.0, 240.0), side_px=90.0, turn_deg=turn_deg))
+    c, s = 45.0 * np.cos(np.radians(turn_deg)), 45.0 * np.sin(np.radians(turn_deg))
+    drawn = [(320.0 + x * c - y * s, 240.0 + x * s + y * c) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    assert np.allclose(found["corners"], drawn, atol=0.5)
+
+
 def test_sigma_grows_with_motion_blur():
     sigmas = [apriltags().detect(tag_picture(side_px=80.0, blur_px=blur))[0]["sigma"] for blur in (0, 5, 9)]
     assert sigmas[0] < 0.4

@@ -77,6 +77,12 @@ def test_everything_else_is_optional_and_unknown_fields_are_ignored():
     assert frame.detections == (Detection(312.4, 201.9),)
 
 
+def test_corners_of_a_marker():
+    corners = [[1, 2], [3.5, 2], [3.5, 4], [1, 4]]
+    frame = frame_of(**STAMP, detections=[{**SEEN, "corners": corners}, {**SEEN, "corners": None}])
+    assert [d.corners for d in frame.detections] == [((1.0, 2.0), (3.5, 2.0), (3.5, 4.0), (1.0, 4.0)), None]
+
+
 REFUSED = [
     (b"", Reason.MALFORMED),
     (b"{", Reason.MALFORMED),
@@ -94,6 +100,8 @@ REFUSED = [
     (b'{"time_boot": 1, "detections": [{"u": 1, "v": 1, "label": 5}]}', Reason.MALFORMED),
     (b'{"time_boot": 1, "detections": [{"u": 1, "v": 1, "label": "\\ud800"}]}', Reason.MALFORMED),
     (b'{"time_boot": 1, "detections": [{"u": 1, "v": 1, "label": "' + b"x" * 257 + b'"}]}', Reason.MALFORMED),
+    (b'{"time_boot": 1, "detections": [{"u": 1, "v": 1, "corners": [[1, 2], [3, 4], [5, 6]]}]}', Reason.MALFORMED),
+    (b'{"time_boot": 1, "detections": [{"u": 1, "v": 1, "corners": [[1], [3, 4], [5, 6], [7, 8]]}]}', Reason.MALFORMED),
     (b'{"time_boot": 1, "detections": [{"u": 1, "v": 1, "id": ' + b"9" * 30 + b"}]}", Reason.MALFORMED),
     (b'{"time_boot": 1, "detections": [], "size": [0, 480]}', Reason.MALFORMED),
     (b'{"time_boot": 1, "detections": [], "size": [640]}', Reason.MALFORMED),
@@ -107,6 +115,10 @@ REFUSED = [
     (b'{"time_boot": 1, "detections": [], "exposure_s": Infinity}', Reason.NOT_FINITE),
     (b'{"time_boot": 1, "detections": [{"u": 1, "v": 1, "score": NaN}]}', Reason.NOT_FINITE),
     (b'{"time_boot": 1, "detections": [{"u": 1, "v": 1, "box": [0, 0, 1, NaN]}]}', Reason.NOT_FINITE),
+    (
+        b'{"time_boot": 1, "detections": [{"u": 1, "v": 1, "corners": [[1, 2], [3, 4], [5, 6], [7, NaN]]}]}',
+        Reason.NOT_FINITE,
+    ),
     (b'{"time_unix": 1790000001250, "detections": []}', Reason.WRONG_UNITS),
     (b'{"time_unix": 1790000001250000, "detections": []}', Reason.WRONG_UNITS),
     (b'{"time_unix": 1790000001250000000, "detections": []}', Reason.WRONG_UNITS),
@@ -195,6 +207,7 @@ detections = st.builds(
     score=st.none() | finite,
     box=st.none() | st.tuples(finite, finite, finite, finite),
     detector_id=st.none() | st.integers(-(2**63), 2**63 - 1),
+    corners=st.none() | st.tuples(*[st.tuples(finite, finite)] * 4),
 )
 frames = st.builds(
     Frame,

@@ -68,6 +68,7 @@ class MarkerDetector:
             "label": f"{self._label}:{number}",
             "box": [round(float(side), 1) for side in (left, top, right, bottom)],
             "id": number,
+            "corners": [[round(float(u), 3), round(float(v), 3)] for u, v in quad],
         }
 
 
