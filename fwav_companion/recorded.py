@@ -17,7 +17,8 @@ from fwav_companion.mavlink import enums
 from fwav_companion.mavlink.codec import Encoder, decode
 from fwav_companion.mavlink.scanner import Scanner
 from fwav_companion.nouns import Frame, Message, NoFrame, Reason
-from fwav_companion.recording.dataflash import is_dataflash, read_dataflash
+from fwav_companion.recording.ardupilot_log import read_ardupilot_log
+from fwav_companion.recording.dataflash import is_dataflash
 from fwav_companion.recording.events import BeganWith, End, Refused, parse_event
 from fwav_companion.recording.flight_log import FlightLog, messages_of
 from fwav_companion.recording.tlog import SkippedBytes, load_tlog, read_tlog
@@ -27,6 +28,10 @@ from fwav_companion.tracking import KeptCalibration
 from fwav_companion.vision.wall_clock import RecordingClock
 from fwav_companion.vision.wire import parse_frame
 
+HEAD_BYTES = 256
+"""Of a telemetry file: they tell its kind."""
+DATAFLASH_AS_TEXT = b"FMT, 128, 89, FMT"
+"""How ArduPilot's own log begins where a tool turned it into text; older ones with a line or two before."""
 AUTOPILOT_SYSTEM = AUTOPILOT_COMPONENT = 1
 """As whom a log speaks: it has no MAVLink ids."""
 
@@ -92,7 +97,7 @@ def load_telemetry(path: Path, own: frozenset[int]) -> TelemetryRead:
     """A telemetry file of any of the three kinds, told apart by its content. InputFileError."""
     try:
         with path.open("rb") as file:
-            head = file.read(16)
+            head = file.read(HEAD_BYTES)
     except OSError as error:
         raise InputFileError(f"{path}: {error.strerror or error}; accepted: a .tlog, .bin or .ulg recording") from None
     if is_ulog(head):
@@ -100,8 +105,10 @@ def load_telemetry(path: Path, own: frozenset[int]) -> TelemetryRead:
         notes = ["parts of it are damaged and were left out (pyulog does not tell where)"] if damaged else []
         return _of_log(path, log, own, [], notes)
     if is_dataflash(head):
-        log, skipped = read_dataflash(path.read_bytes())
+        log, skipped = read_ardupilot_log(path.read_bytes())
         return _of_log(path, log, own, skipped, [])
+    if DATAFLASH_AS_TEXT in head:
+        raise InputFileError(f"{path}: an ArduPilot log as text; accepted: the .bin that it was made from")
     return read_telemetry(load_tlog(path))
 
 
@@ -148,7 +155,8 @@ def _of_log(
 ) -> TelemetryRead:
     if not log.attitudes:
         raise InputFileError(
-            f"{path}: no attitude in it; accepted: a log of a whole flight, with {log.attitude_source}"
+            f"{path}: no attitude in it that can be read; accepted: a log of a whole flight, with {log.attitude_source}"
+            + (", as ArduPilot writes it since 2015" if log.autopilot == "ardupilot" else "")
         )
     scanner, offset_us, unfit = Scanner(datagrams=True), log.unix_minus_boot_us, 0
     ours = Encoder(AUTOPILOT_SYSTEM, max(own))

@@ -15,14 +15,15 @@ from typing import Any, Final
 
 import msgspec
 
+from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.rotations import Quaternion, conjugate, multiply, normalized
-from fwav_companion.geometry.vectors import Vector3
+from fwav_companion.geometry.vectors import ZERO3, Vector3, scale
 
 US_PER_S: Final = 1_000_000
 EXCHANGE_EVERY_US: Final = 500_000
 HEARTBEAT_EVERY_US: Final = US_PER_S
 LONGEST_PAIR_US: Final = US_PER_S
-"""Attitudes further apart say nothing about how they could be interpolated."""
+"""Attitudes, or places, further apart say nothing about what was between them."""
 TOLERABLE: Final = 0.1
 """degrees, RMS: the attitude noise that a configuration has by default. More, and the log's rate limits what comes."""
 AUTOPILOTS: Final = {"ardupilot": 3, "px4": 12}
@@ -47,7 +48,8 @@ class LoggedPosition(msgspec.Struct, frozen=True, gc=False):
     lon: float
     alt_amsl_m: float
     height_above_home_m: float
-    velocity_ned: Vector3 = (0.0, 0.0, 0.0)
+    velocity_ned: Vector3 | None = None
+    """None: the log does not tell it, and the places before and after must."""
 
 
 class LoggedRange(msgspec.Struct, frozen=True, gc=False):
@@ -151,7 +153,7 @@ def messages_of(log: FlightLog) -> Iterator[Told]:
         _beats(log),
         map(_attitude, log.attitudes),
         map(_gps, log.gps),
-        map(_position, log.positions),
+        map(_position, log.positions, _velocities(log.positions)),
         map(_range, log.ranges),
     )
     return merge(*streams, key=lambda told: told[0])
@@ -183,8 +185,24 @@ def _attitude(attitude: LoggedAttitude) -> Told:
     return attitude.boot_us, "ATTITUDE_QUATERNION", fields | {"rollspeed": p, "pitchspeed": q, "yawspeed": r}
 
 
-def _position(position: LoggedPosition) -> Told:
-    north, east, down = (max(-32767, min(32767, round(speed * 100.0))) for speed in position.velocity_ned)
+def _velocities(positions: Sequence[LoggedPosition]) -> Iterator[Vector3]:
+    """Of each: a velocity that is not known is not zero, which would bend the way between two places."""
+    for index, here in enumerate(positions):
+        before, after = positions[max(0, index - 1)], positions[min(len(positions) - 1, index + 1)]
+        yield here.velocity_ned or _mean_velocity(before, after)
+
+
+def _mean_velocity(before: LoggedPosition, after: LoggedPosition) -> Vector3:
+    span_us = after.boot_us - before.boot_us
+    if not 0 < span_us <= LONGEST_PAIR_US:
+        return ZERO3
+    plane = TangentPlane(Geodetic.from_degrees(before.lat, before.lon, before.alt_amsl_m))
+    moved = plane.ned_from_geodetic(Geodetic.from_degrees(after.lat, after.lon, after.alt_amsl_m))
+    return scale(moved, US_PER_S / span_us)
+
+
+def _position(position: LoggedPosition, velocity_ned: Vector3) -> Told:
+    north, east, down = (max(-32767, min(32767, round(speed * 100.0))) for speed in velocity_ned)
     return (
         position.boot_us,
         "GLOBAL_POSITION_INT",

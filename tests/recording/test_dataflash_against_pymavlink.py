@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from pymavlink import DFReader
 
 from fwav_companion.geometry.rotations import euler_from_quaternion
-from fwav_companion.recording.dataflash import GPS_EPOCH_UNIX_S, is_dataflash, read_dataflash
+from fwav_companion.recording.ardupilot_log import GPS_EPOCH_UNIX_S, read_ardupilot_log
+from fwav_companion.recording.dataflash import is_dataflash
 from fwav_companion.recording.tlog import SkippedBytes
 
 WEEK, MS = 2400, 345_600_000
@@ -52,7 +53,7 @@ def theirs(data: bytes, path) -> dict[str, list]:
 
 def test_it_reads_what_pymavlink_reads(tmp_path):
     data = bytes(flight().data)
-    log, skipped = read_dataflash(data)
+    log, skipped = read_ardupilot_log(data)
     oracle = theirs(data, tmp_path / "flight.bin")
     assert is_dataflash(data)
     assert skipped == []
@@ -81,7 +82,7 @@ def test_a_faster_source_is_taken_where_att_is_slow():
         if tick % 5 == 0:
             log.put("ATT", now, 0, 1, 0, 2, 0, 3, 0, 0)
         log.put("AHR2", now, 10, 20, 30, 500.0, 48.1, 11.5, 1, 0, 0, 0)
-    read, _ = read_dataflash(bytes(log.data))
+    read, _ = read_ardupilot_log(bytes(log.data))
     assert read.attitude_source == "AHR2"
     assert len(read.attitudes) == 400
 
@@ -93,7 +94,7 @@ def test_attitudes_too_slow_for_the_motion_are_told(att_hz, complains):
         now_s = 1.0 + tick / att_hz
         pitch = 30.0 + 5.0 * math.sin(2 * math.pi * 5.3 * now_s)
         log.put("ATT", round(now_s * 1e6), 0, 0, 0, pitch, 0, 10, 0, 0)
-    read, _ = read_dataflash(bytes(log.data))
+    read, _ = read_ardupilot_log(bytes(log.data))
     told = [complaint for complaint in read.complaints() if "too slow" in complaint]
     assert bool(told) == complains
     assert not complains or "LOG_BITMASK" in told[0]
@@ -101,19 +102,20 @@ def test_attitudes_too_slow_for_the_motion_are_told(att_hz, complains):
 
 def test_damage_is_skipped_and_told_with_its_place():
     data = bytes(flight(1.0).data)
-    whole, _ = read_dataflash(data)
+    whole, _ = read_ardupilot_log(data)
     at = data.index(b"\xa3\x95\x46", 5000)
-    damaged = data[:at] + b"\xa3\x95garbage\x00\xff" + data[at:]
-    log, skipped = read_dataflash(damaged)
-    assert skipped == [SkippedBytes(at, 11)]
-    assert log == whole
+    before = data.rindex(b"\xa3\x95\x4c", 0, at)  # the IMU's of the other instance, which is not read
+    for garbage, start in ((b"\xa3\x95garbage\x00\xff", at), (b"garbage\xa3\x95\x00\xff", before)):
+        log, skipped = read_ardupilot_log(data[:at] + garbage + data[at:])
+        assert skipped == [SkippedBytes(start, at + 11 - start)], "what stands before damage may be half of it"
+        assert log == whole
 
 
 @pytest.mark.parametrize("cut", range(1, 60, 7))
 def test_a_log_cut_off_is_read_to_its_last_whole_record(cut):
     data = bytes(flight(0.5).data)
-    whole, _ = read_dataflash(data)
-    log, skipped = read_dataflash(data[:-cut])
+    whole, _ = read_ardupilot_log(data)
+    log, skipped = read_ardupilot_log(data[:-cut])
     assert whole.attitudes[: len(log.attitudes)] == log.attitudes
     assert sum(s.length for s in skipped) < 64 + 11
 
@@ -124,6 +126,6 @@ def test_no_bytes_break_the_reader(noise, at):
     data = bytearray(flight(0.05).data)
     at = min(at, len(data))
     data[at : at + len(noise)] = noise
-    log, skipped = read_dataflash(bytes(data))
+    log, skipped = read_ardupilot_log(bytes(data))
     log.complaints()
     assert all(s.offset >= 0 and s.offset + s.length <= len(data) for s in skipped)

@@ -19,8 +19,9 @@ TYPES = {
     "n": "4s",
     "Z": "64s",
     "H": "H",
+    "e": "i",
 }
-SCALES = {"c": 100, "C": 100, "L": 1e7}
+SCALES = {"c": 100, "C": 100, "e": 100, "L": 1e7}
 
 
 class DataFlash:

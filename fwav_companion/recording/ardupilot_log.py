@@ -1,0 +1,158 @@
+"""What ArduPilot's own log (``.bin``) tells of a flight. Pure.
+
+Read: ATT or, where that comes seldom, AHR2, XKF1 or NKF1 (attitude), POS (position), XKF1 or NKF1 (velocity), IMU
+(rates), RFND, GPS and ORGN, as ArduPilot has written them since its times are microseconds (``TimeUS``, 2015). Of what
+comes several times (filters, receivers) the first is taken.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Mapping
+from math import isfinite, radians
+from typing import Final
+
+from fwav_companion.geometry.rotations import Quaternion, quaternion_from_euler
+from fwav_companion.geometry.vectors import Vector3
+from fwav_companion.recording.dataflash import Values, Wanted, read_records
+from fwav_companion.recording.flight_log import (
+    FlightLog,
+    LoggedAttitude,
+    LoggedGps,
+    LoggedPosition,
+    LoggedRange,
+)
+from fwav_companion.recording.tlog import SkippedBytes
+
+_INSTANCE: Final = frozenset({"I", "C", "Instance"})
+"""Which of several, as receivers, filter cores and rangefinders call it."""
+_ANGLES: Final = frozenset({"TimeUS", "Roll", "Pitch", "Yaw"})
+_PLACE: Final = frozenset({"TimeUS", "Lat", "Lng", "Alt"})
+_VELOCITY: Final = ("VN", "VE", "VD")
+_RATES: Final = ("GyrX", "GyrY", "GyrZ")
+WANTED: Final = {
+    "ATT": Wanted(_ANGLES),
+    "AHR2": Wanted(_ANGLES),
+    "XKF1": Wanted(_ANGLES.union(_VELOCITY), _INSTANCE),
+    "NKF1": Wanted(_ANGLES.union(_VELOCITY), _INSTANCE),
+    "POS": Wanted(_PLACE | {"RelHomeAlt"}),
+    "ORGN": Wanted(_PLACE | {"Type"}),
+    "IMU": Wanted(frozenset({"TimeUS", *_RATES}), _INSTANCE),
+    "RFND": Wanted(frozenset({"TimeUS", "Dist", "Stat"}), _INSTANCE | {"Orient"}),
+    "GPS": Wanted(frozenset({"TimeUS", "Status", "GMS", "GWk"}), _INSTANCE),
+}
+ATTITUDE_SOURCES: Final = ("ATT", "AHR2", "XKF1", "NKF1")
+"""In order of preference: ATT is what the vehicle flies by. Another must come twice as often to be taken instead."""
+FILTERS: Final = ("XKF1", "NKF1")
+"""The third and the second generation of ArduPilot's EKF, in order of preference."""
+GPS_EPOCH_UNIX_S: Final = 315_964_800
+"""1980-01-06."""
+LEAP_SECONDS: Final = 18
+"""GPS minus UTC since 2017; the earth has asked for none since."""
+LONGEST_LOG_US: Final = 7 * 24 * 3600 * 1_000_000
+"""A time further from the middle of a log is damage: there is no checksum that would tell."""
+RANGE_GOOD: Final = 4
+"""RangeFinder::Status::Good."""
+LOOKING_DOWN: Final = 25
+"""MAV_SENSOR_ROTATION_PITCH_270."""
+FIX_3D: Final = 3
+_WEEK_S: Final = 604_800
+
+_Series = Mapping[str, list[Values]]
+
+
+def read_ardupilot_log(data: bytes) -> tuple[FlightLog, list[SkippedBytes]]:
+    """What the log tells, and the damaged stretches."""
+    series: dict[str, list[Values]] = {name: [] for name in WANTED}
+    skipped: list[SkippedBytes] = []
+    for item in read_records(data, WANTED):
+        if isinstance(item, SkippedBytes):
+            skipped.append(item)
+            continue
+        name, values = item
+        if _is_first(values) and all(map(isfinite, values.values())):
+            series[name].append(values)
+    return _flight(_timely(series)), skipped
+
+
+def _is_first(values: Values) -> bool:
+    return not any(values.get(name) for name in _INSTANCE)
+
+
+def _timely(series: _Series) -> _Series:
+    """In the order of their times, without those that cannot be of this flight."""
+    times = sorted(values["TimeUS"] for each in series.values() for values in each)
+    if not times:
+        return series
+    middle = times[len(times) // 2]
+    return {
+        name: sorted(
+            (values for values in each if abs(values["TimeUS"] - middle) <= LONGEST_LOG_US),
+            key=lambda values: values["TimeUS"],
+        )
+        for name, each in series.items()
+    }
+
+
+def _flight(series: _Series) -> FlightLog:
+    source = _attitude_source(series)
+    rates = _Latest(series["IMU"], _RATES)
+    velocities = _Latest(next((series[name] for name in FILTERS if series[name]), []), _VELOCITY)
+    origin = next((each for each in series["ORGN"] if each["Type"] == 0), None)
+    return FlightLog(
+        autopilot="ardupilot",
+        attitude_source=source,
+        attitudes=[
+            LoggedAttitude(_us(each), _quaternion(each), rates.at(_us(each)) or (0.0, 0.0, 0.0))
+            for each in series[source]
+        ],
+        positions=[
+            LoggedPosition(
+                _us(each), each["Lat"], each["Lng"], each["Alt"], each["RelHomeAlt"], velocities.at(_us(each))
+            )
+            for each in series["POS"]
+        ],
+        ranges=[
+            LoggedRange(_us(each), each["Dist"], int(each.get("Orient", LOOKING_DOWN)))
+            for each in series["RFND"]
+            if each["Stat"] == RANGE_GOOD
+        ],
+        gps=[LoggedGps(_us(each), int(each["Status"]), _unix_us(each)) for each in series["GPS"]],
+        origin=None if origin is None else (origin["Lat"], origin["Lng"], origin["Alt"]),
+    )
+
+
+def _attitude_source(series: _Series) -> str:
+    best = ATTITUDE_SOURCES[0]
+    for name in ATTITUDE_SOURCES[1:]:
+        if len(series[name]) >= 2 * len(series[best]) and series[name]:
+            best = name
+    return best
+
+
+def _us(values: Values) -> int:
+    return int(values["TimeUS"])
+
+
+def _quaternion(values: Values) -> Quaternion:
+    return quaternion_from_euler(radians(values["Roll"]), radians(values["Pitch"]), radians(values["Yaw"]))
+
+
+def _unix_us(values: Values) -> int | None:
+    if values["Status"] < FIX_3D or not values["GWk"]:
+        return None
+    seconds = GPS_EPOCH_UNIX_S - LEAP_SECONDS + values["GWk"] * _WEEK_S
+    return int(seconds * 1_000_000 + values["GMS"] * 1000)
+
+
+class _Latest:
+    """The last vector that was logged by a time; None before the first."""
+
+    def __init__(self, series: list[Values], columns: tuple[str, str, str]) -> None:
+        self._times = [each["TimeUS"] for each in series]
+        x, y, z = columns
+        self._vectors: list[Vector3] = [(each[x], each[y], each[z]) for each in series]
+
+    def at(self, boot_us: int) -> Vector3 | None:
+        index = bisect_right(self._times, boot_us) - 1
+        return self._vectors[index] if index >= 0 else None
