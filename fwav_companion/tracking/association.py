@@ -8,14 +8,13 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from math import hypot, sqrt
 
 import msgspec
 
 from fwav_companion.nouns import GroundFix
 from fwav_companion.tracking.assignment import least_cost_assignment
 from fwav_companion.tracking.base import Belief
-from fwav_companion.tracking.linear import horizontal_sigma
+from fwav_companion.tracking.estimate import FAR
 
 GATE = 16.0
 """Squared Mahalanobis distance, 2 degrees of freedom: a true fix lies beyond it once in 3000 times."""
@@ -25,7 +24,7 @@ CHANCE = 20.0
 in ten frames of 640 x 480 pixels and 4 px of noise, 2 log(640 * 480 / (0.1 * 2 pi * 16)). So a track that is hardly
 known where cannot take whatever comes."""
 
-ID_GATE = 4.0 * GATE
+ID_GATE = FAR
 """With the detector's own id in favour: trackers swap ids, but seldom to something that far away."""
 
 
@@ -43,12 +42,11 @@ class Candidate(msgspec.Struct, frozen=True):
 
 def associate(candidates: Sequence[Candidate], fixes: Sequence[GroundFix]) -> dict[int, tuple[int, float]]:
     """Candidate index -> fix index, each at most once, and how much likelier than a false one it is (a logarithm)."""
-    reaches = [horizontal_sigma(candidate.belief.cov) for candidate in candidates]
     costs: dict[tuple[int, int], float] = {}
     for j, fix in enumerate(fixes):
-        reach = horizontal_sigma(fix.cov)
+        label = fix.sighting.detection.label
         for i, candidate in enumerate(candidates):
-            if fix.sighting.detection.label == candidate.label and _near(candidate, fix, reach + reaches[i]):
+            if candidate.label == label:
                 cost = _cost(candidate, candidate.belief, fix)
                 if cost is not None:
                     costs[i, j] = cost
@@ -71,18 +69,14 @@ def _looked_at_closer(
     return closer
 
 
-def _near(candidate: Candidate, fix: GroundFix, reach_m: float) -> bool:
-    """Cheap, and never false for a pair inside any gate: two errors cannot differ by more than both together."""
-    a, b = candidate.belief.position_ned, fix.position_ned
-    return hypot(a[0] - b[0], a[1] - b[1]) <= sqrt(ID_GATE) * reach_m
-
-
 def _cost(candidate: Candidate, belief: Belief, fix: GroundFix) -> float | None:
     """Negative, the lower the better; None: not this one."""
     seen = belief.surprise(fix)
+    if seen.distance2 >= ID_GATE:
+        return None
     detector_id = fix.sighting.detection.detector_id
     if detector_id is not None and detector_id == candidate.detector_id:
-        return seen.distance2 - 2.0 * ID_GATE if seen.distance2 < ID_GATE else None
+        return seen.distance2 - 2.0 * ID_GATE
     unlikely = seen.distance2 + seen.spread
     return unlikely - CHANCE if seen.distance2 < GATE and unlikely < CHANCE else None
 

@@ -9,70 +9,37 @@ from __future__ import annotations
 
 from math import pow  # noqa: A004 - of floats, always a float
 
-import msgspec
+from msgspec.structs import replace
 
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
-from fwav_companion.geometry.vectors import Matrix3, Vector3
+from fwav_companion.geometry.vectors import Matrix3
 from fwav_companion.nouns import ErrorPriors, GroundFix
-from fwav_companion.tracking.estimate import Estimate, Surprise, blended, blended_noise, first_estimate, surprise
-from fwav_companion.tracking.shared import SharedErrors, Weighed
+from fwav_companion.tracking.estimate import Estimate, blended, blended_noise, first_estimate
+from fwav_companion.tracking.shared import SharedErrors, Weighed, faded
+from fwav_companion.tracking.standing import StandingBelief
 
 
-class LowPassBelief(msgspec.Struct, frozen=True):
+class LowPassBelief(StandingBelief, frozen=True, kw_only=True):
     """u_k with, in the paper's form, the sample x_k that enters only at the next one."""
 
     filter: LowPass
-    estimate: Estimate
-    host_ns: HostNs
-    """The instant that the wandering biases stand at."""
-    fixed_ns: HostNs
     waiting: Weighed | None = None
-
-    @property
-    def position_ned(self) -> Vector3:
-        """Metres."""
-        return self.estimate.position
-
-    @property
-    def cov(self) -> Matrix3:
-        """Every source of error, m^2, NED."""
-        return self.estimate.cov
-
-    @property
-    def relative_cov(self) -> Matrix3:
-        """Without the vehicle's own position, m^2, NED."""
-        return self.estimate.relative_cov
-
-    @property
-    def velocity_ned(self) -> Vector3 | None:
-        """The low-pass knows none."""
-        return None
-
-    @property
-    def velocity_cov(self) -> Matrix3 | None:
-        """The low-pass knows none."""
-        return None
 
     def predicted(self, host_ns: HostNs) -> LowPassBelief:
         """The value stays; only the vehicle's position error goes on wandering."""
-        was, errors, waiting = self.estimate, self.filter.errors, self.waiting
-        shared = errors.faded(was.shared, self.host_ns, host_ns)
-        if shared is was.shared:
+        kept, waiting = self.errors.kept(self.host_ns, host_ns), self.waiting
+        if kept == 1.0:
             return self
-        estimate = Estimate(was.position, was.noise, shared, was.wandering, was.wander, was.scatter)
         if waiting is not None:
-            waiting = Weighed(waiting.position, waiting.noise, errors.faded(waiting.shared, self.host_ns, host_ns))
-        return LowPassBelief(self.filter, estimate, host_ns, self.fixed_ns, waiting)
-
-    def surprise(self, fix: GroundFix) -> Surprise:
-        """How little a fix at this instant was expected, horizontal."""
-        return surprise(self.estimate, self.filter.errors.weighed(fix, None), self.filter.errors.timed)
+            shared = faded(waiting.shared, self.errors.wandering, kept)
+            waiting = Weighed(waiting.position, waiting.noise, shared)
+        return replace(self, estimate=self.estimate.faded(kept), host_ns=host_ns, waiting=waiting)
 
     def updated(self, fix: GroundFix) -> LowPassBelief:
         """One step of the recursion."""
         host_ns = fix.sighting.frame_host_ns
         since_s = s_from_ns(host_ns - self.fixed_ns)
-        sample = self.filter.errors.weighed(fix, since_s)
+        sample = self.errors.weighed_after(fix, since_s)
         if self.filter.alpha_rate_hz == 0.0:
             entering, waiting = self.waiting, sample
         else:
@@ -80,23 +47,23 @@ class LowPassBelief(msgspec.Struct, frozen=True):
         estimate = self.estimate
         if entering is not None:
             estimate = self._step(entering, self.filter.share(since_s))
-        return LowPassBelief(self.filter, estimate, self.host_ns, host_ns, waiting)
+        return replace(self, estimate=estimate, fixed_ns=host_ns, waiting=waiting)
 
     def _step(self, sample: Weighed, share: float) -> Estimate:
         gain: Matrix3 = ((share, 0.0, 0.0), (0.0, share, 0.0), (0.0, 0.0, share))
         noise = blended_noise(self.estimate.noise, sample.noise, gain)
-        return blended(self.estimate, sample, gain, noise, self.filter.errors.timed)
+        return blended(self.estimate, sample, gain, noise, self.errors.timed)
 
 
 class LowPass:
     """Starts low-passes, and knows their share of a new sample."""
 
-    __slots__ = ("alpha", "alpha_rate_hz", "errors")
+    __slots__ = ("_errors", "alpha", "alpha_rate_hz")
 
     def __init__(self, alpha: float, alpha_rate_hz: float, priors: ErrorPriors) -> None:
         self.alpha = alpha
         self.alpha_rate_hz = alpha_rate_hz
-        self.errors = SharedErrors(priors)
+        self._errors = SharedErrors(priors)
 
     def share(self, since_s: float) -> float:
         """The share of a sample that comes so long after the one before."""
@@ -106,7 +73,8 @@ class LowPass:
 
     def started(self, fix: GroundFix) -> LowPassBelief:
         """u_0 = x_0."""
-        sample = self.errors.weighed(fix, None)
-        host_ns = fix.sighting.frame_host_ns
+        host_ns, errors = fix.sighting.frame_host_ns, self._errors
+        sample = errors.weighed(fix)
         waiting = sample if self.alpha_rate_hz == 0.0 else None
-        return LowPassBelief(self, first_estimate(sample, self.errors.wandering), host_ns, host_ns, waiting)
+        estimate = first_estimate(sample, errors.wandering)
+        return LowPassBelief(errors, estimate, host_ns, host_ns, filter=self, waiting=waiting)

@@ -25,7 +25,6 @@ from fwav_companion.geometry.vectors import (
 from fwav_companion.nouns import ErrorPriors, GroundFix
 from fwav_companion.tracking.estimate import (
     Estimate,
-    Scatter,
     Surprise,
     blended_noise,
     blended_shared,
@@ -34,6 +33,7 @@ from fwav_companion.tracking.estimate import (
     surprise,
 )
 from fwav_companion.tracking.linear import add_diagonal, minus, scaled, symmetric_inverse, symmetrized
+from fwav_companion.tracking.scatter import Scatter
 from fwav_companion.tracking.shared import Rows, SharedErrors
 
 START_SPEED_M_S = 3.0
@@ -106,12 +106,12 @@ class MovingBelief(msgspec.Struct, frozen=True):
 
     def surprise(self, fix: GroundFix) -> Surprise:
         """How little a fix at this instant was expected, horizontal."""
-        return surprise(self._as_point(), self.errors.weighed(fix, None), self.errors.timed)
+        return surprise(self._as_point(), self.errors.weighed(fix), self.errors.timed)
 
     def updated(self, fix: GroundFix) -> MovingBelief:
         """With the gain of least noise, the scatter that was seen counted as noise."""
         host_ns = fix.sighting.frame_host_ns
-        weighed = self.errors.weighed(fix, s_from_ns(host_ns - self.fixed_ns))
+        weighed = self.errors.weighed_after(fix, s_from_ns(host_ns - self.fixed_ns))
         (nn, ne, nd), (_, ee, ed), dd = add_matrices(self.noise, weighed.noise)
         nn, ee = nn + self.scatter.variance, ee + self.scatter.variance
         inverse = symmetric_inverse(((nn, ne, nd), (ne, ee, ed), dd))
@@ -159,7 +159,7 @@ class MovingKalman:
     def started(self, fix: GroundFix) -> MovingBelief:
         """The belief after the first fix: there, at any walking or driving speed."""
         host_ns = fix.sighting.frame_host_ns
-        weighed = self._errors.weighed(fix, None)
+        weighed = self._errors.weighed(fix)
         nothing = (0.0,) * self._errors.count
         speed = START_SPEED_M_S**2
         return MovingBelief(

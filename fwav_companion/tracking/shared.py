@@ -8,7 +8,6 @@ of their noise. Biases are considered, never estimated, and a covariance cannot 
 from __future__ import annotations
 
 from math import exp
-from operator import mul
 from typing import TypeAlias
 
 import msgspec
@@ -30,6 +29,10 @@ DOWN_FLOOR_M2 = 0.02**2
 """No ground is flatter: keeps the algebra regular where a plane leaves the height of a fix without any error."""
 
 
+MOST_REMEMBERED = 64
+"""Fixes: those of a frame and more, a quarter of a megabyte."""
+
+
 class Weighed(msgspec.Struct, frozen=True, gc=False):
     """A fix as a filter takes it."""
 
@@ -45,10 +48,9 @@ class SharedErrors:
 
     __slots__ = (
         "_height_noise2",
-        "_indices",
-        "_newest",
         "_position_noise2",
-        "_sigmas",
+        "_remembered",
+        "_used",
         "_wander_s",
         "count",
         "timed",
@@ -65,32 +67,42 @@ class SharedErrors:
         self.count = len(used)
         self.timed = used.index(Bias.TIME_OFFSET) if Bias.TIME_OFFSET in used else None
         """Where the time offset stands."""
-        self._indices = tuple(int(bias) for bias in used)
-        self._sigmas = tuple(priors.sigma(bias) for bias in used)
+        self._used = tuple((int(bias), priors.sigma(bias)) for bias in used)
         self._wander_s = priors.position_bias_time_s
-        self._newest: tuple[GroundFix, Weighed] | None = None
+        self._remembered: dict[int, tuple[GroundFix, Weighed]] = {}
         self._height_noise2 = priors.height_noise_m**2
         self._position_noise2 = priors.position_noise_m**2
 
-    def weighed(self, fix: GroundFix, since_s: float | None) -> Weighed:
-        """The fix with its scaled Jacobian; ``since_s`` is the time since the fix before, None for a first.
+    def weighed(self, fix: GroundFix) -> Weighed:
+        """The fix alone with its scaled Jacobian; weighed once for all the tracks that are asked about it."""
+        remembered = self._remembered.get(id(fix))
+        if remembered is not None and remembered[0] is fix:
+            return remembered[1]
+        if len(self._remembered) >= MOST_REMEMBERED:
+            self._remembered.clear()
+        weighed = Weighed(fix.position_ned, add_diagonal(fix.noise_cov, 0.0, DOWN_FLOOR_M2), self._scaled(fix))
+        self._remembered[id(fix)] = (fix, weighed)
+        return weighed
 
-        Association asks many tracks about one fix in a row: the newest is remembered.
-        """
-        if since_s is None:
-            if self._newest is None or self._newest[0] is not fix:
-                self._newest = (fix, self._weigh(fix, None))
-            return self._newest[1]
-        return self._weigh(fix, since_s)
+    def weighed_after(self, fix: GroundFix, since_s: float) -> Weighed:
+        """The fix as one that comes so long after another: what they have of the same telemetry is no news."""
+        weighed = self.weighed(fix)
+        if since_s >= TELEMETRY_STEP_S:
+            return weighed
+        noise = self._with_repeats(
+            weighed.noise, fix.bias_jacobian[Bias.HEIGHT], TELEMETRY_STEP_S / max(since_s, 1e-3) - 1.0
+        )
+        return Weighed(weighed.position, noise, weighed.shared)
 
-    def _weigh(self, fix: GroundFix, since_s: float | None) -> Weighed:
-        jacobian, sigmas = fix.bias_jacobian, self._sigmas
-        north, east, down = zip(*[jacobian[i] for i in self._indices], strict=True) if sigmas else ((), (), ())
-        noise = add_diagonal(fix.noise_cov, 0.0, DOWN_FLOOR_M2)
-        if since_s is not None and since_s < TELEMETRY_STEP_S:
-            noise = self._with_repeats(noise, jacobian[Bias.HEIGHT], TELEMETRY_STEP_S / max(since_s, 1e-3) - 1.0)
-        shared = (tuple(map(mul, north, sigmas)), tuple(map(mul, east, sigmas)), tuple(map(mul, down, sigmas)))
-        return Weighed(fix.position_ned, noise, shared)
+    def _scaled(self, fix: GroundFix) -> Rows:
+        jacobian = fix.bias_jacobian
+        north, east, down = [], [], []
+        for i, sigma in self._used:
+            n, e, d = jacobian[i]
+            north.append(n * sigma)
+            east.append(e * sigma)
+            down.append(d * sigma)
+        return (tuple(north), tuple(east), tuple(down))
 
     def _with_repeats(self, noise: Matrix3, by_height: Vector3, repeated: float) -> Matrix3:
         (nn, ne, nd), (_, ee, ed), (_, _, dd) = noise
@@ -100,11 +112,18 @@ class SharedErrors:
         nd, ed, dd = nd + height * n * d, ed + height * e * d, dd + height * d * d
         return ((nn, ne, nd), (ne, ee, ed), (nd, ed, dd))
 
-    def faded(self, rows: Rows, from_ns: HostNs, to_ns: HostNs) -> Rows:
-        """Covariances with the biases as they will be: the vehicle's position error wanders and is forgotten."""
-        first = self.wandering
-        if first == self.count or to_ns == from_ns or not self._wander_s > 0.0:
-            return rows
-        kept = exp(-s_from_ns(to_ns - from_ns) / self._wander_s)
-        n, e, d = ((*row[:first], *[c * kept for c in row[first:]]) for row in rows)
-        return (n, e, d)
+    def kept(self, from_ns: HostNs, to_ns: HostNs) -> float:
+        """The share of the wandering biases that is left after this time: the vehicle's position error is forgotten."""
+        if self.wandering == self.count or to_ns == from_ns or not self._wander_s > 0.0:
+            return 1.0
+        return exp(-s_from_ns(to_ns - from_ns) / self._wander_s)
+
+
+def faded(rows: Rows, wandering: int, kept: float) -> Rows:
+    """Covariances with the biases when only this share of the wandering ones is left."""
+    n, e, d = rows
+    return (_tail_scaled(n, wandering, kept), _tail_scaled(e, wandering, kept), _tail_scaled(d, wandering, kept))
+
+
+def _tail_scaled(row: Row, first: int, scale: float) -> Row:
+    return row[:first] + tuple([c * scale for c in row[first:]])
