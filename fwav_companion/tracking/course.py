@@ -14,7 +14,7 @@ import msgspec
 from fwav_companion.geometry.rotations import Quaternion, exp, multiply
 from fwav_companion.geometry.stamps import BootNs, ns_from_s
 from fwav_companion.geometry.vectors import ZERO3, Vector3, add, scale, subtract
-from fwav_companion.nouns import Unpaired, VehicleState
+from fwav_companion.nouns import GimbalAt, Unpaired, VehicleState
 
 StateAt: TypeAlias = Callable[[BootNs], VehicleState | Unpaired]
 
@@ -83,18 +83,27 @@ class Course(msgspec.Struct, frozen=True, gc=False):
 
 
 def course_of(nominal: VehicleState, delays_s: tuple[float, ...], state_at: StateAt | None) -> Course:
-    """The course about a nominal capture; where nothing can be asked, the state of the capture alone."""
+    """The course about a nominal capture; where nothing can be asked, the state of the capture alone.
+
+    A state from before the first position would put the vehicle at the origin, on the ground, and one from before a
+    gimbal's first attitude the camera on the body: they are left out, and the course is continued from the others.
+    """
     states: list[tuple[float, VehicleState]] = []
     if state_at is not None:
         for delay_s in delays_s:
             state = state_at(BootNs(nominal.boot_ns - ns_from_s(delay_s)))
-            if not isinstance(state, Unpaired):
+            if not isinstance(state, Unpaired) and _tells_as_much(state, nominal):
                 states.append((delay_s, state))
     if not states:
         return Course((moment_of(nominal, 0.0),))
     return Course(
         tuple(moment_of(state, delay_s, _acceleration(states, i)) for i, (delay_s, state) in enumerate(states))
     )
+
+
+def _tells_as_much(state: VehicleState, nominal: VehicleState) -> bool:
+    placed, carried = nominal.position_ned is not None, isinstance(nominal.gimbal, GimbalAt)
+    return (state.position_ned is not None) is placed and isinstance(state.gimbal, GimbalAt) is carried
 
 
 def _acceleration(states: list[tuple[float, VehicleState]], i: int) -> Vector3:

@@ -75,8 +75,12 @@ class Fit(msgspec.Struct, frozen=True):
 
     def _taken(self, joint: Joint, glimpse: Glimpse) -> Fit:
         seen = joint.innovation(glimpse.track, glimpse)
-        if seen is None:
-            return msgspec.structs.replace(self, joint=joint, refused=self.refused + 1)
+        if seen is None:  # charged as the worst there is: what cannot be seen at all must not win a search
+            su, sv = glimpse.pixel_sigma
+            score = self.score - 0.5 * (WORST + 2.0 * log(su * sv))
+            return msgspec.structs.replace(
+                self, joint=joint, score=score, refused=self.refused + 1, distance2=self.distance2 + WORST
+            )
         fits = seen.distance2 < GATE
         worst = min(seen.distance2, WORST)
         return Fit(

@@ -13,7 +13,7 @@ from math import cos, sin
 import msgspec
 
 from fwav_companion.geometry.rotations import conjugate, exp, matrix_from_quaternion, rotate
-from fwav_companion.geometry.vectors import Matrix3, Vector3, cross, dot, scale, subtract, transform, transpose
+from fwav_companion.geometry.vectors import Matrix3, Vector3, cross, dot, norm, scale, subtract, transform, transpose
 from fwav_companion.nouns import ErrorPriors, GroundFix
 from fwav_companion.tracking.course import Course
 
@@ -103,8 +103,13 @@ def glimpse_of(track: int, fix: GroundFix, course: Course, since_s: float) -> Gl
     )
 
 
+LEAST_COSINE = 0.01
+"""Between a ray and its prediction, 89.4 degrees. Rows grow with the square of its inverse: nearer to a right angle
+they exceed the pixel's own noise by more than a double resolves, and covariances are no longer any."""
+
+
 def predict(glimpse: Glimpse, target: tuple[float, float], common: tuple[float, ...]) -> Prediction | None:
-    """The residual and rows at one point of linearization; None where the target would lie behind the camera."""
+    """The residual and rows at one point of linearization; None where the target would lie too far beside the ray."""
     moment = glimpse.course.at(common[Common.DELAY] - common[Common.READOUT] * glimpse.row_fraction)
     ned_from_body = matrix_from_quaternion(moment.ned_from_body)
     camera = _camera(glimpse, moment.position_ned, ned_from_body)
@@ -119,7 +124,7 @@ def predict(glimpse: Glimpse, target: tuple[float, float], common: tuple[float, 
     mounted = transform(transpose(correction), body)
     seen = transform(transpose(glimpse.body_from_camera), mounted)
     depth = dot(seen, glimpse.ray)
-    if depth <= 0.0:
+    if depth <= LEAST_COSINE * norm(seen):
         return None
     rows = []
     residual = []

@@ -44,6 +44,50 @@ def some_glimpses(count=40):
     return [glimpse_of(1, fix, course_of(fix.sighting.state, (0.0,), world.state_at), 0.2) for fix in fixes]
 
 
+def test_what_was_before_the_first_position_is_no_place():
+    """It is not the origin: a camera on the ground under its own targets sees nothing, and the search takes it."""
+    world = World(Flight(seconds=3, shape="hover", height_m=10.0, targets=((4.0, 3.0),)))
+    nominal = next(fix for view in world.frames() for fix in view.fixes).sighting.state
+
+    def state_at(boot_ns):
+        state = world.state_at(boot_ns)
+        return msgspec.structs.replace(state, position_ned=None) if boot_ns < nominal.boot_ns - 50_000_000 else state
+
+    course = course_of(nominal, (-0.03, 0.0, 0.03, 0.06, 0.09), state_at)
+    assert [moment.delay_s for moment in course.moments] == [-0.03, 0.0, 0.03]
+    assert course.at(0.15).position_ned[2] == pytest.approx(-10.0, abs=1.0)
+
+
+def test_a_target_square_to_the_ray_is_no_prediction():
+    """Its rows have no bound: whatever is predicted weighs more than rounding leaves of the pixel's own noise."""
+    common = (0.0,) * COMMON_COUNT
+    sigmas = (0.05, *np.radians([1.0, 1.0, 1.0, 2.0]), 0.0, 0.0, 0.0, 0.0)
+    glimpse = min(some_glimpses(10), key=lambda each: abs(each.drop_m))
+    point, camera = ground_point(glimpse, common), glimpse.course.at(0.0).position_ned
+    ray = np.array([point[0] - camera[0], point[1] - camera[1], glimpse.drop_m])
+    ray /= np.linalg.norm(ray)
+    aside = ray[:2] / np.hypot(*ray[:2])
+    square = -glimpse.drop_m * ray[2] / np.hypot(*ray[:2])  # so far along the ray's own azimuth, it is at a right angle
+    told = 0
+    for short in np.concatenate([[0.0], np.logspace(-9, 1.3, 40)]):
+        target = tuple(camera[:2] + (square + short) * aside)
+        joint = joint_of(priors(), sigmas, common, common)
+        joint = msgspec.structs.replace(
+            joint,
+            mean=(*joint.mean, *target),
+            cov=(*((*row, 0.0, 0.0) for row in joint.cov), (*common, 1.0, 0.0), (*common, 0.0, 1.0)),
+            around=(*joint.around, *target),
+            tracks=(1,),
+        )
+        seen = joint.innovation(1, glimpse)
+        if seen is not None:
+            told += 1
+            assert seen.spread > 0.0
+            assert seen.determinant > 0.0
+            assert 0.0 <= seen.distance2 < 1e6
+    assert 0 < told < 41
+
+
 def test_rows_are_the_differences_of_the_residual():
     common = np.array([0.002, 0.01, -0.02, 0.03, 0.04, 0.3, 0.0, 0.2, -0.1])
     target = np.array([4.1, 3.2])
