@@ -129,8 +129,13 @@ class Pairer:
     # Before pairing.
 
     def needs_until(self, frame: Frame, clock: TwoClocks) -> BootNs | None:
-        """The autopilot's instant of the frame's last row, which attitudes should reach; None where none is known."""
-        latest_ns = self._timing_of(frame).latest_ns
+        """The autopilot's instant of the latest row in which something was seen, and of row 0, which attitudes should
+        reach; None where it is not known. What was exposed later than that holds nothing up.
+        """
+        timing, height = self._timing_of(frame), self.lens.image_size[1]
+        scale = 1.0 if frame.size is None else height / max(1, frame.size[1])
+        rows = (scale * (detection.v + 0.5) - 0.5 for detection in frame.detections)
+        latest_ns = max(timing.capture_ns(v) for v in (0.0, *(v for v in rows if 0.0 <= v <= height)))
         if frame.stamp_clock is StampClock.BOOT:
             return BootNs(latest_ns)
         boot_ns = clock.boot_from_host(HostNs(latest_ns))
