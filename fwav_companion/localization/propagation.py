@@ -4,6 +4,9 @@ A point is p = c + s d: the camera, the distance, the unit ray. With n the groun
 x of the ray moves it by s (x - (m . x) d), and a change y of the camera by y - (m . y) d: along the ray, back to the
 surface. A small rotation w of what carries the ray changes it by w x d, and the distance by the fraction w . (d x m).
 
+On level ground nothing moves a point up or down, and the columns say so exactly, not to rounding: filters take them
+for what they are.
+
 Left out: that the camera's centre turns with the vehicle about its own point of reference. A lever of 0.3 m and one
 degree are 5 mm.
 """
@@ -64,7 +67,7 @@ def propagate(sighting: Sighting, direction: Vector3, meeting: Meeting) -> Propa
     m = scale(meeting.normal, 1.0 / dot(meeting.normal, direction))
     deeper = scale(direction, m[2])  # a metre more between the camera and the ground's level
     turned = cross(direction, m)
-    by_rotation = _by_rotation(direction, turned, meeting.distance_m)
+    by_rotation = _by_rotation(direction, turned, meeting)
     body_axes = transpose(matrix_from_quaternion(sighting.state.ned_from_carrier))
     x_axis, y_axis, z_axis = body_axes
     roll, pitch, yaw = transform(by_rotation, x_axis), transform(by_rotation, y_axis), transform(by_rotation, z_axis)
@@ -95,13 +98,13 @@ def propagate(sighting: Sighting, direction: Vector3, meeting: Meeting) -> Propa
     )
 
 
-def _by_rotation(d: Vector3, turned: Vector3, s: float) -> Matrix3:
-    """D(point)/d(rotation vector, NED) of the ray."""
-    (x, y, z), (tx, ty, tz) = d, turned
+def _by_rotation(d: Vector3, turned: Vector3, meeting: Meeting) -> Matrix3:
+    """D(point)/d(rotation vector, NED) of the ray; on level ground no rotation moves the point up or down."""
+    (x, y, z), (tx, ty, tz), s = d, turned, meeting.distance_m
     return (
         (s * (-x * tx), s * (z - x * ty), s * (-y - x * tz)),
         (s * (-z - y * tx), s * (-y * ty), s * (x - y * tz)),
-        (s * (y - z * tx), s * (-x - z * ty), s * (-z * tz)),
+        ZERO3 if meeting.normal is LEVEL_NORMAL else (s * (y - z * tx), s * (-x - z * ty), s * (-z * tz)),
     )
 
 
@@ -119,10 +122,11 @@ def _by_time(sighting: Sighting, d: Vector3, meeting: Meeting, m: Vector3, turns
     if sighting.relative:  # the world goes along with the vehicle; only its height changes
         north, east, down = 0.0, 0.0, 0.0 if meeting.carried else down
     along = 0.0 if meeting.carried else m[0] * north + m[1] * east + m[2] * down
+    level = meeting.normal is LEVEL_NORMAL and not meeting.carried
     return (
         p * x0 + q * y0 + r * z0 + north - along * d[0],
         p * x1 + q * y1 + r * z1 + east - along * d[1],
-        p * x2 + q * y2 + r * z2 + down - along * d[2],
+        0.0 if level else p * x2 + q * y2 + r * z2 + down - along * d[2],
     )
 
 
@@ -130,7 +134,7 @@ def _by_height(sighting: Sighting, meeting: Meeting, deeper: Vector3) -> Vector3
     """A metre too much between camera and ground: the camera is told too high, unless the ground is told from it."""
     if meeting.carried and not sighting.relative:
         return deeper
-    return (deeper[0], deeper[1], deeper[2] - 1.0)
+    return (deeper[0], deeper[1], 0.0 if meeting.normal is LEVEL_NORMAL else deeper[2] - 1.0)
 
 
 def _by_place(sighting: Sighting, d: Vector3, meeting: Meeting, m: Vector3) -> Columns:

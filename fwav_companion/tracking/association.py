@@ -14,18 +14,12 @@ import msgspec
 from fwav_companion.nouns import GroundFix
 from fwav_companion.tracking.assignment import least_cost_assignment
 from fwav_companion.tracking.base import Belief
-from fwav_companion.tracking.estimate import FAR
-
-GATE = 16.0
-"""Squared Mahalanobis distance, 2 degrees of freedom: a true fix lies beyond it once in 3000 times."""
+from fwav_companion.tracking.gates import GATE, ID_GATE
 
 CHANCE = 20.0
 """Distance and spread together, beyond which a fix is likelier a false one than this target's: with one false detection
 in ten frames of 640 x 480 pixels and 4 px of noise, 2 log(640 * 480 / (0.1 * 2 pi * 16)). So a track that is hardly
 known where cannot take whatever comes."""
-
-ID_GATE = FAR
-"""With the detector's own id in favour: trackers swap ids, but seldom to something that far away."""
 
 
 class Candidate(msgspec.Struct, frozen=True):
@@ -72,11 +66,9 @@ def _looked_at_closer(
 def _cost(candidate: Candidate, belief: Belief, fix: GroundFix) -> float | None:
     """Negative, the lower the better; None: not this one."""
     seen = belief.surprise(fix)
-    if seen.distance2 >= ID_GATE:
-        return None
     detector_id = fix.sighting.detection.detector_id
     if detector_id is not None and detector_id == candidate.detector_id:
-        return seen.distance2 - 2.0 * ID_GATE
+        return seen.distance2 - 2.0 * ID_GATE if seen.distance2 < ID_GATE else None
     unlikely = seen.distance2 + seen.spread
     return unlikely - CHANCE if seen.distance2 < GATE and unlikely < CHANCE else None
 

@@ -20,15 +20,12 @@ from fwav_companion.tracking.linear import Symmetric2, symmetric_inverse
 from fwav_companion.tracking.scatter import Scatter
 from fwav_companion.tracking.shared import Row, Rows, Weighed, faded
 
-FAR = 64.0
-"""Squared Mahalanobis distance beyond which nobody asks how far: no gate is wider."""
-
 
 class Surprise(msgspec.Struct, frozen=True, gc=False):
     """How little a fix was expected."""
 
     distance2: float
-    """Squared Mahalanobis distance, 2 degrees of freedom; infinite where it is beyond any gate."""
+    """Squared Mahalanobis distance, 2 degrees of freedom; infinite where no gate is that wide."""
     spread: float
     """Log of how much wider than the fix's own noise it was looked for: areas squared."""
 
@@ -145,7 +142,7 @@ def surprise(estimate: Estimate, fix: Weighed, timed: int | None) -> Surprise:
     nn = p_nn + f_nn + gone_nn + seen + dist(fix_n, own_n) ** 2
     ee = p_ee + f_ee + gone_ee + seen + dist(fix_e, own_e) ** 2
     n, e = fix.position[0] - estimate.position[0], fix.position[1] - estimate.position[1]
-    if n * n + e * e > FAR * (nn + ee):  # no variance in any direction is more than both together
+    if n * n + e * e > fix.gate * (nn + ee):  # no variance in any direction is more than both together
         return OUT_OF_SIGHT
     ne = p_ne + f_ne + gone_ne + inner(map(sub, fix_n, own_n), map(sub, fix_e, own_e))
     if timed is not None:

@@ -32,7 +32,7 @@ class LowPassBelief(StandingBelief, frozen=True, kw_only=True):
             return self
         if waiting is not None:
             shared = faded(waiting.shared, self.errors.wandering, kept)
-            waiting = Weighed(waiting.position, waiting.noise, shared)
+            waiting = Weighed(waiting.position, waiting.noise, shared, waiting.gate)
         return replace(self, estimate=self.estimate.faded(kept), host_ns=host_ns, waiting=waiting)
 
     def updated(self, fix: GroundFix) -> LowPassBelief:

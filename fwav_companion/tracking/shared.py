@@ -15,6 +15,7 @@ import msgspec
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.nouns import Bias, ErrorPriors, GroundFix
+from fwav_companion.tracking.gates import widest_gate
 from fwav_companion.tracking.linear import add_diagonal
 
 Row: TypeAlias = tuple[float, ...]
@@ -41,6 +42,8 @@ class Weighed(msgspec.Struct, frozen=True, gc=False):
     """Fresh in this fix, m^2."""
     shared: Rows
     """J sigma: metres per sigma of each bias in use."""
+    gate: float
+    """The widest that it is asked about."""
 
 
 class SharedErrors:
@@ -80,7 +83,8 @@ class SharedErrors:
             return remembered[1]
         if len(self._remembered) >= MOST_REMEMBERED:
             self._remembered.clear()
-        weighed = Weighed(fix.position_ned, add_diagonal(fix.noise_cov, 0.0, DOWN_FLOOR_M2), self._scaled(fix))
+        noise, gate = add_diagonal(fix.noise_cov, 0.0, DOWN_FLOOR_M2), widest_gate(fix.sighting.detection)
+        weighed = Weighed(fix.position_ned, noise, self._scaled(fix), gate)
         self._remembered[id(fix)] = (fix, weighed)
         return weighed
 
@@ -92,7 +96,7 @@ class SharedErrors:
         noise = self._with_repeats(
             weighed.noise, fix.bias_jacobian[Bias.HEIGHT], TELEMETRY_STEP_S / max(since_s, 1e-3) - 1.0
         )
-        return Weighed(weighed.position, noise, weighed.shared)
+        return Weighed(weighed.position, noise, weighed.shared, weighed.gate)
 
     def _scaled(self, fix: GroundFix) -> Rows:
         jacobian = fix.bias_jacobian

@@ -5,7 +5,8 @@ from math import inf
 import numpy as np
 import pytest
 
-from fwav_companion.tracking.estimate import FAR, Estimate, blended, noise_gain, surprise
+from fwav_companion.tracking.estimate import Estimate, blended, noise_gain, surprise
+from fwav_companion.tracking.gates import GATE
 from fwav_companion.tracking.scatter import Scatter
 from fwav_companion.tracking.shared import Weighed
 
@@ -33,7 +34,7 @@ def some(rng, *, level=False):
     own = Estimate(
         position, noise(rng, level=level), rows(rng, level=level), WANDERING, (a[0, 0], a[0, 1], a[1, 1]), scatter
     )
-    fix = Weighed(tuple(rng.normal(0, 10.0, 3)), noise(rng, level=level), rows(rng, level=level))
+    fix = Weighed(tuple(rng.normal(0, 10.0, 3)), noise(rng, level=level), rows(rng, level=level), GATE)
     return own, fix
 
 
@@ -62,11 +63,11 @@ def test_a_surprise_is_the_mahalanobis_distance_of_the_difference_and_nothing_ne
         told = surprise(own, fix, TIMED)
         if told.distance2 == inf:
             far += 1
-            assert distance2 > FAR
+            assert distance2 > GATE
             continue
         assert told.distance2 == pytest.approx(distance2, rel=1e-9)
         assert told.spread == pytest.approx(np.log(np.linalg.det(cov) / np.linalg.det(np.array(fix.noise)[:2, :2])))
-    assert 20 < far < 280
+    assert 60 < far < 240
 
 
 @pytest.mark.parametrize("level", [False, True])
