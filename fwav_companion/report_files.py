@@ -3,16 +3,30 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from fwav_companion.config import Config
 from fwav_companion.errors import InputFileError
 from fwav_companion.recording.lines import Line
 from fwav_companion.recording.truth import TruthPoint
-from fwav_companion.report import Story, page, tell
+from fwav_companion.report import WAYS, Replayed, Story, page, tell, way_of
 from fwav_companion.report.comparison import comparison
 from fwav_companion.report.depths import depths
+
+OF_OTHERS = ("target", "calibration")
+"""The lines of another way that a report draws."""
+
+
+def other_ways(config: Config, again: Callable[[str, Config], Iterator[Line]]) -> list[Replayed]:
+    """The recording tracked in each way that the configuration is not. ``again``: a replay, by its name."""
+    ours = way_of(config)
+    return [
+        Replayed(way.name, way.kind, [line for line in again(way.name, way.of(config)) if line["type"] in OF_OTHERS])
+        for way in WAYS
+        if way.kind != ours.kind
+    ]
 
 
 class ReportWriter:
@@ -28,9 +42,17 @@ class ReportWriter:
             if sightings or line["type"] != "sighting":
                 yield line
 
-    def write(self, folder: Path, title: str, truth: Sequence[TruthPoint], notes: Sequence[str]) -> Path:
+    def write(
+        self,
+        folder: Path,
+        title: str,
+        config: Config,
+        others: Sequence[Replayed],
+        truth: Sequence[TruthPoint],
+        notes: Sequence[str],
+    ) -> Path:
         """Where the report was written. InputFileError where it cannot be."""
-        story = tell(self._lines, title=title, truth=truth, notes=notes)
+        story = tell(self._lines, title=title, way=way_of(config), others=others, truth=truth, notes=notes)
         return _write(folder / "report.html", page(story, depths(self._lines)))
 
 

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from argparse import _SubParsersAction
     from types import FrameType
 
+    from rich.console import Console
+
     from fwav_companion.demo.flight import Demonstration, Outcome
     from fwav_companion.demo.setting import Setting
 
@@ -61,20 +63,24 @@ def run(arguments: argparse.Namespace) -> int:
     demonstration = Demonstration(setting, out)
     with LiveTable(console, arguments.seconds) as table:
         outcome = demonstration.fly(table.watch)
-    report = _report(demonstration, setting, out, outcome)
+    report = _report(console, demonstration, setting, out, outcome)
     show_outcome(console, outcome, report)
     if arguments.json:
         print(json.dumps(outcome.as_json()))
     return 1 if outcome.troubles else 0
 
 
-def _report(demonstration: Demonstration, setting: Setting, out: Path, outcome: Outcome) -> str | None:
+def _report(
+    console: Console, demonstration: Demonstration, setting: Setting, out: Path, outcome: Outcome
+) -> str | None:
     """Where it was written; None where there is nothing to tell."""
+    from fwav_companion.demo.table import working
     from fwav_companion.demo.telling import write_report
 
     if outcome.recording is None:
         return None
-    return str(write_report(setting, demonstration.flight_arguments, out, outcome.recording))
+    with working(console) as told:
+        return str(write_report(setting, demonstration.flight_arguments, out, outcome.recording, told))
 
 
 def _interrupt(_number: int, _frame: FrameType | None) -> None:

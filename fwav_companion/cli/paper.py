@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -30,11 +27,12 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Compute, print, draw."""
+    from fwav_companion.cli.progress import steps
     from fwav_companion.paper.comparison import RUNS, STEPS, compare
     from fwav_companion.paper.figures import draw_figures
     from fwav_companion.paper.report import as_object, as_text
 
-    with _progress(STEPS) as on_step:
+    with steps("repeating the experiment", STEPS) as on_step:
         comparison = compare(arguments.seed, on_step=on_step)
     print(as_text(comparison, arguments.seed, RUNS))
     try:
@@ -44,20 +42,6 @@ def run(arguments: argparse.Namespace) -> int:
         if arguments.json:
             print(json.dumps(as_object(comparison, arguments.seed, RUNS)))
     return 0
-
-
-@contextmanager
-def _progress(steps: int) -> Iterator[Callable[[], None]]:
-    """A bar on a terminal, nothing in a pipe; call what it yields after every step."""
-    if not sys.stderr.isatty():
-        yield lambda: None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task("repeating the experiment", total=steps)
-        yield lambda: progress.advance(task)
 
 
 def _seed(text: str) -> int:

@@ -48,6 +48,9 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
     add("--export", metavar="FILE", action="append", default=[],
         help="the targets for other tools, by the name's end: .geojson, .kml or .csv; may be repeated")  # fmt: skip
     add("--report", metavar="DIR", help="a folder for report.html: where everything is, how sure, and what limited it")
+    add("--alone", action="store_true",
+        help="a report of this configuration's answers only; by default it also draws what the paper's filter and the "
+        "tracker without and with self-calibration make of the recording, a replay each")  # fmt: skip
     add("--compare", metavar=("A.jsonl", "B.jsonl"), nargs=2,
         help="no replay: two targets files side by side, as compare.html in the --report folder")  # fmt: skip
     add("--json", action="store_true", help="end with the summary as one JSON object")
@@ -80,12 +83,15 @@ def _compare(arguments: argparse.Namespace) -> int:
 
 
 def _replay(arguments: argparse.Namespace) -> int:
+    from functools import partial
+
+    from fwav_companion.cli.progress import replays
     from fwav_companion.config import load
     from fwav_companion.files.named import load_calibration, load_elevation
     from fwav_companion.own_filter import load_own_filter
     from fwav_companion.recording.exports import export_for
     from fwav_companion.replaying import replay
-    from fwav_companion.report_files import ReportWriter
+    from fwav_companion.report_files import ReportWriter, other_ways
 
     config = load(arguments.config, arguments.set)
     exports = [export_for(Path(name)) for name in arguments.export]
@@ -93,24 +99,23 @@ def _replay(arguments: argparse.Namespace) -> int:
     truth = _truth(arguments.truth)
     recording = _recording(arguments, config)
     _tell_damage(arguments, recording)
-    lines = replay(
-        recording,
-        config,
-        calibration,
-        elevation=load_elevation(config),
-        own_filter=load_own_filter(config),
-        sightings=arguments.sightings or arguments.report is not None,
-        truth=truth,
-    )
-    report = ReportWriter() if arguments.report is not None else None
-    if report is not None:
-        lines = report.watched(lines, sightings=arguments.sightings)
-    summary = _write(Path(arguments.out), _exported(lines, exports))
-    for export in exports:
-        _write_bytes(export.path, export.content())
-    if report is not None:
+    again = partial(replay, recording, calibration=calibration, elevation=load_elevation(config))
+    reported = arguments.report is not None
+    lines = again(config, own_filter=load_own_filter(config), sightings=arguments.sightings or reported, truth=truth)
+    report = ReportWriter()
+    with replays(recording) as watched:
+        lines = watched("replay", lines)
+        if reported:
+            lines = report.watched(lines, sightings=arguments.sightings)
+        summary = _write(Path(arguments.out), _exported(lines, exports))
+        for export in exports:
+            _write_bytes(export.path, export.content())
+        others = []
+        if reported and not arguments.alone:
+            others = other_ways(config, lambda name, chosen: watched(name, again(chosen)))
+    if reported:
         title = Path(arguments.telemetry[0]).stem
-        print(report.write(Path(arguments.report), title, truth, recording.notes))
+        print(report.write(Path(arguments.report), title, config, others, truth, recording.notes))
     _tell(summary, as_json=arguments.json)
     return 0
 

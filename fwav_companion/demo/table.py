@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from types import TracebackType
 from typing import Any, Self
 
@@ -56,6 +57,16 @@ class LiveTable:
         doing = "starting" if moment.flown_s < 0.0 else "flying"
         self._bar.update(self._task, completed=max(0.0, moment.flown_s), description=doing, told=told)
         self._live.update(Group(self._bar, targets_table(moment.scores), _health(moment)))
+
+
+@contextmanager
+def working(console: Console) -> Iterator[Callable[[str], None]]:
+    """While the report is made: on a terminal what is being done, nothing in a pipe."""
+    if not console.is_terminal:
+        yield lambda _told: None
+        return
+    with console.status("the report") as status:
+        yield lambda told: status.update(f"the report: {told}")
 
 
 def targets_table(scores: list[Score]) -> Table:

@@ -1,15 +1,16 @@
-"""report.html of a demonstration: its recording through replay twice, the mock's truth, one picture rendered again."""
+"""report.html of a demonstration: its recording, the mock's truth, a picture rendered again, a second flight."""
 
 from __future__ import annotations
 
 import json
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from fwav_companion.config import Config, load
+from fwav_companion.demo.crooked import chapter
 from fwav_companion.demo.flight import EYE_MODULE
 from fwav_companion.demo.setting import CONFIG_FILE, SCENARIO, Setting
 from fwav_companion.files.named import load_calibration
@@ -19,8 +20,8 @@ from fwav_companion.recording.lines import Line
 from fwav_companion.recording.truth import parse_truth
 from fwav_companion.replaying import replay
 from fwav_companion.report import PictureShown, page, tell
+from fwav_companion.report.depths import depths
 
-PAPERS_FILTER = ("tracking.filter=lowpass", "tracking.alpha_rate_hz=0")
 PICTURE = "picture.jpg"
 RENDERING_S = 60.0
 NOTE = (
@@ -29,16 +30,17 @@ NOTE = (
 )
 
 
-def write_report(setting: Setting, flight_arguments: Sequence[str], out: Path, recording: Path) -> Path:
-    """The file's path."""
-    ours = _replayed(recording, load(recording / CONFIG_FILE), sightings=True)
-    paper = _replayed(recording, load(recording / CONFIG_FILE, PAPERS_FILTER), sightings=False)
+def write_report(
+    setting: Setting, flight_arguments: Sequence[str], out: Path, recording: Path, told: Callable[[str], None]
+) -> Path:
+    """The file's path. ``told`` is called with what is being done."""
+    told("the flight, replayed")
+    lines = _replayed(recording, load(recording / CONFIG_FILE))
     truth = [json.loads(line) for line in (out / "truth.jsonl").read_text(encoding="utf-8").splitlines()]
     story = tell(
-        ours,
+        lines,
         title="Tags found from a flapping wing",
         truth=parse_truth((out / "truth.csv").read_text(encoding="utf-8"), "truth.csv"),
-        other=paper,
         true_path=[(line["position"][0], line["position"][1]) for line in truth if line["type"] == "vehicle"],
         picture=_picture(flight_arguments, out, recording),
         hidden=_hidden(truth[0]["biases"]) if truth else {},
@@ -48,7 +50,7 @@ def write_report(setting: Setting, flight_arguments: Sequence[str], out: Path, r
         ],
     )
     path = out / "report.html"
-    path.write_text(page(story), encoding="utf-8")
+    path.write_text(page(story, depths(lines), chapter(out, setting.seed, told)), encoding="utf-8")
     return path
 
 
@@ -57,11 +59,11 @@ def _command(setting: Setting) -> str:
     return words if setting.scenario == SCENARIO else f"{words} --scenario {setting.scenario}"
 
 
-def _replayed(recording: Path, config: Config, *, sightings: bool) -> list[Line]:
+def _replayed(recording: Path, config: Config) -> list[Line]:
     own = own_components(config)
     telemetry = load_telemetry(recording / "telemetry.tlog", own)
     joined = join(telemetry, (recording / "detections.jsonl").read_bytes(), own, config.vehicle.system_id)
-    return list(replay(joined, config, load_calibration(config), sightings=sightings))
+    return list(replay(joined, config, load_calibration(config), sightings=True))
 
 
 def _picture(flight_arguments: Sequence[str], out: Path, recording: Path) -> PictureShown | None:

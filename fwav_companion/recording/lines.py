@@ -29,6 +29,14 @@ def unix_seconds(host_ns: int, unix_offset_ns: int) -> float:
     return (host_ns + unix_offset_ns) / 1e9
 
 
+def line_unix_s(line: Line, unix_offset_s: float) -> float | None:
+    """When a line was told, on the recording's clock; None for those without a time. The offset is the header's."""
+    if line["type"] == "clock":
+        told: float = line["time_monotonic"] + unix_offset_s
+        return told
+    return line.get("time_unix")
+
+
 def header_line(version: str, origin: Geodetic | None, unix_offset_ns: int, config: Line) -> Line:
     """The first line."""
     return {

@@ -1,6 +1,25 @@
 """report.html: one file that tells a flight to somebody who was not there. Pure: lines of a recording in, HTML out."""
 
+from fwav_companion.report.courses import Replayed
+from fwav_companion.report.learning import learning
 from fwav_companion.report.page import page
-from fwav_companion.report.story import PictureShown, Story, tell
+from fwav_companion.report.story import PictureShown, Planted, Story, tell
+from fwav_companion.report.three_ways import three_ways
+from fwav_companion.report.ways import CALIBRATED, PAPER, PLAIN, WAYS, Way, way_of
 
-__all__ = ["PictureShown", "Story", "page", "tell"]
+__all__ = [
+    "CALIBRATED",
+    "PAPER",
+    "PLAIN",
+    "WAYS",
+    "PictureShown",
+    "Planted",
+    "Replayed",
+    "Story",
+    "Way",
+    "learning",
+    "page",
+    "tell",
+    "three_ways",
+    "way_of",
+]

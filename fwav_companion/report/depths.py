@@ -1,17 +1,17 @@
-"""Behind a report: innovations, calibration over time, the clock's offset and round trip. Pure."""
+"""Behind a report: innovations, and the clock's offset and round trip. Pure."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from html import escape
 
 import msgspec
 
-from fwav_companion.recording.lines import Line
-from fwav_companion.report.charts import CHART_HEIGHT, CHART_WIDTH, MOST_POINTS, Frame
+from fwav_companion.recording.lines import Line, line_unix_s
+from fwav_companion.report.axes import Frame
+from fwav_companion.report.charts import MOST_POINTS
+from fwav_companion.report.markup import figure, key, section
 from fwav_companion.report.svg import Point, circle, drawing, line, polyline, thinned
 
-SIZE = (CHART_WIDTH, CHART_HEIGHT)
 SETTLED_FIXES = 10
 """A track's own noise is a tenth of a sighting's by then, and is left out of the normalised squares."""
 EXPECTED, BEYOND_95 = 2.0, 5.991
@@ -32,14 +32,14 @@ class Innovation(msgspec.Struct, frozen=True):
 def depths(lines: Sequence[Line]) -> list[str]:
     """Sections for :func:`~fwav_companion.report.page`; those without anything to show are empty."""
     begun = _begun(lines)
-    return [_innovations(lines, begun), _calibration(lines, begun), _clock(lines, begun)]
+    return [_innovations(lines, begun), _clock(lines, begun)]
 
 
 def _begun(lines: Sequence[Line]) -> float:
     """Unix time of the first thing that was told."""
     offset_s = lines[0]["unix_offset_s"] if lines and lines[0]["type"] == "header" else 0.0
-    times = [line["time_unix"] for line in lines if line["type"] in ("target", "calibration")]
-    times += [line["time_monotonic"] + offset_s for line in lines if line["type"] == "clock"]
+    told = (line_unix_s(line, offset_s) for line in lines if line["type"] in ("target", "clock", "calibration"))
+    times = [at_s for at_s in told if at_s is not None]
     return min(times, default=0.0)
 
 
@@ -81,10 +81,11 @@ def _innovations(lines: Sequence[Line], begun: float) -> str:
     seconds = max(each.at_s for each in found)
     top_m = max(0.1, 1.05 * max(max(abs(each.north_m), abs(each.east_m)) for each in found))
     shown = thinned([(each.at_s, each.north_m) for each in found], MOST_POINTS)
-    frame = Frame((0.0, max(1.0, seconds)), (-top_m, top_m), SIZE)
+    frame = Frame((0.0, max(1.0, seconds)), (-top_m, top_m))
     drawn = [*frame.axes("seconds", "metres north")]
     drawn += [circle(frame.at(*point), 1.7, "fix") for point in shown]
-    figures = _figure("Innovations", drawn, "Each sighting against where its target was believed just before it.")
+    caption = "North of where its target was believed just before it: noise scatters about zero, a trend is an error."
+    figures = figure("Innovations", _drawing(frame, drawn, "Innovations"), caption)
     if squares:
         mean = sum(squares) / len(squares)
         beyond = 100.0 * sum(square > BEYOND_95 for square in squares) / len(squares)
@@ -94,50 +95,36 @@ def _innovations(lines: Sequence[Line], begun: float) -> str:
             "configured, or errors that turn with the vehicle (heading, mount, time); less means too much caution."
         )
         points = [(each.at_s, each.squared) for each in found if each.squared is not None]
-        figures += _figure("Their normalised squares", _square_chart(points, seconds), caption)
-    return f'<section><h2>Do the sightings agree with one another?</h2><div class="two">{figures}</div></section>'
+        told = key([("fix", "dot", "one sighting"), ("ours", "line", f"mean that is expected, {EXPECTED:g}"),
+                    ("bound", "line", f"one in twenty lies above, {BEYOND_95:g}")])  # fmt: skip
+        figures += figure("Their normalised squares", _square_chart(points, seconds), caption, key=told)
+    return section("Do the sightings agree with one another?", "", f'<div class="two">{figures}</div>')
 
 
-def _square_chart(points: Sequence[Point], seconds: float) -> list[str]:
-    frame = Frame((0.0, max(1.0, seconds)), (0.0, MOST_SHOWN), SIZE)
+def _square_chart(points: Sequence[Point], seconds: float) -> str:
+    frame = Frame((0.0, max(1.0, seconds)), (0.0, MOST_SHOWN))
     parts = frame.axes("seconds", "normalised square")
     parts += [circle(frame.at(*point), 1.7, "fix") for point in thinned(points, MOST_POINTS)]
     for level, kind in ((EXPECTED, "ours"), (BEYOND_95, "bound")):
         parts.append(line(frame.at(0.0, level), frame.at(max(1.0, seconds), level), kind))
-    return parts
+    return _drawing(frame, parts, "Normalised squares of the innovations")
 
 
-def _calibration(lines: Sequence[Line], begun: float) -> str:
-    told = [line for line in lines if line["type"] == "calibration"]
-    if len(told) < 2:
-        return ""
-    last = told[-1]
-    delays = [(1e3 * each["time_offset_s"], 1e3 * each["time_offset_sigma_s"]) for each in told]
-    times = [each["time_unix"] - begun for each in told]
-    figures = _figure(
-        "The camera's delay",
-        _bands(times, [delays], "milliseconds"),
-        f"At the end {delays[-1][0]:.1f} ms, one sigma {delays[-1][1]:.1f} ms ({last['status']}).",
-    )
-    mounts = [[(each["mount_deg"][axis], each["mount_sigma_deg"][axis]) for each in told] for axis in range(3)]
-    ends = ", ".join(f"{axis[-1][0]:+.2f} ± {axis[-1][1]:.2f}" for axis in mounts)
-    caption = f"About the body's x, y and z axes, at the end {ends} deg."
-    figures += _figure("The mount's correction", _bands(times, mounts, "degrees"), caption)
-    return f'<section><h2>What it learned of its own camera</h2><div class="two">{figures}</div></section>'
-
-
-def _bands(times: Sequence[float], series: Sequence[Sequence[tuple[float, float]]], unit: str) -> list[str]:
-    """Each value as a line between its one-sigma lines."""
-    low = min(value - sigma for each in series for value, sigma in each)
-    high = max(value + sigma for each in series for value, sigma in each)
+def _band(times: Sequence[float], points: Sequence[tuple[float, float]], unit: str, name: str) -> str:
+    """A value as a line between its one-sigma lines."""
+    low = min(value - sigma for value, sigma in points)
+    high = max(value + sigma for value, sigma in points)
     margin = 0.05 * max(high - low, 1e-3)
-    frame = Frame((times[0], max(times[-1], times[0] + 1.0)), (low - margin, high + margin), SIZE)
+    frame = Frame((times[0], max(times[-1], times[0] + 1.0)), (low - margin, high + margin))
     parts = frame.axes("seconds", unit)
-    for each in series:
-        for share, kind in ((-1.0, "bound"), (1.0, "bound"), (0.0, "ours")):
-            course = [(t, value + share * sigma) for t, (value, sigma) in zip(times, each, strict=True)]
-            parts.append(polyline((frame.at(*point) for point in thinned(course, MOST_POINTS)), kind))
-    return parts
+    for share, kind in ((-1.0, "bound"), (1.0, "bound"), (0.0, "ours")):
+        course = [(t, value + share * sigma) for t, (value, sigma) in zip(times, points, strict=True)]
+        parts.append(polyline((frame.at(*point) for point in thinned(course, MOST_POINTS)), kind))
+    return _drawing(frame, parts, name)
+
+
+def _drawing(frame: Frame, parts: Sequence[str], name: str) -> str:
+    return drawing(*frame.size, parts, name)
 
 
 def _clock(lines: Sequence[Line], begun: float) -> str:
@@ -149,10 +136,12 @@ def _clock(lines: Sequence[Line], begun: float) -> str:
     moved_ms = [1e3 * (each["host_from_autopilot_s"] - told[-1]["host_from_autopilot_s"]) for each in told]
     sigmas_ms = [1e3 * each["sigma_s"] for each in told]
     drift = 1e3 * (moved_ms[-1] - moved_ms[0]) / max(1e-3, times[-1] - times[0])
-    figures = _figure(
-        "The offset between the two clocks",
-        _bands(times, [list(zip(moved_ms, sigmas_ms, strict=True))], "milliseconds"),
-        f"Against its value at the end, with one sigma. Over the flight the clocks drift by {drift:+.1f} us a second.",
+    name = "The offset between the two clocks"
+    figures = figure(
+        name,
+        _band(times, list(zip(moved_ms, sigmas_ms, strict=True)), "milliseconds", name),
+        f"Against its value at the end. Over the flight the clocks drift by {drift:+.1f} µs a second.",
+        key=key([("ours", "line", "offset"), ("bound", "line", "± one sigma")]),
     )
     trips = [
         (t, 1e3 * each["round_trip_s"])
@@ -160,15 +149,12 @@ def _clock(lines: Sequence[Line], begun: float) -> str:
         if each.get("round_trip_s") is not None
     ]
     if len(trips) > 1:
-        frame = Frame((trips[0][0], trips[-1][0]), (0.0, 1.2 * max(trip for _, trip in trips)), SIZE)
+        frame = Frame(
+            (trips[0][0], max(trips[-1][0], trips[0][0] + 1.0)), (0.0, max(0.1, 1.2 * max(trip for _, trip in trips)))
+        )
         parts = [*frame.axes("seconds", "milliseconds"), polyline((frame.at(*point) for point in trips), "ours")]
         caption = (
             "The shortest way to the autopilot and back lately: half of it is the most that the offset can be off."
         )
-        figures += _figure("The best round trip", parts, caption)
-    return f'<section><h2>The two clocks, closer</h2><div class="two">{figures}</div></section>'
-
-
-def _figure(title: str, parts: Sequence[str], caption: str) -> str:
-    drawn = drawing(CHART_WIDTH, CHART_HEIGHT, parts, title)
-    return f"<figure><h3>{escape(title)}</h3>{drawn}<figcaption>{escape(caption)}</figcaption></figure>"
+        figures += figure("The best round trip", _drawing(frame, parts, "The best round trip"), caption)
+    return section("The two clocks, closer", "", f'<div class="two">{figures}</div>')

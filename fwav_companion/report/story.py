@@ -3,63 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from math import hypot
+from itertools import chain
 from typing import Any
 
 import msgspec
 
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
-from fwav_companion.geometry.ellipses import circle_radius
-from fwav_companion.geometry.vectors import Matrix3
-from fwav_companion.recording.lines import Line
-from fwav_companion.recording.truth import Truth, TruthPoint
+from fwav_companion.recording.lines import Line, line_unix_s
+from fwav_companion.recording.truth import TruthPoint
+from fwav_companion.report.courses import Course, Replayed, courses
+from fwav_companion.report.ways import PLAIN, Way
 
-BELIEVED = ("confirmed", "coasting")
 CAUSES = ("position", "heading", "attitude", "mount", "height", "time", "pixel", "terrain")
 """Of a fix's budget, as a recording names them."""
-
-
-class Instant(msgspec.Struct, frozen=True):
-    """A target at one frame."""
-
-    at_s: float
-    """Since the recording began."""
-    north: float
-    east: float
-    radius95_m: float
-    """Of the circle that was claimed to hold it with 95 %."""
-    error_m: float | None
-    """Horizontal; None without a truth."""
-
-
-class Fix(msgspec.Struct, frozen=True):
-    """One detection, on the ground."""
-
-    at_s: float
-    north: float
-    east: float
-    error_m: float | None
-
-
-class Course(msgspec.Struct, frozen=True):
-    """Everything about one label."""
-
-    label: str
-    instants: list[Instant]
-    """Of the track that was believed at the end, or else the newest one."""
-    fixes: list[Fix]
-    cov: Matrix3 | None
-    """Of the last instant."""
-    found: bool
-    true_ned: tuple[float, float] | None
-    """North, east at the end."""
-    other: list[Instant]
-    """The same frames through the other filter."""
-
-    @property
-    def last(self) -> Instant | None:
-        """Where it ended."""
-        return self.instants[-1] if self.instants else None
+PATH_GAP_S = 1.0
+"""A second without a sighting ends a stretch of the believed path."""
 
 
 class ClockPoint(msgspec.Struct, frozen=True):
@@ -69,6 +27,25 @@ class ClockPoint(msgspec.Struct, frozen=True):
     sigma_s: float
     bound_s: float
     status: str
+
+
+class CalibrationPoint(msgspec.Struct, frozen=True):
+    """What self-calibration believed at one time."""
+
+    at_s: float
+    time_offset_s: float
+    time_offset_sigma_s: float
+    mount_deg: Sequence[float]
+    """A rotation vector about the body's x, y, z."""
+    mount_sigma_deg: Sequence[float]
+    status: str
+
+
+class Planted(msgspec.Struct, frozen=True):
+    """What is true of the camera and was told to nobody."""
+
+    time_offset_s: float
+    mount_deg: Sequence[float]
 
 
 class PictureShown(msgspec.Struct, frozen=True):
@@ -89,8 +66,10 @@ class Story(msgspec.Struct, frozen=True, kw_only=True):
     version: str
     origin: Geodetic | None
     courses: list[Course]
-    path: list[tuple[float, float]]
-    """Of the vehicle, north and east: true where that is known, else as it believed."""
+    way: Way
+    """How it was tracked."""
+    path: list[list[tuple[float, float]]]
+    """Of the vehicle, north and east, in stretches: true where that is known, else as it believed."""
     path_is_true: bool
     gaps_s: list[float]
     """From each used detection to the nearest attitude."""
@@ -104,8 +83,12 @@ class Story(msgspec.Struct, frozen=True, kw_only=True):
     picture: PictureShown | None
     hidden: dict[str, str]
     """What was wrong with the vehicle and was told to nobody, where it is known."""
-    other_name: str
     notes: list[str]
+    learned: list[CalibrationPoint]
+    """Of this replay, or of another one of the same recording where this did not calibrate."""
+    learned_by: str
+    """The name of that other one; empty: this."""
+    planted: Planted | None
 
 
 def tell(
@@ -113,30 +96,31 @@ def tell(
     *,
     title: str,
     truth: Sequence[TruthPoint] = (),
-    other: Sequence[Line] = (),
-    other_name: str = "the paper's filter",
+    way: Way = PLAIN,
+    others: Sequence[Replayed] = (),
+    planted: Planted | None = None,
     true_path: Sequence[tuple[float, float]] = (),
     picture: PictureShown | None = None,
     hidden: Mapping[str, str] | None = None,
     notes: Iterable[str] = (),
 ) -> Story:
-    """From the lines of a replay with sightings. ``other``: the same recording through another filter."""
+    """From the lines of a replay with sightings. ``others``: the same recording, tracked in other ways."""
     header = lines[0]
     summary = lines[-1] if lines[-1]["type"] == "summary" else {}
     place = next((line["origin"] for line in lines if line["type"] in ("header", "origin") and line["origin"]), None)
     origin = Geodetic.from_degrees(place["lat"], place["lon"], place["alt_amsl"]) if place else None
     plane = TangentPlane(origin) if origin else None
-    begun, ended = _span(lines, header["unix_offset_s"])
-    truths = {label: Truth([point for point in truth if point.label == label]) for label in {p.label for p in truth}}
+    begun, ended = _span([*lines, *chain.from_iterable(other.lines for other in others)], header["unix_offset_s"])
     used = [line for line in lines if line["type"] == "sighting" and line["reason"] is None]
-    believed_path = [(line["camera_ned"][0], line["camera_ned"][1]) for line in used if line["camera_ned"]]
+    learned, learned_by = _learned([Replayed("", way.kind, lines), *others], begun)
     return Story(
         title=title,
         seconds=ended - begun,
         version=header["version"],
         origin=origin,
-        courses=_courses(lines, other, truths, plane, begun),
-        path=list(true_path) or believed_path,
+        courses=courses(lines, others, truth, plane, begun),
+        way=way,
+        path=[list(true_path)] if true_path else _believed_path(used),
         path_is_true=bool(true_path),
         gaps_s=[line["gap_s"] for line in used if line["gap_s"] is not None],
         budget_m=_budget([line["budget"] for line in used if line["budget"]]),
@@ -151,86 +135,42 @@ def tell(
         dropped=dict(summary.get("dropped", {})),
         picture=picture,
         hidden=dict(hidden or {}),
-        other_name=other_name,
         notes=list(notes),
+        learned=learned,
+        learned_by=learned_by,
+        planted=planted,
     )  # fmt: skip
 
 
 def _span(lines: Sequence[Line], unix_offset_s: float) -> tuple[float, float]:
     """Unix times of the first and the last thing that was told."""
-    times = [line["time_unix"] for line in lines if line["type"] == "target"]
-    times += [line["time_monotonic"] + unix_offset_s for line in lines if line["type"] == "clock"]
+    told = (line_unix_s(line, unix_offset_s) for line in lines if line["type"] in ("target", "clock", "calibration"))
+    times = [at_s for at_s in told if at_s is not None]
     return (min(times), max(times)) if times else (0.0, 0.0)
 
 
-def _courses(
-    lines: Sequence[Line],
-    other: Sequence[Line],
-    truths: Mapping[str, Truth],
-    plane: TangentPlane | None,
-    begun: float,
-) -> list[Course]:
-    """By label: those that are true, and those that were believed without being so."""
-    ours, theirs = _by_label(lines), _by_label(other)
-    believed = {label for label, own in ours.items() if any(line["state"] in BELIEVED for line in own)}
-    courses = [
-        _course(label, ours.get(label, []), theirs.get(label, []), truths.get(label), plane, begun)
-        for label in sorted(set(truths) | believed, key=_natural)
-    ]
-    return [course for course in courses if course.instants or course.true_ned]
+def _believed_path(used: Sequence[Line]) -> list[list[tuple[float, float]]]:
+    """Where the vehicle saw something; in between it is not told."""
+    stretches: list[list[tuple[float, float]]] = []
+    last_s = float("-inf")
+    for line in used:
+        if line["camera_ned"] and line["time_boot"] is not None:
+            if abs(line["time_boot"] - last_s) > PATH_GAP_S:
+                stretches.append([])
+            stretches[-1].append((line["camera_ned"][0], line["camera_ned"][1]))
+            last_s = line["time_boot"]
+    return stretches
 
 
-def _course(
-    label: str,
-    ours: Sequence[Line],
-    theirs: Sequence[Line],
-    truth: Truth | None,
-    plane: TangentPlane | None,
-    begun: float,
-) -> Course:
-    def error_m(line: Line, at: Line) -> float | None:
-        true = truth.ned_at(line["time_unix"], plane) if truth else None
-        return None if true is None else hypot(at["north"] - true[0], at["east"] - true[1])
-
-    def instants(own: Sequence[Line]) -> list[Instant]:
-        live = [line for line in own if line["state"] != "dropped"]
-        return [
-            Instant(line["time_unix"] - begun, line["north"], line["east"], circle_radius(line["cov"], 0.95),
-                    error_m(line, line))
-            for line in live
-        ]  # fmt: skip
-
-    fixes = [
-        Fix(line["time_unix"] - begun, line["fix"]["north"], line["fix"]["east"], error_m(line, line["fix"]))
-        for line in ours
-        if line["fix"]
-    ]
-    believed = [line for line in ours if line["state"] in BELIEVED]
-    own = believed or [line for line in ours if line["state"] != "dropped"]
-    last_true = truth.ned_at(own[-1]["time_unix"] if own else begun, plane) if truth else None
-    return Course(
-        label,
-        instants(own),
-        fixes,
-        own[-1]["cov"] if own else None,
-        bool(believed),
-        None if last_true is None else (last_true[0], last_true[1]),
-        instants([line for line in theirs if line["state"] in BELIEVED]),
-    )
-
-
-def _by_label(lines: Iterable[Line]) -> dict[str, list[Line]]:
-    by_label: dict[str, list[Line]] = {}
-    for line in lines:
-        if line["type"] == "target":
-            by_label.setdefault(line["label"], []).append(line)
-    return by_label
-
-
-def _natural(label: str) -> tuple[str, int]:
-    """Tag 11 comes after tag 7."""
-    head, _, number = label.rpartition(":")
-    return (head, int(number)) if number.isdigit() else (label, 0)
+def _learned(replays: Sequence[Replayed], begun: float) -> tuple[list[CalibrationPoint], str]:
+    """Of the first replay that calibrated itself, and its name."""
+    for replay in replays:
+        told = [line for line in replay.lines if line["type"] == "calibration"]
+        if told:
+            names = ("time_offset_s", "time_offset_sigma_s", "mount_deg", "mount_sigma_deg", "status")
+            points = [CalibrationPoint(line["time_unix"] - begun, *(line[name] for name in names)) for line in told]
+            return points, replay.name
+    return [], ""
 
 
 def _budget(budgets: Sequence[Mapping[str, float]]) -> dict[str, float]:

@@ -2,10 +2,10 @@
 
 STYLE = """
 :root{--paper:#fbfbf9;--card:#fff;--ink:#1b1f24;--soft:#5b6570;--line:#e3e5e1;--ours:#1f6feb;--other:#d9730d;
---truth:#111;--claim:#1f6feb22;--fix:#7d8790;--good:#197a3e;--path:#9aa5b1;--bound:#9aa5b1}
+--truth:#111;--claim:#1f6feb22;--fix:#7d8790;--good:#197a3e;--path:#9aa5b1;--bound:#9aa5b1;--plain:#8250df}
 @media (prefers-color-scheme:dark){:root{--paper:#12151a;--card:#191d24;--ink:#e7eaee;--soft:#9aa4af;--line:#2b313a;
 --ours:#6aa5ff;--other:#ffa657;--truth:#fff;--claim:#6aa5ff2b;--fix:#75808c;--good:#5fd08a;--path:#596675;
---bound:#75808c}}
+--bound:#75808c;--plain:#c297ff}}
 *{box-sizing:border-box}
 body{margin:0;background:var(--paper);color:var(--ink);font:16px/1.55 system-ui,-apple-system,"Segoe UI",Inter,Roboto,
 "Helvetica Neue",Arial,sans-serif;-webkit-text-size-adjust:100%}
@@ -17,14 +17,16 @@ h2{margin:0 0 10px;font-size:21px;letter-spacing:-.01em}
 h3{margin:0 0 6px;font-size:17px;letter-spacing:-.01em}
 p{margin:0 0 12px;max-width:72ch}
 .lead{font-size:18px;color:var(--soft)}
-section{margin-top:40px}
+section{margin-top:40px}section>.scroll:first-child{margin-top:-16px}
 .cards{display:grid;grid-template-columns:repeat(auto-fit,minmax(150px,1fr));gap:12px;margin-top:0}
 .cards div{background:var(--card);border:1px solid var(--line);border-radius:12px;padding:14px 16px}
 .cards b{display:block;font-size:27px;line-height:1.2;letter-spacing:-.02em;font-variant-numeric:tabular-nums}
 .cards span{color:var(--soft);font-size:14px}
 .two{display:grid;grid-template-columns:1fr 1fr;gap:28px}
 .two>*,.one>*,.grid>*{min-width:0}
-.grid{display:grid;grid-template-columns:repeat(auto-fit,minmax(300px,1fr));gap:16px}
+.broad{grid-template-columns:1.5fr 1fr;align-items:start}.two+.two{margin-top:16px}
+.grid{display:grid;grid-template-columns:repeat(auto-fill,minmax(300px,1fr));gap:16px}
+.grid.four{grid-template-columns:repeat(auto-fill,minmax(240px,1fr))}
 figure{margin:0}
 .grid figure,.two figure,.one figure{background:var(--card);border:1px solid var(--line);border-radius:12px;
 padding:16px}
@@ -40,7 +42,10 @@ stroke-linejoin:round}
 .bar{stroke:var(--soft);stroke-width:1.4}
 .claim{fill:var(--claim);stroke:none}.claim-edge{fill:none;stroke:var(--ours);stroke-width:1;stroke-dasharray:3 3}
 .ours{fill:none;stroke:var(--ours);stroke-width:2.2;stroke-linejoin:round}
-.other{fill:none;stroke:var(--other);stroke-width:1.6;stroke-linejoin:round}
+.way{fill:none;stroke-width:2.2;stroke-linejoin:round}.claimed{fill:none;stroke-width:1.3;stroke-dasharray:4 4;
+opacity:.8}
+.way-paper{stroke:var(--other)}.way-plain{stroke:var(--plain)}.way-calibrated{stroke:var(--ours)}
+.way-own{stroke:var(--good)}.planted{stroke:var(--truth);stroke-width:1.5;stroke-dasharray:7 4}
 .bound{fill:none;stroke:var(--bound);stroke-width:1.4;stroke-dasharray:4 3}
 .bar-fill{fill:var(--ours);opacity:.8}
 .box{fill:none;stroke:#4da3ff;stroke-width:2.5}.aim{stroke:#ffd166;stroke-width:2}
@@ -54,15 +59,18 @@ color:var(--soft)}
 .k-area{width:18px;height:12px;border-radius:3px;background:var(--claim);border:1.3px solid var(--ours)}
 .k-cross{width:13px;height:13px;background:linear-gradient(var(--truth),var(--truth)) center/2px 100% no-repeat,
 linear-gradient(var(--truth),var(--truth)) center/100% 2px no-repeat}
-.k-path,.k-bound{border-color:var(--path)}.k-ours{border-color:var(--ours)}.k-other{border-color:var(--other)}
+.k-path,.k-bound,.k-claimed{border-color:var(--path)}.k-bound,.k-claimed,.k-planted{border-top-style:dashed;
+border-top-width:2px}.k-ours,.k-calibrated{border-color:var(--ours)}.k-paper{border-color:var(--other)}
+.k-plain{border-color:var(--plain)}.k-own{border-color:var(--good)}.k-planted{border-color:var(--truth)}
 .k-dot.k-fix{background:var(--fix)}.k-dot.k-estimate{background:var(--ours)}
 table{border-collapse:collapse;width:100%;font-size:15px;font-variant-numeric:tabular-nums}
 th{font-weight:600;text-align:right;color:var(--soft);font-size:13px}
 td,th{padding:6px 10px 6px 0;border-bottom:1px solid var(--line);text-align:right}
-td:first-child,th:first-child{text-align:left}
-.reasons td:last-child{text-align:left;padding-left:18px;color:var(--soft)}.reasons td:nth-child(2){width:70px}
+td:first-child,th:first-child{text-align:left}td+td{white-space:nowrap}
+.reasons td:last-child{text-align:left;white-space:normal;padding-left:18px;color:var(--soft)}
+.reasons td:nth-child(2){width:70px}
 .good{color:var(--good);font-weight:600}.off{color:var(--other);font-weight:600}
-.scroll{overflow-x:auto;margin-top:18px}
+.scroll{overflow-x:auto;margin-top:18px}figure .scroll{margin-top:0}
 .bar-row{display:grid;grid-template-columns:minmax(0,1.4fr) minmax(60px,1fr) 64px;gap:12px;align-items:center;
 padding:5px 0;font-size:15px}
 .bar-row b{text-align:right;font-variant-numeric:tabular-nums;font-weight:600}
@@ -70,7 +78,8 @@ padding:5px 0;font-size:15px}
 background:var(--ours);border-radius:4px}
 footer{margin-top:48px;padding-top:16px;border-top:1px solid var(--line);color:var(--soft);font-size:14px}
 footer p{max-width:none;overflow-wrap:anywhere}
-@media (max-width:760px){main{padding:24px 14px 48px}.two{grid-template-columns:1fr;gap:18px}
+@media (max-width:760px){main{padding:24px 14px 48px}.two,.broad{grid-template-columns:1fr;gap:18px}
+.broad svg .tick,.broad svg .name{font-size:14px}
 .lead{font-size:16px}
 .cards{grid-template-columns:1fr 1fr}.cards b{font-size:22px}.cards div:last-child:nth-child(odd){grid-column:1/-1}
 section{margin-top:30px}

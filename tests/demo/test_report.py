@@ -6,7 +6,7 @@ from html.parser import HTMLParser
 import pytest
 
 from fwav_companion.recording.truth import TruthPoint
-from fwav_companion.report import PictureShown, page, tell
+from fwav_companion.report import CALIBRATED, PAPER, PictureShown, Replayed, page, tell
 
 VOID = {"meta", "br", "img", "link", "input", "hr"}
 
@@ -49,7 +49,7 @@ def story(flight):
     truth = [TruthPoint(target.label, None, target.at(0.0), None) for target in mock.scene]
     picture = PictureShown(b"\xff\xd8", (640, 480), 50, [{"u": 10.0, "v": 20.0, "label": "tag36h11:7", "sigma": 0.5}])
     return tell(
-        companion.lines, title="A flight", truth=truth, other=companion.lines, picture=picture,
+        companion.lines, title="A flight", truth=truth, picture=picture,
         true_path=[(0.0, 0.0), (50.0, -20.0)], hidden={"compass off by": "+1°"}, notes=["again"],
     )  # fmt: skip
 
@@ -61,6 +61,21 @@ def test_the_page_is_whole_and_needs_nothing_from_elsewhere(story):
     charts = sum(bool(course.instants) for course in story.courses)
     assert charts >= 2
     assert html.count("<svg") == charts + 4  # and the map, the picture, the clock, the gaps
+
+
+def test_another_flight_stands_in_a_chapter_of_its_own(story):
+    html = checked(page(story, chapter=["<section><h2>Another flight</h2></section>"]))
+    assert html.index("Why not better?") < html.index("Another flight") < html.index("Every sighting")
+
+
+def test_in_three_ways_each_target_has_one_chart_more(story, flight):
+    companion, mock = flight
+    truth = [TruthPoint(target.label, None, target.at(0.0), None) for target in mock.scene]
+    others = [Replayed(way.name, way.kind, companion.lines) for way in (PAPER, CALIBRATED)]
+    html = checked(page(tell(companion.lines, title="Three", truth=truth, others=others)))
+    found = sum(course.found for course in story.courses)
+    assert html.count('class="way way-paper"') >= found
+    assert html.count("How far from the truth: tag ") == found
 
 
 def test_the_errors_are_against_the_truth(story, flight):
