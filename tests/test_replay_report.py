@@ -1,6 +1,9 @@
 """report.html and compare.html of replays: whole, self-contained, and with the right numbers in them."""
 
+import contextlib
 import json
+import os
+import pty
 import re
 import subprocess
 import sys
@@ -56,6 +59,40 @@ def test_a_report_says_where_how_surely_and_why(site):
         assert words in text
     assert len(page.findall(".//svg")) >= 6
     assert b'"type":"sighting"' not in (site / "t.jsonl").read_bytes()
+
+
+def test_a_report_draws_the_other_ways_unless_it_is_to_be_alone(site):
+    settings = ("--set", "tracking.self_calibration=true", "--truth", "truth.csv")
+    assert replay(site, "--out", "t.jsonl", "--report", "three", *settings).returncode == 0
+    page = read(site / "three/report.html")
+    for kind, name in (("paper", "the paper's filter"), ("plain", "without self-calibration"), ("calibrated", "with")):
+        assert page.find_class(f"way-{kind}")
+        assert name in page.text_content()
+    assert replay(site, "--out", "u.jsonl", "--report", "one", "--alone", *settings).returncode == 0
+    alone = read(site / "one/report.html")
+    assert not alone.find_class("way-paper")
+    assert "the paper's filter" not in alone.text_content()
+    assert (site / "t.jsonl").read_bytes() == (site / "u.jsonl").read_bytes()
+
+
+def test_on_a_terminal_a_bar_follows_every_replay(site):
+    shown, end = pty.openpty()
+    files = ["--telemetry", "telemetry.tlog", "--detections", "detections.jsonl", "--config", "flight.toml"]
+    command = [sys.executable, "-m", "fwav_companion", "replay", *files, "--out", "t.jsonl", "--report", "out"]
+    process = subprocess.Popen(
+        command, cwd=site, stdout=subprocess.PIPE, stderr=end, env={**os.environ, "TERM": "xterm"}
+    )
+    os.close(end)
+    seen = b""
+    with contextlib.suppress(OSError):  # EIO: the other end is closed
+        while data := os.read(shown, 65536):
+            seen += data
+    os.close(shown)
+    assert process.wait(60) == 0
+    process.stdout.close()
+    for name in ("replay", "the paper's filter", "the tracker with self-calibration"):
+        assert name.encode() in seen
+    assert b"100%" in seen
 
 
 def test_a_report_changes_nothing_in_what_is_said(site):

@@ -60,7 +60,7 @@ def length(metres: float) -> str:
 
 def metres(value: float) -> str:
     """For a table, whose rows are compared: 1.44 m, 0.019 m."""
-    return f"{value:.2f} m" if value >= 0.1 else f"{value:.3f} m"
+    return f"{value:.2f} m" if value >= 0.0995 else f"{value:.3f} m"
 
 
 def words(reason: str) -> str:

@@ -1,0 +1,91 @@
+"""Lines of recordings that never flew: a report is asked about numbers that a test has chosen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html.parser import HTMLParser
+from typing import Any
+
+Line = dict[str, Any]
+BEGUN = 1_790_000_000.0
+
+
+def header(**other: Any) -> Line:
+    return {
+        "type": "header",
+        "schema": 1,
+        "version": "0.0",
+        "origin": None,
+        "unix_offset_s": BEGUN,
+        "config": {},
+    } | other
+
+
+def target(at_s: float, north: float, east: float, sigma_m: float = 1.0, **other: Any) -> Line:
+    variance = sigma_m * sigma_m
+    return {
+        "type": "target",
+        "time_unix": BEGUN + at_s,
+        "frame": round(at_s * 10),
+        "track": 1,
+        "label": "mark",
+        "state": "confirmed",
+        "north": north,
+        "east": east,
+        "down": 0.0,
+        "lat": None,
+        "lon": None,
+        "cov": [[variance, 0.0, 0.0], [0.0, variance, 0.0], [0.0, 0.0, 1.0]],
+        "fix": None,
+    } | other
+
+
+def calibration(at_s: float, delay_s: float, delay_sigma_s: float, mount: Sequence[float], sigma: float) -> Line:
+    told = {"time_offset_s": delay_s, "time_offset_sigma_s": delay_sigma_s, "status": "calibrated"}
+    return {"type": "calibration", "time_unix": BEGUN + at_s, "mount_deg": mount, "mount_sigma_deg": [sigma] * 3} | told
+
+
+def summary(**other: Any) -> Line:
+    return {"type": "summary", "frames": 10, "detections": 5, "fixes": 5, "dropped": {}} | other
+
+
+def approach(errors_m: Sequence[float], sigma_m: float = 1.0, **other: Any) -> list[Line]:
+    """A second apart, so far north of (100, -50)."""
+    return [target(float(at_s), 100.0 + error_m, -50.0, sigma_m, **other) for at_s, error_m in enumerate(errors_m)]
+
+
+class Markup(HTMLParser):
+    """Elements as (tag, attributes), and all text; fails on what is not closed in order."""
+
+    VOID = ("meta", "br")
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.elements: list[tuple[str, dict[str, str]]] = []
+        self.text = ""
+        self._open: list[str] = []
+        self.feed(html)
+        assert self._open == []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, {name: value or "" for name, value in attrs}))
+        if tag not in self.VOID:
+            self._open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, {name: value or "" for name, value in attrs}))
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self._open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+    def of(self, kind: str) -> list[dict[str, str]]:
+        """The attributes of every element of this class."""
+        return [each for _, each in self.elements if each.get("class") == kind]
+
+
+def points(line: dict[str, str]) -> list[tuple[float, float]]:
+    """Of a polyline or polygon, in its drawing."""
+    return [tuple(map(float, point.split(","))) for point in line["points"].split()]  # type: ignore[misc]
