@@ -64,8 +64,10 @@ class Sight:
     @property
     def wake_at(self) -> HostNs | None:
         """When a frame has waited long enough, or one settles."""
-        dues = [due for due in (self._waiting.wake_at, self._reorder.wake_at) if due is not None]
-        return min(dues, default=None)
+        waited, settles = self._waiting.wake_at, self._reorder.wake_at
+        if waited is None or settles is None:
+            return settles if waited is None else waited
+        return min(waited, settles)
 
     def on_frame(self, frame: Frame, now: HostNs) -> None:
         """A frame came; :meth:`take_ready` tells when it was processed, which may be at once."""

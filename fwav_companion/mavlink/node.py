@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Final
 
 import msgspec
@@ -11,6 +11,7 @@ from fwav_companion.geometry.stamps import NS_PER_MS, HostNs
 from fwav_companion.mavlink.codec import decode
 from fwav_companion.mavlink.definitions import BY_NAME, constant
 from fwav_companion.mavlink.duplicates import Duplicates
+from fwav_companion.mavlink.joining import joined
 from fwav_companion.mavlink.peers import UNKNOWN, Peer, Stream
 from fwav_companion.mavlink.routing import COMMANDS, REQUEST_DATA_STREAM, SETUP_SIGNING, LinkPolicy, Port, Router
 from fwav_companion.mavlink.scanner import RawFrame
@@ -26,8 +27,6 @@ UNADOPTED_SYSTEM: Final = 1
 """Our system id until the vehicle's is known."""
 QUIET_NS: Final = 50 * NS_PER_MS
 """A stream that pauses so long pauses between frames: more than the 16 ms that USB serial adapters gather bytes for."""
-JOINED_BYTES: Final = 1200
-"""Of frames in one send: below what IPv6 carries in one piece everywhere (1280), so that no datagram is cut in two."""
 _HEARTBEAT: Final = BY_NAME["HEARTBEAT"]
 _SYSTEM_TIME: Final = BY_NAME["SYSTEM_TIME"]
 _TYPE_OFFSET: Final = _HEARTBEAT.fields["type"].offset
@@ -44,8 +43,7 @@ class Received(msgspec.Struct):
     messages: list[Message]
     """Those that are wanted, meant for us or for all, and believed; in order."""
     forwards: list[tuple[str, bytes]]
-    """(link, whole frames as they came), to be sent in order: what came together goes on together, up to
-    :data:`JOINED_BYTES`, since a send costs more than all the rest of relaying a frame."""
+    """(link, whole frames as they came), to be sent in order: what came together goes on together (:func:`joined`)."""
     frames: Sequence[RawFrame] = ()
     """All that were taken, for a recording: no duplicates, no echoes of ours, nothing that was refused for its
     signature, and no SETUP_SIGNING, which carries a key."""
@@ -174,7 +172,7 @@ class Node:
             if stream.watched and not self._read(port, frame, received, now):
                 dropped.append(frame)
         if len(frames) > 1:
-            received.forwards = _joined(received.forwards)
+            received.forwards = joined(received.forwards)
         if dropped:
             received.frames = _without(received.frames, dropped)
         return received
@@ -239,31 +237,6 @@ class Node:
 def _without(frames: Sequence[RawFrame], dropped: Sequence[RawFrame]) -> Sequence[RawFrame]:
     gone = {id(frame) for frame in dropped}
     return [frame for frame in frames if id(frame) not in gone]
-
-
-def _joined(forwards: list[tuple[str, bytes]]) -> list[tuple[str, bytes]]:
-    """For each link its frames one after another, in pieces of whole frames that are not too long for a datagram."""
-    by_link: dict[str, list[bytes]] = {}
-    for name, data in forwards:
-        if name in by_link:
-            by_link[name].append(data)
-        else:
-            by_link[name] = [data]
-    return [(name, piece) for name, datas in by_link.items() for piece in _cut(datas)]
-
-
-def _cut(frames: Sequence[bytes]) -> Iterator[bytes]:
-    joined = b"".join(frames)
-    if len(joined) <= JOINED_BYTES:
-        yield joined
-        return
-    start = size = 0
-    for i, frame in enumerate(frames):
-        if size + len(frame) > JOINED_BYTES:
-            yield b"".join(frames[start:i])
-            start, size = i, 0
-        size += len(frame)
-    yield b"".join(frames[start:])
 
 
 def _asks_rates(frame: RawFrame) -> bool:

@@ -63,6 +63,8 @@ class Rates:
         self._inquiries = Inquiries(component)
         self._takers = RateTakers()
         self._notices: deque[Notice] = deque(maxlen=MAX_NOTICES)
+        self.wake_at: HostNs | None = None
+        """When :meth:`on_wake` is due next; None while no autopilot is adopted."""
 
     @property
     def wanted_attitude_hz(self) -> float:
@@ -73,20 +75,6 @@ class Rates:
     def parameters(self) -> dict[str, float]:
         """What the autopilot told of the parameters that matter here."""
         return self._inquiries.parameters
-
-    @property
-    def wake_at(self) -> HostNs | None:
-        """When :meth:`on_wake` is due next; None while no autopilot is adopted."""
-        if self._autopilot is None:
-            return None
-        due = [self._check_ns]
-        if self._inquiries.wake_at is not None:
-            due.append(self._inquiries.wake_at)
-        if self._question is not None:
-            due.append(self._question.deadline_ns)
-        else:
-            due.extend(stream.next_ask_ns for stream in self._streams.values() if stream.next_ask_ns is not None)
-        return max(min(due), self._now)
 
     def adopt(self, autopilot: Autopilot, now: HostNs) -> None:
         """Ask this autopilot from now on."""
@@ -113,6 +101,7 @@ class Rates:
             stream.meter.arrived()
         if message.name == "COMMAND_ACK":
             self._on_ack(message, now)
+            self.wake_at = self._next_due()
         else:
             self._inquiries.on_message(message)
 
@@ -130,6 +119,7 @@ class Rates:
             if stream.state is StreamState.GRANTED:
                 stream.undone_by = who
             stream.ask_soon(now, PASSED_PAUSE_NS)
+        self.wake_at = self._next_due()
 
     def on_wake(self, now: HostNs) -> list[Outgoing]:
         """What is to be asked now."""
@@ -140,7 +130,9 @@ class Rates:
         if now >= self._check_ns:
             self._check_ns = HostNs(now + CHECK_NS)
             self._check(now)
-        return [*self._ask(autopilot, now), *self._inquiries.on_wake(now)]
+        asked = [*self._ask(autopilot, now), *self._inquiries.on_wake(now)]
+        self.wake_at = self._next_due()
+        return asked
 
     def notices(self) -> list[Notice]:
         """What is worth a line in the log, since the last call."""
@@ -167,6 +159,18 @@ class Rates:
         self._check_ns = HostNs(now + CHECK_NS)
         if self._autopilot is not None:
             self._inquiries.begin(self._autopilot, now)
+            self.wake_at = self._next_due()
+
+    def _next_due(self) -> HostNs:
+        """Worked out when it changes: it is asked for with every message that comes."""
+        due = [self._check_ns]
+        if self._inquiries.wake_at is not None:
+            due.append(self._inquiries.wake_at)
+        if self._question is not None:
+            due.append(self._question.deadline_ns)
+        else:
+            due.extend(stream.next_ask_ns for stream in self._streams.values() if stream.next_ask_ns is not None)
+        return max(min(due), self._now)
 
     def _check(self, now: HostNs) -> None:
         """Measure, and draw the consequences."""

@@ -41,7 +41,7 @@ class WaitingFrames:
     @property
     def wake_at(self) -> HostNs | None:
         """When the first one has waited long enough."""
-        return min((w.deadline_ns for w in self._frames), default=None)
+        return self._frames[0].deadline_ns if self._frames else None  # all wait equally long
 
     def take_ready(self, now: HostNs, vehicle: Vehicle) -> list[Frame]:
         """Those that need not, or may not, wait any longer, in the order they came."""

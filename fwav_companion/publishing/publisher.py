@@ -50,12 +50,8 @@ class Publisher:
         self._notices: deque[Notice] = deque(maxlen=MAX_DATAGRAMS)
         self._told: set[NoEvent] = set()
         self._started = False
-
-    @property
-    def wake_at(self) -> HostNs | None:
+        self.wake_at: HostNs | None = None
         """When :meth:`on_wake` is due next; None before the first call of it, or of :meth:`on_tracks`."""
-        due = [cadence.next_ns for cadence in (self._values, self._adsb, self._cot)] + [self._camera.wake_at]
-        return min((at for at in due if at is not None), default=None)
 
     @property
     def selected(self) -> Track | None:
@@ -93,13 +89,16 @@ class Publisher:
             out.extend(self._adsb_marker(track, situation))
         if self._options.cot and self._cot.tick(now, round(NS_PER_S / self._options.cot_rate_hz)):
             out.extend(self._make_event(track, situation))
+        self.wake_at = self._next_due()
         return out
 
     def on_command(self, command: Command, situation: Situation) -> CommandAnswer | None:
         """An operator's command to our camera; None: it is not one of ours."""
         if not self._options.camera_tracking or command.to_component != self._options.camera_component:
             return None
-        return self._camera.on_command(command, situation)
+        answer = self._camera.on_command(command, situation)
+        self.wake_at = self._next_due()
+        return answer
 
     def on_notice(self, notice: Notice, now: HostNs) -> list[Outgoing]:
         """Say it to people, where the notice asks for it and STATUSTEXT is on."""
@@ -130,6 +129,11 @@ class Publisher:
                 "last_withheld": None if self.landing.last_withheld is None else str(self.landing.last_withheld),
             },
         }
+
+    def _next_due(self) -> HostNs | None:
+        """Worked out when it changes: it is asked for with every message that comes."""
+        due = [cadence.next_ns for cadence in (self._values, self._adsb, self._cot)] + [self._camera.wake_at]
+        return min((at for at in due if at is not None), default=None)
 
     def _named_values(self, track: Track | None, situation: Situation) -> list[Outgoing]:
         """While a target is selected, and once after: a display keeps the last number for ever."""

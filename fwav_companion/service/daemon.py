@@ -18,10 +18,11 @@ from fwav_companion.config import Config
 from fwav_companion.files.latest import LatestFile, status_paths
 from fwav_companion.flow.pipeline import Outputs
 from fwav_companion.flow.wiring import make_node, make_pipeline
-from fwav_companion.geometry.stamps import NS_PER_S, HostNs
+from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs
 from fwav_companion.links.make import make_link
 from fwav_companion.links.url import SerialUrl
 from fwav_companion.localization import ElevationTile
+from fwav_companion.mavlink.joining import joined
 from fwav_companion.mavlink.node import Received
 from fwav_companion.mavlink.unsigning import unsigned, without_signature
 from fwav_companion.nouns import Frame, NoFrame, Notice, Reason, Severity
@@ -40,6 +41,10 @@ log = logging.getLogger("fwav_companion")
 FILE_STOP_S = 0.4
 """For each file's last words: four of them stay below the two seconds that are promised for a stop."""
 STATUS_INTERVAL_S = 1.0
+BUSY_NS = 20 * NS_PER_MS
+"""What comes more often than this does all that is due on its way: nothing that we send has a shorter interval."""
+NET_NS = 200 * NS_PER_MS
+"""So late the timer finds what is due when a busy flow ends all at once; until then it rings five times a second."""
 BOARD_TICKS = 5
 """Once so often, in status intervals, ground stations are told how the board is doing."""
 _LEVELS = {Severity.INFO: logging.INFO, Severity.WARNING: logging.WARNING, Severity.ERROR: logging.ERROR}
@@ -93,6 +98,7 @@ class Service:
         self._deaf_because = ""
         self._status = LatestFile(status_paths(config.status.file), _warn, outlives_us=False)
         self._notifier = SystemdNotifier()
+        self._heard_ns, self._busy = HostNs(0), False
         self._timer: asyncio.TimerHandle | None = None
         self._timer_ns: HostNs | None = None
         self._stop = asyncio.Event()
@@ -163,17 +169,19 @@ class Service:
         self._take(self._node.receive(link, data, now), now)
 
     def _take(self, received: Received, now: HostNs) -> None:
-        for name, frame in received.forwards:
-            self._links[name].send(frame)
+        for name, data in received.forwards:
+            self._links[name].send(data)
         if self._recorder is not None:
             for raw in received.frames:
                 self._recorder.telemetry(self._clock.unix_us(now), unsigned(raw))
+        if not received.messages and not received.rate_request:
+            return
+        self._heard(now)
         for message in received.messages:
             self._pipeline.on_message(message, now)
         if received.rate_request:
             self._pipeline.on_rate_request_passed(received.rate_request, now)
-        if received.messages or received.rate_request:
-            self._flush(now)
+        self._flush(now)
 
     def _on_frame(self, frame: Frame | NoFrame) -> None:
         now = frame.arrival_ns if isinstance(frame, Frame) and frame.arrival_ns is not None else self._clock.now()
@@ -182,14 +190,25 @@ class Service:
             self._refused[frame.reason] += 1
         elif self._recorder is not None:
             self._recorder.detection(self._clock.unix_us(now), encode_frame(frame, self._clock.unix_offset_ns))
+        self._heard(now)
         self._pipeline.on_frame(frame, now)
         self._flush(now)
 
+    def _heard(self, now: HostNs) -> None:
+        """Something came: what is due is done, and has left before its work begins. A TIMESYNC must not wait for it."""
+        self._busy, self._heard_ns = now - self._heard_ns < BUSY_NS, now
+        due = self._pipeline.wake_at
+        if due is not None and due <= now:
+            self._pipeline.advance(now)
+            self._flush(now)
+
     def _on_timer(self) -> None:
         self._timer = self._timer_ns = None
-        wake_at, now = self._wake_at, self._clock.now()
-        if wake_at is not None and wake_at > now:  # rung for what has been done meanwhile
-            self._arm()
+        now = self._clock.now()
+        self._busy = self._busy and now - self._heard_ns < BUSY_NS
+        ring_ns = self._ring_ns(now)
+        if ring_ns is not None and ring_ns > now:  # rung for what has been done meanwhile
+            self._arm(now)
             return
         if self._node.wake_at is not None:
             self._take(self._node.on_wake(now), now)
@@ -234,36 +253,38 @@ class Service:
             self._recorder.on_armed(self._pipeline.armed, self._clock.unix_us(now))
         for notice in outputs.notices:
             log.log(_LEVELS[notice.severity], "%s", notice.text)
-        self._arm()
+        self._arm(now)
 
     def _send(self, outputs: Outputs, now: HostNs) -> None:
         self._node.adopt(self._pipeline.system)
+        sends: list[tuple[str, bytes]] = []
         for outgoing in outputs.messages:
             frames = self._node.encode(outgoing, now)
-            for name, frame in frames:
-                self._links[name].send(frame)
+            sends += frames
             if frames and self._recorder is not None:
                 self._recorder.telemetry(self._clock.unix_us(now), without_signature(frames[0][1]))
+        for name, data in joined(sends):
+            self._links[name].send(data)
         if self._map_link is not None:
             for datagram in outputs.datagrams:
                 self._map_link.send(datagram)
 
-    @property
-    def _wake_at(self) -> HostNs | None:
-        first, other = self._pipeline.wake_at, self._node.wake_at
+    def _ring_ns(self, now: HostNs) -> HostNs | None:
+        """When the timer is to ring: while much comes, that does what is due, and the timer waits for its end."""
+        first, other = HostNs(now + NET_NS) if self._busy else self._pipeline.wake_at, self._node.wake_at
         if first is None or other is None:
             return first if other is None else other
         return min(first, other)
 
-    def _arm(self) -> None:
-        """Have the timer ring by the next due time; an earlier ring does no harm."""
-        wake_at = self._wake_at
-        if wake_at is None or (self._timer_ns is not None and self._timer_ns <= wake_at):
+    def _arm(self, now: HostNs) -> None:
+        """Have the timer ring by then; an earlier ring does no harm."""
+        ring_ns = self._ring_ns(now)
+        if ring_ns is None or (self._timer_ns is not None and self._timer_ns <= ring_ns):
             return
         if self._timer is not None:
             self._timer.cancel()
-        self._timer_ns = wake_at
-        self._timer = asyncio.get_running_loop().call_at(wake_at / NS_PER_S, self._on_timer)
+        self._timer_ns = ring_ns
+        self._timer = asyncio.get_running_loop().call_at(ring_ns / NS_PER_S, self._on_timer)
 
     # What is told.
 

@@ -24,6 +24,7 @@ class Tap:
         self._vehicle.bind(("127.0.0.1", self.port))
         self._service = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._service.connect(("127.0.0.1", service_port))
+        self._service.setblocking(False)
         self._peer: tuple[str, int] | None = None
         self._parser = dialect.MAVLink(None)
         self._parser.robust_parsing = True
@@ -55,7 +56,8 @@ class Tap:
     def _run(self) -> None:
         while not self._stop.is_set():
             for ready in select.select([self._vehicle, self._service], [], [], 0.1)[0]:
-                with contextlib.suppress(ConnectionRefusedError):  # the daemon is not up yet, or no more
+                # The daemon is not up yet, or no more; and what was told as readable was no more than that.
+                with contextlib.suppress(ConnectionRefusedError, BlockingIOError):
                     (self._upward if ready is self._vehicle else self._downward)()
 
     def _upward(self) -> None:

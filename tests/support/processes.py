@@ -10,6 +10,7 @@ import socket
 import subprocess
 import sys
 import time
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -109,6 +110,7 @@ class GroundStation:
         self._parser.robust_parsing = True
         self.port: int = self._socket.getsockname()[1]
         self._peer: tuple[str, int] | None = None
+        self._received: deque[dialect.MAVLink_message] = deque()
         self._sender = dialect.MAVLink(None, srcSystem=system, srcComponent=190)
         if key is not None:
             self._parser.signing.secret_key = key
@@ -130,7 +132,8 @@ class GroundStation:
         while count > 0:
             names = sorted({message.get_type() for message in heard})
             assert time.monotonic() < deadline, f"{what} never came, only {names}"
-            for message in self._receive():
+            message = self._next()
+            if message is not None:
                 heard.append(message)
                 count -= wanted(message)
         return heard
@@ -140,15 +143,20 @@ class GroundStation:
         heard: list[dialect.MAVLink_message] = []
         deadline = time.monotonic() + seconds
         while time.monotonic() < deadline:
-            heard += self._receive()
+            message = self._next()
+            if message is not None:
+                heard.append(message)
         return heard
 
-    def _receive(self) -> list[dialect.MAVLink_message]:
-        try:
-            data, self._peer = self._socket.recvfrom(65536)
-        except TimeoutError:
-            return []
-        return self._parser.parse_buffer(data) or []
+    def _next(self) -> dialect.MAVLink_message | None:
+        """One message, though several may come in one datagram; None: nothing came for a while."""
+        if not self._received:
+            try:
+                data, self._peer = self._socket.recvfrom(65536)
+            except TimeoutError:
+                return None
+            self._received.extend(self._parser.parse_buffer(data) or [])
+        return self._received.popleft() if self._received else None
 
     def send(self, message: dialect.MAVLink_message) -> bytes:
         """To whoever was heard last; the bytes that were sent."""
