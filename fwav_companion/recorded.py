@@ -101,9 +101,9 @@ def load_telemetry(path: Path, own: frozenset[int]) -> TelemetryRead:
     except OSError as error:
         raise InputFileError(f"{path}: {error.strerror or error}; accepted: a .tlog, .bin or .ulg recording") from None
     if is_ulog(head):
-        log, damaged = read_ulog(path)
-        notes = ["parts of it are damaged and were left out (pyulog does not tell where)"] if damaged else []
-        return _of_log(path, log, own, [], notes)
+        log, skipped, damaged = read_ulog(path)
+        notes = ["some of its messages are damaged and were left out"] if damaged else []
+        return _of_log(path, log, own, skipped, notes)
     if is_dataflash(head):
         log, skipped = read_ardupilot_log(path.read_bytes())
         return _of_log(path, log, own, skipped, [])

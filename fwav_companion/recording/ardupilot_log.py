@@ -22,6 +22,7 @@ from fwav_companion.recording.flight_log import (
     LoggedPosition,
     LoggedRange,
 )
+from fwav_companion.recording.timely import timely
 from fwav_companion.recording.tlog import SkippedBytes
 
 _INSTANCE: Final = frozenset({"I", "C", "Instance"})
@@ -49,8 +50,6 @@ GPS_EPOCH_UNIX_S: Final = 315_964_800
 """1980-01-06."""
 LEAP_SECONDS: Final = 18
 """GPS minus UTC since 2017; the earth has asked for none since."""
-LONGEST_LOG_US: Final = 7 * 24 * 3600 * 1_000_000
-"""A time further from the middle of a log is damage: there is no checksum that would tell."""
 RANGE_GOOD: Final = 4
 """RangeFinder::Status::Good."""
 LOOKING_DOWN: Final = 25
@@ -72,26 +71,15 @@ def read_ardupilot_log(data: bytes) -> tuple[FlightLog, list[SkippedBytes]]:
         name, values = item
         if _is_first(values) and all(map(isfinite, values.values())):
             series[name].append(values)
-    return _flight(_timely(series)), skipped
+    return _flight({name: _timely(each) for name, each in series.items()}), skipped
 
 
 def _is_first(values: Values) -> bool:
     return not any(values.get(name) for name in _INSTANCE)
 
 
-def _timely(series: _Series) -> _Series:
-    """In the order of their times, without those that cannot be of this flight."""
-    times = sorted(values["TimeUS"] for each in series.values() for values in each)
-    if not times:
-        return series
-    middle = times[len(times) // 2]
-    return {
-        name: sorted(
-            (values for values in each if abs(values["TimeUS"] - middle) <= LONGEST_LOG_US),
-            key=lambda values: values["TimeUS"],
-        )
-        for name, each in series.items()
-    }
+def _timely(series: list[Values]) -> list[Values]:
+    return [series[index] for index in timely([_us(values) for values in series])]
 
 
 def _flight(series: _Series) -> FlightLog:

@@ -21,7 +21,8 @@ from fwav_companion.geometry.vectors import ZERO3, Vector3, scale
 
 US_PER_S: Final = 1_000_000
 EXCHANGE_EVERY_US: Final = 500_000
-HEARTBEAT_EVERY_US: Final = US_PER_S
+BEATS_A_HEARTBEAT: Final = 2
+"""One a second."""
 LONGEST_PAIR_US: Final = US_PER_S
 """Attitudes, or places, further apart say nothing about what was between them."""
 TOLERABLE: Final = 0.1
@@ -86,9 +87,13 @@ class FlightLog(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def unix_minus_boot_us(self) -> int:
-        """By GPS; 0 where it never knew UTC. The greatest difference: a message is logged late, never early."""
+        """By GPS; 0 where it never knew UTC. The greatest difference: a message is logged late, never early.
+
+        Of those near the middle one: a damaged message tells any time.
+        """
         differences = sorted(fix.unix_us - fix.boot_us for fix in self.gps if fix.unix_us is not None)
-        return differences[-1 - len(differences) // 20] if differences else 0
+        middle = differences[len(differences) // 2] if differences else 0
+        return max((each for each in differences if abs(each - middle) <= US_PER_S), default=0)
 
     def complaints(self) -> list[str]:
         """What a user should know before believing what comes of this log."""
@@ -160,16 +165,18 @@ def messages_of(log: FlightLog) -> Iterator[Told]:
 
 
 def _beats(log: FlightLog) -> Iterator[Told]:
-    times = [series[end].boot_us for series in (log.attitudes, log.positions) if series for end in (0, -1)]
+    """Where there is anything to be paired: a sample that damage put days away does not fill the days between."""
+    times = [each.boot_us for series in (log.attitudes, log.positions) for each in series]
     if not times:
         return
-    first_us, last_us = min(times), max(times)
+    first_us = min(times)
     if log.origin is not None:
         lat, lon, alt_m = log.origin
-        fields = {"latitude": _degrees_e7(lat), "longitude": _degrees_e7(lon), "altitude": round(alt_m * 1e3)}
+        fields = {"latitude": _whole(lat, 1e7), "longitude": _whole(lon, 1e7), "altitude": _whole(alt_m, 1e3)}
         yield first_us, "GPS_GLOBAL_ORIGIN", fields | {"time_usec": first_us}
-    for at_us in range(first_us, last_us + 1, EXCHANGE_EVERY_US):
-        if (at_us - first_us) % HEARTBEAT_EVERY_US == 0:
+    for beat in sorted({(at_us - first_us) // EXCHANGE_EVERY_US for at_us in times}):
+        at_us = first_us + beat * EXCHANGE_EVERY_US
+        if beat % BEATS_A_HEARTBEAT == 0:
             yield at_us, "HEARTBEAT", _HEARTBEAT | {"autopilot": AUTOPILOTS[log.autopilot]}
         yield at_us, "TIMESYNC", {"tc1": 0, "ts1": at_us * 1000}
         yield at_us, "TIMESYNC", {"tc1": max(1, at_us * 1000), "ts1": at_us * 1000}
@@ -202,16 +209,16 @@ def _mean_velocity(before: LoggedPosition, after: LoggedPosition) -> Vector3:
 
 
 def _position(position: LoggedPosition, velocity_ned: Vector3) -> Told:
-    north, east, down = (max(-32767, min(32767, round(speed * 100.0))) for speed in velocity_ned)
+    north, east, down = (max(-32767, min(32767, _whole(speed, 100.0))) for speed in velocity_ned)
     return (
         position.boot_us,
         "GLOBAL_POSITION_INT",
         {
             "time_boot_ms": _ms(position.boot_us),
-            "lat": _degrees_e7(position.lat),
-            "lon": _degrees_e7(position.lon),
-            "alt": round(position.alt_amsl_m * 1e3),
-            "relative_alt": round(position.height_above_home_m * 1e3),
+            "lat": _whole(position.lat, 1e7),
+            "lon": _whole(position.lon, 1e7),
+            "alt": _whole(position.alt_amsl_m, 1e3),
+            "relative_alt": _whole(position.height_above_home_m, 1e3),
             "vx": north,
             "vy": east,
             "vz": down,
@@ -225,7 +232,7 @@ def _range(reading: LoggedRange) -> Told:
         "time_boot_ms": _ms(reading.boot_us),
         "min_distance": 0,
         "max_distance": 65535,
-        "current_distance": max(0, min(65535, round(reading.distance_m * 100.0))),
+        "current_distance": max(0, min(65535, _whole(reading.distance_m, 100.0))),
         "type": 0,
         "id": 0,
         "orientation": reading.orientation,
@@ -244,5 +251,9 @@ def _ms(boot_us: int) -> int:
     return boot_us // 1000 & 0xFFFFFFFF
 
 
-def _degrees_e7(angle: float) -> int:
-    return round(angle * 1e7)
+def _whole(value: float, per_unit: float) -> int:
+    """In the message's own unit. What is beyond any of its fields stays so, and is refused when it is encoded."""
+    return round(max(-BEYOND, min(BEYOND, value * per_unit)))
+
+
+BEYOND: Final = 2.0**62

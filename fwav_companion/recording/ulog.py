@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import redirect_stdout
+from io import BytesIO
 from math import isfinite, sqrt
 from pathlib import Path
 from typing import Any, Final
@@ -18,6 +18,9 @@ from fwav_companion.recording.flight_log import (
     LoggedPosition,
     LoggedRange,
 )
+from fwav_companion.recording.timely import timely
+from fwav_companion.recording.tlog import SkippedBytes
+from fwav_companion.recording.ulog_frames import damaged_stretches, without
 
 HEAD: Final = b"ULog\x01\x12\x35"
 TOPICS: Final = (
@@ -37,8 +40,8 @@ def is_ulog(data: bytes) -> bool:
     return data.startswith(HEAD)
 
 
-def read_ulog(path: Path) -> tuple[FlightLog, bool]:
-    """What the log tells, and whether parts of it are damaged and were left out.
+def read_ulog(path: Path) -> tuple[FlightLog, list[SkippedBytes], bool]:
+    """What the log tells, the stretches that are no messages, and whether some of its messages cannot be read either.
 
     InputFileError where it cannot be read, or where pyulog is not installed.
     """
@@ -49,12 +52,17 @@ def read_ulog(path: Path) -> tuple[FlightLog, bool]:
             f"{path}: reading it needs pyulog, which is not installed; pip install 'fwav-companion[ulog]'"
         ) from error
     try:
-        with redirect_stdout(sys.stderr):  # it prints what it thinks of a file
-            log = ULog(str(path), list(TOPICS), disable_str_exceptions=True)
+        data = path.read_bytes()
+    except OSError as error:
+        raise InputFileError(f"{path}: {error.strerror or error}; accepted: a PX4 log (.ulg)") from error
+    skipped = list(damaged_stretches(data))
+    try:
+        with redirect_stdout(None):  # it prints a line for every message that it cannot read
+            log = ULog(BytesIO(without(data, skipped) if skipped else data), list(TOPICS), disable_str_exceptions=True)
     except Exception as error:  # pyulog tells damage by whatever its parsing runs into
         raise InputFileError(f"{path}: {' '.join(str(error).split())}; accepted: a PX4 log (.ulg)") from error
     topics = {each.name: _Rows(each.data) for each in log.data_list if each.multi_id == 0}
-    return _flight(topics), bool(log.file_corruption)
+    return _flight(topics), skipped, bool(log.file_corruption)
 
 
 class _Rows:
@@ -64,14 +72,16 @@ class _Rows:
         self._columns = {name: column.tolist() for name, column in columns.items()}
 
     def rows(self, *names: str) -> Iterator[tuple[int, tuple[float, ...]]]:
-        """(boot time in microseconds, the values) of every finite row; a name may have alternatives: ``a|b``."""
-        times = self._column("timestamp_sample|timestamp")
+        """(boot time in microseconds, the values) of every finite row, by time; a name may be alternatives: ``a|b``."""
+        times = [int(at_us) for at_us in self._column("timestamp_sample|timestamp") or ()]
         columns = [self._column(name) for name in names]
-        if times is None or any(column is None for column in columns):
+        if any(column is None for column in columns):
             return
-        for at_us, *values in zip(times, *(column or () for column in columns), strict=True):
+        found = [column for column in columns if column is not None]
+        for index in timely(times):
+            values = tuple(column[index] for column in found)
             if all(map(isfinite, values)):
-                yield int(at_us), tuple(values)
+                yield times[index], values
 
     def _column(self, alternatives: str) -> Sequence[float] | None:
         return next((self._columns[name] for name in alternatives.split("|") if name in self._columns), None)

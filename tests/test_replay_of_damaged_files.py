@@ -1,0 +1,172 @@
+"""Files as cards and power cuts leave them: cut, flipped, zeroed, spliced. What can be is read, and nothing breaks."""
+
+import random
+
+import pytest
+from autopilot_logs import DataFlash, ulog, usual
+from mavlink_wire import Wire
+
+from fwav_companion.errors import InputFileError
+from fwav_companion.recorded import load_telemetry
+from fwav_companion.recording.timely import timely
+from fwav_companion.recording.tlog import tlog_record
+from fwav_companion.recording.ulog_frames import damaged_stretches
+
+OWN = frozenset({191})
+SECONDS, HZ = 3, 20
+START_US = 1_790_000_000_000_000
+
+
+def a_tlog():
+    wire = Wire(1, 1)
+    frames = (wire.frame("ATTITUDE", 1000 + 50 * step, 0.1, 0.2, 0.3, 0, 0, 0) for step in range(SECONDS * HZ))
+    return b"".join(tlog_record(START_US + 50_000 * step, frame) for step, frame in enumerate(frames))
+
+
+def a_bin():
+    log = usual(DataFlash())
+    for step in range(SECONDS * HZ):
+        now = 1_000_000 + 50_000 * step
+        log.put("IMU", now, 0, 0.1, 0.2, 0.3, 0, 0, 0)
+        log.put("ATT", now, 0, 1.0, 0, 2.0, 0, 3.0, 0, 0)
+        log.put("POS", now, 48.1, 11.5, 531.25, 12.5, 13.0)
+    return bytes(log.data)
+
+
+def a_ulg():
+    times = [1_000_000 + 50_000 * step for step in range(SECONDS * HZ)]
+    place = [("double", "lat"), ("double", "lon"), ("float", "alt")]
+    return ulog(
+        {
+            "vehicle_attitude": ([("float[4]", "q")], [(t, 1.0, 0.0, 0.0, 0.0) for t in times]),
+            "vehicle_global_position": (place, [(t, 48.1, 11.5, 531.25) for t in times]),
+        }
+    )
+
+
+WHOLE = {"tlog": a_tlog(), "bin": a_bin(), "ulg": a_ulg()}
+
+
+def cut(data, draw):
+    del data[draw.randrange(len(data)) :]
+
+
+def flipped(data, draw):
+    for _ in range(draw.choice((1, 3, 50))):
+        data[draw.randrange(len(data))] ^= 1 << draw.randrange(8)
+
+
+def spliced(data, draw):
+    at = draw.randrange(len(data))
+    data[at : at + draw.choice((0, 30, 900))] = draw.randbytes(draw.choice((1, 40, 1500)))
+
+
+def zeroed(data, draw):
+    """A sector, or everything to the end, as after a power cut on ext4."""
+    at = draw.randrange(len(data))
+    end = min(len(data), at + draw.choice((512, len(data))))
+    data[at:end] = bytes(end - at)
+
+
+def moved(data, draw):
+    at = draw.randrange(len(data))
+    piece = data[at : at + 1000]
+    del data[at : at + 1000]
+    to = draw.randrange(len(data) + 1)
+    data[to:to] = piece
+
+
+def claiming(data, draw):
+    """Lengths beyond everything."""
+    for _ in range(10):
+        at = draw.randrange(len(data))
+        data[at : at + 2] = b"\xff" * len(data[at : at + 2])
+
+
+@pytest.mark.parametrize("damage", [cut, flipped, spliced, zeroed, moved, claiming])
+@pytest.mark.parametrize("kind", WHOLE)
+def test_no_damage_breaks_a_reader(tmp_path, kind, damage):
+    path, draw = tmp_path / f"flight.{kind}", random.Random(f"{kind} {damage.__name__}")
+    path.write_bytes(WHOLE[kind])
+    most = 2 * len(load_telemetry(path, OWN).messages)
+    for _ in range(40):
+        data = bytearray(WHOLE[kind])
+        damage(data, draw)
+        path.write_bytes(data)
+        try:
+            read = load_telemetry(path, OWN)
+        except InputFileError:  # told in one line, by name
+            continue
+        times = [unix_us for unix_us, _ in read.messages]
+        assert times == sorted(times)
+        assert len(times) <= most, "damage made messages"
+        ends = [0, *(skipped.offset + skipped.length for skipped in read.skipped)]
+        assert all(end <= skipped.offset for end, skipped in zip(ends, read.skipped, strict=False))
+        assert ends[-1] <= len(data)
+
+
+@pytest.mark.parametrize("kind", WHOLE)
+def test_what_stands_before_a_zeroed_tail_is_read_and_the_tail_is_told(tmp_path, kind):
+    path, data = tmp_path / f"flight.{kind}", WHOLE[kind]
+    path.write_bytes(data)
+    whole = load_telemetry(path, OWN).messages
+    at = 2 * len(data) // 3
+    path.write_bytes(data[:at] + bytes(len(data) - at))
+    read = load_telemetry(path, OWN)
+    attitudes = [sum("ATTITUDE" in message.name for _, message in messages) for messages in (whole, read.messages)]
+    assert attitudes[1] > 0.55 * attitudes[0]
+    (tail,) = read.skipped
+    assert at - 130 < tail.offset <= at
+    assert tail.offset + tail.length == len(data)
+
+
+def test_a_time_of_another_day_is_outvoted_and_fills_nothing(tmp_path):
+    data = bytearray(WHOLE["bin"])
+    third = [at for at in range(len(data)) if data.startswith(b"\xa3\x95\x46", at)][30]
+    data[third + 3 + 4] ^= 0x10  # of TimeUS: 19 hours
+    (tmp_path / "flight.bin").write_bytes(data)
+    read = load_telemetry(tmp_path / "flight.bin", OWN)
+    times = [unix_us for unix_us, _ in read.messages]
+    assert times[-1] - times[0] < (SECONDS + 1) * 1_000_000
+    assert sum(message.name == "ATTITUDE_QUATERNION" for _, message in read.messages) == SECONDS * HZ - 1
+
+
+def test_times_that_their_neighbours_contradict_are_left_out():
+    steady = list(range(0, 200_000_000, 10_000_000))  # rare ones, ten seconds apart, are as good as any
+    assert timely(steady) == list(range(20))
+    assert timely([*steady[:7], 9 * 10**11, *steady[7:]]) == [*range(7), *range(8, 21)]
+    assert timely([5, 1, 3]) == [1, 2, 0], "a logger's queues put samples into the file late"
+    assert timely([]) == []
+
+
+def test_where_a_px4_log_is_damaged_is_told():
+    data = WHOLE["ulg"]
+    assert list(damaged_stretches(data)) == []
+    at = len(data) - 27 * 20
+    (stretch,) = damaged_stretches(data[:at] + bytes(300) + data[at:])
+    assert stretch.offset <= at < at + 300 <= stretch.offset + stretch.length
+    assert stretch.length < 300 + 2 * 40
+
+
+def test_a_crashs_last_words_behind_damage_are_read(tmp_path):
+    """PX4 appends them and writes into the flags where they begin."""
+    data = WHOLE["ulg"]
+    at, words = len(data) - 500, data[-62 * 30 :]  # attitudes and places
+    flagged = bytearray(data[:at] + bytes(200) + data[at:] + words)
+    flagged[16 + 3 + 8] = 1  # incompatible flag: data is appended
+    flagged[16 + 3 + 16 : 16 + 3 + 24] = (len(flagged) - len(words)).to_bytes(8, "little")
+    (tmp_path / "flight.ulg").write_bytes(flagged)
+    read = load_telemetry(tmp_path / "flight.ulg", OWN)
+    assert len(read.skipped) == 1
+    assert sum("ATTITUDE" in message.name for _, message in read.messages) > SECONDS * HZ + 30 - 6
+
+
+@pytest.mark.parametrize("filler", [b"\0", b"\xa3\x95", b"\xfd", b"D"])
+@pytest.mark.parametrize("kind", WHOLE)
+def test_a_mebibyte_of_nothing_makes_nothing(tmp_path, kind, filler):
+    """Its time limit is the test's: pyulog alone takes ten seconds for each."""
+    path, data = tmp_path / f"flight.{kind}", WHOLE[kind]
+    path.write_bytes(data)
+    whole = load_telemetry(path, OWN).messages
+    path.write_bytes(data + filler * ((1 << 20) // len(filler)))
+    assert len(whole) - 1 <= len(load_telemetry(path, OWN).messages) <= len(whole)
