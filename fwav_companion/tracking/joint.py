@@ -10,14 +10,18 @@ Immutable: an update returns a new estimate that shares the rows it did not touc
 from __future__ import annotations
 
 from math import exp, log
-from typing import TypeAlias
+from operator import sub
+from typing import TypeAlias, TypeVar
 
 import msgspec
 
 from fwav_companion.nouns import ErrorPriors
+from fwav_companion.tracking.estimate import inner
 from fwav_companion.tracking.rays import COMMON_COUNT, Common, Glimpse, Prediction, ground_point, pixel_noise, predict
 
-Rows: TypeAlias = tuple[tuple[float, ...], ...]
+Row: TypeAlias = tuple[float, ...]
+Rows: TypeAlias = tuple[Row, ...]
+T = TypeVar("T")
 
 GATE = 16.0
 """Squared Mahalanobis distance of two pixels: a true one lies beyond once in 3000 times."""
@@ -79,49 +83,33 @@ class Joint(msgspec.Struct, frozen=True):
         return None if prediction is None else self._weighed(glimpse, prediction, place)
 
     def _weighed(self, glimpse: Glimpse, prediction: Prediction, place: int) -> Innovation | None:
-        offset = [m - a for m, a in zip(self.mean[:COMMON_COUNT], self.around[:COMMON_COUNT], strict=True)]
-        offset += [self.mean[place] - self.around[place], self.mean[place + 1] - self.around[place + 1]]
-        used = [*self.cov[:COMMON_COUNT], self.cov[place], self.cov[place + 1]]
-        difference, carried, full = [], [], []
-        for residual, by_common, by_target in zip(
-            prediction.residual, prediction.by_common, prediction.by_target, strict=True
-        ):
-            row = (*by_common, *by_target)
-            full.append(row)
-            difference.append(residual - sum(h * o for h, o in zip(row, offset, strict=True)))
-            h0, h1, h2, h3, h4, h5, h6, h7, h8, h9, h10 = row
-            carried.append(
-                tuple(
-                    [
-                        h0 * a
-                        + h1 * b
-                        + h2 * c
-                        + h3 * d
-                        + h4 * e
-                        + h5 * f
-                        + h6 * g
-                        + h7 * i
-                        + h8 * j
-                        + h9 * k
-                        + h10 * m
-                        for a, b, c, d, e, f, g, i, j, k, m in zip(*used, strict=True)
-                    ]
-                )
-            )
+        row_u, row_v = (
+            (*by_common, *by_target)
+            for by_common, by_target in zip(prediction.by_common, prediction.by_target, strict=True)
+        )
+        off = list(map(sub, _taken(self.mean, place), _taken(self.around, place)))
+        du, dv = prediction.residual[0] - inner(row_u, off), prediction.residual[1] - inner(row_v, off)
+        pu, pv = self._carried(row_u, row_v, place)
+        own_u, own_v = _taken(pu, place), _taken(pv, place)
         uu, uv, vv = pixel_noise(glimpse, prediction, self.priors)
         alone = uu * vv - uv * uv
-        pu, pv = carried
-        own_u, own_v = (*pu[:COMMON_COUNT], pu[place], pu[place + 1]), (*pv[:COMMON_COUNT], pv[place], pv[place + 1])
-        uu += sum(h * p for h, p in zip(full[0], own_u, strict=True))
-        uv += sum(h * p for h, p in zip(full[0], own_v, strict=True))
-        vv += sum(h * p for h, p in zip(full[1], own_v, strict=True))
+        uu, uv, vv = uu + inner(row_u, own_u), uv + inner(row_u, own_v), vv + inner(row_v, own_v)
         determinant = uu * vv - uv * uv
         if not determinant > 0.0:
             return None
         inverse = (vv / determinant, -uv / determinant, uu / determinant)
-        du, dv = difference
         distance2 = inverse[0] * du * du + 2.0 * inverse[1] * du * dv + inverse[2] * dv * dv
         return Innovation((du, dv), (pu, pv), inverse, determinant, distance2, log(determinant / alone))
+
+    def _carried(self, row_u: Row, row_v: Row, place: int) -> tuple[Row, Row]:
+        """P H', a column each of u and v. The hottest loop of self-calibration: unrolled on purpose."""
+        u0, u1, u2, u3, u4, u5, u6, u7, u8, u9, u10 = row_u
+        v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10 = row_v
+        pu, pv = [], []
+        for a, b, c, d, e, f, g, h, i, j, k in zip(*_taken(self.cov, place), strict=True):
+            pu.append(u0 * a + u1 * b + u2 * c + u3 * d + u4 * e + u5 * f + u6 * g + u7 * h + u8 * i + u9 * j + u10 * k)
+            pv.append(v0 * a + v1 * b + v2 * c + v3 * d + v4 * e + v5 * f + v6 * g + v7 * h + v8 * i + v9 * j + v10 * k)
+        return tuple(pu), tuple(pv)
 
     def updated(self, seen: Innovation) -> Joint:
         """With the gain of least covariance, but for the vehicle's position, which is only considered."""
@@ -209,6 +197,11 @@ class Joint(msgspec.Struct, frozen=True):
             around=cut(self.around),
             tracks=tuple(t for t in self.tracks if t != track),
         )
+
+
+def _taken(values: tuple[T, ...], place: int) -> tuple[T, ...]:
+    """Those of the common unknowns and of one target."""
+    return values[:COMMON_COUNT] + values[place : place + 2]
 
 
 def joint_of(

@@ -8,14 +8,26 @@ shallow ray is as good as any other, only its point on the ground is not.
 from __future__ import annotations
 
 from enum import IntEnum
+from functools import lru_cache
 from math import cos, sin
 
 import msgspec
 
-from fwav_companion.geometry.rotations import conjugate, exp, matrix_from_quaternion, rotate
-from fwav_companion.geometry.vectors import Matrix3, Vector3, cross, dot, norm, scale, subtract, transform, transpose
+from fwav_companion.geometry.rotations import Quaternion, conjugate, exp, matrix_from_quaternion, multiply, rotate
+from fwav_companion.geometry.vectors import (
+    Matrix3,
+    Vector3,
+    add,
+    cross,
+    dot,
+    norm,
+    scale,
+    subtract,
+    transform,
+    transpose,
+)
 from fwav_companion.nouns import ErrorPriors, GroundFix
-from fwav_companion.tracking.course import Course
+from fwav_companion.tracking.course import Course, Moment
 
 
 class Common(IntEnum):
@@ -48,7 +60,7 @@ class Glimpse(msgspec.Struct, frozen=True, gc=False):
     host_ns: int
     boot_ns: int
     ray: Vector3
-    """Unit, camera frame."""
+    """Unit, in the body as the configuration mounts the camera; so are the next two."""
     by_u: Vector3
     """Dual to the lens's derivatives: by_u . (change of the ray) is the change of u."""
     by_v: Vector3
@@ -57,7 +69,6 @@ class Glimpse(msgspec.Struct, frozen=True, gc=False):
     """What interpolation adds, rad."""
     time_noise_s: float
     row_fraction: float
-    body_from_camera: Matrix3
     lever: Vector3
     """Camera in the body, m."""
     drop_m: float
@@ -80,21 +91,20 @@ class Prediction(msgspec.Struct, frozen=True, gc=False):
 def glimpse_of(track: int, fix: GroundFix, course: Course, since_s: float) -> Glimpse:
     """What is kept of a fix."""
     sighting = fix.sighting
-    ray, by_u, by_v = sighting.ray.direction, *_dual(sighting.ray.d_du, sighting.ray.d_dv)
-    state = sighting.state
+    state, mount = sighting.state, sighting.body_from_camera
+    by_u, by_v = _dual(sighting.ray.d_du, sighting.ray.d_dv)
     arm = subtract(sighting.camera_ned, state.position_ned) if state.position_ned is not None else sighting.camera_ned
     return Glimpse(
         track,
         sighting.frame_host_ns,
         sighting.boot_ns,
-        ray,
-        by_u,
-        by_v,
+        transform(mount, sighting.ray.direction),
+        transform(mount, by_u),
+        transform(mount, by_v),
         sighting.pixel_sigma,
         state.carrier_sigma,
         sighting.time_noise_s,
         sighting.row_fraction,
-        sighting.body_from_camera,
         rotate(conjugate(state.ned_from_carrier), arm),
         fix.position_ned[2] - sighting.camera_ned[2],
         sighting.camera_ned[2],
@@ -110,64 +120,74 @@ they exceed the pixel's own noise by more than a double resolves, and covariance
 
 def predict(glimpse: Glimpse, target: tuple[float, float], common: tuple[float, ...]) -> Prediction | None:
     """The residual and rows at one point of linearization; None where the target would lie too far beside the ray."""
-    moment = glimpse.course.at(common[Common.DELAY] - common[Common.READOUT] * glimpse.row_fraction)
-    ned_from_body = matrix_from_quaternion(moment.ned_from_body)
-    camera = _camera(glimpse, moment.position_ned, ned_from_body)
-    north = target[0] - camera[0] + common[Common.NORTH]
-    east = target[1] - camera[1] + common[Common.EAST]
-    below = glimpse.drop_m - (camera[2] - glimpse.camera_down) - common[Common.HEIGHT]
+    moment, correction, ned_from_mounted, camera = _stood(glimpse, common)
+    rn, re, rd = ned_from_mounted  # the told axes of the world, as the mounted camera has them
     c, s = cos(common[Common.HEADING]), sin(common[Common.HEADING])
-    told = (c * north - s * east, s * north + c * east, below)  # as the told heading would have it
-    body = transform(transpose(ned_from_body), told)
-    mount_vector = (common[1], common[2], common[3])
-    correction = matrix_from_quaternion(exp(mount_vector))
-    mounted = transform(transpose(correction), body)
-    seen = transform(transpose(glimpse.body_from_camera), mounted)
+    north, east, below = target[0] - camera[0], target[1] - camera[1], camera[2]
+    told_n, told_e = c * north - s * east, s * north + c * east  # as the told heading would have it
+    seen = transform(transpose(ned_from_mounted), (told_n, told_e, below))
     depth = dot(seen, glimpse.ray)
     if depth <= LEAST_COSINE * norm(seen):
         return None
+    # How what is seen changes with each unknown; the mount's correction is left to the rows.
+    by_north, by_east, by_heading = _mixed(c, rn, s, re), _mixed(c, re, -s, rn), _mixed(told_n, re, -told_e, rn)
+    vn, ve, vd = moment.velocity_ned
+    turning = cross(rotate(conjugate(correction), moment.rates), seen)
+    by_delay = add(add(turning, _mixed(vn, by_north, ve, by_east)), scale(rd, vd))
+    mount_vector = (common[Common.MOUNT_X], common[Common.MOUNT_Y], common[Common.MOUNT_Z])
     rows = []
     residual = []
     for dual in (glimpse.by_u, glimpse.by_v):
         offset = dot(dual, seen) / depth
         residual.append(-offset)
-        by_camera = scale(subtract(dual, scale(glimpse.ray, offset)), 1.0 / depth)
-        by_mounted = transform(glimpse.body_from_camera, by_camera)
-        by_body = transform(correction, by_mounted)
-        by_told = transform(ned_from_body, by_body)
-        by_north, by_east = c * by_told[0] + s * by_told[1], c * by_told[1] - s * by_told[0]
-        vn, ve, vd = moment.velocity_ned
-        by_delay = dot(by_body, cross(moment.rates, body)) + by_north * vn + by_east * ve + by_told[2] * vd
-        turn = cross(by_mounted, mounted)
+        by_seen = _mixed(1.0 / depth, dual, -offset / depth, glimpse.ray)
+        turn = cross(by_seen, seen)
         # a step of the rotation vector is not quite a rotation: to first order in the correction itself
         mx, my, mz = subtract(turn, scale(cross(turn, mount_vector), 0.5))
-        by_heading = by_told[1] * told[0] - by_told[0] * told[1]
-        by_readout = -glimpse.row_fraction * by_delay
-        rows.append((by_delay, mx, my, mz, by_heading, -by_told[2], by_readout, by_north, by_east))
-    return Prediction(
-        (residual[0], residual[1]),
-        (rows[0], rows[1]),
-        ((rows[0][Common.NORTH], rows[0][Common.EAST]), (rows[1][Common.NORTH], rows[1][Common.EAST])),
-    )
+        delay, n, e = dot(by_seen, by_delay), dot(by_seen, by_north), dot(by_seen, by_east)
+        readout = -glimpse.row_fraction * delay
+        rows.append((delay, mx, my, mz, dot(by_seen, by_heading), -dot(by_seen, rd), readout, n, e))
+    u, v = rows
+    by_target = ((u[Common.NORTH], u[Common.EAST]), (v[Common.NORTH], v[Common.EAST]))
+    return Prediction((residual[0], residual[1]), (u, v), by_target)
 
 
 def ground_point(glimpse: Glimpse, common: tuple[float, ...]) -> tuple[float, float] | None:
     """North and east where the ray meets the ground under these common values; None where it does not."""
-    moment = glimpse.course.at(common[Common.DELAY] - common[Common.READOUT] * glimpse.row_fraction)
-    ned_from_body = matrix_from_quaternion(moment.ned_from_body)
-    camera = _camera(glimpse, moment.position_ned, ned_from_body)
-    mounted = transform(glimpse.body_from_camera, glimpse.ray)
-    turned = transform(matrix_from_quaternion(exp((common[1], common[2], common[3]))), mounted)
-    x, y, z = transform(ned_from_body, turned)
+    _, _, ned_from_mounted, camera = _stood(glimpse, common)
+    x, y, z = transform(ned_from_mounted, glimpse.ray)
     if z <= 0.02:
         return None
     c, s = cos(common[Common.HEADING]), sin(common[Common.HEADING])
-    below = glimpse.drop_m - (camera[2] - glimpse.camera_down) - common[Common.HEIGHT]
-    reach = below / z
+    reach = camera[2] / z
+    return (camera[0] + reach * (c * x + s * y), camera[1] + reach * (c * y - s * x))
+
+
+def _stood(glimpse: Glimpse, common: tuple[float, ...]) -> tuple[Moment, Quaternion, Matrix3, Vector3]:
+    """The vehicle then, the mount's correction, how the mounted camera stood, and where: north, east, height above
+    the target's ground.
+    """
+    moment = glimpse.course.at(common[Common.DELAY] - common[Common.READOUT] * glimpse.row_fraction)
+    correction = _correction(common[Common.MOUNT_X : Common.HEADING])
+    north, east, down = add(moment.position_ned, rotate(moment.ned_from_body, glimpse.lever))
+    below = glimpse.drop_m - (down - glimpse.camera_down) - common[Common.HEIGHT]
     return (
-        camera[0] - common[Common.NORTH] + reach * (c * x + s * y),
-        camera[1] - common[Common.EAST] + reach * (c * y - s * x),
+        moment,
+        correction,
+        matrix_from_quaternion(multiply(moment.ned_from_body, correction)),
+        (north - common[Common.NORTH], east - common[Common.EAST], below),
     )
+
+
+@lru_cache(maxsize=64)
+def _correction(mount: Vector3) -> Quaternion:
+    """Asked over and over about one point of linearization."""
+    return exp(mount)
+
+
+def _mixed(a: float, x: Vector3, b: float, y: Vector3) -> Vector3:
+    """A x + b y."""
+    return (a * x[0] + b * y[0], a * x[1] + b * y[1], a * x[2] + b * y[2])
 
 
 TELEMETRY_STEP_S = 0.1
@@ -179,20 +199,12 @@ def pixel_noise(glimpse: Glimpse, prediction: Prediction, priors: ErrorPriors) -
     repeated = max(1.0, TELEMETRY_STEP_S / max(glimpse.since_s, 1e-3)) if glimpse.since_s > 0.0 else 1.0
     attitude = priors.attitude_noise**2 + glimpse.attitude_sigma**2
     height, place = priors.height_noise_m**2 * repeated, priors.position_noise_m**2 * repeated
-    time = glimpse.time_noise_s**2
-    u, v = prediction.by_common
-    weights = (time, attitude, attitude, attitude, 0.0, height, 0.0, place, place)
-    uu = uv = vv = 0.0
-    for a, b, w in zip(u, v, weights, strict=True):
-        if w:
-            uu, uv, vv = uu + w * a * a, uv + w * a * b, vv + w * b * b
-    su, sv = glimpse.pixel_sigma
-    return (uu + su * su, uv, vv + sv * sv)
-
-
-def _camera(glimpse: Glimpse, position: Vector3, ned_from_body: Matrix3) -> Vector3:
-    x, y, z = transform(ned_from_body, glimpse.lever)
-    return (position[0] + x, position[1] + y, position[2] + z)
+    (u_sigma, v_sigma), time = glimpse.pixel_sigma, glimpse.time_noise_s**2
+    (ut, ux, uy, uz, _, uh, _, un, ue), (vt, vx, vy, vz, _, vh, _, vn, ve) = prediction.by_common
+    uu = attitude * (ux * ux + uy * uy + uz * uz) + height * uh * uh + place * (un * un + ue * ue)
+    uv = attitude * (ux * vx + uy * vy + uz * vz) + height * uh * vh + place * (un * vn + ue * ve)
+    vv = attitude * (vx * vx + vy * vy + vz * vz) + height * vh * vh + place * (vn * vn + ve * ve)
+    return (uu + time * ut * ut + u_sigma * u_sigma, uv + time * ut * vt, vv + time * vt * vt + v_sigma * v_sigma)
 
 
 def _dual(a: Vector3, b: Vector3) -> tuple[Vector3, Vector3]:
