@@ -103,28 +103,31 @@ class Course:
 class Latest:
     """The last few values of something, each with its instant; the nearest one is asked for."""
 
-    __slots__ = ("_entries",)
+    __slots__ = ("_times", "_values")
 
     KEPT = 64
 
     def __init__(self) -> None:
-        self._entries: list[tuple[BootNs, object]] = []
+        self._times: list[BootNs] = []
+        self._values: list[object] = []
 
     def insert(self, boot_ns: BootNs, value: object) -> None:
-        """A new value; the oldest of 64 goes."""
-        self._entries.append((boot_ns, value))
-        if len(self._entries) > self.KEPT:
-            del self._entries[0]
+        """A new value, in any order; the oldest of 64 goes."""
+        index = bisect_right(self._times, boot_ns)
+        self._times.insert(index, boot_ns)
+        self._values.insert(index, value)
+        if len(self._times) > self.KEPT:
+            del self._times[0], self._values[0]
 
     def clear(self) -> None:
         """Forget everything."""
-        self._entries.clear()
+        self._times.clear()
+        self._values.clear()
 
     def near(self, boot_ns: BootNs, within_ns: int) -> object | None:
         """The value nearest to this instant, or None."""
-        best, best_ns = None, within_ns + 1
-        for entry_ns, value in reversed(self._entries):
-            apart_ns = abs(entry_ns - boot_ns)
-            if apart_ns < best_ns:
-                best, best_ns = value, apart_ns
-        return best
+        times = self._times
+        index = bisect_right(times, boot_ns)
+        if index == len(times) or (index and boot_ns - times[index - 1] < times[index] - boot_ns):
+            index -= 1
+        return self._values[index] if index >= 0 and abs(times[index] - boot_ns) <= within_ns else None

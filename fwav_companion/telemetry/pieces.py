@@ -18,6 +18,7 @@ from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.nouns import AttitudeSample
 
 MOST_NODES = 6
+NOTHING: Quaternion = (0.0, 0.0, 0.0, 0.0)
 Coefficients: TypeAlias = tuple[float, float, float, float, float, float]
 """Of powers of seconds, lowest first."""
 Piece: TypeAlias = tuple[BootNs, Coefficients, Coefficients, Coefficients, Coefficients]
@@ -58,7 +59,9 @@ def piece_through(t0: BootNs, samples: Sequence[AttitudeSample]) -> Piece:
     """Through two to six attitudes, in order of time."""
     nodes = [(sample.boot_ns - t0) * 1e-9 for sample in samples]
     quaternions = aligned([sample.ned_from_body for sample in samples])
-    w, x, y, z = (_polynomial(nodes, [q[k] for q in quaternions]) for k in range(4))
+    powers = _polynomial(nodes, quaternions)
+    powers += [NOTHING] * (MOST_NODES - len(powers))
+    w, x, y, z = zip(*powers, strict=True)
     return (t0, w, x, y, z)
 
 
@@ -97,17 +100,22 @@ def aligned(quaternions: Sequence[Quaternion]) -> list[Quaternion]:
     return out
 
 
-def _polynomial(nodes: list[float], values: list[float]) -> Coefficients:
-    """Newton's divided differences, expanded to powers."""
-    divided = list(values)
+def _polynomial(nodes: list[float], quaternions: Sequence[Quaternion]) -> list[Quaternion]:
+    """Newton's divided differences, expanded to powers; all four components at once."""
+    divided = list(quaternions)
     for order in range(1, len(nodes)):
         for k in range(len(nodes) - 1, order - 1, -1):
-            divided[k] = (divided[k] - divided[k - 1]) / (nodes[k] - nodes[k - order])
-    powers = [0.0] * MOST_NODES
-    for node, coefficient in zip(reversed(nodes), reversed(divided), strict=True):
+            (a, b, c, d), (e, f, g, h), s = divided[k], divided[k - 1], nodes[k] - nodes[k - order]
+            divided[k] = ((a - e) / s, (b - f) / s, (c - g) / s, (d - h) / s)
+    powers = divided[-1:]
+    for node, coefficient in zip(reversed(nodes[:-1]), reversed(divided[:-1]), strict=True):
         # Horner's scheme, on polynomials: multiply by (s - node), then add the coefficient.
-        for k in range(MOST_NODES - 1, 0, -1):
-            powers[k] = powers[k - 1] - node * powers[k]
-        powers[0] = coefficient - node * powers[0]
-    c0, c1, c2, c3, c4, c5 = powers
-    return (c0, c1, c2, c3, c4, c5)
+        lower = [coefficient, *powers[:-1]]
+        powers = [*(_less(low, node, high) for low, high in zip(lower, powers, strict=True)), powers[-1]]
+    return powers
+
+
+def _less(q: Quaternion, s: float, p: Quaternion) -> Quaternion:
+    """Q - s p."""
+    (a, b, c, d), (e, f, g, h) = q, p
+    return (a - s * e, b - s * f, c - s * g, d - s * h)
