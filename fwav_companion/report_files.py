@@ -60,8 +60,8 @@ def write_comparison(folder: Path, first: Path, second: Path, truth: Sequence[Tr
     """Two targets files side by side. InputFileError where one cannot be read."""
     lines = _targets(first), _targets(second)
     stories: tuple[Story, Story] = (
-        tell(lines[0], title=first.name, truth=truth),
-        tell(lines[1], title=second.name, truth=truth),
+        tell(lines[0], title=first.name, truth=truth, others=[Replayed("B", "own", lines[1])]),
+        tell(lines[1], title=second.name, truth=truth, others=[Replayed("A", "own", lines[0])]),
     )
     changed = _differences(lines[0][0]["config"], lines[1][0]["config"])
     title = f"{first.stem} beside {second.stem}"

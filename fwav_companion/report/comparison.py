@@ -18,7 +18,7 @@ from fwav_companion.report.words import length, metres, short
 
 
 def comparison(title: str, names: tuple[str, str], stories: tuple[Story, Story], differences: Sequence[str]) -> str:
-    """The whole file. ``differences``: of the two configurations, as lines of text."""
+    """The whole file. ``stories``: each told with the other as another way; ``differences``: of configurations."""
     changed = "".join(f"<li><code>{escape(each)}</code></li>" for each in differences)
     told = f"<p>What differs in their configurations:</p><ul>{changed}</ul>" if changed else ""
     same = "" if changed else "<p>Their configurations are the same.</p>"
@@ -39,12 +39,32 @@ def _figures(story: Story) -> str:
     return f"{len(radii)} targets from {story.fixes} sightings used of {story.detections}{claim}."
 
 
+def pairs(stories: tuple[Story, Story]) -> list[tuple[str, Course | None, Course | None]]:
+    """(name, in A, in B): a target of both is one row, whatever number its track has in each."""
+    ours, theirs = stories
+    left = list(theirs.courses)
+    found: list[tuple[str, Course | None, Course | None]] = []
+    for course in ours.courses:
+        same = next((each for each in left if _is_same(course, each)), None)
+        if same is not None:
+            left.remove(same)
+        found.append((course.label, course, same))
+    return [*found, *((course.label, None, course) for course in left)]
+
+
+def _is_same(ours: Course, theirs: Course) -> bool:
+    """Where A was told of B's answer, that one; where one of them found nothing, the same truth."""
+    answer = ours.others[0].last if ours.others else None
+    if answer is not None and theirs.last is not None:
+        return (answer.north, answer.east) == (theirs.last.north, theirs.last.east)
+    found_in_both = ours.last is not None and theirs.last is not None
+    return not found_in_both and ours.true_ned is not None and ours.true_ned == theirs.true_ned
+
+
 def _table(stories: tuple[Story, Story]) -> str:
-    ours, theirs = ({course.label: course for course in story.courses} for story in stories)
     rows = [
-        f"<tr><td>{escape(short(label))}</td>{_cells(ours.get(label))}{_cells(theirs.get(label))}"
-        f"<td>{_apart(ours.get(label), theirs.get(label))}</td></tr>"
-        for label in sorted({*ours, *theirs})
+        f"<tr><td>{escape(short(name))}</td>{_cells(ours)}{_cells(theirs)}<td>{_apart(ours, theirs)}</td></tr>"
+        for name, ours, theirs in pairs(stories)
     ]
     head = [f"{side} {what}" for side in "AB" for what in ("claimed 95 %", "true error")]
     return section("At the end", "", table(["target", *head, "apart"], rows))
@@ -66,17 +86,15 @@ def _apart(ours: Course | None, theirs: Course | None) -> str:
 
 def _errors(stories: tuple[Story, Story]) -> str:
     sides = [
-        (side, course, story.seconds)
-        for side, story in zip("AB", stories, strict=True)
-        for course in story.courses
-        if errors_of(course.instants)
+        (f"{side}: {short(name)}", course, stories[0].seconds)
+        for name, *both in pairs(stories)
+        for side, course in zip("AB", both, strict=True)
+        if course is not None and errors_of(course.instants)
     ]
     if not sides:
         return ""
     top_m = reach([course for _, course, _ in sides])
-    drawn = "".join(
-        figure(f"{side}: {short(course.label)}", error_chart(course, seconds, top_m)) for side, course, seconds in sides
-    )
+    drawn = "".join(figure(name, error_chart(course, seconds, top_m)) for name, course, seconds in sides)
     entries = [("ours", "line", "error"), ("claim", "area", "claimed, 95 %"), ("fix", "dot", "one sighting alone")]
     heading = "Error over time, against what was claimed"
-    return section(heading, "All charts have the same scale.", f'{key(entries)}<div class="grid">{drawn}</div>')
+    return section(heading, "All charts have the same scale.", f'{key(entries)}<div class="grid pairs">{drawn}</div>')

@@ -13,9 +13,12 @@ from fwav_companion.geometry.vectors import Matrix3
 from fwav_companion.recording.lines import Line
 from fwav_companion.recording.truth import Truth, TruthPoint
 from fwav_companion.report.groups import Group, groups_of
+from fwav_companion.report.matching import apart_m, matched
 
 MOST_INSTANTS = 500
 """Of one target: finer than a chart's pixels, and each costs a millisecond for its radius."""
+MOST_SAMPLED = 50
+"""To tell which truth is whose."""
 
 
 class Instant(msgspec.Struct, frozen=True):
@@ -97,16 +100,23 @@ class _Gauge(msgspec.Struct, frozen=True):
         true = truth.ned_at(time_unix, self.plane) if truth is not None else None
         return None if true is None else (true[0], true[1])
 
-    def nearest(self, group: Group) -> Truth | None:
-        """Of the same label, the one where it ended; a truth without a label is anybody's."""
-        if not group.shown:
-            return None
-        last, distances = group.shown[-1], []
-        for index, (label, truth) in enumerate(self.truths):
-            true = self.ned(truth, last["time_unix"])
-            if true is not None and label in ("", group.label):
-                distances.append((_distance(last, true), index))
-        return self.truths[min(distances)[1]][1] if distances else None
+    def distances_m(self, group: Group) -> list[float | None]:
+        """To each truth, on the mean over its course; None to those of another label. No label is anybody's."""
+        sampled = _thinned(group.shown, MOST_SAMPLED)
+        found: list[float | None] = []
+        for label, truth in self.truths:
+            errors = [self.error_m(truth, line, line) for line in sampled] if label in ("", group.label) else []
+            known = [error_m for error_m in errors if error_m is not None]
+            found.append(sum(known) / len(known) if known else None)
+        return found
+
+    def truths_of(self, groups: Sequence[Group]) -> list[Truth | None]:
+        """One to one as far as they go; a track that is left over is measured against the nearest."""
+        table = [self.distances_m(group) for group in groups]
+        columns = [
+            _nearest(row) if column is None else column for row, column in zip(table, matched(table), strict=True)
+        ]
+        return [None if column is None else self.truths[column][1] for column in columns]
 
     def error_m(self, truth: Truth | None, line: Line, at: Line) -> float | None:
         true = self.ned(truth, line["time_unix"])
@@ -115,7 +125,7 @@ class _Gauge(msgspec.Struct, frozen=True):
     def instants(self, lines: Sequence[Line], truth: Truth | None) -> list[Instant]:
         radii: dict[tuple[float, ...], float] = {}  # a target out of view keeps its covariance
         found = []
-        for line in _thinned(lines):
+        for line in _thinned(lines, MOST_INSTANTS):
             cov = line["cov"]
             flat = (cov[0][0], cov[0][1], cov[1][1])
             if flat not in radii:
@@ -134,13 +144,18 @@ def courses(
 ) -> list[Course]:
     """Those that were believed, and those that are true and were not found."""
     gauge = _Gauge(begun, plane, _truths(truth))
-    theirs = [(other, [group for group in groups_of(other.lines) if group.believed]) for other in others]
+    groups = groups_of(lines)
+    believed = [group for group in groups if group.believed]
+    answers = _answers(believed, others)
     found, taken = [], set()
-    for group in sorted(groups_of(lines), key=lambda each: not each.believed):
-        true = gauge.nearest(group)
-        if group.believed or (true is not None and id(true) not in taken):
+    for group, true, theirs in zip(believed, gauge.truths_of(believed), answers, strict=True):
+        taken.add(id(true))
+        found.append(_course(group, true, theirs, gauge))
+    doubted = [group for group in groups if not group.believed]
+    for group, true in zip(doubted, gauge.truths_of(doubted), strict=True):
+        if true is not None and id(true) not in taken:
             taken.add(id(true))
-            found.append(_course(group, true, theirs, gauge))
+            found.append(_course(group, true, [], gauge))
     for label, truth_of_label in gauge.truths:
         at = gauge.ned(truth_of_label, begun)
         if id(truth_of_label) not in taken and at is not None:
@@ -148,16 +163,25 @@ def courses(
     return sorted(found, key=lambda course: _natural(course.label))
 
 
-def _course(group: Group, truth: Truth | None, theirs: Sequence[tuple[Replayed, list[Group]]], gauge: _Gauge) -> Course:
+def _answers(groups: Sequence[Group], others: Sequence[Replayed]) -> list[list[tuple[Replayed, list[Line]]]]:
+    """Of each group, what each other way believed of the same target."""
+    answers: list[list[tuple[Replayed, list[Line]]]] = [[] for _ in groups]
+    for other in others:
+        theirs = [group for group in groups_of(other.lines) if group.believed]
+        table = apart_m(groups, theirs)
+        for answer, column in zip(answers, matched(table), strict=True):
+            answer.append((other, [] if column is None else theirs[column].believed))
+    return answers
+
+
+def _course(group: Group, truth: Truth | None, theirs: Sequence[tuple[Replayed, list[Line]]], gauge: _Gauge) -> Course:
     shown = group.shown
     fixes = [
         Fix(line["time_unix"] - gauge.begun, line["fix"]["north"], line["fix"]["east"],
             gauge.error_m(truth, line, line["fix"]))
         for line in group.lines if line["fix"]
     ]  # fmt: skip
-    others = [
-        Alternative(other.name, other.kind, gauge.instants(_same(group, groups), truth)) for other, groups in theirs
-    ]
+    others = [Alternative(other.name, other.kind, gauge.instants(lines, truth)) for other, lines in theirs]
     last = shown[-1] if shown else None
     return Course(
         label=group.name,
@@ -171,14 +195,9 @@ def _course(group: Group, truth: Truth | None, theirs: Sequence[tuple[Replayed, 
     )
 
 
-def _same(group: Group, groups: Sequence[Group]) -> list[Line]:
-    """What the other filter believed of this target: of its label, the one that ended nearest."""
-    last = group.shown[-1] if group.shown else None
-    candidates = [each for each in groups if each.label == group.label]
-    if last is None or not candidates:
-        return []
-    at = (last["north"], last["east"])
-    return min(candidates, key=lambda each: _distance(each.believed[-1], at)).believed
+def _nearest(distances_m: Sequence[float | None]) -> int | None:
+    known = [(distance_m, column) for column, distance_m in enumerate(distances_m) if distance_m is not None]
+    return min(known)[1] if known else None
 
 
 def _truths(points: Iterable[TruthPoint]) -> list[tuple[str, Truth]]:
@@ -193,12 +212,12 @@ def _truths(points: Iterable[TruthPoint]) -> list[tuple[str, Truth]]:
     return found + [(label, Truth(course)) for label, course in walking.items()]
 
 
-def _thinned(lines: Sequence[Line]) -> Sequence[Line]:
+def _thinned(lines: Sequence[Line], most: int) -> Sequence[Line]:
     """Evenly, with both ends."""
-    if len(lines) <= MOST_INSTANTS:
+    if len(lines) <= most:
         return lines
-    step = (len(lines) - 1) / (MOST_INSTANTS - 1)
-    return [lines[round(index * step)] for index in range(MOST_INSTANTS)]
+    step = (len(lines) - 1) / (most - 1)
+    return [lines[round(index * step)] for index in range(most)]
 
 
 def _distance(at: Line | Mapping[str, float], true: tuple[float, float]) -> float:

@@ -19,6 +19,9 @@ STATUSES = {
     "time": "The shaking showed the delay. The mount, which this flight's headings and ranges do not show, stays.",
     "calibrated": "Delay and mount were both found while it flew.",
 }
+WHAT_IS_THE_MOUNT = (
+    "A constant error of the autopilot's roll, pitch or heading looks like a turned mount from here, and is in it."
+)
 UNITS = {" ms": "milliseconds", "°": "degrees"}
 AXES = ("x (roll)", "y (pitch)", "z (yaw)")
 
@@ -48,7 +51,7 @@ def learning(story: Story) -> str:
     entries = [("calibrated", "line", "believed"), ("claim", "area", "± one sigma")]
     if story.planted is not None:
         entries.append(("planted", "line", "the truth, told to nobody"))
-    words = f"{STATUSES.get(story.learned[-1].status, '')}{by}"
+    words = f"{STATUSES.get(story.learned[-1].status, '')}{by} {WHAT_IS_THE_MOUNT}"
     drawn = "".join(figure(each.name, chart_of(each), each.told) for each in quantities(story.learned, story.planted))
     return section("What it learned of its own camera", words, f'{key(entries)}<div class="grid four">{drawn}</div>')
 

@@ -26,6 +26,7 @@ section{margin-top:40px}section>.scroll:first-child{margin-top:-16px}
 .two>*,.one>*,.grid>*{min-width:0}
 .broad{grid-template-columns:1.5fr 1fr;align-items:start}.two+.two{margin-top:16px}
 .grid{display:grid;grid-template-columns:repeat(auto-fill,minmax(300px,1fr));gap:16px}
+.grid.pairs{grid-template-columns:1fr 1fr}
 .grid.four{grid-template-columns:repeat(auto-fill,minmax(240px,1fr))}
 figure{margin:0}
 .grid figure,.two figure,.one figure{background:var(--card);border:1px solid var(--line);border-radius:12px;
@@ -78,7 +79,7 @@ padding:5px 0;font-size:15px}
 background:var(--ours);border-radius:4px}
 footer{margin-top:48px;padding-top:16px;border-top:1px solid var(--line);color:var(--soft);font-size:14px}
 footer p{max-width:none;overflow-wrap:anywhere}
-@media (max-width:760px){main{padding:24px 14px 48px}.two,.broad{grid-template-columns:1fr;gap:18px}
+@media (max-width:760px){main{padding:24px 14px 48px}.two,.broad,.grid.pairs{grid-template-columns:1fr;gap:18px}
 .broad svg .tick,.broad svg .name{font-size:14px}
 .lead{font-size:16px}
 .cards{grid-template-columns:1fr 1fr}.cards b{font-size:22px}.cards div:last-child:nth-child(odd){grid-column:1/-1}

@@ -78,3 +78,24 @@ def test_a_long_course_is_thinned_and_keeps_its_ends():
     assert len(course.instants) == 500
     assert course.instants[0].error_m == pytest.approx(0.0)
     assert course.instants[-1].error_m == pytest.approx(2.999)
+
+
+def test_an_error_that_is_common_to_all_does_not_swap_their_truths():
+    truth = [TruthPoint("mark", None, (north, 0.0, 0.0), None) for north in (0.0, 4.0, 8.0)]
+    lines = [target(0.0, north + 2.5, 0.0, track=track) for track, north in ((5, 0.0), (6, 4.0), (7, 8.0))]
+    courses = courses_of(lines, truth)
+    assert [course.last.error_m for course in courses] == pytest.approx([2.5, 2.5, 2.5])
+
+
+def test_one_track_too_many_is_measured_against_the_nearest_truth():
+    truth = [TruthPoint("mark", None, (north, 0.0, 0.0), None) for north in (0.0, 40.0)]
+    lines = [target(0.0, north, 0.0, track=track) for track, north in ((1, 0.1), (2, 39.0), (3, 50.0))]
+    assert [course.last.error_m for course in courses_of(lines, truth)] == pytest.approx([0.1, 1.0, 10.0])
+
+
+def test_a_crowd_is_told_too():
+    lines = [target(0.0, float(track), 0.0, track=track) for track in range(300)]
+    truth = [TruthPoint("mark", None, (float(north), 0.2, 0.0), None) for north in range(300)]
+    courses = courses_of(lines, truth, [Replayed("another", "paper", lines)])
+    assert all(course.last.error_m == pytest.approx(0.2) for course in courses if course.found)
+    assert sum(course.found for course in courses) == 300
