@@ -28,7 +28,7 @@ class Duplicates:
     def generations(self, now: HostNs) -> tuple[dict[bytes, int], dict[bytes, int]]:
         """The frames of late and those before, each with its link, once the oldest are forgotten.
 
-        For who has many frames at one instant, and asks as :meth:`came_by_another` does.
+        For who has many frames at one instant, and asks as :meth:`came_first_by` does.
         """
         if self._turn_ns is None or now >= self._turn_ns or len(self._young) >= _GENERATION_FRAMES:
             long_ago = self._turn_ns is not None and now >= self._turn_ns + _GENERATION_NS
@@ -37,6 +37,7 @@ class Duplicates:
             self._turn_ns = HostNs(now + _GENERATION_NS)
         return self._young, self._old
 
-    def came_by_another(self, frame: bytes, link: int) -> bool:
-        """The frame came by another link a short while ago. Remembers it otherwise."""
-        return self._old.get(frame, link) != link or self._young.setdefault(frame, link) != link
+    def came_first_by(self, frame: bytes, link: int) -> int:
+        """The link that brought the frame a short while ago; this one, and remembered, where none did."""
+        first = self._old.get(frame, link)
+        return first if first != link else self._young.setdefault(frame, link)

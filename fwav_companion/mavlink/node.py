@@ -191,11 +191,15 @@ class Node:
         return True
 
     def _meet(self, port: Port, frame: RawFrame, now: HostNs) -> Peer | None:
-        """Who speaks here for the first time; None for ourselves through a crossed wire, or a copy from elsewhere."""
+        """Who speaks here for the first time; None for ourselves through a crossed wire, or a copy that a loop brings.
+
+        Two links to the autopilot are no loop but two ways to it, though what comes by one may always be the copy.
+        """
         if self._router.is_own(frame):
             port.echoes += 1
             return None
-        if self._duplicates.came_by_another(frame.data, port.index):
+        first = self._router.ports[self._duplicates.came_first_by(frame.data, port.index)]
+        if first is not port and not (first.is_autopilot and port.is_autopilot):
             port.duplicates += 1
             return None
         return self._router.learn(port, frame, now)

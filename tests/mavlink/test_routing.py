@@ -211,6 +211,17 @@ def test_a_frame_that_came_by_another_link_is_a_duplicate() -> None:
     assert [link.duplicates for link in net.node.statistics(net.now)] == [1, 2, 0]
 
 
+def test_a_second_way_to_the_autopilot_is_learned_though_its_copies_always_come_second() -> None:
+    net = Net(AUTOPILOT, SECOND, GROUND)
+    vehicle = Wire(1, 1)
+    for number in range(3):
+        frame = vehicle.attitude(number)
+        assert net.feed("autopilot", frame) != []
+        assert net.feed("second", frame) == []
+    assert net.links_of("ground", Wire(255, 190).command(1, 1)) == ["autopilot", "second"]
+    assert net.links_of("autopilot", vehicle.attitude(3)) == ["ground"]
+
+
 def test_the_same_bytes_again_on_one_link_are_no_duplicate() -> None:
     net = Net()
     frame = Wire(1, 1).heartbeat()
