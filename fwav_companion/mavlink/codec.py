@@ -7,8 +7,8 @@ from struct import Struct
 from typing import Any, Final
 
 from fwav_companion.mavlink.definitions import Definition, definition_of
+from fwav_companion.mavlink.frames import RawFrame, checksum
 from fwav_companion.mavlink.payloads import PACK_ERRORS
-from fwav_companion.mavlink.scanner import RawFrame, checksum
 from fwav_companion.nouns import Message
 
 _header: Final = Struct("<BBBBBB").pack

@@ -11,10 +11,10 @@ from fwav_companion.geometry.stamps import NS_PER_MS, HostNs
 from fwav_companion.mavlink.codec import decode
 from fwav_companion.mavlink.definitions import BY_NAME, constant
 from fwav_companion.mavlink.duplicates import Duplicates
+from fwav_companion.mavlink.frames import RawFrame
 from fwav_companion.mavlink.joining import joined
 from fwav_companion.mavlink.peers import UNKNOWN, Peer, Stream
 from fwav_companion.mavlink.routing import COMMANDS, REQUEST_DATA_STREAM, SETUP_SIGNING, LinkPolicy, Port, Router
-from fwav_companion.mavlink.scanner import RawFrame
 from fwav_companion.mavlink.sending import Sender
 from fwav_companion.mavlink.signing import SigningClock
 from fwav_companion.mavlink.statistics import LinkStatistics, StatisticsTaker

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.mavlink.definitions import Definition
-from fwav_companion.mavlink.scanner import RawFrame
+from fwav_companion.mavlink.frames import RawFrame
 
 SILENT_NS: Final = 60 * NS_PER_S
 """A component that missed sixty heartbeats in a row is not there any more. Forgetting it early would lose commands to a

@@ -21,8 +21,9 @@ import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.mavlink.definitions import BY_NAME
+from fwav_companion.mavlink.frames import RawFrame
 from fwav_companion.mavlink.peers import MAX_PEERS, SILENT_NS, UNKNOWN, Peer, Stream
-from fwav_companion.mavlink.scanner import RawFrame, Scanner
+from fwav_companion.mavlink.scanner import Scanner
 from fwav_companion.mavlink.thinning import Thinner
 
 SETUP_SIGNING: Final = BY_NAME["SETUP_SIGNING"].msgid

@@ -5,8 +5,8 @@ from __future__ import annotations
 from fwav_companion.errors import EncodeError
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.mavlink.codec import frame, pack
+from fwav_companion.mavlink.frames import FLAG_SIGNED
 from fwav_companion.mavlink.routing import Port, Router
-from fwav_companion.mavlink.scanner import FLAG_SIGNED
 from fwav_companion.mavlink.trust import Keyring
 from fwav_companion.nouns import Destination, Outgoing
 

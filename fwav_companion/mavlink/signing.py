@@ -12,7 +12,7 @@ from hmac import compare_digest
 from typing import Final
 
 from fwav_companion.geometry.stamps import HostNs
-from fwav_companion.mavlink.scanner import SIGNATURE_LENGTH
+from fwav_companion.mavlink.frames import SIGNATURE_LENGTH
 
 KEY_LENGTH: Final = 32
 _TICK_NS: Final = 10_000

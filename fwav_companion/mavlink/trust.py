@@ -9,8 +9,8 @@ import msgspec
 
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.mavlink.definitions import BY_NAME
+from fwav_companion.mavlink.frames import RawFrame
 from fwav_companion.mavlink.routing import Port
-from fwav_companion.mavlink.scanner import RawFrame
 from fwav_companion.mavlink.signing import Signature, Signer, SigningClock, Verifier
 
 _RADIO_STATUS: Final = BY_NAME["RADIO_STATUS"].msgid

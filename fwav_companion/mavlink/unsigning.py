@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from fwav_companion.mavlink.scanner import FLAG_SIGNED, MARKER_V2, SIGNATURE_LENGTH, RawFrame, checksum
+from fwav_companion.mavlink.frames import FLAG_SIGNED, MARKER_V2, SIGNATURE_LENGTH, RawFrame, checksum
 
 _CHECKSUM_LENGTH: Final = 2
 

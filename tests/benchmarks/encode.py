@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.mavlink.codec import Encoder, frame, pack
-from fwav_companion.mavlink.scanner import FLAG_SIGNED
+from fwav_companion.mavlink.frames import FLAG_SIGNED
 from fwav_companion.mavlink.signing import Signer, SigningClock
 from tests.benchmarks.figure import Figure, interleaved
 

@@ -9,7 +9,8 @@ from mavlink_wire import Wire, dialect
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.mavlink.codec import frame, pack
-from fwav_companion.mavlink.scanner import FLAG_SIGNED, Scanner
+from fwav_companion.mavlink.frames import FLAG_SIGNED
+from fwav_companion.mavlink.scanner import Scanner
 from fwav_companion.mavlink.signing import (
     MAX_STREAMS,
     Signature,
