@@ -42,7 +42,8 @@ class Belief:
         errors = (b.attitude_roll_deg, b.attitude_pitch_deg, b.heading_deg)
         euler = self._flight.at(flight_s).euler
         believed = tuple(a + radians(e + self._fresh(noise)) for a, e in zip(euler, errors, strict=True))
-        return believed, self._gyro.rates(flight_s)  # type: ignore[return-value]
+        signs = tuple(-1.0 if axis in self._o.autopilot.reversed_axes else 1.0 for axis in ("roll", "pitch", "yaw"))
+        return _signed(signs, believed), _signed(signs, self._gyro.rates(flight_s))
 
     def position(self, flight_s: float) -> tuple[Place, Vector]:
         """(place, NED velocity) as the estimator has them, with its delay, wander, bias and noise."""
@@ -80,3 +81,8 @@ class Belief:
 
     def _fresh(self, sigma: float) -> float:
         return self._noise.gauss(0.0, sigma) if sigma else 0.0
+
+
+def _signed(signs: tuple[float, ...], values: tuple[float, ...]) -> Vector:
+    x, y, z = (sign * value for sign, value in zip(signs, values, strict=True))
+    return (x, y, z)

@@ -27,6 +27,7 @@ from sitl_mock.rotation import (
     times,
 )
 from sitl_mock.scene import Target
+from sitl_mock.tags import GroundTag, tags
 
 Pixel = tuple[float, float]
 ROW_SETTLED_PX = 1e-7
@@ -68,6 +69,9 @@ class MockCamera:
         """Of a camera on a gimbal: gimbal_from_camera."""
         self._gimbal = Gimbal(options, biases, flight)
         self._rng = Random(f"{options.seed}/camera")
+        self._tags: dict[int, GroundTag] = {}
+        if self._c.corner_noise_px is not None:
+            self._tags = {tag.target: tag for tag in tags(options, scene)}
         self._frame = 0
 
     @property
@@ -147,6 +151,8 @@ class MockCamera:
                 continue
             visible.append(index)
             seen = self._detected(target, pixel, t)
+            if index in self._tags and not self._whole(self._tags[index], row0_s):
+                continue
             if seen is not None:
                 found.append((index if seen[1] else CLUTTER, target.label, seen[0]))
         found.extend(
@@ -158,7 +164,7 @@ class MockCamera:
             "frame": self._frame,
             "size": list(self._c.image_size),
             "exposure_s": self._c.exposure_s,
-            "detections": [self._detection(*one) for one in found],
+            "detections": [self._detection(*one, row0_s) for one in found],
         }
         return message, FrameTruth(self._frame, row0_s, tuple(one[0] for one in found), tuple(visible))
 
@@ -192,12 +198,32 @@ class MockCamera:
             count += 1
         return count
 
-    def _detection(self, source: int, label: str, pixel: Pixel) -> dict[str, Any]:
-        detection: dict[str, Any] = {"u": round(pixel[0], 6), "v": round(pixel[1], 6), "label": label, "score": 0.9}
+    def _whole(self, tag: GroundTag, row0_s: float) -> bool:
+        """A tag that the image's edge cuts is none."""
+        return all(self.lens.sees(*self.pixel_of(corner, row0_s)) for corner in tag.corners)
+
+    def _corners(self, tag: GroundTag, row0_s: float) -> list[list[float]]:
+        sigma = self._c.corner_noise_px or 0.0
+        seen = (self._mirrored(self.pixel_of(corner, row0_s)) for corner in tag.corners)
+        return [[round(u + self._rng.gauss(0.0, sigma), 4), round(v + self._rng.gauss(0.0, sigma), 4)] for u, v in seen]
+
+    def _mirrored(self, pixel: Pixel) -> Pixel:
+        u, v = pixel
+        if self._c.mirrored == "left_right":
+            u = self.lens.width - 1.0 - u
+        elif self._c.mirrored == "top_bottom":
+            v = self.lens.height - 1.0 - v
+        return u, v
+
+    def _detection(self, source: int, label: str, pixel: Pixel, row0_s: float) -> dict[str, Any]:
+        u, v = self._mirrored(pixel)
+        detection: dict[str, Any] = {"u": round(u, 6), "v": round(v, 6), "label": label, "score": 0.9}
         if self._c.tell_sigma and self._o.priors.pixel_noise_px:
             detection["sigma"] = self._o.priors.pixel_noise_px
         if self._c.tell_ids and source != CLUTTER:
             detection["id"] = source
+        if source in self._tags:
+            detection["corners"] = self._corners(self._tags[source], row0_s)
         return detection
 
     def _stamp(self, row0_s: float) -> dict[str, float]:

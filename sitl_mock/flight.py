@@ -6,6 +6,7 @@ from math import atan, atan2, cos, hypot, pi, radians, sin
 from random import Random
 from typing import NamedTuple
 
+from sitl_mock.hand import Hand
 from sitl_mock.options import FlightOptions
 from sitl_mock.patterns import Path, Pattern
 from sitl_mock.rotation import Matrix, Vector, body_rates, matrix_from_euler
@@ -54,12 +55,13 @@ class Flight:
     def __init__(self, options: FlightOptions, seed: int) -> None:
         self._o = options
         self._pattern = Pattern(options)
-        usual = {"orbit": "centre", "hover": "fixed"}.get(options.pattern, "course")
+        usual = {"orbit": "centre", "hover": "fixed", "hand": "fixed"}.get(options.pattern, "course")
         self._heading = options.heading or usual
         rng = Random(f"{seed}/flight")
         self._wander = [Slow(options.wander_m if axis < 2 else options.wander_m / 2.0, rng) for axis in range(3)]
         self._sway = [Slow(radians(options.wander_deg), rng) for _ in range(3)]
         self._phases = [rng.uniform(0.0, 2.0 * pi) for _ in range(4)]
+        self._hand = Hand(options, rng) if options.pattern == "hand" else None
 
     def at(self, flight_s: float) -> State:
         """The state at an instant."""
@@ -95,6 +97,11 @@ class Flight:
         (roll, roll_rate), (pitch, pitch_rate), (yaw, yaw_rate) = (slow.at(t) for slow in self._sway)
         course, course_rate, bank, bank_rate = self._course(t, path)
         flap_roll, flap_pitch = radians(o.flapping_roll_deg), radians(o.flapping_pitch_deg)
+        if self._hand is not None:
+            by_hand = self._hand.angles(t)
+            roll, pitch, yaw = roll + by_hand[0][0], pitch + by_hand[1][0], yaw + by_hand[2][0]
+            roll_rate, pitch_rate = roll_rate + by_hand[0][1], pitch_rate + by_hand[1][1]
+            yaw_rate += by_hand[2][1]
         roll_phase = stroke + self._phases[1]
         return (
             roll + radians(o.roll_deg) + bank + flap_roll * sin(roll_phase),

@@ -55,7 +55,7 @@ class FlightOptions:
     """The motion, about a flight centre on the ground."""
 
     pattern: str = "orbit"
-    """hover | orbit | figure_eight | racetrack."""
+    """hover | orbit | figure_eight | racetrack | hand: held by hand over the flight centre and shaken."""
     heading: str = ""
     """course | centre | fixed; empty: the pattern's own (orbit: centre, hover: fixed, else course)."""
     centre: tuple[float, float] = (40.0, -25.0)
@@ -84,6 +84,12 @@ class FlightOptions:
     """Slow drift of roll, pitch and yaw."""
     bank: float = 0.5
     """Share of a coordinated turn's bank (course heading only)."""
+    shake_deg: Triple = (12.0, 12.0, 4.0)
+    """By hand: how far roll, pitch and yaw swing, to the rhythm of an arm; the flapping comes on top."""
+    shake_from_s: float = 0.0
+    """By hand: held still until then."""
+    quarter_turn_s: float = 10.0
+    """By hand: turned by 90 deg each time after so long, to and fro; 0: never."""
     takeoff_at_s: float | None = None
     """On the ground until then, climbing over climb_s. None: in the air from the start."""
     climb_s: float = 4.0
@@ -118,6 +124,8 @@ class AutopilotOptions:
     precland_lag_s: float = 0.02
     """PLND_LAG."""
     precland_enabled: bool = True
+    reversed_axes: tuple[str, ...] = ()
+    """Of roll, pitch and yaw: those that attitudes and rates tell with the other sign."""
     has_quaternion: bool = True
     """Whether ATTITUDE_QUATERNION can be had."""
     knows_set_message_interval: bool = True
@@ -192,7 +200,11 @@ class CameraOptions:
     tell_sigma: bool = True
     tell_ids: bool = False
     tag_side_m: float = 1.5
-    """Of the black square of every tag that is rendered."""
+    """Of the black square of every tag that is rendered, or whose corners are told."""
+    corner_noise_px: float | None = None
+    """One sigma of a told corner, an axis; None: no corners are told."""
+    mirrored: str = ""
+    """left_right | top_bottom: how the picture is mirrored before anything is found in it."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -28,10 +28,10 @@ class Pattern:
         self._still: Pair | None = None
         # (multiple of s, phase) of east: an ellipse runs a quarter ahead, a figure eight twice as fast.
         self._m, self._east_phase = {"figure_eight": (2.0, 0.0)}.get(options.pattern, (1.0, pi / 2.0))
-        if options.pattern == "hover":
+        if options.pattern in ("hover", "hand"):
             self._still = options.offset_m
         elif options.pattern not in ("orbit", "figure_eight", "racetrack"):
-            raise KeyError(f"no pattern {options.pattern!r}: hover, orbit, figure_eight or racetrack")
+            raise KeyError(f"no pattern {options.pattern!r}: hover, orbit, figure_eight, racetrack or hand")
         self._s_rate = options.speed_m_s * 2.0 * pi / self._length()
 
     def at(self, flight_s: float) -> Path:

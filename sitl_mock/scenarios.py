@@ -48,6 +48,20 @@ DEMO: dict[str, Any] = {
     "camera.readout_s": 0.025,
     "targets": TAGS,
 }
+BY_HAND: dict[str, Any] = {
+    "flight.pattern": "hand",
+    "flight.height_m": 0.9,
+    "flight.pitch_deg": 0.0,
+    "flight.flapping_pitch_deg": 2.0,
+    "flight.heave_m": 0.002,
+    "flight.wander_m": 0.03,
+    "flight.fixed_heading_deg": 30.0,
+    "autopilot.pitch_trim_deg": 0.0,
+    "camera.corner_noise_px": 0.15,
+    "camera.tag_side_m": 0.16,
+    "camera.clutter": 0.0,
+    "targets": (TargetOptions(label="tag36h11:7"),),
+}
 
 SCENARIOS: dict[str, tuple[str, dict[str, Any]]] = {
     "default": ("an orbit of 8 m round one target, biases drawn from the priors", {}),
@@ -165,6 +179,14 @@ SCENARIOS: dict[str, tuple[str, dict[str, Any]]] = {
     "gimbal": (
         "the camera on a MAVLink gimbal that tells its attitude five times a second by its own clock",
         {"gimbal.device_id": 154, "camera.mount_deg": (0.0, 0.0, 0.0)},
+    ),
+    "shake": (
+        "held by hand over a printed tag of 16 cm, shaken, and turned by 90 deg every 10 s; for check --shake",
+        BY_HAND,
+    ),
+    "shake_late_and_crooked": (
+        "the same with stamps 35 ms late and the mount off by 0.5, 1, 2 deg",
+        {**BY_HAND, "biases.time_offset_s": 0.035, "biases.mount_deg": (0.5, 1.0, 2.0)},
     ),
     "walker": (
         "a target that walks at 1.5 m/s",

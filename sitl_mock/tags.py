@@ -5,12 +5,14 @@ from __future__ import annotations
 import re
 from math import cos, hypot, pi, sin
 from random import Random
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from sitl_mock.camera import MockCamera, Pixel
 from sitl_mock.options import Options
 from sitl_mock.rotation import Vector
 from sitl_mock.scene import Target
+
+if TYPE_CHECKING:
+    from sitl_mock.camera import MockCamera, Pixel
 
 FAMILY = "tag36h11"
 MODULES = 8
