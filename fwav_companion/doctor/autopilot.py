@@ -32,7 +32,9 @@ def autopilot(evidence: Evidence) -> Iterator[Finding]:
         return
     where = f"autopilot {evidence.autopilot.get('system')}"
     if evidence.ask("autopilot_lost"):
-        yield Finding("autopilot_lost", Level.STOPS, where, "its heartbeats stopped", "see to its power and the cable")
+        yield Finding(
+            "autopilot_lost", Level.STOPS, where, "its heartbeats stopped", "see to its power and the way to it"
+        )
     yield from _attitude(evidence, where)
     yield from _parameters(evidence, where)
     yield from _world(evidence, where)

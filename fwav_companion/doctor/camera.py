@@ -1,4 +1,4 @@
-"""The camera's side: calibration, the stream of detections, and why they are not used; elevation models."""
+"""The camera's side: calibration, elevation models, the stream of detections."""
 
 from __future__ import annotations
 
@@ -7,76 +7,11 @@ from typing import Final
 
 from fwav_companion.doctor.evidence import Evidence
 from fwav_companion.doctor.finding import Finding, Level
-from fwav_companion.nouns import NoRay, Reason
+from fwav_companion.doctor.refusals import refusals
+from fwav_companion.nouns import NoRay
 
 STALE_S: Final = 2.0
 """Without a frame. The slowest cameras here give five a second."""
-SHARE: Final = 0.05
-"""Of what came: a reason that costs less is a flight's daily bread."""
-FEW: Final = 5
-"""Frames or detections: fewer refusals are no pattern."""
-
-FRAME_REASONS: Final[Mapping[Reason, tuple[str, Level, str, str]]] = {
-    Reason.MALFORMED: (
-        "malformed", Level.STOPS, "are no JSON of the documented form",
-        "one JSON object a datagram, with detections: []",
-    ),
-    Reason.NO_TIME: (
-        "no_time", Level.STOPS, "do not tell their time once",
-        "exactly one of time_unix, time_monotonic, time_boot: when the picture was taken",
-    ),
-    Reason.WRONG_UNITS: (
-        "wrong_units", Level.STOPS, "have stamps in other units than seconds",
-        "divide: nanoseconds by 1e9 (libcamera's SensorTimestamp), microseconds by 1e6",
-    ),
-    Reason.NOT_FINITE: ("not_finite", Level.STOPS, "hold NaN or infinity", "send only finite numbers"),
-    Reason.WRONG_SIZE: (
-        "wrong_size", Level.STOPS, "are of another shape than the calibration",
-        "calibrate at the shape (width : height) that the detector sees, or tell the right size",
-    ),
-    Reason.FROM_THE_FUTURE: (
-        "from_the_future", Level.STOPS, "were captured after they arrived",
-        "stamp with this board's own clock; the detector runs on another computer? then time_boot or NTP",
-    ),
-    Reason.ACROSS_CLOCK_STEP: (
-        "across_clock_step", Level.HARMS, "were stamped across a step of the wall clock",
-        "stamp with time_monotonic: it is never stepped",
-    ),
-    Reason.TOO_LATE: (
-        "too_late", Level.STOPS, "came more than 0.5 s after their capture",
-        "a faster detector or a smaller image; is the stamp that of the capture?",
-    ),
-    Reason.STALE_ATTITUDE: (
-        "stale_attitude", Level.HARMS, "had no attitude near their capture", "see what is said of rates and loss"
-    ),
-    Reason.OUTSIDE_IMAGE: (
-        "outside_image", Level.HARMS, "lie outside the image", "u and v are pixels of the picture whose size is told"
-    ),
-    Reason.OUTSIDE_LENS: (
-        "outside_lens", Level.HARMS, "lie beyond the angle for which the lens is calibrated",
-        "calibrate with the board in the image's corners too, or raise max_angle_deg where the fit is known to hold",
-    ),
-    Reason.LOW_SCORE: ("low_score", Level.MINDS, "score below [detections] min_score", "is min_score as you want it?"),
-    Reason.OTHER_LABEL: (
-        "other_label", Level.MINDS, "have labels that are not among [detections] labels", "are labels as you want them?"
-    ),
-    Reason.BEYOND_TERRAIN: (
-        "beyond_terrain", Level.HARMS, "look beyond the elevation model",
-        "add the neighbouring files to [ground] terrain",
-    ),
-    Reason.TERRAIN_UNFIT: (
-        "terrain_unfit", Level.STOPS, "meet an elevation model that disagrees with the take-off height",
-        "[ground] terrain_datum: what the files' heights are counted from",
-    ),
-    Reason.NO_RANGE: (
-        "no_range", Level.HARMS, "had no rangefinder reading at their capture",
-        "see that DISTANCE_SENSOR comes, and that it looks down",
-    ),
-    Reason.ABOVE_HORIZON: (
-        "above_horizon", Level.HARMS, "look above the horizon",
-        "is [camera.mount] right? pitch_deg = -90 looks straight down, image top to the nose",
-    ),
-}  # fmt: skip
 
 
 def camera(evidence: Evidence) -> Iterator[Finding]:
@@ -93,7 +28,7 @@ def camera(evidence: Evidence) -> Iterator[Finding]:
     yield from _terrain(evidence)
     if evidence.status:
         yield from _stream(evidence)
-        yield from _refusals(evidence)
+        yield from refusals(evidence)
 
 
 def _corners(evidence: Evidence) -> Iterator[Finding]:
@@ -172,13 +107,3 @@ def _stream(evidence: Evidence) -> Iterator[Finding]:
             "stale_detections", Level.STOPS, "[detections] url", f"the last frame came {age_s:.0f} s ago",
             "see what became of the detector",
         )  # fmt: skip
-
-
-def _refusals(evidence: Evidence) -> Iterator[Finding]:
-    came = max(evidence.number("intake", "came"), evidence.number("frames"), evidence.number("detections"))
-    for reason, (code, level, what, do) in FRAME_REASONS.items():
-        count = evidence.number("dropped", reason.value)
-        if count >= FEW and count > SHARE * came:
-            share = 100.0 * count / came if came else 100.0
-            worst = level if share > 50.0 or level is Level.MINDS else Level.HARMS
-            yield Finding(code, worst, "detections", f"{count:.0f} ({share:.0f} %) {what}", do)

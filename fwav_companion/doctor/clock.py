@@ -27,7 +27,7 @@ def clock(evidence: Evidence) -> Iterator[Finding]:
         yield Finding(
             "timesync_unanswered", Level.HARMS, "clock",
             "TIMESYNC is not answered: the clock comes from arrivals alone, late by the link's own delay",
-            "see that our TX reaches the autopilot's RX; with signing, that it has our key",
+            "see that what we send arrives there (on a wire our TX on its RX); with signing, that it has our key",
         )  # fmt: skip
     elif status == "settling" or sigma_s > POOR_SIGMA_S:
         yield Finding(

@@ -17,7 +17,7 @@ class SerialPort(msgspec.Struct, frozen=True, kw_only=True):
 
     link: str
     device: str
-    """As configured."""
+    """As configured, or what its USB ids found, or those."""
     baud: int
     exists: bool
     name: str = ""

@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
 from fwav_companion.config import LinkConfig
+from fwav_companion.doctor.advice import garbled, lossy, unheard
 from fwav_companion.doctor.evidence import Evidence, SerialPort
 from fwav_companion.doctor.finding import Finding, Level
-from fwav_companion.links.url import SerialUrl
 
 GARBAGE_BYTES: Final = 500
 """Fewer bytes that are no MAVLink may be a cable being plugged, or a boot loader's greeting."""
@@ -17,7 +17,6 @@ GARBAGE_SHARE: Final = 0.2
 LOSS: Final = 0.02
 """Of the frames: beyond, attitudes are missing where they are needed."""
 LOSS_FRAMES: Final = 50
-COMMON_BAUDS: Final = "57600, 115200, 230400, 460800, 921600, 1500000"
 
 
 def ports(evidence: Evidence) -> Iterator[Finding]:
@@ -36,7 +35,7 @@ def _serial(port: SerialPort, user: str) -> Iterator[Finding]:
         there = f"; there are {', '.join(port.others)}" if port.others else "; there is no serial device at all"
         yield Finding(
             "port_missing", Level.STOPS, where, f"{port.device} is not there{there}",
-            "plug it in, or set [[link]] url; on a Raspberry Pi enable_uart=1 in config.txt",
+            "plug it in, or set [[link]] url to one that is; on a Raspberry Pi, enable_uart=1 in config.txt",
         )  # fmt: skip
     elif not port.allowed:
         yield Finding(
@@ -85,10 +84,7 @@ def _heard(evidence: Evidence, link: LinkConfig, traffic: Mapping[str, Any]) -> 
     where, bytes_in = f"link {link.name}", int(traffic.get("bytes_in") or 0)
     skipped, peers = int(traffic.get("skipped_bytes") or 0), traffic.get("peers") or ()
     if bytes_in == 0:
-        yield Finding(
-            "nothing_heard", Level.STOPS, where, f"not a byte came by {link.url}",
-            "see to cable (TX to RX), power, and the autopilot's port: SERIALn_PROTOCOL 2, or MAV_n_CONFIG on PX4",
-        )  # fmt: skip
+        yield Finding("nothing_heard", Level.STOPS, where, f"not a byte came by {link.url}", unheard(link.parsed_url))
     elif skipped > GARBAGE_BYTES and skipped > GARBAGE_SHARE * bytes_in:
         yield _garbage(link, where, bytes_in, skipped, level=Level.HARMS if peers else Level.STOPS)
     if int(traffic.get("echoes") or 0) > 0:
@@ -96,30 +92,24 @@ def _heard(evidence: Evidence, link: LinkConfig, traffic: Mapping[str, Any]) -> 
             "echo", Level.HARMS, where, f"{traffic['echoes']} of our own frames came back",
             "a crossed wire (RX to our own TX), or a router that sends back: take it out of the loop",
         )  # fmt: skip
-    yield from _loss(where, peers)
+    yield from _loss(where, peers, lossy(link.parsed_url))
     yield from _signatures(evidence, link, traffic)
 
 
 def _garbage(link: LinkConfig, where: str, bytes_in: int, skipped: int, *, level: Level) -> Finding:
     share = round(100 * skipped / bytes_in)
-    is_serial = isinstance(link.parsed_url, SerialUrl)
-    return Finding(
-        "garbage", level, where, f"{share} % of {bytes_in} bytes are no MAVLink",
-        f"wrong baud rate? set [[link]] url to the autopilot's SERIALn_BAUD: one of {COMMON_BAUDS}"
-        if is_serial
-        else "something else speaks on that port: see what sends there",
-    )  # fmt: skip
+    what = f"{share} % of {bytes_in} bytes are no MAVLink"
+    return Finding("garbage", level, where, what, garbled(link.parsed_url))
 
 
-def _loss(where: str, peers: Any) -> Iterator[Finding]:
+def _loss(where: str, peers: Any, do: str) -> Iterator[Finding]:
     for peer in peers:
         received, lost = int(peer.get("received") or 0), int(peer.get("lost") or 0)
         if received >= LOSS_FRAMES and lost > LOSS * (received + lost):
             share = 100.0 * lost / (received + lost)
             yield Finding(
                 "loss", Level.HARMS, where,
-                f"{share:.1f} % of the frames of {peer['system']}/{peer['component']} are lost",
-                "fewer streams or a faster link; flow control; a shorter, better shielded cable",
+                f"{share:.1f} % of the frames of {peer['system']}/{peer['component']} are lost", do,
             )  # fmt: skip
 
 

@@ -98,11 +98,15 @@ def _service(evidence: Evidence) -> Iterator[Finding]:
     faults = int(evidence.number("internal_faults"))
     if faults:
         yield Finding(
-            "internal_fault", Level.HARMS, "service", f"{faults} mistakes of the service itself",
-            "its log has the first one whole: please report it",
+            "internal_fault", Level.HARMS, "service", f"mistakes of the service itself: {faults}",
+            "its log (journalctl -u fwav-companion) has the first one whole: please report it",
         )  # fmt: skip
     recording = evidence.ask("recording")
     if isinstance(recording, str) and recording.startswith("recording stopped"):
         yield Finding(
-            "recording_stopped", Level.HARMS, "[record] directory", recording, "see the disk, then start again"
+            "recording_stopped",
+            Level.HARMS,
+            "[record] directory",
+            recording,
+            "see to the disk, then restart the service: it records again from there on",
         )

@@ -5,12 +5,14 @@ import sys
 from pathlib import Path
 
 import pytest
-from hearing import AUTOPILOT, found
+from hearing import AUTOPILOT, codes
 
 from fwav_companion.config import parse
 from fwav_companion.doctor.board import Probe
 from fwav_companion.doctor.evidence import Evidence
+from fwav_companion.doctor.examine import examine
 from fwav_companion.doctor.files import load_files
+from fwav_companion.doctor.finding import Finding
 
 TEXT = AUTOPILOT.replace("udpin://127.0.0.1:14540", "serial:///dev/serial0:921600") + (
     '[camera]\ncalibration = "camera.yaml"\n[vision]\nsource = "/dev/video0"\n'
@@ -65,11 +67,14 @@ class Pi:
         (self.root / path.lstrip("/")).unlink()
 
     def found(self) -> list[str]:
+        return codes(self.findings())
+
+    def findings(self) -> list[Finding]:
         config = parse(self.text, str(self.home / "flight.toml"))
         probe = Probe(self.root, may=self._may, throttled=lambda: self.throttled, environment={})
         files, _ = load_files(config)
         board = probe.board(config, {})
-        return found(Evidence(config=config, board=board, files=files, status={}))
+        return examine(Evidence(config=config, board=board, files=files, status={}))
 
     def _may(self, path: Path, _mode: int) -> bool:
         return path.name not in self.denied
@@ -86,6 +91,10 @@ def test_a_healthy_board_has_nothing_to_change(pi):
 
 def no_port(pi):
     pi.remove("/dev/serial0")
+
+
+def no_usb_device(pi):
+    pi.text = pi.text.replace("/dev/serial0", "1209:5740")
 
 
 def console_by_alias(pi):
@@ -167,6 +176,7 @@ def no_terrain(pi):
 
 PLANTED = {
     no_port: "port_missing",
+    no_usb_device: "port_missing",
     console_by_alias: "serial_console",
     console_that_is_active: "serial_console",
     bluetooth_by_alias: "bluetooth_on_port",
@@ -192,6 +202,33 @@ PLANTED = {
 def test_a_fault_is_named_and_no_other(pi, plant):
     plant(pi)
     assert set(pi.found()) == {PLANTED[plant]}
+
+
+def plug_in(pi, ids):
+    """A flight controller on USB, as the kernel lists one."""
+    device = pi.root / "sys/devices/platform/soc/usb/1-1"
+    for name, text in zip(("idVendor", "idProduct"), ids.split(":"), strict=True):
+        pi.put(str(device.relative_to(pi.root) / name), f"{text}\n")
+    pi.put(str(device.relative_to(pi.root) / "1-1:1.0/uevent"), "")
+    pi.link("/sys/class/tty/ttyACM0/device", device / "1-1:1.0")
+    pi.put("/dev/ttyACM0", "")
+
+
+def test_a_port_by_its_usb_ids_is_found_or_named_with_what_is_there(pi):
+    pi.text = pi.text.replace("/dev/serial0", "1209:5740")
+    plug_in(pi, "1209:5740")
+    assert pi.found() == []
+    pi.denied.add("ttyACM0")
+    assert pi.found() == ["port_permission"]
+    plug_in(pi, "26ac:0011")
+    (missing,) = pi.findings()
+    assert (missing.code, "USB 1209:5740" in missing.what) == ("port_missing", True)
+    assert "/dev/ttyACM0 (26ac:0011)" in missing.what
+
+
+def test_a_folder_that_we_may_not_even_look_at_breaks_nothing(pi):
+    pi.text = pi.text.replace('directory = "records"', f'directory = "/{"x" * 300}"')
+    assert pi.found() in ([], ["read_only"])
 
 
 @pytest.mark.parametrize(
