@@ -7,6 +7,7 @@ from statistics import median
 
 from fwav_companion.report.courses import Course, Instant
 from fwav_companion.report.story import Story
+from fwav_companion.report.ways import PLAIN
 from fwav_companion.report.words import CAUSE_NAMES, REASONS, SHORT_CAUSES, length, short, words
 
 
@@ -62,8 +63,17 @@ def _limit(story: Story) -> str:
     if not story.budget_m or not ends_of(story):
         return ""
     cause, sigma_m = max(story.budget_m.items(), key=lambda item: item[1])
-    learned = " before the camera was calibrated in flight" if _calibrated(story) else ""
-    return f"What limited a sighting most{learned}: {CAUSE_NAMES.get(cause, cause)}, {length(sigma_m)} (one sigma)."
+    told = f"{CAUSE_NAMES.get(cause, cause)}, {length(sigma_m)} (one sigma)."
+    if not _calibrated(story):
+        return f"What limited a sighting most: {told}"
+    plain = [
+        other.last.radius95_m
+        for course, _ in ends_of(story)
+        for other in course.others
+        if other.kind == PLAIN.kind and other.last is not None
+    ]
+    without = f" Without that calibration the answer would claim {length(median(plain))}." if plain else ""
+    return f"What limited a sighting most before the camera was calibrated in flight: {told}{without}"
 
 
 def _calibrated(story: Story) -> bool:

@@ -20,7 +20,8 @@ STATUSES = {
     "calibrated": "Delay and mount were both found while it flew.",
 }
 WHAT_IS_THE_MOUNT = (
-    "A constant error of the autopilot's roll, pitch or heading looks like a turned mount from here, and is in it."
+    "The mount is told by the angles about the body's axes by which it is turned. A constant error of the autopilot's "
+    "roll, pitch or heading looks just like that, and is in it."
 )
 UNITS = {" ms": "milliseconds", "°": "degrees"}
 AXES = ("x (roll)", "y (pitch)", "z (yaw)")
@@ -63,7 +64,7 @@ def quantities(points: Sequence[CalibrationPoint], planted: Planted | None) -> l
     for axis, name in enumerate(AXES):
         angle = [(each.at_s, each.mount_deg[axis], each.mount_sigma_deg[axis]) for each in points]
         true = None if planted is None else planted.mount_deg[axis]
-        found.append(Learned(f"Mount about the body's {name}", "°", angle, true))
+        found.append(Learned(f"Mount about {name}", "°", angle, true))
     return found
 
 

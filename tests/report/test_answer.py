@@ -1,10 +1,10 @@
 """The first screen: where, how sure, what limited it; and the words for when there is no answer."""
 
 import pytest
-from report_lines import Markup, approach, header, summary, target
+from report_lines import Markup, approach, calibration, header, summary, target
 
 from fwav_companion.recording.truth import TruthPoint
-from fwav_companion.report import CALIBRATED, page, tell
+from fwav_companion.report import CALIBRATED, PLAIN, Replayed, page, tell
 from fwav_companion.report.answer import answer
 from fwav_companion.report.story import CAUSES
 
@@ -59,11 +59,11 @@ def test_where_nothing_was_found_it_says_why(counted, said):
 
 
 def test_what_calibration_takes_away_is_not_said_to_limit_the_answer():
-    from report_lines import calibration
-
     lines = [header(), *approach([0.0]), sighting(time=2.0), calibration(1.0, 0.03, 0.001, [0.0, 0.0, 0.0], 0.1)]
-    said = Markup(answer(told(*lines, summary(), way=CALIBRATED))).text
-    assert "before the camera was calibrated in flight" in said
+    plain = Replayed(PLAIN.name, PLAIN.kind, approach([0.0], sigma_m=2.0))
+    said = Markup(answer(told(*lines, summary(), way=CALIBRATED, others=[plain]))).text
+    assert "before the camera was calibrated in flight: when the picture was taken, 2.00 m" in said
+    assert "Without that calibration the answer would claim 4.90 m." in said
 
 
 def test_an_empty_recording_is_a_page_without_charts():
