@@ -13,6 +13,7 @@ from math import sqrt
 import msgspec
 
 from fwav_companion.tracking.joint import Joint
+from fwav_companion.tracking.linear import inner
 from fwav_companion.tracking.rays import COMMON_COUNT, Common
 
 MOUNT = (Common.MOUNT_X, Common.MOUNT_Y, Common.MOUNT_Z)
@@ -55,6 +56,10 @@ class Held(msgspec.Struct, frozen=True):
             for p, pull_p in zip(places, pulls, strict=True)
         ]
 
+    def about(self, joint: Joint, prior_means: tuple[float, ...]) -> Held:
+        """A newer joint estimate with the same unknowns held."""
+        return _held(joint, self.held, self.doubts, prior_means)
+
     def undoubting(self, unknown: int) -> Held:
         """The same, where the answer is told as if this unknown, which is held, were right."""
         doubts = tuple(0.0 if i == unknown else doubt for i, doubt in zip(self.held, self.doubts, strict=True))
@@ -68,34 +73,38 @@ class Held(msgspec.Struct, frozen=True):
 def holding(joint: Joint, held: Sequence[int], prior_means: tuple[float, ...], prior_sigmas: tuple[float, ...]) -> Held:
     """The joint estimate with these unknowns held; those that have no prior at all are certain anyway."""
     uncertain = tuple(i for i in held if prior_sigmas[i] > 0.0)
-    block = [[joint.cov[i][j] for j in uncertain] for i in uncertain]
-    factor = cholesky(block)
-    weights = solved(factor, [joint.mean[i] - prior_means[i] for i in uncertain])
-    return Held(joint, uncertain, tuple(prior_sigmas[i] for i in uncertain), factor, tuple(weights))
+    return _held(joint, uncertain, tuple(prior_sigmas[i] for i in uncertain), prior_means)
+
+
+def _held(joint: Joint, held: tuple[int, ...], doubts: tuple[float, ...], prior_means: tuple[float, ...]) -> Held:
+    factor = cholesky([[joint.cov[i][j] for j in held] for i in held])
+    weights = solved(factor, [joint.mean[i] - prior_means[i] for i in held])
+    return Held(joint, held, doubts, factor, tuple(weights))
 
 
 def cholesky(m: Sequence[Sequence[float]]) -> tuple[tuple[float, ...], ...]:
     """Lower factor of a symmetric positive definite matrix; a pivot lost to rounding is kept at 1e-12 of itself."""
-    factor: list[list[float]] = []
+    factor: list[tuple[float, ...]] = []
     for i, row in enumerate(m):
         line: list[float] = []
-        for j in range(i):
-            line.append((row[j] - sum([a * b for a, b in zip(line, factor[j], strict=False)])) / factor[j][j])
-        pivot = row[i] - sum(a * a for a in line)
+        for value, above in zip(row, factor, strict=False):
+            line.append((value - inner(line, above)) / above[-1])
+        pivot = row[i] - inner(line, line)
         line.append(sqrt(max(pivot, 1e-12 * row[i], 1e-300)))
-        factor.append(line)
-    return tuple(tuple(line) for line in factor)
+        factor.append(tuple(line))
+    return tuple(factor)
 
 
 def solved(factor: Sequence[Sequence[float]], right: Sequence[float]) -> list[float]:
     """X of L L' x = right."""
-    y: list[float] = []
-    for i, line in enumerate(factor):
-        y.append((right[i] - sum([a * b for a, b in zip(line, y, strict=False)])) / line[i])
-    n = len(y)
-    for i in reversed(range(n)):
-        y[i] = (y[i] - sum([factor[k][i] * y[k] for k in range(i + 1, n)])) / factor[i][i]
-    return y
+    x: list[float] = []
+    for value, line in zip(right, factor, strict=True):
+        x.append((value - inner(line, x)) / line[-1])
+    for i in reversed(range(len(x))):
+        line = factor[i]
+        x[i] = last = x[i] / line[i]
+        x[:i] = [value - share * last for value, share in zip(x[:i], line, strict=False)]
+    return x
 
 
 def all_but(released: Sequence[int]) -> tuple[int, ...]:

@@ -15,7 +15,7 @@ from math import sqrt
 
 import msgspec
 
-from fwav_companion.geometry.stamps import NS_PER_S, HostNs, ns_from_s
+from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs, ns_from_s
 from fwav_companion.nouns import GroundFix
 from fwav_companion.tracking.answer import MOUNT
 from fwav_companion.tracking.calibration import CalibrationReport, KeptCalibration
@@ -46,6 +46,9 @@ PASSES_AT = (60, 120, 240, 480)
 """Glimpses seen of each target, at which a new pass is begun."""
 PASS_STEP = 8
 """Glimpses a frame, beside two for each target, so that a pass overtakes what goes on coming."""
+
+JUDGED_EVERY_NS = 300 * NS_PER_MS
+"""What a flight has shown changes in seconds; judging it costs as much as ten glimpses."""
 
 
 class _Queued(msgspec.Struct, frozen=True):
@@ -78,6 +81,8 @@ class Calibrator(msgspec.Struct, frozen=True):
     """After a search that found nothing."""
     verdict: Verdict | None = None
     """What of the served estimate may be believed."""
+    judged_ns: HostNs = HostNs(0)
+    """When that was last asked."""
     places: dict[int, Placed] = {}
     """By it, by track."""
     suspicion: Suspicion = Suspicion()
@@ -277,5 +282,10 @@ class Calibrator(msgspec.Struct, frozen=True):
             return self
         if not self.served.fits:
             return self._given_up()
-        verdict = judged(self.served.joint, self.shop.means, self.shop.sigmas, various=self.views.various)
-        return msgspec.structs.replace(self, verdict=verdict, places=verdict.places())
+        joint, shop, verdict, judged_ns = self.served.joint, self.shop, self.verdict, self.judged_ns
+        if verdict is None or self.host_ns - judged_ns >= JUDGED_EVERY_NS:
+            verdict = judged(joint, shop.means, shop.sigmas, various=self.views.various)
+            judged_ns = self.host_ns
+        elif joint is not verdict.free.joint:
+            verdict = verdict.about(joint, shop.means)
+        return msgspec.structs.replace(self, verdict=verdict, places=verdict.places(), judged_ns=judged_ns)

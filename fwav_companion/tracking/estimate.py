@@ -9,14 +9,13 @@ Ten targets and ten fixes are a hundred pairs a frame, and ``math.dist`` of two 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from math import dist, hypot, inf, log
-from operator import mul, sub
+from operator import sub
 
 import msgspec
 
 from fwav_companion.geometry.vectors import Matrix3, Vector3, add, multiply, subtract, transform, transpose
-from fwav_companion.tracking.linear import Symmetric2, symmetric_inverse
+from fwav_companion.tracking.linear import Symmetric2, inner, symmetric_inverse
 from fwav_companion.tracking.scatter import Scatter
 from fwav_companion.tracking.shared import Row, Rows, Weighed, faded
 
@@ -70,11 +69,6 @@ class Estimate(msgspec.Struct, frozen=True, gc=False):
         for n, e in zip(north[i:], east[i:], strict=True):
             nn, ne, ee = nn + lost * n * n, ne + lost * n * e, ee + lost * e * e
         return Estimate(self.position, self.noise, faded(self.shared, i, kept), i, (nn, ne, ee), self.scatter)
-
-
-def inner(a: Iterable[float], b: Iterable[float]) -> float:
-    """The inner product of two rows."""
-    return sum(map(mul, a, b), 0.0)
 
 
 def _with_biases(noise: Matrix3, n: Row, e: Row, d: Row) -> Matrix3:

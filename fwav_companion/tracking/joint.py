@@ -16,7 +16,7 @@ from typing import TypeAlias, TypeVar
 import msgspec
 
 from fwav_companion.nouns import ErrorPriors
-from fwav_companion.tracking.estimate import inner
+from fwav_companion.tracking.linear import inner
 from fwav_companion.tracking.rays import COMMON_COUNT, Common, Glimpse, Prediction, ground_point, pixel_noise, predict
 
 Row: TypeAlias = tuple[float, ...]

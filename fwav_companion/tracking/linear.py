@@ -1,14 +1,21 @@
-"""Symmetric 3x3 algebra on plain tuples, as the filters need it."""
+"""Rows, and symmetric 3x3 algebra, on plain tuples, as the filters need it."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from math import sqrt
+from operator import mul
 from typing import TypeAlias
 
 from fwav_companion.geometry.vectors import Matrix3, scale, subtract
 
 Symmetric2: TypeAlias = tuple[float, float, float]
 """nn, ne, ee of a symmetric 2x2 matrix."""
+
+
+def inner(a: Iterable[float], b: Iterable[float]) -> float:
+    """The inner product of two rows."""
+    return sum(map(mul, a, b), 0.0)
 
 
 def symmetric_inverse(m: Matrix3) -> Matrix3:

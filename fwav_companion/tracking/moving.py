@@ -28,11 +28,10 @@ from fwav_companion.tracking.estimate import (
     Surprise,
     blended_noise,
     blended_shared,
-    inner,
     scattered,
     surprise,
 )
-from fwav_companion.tracking.linear import add_diagonal, minus, scaled, symmetric_inverse, symmetrized
+from fwav_companion.tracking.linear import add_diagonal, inner, minus, scaled, symmetric_inverse, symmetrized
 from fwav_companion.tracking.scatter import Scatter
 from fwav_companion.tracking.shared import Rows, SharedErrors
 

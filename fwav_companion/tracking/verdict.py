@@ -57,6 +57,12 @@ class Verdict(msgspec.Struct, frozen=True):
     contradicted: bool
     """The configuration, by what was shown."""
 
+    def about(self, joint: Joint, means: tuple[float, ...]) -> Verdict:
+        """The same judgement, and the targets by a newer joint estimate. What is reported stays as it was judged."""
+        plain = self.plain.about(joint, means)
+        free = plain if self.free is self.plain else self.free.about(joint, means)
+        return msgspec.structs.replace(self, free=free, plain=plain)
+
     def places(self) -> dict[int, Placed]:
         """Where each target stands, by track."""
         return {track: self._placed(self.free.joint.place_of(track) or 0) for track in self.free.joint.tracks}
