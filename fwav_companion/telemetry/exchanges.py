@@ -3,30 +3,24 @@
 An exchange places the autopilot's instant between sending and receiving: the offset is the middle, wrong by half the
 difference of the two delays. Where delays are a constant plus a long tail, that error shrinks with the round trip's
 excess over the least one; where they scatter evenly it does not depend on it. Which of the two it is, the residuals
-tell: the variance is modelled as ``scale * (floor^2 + excess^2)`` and the likeliest floor is taken. That is the gate:
-a slow exchange weighs little, and none is thrown away for a fixed number of milliseconds. Where the fastest messages
-alone tell more (:mod:`envelopes`), they do.
+tell (:mod:`weights`). That is the gate: a slow exchange weighs little, and none is thrown away for a fixed number of
+milliseconds. Where the fastest messages alone tell more (:mod:`envelopes`), they do.
 """
 
 from __future__ import annotations
 
-from math import log, pi, sqrt
-from typing import NamedTuple, TypeAlias
-
-import msgspec
+from typing import NamedTuple
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.nouns import ClockExchange
 from fwav_companion.telemetry.envelopes import fit_between
+from fwav_companion.telemetry.hard_bound import ROUNDING_NS, Exchange, HardBound
 from fwav_companion.telemetry.line import MOST_SKEW, Line
+from fwav_companion.telemetry.weights import Fit, RoundTripWeights
 
 WINDOW_NS = 120 * NS_PER_S
 MOST_KEPT = 400
 """Ten a second for the first half minute, then one a second through the window."""
-SKEW_PRIOR = 300e-6
-"""One sigma: half of the most."""
-RESOLUTION_S = 5e-6
-"""Whole microseconds on both sides, and what the two clocks' own reading takes."""
 EXCHANGES_TO_WEIGH = 12
 """From here on the residuals tell how errors depend on the round trip; before, an error is uniform in its bound."""
 EXCHANGES_TO_WEIGH_ANEW = 12
@@ -39,8 +33,6 @@ LIKELIER_BY, LIKELIER_BY_EACH = 5.0, 0.05
 tail gains 0.18 an exchange, a rounder one (the sum of two such) loses 0.08."""
 CONTRADICTIONS_FOR_A_STEP = 3
 """In a row and in agreement with one another: one may be somebody else's answer, three are another clock."""
-ROUNDING_NS = 2_000
-"""Of the three readings of an exchange."""
 LONGEST_TAIL = 64
 ASTRAY_SIGMAS = 4.5
 """Of the mean of the newest exchanges. Tried for every length of tail at every exchange, but these hardly differ."""
@@ -58,23 +50,6 @@ BY_CHANCE_SIGMAS = 4.0
 FEW, FEW_ASTRAY_SIGMAS = 4, 6.0
 """So few must lie off by more than delays can make of it: an exchange errs by at most half its round trip, which is
 two of its own sigmas."""
-
-_FLOORS = (0.03, 0.06, 0.12, 0.2, 0.4, 0.8, 1.6, 3.2, 100.0)
-"""Of the variance model, in median excesses; the last means: errors do not depend on the round trip."""
-
-
-Fit: TypeAlias = tuple[float, float, float, float, float]
-"""(offset s, skew) at time 0 and their covariance (00, 01, 11)."""
-
-
-class Exchange(msgspec.Struct, frozen=True, gc=False):
-    """One exchange as the fit sees it."""
-
-    host_ns: HostNs
-    """The middle between sending and receiving."""
-    offset_ns: int
-    """host_from_autopilot there."""
-    round_trip_ns: int
 
 
 class Description(NamedTuple):
@@ -97,16 +72,14 @@ class ExchangeFit:
     """A weighted line through the last two minutes of exchanges, and the interval none of them contradicts."""
 
     __slots__ = (
-        "_base_s",
         "_best_ns",
         "_bound",
         "_by_envelopes",
         "_changed_ns",
         "_contradicting",
         "_fitted_ns",
-        "_floor_s",
-        "_scale",
         "_weigh_from",
+        "_weights",
         "_window",
         "in_doubt",
         "line",
@@ -128,7 +101,7 @@ class ExchangeFit:
         self._contradicting: list[Exchange] = []
         self._bound = HardBound()
         self._fitted_ns = HostNs(0)
-        self._base_s, self._floor_s, self._scale = 0.0, 0.0, 1.0 / 12.0
+        self._weights = RoundTripWeights()
 
     @property
     def count(self) -> int:
@@ -235,17 +208,17 @@ class ExchangeFit:
         offsets = [(e.offset_ns - ref.offset_ns) * 1e-9 for e in window]
         trips = [e.round_trip_ns * 1e-9 for e in window]
         if weigh:
-            self._base_s = _base_s(trips)
-        excesses = [max(0.0, trip - self._base_s) for trip in trips]
+            self._weights.learn_least(trips)
+        excesses = self._weights.excesses(trips)
         if weigh:
-            self._weigh(times, offsets, excesses)
-        weighted = self._weighted_line(times, offsets, excesses)
+            self._weights.learn(times, offsets, excesses)
+        weighted = self._weights.line(times, offsets, excesses)
         room_s, fit = 0.0, weighted
         if weigh or between:
             e = fit_between(times, offsets, trips, MOST_SKEW)
             room_s = e.room_s
             if between is None:
-                likelier = self._log_likelihood(weighted, times, offsets, excesses) + self._margin
+                likelier = self._weights.log_likelihood(weighted, times, offsets, excesses) + self._margin
                 between = e.log_likelihood > likelier
             if between:
                 fit = (e.level, e.skew, e.var_level, e.cov_level_skew, e.var_skew)
@@ -254,29 +227,6 @@ class ExchangeFit:
     @property
     def _margin(self) -> float:
         return LIKELIER_BY + LIKELIER_BY_EACH * len(self._window)
-
-    def _log_likelihood(self, fit: Fit, times: list[float], offsets: list[float], excesses: list[float]) -> float:
-        """Of the offsets, about a weighted line."""
-        total = 0.0
-        for t, y, x in zip(times, offsets, excesses, strict=True):
-            w = self._weight(x)
-            total += 0.5 * log(w / (2.0 * pi)) - 0.5 * w * (y - fit[0] - fit[1] * t) ** 2
-        return total
-
-    def _weigh(self, times: list[float], offsets: list[float], excesses: list[float]) -> None:
-        """Choose the likeliest floor of the variance model, and its scale, from the residuals of the line so far."""
-        level, skew, *_ = self._weighted_line(times, offsets, excesses)
-        residuals2 = [(y - level - skew * t) ** 2 for t, y in zip(times, offsets, strict=True)]
-        middle = max(RESOLUTION_S, sorted(excesses)[len(excesses) // 2])
-        best = -1e300
-        for factor in _FLOORS:
-            floor2 = (factor * middle) ** 2
-            shapes = [floor2 + x * x for x in excesses]
-            scale = sum(r / v for r, v in zip(residuals2, shapes, strict=True)) / (len(shapes) - 2)
-            scale = max(scale, RESOLUTION_S**2 / shapes[-1], 1e-12)
-            likelihood = -0.5 * (len(shapes) * log(scale) + sum(log(v) for v in shapes))
-            if likelihood > best:
-                best, self._floor_s, self._scale = likelihood, sqrt(floor2), scale
 
     def _astray(
         self, times: list[float], offsets: list[float], excesses: list[float], level: float, skew: float
@@ -287,77 +237,10 @@ class ExchangeFit:
         """
         weight = moment = 0.0
         for back in range(1, min(LONGEST_TAIL, len(times) // 2) + 1):
-            w = self._weight(excesses[-back])
+            w = self._weights.of(excesses[-back])
             weight += w
             moment += w * (offsets[-back] - level - skew * times[-back])
             evident = ASTRAY_SIGMAS if back >= EXCHANGES_TO_WEIGH else FEW_ASTRAY_SIGMAS
             if back >= FEW and moment * moment > evident**2 * weight:
                 return back
         return 0
-
-    def _weight(self, excess: float) -> float:
-        return 1.0 / (self._scale * (self._floor_s**2 + excess * excess) + RESOLUTION_S**2)
-
-    def _weighted_line(self, times: list[float], offsets: list[float], excesses: list[float]) -> Fit:
-        """(offset s, skew) at time 0 and their covariance (00, 01, 11), under the prior on skew."""
-        floor2, scale, resolution2 = self._floor_s**2, self._scale, RESOLUTION_S**2
-        s0 = s1 = s2 = b0 = b1 = 0.0
-        for t, y, x in zip(times, offsets, excesses, strict=True):
-            w = 1.0 / (scale * (floor2 + x * x) + resolution2)  # as _weight, unrolled: four hundred a fit
-            wt = w * t
-            s0 += w
-            s1 += wt
-            s2 += wt * t
-            b0 += w * y
-            b1 += wt * y
-        s2 += 1.0 / SKEW_PRIOR**2
-        d = s0 * s2 - s1 * s1
-        return ((s2 * b0 - s1 * b1) / d, (s0 * b1 - s1 * b0) / d, s2 / d, -s1 / d, s0 / d)
-
-
-def _base_s(trips: list[float]) -> float:
-    """The least round trip there is: the k-th least of n sums of two long-tailed delays lies about sqrt(k) above it."""
-    least = sorted(trips)[:4]
-    return max(0.0, 2.0 * least[0] - least[3])
-
-
-class HardBound:
-    """The interval that holds the offset whatever the delays were: each exchange's own, widened by 600 ppm of its age.
-
-    All widen at one pace, so the tightest low end is a running maximum, the tightest high end a running minimum.
-    """
-
-    __slots__ = ("_first_ns", "_high_ns", "_low_ns")
-
-    def __init__(self) -> None:
-        self._first_ns: HostNs | None = None
-        self._low_ns = self._high_ns = 0
-
-    def take(self, entry: Exchange) -> None:
-        """Narrow the interval by one exchange."""
-        low_ns = entry.offset_ns - entry.round_trip_ns // 2 - ROUNDING_NS
-        high_ns = entry.offset_ns + entry.round_trip_ns // 2 + ROUNDING_NS
-        if self._first_ns is None:
-            self._first_ns, self._low_ns, self._high_ns = entry.host_ns, low_ns, high_ns
-            return
-        widening_ns = self._widening(entry.host_ns)
-        self._low_ns = max(self._low_ns, low_ns + widening_ns)
-        self._high_ns = min(self._high_ns, high_ns - widening_ns)
-
-    def interval(self, now: HostNs) -> tuple[int, int]:
-        """(low, high) of the offset at ``now``, not before the latest exchange; nanoseconds."""
-        widening_ns = self._widening(now)
-        return (self._low_ns - widening_ns, self._high_ns + widening_ns)
-
-    def contradicts(self, entry: Exchange) -> bool:
-        """No drift within 600 ppm reconciles this exchange with those before it."""
-        if self._first_ns is None:
-            return False
-        low_ns, high_ns = self.interval(entry.host_ns)
-        half_ns = entry.round_trip_ns // 2 + ROUNDING_NS
-        return entry.offset_ns + half_ns < low_ns or entry.offset_ns - half_ns > high_ns
-
-    def _widening(self, now: HostNs) -> int:
-        assert self._first_ns is not None  # noqa: S101  (callers asked)
-        # 600.4 ppm: a clock that runs 600 ppm fast by its own seconds moves by 600.36 of the host's.
-        return (now - self._first_ns) * 6004 // 10_000_000

@@ -1,0 +1,83 @@
+"""How much an exchange says by its round trip: lines weighed by a model that the exchanges themselves choose.
+
+The variance is modelled as ``scale * (floor^2 + excess^2)``, the excess being that of the round trip over the least
+one, and the likeliest floor is taken: a small one where delays have long tails, a large one where they scatter evenly.
+"""
+
+from __future__ import annotations
+
+from math import log, pi, sqrt
+from typing import TypeAlias
+
+SKEW_PRIOR = 300e-6
+"""One sigma: half of the most."""
+RESOLUTION_S = 5e-6
+"""Whole microseconds on both sides, and what the two clocks' own reading takes."""
+_FLOORS = (0.03, 0.06, 0.12, 0.2, 0.4, 0.8, 1.6, 3.2, 100.0)
+"""Of the variance model, in median excesses; the last means: errors do not depend on the round trip."""
+
+Fit: TypeAlias = tuple[float, float, float, float, float]
+"""(offset s, skew) at time 0 and their covariance (00, 01, 11)."""
+
+
+class RoundTripWeights:
+    """Until it has learned, an error is uniform in its bound: half the round trip either way."""
+
+    __slots__ = ("_floor_s", "_least_s", "_scale")
+
+    def __init__(self) -> None:
+        self._least_s, self._floor_s, self._scale = 0.0, 0.0, 1.0 / 12.0
+
+    def learn_least(self, trips: list[float]) -> None:
+        """What the least round trip would be: the k-th least of n sums of two long-tailed delays lies about sqrt(k)
+        above it.
+        """
+        least = sorted(trips)[:4]
+        self._least_s = max(0.0, 2.0 * least[0] - least[3])
+
+    def excesses(self, trips: list[float]) -> list[float]:
+        """Of round trips over the least."""
+        return [max(0.0, trip - self._least_s) for trip in trips]
+
+    def learn(self, times: list[float], offsets: list[float], excesses: list[float]) -> None:
+        """Choose the likeliest floor of the variance model, and its scale, from the residuals of the line so far."""
+        level, skew, *_ = self.line(times, offsets, excesses)
+        residuals2 = [(y - level - skew * t) ** 2 for t, y in zip(times, offsets, strict=True)]
+        middle = max(RESOLUTION_S, sorted(excesses)[len(excesses) // 2])
+        best = -1e300
+        for factor in _FLOORS:
+            floor2 = (factor * middle) ** 2
+            shapes = [floor2 + x * x for x in excesses]
+            scale = sum(r / v for r, v in zip(residuals2, shapes, strict=True)) / (len(shapes) - 2)
+            scale = max(scale, RESOLUTION_S**2 / shapes[-1], 1e-12)
+            likelihood = -0.5 * (len(shapes) * log(scale) + sum(log(v) for v in shapes))
+            if likelihood > best:
+                best, self._floor_s, self._scale = likelihood, sqrt(floor2), scale
+
+    def of(self, excess: float) -> float:
+        """One over the variance of an offset, s^2."""
+        return 1.0 / (self._scale * (self._floor_s**2 + excess * excess) + RESOLUTION_S**2)
+
+    def line(self, times: list[float], offsets: list[float], excesses: list[float]) -> Fit:
+        """The likeliest one through the offsets, under the prior on skew."""
+        floor2, scale, resolution2 = self._floor_s**2, self._scale, RESOLUTION_S**2
+        s0 = s1 = s2 = b0 = b1 = 0.0
+        for t, y, x in zip(times, offsets, excesses, strict=True):
+            w = 1.0 / (scale * (floor2 + x * x) + resolution2)  # as `of`, unrolled: four hundred a fit
+            wt = w * t
+            s0 += w
+            s1 += wt
+            s2 += wt * t
+            b0 += w * y
+            b1 += wt * y
+        s2 += 1.0 / SKEW_PRIOR**2
+        d = s0 * s2 - s1 * s1
+        return ((s2 * b0 - s1 * b1) / d, (s0 * b1 - s1 * b0) / d, s2 / d, -s1 / d, s0 / d)
+
+    def log_likelihood(self, fit: Fit, times: list[float], offsets: list[float], excesses: list[float]) -> float:
+        """Of the offsets, about a weighted line."""
+        total = 0.0
+        for t, y, x in zip(times, offsets, excesses, strict=True):
+            w = self.of(x)
+            total += 0.5 * log(w / (2.0 * pi)) - 0.5 * w * (y - fit[0] - fit[1] * t) ** 2
+        return total
