@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from html import escape
 from statistics import median
 
@@ -18,7 +18,7 @@ from fwav_companion.report.style import STYLE
 from fwav_companion.report.three_ways import three_ways
 
 
-def page(story: Story, more: Iterable[str] = (), chapter: Iterable[str] = ()) -> str:
+def page(story: Story, more: Iterable[str] = (), chapter: Sequence[str] = ()) -> str:
     """The whole file. ``chapter``: sections about another flight; ``more``: for who wants to look behind this one."""
     # On the first screen, where there is room for it.
     limits = budget(story, "Why not better?") if story.picture is None else ""
@@ -29,7 +29,7 @@ def page(story: Story, more: Iterable[str] = (), chapter: Iterable[str] = ()) ->
         learning(story),
         errors_section(story),
         "" if limits else causes(story),
-        *chapter,
+        f'<div class="chapter">{"".join(chapter)}</div>' if chapter else "",
         _timing(story),
         *more,
         not_used(story),

@@ -2,10 +2,11 @@
 
 STYLE = """
 :root{--paper:#fbfbf9;--card:#fff;--ink:#1b1f24;--soft:#5b6570;--line:#e3e5e1;--ours:#1f6feb;--other:#d9730d;
---truth:#111;--claim:#1f6feb22;--fix:#7d8790;--good:#197a3e;--path:#9aa5b1;--bound:#9aa5b1;--plain:#8250df}
+--truth:#111;--claim:#1f6feb22;--fix:#7d8790;--good:#197a3e;--path:#9aa5b1;--bound:#9aa5b1;--plain:#8250df;--inset:#f0f1ee}
 @media (prefers-color-scheme:dark){:root{--paper:#12151a;--card:#191d24;--ink:#e7eaee;--soft:#9aa4af;--line:#2b313a;
 --ours:#6aa5ff;--other:#ffa657;--truth:#fff;--claim:#6aa5ff2b;--fix:#75808c;--good:#5fd08a;--path:#596675;
---bound:#75808c;--plain:#c297ff}}
+--bound:#75808c;--plain:#c297ff;
+--inset:#0c0e12}}
 *{box-sizing:border-box}
 body{margin:0;background:var(--paper);color:var(--ink);font:16px/1.55 system-ui,-apple-system,"Segoe UI",Inter,Roboto,
 "Helvetica Neue",Arial,sans-serif;-webkit-text-size-adjust:100%}
@@ -17,7 +18,8 @@ h2{margin:0 0 10px;font-size:21px;letter-spacing:-.01em}
 h3{margin:0 0 6px;font-size:17px;letter-spacing:-.01em}
 p{margin:0 0 12px;max-width:72ch}
 .lead{font-size:18px;color:var(--soft)}
-section{margin-top:40px}section>.scroll:first-child{margin-top:-16px}
+.chapter{margin-top:44px;padding:26px 26px 28px;border-radius:18px;background:var(--inset)}
+section{margin-top:40px}.chapter section:first-child{margin-top:0}section>.scroll:first-child{margin-top:-16px}
 .cards{display:grid;grid-template-columns:repeat(auto-fit,minmax(150px,1fr));gap:12px;margin-top:0}
 .cards div{background:var(--card);border:1px solid var(--line);border-radius:12px;padding:14px 16px}
 .cards b{display:block;font-size:27px;line-height:1.2;letter-spacing:-.02em;font-variant-numeric:tabular-nums}
@@ -83,7 +85,7 @@ footer p{max-width:none;overflow-wrap:anywhere}
 .broad svg .tick,.broad svg .name{font-size:14px}
 .lead{font-size:16px}
 .cards{grid-template-columns:1fr 1fr}.cards b{font-size:22px}.cards div:last-child:nth-child(odd){grid-column:1/-1}
-section{margin-top:30px}
+section{margin-top:30px}.chapter{margin-left:-14px;margin-right:-14px;padding:20px 14px;border-radius:0}
 .grid figure,.two figure,.one figure{padding:12px}.bar-row{font-size:14px;gap:8px}}
 @media print{body{background:#fff}figure,.cards div{break-inside:avoid}}
 """
