@@ -31,7 +31,7 @@ from fwav_companion.nouns import (
 from fwav_companion.publishing.board_status import onboard_computer_status
 from fwav_companion.publishing.readiness import ready_notice
 from fwav_companion.recording.lines import Line, home_line, unix_seconds
-from fwav_companion.telemetry import HomeMoved, OriginSet, Rebooted, RelativeWorld, TelemetryEvent
+from fwav_companion.telemetry import HomeMoved, OriginSet, Rebooted, RelativeWorld, Telemetry, TelemetryEvent
 from fwav_companion.tracking import KeptCalibration, Settled
 
 ANSWERED = frozenset({"COMMAND_LONG", "COMMAND_INT", "PING"})
@@ -198,6 +198,11 @@ class Pipeline:
     def system(self) -> int:
         """The MAVLink system id that we speak with."""
         return self._rooms.identity.system
+
+    @property
+    def telemetry(self) -> Telemetry:
+        """The vehicle, for who asks where it was."""
+        return self._rooms.telemetry
 
     @property
     def armed(self) -> bool:

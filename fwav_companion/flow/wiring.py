@@ -7,6 +7,8 @@ from difflib import get_close_matches
 from importlib.util import find_spec
 from typing import Any
 
+import msgspec
+
 from fwav_companion import __version__
 from fwav_companion.camera import Calibration
 from fwav_companion.config import Config
@@ -70,16 +72,18 @@ def make_pipeline(
     own_filter: Filter | None = None,
     sightings: bool = False,
     unit: str = "",
+    attitudes_kept_s: float | None = None,
 ) -> Pipeline:
     """The pipeline of one flight. Without a calibration it is a relay's: nothing is localized.
 
     ``elevation``: what [ground] terrain names. ``kept``: a calibration of an earlier flight with this camera.
     ``own_filter`` follows targets in the place of [tracking] filter: where that names a class of the user's there must
     be one (ConfigError). ``unit`` names this board for good, for uids that outlive a restart.
+    ``attitudes_kept_s``: for who asks for the vehicle long afterwards; None: as long as flying needs it.
     """
     ledger = Ledger(__version__, config.as_builtins(), unix_offset_ns)
     component, has_camera = config.vehicle.component_id, config.publish.camera_tracking and calibration is not None
-    telemetry = Telemetry(_telemetry_options(config))
+    telemetry = Telemetry(_telemetry_options(config, attitudes_kept_s))
     sight = None
     if calibration is not None:
         localizer = Localizer(_ground(config, elevation), config.priors, min_height_m=config.ground.min_height_m)
@@ -88,7 +92,7 @@ def make_pipeline(
         else:
             tracker = Tracker(own_filter, KEEP_STATIC_NS)
         reorder = Reorder(tracker)
-        sight = Sight(telemetry, _pairer(config, calibration), localizer, reorder, ledger, sightings=sightings)
+        sight = Sight(telemetry, make_pairer(config, calibration), localizer, reorder, ledger, sightings=sightings)
     publisher = Publisher(
         _publish_options(config, calibration, unit),
         locate=None if sight is None else sight.locate,
@@ -174,7 +178,7 @@ def own_components(config: Config) -> frozenset[int]:
     return frozenset({config.vehicle.component_id, CAMERA_COMPONENT})
 
 
-def _pairer(config: Config, calibration: Calibration) -> Pairer:
+def make_pairer(config: Config, calibration: Calibration) -> Pairer:
     """Where the configuration leaves the default, the calibration's own delay and mount count, if it tells them."""
     camera = config.camera
     on_gimbal = camera.mount.body_from_camera if camera.mount.gimbal_device_id else None
@@ -221,15 +225,18 @@ def _wanted_by(config: Config) -> dict[str, float]:
     return wanted
 
 
-def _telemetry_options(config: Config) -> TelemetryOptions:
+def _telemetry_options(config: Config, attitudes_kept_s: float | None) -> TelemetryOptions:
     vehicle = config.vehicle
-    return TelemetryOptions(
+    options = TelemetryOptions(
         position=vehicle.position,
         attitude_message=vehicle.attitude_message,
         position_delay_s=vehicle.position_delay_s,
         attitude_stamp_delay_s=config.uncertainty.attitude_stamp_delay_s,
         gimbal_device_id=config.camera.mount.gimbal_device_id,
     )
+    if attitudes_kept_s is None:
+        return options
+    return msgspec.structs.replace(options, attitudes_kept_s=attitudes_kept_s)
 
 
 def _tracking_options(config: Config) -> TrackingOptions:

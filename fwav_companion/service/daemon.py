@@ -9,6 +9,7 @@ import signal
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Protocol
 
 import msgspec
 
@@ -33,6 +34,7 @@ from fwav_companion.service.host_clock import HostClock
 from fwav_companion.service.parts import FrameEars, make_detections, make_map_link, make_recorder, make_vision
 from fwav_companion.service.signing_memory import SigningMemory
 from fwav_companion.service.systemd_notify import SystemdNotifier
+from fwav_companion.telemetry import Telemetry
 from fwav_companion.vision.wall_clock import ClockStep
 from fwav_companion.vision.wire import encode_frame
 
@@ -48,6 +50,17 @@ NET_NS = 200 * NS_PER_MS
 BOARD_TICKS = 5
 """Once so often, in status intervals, ground stations are told how the board is doing."""
 _LEVELS = {Severity.INFO: logging.INFO, Severity.WARNING: logging.WARNING, Severity.ERROR: logging.ERROR}
+WITNESS_INTERVAL_S = 0.2
+
+
+class Witness(Protocol):
+    """Somebody who watches the service work."""
+
+    def on_frame(self, frame: Frame | NoFrame) -> None:
+        """A frame came."""
+
+    def enough(self, status: Mapping[str, object], telemetry: Telemetry) -> bool:
+        """Asked a few times a second: what the status file would say, and the vehicle."""
 
 
 class Service:
@@ -61,10 +74,12 @@ class Service:
         *,
         elevation: Sequence[ElevationTile],
         beside_recording: Mapping[str, bytes],
+        attitudes_kept_s: float | None = None,
     ) -> None:
         """``elevation``: what [ground] terrain names.
 
-        ``beside_recording``: files that are kept with a flight's recording, by name.
+        ``beside_recording``: files that are kept with a flight's recording, by name. ``attitudes_kept_s``: for a
+        witness who asks for the vehicle afterwards.
         """
         self._config = config
         self._clock = HostClock()
@@ -78,6 +93,7 @@ class Service:
             elevation=elevation,
             kept=self._kept,
             unit=board_name(),
+            attitudes_kept_s=attitudes_kept_s,
         )
         self._signing = SigningMemory(config, _warn)
         self._node = make_node(config, signing_key, self._signing.starting_timestamp(self._clock.started_unix_ns))
@@ -104,6 +120,7 @@ class Service:
         self._stop = asyncio.Event()
         self._faults = 0
         self._ticks = 0
+        self._witness: Witness | None = None
 
     async def run(self) -> None:
         """Until SIGTERM or SIGINT; then it stops within two seconds."""
@@ -125,6 +142,17 @@ class Service:
         finally:
             self._close()
         return status
+
+    async def attend(self, witness: Witness) -> None:
+        """Run until the witness has seen enough. For ``check --shake``."""
+        self._witness = witness
+        self._start()
+        try:
+            while not witness.enough(self._status_object(self._clock.now()), self._pipeline.telemetry):  # noqa: ASYNC110
+                # Whether it is enough hangs on the time as well: there is no event to wait for.
+                await asyncio.sleep(WITNESS_INTERVAL_S)
+        finally:
+            self._close()
 
     # Coming up and going down.
 
@@ -191,6 +219,8 @@ class Service:
         elif self._recorder is not None:
             self._recorder.detection(self._clock.unix_us(now), encode_frame(frame, self._clock.unix_offset_ns))
         self._heard(now)
+        if self._witness is not None:
+            self._witness.on_frame(frame)
         self._pipeline.on_frame(frame, now)
         self._flush(now)
 

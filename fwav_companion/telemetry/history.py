@@ -53,9 +53,10 @@ class AttitudeAt(msgspec.Struct, frozen=True, gc=False):
 class AttitudeHistory:
     """A bounded, ordered store of attitudes with an interpolation that is worked out once an interval."""
 
-    __slots__ = ("_check", "_pieces", "_samples", "_times")
+    __slots__ = ("_check", "_kept_ns", "_most_kept", "_pieces", "_samples", "_times")
 
-    def __init__(self) -> None:
+    def __init__(self, kept_ns: int = KEPT_NS) -> None:
+        self._kept_ns, self._most_kept = kept_ns, MOST_KEPT * max(1, kept_ns // KEPT_NS)
         self._times: list[BootNs] = []
         self._samples: list[AttitudeSample] = []
         self._pieces: list[tuple[Piece, float] | None] = []  # with its sigma; by the interval's first sample
@@ -63,6 +64,11 @@ class AttitudeHistory:
 
     def __len__(self) -> int:
         return len(self._times)
+
+    @property
+    def samples(self) -> tuple[AttitudeSample, ...]:
+        """All that are kept, in order of time."""
+        return tuple(self._samples)
 
     @property
     def newest(self) -> AttitudeSample | None:
@@ -80,7 +86,7 @@ class AttitudeHistory:
         index = bisect_left(times, sample.boot_ns)
         if index < len(times) and times[index] == sample.boot_ns:
             return False
-        if times and sample.boot_ns < times[-1] - KEPT_NS:
+        if times and sample.boot_ns < times[-1] - self._kept_ns:
             return False
         times.insert(index, sample.boot_ns)
         self._samples.insert(index, sample)
@@ -106,7 +112,7 @@ class AttitudeHistory:
         self._check = StreamCheck()
 
     def _trim(self) -> None:
-        excess = max(bisect_left(self._times, self._times[-1] - KEPT_NS), len(self._times) - MOST_KEPT)
+        excess = max(bisect_left(self._times, self._times[-1] - self._kept_ns), len(self._times) - self._most_kept)
         if excess > 0:
             del self._times[:excess], self._samples[:excess], self._pieces[:excess]
 

@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 
 from fwav_companion.geometry.earth import Geodetic
-from fwav_companion.geometry.stamps import BootNs, HostNs, ns_from_s
+from fwav_companion.geometry.stamps import NS_PER_S, BootNs, HostNs, ns_from_s
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.nouns import (
     AttitudeSample,
@@ -26,7 +26,7 @@ from fwav_companion.telemetry.courses import Course, Latest
 from fwav_companion.telemetry.decoding import Implausible
 from fwav_companion.telemetry.events import PitchTrimUndone, Rebooted, StampDelay, TelemetryEvent
 from fwav_companion.telemetry.gimbal import Gimbal
-from fwav_companion.telemetry.history import AttitudeHistory
+from fwav_companion.telemetry.history import KEPT_NS, AttitudeHistory
 from fwav_companion.telemetry.meter import RateMeter
 from fwav_companion.telemetry.pitch_trim import PitchTrim
 from fwav_companion.telemetry.sources import EULER, AttitudeChoice
@@ -50,6 +50,8 @@ class TelemetryOptions(msgspec.Struct, frozen=True, kw_only=True):
     """How old a position is against its stamp."""
     attitude_stamp_delay_s: float | str = "auto"
     """An attitude is up to this older than its stamp."""
+    attitudes_kept_s: float = KEPT_NS / NS_PER_S
+    """For how long attitudes can be asked for: what frames that come late need, or all of an experiment."""
     gimbal_device_id: int = 0
     """Of the gimbal that carries the camera: 1 to 6 behind the autopilot, else its MAVLink component; 0: none does."""
 
@@ -68,7 +70,7 @@ class Telemetry:
         """Geoid above ellipsoid by the receiver's own alt_ellipsoid - alt."""
         self._timeline = BootTimeline()
         self._stamp_ns = BootNs(0)
-        self._attitudes = AttitudeHistory()
+        self._attitudes = AttitudeHistory(ns_from_s(options.attitudes_kept_s))
         self._choice = AttitudeChoice(options.attitude_message)
         self._stamps = AttitudeStamps(options.attitude_stamp_delay_s)
         self._trim = PitchTrim()
@@ -183,6 +185,11 @@ class Telemetry:
         """At the latest attitude."""
         newest = self._attitudes.newest
         return self.state_at(newest.boot_ns if newest else BootNs(0))
+
+    @property
+    def attitudes(self) -> tuple[AttitudeSample, ...]:
+        """All that are kept, as they were told, in order of time."""
+        return self._attitudes.samples
 
     def local_position_at(self, boot_ns: BootNs) -> Vector3 | None:
         """The autopilot's LOCAL_POSITION_NED there, metres from its own origin: never to be mixed with ours."""
