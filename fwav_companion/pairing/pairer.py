@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Collection
 from math import hypot, isfinite
 
@@ -103,7 +102,7 @@ class Pairer:
         self._pixel_sigma = (pixel_noise_px, pixel_noise_px)
         self._min_score = min_score
         self._labels = frozenset(labels)
-        self._seen: deque[tuple[object, ...]] = deque(maxlen=FRAMES_REMEMBERED)
+        self._seen: dict[tuple[object, ...], None] = {}
         self._last_number = -1
 
     @property
@@ -252,7 +251,9 @@ class Pairer:
             untimely = _untimely(host_ns, frame.arrival_ns, clock)
             if untimely is not None:
                 return untimely
-        self._seen.append(key)
+        self._seen[key] = None
+        if len(self._seen) > FRAMES_REMEMBERED:
+            del self._seen[next(iter(self._seen))]
         self._rows.see(frame.stamp_ns)
         return timing, scaling, host_ns, boot_ns
 

@@ -75,24 +75,19 @@ class FrameTiming(msgspec.Struct, frozen=True, gc=False):
 class RowClock:
     """Places rows in time, and learns an unknown readout from the rate of the frames."""
 
-    __slots__ = ("_intervals", "_last_stamp_ns", "_timing")
+    __slots__ = ("_intervals", "_last_stamp_ns", "_timing", "interval_s")
 
     def __init__(self, timing: CameraTiming) -> None:
         self._timing = timing
         self._intervals: list[int] = []
+        self.interval_s = INTERVAL_BEFORE_ANY_S
+        """The median interval between frames."""
         self._last_stamp_ns: int | None = None
 
     @property
     def time_offset_s(self) -> float:
         """How late stamps are taken to come."""
         return self._timing.time_offset_s
-
-    @property
-    def interval_s(self) -> float:
-        """The median interval between frames."""
-        if not self._intervals:
-            return INTERVAL_BEFORE_ANY_S
-        return sorted(self._intervals)[len(self._intervals) // 2] * 1e-9
 
     @property
     def readout_s(self) -> float:
@@ -123,6 +118,7 @@ class RowClock:
             self._intervals.append(stamp_ns - last_ns)
             if len(self._intervals) > INTERVALS_KEPT:
                 del self._intervals[0]
+            self.interval_s = sorted(self._intervals)[len(self._intervals) // 2] * 1e-9
 
     def place(self, stamp_ns: int, exposure_s: float | None, height: int) -> FrameTiming:
         """The rows of a frame with this stamp; ``height`` is that of the calibration's image."""

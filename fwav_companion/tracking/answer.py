@@ -48,12 +48,13 @@ class Held(msgspec.Struct, frozen=True):
         crossed = [[joint.cov[place][i] for i in held] for place in places]
         pulls = [solved(self.factor, row) for row in crossed]
         prior2 = [doubt * doubt if doubted else 0.0 for doubt in self.doubts]
+        changes = [
+            [pulled * prior - was for pulled, prior, was in zip(pull, prior2, row, strict=True)]
+            for pull, row in zip(pulls, crossed, strict=True)
+        ]
         return [
-            [
-                joint.cov[p][q] + sum([a * (b * s - c) for a, b, s, c in zip(pull_p, pull_q, prior2, row, strict=True)])
-                for q, pull_q, row in zip(places, pulls, crossed, strict=True)
-            ]
-            for p, pull_p in zip(places, pulls, strict=True)
+            [joint.cov[p][q] + inner(pull, change) for q, change in zip(places, changes, strict=True)]
+            for p, pull in zip(places, pulls, strict=True)
         ]
 
     def about(self, joint: Joint, prior_means: tuple[float, ...]) -> Held:
