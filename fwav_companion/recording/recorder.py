@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import threading
 from collections.abc import Callable, Iterable, Mapping
+from errno import ENOENT
 from pathlib import Path
 from typing import BinaryIO, Literal
 
@@ -220,7 +221,10 @@ class _Files:
 
     def sync(self) -> None:
         for name in sorted(self._unsynced):
-            os.fdatasync(self._open[name].fileno())
+            descriptor = self._open[name].fileno()
+            os.fdatasync(descriptor)
+            if os.fstat(descriptor).st_nlink == 0 and self.folder is not None:
+                raise FileNotFoundError(ENOENT, "was removed while it was recorded to", str(self.folder / name))
         self._unsynced.clear()
 
     def end(self) -> None:

@@ -92,7 +92,8 @@ class Space:
         free = disk.f_bavail * disk.f_frsize
         if free - count < policy.least_free_bytes:
             least = policy.least_free_bytes // BYTES_PER_MB
-            return f"{free // BYTES_PER_MB} MB are free, {least} MB are to stay so ([record] min_free_mb)"
+            stay = f", {least} MB are to stay so ([record] min_free_mb)" if least else ": the disk is full"
+            return f"{free / BYTES_PER_MB:.1f} MB are free{stay}"
         return None
 
 

@@ -9,6 +9,8 @@ from processes import Process, process
 from pymavlink import mavutil
 from sites import Site
 
+from fwav_companion.recording.tlog import SkippedBytes, TlogRecord, read_tlog
+
 SECONDS_S = 60.0
 
 
@@ -84,3 +86,15 @@ def test_mavproxy_sees_the_vehicle_and_the_target_and_is_obeyed(site: Site, mavp
     }
     assert {(191, 18, 8, 4), (100, 30, 8, 4)} <= beats
     assert "fault" not in service.said
+    ours = read_by_us(site)
+    assert len(messages) - 1 <= len(ours), "all but one that MAVProxy's end may have cut"
+    assert ours == [(round(m._timestamp * 1e6), bytes(m.get_msgbuf())) for m in messages[: len(ours)]]
+
+
+def read_by_us(site: Site) -> list[tuple[int, bytes]]:
+    """Its log by our own reader: each frame with its stamp, and nothing skipped before the end."""
+    data = (site.folder / "station.tlog").read_bytes()
+    items = list(read_tlog(data))
+    damaged = [item for item in items if isinstance(item, SkippedBytes)]
+    assert all(each.offset + each.length == len(data) for each in damaged)
+    return [(item.unix_us, item.frame) for item in items if isinstance(item, TlogRecord)]

@@ -1,8 +1,10 @@
 """The recorder keeps what it is given, within the disk it may use; and a failing disk is told once."""
 
 import os
+import shutil
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -88,6 +90,31 @@ def test_a_directory_that_cannot_be_made_is_told_once_and_at_once(tmp_path):
     assert len(told) == 1
     assert "recording stopped" in told[0]
     assert str(tmp_path) in told[0]
+
+
+@pytest.mark.parametrize("gone", ["folder", "directory"])
+def test_a_recording_that_somebody_removes_is_told_once(tmp_path, gone):
+    """A removed file takes bytes as before, and nobody will ever read them."""
+    told = []
+    recorder = Recorder(plan(tmp_path / "records"), told.append)
+    recorder.start()
+    recorder.telemetry(START_US, b"\xfd\x00")
+    while not list((tmp_path / "records").glob(f"*/{TARGETS}")):  # the test's own time limit ends the wait
+        time.sleep(0.01)
+    shutil.rmtree(tmp_path / "records" if gone == "directory" else recordings(tmp_path / "records")[0])
+    while recorder.failure is None:
+        recorder.telemetry(START_US, b"\xfd\x00")
+        time.sleep(0.01)
+    recorder.close(5.0)
+    assert told == [recorder.failure]
+    assert str(tmp_path / "records") in told[0]
+
+
+def test_a_disk_without_room_says_so(tmp_path, monkeypatch):
+    told = []
+    monkeypatch.setattr(space.os, "statvfs", lambda _path: SimpleNamespace(f_bavail=0, f_frsize=4096))
+    recorded(tmp_path, told=told)
+    assert told == ["recording stopped: 0.0 MB are free: the disk is full"]
 
 
 @pytest.mark.parametrize("call", ["fdatasync", "fsync"])
