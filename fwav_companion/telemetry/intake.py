@@ -1,0 +1,219 @@
+"""What each message of the autopilot does to what is kept of the vehicle."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from fwav_companion.geometry.earth import Geodetic
+from fwav_companion.geometry.stamps import BootNs, HostNs, ns_from_s
+from fwav_companion.nouns import AttitudeSample, HeightSource, Unpaired
+from fwav_companion.telemetry import decoding
+from fwav_companion.telemetry.clock import Clock
+from fwav_companion.telemetry.decoding import Implausible
+from fwav_companion.telemetry.events import PitchTrimUndone, StampDelay, TelemetryEvent
+from fwav_companion.telemetry.pitch_trim import PitchTrim
+from fwav_companion.telemetry.sources import EULER, AttitudeChoice
+from fwav_companion.telemetry.stamp_delay import HALF_MS_NS, AttitudeStamps
+from fwav_companion.telemetry.vehicle_history import VehicleHistory
+from fwav_companion.telemetry.world import World
+
+
+class Intake:
+    """Takes one message after the other; what is not plausible is refused and counted."""
+
+    def __init__(
+        self,
+        kept: VehicleHistory,
+        clock: Clock,
+        world: World,
+        stamps: AttitudeStamps,
+        *,
+        attitude_message: str,
+        position_delay_s: float,
+    ) -> None:
+        """``position_delay_s``: how old a position is against its stamp."""
+        self._kept = kept
+        self._clock = clock
+        self._world = world
+        self._stamps = stamps
+        self._position_delay_ns = ns_from_s(position_delay_s)
+        self._trim = PitchTrim()
+        self.choice = AttitudeChoice(attitude_message)
+        """Which message attitudes are taken from."""
+        self.trim_undone_deg = 0.0
+        """Put back on the pitch of ATTITUDE."""
+        self.stamp_ns = BootNs(0)
+        """The placed stamp of the message in hand."""
+        self.undulation_m: float | None = None
+        """Geoid above ellipsoid by the receiver's own alt_ellipsoid - alt."""
+        self.utc: tuple[int, BootNs] | None = None
+        """Unix nanoseconds, and when it was that; None while the autopilot does not know."""
+        self.refused: dict[str, int] = {}
+        """By message."""
+        self._handlers: dict[str, Callable[[Any, HostNs], tuple[TelemetryEvent, ...]]] = {
+            "ATTITUDE": self._on_attitude,
+            "ATTITUDE_QUATERNION": self._on_attitude_quaternion,
+            "GLOBAL_POSITION_INT": self._on_position,
+            "LOCAL_POSITION_NED": self._on_local_position,
+            "DISTANCE_SENSOR": self._on_distance,
+            "SYSTEM_TIME": self._on_system_time,
+            "ALTITUDE": self._on_altitude,
+            "VFR_HUD": self._on_vfr_hud,
+            "GPS_RAW_INT": self._on_gps_raw,
+            "GPS_GLOBAL_ORIGIN": self._on_global_origin,
+            "HOME_POSITION": self._on_home,
+            "TERRAIN_REPORT": self._on_terrain,
+            "HEARTBEAT": self._on_heartbeat,
+            "PARAM_VALUE": self._on_param_value,
+            "STATUSTEXT": self._on_statustext,
+        }
+
+    def takes(self, name: str) -> bool:
+        """There is something to learn from messages of this name."""
+        return name in self._handlers
+
+    def take(self, name: str, fields: Any, now: HostNs) -> tuple[TelemetryEvent, ...]:
+        """One of those, whose stamp, if it has one, is :attr:`stamp_ns`."""
+        return self._handlers[name](fields, now)
+
+    def refuse(self, name: str) -> tuple[TelemetryEvent, ...]:
+        """Count a message that holds nothing usable."""
+        self.refused[name] = self.refused.get(name, 0) + 1
+        return ()
+
+    # Messages, one by one.
+
+    def _on_attitude(self, fields: Any, now: HostNs) -> tuple[TelemetryEvent, ...]:
+        events = self._put_trim_back()
+        return events + self._take_attitude(EULER, decoding.attitude_from_euler(fields, self._trim.taken_off), now)
+
+    def _on_attitude_quaternion(self, fields: Any, now: HostNs) -> tuple[TelemetryEvent, ...]:
+        return self._take_attitude("ATTITUDE_QUATERNION", decoding.attitude_from_quaternion(fields), now)
+
+    def _take_attitude(
+        self, name: str, attitude: decoding.Attitude | Implausible, now: HostNs
+    ) -> tuple[TelemetryEvent, ...]:
+        if isinstance(attitude, Implausible):
+            return self.refuse(name)
+        self._world.on_attitude(now)
+        wanted, events = self.choice.take(name, now)
+        if not wanted:
+            return events
+        if events:
+            self._kept.attitudes.clear()
+        boot_ns = BootNs(self.stamp_ns + self._stamps.correction_ns)
+        if not self._kept.attitudes.insert(AttitudeSample(boot_ns, attitude.ned_from_body, attitude.rates)):
+            self.refuse(name)
+        return events + self._move_stamps(self._stamps.on_scatter(self._kept.attitudes.check.stamp_scatter_s))
+
+    def _on_position(self, fields: Any, _now: HostNs) -> tuple[TelemetryEvent, ...]:
+        position = decoding.position(fields)
+        if isinstance(position, Implausible):
+            return self.refuse("GLOBAL_POSITION_INT")
+        events = self._world.on_position(position)
+        boot_ns = BootNs(self.stamp_ns + HALF_MS_NS - self._position_delay_ns)
+        heights = self._kept.heights[HeightSource.GLOBAL_POSITION_INT]
+        heights.insert(boot_ns, (position.height_above_home_m,), (-position.velocity_ned[2],))
+        if self._world.plane is not None and position.place is not None:
+            place_ned = self._world.plane.ned_from_geodetic(position.place)
+            self._kept.positions.insert(boot_ns, place_ned, position.velocity_ned)
+        return events
+
+    def _on_local_position(self, fields: Any, _now: HostNs) -> tuple[TelemetryEvent, ...]:
+        place, velocity = (fields.x, fields.y, fields.z), (fields.vx, fields.vy, fields.vz)
+        if not (
+            all(abs(c) <= 10.0 * decoding.MOST_HEIGHT_M for c in place)
+            and all(abs(c) <= decoding.MOST_SPEED_M_S for c in velocity)
+        ):
+            return self.refuse("LOCAL_POSITION_NED")
+        boot_ns = BootNs(self.stamp_ns + HALF_MS_NS - self._position_delay_ns)
+        self._kept.local.insert(boot_ns, place, velocity)
+        return ()
+
+    def _on_distance(self, fields: Any, _now: HostNs) -> tuple[TelemetryEvent, ...]:
+        sample = decoding.range_sample(fields, BootNs(self.stamp_ns + HALF_MS_NS))
+        if isinstance(sample, Implausible):
+            return self.refuse("DISTANCE_SENSOR")
+        self._kept.ranges.insert(sample.boot_ns, sample)
+        return ()
+
+    def _on_system_time(self, fields: Any, _now: HostNs) -> tuple[TelemetryEvent, ...]:
+        unix_ns = decoding.unix_ns(fields)
+        if unix_ns is not None:
+            self.utc = (unix_ns, BootNs(self.stamp_ns + HALF_MS_NS))
+        return ()
+
+    def _on_altitude(self, fields: Any, now: HostNs) -> tuple[TelemetryEvent, ...]:
+        return self._take_height(HeightSource.ALTITUDE, fields.altitude_relative, 0.0, now)
+
+    def _on_vfr_hud(self, fields: Any, now: HostNs) -> tuple[TelemetryEvent, ...]:
+        home_m = self._world.home_alt_amsl_m
+        if home_m is None:
+            return ()
+        return self._take_height(HeightSource.VFR_HUD, fields.alt - home_m, fields.climb, now)
+
+    def _take_height(
+        self, source: HeightSource, height_m: float, climb: float, now: HostNs
+    ) -> tuple[TelemetryEvent, ...]:
+        height = decoding.finite_height_m(height_m)
+        if height is None:
+            return self.refuse(source.value)
+        rate = float(climb) if abs(climb) <= decoding.MOST_SPEED_M_S else 0.0
+        boot_ns = self._clock.boot_from_host(now)
+        if not isinstance(boot_ns, Unpaired):
+            self._kept.heights[source].insert(boot_ns, (height,), (rate,))
+        return ()
+
+    def _on_gps_raw(self, fields: Any, _now: HostNs) -> tuple[TelemetryEvent, ...]:
+        self._world.on_gps_fix(fields.fix_type)
+        undulation_m = decoding.undulation_m(fields)
+        if undulation_m is not None:
+            self.undulation_m = undulation_m
+        return ()
+
+    def _on_global_origin(self, fields: Any, _now: HostNs) -> tuple[TelemetryEvent, ...]:
+        place = decoding.geodetic(fields.latitude, fields.longitude, fields.altitude)
+        if place is None:
+            return self.refuse("GPS_GLOBAL_ORIGIN")
+        self._world.on_global_origin(place)
+        return ()
+
+    def _on_home(self, fields: Any, _now: HostNs) -> tuple[TelemetryEvent, ...]:
+        place: Geodetic | None = decoding.geodetic(fields.latitude, fields.longitude, fields.altitude)
+        if place is None:
+            return self.refuse("HOME_POSITION")
+        return self._world.on_home(place.alt_amsl_m)
+
+    def _on_terrain(self, fields: Any, now: HostNs) -> tuple[TelemetryEvent, ...]:
+        height = decoding.finite_height_m(fields.current_height)
+        boot_ns = self._clock.boot_from_host(now)
+        if height is None or fields.spacing == 0 or isinstance(boot_ns, Unpaired):  # spacing 0: no terrain data there
+            return self.refuse("TERRAIN_REPORT")
+        self._kept.terrain.insert(boot_ns, height)
+        return ()
+
+    def _on_heartbeat(self, fields: Any, _now: HostNs) -> tuple[TelemetryEvent, ...]:
+        self._trim.on_heartbeat(fields.type)
+        return self._move_stamps(self._stamps.on_heartbeat(fields.autopilot, fields.type))
+
+    def _on_param_value(self, fields: Any, _now: HostNs) -> tuple[TelemetryEvent, ...]:
+        self._trim.on_parameter(fields.param_id, fields.param_value)
+        return self._move_stamps(self._stamps.on_parameter(fields.param_id, fields.param_value))
+
+    def _on_statustext(self, fields: Any, _now: HostNs) -> tuple[TelemetryEvent, ...]:
+        return self._move_stamps(self._stamps.on_text(fields.text))
+
+    def _put_trim_back(self) -> tuple[TelemetryEvent, ...]:
+        """Where ATTITUDE counts and its trim is another now: what was taken until now lies apart from what comes."""
+        if self.choice.source != EULER or self._trim.taken_off_deg == self.trim_undone_deg:
+            return ()
+        self.trim_undone_deg = self._trim.taken_off_deg
+        self._kept.attitudes.clear()
+        return (PitchTrimUndone(self.trim_undone_deg),)
+
+    def _move_stamps(self, moved_ns: int) -> tuple[TelemetryEvent, ...]:
+        if moved_ns == 0:
+            return ()
+        self._kept.attitudes.shift(moved_ns)
+        return (StampDelay(self._stamps.delay_s, self._stamps.in_step),)

@@ -1,0 +1,94 @@
+"""What is kept of the vehicle for the last seconds, asked for any instant of the autopilot's clock."""
+
+from __future__ import annotations
+
+from fwav_companion.geometry.stamps import BootNs
+from fwav_companion.geometry.vectors import Vector3
+from fwav_companion.nouns import HeightSource, RangeSample, Unpaired, VehicleState
+from fwav_companion.telemetry.clock import Clock
+from fwav_companion.telemetry.courses import Course, Latest
+from fwav_companion.telemetry.gimbal import Gimbal
+from fwav_companion.telemetry.history import AttitudeHistory
+from fwav_companion.telemetry.stamp_delay import AttitudeStamps
+
+RANGE_NEAR_NS = 200_000_000
+"""A rangefinder reading this near is of the same moment; they come at 10 Hz and more."""
+TERRAIN_NEAR_NS = 2_000_000_000
+"""TERRAIN_REPORT comes once a second, of ground that the vehicle hardly leaves meanwhile."""
+
+
+class VehicleHistory:
+    """Samples by their kind, and the vehicle's state worked out between them."""
+
+    def __init__(self, clock: Clock, stamps: AttitudeStamps, gimbal: Gimbal | None, attitudes_kept_ns: int) -> None:
+        """``gimbal``: the one that carries the camera, if one does."""
+        self._clock = clock
+        self._stamps = stamps
+        self._gimbal = gimbal
+        self.attitudes = AttitudeHistory(attitudes_kept_ns)
+        self.positions = Course()
+        self.local = Course()
+        """LOCAL_POSITION_NED, a frame of its own."""
+        self.heights = {source: Course() for source in HeightSource}
+        self.ranges = Latest()
+        self.terrain = Latest()
+
+    def clear(self) -> None:
+        """The autopilot's clock began anew: nothing of before can be placed any more."""
+        self.attitudes.clear()
+        for course in (self.positions, self.local, *self.heights.values()):
+            course.clear()
+        for latest in (self.ranges, self.terrain):
+            latest.clear()
+
+    def state_at(self, boot_ns: BootNs) -> VehicleState | Unpaired:
+        """The vehicle at this instant, or why its attitude there is not known."""
+        attitude = self.attitudes.at(boot_ns)
+        if isinstance(attitude, Unpaired):
+            return attitude
+        position = self.positions.at(boot_ns)
+        nearest_range = self.ranges.near(boot_ns, RANGE_NEAR_NS)
+        terrain = self.terrain.near(boot_ns, TERRAIN_NEAR_NS)
+        return VehicleState(
+            boot_ns=boot_ns,
+            ned_from_body=attitude.ned_from_body,
+            rates=attitude.rates,
+            attitude_sigma=attitude.sigma,
+            gap_s=attitude.gap_s,
+            position_ned=None if position is None else _vector(position.values),
+            velocity_ned=None if position is None else _vector(position.rates),
+            position_sigma_m=0.0 if position is None else position.sigma,
+            height_above_home_m=self._height_at(boot_ns),
+            range=nearest_range if isinstance(nearest_range, RangeSample) else None,
+            terrain_height_m=terrain if isinstance(terrain, float) else None,
+            stamp_sigma_s=self._stamps.sigma_s,
+            gimbal=None if self._gimbal is None else self._gimbal.at(boot_ns, self._clock, attitude),
+        )
+
+    def ready_for(self, boot_ns: BootNs) -> bool:
+        """Enough attitudes lie beyond this instant: waiting longer makes the answer no better."""
+        return self.attitudes.ready_for(boot_ns) and (
+            self._gimbal is None or self._gimbal.ready_for(boot_ns, self._clock)
+        )
+
+    def newest_state(self) -> VehicleState | Unpaired:
+        """At the latest attitude."""
+        newest = self.attitudes.newest
+        return self.state_at(newest.boot_ns if newest else BootNs(0))
+
+    def local_position_at(self, boot_ns: BootNs) -> Vector3 | None:
+        """The autopilot's LOCAL_POSITION_NED there, metres from its own origin: never to be mixed with ours."""
+        point = self.local.at(boot_ns)
+        return None if point is None else _vector(point.values)
+
+    def _height_at(self, boot_ns: BootNs) -> float | None:
+        for course in self.heights.values():  # in order of preference
+            point = course.at(boot_ns)
+            if point is not None:
+                return point.values[0]
+        return None
+
+
+def _vector(values: tuple[float, ...]) -> Vector3:
+    a, b, c = values
+    return (a, b, c)
