@@ -121,6 +121,6 @@ def _words(story: Story) -> str:
         f"On the flight above, the GNSS receiver hides what the camera does. So here is another one, "
         f"{SECONDS:.0f} seconds over one target, whose position is exact, but the camera stamps its pictures "
         f"{1e3 * planted.time_offset_s:.0f} ms late and sits crooked by {mount} about the body's axes. Nobody was "
-        "told. Solid: how far each answer was from the truth, where each labelled line is ten times the one below. "
-        "Dashed: the distance that it claimed to stay within in 95 of 100 cases."
+        "told. Solid: how far each answer was from the truth, on a logarithmic scale. Dashed: the distance that it "
+        "claimed to stay within in 95 of 100 cases."
     )

@@ -16,6 +16,8 @@ WIDE: Point = (560.0, 340.0)
 LEFT, RIGHT, TOP, BOTTOM = 40.0, 8.0, 16.0, 30.0
 LEFT_OF_WORDS = 56.0
 """The same where ticks carry their unit: "10 cm"."""
+FEW = 50.0
+"""From end to end of a logarithmic axis: within this, 2 and 5 are written too."""
 
 
 class Frame:
@@ -73,12 +75,13 @@ class LogFrame(Frame):
 
     def _rungs(self) -> list[tuple[float, str]]:
         low, high = self.y
+        few = high / low < FEW
         rungs = []
         for power in range(floor(log10(low)), ceil(log10(high)) + 1):
             for factor in (1.0, 2.0, 5.0):
                 value = factor * 10.0**power
                 if low * 0.999 <= value <= high * 1.001:
-                    rungs.append((value, told_length(value) if factor == 1.0 else ""))
+                    rungs.append((value, told_length(value) if few or factor == 1.0 else ""))
         return rungs
 
 

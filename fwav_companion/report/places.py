@@ -11,8 +11,13 @@ from fwav_companion.report.picture import picture
 from fwav_companion.report.story import PictureShown, Story
 from fwav_companion.report.words import metres, short
 
+FROM_ORIGIN = "From above, north up, metres from the origin."
+FROM_VEHICLE = (
+    "From above, north up, metres from the point below the camera: the vehicle's own position was not known, so what "
+    "stands still on the ground moves here."
+)
 MAP_WORDS = (
-    "From above, north up, metres from the origin. Each small dot is one sighting, carried to the ground through the "
+    "Each small dot is one sighting, carried to the ground through the "
     "vehicle's attitude at the instant its image row was exposed. The ellipse counts what the scatter cannot show: "
     "errors that are the same in every picture (position, compass, mount) do not average away."
 )
@@ -24,7 +29,8 @@ def places(story: Story, beside: str = "") -> str:
     if story.picture is not None:
         beside = _picture_figure(story.picture)
     if drawn:
-        drawn = figure("Where everything is", drawn, MAP_WORDS, key=_key(story))
+        caption = f"{FROM_ORIGIN if story.origin else FROM_VEHICLE} {MAP_WORDS}"
+        drawn = figure("Where everything is", drawn, caption, key=_key(story))
     both = f'<section class="two">{drawn}{beside}</section>' if drawn or beside else ""
     return f"{both}{_table(story)}"
 

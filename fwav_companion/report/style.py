@@ -48,7 +48,8 @@ stroke-linejoin:round}
 .way{fill:none;stroke-width:2.2;stroke-linejoin:round}.claimed{fill:none;stroke-width:1.3;stroke-dasharray:4 4;
 opacity:.8}
 .way-paper{stroke:var(--other)}.way-plain{stroke:var(--plain)}.way-calibrated{stroke:var(--ours)}
-.way-own{stroke:var(--good)}.planted{stroke:var(--truth);stroke-width:1.5;stroke-dasharray:7 4}
+.way.way-plain{stroke-width:4;opacity:.65}.way-own{stroke:var(--good)}
+.planted{stroke:var(--truth);stroke-width:1.5;stroke-dasharray:7 4}
 .bound{fill:none;stroke:var(--bound);stroke-width:1.4;stroke-dasharray:4 3}
 .bar-fill{fill:var(--ours);opacity:.8}
 .box{fill:none;stroke:#4da3ff;stroke-width:2.5}.aim{stroke:#ffd166;stroke-width:2}

@@ -42,8 +42,8 @@ def _words(courses: Sequence[Course]) -> str:
     said = "Every filter was given the same pictures and telemetry."
     if any(errors_of(course.instants) for course in courses):
         return (
-            f"{said} Solid: how far each answer was from the truth, on a scale where each labelled line is ten times "
-            "the one below. Dashed: the distance that it claimed to stay within in 95 of 100 cases."
+            f"{said} Solid: how far each answer was from the truth, on a logarithmic scale. Dashed: the distance that "
+            "it claimed to stay within in 95 of 100 cases."
         )
     return f"{said} Without a known truth their answers can be compared with one another, and so can their claims."
 

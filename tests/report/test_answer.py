@@ -30,8 +30,10 @@ def test_one_target_is_placed_in_words():
 
 
 def test_without_a_world_it_is_relative_to_the_vehicle():
-    said = Markup(answer(told(header(), *approach([0.0]), summary()))).text
-    assert "of the point below the camera" in said
+    story = told(header(), *approach([0.0]), summary())
+    assert "of the point below the camera" in Markup(answer(story)).text
+    assert "metres from the point below the camera" in Markup(page(story)).text
+    assert "metres from the origin" in Markup(page(told(header(origin=ORIGIN), *approach([0.0]), summary()))).text
 
 
 def test_several_are_counted_and_judged():

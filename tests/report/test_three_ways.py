@@ -126,3 +126,9 @@ def test_decades_are_equally_high_and_nothing_leaves_them():
 )
 def test_a_tick_has_the_unit_that_a_person_would_use(metres, said):
     assert told_length(metres) == said
+
+
+@pytest.mark.parametrize(("top_m", "said"), [(9.0, ["1 m", "2 m", "5 m"]), (90.0, ["1 m", "10 m"])])
+def test_a_short_axis_has_more_numbers_on_it(top_m, said):
+    axes = LogFrame((0.0, 1.0), (1.0, top_m), (100.0, 100.0)).axes("x", "y")
+    assert [each for each in Markup("".join(axes)).texts if each.endswith(" m")] == said

@@ -62,7 +62,7 @@ class Markup(HTMLParser):
     def __init__(self, html: str) -> None:
         super().__init__()
         self.elements: list[tuple[str, dict[str, str]]] = []
-        self.text = ""
+        self.texts: list[str] = []
         self._open: list[str] = []
         self.feed(html)
         assert self._open == []
@@ -79,7 +79,12 @@ class Markup(HTMLParser):
         assert self._open.pop() == tag
 
     def handle_data(self, data: str) -> None:
-        self.text += data
+        self.texts.append(data)
+
+    @property
+    def text(self) -> str:
+        """All of it."""
+        return "".join(self.texts)
 
     def of(self, kind: str) -> list[dict[str, str]]:
         """The attributes of every element of this class."""
