@@ -72,15 +72,15 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _report(
     console: Console, demonstration: Demonstration, setting: Setting, out: Path, outcome: Outcome
-) -> str | None:
-    """Where it was written; None where there is nothing to tell."""
+) -> tuple[Path, str] | None:
+    """Where it was written, and what the second flight showed; None where there is nothing to tell."""
     from fwav_companion.demo.table import working
     from fwav_companion.demo.telling import write_report
 
     if outcome.recording is None:
         return None
     with working(console) as told:
-        return str(write_report(setting, demonstration.flight_arguments, out, outcome.recording, told))
+        return write_report(setting, demonstration.flight_arguments, out, outcome.recording, told)
 
 
 def _interrupt(_number: int, _frame: FrameType | None) -> None:

@@ -14,6 +14,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from fwav_companion.config import Config, load, parse
 from fwav_companion.demo.flight import MOCK_MODULE
 from fwav_companion.demo.setting import CAMERA_FILE, CONFIG_FILE, PRIORS
@@ -25,6 +27,8 @@ from fwav_companion.recording.truth import parse_truth
 from fwav_companion.replaying import replay
 from fwav_companion.report import Planted, Story, learning, tell, three_ways, way_of
 from fwav_companion.report.markup import section
+from fwav_companion.report.three_ways import ways_of
+from fwav_companion.report.words import length
 from fwav_companion.report_files import other_ways
 
 FOLDER, SCENARIO, SECONDS = "crooked", "late_and_crooked", 60.0
@@ -56,15 +60,25 @@ self_calibration = true
 """
 
 
-def chapter(out: Path, seed: int, told: Callable[[str], None]) -> list[str]:
-    """Sections for the report; where the flight cannot be flown, one that says why."""
+class Chapter(msgspec.Struct, frozen=True):
+    """What came of the second flight."""
+
+    sections: list[str]
+    """For the report."""
+    said: str
+    """In a line."""
+
+
+def chapter(out: Path, seed: int, told: Callable[[str], None]) -> Chapter:
+    """Where the flight cannot be flown, it says why."""
     told("a second flight, with a late camera on a crooked mount")
     try:
         config = _fly(out / FOLDER, seed)
     except (OSError, subprocess.SubprocessError) as error:
-        return [section(TITLE, f"This second flight could not be flown: {error}", "")]
+        said = f"This second flight could not be flown: {error}"
+        return Chapter([section(TITLE, said, "")], said)
     story = tracked(out / FOLDER, config, told)
-    return [three_ways(story, TITLE, _words(story)), learning(story)]
+    return Chapter([three_ways(story, TITLE, _words(story)), learning(story)], _said(story))
 
 
 def mock_arguments(config: Config, seed: int) -> list[str]:
@@ -124,3 +138,14 @@ def _words(story: Story) -> str:
         "told. Solid: how far each answer was from the truth, on a logarithmic scale. Dashed: the distance that it "
         "claimed to stay within in 95 of 100 cases."
     )
+
+
+def _said(story: Story) -> str:
+    """What each way ended with."""
+    ends = [
+        f"{way.name} {length(way.last.error_m)}"
+        for course in story.courses
+        for way in ways_of(course, story)
+        if way.last is not None and way.last.error_m is not None
+    ]
+    return f"{TITLE}, off at the end: {', '.join(ends)}."

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
@@ -88,7 +89,7 @@ def targets_table(scores: list[Score]) -> Table:
     return table
 
 
-def show_outcome(console: Console, outcome: Outcome, report: str | None) -> None:
+def show_outcome(console: Console, outcome: Outcome, report: tuple[Path, str] | None) -> None:
     """The summary."""
     console.print(targets_table(outcome.scores))
     found = [score for score in outcome.scores if score.found and score.error_m is not None]
@@ -103,10 +104,12 @@ def show_outcome(console: Console, outcome: Outcome, report: str | None) -> None
     sent = outcome.heard.get("CAMERA_TRACKING_GEO_STATUS", 0)
     told = f"The ground station received {sent} target positions (CAMERA_TRACKING_GEO_STATUS) over MAVLink."
     console.print(told, soft_wrap=True)
+    if report is not None:
+        console.print(report[1], soft_wrap=True)
     if outcome.recording is not None:
         console.print(f"recording  {outcome.recording}", soft_wrap=True)
     if report is not None:
-        console.print(f"report     {report}", soft_wrap=True)
+        console.print(f"report     {report[0]}", soft_wrap=True)
     for trouble in outcome.troubles:
         Console(stderr=True).print(Text(f"demo: {trouble}", "bold red"), soft_wrap=True)
 

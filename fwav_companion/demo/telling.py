@@ -32,8 +32,8 @@ NOTE = (
 
 def write_report(
     setting: Setting, flight_arguments: Sequence[str], out: Path, recording: Path, told: Callable[[str], None]
-) -> Path:
-    """The file's path. ``told`` is called with what is being done."""
+) -> tuple[Path, str]:
+    """The file's path, and what the second flight showed. ``told`` is called with what is being done."""
     told("the flight, replayed")
     lines = _replayed(recording, load(recording / CONFIG_FILE))
     truth = [json.loads(line) for line in (out / "truth.jsonl").read_text(encoding="utf-8").splitlines()]
@@ -50,8 +50,9 @@ def write_report(
         ],
     )
     path = out / "report.html"
-    path.write_text(page(story, depths(lines), chapter(out, setting.seed, told)), encoding="utf-8")
-    return path
+    crooked = chapter(out, setting.seed, told)
+    path.write_text(page(story, depths(lines), crooked.sections), encoding="utf-8")
+    return path, crooked.said
 
 
 def _command(setting: Setting) -> str:

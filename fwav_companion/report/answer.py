@@ -33,8 +33,9 @@ def _where(story: Story) -> str:
     if len(ends) > 1 or len(story.courses) > 1:
         many = f"{len(ends)} of {len(story.courses)} targets were" if len(story.courses) > len(ends) else (
             f"{len(ends)} targets were")  # fmt: skip
+        verb = "was at the end" if story.moving else "stands"
         return (
-            f"{many} placed on the ground from {story.frames} pictures. Each really stands within about {radius} of "
+            f"{many} placed on the ground from {story.frames} pictures. Each really {verb} within about {radius} of "
             "its dot on the map, in 95 of 100 cases."
         )
     course, last = ends[0]
@@ -42,8 +43,9 @@ def _where(story: Story) -> str:
     origin = "the origin" if story.origin else "the point below the camera"
     side = f"{abs(last.north):.2f} m {'north' if last.north >= 0 else 'south'}"
     across = f"{abs(last.east):.2f} m {'east' if last.east >= 0 else 'west'}"
+    verb = "was last" if story.moving else "stands"
     return (
-        f"{short(course.label).capitalize()} stands{place}, {side} and {across} of {origin}, and with 95 % within "
+        f"{short(course.label).capitalize()} {verb}{place}, {side} and {across} of {origin}, and with 95 % within "
         f"{radius} of that."
     )
 

@@ -84,6 +84,8 @@ class Story(msgspec.Struct, frozen=True, kw_only=True):
     hidden: dict[str, str]
     """What was wrong with the vehicle and was told to nobody, where it is known."""
     notes: list[str]
+    moving: bool
+    """Whether targets were taken to move."""
     learned: list[CalibrationPoint]
     """Of this replay, or of another one of the same recording where this did not calibrate."""
     learned_by: str
@@ -136,6 +138,7 @@ def tell(
         picture=picture,
         hidden=dict(hidden or {}),
         notes=list(notes),
+        moving=header["config"].get("tracking", {}).get("motion") == "moving",
         learned=learned,
         learned_by=learned_by,
         planted=planted,

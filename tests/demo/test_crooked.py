@@ -17,7 +17,8 @@ from sitl_mock.draws import draw
 def flown(tmp_path_factory):
     """(sections, what was said meanwhile, the folder)."""
     out, said = tmp_path_factory.mktemp("out"), []
-    return crooked.chapter(out, 1, said.append), said, out / crooked.FOLDER
+    chapter = crooked.chapter(out, 1, said.append)
+    return chapter.sections, [*said, chapter.said], out / crooked.FOLDER
 
 
 def test_only_the_camera_is_wrong_and_nobody_is_told():
@@ -59,12 +60,15 @@ def test_calibration_finds_its_values(flown):
 
 def test_what_is_done_is_told_and_the_recording_is_kept(flown):
     _, said, folder = flown
-    assert len(said) == 4
+    assert len(said) == 5
+    assert said[-1].startswith("A late camera on a crooked mount, off at the end: the paper's filter ")
+    assert len(re.findall(r" [\d.]+ c?m[,.]", said[-1])) == 3
     kept = {"telemetry.tlog", "detections.jsonl", "truth.csv", "fwav-companion.toml", "camera.yaml"}
     assert kept <= {path.name for path in folder.iterdir()}
 
 
 def test_a_flight_that_cannot_be_flown_is_told_in_its_place(tmp_path, monkeypatch):
     monkeypatch.setattr(crooked, "MOCK_MODULE", "no_such_module")
-    (section,) = crooked.chapter(tmp_path, 1, lambda _: None)
-    assert "could not be flown" in section
+    chapter = crooked.chapter(tmp_path, 1, lambda _: None)
+    assert "could not be flown" in chapter.sections[0]
+    assert "could not be flown" in chapter.said

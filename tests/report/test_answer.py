@@ -36,6 +36,13 @@ def test_without_a_world_it_is_relative_to_the_vehicle():
     assert "metres from the origin" in Markup(page(told(header(origin=ORIGIN), *approach([0.0]), summary()))).text
 
 
+def test_what_moves_does_not_stand():
+    walking = header(config={"tracking": {"motion": "moving"}})
+    assert "Mark was last, 100.00 m north" in Markup(answer(told(walking, *approach([0.0]), summary()))).text
+    lines = [target(0.0, 0.0, 0.0, label=label) for label in "ab"]
+    assert "was at the end within" in Markup(answer(told(walking, *lines, summary()))).text
+
+
 def test_several_are_counted_and_judged():
     lines = [target(0.0, north, 0.0, 1.0, label=label) for label, north in (("a", 0.0), ("b", 5.0))]
     truth = [TruthPoint(label, None, (0.0, 0.0, 0.0), None) for label in "abc"]
