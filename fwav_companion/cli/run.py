@@ -25,7 +25,7 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Check everything that a user can get wrong, then serve."""
-    from fwav_companion.service.lean import spare_memory
+    from fwav_companion.service.lean import leave_the_rest_alone, spare_memory
 
     spare_memory()  # before anything large is imported
     import asyncio
@@ -43,7 +43,9 @@ def run(arguments: argparse.Namespace) -> int:
     logging.basicConfig(level=logging.INFO, stream=sys.stderr, format="%(levelname)s %(message)s")
 
     async def serve() -> None:
-        await Service(config, calibration, key, elevation=elevation, beside_recording=beside).run()
+        service = Service(config, calibration, key, elevation=elevation, beside_recording=beside)
+        leave_the_rest_alone()
+        await service.run()
 
     asyncio.run(serve())
     return 0

@@ -19,7 +19,9 @@ detections a frame at 30 frames/s make 3000 sightings until then."""
 class Ledger:
     """The lines of one targets file, and the counts of its summary."""
 
-    def __init__(self, version: str, config: Mapping[str, Any], unix_offset_ns: int) -> None:
+    def __init__(self, version: str, config: Mapping[str, Any], unix_offset_ns: int, *, written: bool = True) -> None:
+        """``written``: false where nobody takes the lines; then most are not even made, and only counts are kept."""
+        self._written = written
         self._version = version
         self._config = config
         self._origin: Geodetic | None = None
@@ -54,6 +56,8 @@ class Ledger:
 
     def write(self, line: Line) -> None:
         """One line, after what was written before it."""
+        if not self._written:
+            return
         if self._held is None:
             self._lines.append(line)
             return
@@ -63,10 +67,14 @@ class Ledger:
 
     def keep_sightings(self, host_ns: HostNs, frame: int, lines: list[Line]) -> None:
         """Sighting lines of a frame, until it is settled."""
+        if not self._written:
+            return
         self._sightings[host_ns, frame] = lines
 
     def settle(self, view: FrameView, tracks: tuple[Track, ...], plane: TangentPlane | None) -> None:
         """The final word on one frame: its sightings and its targets."""
+        if not self._written:
+            return
         for line in self._sightings.pop((view.host_ns, view.frame), ()):
             self.write(line)
         for track in tracks:

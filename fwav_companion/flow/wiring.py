@@ -73,6 +73,7 @@ def make_pipeline(
     sightings: bool = False,
     unit: str = "",
     attitudes_kept_s: float | None = None,
+    written: bool = True,
 ) -> Pipeline:
     """The pipeline of one flight. Without a calibration it is a relay's: nothing is localized.
 
@@ -80,8 +81,9 @@ def make_pipeline(
     ``own_filter`` follows targets in the place of [tracking] filter: where that names a class of the user's there must
     be one (ConfigError). ``unit`` names this board for good, for uids that outlive a restart.
     ``attitudes_kept_s``: for who asks for the vehicle long afterwards; None: as long as flying needs it.
+    ``written``: false where nobody takes the lines.
     """
-    ledger = Ledger(__version__, config.as_builtins(), unix_offset_ns)
+    ledger = Ledger(__version__, config.as_builtins(), unix_offset_ns, written=written)
     component, has_camera = config.vehicle.component_id, config.publish.camera_tracking and calibration is not None
     telemetry = Telemetry(_telemetry_options(config, attitudes_kept_s))
     sight = None

@@ -94,6 +94,7 @@ class Service:
             kept=self._kept,
             unit=board_name(),
             attitudes_kept_s=attitudes_kept_s,
+            written=bool(config.record.directory),
         )
         self._signing = SigningMemory(config, _warn)
         self._node = make_node(config, signing_key, self._signing.starting_timestamp(self._clock.started_unix_ns))
