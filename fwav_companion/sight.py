@@ -10,7 +10,7 @@ import msgspec
 from fwav_companion.calibration_news import CalibrationNews
 from fwav_companion.flow.expectation import Expectation, expected_below
 from fwav_companion.flow.ledger import Ledger
-from fwav_companion.geometry.earth import TangentPlane
+from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.localization import Localizer
@@ -123,9 +123,9 @@ class Sight:
         """The home surface lies there from now on."""
         self._localizer.home_moved(home_down_m)
 
-    def origin_set(self, plane: TangentPlane, undulation_m: float | None) -> str:
-        """The world lies there; what the ground has to say about it, or "". Again when the undulation is known."""
-        return self._localizer.origin_set(plane, undulation_m)
+    def placed(self, plane: TangentPlane, take_off: Geodetic, undulation_m: float | None) -> str:
+        """The world lies there; what the ground has to say of it, or "". Again as the place of take-off is known."""
+        return self._localizer.placed(plane, take_off, undulation_m)
 
     def drop_all(self, reason: Reason) -> None:
         """End every track, and what was before."""

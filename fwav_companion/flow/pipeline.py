@@ -31,7 +31,15 @@ from fwav_companion.nouns import (
 from fwav_companion.publishing.board_status import onboard_computer_status
 from fwav_companion.publishing.readiness import ready_notice
 from fwav_companion.recording.lines import Line, home_line, unix_seconds
-from fwav_companion.telemetry import HomeMoved, OriginSet, Rebooted, RelativeWorld, Telemetry, TelemetryEvent
+from fwav_companion.telemetry import (
+    HomeMoved,
+    OriginSet,
+    Rebooted,
+    RelativeWorld,
+    TakeOffFound,
+    Telemetry,
+    TelemetryEvent,
+)
 from fwav_companion.tracking import KeptCalibration, Settled
 
 ANSWERED = frozenset({"COMMAND_LONG", "COMMAND_INT", "PING"})
@@ -291,6 +299,8 @@ class Pipeline:
                         self._write_settled(self._rooms.sight.settle(now), plane=None)
                     self._ledger.origin_moved_in(now, origin)
                     self._place_ground(now)
+                case TakeOffFound():
+                    self._place_ground(now)
                 case RelativeWorld():
                     self._ledger.begin(None)
                 case HomeMoved(down_m):
@@ -302,10 +312,11 @@ class Pipeline:
     def _place_ground(self, now: HostNs) -> None:
         """Tell the ground where the world lies; again when the geoid is known, which an elevation model may need."""
         telemetry, sight = self._rooms.telemetry, self._rooms.sight
-        if sight is None or telemetry.world.plane is None:
+        plane, take_off = telemetry.world.plane, telemetry.world.take_off
+        if sight is None or plane is None or take_off is None:
             return
         self._undulation_was_untold = telemetry.undulation_m is None
-        text = sight.origin_set(telemetry.world.plane, telemetry.undulation_m)
+        text = sight.placed(plane, take_off, telemetry.undulation_m)
         if text:
             self._notify((Notice(Severity.INFO, text, to_ground=True),), now)
 

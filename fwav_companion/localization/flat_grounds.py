@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from fwav_companion.geometry.earth import TangentPlane
+from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.localization.ground import Meeting, camera_above_flat, flat_distance
 from fwav_companion.nouns import NoFix, Reason, Sighting
@@ -21,7 +21,7 @@ class HomeGround:
         """The surface lies there from now on."""
         self.home_down_m = home_down_m
 
-    def origin_set(self, plane: TangentPlane, undulation_m: float | None) -> str:  # noqa: ARG002 - as every ground
+    def placed(self, plane: TangentPlane, take_off: Geodetic, undulation_m: float | None) -> str:  # noqa: ARG002
         """Nothing depends on it."""
         return ""
 
@@ -55,7 +55,7 @@ class FixedGround:
     def home_moved(self, home_down_m: float) -> None:
         """Home has no part in it."""
 
-    def origin_set(self, plane: TangentPlane, undulation_m: float | None) -> str:  # noqa: ARG002 - as every ground
+    def placed(self, plane: TangentPlane, take_off: Geodetic, undulation_m: float | None) -> str:  # noqa: ARG002
         """Nothing depends on it."""
         return ""
 

@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 import msgspec
 
-from fwav_companion.geometry.earth import TangentPlane
+from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.vectors import ZERO3, Vector3
 from fwav_companion.nouns import NoFix, Reason, Sighting
 
@@ -48,8 +48,8 @@ class Ground(Protocol):
     def home_moved(self, home_down_m: float) -> None:
         """The home surface lies ``home_down_m`` below the world's origin from now on."""
 
-    def origin_set(self, plane: TangentPlane, undulation_m: float | None) -> str:
-        """The world has its origin, or its undulation is known better; what the user should be told of it, or ""."""
+    def placed(self, plane: TangentPlane, take_off: Geodetic, undulation_m: float | None) -> str:
+        """The world has its origin, or the take-off place or the undulation is known better; what to tell, or ""."""
 
     def status(self) -> dict[str, Any]:
         """For the status file: the model by name, and what it does about the ground."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import isfinite, sqrt
 
-from fwav_companion.geometry.earth import TangentPlane
+from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.rotations import exp, rotate
 from fwav_companion.geometry.vectors import Vector3, add, cross, dot, norm, scale, transform
 from fwav_companion.localization.ground import Ground, Meeting
@@ -37,9 +37,9 @@ class Localizer:
         """The home surface lies ``home_down_m`` below the world's origin from now on."""
         self.ground.home_moved(home_down_m)
 
-    def origin_set(self, plane: TangentPlane, undulation_m: float | None) -> str:
-        """The world has its origin, or its undulation is known better; what the user should be told of it, or ""."""
-        return self.ground.origin_set(plane, undulation_m)
+    def placed(self, plane: TangentPlane, take_off: Geodetic, undulation_m: float | None) -> str:
+        """The world has its origin, or the take-off place or the undulation is known better; what to tell, or ""."""
+        return self.ground.placed(plane, take_off, undulation_m)
 
     def locate(self, sighting: Sighting) -> GroundFix | NoFix:
         """Where the sighting's ray meets the ground; in a relative world from the point below the camera."""

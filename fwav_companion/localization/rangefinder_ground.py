@@ -6,7 +6,7 @@ from collections import Counter
 from math import hypot, sqrt
 from typing import Any
 
-from fwav_companion.geometry.earth import TangentPlane
+from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.rotations import exp, multiply, rotate
 from fwav_companion.geometry.stamps import s_from_ns
 from fwav_companion.geometry.vectors import Vector3, norm, scale
@@ -37,9 +37,9 @@ class RangefinderGround:
         """Of the fallback."""
         self._home.home_moved(home_down_m)
 
-    def origin_set(self, plane: TangentPlane, undulation_m: float | None) -> str:
+    def placed(self, plane: TangentPlane, take_off: Geodetic, undulation_m: float | None) -> str:
         """Nothing depends on it."""
-        return self._home.origin_set(plane, undulation_m)
+        return self._home.placed(plane, take_off, undulation_m)
 
     def meet(self, sighting: Sighting, direction: Vector3) -> Meeting | NoFix:
         """By the reading, if there is one of this moment that looks down; else as home does."""

@@ -6,7 +6,7 @@ from enum import StrEnum
 from math import cos, degrees, isnan, radians, sin, sqrt
 from typing import Any
 
-from fwav_companion.geometry.earth import ECCENTRICITY2, SEMI_MAJOR_M, TangentPlane
+from fwav_companion.geometry.earth import ECCENTRICITY2, SEMI_MAJOR_M, Geodetic, TangentPlane
 from fwav_companion.geometry.vectors import Vector3, unit
 from fwav_companion.localization.elevation import ElevationModel
 from fwav_companion.localization.ground import Meeting, camera_above_flat, flat_distance
@@ -42,25 +42,24 @@ class TerrainGround:
     def home_moved(self, home_down_m: float) -> None:
         """The model stays where the take-off put it."""
 
-    def origin_set(self, plane: TangentPlane, undulation_m: float | None) -> str:
-        """Shifts the model to the take-off ground, whose height is the origin's; says what was done."""
+    def placed(self, plane: TangentPlane, take_off: Geodetic, undulation_m: float | None) -> str:
+        """Shifts the model to the ground at the take-off place, which need not be the origin; says what was done."""
         self._plane, self._trouble = plane, None
         if self._model is None:
             return "terrain: no elevation files; the ground is the autopilot's TERRAIN_REPORT"
-        return self._shift(self._model, plane, undulation_m)
+        return self._shift(self._model, take_off, undulation_m)
 
-    def _shift(self, model: ElevationModel, plane: TangentPlane, undulation_m: float | None) -> str:
-        origin = plane.origin
+    def _shift(self, model: ElevationModel, take_off: Geodetic, undulation_m: float | None) -> str:
         self.shift_m, self._raised_m = 0.0, 0.0
         if self._datum is Datum.ELLIPSOID:
             if undulation_m is None:
                 self._trouble = Reason.NO_HEIGHT
                 return "terrain: heights above the ellipsoid need the autopilot's alt_ellipsoid, not heard yet"
             self._raised_m = -undulation_m
-        model_m = model.height_m(degrees(origin.lat), degrees(origin.lon)) + self._raised_m
+        model_m = model.height_m(take_off.lat_deg, take_off.lon_deg) + self._raised_m
         if isnan(model_m):
             return "terrain: the take-off lies outside the elevation model; its heights are used as they are"
-        shift_m = origin.alt_amsl_m - model_m
+        shift_m = take_off.alt_amsl_m - model_m
         if abs(shift_m) > MOST_SHIFT_M:
             self._trouble = Reason.TERRAIN_UNFIT
             return (

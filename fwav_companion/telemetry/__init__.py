@@ -9,6 +9,7 @@ from fwav_companion.telemetry.events import (
     Rebooted,
     RelativeWorld,
     StampDelay,
+    TakeOffFound,
     TelemetryEvent,
 )
 from fwav_companion.telemetry.meter import RateMeter
@@ -25,6 +26,7 @@ __all__ = [
     "Rebooted",
     "RelativeWorld",
     "StampDelay",
+    "TakeOffFound",
     "Telemetry",
     "TelemetryEvent",
     "TelemetryOptions",

@@ -28,6 +28,12 @@ class RelativeWorld(msgspec.Struct, frozen=True):
     """There is no global position: targets are relative to the point below the camera from now on."""
 
 
+class TakeOffFound(msgspec.Struct, frozen=True):
+    """The first HOME_POSITION came after the origin was set: the take-off place is known, no longer only assumed."""
+
+    place: Geodetic
+
+
 class HomeMoved(msgspec.Struct, frozen=True):
     """The autopilot's home, and with it the surface of ``home`` ground, lies at another height."""
 
@@ -64,5 +70,5 @@ class PitchTrimUndone(msgspec.Struct, frozen=True):
 
 
 TelemetryEvent: TypeAlias = (
-    Rebooted | OriginSet | RelativeWorld | HomeMoved | AttitudeSource | StampDelay | PitchTrimUndone
+    Rebooted | OriginSet | RelativeWorld | TakeOffFound | HomeMoved | AttitudeSource | StampDelay | PitchTrimUndone
 )

@@ -183,7 +183,7 @@ class Intake:
         place: Geodetic | None = decoding.geodetic(fields.latitude, fields.longitude, fields.altitude)
         if place is None:
             return self.refuse("HOME_POSITION")
-        return self._world.on_home(place.alt_amsl_m)
+        return self._world.on_home(place)
 
     def _on_terrain(self, fields: Any, now: HostNs) -> tuple[TelemetryEvent, ...]:
         height = decoding.finite_height_m(fields.current_height)

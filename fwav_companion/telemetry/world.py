@@ -5,14 +5,14 @@ from __future__ import annotations
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.telemetry.decoding import FIX_3D, Position
-from fwav_companion.telemetry.events import HomeMoved, OriginSet, RelativeWorld
+from fwav_companion.telemetry.events import HomeMoved, OriginSet, RelativeWorld, TakeOffFound
 
 PATIENCE_NS = 10 * NS_PER_S
 """From the first attitude: no position by then, and the world is relative."""
 HOME_TELLING_M = 0.01
 """A home that moves by less is not told."""
 
-WorldEvent = OriginSet | RelativeWorld | HomeMoved
+WorldEvent = OriginSet | RelativeWorld | TakeOffFound | HomeMoved
 
 
 class World:
@@ -32,6 +32,7 @@ class World:
         self._use_position = use_position
         self._told_origin: Geodetic | None = None
         self._home_alt_amsl_m: float | None = None
+        self._first_home: Geodetic | None = None
         self._gps_fix_type: int | None = None
         self._decide_ns: HostNs | None = None
 
@@ -46,6 +47,16 @@ class World:
         if self._home_alt_amsl_m is not None:
             return self._home_alt_amsl_m
         return None if self.plane is None else self.plane.origin.alt_amsl_m
+
+    @property
+    def take_off(self) -> Geodetic | None:
+        """Where the vehicle took off, as far as is known: the first home that was told, until then the origin.
+
+        A service that starts in flight has its origin where the vehicle was first heard, not where it took off.
+        """
+        if self.plane is None or self._first_home is not None:
+            return self._first_home
+        return self.plane.origin
 
     def on_wake(self, now: HostNs) -> tuple[WorldEvent, ...]:
         """Give up waiting for a position when it is due."""
@@ -80,10 +91,14 @@ class World:
         self.relative = False
         return (OriginSet(self.plane.origin, late), *self._move_home())
 
-    def on_home(self, alt_amsl_m: float) -> tuple[WorldEvent, ...]:
-        """HOME_POSITION: its altitude is that of the home surface."""
-        self._home_alt_amsl_m = alt_amsl_m
-        return self._move_home()
+    def on_home(self, place: Geodetic) -> tuple[WorldEvent, ...]:
+        """HOME_POSITION: its altitude is that of the home surface; the first is where the vehicle took off."""
+        found: tuple[WorldEvent, ...] = ()
+        if self._first_home is None:
+            self._first_home = place
+            found = (TakeOffFound(place),) if self.plane is not None else ()
+        self._home_alt_amsl_m = place.alt_amsl_m
+        return (*found, *self._move_home())
 
     def _move_home(self) -> tuple[WorldEvent, ...]:
         if self.plane is None or self._home_alt_amsl_m is None:

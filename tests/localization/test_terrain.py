@@ -269,7 +269,7 @@ class TestGround:
 
     def ground(self, model, datum=Datum.EGM96, undulation=None) -> TerrainGround:
         ground = TerrainGround(model, datum)
-        self.told = ground.origin_set(PLANE, undulation)
+        self.told = ground.placed(PLANE, PLANE.origin, undulation)
         return ground
 
     def locate(self, ground, sighting):
@@ -320,6 +320,13 @@ class TestGround:
         fix = self.locate(ground, scene.sighting())
         assert fix.position_ned == pytest.approx(scene.truth(), abs=1e-3), "the height too"
 
+    def test_a_service_that_starts_in_flight_shifts_by_the_ground_at_home_not_below_the_vehicle(self):
+        """The world's origin is where the vehicle was first heard: on a slope the ground there is another height."""
+        home = Geodetic.from_degrees(LAT - 30.0 * STEP, LON, 500.0 - 0.2 * 30.87 * 30.0)
+        ground = TerrainGround(self.slope, Datum.EGM96)
+        ground.placed(TangentPlane(Geodetic.from_degrees(LAT, LON, home.alt_amsl_m)), home, None)
+        assert ground.shift_m == pytest.approx(0.0, abs=1e-6)
+
     def test_a_model_of_another_datum_is_not_bent_to_fit(self):
         ground = self.ground(ElevationModel([tile(lambda *_: 547.0)]))  # ellipsoid heights taken for EGM96
         assert "+47.0 m" in self.told
@@ -337,7 +344,8 @@ class TestGround:
 
     def test_a_take_off_outside_the_model_leaves_it_as_it_is(self):
         far = TerrainGround(self.level, Datum.EGM96)
-        told = far.origin_set(TangentPlane(Geodetic.from_degrees(10.0, 10.0, 100.0)), None)
+        away = TangentPlane(Geodetic.from_degrees(10.0, 10.0, 100.0))
+        told = far.placed(away, away.origin, None)
         assert "outside" in told
         assert far.shift_m == 0.0
 

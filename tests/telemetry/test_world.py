@@ -7,7 +7,7 @@ import pytest
 from told import Autopilot
 
 from fwav_companion.geometry.stamps import BootNs
-from fwav_companion.telemetry import HomeMoved, OriginSet, RelativeWorld
+from fwav_companion.telemetry import HomeMoved, OriginSet, RelativeWorld, TakeOffFound
 
 LAT, LON = 473_977_420, 85_455_940
 
@@ -109,3 +109,24 @@ def test_home_moves_only_the_home_surface():
     autopilot.tell("HOME_POSITION", 300, altitude=490_800)
     assert len(kinds(autopilot, HomeMoved)) == 1
     assert autopilot.telemetry.world.plane.origin.alt_amsl_m == pytest.approx(490.0)
+
+
+def test_the_take_off_is_the_first_home_that_was_told_and_until_then_the_origin():
+    autopilot = Autopilot()
+    autopilot.tell("GLOBAL_POSITION_INT", 100, lat=LAT + 5000)
+    world = autopilot.telemetry.world
+    assert world.take_off == world.plane.origin
+    autopilot.tell("HOME_POSITION", 200, latitude=LAT, longitude=LON, altitude=490_000)
+    (found,) = kinds(autopilot, TakeOffFound)
+    assert world.take_off == found.place
+    assert (found.place.lat_deg, found.place.alt_amsl_m) == (pytest.approx(LAT * 1e-7), pytest.approx(490.0))
+    autopilot.tell("HOME_POSITION", 300, latitude=LAT - 9000, altitude=480_000)
+    assert world.take_off == found.place, "a home that is moved in flight is not where the vehicle took off"
+
+
+def test_a_home_that_was_told_before_the_origin_is_known_from_its_start():
+    autopilot = Autopilot()
+    autopilot.tell("HOME_POSITION", 50, latitude=LAT, altitude=490_000)
+    autopilot.tell("GLOBAL_POSITION_INT", 100, lat=LAT + 5000)
+    assert autopilot.telemetry.world.take_off.lat_deg == pytest.approx(LAT * 1e-7)
+    assert kinds(autopilot, TakeOffFound) == []
