@@ -56,6 +56,8 @@ BY_HAND: dict[str, Any] = {
     "flight.heave_m": 0.002,
     "flight.wander_m": 0.03,
     "flight.fixed_heading_deg": 30.0,
+    "biases.attitude_roll_deg": 0.0,  # nobody can tell them from the mount's
+    "biases.attitude_pitch_deg": 0.0,
     "autopilot.pitch_trim_deg": 0.0,
     "camera.corner_noise_px": 0.15,
     "camera.tag_side_m": 0.16,

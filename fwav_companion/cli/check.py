@@ -8,6 +8,9 @@ import sys
 import threading
 from typing import TYPE_CHECKING
 
+from fwav_companion.cli.shake import WAIT_S, run_shake
+from fwav_companion.errors import UserError
+
 if TYPE_CHECKING:
     from argparse import _SubParsersAction
     from collections.abc import Mapping
@@ -30,12 +33,26 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
             "Says what every link and stream delivers and what to change, the most important first. Beside a `run` it "
             "reads that one's status; else it opens what the configuration names, and steers and records nothing."
         ),
-        epilog="example:\n  fwav-companion check --config fwav-companion.toml",
+        epilog=(
+            "examples:\n"
+            "  fwav-companion check --config fwav-companion.toml\n"
+            "  fwav-companion check --config fwav-companion.toml --shake --tag-size 0.16\n\n"
+            "--shake: lay a printed tag (AprilTag 36h11, or what [vision] names) on level ground, hold the vehicle\n"
+            "half a metre to a metre above it so that the camera sees it, and do as you are told: shake it for 10 s,\n"
+            "turn it by 90 deg, shake it for 10 s more. It says the camera's delay and mount, and the lines to paste."
+        ),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--config", metavar="FILE", required=True, help="the configuration, as `init` writes one")
     parser.add_argument(
-        "--seconds", type=_seconds, default=SECONDS, help=f"how long to listen where nothing runs; default {SECONDS:g}"
+        "--seconds",
+        type=_seconds,
+        help=f"how long to listen where nothing runs, default {SECONDS:g}; with --shake, how long to wait for vehicle "
+        f"and tag, default {WAIT_S:g}",
+    )
+    parser.add_argument("--shake", action="store_true", help="find the camera's delay and mount over a printed tag")
+    parser.add_argument(
+        "--tag-size", metavar="M", type=_tag_size, help="with --shake: the side of the tag's black square, metres"
     )
     parser.add_argument("--json", action="store_true", help="end with everything as one JSON object")
     parser.set_defaults(run=run)
@@ -48,8 +65,18 @@ def _seconds(text: str) -> float:
     return seconds
 
 
+def _tag_size(text: str) -> float:
+    size_m = float(text)
+    if not 0.01 <= size_m <= 10.0:
+        raise argparse.ArgumentTypeError(f"{text}: accepted: 0.01 to 10, metres")
+    return size_m
+
+
 def run(arguments: argparse.Namespace) -> int:
-    """Look, listen, judge, tell."""
+    """Look, listen, judge, tell; or have the vehicle shaken."""
+    if arguments.shake or arguments.tag_size is not None:
+        return _shaken(arguments)
+    seconds = SECONDS if arguments.seconds is None else arguments.seconds
     from fwav_companion.config import load
     from fwav_companion.doctor.board import Probe
     from fwav_companion.doctor.evidence import Evidence
@@ -65,8 +92,8 @@ def run(arguments: argparse.Namespace) -> int:
     status = running_status(config)
     how = "by the status of the service that runs"
     if status is None:
-        how = f"listened for {arguments.seconds:g} s"
-        status = _listened(config, files, key, arguments.seconds)
+        how = f"listened for {seconds:g} s"
+        status = _listened(config, files, key, seconds)
     board = Probe().board(config, _taken(status))
     evidence = Evidence(config=config, board=board, files=files, status=status)
     findings = examine(evidence)
@@ -76,6 +103,19 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(json.dumps(_object(ok, how, findings, status)))
     return 0 if ok else EXIT_STOPS
+
+
+def _shaken(arguments: argparse.Namespace) -> int:
+    from fwav_companion.config import load
+
+    if not arguments.shake or arguments.tag_size is None:
+        raise UserError(
+            "--shake and --tag-size go together: --shake --tag-size 0.16, metres of the black square's side"
+        )
+    config = load(arguments.config)
+    config.require_links()
+    wait_s = WAIT_S if arguments.seconds is None else arguments.seconds
+    return run_shake(config, arguments.tag_size, wait_s, as_json=arguments.json)
 
 
 def _listened(config: Config, files: Files, key: bytes | None, seconds: float) -> Mapping[str, Any]:

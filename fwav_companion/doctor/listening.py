@@ -53,16 +53,16 @@ def listen(
 
     logging.getLogger("fwav_companion").addHandler(logging.NullHandler())
     with tempfile.TemporaryDirectory(prefix="fwav-check-") as folder:
-        quiet = _quiet(config, Path(folder))
+        config = quiet(config, Path(folder))
 
         async def hear() -> Mapping[str, Any]:
-            service = Service(quiet, calibration, signing_key, elevation=elevation, beside_recording={})
+            service = Service(config, calibration, signing_key, elevation=elevation, beside_recording={})
             return await service.listen(seconds)
 
         return asyncio.run(hear())
 
 
-def _quiet(config: Config, folder: Path) -> Config:
+def quiet(config: Config, folder: Path) -> Config:
     """The same without what others would act on or keep."""
     replace = msgspec.structs.replace
     publish = replace(

@@ -21,6 +21,8 @@ WIDEST_GAP_S: Final = 0.1
 LEAST_SAMPLES: Final = 100
 LEAST_RATE: Final = 0.15
 """rad/s, RMS: slower turns show no lag beside the noise of attitudes."""
+MOST_SIGMA_S: Final = 0.005
+"""What is known no better is not known."""
 PARTS: Final = 10
 """Of the time, each left out once, for the sigma."""
 AXES: Final = ("roll", "pitch", "yaw")
@@ -55,6 +57,8 @@ def rates_lag(samples: Sequence[AttitudeSample]) -> RatesLag | None:
     parts = np.array_split(products, PARTS, axis=1)
     left_out = [_peak(products.sum(axis=1) - part.sum(axis=1)) for part in parts]
     sigma_s = float(np.sqrt((PARTS - 1) * np.var(left_out)))
+    if sigma_s > MOST_SIGMA_S:
+        return None
     return RatesLag(lag_s, sigma_s, _reversed(products.sum(axis=1)[_index(lag_s)], turned, sent))
 
 

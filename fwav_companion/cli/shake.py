@@ -1,0 +1,102 @@
+"""``fwav-companion check --shake``: the camera's delay and mount, found by shaking the vehicle over a printed tag."""
+
+from __future__ import annotations
+
+import json
+import sys
+from typing import TYPE_CHECKING
+
+from fwav_companion.errors import ConfigError
+
+if TYPE_CHECKING:
+    from rich.progress import Progress, TaskID
+
+    from fwav_companion.config import Config
+    from fwav_companion.doctor.witness import Shown
+    from fwav_companion.shaking.guide import Advice
+
+WAIT_S = 30.0
+"""So long the vehicle and the tag may take to be there, unless --seconds says otherwise."""
+EXIT_UNUSABLE = 1
+
+
+def run_shake(config: Config, tag_size_m: float, wait_s: float, *, as_json: bool) -> int:
+    """Guide, listen, estimate, tell."""
+    from fwav_companion.config import load_signing_key
+    from fwav_companion.doctor.listening import running_status
+    from fwav_companion.doctor.witness import shake
+    from fwav_companion.files.named import load_calibration
+
+    _require_fixed_camera(config)
+    calibration, key = load_calibration(config), load_signing_key(config)
+    status = running_status(config)
+    if status is not None:
+        told = f"a `run` (pid {status['pid']}) has the links and the camera: stop it, then shake"
+        return _failed(f"{told} (systemctl stop fwav-companion)", as_json=as_json)
+    with Guidance() as guidance:
+        shown = shake(config, calibration, key, tag_size_m, wait_s, guidance.show)
+    return _told(config, shown, as_json=as_json)
+
+
+def _require_fixed_camera(config: Config) -> None:
+    if config.camera.mount.gimbal_device_id:
+        accepted = "accepted: a camera that is fixed to the body, gimbal_device_id = 0"
+        raise ConfigError(f"{config.file}: [camera.mount] gimbal_device_id: a gimbal undoes the shaking; {accepted}")
+
+
+def _told(config: Config, shown: Shown, *, as_json: bool) -> int:
+    if shown.shaking is None:
+        return _failed(shown.advice.text, as_json=as_json)
+    from fwav_companion.shaking.estimate import estimate
+    from fwav_companion.shaking.telling import Configured, is_usable
+
+    shaken = estimate(shown.shaking)
+    configured = Configured(config.file, shown.time_offset_s)
+    for reason, count in shown.refused.items():
+        print(f"{count} frames were not used: {reason.value}")
+    for line in configured.told(shaken):
+        print(line)
+    ok = is_usable(shaken)
+    if as_json:
+        print(json.dumps(configured.object(shaken, ok=ok)))
+    return 0 if ok else EXIT_UNUSABLE
+
+
+def _failed(why: str, *, as_json: bool) -> int:
+    print(f"nothing was found: {why}")
+    if as_json:
+        print(json.dumps({"ok": False, "why": why}))
+    return EXIT_UNUSABLE
+
+
+class Guidance:
+    """Tells the person what to do: in a bar that lives on a terminal, in a line at each change elsewhere."""
+
+    def __init__(self) -> None:
+        self._bar: Progress | None = None
+        self._task: TaskID | None = None
+        self._last = ""
+
+    def __enter__(self) -> Guidance:
+        if sys.stderr.isatty():
+            from rich.console import Console
+            from rich.progress import BarColumn, Progress, TextColumn
+
+            columns = (TextColumn("[bold]{task.description}"), BarColumn())
+            self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
+            self._task = self._bar.add_task("", total=1.0)
+            self._bar.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def show(self, advice: Advice) -> None:
+        """Now."""
+        if self._bar is not None and self._task is not None:
+            left = "" if advice.left_s is None else f" {advice.left_s:3.0f} s"
+            self._bar.update(self._task, completed=advice.share, description=advice.text + left)
+        elif advice.text != self._last:
+            self._last = advice.text
+            print(("waiting: " if advice.phase == "waiting" else "") + advice.text, flush=True)
