@@ -8,7 +8,7 @@ import pytest
 from flying import CAMERA, LINK, Flight, fly
 
 from fwav_companion.flow.wiring import own_components
-from fwav_companion.replaying import read_recording, replay
+from fwav_companion.replaying import _drive, read_recording, replay
 from sitl_mock import scenario
 
 CONFIG = LINK + '[camera]\ncalibration = "camera.yaml"\n'
@@ -114,6 +114,44 @@ def frame_end(data, beyond):
     while at < beyond:
         at += 8 + 12 + data[at + 9]
     return at
+
+
+class Order:
+    """A pipeline that only notes who comes when."""
+
+    def __init__(self):
+        self.came = []
+
+    def on_message(self, message, _now):
+        self.came.append(message.name)
+
+    on_own_message = on_message
+
+    def on_frame(self, frame, _now):
+        self.came.append(frame.number)
+
+    def arrival_untold(self, frame):
+        return frame.stamp_ns
+
+    def finish(self, _now):
+        self.came.append("end")
+
+
+def test_at_equal_times_telemetry_comes_before_the_frame(flown):
+    """Of frames that tell no arrival: they came at their capture, as far as anybody knows."""
+    companion = flown.companion
+    recording = read_recording(bytes(companion.tlog), b"", own_components(companion.config))
+    times = sorted({unix_us for unix_us, _ in recording.messages})[100:110]
+    lines = [json.dumps({"time_unix": at_us / 1e6, "frame": at_us, "detections": []}) for at_us in reversed(times)]
+    recording = read_recording(bytes(companion.tlog), "\n".join(lines).encode(), own_components(companion.config))
+    order, told = Order(), [(unix_us, message.name) for unix_us, message in recording.messages]
+    list(_drive(order, recording, own_components(companion.config)))
+    expected = []
+    for unix_us, name in told:
+        if times and unix_us > times[0]:
+            expected.append(times.pop(0))
+        expected.append(name)
+    assert order.came == [*expected, "end"]
 
 
 def test_another_vehicles_companion_does_not_set_our_clock(flown):

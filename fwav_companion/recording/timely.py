@@ -7,6 +7,7 @@ their times, so a time that its neighbours in the file contradict is damage.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from operator import le
 from typing import Final
 
 NEIGHBOURS: Final = 3
@@ -22,6 +23,8 @@ def timely(times_us: Sequence[int]) -> list[int]:
     if not times_us:
         return []
     middle = sorted(times_us)[len(times_us) // 2]
+    if all(map(le, times_us, times_us[1:])) and max(middle - times_us[0], times_us[-1] - middle) <= LONGEST_LOG_US:
+        return list(range(len(times_us)))  # nearly every log: nobody contradicts anybody
     believed = [
         index
         for index, at_us in enumerate(times_us)

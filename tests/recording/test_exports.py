@@ -12,6 +12,7 @@ import pymap3d
 import pytest
 from fastkml import kml
 from fastkml.utils import find_all
+from fastkml.validator import validate
 from hypothesis import given
 from hypothesis import strategies as st
 from lxml import etree
@@ -56,9 +57,14 @@ def test_geojson_is_valid_and_says_where_and_how_sure():
     assert point["properties"]["label"] == NAME
     assert len(read["features"][4]["geometry"]["coordinates"]) == 5
     ring = np.array([to_ned(corner)[:2] for corner in outline["geometry"]["coordinates"][0]]) - (41.0, -25.0)
-    squares = np.einsum("ij,jk,ik->i", ring, np.linalg.inv(np.array(COV)[:2, :2]), ring)
-    assert squares == pytest.approx(np.full(len(ring), 4.60517), rel=1e-3)
+    assert is_the_90_percent_ellipse(ring)
     assert signed_area(ring[:, ::-1]) > 0.0, "RFC 7946: outer rings run counter-clockwise"
+
+
+def is_the_90_percent_ellipse(ring):
+    """(N, 2) north and east from the target, m: every corner on it, by the chi-square with two degrees of freedom."""
+    squares = np.einsum("ij,jk,ik->i", ring, np.linalg.inv(np.array(COV)[:2, :2]), ring)
+    return np.allclose(squares, -2.0 * math.log(0.1), rtol=1e-3)
 
 
 def to_ned(coordinates):
@@ -83,6 +89,30 @@ def test_kml_is_read_by_others_with_its_ellipse():
     assert "one sigma" in pin.description
     assert outline.geometry.exterior.coords[0] == outline.geometry.exterior.coords[-1]
     assert pin.times is not None
+    ring = np.array([to_ned(corner)[:2] for corner in outline.geometry.exterior.coords]) - (40.0, -25.0)
+    assert is_the_90_percent_ellipse(ring)
+    farthest = ring[np.argmax(np.hypot(*ring.T))]
+    values, axes = np.linalg.eigh(np.array(COV)[:2, :2])
+    assert np.hypot(*farthest) == pytest.approx(math.sqrt(-2.0 * math.log(0.1) * values[1]), rel=5e-3)
+    assert abs(farthest @ axes[:, 1]) == pytest.approx(np.hypot(*farthest), rel=5e-3), "turned as the covariance is"
+
+
+def test_kml_is_what_the_schema_of_the_ogc_allows(tmp_path):
+    moving = [target(2, time=float(t), vel=[1.0, 0.0, 0.0]) for t in range(3)]
+    for number, lines in enumerate(([target(), *moving], [], [target(place=False)])):
+        path = tmp_path / f"{number}.kml"
+        path.write_bytes(exported(".kml", *lines))
+        assert validate(file_to_validate=path)
+
+
+@pytest.mark.parametrize("origin", [(-33.9, 151.2), (69.6, -179.9999), (0.0001, 0.0001)])
+def test_ellipses_keep_their_shape_everywhere(monkeypatch, origin):
+    """Also where degrees of longitude are short, and across the date line."""
+    place = dict(zip(("lat", "lon"), origin, strict=True)) | {"alt_amsl": 519.0}
+    monkeypatch.setitem(globals(), "ORIGIN", place)
+    for feature in json.loads(exported(".geojson", target()))["features"][1:]:
+        ring = np.array([to_ned(corner)[:2] for corner in feature["geometry"]["coordinates"][0]]) - (40.0, -25.0)
+        assert is_the_90_percent_ellipse(ring)
 
 
 def test_csv_has_a_row_a_line():
