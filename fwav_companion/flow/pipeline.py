@@ -262,8 +262,9 @@ class Pipeline:
         request = rooms.timesync.on_wake(now)
         if request is not None:
             messages.append(request)
-        messages += rooms.rates.on_wake(now)
-        self._notify(rooms.rates.notices(), now)
+        if rooms.rates.wake_at is not None and rooms.rates.wake_at <= now:
+            messages += rooms.rates.on_wake(now)
+            self._notify(rooms.rates.notices(), now)
         if rooms.publisher.wake_at is not None and rooms.publisher.wake_at <= now:
             messages += rooms.publisher.on_wake(now, rooms.situation(now))
             self._outputs.notices += rooms.publisher.notices()
