@@ -118,8 +118,7 @@ class Calibrator(msgspec.Struct, frozen=True):
         """How little a fix was expected of a target that stands in the joint estimate; None: it does not."""
         if self.served is None or self.delay_s is None or self.served.joint.place_of(track) is None:
             return None
-        seen = self.served.joint.innovation(track, glimpse_of(track, fix, self._course(fix), 0.0))
-        return None if seen is None else Surprise(seen.distance2, seen.spread)
+        return self.served.joint.surprise(track, self.shop.glimpse(fix, self.delay_s))
 
     def report(self) -> CalibrationReport:
         """What is known now."""

@@ -9,6 +9,7 @@ Immutable: an update returns a new estimate that shares the rows it did not touc
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import exp, log
 from operator import sub
 from typing import TypeAlias, TypeVar
@@ -16,6 +17,7 @@ from typing import TypeAlias, TypeVar
 import msgspec
 
 from fwav_companion.nouns import ErrorPriors
+from fwav_companion.tracking.estimate import Surprise
 from fwav_companion.tracking.linear import inner
 from fwav_companion.tracking.rays import COMMON_COUNT, Common, Glimpse, Prediction, ground_point, pixel_noise, predict
 
@@ -76,21 +78,32 @@ class Joint(msgspec.Struct, frozen=True):
     def innovation(self, track: int, glimpse: Glimpse) -> Innovation | None:
         """Of a glimpse, taken for this track's; None where that is not in the estimate, or impossible."""
         place = self.place_of(track)
-        if place is None:
+        prediction = None if place is None else self._prediction(place, glimpse)
+        if place is None or prediction is None:
             return None
-        target = (self.around[place], self.around[place + 1])
-        prediction = predict(glimpse, target, self.around[:COMMON_COUNT])
-        return None if prediction is None else self._weighed(glimpse, prediction, place)
+        pu, pv = _carried(prediction.rows, _taken(self.cov, place))
+        return self._weighed(glimpse, prediction, place, (pu, pv), (_taken(pu, place), _taken(pv, place)))
 
-    def _weighed(self, glimpse: Glimpse, prediction: Prediction, place: int) -> Innovation | None:
-        row_u, row_v = (
-            (*by_common, *by_target)
-            for by_common, by_target in zip(prediction.by_common, prediction.by_target, strict=True)
-        )
+    def surprise(self, track: int, glimpse: Glimpse) -> Surprise | None:
+        """How little a glimpse was expected of this track: an innovation without what only an update asks for."""
+        place = self.place_of(track)
+        prediction = None if place is None else self._prediction(place, glimpse)
+        if place is None or prediction is None:
+            return None
+        own = _carried(prediction.rows, [_taken(row, place) for row in _taken(self.cov, place)])
+        seen = self._weighed(glimpse, prediction, place, own, own)
+        return None if seen is None else Surprise(seen.distance2, seen.spread)
+
+    def _prediction(self, place: int, glimpse: Glimpse) -> Prediction | None:
+        return predict(glimpse, (self.around[place], self.around[place + 1]), self.around[:COMMON_COUNT])
+
+    def _weighed(
+        self, glimpse: Glimpse, prediction: Prediction, place: int, carried: tuple[Row, Row], own: tuple[Row, Row]
+    ) -> Innovation | None:
+        """``own``: what of the carried covariance belongs to the common unknowns and this target."""
+        (row_u, row_v), (own_u, own_v) = prediction.rows, own
         off = list(map(sub, _taken(self.mean, place), _taken(self.around, place)))
         du, dv = prediction.residual[0] - inner(row_u, off), prediction.residual[1] - inner(row_v, off)
-        pu, pv = self._carried(row_u, row_v, place)
-        own_u, own_v = _taken(pu, place), _taken(pv, place)
         uu, uv, vv = pixel_noise(glimpse, prediction, self.priors)
         alone = uu * vv - uv * uv
         uu, uv, vv = uu + inner(row_u, own_u), uv + inner(row_u, own_v), vv + inner(row_v, own_v)
@@ -99,17 +112,7 @@ class Joint(msgspec.Struct, frozen=True):
             return None
         inverse = (vv / determinant, -uv / determinant, uu / determinant)
         distance2 = inverse[0] * du * du + 2.0 * inverse[1] * du * dv + inverse[2] * dv * dv
-        return Innovation((du, dv), (pu, pv), inverse, determinant, distance2, log(determinant / alone))
-
-    def _carried(self, row_u: Row, row_v: Row, place: int) -> tuple[Row, Row]:
-        """P H', a column each of u and v. The hottest loop of self-calibration: unrolled on purpose."""
-        u0, u1, u2, u3, u4, u5, u6, u7, u8, u9, u10 = row_u
-        v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10 = row_v
-        pu, pv = [], []
-        for a, b, c, d, e, f, g, h, i, j, k in zip(*_taken(self.cov, place), strict=True):
-            pu.append(u0 * a + u1 * b + u2 * c + u3 * d + u4 * e + u5 * f + u6 * g + u7 * h + u8 * i + u9 * j + u10 * k)
-            pv.append(v0 * a + v1 * b + v2 * c + v3 * d + v4 * e + v5 * f + v6 * g + v7 * h + v8 * i + v9 * j + v10 * k)
-        return tuple(pu), tuple(pv)
+        return Innovation((du, dv), carried, inverse, determinant, distance2, log(determinant / alone))
 
     def updated(self, seen: Innovation) -> Joint:
         """With the gain of least covariance, but for the vehicle's position, which is only considered."""
@@ -202,6 +205,17 @@ class Joint(msgspec.Struct, frozen=True):
 def _taken(values: tuple[T, ...], place: int) -> tuple[T, ...]:
     """Those of the common unknowns and of one target."""
     return values[:COMMON_COUNT] + values[place : place + 2]
+
+
+def _carried(rows: tuple[Row, Row], used: Sequence[Row]) -> tuple[Row, Row]:
+    """P H', a column each of u and v. The hottest loop of self-calibration: unrolled on purpose."""
+    u0, u1, u2, u3, u4, u5, u6, u7, u8, u9, u10 = rows[0]
+    v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10 = rows[1]
+    pu, pv = [], []
+    for a, b, c, d, e, f, g, h, i, j, k in zip(*used, strict=True):
+        pu.append(u0 * a + u1 * b + u2 * c + u3 * d + u4 * e + u5 * f + u6 * g + u7 * h + u8 * i + u9 * j + u10 * k)
+        pv.append(v0 * a + v1 * b + v2 * c + v3 * d + v4 * e + v5 * f + v6 * g + v7 * h + v8 * i + v9 * j + v10 * k)
+    return tuple(pu), tuple(pv)
 
 
 def joint_of(

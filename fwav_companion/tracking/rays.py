@@ -83,9 +83,18 @@ class Prediction(msgspec.Struct, frozen=True, gc=False):
     """The pixel residual, measured minus predicted, and the rows of its prediction."""
 
     residual: tuple[float, float]
-    by_common: tuple[tuple[float, ...], tuple[float, ...]]
-    by_target: tuple[tuple[float, float], tuple[float, float]]
-    """By north and east of the target."""
+    rows: tuple[tuple[float, ...], tuple[float, ...]]
+    """Of u and v: by each of Common, then by north and east of the target."""
+
+    @property
+    def by_common(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """The first part of the rows."""
+        return (self.rows[0][:COMMON_COUNT], self.rows[1][:COMMON_COUNT])
+
+    @property
+    def by_target(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """The second part."""
+        return (self.rows[0][COMMON_COUNT:], self.rows[1][COMMON_COUNT:])
 
 
 def glimpse_of(track: int, fix: GroundFix, course: Course, since_s: float) -> Glimpse:
@@ -146,10 +155,8 @@ def predict(glimpse: Glimpse, target: tuple[float, float], common: tuple[float, 
         mx, my, mz = subtract(turn, scale(cross(turn, mount_vector), 0.5))
         delay, n, e = dot(by_seen, by_delay), dot(by_seen, by_north), dot(by_seen, by_east)
         readout = -glimpse.row_fraction * delay
-        rows.append((delay, mx, my, mz, dot(by_seen, by_heading), -dot(by_seen, rd), readout, n, e))
-    u, v = rows
-    by_target = ((u[Common.NORTH], u[Common.EAST]), (v[Common.NORTH], v[Common.EAST]))
-    return Prediction((residual[0], residual[1]), (u, v), by_target)
+        rows.append((delay, mx, my, mz, dot(by_seen, by_heading), -dot(by_seen, rd), readout, n, e, n, e))
+    return Prediction((residual[0], residual[1]), (rows[0], rows[1]))
 
 
 def ground_point(glimpse: Glimpse, common: tuple[float, ...]) -> tuple[float, float] | None:
@@ -200,7 +207,7 @@ def pixel_noise(glimpse: Glimpse, prediction: Prediction, priors: ErrorPriors) -
     attitude = priors.attitude_noise**2 + glimpse.attitude_sigma**2
     height, place = priors.height_noise_m**2 * repeated, priors.position_noise_m**2 * repeated
     (u_sigma, v_sigma), time = glimpse.pixel_sigma, glimpse.time_noise_s**2
-    (ut, ux, uy, uz, _, uh, _, un, ue), (vt, vx, vy, vz, _, vh, _, vn, ve) = prediction.by_common
+    (ut, ux, uy, uz, _, uh, _, un, ue, *_), (vt, vx, vy, vz, _, vh, _, vn, ve, *_) = prediction.rows
     uu = attitude * (ux * ux + uy * uy + uz * uz) + height * uh * uh + place * (un * un + ue * ue)
     uv = attitude * (ux * vx + uy * vy + uz * vz) + height * uh * vh + place * (un * vn + ue * ve)
     vv = attitude * (vx * vx + vy * vy + vz * vz) + height * vh * vh + place * (vn * vn + ve * ve)

@@ -7,13 +7,14 @@ from math import hypot
 
 import msgspec
 
-from fwav_companion.nouns import Bias, ErrorPriors, VehicleState
+from fwav_companion.nouns import Bias, ErrorPriors, GroundFix, VehicleState
 from fwav_companion.tracking.calibration import KeptCalibration
 from fwav_companion.tracking.course import Course, StateAt, course_of
 from fwav_companion.tracking.fit import Fit
 from fwav_companion.tracking.joint import joint_of
-from fwav_companion.tracking.rays import COMMON_COUNT, Common
+from fwav_companion.tracking.rays import COMMON_COUNT, Common, Glimpse, glimpse_of
 
+NO_TRACK = 0
 DELAY_STEP_S = 0.015
 """Between two hypotheses: a fifth of a beat at 15 Hz, so one of them is always in the linear range."""
 SEARCH_SIGMAS = 3.0
@@ -26,6 +27,7 @@ class Workshop:
         self.priors = priors
         self.state_at = state_at
         self._remembered: tuple[tuple[int, tuple[float, ...]], Course] | None = None
+        self._glimpse: tuple[GroundFix, float, Glimpse] | None = None
         self.means, self.sigmas = _prior(priors, kept)
         reach = SEARCH_SIGMAS * self.sigmas[Common.DELAY]
         steps = int(reach / DELAY_STEP_S + 0.5) if state_at is not None else 0
@@ -38,6 +40,13 @@ class Workshop:
         if self._remembered is None or self._remembered[0] != key:
             self._remembered = (key, course_of(nominal, delays_s, self.state_at))
         return self._remembered[1]
+
+    def glimpse(self, fix: GroundFix, delay_s: float) -> Glimpse:
+        """A fix by itself, of no track yet. Remembers the last one: many tracks are asked about it."""
+        if self._glimpse is None or self._glimpse[0] is not fix or self._glimpse[1] != delay_s:
+            course = self.course(fix.sighting.state, (delay_s,))
+            self._glimpse = (fix, delay_s, glimpse_of(NO_TRACK, fix, course, 0.0))
+        return self._glimpse[2]
 
     def bank(self) -> tuple[Fit, ...]:
         """A fit a delay, each with a prior as wide as the step between them."""
