@@ -16,7 +16,7 @@ from fwav_companion.nouns import AttitudeSample, Lens
 from fwav_companion.shaking.first_look import FirstLook, first_look
 from fwav_companion.shaking.fit import Fit, Start, fit
 from fwav_companion.shaking.looks import AttitudeAt, Course, Looks, TagView, looks_of
-from fwav_companion.shaking.names import NEAR, TURNED, Mistake, named
+from fwav_companion.shaking.names import NEAR, OTHER_HAND, TURNED, Mistake, named
 from fwav_companion.shaking.rates_lag import RatesLag, rates_lag
 from fwav_companion.shaking.square_pose import pose_of_square
 from fwav_companion.shaking.turns import Floats
@@ -25,6 +25,8 @@ LEAST_FRAMES: Final = 150
 """Five seconds of a common camera."""
 LEAST_SIDE_PX: Final = 24.0
 """Three pixels a module of an AprilTag; the tilt of a smaller square drowns in the noise of its corners."""
+MOST_PIXEL_SIGMA: Final = 2.0
+"""Of a corner: what a detector that finds corners at all does not miss them by."""
 STRANGERS: Final = 0.4
 """Likeness below which the turns seen and told do not belong together. Noise alone reaches 0.2."""
 EVEN: Final = 0.98
@@ -129,6 +131,8 @@ def _seen(shaking: Shaking, looks: Looks, course: Course, shaken: Shaken) -> Sha
         return _without(shaken, refusal)
     configured = np.array(shaking.body_from_camera).T
     mistake = named(look, configured, backward=looks.backward)
+    if mistake is None and _looks_away(look, looks, camera_from_tag, course):
+        mistake = OTHER_HAND
     if mistake is not None:
         shaken = _blamed(shaken, mistake)
     if mistake is not None and not mistake.mount_rights_it:
@@ -141,11 +145,18 @@ def _seen(shaking: Shaking, looks: Looks, course: Course, shaken: Shaken) -> Sha
         attitude_noise=shaking.attitude_noise,
     )
     found = fit(looks, course, start, shaking.tag_size_m)
-    if found is None:
+    if found is None or found.pixel_sigma > MOST_PIXEL_SIGMA:
         return _without(
             shaken, "delay and mount: the corners do not agree with the attitudes; is the tag's size right?"
         )
     return _judged(shaking, found, shaken)
+
+
+def _looks_away(look: FirstLook, looks: Looks, camera_from_tag: Floats, course: Course) -> bool:
+    """Whether the tag would face the ground and not the sky, by such a mount: no mount sees that."""
+    ned_from_body, known = course.at(looks.times_s - look.delay_s)
+    down_by_attitude = ned_from_body[known, 2, :] @ look.camera_from_body.T
+    return bool((down_by_attitude * camera_from_tag[known, :, 2]).sum(axis=1).mean() < 0.0)
 
 
 def _refusal(look: FirstLook) -> str:

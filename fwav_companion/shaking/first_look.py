@@ -36,6 +36,9 @@ RIVAL_APART_S: Final = 0.06
 
 SURE: Final = 5.0
 """Sigmas by which the weakest axis must show before it may call itself reversed."""
+OF_ITS_OWN: Final = 0.3
+"""Of the next weaker axis's turns. Rolling and pitching alone turn the body about its third axis too, by the sine of
+their angles; and there a reversed pitch cannot be told from a mirrored image, whatever the noise."""
 
 
 class FirstLook(msgspec.Struct, frozen=True):
@@ -121,10 +124,11 @@ def _likeness(seen: Floats, told: Floats, known: Flags) -> tuple[float, Floats]:
 
 def _orthogonal(correlation: Floats, seen: Floats, told: Floats) -> tuple[Floats, bool, Floats]:
     """The best matrix, proper unless its weakest axis says otherwise beyond doubt; whether it can say so; that axis."""
-    u, singular, vt = np.linalg.svd(correlation)
+    u, _, vt = np.linalg.svd(correlation)
     free = u @ vt
     noise = np.sqrt(((seen - told @ free.T) ** 2).mean())
-    handed = bool(np.sqrt(((told @ vt[2]) ** 2).sum()) > SURE * noise and singular[2] > 0.0)
+    _, weaker, weakest = np.sqrt(((told @ vt.T) ** 2).sum(axis=0))
+    handed = bool(weakest > SURE * noise and weakest > OF_ITS_OWN * weaker)
     if np.linalg.det(free) > 0.0 or handed:
         return free, handed, vt[2]
     return u @ np.diag([1.0, 1.0, -1.0]) @ vt, handed, vt[2]

@@ -61,7 +61,8 @@ OF_ATTITUDE: Final = (
 )
 """And what each does to turns in body axes."""
 
-OTHER_HAND: Final = Mistake("an axis of the attitude reversed", SIGNS, False)
+OTHER_HAND: Final = Mistake("an axis of the attitude reversed, or the image mirrored", SIGNS, False)
+"""What is left where no name fits."""
 
 
 def named(look: FirstLook, configured: Floats, *, backward: bool) -> Mistake | None:
@@ -85,7 +86,7 @@ def named(look: FirstLook, configured: Floats, *, backward: bool) -> Mistake | N
 
 
 def _fits(mistake: Mistake, backward: bool) -> bool:
-    return (mistake.do is MIRRORED) == backward
+    return backward or mistake.do is not MIRRORED
 
 
 def _apart(a: Floats, b: Floats) -> float:

@@ -59,13 +59,18 @@ def rates_lag(samples: Sequence[AttitudeSample]) -> RatesLag | None:
     sigma_s = float(np.sqrt((PARTS - 1) * np.var(left_out)))
     if sigma_s > MOST_SIGMA_S:
         return None
-    return RatesLag(lag_s, sigma_s, _reversed(products.sum(axis=1)[_index(lag_s)], turned, sent))
+    return RatesLag(lag_s, sigma_s, _reversed(products.sum(axis=1)[_index(lag_s)], turned))
 
 
 def _products(middles_s: Floats, turned: Floats, times_s: Floats, sent: Floats) -> Floats:
-    """(lags, N, 3): the attitude's rate times the one sent so much later, by axis."""
+    """(lags, N, 3): the attitude's rate times the one sent so much later, by axis.
+
+    In units of the later ones' size: straight lines between samples are flatter than what they stand for, the more
+    so the further from the samples, which would draw every lag to a whole number of them.
+    """
     later = np.stack([np.interp(middles_s[None, :] + LAGS_S[:, None], times_s, sent[:, axis]) for axis in range(3)], -1)
-    together: Floats = later * turned
+    size = np.sqrt((later**2).mean(axis=(1, 2), keepdims=True))
+    together: Floats = later * turned / np.maximum(size, 1e-9)
     return together
 
 
@@ -83,8 +88,8 @@ def _index(lag_s: float) -> int:
     return int(np.abs(LAGS_S - lag_s).argmin())
 
 
-def _reversed(products: Floats, turned: Floats, sent: Floats) -> tuple[str, ...]:
-    most = np.sqrt((turned**2).sum(axis=0) * (sent**2).mean(axis=0) * len(turned))
-    moved = np.sqrt((turned**2).mean(axis=0)) >= LEAST_RATE
-    against = products < AGAINST * np.maximum(most, 1e-12)
+def _reversed(products: Floats, turned: Floats) -> tuple[str, ...]:
+    size = np.sqrt((turned**2).mean(axis=0))
+    moved = size >= LEAST_RATE
+    against = products < AGAINST * len(turned) * size**2 / max(float(np.sqrt((turned**2).mean())), 1e-9)
     return tuple(name for name, turns in zip(AXES, moved & against, strict=True) if turns)
