@@ -14,6 +14,7 @@ from fwav_companion.recording.truth import TruthPoint
 from fwav_companion.report import WAYS, Replayed, Story, page, tell, way_of
 from fwav_companion.report.comparison import comparison
 from fwav_companion.report.depths import depths
+from fwav_companion.report.intake import read_lines
 
 OF_OTHERS = ("target", "calibration")
 """The lines of another way that a report draws."""
@@ -58,29 +59,33 @@ class ReportWriter:
 
 def write_comparison(folder: Path, first: Path, second: Path, truth: Sequence[TruthPoint]) -> Path:
     """Two targets files side by side. InputFileError where one cannot be read."""
-    lines = _targets(first), _targets(second)
+    (ours, our_damage), (theirs, their_damage) = _targets(first), _targets(second)
     stories: tuple[Story, Story] = (
-        tell(lines[0], title=first.name, truth=truth, others=[Replayed("B", "own", lines[1])]),
-        tell(lines[1], title=second.name, truth=truth, others=[Replayed("A", "own", lines[0])]),
+        tell(ours, title=first.name, truth=truth, others=[Replayed("B", "own", theirs)]),
+        tell(theirs, title=second.name, truth=truth, others=[Replayed("A", "own", ours)]),
     )
-    changed = _differences(lines[0][0]["config"], lines[1][0]["config"])
+    changed = _differences(ours[0]["config"], theirs[0]["config"])
     title = f"{first.stem} beside {second.stem}"
-    return _write(folder / "compare.html", comparison(title, (first.name, second.name), stories, changed))
+    notes = [
+        f"{path.name}: {damaged} damaged lines were left out."
+        for path, damaged in ((first, our_damage), (second, their_damage))
+        if damaged
+    ]
+    return _write(folder / "compare.html", comparison(title, (first.name, second.name), stories, changed, notes))
 
 
-def _targets(path: Path) -> list[Line]:
+def _targets(path: Path) -> tuple[list[Line], int]:
+    """The lines that are whole, the header first, and how many were not."""
     accepted = "accepted: a targets file, as `replay --out` writes one"
     try:
-        with path.open(encoding="utf-8") as file:
-            lines = [json.loads(line) for line in file if line.strip()]
-        first = lines[0]["type"] == "header" and isinstance(lines[0]["config"], dict)
+        with path.open("rb") as file:
+            lines, damaged = read_lines(file)
     except OSError as error:
         raise InputFileError(f"{path}: {error.strerror}; {accepted}") from None
-    except (ValueError, IndexError, KeyError, TypeError) as error:
-        raise InputFileError(f"{path}: {type(error).__name__} while reading it; {accepted}") from None
-    if not first:
-        raise InputFileError(f"{path}: its first line is no header; {accepted}")
-    return lines
+    if not lines or lines[0].get("type") != "header":
+        left_out = f" ({damaged} lines are no JSON objects of such a file)" if damaged else ""
+        raise InputFileError(f"{path}: its first line is no header{left_out}; {accepted}")
+    return lines, damaged
 
 
 def _differences(ours: Mapping[str, Any], theirs: Mapping[str, Any], prefix: str = "") -> list[str]:

@@ -13,7 +13,7 @@ TINY: Point = (260.0, 180.0)
 """Four in a row."""
 WIDE: Point = (560.0, 340.0)
 """One that carries the story."""
-LEFT, RIGHT, TOP, BOTTOM = 40.0, 8.0, 16.0, 30.0
+LEFT, RIGHT, TOP, BOTTOM = 40.0, 8.0, 20.0, 30.0
 LEFT_OF_WORDS = 56.0
 """The same where ticks carry their unit: "10 cm"."""
 FEW = 50.0
@@ -52,7 +52,7 @@ class Frame:
             ]
         parts.append(line((self.left, bottom), (self.size[0] - RIGHT, bottom), "axis"))
         parts.append(text((self.size[0] - RIGHT, self.size[1] - 2), x_name, "name", "end"))
-        parts.append(text((self.left, TOP - 5), y_name, "name"))
+        parts.append(text((self.left, TOP - 9), y_name, "name"))
         return parts
 
     def _share(self, y: float) -> float:

@@ -17,14 +17,21 @@ from fwav_companion.report.story import Story
 from fwav_companion.report.words import length, metres, short
 
 
-def comparison(title: str, names: tuple[str, str], stories: tuple[Story, Story], differences: Sequence[str]) -> str:
+def comparison(
+    title: str,
+    names: tuple[str, str],
+    stories: tuple[Story, Story],
+    differences: Sequence[str],
+    notes: Sequence[str] = (),
+) -> str:
     """The whole file. ``stories``: each told with the other as another way; ``differences``: of configurations."""
     changed = "".join(f"<li><code>{escape(each)}</code></li>" for each in differences)
     told = f"<p>What differs in their configurations:</p><ul>{changed}</ul>" if changed else ""
     same = "" if changed else "<p>Their configurations are the same.</p>"
+    noted = "".join(f"<p>{escape(note)}</p>" for note in notes)
     head = (
         f'<header><p class="kicker">fwav-companion</p><h1>{escape(title)}</h1>'
-        f'<p class="lead">A is {escape(names[0])}, B is {escape(names[1])}.</p>{told}{same}</header>'
+        f'<p class="lead">A is {escape(names[0])}, B is {escape(names[1])}.</p>{told}{same}{noted}</header>'
     )
     maps = "".join(
         figure(f"{side}: {name}", flight_map(story), _figures(story))

@@ -17,6 +17,13 @@ SETTLED_FIXES = 10
 EXPECTED, BEYOND_95 = 2.0, 5.991
 """Of a normalised square in two dimensions: its mean, and what one in twenty exceeds."""
 MOST_SHOWN = 4.0 * BEYOND_95
+NEARLY_ALL = 0.97
+"""Of the innovations that the scale has room for."""
+AXES = (("fix", "dot", "north"), ("east", "dot", "east"))
+INNOVATION = (
+    "Each sighting from where its target was believed before it: noise scatters about zero, a trend is an error."
+)
+AS_THEY_CAME = "Each sighting is drawn as it came, before anything that was learned of the camera: here it shows why."
 
 
 class Innovation(msgspec.Struct, frozen=True):
@@ -79,13 +86,7 @@ def _innovations(lines: Sequence[Line], begun: float) -> str:
         return ""
     squares = [each.squared for each in found if each.squared is not None]
     seconds = max(each.at_s for each in found)
-    top_m = max(0.1, 1.05 * max(max(abs(each.north_m), abs(each.east_m)) for each in found))
-    shown = thinned([(each.at_s, each.north_m) for each in found], MOST_POINTS)
-    frame = Frame((0.0, max(1.0, seconds)), (-top_m, top_m))
-    drawn = [*frame.axes("seconds", "metres north")]
-    drawn += [circle(frame.at(*point), 1.7, "fix") for point in shown]
-    caption = "North of where its target was believed just before it: noise scatters about zero, a trend is an error."
-    figures = figure("Innovations", _drawing(frame, drawn, "Innovations"), caption)
+    figures = figure("Innovations", _innovation_chart(found, seconds), INNOVATION, key=key(AXES))
     if squares:
         mean = sum(squares) / len(squares)
         beyond = 100.0 * sum(square > BEYOND_95 for square in squares) / len(squares)
@@ -98,7 +99,21 @@ def _innovations(lines: Sequence[Line], begun: float) -> str:
         told = key([("fix", "dot", "one sighting"), ("ours", "line", f"mean that is expected, {EXPECTED:g}"),
                     ("bound", "line", f"one in twenty lies above, {BEYOND_95:g}")])  # fmt: skip
         figures += figure("Their normalised squares", _square_chart(points, seconds), caption, key=told)
-    return section("Do the sightings agree with one another?", "", f'<div class="two">{figures}</div>')
+    words = AS_THEY_CAME if any(line["type"] == "calibration" for line in lines) else ""
+    return section("Do the sightings agree with one another?", words, f'<div class="two">{figures}</div>')
+
+
+def _innovation_chart(found: Sequence[Innovation], seconds: float) -> str:
+    largest = sorted(max(abs(each.north_m), abs(each.east_m)) for each in found)
+    top_m = max(0.1, 1.2 * largest[int(NEARLY_ALL * (len(largest) - 1))])
+    frame = Frame((0.0, max(1.0, seconds)), (-top_m, top_m))
+    parts = frame.axes("seconds", "metres")
+    for kind, points in (
+        ("east", [(each.at_s, each.east_m) for each in found]),
+        ("fix", [(each.at_s, each.north_m) for each in found]),
+    ):
+        parts += [circle(frame.at(*point), 1.7, kind) for point in thinned(points, MOST_POINTS)]
+    return _drawing(frame, parts, "Innovations")
 
 
 def _square_chart(points: Sequence[Point], seconds: float) -> str:

@@ -81,3 +81,13 @@ def test_a_light_page_and_a_dark_one_name_every_colour():
     for name in set(re.findall(r"var\((--\w+)\)", style)):
         assert f"{name}:" in light
         assert f"{name}:" in dark.partition("}}")[0]
+
+
+def test_innovations_are_drawn_north_and_east():
+    fixes = [{"north": 100.0 + (0.5 if second % 2 else -0.5), "east": -50.25} for second in range(60)]
+    lines = [header(), *(target(float(at_s), 100.0, -50.0, fix=fix) for at_s, fix in enumerate(fixes)), summary()]
+    drawn = Markup(depths(lines)[0])
+    north, east = ([float(each["cy"]) for each in drawn.of(kind)] for kind in ("fix", "east"))
+    assert len(north) == len(east) == 50  # the first ten settle the track
+    middle = (max(north) + min(north)) / 2
+    assert {round(y - middle, 1) for y in east} == {round((max(north) - middle) / 2, 1)}
