@@ -20,7 +20,7 @@ class StaticBelief(StandingBelief, frozen=True):
     def updated(self, fix: GroundFix) -> StaticBelief:
         """With the gain of least noise: the weighted mean of all fixes."""
         errors, estimate, host_ns = self.errors, self.estimate, fix.sighting.frame_host_ns
-        weighed = errors.weighed_after(fix, s_from_ns(host_ns - self.fixed_ns))
+        weighed = errors.weighed_after(fix, s_from_ns(host_ns - self.fixed_ns), estimate.position)
         gain = noise_gain(estimate, weighed)
         noise = least_noise(estimate.noise, gain)
         return StaticBelief(errors, blended(estimate, weighed, gain, noise, errors.timed), self.host_ns, host_ns)

@@ -110,7 +110,7 @@ class MovingBelief(msgspec.Struct, frozen=True):
     def updated(self, fix: GroundFix) -> MovingBelief:
         """With the gain of least noise, the scatter that was seen counted as noise."""
         host_ns = fix.sighting.frame_host_ns
-        weighed = self.errors.weighed_after(fix, s_from_ns(host_ns - self.fixed_ns))
+        weighed = self.errors.weighed_after(fix, s_from_ns(host_ns - self.fixed_ns), self.position_ned)
         (nn, ne, nd), (_, ee, ed), dd = add_matrices(self.noise, weighed.noise)
         nn, ee = nn + self.scatter.variance, ee + self.scatter.variance
         inverse = symmetric_inverse(((nn, ne, nd), (ne, ee, ed), dd))

@@ -7,7 +7,7 @@ of their noise. Biases are considered, never estimated, and a covariance cannot 
 
 from __future__ import annotations
 
-from math import exp
+from math import exp, sqrt
 from typing import TypeAlias
 
 import msgspec
@@ -29,6 +29,9 @@ noise, so it averages as the samples do, not as the frames do."""
 DOWN_FLOOR_M2 = 0.02**2
 """No ground is flatter: keeps the algebra regular where a plane leaves the height of a fix without any error."""
 
+
+MOST_TURN_COSINE = 0.7
+"""45 degrees: no noise turns a sight more, but right above the target, where no azimuth matters."""
 
 MOST_REMEMBERED = 64
 """Fixes: those of a frame and more, a quarter of a megabyte."""
@@ -88,15 +91,19 @@ class SharedErrors:
         self._remembered[id(fix)] = (fix, weighed)
         return weighed
 
-    def weighed_after(self, fix: GroundFix, since_s: float) -> Weighed:
-        """The fix as one that comes so long after another: what they have of the same telemetry is no news."""
+    def weighed_after(self, fix: GroundFix, since_s: float, target_ned: Vector3 | None = None) -> Weighed:
+        """The fix as one that comes so long after another: what they have of the same telemetry is no news.
+
+        ``target_ned``: where the target is believed to stand; the fix's noise is then that of a sight to there.
+        """
         weighed = self.weighed(fix)
-        if since_s >= TELEMETRY_STEP_S:
-            return weighed
-        noise = self._with_repeats(
-            weighed.noise, fix.bias_jacobian[Bias.HEIGHT], TELEMETRY_STEP_S / max(since_s, 1e-3) - 1.0
-        )
-        return Weighed(weighed.position, noise, weighed.shared, weighed.gate)
+        noise = weighed.noise
+        if since_s < TELEMETRY_STEP_S:
+            repeated = TELEMETRY_STEP_S / max(since_s, 1e-3) - 1.0
+            noise = self._with_repeats(noise, fix.bias_jacobian[Bias.HEIGHT], repeated)
+        if target_ned is not None:
+            noise = turned_toward(noise, fix, target_ned)
+        return weighed if noise is weighed.noise else Weighed(weighed.position, noise, weighed.shared, weighed.gate)
 
     def _scaled(self, fix: GroundFix) -> Rows:
         jacobian = fix.bias_jacobian
@@ -121,6 +128,27 @@ class SharedErrors:
         if self.wandering == self.count or to_ns == from_ns or not self._wander_s > 0.0:
             return 1.0
         return exp(-s_from_ns(to_ns - from_ns) / self._wander_s)
+
+
+def turned_toward(noise: Matrix3, fix: GroundFix, target_ned: Vector3) -> Matrix3:
+    """The noise of a sight in the target's azimuth, of one in the fix's own.
+
+    A fix is sure across its own line of sight, and its own noise has turned that line. Weighed so, many fixes agree
+    best where all the lines meet: at the camera, and the target is drawn nearer by centimetres that no claim covers.
+    """
+    camera_n, camera_e, _ = fix.sighting.camera_ned
+    fix_n, fix_e = fix.position_ned[0] - camera_n, fix.position_ned[1] - camera_e
+    to_n, to_e = target_ned[0] - camera_n, target_ned[1] - camera_e
+    both = sqrt((fix_n * fix_n + fix_e * fix_e) * (to_n * to_n + to_e * to_e))
+    if fix_n * to_n + fix_e * to_e <= MOST_TURN_COSINE * both:
+        return noise
+    c, s = (fix_n * to_n + fix_e * to_e) / both, (fix_n * to_e - fix_e * to_n) / both
+    (nn, ne, nd), (_, ee, ed), (_, _, dd) = noise
+    turned_nn = c * c * nn - 2.0 * c * s * ne + s * s * ee
+    turned_ne = c * s * (nn - ee) + (c * c - s * s) * ne
+    turned_ee = s * s * nn + 2.0 * c * s * ne + c * c * ee
+    turned_nd, turned_ed = c * nd - s * ed, s * nd + c * ed
+    return ((turned_nn, turned_ne, turned_nd), (turned_ne, turned_ee, turned_ed), (turned_nd, turned_ed, dd))
 
 
 def faded(rows: Rows, wandering: int, kept: float) -> Rows:
