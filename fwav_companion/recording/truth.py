@@ -34,7 +34,7 @@ class TruthPoint(msgspec.Struct, frozen=True):
 
 def parse_truth(text: str, name: str) -> list[TruthPoint]:
     """Points of a truth file. InputFileError names the line and what is accepted."""
-    rows = _json_rows(text, name) if text.lstrip().startswith("{") else _csv_rows(text)
+    rows = _json_rows(text, name) if text.lstrip().startswith("{") else _csv_rows(text, name)
     points = [_point(row, f"{name}: line {number}") for number, row in rows]
     if not points:
         raise InputFileError(f"{name}: no point in it; accepted: CSV or JSONL with {ACCEPTED}")
@@ -47,15 +47,19 @@ def _json_rows(text: str, name: str) -> Iterable[tuple[int, Mapping[str, Any]]]:
             continue
         try:
             row = json.loads(line)
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise InputFileError(f"{name}: line {number}: not JSON ({error}); accepted: {ACCEPTED}") from error
         if isinstance(row, dict):
             yield number, row
 
 
-def _csv_rows(text: str) -> Iterable[tuple[int, Mapping[str, Any]]]:
-    reader = csv.DictReader(io.StringIO(text), skipinitialspace=True)
-    return ((reader.line_num, row) for row in reader)
+def _csv_rows(text: str, name: str) -> Iterable[tuple[int, Mapping[str, Any]]]:
+    reader = csv.DictReader(io.StringIO(text, newline=""), skipinitialspace=True)
+    try:
+        for row in reader:
+            yield reader.line_num, row
+    except csv.Error as error:
+        raise InputFileError(f"{name}: line {reader.line_num}: {error}; accepted: {ACCEPTED}") from error
 
 
 def _point(row: Mapping[str, Any], where: str) -> TruthPoint:
@@ -77,7 +81,7 @@ def _numbers(row: Mapping[str, Any], names: tuple[str, ...], where: str) -> list
         return None
     try:
         values = [float(row[name]) for name in names]
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise InputFileError(f"{where}: {error}; accepted: {ACCEPTED}") from error
     if not all(map(isfinite, values)):
         raise InputFileError(f"{where}: {dict(row)!r} is not finite; accepted: {ACCEPTED}")

@@ -1,0 +1,24 @@
+"""Files of true places that are none: one line that says what is accepted, never a traceback."""
+
+import pytest
+
+from fwav_companion.errors import InputFileError
+from fwav_companion.recording.truth import parse_truth
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "label,lat,lon,alt_amsl\na,48.1\rb,11.5,500\n",
+        '{"label": "a", "north": ' + "[" * 5000,
+        '{"label": "a", "north": 1' + "0" * 400 + ', "east": 2, "down": 3}',
+        'label,north,east,down\n"' + "x" * 200_000 + '",1,2,3\n',
+        "label,north,east,down\na,1,2,inf\n",
+        "",
+    ],
+    ids=["new-line inside", "deep", "huge", "long", "not finite", "empty"],
+)
+def test_a_truth_file_of_another_form_is_one_line(text):
+    with pytest.raises(InputFileError, match="accepted: ") as told:
+        parse_truth(text, "truth")
+    assert "\n" not in str(told.value)
