@@ -67,7 +67,9 @@ class Config(Document, frozen=True, kw_only=True):
     @property
     def priors(self) -> ErrorPriors:
         """[uncertainty] in SI, the readout's among them."""
-        return self.uncertainty.priors(readout_known=self.camera.known_readout_s is not None)
+        return self.uncertainty.priors(
+            readout_known=self.camera.known_readout_s is not None, surveyed=self.ground.model == "terrain"
+        )
 
     @property
     def localizes(self) -> bool:

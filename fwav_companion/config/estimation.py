@@ -60,8 +60,11 @@ class Uncertainty(Section, frozen=True):
     attitude_stamp_delay_s: Literal["auto"] | Annotated[float, Meta(ge=0, le=1)] = "auto"
     """An attitude is up to this older than its stamp, uniformly, seconds; ``auto`` by the autopilot's loop rate."""
 
-    def priors(self, *, readout_known: bool) -> ErrorPriors:
-        """The same in radians, metres and seconds, the biases in the order of :class:`nouns.Bias`."""
+    def priors(self, *, readout_known: bool, surveyed: bool) -> ErrorPriors:
+        """The same in radians, metres and seconds, the biases in the order of :class:`nouns.Bias`.
+
+        ``surveyed``: the ground is an elevation model. Any other has no error of one, and trackers need not carry it.
+        """
         sigmas = {
             Bias.ROLL: radians(self.attitude_bias_deg),
             Bias.PITCH: radians(self.attitude_bias_deg),
@@ -74,7 +77,7 @@ class Uncertainty(Section, frozen=True):
             Bias.HEIGHT: self.height_bias_m,
             Bias.POSITION_NORTH: self.position_bias_m,
             Bias.POSITION_EAST: self.position_bias_m,
-            Bias.TERRAIN: self.terrain_m,
+            Bias.TERRAIN: self.terrain_m if surveyed else 0.0,
         }
         return ErrorPriors(
             pixel_noise_px=self.pixel_noise_px,

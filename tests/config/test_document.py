@@ -30,6 +30,10 @@ def test_priors_are_in_si_and_in_the_order_of_the_biases():
     terrain_m = 9
     time_offset_sigma_s = 0.5
     position_bias_time_s = 11
+    [ground]
+    model = "terrain"
+    terrain = ["N45E007.hgt"]
+    terrain_datum = "egm96"
     """
     priors = parse(RELAY + text, "f.toml").priors
     assert priors.attitude_noise == pytest.approx(math.pi / 100)
@@ -44,6 +48,12 @@ def test_priors_are_in_si_and_in_the_order_of_the_biases():
         Bias.POSITION_NORTH: 7.0, Bias.POSITION_EAST: 7.0, Bias.TERRAIN: 9.0,
     }  # fmt: skip
     assert {bias: priors.sigma(bias) for bias in Bias} == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("model", ["home", "fixed", "rangefinder"])
+def test_a_ground_that_is_no_elevation_model_has_no_error_of_one(model: str):
+    config = parse(f'{RELAY}[ground]\nmodel = "{model}"\n', "f.toml")
+    assert config.priors.sigma(Bias.TERRAIN) == 0.0
 
 
 @pytest.mark.parametrize(("readout", "known"), [("0.02", 0.02), ("0", 0.0), ("-0.03", -0.03)])
