@@ -165,6 +165,8 @@ def _refusal(wire: WireFrame) -> NoFrame | None:
         return NoFrame(Reason.TOO_MANY_DETECTIONS, f"{len(wire.detections)}, accepted: {MAX_DETECTIONS}")
     if not all(map(isfinite, _numbers(wire))):
         return NoFrame(Reason.NOT_FINITE)
+    if abs(wire.received_unix or 0.0) > LATEST_UNIX_S:
+        return NoFrame(Reason.WRONG_UNITS, f"received_unix {wire.received_unix:g}, accepted: seconds")
     if wire.exposure_s is not None and not 0.0 <= wire.exposure_s <= LONGEST_EXPOSURE_S:
         negative = wire.exposure_s < 0.0
         return NoFrame(Reason.MALFORMED if negative else Reason.WRONG_UNITS, f"exposure_s {wire.exposure_s:g}")
@@ -201,7 +203,7 @@ def _stamp(wire: WireFrame, arrival_ns: HostNs | None, clocks: StampClocks) -> t
     name, seconds, latest = told[0]
     if seconds < 0.0:
         return NoFrame(Reason.MALFORMED, f"{name} {seconds:g}")
-    if seconds > latest or (wire.received_unix or 0.0) > LATEST_UNIX_S:
+    if seconds > latest:
         return NoFrame(Reason.WRONG_UNITS, f"{name} {seconds:g}, accepted: seconds")
     if name == "time_boot":
         return host_from_seconds(seconds), StampClock.BOOT
