@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from difflib import get_close_matches
-from importlib.util import find_spec
 from typing import Any
 
 import msgspec
@@ -16,7 +14,6 @@ from fwav_companion.errors import ConfigError
 from fwav_companion.flow.ledger import Ledger
 from fwav_companion.flow.pipeline import Pipeline
 from fwav_companion.flow.rooms import Rooms
-from fwav_companion.links.url import UdpUrl
 from fwav_companion.localization import (
     Datum,
     ElevationModel,
@@ -29,9 +26,7 @@ from fwav_companion.localization import (
     TerrainGround,
 )
 from fwav_companion.mavlink.commands import Commands, Handler
-from fwav_companion.mavlink.definitions import BY_NAME
 from fwav_companion.mavlink.identity import Identity
-from fwav_companion.mavlink.node import LinkPolicy, Node, SigningPolicy
 from fwav_companion.mavlink.rates import Rates
 from fwav_companion.mavlink.timesync import Timesync
 from fwav_companion.mavlink.wanted import default_wanted
@@ -45,7 +40,6 @@ from fwav_companion.telemetry.gimbal import LAST_NON_MAVLINK_DEVICE
 from fwav_companion.tracking import KeptCalibration, Reorder, Tracker, TrackingOptions, make_tracker
 from fwav_companion.tracking.base import Filter
 from fwav_companion.tracking.tracker import KEEP_STATIC_NS
-from fwav_companion.vision.task import VisionTask
 
 CAMERA_COMPONENT = 100
 """MAV_COMP_ID_CAMERA."""
@@ -120,59 +114,6 @@ def make_pipeline(
         sight=sight,
     )
     return Pipeline(rooms, ledger, unix_offset_ns=unix_offset_ns, live=live)
-
-
-def make_node(config: Config, signing_key: bytes | None, signing_timestamp: int) -> Node:
-    """Our place in the network. ``signing_timestamp``: where signatures go on, if there is a key.
-
-    ConfigError where a link's max_rate_hz names no message.
-    """
-    _require_message_names(config)
-    policies = [
-        LinkPolicy(
-            name=link.name,
-            role=link.role,
-            max_rate_hz=link.max_rate_hz,
-            forward_rate_requests=link.forward_rate_requests,
-            datagrams=isinstance(link.parsed_url, UdpUrl),
-        )
-        for link in config.link
-    ]
-    signing = None
-    if signing_key is not None and config.signing is not None:
-        accept_unsigned = frozenset(config.signing.accept_unsigned)
-        signing = SigningPolicy(key=signing_key, timestamp=signing_timestamp, accept_unsigned=accept_unsigned)
-    return Node(policies, WANTED, components=sorted(own_components(config)), signing=signing)
-
-
-def _require_message_names(config: Config) -> None:
-    """Here and not where the file is read: only who opens links needs MAVLink's definitions."""
-    for number, link in enumerate(config.link, start=1):
-        for name in link.max_rate_hz:
-            if name not in BY_NAME:
-                near = get_close_matches(name.upper(), BY_NAME, n=1)
-                accepted = f'did you mean "{near[0]}"?' if near else "accepted: a message of the ardupilotmega dialect"
-                where = f'{config.file}: [[link]] {number} "{link.name}" max_rate_hz'
-                raise ConfigError(f"{where}: no MAVLink message is called {name}; {accepted}")
-
-
-def make_vision_task(config: Config) -> VisionTask | None:
-    """What the vision process is to do; None without [vision]. ConfigError for what cannot be done here."""
-    vision = config.vision
-    if vision is None:
-        return None
-    if vision.detector == "onnx":
-        accepted = "apriltag, aruco, color; another detector sends its pixels to [detections] url"
-        raise ConfigError(f'{config.file}: [vision] detector = "onnx": not in this version; accepted: {accepted}')
-    if find_spec("cv2") is None:
-        raise ConfigError(f"{config.file}: [vision]: OpenCV is missing; accepted: pip install opencv-python-headless")
-    is_path = not vision.source.startswith(("libcamera:", "/dev/", "rtsp://", "rtsps://"))
-    return VisionTask(
-        source=str(config.resolve(vision.source)) if is_path else vision.source,
-        detector=vision.detector,
-        aruco_dictionary=vision.aruco_dictionary,
-        color_hue_deg=vision.color_hue_deg,
-    )
 
 
 def own_components(config: Config) -> frozenset[int]:

@@ -18,8 +18,8 @@ from fwav_companion.camera import Calibration
 from fwav_companion.config import Config
 from fwav_companion.files.latest import LatestFile, status_paths
 from fwav_companion.flow.pipeline import Outputs
-from fwav_companion.flow.wiring import make_node, make_pipeline
-from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs
+from fwav_companion.flow.wiring import make_pipeline
+from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.links.make import make_link
 from fwav_companion.links.url import SerialUrl
 from fwav_companion.localization import ElevationTile
@@ -28,9 +28,11 @@ from fwav_companion.mavlink.node import Received
 from fwav_companion.mavlink.unsigning import unsigned, without_signature
 from fwav_companion.nouns import Frame, NoFrame, Notice, Reason, Severity
 from fwav_companion.recording.events import began_with_line, end_line, refused_line
+from fwav_companion.service.alarm import Alarm
 from fwav_companion.service.board import BoardWatch, board_name, wall_clock_is_synchronised
 from fwav_companion.service.calibration_memory import CalibrationMemory
 from fwav_companion.service.host_clock import HostClock
+from fwav_companion.service.network import make_node
 from fwav_companion.service.parts import FrameEars, make_detections, make_map_link, make_recorder, make_vision
 from fwav_companion.service.signing_memory import SigningMemory
 from fwav_companion.service.systemd_notify import SystemdNotifier
@@ -43,10 +45,6 @@ log = logging.getLogger("fwav_companion")
 FILE_STOP_S = 0.4
 """For each file's last words: four of them stay below the two seconds that are promised for a stop."""
 STATUS_INTERVAL_S = 1.0
-BUSY_NS = 20 * NS_PER_MS
-"""What comes more often than this does all that is due on its way: nothing that we send has a shorter interval."""
-NET_NS = 200 * NS_PER_MS
-"""So late the timer finds what is due when a busy flow ends all at once; until then it rings five times a second."""
 BOARD_TICKS = 5
 """Once so often, in status intervals, ground stations are told how the board is doing."""
 _LEVELS = {Severity.INFO: logging.INFO, Severity.WARNING: logging.WARNING, Severity.ERROR: logging.ERROR}
@@ -115,9 +113,7 @@ class Service:
         self._deaf_because = ""
         self._status = LatestFile(status_paths(config.status.file), _warn, outlives_us=False)
         self._notifier = SystemdNotifier()
-        self._heard_ns, self._busy = HostNs(0), False
-        self._timer: asyncio.TimerHandle | None = None
-        self._timer_ns: HostNs | None = None
+        self._alarm = Alarm(self._on_alarm)
         self._stop = asyncio.Event()
         self._faults = 0
         self._ticks = 0
@@ -168,7 +164,7 @@ class Service:
         log.info("waiting for an autopilot on %s", self._listening_on())
         self._notifier.ready()
         self._tick()
-        self._on_timer()
+        self._on_alarm()
 
     def _close(self) -> None:
         now = self._clock.now()
@@ -227,18 +223,15 @@ class Service:
 
     def _heard(self, now: HostNs) -> None:
         """Something came: what is due is done, and has left before its work begins. A TIMESYNC must not wait for it."""
-        self._busy, self._heard_ns = now - self._heard_ns < BUSY_NS, now
+        self._alarm.heard(now)
         due = self._pipeline.wake_at
         if due is not None and due <= now:
             self._pipeline.advance(now)
             self._flush(now)
 
-    def _on_timer(self) -> None:
-        self._timer = self._timer_ns = None
+    def _on_alarm(self) -> None:
         now = self._clock.now()
-        self._busy = self._busy and now - self._heard_ns < BUSY_NS
-        ring_ns = self._ring_ns(now)
-        if ring_ns is not None and ring_ns > now:  # rung for what has been done meanwhile
+        if self._alarm.is_early(now, self._pipeline.wake_at, self._node.wake_at):
             self._arm(now)
             return
         if self._node.wake_at is not None:
@@ -286,6 +279,9 @@ class Service:
             log.log(_LEVELS[notice.severity], "%s", notice.text)
         self._arm(now)
 
+    def _arm(self, now: HostNs) -> None:
+        self._alarm.arm(now, self._pipeline.wake_at, self._node.wake_at)
+
     def _send(self, outputs: Outputs, now: HostNs) -> None:
         self._node.adopt(self._pipeline.system)
         sends: list[tuple[str, bytes]] = []
@@ -299,23 +295,6 @@ class Service:
         if self._map_link is not None:
             for datagram in outputs.datagrams:
                 self._map_link.send(datagram)
-
-    def _ring_ns(self, now: HostNs) -> HostNs | None:
-        """When the timer is to ring: while much comes, that does what is due, and the timer waits for its end."""
-        first, other = HostNs(now + NET_NS) if self._busy else self._pipeline.wake_at, self._node.wake_at
-        if first is None or other is None:
-            return first if other is None else other
-        return min(first, other)
-
-    def _arm(self, now: HostNs) -> None:
-        """Have the timer ring by then; an earlier ring does no harm."""
-        ring_ns = self._ring_ns(now)
-        if ring_ns is None or (self._timer_ns is not None and self._timer_ns <= ring_ns):
-            return
-        if self._timer is not None:
-            self._timer.cancel()
-        self._timer_ns = ring_ns
-        self._timer = asyncio.get_running_loop().call_at(ring_ns / NS_PER_S, self._on_timer)
 
     # What is told.
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from importlib.util import find_spec
 
 import msgspec
 
 from fwav_companion.config import Config
+from fwav_companion.errors import ConfigError
 from fwav_companion.flow.pipeline import Pipeline
-from fwav_companion.flow.wiring import make_vision_task
 from fwav_companion.links.base import Link, OnState
 from fwav_companion.links.make import make_link
 from fwav_companion.links.url import UdpUrl
@@ -18,6 +19,7 @@ from fwav_companion.recording.space import BYTES_PER_MB, SpacePolicy
 from fwav_companion.service.host_clock import HostClock
 from fwav_companion.vision.detections_in import DetectionsIn
 from fwav_companion.vision.supervisor import VisionProcess
+from fwav_companion.vision.task import VisionTask
 from fwav_companion.vision.wall_clock import ClockStep
 
 
@@ -57,6 +59,25 @@ def make_vision(
         return None
     return VisionProcess(
         task, clock.wall, on_frame=ears.on_frame, on_state=on_state, on_step=ears.on_step, clocks=clock.read
+    )
+
+
+def make_vision_task(config: Config) -> VisionTask | None:
+    """What the vision process is to do; None without [vision]. ConfigError for what cannot be done here."""
+    vision = config.vision
+    if vision is None:
+        return None
+    if vision.detector == "onnx":
+        accepted = "apriltag, aruco, color; another detector sends its pixels to [detections] url"
+        raise ConfigError(f'{config.file}: [vision] detector = "onnx": not in this version; accepted: {accepted}')
+    if find_spec("cv2") is None:
+        raise ConfigError(f"{config.file}: [vision]: OpenCV is missing; accepted: pip install opencv-python-headless")
+    is_path = not vision.source.startswith(("libcamera:", "/dev/", "rtsp://", "rtsps://"))
+    return VisionTask(
+        source=str(config.resolve(vision.source)) if is_path else vision.source,
+        detector=vision.detector,
+        aruco_dictionary=vision.aruco_dictionary,
+        color_hue_deg=vision.color_hue_deg,
     )
 
 

@@ -14,8 +14,9 @@ from fwav_companion.config import parse
 from fwav_companion.doctor.evidence import Board, Evidence, Files
 from fwav_companion.doctor.examine import examine
 from fwav_companion.doctor.finding import Finding
-from fwav_companion.flow.wiring import make_node, make_pipeline
+from fwav_companion.flow.wiring import make_pipeline
 from fwav_companion.geometry.stamps import HostNs, whole_microseconds
+from fwav_companion.service.network import make_node
 from fwav_companion.vision.wall_clock import WallClock
 from fwav_companion.vision.wire import parse_frame
 from sitl_mock import Options, simulate
