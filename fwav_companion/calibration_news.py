@@ -30,6 +30,7 @@ class CalibrationNews:
             report.mount,
             report.mount_sigma,
             report.status.value,
+            report.mistake,
         )
 
     def notices(self, report: CalibrationReport) -> tuple[Notice, ...]:

@@ -70,6 +70,9 @@ def test_an_upside_down_camera_is_named_and_nothing_is_estimated():
     said = [notice for notice in flown.companion.notices if notice.startswith("camera mount: ")]
     assert len(said) == 1
     assert "upside down" in said[0]
+    lines = [line for line in flown.companion.lines if line["type"] == "calibration"]
+    assert any("upside down" in line.get("mistake", "") for line in lines)
+    assert "mistake" not in lines[0]
 
 
 KEPT = KeptCalibration(

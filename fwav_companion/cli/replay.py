@@ -107,7 +107,8 @@ def _replay(arguments: argparse.Namespace) -> int:
         lines = watched("replay", lines)
         if reported:
             lines = report.watched(lines, sightings=arguments.sightings)
-        summary = _write(Path(arguments.out), _exported(lines, exports))
+        mistakes: set[str] = set()
+        summary = _write(Path(arguments.out), _suspected(_exported(lines, exports), mistakes))
         for export in exports:
             _write_bytes(export.path, export.content())
         others = []
@@ -116,6 +117,8 @@ def _replay(arguments: argparse.Namespace) -> int:
     if reported:
         title = Path(arguments.telemetry[0]).stem
         print(report.write(Path(arguments.report), title, config, others, truth, recording.notes))
+    for mistake in sorted(mistakes):
+        print(f"camera mount: {mistake}", file=sys.stderr)
     _tell(summary, as_json=arguments.json)
     return 0
 
@@ -187,6 +190,14 @@ def _exported(lines: Iterator[Line], exports: Sequence[Export]) -> Iterator[Line
     for line in lines:
         for export in exports:
             export.add(line)
+        yield line
+
+
+def _suspected(lines: Iterator[Line], mistakes: set[str]) -> Iterator[Line]:
+    """The same lines; what self-calibration named as grossly wrong is gathered."""
+    for line in lines:
+        if "mistake" in line:
+            mistakes.add(line["mistake"])
         yield line
 
 

@@ -146,9 +146,10 @@ def calibration_line(
     mount: Vector3,
     mount_sigma: Vector3,
     status: str,
+    mistake: str = "",
 ) -> Line:
-    """What self-calibration believes, about once a second."""
-    return {
+    """What self-calibration believes, about once a second; ``mistake``: what is grossly wrong with the mount."""
+    line: Line = {
         "type": "calibration",
         "time_unix": time_unix,
         "time_offset_s": time_offset_s,
@@ -157,6 +158,7 @@ def calibration_line(
         "mount_sigma_deg": [degrees(angle) for angle in mount_sigma],
         "status": status,
     }
+    return {**line, "mistake": mistake} if mistake else line
 
 
 def home_line(time_unix: float, home_down_m: float) -> Line:
