@@ -12,6 +12,7 @@ from typing import Any
 from fwav_companion.config import Config, load
 from fwav_companion.demo.crooked import chapter
 from fwav_companion.demo.flight import EYE_MODULE
+from fwav_companion.demo.gnss_error import mean_position_error_m
 from fwav_companion.demo.setting import CONFIG_FILE, SCENARIO, Setting
 from fwav_companion.files.named import load_calibration
 from fwav_companion.flow.wiring import own_components
@@ -43,7 +44,7 @@ def write_report(
         truth=parse_truth((out / "truth.csv").read_text(encoding="utf-8"), "truth.csv"),
         true_path=[(line["position"][0], line["position"][1]) for line in truth if line["type"] == "vehicle"],
         picture=_picture(flight_arguments, out, recording),
-        hidden=_hidden(truth[0]["biases"]) if truth else {},
+        hidden=_hidden(truth[0]["biases"], mean_position_error_m(lines, truth)) if truth else {},
         notes=[
             f"A demonstration with seed {setting.seed}: nothing was attached. {NOTE}",
             f"Again: {_command(setting)}",
@@ -89,7 +90,10 @@ def _interest(frame: Mapping[str, Any]) -> tuple[int, float]:
     return len(frame["detections"]), min(((box[2] - box[0]) for box in boxes), default=0.0)
 
 
-def _hidden(biases: Mapping[str, Any]) -> dict[str, str]:
+def _hidden(biases: Mapping[str, Any], position_m: tuple[float, float] | None) -> dict[str, str]:
+    position = f"{biases['position_sigma_m']:.1f} m, one sigma"
+    if position_m is not None:
+        position = f"{position_m[0]:+.2f}, {position_m[1]:+.2f} m"
     mount = ", ".join(f"{angle:+.2f}" for angle in biases["mount_deg"])
     return {
         "camera's stamps come late by": f"{biases['time_offset_s'] * 1e3:+.1f} ms",
@@ -97,5 +101,5 @@ def _hidden(biases: Mapping[str, Any]) -> dict[str, str]:
         "compass off by": f"{biases['heading_deg']:+.2f} °",
         "roll and pitch off by": f"{biases['attitude_roll_deg']:+.2f}, {biases['attitude_pitch_deg']:+.2f} °",
         "height off by": f"{biases['height_m']:+.2f} m",
-        "position wanders by (one sigma)": f"{biases['position_sigma_m']:.1f} m",
+        "position off on the mean (north, east)": position,
     }

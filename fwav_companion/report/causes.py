@@ -35,7 +35,10 @@ def budget(story: Story, title: str = "What one sighting can be off by") -> str:
 
 def _hidden(story: Story) -> str:
     rows = [row([name, value]) for name, value in story.hidden.items()]
-    told = "Drawn from the configuration's own priors. The service was told none of it."
+    told = (
+        "Drawn from the configuration's own priors; the service was told none of it. An error of the vehicle's "
+        "position moves all answers on the map the same way."
+    )
     return figure("What was wrong with this vehicle", f"<table>{''.join(rows)}</table>", told) if rows else ""
 
 

@@ -60,7 +60,7 @@ def _timing(story: Story) -> str:
         last = story.clock[-1]
         caption = (
             f"Pictures are stamped by this board, attitudes by the autopilot. At the end the two clocks were known to "
-            f"{last.sigma_s * 1e3:.2f} ms (one sigma), and beyond doubt to {last.bound_s * 1e3:.2f} ms."
+            f"{last.sigma_s * 1e3:.2g} ms (one sigma), and beyond doubt to {last.bound_s * 1e3:.2g} ms."
         )
         told = key([("ours", "line", "one sigma"), ("bound", "line", "hard bound")])
         figures.append(figure("The two clocks", clock, caption, key=told))
