@@ -41,13 +41,26 @@ class CalibrationNews:
             told = (Notice(Severity.ERROR, f"camera mount: {report.mistake}", to_ground=True),)
         if report.status is not self._told_status and report.status is not CalibrationStatus.WAITING:
             self._told_status = report.status
-            text = f"self-calibration: {'; '.join(self.configuration_lines(report))}"
-            told = (*told, Notice(Severity.INFO, text))
+            told = (*told, Notice(Severity.INFO, f"self-calibration: {self._what_came_out(report)}"))
         return told
+
+    def _what_came_out(self, report: CalibrationReport) -> str:
+        if report.status is CalibrationStatus.AMBIGUOUS:
+            delays = ", ".join(f"{delay:.3f} s" for delay in self._rivals(report))
+            return (
+                f"[camera] time_offset_s may be {delays}: the beat of the wings repeats itself; "
+                "flying turns tells them apart, or a smaller [uncertainty] time_offset_sigma_s"
+            )
+        if report.status is CalibrationStatus.UNEXPLAINED:
+            return "no delay within [uncertainty] time_offset_sigma_s explains what is seen; nothing is corrected"
+        return "; ".join(self.configuration_lines(report))
+
+    def _rivals(self, report: CalibrationReport) -> list[float]:
+        return sorted(self._time_offset_s + rival for rival in report.rivals)
 
     def configuration_lines(self, report: CalibrationReport) -> list[str]:
         """What to write into the configuration, so that the next flight begins with it; only what was found."""
-        if report.status is CalibrationStatus.WAITING:
+        if report.status not in (CalibrationStatus.TIME, CalibrationStatus.CALIBRATED):
             return []
         lines = [f"[camera] time_offset_s = {self._time_offset_s + report.time_offset_s:.4f}"]
         if report.status is CalibrationStatus.CALIBRATED:
@@ -64,6 +77,7 @@ class CalibrationNews:
             "time_offset_sigma_s": report.time_offset_sigma_s,
             "mount_deg": [degrees(angle) for angle in report.mount],
             "mount_sigma_deg": [degrees(sigma) for sigma in report.mount_sigma],
+            "time_offset_rivals_s": self._rivals(report),
             "mistake": report.mistake,
             "configuration_lines": self.configuration_lines(report),
         }

@@ -2,7 +2,7 @@
 
 Pure: frames come in with their own capture times, tracks go out. Reading order: ``options``, ``base``, ``estimate``,
 ``kalman``, ``lowpass``, ``moving``; ``association``, ``lifecycle``, ``tracker``, ``reorder``; and for self-calibration
-``rays``, ``course``, ``joint``, ``fit``, ``answer``, ``verdict``, ``calibrator``.
+``rays``, ``course``, ``joint``, ``fit``, ``search``, ``answer``, ``verdict``, ``calibrator``.
 """
 
 from fwav_companion.tracking.calibration import CalibrationReport, KeptCalibration

@@ -35,6 +35,8 @@ class CalibrationReport(msgspec.Struct, frozen=True, kw_only=True):
     """Told minus true."""
     height_sigma_m: float
     status: CalibrationStatus
+    rivals: tuple[float, ...] = ()
+    """Of AMBIGUOUS: corrections of the time offset that explain what was seen alike, the likeliest first."""
     mistake: str = ""
     """A gross mistake in the mount, as a sentence; nothing is estimated then."""
     keep: KeptCalibration | None = None

@@ -24,19 +24,15 @@ from fwav_companion.tracking.estimate import Surprise
 from fwav_companion.tracking.fit import Fit
 from fwav_companion.tracking.mistakes import Suspicion
 from fwav_companion.tracking.rays import COMMON_COUNT, Common, Glimpse, glimpse_of
+from fwav_companion.tracking.search import UNEXPLAINED, Found, InVain, Search, search_of
 from fwav_companion.tracking.verdict import CalibrationStatus, Placed, Verdict, judged
 from fwav_companion.tracking.views import Views
 from fwav_companion.tracking.workshop import Workshop
 
 SEARCH_A_FRAME = 2
 """Glimpses that the search takes of one frame: each costs a step of every hypothesis."""
-SEARCH_LEAST = 40
-SEARCH_MOST = 240
-"""Glimpses: four beats at 30 frames/s, and when to give up: what does not shake shows no delay."""
 SEARCH_PAUSE_NS = 20 * NS_PER_S
 """After a search in vain: it costs as much as ten targets do."""
-SEARCH_MARGIN = 10.0
-"""Of log-likelihood over the best hypothesis that is not next to it: 20 000 to one."""
 LAG_S = 0.06
 """Behind the newest frame, beside the delays that are asked for: attitudes beyond them must have come."""
 
@@ -66,8 +62,10 @@ class Calibrator(msgspec.Struct, frozen=True):
     complete: bool = True
     """All that was seen is kept."""
     seen: int = 0
-    bank: tuple[Fit, ...] = ()
+    search: Search | None = None
     """While the delay is searched for."""
+    vain: InVain | None = None
+    """How the last search ended, if it found nothing."""
     delay_s: float | None = None
     """About which glimpses are taken, once it was found."""
     served: Fit | None = None
@@ -108,7 +106,7 @@ class Calibrator(msgspec.Struct, frozen=True):
             first, state = state.queue[0], msgspec.structs.replace(state, queue=state.queue[1:])
             if first.host_ns >= state.idle_until_ns:
                 state = state._taught([each for each in first.fixes if each[0] in alive])
-        return state._passed_on()._judged()
+        return state._searched_on()._passed_on()._judged()
 
     def placed(self, track: int) -> Placed | None:
         """Where a target stands; None while that is not known here."""
@@ -134,10 +132,16 @@ class Calibrator(msgspec.Struct, frozen=True):
             mount_sigma=(sigmas[1], sigmas[2], sigmas[3]),
             height_m=means[Common.HEIGHT],
             height_sigma_m=sigmas[Common.HEIGHT],
-            status=CalibrationStatus.WAITING if self.verdict is None else self.verdict.status,
+            status=self._status(),
+            rivals=() if self.vain is None else self.vain.rivals,
             mistake=self.suspicion.text,
             keep=self._worth_keeping(),
         )
+
+    def _status(self) -> CalibrationStatus:
+        if self.verdict is not None:
+            return self.verdict.status
+        return CalibrationStatus.WAITING if self.vain is None else self.vain.status
 
     def restarted(self) -> Calibrator:
         """After every target was dropped: what the flight has taught is kept, as a prior."""
@@ -174,12 +178,13 @@ class Calibrator(msgspec.Struct, frozen=True):
         if not gone:
             return self
         served, coming = self.served, self.coming
+        search = None if self.search is None else self.search.without(gone, self.kept)
         for track in sorted(gone):
             served = None if served is None else served.without(track)
             coming = None if coming is None else coming.without(track)
         taken = sum(glimpse.track not in gone for glimpse in self.kept[: self.cursor])
         kept = tuple(glimpse for glimpse in self.kept if glimpse.track not in gone)
-        return msgspec.structs.replace(self, served=served, coming=coming, kept=kept, cursor=taken)
+        return msgspec.structs.replace(self, search=search, served=served, coming=coming, kept=kept, cursor=taken)
 
     def _course(self, fix: GroundFix) -> Course:
         return self.shop.course(fix.sighting.state, self.shop.delays if self.delay_s is None else (self.delay_s,))
@@ -210,34 +215,36 @@ class Calibrator(msgspec.Struct, frozen=True):
             views=views,
         )
         if state.delay_s is None:
-            return state._searched(glimpse)
+            if not self.shop.searches:
+                return state._found(self.shop.means)
+            search = state.search or search_of(self.shop)
+            return msgspec.structs.replace(state, search=search.fed(glimpse))
         served = state.served.fed(glimpse) if state.served is not None else None
         return msgspec.structs.replace(state, served=served)
 
-    def _searched(self, glimpse: Glimpse) -> Calibrator:
-        bank = self.bank or self.shop.bank()
-        if len(bank) > 1:
-            bank = tuple(fit.fed(glimpse) for fit in bank)
-        state = msgspec.structs.replace(self, bank=bank)
-        if len(bank) == 1:
-            return state._found(self.shop.means)
-        best = max(range(len(bank)), key=lambda i: bank[i].score)
-        taken = bank[best].used + bank[best].refused
-        rivals = [fit.score for i, fit in enumerate(bank) if abs(i - best) > 1]
-        margin = bank[best].score - max(rivals)
-        if taken >= SEARCH_LEAST and margin > SEARCH_MARGIN and bank[best].fits:
-            return state._found(bank[best].joint.mean)
-        if taken < SEARCH_MOST:
-            return state
-        if bank[best].fits and bank[best].score - min(fit.score for fit in bank) < SEARCH_MARGIN:
-            return state._found(self.shop.means)  # nothing shakes: any delay fits, and small ones act linearly
-        return state._given_up()
+    def _searched_on(self) -> Calibrator:
+        """A frame further with the search; a delay that is found is where the first pass begins."""
+        if self.search is None:
+            return self
+        search = self.search.advanced(self.kept)
+        match search.result(self.kept):
+            case Found(around):
+                return self._found(around)
+            case InVain() as vain:
+                return self._given_up(vain)
+            case None:
+                return msgspec.structs.replace(self, search=search)
 
-    def _given_up(self) -> Calibrator:
-        """Two delays fit alike (a steady beat repeats itself), or none does: what was kept decides nothing."""
+    def _given_up(self, vain: InVain) -> Calibrator:
+        """What was kept decides nothing; it says why, and another search is begun after a pause."""
         pause_ns = HostNs(self.host_ns + SEARCH_PAUSE_NS)
         return Calibrator(
-            self.shop, host_ns=self.host_ns, queue=self.queue, idle_until_ns=pause_ns, suspicion=self.suspicion
+            self.shop,
+            host_ns=self.host_ns,
+            queue=self.queue,
+            idle_until_ns=pause_ns,
+            suspicion=self.suspicion,
+            vain=vain,
         )
 
     def _found(self, around: tuple[float, ...]) -> Calibrator:
@@ -247,7 +254,7 @@ class Calibrator(msgspec.Struct, frozen=True):
             msgspec.structs.replace(glimpse, course=Course((glimpse.course.at(delay_s),))) for glimpse in self.kept
         )
         return msgspec.structs.replace(
-            self, kept=kept, bank=(), delay_s=delay_s, coming=self.shop.fit(around), cursor=0
+            self, kept=kept, search=None, vain=None, delay_s=delay_s, coming=self.shop.fit(around), cursor=0
         )
 
     def _passed_on(self) -> Calibrator:
@@ -269,10 +276,9 @@ class Calibrator(msgspec.Struct, frozen=True):
         joint = self.served.joint
         if self.seen < PASSES_AT[self.passes] * max(1, len(joint.tracks)):
             return self
-        hints = {track: (joint.mean[i], joint.mean[i + 1]) for track in joint.tracks if (i := joint.place_of(track))}
         around = (*joint.mean[: Common.NORTH], 0.0, 0.0)
         return msgspec.structs.replace(
-            self, coming=self.shop.fit(around, hints=hints), cursor=0, passes=self.passes + 1, delay_s=around[0]
+            self, coming=self.shop.fit(around, hints=joint.places), cursor=0, passes=self.passes + 1, delay_s=around[0]
         )
 
     def _judged(self) -> Calibrator:
@@ -280,7 +286,7 @@ class Calibrator(msgspec.Struct, frozen=True):
         if self.served is None:
             return self
         if not self.served.fits:
-            return self._given_up()
+            return self._given_up(UNEXPLAINED)
         joint, shop, verdict, judged_ns = self.served.joint, self.shop, self.verdict, self.judged_ns
         if verdict is None or self.host_ns - judged_ns >= JUDGED_EVERY_NS:
             verdict = judged(joint, shop.means, shop.sigmas, various=self.views.various)

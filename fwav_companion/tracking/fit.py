@@ -27,6 +27,8 @@ class Fit(msgspec.Struct, frozen=True):
     """Of targets that are not in the estimate yet."""
     score: float = 0.0
     """Log-likelihood, up to a constant."""
+    luck: float = 0.0
+    """Variance of the score against that of another delay at which the vehicle moves alike (``Innovation``)."""
     used: int = 0
     refused: int = 0
     """Glimpses that did not fit at all."""
@@ -88,6 +90,7 @@ class Fit(msgspec.Struct, frozen=True):
             self.hints,
             self.waiting,
             self.score - 0.5 * (worst + log(seen.determinant)),
+            self.luck + seen.luck,
             self.used + fits,
             self.refused + (not fits),
             self.distance2 + worst,

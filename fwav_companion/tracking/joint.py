@@ -42,6 +42,9 @@ class Innovation(msgspec.Struct, frozen=True, gc=False):
     distance2: float
     spread: float
     """Log of the innovation's determinant over that of the noise alone."""
+    luck: float
+    """Variance of the log-likelihood by which this glimpse may prefer another instant of the same motion: the attitudes
+    told for that are as noisy, but not by the same errors."""
 
 
 class Joint(msgspec.Struct, frozen=True):
@@ -60,6 +63,12 @@ class Joint(msgspec.Struct, frozen=True):
     def place_of(self, track: int) -> int | None:
         """Index of the target's north; None where it is not in the estimate."""
         return COMMON_COUNT + 2 * self.tracks.index(track) if track in self.tracks else None
+
+    @property
+    def places(self) -> dict[int, tuple[float, float]]:
+        """North and east of each target, by track."""
+        means = self.mean[COMMON_COUNT:]
+        return dict(zip(self.tracks, zip(means[::2], means[1::2], strict=True), strict=True))
 
     def predicted(self, host_ns: int) -> Joint:
         """At another instant: the vehicle's position error has wandered."""
@@ -106,13 +115,15 @@ class Joint(msgspec.Struct, frozen=True):
         du, dv = prediction.residual[0] - inner(row_u, off), prediction.residual[1] - inner(row_v, off)
         uu, uv, vv = pixel_noise(glimpse, prediction, self.priors)
         alone = uu * vv - uv * uv
+        su, sv = glimpse.pixel_sigma
+        luck = 2.0 - (su * su / uu) ** 2 - (sv * sv / vv) ** 2
         uu, uv, vv = uu + inner(row_u, own_u), uv + inner(row_u, own_v), vv + inner(row_v, own_v)
         determinant = uu * vv - uv * uv
         if not determinant > 0.0:
             return None
         inverse = (vv / determinant, -uv / determinant, uu / determinant)
         distance2 = inverse[0] * du * du + 2.0 * inverse[1] * du * dv + inverse[2] * dv * dv
-        return Innovation((du, dv), carried, inverse, determinant, distance2, log(determinant / alone))
+        return Innovation((du, dv), carried, inverse, determinant, distance2, log(determinant / alone), luck)
 
     def updated(self, seen: Innovation) -> Joint:
         """With the gain of least covariance, but for the vehicle's position, which is only considered."""

@@ -32,6 +32,10 @@ class CalibrationStatus(StrEnum):
 
     WAITING = "waiting"
     """Too little was seen yet; everything stands at its prior."""
+    AMBIGUOUS = "ambiguous"
+    """Several delays explain what was seen alike, as a steady beat repeats itself; everything stands at its prior."""
+    UNEXPLAINED = "unexplained"
+    """No delay within its prior explains what was seen; everything stands at its prior."""
     TIME = "time"
     """The delay is known; the mount needs other headings or ranges."""
     CALIBRATED = "calibrated"

@@ -5,18 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import hypot
 
-import msgspec
-
 from fwav_companion.nouns import Bias, ErrorPriors, GroundFix, VehicleState
 from fwav_companion.tracking.calibration import KeptCalibration
 from fwav_companion.tracking.course import Course, StateAt, course_of
 from fwav_companion.tracking.fit import Fit
-from fwav_companion.tracking.joint import joint_of
+from fwav_companion.tracking.joint import Joint, joint_of
 from fwav_companion.tracking.rays import COMMON_COUNT, Common, Glimpse, glimpse_of
 
 NO_TRACK = 0
 DELAY_STEP_S = 0.015
 """Between two hypotheses: a fifth of a beat at 15 Hz, so one of them is always in the linear range."""
+STEP_SIGMA_S = 0.6 * DELAY_STEP_S
+"""How far a hypothesis may move: what lies beyond half a step is the next one's."""
 SEARCH_SIGMAS = 3.0
 
 
@@ -41,6 +41,11 @@ class Workshop:
             self._remembered = (key, course_of(nominal, delays_s, self.state_at))
         return self._remembered[1]
 
+    @property
+    def searches(self) -> bool:
+        """There is more than one delay to try."""
+        return len(self.delays) > 1
+
     def glimpse(self, fix: GroundFix, delay_s: float) -> Glimpse:
         """A fix by itself, of no track yet. Remembers the last one: many tracks are asked about it."""
         if self._glimpse is None or self._glimpse[0] is not fix or self._glimpse[1] != delay_s:
@@ -50,14 +55,11 @@ class Workshop:
 
     def bank(self) -> tuple[Fit, ...]:
         """A fit a delay, each with a prior as wide as the step between them."""
-        if len(self.delays) == 1:
-            return (self.fit(self.delays),)
-        middle, sigma = self.means[Common.DELAY], self.sigmas[Common.DELAY]
-        fits = [self.fit((delay,), DELAY_STEP_S * 0.6) for delay in self.delays]
-        return tuple(
-            msgspec.structs.replace(fit, score=-0.5 * ((delay - middle) / sigma) ** 2)
-            for delay, fit in zip(self.delays, fits, strict=True)
-        )
+        return tuple(self.fit((delay,), STEP_SIGMA_S) for delay in self.delays)
+
+    def trial(self, ended: Joint) -> Fit:
+        """A fit about where another ended, as free to move."""
+        return self.fit((*ended.mean[: Common.NORTH], 0.0, 0.0), STEP_SIGMA_S, ended.places)
 
     def fit(
         self,

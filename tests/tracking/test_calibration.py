@@ -184,15 +184,6 @@ def test_what_does_not_shake_shows_no_delay():
     assert error_of(track, (4.0, 3.0)) < 0.03
 
 
-def test_two_delays_a_beat_apart_are_not_guessed_between():
-    """A hover at a steady 5 Hz repeats itself every 200 ms: -100 ms and +100 ms look the same."""
-    biases = np.zeros(BIAS_COUNT)
-    biases[Bias.TIME_OFFSET] = 0.1
-    flight = Flight(seed=6, seconds=20, fps=15, shape="hover", height_m=10.0, targets=((4.0, 3.0),), biases=biases)
-    _, report = flown(flight)
-    assert abs(report.time_offset_s - 0.1) < 3 * report.time_offset_sigma_s
-
-
 def test_a_kept_calibration_is_where_the_next_flight_starts():
     p = priors()
     kept = KeptCalibration(
