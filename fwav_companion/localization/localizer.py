@@ -7,7 +7,7 @@ from math import isfinite, sqrt
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.rotations import exp, rotate
 from fwav_companion.geometry.vectors import Vector3, add, cross, dot, norm, scale, transform
-from fwav_companion.localization.ground import Ground, Meeting
+from fwav_companion.localization.ground import LEVEL_NORMAL, Ground, Meeting
 from fwav_companion.localization.propagation import Propagation, propagate
 from fwav_companion.localization.weighing import NoiseVariances, bias_variances, noise_variances, weigh
 from fwav_companion.nouns import ErrorPriors, GroundFix, NoFix, Reason, Sighting
@@ -68,7 +68,7 @@ class Localizer:
         weights = weigh(propagation, noise, self._bias, meeting)
         return GroundFix(
             sighting,
-            add(meeting.camera_ned, scale(direction, meeting.distance_m)),
+            _point(meeting, direction),
             weights.noise_cov,
             propagation.biases,
             weights.cov,
@@ -112,6 +112,12 @@ class Localizer:
             if abs(other.distance_m - plane_m) > stretch * meeting.distance_m:
                 return False
         return True
+
+
+def _point(meeting: Meeting, direction: Vector3) -> Vector3:
+    """Where the ray ends; on level ground exactly at its level."""
+    north, east, down = add(meeting.camera_ned, scale(direction, meeting.distance_m))
+    return (north, east, meeting.camera_ned[2] + meeting.height_m if meeting.normal is LEVEL_NORMAL else down)
 
 
 def _is_finite(fix: GroundFix) -> bool:
