@@ -54,8 +54,15 @@ class Shown(msgspec.Struct, frozen=True):
 class ShakeWitness:
     """Keeps the frames that count, and tells the person what to do."""
 
-    def __init__(self, config: Config, calibration: Calibration, wait_s: float, show: Callable[[Advice], None]) -> None:
-        self._config, self._calibration, self._show = config, calibration, show
+    def __init__(
+        self,
+        config: Config,
+        calibration: Calibration,
+        wait_s: float,
+        show: Callable[[Advice], None],
+        now_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._config, self._calibration, self._show, self._now_s = config, calibration, show, now_s
         self._guide = Guide(wait_s)
         self._frames: list[Frame] = []
         self._came = self._tags = 0
@@ -92,7 +99,7 @@ class ShakeWitness:
         state = telemetry.newest_state()
         hz = [rate.get("measured_hz") or 0.0 for name, rate in rates.items() if name.startswith("ATTITUDE")]
         return Moment(
-            now_s=time.monotonic(),
+            now_s=self._now_s(),
             closed=_closed(status, self._config),
             autopilot=status["autopilot"] is not None,
             attitude_hz=max(hz, default=0.0),

@@ -73,6 +73,8 @@ def first_look(times_s: Floats, camera_from_tag: Floats, course: Course) -> Firs
     scored = [_likeness(seen, *at) for at in told]
     scores = np.array([score for score, _ in scored])
     best = int(scores.argmax())
+    if scores[best] <= 0.0:
+        return None
     apart = np.abs(delays_s - delays_s[best]) > RIVAL_APART_S
     turns, known = told[best]
     seen, turns = seen[known], turns[known]

@@ -248,9 +248,9 @@ class _State:
     def answer(self) -> Fit:
         """The estimate as it stands."""
         return Fit(
-            delay_s=self._delay_s,
+            delay_s=float(self._delay_s),
             body_from_camera=self._camera_from_body.T,
-            readout_s=self._readout_s,
+            readout_s=float(self._readout_s),
             sigmas=np.sqrt(np.diag(self._covariance())[: MOUNT.stop]),
             pixel_sigma=float(np.sqrt(self._noise2)),
             frames=int(self._used.sum()),

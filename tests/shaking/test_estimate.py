@@ -1,0 +1,122 @@
+"""Planted delays, mounts and mistakes, found by shaking; and what is not shown, said to be so."""
+
+import numpy as np
+import pytest
+from hands import BELLY, FORWARD_DOWN, Hands, correction_deg
+
+PLAIN = Hands(seed=4)
+SHORT = PLAIN.but(seconds=10.0)
+QUARTER = np.array([[0, -1], [1, 0]])
+
+
+def errors_and_sigmas(hands):
+    """Of delay (ms) and mount (deg, each axis)."""
+    shaken = hands.found()
+    assert (shaken.mistakes, shaken.not_shown) == ((), ())
+    errors = [1e3 * (shaken.delay.value - hands.delay_s), *(correction_deg(shaken) - hands.mount_deg)]
+    sigmas = [1e3 * shaken.delay.sigma, *np.degrees([known.sigma for known in shaken.mount])]
+    return np.array(errors), np.array(sigmas)
+
+
+@pytest.mark.parametrize(
+    "hands",
+    [
+        PLAIN,
+        PLAIN.but(delay_s=0.21, mount_deg=(-2.0, 1.5, -6.0)),
+        PLAIN.but(delay_s=-0.012, seconds=24.0),
+        PLAIN.but(slope_deg=(0.5, -0.4)),
+        PLAIN.but(configured=FORWARD_DOWN),
+        PLAIN.but(readout_s=0.02, told_readout=(0.02, 0.0)),
+        PLAIN.but(readout_s=0.02, told_readout=(1 / 60, 1 / 30 / 12**0.5)),
+        PLAIN.but(spoiled=0.05),
+        PLAIN.but(reorder=(0, 3, 2, 1)),
+        PLAIN.but(reorder=(2, 3, 0, 1)),
+    ],
+    ids=["plain", "large", "early", "slope", "forward", "rows", "rows unknown", "spoiled", "backward", "half round"],
+)
+def test_delay_and_mount_are_found(hands):
+    errors, sigmas = errors_and_sigmas(hands)
+    assert abs(errors[0]) < 1.0
+    assert (abs(errors[1:]) < (0.15, 0.15, 0.6)).all()
+    assert (abs(errors) < 3.5 * sigmas).all()
+    assert (sigmas < (0.4, 0.1, 0.1, 0.3)).all()
+
+
+def test_sigmas_are_neither_too_small_nor_too_large():
+    both = [errors_and_sigmas(Hands(seed=seed)) for seed in range(20, 26)]
+    normed = np.array([errors / sigmas for errors, sigmas in both])
+    assert 0.4 < np.sqrt((normed**2).mean()) < 1.4
+    assert (abs(normed) < 1.96).mean() > 0.85
+
+
+MISTAKES = {
+    "image upside down": {"image": -np.eye(2)},
+    "mount turned by 90 deg": {"image": QUARTER},
+    "image mirrored left to right": {"image": np.diag([-1, 1])},
+    "image mirrored top to bottom": {"image": np.diag([1, -1])},
+    "image mirrored and turned by 90 deg": {"image": np.array([[0, 1], [1, 0]])},
+    "roll reversed": {"told_signs": (-1, 1, 1)},
+    "pitch reversed": {"told_signs": (1, -1, 1)},
+    "yaw reversed": {"told_signs": (1, 1, -1)},
+    "roll, pitch and yaw reversed": {"told_signs": (-1, -1, -1)},
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+@pytest.mark.parametrize("configured", [BELLY, FORWARD_DOWN], ids=["belly", "forward"])
+def test_a_gross_mistake_is_named(name, configured):
+    shaken = SHORT.but(configured=configured, **MISTAKES[name]).found()
+    assert [mistake.name for mistake in shaken.mistakes] == [name]
+    assert (shaken.mount is None) == (name not in ("image upside down", "mount turned by 90 deg"))
+
+
+def test_a_reversed_pitch_is_not_called_a_mirror_where_nothing_turns_about_the_third_axis():
+    """There the two turn alike; the order of the corners tells them apart."""
+    flat = SHORT.but(swing_deg=(11.0, 11.0, 0.0), turn_deg=0.0)
+    for name in ("pitch reversed", "image mirrored left to right"):
+        assert [mistake.name for mistake in flat.but(**MISTAKES[name]).found().mistakes] == [name]
+
+
+def test_an_image_upside_down_comes_with_the_mount_that_rights_it():
+    shaken = PLAIN.but(image=-np.eye(2), mount_deg=(0.0, 0.0, 0.0)).found()
+    top = np.array(shaken.body_from_camera) @ (0.0, -1.0, 0.0)
+    assert top == pytest.approx((-1.0, 0.0, 0.0), abs=0.02)
+    assert shaken.delay.value == pytest.approx(0.035, abs=0.001)
+
+
+def test_never_turned():
+    shaken = PLAIN.but(turn_deg=0.0).found()
+    assert shaken.mount is None
+    assert shaken.delay.value == pytest.approx(0.035, abs=0.0015)
+    (reason,) = shaken.not_shown
+    assert reason.startswith("mount: never turned by 90 deg")
+
+
+@pytest.mark.parametrize(
+    ("hands", "words"),
+    [
+        (PLAIN.but(swing_deg=(0.3, 0.3, 0.3), flap_deg=0.0), "too little shaking about two axes"),
+        (PLAIN.but(rhythm_hz=2.0, flap_deg=0.0, turn_deg=0.0), "shaken too evenly"),
+        (PLAIN.but(tag_m=0.03), "the tag's side is"),
+        (PLAIN.but(seconds=4.0), "the tag was seen whole in"),
+    ],
+    ids=["still", "rhythm", "small", "short"],
+)
+def test_what_is_not_shown_is_said_with_no_number(hands, words):
+    shaken = hands.found()
+    assert (shaken.delay, shaken.mount, shaken.mistakes) == (None, None, ())
+    assert any(words in reason for reason in shaken.not_shown)
+
+
+def test_the_attitude_of_another_vehicle():
+    strangers = PLAIN.shaking(attitude_at=PLAIN.but(seed=40).shaking().attitude_at)
+    from fwav_companion.shaking.estimate import estimate
+
+    shaken = estimate(strangers)
+    assert (shaken.delay, shaken.mount) == (None, None)
+    assert any("is it on this vehicle" in reason or "too evenly" in reason for reason in shaken.not_shown)
+
+
+def test_no_attitudes_and_no_frames():
+    assert "attitudes are missing" in PLAIN.found(attitude_at=lambda _: None).not_shown[-1]
+    assert "seen whole in 0 frames" in PLAIN.found(views=[]).not_shown[-1]
