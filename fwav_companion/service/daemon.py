@@ -6,7 +6,6 @@ import asyncio
 import logging
 import os
 import signal
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Protocol
@@ -25,20 +24,18 @@ from fwav_companion.links.url import SerialUrl
 from fwav_companion.localization import ElevationTile
 from fwav_companion.mavlink.joining import joined
 from fwav_companion.mavlink.node import Received
-from fwav_companion.mavlink.unsigning import unsigned, without_signature
-from fwav_companion.nouns import Frame, NoFrame, Notice, Reason, Severity
-from fwav_companion.recording.events import began_with_line, end_line, refused_line
+from fwav_companion.nouns import Frame, NoFrame, Severity
 from fwav_companion.service.alarm import Alarm
 from fwav_companion.service.board import BoardWatch, board_name, wall_clock_is_synchronised
 from fwav_companion.service.calibration_memory import CalibrationMemory
 from fwav_companion.service.host_clock import HostClock
+from fwav_companion.service.journal import Journal
 from fwav_companion.service.network import make_node
 from fwav_companion.service.parts import FrameEars, make_detections, make_map_link, make_recorder, make_vision
 from fwav_companion.service.signing_memory import SigningMemory
 from fwav_companion.service.systemd_notify import SystemdNotifier
 from fwav_companion.telemetry import Telemetry
 from fwav_companion.vision.wall_clock import ClockStep
-from fwav_companion.vision.wire import encode_frame
 
 log = logging.getLogger("fwav_companion")
 
@@ -107,8 +104,7 @@ class Service:
         if calibration is not None:
             self._detections = make_detections(config, self._clock, ears, self._on_detections_state)
             self._vision = make_vision(config, self._clock, ears, self._on_vision_state)
-        self._recorder = make_recorder(config, beside_recording, self._pipeline, _warn)
-        self._refused: Counter[Reason] = Counter()
+        self._journal = Journal(make_recorder(config, beside_recording, self._pipeline, _warn), self._clock)
         self._came, self._came_ns = 0, HostNs(0)
         self._deaf_because = ""
         self._status = LatestFile(status_paths(config.status.file), _warn, outlives_us=False)
@@ -154,13 +150,11 @@ class Service:
     # Coming up and going down.
 
     def _start(self) -> None:
-        files = (self._recorder, self._status, self._signing, self._calibrations)
+        self._journal.start(self._kept)
+        files = (self._status, self._signing, self._calibrations)
         for part in (*files, self._detections, self._vision, self._map_link, *self._links.values()):
             if part is not None:
                 part.start()
-        if self._recorder is not None and self._kept is not None:
-            unix_us = self._clock.unix_us(self._clock.now())
-            self._recorder.detection(unix_us, began_with_line(unix_us, msgspec.to_builtins(self._kept)))
         log.info("waiting for an autopilot on %s", self._listening_on())
         self._notifier.ready()
         self._tick()
@@ -168,17 +162,15 @@ class Service:
 
     def _close(self) -> None:
         now = self._clock.now()
-        self._record_refused(now)
+        self._journal.tick(now)
         self._pipeline.finish(now)
         self._flush(now)
-        if self._recorder is not None:
-            self._recorder.detection(self._clock.unix_us(now), end_line(self._clock.unix_us(now)))
+        self._journal.end(now)
         for part in (self._detections, self._vision, self._map_link, *self._links.values()):
             if part is not None:
                 part.close()
-        for file in (self._recorder, self._status, self._signing, self._calibrations):
-            if file is not None:
-                file.close(FILE_STOP_S)
+        for file in (self._journal, self._status, self._signing, self._calibrations):
+            file.close(FILE_STOP_S)
         self._notifier.close()
         log.info("stopped")
 
@@ -196,9 +188,7 @@ class Service:
     def _take(self, received: Received, now: HostNs) -> None:
         for name, data in received.forwards:
             self._links[name].send(data)
-        if self._recorder is not None:
-            for raw in received.frames:
-                self._recorder.telemetry(self._clock.unix_us(now), unsigned(raw))
+        self._journal.received(received.frames, now)
         if not received.messages and not received.rate_request:
             return
         self._heard(now)
@@ -211,10 +201,7 @@ class Service:
     def _on_frame(self, frame: Frame | NoFrame) -> None:
         now = frame.arrival_ns if isinstance(frame, Frame) and frame.arrival_ns is not None else self._clock.now()
         self._came, self._came_ns = self._came + 1, now
-        if isinstance(frame, NoFrame):
-            self._refused[frame.reason] += 1
-        elif self._recorder is not None:
-            self._recorder.detection(self._clock.unix_us(now), encode_frame(frame, self._clock.unix_offset_ns))
+        self._journal.frame(frame, now)
         self._heard(now)
         if self._witness is not None:
             self._witness.on_frame(frame)
@@ -245,17 +232,12 @@ class Service:
         now = self._clock.now()
         self._status.write(msgspec.json.encode(self._status_object(now)))
         self._notifier.alive()
-        self._record_refused(now)
+        self._journal.tick(now)
         if self._ticks % BOARD_TICKS == 0:
             self._look_at_board(now)
         self._ticks += 1
         self._signing.tick(self._node.signing_clock)
         self._calibrations.tick(self._pipeline.calibration_to_keep)
-
-    def _record_refused(self, now: HostNs) -> None:
-        if self._refused and self._recorder is not None:
-            self._recorder.detection(self._clock.unix_us(now), refused_line(self._clock.unix_us(now), self._refused))
-        self._refused.clear()
 
     def _look_at_board(self, now: HostNs) -> None:
         """The wall clock is asked only where somebody wants UTC of us."""
@@ -271,10 +253,7 @@ class Service:
     def _flush(self, now: HostNs) -> None:
         outputs = self._pipeline.take()
         self._send(outputs, now)
-        if self._recorder is not None:
-            for line in outputs.lines:
-                self._recorder.target(self._clock.unix_us(now), line)
-            self._recorder.on_armed(self._pipeline.armed, self._clock.unix_us(now))
+        self._journal.found(outputs.lines, self._pipeline.armed, now)
         for notice in outputs.notices:
             log.log(_LEVELS[notice.severity], "%s", notice.text)
         self._arm(now)
@@ -288,8 +267,8 @@ class Service:
         for outgoing in outputs.messages:
             frames = self._node.encode(outgoing, now)
             sends += frames
-            if frames and self._recorder is not None:
-                self._recorder.telemetry(self._clock.unix_us(now), without_signature(frames[0][1]))
+            if frames:
+                self._journal.sent(frames[0][1], now)
         for name, data in joined(sends):
             self._links[name].send(data)
         if self._map_link is not None:
@@ -319,8 +298,7 @@ class Service:
             log.warning("no pictures of %s: %s; trying again", source, why)
 
     def _on_clock_step(self, step: ClockStep) -> None:
-        notice = Notice(Severity.WARNING, f"the wall clock was set by {step.size_s:+.3f} s; nothing here hangs on it")
-        log.warning("%s", notice.text)
+        log.warning("the wall clock was set by %+.3f s; nothing here hangs on it", step.size_s)
 
     def _on_internal_fault(self, _loop: asyncio.AbstractEventLoop, context: dict[str, object]) -> None:
         """A mistake of ours: say it whole once, fall silent for a while as MAVLink demands, and go on."""
@@ -347,7 +325,7 @@ class Service:
                 "why": self._deaf_because,
             },
             "vision": None if self._vision is None else self._vision.status(),
-            "recording": None if self._recorder is None else self._recorder.failure or str(self._recorder.folder),
+            "recording": self._journal.state,
             **self._pipeline.status(now),
         }
 

@@ -1,0 +1,84 @@
+"""SHELL: what is kept of the flight, where anything is: what came, what left, and what was found."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+import msgspec
+
+from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.mavlink.frames import RawFrame
+from fwav_companion.mavlink.unsigning import unsigned, without_signature
+from fwav_companion.nouns import Frame, NoFrame, Reason
+from fwav_companion.recording.events import began_with_line, end_line, refused_line
+from fwav_companion.recording.lines import Line
+from fwav_companion.recording.recorder import Recorder
+from fwav_companion.service.host_clock import HostClock
+from fwav_companion.tracking import KeptCalibration
+from fwav_companion.vision.wire import encode_frame
+
+
+class Journal:
+    """Tells a recorder, on the recording's clock, and in the order in which a replay must do it all again."""
+
+    def __init__(self, recorder: Recorder | None, clock: HostClock) -> None:
+        """``recorder``: None where nothing is to be kept."""
+        self._recorder = recorder
+        self._clock = clock
+        self._refused: Counter[Reason] = Counter()
+
+    def start(self, kept: KeptCalibration | None) -> None:
+        """Begin; ``kept`` is what this flight knows of an earlier one."""
+        if self._recorder is None:
+            return
+        self._recorder.start()
+        if kept is not None:
+            unix_us = self._clock.unix_us(self._clock.now())
+            self._recorder.detection(unix_us, began_with_line(unix_us, msgspec.to_builtins(kept)))
+
+    def close(self, timeout_s: float) -> None:
+        """Write what waits, for so long at most."""
+        if self._recorder is not None:
+            self._recorder.close(timeout_s)
+
+    def received(self, frames: Sequence[RawFrame], now: HostNs) -> None:
+        """MAVLink came. A key's traces are not kept."""
+        if self._recorder is not None:
+            for frame in frames:
+                self._recorder.telemetry(self._clock.unix_us(now), unsigned(frame))
+
+    def sent(self, frame: bytes, now: HostNs) -> None:
+        """A message of ours left, by however many links."""
+        if self._recorder is not None:
+            self._recorder.telemetry(self._clock.unix_us(now), without_signature(frame))
+
+    def frame(self, frame: Frame | NoFrame, now: HostNs) -> None:
+        """A picture's detections came, or what was none: these are counted for the next :meth:`tick`."""
+        if isinstance(frame, NoFrame):
+            self._refused[frame.reason] += 1
+        elif self._recorder is not None:
+            self._recorder.detection(self._clock.unix_us(now), encode_frame(frame, self._clock.unix_offset_ns))
+
+    def found(self, lines: Sequence[Line], armed: bool, now: HostNs) -> None:
+        """Lines of the targets file, and whether the vehicle is armed, which decides what is kept."""
+        if self._recorder is not None:
+            for line in lines:
+                self._recorder.target(self._clock.unix_us(now), line)
+            self._recorder.on_armed(armed, self._clock.unix_us(now))
+
+    def tick(self, now: HostNs) -> None:
+        """Once a second: what was refused meanwhile."""
+        if self._refused and self._recorder is not None:
+            self._recorder.detection(self._clock.unix_us(now), refused_line(self._clock.unix_us(now), self._refused))
+        self._refused.clear()
+
+    def end(self, now: HostNs) -> None:
+        """Nothing comes after this."""
+        if self._recorder is not None:
+            self._recorder.detection(self._clock.unix_us(now), end_line(self._clock.unix_us(now)))
+
+    @property
+    def state(self) -> str | None:
+        """For the status file: the folder, or why it failed; None where nothing is kept."""
+        return None if self._recorder is None else self._recorder.failure or str(self._recorder.folder)
