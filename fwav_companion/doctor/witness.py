@@ -19,7 +19,7 @@ from fwav_companion.config import Config
 from fwav_companion.doctor.listening import quiet
 from fwav_companion.flow.wiring import make_pairer
 from fwav_companion.geometry.rotations import Quaternion, euler_from_quaternion
-from fwav_companion.geometry.stamps import BootNs
+from fwav_companion.geometry.stamps import BootNs, host_from_seconds
 from fwav_companion.nouns import Corners, Detection, Frame, NoFrame, Reason, Unpaired
 from fwav_companion.pairing import Pairer, RefusedFrame
 from fwav_companion.pairing.scaling import scaling_from_size
@@ -62,6 +62,7 @@ class ShakeWitness:
         show: Callable[[Advice], None],
         now_s: Callable[[], float] = time.monotonic,
     ) -> None:
+        """``now_s``: of CLOCK_MONOTONIC, as the service has it."""
         self._config, self._calibration, self._show, self._now_s = config, calibration, show, now_s
         self._guide = Guide(wait_s)
         self._frames: list[Frame] = []
@@ -95,14 +96,13 @@ class ShakeWitness:
         return Shown(self.advice, shaking, refused, pairer.time_offset_s)
 
     def _moment(self, status: Mapping[str, Any], telemetry: Telemetry) -> Moment:
-        clock, rates = status["clock"], status["rates"]
+        clock, now_s = status["clock"], self._now_s()
         state = telemetry.newest_state()
-        hz = [rate.get("measured_hz") or 0.0 for name, rate in rates.items() if name.startswith("ATTITUDE")]
         return Moment(
-            now_s=self._now_s(),
+            now_s=now_s,
             closed=_closed(status, self._config),
             autopilot=status["autopilot"] is not None,
-            attitude_hz=max(hz, default=0.0),
+            attitude_hz=telemetry.attitude_hz(host_from_seconds(now_s)),
             clock_known=clock["sigma_s"] is not None and clock["sigma_s"] <= GOOD_CLOCK_S,
             frames=self._came,
             tags=self._tags,

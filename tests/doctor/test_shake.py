@@ -75,7 +75,6 @@ def test_a_late_camera_and_a_crooked_mount_are_found():
 PLANTED = {
     "image upside down": ("biases.mount_deg", (0.0, 0.0, 180.0)),
     "roll reversed": ("autopilot.reversed_axes", ("roll",)),
-    "image mirrored left to right": ("camera.mirrored", "left_right"),
 }
 
 
