@@ -20,6 +20,7 @@ PURE = (
     "pairing",
     "publishing",
     "report",
+    "shaking",
     "telemetry",
     "tracking",
 )
