@@ -14,9 +14,12 @@ from fwav_companion.report.words import CAUSE_NAMES, REASONS, SHORT_CAUSES, leng
 def answer(story: Story) -> str:
     """A headline, the answer in two sentences, and its figures."""
     said = " ".join(part for part in (_where(story), _limit(story)) if part)
+    wrong = ""
+    if story.mistake:
+        wrong = f'<p class="lead off">Believe none of it: {escape(story.mistake)}.</p>'
     return (
         f'<header><p class="kicker">fwav-companion</p><h1>{escape(story.title)}</h1>'
-        f'<p class="lead">{escape(said)}</p></header>{_cards(story)}'
+        f'<p class="lead">{escape(said)}</p>{wrong}</header>{_cards(story)}'
     )
 
 

@@ -106,6 +106,7 @@ class CalibrationLine(msgspec.Struct, tag="calibration"):
     mount_deg: Vector3
     mount_sigma_deg: Vector3
     status: str
+    mistake: str = ""
 
 
 class Summary(msgspec.Struct, tag="summary"):

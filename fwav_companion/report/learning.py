@@ -52,7 +52,8 @@ def learning(story: Story) -> str:
     entries = [("calibrated", "line", "believed"), ("claim", "area", "± one sigma")]
     if story.planted is not None:
         entries.append(("planted", "line", "the truth, told to nobody"))
-    words = f"{STATUSES.get(story.learned[-1].status, '')}{by} {WHAT_IS_THE_MOUNT}"
+    wrong = f"Nothing was estimated: {story.mistake}. " if story.mistake else ""
+    words = f"{wrong}{STATUSES.get(story.learned[-1].status, '')}{by} {WHAT_IS_THE_MOUNT}"
     drawn = "".join(figure(each.name, chart_of(each), each.told) for each in quantities(story.learned, story.planted))
     return section("What it learned of its own camera", words, f'{key(entries)}<div class="grid four">{drawn}</div>')
 

@@ -39,6 +39,8 @@ class CalibrationPoint(msgspec.Struct, frozen=True):
     """A rotation vector about the body's x, y, z."""
     mount_sigma_deg: Sequence[float]
     status: str
+    mistake: str
+    """What is grossly wrong with the mount; empty: nothing that it would know of."""
 
 
 class Planted(msgspec.Struct, frozen=True):
@@ -91,6 +93,11 @@ class Story(msgspec.Struct, frozen=True, kw_only=True):
     learned_by: str
     """The name of that other one; empty: this."""
     planted: Planted | None
+
+    @property
+    def mistake(self) -> str:
+        """The last gross mistake of the mount that was named; empty where none was."""
+        return next((point.mistake for point in reversed(self.learned) if point.mistake), "")
 
 
 def tell(
@@ -170,8 +177,18 @@ def _learned(replays: Sequence[Replayed], begun: float) -> tuple[list[Calibratio
     for replay in replays:
         told = [line for line in replay.lines if line["type"] == "calibration"]
         if told:
-            names = ("time_offset_s", "time_offset_sigma_s", "mount_deg", "mount_sigma_deg", "status")
-            points = [CalibrationPoint(line["time_unix"] - begun, *(line[name] for name in names)) for line in told]
+            points = [
+                CalibrationPoint(
+                    at_s=line["time_unix"] - begun,
+                    time_offset_s=line["time_offset_s"],
+                    time_offset_sigma_s=line["time_offset_sigma_s"],
+                    mount_deg=line["mount_deg"],
+                    mount_sigma_deg=line["mount_sigma_deg"],
+                    status=line["status"],
+                    mistake=line.get("mistake", ""),
+                )
+                for line in told
+            ]
             return points, replay.name
     return [], ""
 

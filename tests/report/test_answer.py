@@ -99,3 +99,16 @@ def test_a_page_of_a_hundred_targets_draws_those_that_were_seen_most():
     assert html.count('aria-label="Error of') == 12
     assert "88 more targets" in html
     assert 'aria-label="Error of m95 over time"' in html
+
+
+def test_a_gross_mistake_of_the_mount_is_said_first_and_to_whom_did_not_ask():
+    wrong = calibration(1.0, 0.0, 0.01, [0.0] * 3, 1.0) | {"mistake": "the image is upside down"}
+    lines = [header(), *approach([0.0])]
+    for story in (
+        told(*lines, wrong, wrong, summary(), way=CALIBRATED),
+        told(*lines, summary(), others=[Replayed(CALIBRATED.name, CALIBRATED.kind, [wrong, wrong])]),
+    ):
+        said = Markup(page(story)).text
+        assert said.index("Believe none of it: the image is upside down.") < said.index("Where everything is")
+        assert "Nothing was estimated: the image is upside down." in said
+    assert "Believe none" not in page(told(*lines, summary()))
