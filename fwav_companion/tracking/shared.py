@@ -154,8 +154,8 @@ def turned_toward(noise: Matrix3, fix: GroundFix, target_ned: Vector3) -> Matrix
 def faded(rows: Rows, wandering: int, kept: float) -> Rows:
     """Covariances with the biases when only this share of the wandering ones is left."""
     n, e, d = rows
-    return (_tail_scaled(n, wandering, kept), _tail_scaled(e, wandering, kept), _tail_scaled(d, wandering, kept))
-
-
-def _tail_scaled(row: Row, first: int, scale: float) -> Row:
-    return row[:first] + tuple([c * scale for c in row[first:]])
+    return (
+        n[:wandering] + tuple([c * kept for c in n[wandering:]]),
+        e[:wandering] + tuple([c * kept for c in e[wandering:]]),
+        d[:wandering] + tuple([c * kept for c in d[wandering:]]) if any(d) else d,
+    )
