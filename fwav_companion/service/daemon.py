@@ -31,10 +31,11 @@ from fwav_companion.service.calibration_memory import CalibrationMemory
 from fwav_companion.service.host_clock import HostClock
 from fwav_companion.service.journal import Journal
 from fwav_companion.service.network import make_node
-from fwav_companion.service.parts import FrameEars, make_detections, make_map_link, make_recorder, make_vision
+from fwav_companion.service.parts import make_detections, make_map_link, make_recorder, make_vision
 from fwav_companion.service.signing_memory import SigningMemory
 from fwav_companion.service.systemd_notify import SystemdNotifier
 from fwav_companion.telemetry import Telemetry
+from fwav_companion.vision.ears import Ears
 from fwav_companion.vision.wall_clock import ClockStep
 
 log = logging.getLogger("fwav_companion")
@@ -99,11 +100,11 @@ class Service:
         }
         self._board = BoardWatch({link.name: isinstance(link.parsed_url, SerialUrl) for link in config.link})
         self._map_link = make_map_link(config, self._on_link_state)
-        ears = FrameEars(self._on_frame, self._on_clock_step)
+        ears = Ears(self._on_frame, self._on_clock_step, self._clock.wall, self._clock.read)
         self._detections = self._vision = None
         if calibration is not None:
-            self._detections = make_detections(config, self._clock, ears, self._on_detections_state)
-            self._vision = make_vision(config, self._clock, ears, self._on_vision_state)
+            self._detections = make_detections(config, ears, self._on_detections_state)
+            self._vision = make_vision(config, ears, self._on_vision_state)
         self._journal = Journal(make_recorder(config, beside_recording, self._pipeline, _warn), self._clock)
         self._came, self._came_ns = 0, HostNs(0)
         self._deaf_because = ""

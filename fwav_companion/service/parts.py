@@ -5,30 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from importlib.util import find_spec
 
-import msgspec
-
 from fwav_companion.config import Config
 from fwav_companion.errors import ConfigError
 from fwav_companion.flow.pipeline import Pipeline
 from fwav_companion.links.base import Link, OnState
 from fwav_companion.links.make import make_link
 from fwav_companion.links.url import UdpUrl
-from fwav_companion.nouns import Frame, NoFrame
 from fwav_companion.recording.recorder import Recorder, RecordingPlan
 from fwav_companion.recording.space import BYTES_PER_MB, SpacePolicy
-from fwav_companion.service.host_clock import HostClock
 from fwav_companion.vision.detections_in import DetectionsIn
+from fwav_companion.vision.ears import Ears
 from fwav_companion.vision.supervisor import VisionProcess
 from fwav_companion.vision.task import VisionTask
-from fwav_companion.vision.wall_clock import ClockStep
-
-
-class FrameEars(msgspec.Struct, frozen=True):
-    """Whom every source of frames tells."""
-
-    on_frame: Callable[[Frame | NoFrame], None]
-    on_step: Callable[[ClockStep], None]
-    """The wall clock was set."""
 
 
 def make_map_link(config: Config, on_state: OnState) -> Link | None:
@@ -37,29 +25,19 @@ def make_map_link(config: Config, on_state: OnState) -> Link | None:
     return None if url is None else make_link("cot", url, _ignore_bytes, on_state)
 
 
-def make_detections(
-    config: Config, clock: HostClock, ears: FrameEars, on_state: Callable[[bool, str], None]
-) -> DetectionsIn | None:
+def make_detections(config: Config, ears: Ears, on_state: Callable[[bool, str], None]) -> DetectionsIn | None:
     """Pixels of another process."""
     url = config.detections.parsed_url
     if url is None:
         return None
     endpoint = (url.host, url.port) if isinstance(url, UdpUrl) else url.path
-    return DetectionsIn(
-        endpoint, clock.wall, on_frame=ears.on_frame, on_state=on_state, on_step=ears.on_step, clocks=clock.read
-    )
+    return DetectionsIn(endpoint, ears, on_state)
 
 
-def make_vision(
-    config: Config, clock: HostClock, ears: FrameEars, on_state: Callable[[bool, str], None]
-) -> VisionProcess | None:
+def make_vision(config: Config, ears: Ears, on_state: Callable[[bool, str], None]) -> VisionProcess | None:
     """A camera that we look through ourselves."""
     task = make_vision_task(config)
-    if task is None:
-        return None
-    return VisionProcess(
-        task, clock.wall, on_frame=ears.on_frame, on_state=on_state, on_step=ears.on_step, clocks=clock.read
-    )
+    return None if task is None else VisionProcess(task, ears, on_state)
 
 
 def make_vision_task(config: Config) -> VisionTask | None:

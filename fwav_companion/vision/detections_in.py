@@ -6,7 +6,6 @@ import asyncio
 import os
 import socket
 import stat
-import time
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
@@ -14,10 +13,8 @@ from pathlib import Path
 from typing import TypeAlias
 
 from fwav_companion.blocking import in_daemon_thread
-from fwav_companion.geometry.stamps import HostNs, whole_microseconds
-from fwav_companion.nouns import Frame, NoFrame, Reason
-from fwav_companion.vision.wall_clock import ClockStep, WallClock
-from fwav_companion.vision.wire import parse_frame
+from fwav_companion.nouns import NoFrame, Reason
+from fwav_companion.vision.ears import Ears
 
 LARGEST_DATAGRAM = 65536
 """Over 200 bytes for each of 256 detections; also the largest that UDP carries."""
@@ -25,22 +22,9 @@ DRAIN_LIMIT = 64
 """Datagrams of one wake: two seconds of any camera."""
 RETRY_S = 1.0
 """An address or a folder that is not there at boot is tried this often."""
-CLOCKS_APART_NS = 200_000
-"""A reading of both clocks that took longer was interrupted, and is taken again."""
 
 Endpoint: TypeAlias = tuple[str, int] | str
 """(host, port) for UDP, or the absolute path of a Unix socket."""
-
-
-def read_clocks() -> tuple[HostNs, int]:
-    """The host's clock and the wall clock at one instant, nanoseconds."""
-    for _ in range(5):
-        before = time.monotonic_ns()
-        unix_ns = time.time_ns()
-        after = time.monotonic_ns()
-        if after - before < CLOCKS_APART_NS:
-            break
-    return whole_microseconds((before + after) // 2), unix_ns
 
 
 class DetectionsIn:
@@ -49,20 +33,13 @@ class DetectionsIn:
     def __init__(
         self,
         endpoint: Endpoint,
-        wall_clock: WallClock,
-        *,
-        on_frame: Callable[[Frame | NoFrame], None],
+        ears: Ears,
         on_state: Callable[[bool, str], None],
-        on_step: Callable[[ClockStep], None],
-        clocks: Callable[[], tuple[HostNs, int]] = read_clocks,
     ) -> None:
-        """``on_state`` tells whether it listens, and why not; ``on_step`` that the wall clock was set."""
+        """``on_state`` tells whether it listens, and why not."""
         self._endpoint = endpoint
-        self._wall_clock = wall_clock
-        self._on_frame = on_frame
+        self._ears = ears
         self._on_state = on_state
-        self._on_step = on_step
-        self._clocks = clocks
         self._buffer = bytearray(LARGEST_DATAGRAM)
         self._socket: socket.socket | None = None
         self._inode = 0
@@ -116,21 +93,17 @@ class DetectionsIn:
         return sock
 
     def _drain(self, sock: socket.socket) -> None:
-        arrival_ns, unix_ns = self._clocks()
-        step = self._wall_clock.observe(arrival_ns, unix_ns)
-        if step is not None:
-            self._on_step(step)
+        arrival_ns = self._ears.arrival()
         for _ in range(DRAIN_LIMIT):
             try:
                 length = sock.recv_into(self._buffer, 0, socket.MSG_TRUNC)
             except OSError:  # nothing more, or nothing that could be had: the next wake tells
                 return
-            self._on_frame(self._parsed(length, arrival_ns))
-
-    def _parsed(self, length: int, arrival_ns: HostNs) -> Frame | NoFrame:
-        if length > LARGEST_DATAGRAM:
-            return NoFrame(Reason.MALFORMED, f"a datagram of {length} bytes, accepted: {LARGEST_DATAGRAM}")
-        return parse_frame(bytes(memoryview(self._buffer)[:length]), arrival_ns, self._wall_clock)
+            if length > LARGEST_DATAGRAM:
+                detail = f"a datagram of {length} bytes, accepted: {LARGEST_DATAGRAM}"
+                self._ears.on_frame(NoFrame(Reason.MALFORMED, detail))
+            else:
+                self._ears.hear(bytes(memoryview(self._buffer)[:length]), arrival_ns)
 
     def _tell(self, *, listens: bool, why: str) -> None:
         if listens is not self._listens:

@@ -18,11 +18,9 @@ import msgspec
 
 from fwav_companion.blocking import in_daemon_thread
 from fwav_companion.geometry.stamps import HostNs
-from fwav_companion.nouns import Frame, NoFrame
-from fwav_companion.vision.detections_in import DRAIN_LIMIT, LARGEST_DATAGRAM, read_clocks
+from fwav_companion.vision.detections_in import DRAIN_LIMIT, LARGEST_DATAGRAM
+from fwav_companion.vision.ears import Ears
 from fwav_companion.vision.task import VisionState, VisionTask
-from fwav_companion.vision.wall_clock import ClockStep, WallClock
-from fwav_companion.vision.wire import parse_frame
 
 FIRST_RETRY_S, LONGEST_RETRY_S = 1.0, 30.0
 LIVED_LONG_S = 60.0
@@ -45,18 +43,14 @@ class VisionProcess:
     def __init__(
         self,
         task: VisionTask,
-        wall_clock: WallClock,
-        *,
-        on_frame: Callable[[Frame | NoFrame], None],
+        ears: Ears,
         on_state: Callable[[bool, str], None],
-        on_step: Callable[[ClockStep], None],
-        clocks: Callable[[], tuple[HostNs, int]] = read_clocks,
     ) -> None:
         """``on_state`` tells once whether pictures come, and why not."""
         self._command = [sys.executable, "-m", "fwav_companion.vision.worker"]
         self._task_json = msgspec.json.encode(task).decode()
-        self._wall_clock = wall_clock
-        self._on_frame, self._on_state, self._on_step, self._clocks = on_frame, on_state, on_step, clocks
+        self._ears = ears
+        self._on_state = on_state
         self._started: Started | None = None
         self._ended = asyncio.Event()
         self._heard_s = 0.0
@@ -133,10 +127,7 @@ class VisionProcess:
         return process, ours
 
     def _drain(self, sock: socket.socket) -> None:
-        arrival_ns, unix_ns = self._clocks()
-        step = self._wall_clock.observe(arrival_ns, unix_ns)
-        if step is not None:
-            self._on_step(step)
+        arrival_ns = self._ears.arrival()
         for _ in range(DRAIN_LIMIT):
             try:
                 data = sock.recv(LARGEST_DATAGRAM)
@@ -157,7 +148,7 @@ class VisionProcess:
             self._tell(works=state.vision == "looking", why=state.why)
             return
         self._tell(works=True, why="")
-        self._on_frame(parse_frame(data, arrival_ns, self._wall_clock))
+        self._ears.hear(data, arrival_ns)
 
     def _tell(self, *, works: bool, why: str) -> None:
         self._why = why

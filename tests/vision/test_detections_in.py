@@ -12,7 +12,8 @@ import pytest
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.nouns import Frame, NoFrame, Reason
 from fwav_companion.vision import detections_in
-from fwav_companion.vision.detections_in import DetectionsIn, Endpoint, read_clocks
+from fwav_companion.vision.detections_in import DetectionsIn, Endpoint
+from fwav_companion.vision.ears import Ears, read_clocks
 from fwav_companion.vision.wall_clock import ClockStep, WallClock
 
 UNIX = 1_790_000_000_000_000_000
@@ -28,14 +29,13 @@ class Intake:
         self.frames: list[Frame | NoFrame] = []
         self.states: list[tuple[bool, str]] = []
         self.steps: list[ClockStep] = []
-        self.intake = DetectionsIn(
-            endpoint,
-            WallClock(self.now, self.now + UNIX),
+        ears = Ears(
             on_frame=self.frames.append,
-            on_state=lambda listens, why: self.states.append((listens, why)),
             on_step=self.steps.append,
+            wall_clock=WallClock(self.now, self.now + UNIX),
             clocks=lambda: (self.now, self.now + self.unix_minus_host),
         )
+        self.intake = DetectionsIn(endpoint, ears, lambda listens, why: self.states.append((listens, why)))
 
     async def until(self, condition: Callable[[], bool]) -> None:
         async with asyncio.timeout(PATIENCE_S):

@@ -13,7 +13,7 @@ from vision_pictures import pipe_bytes, tag_picture
 
 from fwav_companion.nouns import Frame
 from fwav_companion.vision import supervisor
-from fwav_companion.vision.detections_in import read_clocks
+from fwav_companion.vision.ears import Ears, read_clocks
 from fwav_companion.vision.supervisor import VisionProcess
 from fwav_companion.vision.task import VisionTask
 from fwav_companion.vision.wall_clock import WallClock
@@ -26,13 +26,8 @@ class Daemon:
         self.frames: list[Frame] = []
         self.states: list[tuple[bool, str]] = []
         self.changed = asyncio.Event()
-        self.process = VisionProcess(
-            task,
-            WallClock(*read_clocks()),
-            on_frame=self._frame,
-            on_state=lambda works, why: self._state(works, why),
-            on_step=lambda step: None,
-        )
+        ears = Ears(self._frame, lambda step: None, WallClock(*read_clocks()))
+        self.process = VisionProcess(task, ears, self._state)
 
     def _frame(self, frame) -> None:
         self.frames.append(frame)
