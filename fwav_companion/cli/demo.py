@@ -29,8 +29,8 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
     parser = subparsers.add_parser(
         "demo",
         description="A mock flapping-wing vehicle flies over AprilTags; its camera's pictures are rendered, and the "
-        "service finds the tags, tells a ground station where they are and how sure it is. All on this machine. The report "
-        "adds a second flight, in invented time: a late camera on a crooked mount, which finds both out.",
+        "service finds the tags, tells a ground station where they are and how sure it is. All on this machine. The "
+        "report adds a second flight, in invented time: a late camera on a crooked mount, which finds both out.",
         epilog="example:\n  fwav-companion demo --seed 7 && xdg-open demo-out/report.html",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
