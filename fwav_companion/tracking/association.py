@@ -79,6 +79,8 @@ def _settled(costs: dict[tuple[int, int], float]) -> dict[int, int]:
         return {}
     rows = sorted({i for i, _ in costs})
     columns = sorted({j for _, j in costs})
+    if len(rows) == len(columns) == len(costs):  # nobody has a choice
+        return dict(costs.keys())
     table = [[costs.get((i, j), 0.0) for j in columns] + [0.0] * len(rows) for i in rows]
     chosen = least_cost_assignment(table)
     pairs = ((row, columns[c]) for row, c in zip(rows, chosen, strict=True) if c < len(columns))

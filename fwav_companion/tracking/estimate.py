@@ -136,7 +136,7 @@ def surprise(estimate: Estimate, fix: Weighed, timed: int | None) -> Surprise:
     nn = p_nn + f_nn + gone_nn + seen + dist(fix_n, own_n) ** 2
     ee = p_ee + f_ee + gone_ee + seen + dist(fix_e, own_e) ** 2
     n, e = fix.position[0] - estimate.position[0], fix.position[1] - estimate.position[1]
-    if n * n + e * e > fix.gate * (nn + ee):  # no variance in any direction is more than both together
+    if n * n > fix.gate * nn or e * e > fix.gate * ee:  # it is at least as far as it is along either axis
         return OUT_OF_SIGHT
     ne = p_ne + f_ne + gone_ne + inner(map(sub, fix_n, own_n), map(sub, fix_e, own_e))
     if timed is not None:
