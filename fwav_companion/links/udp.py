@@ -62,6 +62,10 @@ class UdpSocket:
         self._loop.remove_reader(self._socket)
         self._socket.close()
 
+    def status(self) -> dict[str, object]:
+        """Nothing more to tell."""
+        return {}
+
     def _drain(self) -> None:
         """Hand on what has arrived, joined: a burst costs the listener one call."""
         datagrams: list[bytes] = []
@@ -79,6 +83,14 @@ class UdpSocket:
 
     def _receive(self) -> bytes:
         return self._socket.recv(READ_BYTES)
+
+    def _send_to(self, address: SocketAddress, data: bytes) -> None:
+        try:
+            self._socket.sendto(data, address)
+        except OSError as error:
+            self._failed(error)
+        else:
+            self._ear.traffic.bytes_out += len(data)
 
     def _failed(self, error: OSError) -> None:
         self._ear.traffic.dropped += 1
@@ -101,10 +113,6 @@ class UdpClient(UdpSocket):
         else:
             self._ear.traffic.bytes_out += len(data)
 
-    def status(self) -> dict[str, object]:
-        """Nothing more to tell."""
-        return {}
-
 
 class UdpBroadcaster(UdpSocket):
     """Speaks to a broadcast address, and hears everyone who answers its port."""
@@ -115,16 +123,7 @@ class UdpBroadcaster(UdpSocket):
 
     def send(self, data: bytes) -> None:
         """One datagram to all."""
-        try:
-            self._socket.sendto(data, self._address)
-        except OSError as error:
-            self._failed(error)
-        else:
-            self._ear.traffic.bytes_out += len(data)
-
-    def status(self) -> dict[str, object]:
-        """Nothing more to tell."""
-        return {}
+        self._send_to(self._address, data)
 
 
 class UdpServer(UdpSocket):
@@ -138,12 +137,7 @@ class UdpServer(UdpSocket):
     def send(self, data: bytes) -> None:
         """One datagram to each client; with none, nobody misses it and nothing is counted."""
         for address in self._clients:
-            try:
-                self._socket.sendto(data, address)
-            except OSError as error:
-                self._failed(error)
-            else:
-                self._ear.traffic.bytes_out += len(data)
+            self._send_to(address, data)
 
     def close(self) -> None:
         """Release the socket and forget everyone."""
