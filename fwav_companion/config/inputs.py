@@ -94,6 +94,11 @@ class Mount(Section, frozen=True):
     for a camera that looks where the gimbal does, and [uncertainty]'s of attitude and mount are the gimbal's."""
 
     @property
+    def angles(self) -> Vector3:
+        """The three angles, degrees."""
+        return (self.roll_deg, self.pitch_deg, self.yaw_deg)
+
+    @property
     def body_from_camera(self) -> Matrix3:
         """The rotation that the three angles stand for; of a camera on a gimbal, in the gimbal's own axes."""
         return body_from_camera_from_euler(radians(self.roll_deg), radians(self.pitch_deg), radians(self.yaw_deg))

@@ -9,7 +9,7 @@ import msgspec
 
 from fwav_companion import __version__
 from fwav_companion.camera import Calibration
-from fwav_companion.config import Config
+from fwav_companion.config import Config, Mount
 from fwav_companion.errors import ConfigError
 from fwav_companion.flow.ledger import Ledger
 from fwav_companion.flow.pipeline import Pipeline
@@ -124,10 +124,11 @@ def own_components(config: Config) -> frozenset[int]:
 def make_pairer(config: Config, calibration: Calibration) -> Pairer:
     """Where the configuration leaves the default, the calibration's own delay and mount count, if it tells them."""
     camera = config.camera
-    on_gimbal = camera.mount.body_from_camera if camera.mount.gimbal_device_id else None
+    left_alone = not camera.mount.gimbal_device_id and camera.mount.angles == Mount().angles
+    by_file = calibration.body_from_camera if left_alone else None
     return Pairer(
         lens=calibration.lens,
-        body_from_camera=on_gimbal or calibration.body_from_camera or camera.mount.body_from_camera,
+        body_from_camera=by_file or camera.mount.body_from_camera,
         lever_arm_m=camera.mount.lever_arm_m,
         timing=CameraTiming(
             time_offset_s=camera.time_offset_s or calibration.time_offset_s or 0.0,
