@@ -77,6 +77,8 @@ class Shaken(msgspec.Struct, frozen=True, kw_only=True):
     """In which the tag was seen whole."""
     side_px: float = 0.0
     """Its shortest side in the image, the median."""
+    held_m: float = 0.0
+    """From the camera to the tag, the median, by the tag's size."""
     turned: float = 0.0
     """How far apart the headings were, radians."""
     swung: Vector3 = (0.0, 0.0, 0.0)
@@ -121,7 +123,9 @@ def estimate(shaking: Shaking) -> Shaken:
 
 def _seen(shaking: Shaking, looks: Looks, course: Course, shaken: Shaken) -> Shaken:
     times_s = looks.times_s + shaking.readout_s * looks.rows.mean(axis=1)
-    camera_from_tag, _, _ = pose_of_square(looks.at_once(shaking.readout_s), looks.pixel_from_ray)
+    camera_from_tag, middles, _ = pose_of_square(looks.at_once(shaking.readout_s), looks.pixel_from_ray)
+    held_m = shaking.tag_size_m * float(np.median(np.linalg.norm(middles, axis=1)))
+    shaken = msgspec.structs.replace(shaken, held_m=held_m)
     look = first_look(times_s, camera_from_tag, course)
     if look is None:
         return _without(shaken, "camera: attitudes are missing for most of the frames")
@@ -146,9 +150,7 @@ def _seen(shaking: Shaking, looks: Looks, course: Course, shaken: Shaken) -> Sha
     )
     found = fit(looks, course, start, shaking.tag_size_m)
     if found is None or found.pixel_sigma > MOST_PIXEL_SIGMA:
-        return _without(
-            shaken, "delay and mount: the corners do not agree with the attitudes; is the tag's size right?"
-        )
+        return _without(shaken, "delay and mount: the corners do not agree with the attitudes")
     return _judged(shaking, found, shaken)
 
 

@@ -74,6 +74,7 @@ class Configured:
             "ok": ok,
             "frames": shaken.frames,
             "side_px": shaken.side_px,
+            "held_m": shaken.held_m,
             "turned_deg": degrees(shaken.turned),
             "swung_deg_s": [degrees(rate) for rate in shaken.swung],
             "likeness": shaken.likeness,
@@ -102,6 +103,8 @@ def _seen(shaken: Shaken) -> Iterator[str]:
         return
     roll, pitch, yaw = (degrees(rate) for rate in shaken.swung)
     yield f"the tag was seen in {shaken.frames} frames, {4 * shaken.frames} corners, {shaken.side_px:.0f} pixels a side"
+    if shaken.held_m:
+        yield f"it was {shaken.held_m:.2f} m from the camera; if that is wrong, so is --tag-size, or the camera file"
     yield (
         f"shaken at {roll:.0f} deg/s in roll, {pitch:.0f} in pitch, {yaw:.0f} in yaw; turned by "
         f"{degrees(shaken.turned):.0f} deg"

@@ -84,6 +84,11 @@ def test_an_image_upside_down_comes_with_the_mount_that_rights_it():
     assert shaken.delay.value == pytest.approx(0.035, abs=0.001)
 
 
+def test_how_far_it_was_held_is_told_by_the_size_of_the_tag():
+    assert SHORT.found().held_m == pytest.approx(0.9, abs=0.06)
+    assert SHORT.found(tag_size_m=0.32).held_m == pytest.approx(1.8, abs=0.12)
+
+
 def test_never_turned():
     shaken = PLAIN.but(turn_deg=0.0).found()
     assert shaken.mount is None
