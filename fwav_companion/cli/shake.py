@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from math import degrees
 from typing import TYPE_CHECKING
 
 from fwav_companion.errors import ConfigError
@@ -95,8 +96,16 @@ class Guidance:
     def show(self, advice: Advice) -> None:
         """Now."""
         if self._bar is not None and self._task is not None:
-            left = "" if advice.left_s is None else f" {advice.left_s:3.0f} s"
-            self._bar.update(self._task, completed=advice.share, description=advice.text + left)
+            self._bar.update(self._task, completed=advice.share, description=_live(advice))
         elif advice.text != self._last:
             self._last = advice.text
             print(("waiting: " if advice.phase == "waiting" else "") + advice.text, flush=True)
+
+
+def _live(advice: Advice) -> str:
+    """With the seconds that are left, and what has come of it so far."""
+    left = "" if advice.left_s is None else f" {advice.left_s:3.0f} s"
+    if not advice.corners:
+        return advice.text + left
+    roll, pitch = (degrees(angle) for angle in advice.swung)
+    return f"{advice.text}{left}  [not bold]{advice.corners} corners, roll ±{roll:.0f}°, pitch ±{pitch:.0f}°"

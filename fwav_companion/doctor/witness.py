@@ -106,7 +106,7 @@ class ShakeWitness:
             clock_known=clock["sigma_s"] is not None and clock["sigma_s"] <= GOOD_CLOCK_S,
             frames=self._came,
             tags=self._tags,
-            heading=None if isinstance(state, Unpaired) else euler_from_quaternion(state.ned_from_body)[2],
+            attitude=None if isinstance(state, Unpaired) else euler_from_quaternion(state.ned_from_body),
         )
 
     def _views(self, pairer: Pairer, telemetry: Telemetry) -> tuple[list[TagView], Counter[Reason]]:

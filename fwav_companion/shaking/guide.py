@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from math import radians
+from math import pi, radians
 from typing import Final
 
 import msgspec
+
+from fwav_companion.geometry.vectors import Vector3
 
 HALF_S: Final = 10.0
 """Shaken for so long, turned by 90 deg, and for so long again."""
@@ -17,6 +19,9 @@ SIDE_S: Final = 4.0
 """So much of the time, at least, on each side of the turn."""
 SLOWEST_HZ: Final = 20.0
 """Of attitudes: slower ones do not show what a hand does."""
+SOON_S: Final = 4.0
+NARROW: Final = radians(5.0)
+"""Roll or pitch that swung to less than this after so long: the person may do more."""
 GONE_S: Final = 2.0
 """Without the tag for so long, the person is told."""
 
@@ -43,8 +48,8 @@ class Moment(msgspec.Struct, frozen=True, kw_only=True):
     """That came so far."""
     tags: int = 0
     """Of them, with the corners of a tag."""
-    heading: float | None = None
-    """Radians."""
+    attitude: Vector3 | None = None
+    """Roll, pitch and heading, radians."""
 
 
 class Advice(msgspec.Struct, frozen=True):
@@ -57,6 +62,10 @@ class Advice(msgspec.Struct, frozen=True):
     """Of the shaking that is done."""
     left_s: float | None = None
     """How long to go on with it; None: until it is seen."""
+    corners: int = 0
+    """Seen so far."""
+    swung: tuple[float, float] = (0.0, 0.0)
+    """Half of how far roll and pitch have swung so far, radians."""
 
 
 class Guide:
@@ -68,8 +77,9 @@ class Guide:
         self._first_s: float | None = None
         self._begun_s: float | None = None
         self._turned_s: float | None = None
-        self._headings = (0.0, 0.0, 0.0)  # the newest, unwrapped, the least and the greatest
-        self._tags, self._tag_s = 0, 0.0
+        self._heading = 0.0  # unwrapped
+        self._ranges: list[tuple[float, float]] = []  # of roll, pitch and heading
+        self._tags, self._tag_s, self._tags_before = 0, 0.0, 0
 
     @property
     def begun(self) -> bool:
@@ -87,22 +97,28 @@ class Guide:
             if missing:
                 over = moment.now_s - self._first_s > self._wait_s
                 return Advice(Phase.FAILED if over else Phase.WAITING, missing)
-            self._begun_s = moment.now_s
-            heading = moment.heading or 0.0
-            self._headings = (heading, heading, heading)
-        self._follow(moment)
-        return self._shaking(moment.now_s)
+            self._begun_s, self._tags_before = moment.now_s, moment.tags
+        if moment.attitude is not None:
+            self._follow(moment.attitude, moment.now_s)
+        advice = self._shaking(moment.now_s)
+        return msgspec.structs.replace(advice, corners=4 * (self._tags - self._tags_before), swung=self._swung())
 
-    def _follow(self, moment: Moment) -> None:
-        """The heading, round and round."""
-        if moment.heading is None:
-            return
-        before, least, most = self._headings
-        step = (moment.heading - before + radians(180.0)) % radians(360.0) - radians(180.0)
-        heading = before + step
-        self._headings = (heading, min(least, heading), max(most, heading))
-        if self._turned_s is None and self._headings[2] - self._headings[1] >= TURNED:
-            self._turned_s = moment.now_s
+    def _follow(self, attitude: Vector3, now_s: float) -> None:
+        """How far each angle has swung; the heading round and round."""
+        roll, pitch, heading = attitude
+        first = not self._ranges
+        step = (heading - self._heading + pi) % (2.0 * pi) - pi
+        self._heading = heading if first else self._heading + step
+        angles = (roll, pitch, self._heading)
+        before = [(angle, angle) for angle in angles] if first else self._ranges
+        self._ranges = [(min(low, angle), max(high, angle)) for (low, high), angle in zip(before, angles, strict=True)]
+        low, high = self._ranges[2]
+        if self._turned_s is None and high - low >= TURNED:
+            self._turned_s = now_s
+
+    def _swung(self) -> tuple[float, float]:
+        roll, pitch = (0.5 * (high - low) for low, high in self._ranges[:2]) if self._ranges else (0.0, 0.0)
+        return roll, pitch
 
     def _shaking(self, now_s: float) -> Advice:
         begun_s = self._begun_s or now_s
@@ -114,7 +130,9 @@ class Guide:
         if now_s - self._tag_s > GONE_S:
             return Advice(Phase.SHAKING, "the tag is out of sight: hold it over the tag", share)
         if elapsed_s < HALF_S:
-            return Advice(Phase.SHAKING, "shake it in roll, pitch and a little yaw", share, HALF_S - elapsed_s)
+            narrow = elapsed_s > SOON_S and min(self._swung()) < NARROW
+            text = "shake it wider, in roll and in pitch" if narrow else "shake it in roll, pitch and a little yaw"
+            return Advice(Phase.SHAKING, text, share, HALF_S - elapsed_s)
         if self._turned_s is None:
             return Advice(Phase.SHAKING, "now turn it by 90 deg, and go on shaking", share)
         return Advice(Phase.SHAKING, "go on shaking", share, max(0.0, end_s - elapsed_s))

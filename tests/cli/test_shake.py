@@ -2,6 +2,7 @@
 
 import json
 import os
+import socket
 import subprocess
 import sys
 import time
@@ -82,6 +83,16 @@ def test_beside_a_run_it_says_what_to_do(site, capsys):
     words = ["check", "--config", str(site.folder / "fwav-companion.toml"), "--shake", "--tag-size", "0.16"]
     assert main(words) == 1
     assert f"a `run` (pid {os.getpid()}) has the links" in capsys.readouterr().out
+
+
+def test_a_port_that_somebody_has_is_named(site, capsys):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as holder:
+        holder.bind(("127.0.0.1", site.autopilot))
+        words = ["check", "--config", str(site.folder / "fwav-companion.toml"), "--shake", "--tag-size", "0.16"]
+        assert main([*words, "--seconds", "1"]) == 1
+    said = capsys.readouterr().out
+    assert "in use" in said
+    assert "does another program have it?" in said
 
 
 @pytest.mark.parametrize(

@@ -43,7 +43,7 @@ def test_delay_and_mount_are_found(hands):
 
 
 def test_sigmas_are_neither_too_small_nor_too_large():
-    both = [errors_and_sigmas(Hands(seed=seed)) for seed in range(20, 26)]
+    both = [errors_and_sigmas(Hands(seed=seed)) for seed in range(20, 32)]
     normed = np.array([errors / sigmas for errors, sigmas in both])
     assert 0.4 < np.sqrt((normed**2).mean()) < 1.4
     assert (abs(normed) < 1.96).mean() > 0.85

@@ -1,6 +1,6 @@
 """What the person is told, second by second."""
 
-from math import pi
+from math import cos, degrees, pi, sin
 
 import pytest
 
@@ -15,11 +15,12 @@ class Session:
     def __init__(self, wait_s=10.0):
         self.guide, self.now_s, self.tags = Guide(wait_s), 0.0, 0
 
-    def seconds(self, seconds, *, tag=True, heading=0.5, **what):
+    def seconds(self, seconds, *, tag=True, heading=0.5, swing=0.3, **what):
         for _ in range(round(seconds * 5)):
             self.now_s += 0.2
             self.tags += 6 * tag
-            moment = Moment(now_s=self.now_s, tags=self.tags, heading=heading, **{**READY, **what})
+            attitude = (swing * sin(6.0 * self.now_s), swing * cos(5.0 * self.now_s), heading)
+            moment = Moment(now_s=self.now_s, tags=self.tags, attitude=attitude, **{**READY, **what})
             advice = self.guide.advise(moment)
         return advice
 
@@ -56,6 +57,19 @@ def test_shake_turn_shake_done():
     assert session.seconds(1.0, heading=0.5 + pi / 2).text == "go on shaking"
     assert session.seconds(7.0, heading=0.5 + pi / 2).phase is Phase.SHAKING
     assert session.seconds(1.4, heading=0.5 + pi / 2).phase is Phase.DONE
+
+
+def test_corners_and_swings_are_counted_from_the_beginning():
+    session = Session()
+    session.seconds(3.0, attitude_hz=0.0)
+    advice = session.seconds(5.0)
+    assert advice.corners == 4 * 6 * 24
+    assert [degrees(swing) for swing in advice.swung] == pytest.approx([17.2, 17.2], abs=1.5)
+
+
+def test_who_hardly_shakes_is_asked_for_more():
+    assert "wider" not in Session().seconds(3.0, swing=0.03).text
+    assert "wider" in Session().seconds(6.0, swing=0.03).text
 
 
 def test_a_turn_through_south_is_a_turn_by_what_it_was():
