@@ -65,6 +65,12 @@ def test_the_offered_lines_are_the_corrected_mount(calibrated):
         assert row == pytest.approx(expected_row, abs=2e-5)
 
 
+@pytest.mark.parametrize("setting", ["tracking.filter=lowpass", "tracking.motion=moving"])
+def test_it_is_told_beside_what_it_does_not_correct(setting):
+    status = Companion((*SETTINGS, setting)).pipeline.status(0)["calibration"]
+    assert (status["status"], status["time_offset_sigma_s"]) == ("waiting", 0.05)
+
+
 def test_an_upside_down_camera_is_named_and_nothing_is_estimated():
     flown = fly(scenario("upside_down").but({"seconds": 40.0, "seed": 1}), ("tracking.self_calibration=true",))
     said = [notice for notice in flown.companion.notices if notice.startswith("camera mount: ")]

@@ -103,7 +103,8 @@ class Tracking(Section, frozen=True):
     motion: Literal["static", "moving"] = "static"
     """What targets do."""
     self_calibration: bool = False
-    """Whether the camera's delay and mount are estimated in flight."""
+    """Whether the camera's delay and mount are estimated in flight, from targets that stand. Beside ``lowpass``, a
+    filter of one's own or ``moving`` what is found is told and kept, not applied to the tracks."""
 
     @property
     def is_own_filter(self) -> bool:

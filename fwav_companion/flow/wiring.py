@@ -37,9 +37,8 @@ from fwav_companion.publishing.publisher import Publisher
 from fwav_companion.sight import Sight
 from fwav_companion.telemetry import Telemetry, TelemetryOptions
 from fwav_companion.telemetry.gimbal import LAST_NON_MAVLINK_DEVICE
-from fwav_companion.tracking import KeptCalibration, Reorder, Tracker, TrackingOptions, make_tracker
+from fwav_companion.tracking import KeptCalibration, Reorder, TrackingOptions, make_tracker, tracker_with
 from fwav_companion.tracking.base import Filter
-from fwav_companion.tracking.tracker import KEEP_STATIC_NS
 
 CAMERA_COMPONENT = 100
 """MAV_COMP_ID_CAMERA."""
@@ -86,7 +85,10 @@ def make_pipeline(
         if own_filter is None:
             tracker = make_tracker(_tracking_options(config), config.priors, telemetry.state_at, kept)
         else:
-            tracker = Tracker(own_filter, KEEP_STATIC_NS)
+            self_calibration = config.tracking.self_calibration
+            tracker = tracker_with(
+                own_filter, config.priors, telemetry.state_at, kept, self_calibration=self_calibration
+            )
         reorder = Reorder(tracker)
         sight = Sight(telemetry, make_pairer(config, calibration), localizer, reorder, ledger, sightings=sightings)
     publisher = Publisher(

@@ -8,7 +8,7 @@ Pure: frames come in with their own capture times, tracks go out. Reading order:
 from fwav_companion.tracking.calibration import CalibrationReport, KeptCalibration
 from fwav_companion.tracking.options import TrackingOptions
 from fwav_companion.tracking.reorder import Reorder, Settled
-from fwav_companion.tracking.tracker import Tracker, make_tracker
+from fwav_companion.tracking.tracker import Tracker, make_tracker, tracker_with
 from fwav_companion.tracking.verdict import CalibrationStatus
 
 __all__ = [
@@ -20,4 +20,5 @@ __all__ = [
     "Tracker",
     "TrackingOptions",
     "make_tracker",
+    "tracker_with",
 ]

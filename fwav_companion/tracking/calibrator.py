@@ -11,7 +11,7 @@ Immutable but for :class:`Workshop`, which holds what never changes.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from math import sqrt
+from math import hypot, sqrt
 
 import msgspec
 
@@ -112,6 +112,12 @@ class Calibrator(msgspec.Struct, frozen=True):
         """Where a target stands; None while that is not known here."""
         return self.places.get(track)
 
+    @property
+    def mount_off(self) -> float:
+        """How far from the configured mount the true one may be, rad: what was found, and two sigma of the rest."""
+        means, sigmas = self._believed()
+        return hypot(*(means[i] for i in MOUNT)) + 2.0 * max(sigmas[i] for i in MOUNT)
+
     def surprise(self, track: int, fix: GroundFix) -> Surprise | None:
         """How little a fix was expected of a target that stands in the joint estimate; None: it does not."""
         if self.served is None or self.delay_s is None or self.served.joint.place_of(track) is None:
@@ -120,10 +126,7 @@ class Calibrator(msgspec.Struct, frozen=True):
 
     def report(self) -> CalibrationReport:
         """What is known now."""
-        means, sigmas = list(self.shop.means), list(self.shop.sigmas)
-        if self.verdict is not None:
-            for i, (mean, sigma) in self.verdict.told().items():
-                means[i], sigmas[i] = mean, sigma
+        means, sigmas = self._believed()
         return CalibrationReport(
             host_ns=self.host_ns,
             time_offset_s=means[Common.DELAY],
@@ -137,6 +140,14 @@ class Calibrator(msgspec.Struct, frozen=True):
             mistake=self.suspicion.text,
             keep=self._worth_keeping(),
         )
+
+    def _believed(self) -> tuple[list[float], list[float]]:
+        """Mean and one sigma of each of the common unknowns."""
+        means, sigmas = list(self.shop.means), list(self.shop.sigmas)
+        if self.verdict is not None:
+            for i, (mean, sigma) in self.verdict.told().items():
+                means[i], sigmas[i] = mean, sigma
+        return means, sigmas
 
     def _status(self) -> CalibrationStatus:
         if self.verdict is not None:

@@ -18,4 +18,7 @@ class TrackingOptions(msgspec.Struct, frozen=True, kw_only=True):
     motion: Literal["static", "moving"] = "static"
     """Whether targets stand or move at nearly constant velocity."""
     self_calibration: bool = False
-    """Estimate the camera's time offset and mount, and the height, from targets that are seen again and again."""
+    """Estimate the camera's time offset and mount, and the height, from targets that are seen again and again.
+
+    It corrects the tracks of standing targets. Beside lowpass, or where targets may move, it is told and not applied.
+    """

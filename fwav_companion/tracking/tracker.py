@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_S, BootNs, HostNs, s_from_ns
-from fwav_companion.geometry.vectors import Matrix3
+from fwav_companion.geometry.vectors import Matrix3, norm, subtract
 from fwav_companion.nouns import ErrorPriors, FrameView, GroundFix, Reason, Track, TrackState
 from fwav_companion.tracking.association import Candidate, associate
 from fwav_companion.tracking.base import Belief, Filter
@@ -25,6 +25,11 @@ MAX_TRACKS = 20
 """Live at once: twice what a pilot can care for, and what the assignment is sized for."""
 KEEP_STATIC_NS = 300 * NS_PER_S
 """What stood is looked for where it stood, five minutes long: several rounds of any survey."""
+PATIENCE_NS = 10 * NS_PER_S
+"""Where targets may move, one teaches that stayed so long within the gate of a standing one, a metre or two wide as
+delay and mount are not known yet: who walks left it within seconds."""
+AROUND = ((1.0, 0.0), (-0.5, 0.866), (-0.5, -0.866))
+"""Three directions: an edge of the image that cuts the circle's inner half cuts one of them off."""
 KEEP_MOVING_NS = 10 * NS_PER_S
 """What moved can be anywhere within 15 m after that."""
 
@@ -40,6 +45,8 @@ class Alive(msgspec.Struct, frozen=True):
     last_pixel: tuple[float, float] | None = None
     fix: GroundFix | None = None
     """Of the newest frame."""
+    slant_m: float = 0.0
+    """From the camera to it when it was last seen."""
     level_sigma_m: float = 0.0
     """Of the ground's level by the newest fix: the same in every fix, so no number of them takes it away."""
 
@@ -52,22 +59,46 @@ class Snapshot(msgspec.Struct, frozen=True):
     next_id: int = 1
     calibrator: Calibrator | None = None
     """With self-calibration."""
+    beside: Snapshot | None = None
+    """Of the tracker that calibrates in the place of this one."""
 
 
 class Tracker:
     """Follows targets through frames that come in the order of their capture; :class:`Reorder` sees to that."""
 
-    __slots__ = ("_filter", "_keep_ns", "_state")
+    __slots__ = ("_beside", "_corrects", "_filter", "_keep_ns", "_patience_ns", "_state")
 
-    def __init__(self, belief_filter: Filter, keep_ns: int, calibrator: Calibrator | None = None) -> None:
+    def __init__(
+        self,
+        belief_filter: Filter,
+        keep_ns: int,
+        calibrator: Calibrator | None = None,
+        *,
+        corrects: bool = True,
+        patience_ns: int = 0,
+        beside: Tracker | None = None,
+    ) -> None:
+        """``corrects``: what self-calibration finds moves the tracks; otherwise it is only told.
+
+        ``patience_ns``: how old a track must be before it teaches. ``beside``: a tracker of the same frames that
+        calibrates in the place of this one.
+        """
         self._filter = belief_filter
         self._keep_ns = keep_ns
-        self._state = Snapshot(calibrator=calibrator)
+        self._corrects = corrects
+        self._patience_ns = patience_ns
+        self._beside = beside
+        self._state = Snapshot(calibrator=calibrator, beside=None if beside is None else beside.snapshot())
 
     @property
     def calibration(self) -> CalibrationReport | None:
         """What self-calibration knows; None without it."""
-        return None if self._state.calibrator is None else self._state.calibrator.report()
+        calibrator = self._calibrator
+        return None if calibrator is None else calibrator.report()
+
+    @property
+    def _calibrator(self) -> Calibrator | None:
+        return self._state.calibrator if self._beside is None else self._beside._calibrator
 
     def snapshot(self) -> Snapshot:
         """The present state, to come back to."""
@@ -76,9 +107,13 @@ class Tracker:
     def restore(self, snapshot: Snapshot) -> None:
         """Back to an earlier state, ids included: the same frames then give the same tracks again."""
         self._state = snapshot
+        if self._beside is not None and snapshot.beside is not None:
+            self._beside.restore(snapshot.beside)
 
     def on_frame(self, view: FrameView) -> tuple[Track, ...]:
         """All tracks after this frame, by id; those that it ended are in it, told once."""
+        if self._beside is not None:
+            self._beside.on_frame(view)
         alive = tuple(
             msgspec.structs.replace(track, belief=track.belief.predicted(view.host_ns), fix=None)
             for track in self._state.alive
@@ -88,7 +123,7 @@ class Tracker:
         used = {id(fix) for fix, _ in taken.values()}
         tracks, next_id = self._with_newborn(kept, [fix for fix in view.fixes if id(fix) not in used], view.host_ns)
         living = tuple(track for track in tracks if track.life.state is not TrackState.DROPPED)
-        self._state = Snapshot(living, next_id, self._learned(view, living))
+        self._state = Snapshot(living, next_id, self._learned(view, living), self._besides())
         return tuple(self._told(track, view.frame, view.host_ns, view.boot_ns) for track in tracks)
 
     def drop_all(self, reason: Reason, frame: int, host_ns: HostNs, boot_ns: BootNs) -> tuple[Track, ...]:
@@ -98,8 +133,14 @@ class Tracker:
         )
         told = tuple(self._told(track, frame, host_ns, boot_ns) for track in dropped)
         calibrator = self._state.calibrator
-        self._state = Snapshot((), self._state.next_id, None if calibrator is None else calibrator.restarted())
+        restarted = None if calibrator is None else calibrator.restarted()
+        if self._beside is not None:
+            self._beside.drop_all(reason, frame, host_ns, boot_ns)
+        self._state = Snapshot((), self._state.next_id, restarted, self._besides())
         return told
+
+    def _besides(self) -> Snapshot | None:
+        return None if self._beside is None else self._beside.snapshot()
 
     def _associated(self, alive: tuple[Alive, ...], fixes: tuple[GroundFix, ...]) -> dict[int, tuple[GroundFix, float]]:
         """Track id -> its fix, and how much likelier it is than a false one.
@@ -123,7 +164,7 @@ class Tracker:
 
     def _after(self, track: Alive, taken: tuple[GroundFix, float] | None, view: FrameView) -> Alive:
         if taken is None:
-            looked = view.could_see(self._seen_as(track).position_ned)
+            looked = self._could_see(view, track)
             life = unseen(track.life, view.host_ns, looked=looked, keep_ns=self._keep_ns)
             return msgspec.structs.replace(track, life=life)
         fix, likelier = taken
@@ -136,7 +177,19 @@ class Tracker:
             detection.detector_id if detection.detector_id is not None else track.detector_id,
             (detection.u, detection.v),
             fix,
+            _slant_m(fix),
             fix.level_sigma_m,
+        )
+
+    def _could_see(self, view: FrameView, track: Alive) -> bool:
+        """It would be in the image even if the mount were off by what is not known of it, or by what was found."""
+        north, east, down = self._seen_as(track).position_ned
+        if not view.could_see((north, east, down)):
+            return False
+        calibrator = self._calibrator if self._corrects else None
+        margin_m = 0.0 if calibrator is None else calibrator.mount_off * track.slant_m
+        return margin_m == 0.0 or all(
+            view.could_see((north + margin_m * n, east + margin_m * e, down)) for n, e in AROUND
         )
 
     def _with_newborn(self, tracks: list[Alive], fixes: list[GroundFix], host_ns: HostNs) -> tuple[list[Alive], int]:
@@ -149,9 +202,11 @@ class Tracker:
             detection = fix.sighting.detection
             pixel = (detection.u, detection.v)
             belief = self._filter.started(fix)
-            life, level_sigma_m = born(host_ns), fix.level_sigma_m
-            newborn = Alive(next_id, detection.label, belief, life, detection.detector_id, pixel, fix, level_sigma_m)
-            tracks.append(newborn)
+            life, slant_m, level_sigma_m = born(host_ns), _slant_m(fix), fix.level_sigma_m
+            detector_id = detection.detector_id
+            tracks.append(
+                Alive(next_id, detection.label, belief, life, detector_id, pixel, fix, slant_m, level_sigma_m)
+            )
             next_id += 1
         return tracks, next_id
 
@@ -182,16 +237,17 @@ class Tracker:
         if calibrator is None:
             return None
         before = {track.id: track.life.last_seen_ns for track in self._state.alive}
+        old = [track for track in living if view.host_ns - track.life.first_ns >= self._patience_ns]
         fixes = [
             (track.id, track.fix, s_from_ns(view.host_ns - before.get(track.id, view.host_ns)))
-            for track in living
+            for track in old
             if track.fix is not None
         ]
-        return calibrator.learned(view.host_ns, view.fixes, fixes, {track.id for track in living})
+        return calibrator.learned(view.host_ns, view.fixes, fixes, {track.id for track in old})
 
     def _calibrated(self, track: Alive) -> CalibratedBelief | None:
-        """The track by the joint estimate, where that holds the target."""
-        calibrator = self._state.calibrator
+        """The track by the joint estimate, where that holds the target and may correct it."""
+        calibrator = self._state.calibrator if self._corrects else None
         placed = None if calibrator is None else calibrator.placed(track.id)
         if calibrator is None or placed is None:
             return None
@@ -217,11 +273,36 @@ def make_tracker(
     offset only with it. ``kept``: a calibration of an earlier flight with this camera.
     """
     if options.filter == "lowpass":
-        return Tracker(LowPass(options.alpha, options.alpha_rate_hz, priors), KEEP_STATIC_NS)
-    if options.motion == "moving":
-        return Tracker(MovingKalman(priors), KEEP_MOVING_NS)
+        paper = LowPass(options.alpha, options.alpha_rate_hz, priors)
+        return tracker_with(paper, priors, state_at, kept, self_calibration=options.self_calibration)
     calibrator = Calibrator(Workshop(priors, state_at, kept)) if options.self_calibration else None
-    return Tracker(StaticKalman(priors), KEEP_STATIC_NS, calibrator)
+    if options.motion == "static":
+        return Tracker(StaticKalman(priors), KEEP_STATIC_NS, calibrator)
+    if calibrator is None:
+        return Tracker(MovingKalman(priors), KEEP_MOVING_NS)
+    # What stands is followed once more, as standing: only what is known to stand again where it stood can calibrate.
+    beside = Tracker(StaticKalman(priors), KEEP_STATIC_NS, calibrator, patience_ns=PATIENCE_NS)
+    return Tracker(MovingKalman(priors), KEEP_MOVING_NS, beside=beside)
+
+
+def tracker_with(
+    belief_filter: Filter,
+    priors: ErrorPriors,
+    state_at: StateAt | None = None,
+    kept: KeptCalibration | None = None,
+    *,
+    self_calibration: bool = False,
+) -> Tracker:
+    """A tracker by a filter that stays as it is, be it the paper's or one of the user's own.
+
+    Self-calibration then runs beside it: told, but not applied.
+    """
+    calibrator = Calibrator(Workshop(priors, state_at, kept)) if self_calibration else None
+    return Tracker(belief_filter, KEEP_STATIC_NS, calibrator, corrects=False)
+
+
+def _slant_m(fix: GroundFix) -> float:
+    return norm(subtract(fix.position_ned, fix.sighting.camera_ned))
 
 
 def _with_level(cov: Matrix3, level_sigma_m: float) -> Matrix3:
