@@ -21,6 +21,7 @@ from fwav_companion.recording.ardupilot_log import read_ardupilot_log
 from fwav_companion.recording.dataflash import is_dataflash
 from fwav_companion.recording.events import BeganWith, End, Refused, parse_event
 from fwav_companion.recording.flight_log import FlightLog, messages_of
+from fwav_companion.recording.one_clock import longest_stretch, on_one_clock
 from fwav_companion.recording.tlog import SkippedBytes, load_tlog, read_tlog
 from fwav_companion.recording.ulog import is_ulog, read_ulog
 from fwav_companion.service.calibration_memory import is_sound
@@ -114,16 +115,13 @@ def load_telemetry(path: Path, own: frozenset[int]) -> TelemetryRead:
 
 def read_telemetry(data: bytes) -> TelemetryRead:
     """Of a .tlog's content."""
+    records, skipped, notes = on_one_clock(read_tlog(data))
     messages: list[Timed] = []
-    skipped: list[SkippedBytes] = []
     scanner, latest_us = Scanner(datagrams=True), 0
-    for item in read_tlog(data):
-        if isinstance(item, SkippedBytes):
-            skipped.append(item)
-            continue
-        latest_us = max(latest_us, item.unix_us)
-        messages.extend((latest_us, message) for message in _decoded(scanner, item.frame))
-    return TelemetryRead(messages, skipped)
+    for record in records:
+        latest_us = max(latest_us, record.unix_us)
+        messages.extend((latest_us, message) for message in _decoded(scanner, record.frame))
+    return TelemetryRead(messages, skipped, notes)
 
 
 def join(telemetry: TelemetryRead, detections: bytes, own: frozenset[int], system: int = 0) -> Recording:
@@ -170,10 +168,13 @@ def _of_log(
             unfit += 1
             continue
         messages.extend((boot_us + offset_us, message) for message in _decoded(scanner, frame))
+    start, end = longest_stretch([unix_us for unix_us, _ in messages])
     told = [*notes, *log.complaints()]
+    if end - start < len(messages):
+        told.append(f"{len(messages) - end + start} messages are an hour or more from the others and were left out")
     if unfit:
         told.append(f"{unfit} samples are beyond any vehicle and were left out")
-    return TelemetryRead(messages, skipped, told, exact_stamps=True)
+    return TelemetryRead(messages[start:end], skipped, told, exact_stamps=True)
 
 
 def _frames(

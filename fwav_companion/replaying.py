@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from heapq import merge
 
 import msgspec
@@ -11,7 +11,7 @@ from fwav_companion.camera import Calibration
 from fwav_companion.config import Config
 from fwav_companion.flow.pipeline import Pipeline
 from fwav_companion.flow.wiring import make_pipeline, own_components
-from fwav_companion.geometry.stamps import NS_PER_US, HostNs, host_from_seconds
+from fwav_companion.geometry.stamps import NS_PER_S, NS_PER_US, HostNs, host_from_seconds
 from fwav_companion.localization import ElevationTile
 from fwav_companion.nouns import Frame, Message, NoFrame, StampClock
 from fwav_companion.recorded import Recording, is_own, read_recording
@@ -19,6 +19,8 @@ from fwav_companion.recording.events import End, Refused
 from fwav_companion.recording.lines import Line
 from fwav_companion.recording.truth import ErrorTally, TruthPoint
 from fwav_companion.tracking.base import Filter
+
+MARGIN_NS = 60 * NS_PER_S
 
 __all__ = ["Recording", "read_recording", "replay"]
 
@@ -106,12 +108,13 @@ def _frames(recording: Recording, pipeline: Pipeline, untold: list[Frame]) -> It
     """Frames by arrival. Those on the autopilot's clock that do not tell theirs are left in ``untold``."""
     events: list[_Event] = []
     last_ns = HostNs(0)
+    near = _near(recording)
     for frame in recording.frames:
         if isinstance(frame, NoFrame):
             events.append((last_ns, 1, frame))
             continue
         if isinstance(frame, Refused | End):
-            last_ns = HostNs(host_from_seconds(frame.received_unix) - recording.unix_offset_ns)
+            last_ns = near(HostNs(host_from_seconds(frame.received_unix) - recording.unix_offset_ns))
             events.append((last_ns, 1, frame))
             continue
         if frame.arrival_ns is None and frame.stamp_clock is StampClock.BOOT:
@@ -119,9 +122,18 @@ def _frames(recording: Recording, pipeline: Pipeline, untold: list[Frame]) -> It
             continue
         arrival_ns = frame.arrival_ns if frame.arrival_ns is not None else pipeline.arrival_untold(frame)
         if arrival_ns is not None:
-            last_ns = arrival_ns
-            events.append((arrival_ns, 1, frame))
+            last_ns = near(arrival_ns)
+            events.append((last_ns, 1, frame))
     return iter(sorted(events, key=_by_time))
+
+
+def _near(recording: Recording) -> Callable[[HostNs], HostNs]:
+    """An instant, no further from the telemetry than a minute: what came beyond is of no use whenever it came, and a
+    damaged digit must not make a replay run through years.
+    """
+    ends_us = (recording.messages[0][0], recording.messages[-1][0]) if recording.messages else (0, 0)
+    first_ns, last_ns = (unix_us * NS_PER_US - recording.unix_offset_ns for unix_us in ends_us)
+    return lambda at_ns: HostNs(max(first_ns - MARGIN_NS, min(last_ns + MARGIN_NS, at_ns)))
 
 
 def _arrived(untold: list[Frame], pipeline: Pipeline, now: HostNs) -> Iterator[Frame]:

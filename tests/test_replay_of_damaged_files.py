@@ -4,13 +4,17 @@ import random
 
 import pytest
 from autopilot_logs import DataFlash, ulog, usual
+from flying import CAMERA, LINK
 from mavlink_wire import Wire
 
+from fwav_companion.camera import parse_calibration
+from fwav_companion.config import parse
 from fwav_companion.errors import InputFileError
-from fwav_companion.recorded import load_telemetry
+from fwav_companion.recorded import load_telemetry, read_telemetry
 from fwav_companion.recording.timely import timely
 from fwav_companion.recording.tlog import tlog_record
 from fwav_companion.recording.ulog_frames import damaged_stretches
+from fwav_companion.replaying import read_recording, replay
 
 OWN = frozenset({191})
 SECONDS, HZ = 3, 20
@@ -129,6 +133,54 @@ def test_a_time_of_another_day_is_outvoted_and_fills_nothing(tmp_path):
     times = [unix_us for unix_us, _ in read.messages]
     assert times[-1] - times[0] < (SECONDS + 1) * 1_000_000
     assert sum(message.name == "ATTITUDE_QUATERNION" for _, message in read.messages) == SECONDS * HZ - 1
+
+
+RECORD = len(a_tlog()) // (SECONDS * HZ)
+
+
+def restamped(shift_us):
+    """The tlog with so many microseconds added to the stamp of each record, by its number."""
+    data = bytearray(WHOLE["tlog"])
+    for number, at in enumerate(range(0, len(data), RECORD)):
+        stamp_us = int.from_bytes(data[at : at + 8], "big") + shift_us(number)
+        data[at : at + 8] = stamp_us.to_bytes(8, "big")
+    return bytes(data)
+
+
+@pytest.mark.parametrize("bit", [26, 32, 45, 50])
+def test_a_flipped_bit_in_a_stamp_moves_one_message_and_no_other(bit):
+    """From a minute to decades: behind it, time must not stand still nor a replay run through the years."""
+    whole = read_telemetry(WHOLE["tlog"]).messages
+    read = read_telemetry(restamped(lambda number: (1 << bit) * (number == 20)))
+    assert read.notes == []
+    assert len(read.messages) == len(whole)
+    assert [unix_us for unix_us, _ in read.messages[:20]] == [unix_us for unix_us, _ in whole[:20]]
+    assert [unix_us for unix_us, _ in read.messages[21:]] == [unix_us for unix_us, _ in whole[21:]]
+
+
+@pytest.mark.parametrize(("by_s", "at"), [(3 * 86_400, 20), (-86_400, 20), (56 * 365 * 86_400 - 10**9, 40)])
+def test_a_recorder_whose_clock_was_set_gives_its_longest_part_and_says_where(by_s, at):
+    """As a board without a clock of its own, when it finds the network."""
+    shift_us = by_s * 1_000_000
+    read = read_telemetry(restamped(lambda number: shift_us * (number >= at)))
+    times = [unix_us for unix_us, _ in read.messages]
+    count = max(at, SECONDS * HZ - at)
+    assert count - 4 <= len(times) <= count + 4
+    assert times[-1] - times[0] < (SECONDS + 1) * 1_000_000
+    (note,) = read.notes
+    offset = int(note.split("at offset ")[1].split(":")[0])
+    assert abs(offset - at * RECORD) <= 4 * RECORD
+    assert ("before" in note) == (at < SECONDS * HZ // 2)
+
+
+@pytest.mark.parametrize("received", ["0", "1690000000", "99999999999"])
+def test_an_arrival_of_another_year_does_not_make_a_replay_run_through_it(received):
+    detections = f'{{"time_unix": 1790000001.0, "received_unix": {received}, "detections": []}}\n' * 3
+    recording = read_recording(WHOLE["tlog"], detections.encode(), OWN)
+    config = parse(LINK + '[camera]\ncalibration = "camera.yaml"\n', "flight.toml")
+    lines = list(replay(recording, config, parse_calibration(CAMERA, "camera.yaml")))
+    assert lines[-1]["frames"] == 3
+    assert len(lines) < 300
 
 
 def test_times_that_their_neighbours_contradict_are_left_out():

@@ -7,7 +7,7 @@ their times, so a time that its neighbours in the file contradict is damage.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from operator import le
+from itertools import pairwise
 from typing import Final
 
 NEIGHBOURS: Final = 3
@@ -23,14 +23,18 @@ def timely(times_us: Sequence[int]) -> list[int]:
     if not times_us:
         return []
     middle = sorted(times_us)[len(times_us) // 2]
-    if all(map(le, times_us, times_us[1:])) and max(middle - times_us[0], times_us[-1] - middle) <= LONGEST_LOG_US:
-        return list(range(len(times_us)))  # nearly every log: nobody contradicts anybody
+    damaged = contradicted(times_us)
     believed = [
-        index
-        for index, at_us in enumerate(times_us)
-        if abs(at_us - middle) <= LONGEST_LOG_US and _is_between_neighbours(times_us, index)
+        index for index, at_us in enumerate(times_us) if index not in damaged and abs(at_us - middle) <= LONGEST_LOG_US
     ]
     return sorted(believed, key=times_us.__getitem__)
+
+
+def contradicted(times_us: Sequence[int]) -> set[int]:
+    """The indices of those, in file order, whose neighbours were written at quite another time."""
+    if all(after - before >= -DISORDER_US for before, after in pairwise(times_us)):
+        return set()  # nearly every file
+    return {index for index in range(len(times_us)) if not _is_between_neighbours(times_us, index)}
 
 
 def _is_between_neighbours(times_us: Sequence[int], index: int) -> bool:

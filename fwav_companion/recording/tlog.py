@@ -23,6 +23,11 @@ class TlogRecord(msgspec.Struct, frozen=True, gc=False):
     unix_us: int
     frame: bytes
 
+    @property
+    def bytes_in_file(self) -> int:
+        """With its stamp."""
+        return _STAMP.size + len(self.frame)
+
 
 class SkippedBytes(msgspec.Struct, frozen=True):
     """A damaged stretch of a file."""
