@@ -16,7 +16,7 @@ MARGIN = 0.18
 """Of the height of a chart, above and below what moves in it."""
 STATUSES = {
     "waiting": "Too little was seen to move anything: delay and mount stand where the configuration has them.",
-    "ambiguous": "Several delays explain what was seen alike, as the beat of the wings repeats itself: nothing was moved.",
+    "ambiguous": "Several delays explain what was seen alike, as a steady beat repeats itself: nothing was moved.",
     "unexplained": "No delay within its prior explains what was seen: nothing was moved.",
     "time": "The shaking showed the delay. The mount, which this flight's headings and ranges do not show, stays.",
     "calibrated": "Delay and mount were both found while it flew.",
