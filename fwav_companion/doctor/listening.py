@@ -8,6 +8,7 @@ import os
 import tempfile
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
@@ -29,16 +30,21 @@ def running_status(config: Config) -> Mapping[str, Any] | None:
 
 
 def _status_of(path: Path, config: Config) -> Mapping[str, Any] | None:
+    """A fresh one of a process that lives. None too where we may not read it, or another wrote it."""
     try:
         status = msgspec.json.decode(path.read_bytes())
         age_s = time.monotonic() - float(status["time_monotonic"])
-        os.kill(int(status["pid"]), 0)
         ours = Path(status["config_path"]).resolve() == Path(config.file).resolve()
-    except PermissionError:  # of kill: it is there, and another user's
-        ours = True
-    except (OSError, ValueError, KeyError, TypeError, msgspec.DecodeError):
+        fresh = 0.0 <= age_s <= FRESH_S and _lives(int(status["pid"]))
+    except (OSError, ValueError, ArithmeticError, KeyError, TypeError, msgspec.DecodeError):
         return None
-    return status if ours and 0.0 <= age_s <= FRESH_S else None
+    return status if ours and fresh else None
+
+
+def _lives(pid: int) -> bool:
+    with suppress(PermissionError):  # it is there, and another user's
+        os.kill(pid, 0)
+    return True
 
 
 def listen(
