@@ -20,7 +20,8 @@ from fwav_companion.nouns import Frame, Message, NoFrame, Reason
 from fwav_companion.recording.ardupilot_log import read_ardupilot_log
 from fwav_companion.recording.dataflash import is_dataflash
 from fwav_companion.recording.events import BeganWith, End, Refused, parse_event
-from fwav_companion.recording.flight_log import FlightLog, messages_of
+from fwav_companion.recording.flight_log import FlightLog
+from fwav_companion.recording.log_messages import messages_of
 from fwav_companion.recording.one_clock import longest_stretch, on_one_clock
 from fwav_companion.recording.tlog import SkippedBytes, load_tlog, read_tlog
 from fwav_companion.recording.ulog import is_ulog, read_ulog

@@ -11,7 +11,7 @@ from pymavlink import DFReader
 
 from fwav_companion.geometry.rotations import euler_from_quaternion
 from fwav_companion.recording.ardupilot_log import read_ardupilot_log
-from fwav_companion.recording.flight_log import messages_of
+from fwav_companion.recording.log_messages import messages_of
 from fwav_companion.recording.tlog import SkippedBytes
 
 GYRO = "GyrX,GyrY,GyrZ,AccX,AccY,AccZ,EG,EA,T,GH,AH,GHz,AHz"
