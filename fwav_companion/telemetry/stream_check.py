@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from enum import StrEnum
 from itertools import pairwise
 from math import exp, inf, pi, sqrt
-from typing import Any
+from typing import Any, NamedTuple
 
 from fwav_companion.geometry.rotations import Quaternion, conjugate, multiply
 from fwav_companion.geometry.stamps import BootNs
@@ -35,8 +35,6 @@ CHANGE_FOR = 0.7
 
 FOUR_LEFT_OUT, SIX_LEFT_OUT, RATES_LEFT_OUT = 64.0 / 9.0, 36.0 * 64.0 / 225.0, 16.0
 """Error with the middle sample left out, over that amid an interval: ratios of the products of distances."""
-FOUR_POWER, SIX_POWER, RATES_POWER = 4, 6, 4
-"""Their errors grow so with the width of an interval."""
 SIX_NOISE = 1.0 + 524.0 / 400.0
 """Of independent errors of the samples: the square of what is left out of six, one plus the squared weights."""
 NOISE_SHARE = (1.0 + 34.0 / 36.0) / SIX_NOISE
@@ -62,6 +60,20 @@ class Method(StrEnum):
     RATES = "two attitudes and their corrected rates"
 
 
+POWERS = {Method.FOUR: 4, Method.SIX: 6, Method.RATES: 4}
+"""Their errors grow so with the width of an interval."""
+
+
+class _Told(NamedTuple):
+    """What the checks so far say of every interpolation, at the stream's own spacing."""
+
+    errors: dict[Method, float]
+    """RMS, rad."""
+    unexplained: float
+    """Of the rates, rad/s, where the stream is too slow for the motion."""
+    swing: float
+
+
 class StreamCheck:
     """Running means over the last seconds, of the checks of seven neighbouring samples."""
 
@@ -74,6 +86,7 @@ class StreamCheck:
         "_rates2",
         "_six2",
         "_spacing",
+        "_told",
         "method",
         "rates",
     )
@@ -84,6 +97,7 @@ class StreamCheck:
         self._spacing = 0.0
         self._rate2 = self._acceleration2 = 0.0
         self._four2 = self._six2 = self._rates2 = 0.0
+        self._told: _Told | None = None
         self.rates = RateFit()
         """What the sent rates are worth."""
         self.method = Method.FOUR
@@ -138,15 +152,22 @@ class StreamCheck:
         """One sigma of interpolating over an interval of this width, rad about each axis."""
         if not self.settled:
             return min(MOST_SWING, UNCHECKED_SHARE * self.angular_acceleration * interval_s**2)
-        error2, power = {
-            Method.FOUR: (self._four_truncation2(), FOUR_POWER),
-            Method.SIX: (self._amid_interval2(self._six2, SIX_LEFT_OUT), SIX_POWER),
-            Method.RATES: (self._amid_interval2(self._rates2, RATES_LEFT_OUT), RATES_POWER),
-        }[method]
-        error = sqrt(error2) * max(1.0, interval_s / self._spacing) ** power
-        if self.too_slow:
-            error += 0.5 * self.rates.disagreement * max(interval_s, self._spacing)
-        return min(error, self.swing)
+        if self._told is None:  # asked for with every attitude that is wanted, and changed by checks alone
+            self._told = self._tell()
+        told = self._told
+        error = told.errors[method] * max(1.0, interval_s / self._spacing) ** POWERS[method]
+        if told.unexplained:
+            error += 0.5 * told.unexplained * max(interval_s, self._spacing)
+        return min(error, told.swing)
+
+    def _tell(self) -> _Told:
+        errors2 = {
+            Method.FOUR: self._four_truncation2(),
+            Method.SIX: self._amid_interval2(self._six2, SIX_LEFT_OUT),
+            Method.RATES: self._amid_interval2(self._rates2, RATES_LEFT_OUT),
+        }
+        errors = {method: sqrt(error2) for method, error2 in errors2.items()}
+        return _Told(errors, self.rates.disagreement if self.too_slow else 0.0, self.swing)
 
     def status(self) -> dict[str, Any]:
         """For the status file and ``check``."""
@@ -180,6 +201,7 @@ class StreamCheck:
         self.rates.insert(seven[1:6], self.frequency, elapsed_s)
         self._try_out(seven, gain)
         self._choose()
+        self._told = None
 
     def _measure(self, seven: Sequence[AttitudeSample], gain: float) -> None:
         """How the body moves, by its attitudes' differences or by the sent rates, whichever tell of more."""
