@@ -16,6 +16,7 @@ import msgspec
 
 from fwav_companion.camera import Calibration
 from fwav_companion.config import Config
+from fwav_companion.doctor.status_form import is_of_our_form
 from fwav_companion.files.latest import status_paths
 from fwav_companion.localization import ElevationTile
 
@@ -30,7 +31,7 @@ def running_status(config: Config) -> Mapping[str, Any] | None:
 
 
 def _status_of(path: Path, config: Config) -> Mapping[str, Any] | None:
-    """A fresh one of a process that lives. None too where we may not read it, or another wrote it."""
+    """A fresh one of a process that lives. None too where we may not read it, or another version wrote it."""
     try:
         status = msgspec.json.decode(path.read_bytes())
         age_s = time.monotonic() - float(status["time_monotonic"])
@@ -38,7 +39,7 @@ def _status_of(path: Path, config: Config) -> Mapping[str, Any] | None:
         fresh = 0.0 <= age_s <= FRESH_S and _lives(int(status["pid"]))
     except (OSError, ValueError, ArithmeticError, KeyError, TypeError, msgspec.DecodeError):
         return None
-    return status if ours and fresh else None
+    return status if ours and fresh and is_of_our_form(status) else None
 
 
 def _lives(pid: int) -> bool:

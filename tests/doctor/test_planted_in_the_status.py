@@ -9,6 +9,8 @@ from hearing import CAMERA, TEXT, Hearing, codes, evidence_of, found, heard
 from fwav_companion.camera import parse_calibration
 from fwav_companion.config import parse
 from fwav_companion.doctor.examine import examine
+from fwav_companion.doctor.status_form import is_of_our_form
+from fwav_companion.doctor.telling import told
 from fwav_companion.nouns import Reason
 from sitl_mock import scenario
 
@@ -130,3 +132,32 @@ def test_what_to_do_about_loss_goes_by_the_kind_of_link(healthy, url, said):
     (finding,) = planted(evidence, ["traffic"], traffic)
     assert finding.code == "loss"
     assert said in finding.do
+
+
+def places(value, path=()):
+    """The path of every value inside another."""
+    inside = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, each in inside:
+        yield (*path, key)
+        yield from places(each, (*path, key))
+
+
+def with_another(value, path, other):
+    if not path:
+        return other
+    copy = value.copy()
+    copy[path[0]] = with_another(value[path[0]], path[1:], other)
+    return copy
+
+
+@pytest.mark.parametrize("other", [None, "x", -1, [1], {}, {"a": None}, True], ids=repr)
+def test_a_status_of_another_form_is_not_believed_or_breaks_nothing(healthy, other):
+    believed = 0
+    for path in places(healthy.status):
+        status = with_another(healthy.status, path, other)
+        if is_of_our_form(status):
+            believed += 1
+            evidence = msgspec.structs.replace(healthy, status=status)
+            assert list(told(evidence, examine(evidence), "by its status"))
+    assert believed > 50
+    assert is_of_our_form(healthy.status)
