@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from fwav_companion.errors import InputFileError
 from fwav_companion.geometry.rotations import normalized
+from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.recording.flight_log import (
     FlightLog,
     LoggedAttitude,
@@ -122,7 +123,8 @@ def _attitudes(topics: Mapping[str, _Rows]) -> Iterator[LoggedAttitude]:
 def _positions(topics: Mapping[str, _Rows]) -> Iterator[LoggedPosition]:
     home = [alt for _, (alt,) in topics.get("home_position", _NOTHING).rows("alt")]
     velocities = iter(topics.get("vehicle_local_position", _NOTHING).rows("vx", "vy", "vz"))
-    velocity, waiting = (0.0, 0.0, 0.0), next(velocities, None)
+    velocity: Vector3 | None = None
+    waiting = next(velocities, None)
     ground_m = home[-1] if home else None
     for at_us, (lat, lon, alt) in topics.get("vehicle_global_position", _NOTHING).rows("lat", "lon", "alt"):
         while waiting is not None and waiting[0] <= at_us:
