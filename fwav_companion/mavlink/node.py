@@ -191,15 +191,12 @@ class Node:
         return True
 
     def _meet(self, port: Port, frame: RawFrame, now: HostNs) -> Peer | None:
-        """Who speaks here for the first time; None for ourselves through a crossed wire, or a copy that a loop brings.
-
-        Two links to the autopilot are no loop but two ways to it, though what comes by one may always be the copy.
-        """
+        """Who speaks here for the first time; None for ourselves through a crossed wire, or a copy that may be ours."""
         if self._router.is_own(frame):
             port.echoes += 1
             return None
         first = self._router.ports[self._duplicates.came_first_by(frame.data, port.index)]
-        if first is not port and not (first.is_autopilot and port.is_autopilot):
+        if first is not port and not self._router.are_two_ways(first, port, frame):
             port.duplicates += 1
             return None
         return self._router.learn(port, frame, now)

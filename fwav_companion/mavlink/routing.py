@@ -207,6 +207,12 @@ class Router:
             return out.hears_system(target_system)
         return (target_system << 8 | target_component) in out.peers
 
+    def are_two_ways(self, first: Port, second: Port, frame: RawFrame) -> bool:
+        """A copy that came by ``second`` shows another way to its sender: it never left there, so it is no echo."""
+        if first.is_autopilot is not second.is_autopilot:
+            return False
+        return second not in self.route(first, frame, frame.target_system, frame.target_component)
+
     def route_of(self, port: Port, frame: RawFrame, stream: Stream) -> tuple[Port, ...]:
         """As :meth:`route`, remembered for as long as the stream's plan holds."""
         target_system, target_component = frame.target_system, frame.target_component

@@ -213,13 +213,26 @@ def test_a_frame_that_came_by_another_link_is_a_duplicate() -> None:
 
 def test_a_second_way_to_the_autopilot_is_learned_though_its_copies_always_come_second() -> None:
     net = Net(AUTOPILOT, SECOND, GROUND)
-    vehicle = Wire(1, 1)
+    vehicle, ground = vehicle_and_ground(net)
     for number in range(3):
-        frame = vehicle.attitude(number)
-        assert net.feed("autopilot", frame) != []
-        assert net.feed("second", frame) == []
-    assert net.links_of("ground", Wire(255, 190).command(1, 1)) == ["autopilot", "second"]
+        echo_perhaps = vehicle.attitude(number)
+        assert net.links_of("autopilot", echo_perhaps) == ["second", "ground"]
+        assert net.feed("second", echo_perhaps) == []
+    assert net.links_of("ground", ground.command(1, 1)) == ["autopilot"]
+    never_sent_there = vehicle.frame("COMMAND_ACK", 400, 0, 0, 0, 255, 190)
+    assert net.links_of("autopilot", never_sent_there) == ["ground"]
+    assert net.feed("second", never_sent_there) == []
+    assert net.links_of("ground", ground.command(1, 1)) == ["autopilot", "second"]
     assert net.links_of("autopilot", vehicle.attitude(3)) == ["ground"]
+
+
+def test_what_a_loop_brings_back_by_a_ground_link_is_no_second_way() -> None:
+    net = Net()
+    vehicle, ground = vehicle_and_ground(net)
+    acknowledged = vehicle.frame("COMMAND_ACK", 400, 0, 0, 0, 255, 190)
+    assert net.links_of("autopilot", acknowledged) == ["ground"]
+    assert net.feed("tablet", acknowledged) == []
+    assert net.links_of("ground", ground.command(1, 1)) == ["autopilot"]
 
 
 def test_the_same_bytes_again_on_one_link_are_no_duplicate() -> None:

@@ -147,6 +147,8 @@ def story(seconds: int, seed: int = 1) -> Iterator[Event]:
                 if link != lost_by:
                     first = "fc1" in (link, lost_by)
                     yield Event(when_ms, link, frame, _from_vehicle(rules, link, what, rebooted) if first else ())
+                    if not first and what == "to gs1":
+                        rules.hear(link, VEHICLE)  # it never left by this link: no echo of ours, but a second way
                     rebooted = rebooted and what != "clock"
         if at_ms % 100 == 0 and 1.0 < in_cycle_s < REBOOT_EVERY_S - REBOOT_TAKES_S - 1.0:
             for station in stations:
@@ -154,7 +156,7 @@ def story(seconds: int, seed: int = 1) -> Iterator[Event]:
 
 
 def _from_vehicle(rules: Rules, link: str, what: str, rebooted: bool) -> tuple[str, ...]:
-    """Of first copies. A second one may be our own frame that came back: nobody is learned from it."""
+    """Of first copies. A second one may be our own frame that came back: nobody is learned from what went there."""
     rules.hear(link, VEHICLE)
     to = rules.where(link, STATIONS["gs1"]) if what == "to gs1" else rules.everywhere(link, VEHICLE)
     if rebooted and what == "clock":
