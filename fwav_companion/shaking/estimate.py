@@ -179,7 +179,7 @@ def _judged(shaking: Shaking, found: Fit, shaken: Shaken) -> Shaken:
     if delay_sigma_s <= MOST_DELAY_SIGMA_S:
         shaken = msgspec.structs.replace(shaken, delay=Known(found.delay_s, delay_sigma_s))
     else:
-        shaken = _without(shaken, f"delay: too little shaking, it is known to {1e3 * delay_sigma_s:.0f} ms only")
+        shaken = _without(shaken, f"delay: known to {1e3 * delay_sigma_s:.0f} ms only: shake faster")
     sigmas = [hypot(float(sigma), MOUNT_FLOOR) for sigma in found.sigmas[1:4]]
     reasons = _mount_not_shown(sigmas, shaken.turned)
     if reasons:
@@ -199,7 +199,7 @@ def _mount_not_shown(sigmas: Sequence[float], turned: float) -> list[str]:
         seen = f"never turned by 90 deg, {degrees(turned):.0f} deg were seen"
         return [f"mount: {seen}, and so it cannot be told from the slope of the ground"]
     return [
-        f"mount {axis}: too little shaking, it is known to {degrees(sigma):.1f} deg only"
+        f"mount {axis}: known to {degrees(sigma):.1f} deg only: shake wider, with more light, over a larger print"
         for axis, sigma in zip(("roll", "pitch", "yaw"), sigmas, strict=True)
         if sigma > MOST_MOUNT_SIGMA
     ]
