@@ -22,20 +22,10 @@ from fwav_companion.nouns import (
     Unpaired,
     VehicleState,
 )
+from fwav_companion.pairing.placement import FramePlacer, both_clocks
 from fwav_companion.pairing.protocols import TwoClocks, Vehicle
-from fwav_companion.pairing.scaling import Scaling, scaling_from_size
-from fwav_companion.pairing.timing import CameraTiming, FrameTiming, RowClock
+from fwav_companion.pairing.timing import CameraTiming, RowClock
 from fwav_companion.pairing.view import CameraView
-
-MOST_DETECTIONS = 256
-"""In one frame."""
-FUTURE_SLACK_NS = 5_000_000
-FUTURE_SIGMAS = 3.0
-"""A capture may lie so far after the arrival: what clocks and stamps leave open."""
-LATEST_NS = 500_000_000
-"""The reorder window: older than this at its arrival, a frame has nowhere to go."""
-FRAMES_REMEMBERED = 256
-"""For telling duplicates: half a second of any camera."""
 
 
 class PairedFrame(msgspec.Struct, frozen=True):
@@ -81,7 +71,7 @@ class RefusedFrame(msgspec.Struct, frozen=True):
 class Pairer:
     """Places every detection of a frame at the instant its own row was exposed.
 
-    It remembers frames it has seen (for duplicates) and their rate (for an unknown readout); the rest is handed in.
+    What frames have shown (duplicates, their rate) is remembered by the :class:`FramePlacer`; the rest is handed in.
     """
 
     def __init__(
@@ -99,10 +89,10 @@ class Pairer:
         self.body_from_camera = body_from_camera
         self._lever_arm_m = lever_arm_m
         self._rows = RowClock(timing or CameraTiming())
+        self._frames = FramePlacer(lens.image_size, self._rows)
         self._pixel_sigma = (pixel_noise_px, pixel_noise_px)
         self._min_score = min_score
         self._labels = frozenset(labels)
-        self._seen: dict[tuple[object, ...], None] = {}
         self._last_number = -1
 
     @property
@@ -125,36 +115,20 @@ class Pairer:
         self.body_from_camera = body_from_camera
         self._rows.set_time_offset(time_offset_s)
 
-    # Before pairing.
-
     def needs_until(self, frame: Frame, clock: TwoClocks) -> BootNs | None:
-        """The autopilot's instant of the latest row in which something was seen, and of row 0, which attitudes should
-        reach; None where it is not known. What was exposed later than that holds nothing up.
-        """
-        timing, height = self._timing_of(frame), self.lens.image_size[1]
-        scale = 1.0 if frame.size is None else height / max(1, frame.size[1])
-        rows = (scale * (detection.v + 0.5) - 0.5 for detection in frame.detections)
-        latest_ns = max(timing.capture_ns(v) for v in (0.0, *(v for v in rows if 0.0 <= v <= height)))
-        if frame.stamp_clock is StampClock.BOOT:
-            return BootNs(latest_ns)
-        boot_ns = clock.boot_from_host(HostNs(latest_ns))
-        return None if isinstance(boot_ns, Unpaired) else boot_ns
+        """What attitudes should reach before the frame is paired (:meth:`FramePlacer.needs_until`)."""
+        return self._frames.needs_until(frame, clock)
 
     def arrival_untold(self, frame: Frame, clock: TwoClocks) -> HostNs | Unpaired:
-        """When a recorded frame without an arrival is taken to have come: its last capture, or its stamp if later."""
-        latest_ns = max(self._timing_of(frame).latest_ns, frame.stamp_ns)
-        if frame.stamp_clock is StampClock.BOOT:
-            return clock.host_from_boot(BootNs(latest_ns))
-        return HostNs(latest_ns)
-
-    # Pairing.
+        """When a recorded frame came that does not tell (:meth:`FramePlacer.arrival_untold`)."""
+        return self._frames.arrival_untold(frame, clock)
 
     def pair(self, frame: Frame, vehicle: Vehicle) -> PairedFrame | RefusedFrame:
         """Place the frame and everything seen in it."""
-        placed = self._place(frame, vehicle.clock)
+        placed = self._frames.place(frame, vehicle.clock)
         if isinstance(placed, Reason):
             return RefusedFrame(frame.number, placed, len(frame.detections))
-        timing, scaling, host_ns, boot_ns = placed
+        timing, host_ns, boot_ns = placed.timing, placed.host_ns, placed.boot_ns
         number = self._last_number = self._last_number + 1 if frame.number is None else frame.number
         clock_sigma_s = 0.0 if frame.stamp_clock is StampClock.BOOT else vehicle.clock.estimate(host_ns).sigma_s
         state = vehicle.state_at(boot_ns)
@@ -163,7 +137,7 @@ class Pairer:
         refused: list[tuple[int, Reason, float | None]] = []
         by_readout = self._rows.readout_doubt
         for index, raw in enumerate(frame.detections):
-            detection = scaling.detection(raw)
+            detection = placed.scaling.detection(raw)
             seen = self._look(detection)
             if isinstance(seen, Reason):
                 refused.append((index, seen, None))
@@ -189,7 +163,7 @@ class Pairer:
         ray = self._ray(detection)
         if isinstance(ray, Reason):
             return Unpaired(ray)
-        both = _both_clocks(host_ns, StampClock.HOST, vehicle.clock)
+        both = both_clocks(host_ns, StampClock.HOST, vehicle.clock)
         if isinstance(both, Unpaired):
             return both
         clock_sigma_s = vehicle.clock.estimate(host_ns).sigma_s
@@ -232,34 +206,6 @@ class Pairer:
             relative=vehicle.world.relative is True,
         )
 
-    def _place(self, frame: Frame, clock: TwoClocks) -> tuple[FrameTiming, Scaling, HostNs, BootNs] | Reason:
-        """The frame's rows in time, or why it is refused whole."""
-        if len(frame.detections) > MOST_DETECTIONS:
-            return Reason.TOO_MANY_DETECTIONS
-        scaling = scaling_from_size(frame.size, self.lens.image_size)
-        if isinstance(scaling, Reason):
-            return scaling
-        key = _identity(frame)
-        if key in self._seen:
-            return Reason.DUPLICATE_FRAME
-        timing = self._timing_of(frame)
-        both = _both_clocks(timing.first_row_ns, frame.stamp_clock, clock)
-        if isinstance(both, Unpaired):
-            return both.reason
-        host_ns, boot_ns = both
-        if frame.arrival_ns is not None:
-            untimely = _untimely(host_ns, frame.arrival_ns, clock)
-            if untimely is not None:
-                return untimely
-        self._seen[key] = None
-        if len(self._seen) > FRAMES_REMEMBERED:
-            del self._seen[next(iter(self._seen))]
-        self._rows.see(frame.stamp_ns)
-        return timing, scaling, host_ns, boot_ns
-
-    def _timing_of(self, frame: Frame) -> FrameTiming:
-        return self._rows.place(frame.stamp_ns, frame.exposure_s, self.lens.image_size[1])
-
     def _look(self, detection: Detection) -> Ray | Reason:
         """The ray of a detection, or why it is refused whatever the vehicle did."""
         if not _finite(detection):
@@ -301,28 +247,6 @@ class Pairer:
         if state.height_above_home_m is None:
             return None
         return state.height_above_home_m - transform(matrix_from_quaternion(state.ned_from_body), self._lever_arm_m)[2]
-
-
-def _both_clocks(instant_ns: int, told_on: StampClock, clock: TwoClocks) -> tuple[HostNs, BootNs] | Unpaired:
-    if told_on is StampClock.BOOT:
-        host_ns = clock.host_from_boot(BootNs(instant_ns))
-        return host_ns if isinstance(host_ns, Unpaired) else (host_ns, BootNs(instant_ns))
-    boot_ns = clock.boot_from_host(HostNs(instant_ns))
-    return boot_ns if isinstance(boot_ns, Unpaired) else (HostNs(instant_ns), boot_ns)
-
-
-def _untimely(capture_ns: HostNs, arrival_ns: HostNs, clock: TwoClocks) -> Reason | None:
-    early_ns = capture_ns - arrival_ns
-    if early_ns > FUTURE_SLACK_NS + FUTURE_SIGMAS * clock.estimate(arrival_ns).sigma_s * 1e9:
-        return Reason.FROM_THE_FUTURE
-    return Reason.TOO_LATE if -early_ns > LATEST_NS else None
-
-
-def _identity(frame: Frame) -> tuple[object, ...]:
-    """What a second copy of this frame would have in common with it: unnumbered ones, also what was seen."""
-    if frame.number is not None:
-        return (frame.number, frame.stamp_clock, frame.stamp_ns)
-    return (frame.stamp_clock, frame.stamp_ns, frame.detections)
 
 
 def _finite(detection: Detection) -> bool:
