@@ -22,6 +22,10 @@ in ten frames of 640 x 480 pixels and 4 px of noise, 2 log(640 * 480 / (0.1 * 2 
 known where cannot take whatever comes."""
 
 
+PRECEDENCE = 8.0
+"""Of a believed track over a newborn: the newborn must be likelier by this, fifty to one, to take the fix from it."""
+
+
 class Candidate(msgspec.Struct, frozen=True):
     """What association must know of a track."""
 
@@ -32,6 +36,8 @@ class Candidate(msgspec.Struct, frozen=True):
     """The detector's id of the last fix it took."""
     closer: Belief | None = None
     """A second, sharper and dearer, opinion, asked where the first leaves a choice."""
+    believed: bool = True
+    """It comes before a newborn that wants the same fix, unless the newborn is much the likelier of the two."""
 
 
 def associate(candidates: Sequence[Candidate], fixes: Sequence[GroundFix]) -> dict[int, tuple[int, float]]:
@@ -45,7 +51,8 @@ def associate(candidates: Sequence[Candidate], fixes: Sequence[GroundFix]) -> di
                 if cost is not None:
                     costs[i, j] = cost
     costs = _looked_at_closer(costs, candidates, fixes)
-    return {i: (j, -0.5 * max(costs[i, j], -CHANCE)) for i, j in _settled(costs).items()}
+    ranked = {(i, j): cost - PRECEDENCE * candidates[i].believed for (i, j), cost in costs.items()}
+    return {i: (j, -0.5 * max(costs[i, j], -CHANCE)) for i, j in _settled(ranked).items()}
 
 
 def _looked_at_closer(

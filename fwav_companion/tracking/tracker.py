@@ -145,22 +145,21 @@ class Tracker:
     def _associated(self, alive: tuple[Alive, ...], fixes: tuple[GroundFix, ...]) -> dict[int, tuple[GroundFix, float]]:
         """Track id -> its fix, and how much likelier it is than a false one.
 
-        Believed tracks choose first: a newborn must not take a known target's fix.
+        Newborns yield to believed tracks: they must not take a known target's fix.
         """
-        taken: dict[int, tuple[GroundFix, float]] = {}
-        free = list(fixes)
-        for believed in (True, False):
-            group = [track for track in alive if (track.life.confirmed_ns is not None) is believed]
-            if not (group and free):
-                continue
-            candidates = [
-                Candidate(track.label, track.belief, track.detector_id, self._calibrated(track)) for track in group
-            ]
-            pairs = associate(candidates, free)
-            taken |= {group[i].id: (free[j], likelier) for i, (j, likelier) in pairs.items()}
-            gone = {j for j, _ in pairs.values()}
-            free = [fix for j, fix in enumerate(free) if j not in gone]
-        return taken
+        if not (alive and fixes):
+            return {}
+        candidates = [
+            Candidate(
+                track.label,
+                track.belief,
+                track.detector_id,
+                self._calibrated(track),
+                track.life.confirmed_ns is not None,
+            )
+            for track in alive
+        ]
+        return {alive[i].id: (fixes[j], likelier) for i, (j, likelier) in associate(candidates, fixes).items()}
 
     def _after(self, track: Alive, taken: tuple[GroundFix, float] | None, view: FrameView) -> Alive:
         if taken is None:

@@ -1,0 +1,32 @@
+"""A believed track comes before a newborn, but not where the newborn is much the likelier."""
+
+import numpy as np
+from tracking_simulation import Flight, World, a_fix, a_view, priors
+
+from fwav_companion.tracking import TrackingOptions, make_tracker
+
+NO_BIAS = priors(time_offset=0, heading=0, mount_x=0, mount_y=0, mount_z=0)
+
+
+def test_a_believed_track_does_not_wander_to_a_target_that_was_seen_first_by_a_newborn():
+    """With this seed it comes back for a second look when the other, 4 m away, is in the image alone."""
+    targets = ((2.0, 3.0), (6.0, 3.0), (4.0, 6.46))
+    still = {"targets": targets, "velocities": ((0.0, 0.0),) * 3, "labels": ("",) * 3}
+    flight = Flight(seed=11, miss=0.1, clutter=0.1, **still)
+    tracker, nearest = make_tracker(TrackingOptions(), flight.priors), set()
+    for view in World(flight).frames()[:360]:
+        for track in tracker.on_frame(view):
+            if track.id == 1 and track.fix is not None:
+                nearest.add(int(np.hypot(*(np.array(targets) - track.fix.position_ned[:2]).T).argmin()))
+    assert nearest == {1}
+
+
+def test_a_newborn_does_not_take_a_known_targets_fix():
+    """A gross detection 0.5 m beside it, of 0.2 m of noise, begins a track; the target's fixes stay its own."""
+    tracker = make_tracker(TrackingOptions(), NO_BIAS)
+    for k in range(20):
+        tracks = tracker.on_frame(a_view(k / 10, a_fix(k / 10, (4.0, 3.0, 0.0))))
+    tracker.on_frame(a_view(2.0, a_fix(2.0, (4.0, 3.0, 0.0)), a_fix(2.0, (4.5, 3.0, 0.0))))
+    for k in range(21, 30):
+        tracks = tracker.on_frame(a_view(k / 10, a_fix(k / 10, (4.2, 3.0, 0.0))))
+        assert tracks[0].fix is not None
