@@ -126,6 +126,8 @@ class VehicleState(msgspec.Struct, frozen=True, gc=False):
     """TERRAIN_REPORT's current_height near this instant."""
     stamp_sigma_s: float = 0.0
     """One sigma of the instant that the stamps of the attitudes leave open."""
+    spacing_s: float = 0.0
+    """Between the attitudes around this instant: the closer they are, the noisier are rates taken from them."""
     gimbal: GimbalAt | Reason | None = None
     """What carries the camera in the body's place, or why its attitude is not known; None: the camera is fixed to the
     body."""

@@ -48,6 +48,8 @@ class AttitudeAt(msgspec.Struct, frozen=True, gc=False):
     """What interpolation or extrapolation adds, one sigma about each axis, radians."""
     gap_s: float
     """To the nearest sample."""
+    spacing_s: float = 0.0
+    """Between the samples around it; of the stream where it lies beyond the newest."""
 
 
 class AttitudeHistory:
@@ -145,7 +147,8 @@ class AttitudeHistory:
         piece, sigma = self._pieces[index] or self._build(index)
         if sigma > MOST_SIGMA and (times[index + 1] - times[index]) * 1e-9 > HOLE * self._check.spacing_s:
             return Unpaired(Reason.ATTITUDE_GAP, gap_s)
-        return AttitudeAt(quaternion_at(piece, boot_ns), rates_at(piece, boot_ns), sigma, gap_s)
+        spacing_s = (times[index + 1] - times[index]) * 1e-9
+        return AttitudeAt(quaternion_at(piece, boot_ns), rates_at(piece, boot_ns), sigma, gap_s, spacing_s)
 
     def _build(self, index: int) -> tuple[Piece, float]:
         """The interval after sample ``index``, by the stream's method as far as the samples around it allow."""
@@ -184,7 +187,12 @@ class AttitudeHistory:
             rates = rates_at(piece, last.boot_ns)
         q = multiply(last.ned_from_body, exp(scale(rates, age_s)))
         sigma = EXTRAPOLATED_SHARE * self._check.angular_acceleration * age_s * age_s + age_s * self._unsure_rate
-        return AttitudeAt(q, rates, sigma, age_s) if sigma <= MOST_SIGMA else Unpaired(Reason.STALE_ATTITUDE, age_s)
+        spacing_s = self._check.spacing_s
+        return (
+            AttitudeAt(q, rates, sigma, age_s, spacing_s)
+            if sigma <= MOST_SIGMA
+            else Unpaired(Reason.STALE_ATTITUDE, age_s)
+        )
 
     @property
     def _unsure_rate(self) -> float:

@@ -62,6 +62,7 @@ class VehicleHistory:
             range=nearest_range if isinstance(nearest_range, RangeSample) else None,
             terrain_height_m=terrain if isinstance(terrain, float) else None,
             stamp_sigma_s=self._stamps.sigma_s,
+            spacing_s=attitude.spacing_s,
             gimbal=None if self._gimbal is None else self._gimbal.at(boot_ns, self._clock, attitude),
         )
 

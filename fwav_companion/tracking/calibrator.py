@@ -25,6 +25,7 @@ from fwav_companion.tracking.fit import Fit
 from fwav_companion.tracking.mistakes import Suspicion
 from fwav_companion.tracking.rays import COMMON_COUNT, Common, Glimpse, glimpse_of
 from fwav_companion.tracking.search import UNEXPLAINED, Found, InVain, Search, search_of
+from fwav_companion.tracking.turning import Turning
 from fwav_companion.tracking.verdict import CalibrationStatus, Placed, Verdict, judged
 from fwav_companion.tracking.views import Views
 from fwav_companion.tracking.workshop import Workshop
@@ -75,6 +76,7 @@ class Calibrator(msgspec.Struct, frozen=True):
     """How many of the kept glimpses the pass has taken."""
     passes: int = 0
     views: Views = Views()
+    turning: Turning = Turning()
     idle_until_ns: HostNs = HostNs(0)
     """After a search that found nothing."""
     verdict: Verdict | None = None
@@ -209,10 +211,11 @@ class Calibrator(msgspec.Struct, frozen=True):
             fixes = sorted(fixes, key=lambda each: each[0] not in known)[:SEARCH_A_FRAME]
         first = fixes[0][1].sighting
         course = self._course(fixes[0][1])
-        state = self
+        turning = self.turning.with_state(first.state, self.shop.priors.attitude_noise)
+        state = msgspec.structs.replace(self, turning=turning)
         for track, fix, since_s in fixes:
             later_s = (fix.sighting.boot_ns - first.boot_ns) * 1e-9
-            glimpse = glimpse_of(track, fix, course.seen_from(later_s), since_s)
+            glimpse = glimpse_of(track, fix, course.seen_from(later_s), turning.shares, since_s)
             state = state._glimpsed(glimpse, state.views.with_fix(fix))
         return state
 

@@ -50,7 +50,7 @@ class Workshop:
         """A fix by itself, of no track yet. Remembers the last one: many tracks are asked about it."""
         if self._glimpse is None or self._glimpse[0] is not fix or self._glimpse[1] != delay_s:
             course = self.course(fix.sighting.state, (delay_s,))
-            self._glimpse = (fix, delay_s, glimpse_of(NO_TRACK, fix, course, 0.0))
+            self._glimpse = (fix, delay_s, glimpse_of(NO_TRACK, fix, course, (1.0, 1.0, 1.0), 0.0))
         return self._glimpse[2]
 
     def bank(self) -> tuple[Fit, ...]:

@@ -41,7 +41,9 @@ def some_glimpses(count=40):
     flight = Flight(seconds=8, shape="hover", height_m=10.0, targets=((4.0, 3.0),), pixel_px=0.5)
     world = World(flight)
     fixes = [fix for view in world.frames() for fix in view.fixes][:: max(1, 200 // count)][:count]
-    return [glimpse_of(1, fix, course_of(fix.sighting.state, (0.0,), world.state_at), 0.2) for fix in fixes]
+    return [
+        glimpse_of(1, fix, course_of(fix.sighting.state, (0.0,), world.state_at), (1.0, 1.0, 1.0), 0.2) for fix in fixes
+    ]
 
 
 def test_what_was_before_the_first_position_is_no_place():
