@@ -25,7 +25,6 @@ from fwav_companion.recording.log_messages import messages_of
 from fwav_companion.recording.one_clock import longest_stretch, on_one_clock
 from fwav_companion.recording.tlog import SkippedBytes, load_tlog, read_tlog
 from fwav_companion.recording.ulog import is_ulog, read_ulog
-from fwav_companion.service.calibration_memory import is_sound
 from fwav_companion.tracking import KeptCalibration
 from fwav_companion.vision.wall_clock import RecordingClock
 from fwav_companion.vision.wire import parse_frame
@@ -203,7 +202,7 @@ def _kept(event: BeganWith) -> KeptCalibration | None:
         kept = msgspec.convert(event.calibration, KeptCalibration)
     except msgspec.ValidationError:  # of another version: the replay learns it anew
         return None
-    return kept if is_sound(kept) else None
+    return kept if kept.is_sound else None
 
 
 def _first_autopilot(messages: Sequence[Timed]) -> int | None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
-from math import isfinite
 
 import msgspec
 
@@ -44,7 +43,7 @@ class CalibrationMemory:
             kept = msgspec.json.decode(self._path.read_bytes(), type=_Kept)
         except (OSError, msgspec.DecodeError):  # the first flight, or a file that a power cut left empty
             return None
-        return kept.calibration if kept.camera == self._camera and is_sound(kept.calibration) else None
+        return kept.calibration if kept.camera == self._camera and kept.calibration.is_sound else None
 
     def start(self) -> None:
         """Begin writing."""
@@ -73,10 +72,3 @@ def _fingerprint(config: Config) -> str:
     """Of everything about the camera: its calibration, mount, delay and readout as configured."""
     described = msgspec.json.encode(config.camera) + config.calibration_path.read_bytes()
     return hashlib.sha256(described).hexdigest()
-
-
-def is_sound(kept: KeptCalibration) -> bool:
-    """Finite, with sigmas that are some: a file may have been written by anybody."""
-    numbers = (kept.time_offset_s, *kept.mount)
-    sigmas = (kept.time_offset_sigma_s, *kept.mount_sigma)
-    return all(map(isfinite, numbers)) and all(isfinite(sigma) and sigma > 0.0 for sigma in sigmas)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import isfinite
+
 import msgspec
 
 from fwav_companion.geometry.stamps import HostNs
@@ -19,6 +21,13 @@ class KeptCalibration(msgspec.Struct, frozen=True, kw_only=True):
     time_offset_sigma_s: float
     mount: Vector3
     mount_sigma: Vector3
+
+    @property
+    def is_sound(self) -> bool:
+        """Finite, with sigmas that are some: a file may have been written by anybody."""
+        numbers = (self.time_offset_s, *self.mount)
+        sigmas = (self.time_offset_sigma_s, *self.mount_sigma)
+        return all(map(isfinite, numbers)) and all(isfinite(sigma) and sigma > 0.0 for sigma in sigmas)
 
 
 class CalibrationReport(msgspec.Struct, frozen=True, kw_only=True):
