@@ -19,6 +19,7 @@ PURE = (
     "nouns",
     "pairing",
     "publishing",
+    "replay",
     "report",
     "shaking",
     "telemetry",

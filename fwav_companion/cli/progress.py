@@ -8,8 +8,8 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from fwav_companion.recorded import Recording
     from fwav_companion.recording.lines import Line
+    from fwav_companion.replay import Recording
 
     Watched = Callable[[str, Iterator[Line]], Iterator[Line]]
 

@@ -15,10 +15,10 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from fwav_companion.config import Config
-    from fwav_companion.recorded import Recording, TelemetryRead
     from fwav_companion.recording.exports import Export
     from fwav_companion.recording.lines import Line
     from fwav_companion.recording.truth import TruthPoint
+    from fwav_companion.replay import Recording, TelemetryRead
 
 MOST_TOLD = 10
 """Damaged places of one file that are told one by one."""
@@ -74,7 +74,7 @@ def _require(arguments: argparse.Namespace, *names: str) -> None:
 
 
 def _compare(arguments: argparse.Namespace) -> int:
-    from fwav_companion.report_files import write_comparison
+    from fwav_companion.files.report import write_comparison
 
     _require(arguments, "report")
     first, second = map(Path, arguments.compare)
@@ -88,10 +88,10 @@ def _replay(arguments: argparse.Namespace) -> int:
     from fwav_companion.cli.progress import replays
     from fwav_companion.config import load
     from fwav_companion.files.named import load_calibration, load_elevation
-    from fwav_companion.own_filter import load_own_filter
+    from fwav_companion.files.own_filter import load_own_filter
+    from fwav_companion.files.report import ReportWriter, other_ways
     from fwav_companion.recording.exports import export_for
-    from fwav_companion.replaying import replay
-    from fwav_companion.report_files import ReportWriter, other_ways
+    from fwav_companion.replay import replay
 
     config = load(arguments.config, arguments.set)
     exports = [export_for(Path(name)) for name in arguments.export]
@@ -125,7 +125,7 @@ def _replay(arguments: argparse.Namespace) -> int:
 
 def _recording(arguments: argparse.Namespace, config: Config) -> Recording:
     from fwav_companion.flow.wiring import own_components
-    from fwav_companion.recorded import join
+    from fwav_companion.replay import join
 
     own = own_components(config)
     detections = b"".join(_content(name) for name in arguments.detections)
@@ -134,8 +134,9 @@ def _recording(arguments: argparse.Namespace, config: Config) -> Recording:
 
 def _telemetry(names: Sequence[str], own: frozenset[int]) -> TelemetryRead:
     """One file of any kind, or the parts of one .tlog in their order."""
-    from fwav_companion.recorded import load_telemetry, read_telemetry
+    from fwav_companion.files.telemetry import load_telemetry
     from fwav_companion.recording.tlog import load_tlog
+    from fwav_companion.replay import read_telemetry
 
     if len(names) == 1:
         return load_telemetry(Path(names[0]), own)

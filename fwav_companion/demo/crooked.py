@@ -20,16 +20,16 @@ from fwav_companion.config import Config, load, parse
 from fwav_companion.demo.flight import MOCK_MODULE
 from fwav_companion.demo.setting import CAMERA_FILE, CONFIG_FILE, PRIORS
 from fwav_companion.files.named import load_calibration
+from fwav_companion.files.report import other_ways
+from fwav_companion.files.telemetry import load_telemetry
 from fwav_companion.flow.wiring import own_components
-from fwav_companion.recorded import Recording, join, load_telemetry
 from fwav_companion.recording.lines import Line
 from fwav_companion.recording.truth import parse_truth
-from fwav_companion.replaying import replay
+from fwav_companion.replay import Recording, join, replay
 from fwav_companion.report import Planted, Story, learning, tell, three_ways, way_of
 from fwav_companion.report.markup import section
 from fwav_companion.report.three_ways import ways_of
 from fwav_companion.report.words import length
-from fwav_companion.report_files import other_ways
 
 FOLDER, SCENARIO, SECONDS = "crooked", "late_and_crooked", 60.0
 TITLE = "A late camera on a crooked mount"

@@ -15,11 +15,11 @@ from fwav_companion.demo.flight import EYE_MODULE
 from fwav_companion.demo.gnss_error import mean_position_error_m
 from fwav_companion.demo.setting import CONFIG_FILE, SCENARIO, Setting
 from fwav_companion.files.named import load_calibration
+from fwav_companion.files.telemetry import load_telemetry
 from fwav_companion.flow.wiring import own_components
-from fwav_companion.recorded import join, load_telemetry
 from fwav_companion.recording.lines import Line
 from fwav_companion.recording.truth import parse_truth
-from fwav_companion.replaying import replay
+from fwav_companion.replay import join, replay
 from fwav_companion.report import PictureShown, page, tell
 from fwav_companion.report.depths import depths
 

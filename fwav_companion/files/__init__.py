@@ -1,1 +1,1 @@
-"""SHELL: the files that are read at the start, and the small ones that are rewritten ever again."""
+"""SHELL: opens and writes files for the pure rooms: read at the start, reported at the end, or rewritten ever again."""

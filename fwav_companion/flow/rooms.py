@@ -7,6 +7,7 @@ from typing import Any
 
 import msgspec
 
+from fwav_companion.flow.sight import Seen, Sight
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.mavlink.commands import Commands
 from fwav_companion.mavlink.identity import Identity
@@ -17,7 +18,6 @@ from fwav_companion.nouns.board import BoardReport
 from fwav_companion.publishing.publisher import Publisher
 from fwav_companion.publishing.readiness import Readiness
 from fwav_companion.recording.lines import Line, clock_line, origin_object
-from fwav_companion.sight import Seen, Sight
 from fwav_companion.telemetry import Telemetry
 
 

@@ -14,6 +14,7 @@ from fwav_companion.errors import ConfigError
 from fwav_companion.flow.ledger import Ledger
 from fwav_companion.flow.pipeline import Pipeline
 from fwav_companion.flow.rooms import Rooms
+from fwav_companion.flow.sight import Sight
 from fwav_companion.localization import (
     Datum,
     ElevationModel,
@@ -34,7 +35,6 @@ from fwav_companion.pairing import CameraTiming, Pairer, StampRule
 from fwav_companion.publishing.board_status import ONBOARD_COMPUTER_STATUS, requested_board_status
 from fwav_companion.publishing.options import PublishOptions
 from fwav_companion.publishing.publisher import Publisher
-from fwav_companion.sight import Sight
 from fwav_companion.telemetry import Telemetry, TelemetryOptions
 from fwav_companion.telemetry.gimbal import LAST_NON_MAVLINK_DEVICE
 from fwav_companion.tracking import KeptCalibration, Reorder, TrackingOptions, make_tracker, tracker_with

@@ -6,8 +6,8 @@ import pytest
 from report_lines import approach, calibration, header, summary, target
 
 from fwav_companion.errors import InputFileError
+from fwav_companion.files.report import write_comparison
 from fwav_companion.report.intake import read_lines
-from fwav_companion.report_files import write_comparison
 
 WHOLE = [header(), *approach([1.0, 0.5, 0.2]), calibration(3.0, 0.01, 0.001, [0.0, 0.1, 0.2], 0.1), summary()]
 

@@ -11,7 +11,7 @@ from flying import CAMERA, LINK, Flight, fly
 
 from fwav_companion.flow.wiring import own_components
 from fwav_companion.recording.lines import encode_line
-from fwav_companion.replaying import read_recording, replay
+from fwav_companion.replay import read_recording, replay
 from sitl_mock import scenario
 
 CONFIG = LINK + '[camera]\ncalibration = "camera.yaml"\n'

@@ -14,15 +14,13 @@ from fwav_companion.flow.wiring import make_pipeline, own_components
 from fwav_companion.geometry.stamps import NS_PER_S, NS_PER_US, HostNs, host_from_seconds
 from fwav_companion.localization import ElevationTile
 from fwav_companion.nouns import Frame, Message, NoFrame, StampClock
-from fwav_companion.recorded import Recording, is_own, read_recording
 from fwav_companion.recording.events import End, Refused
 from fwav_companion.recording.lines import Line
 from fwav_companion.recording.truth import ErrorTally, TruthPoint
+from fwav_companion.replay.recorded import Recording, is_own
 from fwav_companion.tracking.base import Filter
 
 MARGIN_NS = 60 * NS_PER_S
-
-__all__ = ["Recording", "read_recording", "replay"]
 
 
 def replay(

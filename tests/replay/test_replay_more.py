@@ -8,7 +8,8 @@ import pytest
 from flying import CAMERA, LINK, Flight, fly
 
 from fwav_companion.flow.wiring import own_components
-from fwav_companion.replaying import _drive, read_recording, replay
+from fwav_companion.replay import read_recording, replay
+from fwav_companion.replay.driver import _drive
 from sitl_mock import scenario
 
 CONFIG = LINK + '[camera]\ncalibration = "camera.yaml"\n'

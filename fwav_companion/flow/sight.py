@@ -7,7 +7,7 @@ from typing import Any
 
 import msgspec
 
-from fwav_companion.calibration_news import CalibrationNews
+from fwav_companion.flow.calibration_news import CalibrationNews
 from fwav_companion.flow.expectation import Expectation, expected_below
 from fwav_companion.flow.ledger import Ledger
 from fwav_companion.geometry.earth import Geodetic, TangentPlane

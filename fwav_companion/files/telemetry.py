@@ -1,0 +1,36 @@
+"""SHELL: the telemetry of a recording, told apart by its content: .tlog, ArduPilot .bin, PX4 .ulg."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from fwav_companion.errors import InputFileError
+from fwav_companion.recording.ardupilot_log import read_ardupilot_log
+from fwav_companion.recording.dataflash import is_dataflash
+from fwav_companion.recording.tlog import load_tlog
+from fwav_companion.recording.ulog import is_ulog, read_ulog
+from fwav_companion.replay.telemetry import TelemetryRead, of_log, read_telemetry
+
+HEAD_BYTES = 256
+"""Of a telemetry file: they tell its kind."""
+DATAFLASH_AS_TEXT = b"FMT, 128, 89, FMT"
+"""How ArduPilot's own log begins where a tool turned it into text; older ones with a line or two before."""
+
+
+def load_telemetry(path: Path, own: frozenset[int]) -> TelemetryRead:
+    """A telemetry file of any of the three kinds, told apart by its content. InputFileError."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(HEAD_BYTES)
+    except OSError as error:
+        raise InputFileError(f"{path}: {error.strerror or error}; accepted: a .tlog, .bin or .ulg recording") from None
+    if is_ulog(head):
+        log, skipped, damaged = read_ulog(path)
+        notes = ["some of its messages are damaged and were left out"] if damaged else []
+        return of_log(str(path), log, own, skipped, notes)
+    if is_dataflash(head):
+        log, skipped = read_ardupilot_log(path.read_bytes())
+        return of_log(str(path), log, own, skipped, [])
+    if DATAFLASH_AS_TEXT in head:
+        raise InputFileError(f"{path}: an ArduPilot log as text; accepted: the .bin that it was made from")
+    return read_telemetry(load_tlog(path))

@@ -1,0 +1,86 @@
+"""From a recording's telemetry to messages in order: a .tlog, or the log of an autopilot, .bin and .ulg. Pure.
+
+What is damaged is skipped and told with its place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import msgspec
+
+from fwav_companion.errors import EncodeError, InputFileError
+from fwav_companion.flow.wiring import WANTED
+from fwav_companion.mavlink.codec import Encoder, decode
+from fwav_companion.mavlink.scanner import Scanner
+from fwav_companion.nouns import Message
+from fwav_companion.recording.flight_log import FlightLog
+from fwav_companion.recording.log_messages import messages_of
+from fwav_companion.recording.one_clock import longest_stretch, on_one_clock
+from fwav_companion.recording.tlog import SkippedBytes, read_tlog
+
+AUTOPILOT_SYSTEM = AUTOPILOT_COMPONENT = 1
+"""As whom a log speaks: it has no MAVLink ids."""
+
+Timed = tuple[int, Message]
+"""(Unix microseconds, message)."""
+
+
+class TelemetryRead(msgspec.Struct, frozen=True):
+    """The telemetry of a recording."""
+
+    messages: Sequence[Timed]
+    """In file order with times that never go back."""
+    skipped: Sequence[SkippedBytes] = ()
+    """Damaged stretches."""
+    notes: Sequence[str] = ()
+    """What a user should know."""
+    exact_stamps: bool = False
+    """Attitudes are stamped where they are made, not where they are sent."""
+
+
+def read_telemetry(data: bytes) -> TelemetryRead:
+    """Of a .tlog's content."""
+    records, skipped, notes = on_one_clock(read_tlog(data))
+    messages: list[Timed] = []
+    scanner, latest_us = Scanner(datagrams=True), 0
+    for record in records:
+        latest_us = max(latest_us, record.unix_us)
+        messages.extend((latest_us, message) for message in _decoded(scanner, record.frame))
+    return TelemetryRead(messages, skipped, notes)
+
+
+def of_log(
+    name: str, log: FlightLog, own: frozenset[int], skipped: Sequence[SkippedBytes], notes: Sequence[str]
+) -> TelemetryRead:
+    """Of an autopilot's own log, as the messages that its autopilot would have sent. InputFileError by its ``name``."""
+    if not log.attitudes:
+        raise InputFileError(
+            f"{name}: no attitude in it that can be read; accepted: a log of a whole flight, with {log.attitude_source}"
+            + (", as ArduPilot writes it since 2015" if log.autopilot == "ardupilot" else "")
+        )
+    scanner, offset_us, unfit = Scanner(datagrams=True), log.unix_minus_boot_us, 0
+    ours = Encoder(AUTOPILOT_SYSTEM, max(own))
+    theirs = Encoder(AUTOPILOT_SYSTEM, AUTOPILOT_COMPONENT)
+    messages: list[Timed] = []
+    for boot_us, kind, fields in messages_of(log):
+        speaker = ours if kind == "TIMESYNC" and fields["tc1"] == 0 else theirs
+        try:
+            frame = speaker.encode(kind, fields)
+        except EncodeError:
+            unfit += 1
+            continue
+        messages.extend((boot_us + offset_us, message) for message in _decoded(scanner, frame))
+    start, end = longest_stretch([unix_us for unix_us, _ in messages])
+    told = [*notes, *log.complaints()]
+    if end - start < len(messages):
+        told.append(f"{len(messages) - end + start} messages are an hour or more from the others and were left out")
+    if unfit:
+        told.append(f"{unfit} samples are beyond any vehicle and were left out")
+    return TelemetryRead(messages[start:end], skipped, told, exact_stamps=True)
+
+
+def _decoded(scanner: Scanner, data: bytes) -> Iterator[Message]:
+    for frame in scanner.feed(data):
+        if frame.definition is not None and frame.definition.name in WANTED:
+            yield decode(frame)
