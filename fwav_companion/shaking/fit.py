@@ -42,6 +42,8 @@ DAMPED: Final = 4.0
 """Frames that miss by more than so many sigmas count for less and less (Cauchy): a corner on a finger, a blur."""
 MEMORY_S: Final = 0.5
 """Errors of corners hang together over so long: they come of how the tag lies in the image."""
+AT_ONCE: Final = 256
+"""Frames that are compared with those near them."""
 FREE_PER_FRAME: Final = 5.0
 """Eight pixels of four corners, less the camera's place."""
 MEDIAN_OF_CHI2: Final = 4.35
@@ -271,10 +273,24 @@ class _State:
         prior, _ = self._prior()
         inverse = np.linalg.inv(normal + prior)
         pulls = np.einsum("nij,ni->nj", self._jacobian, self._residual) * (self._weights / self._noise2)[:, None]
-        apart_s = np.abs(self._looks.times_s[:, None] - self._looks.times_s[None, :])
-        together = pulls.T @ np.maximum(0.0, 1.0 - apart_s / MEMORY_S) @ pulls
+        together = _hanging_together(pulls, self._looks.times_s)
         seen: Floats = inverse @ (together + prior) @ inverse
         return np.where(np.diag(seen)[:, None] > np.diag(inverse)[:, None], seen, inverse)
+
+
+def _hanging_together(pulls: Floats, times_s: Floats) -> Floats:
+    """Products of all pulls by pairs of frames, less and less the further apart; ``times_s`` in order.
+
+    Some frames at a time: all pairs of a minute at 200 frames/s would be gigabytes.
+    """
+    total = np.zeros((pulls.shape[1],) * 2)
+    for begin in range(0, len(pulls), AT_ONCE):
+        some = slice(begin, begin + AT_ONCE)
+        first, last = np.searchsorted(times_s, [times_s[some][0] - MEMORY_S, times_s[some][-1] + MEMORY_S])
+        near = slice(int(first), int(last))
+        apart_s = np.abs(times_s[some, None] - times_s[None, near])
+        total += pulls[some].T @ np.maximum(0.0, 1.0 - apart_s / MEMORY_S) @ pulls[near]
+    return total
 
 
 def _hats(times_s: Floats, knots_s: Floats) -> Floats:

@@ -21,10 +21,10 @@ RATE_REACH_S = 0.015
 those of one interval at 100 Hz do. A wing at 5 Hz loses a thirtieth of its rate."""
 WIDEST_ANGLE = radians(80.0)
 """From the optical axis: beyond, a corner has no place on a plane in front of the camera, and no lens is known well."""
-
-
 LONGEST_STEP_S = 0.1
 """Between frames: over more, nothing moves evenly."""
+LEAST_BEND_PX2 = 1.0
+"""Of two sides at a corner, their cross product: a square of 24 pixels seen at 80 deg still bends by a hundred."""
 
 
 class TagView(msgspec.Struct, frozen=True, gc=False):
@@ -83,7 +83,10 @@ class Looks(msgspec.Struct, frozen=True):
 
 
 def looks_of(views: Sequence[TagView], lens: Lens) -> Looks:
-    """The frames whose corners the lens sees; all must be of one winding, which most decide."""
+    """The frames whose corners the lens sees; all must be of one winding, which most decide.
+
+    Views come in order of time; of two at one instant the first is taken, since a speed between them is none.
+    """
     pixels = np.array([view.corners for view in views], dtype=np.float64).reshape(-1, 4, 2)
     origin_ns = views[0].boot_ns if views else 0
     times_s = np.array([(view.boot_ns - origin_ns) / NS_PER_S for view in views])
@@ -92,10 +95,11 @@ def looks_of(views: Sequence[TagView], lens: Lens) -> Looks:
     if backward:
         pixels = pixels[:, [0, 3, 2, 1]]
     rays, derivatives, seen = _through(lens, pixels)
-    seen &= (area < 0.0) == backward
+    seen &= _convex(pixels)
     sides = np.linalg.norm(pixels - np.roll(pixels, 1, axis=1), axis=2).min(axis=1) if len(pixels) else times_s
     rows = pixels[:, :, 1] / lens.image_size[1]
-    return Looks(times_s, rays, derivatives, rows, sides, backward).only(seen)
+    looks = Looks(times_s, rays, derivatives, rows, sides, backward).only(seen)
+    return looks.only(np.diff(looks.times_s, prepend=-np.inf) > 0.0)
 
 
 def _signed_area(pixels: Floats) -> Floats:
@@ -103,6 +107,15 @@ def _signed_area(pixels: Floats) -> Floats:
     following = np.roll(pixels, -1, axis=1)
     area: Floats = 0.5 * (pixels[..., 0] * following[..., 1] - pixels[..., 1] * following[..., 0]).sum(axis=1)
     return area
+
+
+def _convex(pixels: Floats) -> Flags:
+    """(N,) whether the corners run with the clock and bend at each, as those of a square do, seen from before."""
+    sides = np.roll(pixels, -1, axis=1) - pixels
+    following = np.roll(sides, -1, axis=1)
+    bends: Floats = sides[..., 0] * following[..., 1] - sides[..., 1] * following[..., 0]
+    least: Floats = bends.min(axis=1)
+    return least > LEAST_BEND_PX2
 
 
 def _through(lens: Lens, pixels: Floats) -> tuple[Floats, Floats, Flags]:

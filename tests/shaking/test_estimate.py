@@ -1,8 +1,11 @@
 """Planted delays, mounts and mistakes, found by shaking; and what is not shown, said to be so."""
 
+import msgspec
 import numpy as np
 import pytest
 from hands import BELLY, FORWARD_DOWN, Hands, correction_deg
+
+from fwav_companion.shaking.fit import AT_ONCE, MEMORY_S, _hanging_together
 
 PLAIN = Hands(seed=4)
 SHORT = PLAIN.but(seconds=10.0)
@@ -125,3 +128,35 @@ def test_the_attitude_of_another_vehicle():
 def test_no_attitudes_and_no_frames():
     assert "attitudes are missing" in PLAIN.found(attitude_at=lambda _: None).not_shown[-1]
     assert "seen whole in 0 frames" in PLAIN.found(views=[]).not_shown[-1]
+
+
+COLLAPSED = {
+    "a point": lambda a, b, c, d: (a, a, a, a),
+    "a line": lambda a, b, c, d: (a, (a + b) / 2, b, a),
+    "a corner twice": lambda a, b, c, d: (a, a, c, d),
+    "crossed": lambda a, b, c, d: (a, c, b, d),
+}
+
+
+@pytest.mark.parametrize("spoilt", COLLAPSED.values(), ids=COLLAPSED.keys())
+def test_four_corners_that_are_no_square_are_left_out(spoilt):
+    views = PLAIN.shaking().views
+    four = [np.array(corner) for corner in views[300].corners]
+    bad = msgspec.structs.replace(views[300], corners=tuple(map(tuple, spoilt(*four))))
+    assert PLAIN.found(views=[*views[:300], bad, *views[301:]]) == PLAIN.found(views=[*views[:300], *views[301:]])
+
+
+def test_of_two_frames_at_one_instant_the_first_counts():
+    """Nobody moves from one to the other in no time."""
+    views = PLAIN.shaking().views
+    again = msgspec.structs.replace(views[300], boot_ns=views[299].boot_ns)
+    assert PLAIN.found(views=[*views[:300], again, *views[301:]]) == PLAIN.found(views=[*views[:300], *views[301:]])
+
+
+def test_pulls_hang_together_as_all_pairs_do():
+    rng = np.random.default_rng(5)
+    times_s, pulls = np.sort(rng.uniform(0.0, 20.0, 3 * AT_ONCE + 7)), rng.normal(size=(3 * AT_ONCE + 7, 4))
+    apart_s = np.abs(times_s[:, None] - times_s)
+    assert _hanging_together(pulls, times_s) == pytest.approx(
+        pulls.T @ np.clip(1.0 - apart_s / MEMORY_S, 0.0, None) @ pulls, abs=1e-9
+    )
