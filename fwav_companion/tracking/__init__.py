@@ -1,14 +1,15 @@
 """From ground fixes to targets: filters, association, the life of a track, late frames put back in their place.
 
 Pure: frames come in with their own capture times, tracks go out. Reading order: ``options``, ``base``, ``estimate``,
-``kalman``, ``lowpass``, ``moving``; ``association``, ``lifecycle``, ``tracker``, ``reorder``; and for self-calibration
-``rays``, ``course``, ``joint``, ``fit``, ``search``, ``answer``, ``verdict``, ``calibrator``.
+``kalman``, ``lowpass``, ``moving``; ``association``, ``lifecycle``, ``alive``, ``tracker``, ``making``, ``reorder``;
+and for self-calibration ``rays``, ``course``, ``joint``, ``fit``, ``search``, ``answer``, ``verdict``, ``calibrator``.
 """
 
 from fwav_companion.tracking.calibration import CalibrationReport, KeptCalibration
+from fwav_companion.tracking.making import make_tracker, tracker_with
 from fwav_companion.tracking.options import TrackingOptions
 from fwav_companion.tracking.reorder import Reorder, Settled
-from fwav_companion.tracking.tracker import Tracker, make_tracker, tracker_with
+from fwav_companion.tracking.tracker import Tracker
 from fwav_companion.tracking.verdict import CalibrationStatus
 
 __all__ = [

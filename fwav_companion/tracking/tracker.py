@@ -4,51 +4,21 @@ from __future__ import annotations
 
 import msgspec
 
-from fwav_companion.geometry.stamps import NS_PER_S, BootNs, HostNs, s_from_ns
-from fwav_companion.geometry.vectors import Matrix3, norm, subtract
-from fwav_companion.nouns import ErrorPriors, FrameView, GroundFix, Reason, Track, TrackState
+from fwav_companion.geometry.stamps import BootNs, HostNs, s_from_ns
+from fwav_companion.nouns import FrameView, GroundFix, Reason, Track, TrackState
+from fwav_companion.tracking.alive import Alive, newborn
 from fwav_companion.tracking.association import Candidate, associate
 from fwav_companion.tracking.base import Belief, Filter
 from fwav_companion.tracking.calibrated import CalibratedBelief
-from fwav_companion.tracking.calibration import CalibrationReport, KeptCalibration
+from fwav_companion.tracking.calibration import CalibrationReport
 from fwav_companion.tracking.calibrator import Calibrator
-from fwav_companion.tracking.course import StateAt
-from fwav_companion.tracking.kalman import StaticKalman
-from fwav_companion.tracking.lifecycle import Life, born, ended, seen, unseen
+from fwav_companion.tracking.lifecycle import unseen
 from fwav_companion.tracking.linear import horizontal_sigma
-from fwav_companion.tracking.lowpass import LowPass
-from fwav_companion.tracking.moving import MovingKalman
-from fwav_companion.tracking.options import TrackingOptions
-from fwav_companion.tracking.workshop import Workshop
 
 MAX_TRACKS = 20
 """Live at once: twice what a pilot can care for, and what the assignment is sized for."""
-KEEP_STATIC_NS = 300 * NS_PER_S
-"""What stood is looked for where it stood, five minutes long: several rounds of any survey."""
-PATIENCE_NS = 10 * NS_PER_S
-"""Where targets may move, one teaches that stayed so long within the gate of a standing one, a metre or two wide as
-delay and mount are not known yet: who walks left it within seconds."""
 AROUND = ((1.0, 0.0), (-0.5, 0.866), (-0.5, -0.866))
 """Three directions: an edge of the image that cuts the circle's inner half cuts one of them off."""
-KEEP_MOVING_NS = 10 * NS_PER_S
-"""What moved can be anywhere within 15 m after that."""
-
-
-class Alive(msgspec.Struct, frozen=True):
-    """One live track. Immutable."""
-
-    id: int
-    label: str
-    belief: Belief
-    life: Life
-    detector_id: int | None = None
-    last_pixel: tuple[float, float] | None = None
-    fix: GroundFix | None = None
-    """Of the newest frame."""
-    slant_m: float = 0.0
-    """From the camera to it when it was last seen."""
-    level_sigma_m: float = 0.0
-    """Of the ground's level by the newest fix: the same in every fix, so no number of them takes it away."""
 
 
 class Snapshot(msgspec.Struct, frozen=True):
@@ -124,14 +94,12 @@ class Tracker:
         tracks, next_id = self._with_newborn(kept, [fix for fix in view.fixes if id(fix) not in used], view.host_ns)
         living = tuple(track for track in tracks if track.life.state is not TrackState.DROPPED)
         self._state = Snapshot(living, next_id, self._learned(view, living), self._besides())
-        return tuple(self._told(track, view.frame, view.host_ns, view.boot_ns) for track in tracks)
+        return tuple(track.told(self._seen_as(track), view.frame, view.host_ns, view.boot_ns) for track in tracks)
 
     def drop_all(self, reason: Reason, frame: int, host_ns: HostNs, boot_ns: BootNs) -> tuple[Track, ...]:
         """End every track; their ids are not used again."""
-        dropped = tuple(
-            msgspec.structs.replace(track, life=ended(track.life, reason), fix=None) for track in self._state.alive
-        )
-        told = tuple(self._told(track, frame, host_ns, boot_ns) for track in dropped)
+        dropped = tuple(msgspec.structs.replace(track.ended(reason), fix=None) for track in self._state.alive)
+        told = tuple(track.told(self._seen_as(track), frame, host_ns, boot_ns) for track in dropped)
         calibrator = self._state.calibrator
         restarted = None if calibrator is None else calibrator.restarted()
         if self._beside is not None:
@@ -166,19 +134,7 @@ class Tracker:
             looked = self._could_see(view, track)
             life = unseen(track.life, view.host_ns, looked=looked, keep_ns=self._keep_ns)
             return msgspec.structs.replace(track, life=life)
-        fix, likelier = taken
-        detection = fix.sighting.detection
-        return Alive(
-            track.id,
-            track.label,
-            track.belief.updated(fix),
-            seen(track.life, view.host_ns, likelier),
-            detection.detector_id if detection.detector_id is not None else track.detector_id,
-            (detection.u, detection.v),
-            fix,
-            _slant_m(fix),
-            fix.level_sigma_m,
-        )
+        return track.seen_in(view.host_ns, *taken)
 
     def _could_see(self, view: FrameView, track: Alive) -> bool:
         """It would be in the image even if the mount were off by what is not known of it, or by what was found."""
@@ -198,38 +154,9 @@ class Tracker:
         for fix in fixes:
             if _living(tracks) >= MAX_TRACKS and not _make_room(tracks, newborn_from):
                 break
-            detection = fix.sighting.detection
-            pixel = (detection.u, detection.v)
-            belief = self._filter.started(fix)
-            life, slant_m, level_sigma_m = born(host_ns), _slant_m(fix), fix.level_sigma_m
-            detector_id = detection.detector_id
-            tracks.append(
-                Alive(next_id, detection.label, belief, life, detector_id, pixel, fix, slant_m, level_sigma_m)
-            )
+            tracks.append(newborn(next_id, fix, self._filter.started(fix), host_ns))
             next_id += 1
         return tracks, next_id
-
-    def _told(self, track: Alive, frame: int, host_ns: HostNs, boot_ns: BootNs) -> Track:
-        belief, life = self._seen_as(track), track.life
-        return Track(
-            id=track.id,
-            label=track.label,
-            state=life.state,
-            reason=life.reason,
-            host_ns=host_ns,
-            boot_ns=boot_ns,
-            frame=frame,
-            position_ned=belief.position_ned,
-            cov=_with_level(belief.cov, track.level_sigma_m),
-            relative_cov=_with_level(belief.relative_cov, track.level_sigma_m),
-            velocity_ned=belief.velocity_ned,
-            velocity_cov=belief.velocity_cov,
-            fix=track.fix,
-            first_host_ns=life.first_ns,
-            confirmed_host_ns=life.confirmed_ns,
-            last_seen_host_ns=life.last_seen_ns,
-            last_pixel=track.last_pixel,
-        )
 
     def _learned(self, view: FrameView, living: tuple[Alive, ...]) -> Calibrator | None:
         calibrator = self._state.calibrator
@@ -260,56 +187,6 @@ class Tracker:
         return calibrated
 
 
-def make_tracker(
-    options: TrackingOptions,
-    priors: ErrorPriors,
-    state_at: StateAt | None = None,
-    kept: KeptCalibration | None = None,
-) -> Tracker:
-    """The tracker that [tracking] asks for.
-
-    ``state_at`` tells the vehicle's state at an instant of the last second or so; self-calibration finds a large time
-    offset only with it. ``kept``: a calibration of an earlier flight with this camera.
-    """
-    if options.filter == "lowpass":
-        paper = LowPass(options.alpha, options.alpha_rate_hz, priors)
-        return tracker_with(paper, priors, state_at, kept, self_calibration=options.self_calibration)
-    calibrator = Calibrator(Workshop(priors, state_at, kept)) if options.self_calibration else None
-    if options.motion == "static":
-        return Tracker(StaticKalman(priors), KEEP_STATIC_NS, calibrator)
-    if calibrator is None:
-        return Tracker(MovingKalman(priors), KEEP_MOVING_NS)
-    # What stands is followed once more, as standing: only what is known to stand again where it stood can calibrate.
-    beside = Tracker(StaticKalman(priors), KEEP_STATIC_NS, calibrator, patience_ns=PATIENCE_NS)
-    return Tracker(MovingKalman(priors), KEEP_MOVING_NS, beside=beside)
-
-
-def tracker_with(
-    belief_filter: Filter,
-    priors: ErrorPriors,
-    state_at: StateAt | None = None,
-    kept: KeptCalibration | None = None,
-    *,
-    self_calibration: bool = False,
-) -> Tracker:
-    """A tracker by a filter that stays as it is, be it the paper's or one of the user's own.
-
-    Self-calibration then runs beside it: told, but not applied.
-    """
-    calibrator = Calibrator(Workshop(priors, state_at, kept)) if self_calibration else None
-    return Tracker(belief_filter, KEEP_STATIC_NS, calibrator, corrects=False)
-
-
-def _slant_m(fix: GroundFix) -> float:
-    return norm(subtract(fix.position_ned, fix.sighting.camera_ned))
-
-
-def _with_level(cov: Matrix3, level_sigma_m: float) -> Matrix3:
-    """What is not known of the ground's own level stands in every fix, and so in the track."""
-    north, east, (down_north, down_east, down_down) = cov
-    return (north, east, (down_north, down_east, down_down + level_sigma_m * level_sigma_m))
-
-
 def _living(tracks: list[Alive]) -> int:
     return sum(track.life.state is not TrackState.DROPPED for track in tracks)
 
@@ -324,5 +201,5 @@ def _make_room(tracks: list[Alive], newborn_from: int) -> bool:
     if not yielding:
         return False
     worst = max(yielding, key=lambda i: horizontal_sigma(tracks[i].belief.cov))
-    tracks[worst] = msgspec.structs.replace(tracks[worst], life=ended(tracks[worst].life, Reason.TOO_MANY_TRACKS))
+    tracks[worst] = tracks[worst].ended(Reason.TOO_MANY_TRACKS)
     return True
