@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from math import isfinite
+from collections.abc import Sequence
+from math import isfinite, sqrt
 
 import msgspec
 
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Vector3
-from fwav_companion.tracking.verdict import CalibrationStatus
+from fwav_companion.tracking.answer import MOUNT
+from fwav_companion.tracking.rays import Common
+from fwav_companion.tracking.verdict import CalibrationStatus, Verdict
 
 
 class KeptCalibration(msgspec.Struct, frozen=True, kw_only=True):
@@ -50,3 +53,30 @@ class CalibrationReport(msgspec.Struct, frozen=True, kw_only=True):
     """A gross mistake in the mount, as a sentence; nothing is estimated then."""
     keep: KeptCalibration | None = None
     """What is worth keeping for the next flight; None while that is nothing."""
+
+
+def believed(
+    verdict: Verdict | None, means: Sequence[float], sigmas: Sequence[float]
+) -> tuple[list[float], list[float]]:
+    """Mean and one sigma of each of the common unknowns; ``means``, ``sigmas``: before anything was seen."""
+    means, sigmas = list(means), list(sigmas)
+    if verdict is not None:
+        for i, (mean, sigma) in verdict.told().items():
+            means[i], sigmas[i] = mean, sigma
+    return means, sigmas
+
+
+def worth_keeping(verdict: Verdict | None, sigmas: Sequence[float]) -> KeptCalibration | None:
+    """For the next flight; None while that is nothing. ``sigmas``: of the common unknowns, before anything was seen."""
+    if verdict is None or verdict.status is not CalibrationStatus.CALIBRATED:
+        return None
+    told = verdict.told()
+    if not all(i in told for i in (Common.DELAY, *MOUNT)):
+        return None
+    cov = verdict.mount_cov(sigmas[Common.HEADING])
+    return KeptCalibration(
+        time_offset_s=told[Common.DELAY][0],
+        time_offset_sigma_s=told[Common.DELAY][1],
+        mount=(told[Common.MOUNT_X][0], told[Common.MOUNT_Y][0], told[Common.MOUNT_Z][0]),
+        mount_sigma=(sqrt(cov[0][0]), sqrt(cov[1][1]), sqrt(cov[2][2])),
+    )

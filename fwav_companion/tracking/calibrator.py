@@ -11,14 +11,14 @@ Immutable but for :class:`Workshop`, which holds what never changes.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from math import hypot, sqrt
+from math import hypot
 
 import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs, ns_from_s
 from fwav_companion.nouns import GroundFix
 from fwav_companion.tracking.answer import MOUNT
-from fwav_companion.tracking.calibration import CalibrationReport, KeptCalibration
+from fwav_companion.tracking.calibration import CalibrationReport, believed, worth_keeping
 from fwav_companion.tracking.course import Course
 from fwav_companion.tracking.estimate import Surprise
 from fwav_companion.tracking.fit import Fit
@@ -117,7 +117,7 @@ class Calibrator(msgspec.Struct, frozen=True):
     @property
     def mount_off(self) -> float:
         """How far from the configured mount the true one may be, rad: what was found, and two sigma of the rest."""
-        means, sigmas = self._believed()
+        means, sigmas = believed(self.verdict, self.shop.means, self.shop.sigmas)
         return hypot(*(means[i] for i in MOUNT)) + 2.0 * max(sigmas[i] for i in MOUNT)
 
     def surprise(self, track: int, fix: GroundFix) -> Surprise | None:
@@ -128,7 +128,7 @@ class Calibrator(msgspec.Struct, frozen=True):
 
     def report(self) -> CalibrationReport:
         """What is known now."""
-        means, sigmas = self._believed()
+        means, sigmas = believed(self.verdict, self.shop.means, self.shop.sigmas)
         return CalibrationReport(
             host_ns=self.host_ns,
             time_offset_s=means[Common.DELAY],
@@ -140,16 +140,8 @@ class Calibrator(msgspec.Struct, frozen=True):
             status=self._status(),
             rivals=() if self.vain is None else self.vain.rivals,
             mistake=self.suspicion.text,
-            keep=self._worth_keeping(),
+            keep=worth_keeping(self.verdict, self.shop.sigmas),
         )
-
-    def _believed(self) -> tuple[list[float], list[float]]:
-        """Mean and one sigma of each of the common unknowns."""
-        means, sigmas = list(self.shop.means), list(self.shop.sigmas)
-        if self.verdict is not None:
-            for i, (mean, sigma) in self.verdict.told().items():
-                means[i], sigmas[i] = mean, sigma
-        return means, sigmas
 
     def _status(self) -> CalibrationStatus:
         if self.verdict is not None:
@@ -158,24 +150,9 @@ class Calibrator(msgspec.Struct, frozen=True):
 
     def restarted(self) -> Calibrator:
         """After every target was dropped: what the flight has taught is kept, as a prior."""
-        keep = self._worth_keeping()
+        keep = worth_keeping(self.verdict, self.shop.sigmas)
         shop = self.shop if keep is None else Workshop(self.shop.priors, self.shop.state_at, keep)
         return Calibrator(shop, host_ns=self.host_ns, suspicion=self.suspicion)
-
-    def _worth_keeping(self) -> KeptCalibration | None:
-        verdict = self.verdict
-        if verdict is None or verdict.status is not CalibrationStatus.CALIBRATED:
-            return None
-        told = verdict.told()
-        if not all(i in told for i in (Common.DELAY, *MOUNT)):
-            return None
-        cov = verdict.mount_cov(self.shop.sigmas[Common.HEADING])
-        return KeptCalibration(
-            time_offset_s=told[Common.DELAY][0],
-            time_offset_sigma_s=told[Common.DELAY][1],
-            mount=(told[Common.MOUNT_X][0], told[Common.MOUNT_Y][0], told[Common.MOUNT_Z][0]),
-            mount_sigma=(sqrt(cov[0][0]), sqrt(cov[1][1]), sqrt(cov[2][2])),
-        )
 
     # Each step returns the next state.
 
