@@ -11,7 +11,7 @@ import json
 from collections.abc import Iterator
 from itertools import chain
 from math import isfinite, nan
-from typing import Annotated, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
 import msgspec
 from msgspec import Meta
@@ -48,7 +48,8 @@ class WireDetection(msgspec.Struct, gc=False):
     score: float | None = None
     box: tuple[float, float, float, float] | None = None
     id: Int64 | None = None
-    corners: Corners | None = None
+    corners: Any = None
+    """Where they are not the four of a marker, another program's field of that name, and ignored as such."""
 
 
 class WireFrame(msgspec.Struct):
@@ -183,8 +184,6 @@ def _numbers(wire: WireFrame) -> Iterator[float]:
             yield detection.score
         if detection.box is not None:
             yield from detection.box
-        if detection.corners is not None:
-            yield from chain.from_iterable(detection.corners)
 
 
 def _stamp(wire: WireFrame, arrival_ns: HostNs | None, clocks: StampClocks) -> tuple[int, StampClock] | NoFrame:
@@ -227,8 +226,16 @@ def _detection(wire: WireDetection) -> Detection:
         score=wire.score,
         box=wire.box,
         detector_id=wire.id,
-        corners=wire.corners,
+        corners=None if wire.corners is None else _corners(wire.corners),
     )
+
+
+def _corners(told: Any) -> Corners | None:
+    try:
+        corners = msgspec.convert(told, Corners)
+    except msgspec.ValidationError:
+        return None
+    return corners if all(map(isfinite, chain.from_iterable(corners))) else None
 
 
 def _pixel(value: float | None) -> float:

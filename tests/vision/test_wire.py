@@ -83,6 +83,26 @@ def test_corners_of_a_marker():
     assert [d.corners for d in frame.detections] == [((1.0, 2.0), (3.5, 2.0), (3.5, 4.0), (1.0, 4.0)), None]
 
 
+@pytest.mark.parametrize(
+    "corners",
+    [
+        "[[1, 2], [3, 4], [5, 6]]",
+        "[[1], [3, 4], [5, 6], [7, 8]]",
+        "[1, 2, 3, 4, 5, 6, 7, 8]",
+        '{"tl": [1, 2]}',
+        '"four"',
+        "4",
+        "[[1, 2], [3, 4], [5, 6], [7, NaN]]",
+        "[[1, 2], [3, 4], [5, 6], [7, 1e999]]",
+    ],
+)
+def test_what_another_program_calls_corners_costs_no_detection(corners: str):
+    line = f'{{"time_boot": 1, "detections": [{{"u": 312.4, "v": 201.9, "corners": {corners}}}]}}'
+    frame = parse_frame(line.encode(), ARRIVAL, LIVE)
+    assert isinstance(frame, Frame)
+    assert frame.detections == (Detection(312.4, 201.9),)
+
+
 REFUSED = [
     (b"", Reason.MALFORMED),
     (b"{", Reason.MALFORMED),
@@ -100,8 +120,6 @@ REFUSED = [
     (b'{"time_boot": 1, "detections": [{"u": 1, "v": 1, "label": 5}]}', Reason.MALFORMED),
     (b'{"time_boot": 1, "detections": [{"u": 1, "v": 1, "label": "\\ud800"}]}', Reason.MALFORMED),
     (b'{"time_boot": 1, "detections": [{"u": 1, "v": 1, "label": "' + b"x" * 257 + b'"}]}', Reason.MALFORMED),
-    (b'{"time_boot": 1, "detections": [{"u": 1, "v": 1, "corners": [[1, 2], [3, 4], [5, 6]]}]}', Reason.MALFORMED),
-    (b'{"time_boot": 1, "detections": [{"u": 1, "v": 1, "corners": [[1], [3, 4], [5, 6], [7, 8]]}]}', Reason.MALFORMED),
     (b'{"time_boot": 1, "detections": [{"u": 1, "v": 1, "id": ' + b"9" * 30 + b"}]}", Reason.MALFORMED),
     (b'{"time_boot": 1, "detections": [], "size": [0, 480]}', Reason.MALFORMED),
     (b'{"time_boot": 1, "detections": [], "size": [640]}', Reason.MALFORMED),
@@ -115,10 +133,6 @@ REFUSED = [
     (b'{"time_boot": 1, "detections": [], "exposure_s": Infinity}', Reason.NOT_FINITE),
     (b'{"time_boot": 1, "detections": [{"u": 1, "v": 1, "score": NaN}]}', Reason.NOT_FINITE),
     (b'{"time_boot": 1, "detections": [{"u": 1, "v": 1, "box": [0, 0, 1, NaN]}]}', Reason.NOT_FINITE),
-    (
-        b'{"time_boot": 1, "detections": [{"u": 1, "v": 1, "corners": [[1, 2], [3, 4], [5, 6], [7, NaN]]}]}',
-        Reason.NOT_FINITE,
-    ),
     (b'{"time_unix": 1790000001250, "detections": []}', Reason.WRONG_UNITS),
     (b'{"time_unix": 1790000001250000, "detections": []}', Reason.WRONG_UNITS),
     (b'{"time_unix": 1790000001250000000, "detections": []}', Reason.WRONG_UNITS),
