@@ -16,6 +16,7 @@ import msgspec
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs
 from fwav_companion.mavlink import enums
 from fwav_companion.mavlink.asking import ask, command
+from fwav_companion.mavlink.attitude_sharing import AttitudeSharing
 from fwav_companion.mavlink.inquiries import Inquiries
 from fwav_companion.mavlink.rate_stream import Stream, StreamState
 from fwav_companion.mavlink.rate_takers import RateTakers
@@ -23,8 +24,6 @@ from fwav_companion.mavlink.wanted import DATA_STREAMS, MESSAGE_IDS, ONLY_PX4
 from fwav_companion.nouns.messages import Message, Notice, Outgoing, Severity
 from fwav_companion.nouns.situation import Autopilot, AutopilotKind
 
-BACKGROUND_ATTITUDE_HZ = 4.0
-"""Of plain ATTITUDE once the quaternion flows: enough for a ground station's horizon."""
 CHECK_NS = NS_PER_S
 ACK_TIMEOUT_NS = 700 * NS_PER_MS
 MAX_TRIES = 4
@@ -50,7 +49,7 @@ class Rates:
 
     def __init__(self, wanted: Mapping[str, float], *, attitude_message: str = "auto", component: int = 191):
         self._wanted = {name: hz for name, hz in wanted.items() if name in MESSAGE_IDS and isfinite(hz) and hz > 0.0}
-        self._attitude_message = attitude_message
+        self._attitudes = AttitudeSharing(attitude_message, self.wanted_attitude_hz)
         self._component = component
         self._autopilot: Autopilot | None = None
         self._streams: dict[str, Stream] = {}
@@ -149,10 +148,7 @@ class Rates:
         for stream in self._streams.values():
             stream.want(self._wanted[stream.name], now)
             stream.meter.forget(now)
-        if self._prefers_quaternion():
-            self._streams["ATTITUDE"].hold_back()
-        elif self._attitude_message == "ATTITUDE" and "ATTITUDE_QUATERNION" in self._streams:
-            self._streams["ATTITUDE_QUATERNION"].hold_back()
+        self._attitudes.begin(self._streams)
         self._question = None
         self._command_unknown = self._command_known = False
         self._streams_asked_ns.clear()
@@ -179,8 +175,7 @@ class Rates:
                 fell_from_hz = stream.judge(now)
                 if fell_from_hz is not None:
                     self._blame(stream, fell_from_hz, now)
-        if self._prefers_quaternion():
-            self._share_attitude(now)
+        self._attitudes.share(self._streams, now)
 
     def _blame(self, stream: Stream, fell_from_hz: float, now: HostNs) -> None:
         if now - self._heard_ns > SILENT_NS:
@@ -191,22 +186,6 @@ class Rates:
             f"{stream.name} fell from {fell_from_hz:.1f} to {stream.meter.hz or 0.0:.1f} Hz"
             f" (undone by: {stream.undone_by}): asked again",
         )
-
-    def _prefers_quaternion(self) -> bool:
-        both = "ATTITUDE" in self._streams and "ATTITUDE_QUATERNION" in self._streams
-        return both and self._attitude_message != "ATTITUDE"
-
-    def _share_attitude(self, now: HostNs) -> None:
-        """Plain ATTITUDE slowly while the quaternion flows, fully where it cannot be had."""
-        quaternion, plain = self._streams["ATTITUDE_QUATERNION"], self._streams["ATTITUDE"]
-        if (quaternion.meter.hz or 0.0) > 0.0:
-            hz = min(BACKGROUND_ATTITUDE_HZ, self._wanted["ATTITUDE"])
-        elif self._attitude_message == "auto" and _has_failed(quaternion):
-            hz = self._wanted["ATTITUDE"]
-        else:
-            return
-        if plain.state is StreamState.HELD_BACK or plain.wanted_hz != hz:
-            plain.want(hz, now)
 
     def _ask(self, autopilot: Autopilot, now: HostNs) -> list[Outgoing]:
         """Repeat the question in flight if its answer is overdue, or put the next one."""
@@ -271,9 +250,7 @@ class Rates:
         self._tell(Severity.INFO, "the autopilot does not know SET_MESSAGE_INTERVAL: asking by REQUEST_DATA_STREAM")
         for stream in self._streams.values():
             stream.want(self._wanted[stream.name], now)
-        quaternion = self._streams.get("ATTITUDE_QUATERNION")
-        if quaternion is not None and "ATTITUDE" in self._streams:
-            quaternion.hold_back()
+        self._attitudes.fall_back(self._streams)
 
     def _ask_by_data_stream(self, autopilot: Autopilot, stream: Stream, now: HostNs) -> list[Outgoing]:
         """No acknowledgement follows: the measuring decides when to ask again."""
@@ -310,10 +287,3 @@ class Rates:
 
     def _tell(self, severity: Severity, text: str) -> None:
         self._notices.append(Notice(severity, text))
-
-
-def _has_failed(stream: Stream) -> bool:
-    """It was denied, or not answered, or granted for a whole window in which nothing came."""
-    if stream.state in {StreamState.DENIED, StreamState.UNANSWERED, StreamState.HELD_BACK}:
-        return True
-    return stream.state is StreamState.GRANTED and stream.meter.hz == 0.0

@@ -12,10 +12,10 @@ from itertools import pairwise
 from math import exp, inf, pi, sqrt
 from typing import Any, NamedTuple
 
-from fwav_companion.geometry.rotations import Quaternion, conjugate, multiply
 from fwav_companion.geometry.stamps import BootNs
 from fwav_companion.geometry.vectors import dot, scale, subtract
 from fwav_companion.nouns import AttitudeSample
+from fwav_companion.telemetry.left_out import apart2, left_out2
 from fwav_companion.telemetry.pieces import aligned, piece_with_rates, quaternion_at
 from fwav_companion.telemetry.rate_fit import RateFit
 
@@ -218,12 +218,12 @@ class StreamCheck:
     def _try_out(self, seven: Sequence[AttitudeSample], gain: float) -> None:
         others = [seven[k] for k in (0, 1, 2, 4, 5, 6)]
         middle = seven[3]
-        self._four2 += gain * (_left_out2(others[1:5], middle) - self._four2)
-        self._six2 += gain * (_left_out2(others, middle) - self._six2)
+        self._four2 += gain * (left_out2(others[1:5], middle) - self._four2)
+        self._six2 += gain * (left_out2(others, middle) - self._six2)
         if self.rates.usable:
             model = self.rates.model
             piece = piece_with_rates(seven[2], seven[4], model.corrected(seven[1:4]), model.corrected(seven[3:6]))
-            self._rates2 += gain * (_apart2(quaternion_at(piece, middle.boot_ns), middle.ned_from_body) - self._rates2)
+            self._rates2 += gain * (apart2(quaternion_at(piece, middle.boot_ns), middle.ned_from_body) - self._rates2)
 
     def _four_truncation2(self) -> float:
         """What four attitudes miss by the motion being faster than they follow, without the noise of the samples."""
@@ -252,25 +252,3 @@ class StreamCheck:
         best = min(promised2, key=promised2.__getitem__)
         if promised2[best] < CHANGE_FOR**2 * promised2.get(self.method, 1e300):
             self.method = best
-
-
-def _left_out2(neighbours: Sequence[AttitudeSample], sample: AttitudeSample) -> float:
-    """(rad)^2 between a sample and what the polynomial through its neighbours says."""
-    nodes = [(n.boot_ns - sample.boot_ns) * 1e-9 for n in neighbours]
-    w = x = y = z = 0.0
-    for k, (qw, qx, qy, qz) in enumerate(aligned([n.ned_from_body for n in neighbours])):
-        weight = 1.0
-        for j, node in enumerate(nodes):
-            if j != k:
-                weight *= node / (node - nodes[k])
-        w += weight * qw
-        x += weight * qx
-        y += weight * qy
-        z += weight * qz
-    return _apart2((w, x, y, z), sample.ned_from_body)
-
-
-def _apart2(a: Quaternion, b: Quaternion) -> float:
-    """The squared angle between two nearly equal attitudes, the first of nearly unit length."""
-    _, x, y, z = multiply(conjugate(b), a)
-    return 4.0 * (x * x + y * y + z * z)
