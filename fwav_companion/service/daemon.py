@@ -191,6 +191,8 @@ class Service:
             self._links[name].send(data)
         self._journal.received(received.frames, now)
         if not received.messages and not received.rate_request:
+            if self._node.wake_at is not None:  # a stream left something undecided, and may say no more
+                self._arm(now)
             return
         self._heard(now)
         for message in received.messages:
