@@ -37,11 +37,13 @@ class ReportWriter:
         self._lines: list[Line] = []
 
     def watched(self, lines: Iterator[Line], *, sightings: bool) -> Iterator[Line]:
-        """The same lines; those of sightings only where they were asked for."""
+        """The same lines; what is said of sightings only where it was asked for."""
         for line in lines:
             self._lines.append(line)
-            if sightings or line["type"] != "sighting":
+            if sightings:
                 yield line
+            elif line["type"] != "sighting":
+                yield {key: line[key] for key in line if key != "innovation"} if "innovation" in line else line
 
     def write(
         self,

@@ -89,6 +89,7 @@ def make_pipeline(
             tracker = tracker_with(
                 own_filter, config.priors, telemetry.state_at, kept, self_calibration=self_calibration
             )
+        tracker.tells_innovations = sightings
         reorder = Reorder(tracker)
         sight = Sight(telemetry, make_pairer(config, calibration), localizer, reorder, ledger, sightings=sightings)
     publisher = Publisher(

@@ -41,7 +41,7 @@ from fwav_companion.nouns.telemetry import (
     RangeSample,
     VehicleState,
 )
-from fwav_companion.nouns.tracks import FrameView, Track, TrackState
+from fwav_companion.nouns.tracks import FrameView, Innovation, Track, TrackState
 
 __all__ = [
     "BIAS_COUNT",
@@ -66,6 +66,7 @@ __all__ = [
     "GimbalAt",
     "GroundFix",
     "HeightSource",
+    "Innovation",
     "Lens",
     "LinkLoad",
     "Message",

@@ -26,6 +26,15 @@ class TrackState(StrEnum):
     """Over; told once, with its reason."""
 
 
+class Innovation(msgspec.Struct, frozen=True, gc=False):
+    """A fix against where its target was believed just before."""
+
+    north_m: float
+    east_m: float
+    distance2: float
+    """Normalised square, with all that the two share and do not share: 2 on the mean where every claim is right."""
+
+
 class Track(msgspec.Struct, frozen=True, kw_only=True):
     """One target after one frame. A new object every frame; nobody else changes it."""
 
@@ -49,6 +58,8 @@ class Track(msgspec.Struct, frozen=True, kw_only=True):
     velocity_cov: Matrix3 | None = None
     fix: GroundFix | None = None
     """Of this frame alone."""
+    innovation: Innovation | None = None
+    """Of that fix; None for a first one, and where nobody asked for it."""
     first_host_ns: HostNs
     """Capture of the first frame that saw it."""
     confirmed_host_ns: HostNs | None = None

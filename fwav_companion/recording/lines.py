@@ -83,6 +83,9 @@ def target_line(track: Track, plane: TangentPlane | None, unix_offset_ns: int) -
         "vel_cov": track.velocity_cov,
         "fix": _fix_object(track.fix),
     }
+    if track.innovation is not None:
+        of = track.innovation
+        line["innovation"] = {"north": of.north_m, "east": of.east_m, "distance2": of.distance2}
     return line
 
 

@@ -9,11 +9,10 @@ import msgspec
 from fwav_companion.recording.lines import Line, line_unix_s
 from fwav_companion.report.axes import Frame
 from fwav_companion.report.charts import MOST_POINTS
+from fwav_companion.report.groups import BELIEVED
 from fwav_companion.report.markup import figure, key, section
 from fwav_companion.report.svg import Point, circle, drawing, line, polyline, thinned
 
-SETTLED_FIXES = 10
-"""A track's own noise is a tenth of a sighting's by then, and is left out of the normalised squares."""
 EXPECTED, BEYOND_95 = 2.0, 5.991
 """Of a normalised square in two dimensions: its mean, and what one in twenty exceeds."""
 MOST_SHOWN = 4.0 * BEYOND_95
@@ -32,8 +31,8 @@ class Innovation(msgspec.Struct, frozen=True):
     at_s: float
     north_m: float
     east_m: float
-    squared: float | None
-    """Normalised by the sighting's fresh noise; None where the recording does not tell that."""
+    squared: float
+    """Normalised by all that was not known of either."""
 
 
 def depths(lines: Sequence[Line]) -> list[str]:
@@ -51,54 +50,33 @@ def _begun(lines: Sequence[Line]) -> float:
 
 
 def innovations(lines: Sequence[Line], begun: float) -> list[Innovation]:
-    """Of every believed track, after its first few sightings."""
-    noise = {
-        (line["frame"], tuple(line["ground_ned"][:2])): line["noise_cov"]
-        for line in lines
-        if line["type"] == "sighting" and line.get("ground_ned")
-    }
-    before: dict[int, tuple[float, float, int]] = {}
-    found = []
-    for each in lines:
-        if each["type"] != "target":
-            continue
-        north, east, count = before.get(each["track"], (0.0, 0.0, 0))
-        fix = each["fix"]
-        if fix and count >= SETTLED_FIXES:
-            d = (fix["north"] - north, fix["east"] - east)
-            cov = noise.get((each["frame"], (fix["north"], fix["east"])))
-            found.append(Innovation(each["time_unix"] - begun, *d, None if cov is None else _squared(d, cov)))
-        before[each["track"]] = (each["north"], each["east"], count + bool(fix))
-    return found
-
-
-def _squared(d: Point, cov: Sequence[Sequence[float]]) -> float | None:
-    (nn, ne), (en, ee) = cov[0][:2], cov[1][:2]
-    determinant = nn * ee - ne * en
-    if determinant <= 0.0:
-        return None
-    return (ee * d[0] * d[0] - (ne + en) * d[0] * d[1] + nn * d[1] * d[1]) / determinant
+    """Of every believed track; none where the recording was replayed without them."""
+    believed = (line for line in lines if line["type"] == "target" and line["state"] in BELIEVED)
+    return [
+        Innovation(line["time_unix"] - begun, told["north"], told["east"], told["distance2"])
+        for line in believed
+        if (told := line.get("innovation")) is not None
+    ]
 
 
 def _innovations(lines: Sequence[Line], begun: float) -> str:
     found = innovations(lines, begun)
     if not found:
         return ""
-    squares = [each.squared for each in found if each.squared is not None]
     seconds = max(each.at_s for each in found)
+    squares = [each.squared for each in found]
+    mean = sum(squares) / len(squares)
+    beyond = 100.0 * sum(square > BEYOND_95 for square in squares) / len(squares)
+    caption = (
+        f"Over everything that was not known of the sighting or of its target: their mean is {mean:.2f}, where "
+        f"{EXPECTED:g} is expected; {beyond:.0f} % lie above {BEYOND_95:g}, where 5 % should. More: errors are larger "
+        "than [uncertainty] says. Less: it says too much, or this flight was luckier than most."
+    )
+    points = [(each.at_s, each.squared) for each in found]
+    told = key([("fix", "dot", "one sighting"), ("ours", "line", f"mean that is expected, {EXPECTED:g}"),
+                ("bound", "line", f"one in twenty lies above, {BEYOND_95:g}")])  # fmt: skip
     figures = figure("Innovations", _innovation_chart(found, seconds), INNOVATION, key=key(AXES))
-    if squares:
-        mean = sum(squares) / len(squares)
-        beyond = 100.0 * sum(square > BEYOND_95 for square in squares) / len(squares)
-        caption = (
-            f"Over the fresh noise of each sighting: their mean is {mean:.2f}, where {EXPECTED:g} is expected of noise "
-            f"alone; {beyond:.0f} % lie above {BEYOND_95:g}, where 5 % should. More means noise that is larger than "
-            "configured, or errors that turn with the vehicle (heading, mount, time); less means too much caution."
-        )
-        points = [(each.at_s, each.squared) for each in found if each.squared is not None]
-        told = key([("fix", "dot", "one sighting"), ("ours", "line", f"mean that is expected, {EXPECTED:g}"),
-                    ("bound", "line", f"one in twenty lies above, {BEYOND_95:g}")])  # fmt: skip
-        figures += figure("Their normalised squares", _square_chart(points, seconds), caption, key=told)
+    figures += figure("Their normalised squares", _square_chart(points, seconds), caption, key=told)
     words = AS_THEY_CAME if any(line["type"] == "calibration" for line in lines) else ""
     return section("Do the sightings agree with one another?", words, f'<div class="two">{figures}</div>')
 

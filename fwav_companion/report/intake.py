@@ -44,6 +44,14 @@ class GroundPoint(msgspec.Struct):
     east: Metres
 
 
+class Expected(msgspec.Struct):
+    """A fix against where its target was believed before."""
+
+    north: Metres
+    east: Metres
+    distance2: Annotated[float, msgspec.Meta(ge=0.0)]
+
+
 class Target(msgspec.Struct, tag="target"):
     """A track at a frame."""
 
@@ -56,6 +64,7 @@ class Target(msgspec.Struct, tag="target"):
     east: Metres
     cov: Matrix3
     fix: GroundPoint | None
+    innovation: Expected | None = None
     lat: float | None = None
     lon: float | None = None
 
@@ -82,8 +91,6 @@ class SightingLine(msgspec.Struct, tag="sighting"):
     time_boot: float | None
     camera_ned: Vector3 | None
     budget: Budget | None
-    ground_ned: Vector3 | None = None
-    noise_cov: Matrix3 | None = None
 
 
 class ClockLine(msgspec.Struct, tag="clock"):

@@ -6,7 +6,7 @@ import msgspec
 
 from fwav_companion.geometry.stamps import BootNs, HostNs
 from fwav_companion.geometry.vectors import Matrix3, norm, subtract
-from fwav_companion.nouns import GroundFix, Reason, Track
+from fwav_companion.nouns import GroundFix, Innovation, Reason, Track
 from fwav_companion.tracking.base import Belief
 from fwav_companion.tracking.lifecycle import Life, born, ended, seen
 
@@ -26,6 +26,8 @@ class Alive(msgspec.Struct, frozen=True):
     """From the camera to it when it was last seen."""
     level_sigma_m: float = 0.0
     """Of the ground's level by the newest fix: the same in every fix, so no number of them takes it away."""
+    innovation: Innovation | None = None
+    """Of the newest frame's fix, where it is asked for."""
 
     def seen_in(self, host_ns: HostNs, fix: GroundFix, likelier: float) -> Alive:
         """After a frame that saw it, by a fix so much likelier its own than a false one (a logarithm)."""
@@ -55,6 +57,7 @@ class Alive(msgspec.Struct, frozen=True):
             velocity_ned=belief.velocity_ned,
             velocity_cov=belief.velocity_cov,
             fix=self.fix,
+            innovation=self.innovation,
             first_host_ns=life.first_ns,
             confirmed_host_ns=life.confirmed_ns,
             last_seen_host_ns=life.last_seen_ns,
@@ -66,6 +69,12 @@ def newborn(number: int, fix: GroundFix, belief: Belief, host_ns: HostNs) -> Ali
     """A new track, by the fix that belongs to no other."""
     detection = fix.sighting.detection
     return _by_fix(number, detection.label, belief, born(host_ns), detection.detector_id, fix)
+
+
+def innovation(before: Belief, fix: GroundFix) -> Innovation:
+    """How little a fix was expected of what was believed just before."""
+    north_m, east_m, _ = subtract(fix.position_ned, before.position_ned)
+    return Innovation(north_m, east_m, before.surprise(fix).distance2)
 
 
 def _by_fix(number: int, label: str, belief: Belief, life: Life, detector_id: int | None, fix: GroundFix) -> Alive:

@@ -6,7 +6,7 @@ import msgspec
 
 from fwav_companion.geometry.stamps import BootNs, HostNs, s_from_ns
 from fwav_companion.nouns import FrameView, GroundFix, Reason, Track, TrackState
-from fwav_companion.tracking.alive import Alive, newborn
+from fwav_companion.tracking.alive import Alive, innovation, newborn
 from fwav_companion.tracking.association import Candidate, associate
 from fwav_companion.tracking.base import Belief, Filter
 from fwav_companion.tracking.calibrated import CalibratedBelief
@@ -36,7 +36,7 @@ class Snapshot(msgspec.Struct, frozen=True):
 class Tracker:
     """Follows targets through frames that come in the order of their capture; :class:`Reorder` sees to that."""
 
-    __slots__ = ("_beside", "_corrects", "_filter", "_keep_ns", "_patience_ns", "_state")
+    __slots__ = ("_beside", "_corrects", "_filter", "_keep_ns", "_patience_ns", "_state", "tells_innovations")
 
     def __init__(
         self,
@@ -53,6 +53,8 @@ class Tracker:
         ``patience_ns``: how old a track must be before it teaches. ``beside``: a tracker of the same frames that
         calibrates in the place of this one.
         """
+        self.tells_innovations = False
+        """Whether tracks tell how little their fixes were expected: work that flying has no use for."""
         self._filter = belief_filter
         self._keep_ns = keep_ns
         self._corrects = corrects
@@ -85,7 +87,7 @@ class Tracker:
         if self._beside is not None:
             self._beside.on_frame(view)
         alive = tuple(
-            msgspec.structs.replace(track, belief=track.belief.predicted(view.host_ns), fix=None)
+            msgspec.structs.replace(track, belief=track.belief.predicted(view.host_ns), fix=None, innovation=None)
             for track in self._state.alive
         )
         taken = self._associated(alive, view.fixes)
@@ -98,7 +100,9 @@ class Tracker:
 
     def drop_all(self, reason: Reason, frame: int, host_ns: HostNs, boot_ns: BootNs) -> tuple[Track, ...]:
         """End every track; their ids are not used again."""
-        dropped = tuple(msgspec.structs.replace(track.ended(reason), fix=None) for track in self._state.alive)
+        dropped = tuple(
+            msgspec.structs.replace(track.ended(reason), fix=None, innovation=None) for track in self._state.alive
+        )
         told = tuple(track.told(self._seen_as(track), frame, host_ns, boot_ns) for track in dropped)
         calibrator = self._state.calibrator
         restarted = None if calibrator is None else calibrator.restarted()
@@ -134,7 +138,10 @@ class Tracker:
             looked = self._could_see(view, track)
             life = unseen(track.life, view.host_ns, looked=looked, keep_ns=self._keep_ns)
             return msgspec.structs.replace(track, life=life)
-        return track.seen_in(view.host_ns, *taken)
+        after = track.seen_in(view.host_ns, *taken)
+        if not self.tells_innovations:
+            return after
+        return msgspec.structs.replace(after, innovation=innovation(self._seen_as(track), taken[0]))
 
     def _could_see(self, view: FrameView, track: Alive) -> bool:
         """It would be in the image even if the mount were off by what is not known of it, or by what was found."""

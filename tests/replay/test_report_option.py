@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 
+import msgspec
 import numpy as np
 import pytest
 from flying import CAMERA, LINK, fly
@@ -101,34 +102,26 @@ def test_a_report_changes_nothing_in_what_is_said(site):
     assert (site / "a.jsonl").read_bytes() == (site / "b.jsonl").read_bytes()
 
 
-def test_normalised_squares_of_pure_noise_are_two_on_average():
-    draw, cov, lines = np.random.default_rng(4), np.array([[2.0, 0.7], [0.7, 0.5]]), []
-    for frame, (north, east) in enumerate(draw.multivariate_normal((40.0, -25.0), cov, size=3000)):
-        fix = {"north": north, "east": east, "down": 0.0}
-        told = {"frame": frame, "ground_ned": [north, east, 0.0], "noise_cov": [[2.0, 0.7, 0], [0.7, 0.5, 0], [0] * 3]}
-        lines.append({"type": "sighting", **told})
-        lines.append(
-            {
-                "type": "target",
-                "frame": frame,
-                "track": 1,
-                "time_unix": frame / 30,
-                "north": 40.0,
-                "east": -25.0,
-                "fix": fix,
-            }
-        )
-    squares = [each.squared for each in innovations(lines, 0.0)]
-    assert np.mean(squares) == pytest.approx(EXPECTED, abs=0.15)
-    assert np.mean(np.array(squares) > BEYOND_95) == pytest.approx(0.05, abs=0.015)
+def test_a_report_holds_the_innovations_that_were_told():
+    told = {"north": 0.25, "east": -0.5, "distance2": 3.5}
+    line = {"type": "target", "state": "confirmed", "time_unix": 12.0}
+    lines = [line, line | {"innovation": told}, line | {"state": "tentative", "innovation": told}]
+    assert [msgspec.structs.astuple(each) for each in innovations(lines, 10.0)] == [(2.0, 0.25, -0.5, 3.5)]
 
 
-def test_a_replay_tells_what_the_squares_need(site):
+def test_normalised_squares_are_about_two_where_nothing_is_worse_than_configured(site):
+    """Of one flight whose errors were drawn from its configuration."""
     assert replay(site, "--out", "s.jsonl", "--sightings").returncode == 0
     lines = [json.loads(line) for line in (site / "s.jsonl").read_text().splitlines()]
     squares = [each.squared for each in innovations(lines, 0.0)]
     assert len(squares) > 100
-    assert all(square is not None for square in squares)
+    assert EXPECTED / 4.0 < np.mean(squares) < EXPECTED * 1.5
+    assert np.mean(np.array(squares) > BEYOND_95) < 0.15
+
+
+def test_innovations_are_told_where_sightings_are_and_nowhere_else(site):
+    assert replay(site, "--out", "a.jsonl").returncode == 0
+    assert b"innovation" not in (site / "a.jsonl").read_bytes()
 
 
 def test_two_filters_side_by_side(site):

@@ -19,12 +19,12 @@ DRAWN = ("points", "x", "y", "x1", "x2", "y1", "y2", "cx", "cy", "r", "width", "
 def flight(label="mark", status="time", reason="no_clock"):
     """A bit of everything that a recording can hold."""
     fix = {"north": 100.2, "east": -50.1, "cov": []}
-    noise = [[0.01, 0.0, 0.0], [0.0, 0.01, 0.0], [0.0, 0.0, 1.0]]
     for second in range(20):
-        yield target(float(second), 100.0 + 0.1 * second, -50.0, label=label, fix=fix, lat=48.0, lon=11.0)
+        yield target(float(second), 100.0 + 0.1 * second, -50.0, label=label, fix=fix, lat=48.0, lon=11.0) | {
+            "innovation": {"north": 0.2, "east": -0.1, "distance2": 0.1 * second}
+        }
         yield {"type": "sighting", "frame": second * 10, "reason": None, "gap_s": 0.002 * second, "time_boot": second,
-               "budget": dict.fromkeys(CAUSES, 0.1), "camera_ned": [0.0, second, -10.0],
-               "ground_ned": [100.2, -50.1, 0.0], "noise_cov": noise}  # fmt: skip
+               "budget": dict.fromkeys(CAUSES, 0.1), "camera_ned": [0.0, second, -10.0]}  # fmt: skip
         yield {"type": "clock", "time_monotonic": float(second), "host_from_autopilot_s": 1e-6 * second,
                "sigma_s": 1e-4, "bound_s": 1e-3, "round_trip_s": 2e-3, "status": "good"}  # fmt: skip
         yield calibration(float(second), 0.001 * second, 0.002, [0.1, 0.2, 0.3], 0.1) | {"status": status}
@@ -84,10 +84,12 @@ def test_a_light_page_and_a_dark_one_name_every_colour():
 
 
 def test_innovations_are_drawn_north_and_east():
-    fixes = [{"north": 100.0 + (0.5 if second % 2 else -0.5), "east": -50.25} for second in range(60)]
-    lines = [header(), *(target(float(at_s), 100.0, -50.0, fix=fix) for at_s, fix in enumerate(fixes)), summary()]
+    told = [{"north": 0.5 if second % 2 else -0.5, "east": -0.25, "distance2": 1.0} for second in range(60)]
+    lines = [target(float(second), 100.0, -50.0) | {"innovation": each} for second, each in enumerate(told)]
+    lines = [header(), *lines, summary()]
     drawn = Markup(depths(lines)[0])
     north, east = ([float(each["cy"]) for each in drawn.of(kind)] for kind in ("fix", "east"))
-    assert len(north) == len(east) == 50  # the first ten settle the track
+    north = north[:60]  # the rest are their squares
+    assert len(north) == len(east) == 60
     middle = (max(north) + min(north)) / 2
     assert {round(y - middle, 1) for y in east} == {round((max(north) - middle) / 2, 1)}
