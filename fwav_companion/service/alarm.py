@@ -14,6 +14,8 @@ from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs
 
 BUSY_NS = 20 * NS_PER_MS
 """What comes more often than this does all that is due on its way: nothing that we send has a shorter interval."""
+STEADY_NS = 100 * NS_PER_MS
+"""So long it must have come without a longer pause: autopilots send bursts, and what is due behind one is late."""
 NET_NS = 200 * NS_PER_MS
 """So late the timer finds what is due when a busy flow ends all at once; until then it rings five times a second."""
 
@@ -27,12 +29,14 @@ class Alarm:
         self._call_at = call_at
         self._timer: asyncio.TimerHandle | None = None
         self._rings_ns: HostNs | None = None
-        self._heard_ns = HostNs(0)
+        self._began_ns = self._heard_ns = HostNs(0)
         self._busy = False
 
     def heard(self, now: HostNs) -> None:
         """Something came that does what is due."""
-        self._busy, self._heard_ns = now - self._heard_ns < BUSY_NS, now
+        if now - self._heard_ns >= BUSY_NS:
+            self._began_ns = now
+        self._busy, self._heard_ns = now - self._began_ns >= STEADY_NS, now
 
     def arm(self, now: HostNs, due: HostNs | None, strict: HostNs | None = None) -> None:
         """Ring by these instants: what whoever comes next does as well, and what nobody else does."""
