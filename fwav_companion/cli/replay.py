@@ -12,16 +12,10 @@ from fwav_companion.errors import InputFileError, UserError
 
 if TYPE_CHECKING:
     from argparse import _SubParsersAction
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterator, Sequence
 
-    from fwav_companion.config import Config
     from fwav_companion.recording.exports import Export
     from fwav_companion.recording.lines import Line
-    from fwav_companion.recording.truth import TruthPoint
-    from fwav_companion.replay import Recording, TelemetryRead
-
-MOST_TOLD = 10
-"""Damaged places of one file that are told one by one."""
 
 
 def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -74,116 +68,47 @@ def _require(arguments: argparse.Namespace, *names: str) -> None:
 
 
 def _compare(arguments: argparse.Namespace) -> int:
+    from fwav_companion.cli.given import read_truth
     from fwav_companion.files.report import write_comparison
 
     _require(arguments, "report")
     first, second = map(Path, arguments.compare)
-    print(write_comparison(Path(arguments.report), first, second, _truth(arguments.truth)))
+    print(write_comparison(Path(arguments.report), first, second, read_truth(arguments.truth)))
     return 0
 
 
 def _replay(arguments: argparse.Namespace) -> int:
-    from functools import partial
-
+    from fwav_companion.cli.given import read_given
     from fwav_companion.cli.progress import replays
-    from fwav_companion.config import load
-    from fwav_companion.files.named import load_calibration, load_elevation
-    from fwav_companion.files.own_filter import load_own_filter
     from fwav_companion.files.report import ReportWriter, other_ways
-    from fwav_companion.recording.exports import export_for
-    from fwav_companion.replay import replay
 
-    config = load(arguments.config, arguments.set)
-    exports = [export_for(Path(name)) for name in arguments.export]
-    calibration = load_calibration(config)
-    truth = _truth(arguments.truth)
-    recording = _recording(arguments, config)
-    _tell_damage(arguments, recording)
-    again = partial(replay, recording, calibration=calibration, elevation=load_elevation(config))
-    reported = arguments.report is not None
-    lines = again(config, own_filter=load_own_filter(config), sightings=arguments.sightings or reported, truth=truth)
-    report = ReportWriter()
-    with replays(recording) as watched:
+    given = read_given(arguments)
+    report = None if arguments.report is None else ReportWriter()
+    lines = given.lines(sightings=arguments.sightings or report is not None)
+    with replays(given.recording) as watched:
         lines = watched("replay", lines)
-        if reported:
+        if report is not None:
             lines = report.watched(lines, sightings=arguments.sightings)
-        mistakes: set[str] = set()
-        summary = _write(Path(arguments.out), _suspected(_exported(lines, exports), mistakes))
-        for export in exports:
-            _write_bytes(export.path, export.content())
+        summary, mistakes = _write_all(Path(arguments.out), lines, given.exports)
         others = []
-        if reported and not arguments.alone:
-            others = other_ways(config, lambda name, chosen: watched(name, again(chosen)))
-    if reported:
-        title = Path(arguments.telemetry[0]).stem
-        print(report.write(Path(arguments.report), title, config, others, truth, recording.notes))
-    for mistake in sorted(mistakes):
+        if report is not None and not arguments.alone:
+            others = other_ways(given.config, lambda name, chosen: watched(name, given.again(chosen)))
+    if report is not None:
+        title, notes = Path(arguments.telemetry[0]).stem, given.recording.notes
+        print(report.write(Path(arguments.report), title, given.config, others, given.truth, notes))
+    for mistake in mistakes:
         print(f"camera mount: {mistake}", file=sys.stderr)
     _tell(summary, as_json=arguments.json)
     return 0
 
 
-def _recording(arguments: argparse.Namespace, config: Config) -> Recording:
-    from fwav_companion.flow.wiring import own_components
-    from fwav_companion.replay import join
-
-    own = own_components(config)
-    detections = b"".join(_content(name) for name in arguments.detections)
-    return join(_telemetry(arguments.telemetry, own), detections, own, config.vehicle.system_id)
-
-
-def _telemetry(names: Sequence[str], own: frozenset[int]) -> TelemetryRead:
-    """One file of any kind, or the parts of one .tlog in their order."""
-    from fwav_companion.files.telemetry import load_telemetry
-    from fwav_companion.recording.tlog import load_tlog
-    from fwav_companion.replay import read_telemetry
-
-    if len(names) == 1:
-        return load_telemetry(Path(names[0]), own)
-    return read_telemetry(b"".join(load_tlog(Path(name)) for name in names))
-
-
-def _tell_damage(arguments: argparse.Namespace, recording: Recording) -> None:
-    """What was skipped, with offsets: counted through all parts where there are several."""
-    telemetry, detections = " + ".join(arguments.telemetry), " + ".join(arguments.detections)
-    for note in recording.notes:
-        print(f"{telemetry}: {note}", file=sys.stderr)
-    _tell_first(
-        f"{telemetry}: skipped {skipped.length} damaged bytes at offset {skipped.offset}"
-        for skipped in recording.skipped
-    )
-    _tell_first(
-        f"{detections}: line {skipped.number} at offset {skipped.offset} is no frame: {skipped.why}"
-        for skipped in recording.skipped_lines
-    )
-
-
-def _tell_first(complaints: Iterable[str]) -> None:
-    complaints = list(complaints)
-    for complaint in complaints[:MOST_TOLD]:
-        print(complaint, file=sys.stderr)
-    if len(complaints) > MOST_TOLD:
-        print(f"  and {len(complaints) - MOST_TOLD} more such places", file=sys.stderr)
-
-
-def _content(name: str) -> bytes:
-    try:
-        return Path(name).read_bytes()
-    except OSError as error:
-        raise InputFileError(f"{name}: {error.strerror}; accepted: detections, one JSON object a line") from None
-
-
-def _truth(name: str | None) -> list[TruthPoint]:
-    from fwav_companion.recording.truth import parse_truth
-
-    if name is None:
-        return []
-    try:
-        return parse_truth(Path(name).read_text(encoding="utf-8"), name)
-    except OSError as error:
-        raise InputFileError(f"{name}: {error.strerror}; accepted: a truth file, CSV or JSONL") from None
-    except UnicodeDecodeError as error:
-        raise InputFileError(f"{name}: byte {error.start} is not UTF-8; accepted: CSV or JSONL") from None
+def _write_all(out: Path, lines: Iterator[Line], exports: Sequence[Export]) -> tuple[Line, list[str]]:
+    """The targets file and its exports. The summary, and what self-calibration named as grossly wrong."""
+    mistakes: set[str] = set()
+    summary = _write(out, _suspected(_exported(lines, exports), mistakes))
+    for export in exports:
+        _write_bytes(export.path, export.content())
+    return summary, sorted(mistakes)
 
 
 def _exported(lines: Iterator[Line], exports: Sequence[Export]) -> Iterator[Line]:
