@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import logging
 import os
 import signal
 from collections.abc import Mapping, Sequence
@@ -24,7 +23,7 @@ from fwav_companion.links.url import SerialUrl
 from fwav_companion.localization import ElevationTile
 from fwav_companion.mavlink.joining import joined
 from fwav_companion.mavlink.node import Received
-from fwav_companion.nouns import Frame, NoFrame, Severity
+from fwav_companion.nouns import Frame, NoFrame
 from fwav_companion.service.alarm import Alarm
 from fwav_companion.service.board import BoardWatch, board_name, wall_clock_is_synchronised
 from fwav_companion.service.calibration_memory import CalibrationMemory
@@ -32,20 +31,17 @@ from fwav_companion.service.host_clock import HostClock
 from fwav_companion.service.journal import Journal
 from fwav_companion.service.network import make_node
 from fwav_companion.service.parts import make_detections, make_map_link, make_recorder, make_vision
+from fwav_companion.service.sayings import Sayings, warn
 from fwav_companion.service.signing_memory import SigningMemory
 from fwav_companion.service.systemd_notify import SystemdNotifier
 from fwav_companion.telemetry import Telemetry
 from fwav_companion.vision.ears import Ears
-from fwav_companion.vision.wall_clock import ClockStep
-
-log = logging.getLogger("fwav_companion")
 
 FILE_STOP_S = 0.4
 """For each file's last words: four of them stay below the two seconds that are promised for a stop."""
 STATUS_INTERVAL_S = 1.0
 BOARD_TICKS = 5
 """Once so often, in status intervals, ground stations are told how the board is doing."""
-_LEVELS = {Severity.INFO: logging.INFO, Severity.WARNING: logging.WARNING, Severity.ERROR: logging.ERROR}
 WITNESS_INTERVAL_S = 0.2
 
 
@@ -78,8 +74,9 @@ class Service:
         witness who asks for the vehicle afterwards.
         """
         self._config = config
+        self._sayings = Sayings(config)
         self._clock = HostClock()
-        self._calibrations = CalibrationMemory(config, _warn)
+        self._calibrations = CalibrationMemory(config, warn)
         self._kept = self._calibrations.kept()
         self._pipeline = make_pipeline(
             config,
@@ -92,7 +89,7 @@ class Service:
             attitudes_kept_s=attitudes_kept_s,
             written=bool(config.record.directory),
         )
-        self._signing = SigningMemory(config, _warn)
+        self._signing = SigningMemory(config, warn)
         self._node = make_node(config, signing_key, self._signing.starting_timestamp(self._clock.started_unix_ns))
         self._links = {
             link.name: make_link(link.name, link.parsed_url, self._on_bytes, self._on_link_state)
@@ -100,19 +97,17 @@ class Service:
         }
         self._board = BoardWatch({link.name: isinstance(link.parsed_url, SerialUrl) for link in config.link})
         self._map_link = make_map_link(config, self._on_link_state)
-        ears = Ears(self._on_frame, self._on_clock_step, self._clock.wall, self._clock.read)
+        ears = Ears(self._on_frame, self._sayings.clock_stepped, self._clock.wall, self._clock.read)
         self._detections = self._vision = None
         if calibration is not None:
-            self._detections = make_detections(config, ears, self._on_detections_state)
-            self._vision = make_vision(config, ears, self._on_vision_state)
-        self._journal = Journal(make_recorder(config, beside_recording, self._pipeline, _warn), self._clock)
+            self._detections = make_detections(config, ears, self._sayings.detections_heard)
+            self._vision = make_vision(config, ears, self._sayings.pictures_seen)
+        self._journal = Journal(make_recorder(config, beside_recording, self._pipeline, warn), self._clock)
         self._came, self._came_ns = 0, HostNs(0)
-        self._deaf_because = ""
-        self._status = LatestFile(status_paths(config.status.file), _warn, outlives_us=False)
+        self._status = LatestFile(status_paths(config.status.file), warn, outlives_us=False)
         self._notifier = SystemdNotifier()
         self._alarm = Alarm(self._on_alarm)
         self._stop = asyncio.Event()
-        self._faults = 0
         self._ticks = 0
         self._witness: Witness | None = None
 
@@ -156,7 +151,7 @@ class Service:
         for part in (*files, self._detections, self._vision, self._map_link, *self._links.values()):
             if part is not None:
                 part.start()
-        log.info("waiting for an autopilot on %s", self._listening_on())
+        self._sayings.started(hears_detections=self._detections is not None)
         self._notifier.ready()
         self._tick()
         self._on_alarm()
@@ -173,12 +168,7 @@ class Service:
         for file in (self._journal, self._status, self._signing, self._calibrations):
             file.close(FILE_STOP_S)
         self._notifier.close()
-        log.info("stopped")
-
-    def _listening_on(self) -> str:
-        urls = [f"{link.name} ({link.url})" for link in self._config.link if link.role == "autopilot"]
-        detections = f", and for detections on {self._config.detections.url}" if self._detections is not None else ""
-        return " or ".join(urls) + detections
+        self._sayings.stopped()
 
     # What comes in.
 
@@ -257,8 +247,7 @@ class Service:
         outputs = self._pipeline.take()
         self._send(outputs, now)
         self._journal.found(outputs.lines, self._pipeline.armed, now)
-        for notice in outputs.notices:
-            log.log(_LEVELS[notice.severity], "%s", notice.text)
+        self._sayings.noticed(outputs.notices)
         self._arm(now)
 
     def _arm(self, now: HostNs) -> None:
@@ -281,34 +270,13 @@ class Service:
     # What is told.
 
     def _on_link_state(self, name: str, up: bool, why: str) -> None:
-        if up:
-            log.info("link %s is up", name)
-        else:
-            log.warning("link %s is down: %s; trying again", name, why)
+        self._sayings.link_changed(name, up, why)
         if name in self._links:
             (self._node.link_up if up else self._node.link_down)(name)
 
-    def _on_detections_state(self, listens: bool, why: str) -> None:
-        self._deaf_because = why
-        if not listens:
-            log.warning("detections cannot be taken on %s: %s; trying again", self._config.detections.url, why)
-
-    def _on_vision_state(self, works: bool, why: str) -> None:
-        source = self._config.vision.source if self._config.vision is not None else ""
-        if works:
-            log.info("looking at pictures of %s", source)
-        else:
-            log.warning("no pictures of %s: %s; trying again", source, why)
-
-    def _on_clock_step(self, step: ClockStep) -> None:
-        log.warning("the wall clock was set by %+.3f s; nothing here hangs on it", step.size_s)
-
     def _on_internal_fault(self, _loop: asyncio.AbstractEventLoop, context: dict[str, object]) -> None:
-        """A mistake of ours: say it whole once, fall silent for a while as MAVLink demands, and go on."""
-        self._faults += 1
-        error = context.get("exception")
-        trace = error if isinstance(error, BaseException) and self._faults == 1 else None
-        log.error("internal fault %d: %s %r", self._faults, context.get("message"), error, exc_info=trace)
+        """A mistake of ours: say it, fall silent for a while as MAVLink demands, and go on."""
+        self._sayings.faulted(context)
         self._pipeline.on_internal_fault(self._clock.now())
 
     def _status_object(self, now: HostNs) -> dict[str, object]:
@@ -319,20 +287,15 @@ class Service:
             "config_path": str(Path(self._config.file).absolute()),
             "time_unix": self._clock.unix_us(now) / 1e6,
             "time_monotonic": now / NS_PER_S,
-            "internal_faults": self._faults,
+            "internal_faults": self._sayings.faults,
             "links": {name: link.status() for name, link in self._links.items()},
             "traffic": msgspec.to_builtins(self._node.statistics(now)),
             "intake": {
                 "came": self._came,
                 "age_s": (now - self._came_ns) / NS_PER_S if self._came else None,
-                "why": self._deaf_because,
+                "why": self._sayings.deaf_because,
             },
             "vision": None if self._vision is None else self._vision.status(),
             "recording": self._journal.state,
             **self._pipeline.status(now),
         }
-
-
-def _warn(text: str) -> None:
-    """From whatever thread."""
-    log.warning("%s", text)
