@@ -1,56 +1,12 @@
 """`check` as a user runs it: alone, beside a `run`, on a port that somebody has, on a line at the wrong speed."""
 
-import json
 import os
 import pty
 import random
 import socket
-import subprocess
-import sys
 import threading
 
-import pytest
-from processes import free_port, process
-
 from fwav_companion.cli.main import main
-
-
-class Site:
-    """init's files, pointed at ports of this test's own."""
-
-    def __init__(self, folder):
-        self.folder, self.autopilot, self.detections = folder, free_port(), free_port()
-        assert main(["init", str(folder)]) == 0
-        self.replace("serial:///dev/serial0:921600", f"udpin://127.0.0.1:{self.autopilot}")
-        self.replace("udpout://127.0.0.1:14550", f"udpout://127.0.0.1:{free_port()}")
-        self.replace("udpin://127.0.0.1:14601", f"udpin://127.0.0.1:{self.detections}")
-        self.replace('file = ""', f'file = "{folder}/status.json"')
-
-    def replace(self, old, new):
-        path = self.folder / "fwav-companion.toml"
-        assert old in path.read_text()
-        path.write_text(path.read_text().replace(old, new, 1))
-
-    def mock(self):
-        return process(
-            *("sitl_mock", "--connect", f"udpout:127.0.0.1:{self.autopilot}", "--scenario", "unbiased"),
-            *("--detections", f"127.0.0.1:{self.detections}"),
-            folder=self.folder,
-        )
-
-    def check(self, seconds=1.0):
-        """Its exit status, what it said to people, and the JSON of the last line."""
-        words = ["check", "--config", "fwav-companion.toml", "--json", "--seconds", str(seconds)]
-        command = [sys.executable, "-m", "fwav_companion", *words]
-        done = subprocess.run(command, capture_output=True, text=True, cwd=self.folder, timeout=60)
-        *said, last = done.stdout.splitlines()
-        assert done.stderr == ""
-        return done.returncode, "\n".join(said), json.loads(last)
-
-
-@pytest.fixture
-def site(tmp_path):
-    return Site(tmp_path)
 
 
 def codes(told):
@@ -58,8 +14,8 @@ def codes(told):
 
 
 def test_alone_with_a_healthy_vehicle(site):
-    with site.mock():
-        status, said, told = site.check(seconds=11.0)
+    with site.mock("--scenario", "unbiased"):
+        status, said, told = site.check("--seconds", "11.0")
     assert (status, codes(told), told["ok"]) == (0, [], True), said
     assert "all is well" in said
     assert "ATTITUDE_QUATERNION" in said
@@ -67,11 +23,10 @@ def test_alone_with_a_healthy_vehicle(site):
 
 
 def test_beside_a_run_it_reads_the_status_and_opens_nothing(site):
-    command = ("fwav_companion", "run", "--config", str(site.folder / "fwav-companion.toml"))
-    with process(*command, folder=site.folder) as service, site.mock():
+    with site.service() as service, site.mock("--scenario", "unbiased"):
         service.wait_for("origin ")
         threading.Event().wait(6.0)  # the rates that were asked for are measured
-        status, said, told = site.check(seconds=600.0)
+        status, said, told = site.check("--seconds", "600.0")
         assert service.stop() == 0
     assert told["how"].startswith("by the status")
     assert (status, codes(told)) == (0, []), said
@@ -79,8 +34,8 @@ def test_beside_a_run_it_reads_the_status_and_opens_nothing(site):
 
 def test_a_port_that_somebody_has_is_named_with_its_holder(site):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as holder:
-        holder.bind(("127.0.0.1", site.autopilot))
-        status, said, told = site.check()
+        holder.bind(("127.0.0.1", site.autopilot_port))
+        status, said, told = site.check("--seconds", "1")
     assert status == 1
     (taken,) = [finding for finding in told["findings"] if finding["code"] == "port_taken"]
     assert f"(pid {os.getpid()})" in taken["what"]
@@ -89,7 +44,7 @@ def test_a_port_that_somebody_has_is_named_with_its_holder(site):
 
 def test_a_serial_line_at_the_wrong_speed_is_named(site):
     ours, theirs = pty.openpty()
-    site.replace(f"udpin://127.0.0.1:{site.autopilot}", f"serial://{os.ttyname(theirs)}:57600")
+    site.replace(f"udpin://127.0.0.1:{site.autopilot_port}", f"serial://{os.ttyname(theirs)}:57600")
     noise, over = random.Random(2), threading.Event()
 
     def speak():
@@ -99,7 +54,7 @@ def test_a_serial_line_at_the_wrong_speed_is_named(site):
     speaker = threading.Thread(target=speak)
     speaker.start()
     try:
-        status, said, told = site.check(seconds=2.0)
+        status, said, told = site.check("--seconds", "2.0")
     finally:
         over.set()
         speaker.join()

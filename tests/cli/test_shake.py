@@ -3,58 +3,19 @@
 import json
 import os
 import socket
-import subprocess
-import sys
 import time
 
 import pytest
-from processes import free_port, process
 
 from fwav_companion.cli.main import main
 
-
-class Site:
-    """init's files, pointed at ports of this test's own."""
-
-    def __init__(self, folder):
-        self.folder, self.autopilot, self.detections = folder, free_port(), free_port()
-        assert main(["init", str(folder)]) == 0
-        self.replace("serial:///dev/serial0:921600", f"udpin://127.0.0.1:{self.autopilot}")
-        self.replace("udpout://127.0.0.1:14550", f"udpout://127.0.0.1:{free_port()}")
-        self.replace("udpin://127.0.0.1:14601", f"udpin://127.0.0.1:{self.detections}")
-        self.replace('file = ""', f'file = "{folder}/status.json"')
-
-    def replace(self, old, new):
-        path = self.folder / "fwav-companion.toml"
-        assert old in path.read_text()
-        path.write_text(path.read_text().replace(old, new, 1))
-
-    def mock(self, *words):
-        return process(
-            *("sitl_mock", "--connect", f"udpout:127.0.0.1:{self.autopilot}", "--detections"),
-            *(f"127.0.0.1:{self.detections}", *words),
-            folder=self.folder,
-        )
-
-    def shake(self, *words):
-        """Its exit status, what it said to people, and the JSON of the last line."""
-        words = ["check", "--config", "fwav-companion.toml", "--shake", "--tag-size", "0.16", "--json", *words]
-        command = [sys.executable, "-m", "fwav_companion", *words]
-        done = subprocess.run(command, capture_output=True, text=True, cwd=self.folder, timeout=90)
-        *said, last = done.stdout.splitlines()
-        assert done.stderr == ""
-        return done.returncode, "\n".join(said), json.loads(last)
-
-
-@pytest.fixture
-def site(tmp_path):
-    return Site(tmp_path)
+SHAKE = ("--shake", "--tag-size", "0.16")
 
 
 def test_a_new_user_finds_a_late_camera_and_its_crooked_mount(site):
-    with site.mock("--scenario", "shake_late_and_crooked") as mock:
+    with site.mock("--scenario", "shake_late_and_crooked", seconds=90.0) as mock:
         mock.wait_for("sitl-mock ready")
-        status, said, told = site.shake()
+        status, said, told = site.check(*SHAKE, timeout_s=90)
     assert (status, told["ok"], told["mistakes"], told["not_shown"]) == (0, True, [], []), said
     assert told["delay"]["time_offset_s"] == pytest.approx(0.035, abs=0.003)
     assert told["mount"]["correction_deg"][:2] == pytest.approx([0.5, 1.0], abs=0.3)
@@ -67,7 +28,7 @@ def test_a_new_user_finds_a_late_camera_and_its_crooked_mount(site):
 def test_a_detector_that_tells_no_corners_is_named(site):
     with site.mock("--scenario", "unbiased") as mock:
         mock.wait_for("sitl-mock ready")
-        status, said, told = site.shake("--seconds", "10")
+        status, said, told = site.check(*SHAKE, "--seconds", "10")
     assert status == 1
     assert "no tag with its four corners" in told["why"], said
     assert said.count("\n") < 12
@@ -80,15 +41,15 @@ def test_beside_a_run_it_says_what_to_do(site, capsys):
         "config_path": str(site.folder / "fwav-companion.toml"),
     }
     (site.folder / "status.json").write_text(json.dumps(here))
-    words = ["check", "--config", str(site.folder / "fwav-companion.toml"), "--shake", "--tag-size", "0.16"]
+    words = ["check", "--config", str(site.folder / "fwav-companion.toml"), *SHAKE]
     assert main(words) == 1
     assert f"a `run` (pid {os.getpid()}) has the links" in capsys.readouterr().out
 
 
 def test_a_port_that_somebody_has_is_named(site, capsys):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as holder:
-        holder.bind(("127.0.0.1", site.autopilot))
-        words = ["check", "--config", str(site.folder / "fwav-companion.toml"), "--shake", "--tag-size", "0.16"]
+        holder.bind(("127.0.0.1", site.autopilot_port))
+        words = ["check", "--config", str(site.folder / "fwav-companion.toml"), *SHAKE]
         assert main([*words, "--seconds", "1"]) == 1
     said = capsys.readouterr().out
     assert "in use" in said
@@ -108,7 +69,7 @@ def test_a_camera_on_a_gimbal_is_refused(site, capsys):
     site.replace("gimbal_device_id = 0", "gimbal_device_id = 154")
     site.replace("pitch_deg = -90.0", "pitch_deg = 0.0")
     capsys.readouterr()
-    words = ["check", "--config", str(site.folder / "fwav-companion.toml"), "--shake", "--tag-size", "0.16"]
+    words = ["check", "--config", str(site.folder / "fwav-companion.toml"), *SHAKE]
     assert main(words) == 2
     assert "a gimbal undoes the shaking" in capsys.readouterr().err
 
