@@ -45,6 +45,16 @@ def test_without_errors_the_target_is_where_it_is(scene):
     assert fix.ground == "home"
 
 
+def test_on_level_ground_the_answer_lies_at_its_level_to_the_bit():
+    """Filters take what does not move for what does not move: 2e-15 m is a height that many fixes seem to agree on."""
+    rng, localizer = np.random.default_rng(3), home()
+    for height_m, north, east in rng.uniform((0.6, -9.0, -9.0), (60.0, 9.0, 9.0), (300, 3)):
+        near = (0.2 * height_m * north / 9.0, 0.2 * height_m * east / 9.0)
+        fix = localizer.locate(Scene(height_m=height_m, target=near, pitch_deg=5.0).sighting())
+        assert fix.position_ned[2] == 0.0
+        assert all(column[2] == 0.0 for column in fix.bias_jacobian[: Bias.TERRAIN])
+
+
 @every_scene
 def test_every_bias_moves_the_answer_as_its_column_says(scene):
     localizer = home()
