@@ -8,6 +8,7 @@ from typing import Annotated
 import msgspec
 
 from fwav_companion.geometry.vectors import Matrix3, Vector3
+from fwav_companion.nouns import ErrorBudget
 from fwav_companion.recording.lines import Line
 
 Metres = Annotated[float, msgspec.Meta(ge=-1e8, le=1e8)]
@@ -69,19 +70,6 @@ class Target(msgspec.Struct, tag="target"):
     lon: float | None = None
 
 
-class Budget(msgspec.Struct):
-    """Metres, by cause."""
-
-    pixel: float
-    attitude: float
-    heading: float
-    height: float
-    time: float
-    mount: float
-    position: float
-    terrain: float
-
-
 class SightingLine(msgspec.Struct, tag="sighting"):
     """A detection."""
 
@@ -90,7 +78,7 @@ class SightingLine(msgspec.Struct, tag="sighting"):
     gap_s: float | None
     time_boot: float | None
     camera_ned: Vector3 | None
-    budget: Budget | None
+    budget: ErrorBudget | None
 
 
 class ClockLine(msgspec.Struct, tag="clock"):
