@@ -74,7 +74,10 @@ class Sight:
         self._ledger.frames += 1
         self._meter.count("frames", now)
         self._ledger.detections += len(frame.detections)
-        self._waiting.put(frame, self._pairer.needs_until(frame, self._telemetry.clock), now)
+        clock = self._telemetry.clock
+        until = self._pairer.needs_until(frame, clock)
+        until_ns = None if until is None else clock.host_from_boot(until)
+        self._waiting.put(frame, until, until_ns if isinstance(until_ns, int) else now, now)
 
     def take_ready(self, now: HostNs) -> list[Seen]:
         """Process the frames that need not wait any longer."""

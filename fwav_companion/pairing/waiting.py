@@ -8,8 +8,12 @@ from fwav_companion.geometry.stamps import BootNs, HostNs
 from fwav_companion.nouns import Frame
 from fwav_companion.pairing.protocols import Vehicle
 
-LONGEST_WAIT_NS = 150_000_000
-"""Three attitudes at 25 Hz, the slowest stream that carries flapping, and the way they travel."""
+LEAST_PATIENCE_NS = 150_000_000
+"""After its coming: three attitudes at 25 Hz, the slowest stream that carries flapping, and the way they travel."""
+LONGEST_WAIT_NS = 400_000_000
+"""After its coming: one attitude at 4 Hz, which is what a ground station asks for, and another that may be lost."""
+LONGEST_AGE_NS = 430_000_000
+"""Of what was seen, unless that cuts the patience: half a second after its capture a frame's lines are written."""
 MOST_WAITING = 64
 """150 ms of a camera at 400 frames/s; more means that somebody floods us, and the oldest goes on at once."""
 
@@ -34,14 +38,17 @@ class WaitingFrames:
     def __len__(self) -> int:
         return len(self._frames)
 
-    def put(self, frame: Frame, until_boot_ns: BootNs | None, now: HostNs) -> None:
-        """A frame arrived; ask :meth:`take_ready` at once, it may not have to wait."""
-        self._frames.append(Waiting(frame, until_boot_ns, HostNs(now + LONGEST_WAIT_NS)))
+    def put(self, frame: Frame, until_boot_ns: BootNs | None, until_ns: HostNs, now: HostNs) -> None:
+        """A frame arrived, with the instant that attitudes should reach on both clocks; ask :meth:`take_ready` at once,
+        it may not have to wait.
+        """
+        deadline = max(now + LEAST_PATIENCE_NS, min(now + LONGEST_WAIT_NS, until_ns + LONGEST_AGE_NS))
+        self._frames.append(Waiting(frame, until_boot_ns, HostNs(deadline)))
 
     @property
     def wake_at(self) -> HostNs | None:
         """When the first one has waited long enough."""
-        return self._frames[0].deadline_ns if self._frames else None  # all wait equally long
+        return min(entry.deadline_ns for entry in self._frames) if self._frames else None
 
     def take_ready(self, now: HostNs, vehicle: Vehicle) -> list[Frame]:
         """Those that need not, or may not, wait any longer, in the order they came."""
