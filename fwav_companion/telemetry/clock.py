@@ -17,6 +17,9 @@ SETTLED_SIGMA_S = 2e-3
 EXCHANGES_OUTLIVED_S = 120.0
 """At 600 ppm the bound has grown by 72 ms by then: arrivals know better."""
 
+BEYOND_DOUBT = 3.0
+"""Sigmas: arrivals bound nothing by themselves, and a least delay that wanders is told by the sigma first."""
+
 UNKNOWN = Unpaired(Reason.NO_CLOCK)
 
 
@@ -67,8 +70,9 @@ class Clock:
             return ClockEstimate(now, 0, 0.0, inf, inf, None, ClockStatus.UNKNOWN)
         offset_ns = line.offset_ns_at(now)
         if line is self._arrivals.line:
-            bound_s = self._arrivals.bound_s(now, offset_ns)
-            return ClockEstimate(now, offset_ns, line.skew, line.sigma_s(now), bound_s, None, ClockStatus.ARRIVALS)
+            sigma_s = line.sigma_s(now)
+            bound_s = max(self._arrivals.bound_s(now, offset_ns), BEYOND_DOUBT * sigma_s)
+            return ClockEstimate(now, offset_ns, line.skew, sigma_s, bound_s, None, ClockStatus.ARRIVALS)
         sigma_s = line.sigma_s(now)
         settled = not self.in_doubt and sigma_s <= SETTLED_SIGMA_S
         return ClockEstimate(

@@ -2,6 +2,7 @@
 
 from fwav_companion.geometry.stamps import BootNs, HostNs
 from fwav_companion.telemetry.arrivals import ARRIVALS_TO_BEGIN, BUCKET_NS, ArrivalEnvelope
+from fwav_companion.telemetry.clock import Clock
 
 
 def test_messages_of_two_seconds_that_came_in_one_datagram_have_one_instant_and_no_slope():
@@ -14,3 +15,15 @@ def test_messages_of_two_seconds_that_came_in_one_datagram_have_one_instant_and_
     assert abs(envelope.line.offset_ns - (arrival - BUCKET_NS)) <= 2
     envelope.insert(BootNs(3 * BUCKET_NS), HostNs(arrival + 2 * BUCKET_NS))
     assert abs(envelope.line.skew) <= 1e-3
+
+
+def test_a_link_whose_least_delay_wanders_bounds_nothing_closer_than_its_sigma():
+    """As over a radio that hands on what it gathered, up to seconds late: a real ground station's log."""
+    clock = Clock()
+    for second, late_ms in enumerate((20, 1000, 700, 5, 300, 1400, 600, 90, 400, 800, 1200, 30)):
+        for k in range(4):
+            stamp = BootNs((100 + second) * BUCKET_NS + k * 250_000_000)
+            clock.on_arrival(stamp, HostNs(stamp + 500 * BUCKET_NS + late_ms * 1_000_000))
+    told = clock.estimate(HostNs(612 * BUCKET_NS))
+    assert told.sigma_s > 0.2
+    assert told.bound_s >= 3.0 * told.sigma_s
