@@ -199,14 +199,17 @@ def _living(tracks: list[Alive]) -> int:
 
 
 def _make_room(tracks: list[Alive], newborn_from: int) -> bool:
-    """End the least certain tentative track that was not born in this very frame; False where there is none."""
-    yielding = [
-        i
-        for i, track in enumerate(tracks)
-        if track.life.state is TrackState.TENTATIVE and track.id < newborn_from and track.fix is None
-    ]
-    if not yielding:
+    """End a track that this frame did not see: the least certain tentative one, else the one that was out of sight the
+    longest, so that what is remembered does not blind to what is there. False where all were seen, or just born.
+    """
+    unseen_now = [i for i, track in enumerate(tracks) if track.fix is None and track.id < newborn_from]
+    tentative = [i for i in unseen_now if tracks[i].life.state is TrackState.TENTATIVE]
+    coasting = [i for i in unseen_now if tracks[i].life.state is TrackState.COASTING]
+    if tentative:
+        yields = max(tentative, key=lambda i: horizontal_sigma(tracks[i].belief.cov))
+    elif coasting:
+        yields = min(coasting, key=lambda i: tracks[i].life.last_seen_ns)
+    else:
         return False
-    worst = max(yielding, key=lambda i: horizontal_sigma(tracks[i].belief.cov))
-    tracks[worst] = tracks[worst].ended(Reason.TOO_MANY_TRACKS)
+    tracks[yields] = tracks[yields].ended(Reason.TOO_MANY_TRACKS)
     return True

@@ -88,3 +88,17 @@ def test_a_full_table_of_believed_tracks_takes_no_newcomer():
     for k in range(8):
         tracks = tracker.on_frame(a_view(k / 10, *[a_fix(k / 10, (50.0 * i, 3, 0)) for i in range(30)]))
     assert [t.id for t in tracks] == list(range(1, 21))
+
+
+def test_what_is_remembered_does_not_blind_to_what_is_there():
+    """Twenty that were believed and are out of sight: a new one takes the place of the one unseen the longest."""
+    tracker = make_tracker(TrackingOptions(), NO_BIAS)
+    for k in range(8):
+        tracker.on_frame(a_view(k / 10, *[a_fix(k / 10, (50.0 * i, 3, 0)) for i in range(20)]))
+    for k in range(8, 12):  # track 3 alone is still seen for a while
+        tracker.on_frame(a_view(k / 10, a_fix(k / 10, (100.0, 3, 0)), sees=False))
+    told = [tracker.on_frame(a_view(k / 10, a_fix(k / 10, (5000.0, 3, 0)), sees=False)) for k in range(20, 30)]
+    dropped = [(t.id, t.reason) for tracks in told for t in tracks if t.state is TrackState.DROPPED]
+    assert dropped == [(1, Reason.TOO_MANY_TRACKS)]
+    (seen,) = (t for t in told[-1] if t.state is TrackState.CONFIRMED)
+    assert (seen.id, seen.position_ned[0]) == (21, pytest.approx(5000.0, abs=1.0))
