@@ -11,11 +11,11 @@ from fwav_companion.pairing.protocols import Vehicle
 LEAST_PATIENCE_NS = 150_000_000
 """After its coming: three attitudes at 25 Hz, the slowest stream that carries flapping, and the way they travel."""
 LONGEST_WAIT_NS = 400_000_000
-"""After its coming: one attitude at 4 Hz, which is what a ground station asks for, and another that may be lost."""
+"""After its coming: one attitude at 4 Hz, which is what a ground station asks for, and the way it travels."""
 LONGEST_AGE_NS = 430_000_000
 """Of what was seen, unless that cuts the patience: half a second after its capture a frame's lines are written."""
 MOST_WAITING = 64
-"""150 ms of a camera at 400 frames/s; more means that somebody floods us, and the oldest goes on at once."""
+"""150 ms of a camera at 400 frames/s, 400 ms of one at 160; of more, the oldest goes on at once."""
 
 
 class Waiting(msgspec.Struct, frozen=True):

@@ -15,7 +15,7 @@ from fwav_companion.telemetry.pieces import Piece, piece_through, piece_with_rat
 from fwav_companion.telemetry.stream_check import MOST_SWING, SEVEN, Method, StreamCheck
 
 KEPT_NS = 3 * NS_PER_S
-"""A frame may come 0.5 s late and wait 0.15 s; a clock that is unsure may place it half a second off."""
+"""A frame may come 0.5 s late and wait 0.4 s; a clock that is unsure may place it half a second off."""
 MOST_KEPT = 2048
 """3 s at 400 Hz are 1200; a sender that floods us is cut here."""
 WIDEST_GAP_NS = 500_000_000

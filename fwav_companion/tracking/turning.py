@@ -10,7 +10,7 @@ from __future__ import annotations
 import msgspec
 
 from fwav_companion.geometry.vectors import ZERO3, Vector3
-from fwav_companion.nouns import VehicleState
+from fwav_companion.nouns import GimbalAt, VehicleState
 
 SLOPE_NOISE = 1.6
 """One sigma of a slope of a course through attitudes with fresh noise, in units of that noise over their spacing:
@@ -30,8 +30,11 @@ class Turning(msgspec.Struct, frozen=True, gc=False):
     """What noise alone would have made of each."""
 
     def with_state(self, state: VehicleState, attitude_noise: float) -> Turning:
-        """With one more frame; ``attitude_noise``: one sigma about an axis, rad, fresh in every attitude."""
-        if not state.spacing_s > 0.0:
+        """With one more frame; ``attitude_noise``: one sigma about an axis, rad, fresh in every attitude.
+
+        A gimbal's rates are of its own attitudes, whose spacing is not told: nothing is said of their noise.
+        """
+        if isinstance(state.gimbal, GimbalAt) or not state.spacing_s > 0.0:
             return self
         noise2 = (SLOPE_NOISE * attitude_noise / state.spacing_s) ** 2
         x, y, z = state.carrier_rates

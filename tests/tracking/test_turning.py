@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fwav_companion.geometry.stamps import BootNs
-from fwav_companion.nouns import AttitudeSample, VehicleState
+from fwav_companion.nouns import AttitudeSample, GimbalAt, VehicleState
 from fwav_companion.telemetry.history import AttitudeHistory
 from fwav_companion.tracking.turning import Turning
 
@@ -62,3 +62,12 @@ def test_what_noise_makes_of_slow_turning_is_undone_on_the_mean():
 def test_attitudes_of_unknown_spacing_say_nothing_of_noise():
     state = VehicleState(BootNs(0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.1), 0.0, 0.0, None, None, 0.0, None)
     assert Turning().with_state(state, NOISE).shares == (1.0, 1.0, 1.0)
+
+
+def test_a_gimbal_is_not_judged_by_the_attitudes_of_the_body():
+    gimbal = GimbalAt((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.05), 0.0, 0.0)
+    level = ((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.05), 0.0, 0.0, None, None, 0.0, None)
+    body = VehicleState(BootNs(0), *level, spacing_s=SPACING_S)
+    carried = VehicleState(BootNs(0), *level, spacing_s=SPACING_S, gimbal=gimbal)
+    assert Turning().with_state(body, NOISE).shares[2] < 1.0
+    assert Turning().with_state(carried, NOISE).shares == (1.0, 1.0, 1.0)
