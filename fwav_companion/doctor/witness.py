@@ -32,6 +32,8 @@ KEPT_S: Final = 120.0
 """Attitudes: longer than anybody shakes."""
 MOST_FRAMES: Final = 12_000
 """A minute at 200 frames/s."""
+MOST_TAGS: Final = 8
+"""Kept of a frame, of the 256 detections that it may bring: a sheet of them. 80 MB at the very most."""
 GOOD_CLOCK_S: Final = 0.003
 """One sigma of the autopilot's clock with which it may begin: it grows better meanwhile."""
 
@@ -65,7 +67,8 @@ class ShakeWitness:
         """``now_s``: of CLOCK_MONOTONIC, as the service has it."""
         self._config, self._calibration, self._show, self._now_s = config, calibration, show, now_s
         self._guide = Guide(wait_s)
-        self._frames: list[Frame] = []
+        self.frames: list[Frame] = []
+        """What counts so far, with nothing in it but tags."""
         self._came = self._tags = 0
         self._telemetry: Telemetry | None = None
         self.advice = Advice(Phase.WAITING, "")
@@ -73,11 +76,14 @@ class ShakeWitness:
     def on_frame(self, frame: Frame | NoFrame) -> None:
         """Of any source."""
         self._came += 1
-        if isinstance(frame, NoFrame) or not any(detection.corners for detection in frame.detections):
+        if isinstance(frame, NoFrame):
+            return
+        tags = tuple(detection for detection in frame.detections if detection.corners)
+        if not tags:
             return
         self._tags += 1
-        if self._guide.begun and len(self._frames) < MOST_FRAMES:
-            self._frames.append(frame)
+        if self._guide.begun and len(self.frames) < MOST_FRAMES:
+            self.frames.append(msgspec.structs.replace(frame, detections=tags[:MOST_TAGS]))
 
     def enough(self, status: Mapping[str, Any], telemetry: Telemetry) -> bool:
         """Whether it is over; the person is told how far it is."""
@@ -111,11 +117,11 @@ class ShakeWitness:
 
     def _views(self, pairer: Pairer, telemetry: Telemetry) -> tuple[list[TagView], Counter[Reason]]:
         """The one tag that was seen most, placed in time."""
-        seen = Counter(_tag(detection) for frame in self._frames for detection in frame.detections if detection.corners)
+        seen = Counter(_tag(detection) for frame in self.frames for detection in frame.detections)
         wanted = seen.most_common(1)[0][0] if seen else None
         views: list[TagView] = []
         refused: Counter[Reason] = Counter()
-        for frame in self._frames:
+        for frame in self.frames:
             corners = _corners(frame, wanted, self._calibration.image_size)
             placed = pairer.pair(msgspec.structs.replace(frame, detections=()), telemetry)
             if isinstance(placed, RefusedFrame):
@@ -127,7 +133,7 @@ class ShakeWitness:
     def _shaking(self, pairer: Pairer, telemetry: Telemetry, views: list[TagView], tag_size_m: float) -> Shaking:
         newest = telemetry.newest_state()
         clock_sigma_s = max(
-            (telemetry.clock.estimate(frame.arrival_ns).sigma_s for frame in self._frames[:1] if frame.arrival_ns),
+            (telemetry.clock.estimate(frame.arrival_ns).sigma_s for frame in self.frames[:1] if frame.arrival_ns),
             default=0.0,
         )
         return Shaking(

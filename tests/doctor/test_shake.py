@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from flying import Companion
 
-from fwav_companion.doctor.witness import KEPT_S, ShakeWitness
+from fwav_companion.doctor.witness import KEPT_S, MOST_FRAMES, MOST_TAGS, ShakeWitness
 from fwav_companion.flow.wiring import make_pipeline
 from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.nouns import Detection, Frame, StampClock
 from fwav_companion.shaking.estimate import estimate
 from fwav_companion.shaking.guide import Advice, Phase
 from fwav_companion.vision.wire import parse_frame
@@ -111,3 +112,16 @@ def test_what_never_comes_is_named(words):
     assert shown.shaking is None
     assert shown.advice.phase is Phase.FAILED
     assert words in shown.advice.text
+
+
+def test_what_is_kept_is_bounded_in_frames_and_in_what_stands_in_them():
+    """A detector may bring 256 detections a frame, and somebody may forget that it runs."""
+    watcher, _ = watched(("flight.quarter_turn_s", 0.0))
+    four = ((1.0, 1.0), (2.0, 1.0), (2.0, 2.0), (1.0, 2.0))
+    tags = tuple(Detection(1.5, 1.5, label=f"tag{number}", corners=four) for number in range(MOST_TAGS + 4))
+    people = (Detection(9.0, 9.0, label="person"),) * 200
+    crowded = Frame(None, 0, StampClock.HOST, HostNs(0), people + tags)
+    for _ in range(MOST_FRAMES + 10):
+        watcher.witness.on_frame(crowded)
+    assert len(watcher.witness.frames) == MOST_FRAMES
+    assert watcher.witness.frames[-1].detections == tags[:MOST_TAGS]
