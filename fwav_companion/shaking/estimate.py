@@ -15,8 +15,8 @@ from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.nouns import AttitudeSample, Lens
 from fwav_companion.shaking.first_look import FirstLook, first_look
 from fwav_companion.shaking.fit import Fit, Start, fit
-from fwav_companion.shaking.looks import AttitudeAt, Course, Looks, TagView, looks_of
-from fwav_companion.shaking.names import NEAR, OTHER_HAND, TURNED, Mistake, named
+from fwav_companion.shaking.looks import AttitudeAt, Course, Looks, TagView, crossed, looks_of
+from fwav_companion.shaking.names import NEAR, NOT_ROUND, OTHER_HAND, TURNED, Mistake, named
 from fwav_companion.shaking.rates_lag import RatesLag, rates_lag
 from fwav_companion.shaking.square_pose import pose_of_square
 from fwav_companion.shaking.turns import Floats
@@ -108,9 +108,7 @@ def estimate(shaking: Shaking) -> Shaken:
     looks = looks_of(shaking.views, shaking.lens)
     shaken = msgspec.structs.replace(shaken, frames=len(looks))
     if len(looks) < LEAST_FRAMES:
-        return _without(
-            shaken, f"camera: the tag was seen whole in {len(looks)} frames, at least {LEAST_FRAMES} it takes"
-        )
+        return _too_few(shaken, shaking.views)
     course = Course(shaking.attitude_at, shaking.views[0].boot_ns)
     shaken = msgspec.structs.replace(
         shaken, side_px=float(np.median(looks.sides_px)), turned=_turned(looks, course), swung=_swung(looks, course)
@@ -119,6 +117,14 @@ def estimate(shaking: Shaking) -> Shaken:
         told = f"camera: the tag's side is {shaken.side_px:.0f} pixels, at least {LEAST_SIDE_PX:.0f} it takes"
         return _without(shaken, f"{told}: nearer, or a larger print")
     return _seen(shaking, looks, course, shaken)
+
+
+def _too_few(shaken: Shaken, views: Sequence[TagView]) -> Shaken:
+    if crossed(views) > len(views) / 2:
+        return _without(_blamed(shaken, NOT_ROUND), "camera: its corners lie crosswise")
+    return _without(
+        shaken, f"camera: the tag was seen whole in {shaken.frames} frames, at least {LEAST_FRAMES} it takes"
+    )
 
 
 def _seen(shaking: Shaking, looks: Looks, course: Course, shaken: Shaken) -> Shaken:

@@ -82,6 +82,16 @@ class Looks(msgspec.Struct, frozen=True):
         )
 
 
+def crossed(views: Sequence[TagView]) -> int:
+    """In how many frames the sides cross: the corners are told in rows, as the letter Z is written, not round.
+
+    Two of the four then bend with the clock and two against it; of a square seen from any side all bend alike.
+    """
+    bends = _bends(np.array([view.corners for view in views], dtype=np.float64).reshape(-1, 4, 2))
+    with_clock, against = (bends > LEAST_BEND_PX2).sum(axis=1), (bends < -LEAST_BEND_PX2).sum(axis=1)
+    return int(((with_clock == 2) & (against == 2)).sum())
+
+
 def looks_of(views: Sequence[TagView], lens: Lens) -> Looks:
     """The frames whose corners the lens sees; all must be of one winding, which most decide.
 
@@ -111,11 +121,16 @@ def _signed_area(pixels: Floats) -> Floats:
 
 def _convex(pixels: Floats) -> Flags:
     """(N,) whether the corners run with the clock and bend at each, as those of a square do, seen from before."""
+    least: Floats = _bends(pixels).min(axis=1)
+    return least > LEAST_BEND_PX2
+
+
+def _bends(pixels: Floats) -> Floats:
+    """(N, 4) of each side to the next their cross product: positive where the corner between bends with the clock."""
     sides = np.roll(pixels, -1, axis=1) - pixels
     following = np.roll(sides, -1, axis=1)
     bends: Floats = sides[..., 0] * following[..., 1] - sides[..., 1] * following[..., 0]
-    least: Floats = bends.min(axis=1)
-    return least > LEAST_BEND_PX2
+    return bends
 
 
 def _through(lens: Lens, pixels: Floats) -> tuple[Floats, Floats, Flags]:

@@ -61,6 +61,11 @@ OF_ATTITUDE: Final = (
 )
 """And what each does to turns in body axes."""
 
+NOT_ROUND: Final = Mistake(
+    "corners told in another order",
+    "tell the tag's corners round it, not in rows: top left, top right, bottom right, bottom left of the print",
+    False,
+)
 OTHER_HAND: Final = Mistake("an axis of the attitude reversed, or the image mirrored", SIGNS, False)
 """What is left where no name fits."""
 

@@ -73,6 +73,16 @@ def test_a_gross_mistake_is_named(name, configured):
     assert (shaken.mount is None) == (name not in ("image upside down", "mount turned by 90 deg"))
 
 
+@pytest.mark.parametrize("order", [(0, 1, 3, 2), (1, 0, 2, 3), (0, 2, 1, 3)], ids=["as Z", "as S", "as N"])
+@pytest.mark.parametrize("image", [np.eye(2), np.diag([-1, 1])], ids=["", "mirrored"])
+def test_corners_that_are_told_in_rows_are_named(order, image):
+    """Not as a tag that was never seen."""
+    shaken = SHORT.but(reorder=order, image=image).found()
+    assert [mistake.name for mistake in shaken.mistakes] == ["corners told in another order"]
+    assert (shaken.delay, shaken.mount) == (None, None)
+    assert not any("seen whole" in reason for reason in shaken.not_shown)
+
+
 def test_a_reversed_pitch_is_not_called_a_mirror_where_nothing_turns_about_the_third_axis():
     """There the two turn alike; the order of the corners tells them apart."""
     flat = SHORT.but(swing_deg=(11.0, 11.0, 0.0), turn_deg=0.0)
