@@ -8,6 +8,7 @@ import sys
 import threading
 from typing import TYPE_CHECKING
 
+from fwav_companion.cli.ending import as_by_ctrl_c
 from fwav_companion.cli.shake import WAIT_S, run_shake
 from fwav_companion.errors import UserError
 
@@ -74,8 +75,13 @@ def _tag_size(text: str) -> float:
 
 def run(arguments: argparse.Namespace) -> int:
     """Look, listen, judge, tell; or have the vehicle shaken."""
-    if arguments.shake or arguments.tag_size is not None:
-        return _shaken(arguments)
+    with as_by_ctrl_c():
+        if arguments.shake or arguments.tag_size is not None:
+            return _shaken(arguments)
+        return _checked(arguments)
+
+
+def _checked(arguments: argparse.Namespace) -> int:
     seconds = SECONDS if arguments.seconds is None else arguments.seconds
     from fwav_companion.config import load
     from fwav_companion.doctor.board import Probe

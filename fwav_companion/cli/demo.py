@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import argparse
 import json
-import signal
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fwav_companion.cli.ending import as_by_ctrl_c
 from fwav_companion.errors import UserError
 
 if TYPE_CHECKING:
     from argparse import _SubParsersAction
-    from types import FrameType
 
     from rich.console import Console
 
@@ -57,14 +56,14 @@ def run(arguments: argparse.Namespace) -> int:
     from fwav_companion.demo.setting import Setting
     from fwav_companion.demo.table import LiveTable, show_outcome
 
-    signal.signal(signal.SIGTERM, _interrupt)
     out = Path(arguments.out).resolve()
     console = Console()
     setting = Setting(arguments.seed, arguments.seconds, arguments.scenario)
     demonstration = Demonstration(setting, out)
-    with LiveTable(console, arguments.seconds) as table:
-        outcome = demonstration.fly(table.watch)
-    report = _report(console, demonstration, setting, out, outcome)
+    with as_by_ctrl_c():
+        with LiveTable(console, arguments.seconds) as table:
+            outcome = demonstration.fly(table.watch)
+        report = _report(console, demonstration, setting, out, outcome)
     show_outcome(console, outcome, report)
     if arguments.json:
         print(json.dumps(outcome.as_json()))
@@ -82,8 +81,3 @@ def _report(
         return None
     with working(console) as told:
         return write_report(setting, demonstration.flight_arguments, out, outcome.recording, told)
-
-
-def _interrupt(_number: int, _frame: FrameType | None) -> None:
-    """SIGTERM ends a demonstration as Ctrl-C does: with all its processes."""
-    raise KeyboardInterrupt

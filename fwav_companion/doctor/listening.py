@@ -7,8 +7,8 @@ import logging
 import os
 import tempfile
 import time
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Final
 
@@ -59,18 +59,18 @@ def listen(
     from fwav_companion.service.daemon import Service
 
     logging.getLogger("fwav_companion").addHandler(logging.NullHandler())
-    with tempfile.TemporaryDirectory(prefix="fwav-check-") as folder:
-        config = quiet(config, Path(folder))
 
-        async def hear() -> Mapping[str, Any]:
-            service = Service(config, calibration, signing_key, elevation=elevation, beside_recording={})
+    async def hear() -> Mapping[str, Any]:
+        with quiet(config) as unheard:
+            service = Service(unheard, calibration, signing_key, elevation=elevation, beside_recording={})
             return await service.listen(seconds)
 
-        return asyncio.run(hear())
+    return asyncio.run(hear())
 
 
-def quiet(config: Config, folder: Path) -> Config:
-    """The same without what others would act on or keep."""
+@contextmanager
+def quiet(config: Config) -> Iterator[Config]:
+    """The same without what others would act on or keep, and with its status in a folder that goes with it."""
     replace = msgspec.structs.replace
     publish = replace(
         config.publish,
@@ -81,10 +81,11 @@ def quiet(config: Config, folder: Path) -> Config:
         cot="",
         camera_tracking=False,
     )
-    return replace(
-        config,
-        publish=publish,
-        record=replace(config.record, directory=""),
-        tracking=replace(config.tracking, self_calibration=False),
-        status=replace(config.status, file=str((folder / "status.json").absolute())),
-    )
+    with tempfile.TemporaryDirectory(prefix="fwav-check-") as folder:
+        yield replace(
+            config,
+            publish=publish,
+            record=replace(config.record, directory=""),
+            tracking=replace(config.tracking, self_calibration=False),
+            status=replace(config.status, file=str(Path(folder, "status.json").absolute())),
+        )

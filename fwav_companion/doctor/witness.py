@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
 from math import radians
-from pathlib import Path
 from typing import Any, Final
 
 import msgspec
@@ -164,16 +162,15 @@ def shake(
 
     logging.getLogger("fwav_companion").addHandler(logging.NullHandler())
     witness = ShakeWitness(config, calibration, wait_s, show)
-    with tempfile.TemporaryDirectory(prefix="fwav-check-") as folder:
-        service_config = quiet(config, Path(folder))
 
-        async def attend() -> None:
+    async def attend() -> None:
+        with quiet(config) as unheard:
             service = Service(
-                service_config, calibration, signing_key, elevation=(), beside_recording={}, attitudes_kept_s=KEPT_S
+                unheard, calibration, signing_key, elevation=(), beside_recording={}, attitudes_kept_s=KEPT_S
             )
             await service.attend(witness)
 
-        asyncio.run(attend())
+    asyncio.run(attend())
     return witness.shown(tag_size_m)
 
 

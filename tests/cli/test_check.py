@@ -3,8 +3,12 @@
 import os
 import pty
 import random
+import signal
 import socket
 import threading
+
+import pytest
+from processes import STARTING_S, process
 
 from fwav_companion.cli.main import main
 
@@ -69,3 +73,20 @@ def test_a_wrong_configuration_is_one_line_and_exit_2(tmp_path, capsys):
     (tmp_path / "f.toml").write_text("[tracking]\nfiltre = 1\n")
     assert main(["check", "--config", str(tmp_path / "f.toml")]) == 2
     assert capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.parametrize("words", [(), ("--shake", "--tag-size", "0.16")], ids=["", "shake"])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
+def test_ended_from_outside_it_leaves_nothing_behind(site, tmp_path, words, number):
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    command = ("fwav_companion", "check", "--config", "fwav-companion.toml", *words)
+    with process(*command, folder=site.folder, TMPDIR=str(folder)) as check:
+        for _ in range(round(STARTING_S / 0.02)):
+            if any(folder.iterdir()):
+                break
+            threading.Event().wait(0.02)
+        assert any(folder.iterdir())
+        assert check.stop(number) == 130
+    assert not any(folder.iterdir())
+    assert "Traceback" not in check.said
