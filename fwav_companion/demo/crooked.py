@@ -14,8 +14,6 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-import msgspec
-
 from fwav_companion.config import Config, load, parse
 from fwav_companion.demo.flight import MOCK_MODULE
 from fwav_companion.demo.setting import CAMERA_FILE, CONFIG_FILE, PRIORS
@@ -26,7 +24,7 @@ from fwav_companion.flow.wiring import own_components
 from fwav_companion.recording.lines import Line
 from fwav_companion.recording.truth import parse_truth
 from fwav_companion.replay import Recording, join, replay
-from fwav_companion.report import Planted, Story, learning, tell, three_ways, way_of
+from fwav_companion.report import Chapter, Planted, Story, learning, tell, three_ways, way_of
 from fwav_companion.report.markup import section
 from fwav_companion.report.three_ways import ways_of
 from fwav_companion.report.words import length
@@ -58,15 +56,6 @@ time_offset_sigma_s = 0.05
 [tracking]
 self_calibration = true
 """
-
-
-class Chapter(msgspec.Struct, frozen=True):
-    """What came of the second flight."""
-
-    sections: list[str]
-    """For the report."""
-    said: str
-    """In a line."""
 
 
 def chapter(out: Path, seed: int, told: Callable[[str], None]) -> Chapter:
@@ -132,7 +121,7 @@ def _words(story: Story) -> str:
         return ""
     mount = ", ".join(f"{angle:g}°" for angle in planted.mount_deg)
     return (
-        f"On the flight above, the GNSS receiver hides what the camera does. So here is another one, "
+        f"On the flight above, the error of the GNSS receiver hides what the camera does. So here is another one, "
         f"{SECONDS:.0f} seconds over one target, whose position is exact, but the camera stamps its pictures "
         f"{1e3 * planted.time_offset_s:.0f} ms late and sits crooked by {mount} about the body's axes. Nobody was "
         "told. Solid: how far each answer was from the truth, on a logarithmic scale. Dashed: the distance that it "
@@ -142,10 +131,12 @@ def _words(story: Story) -> str:
 
 def _said(story: Story) -> str:
     """What each way ended with."""
+    late_ms = 0.0 if story.planted is None else 1e3 * story.planted.time_offset_s
     ends = [
         f"{way.name} {length(way.last.error_m)}"
         for course in story.courses
         for way in ways_of(course, story)
         if way.last is not None and way.last.error_m is not None
     ]
-    return f"{TITLE}, off at the end: {', '.join(ends)}."
+    flight = f"A second flight, with an exact position but a camera {late_ms:.0f} ms late on a crooked mount"
+    return f"{flight}, ended off by: {', '.join(ends)}."

@@ -52,7 +52,7 @@ def write_report(
     )
     path = out / "report.html"
     crooked = chapter(out, setting.seed, told)
-    path.write_text(page(story, depths(lines), crooked.sections), encoding="utf-8")
+    path.write_text(page(story, depths(lines), crooked), encoding="utf-8")
     return path, crooked.said
 
 

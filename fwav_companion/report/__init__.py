@@ -2,7 +2,7 @@
 
 from fwav_companion.report.courses import Replayed
 from fwav_companion.report.learning import learning
-from fwav_companion.report.page import page
+from fwav_companion.report.page import Chapter, page
 from fwav_companion.report.story import PictureShown, Planted, Story, tell
 from fwav_companion.report.three_ways import three_ways
 from fwav_companion.report.ways import CALIBRATED, PAPER, PLAIN, WAYS, Way, way_of
@@ -12,6 +12,7 @@ __all__ = [
     "PAPER",
     "PLAIN",
     "WAYS",
+    "Chapter",
     "PictureShown",
     "Planted",
     "Replayed",

@@ -11,15 +11,16 @@ from fwav_companion.report.ways import PLAIN
 from fwav_companion.report.words import CAUSE_NAMES, REASONS, SHORT_CAUSES, length, short, words
 
 
-def answer(story: Story) -> str:
-    """A headline, the answer in two sentences, and its figures."""
+def answer(story: Story, also: str = "") -> str:
+    """A headline, the answer in two sentences, what else there is to see, and its figures."""
     said = " ".join(part for part in (_where(story), _limit(story)) if part)
     wrong = ""
     if story.mistake:
         wrong = f'<p class="lead off">Believe none of it: {escape(story.mistake)}.</p>'
+    more = f'<p class="lead also">{escape(also)}</p>' if also else ""
     return (
         f'<header><p class="kicker">fwav-companion</p><h1>{escape(story.title)}</h1>'
-        f'<p class="lead">{escape(said)}</p>{wrong}</header>{_cards(story)}'
+        f'<p class="lead">{escape(said)}</p>{wrong}{more}</header>{_cards(story)}'
     )
 
 

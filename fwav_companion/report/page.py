@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from html import escape
 from statistics import median
+
+import msgspec
 
 from fwav_companion.report.answer import answer
 from fwav_companion.report.causes import budget, causes, not_used
@@ -18,18 +20,26 @@ from fwav_companion.report.style import STYLE
 from fwav_companion.report.three_ways import three_ways
 
 
-def page(story: Story, more: Iterable[str] = (), chapter: Sequence[str] = ()) -> str:
-    """The whole file. ``chapter``: sections about another flight; ``more``: for who wants to look behind this one."""
+class Chapter(msgspec.Struct, frozen=True):
+    """Another flight, in the same report."""
+
+    sections: list[str]
+    said: str
+    """All of it in a sentence."""
+
+
+def page(story: Story, more: Iterable[str] = (), chapter: Chapter | None = None) -> str:
+    """The whole file. ``more``: for who wants to look behind this flight."""
     # On the first screen, where there is room for it.
     limits = budget(story, "Why not better?") if story.picture is None else ""
     sections = [
-        answer(story),
+        answer(story, chapter.said if chapter else ""),
         places(story, limits),
+        f'<div class="chapter">{"".join(chapter.sections)}</div>' if chapter else "",
         three_ways(story),
         learning(story),
         errors_section(story),
         "" if limits else causes(story),
-        f'<div class="chapter">{"".join(chapter)}</div>' if chapter else "",
         _timing(story),
         *more,
         not_used(story),

@@ -17,9 +17,9 @@ FROM_VEHICLE = (
     "stands still on the ground moves here."
 )
 MAP_WORDS = (
-    "Each small dot is one sighting, carried to the ground through the "
-    "vehicle's attitude at the instant its image row was exposed. The ellipse counts what the scatter cannot show: "
-    "errors that are the same in every picture (position, compass, mount) do not average away."
+    "Each small dot is one sighting, carried to the ground through the vehicle's attitude at the instant its image row "
+    "was exposed. The ellipse counts what the scatter cannot show: errors that are the same in every picture "
+    "(position, compass, mount) do not average away, and that of the position moves all answers the same way."
 )
 
 

@@ -17,7 +17,7 @@ h1{margin:.1em 0 .3em;font-size:clamp(28px,4.4vw,42px);line-height:1.15;letter-s
 h2{margin:0 0 10px;font-size:21px;letter-spacing:-.01em}
 h3{margin:0 0 6px;font-size:17px;letter-spacing:-.01em}
 p{margin:0 0 12px;max-width:72ch}
-.lead{font-size:18px;color:var(--soft)}
+.lead{font-size:18px;color:var(--soft)}.also{color:var(--ink)}
 .chapter{margin-top:44px;padding:26px 26px 28px;border-radius:18px;background:var(--inset)}
 section{margin-top:40px}.chapter section:first-child{margin-top:0}section>.scroll:first-child{margin-top:-16px}
 .cards{display:grid;grid-template-columns:repeat(auto-fit,minmax(150px,1fr));gap:12px;margin-top:0}
@@ -29,7 +29,8 @@ section{margin-top:40px}.chapter section:first-child{margin-top:0}section>.scrol
 .broad{grid-template-columns:1.5fr 1fr;align-items:start}.two+.two{margin-top:16px}
 .grid{display:grid;grid-template-columns:repeat(auto-fill,minmax(300px,1fr));gap:16px}
 .grid.pairs{grid-template-columns:1fr 1fr}
-.grid.four{grid-template-columns:repeat(auto-fill,minmax(240px,1fr))}
+.grid.four{grid-template-columns:repeat(4,1fr)}
+@media (max-width:960px){.grid.four{grid-template-columns:1fr 1fr}}
 figure{margin:0}
 .grid figure,.two figure,.one figure{background:var(--card);border:1px solid var(--line);border-radius:12px;
 padding:16px}
@@ -82,7 +83,8 @@ padding:5px 0;font-size:15px}
 background:var(--ours);border-radius:4px}
 footer{margin-top:48px;padding-top:16px;border-top:1px solid var(--line);color:var(--soft);font-size:14px}
 footer p{max-width:none;overflow-wrap:anywhere}
-@media (max-width:760px){main{padding:24px 14px 48px}.two,.broad,.grid.pairs{grid-template-columns:1fr;gap:18px}
+@media (max-width:760px){main{padding:24px 14px 48px}.two,.broad,.grid.pairs,.grid.four{
+grid-template-columns:1fr;gap:18px}
 .broad svg .tick,.broad svg .name{font-size:14px}
 .lead{font-size:16px}
 .cards{grid-template-columns:1fr 1fr}.cards b{font-size:22px}.cards div:last-child:nth-child(odd){grid-column:1/-1}

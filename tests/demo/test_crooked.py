@@ -61,7 +61,10 @@ def test_calibration_finds_its_values(flown):
 def test_what_is_done_is_told_and_the_recording_is_kept(flown):
     _, said, folder = flown
     assert len(said) == 5
-    assert said[-1].startswith("A late camera on a crooked mount, off at the end: the paper's filter ")
+    assert said[-1].startswith(
+        "A second flight, with an exact position but a camera 35 ms late on a crooked mount, ended off by: the "
+        "paper's filter "
+    )
     assert len(re.findall(r" [\d.]+ c?m[,.]", said[-1])) == 3
     kept = {"telemetry.tlog", "detections.jsonl", "truth.csv", "fwav-companion.toml", "camera.yaml"}
     assert kept <= {path.name for path in folder.iterdir()}

@@ -44,7 +44,7 @@ def test_tags_are_found_told_to_the_ground_and_reported(tmp_path: Path):
         assert target["error_m"] < 2.0 * target["claimed95_m"]
     assert "received 0 target positions" not in done.stdout
     assert "█" not in done.stdout  # no progress bar in a pipe
-    assert "A late camera on a crooked mount, off at the end: the paper's filter" in done.stdout
+    assert "a camera 35 ms late on a crooked mount, ended off by: the paper's filter" in done.stdout
     html = (tmp_path / "out" / "report.html").read_text()
     assert "way-calibrated" in html
     assert "data:image/jpeg" in html

@@ -6,7 +6,7 @@ from html.parser import HTMLParser
 import pytest
 
 from fwav_companion.recording.truth import TruthPoint
-from fwav_companion.report import CALIBRATED, PAPER, PictureShown, Replayed, page, tell
+from fwav_companion.report import CALIBRATED, PAPER, Chapter, PictureShown, Replayed, page, tell
 
 VOID = {"meta", "br", "img", "link", "input", "hr"}
 
@@ -64,8 +64,9 @@ def test_the_page_is_whole_and_needs_nothing_from_elsewhere(story):
 
 
 def test_another_flight_stands_in_a_chapter_of_its_own(story):
-    html = checked(page(story, chapter=["<section><h2>Another flight</h2></section>"]))
-    assert html.index("Why not better?") < html.index("Another flight") < html.index("Every sighting")
+    html = checked(page(story, chapter=Chapter(["<section><h2>Another flight</h2></section>"], "It ended <well>.")))
+    assert html.index("It ended &lt;well&gt;.") < html.index("Where everything is") < html.index("Another flight")
+    assert html.index("Another flight") < html.index("Error over time")
 
 
 def test_in_three_ways_each_target_has_one_chart_more(story, flight):
