@@ -54,8 +54,7 @@ from sitl_mock.options import (
     WireOptions,
 )
 from sitl_mock.scenarios import SCENARIOS, scenario
-from sitl_mock.simulate import Event, Peer, Simulation, simulate
-from sitl_mock.truth import VehicleTruth
+from sitl_mock.simulate import Event, Peer, Simulation, VehicleTruth, simulate
 from sitl_mock.vehicle import MockVehicle
 
 __all__ = [

@@ -13,7 +13,7 @@ from sitl_mock.clock import BootClock
 from sitl_mock.draws import DrawnBiases, radians3
 from sitl_mock.flight import Flight
 from sitl_mock.gimbal import Gimbal
-from sitl_mock.lens import Lens
+from sitl_mock.lens import Lens, Pixel
 from sitl_mock.options import Options
 from sitl_mock.rotation import (
     FORWARD_CAMERA,
@@ -29,7 +29,6 @@ from sitl_mock.rotation import (
 from sitl_mock.scene import Target
 from sitl_mock.tags import GroundTag, tags
 
-Pixel = tuple[float, float]
 ROW_SETTLED_PX = 1e-7
 CLUTTER = -1
 """In FrameTruth.sources: no target at all."""

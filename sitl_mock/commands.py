@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import isfinite
-from typing import TYPE_CHECKING
 
+from sitl_mock.broadcast import Broadcast
 from sitl_mock.codec import NAMES, NUMBERS, Heard
+from sitl_mock.options import AutopilotOptions
+from sitl_mock.radio import Radio
 from sitl_mock.streams import GROUPS
-
-if TYPE_CHECKING:
-    from sitl_mock.vehicle import MockVehicle
 
 ACCEPTED, DENIED, UNSUPPORTED, FAILED = 0, 2, 3, 4
 REBOOT, ARM, GET_INTERVAL, SET_INTERVAL, REQUEST_MESSAGE = 246, 400, 510, 511, 512
@@ -21,8 +21,15 @@ LONGEST_INTERVAL_US = 2.0**31 - 1.0
 class Commands:
     """COMMAND_LONG, COMMAND_INT and REQUEST_DATA_STREAM that are addressed to the autopilot."""
 
-    def __init__(self, vehicle: MockVehicle) -> None:
-        self._vehicle = vehicle
+    def __init__(
+        self,
+        options: AutopilotOptions,
+        broadcast: Broadcast,
+        radio: Radio,
+        arm: Callable[[bool, int], None],
+        reboot_soon: Callable[[int], None],
+    ) -> None:
+        self._broadcast, self._radio, self._do_arm, self._reboot_soon = broadcast, radio, arm, reboot_soon
         self._table = {
             REBOOT: self._reboot,
             ARM: self._arm,
@@ -30,7 +37,7 @@ class Commands:
             SET_INTERVAL: self._set_interval,
             REQUEST_MESSAGE: self._request_message,
         }
-        if not vehicle.options.autopilot.knows_set_message_interval:
+        if not options.knows_set_message_interval:
             del self._table[SET_INTERVAL]
 
     def hear(self, heard: Heard, now_ns: int) -> None:
@@ -49,7 +56,7 @@ class Commands:
             "target_system": heard.system,
             "target_component": heard.component,
         }
-        self._vehicle.say("COMMAND_ACK", ack, now_ns)
+        self._radio.say("COMMAND_ACK", ack, now_ns)
 
     def data_stream(self, heard: Heard, now_ns: int) -> None:
         """REQUEST_DATA_STREAM: a group of messages at one rate."""
@@ -57,47 +64,47 @@ class Commands:
         rate_hz = float(heard.fields["req_message_rate"]) if heard.fields["start_stop"] else 0.0
         names = [name for members in GROUPS.values() for name in members] if group == 0 else GROUPS.get(group, ())
         for name in names:
-            self._vehicle.set_rate(name, min(rate_hz, self._vehicle.streams.ceiling_hz), now_ns)
+            self._broadcast.set_rate(name, min(rate_hz, self._broadcast.streams.ceiling_hz), now_ns)
 
     def _set_interval(self, number: float, interval_us: float, now_ns: int) -> int:
         name = NAMES.get(int(number), "")
-        streams = self._vehicle.streams
+        streams = self._broadcast.streams
         if not isfinite(interval_us):
             return DENIED
-        if not self._vehicle.telemetry.knows(name):
-            self._vehicle.tell(WARNING, f"No ap_message for mavlink id ({int(number)})", now_ns)
+        if not self._broadcast.knows(name):
+            self._radio.tell(WARNING, f"No ap_message for mavlink id ({int(number)})", now_ns)
             return DENIED
         rate_hz = 1e6 / min(interval_us, LONGEST_INTERVAL_US) if interval_us > 0.0 else 0.0
         if interval_us == 0.0:
             rate_hz = streams.defaults_hz.get(name, 0.0)
         if rate_hz > streams.ceiling_hz * (1.0 + 1e-9):
             return DENIED
-        self._vehicle.set_rate(name, rate_hz, now_ns)
+        self._broadcast.set_rate(name, rate_hz, now_ns)
         return ACCEPTED
 
     def _get_interval(self, number: float, _param2: float, now_ns: int) -> int:
         name = NAMES.get(int(number), "")
-        known = self._vehicle.telemetry.knows(name)
-        interval_ns = self._vehicle.streams.interval_ns(name)
+        known = self._broadcast.knows(name)
+        interval_ns = self._broadcast.streams.interval_ns(name)
         fields = {
             "message_id": int(number) % 65536,
             "interval_us": (interval_ns // 1000 or -1) if known else 0,
         }
-        self._vehicle.say("MESSAGE_INTERVAL", fields, now_ns)
+        self._radio.say("MESSAGE_INTERVAL", fields, now_ns)
         return ACCEPTED
 
     def _request_message(self, number: float, _param2: float, now_ns: int) -> int:
         name = NAMES.get(int(number), "")
-        if not self._vehicle.telemetry.knows(name):
+        if not self._broadcast.knows(name):
             return UNSUPPORTED if int(number) not in NUMBERS.values() else DENIED
-        return ACCEPTED if self._vehicle.send(name, now_ns) else FAILED
+        return ACCEPTED if self._broadcast.send(name, now_ns) else FAILED
 
     def _arm(self, arm: float, _param2: float, now_ns: int) -> int:
-        self._vehicle.arm(bool(arm), now_ns)
+        self._do_arm(bool(arm), now_ns)
         return ACCEPTED
 
     def _reboot(self, what: float, _param2: float, now_ns: int) -> int:
         if what != 1.0:
             return DENIED
-        self._vehicle.agenda.at(now_ns + 100_000_000, self._vehicle.reboot)
+        self._reboot_soon(now_ns)
         return ACCEPTED

@@ -4,17 +4,12 @@ from __future__ import annotations
 
 from math import cos, nan, pi, radians, sin
 from random import Random
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from sitl_mock.clock import BootClock
-from sitl_mock.codec import Speaker
 from sitl_mock.draws import DrawnBiases
 from sitl_mock.flight import Flight
 from sitl_mock.options import Options
 from sitl_mock.rotation import Matrix, Vector, matrix_from_euler, quaternion_from_euler
-
-if TYPE_CHECKING:
-    from sitl_mock.vehicle import MockVehicle
 
 MESSAGE = "GIMBAL_DEVICE_ATTITUDE_STATUS"
 BEHIND_AUTOPILOT = 6
@@ -81,19 +76,3 @@ class Gimbal:
 
     def _fresh(self) -> float:
         return radians(self._rng.gauss(0.0, self._noise)) if self._noise else 0.0
-
-
-class GimbalComponent:
-    """A MAVLink gimbal of its own, behind the autopilot's link."""
-
-    def __init__(self, vehicle: MockVehicle, gimbal: Gimbal, start_host_ns: int) -> None:
-        self._vehicle, self._gimbal, self._o = vehicle, gimbal, vehicle.options.gimbal
-        self._speaker = Speaker(vehicle.options.autopilot.system_id, self._o.device_id)
-        self._clock = BootClock(start_host_ns, round(self._o.boot_at_start_s * 1e9), self._o.drift_ppm)
-        vehicle.agenda.at(start_host_ns + 70_000_000, self._say)
-
-    def _say(self, at_ns: int) -> None:
-        fields = self._gimbal.fields(self._vehicle.telemetry.flight_s(at_ns), self._clock.boot_ns(at_ns) // 1_000_000)
-        if not self._o.silent_from_s or self._vehicle.telemetry.flight_s(at_ns) < self._o.silent_from_s:
-            self._vehicle.put(self._speaker.frame(MESSAGE, fields), at_ns)
-        self._vehicle.agenda.at(at_ns + round(1e9 / self._o.rate_hz), self._say)

@@ -7,6 +7,9 @@ from math import atan2, hypot, inf, radians
 from sitl_mock.options import CameraOptions
 from sitl_mock.rotation import Vector
 
+Pixel = tuple[float, float]
+"""u, v; the centre of the first pixel is (0, 0)."""
+
 
 class Lens:
     """Projects what the camera sees. Pixel (0, 0) is the centre of the top-left pixel."""
@@ -18,7 +21,7 @@ class Lens:
         self.width, self.height = options.image_size
         self._max_angle = radians(options.max_angle_deg)
 
-    def pixel(self, point: Vector) -> tuple[float, float]:
+    def pixel(self, point: Vector) -> Pixel:
         """(u, v) of a point in the camera frame (x right, y down, z forward); inf beyond the lens."""
         x, y, z = point
         across = hypot(x, y)

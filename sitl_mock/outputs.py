@@ -10,8 +10,7 @@ from typing import Any, TextIO
 
 from sitl_mock import truth
 from sitl_mock.camera import FrameTruth, datagram
-from sitl_mock.simulate import Event, Simulation
-from sitl_mock.truth import VehicleTruth
+from sitl_mock.simulate import Event, Simulation, VehicleTruth
 
 
 class Detections:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from functools import partial
 from math import isfinite
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from sitl_mock.agenda import Agenda
 from sitl_mock.codec import Heard
-
-if TYPE_CHECKING:
-    from sitl_mock.vehicle import MockVehicle
+from sitl_mock.options import AutopilotOptions
+from sitl_mock.radio import Radio
 
 INT32, REAL32 = 6, 9
 LISTING_NS = 20_000_000
@@ -19,9 +19,9 @@ LISTING_NS = 20_000_000
 class Parameters:
     """Name to value; setting one takes effect at the next reboot where the autopilot's would, so: never here."""
 
-    def __init__(self, vehicle: MockVehicle) -> None:
-        self._vehicle = vehicle
-        self.values = _values(vehicle)
+    def __init__(self, options: AutopilotOptions, agenda: Agenda, radio: Radio) -> None:
+        self._agenda, self._radio = agenda, radio
+        self.values = _values(options)
 
     def read(self, heard: Heard, now_ns: int) -> None:
         """PARAM_REQUEST_READ by name, or by index where that is not negative."""
@@ -35,7 +35,7 @@ class Parameters:
     def list(self, _heard: Heard, now_ns: int) -> None:
         """PARAM_REQUEST_LIST: all of them, paced."""
         for number, name in enumerate(self.values):
-            self._vehicle.agenda.at(now_ns + number * LISTING_NS, partial(self._tell, name))
+            self._agenda.at(now_ns + number * LISTING_NS, partial(self._tell, name))
 
     def set(self, heard: Heard, now_ns: int) -> None:
         """PARAM_SET: what is known is changed and told."""
@@ -53,11 +53,10 @@ class Parameters:
             "param_count": len(self.values),
             "param_index": list(self.values).index(name),
         }
-        self._vehicle.say("PARAM_VALUE", fields, at_ns)
+        self._radio.say("PARAM_VALUE", fields, at_ns)
 
 
-def _values(vehicle: MockVehicle) -> dict[str, float]:
-    o = vehicle.options.autopilot
+def _values(o: AutopilotOptions) -> dict[str, float]:
     if o.firmware == "px4":
         return {"SYS_AUTOSTART": 4001, "IMU_GYRO_CUTOFF": float(o.gyro_filter_hz), "MAV_SYS_ID": o.system_id}
     return {

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import Any
 
+from sitl_mock.belief import Belief
 from sitl_mock.codec import Heard
 from sitl_mock.landing import CONSUMERS, Situation
+from sitl_mock.options import AutopilotOptions
+from sitl_mock.radio import Radio
 from sitl_mock.rotation import minus, norm
 from sitl_mock.scene import Target
-
-if TYPE_CHECKING:
-    from sitl_mock.vehicle import MockVehicle
 
 KEPT = 20_000
 """Accepted targets: more than half an hour at 10 Hz."""
@@ -21,10 +22,19 @@ WARNING, INFO = 4, 6
 class PrecisionLanding:
     """``accepted`` and ``refused``: what became of what was sent."""
 
-    def __init__(self, vehicle: MockVehicle, scene: list[Target]) -> None:
-        o = vehicle.options.autopilot
-        self._vehicle, self._scene, self._o = vehicle, scene, o
-        self.name = o.landing_consumer or ("px4" if o.firmware == "px4" else "ardupilot_new")
+    def __init__(
+        self,
+        options: AutopilotOptions,
+        belief: Belief,
+        scene: list[Target],
+        flight_s: Callable[[int], float],
+        peer_ns: Callable[[int], int | None],
+        radio: Radio,
+    ) -> None:
+        """``peer_ns``: a host instant by the clock that answers the autopilot's TIMESYNC; None before it did."""
+        self._o, self._belief, self._scene = options, belief, scene
+        self._flight_s, self._peer_ns, self._radio = flight_s, peer_ns, radio
+        self.name = options.landing_consumer or ("px4" if options.firmware == "px4" else "ardupilot_new")
         self._consume = CONSUMERS[self.name]
         self.accepted: list[dict[str, Any]] = []
         self.refused: Counter[str] = Counter()
@@ -34,14 +44,13 @@ class PrecisionLanding:
         if self.name != "px4" and not self._o.precland_enabled:
             self.refused["not_enabled"] += 1
             return
-        t = self._vehicle.telemetry.flight_s(now_ns)
-        belief = self._vehicle.belief
+        t, belief = self._flight_s(now_ns), self._belief
         situation = Situation(
             belief.truth(t - self._o.precland_lag_s),
             belief.truth(t),
             belief.range_m(t) * max(0.0, belief.truth(t).ned_from_body[2][2]),
             belief.projection,
-            self._vehicle.world,
+            belief.world,
         )
         landing = self._consume(heard.fields, situation)
         if landing.position is None:
@@ -63,16 +72,16 @@ class PrecisionLanding:
     def _refuse(self, reason: str, now_ns: int) -> None:
         self.refused[reason] += 1
         if reason == "frame_not_supported" and self.refused[reason] == 1:
-            self._vehicle.tell(WARNING, "Plnd: Frame not supported", now_ns)
+            self._radio.tell(WARNING, "Plnd: Frame not supported", now_ns)
 
     def _accept(self, heard: Heard, t: float, position: tuple[float, float, float], now_ns: int) -> None:
         if not self.accepted and self.name != "px4":
-            self._vehicle.tell(INFO, "PrecLand: Target Found", now_ns)
+            self._radio.tell(INFO, "PrecLand: Target Found", now_ns)
         if len(self.accepted) >= KEPT:
             return
         errors = [(norm(minus(position, target.at(t))), i) for i, target in enumerate(self._scene)]
         error_m, nearest = min(errors, default=(float("inf"), -1))
-        place = self._vehicle.world.place(position)
+        place = self._belief.world.place(position)
         self.accepted.append(
             {
                 "flight_s": t,
@@ -91,8 +100,6 @@ class PrecisionLanding:
         )
 
     def _age_s(self, time_usec: int, now_ns: int) -> float | None:
-        """How old the capture is, if time_usec is on the clock that answers the autopilot's TIMESYNC."""
-        offset_ns = self._vehicle.timesync.peer_minus_boot_ns()
-        if offset_ns is None:
-            return None
-        return (self._vehicle.clock.boot_ns(now_ns) + offset_ns - time_usec * 1000) * 1e-9
+        """How old the capture is, if time_usec is on the peer's clock."""
+        peer_ns = self._peer_ns(now_ns)
+        return None if peer_ns is None else (peer_ns - time_usec * 1000) * 1e-9

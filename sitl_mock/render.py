@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from sitl_mock.ground_picture import HAZE, Ground, Picture
 from sitl_mock.options import CameraOptions
-from sitl_mock.tags import TagView, tag_view, tags
+from sitl_mock.tag_view import TagView, tag_view
+from sitl_mock.tags import tags
 
 if TYPE_CHECKING:
     from sitl_mock.simulate import Simulation

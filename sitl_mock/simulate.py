@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from heapq import heappop, heappush
 from itertools import count
 from typing import Any, Protocol
@@ -14,8 +15,21 @@ from sitl_mock.earth import Place, World
 from sitl_mock.flight import Flight, State
 from sitl_mock.options import Options
 from sitl_mock.scene import targets
-from sitl_mock.truth import VehicleTruth
 from sitl_mock.vehicle import MockVehicle
+
+
+@dataclass(frozen=True)
+class VehicleTruth:
+    """The vehicle and the walkers at an instant, as they are. NED is the world's; angles in radians."""
+
+    host_ns: int
+    boot_ns: int
+    position: tuple[float, float, float]
+    velocity: tuple[float, float, float]
+    euler: tuple[float, float, float]
+    rates: tuple[float, float, float]
+    targets: tuple[tuple[float, float, float], ...]
+
 
 What = bytes | dict[str, Any] | FrameTruth | VehicleTruth
 """Bytes from the autopilot; a frame's detections; what a frame really shows (just before its detections); the truth."""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from random import Random
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from sitl_mock.agenda import Agenda
+from sitl_mock.clock import BootClock
 from sitl_mock.codec import Heard
-
-if TYPE_CHECKING:
-    from sitl_mock.vehicle import MockVehicle
+from sitl_mock.options import Options
+from sitl_mock.radio import Radio
 
 ARDUPILOT_ASKS_EVERY_NS = 10_000_000_000
 PX4_ASKS_EVERY_NS = 100_000_000
@@ -19,15 +20,15 @@ KEPT = 50
 class Timesync:
     """ts1 is the asker's and comes back as it was; tc1 is the answerer's, 0 in a request. Nanoseconds."""
 
-    def __init__(self, vehicle: MockVehicle, start_host_ns: int) -> None:
-        self._vehicle = vehicle
-        self._o = vehicle.options.autopilot
-        self._rng = Random(f"{vehicle.options.seed}/timesync")
+    def __init__(self, options: Options, clock: BootClock, agenda: Agenda, radio: Radio, start_host_ns: int) -> None:
+        self._o, self._clock = options.autopilot, clock
+        self._agenda, self._radio = agenda, radio
+        self._rng = Random(f"{options.seed}/timesync")
         self._asked = 0
         self.exchanges: list[tuple[int, int]] = []
         """(round trip, peer's clock minus boot clock at the middle), ns, of its own requests."""
         if self._o.sends_timesync:
-            vehicle.agenda.at(start_host_ns + 300_000_000, self._ask)
+            agenda.at(start_host_ns + 300_000_000, self._ask)
 
     def hear(self, heard: Heard, now_ns: int) -> None:
         """A request is answered, an answer to the last request is learned from."""
@@ -36,21 +37,21 @@ class Timesync:
         elif self._o.answers_timesync:
             late_ns = round(self._rng.uniform(0.0, self._o.poll_delay_s) * 1e9)
             answer = {"tc1": self._boot_ns(now_ns), "ts1": heard.fields["ts1"]}
-            self._vehicle.agenda.at(now_ns + late_ns, lambda at: self._vehicle.say("TIMESYNC", answer, at))
+            self._agenda.at(now_ns + late_ns, lambda at: self._radio.say("TIMESYNC", answer, at))
 
-    def peer_minus_boot_ns(self) -> int | None:
-        """The peer's clock against the boot clock, by the quickest exchange; None before the first."""
-        return min(self.exchanges)[1] if self.exchanges else None
+    def peer_ns(self, host_ns: int) -> int | None:
+        """A host instant by the peer's clock, by the quickest exchange; None before the first."""
+        return self._clock.boot_ns(host_ns) + min(self.exchanges)[1] if self.exchanges else None
 
     def _boot_ns(self, host_ns: int) -> int:
         """ArduPilot's clock has whole microseconds."""
-        return max(1, self._vehicle.clock.boot_ns(host_ns) // 1000 * 1000)
+        return max(1, self._clock.boot_ns(host_ns) // 1000 * 1000)
 
     def _ask(self, at_ns: int) -> None:
         px4 = self._o.firmware == "px4"
         self._asked = self._boot_ns(at_ns) + (0 if px4 else self._o.system_id)
-        self._vehicle.say("TIMESYNC", {"tc1": 0, "ts1": self._asked}, at_ns)
-        self._vehicle.agenda.at(at_ns + (PX4_ASKS_EVERY_NS if px4 else ARDUPILOT_ASKS_EVERY_NS), self._ask)
+        self._radio.say("TIMESYNC", {"tc1": 0, "ts1": self._asked}, at_ns)
+        self._agenda.at(at_ns + (PX4_ASKS_EVERY_NS if px4 else ARDUPILOT_ASKS_EVERY_NS), self._ask)
 
     def _learn(self, fields: dict[str, Any], now_ns: int) -> None:
         if fields["ts1"] != self._asked:

@@ -6,30 +6,14 @@ import csv
 import dataclasses
 import json
 from io import StringIO
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from sitl_mock.camera import FrameTruth
 from sitl_mock.earth import Place
-
-if TYPE_CHECKING:
-    from sitl_mock.simulate import Simulation
-
+from sitl_mock.simulate import Simulation, VehicleTruth
 
 LONGEST_COURSE_S = 3600.0
 """Of a walker in the CSV: a flight without an end has a course without one."""
-
-
-@dataclasses.dataclass(frozen=True)
-class VehicleTruth:
-    """The vehicle and the walkers at an instant, as they are. NED is the world's; angles in radians."""
-
-    host_ns: int
-    boot_ns: int
-    position: tuple[float, float, float]
-    velocity: tuple[float, float, float]
-    euler: tuple[float, float, float]
-    rates: tuple[float, float, float]
-    targets: tuple[tuple[float, float, float], ...]
 
 
 def header(simulation: Simulation) -> dict[str, Any]:
@@ -68,7 +52,7 @@ def summary(simulation: Simulation) -> dict[str, Any]:
         "landing": simulation.vehicle.precland.summary(),
         "heard": simulation.vehicle.heard,
         "frames": simulation.frames,
-        "rates_hz": simulation.vehicle.streams.rates_hz,
+        "rates_hz": simulation.vehicle.rates_hz,
     }
 
 
