@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from heapq import merge
 
@@ -68,7 +69,7 @@ def _config_for(recording: Recording, config: Config) -> Config:
 
 def _drive(pipeline: Pipeline, recording: Recording, own: frozenset[int]) -> Iterator[None]:
     """Every event at its time, telemetry before frames where times are equal; yields after each."""
-    untold: list[Frame] = []
+    untold: deque[Frame] = deque()
     now = HostNs(0)
     for now, _, event in merge(_messages(recording), _frames(recording, pipeline, untold), key=_by_time):
         for frame in _arrived(untold, pipeline, now):
@@ -102,7 +103,7 @@ def _messages(recording: Recording) -> Iterator[_Event]:
         yield HostNs(unix_us * NS_PER_US - recording.unix_offset_ns), 0, message
 
 
-def _frames(recording: Recording, pipeline: Pipeline, untold: list[Frame]) -> Iterator[_Event]:
+def _frames(recording: Recording, pipeline: Pipeline, untold: deque[Frame]) -> Iterator[_Event]:
     """Frames by arrival. Those on the autopilot's clock that do not tell theirs are left in ``untold``."""
     events: list[_Event] = []
     last_ns = HostNs(0)
@@ -134,10 +135,10 @@ def _near(recording: Recording) -> Callable[[HostNs], HostNs]:
     return lambda at_ns: HostNs(max(first_ns - MARGIN_NS, min(last_ns + MARGIN_NS, at_ns)))
 
 
-def _arrived(untold: list[Frame], pipeline: Pipeline, now: HostNs) -> Iterator[Frame]:
+def _arrived(untold: deque[Frame], pipeline: Pipeline, now: HostNs) -> Iterator[Frame]:
     """Take out the frames whose last row had been captured by now."""
     while untold:
         arrival_ns = pipeline.arrival_untold(untold[0])
         if arrival_ns is None or arrival_ns > now:
             return
-        yield untold.pop(0)
+        yield untold.popleft()
