@@ -47,7 +47,9 @@ class Spans:
     """Turns what happens into folders. ``always``: a folder from the start, and another for each later arming.
 
     Every folder stands for itself: its targets file begins with a header, and ends, unless the flight goes on without
-    us, with a summary.
+    us, with a summary. The header names the origin, and so waits for it, ten seconds at most once attitudes come. No
+    target has a place before; what is killed until then leaves an empty targets file beside telemetry and detections,
+    which a replay makes the targets from.
     """
 
     def __init__(
@@ -122,7 +124,7 @@ class Spans:
 
     def _end(self, now_us: int) -> list[Step]:
         self._open = False
-        summary = self._summary(now_us)
+        summary = self._summary(now_us) if self._has_header else None
         return [End()] if summary is None else [summary, End()]
 
     def _hold(self, record: Record) -> None:

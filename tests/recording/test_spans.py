@@ -63,6 +63,14 @@ def test_always_records_from_the_start_and_begins_anew_with_each_later_arming():
     assert site.is_open
 
 
+def test_a_folder_whose_origin_never_came_has_no_summary_without_a_header():
+    site = Site("always", headed=False)
+    for now, armed in enumerate((True, False, True)):
+        site.arm(now, armed=armed)
+        site.put(now)
+    assert site.folders == [[(0, b"x"), (1, b"x")], [(2, b"x")]]
+
+
 def test_armed_keeps_half_a_minute_before_and_ten_seconds_after():
     site = Site("armed")
     for now in range(200):
