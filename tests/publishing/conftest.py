@@ -1,5 +1,7 @@
 """Tracks, moments and a foreign encoder: what the publishing room's tests share."""
 
+import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -22,6 +24,8 @@ from fwav_companion.nouns import (
     TrackState,
     VehicleState,
 )
+
+sys.path.insert(0, str(Path(__file__).parent))
 
 S = 10**9
 NOW = 40_000 * S

@@ -1,0 +1,106 @@
+"""A small autopilot of the tests' own, asked for rates: it grants, refuses, forgets and lies in invented time."""
+
+from collections import namedtuple
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from fwav_companion.mavlink.rates import MESSAGE_IDS, Rates
+from fwav_companion.mavlink.wanted import default_wanted
+from fwav_companion.nouns import Autopilot, AutopilotKind, Message
+
+MS, S = 10**6, 10**9
+T0 = 9_000 * S
+STEP = 2 * MS
+Ack = namedtuple("Ack", "command result progress result_param2 target_system target_component")
+Param = namedtuple("Param", "param_id param_value param_type param_count param_index")
+Empty = namedtuple("Empty", "")
+NAMES = {number: name for name, number in MESSAGE_IDS.items()}
+STREAM_MEMBERS = {10: {"ATTITUDE"}, 6: {"GLOBAL_POSITION_INT", "LOCAL_POSITION_NED"}, 2: {"GPS_RAW_INT"}}
+
+
+def autopilot(kind=AutopilotKind.ARDUPILOT):
+    return Autopilot(system=1, component=1, kind=kind, vehicle_type=16, armed=False, link="fc")
+
+
+class Peer:
+    """The other end: intervals by message, a ceiling, refusals, and an answer two milliseconds later."""
+
+    def __init__(self, rates, kind=AutopilotKind.ARDUPILOT):
+        self.rates, self.kind = rates, kind
+        self.ceiling_hz, self.gives_hz = 1000.0, 1000.0
+        self.denied, self.result = set(), None
+        self.intervals_ns, self.next_ns = {}, {}
+        self.parameters = {"SCHED_LOOP_RATE": 400.0}
+        self.sent, self.asked, self.replies = [], [], []
+        self.acknowledges, self.now = True, T0
+
+    def start(self):
+        self.rates.adopt(autopilot(self.kind), self.now)
+        return self
+
+    def run(self, seconds):
+        end = self.now + round(seconds * S)
+        while self.now < end:
+            self.now += STEP
+            for name in list(self.intervals_ns):
+                while self.next_ns[name] <= self.now:
+                    self.next_ns[name] += self.intervals_ns[name]
+                    self.deliver(Message(name, 1, 1, "fc", Empty()))
+            due, self.replies = self.replies, []
+            for message in due:
+                self.deliver(message)
+            while self.rates.wake_at is not None and self.rates.wake_at <= self.now:
+                for out in self.rates.on_wake(self.now):
+                    self.take(out)
+        return self
+
+    def deliver(self, message):
+        self.rates.on_message(message, self.now)
+
+    def take(self, out):
+        self.sent.append((self.now, out))
+        fields = out.fields
+        if out.name == "COMMAND_LONG" and fields["command"] == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
+            name, interval_us = NAMES[int(fields["param1"])], fields["param2"]
+            self.asked.append((name, 1e6 / interval_us))
+            result = self.result if self.result is not None else self.grant(name, interval_us)
+            if self.acknowledges:
+                self.replies.append(Message("COMMAND_ACK", 1, 1, "fc", Ack(511, result, 0, 0, 1, 191)))
+        elif out.name == "REQUEST_DATA_STREAM":
+            for name in STREAM_MEMBERS.get(fields["req_stream_id"], ()):
+                self.set_rate(name, fields["req_message_rate"])
+        elif out.name == "PARAM_REQUEST_READ" and fields["param_id"] in self.parameters:
+            value = self.parameters[fields["param_id"]]
+            self.replies.append(Message("PARAM_VALUE", 1, 1, "fc", Param(fields["param_id"], value, 9, 900, 0)))
+
+    def grant(self, name, interval_us):
+        if name in self.denied:
+            return mavlink.MAV_RESULT_DENIED
+        if 1e6 / interval_us > self.ceiling_hz * (1 + 1e-9):
+            return mavlink.MAV_RESULT_FAILED
+        self.set_rate(name, 1e6 / interval_us)
+        return mavlink.MAV_RESULT_ACCEPTED
+
+    def set_rate(self, name, hz):
+        self.intervals_ns[name] = round(S / min(hz, self.gives_hz))
+        self.next_ns[name] = self.now + self.intervals_ns[name]
+
+    def gcs_requests_streams(self, hz=4.0):
+        for name in ("ATTITUDE", "ATTITUDE_QUATERNION", "GLOBAL_POSITION_INT"):
+            if name in self.intervals_ns:
+                self.set_rate(name, hz)
+
+    def reboot(self):
+        self.intervals_ns.clear()
+        self.replies.clear()
+
+    def asks_for(self, name):
+        return [hz for asked, hz in self.asked if asked == name]
+
+
+def peer(attitude_message="auto", kind=AutopilotKind.ARDUPILOT, attitude_hz=100):
+    return Peer(Rates(default_wanted(attitude_hz, 10), attitude_message=attitude_message), kind)
+
+
+def status(them, name):
+    return them.rates.status()[name]
