@@ -89,20 +89,34 @@ def test_a_healthy_board_has_nothing_to_change(pi):
     assert pi.found() == []
 
 
+PUT = {
+    "console by alias": (
+        "/proc/cmdline",
+        "console=serial0,115200 console=tty1 root=/dev/mmcblk0p2\n",
+        "serial_console",
+    ),
+    "console that is active": ("/sys/class/tty/console/active", "tty0 ttyAMA0\n", "serial_console"),
+    "low voltage now": ("/sys/class/hwmon/hwmon1/in0_lcrit_alarm", "1\n", "undervoltage"),
+    "low voltage by firmware": ("/sys/devices/platform/soc/soc:firmware/get_throttled", "50005\n", "undervoltage"),
+    "mounted read only": ("/proc/mounts", "/dev/mmcblk0p2 / ext4 ro,noatime 0 0\n", "read_only"),
+    "root in memory": ("/proc/mounts", "/dev/mmcblk0p2 / ext4 rw 0 0\noverlay / overlay rw 0 0\n", "volatile"),
+}
+"""Files of the board that say what is wrong, what they say, and the name that it has."""
+
+
+@pytest.mark.parametrize("fault", PUT)
+def test_what_a_file_of_the_board_says_is_named_and_nothing_else(pi, fault):
+    path, text, code = PUT[fault]
+    pi.put(path, text)
+    assert set(pi.found()) == {code}
+
+
 def no_port(pi):
     pi.remove("/dev/serial0")
 
 
 def no_usb_device(pi):
     pi.text = pi.text.replace("/dev/serial0", "1209:5740")
-
-
-def console_by_alias(pi):
-    pi.put("/proc/cmdline", "console=serial0,115200 console=tty1 root=/dev/mmcblk0p2\n")
-
-
-def console_that_is_active(pi):
-    pi.put("/sys/class/tty/console/active", "tty0 ttyAMA0\n")
 
 
 def bluetooth_by_alias(pi):
@@ -120,28 +134,12 @@ def mini_uart(pi):
     pi.remove("/sys/class/bluetooth/hci0")
 
 
-def low_voltage_now(pi):
-    pi.put("/sys/class/hwmon/hwmon1/in0_lcrit_alarm", "1\n")
-
-
 def low_voltage_before(pi):
     pi.throttled = "throttled=0x50000\n"
 
 
-def low_voltage_by_firmware(pi):
-    pi.put("/sys/devices/platform/soc/soc:firmware/get_throttled", "50005\n")
-
-
 def too_hot(pi):
     pi.throttled = "throttled=0x4\n"
-
-
-def mounted_read_only(pi):
-    pi.put("/proc/mounts", "/dev/mmcblk0p2 / ext4 ro,noatime 0 0\n")
-
-
-def root_in_memory(pi):
-    pi.put("/proc/mounts", "/dev/mmcblk0p2 / ext4 rw 0 0\noverlay / overlay rw,lowerdir=/lower 0 0\n")
 
 
 def full_disk(pi):
@@ -177,17 +175,11 @@ def no_terrain(pi):
 PLANTED = {
     no_port: "port_missing",
     no_usb_device: "port_missing",
-    console_by_alias: "serial_console",
-    console_that_is_active: "serial_console",
     bluetooth_by_alias: "bluetooth_on_port",
     bluetooth_by_adapter: "bluetooth_on_port",
     mini_uart: "mini_uart",
-    low_voltage_now: "undervoltage",
     low_voltage_before: "undervoltage",
-    low_voltage_by_firmware: "undervoltage",
     too_hot: "throttled",
-    mounted_read_only: "read_only",
-    root_in_memory: "volatile",
     full_disk: "disk_full",
     no_camera_file: "calibration",
     another_file: "calibration",

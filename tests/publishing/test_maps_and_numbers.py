@@ -126,6 +126,15 @@ def test_cot_uid_survives_a_restart_and_another_track_number(world):
     assert "a1b2c3" in first
 
 
+def seen_again(publisher, world, wakes, **changes):
+    """All that is sent while a target is seen, and once more whenever the publisher wakes."""
+    yield from publisher.on_tracks((world.track(),), world.situation(**changes))
+    for _ in range(wakes):
+        at = publisher.wake_at
+        publisher.on_tracks((world.track(at=at),), world.situation(now=at, **changes))
+        yield from publisher.on_wake(at, world.situation(now=at, **changes))
+
+
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
@@ -139,11 +148,7 @@ def test_cot_uid_survives_a_restart_and_another_track_number(world):
 def test_cot_that_would_be_wrong_is_not_sent_and_that_is_told_once(world, changes, reason):
     assert cot_event(world.track(), COT, world.situation(**changes)) is reason
     publisher = Publisher(PublishOptions(camera_tracking=False, named_values=False, cot=True))
-    sent = publisher.on_tracks((world.track(),), world.situation(**changes))
-    for _ in range(30):
-        at = publisher.wake_at
-        publisher.on_tracks((world.track(at=at),), world.situation(now=at, **changes))
-        sent += publisher.on_wake(at, world.situation(now=at, **changes))
+    sent = list(seen_again(publisher, world, 30, **changes))
     assert publisher.datagrams() == []
     assert [notice.text for notice in publisher.notices()] == [reason]
     texts = "".join(one.fields["text"] for one in named(sent, "STATUSTEXT"))
@@ -152,11 +157,7 @@ def test_cot_that_would_be_wrong_is_not_sent_and_that_is_told_once(world, change
 
 def test_cot_at_its_rate_and_each_datagram_once(world):
     publisher = Publisher(COT)
-    publisher.on_tracks((world.track(),), world.situation())
-    for _ in range(10):
-        at = publisher.wake_at
-        publisher.on_tracks((world.track(at=at),), world.situation(now=at))
-        publisher.on_wake(at, world.situation(now=at))
+    list(seen_again(publisher, world, 10))
     assert publisher.wake_at == world.NOW + 11 * world.S
     assert len(publisher.datagrams()) == 11
     assert publisher.datagrams() == []
@@ -164,11 +165,7 @@ def test_cot_at_its_rate_and_each_datagram_once(world):
 
 def test_datagrams_that_nobody_fetches_are_bounded(world):
     publisher = Publisher(COT)
-    publisher.on_tracks((world.track(),), world.situation())
-    for _ in range(500):
-        at = publisher.wake_at
-        publisher.on_tracks((world.track(at=at),), world.situation(now=at))
-        publisher.on_wake(at, world.situation(now=at))
+    list(seen_again(publisher, world, 500))
     assert len(publisher.datagrams()) <= 64
 
 

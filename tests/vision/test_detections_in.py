@@ -4,7 +4,8 @@ import asyncio
 import json
 import socket
 import stat
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
 from pathlib import Path
 
 import pytest
@@ -43,6 +44,18 @@ class Intake:
                 await asyncio.sleep(0.002)
 
 
+@asynccontextmanager
+async def listening(endpoint: Endpoint) -> AsyncIterator[Intake]:
+    """One that has told for the first time whether it listens, and is closed in the end."""
+    t = Intake(endpoint)
+    t.intake.start()
+    try:
+        await t.until(lambda: bool(t.states))
+        yield t
+    finally:
+        t.intake.close()
+
+
 def datagram(time_unix: float) -> bytes:
     return json.dumps({"time_unix": time_unix, "detections": [{"u": 1, "v": 2}]}).encode()
 
@@ -61,22 +74,19 @@ def sender_to(intake: DetectionsIn) -> socket.socket:
 @pytest.mark.parametrize("kind", ["udp", "unix"])
 def test_a_datagram_is_a_frame_and_garbage_is_a_reason(kind: str, tmp_path: Path):
     async def story() -> None:
-        t = Intake(endpoint_of(kind, tmp_path))
-        t.intake.start()
-        await t.until(lambda: bool(t.states))
-        assert t.states == [(True, "")]
-        with sender_to(t.intake) as sender:
-            for data in (datagram(1_790_000_499.95), b"garbage", b"", datagram(1_790_000_499.98)):
-                sender.send(data)
-            await t.until(lambda: len(t.frames) == 4)
-        first, second, third, fourth = t.frames
-        assert isinstance(first, Frame)
-        assert (first.stamp_ns, first.arrival_ns) == (499_950_000_000, t.now)
-        assert isinstance(second, NoFrame)
-        assert isinstance(third, NoFrame)
-        assert second.reason is third.reason is Reason.MALFORMED
-        assert isinstance(fourth, Frame)
-        t.intake.close()
+        async with listening(endpoint_of(kind, tmp_path)) as t:
+            assert t.states == [(True, "")]
+            with sender_to(t.intake) as sender:
+                for data in (datagram(1_790_000_499.95), b"garbage", b"", datagram(1_790_000_499.98)):
+                    sender.send(data)
+                await t.until(lambda: len(t.frames) == 4)
+            first, second, third, fourth = t.frames
+            assert isinstance(first, Frame)
+            assert (first.stamp_ns, first.arrival_ns) == (499_950_000_000, t.now)
+            assert isinstance(second, NoFrame)
+            assert isinstance(third, NoFrame)
+            assert second.reason is third.reason is Reason.MALFORMED
+            assert isinstance(fourth, Frame)
         assert t.intake.address is None
 
     asyncio.run(story())
@@ -84,32 +94,26 @@ def test_a_datagram_is_a_frame_and_garbage_is_a_reason(kind: str, tmp_path: Path
 
 def test_a_step_of_the_wall_clock_is_noticed_with_the_datagram_that_crosses_it():
     async def story() -> None:
-        t = Intake(("127.0.0.1", 0))
-        t.intake.start()
-        await t.until(lambda: bool(t.states))
-        with sender_to(t.intake) as sender:
-            t.unix_minus_host += 5_000_000_000
-            sender.send(datagram(1_790_000_499.98))
-            await t.until(lambda: len(t.frames) == 1)
-        assert isinstance(t.frames[0], NoFrame)
-        assert t.frames[0].reason is Reason.ACROSS_CLOCK_STEP
-        assert [step.size_s for step in t.steps] == [5.0]
-        t.intake.close()
+        async with listening(("127.0.0.1", 0)) as t:
+            with sender_to(t.intake) as sender:
+                t.unix_minus_host += 5_000_000_000
+                sender.send(datagram(1_790_000_499.98))
+                await t.until(lambda: len(t.frames) == 1)
+            assert isinstance(t.frames[0], NoFrame)
+            assert t.frames[0].reason is Reason.ACROSS_CLOCK_STEP
+            assert [step.size_s for step in t.steps] == [5.0]
 
     asyncio.run(story())
 
 
 def test_a_datagram_that_is_too_long_is_malformed_not_cut(tmp_path: Path):
     async def story() -> None:
-        t = Intake(str(tmp_path / "detections"))
-        t.intake.start()
-        await t.until(lambda: bool(t.states))
-        with sender_to(t.intake) as sender:
-            sender.send(datagram(1_790_000_499.95) + b" " * 65536)
-            await t.until(lambda: len(t.frames) == 1)
-        assert isinstance(t.frames[0], NoFrame)
-        assert t.frames[0].reason is Reason.MALFORMED
-        t.intake.close()
+        async with listening(str(tmp_path / "detections")) as t:
+            with sender_to(t.intake) as sender:
+                sender.send(datagram(1_790_000_499.95) + b" " * 65536)
+                await t.until(lambda: len(t.frames) == 1)
+            assert isinstance(t.frames[0], NoFrame)
+            assert t.frames[0].reason is Reason.MALFORMED
 
     asyncio.run(story())
 
@@ -120,12 +124,9 @@ def test_what_a_killed_process_left_is_replaced_and_nothing_is_left_by_us(tmp_pa
         left_over.bind(str(path))
 
     async def story() -> None:
-        t = Intake(str(path))
-        t.intake.start()
-        await t.until(lambda: bool(t.states))
-        assert t.states == [(True, "")]
-        assert stat.S_IMODE(path.stat().st_mode) == 0o660
-        t.intake.close()
+        async with listening(str(path)) as t:
+            assert t.states == [(True, "")]
+            assert stat.S_IMODE(path.stat().st_mode) == 0o660
         assert not path.exists()
 
     asyncio.run(story())
@@ -137,11 +138,8 @@ def test_a_path_that_another_process_listens_on_is_left_to_it(tmp_path: Path):
         other.bind(str(path))
 
         async def story() -> None:
-            t = Intake(str(path))
-            t.intake.start()
-            await t.until(lambda: bool(t.states))
-            assert t.states == [(False, "Address already in use")]
-            t.intake.close()
+            async with listening(str(path)) as t:
+                assert t.states == [(False, "Address already in use")]
 
         asyncio.run(story())
         assert path.exists()
@@ -152,11 +150,8 @@ def test_a_file_in_the_way_is_not_deleted(tmp_path: Path):
     path.write_text("mine")
 
     async def story() -> None:
-        t = Intake(str(path))
-        t.intake.start()
-        await t.until(lambda: bool(t.states))
-        assert t.states == [(False, "Address already in use")]
-        t.intake.close()
+        async with listening(str(path)) as t:
+            assert t.states == [(False, "Address already in use")]
 
     asyncio.run(story())
     assert path.read_text() == "mine"
@@ -167,20 +162,17 @@ def test_a_folder_that_comes_later_and_a_socket_that_is_deleted(tmp_path: Path, 
     path = tmp_path / "later" / "detections"
 
     async def story() -> None:
-        t = Intake(str(path))
-        t.intake.start()
-        await t.until(lambda: bool(t.states))
-        await asyncio.sleep(0.05)
-        assert t.states == [(False, "No such file or directory")], "told once"
-        path.parent.mkdir()
-        await t.until(lambda: len(t.states) == 2)
-        path.unlink()
-        await t.until(path.exists)
-        with sender_to(t.intake) as sender:
-            sender.send(datagram(1_790_000_499.95))
-            await t.until(lambda: len(t.frames) == 1)
-        assert [listens for listens, _ in t.states] == [False, True]
-        t.intake.close()
+        async with listening(str(path)) as t:
+            await asyncio.sleep(0.05)
+            assert t.states == [(False, "No such file or directory")], "told once"
+            path.parent.mkdir()
+            await t.until(lambda: len(t.states) == 2)
+            path.unlink()
+            await t.until(path.exists)
+            with sender_to(t.intake) as sender:
+                sender.send(datagram(1_790_000_499.95))
+                await t.until(lambda: len(t.frames) == 1)
+            assert [listens for listens, _ in t.states] == [False, True]
 
     asyncio.run(story())
 
