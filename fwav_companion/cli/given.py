@@ -60,6 +60,7 @@ def read_given(arguments: argparse.Namespace) -> Given:
     """ConfigError, InputFileError: the first thing that is wrong."""
     config = load(arguments.config, arguments.set)
     exports = [export_for(Path(name)) for name in arguments.export]
+    _spare_what_is_read(arguments, config)
     calibration = load_calibration(config)
     truth = read_truth(arguments.truth)
     recording = _recording(arguments, config)
@@ -75,9 +76,28 @@ def read_given(arguments: argparse.Namespace) -> Given:
     )
 
 
+def _spare_what_is_read(arguments: argparse.Namespace, config: Config) -> None:
+    """Nothing is written over a flight that cannot be flown again. InputFileError."""
+    used = {Path(name): f"--{option}" for option in ("telemetry", "detections") for name in getattr(arguments, option)}
+    used |= {Path(arguments.config): "--config", config.calibration_path: "--config"}
+    if arguments.truth is not None:
+        used[Path(arguments.truth)] = "--truth"
+    for name in (arguments.out, *arguments.export):
+        by = next((option for path, option in used.items() if _is_same(Path(name), path)), None)
+        if by is not None:
+            raise InputFileError(f"{name}: {by} has this file already, which would be lost; accepted: another one")
+        used[Path(name)] = "--out"
+
+
+def _is_same(one: Path, other: Path) -> bool:
+    if one.resolve() == other.resolve():
+        return True
+    return one.is_file() and other.is_file() and one.samefile(other)
+
+
 def _recording(arguments: argparse.Namespace, config: Config) -> Recording:
     own = own_components(config)
-    detections = b"".join(_content(name) for name in arguments.detections)
+    detections = b"\n".join(_content(name).removesuffix(b"\n") for name in arguments.detections)
     return join(_telemetry(arguments.telemetry, own), detections, own, config.vehicle.system_id)
 
 

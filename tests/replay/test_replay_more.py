@@ -110,6 +110,42 @@ def test_parts_of_one_recording_are_the_whole_again(site):
     assert site.targets() == site.flown.companion.targets_file()
 
 
+def test_a_part_that_breaks_off_costs_its_own_last_line_alone(site):
+    detections = site.detections
+    line_end = detections.index(b"\n", len(detections) // 2) + 1
+    site.write("a.jsonl", detections[: line_end - 9])
+    site.write("b.jsonl", detections[line_end:])
+    done = site.replay(detections=("a.jsonl", "b.jsonl"))
+    assert (done.returncode, done.stderr.count("is no frame")) == (0, 1), done.stderr
+    summary = json.loads(site.targets().splitlines()[-1])
+    assert summary["frames"] == site.flown.companion.lines[-1]["frames"] - 1
+
+
+@pytest.mark.parametrize(
+    ("words", "option"),
+    [
+        (["--out", "telemetry.tlog"], "--telemetry"),
+        (["--out", "./detections.jsonl"], "--detections"),
+        (["--out", "flight.toml"], "--config"),
+        (["--out", "camera.yaml"], "--config"),
+        (["--out", "linked.jsonl"], "--detections"),
+        (["--out", "truth.csv", "--truth", "truth.csv"], "--truth"),
+        (["--export", "truth.csv", "--truth", "truth.csv"], "--truth"),
+        (["--out", "a.kml", "--export", "a.kml"], "--out"),
+    ],
+)
+def test_what_a_replay_reads_it_does_not_write_over(site, words, option):
+    """A flight cannot be flown again."""
+    site.write("truth.csv", "label,north,east,down\ntarget,0,0,0\n")
+    site.write("detections.jsonl", site.detections)
+    (site.folder / "linked.jsonl").hardlink_to(site.folder / "detections.jsonl")
+    before = {path.name: path.read_bytes() for path in site.folder.iterdir()} | {"telemetry.tlog": site.telemetry}
+    done = site.replay(*words)
+    assert done.returncode == 2
+    assert f"{words[1]}: {option} has this file already" in done.stderr
+    assert {path.name: path.read_bytes() for path in site.folder.iterdir()} == before
+
+
 def frame_end(data, beyond):
     at = 0
     while at < beyond:
