@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from sitl_mock import live, recording
-from sitl_mock.arguments import SCENARIOS_TOLD, add_flight_arguments, options_from
+from sitl_mock.arguments import SCENARIOS_TOLD, OneLineParser, add_flight_arguments, options_from, told
 from sitl_mock.options import Options
 
 FOREVER_S = 1e8
@@ -26,8 +26,7 @@ def main(arguments: list[str] | None = None) -> int:
         else:
             _fly(options, chosen)
     except (KeyError, ValueError, OSError) as error:
-        text = error.args[0] if isinstance(error, KeyError) else error
-        print(f"sitl-mock: {text}", file=sys.stderr)  # noqa: T201
+        print(f"sitl-mock: {told(error)}", file=sys.stderr)  # noqa: T201
         return 2
     return 0
 
@@ -45,7 +44,7 @@ def _say(text: str) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = OneLineParser(
         prog="sitl-mock",
         description="A mock autopilot with a camera: MAVLink on a link, detections as datagrams, the truth in a file.",
         epilog=f"{SCENARIOS_TOLD}\n\nexample:\n  sitl-mock --connect udpout:127.0.0.1:14540 "

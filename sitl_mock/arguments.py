@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import argparse
 import ast
-from typing import Any
+import dataclasses
+from functools import reduce
+from math import isfinite
+from typing import Any, NoReturn, get_type_hints
+
+import msgspec
 
 from sitl_mock.options import Options, TargetOptions
 from sitl_mock.scenarios import SCENARIOS, scenario
@@ -12,6 +17,14 @@ from sitl_mock.scenarios import SCENARIOS, scenario
 TARGET_NUMBERS = ("north", "east", "up", "speed_m_s", "course_deg", "leg_m")
 _WIDTH = max(map(len, SCENARIOS)) + 2
 SCENARIOS_TOLD = "scenarios:\n" + "\n".join(f"  {name:{_WIDTH}}{told}" for name, (told, _) in SCENARIOS.items())
+
+
+class OneLineParser(argparse.ArgumentParser):
+    """Says what is wrong in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        """And ends with status 2."""
+        self.exit(2, f"{self.prog}: {message} (see --help)\n")
 
 
 def add_flight_arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,10 +40,33 @@ def add_flight_arguments(parser: argparse.ArgumentParser) -> None:
 
 def options_from(chosen: argparse.Namespace, endless_s: float) -> Options:
     """The flight that was asked for. KeyError or ValueError says what cannot be understood."""
+    if not (isfinite(chosen.seconds) and chosen.seconds >= 0.0):
+        raise ValueError(f"--seconds {chosen.seconds:g}: expected a length of time")
     options = scenario(chosen.scenario).but({"seed": chosen.seed, "seconds": chosen.seconds or endless_s})
     if chosen.target:
         options = options.but({"targets": tuple(_target(text) for text in chosen.target)})
-    return options.but(dict(_pair(text) for text in chosen.set))
+    for key, value in (_pair(text) for text in chosen.set):
+        options = options.but({key: _of_its_kind(options.but({key: value}), key, value)})
+    return options
+
+
+def told(error: Exception) -> str:
+    """What a user is told of a KeyError, a ValueError or an OSError."""
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+    return str(error.args[0]) if error.args else str(error)
+
+
+def _of_its_kind(options: Options, key: str, value: Any) -> Any:
+    """The value as the option has it. ValueError where it is of another kind. The key is known."""
+    *path, last = key.split(".")
+    kind = get_type_hints(type(reduce(getattr, path, options)), include_extras=True)[last]
+    if dataclasses.is_dataclass(kind) or key == "targets":
+        raise ValueError(f"--set {key}={value!r}: expected one of its own options, or --target")
+    try:
+        return msgspec.convert(value, kind)
+    except msgspec.ValidationError as error:
+        raise ValueError(f"--set {key}={value!r}: {str(error)[0].lower()}{str(error)[1:]}") from None
 
 
 def _target(text: str) -> TargetOptions:

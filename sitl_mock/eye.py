@@ -18,7 +18,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sitl_mock.arguments import SCENARIOS_TOLD, add_flight_arguments, options_from
+from sitl_mock.arguments import SCENARIOS_TOLD, OneLineParser, add_flight_arguments, options_from, told
 from sitl_mock.simulate import Simulation
 
 if TYPE_CHECKING:
@@ -47,8 +47,7 @@ def main(arguments: list[str] | None = None) -> int:
         else:
             _run(simulation, eye, Path(chosen.pipe), chosen.truth)
     except (KeyError, ValueError, OSError) as error:
-        text = error.args[0] if isinstance(error, KeyError) else error
-        print(f"sitl_mock.eye: {text}", file=sys.stderr)  # noqa: T201
+        print(f"sitl_mock.eye: {told(error)}", file=sys.stderr)  # noqa: T201
         return 2
     return 0
 
@@ -162,7 +161,7 @@ def _sleep_until(at_ns: int) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = OneLineParser(
         prog="python -m sitl_mock.eye",
         description="The mock's camera: frames in real time into a named pipe, or one of them into a file.",
         epilog=f"{SCENARIOS_TOLD}\n\nexample:\n  python -m sitl_mock.eye --scenario demo --frame 60 --picture f.png",

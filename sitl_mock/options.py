@@ -8,9 +8,15 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass, field
 from difflib import get_close_matches
-from typing import Any
+from typing import Annotated, Any, Literal, TypeAlias
 
-Triple = tuple[float, float, float]
+from msgspec import Meta
+
+Triple: TypeAlias = tuple[float, float, float]
+Positive: TypeAlias = Annotated[float, Meta(gt=0.0)]
+NotNegative: TypeAlias = Annotated[float, Meta(ge=0.0)]
+Share: TypeAlias = Annotated[float, Meta(ge=0.0, le=1.0)]
+Size: TypeAlias = Annotated[int, Meta(ge=1, le=8192)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,10 +60,10 @@ class Biases:
 class FlightOptions:
     """The motion, about a flight centre on the ground."""
 
-    pattern: str = "orbit"
-    """hover | orbit | figure_eight | racetrack | hand: held by hand over the flight centre and shaken."""
-    heading: str = ""
-    """course | centre | fixed; empty: the pattern's own (orbit: centre, hover: fixed, else course)."""
+    pattern: Literal["hover", "orbit", "figure_eight", "racetrack", "hand"] = "orbit"
+    """hand: held by hand over the flight centre and shaken."""
+    heading: Literal["", "course", "centre", "fixed"] = ""
+    """Empty: the pattern's own (orbit: centre, hover: fixed, else course)."""
     centre: tuple[float, float] = (40.0, -25.0)
     """North, east of the flight centre from the world's origin."""
     half_axes_m: tuple[float, float] = (8.0, 8.0)
@@ -99,17 +105,17 @@ class FlightOptions:
 class AutopilotOptions:
     """The vehicle as it speaks."""
 
-    firmware: str = "ardupilot"
-    """ardupilot | px4: of HEARTBEAT.autopilot and everything that hangs on it."""
-    landing_consumer: str = ""
-    """ardupilot_old | ardupilot_new | px4; empty: px4 on PX4, else ardupilot_new."""
+    firmware: Literal["ardupilot", "px4"] = "ardupilot"
+    """Of HEARTBEAT.autopilot and everything that hangs on it."""
+    landing_consumer: Literal["", "ardupilot_old", "ardupilot_new", "px4"] = ""
+    """Empty: px4 on PX4, else ardupilot_new."""
     system_id: int = 1
     component_id: int = 1
     boot_at_start_s: float = 37.25
     """What its boot clock shows at the start."""
     drift_ppm: float = 15.0
     """Its clock against the host's; positive: it runs fast."""
-    loop_rate_hz: float = 400.0
+    loop_rate_hz: Positive = 400.0
     """SCHED_LOOP_RATE."""
     stamp_delay_s: float | None = None
     """An attitude is older than its stamp by uniform [0, this]; None: one scheduler loop."""
@@ -124,8 +130,8 @@ class AutopilotOptions:
     precland_lag_s: float = 0.02
     """PLND_LAG."""
     precland_enabled: bool = True
-    reversed_axes: tuple[str, ...] = ()
-    """Of roll, pitch and yaw: those that attitudes and rates tell with the other sign."""
+    reversed_axes: tuple[Literal["roll", "pitch", "yaw"], ...] = ()
+    """Those that attitudes and rates tell with the other sign."""
     has_quaternion: bool = True
     """Whether ATTITUDE_QUATERNION can be had."""
     knows_set_message_interval: bool = True
@@ -159,7 +165,7 @@ class CameraOptions:
     """The paper's camera, and the detector behind it."""
 
     enabled: bool = True
-    image_size: tuple[int, int] = (640, 480)
+    image_size: tuple[Size, Size] = (640, 480)
     k_mm: tuple[float, float, float, float, float] = (3.55, 0.03, 0.0, 0.0, 0.0)
     pixels_per_mm: tuple[float, float] = (188.0, 188.0)
     principal_point: tuple[float, float] = (320.0, 240.0)
@@ -167,13 +173,11 @@ class CameraOptions:
     mount_deg: Triple = (0.0, -90.0, 0.0)
     """Roll, pitch, yaw of a forward-looking camera: what the companion is told. The true one is turned by the bias."""
     position_m: Triple = (0.0, 0.0, 0.0)
-    fps: float = 30.0
+    fps: Positive = 30.0
     first_frame_s: float = 0.1
     exposure_s: float = 0.004
-    stamp: str = "row0_mid"
-    """row0_mid | row0_start | row0_end."""
-    stamp_clock: str = "time_monotonic"
-    """time_monotonic | time_unix | time_boot."""
+    stamp: Literal["row0_mid", "row0_start", "row0_end"] = "row0_mid"
+    stamp_clock: Literal["time_monotonic", "time_unix", "time_boot"] = "time_monotonic"
     time_offset_s: float = 0.0
     """How late stamps come, as the companion is told; the bias comes on top."""
     readout_s: float | None = None
@@ -189,11 +193,11 @@ class CameraOptions:
     """The camera dies then."""
     wall_steps: tuple[tuple[float, float], ...] = ()
     """(at, by) seconds: steps of the wall clock, which time_unix stamps follow."""
-    missed: float = 0.05
+    missed: Share = 0.05
     """Share of visible targets that are not detected."""
-    clutter: float = 0.02
+    clutter: NotNegative = 0.02
     """False detections a frame, on average."""
-    outliers: float = 0.0
+    outliers: Share = 0.0
     """Share of detections that are grossly wrong."""
     max_blur_px: float = 0.0
     """More motion than this within the exposure hides a target; 0: blur hides none."""
@@ -203,8 +207,8 @@ class CameraOptions:
     """Of the black square of every tag that is rendered, or whose corners are told."""
     corner_noise_px: float | None = None
     """One sigma of a told corner, an axis; None: no corners are told."""
-    mirrored: str = ""
-    """left_right | top_bottom: how the picture is mirrored before anything is found in it."""
+    mirrored: Literal["", "left_right", "top_bottom"] = ""
+    """How the picture is mirrored before anything is found in it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -213,9 +217,9 @@ class GimbalOptions:
 
     device_id: int = 0
     """0: none. Up to 6: the autopilot speaks for it; else its own MAVLink component."""
-    rate_hz: float = 5.0
-    yaw: str = "north"
-    """north | vehicle | vehicle_and_delta | old_lock | old_follow: where the message counts yaw from, and how."""
+    rate_hz: Positive = 5.0
+    yaw: Literal["north", "vehicle", "vehicle_and_delta", "old_lock", "old_follow"] = "north"
+    """Where the message counts yaw from, and how."""
     pitch_deg: float = -60.0
     yaw_deg: float = 15.0
     """From the vehicle's heading."""
@@ -249,9 +253,9 @@ class WireOptions:
     delay_s: float = 0.001
     jitter_s: float = 0.0002
     """Mean of an exponential, on top of the delay."""
-    loss: float = 0.0
+    loss: Share = 0.0
     """Share of frames."""
-    corruption: float = 0.0
+    corruption: Share = 0.0
     """Share of frames in which one byte is changed."""
     byte_by_byte: bool = False
     silences: tuple[tuple[float, float], ...] = ()
@@ -280,14 +284,14 @@ class Options:
 
     scenario: str = "default"
     seed: int = 1
-    seconds: float = 60.0
+    seconds: Positive = 60.0
     start_host_s: float = 1000.0
     """The host's monotonic clock at the start, in invented time."""
     start_unix_s: float = 1_790_000_000.0
     """The wall clock at the start, in invented time."""
     origin: Triple = (48.1372, 11.5756, 519.0)
     """Latitude, longitude, altitude of the take-off ground: the world's origin."""
-    truth_hz: float = 0.0
+    truth_hz: NotNegative = 0.0
     """How often the vehicle's true state is told; 0: never."""
     draw_biases: bool = True
     """False: what biases do not name is zero instead of drawn."""
@@ -314,10 +318,11 @@ class Options:
 
 
 def _changed(part: Any, path: list[str], value: Any, key: str) -> Any:
-    names = [f.name for f in dataclasses.fields(part)]
+    names = [f.name for f in dataclasses.fields(part)] if dataclasses.is_dataclass(part) else []
     if path[0] not in names:
         near = get_close_matches(path[0], names, n=1)
-        raise KeyError(f"no option {key!r}" + (f": is it {near[0]!r}?" if near else f": one of {', '.join(names)}"))
+        known = f": is it {near[0]!r}?" if near else f": one of {', '.join(names)}" if names else ""
+        raise KeyError(f"no option {key!r}{known}")
     if len(path) > 1:
         value = _changed(getattr(part, path[0]), path[1:], value, key)
     return dataclasses.replace(part, **{path[0]: value})
