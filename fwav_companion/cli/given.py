@@ -64,6 +64,7 @@ def read_given(arguments: argparse.Namespace) -> Given:
     calibration = load_calibration(config)
     truth = read_truth(arguments.truth)
     recording = _recording(arguments, config)
+    _require_a_frame(arguments, recording)
     _tell_damage(arguments, recording)
     return Given(
         config=config,
@@ -99,6 +100,15 @@ def _recording(arguments: argparse.Namespace, config: Config) -> Recording:
     own = own_components(config)
     detections = b"\n".join(_content(name).removesuffix(b"\n") for name in arguments.detections)
     return join(_telemetry(arguments.telemetry, own), detections, own, config.vehicle.system_id)
+
+
+def _require_a_frame(arguments: argparse.Namespace, recording: Recording) -> None:
+    """An empty file is a flight in which no camera looked; one in which no line is a frame is another file."""
+    skipped = recording.skipped_lines
+    if skipped and len(skipped) == len(recording.frames):
+        told = f"line {skipped[0].number} is no frame ({skipped[0].why}), and no other line is"
+        accepted = "accepted: detections, one JSON object a line"
+        raise InputFileError(f"{' + '.join(arguments.detections)}: {told}; {accepted}")
 
 
 def _telemetry(names: Sequence[str], own: frozenset[int]) -> TelemetryRead:

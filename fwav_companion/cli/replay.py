@@ -136,6 +136,8 @@ def _write(path: Path, lines: Iterator[Line]) -> Line:
         with path.open("wb") as file:
             for last in lines:
                 file.write(encode_line(last))
+    except BrokenPipeError:  # of /dev/stdout: no mistake of anybody's
+        raise
     except OSError as error:
         raise InputFileError(f"{path}: {error.strerror}; accepted: a file that can be written") from None
     return last

@@ -78,14 +78,15 @@ def _record_length(data: bytes, at: int) -> int | None:
 
 
 def load_tlog(path: Path) -> bytes:
-    """A telemetry file's content; InputFileError where it cannot be read or holds no record."""
+    """A telemetry file's content, which may be empty; InputFileError where it cannot be read or holds no record."""
     try:
         data = path.read_bytes()
     except OSError as error:
-        raise InputFileError(f"{path}: {error.strerror or error}; expected a .tlog telemetry recording") from error
+        raise InputFileError(f"{path}: {error.strerror or error}; accepted: a .tlog recording") from error
     if data and not any(isinstance(record, TlogRecord) for record in _first_records(data)):
         raise InputFileError(
-            f"{path}: no MAVLink record in its {len(data)} bytes; expected a .tlog telemetry recording"
+            f"{path}: no MAVLink record in its {len(data)} bytes, nor does it begin as a log does; accepted: a .tlog, "
+            ".bin or .ulg recording"
         )
     return data
 

@@ -67,6 +67,8 @@ def _point(row: Mapping[str, Any], where: str) -> TruthPoint:
     if geodetic is None and ned is None:
         raise InputFileError(f"{where}: {dict(row)!r} has no place; accepted: {ACCEPTED}")
     time = _numbers(row, ("time_unix",), where)
+    if geodetic is not None and not (abs(geodetic[0]) <= 90.0 and abs(geodetic[1]) <= 180.0):
+        raise InputFileError(f"{where}: lat {geodetic[0]:g}, lon {geodetic[1]:g} is nowhere; accepted: degrees")
     return TruthPoint(
         label=str(row.get("label") or ""),
         place=Geodetic.from_degrees(*geodetic) if geodetic else None,

@@ -42,6 +42,8 @@ class TelemetryRead(msgspec.Struct, frozen=True):
 def read_telemetry(data: bytes) -> TelemetryRead:
     """Of a .tlog's content."""
     records, skipped, notes = on_one_clock(read_tlog(data))
+    if not data:
+        notes = [*notes, "nothing is in it"]
     messages: list[Timed] = []
     scanner, latest_us = Scanner(datagrams=True), 0
     for record in records:

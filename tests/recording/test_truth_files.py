@@ -14,9 +14,11 @@ from fwav_companion.recording.truth import parse_truth
         '{"label": "a", "north": 1' + "0" * 400 + ', "east": 2, "down": 3}',
         'label,north,east,down\n"' + "x" * 200_000 + '",1,2,3\n',
         "label,north,east,down\na,1,2,inf\n",
+        "label,lat,lon,alt_amsl\na,91,11.5,500\n",
+        "label,lat,lon,alt_amsl\na,48.1,1e3,500\n",
         "",
     ],
-    ids=["new-line inside", "deep", "huge", "long", "not finite", "empty"],
+    ids=["new-line inside", "deep", "huge", "long", "not finite", "beyond the pole", "round the world", "empty"],
 )
 def test_a_truth_file_of_another_form_is_one_line(text):
     with pytest.raises(InputFileError, match="accepted: ") as told:

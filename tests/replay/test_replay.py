@@ -157,12 +157,25 @@ def test_monotonic_stamps_of_a_recording_are_refused_by_name(flown):
         (lambda folder: (folder / "telemetry.tlog").unlink(), "telemetry.tlog: No such file"),
         (lambda folder: (folder / "telemetry.tlog").write_bytes(b"text " * 99), "no MAVLink record"),
         (lambda folder: (folder / "detections.jsonl").unlink(), "detections.jsonl: No such file"),
+        (
+            lambda folder: (folder / "detections.jsonl").write_bytes(b"\n{}\nx\n"),
+            "detections.jsonl: line 2 is no frame (",
+        ),
         (lambda folder: (folder / "camera.yaml").unlink(), "camera.yaml"),
         (lambda folder: (folder / "camera.yaml").write_text("model: pinhole\n"), "camera.yaml: "),
         (lambda folder: (folder / "flight.toml").write_text(CONFIG + "[tracking]\nfiltre = 1\n"), "filter"),
         (lambda folder: (folder / "targets.jsonl").mkdir(), "targets.jsonl: Is a directory"),
     ],
-    ids=["no telemetry", "no tlog", "no detections", "no camera", "unknown camera", "unknown key", "out is a folder"],
+    ids=[
+        "no telemetry",
+        "no tlog",
+        "no detections",
+        "no frame",
+        "no camera",
+        "unknown camera",
+        "unknown key",
+        "out is a folder",
+    ],
 )
 def test_a_wrong_file_is_one_line_and_exit_2(tmp_path, flown, change, said):
     words = recorded(tmp_path, flown)

@@ -92,6 +92,25 @@ def test_lines_that_are_none_are_told_with_their_place_and_the_rest_is_used(site
     assert summary["fixes"] == site.flown.companion.lines[-1]["fixes"]
 
 
+def test_nothing_recorded_is_no_answer_and_said(site):
+    """A recording that was killed at once has empty files."""
+    site.telemetry = site.detections = b""
+    done = site.replay()
+    assert (done.returncode, done.stderr) == (0, "telemetry.tlog: nothing is in it\n")
+    assert json.loads(site.targets().splitlines()[-1])["fixes"] == 0
+
+
+def test_who_reads_it_may_stop_reading(site):
+    site.write("telemetry.tlog", site.telemetry)
+    site.write("detections.jsonl", site.detections)
+    words = ["--telemetry", "telemetry.tlog", "--detections", "detections.jsonl", "--config", "flight.toml"]
+    command = [sys.executable, "-m", "fwav_companion", "replay", *words, "--out", "/dev/stdout"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=site.folder) as replayed:
+        assert replayed.stdout.readline().startswith(b'{"type":"header"')
+        replayed.stdout.close()
+        assert (replayed.stderr.read(), replayed.wait(60)) == (b"", 141)
+
+
 def test_damaged_telemetry_is_told_with_its_place(site):
     site.telemetry = site.telemetry[:5000] + bytes(40) + site.telemetry[5000:]
     done = site.replay()
