@@ -86,7 +86,7 @@ def _parser(argv: Sequence[str]) -> argparse.ArgumentParser:
         epilog="example:\n  fwav-companion init && fwav-companion run --config fwav-companion.toml",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--version", action="version", version=f"fwav-companion {__version__}")
+    parser.add_argument("-V", "--version", action="version", version=f"fwav-companion {__version__}")
     subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
     called = next((argument for argument in argv if not argument.startswith("-")), "")
     for command in COMMANDS:

@@ -1,0 +1,1 @@
+"""Printed boards: what they are (``spec``), and a finder for each kind."""

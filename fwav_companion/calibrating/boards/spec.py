@@ -1,0 +1,82 @@
+"""The words after ``--board``, and the places that they mean.
+
+    chessboard:9x6:25mm                       inner corners across x down, side of a square
+    charuco:7x5:30mm:22mm:DICT_4X4_50         squares across x down, side of a square, side of a marker, dictionary
+    aprilgrid:6x6:88mm:26.4mm                 tags across x down, side of a tag, gap between tags (Kalibr's)
+
+A grid of circles is none of them: under a fisheye the middle of a circle's image is not the image of its middle.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+import msgspec
+
+from fwav_companion.errors import UserError
+
+EXAMPLES: Final = {
+    "chessboard": "chessboard:9x6:25mm",
+    "charuco": "charuco:7x5:30mm:22mm:DICT_4X4_50",
+    "aprilgrid": "aprilgrid:6x6:88mm:26.4mm",
+}
+METRES: Final = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
+FEWEST, MOST = 2, 60
+"""Along a side; of a chessboard three at the least, since OpenCV looks for no fewer."""
+LARGEST_M: Final = 10.0
+
+
+class Board(msgspec.Struct, frozen=True):
+    """A printed board."""
+
+    text: str
+    """As it was given."""
+    kind: str
+    """A key of EXAMPLES."""
+    across: int
+    down: int
+    """Inner corners of a chessboard, squares of a charuco board, tags of an aprilgrid."""
+    side_m: float
+    """Of a square, or of a tag."""
+    second_m: float = 0.0
+    """The side of a charuco board's marker, or the gap between tags."""
+    dictionary: str = ""
+    """OpenCV's name, of a charuco board."""
+
+
+def parse_board(text: str) -> Board:
+    """UserError says what stood there and what is accepted."""
+    kind, *words = text.split(":")
+    if kind not in EXAMPLES:
+        raise _refused(text, ", ".join(EXAMPLES.values()))
+    if len(words) != EXAMPLES[kind].count(":"):
+        raise _refused(text, EXAMPLES[kind])
+    across, down = _counts(text, kind, words[0])
+    side, *rest = (_metres(text, kind, word) for word in words[1:3])
+    second = rest[0] if rest else 0.0
+    if kind == "charuco" and not second < side:
+        raise _refused(text, f"markers that are smaller than their squares, as {EXAMPLES[kind]}")
+    return Board(text, kind, across, down, side, second, words[3].upper() if kind == "charuco" else "")
+
+
+def _counts(text: str, kind: str, word: str) -> tuple[int, int]:
+    match = re.fullmatch(r"(\d{1,4})x(\d{1,4})", word)
+    least = FEWEST + (kind != "aprilgrid")
+    if match is None or not all(least <= int(count) <= MOST for count in match.groups()):
+        raise _refused(text, f"two counts of {least} to {MOST}, as {EXAMPLES[kind]}")
+    return int(match[1]), int(match[2])
+
+
+def _metres(text: str, kind: str, word: str) -> float:
+    match = re.fullmatch(r"(\d+\.?\d*|\.\d+)(mm|cm|m)", word)
+    if match is None:
+        raise _refused(text, f"a length in mm, cm or m, as {EXAMPLES[kind]}")
+    metres = float(match[1]) * METRES[match[2]]
+    if not 0.0 < metres <= LARGEST_M:
+        raise _refused(text, f"a length above zero and up to {LARGEST_M:g} m, as {EXAMPLES[kind]}")
+    return metres
+
+
+def _refused(text: str, accepted: str) -> UserError:
+    return UserError(f"--board {text!r}: accepted: {accepted}")

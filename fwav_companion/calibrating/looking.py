@@ -1,0 +1,68 @@
+"""Pictures to views of the board, and what to say of those in which it is not seen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Final
+
+import msgspec
+
+from fwav_companion.calibrating.boards.finder import Grey
+from fwav_companion.calibrating.boards.make import finder_of
+from fwav_companion.calibrating.boards.spec import Board, parse_board
+from fwav_companion.calibrating.pictures import Shot, same_size
+from fwav_companion.camera.fitting.corners import View
+from fwav_companion.errors import UserError
+
+HINTED: Final = 5
+"""Pictures in which another count is tried, where the board is in none."""
+OTHERS: Final = ((-1, -1), (1, 1), (0, -1), (-1, 0))
+"""What people count: squares in place of the corners between them, or one row too many."""
+
+
+class Looked(msgspec.Struct, frozen=True, eq=False):
+    """All pictures have been looked at."""
+
+    size: tuple[int, int]
+    """Width, height of each, pixels."""
+    views: tuple[View, ...]
+    unseen: tuple[str, ...]
+    """The names of the pictures without the board."""
+    hint: str = ""
+    """Which board is in them instead; empty where none was found."""
+
+
+def look(taken: Sequence[Shot], board: Board, on_step: Callable[[], None]) -> Looked:
+    """InputFileError where a picture cannot be read or is of another size; UserError where the board is no board."""
+    finder = finder_of(board)
+    views: list[View] = []
+    unseen: list[str] = []
+
+    def show(shot: Shot, grey: Grey) -> None:
+        found = finder.find(grey)
+        if found is None:
+            unseen.append(shot.name)
+        else:
+            views.append(View(shot.name, *found))
+        on_step()
+
+    size = same_size(taken, show)
+    hint = "" if views else _hint(taken, board)
+    return Looked(size, tuple(views), tuple(unseen), hint)
+
+
+def _hint(taken: Sequence[Shot], board: Board) -> str:
+    """The chessboard that is in the first pictures, where it is one of another count."""
+    if board.kind != "chessboard":
+        return ""
+    pictures = [shot.look() for shot in taken[:HINTED]]
+    for more_across, more_down in OTHERS:
+        words = board.text.split(":")
+        words[1] = f"{board.across + more_across}x{board.down + more_down}"
+        try:
+            other = parse_board(":".join(words))
+        except UserError:
+            continue
+        if any(finder_of(other).find(picture) is not None for picture in pictures):
+            return f"a {words[1]} is there: inner corners are counted, not squares"
+    return ""

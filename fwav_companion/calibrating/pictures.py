@@ -1,0 +1,134 @@
+"""What the command line names, as grey pictures of one size: files, folders of them, a video.
+
+Pictures come as the sensor has them: a turn that a phone or camera only notes in the file (EXIF) is not carried out,
+since the frames of the flight will not be turned either.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Final, TypeAlias
+
+import cv2
+import msgspec
+import numpy as np
+
+from fwav_companion.calibrating.boards.finder import Grey
+from fwav_companion.errors import InputFileError
+
+ACCEPTED: Final = "accepted: pictures, a folder of them, or a video"
+SUFFIXES: Final = {".bmp", ".jpeg", ".jpg", ".jp2", ".pgm", ".png", ".ppm", ".tif", ".tiff", ".webp"}
+"""By which a folder's pictures are known from what else lies there. A file that is named may be called anything."""
+MOST_PICTURES: Final = 200
+"""More show nothing new, and each takes a good part of a second."""
+VIDEO_PIECES: Final = 60
+"""A video's frames follow each other closely: of each piece only the sharpest is looked at."""
+
+Look: TypeAlias = Callable[[], Grey]
+
+
+class Shot(msgspec.Struct, frozen=True):
+    """One picture, not yet read."""
+
+    name: str
+    """For people: the file, or the video and the frame's number."""
+    look: Look
+    """InputFileError where it cannot be read."""
+
+
+def silence() -> None:
+    """Libraries' own complaints would stand between the lines: what cannot be read is told once, by us."""
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+
+
+def shots(names: Sequence[str]) -> list[Shot]:
+    """All of them, in the order given; a folder's by name. InputFileError for what is not there or no picture."""
+    files = [file for name in names for file in _files(Path(name))]
+    videos = [file for file in files if not cv2.haveImageReader(str(file))]
+    if not videos:
+        return [Shot(str(file), _reader(file)) for file in _evenly(files, MOST_PICTURES)]
+    if len(files) > 1:
+        raise InputFileError(f"{videos[0]}: no picture that can be read; {ACCEPTED}, alone")
+    return _sharpest(videos[0])
+
+
+def same_size(taken: Sequence[Shot], show: Callable[[Shot, Grey], None]) -> tuple[int, int]:
+    """Show each picture once; width and height of all. InputFileError where one is of another size."""
+    size: tuple[int, int] | None = None
+    for shot in taken:
+        grey = shot.look()
+        height, width = grey.shape
+        if size is None:
+            size = (width, height)
+        elif size != (width, height):
+            wanted = f"{size[0]} x {size[1]} as {taken[0].name}"
+            raise InputFileError(f"{shot.name}: {width} x {height} pixels; accepted: {wanted}, all of one camera mode")
+        show(shot, grey)
+    if size is None:
+        raise InputFileError(f"no picture; {ACCEPTED}")
+    return size
+
+
+def _files(path: Path) -> Iterator[Path]:
+    try:
+        if not path.is_dir():
+            with path.open("rb"):
+                yield path
+            return
+        inside = sorted(file for file in path.iterdir() if file.suffix.lower() in SUFFIXES)
+    except OSError as error:
+        raise InputFileError(f"{path}: {error.strerror}; {ACCEPTED}") from None
+    if not inside:
+        raise InputFileError(f"{path}: no picture in this folder; {ACCEPTED}")
+    yield from inside
+
+
+def _reader(file: Path) -> Look:
+    def look() -> Grey:
+        grey = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
+        if grey is None:
+            raise InputFileError(f"{file}: a picture that is damaged; {ACCEPTED}")
+        return np.asarray(grey, dtype=np.uint8)
+
+    return look
+
+
+def _evenly(files: list[Path], most: int) -> list[Path]:
+    """At most so many, the first and the last among them."""
+    if len(files) <= most:
+        return files
+    return [files[round(i * (len(files) - 1) / (most - 1))] for i in range(most)]
+
+
+def _sharpest(video: Path) -> list[Shot]:
+    """Of each of VIDEO_PIECES equal pieces the frame with the crispest edges."""
+    count = sum(1 for _ in _frames(video))
+    if not count:
+        raise InputFileError(f"{video}: no picture or video that can be read; {ACCEPTED}")
+    best: dict[int, tuple[float, int, Grey]] = {}
+    for number, grey in enumerate(_frames(video)):
+        piece = number * VIDEO_PIECES // count
+        crisp = float(cv2.Laplacian(grey, cv2.CV_64F).var())
+        if piece not in best or crisp > best[piece][0]:
+            best[piece] = (crisp, number, grey)
+    return [Shot(f"{video}, frame {number}", _held(grey)) for _, number, grey in best.values()]
+
+
+def _held(grey: Grey) -> Look:
+    return lambda: grey
+
+
+def _frames(video: Path) -> Iterator[Grey]:
+    capture = cv2.VideoCapture(str(video))
+    capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0.0)
+    try:
+        while True:
+            ok, pixels = capture.read()
+            if not ok:
+                return
+            yield np.asarray(pixels if pixels.ndim == 2 else cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
+    finally:
+        capture.release()

@@ -1,0 +1,67 @@
+"""How many coefficients the pictures support: as few as none of more would beat for a reason."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import msgspec
+import numpy as np
+
+from fwav_companion.camera.fitting.adjustment import adjusted, residuals
+from fwav_companion.camera.fitting.corners import Corners, State
+from fwav_companion.camera.fitting.information import widening
+from fwav_companion.camera.fitting.outliers import FINEST_PX, MOST_COEFFICIENTS
+from fwav_companion.camera.fitting.projection import RADIAL
+from fwav_companion.camera.fitting.starting import with_coefficients
+
+GAIN: Final = 6.0
+"""By which a coefficient that the lens does not have lowers the sum of squares, in variances, once in 70 times (the
+square of a normal number). What is left out by it is under 2.5 sigmas of that coefficient."""
+
+
+class Chosen(msgspec.Struct, frozen=True, eq=False):
+    """The fit that is told."""
+
+    state: State
+    variance: float
+    """Of one axis of a corner, pixels^2."""
+    squares: tuple[float, ...]
+    """The sum of squares with 1, 2, ... coefficients, pixels^2."""
+
+    @property
+    def coefficients(self) -> int:
+        """How many."""
+        return len(self.state.lens) - RADIAL
+
+
+def chosen_fit(corners: Corners, state: State) -> Chosen:
+    """Fits with one to five coefficients, and the first of them that no longer one beats."""
+    fits = []
+    state = with_coefficients(state, 1)
+    for count in range(1, MOST_COEFFICIENTS + 1):
+        state = adjusted(corners, with_coefficients(state, count), np.ones(len(corners.pixels)))
+        fits.append(state)
+    squares = [float((residuals(corners, fit) ** 2).sum()) for fit in fits]
+    believed = _believed_variance(corners, fits, squares)
+    for index, fit in enumerate(fits):
+        gains = [(squares[index] - more) / believed / extra for extra, more in enumerate(squares[index + 1 :], start=1)]
+        if max(gains, default=0.0) < GAIN:
+            return Chosen(fit, _variance(corners, fit, squares[index]), tuple(squares))
+    raise AssertionError("the last has none that could beat it")
+
+
+def _believed_variance(corners: Corners, fits: list[State], squares: list[float]) -> float:
+    """Of a corner, by the longest fit that is determined at all, widened by how the pictures disagree under it."""
+    for fit, total in zip(reversed(fits), reversed(squares), strict=True):
+        variance = _variance(corners, fit, total)
+        try:
+            return variance * widening(corners, fit, variance) ** 2
+        except np.linalg.LinAlgError:
+            continue
+    return variance
+
+
+def _variance(corners: Corners, fit: State, squares: float) -> float:
+    """Of one axis of a corner, pixels^2."""
+    freedom = 2 * len(corners.pixels) - 6 * len(corners.starts) - len(fit.lens)
+    return max(FINEST_PX**2, squares / max(1, freedom))
