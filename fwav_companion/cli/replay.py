@@ -94,12 +94,19 @@ def _replay(arguments: argparse.Namespace) -> int:
         if report is not None and not arguments.alone:
             others = other_ways(given.config, lambda name, chosen: watched(name, given.again(chosen)))
     if report is not None:
-        title, notes = Path(arguments.telemetry[0]).stem, given.recording.notes
+        title, notes = _title(Path(arguments.telemetry[0])), given.recording.notes
         print(report.write(Path(arguments.report), title, given.config, others, given.truth, notes))
     for mistake in mistakes:
         print(f"camera mount: {mistake}", file=sys.stderr)
     _tell(summary, as_json=arguments.json)
     return 0
+
+
+def _title(telemetry: Path) -> str:
+    """What tells one flight from another: of those that we record, the folder."""
+    from fwav_companion.recording.recorder import TELEMETRY
+
+    return telemetry.resolve().parent.name if telemetry.name == TELEMETRY else telemetry.stem
 
 
 def _write_all(out: Path, lines: Iterator[Line], exports: Sequence[Export]) -> tuple[Line, list[str]]:

@@ -34,8 +34,8 @@ def comparison(
         f'<p class="lead">A is {escape(names[0])}, B is {escape(names[1])}.</p>{told}{same}{noted}</header>'
     )
     maps = "".join(
-        figure(f"{side}: {name}", flight_map(story), _figures(story))
-        for side, name, story in zip("AB", names, stories, strict=True)
+        figure(f"{side}: {name}", flight_map(story, other), _figures(story))
+        for side, name, story, other in zip("AB", names, stories, reversed(stories), strict=True)
     )
     return document(title, [head, f'<section class="two">{maps}</section>', _table(stories), _errors(stories)])
 
@@ -43,7 +43,8 @@ def comparison(
 def _figures(story: Story) -> str:
     radii = [course.last.radius95_m for course in story.courses if course.found and course.last]
     claim = f"; claimed: 95 % within {length(median(radii))} (median)" if radii else ""
-    return f"{len(radii)} targets from {story.fixes} sightings used of {story.detections}{claim}."
+    targets = "1 target" if len(radii) == 1 else f"{len(radii)} targets"
+    return f"{targets} from {story.fixes} sightings used of {story.detections}{claim}."
 
 
 def pairs(stories: tuple[Story, Story]) -> list[tuple[str, Course | None, Course | None]]:

@@ -18,11 +18,16 @@ MOST_POINTS = 600
 MAP_SIZE = 480.0
 
 
-def flight_map(story: Story) -> str:
-    """From above: the way flown, what is true, what was seen, what was concluded and how surely."""
+def flight_map(story: Story, beside: Story | None = None) -> str:
+    """From above: the way flown, what is true, what was seen, what was concluded and how surely.
+
+    ``beside``: what stands on another map, which shall show the same ground.
+    """
     points = _everything(story)
     if not points:
         return ""
+    if beside is not None and beside.origin == story.origin:
+        points += _everything(beside)
     norths, easts = [north for north, _ in points], [east for _, east in points]
     middle = ((min(norths) + max(norths)) / 2, (min(easts) + max(easts)) / 2)
     span = 1.06 * max(max(norths) - min(norths), max(easts) - min(easts), 2.0)

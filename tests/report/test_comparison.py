@@ -29,6 +29,17 @@ def test_numbers_of_tracks_do_not_matter():
         assert theirs.last.north - ours.last.north == pytest.approx(0.4)
 
 
+def test_both_maps_show_the_same_ground():
+    """One bar of so many metres is as long on both, though one saw more."""
+    stories = told(lines_of([(1, "a")], 0.1), lines_of([(8, "a"), (9, "c")], 0.5))
+    html = comparison("T", ("A.jsonl", "B.jsonl"), stories, [])
+    bars = re.findall(r'<line class="bar" x1="([\d.]+)"', html)
+    assert len(bars) == 6
+    assert bars[:3] == bars[3:]
+    assert "1 target from" in html
+    assert "2 targets from" in html
+
+
 def test_what_only_one_of_them_found_has_a_row_too():
     truth = [TruthPoint("mark", None, (north, 0.0, 0.0), None) for north in (*PLACES.values(), 70.0)]
     stories = told(lines_of([(1, "a"), (2, "b")], 0.1), lines_of([(8, "b"), (9, "c")], 0.5), truth)
