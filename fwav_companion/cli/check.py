@@ -6,6 +6,7 @@ import argparse
 import json
 import sys
 import threading
+from math import nan
 from typing import TYPE_CHECKING
 
 from fwav_companion.cli.ending import as_by_ctrl_c
@@ -14,7 +15,7 @@ from fwav_companion.errors import UserError
 
 if TYPE_CHECKING:
     from argparse import _SubParsersAction
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
     from typing import Any
 
     from fwav_companion.config import Config
@@ -47,30 +48,34 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
     parser.add_argument("--config", metavar="FILE", required=True, help="the configuration, as `init` writes one")
     parser.add_argument(
         "--seconds",
-        type=_seconds,
+        type=_number(0.1, 3600.0, "seconds"),
         help=f"how long to listen where nothing runs, default {SECONDS:g}; with --shake, how long to wait for vehicle "
         f"and tag, default {WAIT_S:g}",
     )
     parser.add_argument("--shake", action="store_true", help="find the camera's delay and mount over a printed tag")
     parser.add_argument(
-        "--tag-size", metavar="M", type=_tag_size, help="with --shake: the side of the tag's black square, metres"
+        "--tag-size",
+        metavar="M",
+        type=_number(0.01, 10.0, "metres"),
+        help="with --shake: the side of the tag's black square, metres",
     )
     parser.add_argument("--json", action="store_true", help="end with everything as one JSON object")
     parser.set_defaults(run=run)
 
 
-def _seconds(text: str) -> float:
-    seconds = float(text)
-    if not 0.1 <= seconds <= 3600.0:
-        raise argparse.ArgumentTypeError(f"{text}: accepted: 0.1 to 3600")
-    return seconds
+def _number(low: float, high: float, unit: str) -> Callable[[str], float]:
+    """What argparse takes for a number between two."""
 
+    def number(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = nan
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"{text}: accepted: {low:g} to {high:g}, {unit}")
+        return value
 
-def _tag_size(text: str) -> float:
-    size_m = float(text)
-    if not 0.01 <= size_m <= 10.0:
-        raise argparse.ArgumentTypeError(f"{text}: accepted: 0.01 to 10, metres")
-    return size_m
+    return number
 
 
 def run(arguments: argparse.Namespace) -> int:
