@@ -82,8 +82,10 @@ class Guidance:
         if sys.stderr.isatty():
             from rich.console import Console
             from rich.progress import BarColumn, Progress, TextColumn
+            from rich.table import Column
 
-            columns = (TextColumn("[bold]{task.description}"), BarColumn())
+            words = Column(no_wrap=False)  # what is missing may need two lines
+            columns = (TextColumn("[bold]{task.description}", table_column=words), BarColumn(20))
             self._bar = Progress(*columns, console=Console(stderr=True), transient=True)
             self._task = self._bar.add_task("", total=1.0)
             self._bar.start()

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import ceil, degrees
+from math import ceil, cos, degrees
 from typing import Any, Final
 
 from fwav_companion.geometry.mounts import describe_mount, euler_from_body_from_camera
 from fwav_companion.shaking.estimate import Known, Shaken
 
+NEARLY_VERTICAL: Final = 0.1
+"""Cosine of the pitch: within 6 deg of straight down, a degree across turns roll and yaw by ten and more."""
+ONE_AXIS: Final = "looking straight down, roll and yaw turn about one axis: what counts is their sum"
 AXES: Final = ("roll", "pitch", "yaw")
 LEAST_DELAY_SIGMA_S: Final = 0.0005
 LEAST_MOUNT_SIGMA_DEG: Final = 0.05
@@ -34,8 +37,11 @@ class Configured:
             uncertainty.append(f"time_offset_sigma_s = {sigma_s:.4f}")
         if shaken.mount is not None and shaken.body_from_camera is not None:
             lines.append("[camera.mount]")
-            for name, angle in zip(AXES, euler_from_body_from_camera(shaken.body_from_camera), strict=True):
+            angles = euler_from_body_from_camera(shaken.body_from_camera)
+            for name, angle in zip(AXES, angles, strict=True):
                 lines.append(f"{name}_deg = {degrees(angle):.3f}")
+            if cos(angles[1]) < NEARLY_VERTICAL:
+                lines[-1] += f"  # {ONE_AXIS}"
             sigma_deg = degrees(max(known.sigma for known in shaken.mount))
             uncertainty.append(f"mount_bias_deg = {max(LEAST_MOUNT_SIGMA_DEG, ceil(sigma_deg * 100.0) / 100.0):.2f}")
         return [*lines, "[uncertainty]", *uncertainty] if uncertainty else []

@@ -5,7 +5,7 @@ from math import radians
 
 import numpy as np
 import pytest
-from hands import Hands
+from hands import FORWARD_DOWN, Hands
 
 from fwav_companion.geometry.mounts import body_from_camera_from_euler
 from fwav_companion.shaking.telling import Configured, is_usable
@@ -27,6 +27,13 @@ def test_the_lines_round_trip(shaken):
     assert told["uncertainty"]["time_offset_sigma_s"] >= shaken.delay.sigma
     assert radians(told["uncertainty"]["mount_bias_deg"]) >= max(known.sigma for known in shaken.mount)
     assert is_usable(shaken)
+
+
+def test_near_the_vertical_it_is_said_why_roll_and_yaw_are_large(shaken):
+    """A mount that is off by a degree is told as roll 30, yaw -28."""
+    assert any("what counts is their sum" in line for line in CONFIGURED.lines(shaken))
+    forward = Hands(seed=5, configured=FORWARD_DOWN).found()
+    assert not any("#" in line for line in CONFIGURED.lines(forward))
 
 
 def test_people_read_it_all(shaken):
