@@ -16,7 +16,7 @@ from math import hypot
 import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs, ns_from_s
-from fwav_companion.nouns import GroundFix
+from fwav_companion.nouns import GroundFix, VehicleState
 from fwav_companion.tracking.answer import MOUNT
 from fwav_companion.tracking.calibration import CalibrationReport, believed, worth_keeping
 from fwav_companion.tracking.course import Course
@@ -25,7 +25,7 @@ from fwav_companion.tracking.fit import Fit
 from fwav_companion.tracking.mistakes import Suspicion
 from fwav_companion.tracking.rays import COMMON_COUNT, Common, Glimpse, glimpse_of
 from fwav_companion.tracking.search import UNEXPLAINED, Found, InVain, Search, search_of
-from fwav_companion.tracking.turning import Turning
+from fwav_companion.tracking.turning import SPAN_S, Turning
 from fwav_companion.tracking.verdict import CalibrationStatus, Placed, Verdict, judged
 from fwav_companion.tracking.views import Views
 from fwav_companion.tracking.workshop import Workshop
@@ -158,7 +158,7 @@ class Calibrator(msgspec.Struct, frozen=True):
 
     def _lag_s(self) -> float:
         earliest = min(self.shop.delays) if self.delay_s is None else self.delay_s
-        return LAG_S + max(0.0, -earliest)
+        return LAG_S + 0.5 * SPAN_S + max(0.0, -earliest)
 
     def _forgotten(self, alive: Collection[int]) -> Calibrator:
         """Tracks that ended leave the estimates, and their glimpses the passes: most were no targets."""
@@ -176,8 +176,8 @@ class Calibrator(msgspec.Struct, frozen=True):
         kept = tuple(glimpse for glimpse in self.kept if glimpse.track not in gone)
         return msgspec.structs.replace(self, search=search, served=served, coming=coming, kept=kept, cursor=taken)
 
-    def _course(self, fix: GroundFix) -> Course:
-        return self.shop.course(fix.sighting.state, self.shop.delays if self.delay_s is None else (self.delay_s,))
+    def _course(self, nominal: VehicleState) -> Course:
+        return self.shop.course(nominal, self.shop.delays if self.delay_s is None else (self.delay_s,))
 
     def _taught(self, fixes: Sequence[tuple[int, GroundFix, float]]) -> Calibrator:
         """With one frame's fixes; all of them share one course of the vehicle."""
@@ -187,12 +187,13 @@ class Calibrator(msgspec.Struct, frozen=True):
             known = {glimpse.track for glimpse in self.kept}
             fixes = sorted(fixes, key=lambda each: each[0] not in known)[:SEARCH_A_FRAME]
         first = fixes[0][1].sighting
-        course = self._course(fixes[0][1])
-        turning = self.turning.with_state(first.state, self.shop.priors.attitude_noise)
+        slow = self.shop.slow(first.state, self.shop.means[Common.DELAY] if self.delay_s is None else self.delay_s)
+        turning = self.turning.with_state(first.state, slow, self.shop.priors.attitude_noise)
+        course = turning.freed_of_noise(self._course(first.state), slow)
         state = msgspec.structs.replace(self, turning=turning)
         for track, fix, since_s in fixes:
             later_s = (fix.sighting.boot_ns - first.boot_ns) * 1e-9
-            glimpse = glimpse_of(track, fix, course.seen_from(later_s), turning.shares, since_s)
+            glimpse = glimpse_of(track, fix, course.seen_from(later_s), since_s)
             state = state._glimpsed(glimpse, state.views.with_fix(fix))
         return state
 

@@ -75,8 +75,6 @@ class Glimpse(msgspec.Struct, frozen=True, gc=False):
     """Height of the camera above the target's ground, as told."""
     camera_down: float
     course: Course
-    turning: Vector3
-    """Of the rates about each axis of what carries the camera, the share that is no noise."""
     since_s: float
     """Since the glimpse of this track before; what shares its telemetry averages with the telemetry only."""
 
@@ -99,7 +97,7 @@ class Prediction(msgspec.Struct, frozen=True, gc=False):
         return (self.rows[0][COMMON_COUNT:], self.rows[1][COMMON_COUNT:])
 
 
-def glimpse_of(track: int, fix: GroundFix, course: Course, turning: Vector3, since_s: float) -> Glimpse:
+def glimpse_of(track: int, fix: GroundFix, course: Course, since_s: float) -> Glimpse:
     """What is kept of a fix."""
     sighting = fix.sighting
     state, mount = sighting.state, sighting.body_from_camera
@@ -120,7 +118,6 @@ def glimpse_of(track: int, fix: GroundFix, course: Course, turning: Vector3, sin
         fix.position_ned[2] - sighting.camera_ned[2],
         sighting.camera_ned[2],
         course,
-        turning,
         since_s,
     )
 
@@ -144,8 +141,7 @@ def predict(glimpse: Glimpse, target: tuple[float, float], common: tuple[float, 
     # How what is seen changes with each unknown; the mount's correction is left to the rows.
     by_north, by_east, by_heading = _mixed(c, rn, s, re), _mixed(c, re, -s, rn), _mixed(told_n, re, -told_e, rn)
     vn, ve, vd = moment.velocity_ned
-    (p, q, r), (of_p, of_q, of_r) = moment.rates, glimpse.turning
-    turning = cross(rotate(conjugate(correction), (of_p * p, of_q * q, of_r * r)), seen)
+    turning = cross(rotate(conjugate(correction), moment.rates), seen)
     by_delay = add(add(turning, _mixed(vn, by_north, ve, by_east)), scale(rd, vd))
     mount_vector = (common[Common.MOUNT_X], common[Common.MOUNT_Y], common[Common.MOUNT_Z])
     rows = []

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import hypot
 
-from fwav_companion.nouns import Bias, ErrorPriors, GroundFix, VehicleState
+from fwav_companion.geometry.stamps import BootNs, ns_from_s
+from fwav_companion.nouns import Bias, ErrorPriors, GroundFix, Unpaired, VehicleState
 from fwav_companion.tracking.calibration import KeptCalibration
 from fwav_companion.tracking.course import Course, StateAt, course_of
 from fwav_companion.tracking.fit import Fit
 from fwav_companion.tracking.joint import Joint, joint_of
 from fwav_companion.tracking.rays import COMMON_COUNT, Common, Glimpse, glimpse_of
+from fwav_companion.tracking.turning import SPAN_S, Slow, slow_between
 
 NO_TRACK = 0
 DELAY_STEP_S = 0.015
@@ -41,6 +43,14 @@ class Workshop:
             self._remembered = (key, course_of(nominal, delays_s, self.state_at))
         return self._remembered[1]
 
+    def slow(self, nominal: VehicleState, delay_s: float) -> Slow:
+        """The mean motion about a delay; none where the states that tell it are not known."""
+        half_ns, middle_ns = ns_from_s(0.5 * SPAN_S), nominal.boot_ns - ns_from_s(delay_s)
+        if self.state_at is None:
+            return Slow()
+        before, after = self.state_at(BootNs(middle_ns - half_ns)), self.state_at(BootNs(middle_ns + half_ns))
+        return Slow() if isinstance(before, Unpaired) or isinstance(after, Unpaired) else slow_between(before, after)
+
     @property
     def searches(self) -> bool:
         """There is more than one delay to try."""
@@ -50,7 +60,7 @@ class Workshop:
         """A fix by itself, of no track yet. Remembers the last one: many tracks are asked about it."""
         if self._glimpse is None or self._glimpse[0] is not fix or self._glimpse[1] != delay_s:
             course = self.course(fix.sighting.state, (delay_s,))
-            self._glimpse = (fix, delay_s, glimpse_of(NO_TRACK, fix, course, (1.0, 1.0, 1.0), 0.0))
+            self._glimpse = (fix, delay_s, glimpse_of(NO_TRACK, fix, course, 0.0))
         return self._glimpse[2]
 
     def bank(self) -> tuple[Fit, ...]:

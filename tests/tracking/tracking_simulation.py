@@ -187,7 +187,9 @@ class World:
         if not -0.9 < t < self.flight.seconds + 0.9:
             return Unpaired(Reason.STALE_ATTITUDE)
         rotation, position, rates, velocity = self.told([t])
-        return _state(boot_ns, rotation.as_quat()[0], rates[0], position[0], velocity[0])
+        return _state(
+            boot_ns, rotation.as_quat()[0], rates[0], position[0], velocity[0], 1.0 / self.flight.attitude_hz
+        )  # fmt: skip
 
     def frames(self) -> list[FrameView]:
         """Everything the camera saw, localized as configured."""
@@ -262,7 +264,7 @@ class World:
                 fixes.append(None)
                 continue
             boot, host = _ns(BOOT_NS, stamps[frame]), _ns(EPOCH_NS, stamps[frame])
-            state = _state(boot, rotation[k].as_quat(), rates[k], camera[k], velocity[k])
+            state = _state(boot, rotation[k].as_quat(), rates[k], camera[k], velocity[k], 1.0 / self.flight.attitude_hz)
             sighting = Sighting(
                 frame=int(frame), index=0, frame_host_ns=host, host_ns=host,
                 detection=Detection(float(uv[k, 0]), float(uv[k, 1]), label=labels[k]),
@@ -316,12 +318,12 @@ def _viewer(rotation, camera):
     return could_see
 
 
-def _state(boot_ns, xyzw, rates, position, velocity):
+def _state(boot_ns, xyzw, rates, position, velocity, spacing_s=0.0):
     x, y, z, w = map(float, xyzw)
     return VehicleState(
         boot_ns=int(boot_ns), ned_from_body=(w, x, y, z), rates=_t(rates), attitude_sigma=0.0, gap_s=0.0,
         position_ned=_t(position), velocity_ned=_t(velocity), position_sigma_m=0.0,
-        height_above_home_m=float(-position[2]),
+        height_above_home_m=float(-position[2]), spacing_s=spacing_s,
     )  # fmt: skip
 
 
