@@ -9,8 +9,10 @@ asks which of the two descriptions the exchanges themselves make likelier.
 
 from __future__ import annotations
 
+from bisect import bisect
 from collections.abc import Callable, Sequence
-from math import exp, log
+from itertools import pairwise
+from math import exp, inf, log
 
 import msgspec
 
@@ -19,8 +21,8 @@ LEAST_TAIL_S = 2e-6
 SLOPES = 41
 REACH = 12.0
 """The slopes that are tried reach so far that the likelihood has fallen by exp(-12)."""
-THIRDS, HALVES = 24, 12
-"""Steps of the searches: from 1200 ppm to a tenth of a ppm, and to a thousandth of the way."""
+TO_THE_TOP, DOWN = 20, 12
+"""Halvings of the searches: from 1200 ppm to a thousandth of a ppm, and to a thousandth of the way."""
 
 Point = tuple[float, float]
 
@@ -52,31 +54,49 @@ def lower_hull(points: Sequence[Point]) -> list[Point]:
     return hull
 
 
+class Hull:
+    """Lines from below against points in order of time: where one of a given slope touches them first."""
+
+    __slots__ = ("_points", "_slopes")
+
+    def __init__(self, points: Sequence[Point]) -> None:
+        self._points = lower_hull(points)
+        self._slopes = [(yb - ya) / (tb - ta) if tb > ta else inf for (ta, ya), (tb, yb) in pairwise(self._points)]
+
+    def lowest(self, slope: float) -> float:
+        """The height at time 0 of the highest line of this slope that no point lies below."""
+        t, y = self._points[bisect(self._slopes, slope)]
+        return y - slope * t
+
+    def touched_at(self, slope: float) -> float:
+        """When it touches the points."""
+        return self._points[bisect(self._slopes, slope)][0]
+
+
 def fit_between(
     times: Sequence[float], offsets: Sequence[float], trips: Sequence[float], most_skew: float
 ) -> EnvelopeFit:
     """Offsets (middle of each exchange) at times, with their round trips; in seconds, in any order of time."""
     entries = sorted(zip(times, offsets, trips, strict=True))
-    above = lower_hull([(t, y + 0.5 * r) for t, y, r in entries])
-    below = lower_hull([(t, 0.5 * r - y) for t, y, r in entries])
+    above = Hull([(t, y + 0.5 * r) for t, y, r in entries])
+    below = Hull([(t, 0.5 * r - y) for t, y, r in entries])
     n = len(entries)
 
-    def room(skew: float) -> tuple[float, float]:
-        """(the ceiling at time 0, the floor at time 0) of lines of this skew."""
-        return min(y - skew * t for t, y in above), -min(y + skew * t for t, y in below)
-
     def gap(skew: float) -> float:
-        ceiling, floor = room(skew)
-        return ceiling - floor
+        """Between the ceiling and the floor at time 0 of lines of this skew."""
+        return above.lowest(skew) + below.lowest(-skew)
 
-    best = _highest(gap, -most_skew, most_skew)
+    def widens(skew: float) -> bool:
+        return below.touched_at(-skew) > above.touched_at(skew)
+
+    best = _highest(widens, -most_skew, most_skew)
     widest = gap(best)
     tail = max(LEAST_TAIL_S, 0.5 * (sum(trips) / n - widest))
     low, high = (_falls_to(gap, best, end, widest - REACH * tail / n) for end in (-most_skew, most_skew))
     weight = m_level = m_skew = s_ll = s_ls = s_ss = 0.0
     for k in range(SLOPES):
         skew = low + (high - low) * k / (SLOPES - 1)
-        ceiling, floor = room(skew)
+        ceiling, floor = above.lowest(skew), -below.lowest(-skew)
         w = exp(n * (ceiling - floor - widest) / tail)
         level = 0.5 * (ceiling + floor)
         weight += w
@@ -97,14 +117,14 @@ def fit_between(
     )
 
 
-def _highest(concave: Callable[[float], float], low: float, high: float) -> float:
-    """Where a concave function is highest, by thirds."""
-    for _ in range(THIRDS):
-        a, b = low + (high - low) / 3.0, high - (high - low) / 3.0
-        if concave(a) < concave(b):
-            low = a
+def _highest(rises: Callable[[float], bool], low: float, high: float) -> float:
+    """Where a concave function that tells whether it rises is highest, by halves."""
+    for _ in range(TO_THE_TOP):
+        middle = 0.5 * (low + high)
+        if rises(middle):
+            low = middle
         else:
-            high = b
+            high = middle
     return 0.5 * (low + high)
 
 
@@ -112,7 +132,7 @@ def _falls_to(concave: Callable[[float], float], top: float, end: float, value: 
     """Between the top of a concave function and ``end``, where it has fallen to ``value``, by halves; else ``end``."""
     if concave(end) >= value:
         return end
-    for _ in range(HALVES):
+    for _ in range(DOWN):
         middle = 0.5 * (top + end)
         if concave(middle) >= value:
             top = middle

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import prod
 
 from fwav_companion.geometry.rotations import Quaternion, conjugate, multiply
 from fwav_companion.nouns import AttitudeSample
@@ -12,12 +13,10 @@ from fwav_companion.telemetry.pieces import aligned
 def left_out2(neighbours: Sequence[AttitudeSample], sample: AttitudeSample) -> float:
     """(rad)^2 between a sample and what the polynomial through its neighbours says."""
     nodes = [(n.boot_ns - sample.boot_ns) * 1e-9 for n in neighbours]
+    whole = prod(nodes)
     w = x = y = z = 0.0
-    for k, (qw, qx, qy, qz) in enumerate(aligned([n.ned_from_body for n in neighbours])):
-        weight = 1.0
-        for j, node in enumerate(nodes):
-            if j != k:
-                weight *= node / (node - nodes[k])
+    for at, (qw, qx, qy, qz) in zip(nodes, aligned([n.ned_from_body for n in neighbours]), strict=True):
+        weight = whole / (at * prod([node - at for node in nodes if node != at]))
         w += weight * qw
         x += weight * qx
         y += weight * qy

@@ -21,7 +21,7 @@ from math import atan2, exp, hypot, sqrt
 import msgspec
 
 from fwav_companion.geometry.rotations import difference
-from fwav_companion.geometry.vectors import Vector3, add, cross, dot, scale, subtract
+from fwav_companion.geometry.vectors import Matrix3, Vector3, dot, scale, subtract, transform
 from fwav_companion.nouns import AttitudeSample
 
 MEMORY_S = 3.0
@@ -53,7 +53,7 @@ class RateModel(msgspec.Struct, frozen=True):
     def corrected(self, three: Sequence[AttitudeSample]) -> Vector3:
         """The body rates at the middle one of three samples."""
         sent, slope, curve = _basis(three)
-        return add(add(scale(sent, self.gain), scale(slope, self.lag_s)), scale(curve, self.curve_s2))
+        return _mixed(sent, self.gain, slope, self.lag_s, curve, self.curve_s2)
 
 
 AS_SENT = RateModel()
@@ -134,28 +134,42 @@ def _equation(five: Sequence[AttitudeSample]) -> tuple[list[Vector3], Vector3]:
     left = total - right
     turn1 = difference(before.ned_from_body, middle.ned_from_body)
     turn2 = difference(after.ned_from_body, middle.ned_from_body)
+    from_before, from_after = _slope_from_rates(turn1), _slope_from_rates(turn2)
+    a, b, own = a / total, b / total, 1.0 / total
     columns = [
-        scale(add(add(m, scale(_slope(turn1, p), a)), scale(_slope(turn2, n), b)), 1.0 / total)
+        _mixed(transform(from_before, p), a, m, own, transform(from_after, n), b)
         for p, m, n in zip(_basis(five[0:3]), _basis(five[1:4]), _basis(five[2:5]), strict=True)
     ]
     course = subtract(scale(turn2, right / h2), scale(turn1, left / h1))
-    return columns, scale(course, 1.0 / total)
+    return columns, scale(course, own)
 
 
 def _basis(three: Sequence[AttitudeSample]) -> tuple[Vector3, Vector3, Vector3]:
     """The sent rates at the middle sample with their first and second derivatives, by the parabola through three."""
-    h1, h2 = (three[1].boot_ns - three[0].boot_ns) * 1e-9, (three[2].boot_ns - three[1].boot_ns) * 1e-9
-    sent = three[1].rates
-    s1 = scale(subtract(sent, three[0].rates), 1.0 / h1)
-    s2 = scale(subtract(three[2].rates, sent), 1.0 / h2)
-    slope = scale(add(scale(s1, h2), scale(s2, h1)), 1.0 / (h1 + h2))
-    return sent, slope, scale(subtract(s2, s1), 2.0 / (h1 + h2))
+    before, middle, after = three
+    h1, h2 = (middle.boot_ns - before.boot_ns) * 1e-9, (after.boot_ns - middle.boot_ns) * 1e-9
+    first, last = 1.0 / (h1 * (h1 + h2)), 1.0 / (h2 * (h1 + h2))
+    p, m, n = before.rates, middle.rates, after.rates
+    slope = _mixed(p, -h2 * first, m, (h2 - h1) / (h1 * h2), n, h1 * last)
+    return m, slope, _mixed(p, 2.0 * first, m, -2.0 / (h1 * h2), n, 2.0 * last)
 
 
-def _slope(turn: Vector3, rates: Vector3) -> Vector3:
-    """d(turn)/dt of a rotation vector under these body rates: the inverse right Jacobian, to second order."""
-    once = cross(turn, rates)
-    return add(rates, add(scale(once, 0.5), scale(cross(turn, once), 1.0 / 12.0)))
+def _slope_from_rates(turn: Vector3) -> Matrix3:
+    """From body rates to d(turn)/dt of a rotation vector: the inverse right Jacobian, I + [turn]/2 + [turn]^2/12."""
+    x, y, z = turn
+    xx, yy, zz = x * x / 12.0, y * y / 12.0, z * z / 12.0
+    xy, xz, yz = x * y / 12.0, x * z / 12.0, y * z / 12.0
+    x, y, z = 0.5 * x, 0.5 * y, 0.5 * z
+    return ((1.0 - yy - zz, xy - z, xz + y), (xy + z, 1.0 - xx - zz, yz - x), (xz - y, yz + x, 1.0 - xx - yy))
+
+
+def _mixed(a: Vector3, of_a: float, b: Vector3, of_b: float, c: Vector3, of_c: float) -> Vector3:
+    """A weighted sum."""
+    return (
+        a[0] * of_a + b[0] * of_b + c[0] * of_c,
+        a[1] * of_a + b[1] * of_b + c[1] * of_c,
+        a[2] * of_a + b[2] * of_b + c[2] * of_c,
+    )
 
 
 def _solve(n: tuple[float, ...], r: tuple[float, float, float]) -> tuple[float, float, float] | None:

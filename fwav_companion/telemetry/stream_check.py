@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from enum import StrEnum
 from itertools import pairwise
-from math import exp, inf, pi, sqrt
+from math import dist, exp, inf, pi, sqrt
 from typing import Any, NamedTuple
 
 from fwav_companion.geometry.stamps import BootNs
@@ -207,13 +207,13 @@ class StreamCheck:
         """How the body moves, by its attitudes' differences or by the sent rates, whichever tell of more."""
         before, middle, after = seven[2], seven[3], seven[4]
         h = 0.5e-9 * (after.boot_ns - before.boot_ns)
-        q = aligned([s.ned_from_body for s in (before, middle, after)])
-        bend2 = sum((a - 2.0 * b + c) ** 2 for a, b, c in zip(*q, strict=True))
-        drift2 = sum((c - a) ** 2 for a, _, c in zip(*q, strict=True))
+        first, amid, last = aligned([s.ned_from_body for s in (before, middle, after)])
+        halfway = [0.5 * (a + b) for a, b in zip(first, last, strict=True)]
+        bend, drift = 2.0 * dist(halfway, amid), dist(first, last)
         sent = scale(subtract(after.rates, before.rates), 0.5 / h)
         self._spacing += gain * (h - self._spacing)
-        self._acceleration2 += gain * (max(4.0 * bend2 / h**4, dot(sent, sent)) - self._acceleration2)
-        self._rate2 += gain * (max(drift2 / h**2, dot(middle.rates, middle.rates)) - self._rate2)
+        self._acceleration2 += gain * (max(4.0 * bend**2 / h**4, dot(sent, sent)) - self._acceleration2)
+        self._rate2 += gain * (max(drift**2 / h**2, dot(middle.rates, middle.rates)) - self._rate2)
 
     def _try_out(self, seven: Sequence[AttitudeSample], gain: float) -> None:
         others = [seven[k] for k in (0, 1, 2, 4, 5, 6)]

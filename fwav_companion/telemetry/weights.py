@@ -7,6 +7,7 @@ one, and the likeliest floor is taken: a small one where delays have long tails,
 from __future__ import annotations
 
 from math import log, pi, sqrt
+from operator import truediv
 from typing import TypeAlias
 
 SKEW_PRIOR = 300e-6
@@ -44,13 +45,13 @@ class RoundTripWeights:
         level, skew, *_ = self.line(times, offsets, excesses)
         residuals2 = [(y - level - skew * t) ** 2 for t, y in zip(times, offsets, strict=True)]
         middle = max(RESOLUTION_S, sorted(excesses)[len(excesses) // 2])
-        best = -1e300
+        excesses2, best = [x * x for x in excesses], -1e300
         for factor in _FLOORS:
             floor2 = (factor * middle) ** 2
-            shapes = [floor2 + x * x for x in excesses]
-            scale = sum(r / v for r, v in zip(residuals2, shapes, strict=True)) / (len(shapes) - 2)
+            shapes = [floor2 + x2 for x2 in excesses2]
+            scale = sum(map(truediv, residuals2, shapes)) / (len(shapes) - 2)
             scale = max(scale, RESOLUTION_S**2 / shapes[-1], 1e-12)
-            likelihood = -0.5 * (len(shapes) * log(scale) + sum(log(v) for v in shapes))
+            likelihood = -0.5 * (len(shapes) * log(scale) + sum(map(log, shapes)))
             if likelihood > best:
                 best, self._floor_s, self._scale = likelihood, sqrt(floor2), scale
 
@@ -76,8 +77,7 @@ class RoundTripWeights:
 
     def log_likelihood(self, fit: Fit, times: list[float], offsets: list[float], excesses: list[float]) -> float:
         """Of the offsets, about a weighted line."""
-        total = 0.0
-        for t, y, x in zip(times, offsets, excesses, strict=True):
-            w = self.of(x)
-            total += 0.5 * log(w / (2.0 * pi)) - 0.5 * w * (y - fit[0] - fit[1] * t) ** 2
-        return total
+        level, skew, *_ = fit
+        weights = [self.of(x) for x in excesses]
+        squares = [w * (y - level - skew * t) ** 2 for w, t, y in zip(weights, times, offsets, strict=True)]
+        return 0.5 * (sum(map(log, weights)) - len(weights) * log(2.0 * pi) - sum(squares))
