@@ -9,7 +9,7 @@ from fwav_companion.geometry.mounts import corrected_mount, euler_from_body_from
 from fwav_companion.geometry.vectors import Matrix3
 from fwav_companion.nouns import Notice, Severity
 from fwav_companion.recording.lines import Line, calibration_line
-from fwav_companion.tracking import CalibrationReport, CalibrationStatus
+from fwav_companion.tracking import CalibrationReport, CalibrationStatus, Common, Loosening
 
 
 class CalibrationNews:
@@ -19,6 +19,7 @@ class CalibrationNews:
         self._body_from_camera = body_from_camera
         self._time_offset_s = time_offset_s
         self._told_mistake = ""
+        self._told_denied: set[int] = set()
         self._told_status = CalibrationStatus.WAITING
 
     def line(self, report: CalibrationReport, time_unix: float) -> Line:
@@ -42,7 +43,14 @@ class CalibrationNews:
         if report.status is not self._told_status and report.status is not CalibrationStatus.WAITING:
             self._told_status = report.status
             told = (*told, Notice(Severity.INFO, f"self-calibration: {self._what_came_out(report)}"))
+        if report.status is CalibrationStatus.CALIBRATED:
+            told = (*told, *self._denials(report))
         return told
+
+    def _denials(self, report: CalibrationReport) -> list[Notice]:
+        news = [each for each in report.denied if each.unknown not in self._told_denied]
+        self._told_denied.update(each.unknown for each in news)
+        return [Notice(Severity.WARNING, f"self-calibration: {_denial(each)}", to_ground=True) for each in news]
 
     def _what_came_out(self, report: CalibrationReport) -> str:
         if report.status is CalibrationStatus.AMBIGUOUS:
@@ -81,3 +89,13 @@ class CalibrationNews:
             "mistake": report.mistake,
             "configuration_lines": self.configuration_lines(report),
         }
+
+
+def _denial(each: Loosening) -> str:
+    if each.unknown == Common.HEIGHT:
+        return (
+            f"height above ground is told {each.alone:+.1f} m off, beyond [uncertainty] height_bias_m: "
+            "is the ground there where [ground] has it?"
+        )
+    axis = "xyz"[each.unknown - Common.MOUNT_X]
+    return f"mount is {degrees(each.alone):+.1f} degrees off about body {axis}, beyond [uncertainty] mount_bias_deg"

@@ -2,12 +2,15 @@
 
 Pure: frames come in with their own capture times, tracks go out. Reading order: ``options``, ``base``, ``estimate``,
 ``kalman``, ``lowpass``, ``moving``; ``association``, ``lifecycle``, ``alive``, ``tracker``, ``making``, ``reorder``;
-and for self-calibration ``rays``, ``course``, ``joint``, ``fit``, ``search``, ``answer``, ``verdict``, ``calibrator``.
+and for self-calibration ``rays``, ``course``, ``joint``, ``fit``, ``search``, ``answer``,
+``loosening``, ``verdict``, ``calibrator``.
 """
 
 from fwav_companion.tracking.calibration import CalibrationReport, KeptCalibration
+from fwav_companion.tracking.loosening import Loosening
 from fwav_companion.tracking.making import make_tracker, tracker_with
 from fwav_companion.tracking.options import TrackingOptions
+from fwav_companion.tracking.rays import Common
 from fwav_companion.tracking.reorder import Reorder, Settled
 from fwav_companion.tracking.tracker import Tracker
 from fwav_companion.tracking.verdict import CalibrationStatus
@@ -15,7 +18,9 @@ from fwav_companion.tracking.verdict import CalibrationStatus
 __all__ = [
     "CalibrationReport",
     "CalibrationStatus",
+    "Common",
     "KeptCalibration",
+    "Loosening",
     "Reorder",
     "Settled",
     "Tracker",

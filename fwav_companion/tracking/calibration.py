@@ -10,6 +10,7 @@ import msgspec
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.tracking.answer import MOUNT
+from fwav_companion.tracking.loosening import Loosening
 from fwav_companion.tracking.rays import Common
 from fwav_companion.tracking.verdict import CalibrationStatus, Verdict
 
@@ -51,6 +52,8 @@ class CalibrationReport(msgspec.Struct, frozen=True, kw_only=True):
     """Of AMBIGUOUS: corrections of the time offset that explain what was seen alike, the likeliest first."""
     mistake: str = ""
     """A gross mistake in the mount, as a sentence; nothing is estimated then."""
+    denied: tuple[Loosening, ...] = ()
+    """Priors of mount and height that this flight denies: it was believed instead."""
     keep: KeptCalibration | None = None
     """What is worth keeping for the next flight; None while that is nothing."""
 

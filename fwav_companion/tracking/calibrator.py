@@ -22,6 +22,7 @@ from fwav_companion.tracking.calibration import CalibrationReport, believed, wor
 from fwav_companion.tracking.course import Course
 from fwav_companion.tracking.estimate import Surprise
 from fwav_companion.tracking.fit import Fit
+from fwav_companion.tracking.loosening import Loosening
 from fwav_companion.tracking.mistakes import Suspicion
 from fwav_companion.tracking.rays import COMMON_COUNT, Common, Glimpse, glimpse_of
 from fwav_companion.tracking.search import UNEXPLAINED, Found, InVain, Search, search_of
@@ -115,6 +116,11 @@ class Calibrator(msgspec.Struct, frozen=True):
         return self.places.get(track)
 
     @property
+    def denied(self) -> tuple[Loosening, ...]:
+        """Priors of the configuration that this flight denies."""
+        return () if self.verdict is None else self.verdict.denied
+
+    @property
     def mount_off(self) -> float:
         """How far from the configured mount the true one may be, rad: what was found, and two sigma of the rest."""
         means, sigmas = believed(self.verdict, self.shop.means, self.shop.sigmas)
@@ -140,6 +146,7 @@ class Calibrator(msgspec.Struct, frozen=True):
             status=self._status(),
             rivals=() if self.vain is None else self.vain.rivals,
             mistake=self.suspicion.text,
+            denied=self.denied,
             keep=worth_keeping(self.verdict, self.shop.sigmas),
         )
 

@@ -187,11 +187,15 @@ class Tracker:
         return CalibratedBelief(calibrator, track.id, placed, track.belief)
 
     def _seen_as(self, track: Alive) -> Belief:
-        """The track by the surer of its own filter and the joint estimate: a flight may show the latter little."""
-        calibrated = self._calibrated(track)
-        if calibrated is None or horizontal_sigma(calibrated.cov) > horizontal_sigma(track.belief.cov):
+        """The track by the surer of its own filter and the joint estimate: a flight may show the latter little.
+
+        A filter that rests on a prior which the flight denies is sure of nothing.
+        """
+        calibrated, calibrator = self._calibrated(track), self._calibrator
+        if calibrated is None or calibrator is None:
             return track.belief
-        return calibrated
+        surer = horizontal_sigma(track.belief.cov) < horizontal_sigma(calibrated.cov)
+        return track.belief if surer and not calibrator.denied else calibrated
 
 
 def _living(tracks: list[Alive]) -> int:

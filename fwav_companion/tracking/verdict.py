@@ -17,6 +17,7 @@ import msgspec
 from fwav_companion.tracking.answer import CONSIDERED, MOUNT, Held, all_but, cholesky, holding, solved
 from fwav_companion.tracking.joint import Joint
 from fwav_companion.tracking.linear import Symmetric2
+from fwav_companion.tracking.loosening import Loosening, loosenings
 from fwav_companion.tracking.rays import COMMON_COUNT, Common
 
 DELAY_SHOWN = 0.5
@@ -60,9 +61,13 @@ class Verdict(msgspec.Struct, frozen=True):
     report: Held
     contradicted: bool
     """The configuration, by what was shown."""
+    denied: tuple[Loosening, ...] = ()
+    """Priors of the configuration that cannot be right."""
 
     def about(self, joint: Joint, means: tuple[float, ...]) -> Verdict:
         """The same judgement, and the targets by a newer joint estimate. What is reported stays as it was judged."""
+        for loosening in self.denied:
+            joint = loosening.of(joint)
         plain = self.plain.about(joint, means)
         free = plain if self.free is self.plain else self.free.about(joint, means)
         return msgspec.structs.replace(self, free=free, plain=plain)
@@ -104,6 +109,10 @@ class Verdict(msgspec.Struct, frozen=True):
 
 def judged(joint: Joint, means: tuple[float, ...], sigmas: tuple[float, ...], *, various: bool) -> Verdict:
     """``various``: the targets were seen from different headings or at different ranges."""
+    denied = loosenings(joint, means, sigmas)
+    for each in denied:
+        joint = each.of(joint)
+        sigmas = (*sigmas[: each.unknown], each.wider_sigma, *sigmas[each.unknown + 1 :])
     delay: tuple[int, ...] = (Common.DELAY, Common.READOUT)  # a delay of the rows below the first is one, too
     plain = holding(joint, all_but(delay), means, sigmas)
     if plain.known_sigma(Common.DELAY) > DELAY_SHOWN * sigmas[Common.DELAY]:
@@ -112,7 +121,7 @@ def judged(joint: Joint, means: tuple[float, ...], sigmas: tuple[float, ...], *,
     shown = _shown(joint, means, sigmas, delay) if various else ()
     if not shown:
         status = CalibrationStatus.TIME if delay else CalibrationStatus.WAITING
-        return Verdict(status, plain, plain, plain, contradicted=False)
+        return Verdict(status, plain, plain, plain, contradicted=False, denied=denied)
     report = holding(joint, all_but([*delay, *shown]), means, sigmas).undoubting(Common.HEADING)
     free = holding(joint, all_but([*delay, *shown, Common.HEADING]), means, sigmas)
     return Verdict(
@@ -121,6 +130,7 @@ def judged(joint: Joint, means: tuple[float, ...], sigmas: tuple[float, ...], *,
         plain=plain,
         report=report,
         contradicted=_distance2(report, shown, means) > CONTRADICTION,
+        denied=denied,
     )
 
 

@@ -1,0 +1,89 @@
+"""Priors that a flight denies: widened to what it says, instead of bending everything else.
+
+A height above a home that was set metres off, or a mount that somebody moved, lies many sigma outside of [uncertainty].
+An unknown held there, or pulled there, would be told as another one: a height as a mount off by degrees, and every
+target with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import hypot
+
+import msgspec
+
+from fwav_companion.tracking.answer import CONSIDERED, MOUNT
+from fwav_companion.tracking.joint import Joint
+from fwav_companion.tracking.rays import Common
+
+DENIED = 20.0
+"""Square of what was learned of an unknown over its expectation: a right prior exceeds it once in 130 000 flights."""
+ASKED = (*MOUNT, Common.HEIGHT)
+"""Not the heading, which is part of the mount as it is told; the delay is searched for, far beyond its prior."""
+
+
+class Loosening(msgspec.Struct, frozen=True, gc=False):
+    """One prior that is wider than it was configured to be."""
+
+    unknown: int
+    mean: float
+    sigma: float
+    """As configured."""
+    alone: float
+    """What the flight says without it."""
+
+    @property
+    def wider_sigma(self) -> float:
+        """So wide that the flight is believed."""
+        return hypot(self.sigma, self.alone - self.mean)
+
+    def of(self, joint: Joint) -> Joint:
+        """The joint estimate as it would be with the wider prior.
+
+        Information that a prior brought is taken away again (Sherman and Morrison), but for the vehicle's position,
+        which is only considered.
+        """
+        less = self.sigma**-2 - self.wider_sigma**-2
+        column = joint.cov[self.unknown]
+        factor = less / (1.0 - less * column[self.unknown])
+        moved = factor * (joint.mean[self.unknown] - self.mean)
+        mean = [m + c * moved for m, c in zip(joint.mean, column, strict=True)]
+        cov = [
+            [p + factor * a * b for p, b in zip(row, column, strict=True)]
+            for row, a in zip(joint.cov, column, strict=True)
+        ]
+        for i in CONSIDERED:
+            mean[i] = joint.mean[i]
+            for j in CONSIDERED:
+                cov[i][j] = joint.cov[i][j]
+        return msgspec.structs.replace(joint, mean=tuple(mean), cov=tuple(map(tuple, cov)))
+
+
+def loosenings(joint: Joint, means: Sequence[float], sigmas: Sequence[float]) -> tuple[Loosening, ...]:
+    """The priors that this flight denies, in the order in which they are to be widened."""
+    found: list[Loosening] = []
+    left = [i for i in ASKED if sigmas[i] > 0.0]
+    while left:
+        denial, unknown = max((_denial(joint, i, means[i], sigmas[i]), i) for i in left)
+        if denial <= DENIED:
+            break
+        loosening = _loosening(joint, unknown, means[unknown], sigmas[unknown])
+        found.append(loosening)
+        left.remove(unknown)
+        joint = loosening.of(joint)
+    return tuple(found)
+
+
+def _learned2(joint: Joint, unknown: int, sigma: float) -> float:
+    """Variance of the posterior mean about the prior one, if the prior is right."""
+    return sigma * sigma - joint.cov[unknown][unknown]
+
+
+def _denial(joint: Joint, unknown: int, mean: float, sigma: float) -> float:
+    learned2 = _learned2(joint, unknown, sigma)
+    return (joint.mean[unknown] - mean) ** 2 / learned2 if learned2 > 0.0 else 0.0
+
+
+def _loosening(joint: Joint, unknown: int, mean: float, sigma: float) -> Loosening:
+    moved = joint.mean[unknown] - mean
+    return Loosening(unknown, mean, sigma, mean + moved * sigma * sigma / _learned2(joint, unknown, sigma))

@@ -1,0 +1,87 @@
+"""Priors that cannot be right are widened, not obeyed; those that can are left alone."""
+
+import msgspec
+import numpy as np
+import pytest
+from tracking_simulation import Flight, World, priors
+
+from fwav_companion.flow.calibration_news import CalibrationNews
+from fwav_companion.nouns import BIAS_COUNT, Bias, Severity
+from fwav_companion.tracking import CalibrationStatus, Common, TrackingOptions, make_tracker
+from fwav_companion.tracking.joint import joint_of
+from fwav_companion.tracking.loosening import Loosening, loosenings
+from fwav_companion.tracking.rays import COMMON_COUNT
+
+TARGET = (2.0, 3.0)
+SIGMAS = np.array([0.01, 0.02, 0.02, 0.02, 0.03, 0.5, 0.0, 0.0, 0.0])
+MEANS = (0.0,) * COMMON_COUNT
+USED = np.flatnonzero(SIGMAS)
+
+
+def informed(truth, sigmas, seed=4, measurements=40):
+    """What a batch fit makes of made-up measurements of everything together, about as sharp as the usual priors."""
+    rng = np.random.default_rng(seed)
+    rows = rng.normal(0.0, 1.0 / SIGMAS[USED], (measurements, len(USED)))
+    seen = rows @ np.array(truth)[USED] + rng.normal(0.0, 1.0, measurements)
+    cov, mean = np.zeros((COMMON_COUNT, COMMON_COUNT)), np.zeros(COMMON_COUNT)
+    cov[np.ix_(USED, USED)] = np.linalg.inv(np.diag(np.array(sigmas)[USED] ** -2.0) + rows.T @ rows)
+    mean[USED] = cov[np.ix_(USED, USED)] @ rows.T @ seen
+    blank = joint_of(priors(), tuple(sigmas), MEANS, MEANS)
+    return msgspec.structs.replace(blank, mean=tuple(mean), cov=tuple(map(tuple, cov)))
+
+
+def test_a_loosened_estimate_is_that_of_the_wider_prior():
+    truth = [0.0, 0.01, -0.02, 0.0, 0.0, 3.0, 0.0, 0.0, 0.0]
+    loosening = Loosening(Common.HEIGHT, 0.0, 0.5, 3.0)
+    wide = SIGMAS.copy()
+    wide[Common.HEIGHT] = loosening.wider_sigma
+    loosened, expected = loosening.of(informed(truth, SIGMAS)), informed(truth, wide)
+    assert loosened.mean == pytest.approx(expected.mean, rel=1e-9, abs=1e-12)
+    assert np.array(loosened.cov) == pytest.approx(np.array(expected.cov), rel=1e-9, abs=1e-15)
+
+
+def test_what_the_flight_says_alone_is_what_it_says_without_the_prior():
+    truth = [0.0, 0.0, 0.0, 0.3, 0.0, 4.0, 0.0, 0.0, 0.0]
+    found = {each.unknown: each.alone for each in loosenings(informed(truth, SIGMAS), MEANS, tuple(SIGMAS))}
+    free = SIGMAS.copy()
+    free[[Common.MOUNT_Z, Common.HEIGHT]] = 1e6
+    expected = informed(truth, free)
+    assert found.keys() == {Common.MOUNT_Z, Common.HEIGHT}
+    assert found[Common.HEIGHT] == pytest.approx(expected.mean[Common.HEIGHT], rel=0.05)
+    assert found[Common.MOUNT_Z] == pytest.approx(expected.mean[Common.MOUNT_Z], rel=0.05)
+
+
+def test_a_prior_that_is_right_is_hardly_ever_denied():
+    rng, denied = np.random.default_rng(9), 0
+    for seed in range(2000):
+        truth = rng.normal(0.0, 1.0, COMMON_COUNT) * SIGMAS
+        denied += bool(loosenings(informed(truth, SIGMAS, seed, measurements=12), MEANS, tuple(SIGMAS)))
+    assert denied <= 1
+
+
+def flown(flight):
+    world, best = World(flight), None
+    tracker = make_tracker(TrackingOptions(self_calibration=True), flight.priors, world.state_at)
+    for view in world.frames():
+        for track in tracker.on_frame(view):
+            if track.confirmed_host_ns is not None and (best is None or track.id == best.id):
+                best = track
+    return best, tracker.calibration
+
+
+@pytest.mark.parametrize(("height_m", "mount_y_deg"), [(1.5, 0.0), (-2.5, 1.0), (0.0, 6.0)])
+def test_a_height_or_a_mount_far_beyond_its_prior_is_found_and_told_and_bends_nothing_else(height_m, mount_y_deg):
+    biases = np.zeros(BIAS_COUNT)
+    biases[Bias.TIME_OFFSET], biases[Bias.HEIGHT] = 0.035, height_m
+    biases[[Bias.MOUNT_X, Bias.MOUNT_Y]] = np.radians([0.5, mount_y_deg])
+    track, report = flown(Flight(seed=4, seconds=30, biases=biases, priors=priors(height=0.2)))
+    error = np.subtract(track.position_ned[:2], TARGET)
+    assert report.status is CalibrationStatus.CALIBRATED
+    assert np.degrees(report.mount) == pytest.approx([-0.5, -mount_y_deg, 0.0], abs=0.3)
+    assert report.height_m == pytest.approx(height_m, abs=0.4)
+    assert error @ np.linalg.solve(np.array(track.cov)[:2, :2], error) < 13.8
+
+    news = CalibrationNews(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), 0.0)
+    (told,) = (each.text for each in news.notices(report) if each.severity is Severity.WARNING)
+    assert ("height_bias_m" if height_m else "mount_bias_deg") in told
+    assert not [each for each in news.notices(report) if each.severity is Severity.WARNING]
