@@ -7,7 +7,7 @@ from typing import Final
 
 import msgspec
 
-from fwav_companion.calibrating.boards.finder import Grey
+from fwav_companion.calibrating.boards.finder import SMALLEST_PX, Finder, Found, Grey
 from fwav_companion.calibrating.boards.make import finder_of
 from fwav_companion.calibrating.boards.spec import Board, parse_board
 from fwav_companion.calibrating.pictures import Shot, same_size
@@ -39,7 +39,7 @@ def look(taken: Sequence[Shot], board: Board, on_step: Callable[[], None]) -> Lo
     unseen: list[str] = []
 
     def show(shot: Shot, grey: Grey) -> None:
-        found = finder.find(grey)
+        found = _found(finder, grey)
         if found is None:
             unseen.append(shot.name)
         else:
@@ -63,6 +63,10 @@ def _hint(taken: Sequence[Shot], board: Board) -> str:
             other = parse_board(":".join(words))
         except UserError:
             continue
-        if any(finder_of(other).find(picture) is not None for picture in pictures):
+        if any(_found(finder_of(other), picture) is not None for picture in pictures):
             return f"a {words[1]} is there: inner corners are counted, not squares"
     return ""
+
+
+def _found(finder: Finder, grey: Grey) -> Found | None:
+    return finder.find(grey) if min(grey.shape) >= SMALLEST_PX else None

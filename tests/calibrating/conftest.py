@@ -14,10 +14,10 @@ from drawn_boards import PAPER, chess_grey, half_size, picture, poses
 
 @pytest.fixture(scope="session")
 def chess_folder(tmp_path_factory):
-    """Ten pictures of 320x240 of a 7x5 chessboard, by half of the paper's lens."""
+    """Twelve pictures of 320x240 of a 7x5 chessboard, by half of the paper's lens."""
     folder = tmp_path_factory.mktemp("chess")
     rng = np.random.default_rng(3)
-    places = poses(rng, 10, 0.2, reach=0.33, share=0.3)
+    places = poses(rng, 12, 0.2, reach=0.33, share=0.4, tilt=0.9)
     for i, pose in enumerate(places):
         cv2.imwrite(
             str(folder / f"{i:02d}.png"), picture(half_size(PAPER), pose, chess_grey(7, 5, 0.025), rng, samples=2)

@@ -44,12 +44,12 @@ def test_without_noise_the_lens_comes_back(name):
 def test_with_noise_it_comes_back_within_its_claim(name):
     lens, where, coefficients = LENSES[name]
     fitted = fit(lens, **where)
-    truth = np.array([*lens.centre, lens.aspect, *lens.c])
+    truth = np.array([*lens.centre, lens.aspect, *lens.c, 0.0])[: len(fitted.lens)]
     assert fitted.noise_px == pytest.approx(0.1, rel=0.1)
-    assert fitted.coefficients == coefficients
-    if len(truth) == len(fitted.lens):
+    assert fitted.coefficients in {coefficients, coefficients + 1}  # one in twenty too many
+    if fitted.coefficients >= len(lens.c):
         error = fitted.lens - truth
-        assert error @ np.linalg.solve(fitted.claim.covariance, error) < 27.9  # 99.9 % of chi2 with 9
+        assert error @ np.linalg.solve(fitted.claim.covariance, error) < 26.1  # 99.9 % of chi2 with 8
     miss = np.degrees(np.abs(ray_errors(lens, fitted, np.array([0.5 * fitted.claim.reached]))).max() / lens.c[0])
     sigma = np.degrees(fitted.ray_sigmas(np.array([0.5 * fitted.claim.reached]))[0][0])
     assert miss < 3.5 * sigma

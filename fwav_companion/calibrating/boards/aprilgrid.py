@@ -1,8 +1,8 @@
 """Kalibr's grid of AprilTags with small black squares between their corners; a part of it is enough.
 
-The squares join the tags into one dark shape, in which OpenCV's own way finds no quadrangles; the AprilTag library's
-way, which follows the edges, does, to half a pixel. Where a tag's corner meets a square, black and white form a saddle
-like a chessboard's, and there the corner is refined.
+The squares join the tags into one dark shape. In large tags OpenCV's own way finds the quadrangles nevertheless, in
+small ones more often the AprilTag library's, which follows the edges; so both are asked. Where a tag's corner meets a
+square, black and white form a saddle like a chessboard's, and there the corner is refined.
 """
 
 from __future__ import annotations
@@ -32,25 +32,27 @@ class AprilgridFinder:
         if board.across * board.down > TAGS:
             raise UserError(f"--board {board.text!r}: accepted: at most the {TAGS} tags of 36h11")
         self._board = board
-        self._detector = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11))
-        parameters = self._detector.getDetectorParameters()
-        parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_APRILTAG
-        self._detector.setDetectorParameters(parameters)
+        self._detectors = []
+        for way in (cv2.aruco.CORNER_REFINE_NONE, cv2.aruco.CORNER_REFINE_APRILTAG):
+            detector = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11))
+            parameters = detector.getDetectorParameters()
+            parameters.cornerRefinementMethod = way
+            detector.setDetectorParameters(parameters)
+            self._detectors.append(detector)
 
     def find(self, picture: Grey) -> Found | None:
         """The corners of all tags that are seen."""
-        quads, ids, _ = self._detector.detectMarkers(picture)
-        numbers = [] if ids is None else [int(number) for number in np.ravel(ids)]
-        seen = [
-            (number, quad.reshape(4, 2).astype(np.float64))
-            for number, quad in zip(numbers, quads, strict=True)
-            if number < self._board.across * self._board.down
-        ]
+        seen: dict[int, Floats] = {}
+        for detector in self._detectors:
+            quads, ids, _ = detector.detectMarkers(picture)
+            for number, quad in zip([] if ids is None else np.ravel(ids).tolist(), quads, strict=True):
+                if number < self._board.across * self._board.down:
+                    seen.setdefault(number, np.asarray(quad, dtype=np.float64).reshape(4, 2))
         if not seen:
             return None
         reach = INSIDE / MODULES
-        pixels = np.concatenate([refined(picture, quad, reach * _shortest_side(quad)) for _, quad in seen])
-        layouts = (self._places([number for number, _ in seen], up, first) for up in UP for first in range(4))
+        pixels = np.concatenate([refined(picture, quad, reach * _shortest_side(quad)) for quad in seen.values()])
+        layouts = (self._places(list(seen), up, first) for up in UP for first in range(4))
         return min(layouts, key=lambda places: _misfit(places, pixels)), pixels
 
     def _places(self, numbers: list[int], up: float, first: int) -> Floats:

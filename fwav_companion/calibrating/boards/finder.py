@@ -19,6 +19,10 @@ SMALLEST_WINDOW, LARGEST_WINDOW = 2, 11
 """Pixels from a corner to the edge of what is looked at: fewer are noise, more only cost time."""
 
 
+SMALLEST_PX: Final = 32
+"""A picture's shorter side: OpenCV's finders stumble over less, and no board fits in."""
+
+
 class Finder(Protocol):
     """Finds one kind of board."""
 

@@ -61,7 +61,7 @@ def parse_board(text: str) -> Board:
 
 
 def _counts(text: str, kind: str, word: str) -> tuple[int, int]:
-    match = re.fullmatch(r"(\d{1,4})x(\d{1,4})", word)
+    match = re.fullmatch(r"([0-9]{1,4})x([0-9]{1,4})", word)
     least = FEWEST + (kind != "aprilgrid")
     if match is None or not all(least <= int(count) <= MOST for count in match.groups()):
         raise _refused(text, f"two counts of {least} to {MOST}, as {EXAMPLES[kind]}")
@@ -69,7 +69,7 @@ def _counts(text: str, kind: str, word: str) -> tuple[int, int]:
 
 
 def _metres(text: str, kind: str, word: str) -> float:
-    match = re.fullmatch(r"(\d+\.?\d*|\.\d+)(mm|cm|m)", word)
+    match = re.fullmatch(r"([0-9]+\.?[0-9]*|\.[0-9]+)(mm|cm|m)", word)
     if match is None:
         raise _refused(text, f"a length in mm, cm or m, as {EXAMPLES[kind]}")
     metres = float(match[1]) * METRES[match[2]]

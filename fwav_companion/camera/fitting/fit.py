@@ -196,7 +196,7 @@ def image_angle(fitted: Fitted) -> float | None:
         hypot(x - u, (y - v) / fitted.lens[STRETCH]) for x in (-0.5, width - 0.5) for y in (-0.5, height - 0.5)
     )
     grid = np.linspace(0.0, np.pi, 3601)
-    rising = np.minimum.accumulate(slope(fitted.lens, grid) > 0.0)
+    falling = np.flatnonzero(slope(fitted.lens, grid) <= 0.0)
+    grid = grid[: falling[0]] if len(falling) else grid
     r = radius(fitted.lens, grid)
-    there = np.flatnonzero(rising & (r >= farthest))
-    return float(grid[there[0]]) if len(there) else None
+    return float(np.interp(farthest, r, grid)) if r[-1] >= farthest else None
