@@ -35,12 +35,18 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
     )
     add = parser.add_argument
     add("--seconds", type=float, default=30.0, help="length of the flight; default %(default)g")
-    add("--seed", type=int, default=1, help="of everything that is wrong with the vehicle; default %(default)d")
+    add("--seed", type=_seed, default=1, help="of everything that is wrong with the vehicle; default %(default)d")
     add("--out", metavar="DIR", default="demo-out", help="recording and report.html; default %(default)s")
     add("--scenario", choices=SCENARIOS, default=SCENARIOS[0], help="demo_blur: an exposure so long that mostly the "
         "moments of low rate leave a tag readable")  # fmt: skip
     add("--json", action="store_true", help="end with the result as one JSON object")
     parser.set_defaults(run=run)
+
+
+def _seed(text: str) -> int:
+    if not (text.isascii() and text.isdecimal()):
+        raise argparse.ArgumentTypeError(f"{text}: accepted: a whole number from 0")
+    return int(text)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -50,17 +56,16 @@ def run(arguments: argparse.Namespace) -> int:
     for module, package in (("cv2", "fwav-companion[demo]"), ("sitl_mock", "fwav-companion[demo]")):
         if find_spec(module) is None:
             raise UserError(f"demo: {module} is not installed; accepted: pip install '{package}'")
-    from rich.console import Console
-
+    from fwav_companion.demo.alone import alone_in
     from fwav_companion.demo.flight import Demonstration
     from fwav_companion.demo.setting import Setting
-    from fwav_companion.demo.table import LiveTable, show_outcome
+    from fwav_companion.demo.table import LiveTable, UnpipedConsole, show_outcome
 
     out = Path(arguments.out).resolve()
-    console = Console()
+    console = UnpipedConsole()
     setting = Setting(arguments.seed, arguments.seconds, arguments.scenario)
     demonstration = Demonstration(setting, out)
-    with as_by_ctrl_c():
+    with as_by_ctrl_c(), alone_in(out):
         with LiveTable(console, arguments.seconds) as table:
             outcome = demonstration.fly(table.watch)
         report = _report(console, demonstration, setting, out, outcome)

@@ -97,7 +97,7 @@ class Demonstration:
         return self._flight_arguments
 
     def fly(self, watch: Callable[[Moment], None]) -> Outcome:
-        """The whole flight in real time; ``watch`` is called a few times a second."""
+        """The whole flight in real time, in a folder that is there; ``watch`` is called a few times a second."""
         with ExitStack() as stack:
             ground = stack.enter_context(GroundStation())
             self._prepare(ground.port)
@@ -124,7 +124,6 @@ class Demonstration:
         text = self._setting.config_text(self._port, ground_port)
         self._flight_arguments = self._setting.mock_arguments(parse(text, CONFIG_FILE))
         try:
-            self._out.mkdir(parents=True, exist_ok=True)
             for name in ("truth.jsonl", "pictures.jsonl", "status.json"):
                 (self._out / name).unlink(missing_ok=True)
             (self._out / CONFIG_FILE).write_text(text, encoding="utf-8")
@@ -190,6 +189,9 @@ class Demonstration:
             gone = next((child for child in children[1:] if not child.runs), None)
             if gone is not None:
                 return f"{gone.told} ended before the flight did"
+        recording = str(status.get("recording") or "")
+        if recording.startswith("recording stopped"):
+            return f"the service can keep nothing: {recording}"
         vision = status.get("vision") or {}
         if vision.get("deaths"):
             return f"the vision process ended and the service started another ({vision.get('why') or 'now it works'})"

@@ -28,6 +28,14 @@ INTRODUCTION = (
 )
 
 
+class UnpipedConsole(Console):
+    """Leaves it to the command line what becomes of a pipe that nobody reads; rich's own ends with status 1."""
+
+    def on_broken_pipe(self) -> None:
+        """As any other output that nobody reads."""
+        raise BrokenPipeError
+
+
 class LiveTable:
     """``watch`` shows a moment; outside of a terminal nothing is shown until the end."""
 

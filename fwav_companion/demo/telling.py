@@ -14,6 +14,7 @@ from fwav_companion.demo.crooked import chapter
 from fwav_companion.demo.flight import EYE_MODULE
 from fwav_companion.demo.gnss_error import mean_position_error_m
 from fwav_companion.demo.setting import CONFIG_FILE, SCENARIO, Setting
+from fwav_companion.errors import InputFileError
 from fwav_companion.files.named import load_calibration
 from fwav_companion.files.telemetry import load_telemetry
 from fwav_companion.flow.wiring import own_components
@@ -52,7 +53,10 @@ def write_report(
     )
     path = out / "report.html"
     crooked = chapter(out, setting.seed, told)
-    path.write_text(page(story, depths(lines), crooked), encoding="utf-8")
+    try:
+        path.write_text(page(story, depths(lines), crooked), encoding="utf-8")
+    except OSError as error:
+        raise InputFileError(f"{path}: {error.strerror}; accepted: a folder to write to") from None
     return path, crooked.said
 
 

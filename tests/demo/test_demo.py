@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from fwav_companion.demo.alone import alone_in
+
 COMMAND = [sys.executable, "-m", "fwav_companion", "demo"]
 
 
@@ -74,12 +76,32 @@ def test_a_camera_that_is_killed_ends_it_with_a_clear_word(tmp_path: Path):
             os.kill(pid, 0)
 
 
+def test_a_second_one_in_the_same_folder_is_refused(tmp_path: Path):
+    command = [*COMMAND, "--seconds", "3", "--out", str(tmp_path)]
+    with alone_in(tmp_path):
+        done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert (done.returncode, list(tmp_path.iterdir())) == (2, [])
+    assert f"{tmp_path}: another demonstration flies in it" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_a_recording_that_cannot_be_kept_is_named_at_once(tmp_path: Path):
+    """And not as tags that were not seen."""
+    (tmp_path / "recording").write_text("no folder")
+    done = subprocess.run(
+        [*COMMAND, "--seconds", "30", "--out", str(tmp_path)], capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode == 1
+    assert "the service can keep nothing: recording stopped: " in done.stderr
+
+
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
         (["--seconds", "1"], "--seconds 1: accepted: 3 to 3600"),
         (["--out", "/proc/nowhere"], "accepted: a folder to write to"),
-        (["--seed", "x"], "invalid int value"),
+        (["--seed", "x"], "x: accepted: a whole number from 0"),
+        (["--seed", "-1"], "-1: accepted: a whole number from 0"),
     ],
 )
 def test_a_wrong_use_is_one_line(arguments: list[str], told: str):
