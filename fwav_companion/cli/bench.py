@@ -35,10 +35,13 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Each in turn; 1 if a budget was missed."""
     figures = []
-    for name, measure in _chosen(arguments.only):
-        for figure in _measured(name, measure):
-            figures.append(figure)
-            print(figure, flush=True)
+    try:
+        for name, measure in _chosen(arguments.only):
+            for figure in _measured(name, measure):
+                figures.append(figure)
+                print(figure, flush=True)
+    except ModuleNotFoundError as error:
+        raise UserError(f"bench: {error.name} is not installed; accepted: pip install '.[test]'") from None
     ok = all(figure.ok for figure in figures)
     if arguments.json:
         told = [{**figure._asdict(), "ok": figure.ok} for figure in figures]
@@ -52,8 +55,10 @@ def _chosen(only: list[str]) -> Iterator[tuple[str, Callable[[], Any]]]:
     unknown = [name for name in only if name not in everything.BENCHMARKS]
     if unknown:
         raise UserError(f"bench --only {unknown[0]}: accepted: {', '.join(everything.BENCHMARKS)}")
-    wanted = only or everything.BENCHMARKS
-    return ((name, measure) for name, measure in everything.benchmarks() if name in wanted)
+    chosen: Iterator[tuple[str, Callable[[], Any]]] = everything.benchmarks(
+        [name for name in everything.BENCHMARKS if name in only or not only]
+    )
+    return chosen
 
 
 def _checkout() -> Path:

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from importlib import import_module
 
 from tests.benchmarks.figure import Figure
@@ -25,9 +25,9 @@ BENCHMARKS = (
 """Modules beside this one, each with ``measure() -> list[Figure]``."""
 
 
-def benchmarks() -> Iterator[tuple[str, Callable[[], list[Figure]]]]:
+def benchmarks(names: Sequence[str] = BENCHMARKS) -> Iterator[tuple[str, Callable[[], list[Figure]]]]:
     """Each by its name, imported when its turn comes: one's libraries are no burden on those before it."""
-    for name in BENCHMARKS:
+    for name in names:
         yield name, import_module(f"tests.benchmarks.{name}").measure
 
 

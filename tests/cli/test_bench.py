@@ -2,6 +2,7 @@
 
 import json
 import os
+import sys
 from pathlib import Path
 
 import pytest
@@ -41,6 +42,17 @@ def test_an_unknown_benchmark_is_one_line_and_exit_2(monkeypatch, capsys):
     error = capsys.readouterr().err
     assert error.count("\n") == 1
     assert "decode, corruption" in error
+
+
+def test_without_what_it_compares_with_it_says_what_to_install(monkeypatch, capsys):
+    monkeypatch.chdir(PROJECT)
+    monkeypatch.setitem(sys.modules, "scipy.spatial.transform", None)
+    monkeypatch.delitem(sys.modules, "tests.benchmarks.attitude_at", raising=False)
+    assert main(["bench", "--only", "attitude_at"]) == 2
+    assert capsys.readouterr().err == (
+        "fwav-companion: bench: scipy.spatial.transform is not installed; accepted: pip install '.[test]'\n"
+    )
+    assert main(["bench", "--only", "corruption"]) == 0, "the others need none of it"
 
 
 def test_away_from_a_checkout_it_says_so_in_one_line(monkeypatch, tmp_path, capsys):
