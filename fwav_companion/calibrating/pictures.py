@@ -45,8 +45,8 @@ def silence() -> None:
 
 
 def shots(names: Sequence[str]) -> list[Shot]:
-    """All of them, in the order given; a folder's by name. InputFileError for what is not there or no picture."""
-    files = [file for name in names for file in _files(Path(name))]
+    """Each once, in the order given; a folder's by name. InputFileError for what is not there or no picture."""
+    files = list(dict.fromkeys(file for name in names for file in _files(Path(name))))
     videos = [file for file in files if not cv2.haveImageReader(str(file))]
     if not videos:
         return [Shot(str(file), _reader(file)) for file in _evenly(files, MOST_PICTURES)]

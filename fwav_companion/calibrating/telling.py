@@ -37,13 +37,13 @@ class Row(NamedTuple):
 
 def rows(names: Sequence[str], looked: Looked, result: Fitted | Unfitted) -> list[Row]:
     """Of every picture, in the order given."""
-    told = {name: Row(name, 0, None, None, None, False, "board not seen") for name in looked.unseen}
+    told = {name: Row(name, 0, None, None, None, False, why) for name, why in looked.unused.items()}
     for view in looked.views:
         told[view.name] = Row(view.name, len(view.pixels), None, None, None, False, "")
     for dropped in result.dropped:
         told[dropped.name] = told[dropped.name]._replace(rms_px=dropped.rms_px or None, why=dropped.why)
     for seen in result.seen if isinstance(result, Fitted) else ():
-        out = f"{seen.corners_out} corners thrown out" if seen.corners_out else ""
+        out = f"{seen.corners_out} corner{'s' * (seen.corners_out > 1)} thrown out" if seen.corners_out else ""
         tilt, reached = degrees(seen.tilt), degrees(float(seen.angles.max()))
         told[seen.view.name] = Row(seen.view.name, len(seen.residuals), seen.rms_px, tilt, reached, True, out)
     return [told[name] for name in names]
@@ -62,7 +62,7 @@ def lines(looked: Looked, fitted: Fitted) -> Iterator[str]:
 
 def counted(looked: Looked, fitted: Fitted) -> str:
     """Pictures and corners."""
-    total, seen = len(looked.views) + len(looked.unseen), len(looked.views)
+    total, seen = looked.pictures, len(looked.views)
     corners = sum(len(view.residuals) for view in fitted.seen)
     size = f"{looked.size[0]} x {looked.size[1]}"
     return f"{total} pictures of {size}, the board in {seen}, {len(fitted.seen)} of them used: {corners} corners"

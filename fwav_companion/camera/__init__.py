@@ -1,4 +1,4 @@
-"""Lens models and calibration files' content. Pure; numpy only in :mod:`fwav_companion.camera.batch`."""
+"""Lens models and calibration files' content. Pure; numpy only in ``batch`` and ``fitting``."""
 
 from fwav_companion.camera.brown_conrady import BrownConrady
 from fwav_companion.camera.calibration import Calibration, parse_calibration

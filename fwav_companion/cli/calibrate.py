@@ -52,8 +52,9 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """0: written. 1: no lens fits. UserError: what was given, or what the pictures show, does not do."""
-    if find_spec("cv2") is None:
-        raise UserError("calibrate: cv2 is not installed; accepted: pip install 'fwav-companion[vision]'")
+    for module, extra in (("cv2", "vision"), *([("matplotlib", "demo")] if arguments.report else [])):
+        if find_spec(module) is None:
+            raise UserError(f"calibrate: {module} is not installed; accepted: pip install 'fwav-companion[{extra}]'")
     from fwav_companion.calibrating.boards.spec import parse_board
     from fwav_companion.calibrating.looking import look
     from fwav_companion.calibrating.pictures import shots, silence

@@ -86,8 +86,8 @@ def written(
 
 
 def _title(board: Board, looked: Looked, fitted: Fitted) -> str:
-    count, total = len(fitted.seen), len(looked.views) + len(looked.unseen)
-    return f"{board.text}: {count} of {total} pictures, {fitted.noise_px:.3f} px, {fitted.coefficients} coefficients"
+    of = f"{len(fitted.seen)} of {looked.pictures} pictures"
+    return f"{board.text}: {of}, {fitted.noise_px:.3f} px, {fitted.coefficients} coefficients"
 
 
 def _write(path: Path, text: str, *, overwrite: bool) -> None:

@@ -112,14 +112,25 @@ def test_looking_names_every_picture(chess_folder, tmp_path):
     taken = shots([str(tiny), str(chess_folder)])[:3]
     looked = look(taken, BOARD, lambda: None)
     assert looked.size == (320, 240)
-    assert looked.unseen == (str(tiny),)
+    assert looked.unused == {str(tiny): "board not seen"}
     assert [view.name for view in looked.views] == names(taken)[1:]
     assert all(len(view.pixels) == 35 for view in looked.views)
 
 
 def test_a_picture_too_small_for_any_board_shows_none(tmp_path):
     looked = look(shots([str(grey_picture(tmp_path / "1.png", (1, 1)))]), BOARD, lambda: None)
-    assert (looked.views, len(looked.unseen)) == ((), 1)
+    assert (looked.views, len(looked.unused)) == ((), 1)
+
+
+def test_copies_of_a_view_count_once(chess_folder, tmp_path):
+    for i in range(3):  # the same moment, another noise
+        picture = cv2.imread(str(chess_folder / "00.png"), cv2.IMREAD_GRAYSCALE)
+        grain = np.random.default_rng(i).normal(0.0, 2.0, picture.shape)
+        cv2.imwrite(str(tmp_path / f"{i}.png"), np.clip(picture + grain, 0, 255).astype(np.uint8))
+    looked = look(shots([str(tmp_path), str(tmp_path / "0.png"), str(chess_folder / "01.png")]), BOARD, lambda: None)
+    assert [view.name for view in looked.views] == [str(tmp_path / "0.png"), str(chess_folder / "01.png")]
+    assert set(looked.unused.values()) == {"shows what 0.png shows"}
+    assert looked.pictures == 4
 
 
 @pytest.mark.parametrize("counted", ["8x6", "7x6"])

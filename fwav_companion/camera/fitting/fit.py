@@ -95,7 +95,7 @@ class Fitted(msgspec.Struct, frozen=True, eq=False):
 def fit_lens(views: Sequence[View], image_size: tuple[int, int]) -> Fitted | Unfitted:
     """The lens with r = k1 theta + ... that shows the board's corners where the pictures do."""
     small = tuple(
-        Dropped(view.name, f"{len(view.pixels)} corners tell nothing", 0.0) for view in views if not _is_usable(view)
+        Dropped(view.name, f"{len(view.pixels)} corners are too few", 0.0) for view in views if not _is_usable(view)
     )
     usable = [view for view in views if _is_usable(view)]
     if len(usable) < FEWEST_VIEWS:

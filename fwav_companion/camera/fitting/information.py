@@ -2,7 +2,8 @@
 
 The corners' own scatter is believed only as far as the pictures agree with one another. What a picture pulls the lens
 by, beside what its scatter allows, is an error that all its corners share (a board that is not flat, blur, a finder's
-bias), and widens every claim.
+bias), and widens every claim. What is wrong in all pictures alike, as a board that is bent for good, shows in part
+only: as residuals that no lens takes away.
 """
 
 from __future__ import annotations
