@@ -80,6 +80,11 @@ class Ledger:
         for track in tracks:
             self.write(target_line(track, plane, self._unix_offset_ns))
 
+    @property
+    def has_lines(self) -> bool:
+        """There is something to be written."""
+        return bool(self._lines)
+
     def take(self) -> list[Line]:
         """What is to be written since the last call."""
         lines, self._lines = self._lines, []

@@ -218,6 +218,12 @@ class Pipeline:
         autopilot = self._rooms.identity.autopilot
         return autopilot is not None and autopilot.armed
 
+    @property
+    def has_outputs(self) -> bool:
+        """:meth:`take` would hand back something: after most messages it would not."""
+        told = self._outputs
+        return bool(told.messages or told.notices or self._ledger.has_lines or self._rooms.publisher.has_datagrams)
+
     def take(self) -> Outputs:
         """All outputs since the last call."""
         outputs, self._outputs = self._outputs, Outputs()

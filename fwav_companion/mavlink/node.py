@@ -169,7 +169,7 @@ class Node:
             else:
                 for name in stream.direct:
                     forward((name, data))
-            if stream.watched and not self._read(port, frame, received, now):
+            if stream.watched and not self._read(port, frame, stream, received, now):
                 dropped.append(frame)
         if len(frames) > 1:
             received.forwards = joined(received.forwards)
@@ -218,19 +218,20 @@ class Node:
             if stream.asks_rates and out.is_autopilot and _asks_rates(frame):
                 received.rate_request = f"{frame.system}/{frame.component} on {port.name}"
 
-    def _read(self, port: Port, frame: RawFrame, received: Received, now: HostNs) -> bool:
+    def _read(self, port: Port, frame: RawFrame, stream: Stream, received: Received, now: HostNs) -> bool:
         """A message that somebody here watches, if it is meant for us. False where it may not be believed."""
-        if not self._router.is_for_us(frame.target_system, frame.target_component):
+        if stream.targeted and not self._router.is_for_us(frame.target_system, frame.target_component):
             return True
-        if frame.msgid == _SYSTEM_TIME.msgid:
+        msgid = frame.flow.msgid
+        if msgid == _SYSTEM_TIME.msgid:
             boot_ms = int.from_bytes(frame.payload[_BOOT_OFFSET : _BOOT_OFFSET + 4], "little")
             self._router.on_clock(port, frame, boot_ms, now)
         trust = self._keyring.judge(port, frame, now)
         if trust is Trust.NONE:
             return False
-        if frame.msgid == _HEARTBEAT.msgid and frame.payload_byte(_TYPE_OFFSET) == _MAV_TYPE_GCS:
+        if msgid == _HEARTBEAT.msgid and frame.payload_byte(_TYPE_OFFSET) == _MAV_TYPE_GCS:
             port.ground_station_ns = now
-        if frame.msgid in self._wanted:
+        if msgid in self._wanted:
             received.messages.append(decode(frame, port.name, signed=trust is Trust.SIGNED))
         return True
 

@@ -104,6 +104,11 @@ class Publisher:
         """Say it to people, where the notice asks for it and STATUSTEXT is on."""
         return self._announcer.on_notice(notice, now)
 
+    @property
+    def has_datagrams(self) -> bool:
+        """:meth:`datagrams` would hand back some."""
+        return bool(self._datagrams)
+
     def datagrams(self) -> list[bytes]:
         """Cursor on Target events made since the last call, for the configured address."""
         made = list(self._datagrams)

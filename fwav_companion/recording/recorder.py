@@ -91,7 +91,9 @@ class Recorder:
 
     def on_armed(self, armed: bool, unix_us: int) -> None:
         """The vehicle is armed or not; to be told as often as one likes."""
-        self._queue(self._spans.on_armed(armed, unix_us))
+        steps = self._spans.on_armed(armed, unix_us)
+        if steps:
+            self._queue(steps)
 
     def close(self, timeout_s: float) -> None:
         """Write what waits and end, within the timeout."""

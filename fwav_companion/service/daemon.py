@@ -15,21 +15,20 @@ from fwav_companion import __version__
 from fwav_companion.camera import Calibration
 from fwav_companion.config import Config
 from fwav_companion.files.latest import LatestFile, status_paths
-from fwav_companion.flow.pipeline import Outputs
 from fwav_companion.flow.wiring import make_pipeline
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.links.make import make_link
 from fwav_companion.links.url import SerialUrl
 from fwav_companion.localization import ElevationTile
-from fwav_companion.mavlink.joining import joined
 from fwav_companion.mavlink.node import Received
 from fwav_companion.nouns import Frame, NoFrame
-from fwav_companion.service.alarm import Alarm
+from fwav_companion.service.alarm import NET_NS, Alarm
 from fwav_companion.service.board import BoardWatch, board_name, wall_clock_is_synchronised
 from fwav_companion.service.calibration_memory import CalibrationMemory
 from fwav_companion.service.host_clock import HostClock
 from fwav_companion.service.journal import Journal
 from fwav_companion.service.network import make_node
+from fwav_companion.service.outgoing import Outbox
 from fwav_companion.service.parts import make_detections, make_map_link, make_recorder, make_vision
 from fwav_companion.service.sayings import Sayings, warn
 from fwav_companion.service.signing_memory import SigningMemory
@@ -103,6 +102,7 @@ class Service:
             self._detections = make_detections(config, ears, self._sayings.detections_heard)
             self._vision = make_vision(config, ears, self._sayings.pictures_seen)
         self._journal = Journal(make_recorder(config, beside_recording, self._pipeline, warn), self._clock)
+        self._outbox = Outbox(self._node, self._links, self._map_link, self._journal, self._on_fault)
         self._came, self._came_ns = 0, HostNs(0)
         self._status = LatestFile(status_paths(config.status.file), warn, outlives_us=False)
         self._notifier = SystemdNotifier()
@@ -244,28 +244,17 @@ class Service:
     # What goes out.
 
     def _flush(self, now: HostNs) -> None:
-        outputs = self._pipeline.take()
-        self._send(outputs, now)
-        self._journal.found(outputs.lines, self._pipeline.armed, now)
-        self._sayings.noticed(outputs.notices)
+        if self._pipeline.has_outputs:  # most messages leave nothing to be done
+            outputs = self._pipeline.take()
+            self._node.adopt(self._pipeline.system)
+            self._outbox.send(outputs.messages, outputs.datagrams, now)
+            self._journal.found(outputs.lines, now)
+            self._sayings.noticed(outputs.notices)
+        self._journal.armed(self._pipeline.armed, now)
         self._arm(now)
 
     def _arm(self, now: HostNs) -> None:
         self._alarm.arm(now, self._pipeline.wake_at, self._node.wake_at)
-
-    def _send(self, outputs: Outputs, now: HostNs) -> None:
-        self._node.adopt(self._pipeline.system)
-        sends: list[tuple[str, bytes]] = []
-        for outgoing in outputs.messages:
-            frames = self._node.encode(outgoing, now)
-            sends += frames
-            if frames:
-                self._journal.sent(frames[0][1], now)
-        for name, data in joined(sends):
-            self._links[name].send(data)
-        if self._map_link is not None:
-            for datagram in outputs.datagrams:
-                self._map_link.send(datagram)
 
     # What is told.
 
@@ -274,10 +263,18 @@ class Service:
         if name in self._links:
             (self._node.link_up if up else self._node.link_down)(name)
 
+    def _on_fault(self, message: str, error: Exception) -> None:
+        self._on_internal_fault(asyncio.get_running_loop(), {"message": message, "exception": error})
+
     def _on_internal_fault(self, _loop: asyncio.AbstractEventLoop, context: dict[str, object]) -> None:
-        """A mistake of ours: say it, fall silent for a while as MAVLink demands, and go on."""
+        """A mistake of ours: say it, fall silent for a while as MAVLink demands, and go on.
+
+        Whatever it broke off may be due still, and set no timer. It is not tried again at once: that would never end.
+        """
+        now = self._clock.now()
         self._sayings.faulted(context)
-        self._pipeline.on_internal_fault(self._clock.now())
+        self._pipeline.on_internal_fault(now)
+        self._alarm.arm(now, HostNs(now + NET_NS))
 
     def _status_object(self, now: HostNs) -> dict[str, object]:
         return {

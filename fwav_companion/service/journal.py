@@ -60,11 +60,15 @@ class Journal:
         elif self._recorder is not None:
             self._recorder.detection(self._clock.unix_us(now), encode_frame(frame, self._clock.unix_offset_ns))
 
-    def found(self, lines: Sequence[Line], armed: bool, now: HostNs) -> None:
-        """Lines of the targets file, and whether the vehicle is armed, which decides what is kept."""
+    def found(self, lines: Sequence[Line], now: HostNs) -> None:
+        """Lines of the targets file."""
         if self._recorder is not None:
             for line in lines:
                 self._recorder.target(self._clock.unix_us(now), line)
+
+    def armed(self, armed: bool, now: HostNs) -> None:
+        """Whether the vehicle is armed decides what is kept; to be told as often as one likes."""
+        if self._recorder is not None:
             self._recorder.on_armed(armed, self._clock.unix_us(now))
 
     def tick(self, now: HostNs) -> None:

@@ -1,0 +1,67 @@
+"""A mistake of our own costs what it concerns: not the messages beside it, and not what is due next."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import pytest
+
+from fwav_companion.geometry.stamps import NS_PER_S, HostNs
+from fwav_companion.mavlink.codec import decode
+from fwav_companion.mavlink.node import LinkPolicy, Node
+from fwav_companion.mavlink.scanner import Scanner
+from fwav_companion.nouns import Destination, Outgoing
+from fwav_companion.service.alarm import NET_NS, Alarm
+from fwav_companion.service.daemon import Service
+from fwav_companion.service.journal import Journal
+from fwav_companion.service.outgoing import Outbox
+
+NOW = HostNs(5 * NS_PER_S)
+
+
+class Wire:
+    """A link that keeps what is sent."""
+
+    def __init__(self) -> None:
+        self.sent = b""
+
+    def send(self, data: bytes) -> None:
+        self.sent += data
+
+
+def value(name: str, number: object) -> Outgoing:
+    fields = {"time_boot_ms": 1, "name": name, "value": number}
+    return Outgoing(name="NAMED_VALUE_FLOAT", fields=fields, to=Destination.EVERYONE, component=191)
+
+
+def sent_of(messages: Sequence[Outgoing]) -> tuple[list[str], list[str]]:
+    """(names that left, faults that were told)."""
+    wire, faults = Wire(), []
+    node = Node([LinkPolicy("ground", "gcs")], wanted=())
+    journal = Journal(None, clock=None)
+    Outbox(node, {"ground": wire}, None, journal, lambda what, _: faults.append(what)).send(messages, (), NOW)
+    return [decode(frame).fields.name for frame in Scanner(datagrams=True).feed(wire.sent)], faults
+
+
+def test_what_cannot_be_encoded_takes_nothing_with_it():
+    left, faults = sent_of([value("before", 1.0), value("broken", "no number"), value("after", 2.0)])
+    assert left == ["before", "after"]
+    assert faults == ["NAMED_VALUE_FLOAT was not sent"]
+
+
+def test_after_a_mistake_in_silence_what_is_due_is_tried_again_soon(service: Service, monkeypatch: pytest.MonkeyPatch):
+    """The alarm that met it had rung, and nothing else would have set it before the next look at the board.
+
+    It is not tried again at once either: that would never end.
+    """
+    service._pipeline.advance(NOW)
+    now, rings = HostNs(NOW + 2 * NS_PER_S), []
+    monkeypatch.setattr(service._clock, "now", lambda: now)
+    service._alarm = Alarm(service._on_alarm, lambda when_s, ring: rings.append((when_s, ring)))
+    monkeypatch.setattr(service._pipeline, "advance", lambda _: 1 / 0)
+    for _ in range(3):
+        with pytest.raises(ZeroDivisionError) as fault:
+            service._on_alarm() if not rings else rings.pop()[1]()
+        service._on_internal_fault(None, {"message": "as the event loop has it", "exception": fault.value})
+        assert [when_s for when_s, _ in rings] == [(now + NET_NS) / NS_PER_S]
+        now = HostNs(now + NET_NS)
