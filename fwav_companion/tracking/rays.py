@@ -67,6 +67,8 @@ class Glimpse(msgspec.Struct, frozen=True, gc=False):
     pixel_sigma: tuple[float, float]
     attitude_sigma: float
     """What interpolation adds, rad."""
+    attitude_spacing_s: float
+    """Between the attitudes that it was interpolated from."""
     time_noise_s: float
     row_fraction: float
     lever: Vector3
@@ -112,6 +114,7 @@ def glimpse_of(track: int, fix: GroundFix, course: Course, since_s: float) -> Gl
         transform(mount, by_v),
         sighting.pixel_sigma,
         state.carrier_sigma,
+        state.spacing_s,
         sighting.time_noise_s,
         sighting.row_fraction,
         rotate(conjugate(state.ned_from_carrier), arm),
@@ -198,13 +201,14 @@ def _mixed(a: float, x: Vector3, b: float, y: Vector3) -> Vector3:
 
 
 TELEMETRY_STEP_S = 0.1
-"""Height and position arrive at 10 Hz and are interpolated: frames that come faster share their noise."""
+"""Height and position arrive at 10 Hz and are interpolated: frames that come faster share their noise, and that of the
+attitudes where those come no faster."""
 
 
 def pixel_noise(glimpse: Glimpse, prediction: Prediction, priors: ErrorPriors) -> tuple[float, float, float]:
     """Covariance of the residual by everything fresh in this glimpse, px^2: uu, uv, vv."""
-    repeated = max(1.0, TELEMETRY_STEP_S / max(glimpse.since_s, 1e-3)) if glimpse.since_s > 0.0 else 1.0
-    attitude = priors.attitude_noise**2 + glimpse.attitude_sigma**2
+    repeated, turned = _repeated(TELEMETRY_STEP_S, glimpse), _repeated(glimpse.attitude_spacing_s, glimpse)
+    attitude = (priors.attitude_noise**2 + glimpse.attitude_sigma**2) * turned
     height, place = priors.height_noise_m**2 * repeated, priors.position_noise_m**2 * repeated
     (u_sigma, v_sigma), time = glimpse.pixel_sigma, glimpse.time_noise_s**2
     (ut, ux, uy, uz, _, uh, _, un, ue, *_), (vt, vx, vy, vz, _, vh, _, vn, ve, *_) = prediction.rows
@@ -212,6 +216,11 @@ def pixel_noise(glimpse: Glimpse, prediction: Prediction, priors: ErrorPriors) -
     uv = attitude * (ux * vx + uy * vy + uz * vz) + height * uh * vh + place * (un * vn + ue * ve)
     vv = attitude * (vx * vx + vy * vy + vz * vz) + height * vh * vh + place * (vn * vn + ve * ve)
     return (uu + time * ut * ut + u_sigma * u_sigma, uv + time * ut * vt, vv + time * vt * vt + v_sigma * v_sigma)
+
+
+def _repeated(step_s: float, glimpse: Glimpse) -> float:
+    """How many glimpses share one sample of telemetry that comes at such steps."""
+    return max(1.0, step_s / max(glimpse.since_s, 1e-3)) if glimpse.since_s > 0.0 else 1.0
 
 
 def _dual(a: Vector3, b: Vector3) -> tuple[Vector3, Vector3]:

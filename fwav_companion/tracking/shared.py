@@ -13,7 +13,7 @@ from typing import TypeAlias
 import msgspec
 
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
-from fwav_companion.geometry.vectors import Matrix3, Vector3
+from fwav_companion.geometry.vectors import Matrix3, Vector3, add_matrices, outer, scale
 from fwav_companion.nouns import Bias, ErrorPriors, GroundFix
 from fwav_companion.tracking.gates import widest_gate
 from fwav_companion.tracking.linear import add_diagonal
@@ -53,6 +53,7 @@ class SharedErrors:
     """The biases that have a prior at all, their scales, and how the wandering ones fade."""
 
     __slots__ = (
+        "_attitude_noise2",
         "_height_noise2",
         "_position_noise2",
         "_remembered",
@@ -76,6 +77,7 @@ class SharedErrors:
         self._used = tuple((int(bias), priors.sigma(bias)) for bias in used)
         self._wander_s = priors.position_bias_time_s
         self._remembered: dict[int, tuple[GroundFix, Weighed]] = {}
+        self._attitude_noise2 = priors.attitude_noise**2
         self._height_noise2 = priors.height_noise_m**2
         self._position_noise2 = priors.position_noise_m**2
 
@@ -101,6 +103,8 @@ class SharedErrors:
         if since_s < TELEMETRY_STEP_S:
             repeated = TELEMETRY_STEP_S / max(since_s, 1e-3) - 1.0
             noise = self._with_repeats(noise, fix.bias_jacobian[Bias.HEIGHT], repeated)
+        if since_s < fix.sighting.state.spacing_s:
+            noise = self._with_attitudes(noise, fix, fix.sighting.state.spacing_s / max(since_s, 1e-3) - 1.0)
         if target_ned is not None:
             noise = turned_toward(noise, fix, target_ned)
         return weighed if noise is weighed.noise else Weighed(weighed.position, noise, weighed.shared, weighed.gate)
@@ -122,6 +126,14 @@ class SharedErrors:
         nn, ne, ee = nn + height * n * n + position, ne + height * n * e, ee + height * e * e + position
         nd, ed, dd = nd + height * n * d, ed + height * e * d, dd + height * d * d
         return ((nn, ne, nd), (ne, ee, ed), (nd, ed, dd))
+
+    def _with_attitudes(self, noise: Matrix3, fix: GroundFix, repeated: float) -> Matrix3:
+        """Where attitudes come more slowly than frames, fixes between the same two share their noise."""
+        variance = repeated * (self._attitude_noise2 + fix.sighting.state.carrier_sigma**2)
+        for axis in (Bias.ROLL, Bias.PITCH, Bias.HEADING):
+            by_turn = fix.bias_jacobian[axis]
+            noise = add_matrices(noise, outer(by_turn, scale(by_turn, variance)))
+        return noise
 
     def kept(self, from_ns: HostNs, to_ns: HostNs) -> float:
         """The share of the wandering biases that is left after this time: the vehicle's position error is forgotten."""

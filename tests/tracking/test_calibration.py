@@ -111,6 +111,20 @@ def test_the_ground_point_is_where_the_residual_vanishes():
         assert predict(glimpse, ground_point(glimpse, common), common).residual == pytest.approx((0, 0), abs=1e-6)
 
 
+def test_glimpses_between_the_same_two_attitudes_share_their_noise():
+    p, common = priors(attitude_noise=0.01), (0.0,) * COMMON_COUNT
+    glimpse = some_glimpses(2)[1]
+    at = predict(glimpse, (4.0, 3.0), common)
+
+    def noise(spacing_s, since_s):
+        spaced = msgspec.structs.replace(glimpse, attitude_spacing_s=spacing_s, since_s=since_s)
+        return np.array(pixel_noise(spaced, at, p)) - np.array(pixel_noise(spaced, at, priors(attitude_noise=0.0)))
+
+    alone = noise(0.02, 0.1)
+    assert noise(0.02, 0.04) == pytest.approx(alone)
+    assert noise(0.25, 0.1) == pytest.approx(2.5 * alone)
+
+
 def test_the_joint_estimate_is_the_batch_fit():
     """Information added up in numpy, with the same rows at the same point."""
     p = priors(time_offset=0.01, height=0.5)

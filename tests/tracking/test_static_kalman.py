@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from scipy.stats import chi2
 from tracking_simulation import Flight, World, a_fix, a_view, host_ns, priors
 
@@ -89,6 +90,21 @@ def test_telemetry_noise_averages_with_the_telemetry_not_with_the_frames():
         fix = a_fix(k / 30, (4.0, 3.0, 0.0), noise, jacobian, p.bias_sigmas)
         (track,) = tracker.on_frame(a_view(k / 30, fix))
     assert track.cov[0][0] == pytest.approx(0.09 / 200, rel=0.02)
+
+
+def test_noise_of_attitudes_averages_with_the_attitudes_where_frames_come_faster():
+    """Four attitudes a second for twenty seconds are eighty, however many frames there are."""
+    p = priors(time_offset=0, heading=0, mount_x=0, mount_y=0, mount_z=0, height_noise_m=0.0, attitude_noise=0.01)
+    jacobian = np.zeros((3, BIAS_COUNT))
+    jacobian[0, Bias.PITCH], jacobian[1, Bias.HEADING] = 10.0, 5.0
+    noise = np.diag([1e-6 + 0.1**2, 1e-6 + 0.05**2, 0.0])
+    tracker = make_tracker(TrackingOptions(), p)
+    for k in range(600):
+        fix = a_fix(k / 30, (4.0, 3.0, 0.0), noise, jacobian, p.bias_sigmas)
+        state = replace(fix.sighting.state, spacing_s=0.25)
+        (track,) = tracker.on_frame(a_view(k / 30, replace(fix, sighting=replace(fix.sighting, state=state))))
+    assert track.cov[0][0] == pytest.approx(0.1**2 / 80, rel=0.02)
+    assert track.cov[1][1] == pytest.approx(0.05**2 / 80, rel=0.02)
 
 
 def test_claims_hold_over_flights_with_biases_drawn_from_the_priors():
