@@ -31,7 +31,8 @@ LOOK_S = 0.5
 """How often silence is looked for."""
 REAP_S = 0.2
 """A killed process ends in a moment, or hangs in the kernel and is left behind."""
-ENVIRONMENT = {"OPENCV_LOG_LEVEL": "ERROR"}
+ENVIRONMENT = {"OPENCV_LOG_LEVEL": "ERROR", "OPENCV_FFMPEG_LOGLEVEL": "-8"}
+"""FFmpeg says the same at every try: what is wrong is told once, by us. -8 is its AV_LOG_QUIET."""
 _STATE = b'{"vision":'
 
 Started = tuple[subprocess.Popen[bytes], socket.socket]

@@ -1,11 +1,13 @@
 """A folder of pictures that some other program fills, and its ``stamps.jsonl``: one line a picture, in order.
 
 ``{"file": "000017.png", "time_monotonic": 1234.567890, "frame": 17, "exposure_s": 0.004}``. A picture is written before
-its line; the file of lines is followed as it grows, and begun anew where it was replaced.
+its line; the file of lines is followed as it grows, and begun anew where it was replaced. A line that is none, or whose
+picture cannot be read, is passed over: those behind it may be whole.
 """
 
 from __future__ import annotations
 
+import logging
 import os
 import time
 from pathlib import Path
@@ -16,6 +18,7 @@ import cv2
 from fwav_companion.vision.images import Picture, Pixels, SourceLostError
 from fwav_companion.vision.sources.stamps import exposure_of, number_of, parse_line, stamp_of
 
+_log = logging.getLogger(__name__)
 STAMPS_FILE = "stamps.jsonl"
 LOOK_S = 0.02
 """A folder does not tell of new files: how often it is looked at."""
@@ -29,19 +32,38 @@ class FolderSource:
         try:
             self._lines: BinaryIO = (folder / STAMPS_FILE).open("rb")
         except OSError as error:
-            raise SourceLostError(f"{folder / STAMPS_FILE}: {error.strerror}") from None
+            needed = 'a folder needs it, with a line a picture: {"file": "0.png", "time_unix": 1790000001.25}'
+            raise SourceLostError(f"{folder / STAMPS_FILE}: {error.strerror}; {needed}") from None
         self._inode = os.fstat(self._lines.fileno()).st_ino
         self._begun = b""
+        self._complained = False
 
     def read(self, timeout_s: float) -> Picture | None:
-        """The picture of the next line."""
+        """The picture of the next line that has one."""
         deadline = time.monotonic() + timeout_s
-        while (line := self._line()) is None:
-            if self._replaced():
+        while True:
+            line = self._line()
+            picture = None if line is None else self._picture(line)
+            if picture is not None:
+                return picture
+            if line is None and self._replaced():
                 raise SourceLostError(f"{self._folder / STAMPS_FILE}: replaced or removed")
             if time.monotonic() >= deadline:
                 return None
-            time.sleep(LOOK_S)
+            if line is None:
+                time.sleep(LOOK_S)
+
+    def _picture(self, line: bytes) -> Picture | None:
+        """Of one line; None where it is of no use, which is told once."""
+        try:
+            return self._read(line)
+        except SourceLostError as error:
+            if not self._complained:
+                self._complained = True
+                _log.warning("%s: passed over, as others like it will be", error)
+            return None
+
+    def _read(self, line: bytes) -> Picture:
         what = str(self._folder / STAMPS_FILE)
         told = parse_line(line, what)
         return Picture(self._pixels(told.get("file")), stamp_of(told, what), number_of(told), exposure_of(told))

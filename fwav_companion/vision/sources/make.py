@@ -8,6 +8,8 @@ from pathlib import Path
 
 from fwav_companion.vision.images import Source, SourceLostError
 
+ACCEPTED = "libcamera:0 | /dev/video0 | rtsp://HOST/PATH | a video file | a folder or pipe of pictures"
+
 
 def open_source(text: str) -> Source:
     """Open it now; what a path is, its file tells. SourceLostError where it is not there."""
@@ -23,6 +25,8 @@ def open_source(text: str) -> Source:
         from fwav_companion.vision.sources.capture import DeviceSource
 
         return DeviceSource(text)
+    if re.match(r"libcamera:|\w+://", text):
+        raise SourceLostError(f"{text}: no source of this kind is known; accepted: {ACCEPTED}")
     return _open_path(Path(text))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from math import isfinite
+from math import isfinite, nan
 from typing import Any
 
 from fwav_companion.vision.images import SourceLostError
@@ -15,7 +15,7 @@ def parse_line(line: bytes | str, what: str) -> dict[str, Any]:
     """The object of a line. SourceLostError where it is none."""
     try:
         told = json.loads(line)
-    except ValueError:
+    except (ValueError, RecursionError):
         told = None
     if not isinstance(told, dict):
         raise SourceLostError(f"{what}: not a JSON object")
@@ -24,7 +24,7 @@ def parse_line(line: bytes | str, what: str) -> dict[str, Any]:
 
 def stamp_of(told: dict[str, Any], what: str) -> dict[str, float]:
     """The one stamp of a picture. SourceLostError where there is not exactly one."""
-    stamps = {name: float(told[name]) for name in STAMPS if isinstance(told.get(name), int | float)}
+    stamps = {name: _number(told[name]) for name in STAMPS if isinstance(told.get(name), int | float)}
     if len(stamps) != 1 or not all(map(isfinite, stamps.values())):
         raise SourceLostError(f"{what}: accepted: exactly one of {', '.join(STAMPS)}")
     return stamps
@@ -39,4 +39,13 @@ def number_of(told: dict[str, Any]) -> int | None:
 def exposure_of(told: dict[str, Any]) -> float | None:
     """``exposure_s``, where it is told."""
     exposure_s = told.get("exposure_s")
-    return float(exposure_s) if isinstance(exposure_s, int | float) and isfinite(exposure_s) else None
+    seconds = _number(exposure_s) if isinstance(exposure_s, int | float) else nan
+    return seconds if isfinite(seconds) else None
+
+
+def _number(told: float) -> float:
+    """JSON's whole numbers have no end."""
+    try:
+        return float(told)
+    except OverflowError:
+        return nan
