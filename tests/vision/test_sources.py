@@ -113,6 +113,19 @@ def test_a_folder_is_followed_as_it_grows(tmp_path: Path, caplog: pytest.LogCapt
     lines.close()
 
 
+def test_lines_that_begin_anew_are_read_anew(tmp_path: Path):
+    """A camera program that is started again opens its file for writing, and the file keeps its inode."""
+    cv2.imwrite(str(tmp_path / "0.png"), GREY)
+    lines, line = tmp_path / "stamps.jsonl", json.dumps({"file": "0.png", "time_unix": 1.0}) + "\n"
+    lines.write_text(2 * line)
+    source = open_source(str(tmp_path))
+    assert all(source.read(0.0) is not None for _ in range(2))
+    lines.write_text(line)
+    with pytest.raises(SourceLostError, match="replaced"):
+        source.read(0.0)
+    source.close()
+
+
 def test_a_video_plays_to_its_end(tmp_path: Path):
     path = tmp_path / "flight.avi"
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 50.0, (64, 48))
@@ -137,7 +150,7 @@ def test_a_video_plays_to_its_end(tmp_path: Path):
         ("libcamera:0", "picamera2"),
         ("/dev/null", "cannot be opened"),
         ("libcamera:x", "accepted: libcamera:0 | "),
-        ("http://10.0.0.1/video", "accepted: libcamera:0 | "),
+        ("http:/10.0.0.1/video", "accepted: libcamera:0 | "),
     ],
 )
 def test_what_is_not_there_is_lost_and_not_a_crash(text: str, told: str):

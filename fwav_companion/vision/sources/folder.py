@@ -89,7 +89,9 @@ class FolderSource:
         return read
 
     def _replaced(self) -> bool:
+        """By another file, or by nothing: written anew from its beginning."""
         try:
-            return (self._folder / STAMPS_FILE).stat().st_ino != self._inode
+            now = (self._folder / STAMPS_FILE).stat()
         except OSError:
             return True
+        return now.st_ino != self._inode or now.st_size < self._lines.tell()

@@ -25,7 +25,7 @@ def open_source(text: str) -> Source:
         from fwav_companion.vision.sources.capture import DeviceSource
 
         return DeviceSource(text)
-    if re.match(r"libcamera:|\w+://", text):
+    if re.match(r"libcamera:|\w+:/", text):
         raise SourceLostError(f"{text}: no source of this kind is known; accepted: {ACCEPTED}")
     return _open_path(Path(text))
 
