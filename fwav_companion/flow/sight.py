@@ -157,6 +157,9 @@ class Sight:
             boot_ns=paired.boot_ns,
             fixes=tuple(fix for fix in located if isinstance(fix, GroundFix)),
             could_see=paired.view.could_see if paired.view is not None else sees_nothing,
+            unplaced=tuple(
+                sighting for sighting, fix in zip(paired.sightings, located, strict=True) if isinstance(fix, NoFix)
+            ),
         )
         tracks = self._reorder.put(view, now)
         self._count(paired, located)

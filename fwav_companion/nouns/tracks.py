@@ -10,7 +10,7 @@ import msgspec
 from fwav_companion.geometry.stamps import BootNs, HostNs
 from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.nouns.refusals import Reason
-from fwav_companion.nouns.sightings import GroundFix
+from fwav_companion.nouns.sightings import GroundFix, Sighting
 
 
 class TrackState(StrEnum):
@@ -78,3 +78,5 @@ class FrameView(msgspec.Struct, frozen=True):
     fixes: tuple[GroundFix, ...]
     could_see: Callable[[Vector3], bool]
     """Whether a target at this place, NED, would have been inside the image and the lens's range."""
+    unplaced: tuple[Sighting, ...] = ()
+    """What was seen and is no fix: too shallow, say."""

@@ -14,11 +14,10 @@ from fwav_companion.tracking.calibration import CalibrationReport
 from fwav_companion.tracking.calibrator import Calibrator
 from fwav_companion.tracking.lifecycle import unseen
 from fwav_companion.tracking.linear import horizontal_sigma
+from fwav_companion.tracking.looks import speaks_against
 
 MAX_TRACKS = 20
 """Live at once: twice what a pilot can care for, and what the assignment is sized for."""
-AROUND = ((1.0, 0.0), (-0.5, 0.866), (-0.5, -0.866))
-"""Three directions: an edge of the image that cuts the circle's inner half cuts one of them off."""
 
 
 class Snapshot(msgspec.Struct, frozen=True):
@@ -135,7 +134,8 @@ class Tracker:
 
     def _after(self, track: Alive, taken: tuple[GroundFix, float] | None, view: FrameView) -> Alive:
         if taken is None:
-            looked = self._could_see(view, track)
+            place_ned = self._seen_as(track).position_ned
+            looked = speaks_against(view, track.label, place_ned, self._margin_m(track))
             life = unseen(track.life, view.host_ns, looked=looked, keep_ns=self._keep_ns)
             return msgspec.structs.replace(track, life=life)
         after = track.seen_in(view.host_ns, *taken)
@@ -143,16 +143,10 @@ class Tracker:
             return after
         return msgspec.structs.replace(after, innovation=innovation(self._seen_as(track), taken[0]))
 
-    def _could_see(self, view: FrameView, track: Alive) -> bool:
-        """It would be in the image even if the mount were off by what is not known of it, or by what was found."""
-        north, east, down = self._seen_as(track).position_ned
-        if not view.could_see((north, east, down)):
-            return False
+    def _margin_m(self, track: Alive) -> float:
+        """How far beside the track the target may show: by what is not known of the mount, or by what was found."""
         calibrator = self._calibrator if self._corrects else None
-        margin_m = 0.0 if calibrator is None else calibrator.mount_off * track.slant_m
-        return margin_m == 0.0 or all(
-            view.could_see((north + margin_m * n, east + margin_m * e, down)) for n, e in AROUND
-        )
+        return 0.0 if calibrator is None else calibrator.mount_off * track.slant_m
 
     def _with_newborn(self, tracks: list[Alive], fixes: list[GroundFix], host_ns: HostNs) -> tuple[list[Alive], int]:
         """New tracks for fixes that belong to none; where the table is full the least certain tentative one yields."""

@@ -1,6 +1,8 @@
 """The life of a track: what confirms it, what ends it, and what speaks against it."""
 
+import numpy as np
 import pytest
+from msgspec.structs import replace
 from tracking_simulation import a_fix, a_view, host_ns, priors
 
 from fwav_companion.nouns import Reason, TrackState
@@ -17,9 +19,9 @@ def fed(tracker, start, seconds, *, fps=10, seen=True, looks=True, **detection):
     return out
 
 
-def confirmed(**options):
+def confirmed(label="target", **options):
     tracker = make_tracker(TrackingOptions(**options), NO_BIAS)
-    fed(tracker, 0.0, 1.0)
+    fed(tracker, 0.0, 1.0, label=label)
     return tracker
 
 
@@ -54,6 +56,20 @@ def test_frames_that_could_not_see_do_not_count():
     told = fed(tracker, 1.0, 60.0, seen=False, looks=False, fps=5)
     assert told[-1][0].state is TrackState.COASTING
     assert fed(tracker, 61.0, 0.1)[0][0].id == 1
+
+
+@pytest.mark.parametrize(
+    ("label", "beside_m", "lives"), [("target", 1.0, True), ("target", 6.0, False), ("person", 0.0, False)]
+)
+def test_a_target_that_is_seen_where_no_fix_can_be_had_is_not_given_up(label, beside_m, lives):
+    """Too shallow, say. What was seen in another direction, or of another kind, is no excuse."""
+    tracker = confirmed(label="target")
+    toward = np.array([4.0 - beside_m, 3.0, 10.0]) / np.linalg.norm([4.0 - beside_m, 3.0, 10.0])
+    sighting = a_fix(1.0, (4, 3, 0), label=label).sighting
+    unplaced = replace(sighting, ray=replace(sighting.ray, direction=tuple(toward.tolist())))
+    for k in range(100):
+        tracks = tracker.on_frame(replace(a_view(1.0 + k / 10), unplaced=(unplaced,)))
+    assert [track.state for track in tracks] == ([TrackState.COASTING] if lives else [])
 
 
 def test_it_is_not_kept_for_ever():
