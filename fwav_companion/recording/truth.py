@@ -34,6 +34,7 @@ class TruthPoint(msgspec.Struct, frozen=True):
 
 def parse_truth(text: str, name: str) -> list[TruthPoint]:
     """Points of a truth file. InputFileError names the line and what is accepted."""
+    text = text.removeprefix("\ufeff")  # a spreadsheet's; it would be part of the first column's name
     rows = _json_rows(text, name) if text.lstrip().startswith("{") else _csv_rows(text, name)
     points = [_point(row, f"{name}: line {number}") for number, row in rows]
     if not points:

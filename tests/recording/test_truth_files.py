@@ -24,3 +24,11 @@ def test_a_truth_file_of_another_form_is_one_line(text):
     with pytest.raises(InputFileError, match="accepted: ") as told:
         parse_truth(text, "truth")
     assert "\n" not in str(told.value)
+
+
+@pytest.mark.parametrize(
+    "text", ["label,north,east,down\npad,1,2,3\n", '{"label": "pad", "north": 1, "east": 2, "down": 3}']
+)
+def test_a_byte_order_mark_belongs_to_no_column(text):
+    (point,) = parse_truth("\ufeff" + text, "truth")
+    assert (point.label, point.ned) == ("pad", (1.0, 2.0, 3.0))
