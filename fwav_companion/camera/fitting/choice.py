@@ -7,12 +7,11 @@ from typing import Final
 import msgspec
 import numpy as np
 
-from fwav_companion.camera.fitting.adjustment import adjusted, residuals
+from fwav_companion.camera.fitting.adjustment import adjusted, camera_points, residuals
 from fwav_companion.camera.fitting.corners import Corners, State
 from fwav_companion.camera.fitting.information import widening
 from fwav_companion.camera.fitting.outliers import FINEST_PX, MOST_COEFFICIENTS
-from fwav_companion.camera.fitting.projection import RADIAL
-from fwav_companion.camera.fitting.starting import with_coefficients
+from fwav_companion.camera.fitting.projection import RADIAL, angles_from_axis, powers, radius
 
 GAIN: Final = 4.0
 """By which a coefficient that the lens does not have lowers the sum of squares, in variances, once in twenty times: the
@@ -37,11 +36,9 @@ class Chosen(msgspec.Struct, frozen=True, eq=False):
 
 def chosen_fit(corners: Corners, state: State) -> Chosen:
     """Fits with one to five coefficients, and the first of them that no longer one beats."""
-    fits = []
-    state = with_coefficients(state, 1)
-    for count in range(1, MOST_COEFFICIENTS + 1):
-        state = adjusted(corners, with_coefficients(state, count), np.ones(len(corners.pixels)))
-        fits.append(state)
+    weights = np.ones(len(corners.pixels))
+    counts = range(1, MOST_COEFFICIENTS + 1)
+    fits = [adjusted(corners, _shortened(corners, state, count), weights) for count in counts]
     squares = [float((residuals(corners, fit) ** 2).sum()) for fit in fits]
     believed = _believed_variance(corners, fits, squares)
     for index, fit in enumerate(fits):
@@ -49,6 +46,17 @@ def chosen_fit(corners: Corners, state: State) -> Chosen:
         if max(gains, default=0.0) < GAIN:
             return Chosen(fit, _variance(corners, fit, squares[index]), tuple(squares))
     raise AssertionError("the last has none that could beat it")
+
+
+def _shortened(corners: Corners, state: State, count: int) -> State:
+    """With so many coefficients, and a radius as near to the state's as they allow, at the corners' angles.
+
+    Not from few coefficients to many: under a lens that is far off a board may flip, and it would stay so.
+    """
+    theta = angles_from_axis(camera_points(corners, state))
+    odd, _ = powers(theta, count)
+    fitted, *_ = np.linalg.lstsq(odd, radius(state.lens, theta))
+    return State(np.concatenate([state.lens[:RADIAL], fitted]), state.turns, state.places)
 
 
 def _believed_variance(corners: Corners, fits: list[State], squares: list[float]) -> float:

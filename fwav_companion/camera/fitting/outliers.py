@@ -14,6 +14,7 @@ import numpy as np
 
 from fwav_companion.camera.fitting.adjustment import adjusted, residuals
 from fwav_companion.camera.fitting.corners import Corners, Flags, State, View, gather
+from fwav_companion.camera.fitting.mirrored import with_better_poses
 from fwav_companion.camera.fitting.starting import first_state, soft_weights, with_coefficients
 
 MOST_COEFFICIENTS: Final = 5
@@ -88,6 +89,7 @@ def _flexible(corners: Corners, state: State) -> State:
     for count in range(2, MOST_COEFFICIENTS + 1):
         wider = with_coefficients(state, count)
         state = adjusted(corners, wider, soft_weights(corners, wider), STEPS)
+    state = with_better_poses(corners, state)
     return adjusted(corners, state, soft_weights(corners, state), STEPS)
 
 
