@@ -5,10 +5,9 @@ from __future__ import annotations
 import asyncio
 import logging
 import os
-import tempfile
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
@@ -22,6 +21,8 @@ from fwav_companion.localization import ElevationTile
 
 FRESH_S: Final = 3.0
 """A status file is rewritten each second."""
+NOWHERE: Final = "/dev/null/status.json"
+"""No status file: a doctor leaves nothing behind, and needs no disk that can be written."""
 
 
 def running_status(config: Config) -> Mapping[str, Any] | None:
@@ -61,16 +62,14 @@ def listen(
     logging.getLogger("fwav_companion").addHandler(logging.NullHandler())
 
     async def hear() -> Mapping[str, Any]:
-        with quiet(config) as unheard:
-            service = Service(unheard, calibration, signing_key, elevation=elevation, beside_recording={})
-            return await service.listen(seconds)
+        service = Service(quiet(config), calibration, signing_key, elevation=elevation, beside_recording={})
+        return await service.listen(seconds)
 
     return asyncio.run(hear())
 
 
-@contextmanager
-def quiet(config: Config) -> Iterator[Config]:
-    """The same without what others would act on or keep, and with its status in a folder that goes with it."""
+def quiet(config: Config) -> Config:
+    """The same without what others would act on or keep."""
     replace = msgspec.structs.replace
     publish = replace(
         config.publish,
@@ -81,11 +80,10 @@ def quiet(config: Config) -> Iterator[Config]:
         cot="",
         camera_tracking=False,
     )
-    with tempfile.TemporaryDirectory(prefix="fwav-check-") as folder:
-        yield replace(
-            config,
-            publish=publish,
-            record=replace(config.record, directory=""),
-            tracking=replace(config.tracking, self_calibration=False),
-            status=replace(config.status, file=str(Path(folder, "status.json").absolute())),
-        )
+    return replace(
+        config,
+        publish=publish,
+        record=replace(config.record, directory=""),
+        tracking=replace(config.tracking, self_calibration=False),
+        status=replace(config.status, file=NOWHERE),
+    )

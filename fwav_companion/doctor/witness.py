@@ -164,11 +164,10 @@ def shake(
     witness = ShakeWitness(config, calibration, wait_s, show)
 
     async def attend() -> None:
-        with quiet(config) as unheard:
-            service = Service(
-                unheard, calibration, signing_key, elevation=(), beside_recording={}, attitudes_kept_s=KEPT_S
-            )
-            await service.attend(witness)
+        service = Service(
+            quiet(config), calibration, signing_key, elevation=(), beside_recording={}, attitudes_kept_s=KEPT_S
+        )
+        await service.attend(witness)
 
     asyncio.run(attend())
     return witness.shown(tag_size_m)

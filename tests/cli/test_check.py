@@ -78,15 +78,18 @@ def test_a_wrong_configuration_is_one_line_and_exit_2(tmp_path, capsys):
 @pytest.mark.parametrize("words", [(), ("--shake", "--tag-size", "0.16")], ids=["", "shake"])
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
 def test_ended_from_outside_it_leaves_nothing_behind(site, tmp_path, words, number):
-    folder = tmp_path / "temporary"
-    folder.mkdir()
+    socket_file, temporary = site.folder / "detections", tmp_path / "temporary"
+    temporary.mkdir()
+    site.replace(f"udpin://127.0.0.1:{site.detections_port}", f"unix://{socket_file}")
+    before = {path.name for path in site.folder.iterdir()}
     command = ("fwav_companion", "check", "--config", "fwav-companion.toml", *words)
-    with process(*command, folder=site.folder, TMPDIR=str(folder)) as check:
+    with process(*command, folder=site.folder, TMPDIR=str(temporary)) as check:
         for _ in range(round(STARTING_S / 0.02)):
-            if any(folder.iterdir()):
+            if socket_file.exists():
                 break
             threading.Event().wait(0.02)
-        assert any(folder.iterdir())
+        assert socket_file.exists()
+        assert not any(temporary.iterdir()), "a board may be mounted read-only"
         assert check.stop(number) == 130
-    assert not any(folder.iterdir())
+    assert {path.name for path in site.folder.iterdir()} == before
     assert "Traceback" not in check.said
