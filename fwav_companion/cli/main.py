@@ -9,14 +9,16 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
+from errno import ENOSPC
 from importlib import import_module
 from importlib.util import find_spec
+from io import TextIOWrapper
 from typing import NamedTuple, NoReturn
 
 from fwav_companion import __version__
 from fwav_companion.errors import UserError
 
-EXIT_USAGE = 2
+EXIT_BAD, EXIT_USAGE = 1, 2
 EXIT_INTERRUPTED = 130
 """128 + SIGINT, as shells have it."""
 EXIT_PIPE_CLOSED = 141
@@ -57,19 +59,33 @@ class OneLineParser(argparse.ArgumentParser):
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; its exit status. A user's mistake is one line on stderr, never a traceback."""
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")  # a terminal without a degree sign gets a question mark
     try:
         try:
             return _run(sys.argv[1:] if argv is None else argv)
         finally:
-            sys.stdout.flush()
+            if sys.stdout is not None:  # whoever started us may have closed it
+                sys.stdout.flush()
     except UserError as error:
         print(f"fwav-companion: {error}", file=sys.stderr)
         return EXIT_USAGE
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED
-    except BrokenPipeError:  # whoever read our output has seen enough; the interpreter must not flush into it again
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except BrokenPipeError:  # whoever read our output has seen enough
+        _let_go_of_stdout()
         return EXIT_PIPE_CLOSED
+    except OSError as error:
+        if error.errno != ENOSPC:
+            raise
+        _let_go_of_stdout()
+        print(f"fwav-companion: {error.filename or 'output'}: {error.strerror}", file=sys.stderr)
+        return EXIT_BAD
+
+
+def _let_go_of_stdout() -> None:
+    """The interpreter must not flush into it again."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _run(argv: Sequence[str]) -> int:

@@ -92,6 +92,27 @@ def test_a_reader_that_has_seen_enough_gets_no_traceback(tmp_path: Path):
     assert (done.returncode, done.stderr) == (141, b"")
 
 
+def test_a_disk_that_is_full_under_the_output_is_one_line(tmp_path: Path):
+    command = [sys.executable, "-m", "fwav_companion", "init", str(tmp_path)]
+    with Path("/dev/full").open("wb") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, timeout=60)
+    assert (done.returncode, done.stderr) == (1, b"fwav-companion: output: No space left on device\n")
+
+
+def test_a_closed_output_is_nobodys_mistake(tmp_path: Path):
+    command = ["sh", "-c", 'exec "$0" "$@" >&-', sys.executable, "-m", "fwav_companion", "init", str(tmp_path)]
+    done = subprocess.run(command, stderr=subprocess.PIPE, timeout=60)
+    assert (done.returncode, done.stderr) == (0, b"")
+
+
+def test_a_terminal_without_a_letter_gets_a_question_mark(tmp_path: Path):
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    command = [sys.executable, "-m", "fwav_companion", "init", str(tmp_path / "größe")]
+    done = subprocess.run(command, capture_output=True, timeout=60, env=environment)
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert b"/gr??e/fwav-companion.toml" in done.stdout
+
+
 def test_init_writes_what_can_be_loaded_and_overwrites_nothing(tmp_path: Path):
     folder = tmp_path / "new" / "folder"
     done = run("init", str(folder))
