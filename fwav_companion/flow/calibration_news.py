@@ -11,6 +11,8 @@ from fwav_companion.nouns import Notice, Severity
 from fwav_companion.recording.lines import Line, calibration_line
 from fwav_companion.tracking import CalibrationReport, CalibrationStatus, Common, Loosening
 
+REPLACED = "self-calibration: camera is not as an earlier flight left it; that calibration is dropped"
+
 
 class CalibrationNews:
     """Of one camera, as it is configured."""
@@ -20,6 +22,7 @@ class CalibrationNews:
         self._time_offset_s = time_offset_s
         self._told_mistake = ""
         self._told_denied: set[int] = set()
+        self._told_replaced = False
         self._told_status = CalibrationStatus.WAITING
 
     def line(self, report: CalibrationReport, time_unix: float) -> Line:
@@ -43,6 +46,9 @@ class CalibrationNews:
         if report.status is not self._told_status and report.status is not CalibrationStatus.WAITING:
             self._told_status = report.status
             told = (*told, Notice(Severity.INFO, f"self-calibration: {self._what_came_out(report)}"))
+        if report.replaced and not self._told_replaced:
+            self._told_replaced = True
+            told = (*told, Notice(Severity.WARNING, REPLACED, to_ground=True))
         if report.status is CalibrationStatus.CALIBRATED:
             told = (*told, *self._denials(report))
         return told
@@ -92,6 +98,8 @@ class CalibrationNews:
 
 
 def _denial(each: Loosening) -> str:
+    if each.unknown == Common.DELAY:
+        return f"camera stamps are {1e3 * each.alone:+.0f} ms off, beyond [uncertainty] time_offset_sigma_s"
     if each.unknown == Common.HEIGHT:
         return (
             f"height above ground is told {each.alone:+.1f} m off, beyond [uncertainty] height_bias_m: "

@@ -68,6 +68,8 @@ class Calibrator(msgspec.Struct, frozen=True):
     """While the delay is searched for."""
     vain: InVain | None = None
     """How the last search ended, if it found nothing."""
+    replaced: bool = False
+    """What an earlier flight found was denied by this one, and dropped."""
     delay_s: float | None = None
     """About which glimpses are taken, once it was found."""
     served: Fit | None = None
@@ -101,7 +103,7 @@ class Calibrator(msgspec.Struct, frozen=True):
         """
         suspicion = self.suspicion.seen(seen)
         if suspicion.text:
-            return Calibrator(self.shop, host_ns=host_ns, suspicion=suspicion)
+            return Calibrator(self.shop, host_ns=host_ns, suspicion=suspicion, replaced=self.replaced)
         queue = (*self.queue, _Queued(host_ns, tuple(fixes)))
         state = msgspec.structs.replace(self, queue=queue, host_ns=host_ns, suspicion=suspicion)._forgotten(alive)
         due_ns = host_ns - ns_from_s(state._lag_s())
@@ -147,6 +149,7 @@ class Calibrator(msgspec.Struct, frozen=True):
             rivals=() if self.vain is None else self.vain.rivals,
             mistake=self.suspicion.text,
             denied=self.denied,
+            replaced=self.replaced,
             keep=worth_keeping(self.verdict, self.shop.sigmas),
         )
 
@@ -159,7 +162,7 @@ class Calibrator(msgspec.Struct, frozen=True):
         """After every target was dropped: what the flight has taught is kept, as a prior."""
         keep = worth_keeping(self.verdict, self.shop.sigmas)
         shop = self.shop if keep is None else Workshop(self.shop.priors, self.shop.state_at, keep)
-        return Calibrator(shop, host_ns=self.host_ns, suspicion=self.suspicion)
+        return Calibrator(shop, host_ns=self.host_ns, suspicion=self.suspicion, replaced=self.replaced)
 
     # Each step returns the next state.
 
@@ -236,6 +239,8 @@ class Calibrator(msgspec.Struct, frozen=True):
 
     def _given_up(self, vain: InVain) -> Calibrator:
         """What was kept decides nothing; it says why, and another search is begun after a pause."""
+        if self.shop.kept is not None:
+            return self._begun_anew()
         pause_ns = HostNs(self.host_ns + SEARCH_PAUSE_NS)
         return Calibrator(
             self.shop,
@@ -244,6 +249,7 @@ class Calibrator(msgspec.Struct, frozen=True):
             idle_until_ns=pause_ns,
             suspicion=self.suspicion,
             vain=vain,
+            replaced=self.replaced,
         )
 
     def _found(self, around: tuple[float, ...]) -> Calibrator:
@@ -292,4 +298,12 @@ class Calibrator(msgspec.Struct, frozen=True):
             judged_ns = self.host_ns
         elif joint is not verdict.free.joint:
             verdict = verdict.about(joint, shop.means)
+        if self.shop.kept is not None and any(each.unknown != Common.HEIGHT for each in verdict.denied):
+            return self._begun_anew()
         return msgspec.structs.replace(self, verdict=verdict, places=verdict.places(), judged_ns=judged_ns)
+
+    def _begun_anew(self) -> Calibrator:
+        """Somebody moved the camera since it was calibrated: the configuration is a better beginning."""
+        return Calibrator(
+            self.shop.unlearned(), host_ns=self.host_ns, queue=self.queue, suspicion=self.suspicion, replaced=True
+        )

@@ -18,8 +18,8 @@ from fwav_companion.tracking.rays import Common
 
 DENIED = 20.0
 """Square of what was learned of an unknown over its expectation: a right prior exceeds it once in 130 000 flights."""
-ASKED = (*MOUNT, Common.HEIGHT)
-"""Not the heading, which is part of the mount as it is told; the delay is searched for, far beyond its prior."""
+ASKED = (Common.DELAY, *MOUNT, Common.HEIGHT)
+"""Not the heading, which is part of the mount as it is told."""
 
 
 class Loosening(msgspec.Struct, frozen=True, gc=False):

@@ -28,6 +28,7 @@ class Workshop:
     def __init__(self, priors: ErrorPriors, state_at: StateAt | None, kept: KeptCalibration | None = None) -> None:
         self.priors = priors
         self.state_at = state_at
+        self.kept = kept
         self._remembered: tuple[tuple[int, tuple[float, ...]], Course] | None = None
         self._glimpse: tuple[GroundFix, float, Glimpse] | None = None
         self.means, self.sigmas = _prior(priors, kept)
@@ -35,6 +36,10 @@ class Workshop:
         steps = int(reach / DELAY_STEP_S + 0.5) if state_at is not None else 0
         middle = self.means[Common.DELAY]
         self.delays = tuple(middle + i * DELAY_STEP_S for i in range(-steps, steps + 1))
+
+    def unlearned(self) -> Workshop:
+        """The same without what an earlier flight found."""
+        return Workshop(self.priors, self.state_at)
 
     def course(self, nominal: VehicleState, delays_s: tuple[float, ...]) -> Course:
         """The vehicle about a capture. Remembers the last one: the sightings of a frame mostly share it."""

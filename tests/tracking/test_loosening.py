@@ -7,7 +7,7 @@ from tracking_simulation import Flight, World, priors
 
 from fwav_companion.flow.calibration_news import CalibrationNews
 from fwav_companion.nouns import BIAS_COUNT, Bias, Severity
-from fwav_companion.tracking import CalibrationStatus, Common, TrackingOptions, make_tracker
+from fwav_companion.tracking import CalibrationStatus, Common, KeptCalibration, TrackingOptions, make_tracker
 from fwav_companion.tracking.joint import joint_of
 from fwav_companion.tracking.loosening import Loosening, loosenings
 from fwav_companion.tracking.rays import COMMON_COUNT
@@ -59,9 +59,9 @@ def test_a_prior_that_is_right_is_hardly_ever_denied():
     assert denied <= 1
 
 
-def flown(flight):
+def flown(flight, kept=None):
     world, best = World(flight), None
-    tracker = make_tracker(TrackingOptions(self_calibration=True), flight.priors, world.state_at)
+    tracker = make_tracker(TrackingOptions(self_calibration=True), flight.priors, world.state_at, kept)
     for view in world.frames():
         for track in tracker.on_frame(view):
             if track.confirmed_host_ns is not None and (best is None or track.id == best.id):
@@ -85,3 +85,34 @@ def test_a_height_or_a_mount_far_beyond_its_prior_is_found_and_told_and_bends_no
     (told,) = (each.text for each in news.notices(report) if each.severity is Severity.WARNING)
     assert ("height_bias_m" if height_m else "mount_bias_deg") in told
     assert not [each for each in news.notices(report) if each.severity is Severity.WARNING]
+
+
+@pytest.mark.parametrize(("kept_s", "kept_deg"), [(0.030, -1.0), (0.010, -1.0), (0.035, 1.5)])
+def test_a_camera_that_was_moved_since_an_earlier_flight_is_calibrated_anew(kept_s, kept_deg):
+    biases = np.zeros(BIAS_COUNT)
+    biases[Bias.TIME_OFFSET], biases[Bias.MOUNT_Y] = 0.035, np.radians(1.0)
+    kept = KeptCalibration(
+        time_offset_s=kept_s,
+        time_offset_sigma_s=5e-4,
+        mount=(0.0, np.radians(kept_deg), 0.0),
+        mount_sigma=(1e-3, 1e-3, 0.03),
+    )
+    _, report = flown(Flight(seed=3, seconds=45, biases=biases), kept)
+    assert report.replaced
+    assert report.status is CalibrationStatus.CALIBRATED
+    assert report.time_offset_s == pytest.approx(0.035, abs=0.002)
+    assert np.degrees(report.mount) == pytest.approx([0.0, -1.0, 0.0], abs=0.3)
+    news = CalibrationNews(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), 0.0)
+    assert "dropped" in next(each.text for each in news.notices(report) if each.severity is Severity.WARNING)
+
+
+def test_a_camera_that_was_not_moved_keeps_its_calibration():
+    biases = np.zeros(BIAS_COUNT)
+    biases[Bias.TIME_OFFSET], biases[Bias.MOUNT_Y] = 0.035, np.radians(1.0)
+    kept = KeptCalibration(
+        time_offset_s=0.0355,
+        time_offset_sigma_s=5e-4,
+        mount=(0.001, -np.radians(1.0), 0.02),
+        mount_sigma=(1e-3, 1e-3, 0.03),
+    )
+    assert not flown(Flight(seed=3, seconds=45, biases=biases), kept)[1].replaced
