@@ -16,6 +16,8 @@ ELLIPSE_95 = sqrt(5.991464547107979)
 """Chi-square of two degrees of freedom at 95 %: the ellipse of this many sigmas holds as much."""
 MOST_POINTS = 600
 MAP_SIZE = 480.0
+LETTER = 8.0
+"""Of a label, wide ones among them."""
 
 
 def flight_map(story: Story, beside: Story | None = None) -> str:
@@ -85,12 +87,16 @@ def _map_target(course: Course, at: Callable[[Point], Point]) -> list[str]:
         error = f", {length(last.error_m)} off" if last.error_m is not None else ""
         told = f"{course.label}: within {length(last.radius95_m)} (95 %){error}"
         parts.append(circle(at((last.north, last.east)), 4, "estimate", told))
-        x, y = at((last.north, last.east))
-        parts.append(text((x + 8, y - 7), short(course.label), "label"))
+        parts.append(_label(at((last.north, last.east)), short(course.label)))
     elif course.true_ned:
-        x, y = at(course.true_ned)
-        parts.append(text((x + 8, y - 7), f"{short(course.label)} (not found)", "label"))
+        parts.append(_label(at(course.true_ned), f"{short(course.label)} (not found)"))
     return parts
+
+
+def _label(at: Point, told: str) -> str:
+    """Beside a dot: to its right, unless the map ends there."""
+    fits = at[0] + 8 + LETTER * len(told) < MAP_SIZE
+    return text((at[0] + (8 if fits else -8), at[1] - 7), told, "label", "start" if fits else "end")
 
 
 def _scale_bar(scale: float) -> list[str]:
