@@ -55,7 +55,8 @@ def _over_the_image(axes: Any, fitted: Fitted, _told: list[Row]) -> None:
     miss = np.linalg.norm(residual, axis=1)
     arrows = axes.quiver(*pixels.T, *(times * residual).T, miss, angles="xy", scale_units="xy", scale=1.0, width=0.002)
     axes.figure.colorbar(arrows, ax=axes, label="px", shrink=0.7)
-    for angle in np.arange(10.0, limit_deg(fitted), 10.0 if limit_deg(fitted) < 60.0 else 20.0):
+    step = 10.0 if limit_deg(fitted) < 60.0 else 20.0
+    for angle in np.arange(step, limit_deg(fitted), step):
         _ring(axes, fitted, angle, color="0.8", linewidth=0.8)
     _ring(
         axes, fitted, limit_deg(fitted), color=LIMIT, linestyle="--", label=f"the file ends: {limit_deg(fitted):.0f}°"
@@ -63,7 +64,9 @@ def _over_the_image(axes: Any, fitted: Fitted, _told: list[Row]) -> None:
     axes.plot(fitted.lens[U0], fitted.lens[V0], "+", color=LIMIT, markersize=12, label="principal point")
     axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), aspect="equal")
     axes.set(
-        title=f"What corners miss by, {times:.0f} times as long; rings of equal angle", xlabel="u, px", ylabel="v, px"
+        title=f"What corners miss by, {times:.0f} times as long; a ring every {step:.0f}°",
+        xlabel="u, px",
+        ylabel="v, px",
     )
     axes.legend(loc="upper right", fontsize="small")
 

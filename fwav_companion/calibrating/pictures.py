@@ -21,6 +21,8 @@ from fwav_companion.errors import InputFileError
 ACCEPTED: Final = "accepted: pictures, a folder of them, or a video"
 SUFFIXES: Final = {".bmp", ".jpeg", ".jpg", ".jp2", ".pgm", ".png", ".ppm", ".tif", ".tiff", ".webp"}
 """By which a folder's pictures are known from what else lies there. A file that is named may be called anything."""
+JPEG, JPEG_SCAN, JPEG_END = b"\xff\xd8", b"\xff\xda", b"\xff\xd9"
+"""Markers (ITU-T T.81, table B.1); compressed data never holds them."""
 MOST_PICTURES: Final = 200
 """More show nothing new, and each takes a good part of a second."""
 VIDEO_PIECES: Final = 60
@@ -88,12 +90,36 @@ def _files(path: Path) -> Iterator[Path]:
 
 def _reader(file: Path) -> Look:
     def look() -> Grey:
-        grey = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
+        try:
+            data = file.read_bytes()
+        except OSError as error:
+            raise InputFileError(f"{file}: {error.strerror}; {ACCEPTED}") from None
+        grey = None if _is_cut_short(data) else _decoded(data)
         if grey is None:
-            raise InputFileError(f"{file}: a picture that is damaged; {ACCEPTED}")
-        return np.asarray(grey, dtype=np.uint8)
+            raise InputFileError(f"{file}: a picture that is damaged, or too large; {ACCEPTED}")
+        return grey
 
     return look
+
+
+def _decoded(data: bytes) -> Grey | None:
+    """None where it is no picture. Decoders write what they think into stderr itself, so that is shut meanwhile."""
+    stderr = os.dup(2)
+    with Path(os.devnull).open("wb") as nowhere:
+        os.dup2(nowhere.fileno(), 2)
+    try:
+        grey = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
+    except cv2.error:  # more pixels than OpenCV takes
+        return None
+    finally:
+        os.dup2(stderr, 2)
+        os.close(stderr)
+    return None if grey is None else np.asarray(grey, dtype=np.uint8)
+
+
+def _is_cut_short(data: bytes) -> bool:
+    """A JPEG whose last scan has no end: its decoder would fill the rest with grey, and say so in lines of its own."""
+    return data.startswith(JPEG) and data.rfind(JPEG_END) < data.rfind(JPEG_SCAN)
 
 
 def _evenly(files: list[Path], most: int) -> list[Path]:

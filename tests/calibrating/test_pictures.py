@@ -1,5 +1,8 @@
 """Files, folders and a video, and what is wrong with them."""
 
+import struct
+import zlib
+
 import cv2
 import numpy as np
 import pytest
@@ -98,8 +101,30 @@ def test_what_is_not_there_or_no_picture(tmp_path, video):
     refusal([text], "text.txt: no picture or video that can be read")
     refusal([empty], "empty.png: no picture or video that can be read")
     refusal([damaged], "damaged.png: ")
+    whole = grey_picture(tmp_path / "whole.jpg").read_bytes()
+    (tmp_path / "cut.jpg").write_bytes(whole[: whole.rindex(b"\xff\xda") + 30])
+    refusal([tmp_path / "cut.jpg"], "cut.jpg: a picture that is damaged")
     refusal([tmp_path / "whole.png", text], "text.txt: no picture that can be read; accepted: .*, alone")
     refusal([video, tmp_path / "whole.png"], "board.avi: no picture that can be read; accepted: .*, alone")
+
+
+def png_of_size(width, height):
+    """Its header says so; hardly any pixels follow."""
+    chunks = [
+        (b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)),
+        (b"IDAT", zlib.compress(bytes(100))),
+        (b"IEND", b""),
+    ]
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data)) for kind, data in chunks
+    )
+
+
+@pytest.mark.parametrize("size", [(0, 0), (100_000, 100_000)])
+def test_a_decoder_that_complains_says_nothing_of_its_own(size, tmp_path, capfd):
+    (tmp_path / "odd.png").write_bytes(png_of_size(*size))
+    refusal([tmp_path / "odd.png"], "odd.png: a picture that is damaged, or too large")
+    assert capfd.readouterr().err == ""
 
 
 def test_pictures_of_two_sizes(tmp_path):
