@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Final, TypeAlias
 
@@ -16,6 +17,7 @@ import msgspec
 import numpy as np
 
 from fwav_companion.calibrating.boards.finder import Grey
+from fwav_companion.calibrating.video import frame_count, sharpest
 from fwav_companion.errors import InputFileError
 
 ACCEPTED: Final = "accepted: pictures, a folder of them, or a video"
@@ -25,10 +27,10 @@ JPEG, JPEG_SCAN, JPEG_END = b"\xff\xd8", b"\xff\xda", b"\xff\xd9"
 """Markers (ITU-T T.81, table B.1); compressed data never holds them."""
 MOST_PICTURES: Final = 200
 """More show nothing new, and each takes a good part of a second."""
-VIDEO_PIECES: Final = 60
-"""A video's frames follow each other closely: of each piece only the sharpest is looked at."""
 
 Look: TypeAlias = Callable[[], Grey]
+Watched: TypeAlias = Callable[[str, int], AbstractContextManager[Callable[[], None]]]
+"""Of work with so many steps: what is to be called after each."""
 
 
 class Shot(msgspec.Struct, frozen=True):
@@ -46,15 +48,35 @@ def silence() -> None:
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
 
 
-def shots(names: Sequence[str]) -> list[Shot]:
-    """Each once, in the order given; a folder's by name. InputFileError for what is not there or no picture."""
+def shots(names: Sequence[str], watched: Watched) -> tuple[list[Shot], str]:
+    """Each once, in the order given, a folder's by name; and what was left out, in words.
+
+    InputFileError for what is not there or no picture.
+    """
     files = list(dict.fromkeys(file for name in names for file in _files(Path(name))))
     videos = [file for file in files if not cv2.haveImageReader(str(file))]
     if not videos:
-        return [Shot(str(file), _reader(file)) for file in _evenly(files, MOST_PICTURES)]
+        taken = _evenly(files, MOST_PICTURES)
+        left_out = f"of {len(files)} pictures {len(taken)} are looked at, evenly" if len(taken) < len(files) else ""
+        return [Shot(str(file), _reader(file)) for file in taken], left_out
     if len(files) > 1:
         raise InputFileError(f"{videos[0]}: no picture that can be read; {ACCEPTED}, alone")
-    return _sharpest(videos[0])
+    return _from_video(videos[0], watched)
+
+
+def _from_video(video: Path, watched: Watched) -> tuple[list[Shot], str]:
+    count = frame_count(video)
+    with watched("reading the video", count) as on_frame:
+        sharp, frames = sharpest(video, count, on_frame)
+    if not sharp:
+        raise InputFileError(f"{video}: no picture or video that can be read; {ACCEPTED}")
+    taken = [Shot(f"{video}, frame {number}", _held(grey)) for number, grey in sharp]
+    left_out = f"of {frames} frames the sharpest of each of {len(taken)} pieces is looked at"
+    return taken, left_out if len(taken) < frames else ""
+
+
+def _held(grey: Grey) -> Look:
+    return lambda: grey
 
 
 def same_size(taken: Sequence[Shot], show: Callable[[Shot, Grey], None]) -> tuple[int, int]:
@@ -127,34 +149,3 @@ def _evenly(files: list[Path], most: int) -> list[Path]:
     if len(files) <= most:
         return files
     return [files[round(i * (len(files) - 1) / (most - 1))] for i in range(most)]
-
-
-def _sharpest(video: Path) -> list[Shot]:
-    """Of each of VIDEO_PIECES equal pieces the frame with the crispest edges."""
-    count = sum(1 for _ in _frames(video))
-    if not count:
-        raise InputFileError(f"{video}: no picture or video that can be read; {ACCEPTED}")
-    best: dict[int, tuple[float, int, Grey]] = {}
-    for number, grey in enumerate(_frames(video)):
-        piece = number * VIDEO_PIECES // count
-        crisp = float(cv2.Laplacian(grey, cv2.CV_64F).var())
-        if piece not in best or crisp > best[piece][0]:
-            best[piece] = (crisp, number, grey)
-    return [Shot(f"{video}, frame {number}", _held(grey)) for _, number, grey in best.values()]
-
-
-def _held(grey: Grey) -> Look:
-    return lambda: grey
-
-
-def _frames(video: Path) -> Iterator[Grey]:
-    capture = cv2.VideoCapture(str(video))
-    capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0.0)
-    try:
-        while True:
-            ok, pixels = capture.read()
-            if not ok:
-                return
-            yield np.asarray(pixels if pixels.ndim == 2 else cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
-    finally:
-        capture.release()

@@ -67,7 +67,9 @@ def run(arguments: argparse.Namespace) -> int:
     _require_writable(arguments.out, arguments.images, overwrite=arguments.overwrite)
     previous = read_previous(arguments.compare, arguments.out)
     silence()
-    taken = shots(arguments.images)
+    taken, left_out = shots(arguments.images, steps)
+    if left_out:
+        print(left_out)
     with steps("looking for the board", len(taken)) as on_step:
         looked = look(taken, board, on_step)
     result = fit_lens(looked.views, looked.size)

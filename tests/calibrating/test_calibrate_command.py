@@ -1,5 +1,6 @@
 """`calibrate` as a new user runs it, on pictures that the tests drew."""
 
+import argparse
 import json
 import subprocess
 import sys
@@ -11,6 +12,8 @@ from drawn_boards import PAPER, half_size
 
 from fwav_companion.camera import parse_calibration
 from fwav_companion.camera.fitting.comparison import rays_apart
+from fwav_companion.camera.fitting.fit import Unfitted, WhyNot
+from fwav_companion.cli.calibrated import failed
 from fwav_companion.cli.main import main
 
 BOARD = "chessboard:7x5:25mm"
@@ -100,6 +103,14 @@ def test_too_few_pictures_is_told_after_the_table(chess_folder, tmp_path, capsys
     )
     assert json.loads(shown.out.splitlines()[-1])["ok"] is False
     assert not (tmp_path / "camera.yaml").exists()
+
+
+def test_what_fits_no_lens_is_a_bad_result_and_not_a_wrong_input(capsys):
+    told = Unfitted(WhyNot.MISFIT, "the corners miss by 9.0 px")
+    assert failed(argparse.Namespace(json=True), told, [], "") == 1
+    shown = capsys.readouterr()
+    assert json.loads(shown.out) == {"ok": False, "why": f"{WhyNot.MISFIT.value}: {told.told}", "pictures": []}
+    assert shown.err == "nothing is written: no lens of this model fits: the corners miss by 9.0 px\n"
 
 
 def test_a_wrong_count_is_told_with_the_right_one(chess_folder, tmp_path, capsys):

@@ -2,6 +2,8 @@
 
 import struct
 import zlib
+from contextlib import contextmanager
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -9,10 +11,21 @@ import pytest
 
 from fwav_companion.calibrating.boards.spec import parse_board
 from fwav_companion.calibrating.looking import look
-from fwav_companion.calibrating.pictures import MOST_PICTURES, VIDEO_PIECES, same_size, shots, silence
+from fwav_companion.calibrating.pictures import MOST_PICTURES, same_size, silence
+from fwav_companion.calibrating.pictures import shots as watched_shots
+from fwav_companion.calibrating.video import PIECES, sharpest
 from fwav_companion.errors import InputFileError
 
 BOARD = parse_board("chessboard:7x5:25mm")
+
+
+@contextmanager
+def unwatched(_told, _total):
+    yield lambda: None
+
+
+def shots(names):
+    return watched_shots(names, unwatched)[0]
 
 
 @pytest.fixture(autouse=True)
@@ -47,7 +60,9 @@ def test_a_picture_may_be_called_anything(tmp_path):
 def test_of_very_many_some_are_taken_evenly(tmp_path):
     for i in range(MOST_PICTURES + 50):
         grey_picture(tmp_path / f"{i:04d}.pgm", (8, 8))
-    taken = names(shots([str(tmp_path)]))
+    shown, left_out = watched_shots([str(tmp_path)], unwatched)
+    taken = names(shown)
+    assert left_out == f"of {MOST_PICTURES + 50} pictures {MOST_PICTURES} are looked at, evenly"
     assert len(taken) == len(set(taken)) == MOST_PICTURES
     assert taken[0].endswith("0000.pgm")
     assert taken[-1].endswith(f"{MOST_PICTURES + 49:04d}.pgm")
@@ -71,7 +86,7 @@ def video(tmp_path):
     path = tmp_path / "board.avi"
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 30.0, (64, 48))
     rng = np.random.default_rng(1)
-    for i in range(3 * VIDEO_PIECES):
+    for i in range(3 * PIECES):
         crisp = rng.integers(0, 255, (48, 64, 3), np.uint8)
         writer.write(crisp if i % 3 == 1 else cv2.blur(crisp, (9, 9)))
     writer.release()
@@ -80,8 +95,16 @@ def video(tmp_path):
 
 def test_of_a_video_the_sharpest_frame_of_each_piece(video):
     taken = shots([str(video)])
-    assert names(taken) == [f"{video}, frame {3 * i + 1}" for i in range(VIDEO_PIECES)]
+    assert names(taken) == [f"{video}, frame {3 * i + 1}" for i in range(PIECES)]
     assert taken[0].look().shape == (48, 64)
+
+
+def test_a_video_that_counts_its_frames_wrongly_is_read_all_the_same(video):
+    for said in (1, 100 * PIECES):
+        found, frames = sharpest(Path(video), said, lambda: None)
+        assert frames == 3 * PIECES
+        assert 1 <= len(found) <= PIECES
+        assert any(number % 3 == 1 for number, _ in found)
 
 
 def refusal(paths, match):
