@@ -129,6 +129,7 @@ def as_object(board: Board, told: Sequence[Row], fitted: Fitted) -> dict[str, An
         "covariance": fitted.claim.covariance.tolist(),
         "noise_px": fitted.noise_px,
         "disagreement": fitted.claim.disagreement,
+        "decentring": {"edge_px": fitted.decentring.edge_px, "sigma_px": fitted.decentring.sigma_px},
         "reached_deg": degrees(fitted.claim.reached),
         "image_deg": None if corner is None else degrees(corner),
         "max_angle_deg": limit_deg(fitted),

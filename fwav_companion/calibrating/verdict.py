@@ -60,6 +60,10 @@ def notes(fitted: Fitted) -> Iterator[str]:
             f"pictures disagree by {fitted.claim.disagreement:.1f} times what their corners scatter, and every sigma "
             "is that much wider: hold still, glue the board onto something flat"
         )
+    edge_px, sigma_px = fitted.decentring.edge_px, fitted.decentring.sigma_px
+    if edge_px > SURE * sigma_px:
+        at = f"by {edge_px:.1f} ± {sigma_px:.1f} px at {degrees(fitted.claim.reached):.0f}°"
+        yield f"the lens is not centred on one axis, {at}: this model has no term for it, and no sigma here contains it"
     stretch, sigma = fitted.lens[STRETCH], fitted.sigma(STRETCH)
     if abs(stretch - 1.0) > SQUARE + SURE * sigma:
         yield f"pixels come out {100.0 * abs(stretch - 1.0):.1f} % off square: measure the print along both its sides"

@@ -85,18 +85,29 @@ def _arms(corners: Corners, state: State) -> Floats:
 
 def _look(corners: Corners, state: State, weights: Floats) -> tuple[float, Normal]:
     """The weighted sum of squares, and the equations."""
+    residual, by_board, by_lens = jacobians(corners, state)
+    squares = float((weights * (residual**2).sum(axis=1)).sum())
+    return squares, equations(corners, residual, by_board, by_lens, weights)
+
+
+def jacobians(corners: Corners, state: State) -> tuple[Floats, Floats, Floats]:
+    """(M, 2) residuals, pixels; (M, 2, 6) of the pixels by their own board's turn and place; (M, 2, P) by the lens."""
     arms = _arms(corners, state)
     seen, by_point, by_lens = project(state.lens, arms + state.places[corners.view])
-    residual = (corners.pixels - seen)[..., None]
     by_board = np.concatenate([np.cross(arms[:, None, :], by_point), by_point], axis=-1)
-    weight = weights[:, None, None]
+    return corners.pixels - seen, by_board, by_lens
+
+
+def equations(corners: Corners, residual: Floats, by_board: Floats, by_lens: Floats, weights: Floats) -> Normal:
+    """Of these derivatives, which may be by more than a lens has."""
+    weight, column = weights[:, None, None], residual[..., None]
     of_board, of_lens = _t(by_board) * weight, _t(by_lens) * weight
-    return float((weights * (residual[..., 0] ** 2).sum(axis=1)).sum()), Normal(
+    return Normal(
         corners.by_view(of_lens @ by_lens),
         corners.by_view(of_board @ by_lens),
         corners.by_view(of_board @ by_board),
-        corners.by_view(of_lens @ residual)[..., 0],
-        corners.by_view(of_board @ residual)[..., 0],
+        corners.by_view(of_lens @ column)[..., 0],
+        corners.by_view(of_board @ column)[..., 0],
     )
 
 

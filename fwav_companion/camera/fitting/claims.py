@@ -23,9 +23,12 @@ a ray by what this is on the axis."""
 EXTRA: Final = 2
 """A 200 degree lens, shown up to 60 degrees, in twelve draws: at the limit that one more coefficient gives (83 degrees)
 its rays erred by up to 9 px, at that of two (74 degrees) by 3."""
+WORST_RAY: Final = np.radians(1.0)
+"""One sigma of a ray, a common turn aside: 2 % of the height above ground, and what is worse is no calibration."""
 OUTERMOST: Final = 5
 """The angle that corners reach is that of the fifth from outside: one alone is no support."""
 GRID: Final = np.radians(0.5)
+"""Between the angles at which it is asked how far the fit is believed: finer would only cost time."""
 
 
 class Claim(msgspec.Struct, frozen=True, eq=False):
@@ -48,8 +51,9 @@ def claim(corners: Corners, fit: Chosen) -> Claim:
     theta = np.sort(angles_from_axis(camera_points(corners, fit.state)))
     reached = float(theta[-min(OUTERMOST, len(theta))])
     variance = fit.variance * disagreement**2
-    supported = _supported(corners, fit.state, variance, reached)
-    return Claim(variance * inverse(told.sum(axis=0)), disagreement, reached, supported)
+    covariance = variance * inverse(told.sum(axis=0))
+    supported = _sure(fit.state.lens, covariance, reached, _supported(corners, fit.state, variance, reached))
+    return Claim(covariance, disagreement, reached, supported)
 
 
 def ray_sigmas(lens: Floats, covariance: Floats, angles: Floats, widest: float) -> tuple[Floats, Floats]:
@@ -64,6 +68,14 @@ def ray_sigmas(lens: Floats, covariance: Floats, angles: Floats, widest: float) 
     absorbed = np.linalg.lstsq(turns.reshape(-1, 3) * area[:, None], common.reshape(-1, len(lens)) * area[:, None])[0]
     at = _by_lens(lens, angles)
     return _worst(at, covariance), _worst(at - _by_turn(angles) @ absorbed, covariance)
+
+
+def _sure(lens: Floats, covariance: Floats, reached: float, end: float) -> float:
+    """The angle up to ``end`` where rays begin to be as unsure as WORST_RAY."""
+    angles = np.linspace(0.0, end, 3 * RINGS + 1)
+    _, beside = ray_sigmas(lens, covariance, angles, reached)
+    unsure = np.flatnonzero(~(beside < WORST_RAY))
+    return float(angles[max(0, unsure[0] - 1)]) if len(unsure) else end
 
 
 def _supported(corners: Corners, state: State, variance: float, reached: float) -> float:

@@ -12,17 +12,17 @@ import numpy as np
 
 from fwav_companion.camera.fitting.adjustment import camera_points, residuals
 from fwav_companion.camera.fitting.choice import Chosen, chosen_fit
-from fwav_companion.camera.fitting.claims import Claim, claim, ray_sigmas
+from fwav_companion.camera.fitting.claims import WORST_RAY, Claim, claim, ray_sigmas
 from fwav_companion.camera.fitting.corners import Floats, State, View, gather
+from fwav_companion.camera.fitting.decentring import Decentring, decentring
 from fwav_companion.camera.fitting.outliers import FEWEST_CORNERS, Dropped, sound_views
 from fwav_companion.camera.fitting.projection import RADIAL, STRETCH, U0, V0, angles_from_axis, radius, slope
 
 FEWEST_VIEWS: Final = 5
-"""Two tilted boards give as many equations as a lens has numbers, three some more: five can disagree."""
+"""Beside its own place the straight image of a board gives two equations (Zhang 2000), and a lens has five numbers or
+more: three boards at the least, and two more for the others to be judged by."""
 LEAST_TILT: Final = radians(10.0)
 """Between the two most unlike of all boards. Parallel boards leave the focal length open, however many they are."""
-WORST_RAY: Final = radians(1.0)
-"""One sigma of a ray inside the angle that corners reach, a common turn aside: what is worse is no calibration."""
 MOST_NOISE_PX: Final = 2.0
 """Finders of corners err by 0.05 to 0.5 px. Beyond this the board is not what was said, or not flat."""
 
@@ -73,6 +73,8 @@ class Fitted(msgspec.Struct, frozen=True, eq=False):
     noise_px: float
     """One sigma of a corner's axis, by the residuals."""
     claim: Claim
+    decentring: Decentring
+    """What the model leaves out."""
     tilted: float
     """The largest angle between any two boards, radians."""
     seen: tuple[Seen, ...]
@@ -130,11 +132,12 @@ def _fitted(
     chosen = chosen_fit(corners, state)
     try:
         claimed = claim(corners, chosen)
+        left_out = decentring(corners, chosen.state, chosen.variance * claimed.disagreement**2, claimed.reached)
     except np.linalg.LinAlgError:
         return Unfitted(WhyNot.UNDETERMINED, "other tilts and places of the board are wanted", dropped)
     seen = _seen(views, chosen, out)
     tilted = largest_tilt_between(chosen.state)
-    fitted = Fitted(size, chosen.state.lens, chosen.variance**0.5, claimed, tilted, seen, dropped)
+    fitted = Fitted(size, chosen.state.lens, chosen.variance**0.5, claimed, left_out, tilted, seen, dropped)
     misfit = _misfit(fitted)
     if misfit is not None:
         return Unfitted(WhyNot.MISFIT, misfit, dropped)
@@ -180,10 +183,10 @@ def _left_open(fitted: Fitted) -> str | None:
     if not (-0.5 <= lens[U0] <= width - 0.5 and -0.5 <= lens[V0] <= height - 0.5):
         middle = f"({lens[U0]:.0f} ± {fitted.sigma(U0):.0f}, {lens[V0]:.0f} ± {fitted.sigma(V0):.0f})"
         return f"the principal point would lie at {middle}, outside the image; show the board on all sides, and tilted"
-    reached = fitted.claim.reached
-    sigma = float(fitted.ray_sigmas(np.array([reached]))[1][0])
+    half = 0.5 * fitted.claim.reached
+    sigma = float(fitted.ray_sigmas(np.array([half]))[1][0])
     if not sigma < WORST_RAY:
-        told = f"one sigma of a ray {degrees(reached):.0f}° off the axis would be {degrees(sigma):.1f}°"
+        told = f"one sigma of a ray {degrees(half):.0f}° off the axis would be {degrees(sigma):.1f}°"
         return f"{told}; show the board larger, nearer to the edges, and tilted by 30° to all sides"
     return None
 

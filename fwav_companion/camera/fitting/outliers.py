@@ -29,9 +29,11 @@ MOST_OFF: Final = 0.3
 FINEST_PX: Final = 1e-6
 """No picture shows corners better: where they do not miss at all, nothing may be divided by that."""
 ROUNDS: Final = 6
+"""Of throwing out and fitting again; the second is mostly the last."""
 RMS_OF_MEDIAN: Final = 0.8493
 """The sigma of one axis by the median distance of two: 1 / sqrt(2 ln 2)."""
 STEPS: Final = 15
+"""Of one fit among several that lead to the answer."""
 
 
 class Dropped(msgspec.Struct, frozen=True):
