@@ -19,7 +19,5 @@ def chess_folder(tmp_path_factory):
     rng = np.random.default_rng(3)
     places = poses(rng, 12, 0.2, reach=0.33, share=0.4, tilt=0.9)
     for i, pose in enumerate(places):
-        cv2.imwrite(
-            str(folder / f"{i:02d}.png"), picture(half_size(PAPER), pose, chess_grey(7, 5, 0.025), rng, samples=2)
-        )
+        cv2.imwrite(str(folder / f"{i:02d}.png"), picture(half_size(PAPER), pose, chess_grey(7, 5, 0.025), rng))
     return folder

@@ -121,7 +121,7 @@ def sample_rays(lens, samples):
     return np.stack([lens.rays(np.stack([u + du, v + dv], axis=-1)) for dv in offsets for du in offsets])
 
 
-def picture(lens, pose, grey, rng, *, noise=2.0, samples=3):
+def picture(lens, pose, grey, rng, *, noise=2.0, samples=2):
     """(height, width) uint8: the board before a dull background, each pixel the mean of samples^2."""
     rotation, middle = pose
     width, height = lens.size

@@ -9,7 +9,7 @@ from fwav_companion.camera.fitting.claims import claim
 from fwav_companion.camera.fitting.corners import View, gather
 from fwav_companion.camera.fitting.outliers import sound_views
 
-DRAWS = 40
+DRAWS = 25
 NOISE_PX = 0.1
 TIMES = 3.29
 """99.9 % of a normal number lie so many sigmas from its mean, to both sides."""
