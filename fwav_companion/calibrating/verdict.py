@@ -53,7 +53,7 @@ def notes(fitted: Fitted) -> Iterator[str]:
     if fitted.tilted < GOOD_TILT:
         told = f"no two boards are tilted against each other by more than {degrees(fitted.tilted):.0f}°"
         yield f"{told}: tilt it by 30° to 45° to all sides"
-    if fitted.noise_px > ROUGH_PX:
+    if fitted.noise_px > ROUGH_PX * fitted.blown_up:
         yield f"corners miss by {fitted.noise_px:.1f} px, in good pictures by 0.1 to 0.3: blur, a bent board?"
     if fitted.claim.disagreement > DISAGREE:
         yield (

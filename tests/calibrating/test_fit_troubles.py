@@ -112,3 +112,15 @@ def test_a_board_of_the_wrong_shape_is_refused():
     """Squares that are a third too long one way."""
     found = fit_lens([View(view.name, view.board * (1.0, 1.33), view.pixels) for view in good()], SIZE)
     assert isinstance(found, Unfitted)
+
+
+def test_the_same_blur_is_more_pixels_wide_in_a_larger_picture():
+    """3 px are refused of 640 pixels, and no reason of 3840."""
+    times = 6
+    seen = good(24, noise=0.5)
+    large = [with_pixels(view, (view.pixels + 0.5) * times - 0.5) for view in seen]
+    assert isinstance(fit_lens(large, (SIZE[0] * times, SIZE[1] * times)), Fitted)
+    rough = fit_lens(good(24, noise=3.0), SIZE)
+    assert isinstance(rough, Unfitted)
+    assert rough.why is WhyNot.MISFIT
+    assert "the corners miss by 3." in rough.told or "the corners miss by 2." in rough.told

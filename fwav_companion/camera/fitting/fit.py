@@ -25,6 +25,8 @@ LEAST_TILT: Final = radians(10.0)
 """Between the two most unlike of all boards. Parallel boards leave the focal length open, however many they are."""
 MOST_NOISE_PX: Final = 2.0
 """Finders of corners err by 0.05 to 0.5 px. Beyond this the board is not what was said, or not flat."""
+LARGE_PX: Final = 1280
+"""The longer side of a picture, beyond which the same blur is more pixels wide."""
 
 
 class WhyNot(Enum):
@@ -84,6 +86,11 @@ class Fitted(msgspec.Struct, frozen=True, eq=False):
     def coefficients(self) -> int:
         """Of the radial polynomial."""
         return len(self.lens) - RADIAL
+
+    @property
+    def blown_up(self) -> float:
+        """How many times more pixels than a picture of LARGE_PX this one has along a side; 1 where it is smaller."""
+        return max(1.0, max(self.image_size) / LARGE_PX)
 
     def sigma(self, index: int) -> float:
         """Of one of the lens's numbers, in its unit."""
@@ -168,7 +175,7 @@ def _is_usable(view: View) -> bool:
 def _misfit(fitted: Fitted) -> str | None:
     """What makes the answer no lens."""
     lens = fitted.lens
-    if not fitted.noise_px < MOST_NOISE_PX:
+    if not fitted.noise_px < MOST_NOISE_PX * fitted.blown_up:
         told = f"the corners miss by {fitted.noise_px:.1f} px, where finders err by 0.1 to 0.5"
         return f"{told}; is --board right, the board flat, the lens one without zoom or stabilisation?"
     rising = (slope(lens, np.linspace(0.0, fitted.claim.reached, 200)) > 0.0).all()
