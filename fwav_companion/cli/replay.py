@@ -104,7 +104,7 @@ def _replay(arguments: argparse.Namespace) -> int:
 
 def _title(telemetry: Path) -> str:
     """What tells one flight from another: of those that we record, the folder."""
-    from fwav_companion.recording.recorder import TELEMETRY
+    from fwav_companion.recording.folder import TELEMETRY
 
     return telemetry.resolve().parent.name if telemetry.name == TELEMETRY else telemetry.stem
 

@@ -2,36 +2,28 @@
 
 from __future__ import annotations
 
-import os
 import threading
-from collections.abc import Callable, Iterable, Mapping
-from errno import ENOENT
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import BinaryIO, Literal
 
-import msgspec
-
+from fwav_companion.recording.folder import (
+    DETECTIONS,
+    FILES,
+    TARGETS,
+    TELEMETRY,
+    RecordingFiles,
+    RecordingPlan,
+    has_room,
+)
 from fwav_companion.recording.lines import Line, encode_line
-from fwav_companion.recording.space import BYTES_PER_MB, Space, SpaceError, SpacePolicy, new_folder
+from fwav_companion.recording.space import BYTES_PER_MB, SpaceError
 from fwav_companion.recording.spans import Begin, Record, Spans, Step
 from fwav_companion.recording.tlog import tlog_record
 
-TELEMETRY, DETECTIONS, TARGETS = "telemetry.tlog", "detections.jsonl", "targets.jsonl"
-FILES = (TELEMETRY, DETECTIONS, TARGETS)
 MAX_WAITING_BYTES = 8 << 20
 """What may wait for a disk that hangs: over a minute of a busy 921 600 baud link with all its lines."""
-
-
-class RecordingPlan(msgspec.Struct, frozen=True, kw_only=True):
-    """What is recorded where, and how much of the disk it may take."""
-
-    directory: Path
-    when: Literal["always", "armed"] = "always"
-    sync_s: float = 1.0
-    """A power cut loses at most this."""
-    space: SpacePolicy = SpacePolicy(4096 * BYTES_PER_MB, 200 * BYTES_PER_MB, False)
-    beside: Mapping[str, bytes] = {}
-    """Small files that are kept with every recording, by name: configuration, camera."""
+ROOM_TO_GO_ON_BYTES = 20 * BYTES_PER_MB
+"""A recording that stopped goes on where there is room for some minutes more: not for seconds, again and again."""
 
 
 def _no_line() -> Line | None:
@@ -40,24 +32,28 @@ def _no_line() -> Line | None:
 
 
 class Recorder:
-    """A flight's folders. Writing only queues; what cannot be kept is told once through ``on_failure``."""
+    """A flight's folders. Writing only queues; what cannot be kept is told once through ``on_failure``.
+
+    A recording that stopped, as on a full disk, goes on in a new folder when there is room again.
+    """
 
     def __init__(
         self,
         plan: RecordingPlan,
         on_failure: Callable[[str], None],
         *,
-        on_removed: Callable[[str], None] | None = None,
+        on_news: Callable[[str], None] | None = None,
         header: Callable[[], Line | None] = _no_line,
         summary: Callable[[], Line | None] = _no_line,
     ) -> None:
-        """``on_failure`` is called once, ``on_removed`` for each folder, both from the recorder's thread.
+        """``on_failure`` is called each time it stops, ``on_news`` for each folder that is removed to make room and
+        each time it goes on; both from the recorder's thread.
 
         ``header`` and ``summary`` tell, on the caller's side, how a targets file begins and ends at present.
         """
         self._plan = plan
         self._on_failure = on_failure
-        self._on_removed = on_removed or on_failure
+        self._on_news = on_news or on_failure
         self._spans = Spans(
             plan.when,
             lambda at_us: _frame_record(at_us, header(), is_header=True),
@@ -67,7 +63,9 @@ class Recorder:
         self._waiting_bytes = 0
         self._lock = threading.Lock()
         self._stop = threading.Event()
+        self._begins_anew = False
         self.failure: str | None = None
+        """Why it is stopped; None while it records."""
         self.folder: Path | None = None
         """Where it writes now; None while it waits for arming."""
         # A daemon thread: a disk that hangs must not hold up the end of the process.
@@ -104,12 +102,18 @@ class Recorder:
     # On the caller's side.
 
     def _put(self, record: Record) -> None:
-        if self.failure is None:
-            self._queue(self._spans.on_record(record))
+        if self.failure is not None:
+            return
+        if self._begins_anew:
+            self._begins_anew = False
+            self._queue(self._spans.begin_anew(record.at_us))
+        self._queue(self._spans.on_record(record))
 
     def _queue(self, steps: Iterable[Step]) -> None:
         """A record is queued whole or not at all."""
         with self._lock:
+            if self.failure is not None:
+                return
             for step in steps:
                 self._waiting_bytes += len(step.data) if isinstance(step, Record) else 0
                 self._waiting.append(step)
@@ -120,7 +124,13 @@ class Recorder:
     # In the thread.
 
     def _run(self) -> None:
-        files = _Files(self._plan)
+        while self._write_until_failure():
+            if not self._wait_for_room():
+                return
+
+    def _write_until_failure(self) -> bool:
+        """True: it failed. False: it was told to stop."""
+        files = RecordingFiles(self._plan)
         try:
             files.prepare()
             stopping = False
@@ -134,12 +144,22 @@ class Recorder:
             self._fail(f"{error.filename or self._plan.directory}: {error.strerror or error}")
         finally:
             files.close()
+        return self.failure is not None
 
-    def _write(self, files: _Files, steps: list[Step]) -> None:
+    def _wait_for_room(self) -> bool:
+        """True: it can go on. False: it was told to stop."""
+        while not self._stop.wait(self._plan.retry_s):
+            if has_room(self._plan, ROOM_TO_GO_ON_BYTES):
+                self._begins_anew, self.failure = True, None
+                self._on_news(f"recording goes on: there is room again in {self._plan.directory}")
+                return True
+        return False
+
+    def _write(self, files: RecordingFiles, steps: list[Step]) -> None:
         for step in _joined(steps):
             if isinstance(step, Record):
                 for removed in files.write(step):
-                    self._on_removed(f"recording: removed the oldest, {removed}, to make room")
+                    self._on_news(f"recording: removed the oldest, {removed}, to make room")
             elif isinstance(step, Begin):
                 files.begin()
             else:
@@ -184,72 +204,3 @@ def _joined(steps: Iterable[Step]) -> list[Step]:
             joined.append(step)
     settle()
     return joined
-
-
-class _Files:
-    """The open files of one folder after the other. Everything here may raise OSError."""
-
-    def __init__(self, plan: RecordingPlan) -> None:
-        self._plan = plan
-        self._space: Space | None = None
-        self._open: dict[str, BinaryIO] = {}
-        self._unsynced: set[str] = set()
-        self.folder: Path | None = None
-
-    def prepare(self) -> None:
-        """Whether there is a directory shows at once, not when the vehicle is armed."""
-        self._plan.directory.mkdir(parents=True, exist_ok=True)
-        self._space = Space(self._plan.directory, self._plan.space)
-
-    def begin(self) -> None:
-        self.end()
-        if self._space is not None:
-            self._space.take(sum(map(len, self._plan.beside.values())), self._plan.directory)
-        self.folder = folder = new_folder(self._plan.directory)
-        for name, content in self._plan.beside.items():
-            (folder / name).write_bytes(content)
-        self._open = {name: (folder / name).open("ab", buffering=0) for name in FILES}
-        # The names themselves must outlive a power cut too.
-        for directory in (folder, self._plan.directory):
-            _sync_directory(directory)
-
-    def write(self, record: Record) -> list[Path]:
-        if self._space is None or self.folder is None:
-            return []
-        removed = self._space.take(len(record.data), self.folder)
-        _write_all(self._open[record.file], record.data)
-        self._unsynced.add(record.file)
-        return removed
-
-    def sync(self) -> None:
-        for name in sorted(self._unsynced):
-            descriptor = self._open[name].fileno()
-            os.fdatasync(descriptor)
-            if os.fstat(descriptor).st_nlink == 0 and self.folder is not None:
-                raise FileNotFoundError(ENOENT, "was removed while it was recorded to", str(self.folder / name))
-        self._unsynced.clear()
-
-    def end(self) -> None:
-        self.sync()
-        self.close()
-        self.folder = None
-
-    def close(self) -> None:
-        for file in self._open.values():
-            file.close()
-        self._open = {}
-        self._unsynced.clear()
-
-
-def _write_all(file: BinaryIO, data: bytes) -> None:
-    view = memoryview(data)
-    while view:
-        view = view[file.write(view) :]
-
-
-def _sync_directory(directory: Path) -> None:
-    descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

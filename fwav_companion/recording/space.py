@@ -81,6 +81,10 @@ class Space:
         self._used += count
         return removed
 
+    def has_room(self, count: int) -> bool:
+        """So many bytes would fit without anything being removed."""
+        return self._complaint(count) is None
+
     def _complaint(self, count: int) -> str | None:
         policy = self._policy
         if policy.most_used_bytes and self._used + count > policy.most_used_bytes:

@@ -97,6 +97,13 @@ class Spans:
             steps += self._begin(record.at_us)
         return steps + self._take(record)
 
+    def begin_anew(self, now_us: int) -> list[Step]:
+        """What was open could not be written on: begin again, if anything would be kept now."""
+        self._open = False
+        self._before.clear()
+        self._before_bytes = 0
+        return self._begin(now_us) if self._when == "always" or self._armed else []
+
     def _over(self, now_us: int) -> bool:
         return (
             self._when == "armed" and self._disarmed_us is not None and now_us - self._disarmed_us >= AFTER_DISARMING_US

@@ -11,7 +11,8 @@ from fwav_companion.flow.pipeline import Pipeline
 from fwav_companion.links.base import Link, OnState
 from fwav_companion.links.make import make_link
 from fwav_companion.links.url import UdpUrl
-from fwav_companion.recording.recorder import Recorder, RecordingPlan
+from fwav_companion.recording.folder import RecordingPlan
+from fwav_companion.recording.recorder import Recorder
 from fwav_companion.recording.space import BYTES_PER_MB, SpacePolicy
 from fwav_companion.vision.detections_in import DetectionsIn
 from fwav_companion.vision.ears import Ears

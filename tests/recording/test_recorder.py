@@ -9,7 +9,8 @@ from types import SimpleNamespace
 import pytest
 
 from fwav_companion.recording import space
-from fwav_companion.recording.recorder import DETECTIONS, TARGETS, TELEMETRY, Recorder, RecordingPlan
+from fwav_companion.recording.folder import DETECTIONS, TARGETS, TELEMETRY, RecordingPlan
+from fwav_companion.recording.recorder import Recorder
 from fwav_companion.recording.space import Space, SpaceError, SpacePolicy, new_folder, recordings
 
 NO_LIMIT = SpacePolicy(0, 0, False)
@@ -129,6 +130,34 @@ def test_a_full_disk_stops_the_recording_and_nothing_else(tmp_path, monkeypatch,
     assert "No space left on device" in told[0]
     assert recorder.failure == told[0]
     recorder.telemetry(START_US, b"later")
+
+
+@pytest.mark.parametrize("when", ["always", "armed"])
+def test_a_recording_goes_on_in_a_new_folder_when_there_is_room_again(tmp_path, monkeypatch, when):
+    """A full disk stayed the end of it until the next start, in the midst of a flight."""
+    free_blocks = [0]
+    monkeypatch.setattr(space.os, "statvfs", lambda _path: SimpleNamespace(f_bavail=free_blocks[0], f_frsize=4096))
+    told = []
+    header = {"type": "header"}
+    recorder = Recorder(plan(tmp_path, when=when, retry_s=0.01), told.append, header=lambda: header)
+    recorder.start()
+    recorder.on_armed(True, START_US)
+    while recorder.failure is None:  # the test's own time limit ends the waits
+        recorder.telemetry(START_US, b"\xfd\x00")
+        time.sleep(0.001)
+    free_blocks[0] = 1_000
+    time.sleep(0.05)  # room for a second or two is none
+    assert recorder.failure is not None
+    free_blocks[0] = 1_000_000
+    while recorder.failure is not None:
+        time.sleep(0.001)
+    recorder.telemetry(START_US + 5, b"\xfd\x01")
+    recorder.close(5.0)
+    assert told[0] == "recording stopped: 0.0 MB are free: the disk is full"
+    assert told[1:] == [f"recording goes on: there is room again in {tmp_path}"]
+    folder = recordings(tmp_path)[-1]
+    assert (folder / TELEMETRY).read_bytes() == (START_US + 5).to_bytes(8, "big") + b"\xfd\x01"
+    assert (folder / TARGETS).read_bytes() == b'{"type":"header"}\n'
 
 
 def test_what_waits_for_a_hanging_disk_is_bounded(tmp_path):
