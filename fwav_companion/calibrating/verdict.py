@@ -72,7 +72,11 @@ def notes(fitted: Fitted) -> Iterator[str]:
 def _coverage(fitted: Fitted) -> Iterator[str]:
     corner, reached, limit = image_angle(fitted), fitted.claim.reached, fitted.claim.supported
     if corner is not None and reached < GOOD_REACH * corner:
-        ends = f"rays beyond {degrees(limit):.0f}° will be refused" if limit < corner else "what lies beyond is a guess"
+        ends = (
+            f"rays beyond {degrees(limit):.0f}° will be refused"
+            if limit < corner
+            else "what lies beyond is continued from there"
+        )
         yield (
             f"corners reach {degrees(reached):.0f}° of the image's {degrees(corner):.0f}° from the axis, and {ends}: "
             "show the board at the image's edges and corners too"
