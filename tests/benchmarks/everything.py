@@ -21,6 +21,7 @@ BENCHMARKS = (
     "filter_update",
     "startup",
     "daemon",
+    "camera",
 )
 """Modules beside this one, each with ``measure() -> list[Figure]``."""
 
