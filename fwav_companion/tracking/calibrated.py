@@ -1,4 +1,4 @@
-"""A track as the joint estimate of self-calibration sees it."""
+"""A track as self-calibration sees it: by its joint estimate, or in doubt while the mount is known to be wrong."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from fwav_companion.nouns import GroundFix
 from fwav_companion.tracking.base import Belief
 from fwav_companion.tracking.calibrator import Calibrator
 from fwav_companion.tracking.estimate import Surprise
-from fwav_companion.tracking.linear import Symmetric2
+from fwav_companion.tracking.linear import Symmetric2, add_diagonal
 from fwav_companion.tracking.verdict import Placed
 
 
@@ -59,6 +59,51 @@ class CalibratedBelief(msgspec.Struct, frozen=True):
     def updated(self, fix: GroundFix) -> Belief:
         """Its own filter goes on beside the joint estimate."""
         return self.own.updated(fix)
+
+
+class MisplacedBelief(msgspec.Struct, frozen=True):
+    """A track that is told while the mount is known to be wrong: where it was taken to be, and hardly surely so."""
+
+    taken: Belief
+    misplaced_m: float
+    """One sigma an axis, horizontal."""
+
+    @property
+    def position_ned(self) -> Vector3:
+        """Metres."""
+        return self.taken.position_ned
+
+    @property
+    def cov(self) -> Matrix3:
+        """Every source of error, m^2, NED."""
+        return add_diagonal(self.taken.cov, self.misplaced_m**2, 0.0)
+
+    @property
+    def relative_cov(self) -> Matrix3:
+        """Without the vehicle's own position, m^2, NED."""
+        return add_diagonal(self.taken.relative_cov, self.misplaced_m**2, 0.0)
+
+    @property
+    def velocity_ned(self) -> Vector3 | None:
+        """A wrong mount shifts, and turns as it shifts: nothing is known of the target's own motion."""
+        return None
+
+    @property
+    def velocity_cov(self) -> Matrix3 | None:
+        """None is told."""
+        return None
+
+    def predicted(self, host_ns: HostNs) -> Belief:
+        """As it was taken to be."""
+        return self.taken.predicted(host_ns)
+
+    def surprise(self, fix: GroundFix) -> Surprise:
+        """How little a fix was expected, the mount as configured."""
+        return self.taken.surprise(fix)
+
+    def updated(self, fix: GroundFix) -> Belief:
+        """As it was taken to be."""
+        return self.taken.updated(fix)
 
 
 def _level(horizontal: Symmetric2, down: float) -> Matrix3:

@@ -19,11 +19,11 @@ from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs, ns_from_
 from fwav_companion.nouns import GroundFix, VehicleState
 from fwav_companion.tracking.answer import MOUNT
 from fwav_companion.tracking.calibration import CalibrationReport, believed, worth_keeping
-from fwav_companion.tracking.course import Course
+from fwav_companion.tracking.course import Course, Moment, moment_of
 from fwav_companion.tracking.estimate import Surprise
 from fwav_companion.tracking.fit import Fit
 from fwav_companion.tracking.loosening import Loosening
-from fwav_companion.tracking.mistakes import Suspicion
+from fwav_companion.tracking.mistakes import NAMED, Suspicion
 from fwav_companion.tracking.rays import COMMON_COUNT, Common, Glimpse, glimpse_of
 from fwav_companion.tracking.search import UNEXPLAINED, Found, InVain, Search, search_of
 from fwav_companion.tracking.turning import SPAN_S, Turning
@@ -101,8 +101,8 @@ class Calibrator(msgspec.Struct, frozen=True):
         """After a frame with all that was ``seen``; ``fixes`` by track, with the seconds since the fix before;
         ``alive``: all tracks there are.
         """
-        suspicion = self.suspicion.seen(seen)
-        if suspicion.text:
+        suspicion = self.suspicion.seen(seen, self._stood)
+        if suspicion.text and not self._explained:
             return Calibrator(self.shop, host_ns=host_ns, suspicion=suspicion, replaced=self.replaced)
         queue = (*self.queue, _Queued(host_ns, tuple(fixes)))
         state = msgspec.structs.replace(self, queue=queue, host_ns=host_ns, suspicion=suspicion)._forgotten(alive)
@@ -116,6 +116,24 @@ class Calibrator(msgspec.Struct, frozen=True):
     def placed(self, track: int) -> Placed | None:
         """Where a target stands; None while that is not known here."""
         return self.places.get(track)
+
+    @property
+    def mistake(self) -> str:
+        """What is grossly wrong with the mount, as a sentence; empty: nothing. Nothing is estimated then."""
+        return "" if self._explained else self.suspicion.text
+
+    @property
+    def misplaced_m(self) -> float:
+        """How far off all places may be told, by a mount that explains what was seen better: one sigma an axis."""
+        found = self.suspicion.mistake
+        return 0.0 if found is None or self._explained else found.misplaced_m
+
+    @property
+    def _explained(self) -> bool:
+        """Self-calibration explains the flight by a mount not grossly off: a large delay scatters sights, too."""
+        if self.verdict is None or self.verdict.status is not CalibrationStatus.CALIBRATED:
+            return False
+        return not self.suspicion.text or hypot(*(self.verdict.told()[i][0] for i in MOUNT)) < NAMED
 
     @property
     def denied(self) -> tuple[Loosening, ...]:
@@ -147,7 +165,7 @@ class Calibrator(msgspec.Struct, frozen=True):
             height_sigma_m=sigmas[Common.HEIGHT],
             status=self._status(),
             rivals=() if self.vain is None else self.vain.rivals,
-            mistake=self.suspicion.text,
+            mistake=self.mistake,
             denied=self.denied,
             replaced=self.replaced,
             keep=worth_keeping(self.verdict, self.shop.sigmas),
@@ -188,6 +206,12 @@ class Calibrator(msgspec.Struct, frozen=True):
 
     def _course(self, nominal: VehicleState) -> Course:
         return self.shop.course(nominal, self.shop.delays if self.delay_s is None else (self.delay_s,))
+
+    def _stood(self, nominal: VehicleState) -> Moment:
+        """The vehicle at a capture, by the delay that was found, if one was."""
+        if self.delay_s is None:
+            return moment_of(nominal, 0.0)
+        return self.shop.course(nominal, (self.delay_s,)).at(self.delay_s)
 
     def _taught(self, fixes: Sequence[tuple[int, GroundFix, float]]) -> Calibrator:
         """With one frame's fixes; all of them share one course of the vehicle."""

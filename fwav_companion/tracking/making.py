@@ -10,6 +10,7 @@ from fwav_companion.tracking.calibrator import Calibrator
 from fwav_companion.tracking.course import StateAt
 from fwav_companion.tracking.kalman import StaticKalman
 from fwav_companion.tracking.lowpass import LowPass
+from fwav_companion.tracking.mistakes import Suspicion
 from fwav_companion.tracking.moving import MovingKalman
 from fwav_companion.tracking.options import TrackingOptions
 from fwav_companion.tracking.tracker import Tracker
@@ -22,6 +23,9 @@ KEEP_MOVING_NS = 10 * NS_PER_S
 PATIENCE_NS = 10 * NS_PER_S
 """Where targets may move, one teaches that stayed so long within the gate of a standing one, a metre or two wide as
 delay and mount are not known yet: who walks left it within seconds."""
+
+FORETOLD_NS = 20 * NS_PER_S
+"""So far ahead a mount must tell what is seen where targets may move: by then who walks is 30 m away."""
 
 
 def make_tracker(
@@ -38,8 +42,11 @@ def make_tracker(
     if options.filter == "lowpass":
         paper = LowPass(options.alpha, options.alpha_rate_hz, priors)
         return tracker_with(paper, priors, state_at, kept, self_calibration=options.self_calibration)
-    calibrator = Calibrator(Workshop(priors, state_at, kept)) if options.self_calibration else None
-    if options.motion == "static":
+    moving = options.motion == "moving"
+    suspicion = Suspicion(FORETOLD_NS) if moving else Suspicion()
+    shop = Workshop(priors, state_at, kept)
+    calibrator = Calibrator(shop, suspicion=suspicion) if options.self_calibration else None
+    if not moving:
         return Tracker(StaticKalman(priors), KEEP_STATIC_NS, calibrator)
     if calibrator is None:
         return Tracker(MovingKalman(priors), KEEP_MOVING_NS)

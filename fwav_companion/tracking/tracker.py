@@ -9,7 +9,7 @@ from fwav_companion.nouns import FrameView, GroundFix, Reason, Track, TrackState
 from fwav_companion.tracking.alive import Alive, innovation, newborn
 from fwav_companion.tracking.association import Candidate, associate
 from fwav_companion.tracking.base import Belief, Filter
-from fwav_companion.tracking.calibrated import CalibratedBelief
+from fwav_companion.tracking.calibrated import CalibratedBelief, MisplacedBelief
 from fwav_companion.tracking.calibration import CalibrationReport
 from fwav_companion.tracking.calibrator import Calibrator
 from fwav_companion.tracking.lifecycle import unseen
@@ -95,14 +95,14 @@ class Tracker:
         tracks, next_id = self._with_newborn(kept, [fix for fix in view.fixes if id(fix) not in used], view.host_ns)
         living = tuple(track for track in tracks if track.life.state is not TrackState.DROPPED)
         self._state = Snapshot(living, next_id, self._learned(view, living), self._besides())
-        return tuple(track.told(self._seen_as(track), view.frame, view.host_ns, view.boot_ns) for track in tracks)
+        return tuple(self._told(track, view.frame, view.host_ns, view.boot_ns) for track in tracks)
 
     def drop_all(self, reason: Reason, frame: int, host_ns: HostNs, boot_ns: BootNs) -> tuple[Track, ...]:
         """End every track; their ids are not used again."""
         dropped = tuple(
             msgspec.structs.replace(track.ended(reason), fix=None, innovation=None) for track in self._state.alive
         )
-        told = tuple(track.told(self._seen_as(track), frame, host_ns, boot_ns) for track in dropped)
+        told = tuple(self._told(track, frame, host_ns, boot_ns) for track in dropped)
         calibrator = self._state.calibrator
         restarted = None if calibrator is None else calibrator.restarted()
         if self._beside is not None:
@@ -179,6 +179,14 @@ class Tracker:
         if calibrator is None or placed is None:
             return None
         return CalibratedBelief(calibrator, track.id, placed, track.belief)
+
+    def _told(self, track: Alive, frame: int, host_ns: HostNs, boot_ns: BootNs) -> Track:
+        """As others see it. While the mount is known to be wrong it is told in doubt, and single fixes are not told."""
+        misplaced_m = 0.0 if self._calibrator is None else self._calibrator.misplaced_m
+        if misplaced_m == 0.0:
+            return track.told(self._seen_as(track), frame, host_ns, boot_ns)
+        doubted = msgspec.structs.replace(track, fix=None, innovation=None)
+        return doubted.told(MisplacedBelief(self._seen_as(track), misplaced_m), frame, host_ns, boot_ns)
 
     def _seen_as(self, track: Alive) -> Belief:
         """The track by the surer of its own filter and the joint estimate: a flight may show the latter little.
