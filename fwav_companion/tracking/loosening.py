@@ -8,7 +8,7 @@ target with it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import hypot
+from math import hypot, sqrt
 
 import msgspec
 
@@ -16,8 +16,8 @@ from fwav_companion.tracking.answer import CONSIDERED, MOUNT
 from fwav_companion.tracking.joint import Joint
 from fwav_companion.tracking.rays import Common
 
-DENIED = 20.0
-"""Square of what was learned of an unknown over its expectation: a right prior exceeds it once in 130 000 flights."""
+DENIED = 4.0
+"""Sigma between what was configured and what was found, at which one of the two is wrong."""
 ASKED = (Common.DELAY, *MOUNT, Common.HEIGHT)
 """Not the heading, which is part of the mount as it is told."""
 
@@ -74,16 +74,13 @@ def loosenings(joint: Joint, means: Sequence[float], sigmas: Sequence[float]) ->
     return tuple(found)
 
 
-def _learned2(joint: Joint, unknown: int, sigma: float) -> float:
-    """Variance of the posterior mean about the prior one, if the prior is right."""
-    return sigma * sigma - joint.cov[unknown][unknown]
-
-
 def _denial(joint: Joint, unknown: int, mean: float, sigma: float) -> float:
-    learned2 = _learned2(joint, unknown, sigma)
-    return (joint.mean[unknown] - mean) ** 2 / learned2 if learned2 > 0.0 else 0.0
+    """In sigma, at least: the joint estimate only considers the vehicle's position error, so how what it found goes
+    with the truth is not known, and the two may differ by the sum of their sigmas.
+    """
+    return abs(joint.mean[unknown] - mean) / (sigma + sqrt(max(0.0, joint.cov[unknown][unknown])))
 
 
 def _loosening(joint: Joint, unknown: int, mean: float, sigma: float) -> Loosening:
-    moved = joint.mean[unknown] - mean
-    return Loosening(unknown, mean, sigma, mean + moved * sigma * sigma / _learned2(joint, unknown, sigma))
+    moved, found2 = joint.mean[unknown] - mean, joint.cov[unknown][unknown]
+    return Loosening(unknown, mean, sigma, mean + moved * sigma * sigma / (sigma * sigma - found2))

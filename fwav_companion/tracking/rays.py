@@ -208,7 +208,7 @@ attitudes where those come no faster."""
 def pixel_noise(glimpse: Glimpse, prediction: Prediction, priors: ErrorPriors) -> tuple[float, float, float]:
     """Covariance of the residual by everything fresh in this glimpse, px^2: uu, uv, vv."""
     repeated, turned = _repeated(TELEMETRY_STEP_S, glimpse), _repeated(glimpse.attitude_spacing_s, glimpse)
-    attitude = (priors.attitude_noise**2 + glimpse.attitude_sigma**2) * turned
+    attitude = priors.attitude_noise**2 * turned + glimpse.attitude_sigma**2
     height, place = priors.height_noise_m**2 * repeated, priors.position_noise_m**2 * repeated
     (u_sigma, v_sigma), time = glimpse.pixel_sigma, glimpse.time_noise_s**2
     (ut, ux, uy, uz, _, uh, _, un, ue, *_), (vt, vx, vy, vz, _, vh, _, vn, ve, *_) = prediction.rows

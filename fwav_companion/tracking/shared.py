@@ -129,7 +129,7 @@ class SharedErrors:
 
     def _with_attitudes(self, noise: Matrix3, fix: GroundFix, repeated: float) -> Matrix3:
         """Where attitudes come more slowly than frames, fixes between the same two share their noise."""
-        variance = repeated * (self._attitude_noise2 + fix.sighting.state.carrier_sigma**2)
+        variance = repeated * self._attitude_noise2
         for axis in (Bias.ROLL, Bias.PITCH, Bias.HEADING):
             by_turn = fix.bias_jacobian[axis]
             noise = add_matrices(noise, outer(by_turn, scale(by_turn, variance)))

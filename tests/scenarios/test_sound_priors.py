@@ -1,0 +1,25 @@
+"""Self-calibration where little can be learned: priors that are right are not denied, and nothing gets worse.
+
+An orbit that always faces its target shows neither mount nor height, and the wandering of the vehicle's own position
+looks like both.
+"""
+
+import numpy as np
+import pytest
+from flying import fly
+
+from sitl_mock import scenario
+
+ORBIT = {"seconds": 30.0}
+
+
+@pytest.mark.parametrize("seed", [2, 3, 5])
+def test_an_orbit_with_a_wandering_position_denies_no_prior(seed):
+    options = scenario("default").but({**ORBIT, "seed": seed})
+    plain, calibrating = (fly(options, [f"tracking.self_calibration={on}"]) for on in ("false", "true"))
+    sigma_m = [
+        np.sqrt(np.linalg.eigvalsh(np.array(flight.final()["cov"])[:2, :2])[-1]) for flight in (plain, calibrating)
+    ]
+    assert calibrating.companion.pipeline._rooms.sight.calibration.denied == ()
+    assert sigma_m[1] < 1.1 * sigma_m[0]
+    assert calibrating.error_m(calibrating.final()) < 1.1 * plain.error_m(plain.final()) + 0.02
