@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.stamps import HostNs
-from fwav_companion.nouns import FrameView, Reason, Track
+from fwav_companion.nouns import Reason
 from fwav_companion.recording.lines import Line, header_line, origin_line, target_line, unix_seconds
+from fwav_companion.tracking import Settled
 
 MAX_HELD_LINES = 4096
 """Lines that wait for the header, which waits for the origin: a world is decided 10 s after the first attitude, and ten
@@ -71,14 +72,15 @@ class Ledger:
             return
         self._sightings[host_ns, frame] = lines
 
-    def settle(self, view: FrameView, tracks: tuple[Track, ...], plane: TangentPlane | None) -> None:
-        """The final word on one frame: its sightings and its targets."""
+    def settle(self, frames: Iterable[Settled], plane: TangentPlane | None) -> None:
+        """The final word on frames: their sightings and their targets. ``plane``: of the world they were seen in."""
         if not self._written:
             return
-        for line in self._sightings.pop((view.host_ns, view.frame), ()):
-            self.write(line)
-        for track in tracks:
-            self.write(target_line(track, plane, self._unix_offset_ns))
+        for frame in frames:
+            for line in self._sightings.pop((frame.view.host_ns, frame.view.frame), ()):
+                self.write(line)
+            for track in frame.tracks:
+                self.write(target_line(track, plane, self._unix_offset_ns))
 
     @property
     def has_lines(self) -> bool:

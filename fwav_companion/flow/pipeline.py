@@ -6,41 +6,18 @@ earlier, at the time it was due, so that a busy machine changes nothing in what 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, field
 from typing import Any
 
+from fwav_companion.flow.consequences import Consequences
 from fwav_companion.flow.ledger import Ledger
+from fwav_companion.flow.outlet import Outlet, Outputs
 from fwav_companion.flow.rooms import Rooms
-from fwav_companion.flow.sayings import said_of
-from fwav_companion.geometry.earth import TangentPlane
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
-from fwav_companion.mavlink.identity import Adopted, ArmedChanged, IdentityEvent
-from fwav_companion.nouns import (
-    BoardReport,
-    ClockExchange,
-    Destination,
-    Frame,
-    Message,
-    NoFrame,
-    Notice,
-    Outgoing,
-    Reason,
-    Severity,
-)
+from fwav_companion.nouns import BoardReport, Destination, Frame, Message, NoFrame, Outgoing, Reason
 from fwav_companion.publishing.board_status import onboard_computer_status
-from fwav_companion.publishing.readiness import ready_notice
-from fwav_companion.recording.lines import Line, home_line, unix_seconds
-from fwav_companion.telemetry import (
-    HomeMoved,
-    OriginSet,
-    Rebooted,
-    RelativeWorld,
-    TakeOffFound,
-    Telemetry,
-    TelemetryEvent,
-)
-from fwav_companion.tracking import KeptCalibration, Settled
+from fwav_companion.recording.lines import Line, unix_seconds
+from fwav_companion.telemetry import Telemetry
+from fwav_companion.tracking import KeptCalibration
 
 ANSWERED = frozenset({"COMMAND_LONG", "COMMAND_INT", "PING"})
 """What is a question to us, whoever asks."""
@@ -48,17 +25,6 @@ GIMBAL_ATTITUDE = "GIMBAL_DEVICE_ATTITUDE_STATUS"
 """The one message of telemetry that another component of the vehicle may send."""
 FAULT_SILENCE_NS = 6 * NS_PER_S
 """Long enough that peers notice: they allow five missed heartbeats."""
-
-
-@dataclass(slots=True)
-class Outputs:
-    """What the pipeline wants done, in order."""
-
-    messages: list[Outgoing] = field(default_factory=list)
-    lines: list[Line] = field(default_factory=list)
-    notices: list[Notice] = field(default_factory=list)
-    datagrams: list[bytes] = field(default_factory=list)
-    """Cursor on Target."""
 
 
 class Pipeline:
@@ -72,10 +38,10 @@ class Pipeline:
         self._live = live
         self._clock_line_ns: HostNs | None = None
         self._fault_over_ns: HostNs | None = None
-        self._undulation_was_untold = False
         self._due_ns: HostNs | None = None
         self._due_is_known = False
-        self._outputs = Outputs()
+        self._outlet = Outlet(rooms, ledger, live=live)
+        self._consequences = Consequences(rooms, ledger, self._outlet, unix_offset_ns=unix_offset_ns, live=live)
         self._ended = False
 
     # What comes in.
@@ -84,21 +50,19 @@ class Pipeline:
         """A message of anybody."""
         self.advance(now)
         rooms = self._rooms
-        self._on_identity(rooms.identity.on_message(message, now), now)
+        self._consequences.of_identity(rooms.identity.on_message(message, now), now)
         if message.name == "TIMESYNC":
-            self._on_timesync(message, now)
+            self._consequences.of_timesync(message, now)
         rooms.rates.on_message(message, now)
         autopilot = rooms.identity.autopilot
         if autopilot and message.system == autopilot.system and message.name == GIMBAL_ATTITUDE:
             rooms.telemetry.on_gimbal(message, autopilot.component, now)
             self._take_ready(now)
         elif autopilot and message.system == autopilot.system and message.component == autopilot.component:
-            self._on_telemetry(rooms.telemetry.on_message(message, now), now)
-            if self._undulation_was_untold and rooms.telemetry.undulation_m is not None:
-                self._place_ground(now)
+            self._consequences.of_telemetry(rooms.telemetry.on_message(message, now), now)
             self._take_ready(now)
         if self._live and message.name in ANSWERED:
-            self._outputs.messages += rooms.commands.on_message(message, rooms.situation(now))
+            self._outlet.messages += rooms.commands.on_message(message, rooms.situation(now))
 
     def on_own_message(self, message: Message, now: HostNs) -> None:
         """A message that we ourselves sent, in a recording: our TIMESYNC requests are learned from it."""
@@ -128,7 +92,7 @@ class Pipeline:
         identity = self._rooms.identity
         if identity.autopilot is not None:
             fields = onboard_computer_status(board, now)
-            self._outputs.messages.append(
+            self._outlet.messages.append(
                 Outgoing(
                     name="ONBOARD_COMPUTER_STATUS",
                     fields=fields,
@@ -172,7 +136,7 @@ class Pipeline:
         self._ended = True
         self.advance(now)
         if self._rooms.sight is not None:
-            self._write_settled(self._rooms.sight.finish(now), self._rooms.telemetry.world.plane)
+            self._ledger.settle(self._rooms.sight.finish(now), self._rooms.telemetry.world.plane)
         world = self._rooms.telemetry.world
         self._ledger.begin(world.plane.origin if world.plane else None)
         self._ledger.write(self._ledger.summary())
@@ -221,15 +185,11 @@ class Pipeline:
     @property
     def has_outputs(self) -> bool:
         """:meth:`take` would hand back something: after most messages it would not."""
-        told = self._outputs
-        return bool(told.messages or told.notices or self._ledger.has_lines or self._rooms.publisher.has_datagrams)
+        return self._outlet.has_outputs
 
     def take(self) -> Outputs:
         """All outputs since the last call."""
-        outputs, self._outputs = self._outputs, Outputs()
-        outputs.lines = self._ledger.take()
-        outputs.datagrams = self._rooms.publisher.datagrams()
-        return outputs
+        return self._outlet.take()
 
     def status(self, now: HostNs) -> dict[str, Any]:
         """For the status file."""
@@ -248,8 +208,8 @@ class Pipeline:
     def _wake(self, due: HostNs, now: HostNs) -> None:
         """Let every room do its due: what estimates is handed the time it was due, what speaks the time it is."""
         rooms = self._rooms
-        self._on_identity(rooms.identity.on_wake(due), now)
-        self._on_telemetry(rooms.telemetry.on_wake(due), due)
+        self._consequences.of_identity(rooms.identity.on_wake(due), now)
+        self._consequences.of_telemetry(rooms.telemetry.on_wake(due), due)
         self._take_ready(due)
         self._settle(due)
         if self._clock_line_ns is not None and due >= self._clock_line_ns:
@@ -262,7 +222,7 @@ class Pipeline:
             self._speak(now)
 
     def _speak(self, now: HostNs) -> None:
-        rooms, messages = self._rooms, self._outputs.messages
+        rooms, messages = self._rooms, self._outlet.messages
         healthy = rooms.identity.autopilot is not None and not rooms.identity.autopilot_lost
         messages += rooms.identity.heartbeats(now, healthy)
         request = rooms.timesync.on_wake(now)
@@ -270,62 +230,10 @@ class Pipeline:
             messages.append(request)
         if rooms.rates.wake_at is not None and rooms.rates.wake_at <= now:
             messages += rooms.rates.on_wake(now)
-            self._notify(rooms.rates.notices(), now)
+            self._outlet.notify(rooms.rates.notices(), now)
         if rooms.publisher.wake_at is not None and rooms.publisher.wake_at <= now:
             messages += rooms.publisher.on_wake(now, rooms.situation(now))
-            self._outputs.notices += rooms.publisher.notices()
-
-    def _on_identity(self, events: Iterable[IdentityEvent], now: HostNs) -> None:
-        for event in events:
-            if isinstance(event, Adopted):
-                self._rooms.timesync.adopt(event.autopilot, now)
-                self._rooms.rates.adopt(event.autopilot, now)
-            if isinstance(event, ArmedChanged) and event.armed and self._rooms.sight is not None:
-                self._notify((ready_notice(self._rooms.readiness(self._rooms.sight, now)),), now)
-            self._notify(said_of(event), now)
-
-    def _on_timesync(self, message: Message, now: HostNs) -> None:
-        result = self._rooms.timesync.on_message(message, now)
-        if isinstance(result, ClockExchange):
-            telemetry = self._rooms.telemetry
-            self._on_telemetry(telemetry.on_exchange(result), now)
-            if telemetry.clock.in_doubt:
-                self._rooms.timesync.settle(now)
-        elif isinstance(result, Outgoing) and self._live:
-            self._outputs.messages.append(result)
-
-    def _on_telemetry(self, events: Iterable[TelemetryEvent], now: HostNs) -> None:
-        for event in events:
-            match event:
-                case Rebooted():
-                    self._rooms.timesync.restart(now)
-                    self._rooms.rates.ask_again("the autopilot rebooted", now)
-                case OriginSet(origin, late):
-                    if late and self._rooms.sight is not None:
-                        self._rooms.sight.drop_all(Reason.ORIGIN_SET)
-                        self._write_settled(self._rooms.sight.settle(now), plane=None)
-                    self._ledger.origin_moved_in(now, origin)
-                    self._place_ground(now)
-                case TakeOffFound():
-                    self._place_ground(now)
-                case RelativeWorld():
-                    self._ledger.begin(None)
-                case HomeMoved(down_m):
-                    if self._rooms.sight is not None:
-                        self._rooms.sight.home_moved(down_m)
-                    self._ledger.write(home_line(unix_seconds(now, self._unix_offset_ns), down_m))
-            self._notify(said_of(event), now)
-
-    def _place_ground(self, now: HostNs) -> None:
-        """Tell the ground where the world lies; again when the geoid is known, which an elevation model may need."""
-        telemetry, sight = self._rooms.telemetry, self._rooms.sight
-        plane, take_off = telemetry.world.plane, telemetry.world.take_off
-        if sight is None or plane is None or take_off is None:
-            return
-        self._undulation_was_untold = telemetry.undulation_m is None
-        text = sight.placed(plane, take_off, telemetry.undulation_m)
-        if text:
-            self._notify((Notice(Severity.INFO, text, to_ground=True),), now)
+            self._outlet.notices += rooms.publisher.notices()
 
     def _take_ready(self, now: HostNs) -> None:
         """Localize, track and publish the frames whose attitudes are there."""
@@ -336,17 +244,12 @@ class Pipeline:
                 situation = self._rooms.situation(now, seen)
                 publisher, parameters = self._rooms.publisher, self._rooms.rates.parameters
                 publisher.landing.lag_s = parameters.get("PLND_LAG", publisher.landing.lag_s)
-                self._outputs.messages += publisher.on_tracks(seen.tracks, situation, seen.pixel_from_ned)
-                self._outputs.notices += publisher.notices()
+                self._outlet.messages += publisher.on_tracks(seen.tracks, situation, seen.pixel_from_ned)
+                self._outlet.notices += publisher.notices()
 
     def _settle(self, now: HostNs) -> None:
         if self._rooms.sight is not None:
-            self._write_settled(self._rooms.sight.settle(now), self._rooms.telemetry.world.plane)
-
-    def _write_settled(self, frames: Iterable[Settled], plane: TangentPlane | None) -> None:
-        """``plane``: of the world in which these frames were processed."""
-        for frame in frames:
-            self._ledger.settle(frame.view, frame.tracks, plane)
+            self._ledger.settle(self._rooms.sight.settle(now), self._rooms.telemetry.world.plane)
 
     def _write_each_second(self, at: HostNs) -> None:
         rooms = self._rooms
@@ -356,14 +259,8 @@ class Pipeline:
         report = rooms.sight.calibration if rooms.sight is not None else None
         if rooms.sight is not None and report is not None:
             self._ledger.write(rooms.sight.calibration_news.line(report, unix_seconds(at, self._unix_offset_ns)))
-            self._notify(rooms.sight.calibration_news.notices(report), at)
+            self._outlet.notify(rooms.sight.calibration_news.notices(report), at)
 
     def _next_whole_second(self, now: HostNs) -> HostNs:
         """Of the recording's clock: where the lines of one flight stand must not hang on when it was replayed."""
         return HostNs(now + NS_PER_S - (now + self._unix_offset_ns) % NS_PER_S)
-
-    def _notify(self, notices: Iterable[Notice], now: HostNs) -> None:
-        for notice in notices:
-            self._outputs.notices.append(notice)
-            if self._live and self._rooms.identity.knows_its_vehicle:
-                self._outputs.messages += self._rooms.publisher.on_notice(notice, now)
