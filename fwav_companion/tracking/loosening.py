@@ -76,9 +76,10 @@ def loosenings(joint: Joint, means: Sequence[float], sigmas: Sequence[float]) ->
 
 def _denial(joint: Joint, unknown: int, mean: float, sigma: float) -> float:
     """In sigma, at least: the joint estimate only considers the vehicle's position error, so how what it found goes
-    with the truth is not known, and the two may differ by the sum of their sigmas.
+    with the truth is not known, and the two may differ by the sum of their sigmas. None where nothing was learned.
     """
-    return abs(joint.mean[unknown] - mean) / (sigma + sqrt(max(0.0, joint.cov[unknown][unknown])))
+    found = sqrt(max(0.0, joint.cov[unknown][unknown]))
+    return abs(joint.mean[unknown] - mean) / (sigma + found) if found < sigma else 0.0
 
 
 def _loosening(joint: Joint, unknown: int, mean: float, sigma: float) -> Loosening:
