@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import isfinite, sqrt
+from math import isfinite
 
 import msgspec
 
@@ -71,17 +71,17 @@ def believed(
     return means, sigmas
 
 
-def worth_keeping(verdict: Verdict | None, sigmas: Sequence[float]) -> KeptCalibration | None:
-    """For the next flight; None while that is nothing. ``sigmas``: of the common unknowns, before anything was seen."""
+def worth_keeping(verdict: Verdict | None) -> KeptCalibration | None:
+    """For the next flight; None while that is nothing."""
     if verdict is None or verdict.status is not CalibrationStatus.CALIBRATED:
         return None
     told = verdict.told()
     if not all(i in told for i in (Common.DELAY, *MOUNT)):
         return None
-    cov = verdict.mount_cov(sigmas[Common.HEADING])
+    x, y, z = verdict.mount_alone()
     return KeptCalibration(
         time_offset_s=told[Common.DELAY][0],
         time_offset_sigma_s=told[Common.DELAY][1],
-        mount=(told[Common.MOUNT_X][0], told[Common.MOUNT_Y][0], told[Common.MOUNT_Z][0]),
-        mount_sigma=(sqrt(cov[0][0]), sqrt(cov[1][1]), sqrt(cov[2][2])),
+        mount=(x[0], y[0], z[0]),
+        mount_sigma=(x[1], y[1], z[1]),
     )

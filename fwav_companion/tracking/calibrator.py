@@ -20,6 +20,7 @@ from fwav_companion.nouns import GroundFix, VehicleState
 from fwav_companion.tracking.answer import MOUNT
 from fwav_companion.tracking.calibration import CalibrationReport, believed, worth_keeping
 from fwav_companion.tracking.course import Course, Moment, moment_of
+from fwav_companion.tracking.drift import Drift
 from fwav_companion.tracking.estimate import Surprise
 from fwav_companion.tracking.fit import Fit
 from fwav_companion.tracking.loosening import Loosening
@@ -168,7 +169,7 @@ class Calibrator(msgspec.Struct, frozen=True):
             mistake=self.mistake,
             denied=self.denied,
             replaced=self.replaced,
-            keep=worth_keeping(self.verdict, self.shop.sigmas),
+            keep=worth_keeping(self.verdict),
         )
 
     def _status(self) -> CalibrationStatus:
@@ -178,7 +179,7 @@ class Calibrator(msgspec.Struct, frozen=True):
 
     def restarted(self) -> Calibrator:
         """After every target was dropped: what the flight has taught is kept, as a prior."""
-        keep = worth_keeping(self.verdict, self.shop.sigmas)
+        keep = worth_keeping(self.verdict)
         shop = self.shop if keep is None else Workshop(self.shop.priors, self.shop.state_at, keep)
         return Calibrator(shop, host_ns=self.host_ns, suspicion=self.suspicion, replaced=self.replaced)
 
@@ -318,7 +319,8 @@ class Calibrator(msgspec.Struct, frozen=True):
             return self._given_up(UNEXPLAINED)
         joint, shop, verdict, judged_ns = self.served.joint, self.shop, self.verdict, self.judged_ns
         if verdict is None or self.host_ns - judged_ns >= JUDGED_EVERY_NS:
-            verdict = judged(joint, shop.means, shop.sigmas, various=self.views.various)
+            views, drift = self.views, self.served.drift or Drift()
+            verdict = judged(joint, shop.means, shop.sigmas, various=views.various, down=views.down, drift=drift)
             judged_ns = self.host_ns
         elif joint is not verdict.free.joint:
             verdict = verdict.about(joint, shop.means)

@@ -7,6 +7,7 @@ from statistics import median
 
 import msgspec
 
+from fwav_companion.tracking.drift import Drift
 from fwav_companion.tracking.joint import GATE, Joint
 from fwav_companion.tracking.rays import COMMON_COUNT, Glimpse, ground_point
 
@@ -34,6 +35,8 @@ class Fit(msgspec.Struct, frozen=True):
     """Glimpses that did not fit at all."""
     distance2: float = 0.0
     """Sum over the used and refused, each at most WORST; its mean is 2 where all is well."""
+    drift: Drift | None = None
+    """Of the used; None where nobody asks."""
 
     def fed(self, glimpse: Glimpse) -> Fit:
         """With one more glimpse."""
@@ -94,4 +97,5 @@ class Fit(msgspec.Struct, frozen=True):
             self.used + fits,
             self.refused + (not fits),
             self.distance2 + worst,
+            self.drift.seen(glimpse.host_ns, seen, joint.priors) if fits and self.drift is not None else self.drift,
         )

@@ -45,6 +45,10 @@ class Innovation(msgspec.Struct, frozen=True, gc=False):
     luck: float
     """Variance of the log-likelihood by which this glimpse may prefer another instant of the same motion: the attitudes
     told for that are as noisy, but not by the same errors."""
+    noise: tuple[float, float, float]
+    """Covariance of what is fresh in it: uu, uv, vv, px^2."""
+    rows: tuple[Row, Row]
+    """Of u and v, by each of Common and by the target's north and east."""
 
 
 class Joint(msgspec.Struct, frozen=True):
@@ -114,7 +118,7 @@ class Joint(msgspec.Struct, frozen=True):
         off = list(map(sub, _taken(self.mean, place), _taken(self.around, place)))
         du, dv = prediction.residual[0] - inner(row_u, off), prediction.residual[1] - inner(row_v, off)
         uu, uv, vv = pixel_noise(glimpse, prediction, self.priors)
-        alone = uu * vv - uv * uv
+        noise, alone = (uu, uv, vv), uu * vv - uv * uv
         su, sv = glimpse.pixel_sigma
         luck = 2.0 - (su * su / uu) ** 2 - (sv * sv / vv) ** 2
         uu, uv, vv = uu + inner(row_u, own_u), uv + inner(row_u, own_v), vv + inner(row_v, own_v)
@@ -123,7 +127,8 @@ class Joint(msgspec.Struct, frozen=True):
             return None
         inverse = (vv / determinant, -uv / determinant, uu / determinant)
         distance2 = inverse[0] * du * du + 2.0 * inverse[1] * du * dv + inverse[2] * dv * dv
-        return Innovation((du, dv), carried, inverse, determinant, distance2, log(determinant / alone), luck)
+        spread = log(determinant / alone)
+        return Innovation((du, dv), carried, inverse, determinant, distance2, spread, luck, noise, prediction.rows)
 
     def updated(self, seen: Innovation) -> Joint:
         """With the gain of least covariance, but for the vehicle's position, which is only considered."""

@@ -2,8 +2,9 @@
 
 Three answers are kept apart. The *free* one lets go all that the flight has shown. The *plain* one lets go only the
 delay: where what was shown does not contradict the configuration, the configuration is right, and correcting it by its
-own noise would only spread the targets. The *told* one is the free one with the heading held: a constant error of the
-autopilot's heading is nearly inseparable from the mount while the tilt varies little, and is then part of it.
+own noise would only spread the targets. The *report* is the free one with the heading held: by it
+is judged what was shown. A mount is told with the heading's error in it, which is nearly inseparable from it while the
+tilt varies little.
 """
 
 from __future__ import annotations
@@ -14,7 +15,9 @@ from math import sqrt
 
 import msgspec
 
-from fwav_companion.tracking.answer import CONSIDERED, MOUNT, Held, all_but, cholesky, holding, solved
+from fwav_companion.geometry.vectors import Vector3
+from fwav_companion.tracking.answer import CONSIDERED, MOUNT, TIMING, Held, all_but, cholesky, holding, solved
+from fwav_companion.tracking.drift import Drift
 from fwav_companion.tracking.joint import Joint
 from fwav_companion.tracking.linear import Symmetric2
 from fwav_companion.tracking.loosening import Loosening, loosenings
@@ -26,6 +29,10 @@ MOUNT_SHOWN = 0.35
 CONTRADICTION = 13.3
 """Squared Mahalanobis distance of mount and height from the configuration: a right one exceeds it once in 100 flights
 (4 degrees of freedom)."""
+
+
+NO_DRIFT = Drift()
+"""What was taught is as sure as it seems."""
 
 
 class CalibrationStatus(StrEnum):
@@ -61,6 +68,8 @@ class Verdict(msgspec.Struct, frozen=True):
     report: Held
     contradicted: bool
     """The configuration, by what was shown."""
+    down: Vector3 = (0.0, 0.0, 1.0)
+    """In the body, on the average of what was seen: what the heading turns about."""
     denied: tuple[Loosening, ...] = ()
     """Priors of the configuration that cannot be right."""
 
@@ -93,37 +102,55 @@ class Verdict(msgspec.Struct, frozen=True):
             nn, ne, ee = nn + dn * dn, ne + dn * de, ee + de * de
         return Placed(north, east, (nn, ne, ee), (nn - own_nn, ne - own_ne, ee - own_ee))
 
-    def mount_cov(self, heading_sigma: float) -> list[list[float]]:
-        """Of the mount as the report tells it, the doubt of the heading in it."""
-        doubts = tuple(
-            heading_sigma if i == Common.HEADING else doubt
-            for i, doubt in zip(self.report.held, self.report.doubts, strict=True)
-        )
-        return msgspec.structs.replace(self.report, doubts=doubts).cov(MOUNT)
-
     def told(self) -> dict[int, tuple[float, float]]:
-        """Mean and one sigma of the common unknowns that are let go."""
-        free = [i for i in range(COMMON_COUNT) if i not in self.report.held and i not in CONSIDERED]
-        return {i: (self.report.mean(i), sqrt(max(0.0, self.report.cov([i])[0][0]))) for i in free}
+        """Mean and one sigma of the common unknowns that are let go; of the mount with the heading's error in it."""
+        free = self.free
+        let_go = [i for i in range(COMMON_COUNT) if i not in free.held and i not in CONSIDERED]
+        told = {i: (free.mean(i), free.sigma(i)) for i in let_go}
+        if Common.HEADING in told:
+            told |= {i: self._with_heading(i, share) for i, share in zip(MOUNT, self.down, strict=True) if i in told}
+        return told
+
+    def _with_heading(self, axis: int, share: float) -> tuple[float, float]:
+        """R(true) Exp(c) = R(told) Exp(c - heading down) to first order: what the heading is off turns about down."""
+        (cc, ch), (_, hh) = self.free.cov((axis, Common.HEADING))
+        mean = self.free.mean(axis) - share * self.free.mean(Common.HEADING)
+        return mean, sqrt(max(0.0, cc - 2.0 * share * ch + share * share * hh))
+
+    def mount_alone(self) -> list[tuple[float, float]]:
+        """Mean and one sigma of the mount's axes without the heading's error: another flight has another one."""
+        return [(self.free.mean(i), self.free.sigma(i)) for i in MOUNT]
 
 
-def judged(joint: Joint, means: tuple[float, ...], sigmas: tuple[float, ...], *, various: bool) -> Verdict:
-    """``various``: the targets were seen from different headings or at different ranges."""
+def judged(
+    joint: Joint,
+    means: tuple[float, ...],
+    sigmas: tuple[float, ...],
+    *,
+    various: bool,
+    down: Vector3 = (0.0, 0.0, 1.0),
+    drift: Drift = NO_DRIFT,
+) -> Verdict:
+    """``various``: the targets were seen from different headings or at different ranges; ``down``: in the body, on the
+    average; ``drift``: of the innovations.
+    """
     denied = loosenings(joint, means, sigmas)
     for each in denied:
         joint = each.of(joint)
         sigmas = (*sigmas[: each.unknown], each.wider_sigma, *sigmas[each.unknown + 1 :])
-    delay: tuple[int, ...] = (Common.DELAY, Common.READOUT)  # a delay of the rows below the first is one, too
-    plain = holding(joint, all_but(delay), means, sigmas)
+    wider = drift.factor
+    delay: tuple[int, ...] = TIMING
+    plain = holding(joint, all_but(delay), means, sigmas, wider)
     if plain.known_sigma(Common.DELAY) > DELAY_SHOWN * sigmas[Common.DELAY]:
         delay = ()
-        plain = holding(joint, all_but(delay), means, sigmas)
-    shown = _shown(joint, means, sigmas, delay) if various else ()
+        plain = holding(joint, all_but(delay), means, sigmas, wider)
+    # Where a wrong prior bent the estimate its innovations lean as well, and say nothing of what wanders.
+    shown = _shown(joint, means, sigmas, delay, 1.0 if denied else drift.shown) if various else ()
     if not shown:
         status = CalibrationStatus.TIME if delay else CalibrationStatus.WAITING
         return Verdict(status, plain, plain, plain, contradicted=False, denied=denied)
-    report = holding(joint, all_but([*delay, *shown]), means, sigmas).undoubting(Common.HEADING)
-    free = holding(joint, all_but([*delay, *shown, Common.HEADING]), means, sigmas)
+    report = holding(joint, all_but([*delay, *shown]), means, sigmas, wider).undoubting(Common.HEADING)
+    free = holding(joint, all_but([*delay, *shown, Common.HEADING]), means, sigmas, wider)
     return Verdict(
         status=CalibrationStatus.CALIBRATED,
         free=free,
@@ -131,14 +158,17 @@ def judged(joint: Joint, means: tuple[float, ...], sigmas: tuple[float, ...], *,
         report=report,
         contradicted=_distance2(report, shown, means) > CONTRADICTION,
         denied=denied,
+        down=down,
     )
 
 
-def _shown(joint: Joint, means: tuple[float, ...], sigmas: tuple[float, ...], delay: Sequence[int]) -> tuple[int, ...]:
+def _shown(
+    joint: Joint, means: tuple[float, ...], sigmas: tuple[float, ...], delay: Sequence[int], wider: float
+) -> tuple[int, ...]:
     """Of mount and height what the flight has shown, heading taken as right; those without any prior are not asked."""
     for group in ((*MOUNT, Common.HEIGHT), MOUNT):
         asked = tuple(i for i in group if sigmas[i] > 0.0)
-        held = holding(joint, all_but([*delay, *asked]), means, sigmas)
+        held = holding(joint, all_but([*delay, *asked]), means, sigmas, wider)
         if asked and all(held.known_sigma(i) <= MOUNT_SHOWN * sigmas[i] for i in asked):
             return asked
     return ()

@@ -6,8 +6,8 @@ from math import acos, cos, hypot, sin
 
 import msgspec
 
-from fwav_companion.geometry.rotations import euler_from_quaternion
-from fwav_companion.geometry.vectors import transform
+from fwav_companion.geometry.rotations import conjugate, euler_from_quaternion, rotate
+from fwav_companion.geometry.vectors import Vector3, add, scale, transform
 from fwav_companion.nouns import GroundFix
 
 LEAST_TURN = 0.9
@@ -24,13 +24,28 @@ class Views(msgspec.Struct, frozen=True, gc=False):
     sin: float = 0.0
     off: float = 0.0
     off2: float = 0.0
+    downs: Vector3 = (0.0, 0.0, 0.0)
+    """Of down in what carries the camera."""
 
     def with_fix(self, fix: GroundFix) -> Views:
         """With one more look."""
         _, _, yaw = euler_from_quaternion(fix.sighting.state.ned_from_body)
         ray = transform(fix.sighting.ned_from_camera, fix.sighting.ray.direction)
         off = acos(max(-1.0, min(1.0, ray[2])))
-        return Views(self.count + 1, self.cos + cos(yaw), self.sin + sin(yaw), self.off + off, self.off2 + off * off)
+        down = rotate(conjugate(fix.sighting.state.ned_from_carrier), (0.0, 0.0, 1.0))
+        return Views(
+            self.count + 1,
+            self.cos + cos(yaw),
+            self.sin + sin(yaw),
+            self.off + off,
+            self.off2 + off * off,
+            add(self.downs, down),
+        )
+
+    @property
+    def down(self) -> Vector3:
+        """In what carries the camera, on the average."""
+        return scale(self.downs, 1.0 / self.count) if self.count else (0.0, 0.0, 1.0)
 
     @property
     def various(self) -> bool:

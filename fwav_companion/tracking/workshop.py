@@ -9,6 +9,7 @@ from fwav_companion.geometry.stamps import BootNs, ns_from_s
 from fwav_companion.nouns import Bias, ErrorPriors, GroundFix, Unpaired, VehicleState
 from fwav_companion.tracking.calibration import KeptCalibration
 from fwav_companion.tracking.course import Course, StateAt, course_of
+from fwav_companion.tracking.drift import drift_of
 from fwav_companion.tracking.fit import Fit
 from fwav_companion.tracking.joint import Joint, joint_of
 from fwav_companion.tracking.rays import COMMON_COUNT, Common, Glimpse, glimpse_of
@@ -85,9 +86,10 @@ class Workshop:
         """A fresh fit about a point of linearization; with a sigma, about that delay only."""
         full = (*around, *self.means[len(around) :])
         means, sigmas = self.means, self.sigmas
-        if delay_sigma is not None:
-            means = (around[Common.DELAY], *means[1:])
-            sigmas = (delay_sigma, *sigmas[1:])
+        if delay_sigma is None:
+            return Fit(joint_of(self.priors, sigmas, means, full), hints or {}, drift=drift_of(self.priors))
+        means = (around[Common.DELAY], *means[1:])
+        sigmas = (delay_sigma, *sigmas[1:])
         return Fit(joint_of(self.priors, sigmas, means, full), hints or {})
 
 

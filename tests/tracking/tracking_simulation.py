@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 from fwav_companion.nouns import (
@@ -74,6 +75,9 @@ class Flight:
     miss: float = 0.0
     clutter: float = 0.0
     gross: float = 0.0
+    heading_wander: float = 0.0
+    """One sigma of a Gauss-Markov error of the told heading beside its constant one, rad."""
+    heading_wander_s: float = 20.0
     start: tuple = (0.0, 0.0, 0.0)
     """Of the hover: north, east, heading."""
 
@@ -141,7 +145,7 @@ class World:
         noise = self.rng.standard_normal((len(times), 3)) * flight.priors.attitude_noise
         true = Rotation.from_euler("ZYX", ypr)
         told = (
-            Rotation.from_rotvec([0, 0, b[Bias.HEADING]])
+            Rotation.from_rotvec(np.outer(b[Bias.HEADING] + self._heading_wander(times), [0, 0, 1]))
             * true
             * Rotation.from_rotvec(np.array([b[Bias.ROLL], b[Bias.PITCH], 0]) + noise)
         )
@@ -163,6 +167,15 @@ class World:
         for _ in times[1:]:
             values.append(keep * values[-1] + np.sqrt(1 - keep**2) * scale * self.rng.standard_normal(2))
         return np.array(values)
+
+    def _heading_wander(self, times):
+        if not self.flight.heading_wander:
+            return 0.0 * times
+        keep = np.exp(-(times[1] - times[0]) / self.flight.heading_wander_s)
+        rng = np.random.default_rng(20_000 + self.flight.seed)
+        steps = rng.standard_normal(len(times)) * self.flight.heading_wander * np.sqrt(1 - keep**2)
+        steps[0] /= np.sqrt(1 - keep**2)
+        return lfilter([1.0], [1.0, -keep], steps)
 
     def told(self, t):
         """What the autopilot tells of the camera at the times t: rotation, position, rates, velocity."""
