@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-import os
 import signal
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Protocol
 
 import msgspec
 
-from fwav_companion import __version__
 from fwav_companion.camera import Calibration
 from fwav_companion.config import Config
 from fwav_companion.files.latest import LatestFile, status_paths
@@ -32,6 +29,7 @@ from fwav_companion.service.outgoing import Outbox
 from fwav_companion.service.parts import make_detections, make_map_link, make_recorder, make_vision
 from fwav_companion.service.sayings import Sayings, warn
 from fwav_companion.service.signing_memory import SigningMemory
+from fwav_companion.service.status import Status
 from fwav_companion.service.systemd_notify import SystemdNotifier
 from fwav_companion.telemetry import Telemetry
 from fwav_companion.vision.ears import Ears
@@ -103,8 +101,10 @@ class Service:
             self._vision = make_vision(config, ears, self._sayings.pictures_seen)
         self._journal = Journal(make_recorder(config, beside_recording, self._pipeline, warn), self._clock)
         self._outbox = Outbox(self._node, self._links, self._map_link, self._journal, self._on_fault)
-        self._came, self._came_ns = 0, HostNs(0)
-        self._status = LatestFile(status_paths(config.status.file), warn, outlives_us=False)
+        self._status_file = LatestFile(status_paths(config.status.file), warn, outlives_us=False)
+        self._status = Status(
+            config, self._clock, self._node, self._links, self._vision, self._journal, self._pipeline, self._sayings
+        )
         self._notifier = SystemdNotifier()
         self._alarm = Alarm(self._on_alarm)
         self._stop = asyncio.Event()
@@ -127,7 +127,7 @@ class Service:
         self._start()
         try:
             await asyncio.sleep(seconds)
-            status = self._status_object(self._clock.now())
+            status = self._status.as_object(self._clock.now())
         finally:
             self._close()
         return status
@@ -137,7 +137,7 @@ class Service:
         self._witness = witness
         self._start()
         try:
-            while not witness.enough(self._status_object(self._clock.now()), self._pipeline.telemetry):  # noqa: ASYNC110
+            while not witness.enough(self._status.as_object(self._clock.now()), self._pipeline.telemetry):  # noqa: ASYNC110
                 # Whether it is enough hangs on the time as well: there is no event to wait for.
                 await asyncio.sleep(WITNESS_INTERVAL_S)
         finally:
@@ -147,7 +147,7 @@ class Service:
 
     def _start(self) -> None:
         self._journal.start(self._kept)
-        files = (self._status, self._signing, self._calibrations)
+        files = (self._status_file, self._signing, self._calibrations)
         for part in (*files, self._detections, self._vision, self._map_link, *self._links.values()):
             if part is not None:
                 part.start()
@@ -165,7 +165,7 @@ class Service:
         for part in (self._detections, self._vision, self._map_link, *self._links.values()):
             if part is not None:
                 part.close()
-        for file in (self._journal, self._status, self._signing, self._calibrations):
+        for file in (self._journal, self._status_file, self._signing, self._calibrations):
             file.close(FILE_STOP_S)
         self._notifier.close()
         self._sayings.stopped()
@@ -193,7 +193,7 @@ class Service:
 
     def _on_frame(self, frame: Frame | NoFrame) -> None:
         now = frame.arrival_ns if isinstance(frame, Frame) and frame.arrival_ns is not None else self._clock.now()
-        self._came, self._came_ns = self._came + 1, now
+        self._status.frame_came(now)
         self._journal.frame(frame, now)
         self._heard(now)
         if self._witness is not None:
@@ -223,7 +223,7 @@ class Service:
         """Once a second: the status file, and the watchdog's bone."""
         asyncio.get_running_loop().call_later(STATUS_INTERVAL_S, self._tick)
         now = self._clock.now()
-        self._status.write(msgspec.json.encode(self._status_object(now)))
+        self._status_file.write(msgspec.json.encode(self._status.as_object(now)))
         self._notifier.alive()
         self._journal.tick(now)
         if self._ticks % BOARD_TICKS == 0:
@@ -275,24 +275,3 @@ class Service:
         self._sayings.faulted(context)
         self._pipeline.on_internal_fault(now)
         self._alarm.arm(now, HostNs(now + NET_NS))
-
-    def _status_object(self, now: HostNs) -> dict[str, object]:
-        return {
-            "version": __version__,
-            "pid": os.getpid(),
-            "config": self._config.file,
-            "config_path": str(Path(self._config.file).absolute()),
-            "time_unix": self._clock.unix_us(now) / 1e6,
-            "time_monotonic": now / NS_PER_S,
-            "internal_faults": self._sayings.faults,
-            "links": {name: link.status() for name, link in self._links.items()},
-            "traffic": msgspec.to_builtins(self._node.statistics(now)),
-            "intake": {
-                "came": self._came,
-                "age_s": (now - self._came_ns) / NS_PER_S if self._came else None,
-                "why": self._sayings.deaf_because,
-            },
-            "vision": None if self._vision is None else self._vision.status(),
-            "recording": self._journal.state,
-            **self._pipeline.status(now),
-        }
