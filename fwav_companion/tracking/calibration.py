@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import isfinite
+from math import hypot, isfinite
 
 import msgspec
 
@@ -60,19 +60,29 @@ class CalibrationReport(msgspec.Struct, frozen=True, kw_only=True):
     """What is worth keeping for the next flight; None while that is nothing."""
 
 
+STEADY = 0.6
+"""Of what the stamps of attitudes leave open, the share that is the same throughout a flight: a loop that sends at one
+phase of itself makes all of it so, one that sends at any phase none, and flights do not tell which. A third of the
+variance claims neither too much of the one nor twice too little of the other."""
+
+
 def believed(
-    verdict: Verdict | None, means: Sequence[float], sigmas: Sequence[float]
+    verdict: Verdict | None, means: Sequence[float], sigmas: Sequence[float], stamp_sigma_s: float
 ) -> tuple[list[float], list[float]]:
-    """Mean and one sigma of each of the common unknowns; ``means``, ``sigmas``: before anything was seen."""
+    """Mean and one sigma of each of the common unknowns; ``means``, ``sigmas``: before anything was seen.
+
+    ``stamp_sigma_s``: what the stamps of attitudes leave open. Attitudes that are all as late make targets no worse,
+    but the camera seem early.
+    """
     means, sigmas = list(means), list(sigmas)
     if verdict is not None:
         for i, (mean, sigma) in verdict.told().items():
-            means[i], sigmas[i] = mean, sigma
+            means[i], sigmas[i] = mean, hypot(sigma, STEADY * stamp_sigma_s) if i == Common.DELAY else sigma
     return means, sigmas
 
 
-def worth_keeping(verdict: Verdict | None) -> KeptCalibration | None:
-    """For the next flight; None while that is nothing."""
+def worth_keeping(verdict: Verdict | None, stamp_sigma_s: float = 0.0) -> KeptCalibration | None:
+    """For the next flight, whose attitudes may be stamped otherwise; None while that is nothing."""
     if verdict is None or verdict.status is not CalibrationStatus.CALIBRATED:
         return None
     told = verdict.told()
@@ -81,7 +91,7 @@ def worth_keeping(verdict: Verdict | None) -> KeptCalibration | None:
     x, y, z = verdict.mount_alone()
     return KeptCalibration(
         time_offset_s=told[Common.DELAY][0],
-        time_offset_sigma_s=told[Common.DELAY][1],
+        time_offset_sigma_s=hypot(told[Common.DELAY][1], STEADY * stamp_sigma_s),
         mount=(x[0], y[0], z[0]),
         mount_sigma=(x[1], y[1], z[1]),
     )

@@ -81,6 +81,8 @@ class Calibrator(msgspec.Struct, frozen=True):
     passes: int = 0
     views: Views = Views()
     turning: Turning = Turning()
+    stamp_sigma_s: float = 0.0
+    """One sigma of the instant that the stamps of attitudes leave open, by the newest."""
     idle_until_ns: HostNs = HostNs(0)
     """After a search that found nothing."""
     verdict: Verdict | None = None
@@ -144,7 +146,7 @@ class Calibrator(msgspec.Struct, frozen=True):
     @property
     def mount_off(self) -> float:
         """How far from the configured mount the true one may be, rad: what was found, and two sigma of the rest."""
-        means, sigmas = believed(self.verdict, self.shop.means, self.shop.sigmas)
+        means, sigmas = believed(self.verdict, self.shop.means, self.shop.sigmas, self.stamp_sigma_s)
         return hypot(*(means[i] for i in MOUNT)) + 2.0 * max(sigmas[i] for i in MOUNT)
 
     def surprise(self, track: int, fix: GroundFix) -> Surprise | None:
@@ -155,7 +157,7 @@ class Calibrator(msgspec.Struct, frozen=True):
 
     def report(self) -> CalibrationReport:
         """What is known now."""
-        means, sigmas = believed(self.verdict, self.shop.means, self.shop.sigmas)
+        means, sigmas = believed(self.verdict, self.shop.means, self.shop.sigmas, self.stamp_sigma_s)
         return CalibrationReport(
             host_ns=self.host_ns,
             time_offset_s=means[Common.DELAY],
@@ -169,7 +171,7 @@ class Calibrator(msgspec.Struct, frozen=True):
             mistake=self.mistake,
             denied=self.denied,
             replaced=self.replaced,
-            keep=worth_keeping(self.verdict),
+            keep=worth_keeping(self.verdict, self.stamp_sigma_s),
         )
 
     def _status(self) -> CalibrationStatus:
@@ -179,7 +181,7 @@ class Calibrator(msgspec.Struct, frozen=True):
 
     def restarted(self) -> Calibrator:
         """After every target was dropped: what the flight has taught is kept, as a prior."""
-        keep = worth_keeping(self.verdict)
+        keep = worth_keeping(self.verdict, self.stamp_sigma_s)
         shop = self.shop if keep is None else Workshop(self.shop.priors, self.shop.state_at, keep)
         return Calibrator(shop, host_ns=self.host_ns, suspicion=self.suspicion, replaced=self.replaced)
 
@@ -225,7 +227,7 @@ class Calibrator(msgspec.Struct, frozen=True):
         slow = self.shop.slow(first.state, self.shop.means[Common.DELAY] if self.delay_s is None else self.delay_s)
         turning = self.turning.with_state(first.state, slow, self.shop.priors.attitude_noise)
         course = turning.freed_of_noise(self._course(first.state), slow)
-        state = msgspec.structs.replace(self, turning=turning)
+        state = msgspec.structs.replace(self, turning=turning, stamp_sigma_s=first.state.stamp_sigma_s)
         for track, fix, since_s in fixes:
             later_s = (fix.sighting.boot_ns - first.boot_ns) * 1e-9
             glimpse = glimpse_of(track, fix, course.seen_from(later_s), since_s)

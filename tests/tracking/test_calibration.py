@@ -207,6 +207,16 @@ def test_a_flight_without_flapping_claims_no_more_than_it_shows(seed):
     assert error_of(track, (2.0, 3.0)) < 0.06
 
 
+@pytest.mark.parametrize("late_by", [-0.00125, 0.00125])
+def test_attitudes_that_are_all_as_late_are_no_delay_of_the_camera(late_by):
+    """They look like one, and make no target worse: at the very end of what stamps leave open it is still covered."""
+    track, report = flown(Flight(seed=3, biases=PLANTED, late_by=late_by, seconds=45))
+    assert report.time_offset_s + late_by == pytest.approx(0.035, abs=0.0008)
+    assert abs(report.time_offset_s - 0.035) < 3 * report.time_offset_sigma_s < 0.002
+    assert report.keep.time_offset_sigma_s == report.time_offset_sigma_s
+    assert error_of(track, (2.0, 3.0)) < 0.06
+
+
 def test_a_kept_calibration_is_where_the_next_flight_starts():
     p = priors()
     kept = KeptCalibration(

@@ -64,6 +64,8 @@ class Flight:
     pitch_deg: float = 37.0
     attitude_hz: float = 50.0
     stamp_late_s: float = 0.0025
+    late_by: float | None = None
+    """Of the mean lateness of stamps, s: the same of every attitude; None: of each another, evenly."""
     targets: tuple = ((2.0, 3.0),)
     velocities: tuple = ((0.0, 0.0),)
     labels: tuple = ("",)
@@ -150,6 +152,8 @@ class World:
             * Rotation.from_rotvec(np.array([b[Bias.ROLL], b[Bias.PITCH], 0]) + noise)
         )
         late = self.rng.uniform(0, flight.stamp_late_s, len(times)) - flight.stamp_late_s / 2
+        if flight.late_by is not None:
+            late = np.full(len(times), flight.late_by)
         euler = np.unwrap(told.as_euler("ZYX"), axis=0)
         self.euler = CubicSpline(times + late, euler)
         self.euler_rate = self.euler.derivative()
@@ -158,6 +162,12 @@ class World:
         self.position_noise = self.rng.standard_normal((len(slow), 2)) * flight.priors.position_noise_m
         self.wander = self._wandering(slow)
         self.slow = slow
+
+    @property
+    def _stamping(self):
+        """Seconds between attitudes, and what their stamps leave open, which is told where they are all as late."""
+        flight = self.flight
+        return 1.0 / flight.attitude_hz, 0.0 if flight.late_by is None else flight.stamp_late_s / np.sqrt(12)
 
     def _wandering(self, times):
         keep = np.exp(-(times[1] - times[0]) / self.flight.priors.position_bias_time_s)
@@ -201,7 +211,7 @@ class World:
             return Unpaired(Reason.STALE_ATTITUDE)
         rotation, position, rates, velocity = self.told([t])
         return _state(
-            boot_ns, rotation.as_quat()[0], rates[0], position[0], velocity[0], 1.0 / self.flight.attitude_hz
+            boot_ns, rotation.as_quat()[0], rates[0], position[0], velocity[0], *self._stamping
         )  # fmt: skip
 
     def frames(self) -> list[FrameView]:
@@ -277,7 +287,7 @@ class World:
                 fixes.append(None)
                 continue
             boot, host = _ns(BOOT_NS, stamps[frame]), _ns(EPOCH_NS, stamps[frame])
-            state = _state(boot, rotation[k].as_quat(), rates[k], camera[k], velocity[k], 1.0 / self.flight.attitude_hz)
+            state = _state(boot, rotation[k].as_quat(), rates[k], camera[k], velocity[k], *self._stamping)
             sighting = Sighting(
                 frame=int(frame), index=0, frame_host_ns=host, host_ns=host,
                 detection=Detection(float(uv[k, 0]), float(uv[k, 1]), label=labels[k]),
@@ -331,12 +341,13 @@ def _viewer(rotation, camera):
     return could_see
 
 
-def _state(boot_ns, xyzw, rates, position, velocity, spacing_s=0.0):
+def _state(boot_ns, xyzw, rates, position, velocity, spacing_s=0.0, stamp_sigma_s=0.0):
     x, y, z, w = map(float, xyzw)
     return VehicleState(
         boot_ns=int(boot_ns), ned_from_body=(w, x, y, z), rates=_t(rates), attitude_sigma=0.0, gap_s=0.0,
         position_ned=_t(position), velocity_ned=_t(velocity), position_sigma_m=0.0,
         height_above_home_m=float(-position[2]), spacing_s=spacing_s,
+        stamp_sigma_s=stamp_sigma_s,
     )  # fmt: skip
 
 
