@@ -2,8 +2,8 @@
 
 It runs a little behind the frames, so that the vehicle's states around each capture are known. First the delay is
 searched for: a bank of joint estimates, one a delay, because a flapping wing is not linear in it. The best of them is
-the point of linearization of a pass over all kept glimpses, and passes are repeated while the estimate settles. What
-the flight has not shown is held at its prior (``answer``).
+the point of linearization of a pass over all kept glimpses, and passes are repeated while the estimate settles
+(``passes``). What the flight has not shown is held at its prior (``answer``).
 
 Immutable but for :class:`Workshop`, which holds what never changes.
 """
@@ -22,10 +22,10 @@ from fwav_companion.tracking.calibration import CalibrationReport, believed, wor
 from fwav_companion.tracking.course import Course, Moment, moment_of
 from fwav_companion.tracking.drift import Drift
 from fwav_companion.tracking.estimate import Surprise
-from fwav_companion.tracking.fit import Fit
 from fwav_companion.tracking.loosening import Loosening
 from fwav_companion.tracking.mistakes import NAMED, Suspicion
-from fwav_companion.tracking.rays import COMMON_COUNT, Common, Glimpse, glimpse_of
+from fwav_companion.tracking.passes import Passes
+from fwav_companion.tracking.rays import Common, Glimpse, glimpse_of
 from fwav_companion.tracking.search import UNEXPLAINED, Found, InVain, Search, search_of
 from fwav_companion.tracking.turning import SPAN_S, Turning
 from fwav_companion.tracking.verdict import CalibrationStatus, Placed, Verdict, judged
@@ -38,13 +38,6 @@ SEARCH_PAUSE_NS = 20 * NS_PER_S
 """After a search in vain: it costs as much as ten targets do."""
 LAG_S = 0.06
 """Behind the newest frame, beside the delays that are asked for: attitudes beyond them must have come."""
-
-MOST_KEPT = 1200
-"""Glimpses for the passes, a megabyte: 40 s of one target at 30 frames/s. They settle the linearization."""
-PASSES_AT = (60, 120, 240, 480)
-"""Glimpses seen of each target, at which a new pass is begun."""
-PASS_STEP = 8
-"""Glimpses a frame, beside two for each target, so that a pass overtakes what goes on coming."""
 
 JUDGED_EVERY_NS = 300 * NS_PER_MS
 """What a flight has shown changes in seconds; judging it costs as much as ten glimpses."""
@@ -61,24 +54,13 @@ class Calibrator(msgspec.Struct, frozen=True):
 
     shop: Workshop
     queue: tuple[_Queued, ...] = ()
-    kept: tuple[Glimpse, ...] = ()
-    complete: bool = True
-    """All that was seen is kept."""
-    seen: int = 0
     search: Search | None = None
     """While the delay is searched for."""
     vain: InVain | None = None
     """How the last search ended, if it found nothing."""
     replaced: bool = False
     """What an earlier flight found was denied by this one, and dropped."""
-    delay_s: float | None = None
-    """About which glimpses are taken, once it was found."""
-    served: Fit | None = None
-    coming: Fit | None = None
-    """A pass on its way to be served."""
-    cursor: int = 0
-    """How many of the kept glimpses the pass has taken."""
-    passes: int = 0
+    passes: Passes = Passes()
     views: Views = Views()
     turning: Turning = Turning()
     stamp_sigma_s: float = 0.0
@@ -116,6 +98,11 @@ class Calibrator(msgspec.Struct, frozen=True):
                 state = state._taught([each for each in first.fixes if each[0] in alive])
         return state._searched_on()._passed_on()._judged()
 
+    @property
+    def delay_s(self) -> float | None:
+        """The delay about which glimpses are taken, once it was found."""
+        return self.passes.delay_s
+
     def placed(self, track: int) -> Placed | None:
         """Where a target stands; None while that is not known here."""
         return self.places.get(track)
@@ -151,9 +138,10 @@ class Calibrator(msgspec.Struct, frozen=True):
 
     def surprise(self, track: int, fix: GroundFix) -> Surprise | None:
         """How little a fix was expected of a target that stands in the joint estimate; None: it does not."""
-        if self.served is None or self.delay_s is None or self.served.joint.place_of(track) is None:
+        served = self.passes.served
+        if served is None or self.delay_s is None or served.joint.place_of(track) is None:
             return None
-        return self.served.joint.surprise(track, self.shop.glimpse(fix, self.delay_s))
+        return served.joint.surprise(track, self.shop.glimpse(fix, self.delay_s))
 
     def report(self) -> CalibrationReport:
         """What is known now."""
@@ -192,20 +180,12 @@ class Calibrator(msgspec.Struct, frozen=True):
         return LAG_S + 0.5 * SPAN_S + max(0.0, -earliest)
 
     def _forgotten(self, alive: Collection[int]) -> Calibrator:
-        """Tracks that ended leave the estimates, and their glimpses the passes: most were no targets."""
-        gone = {glimpse.track for glimpse in self.kept}.difference(alive)
-        if self.served is not None:
-            gone |= set(self.served.joint.tracks).difference(alive)
+        """Without the tracks that ended."""
+        gone = self.passes.gone(alive)
         if not gone:
             return self
-        served, coming = self.served, self.coming
-        search = None if self.search is None else self.search.without(gone, self.kept)
-        for track in sorted(gone):
-            served = None if served is None else served.without(track)
-            coming = None if coming is None else coming.without(track)
-        taken = sum(glimpse.track not in gone for glimpse in self.kept[: self.cursor])
-        kept = tuple(glimpse for glimpse in self.kept if glimpse.track not in gone)
-        return msgspec.structs.replace(self, search=search, served=served, coming=coming, kept=kept, cursor=taken)
+        search = None if self.search is None else self.search.without(gone, self.passes.kept)
+        return msgspec.structs.replace(self, search=search, passes=self.passes.only(alive))
 
     def _course(self, nominal: VehicleState) -> Course:
         return self.shop.course(nominal, self.shop.delays if self.delay_s is None else (self.delay_s,))
@@ -221,7 +201,7 @@ class Calibrator(msgspec.Struct, frozen=True):
         if not fixes:
             return self
         if self.delay_s is None:
-            known = {glimpse.track for glimpse in self.kept}
+            known = {glimpse.track for glimpse in self.passes.kept}
             fixes = sorted(fixes, key=lambda each: each[0] not in known)[:SEARCH_A_FRAME]
         first = fixes[0][1].sighting
         slow = self.shop.slow(first.state, self.shop.means[Common.DELAY] if self.delay_s is None else self.delay_s)
@@ -235,28 +215,20 @@ class Calibrator(msgspec.Struct, frozen=True):
         return state
 
     def _glimpsed(self, glimpse: Glimpse, views: Views) -> Calibrator:
-        keeping = self.complete and (self.seen < MOST_KEPT or self.coming is not None)
-        state = msgspec.structs.replace(
-            self,
-            kept=(*self.kept, glimpse) if keeping else (),
-            complete=keeping,
-            seen=self.seen + 1,
-            views=views,
-        )
-        if state.delay_s is None:
-            if not self.shop.searches:
-                return state._found(self.shop.means)
-            search = state.search or search_of(self.shop)
-            return msgspec.structs.replace(state, search=search.fed(glimpse))
-        served = state.served.fed(glimpse) if state.served is not None else None
-        return msgspec.structs.replace(state, served=served)
+        state = msgspec.structs.replace(self, passes=self.passes.with_glimpse(glimpse), views=views)
+        if state.delay_s is not None:
+            return state
+        if not self.shop.searches:
+            return state._found(self.shop.means)
+        search = state.search or search_of(self.shop)
+        return msgspec.structs.replace(state, search=search.fed(glimpse))
 
     def _searched_on(self) -> Calibrator:
         """A frame further with the search; a delay that is found is where the first pass begins."""
         if self.search is None:
             return self
-        search = self.search.advanced(self.kept)
-        match search.result(self.kept):
+        search = self.search.advanced(self.passes.kept)
+        match search.result(self.passes.kept):
             case Found(around):
                 return self._found(around)
             case InVain() as vain:
@@ -280,48 +252,24 @@ class Calibrator(msgspec.Struct, frozen=True):
         )
 
     def _found(self, around: tuple[float, ...]) -> Calibrator:
-        """The delay is settled enough: glimpses shrink to it, and the first pass begins."""
-        around, delay_s = around[:COMMON_COUNT], around[Common.DELAY]
-        kept = tuple(
-            msgspec.structs.replace(glimpse, course=Course((glimpse.course.at(delay_s),))) for glimpse in self.kept
-        )
-        return msgspec.structs.replace(
-            self, kept=kept, search=None, vain=None, delay_s=delay_s, coming=self.shop.fit(around), cursor=0
-        )
+        """The delay is settled enough for the first pass."""
+        return msgspec.structs.replace(self, search=None, vain=None, passes=self.passes.begun(self.shop, around))
 
     def _passed_on(self) -> Calibrator:
-        """A few glimpses further with the pass; served when it has them all."""
-        coming, cursor = self.coming, self.cursor
-        if coming is None:
-            return self._begin_pass()
-        step = PASS_STEP + 2 * len(coming.joint.tracks)
-        for glimpse in self.kept[cursor : cursor + step]:
-            coming = coming.fed(glimpse)
-        cursor += step
-        if cursor < len(self.kept):
-            return msgspec.structs.replace(self, coming=coming, cursor=cursor)
-        return msgspec.structs.replace(self, served=coming, coming=None, cursor=0)
-
-    def _begin_pass(self) -> Calibrator:
-        if self.served is None or not self.complete or self.passes >= len(PASSES_AT):
-            return self
-        joint = self.served.joint
-        if self.seen < PASSES_AT[self.passes] * max(1, len(joint.tracks)):
-            return self
-        around = (*joint.mean[: Common.NORTH], 0.0, 0.0)
-        return msgspec.structs.replace(
-            self, coming=self.shop.fit(around, hints=joint.places), cursor=0, passes=self.passes + 1, delay_s=around[0]
-        )
+        """A few glimpses further with a pass, if there is one."""
+        passes = self.passes.advanced(self.shop)
+        return self if passes is self.passes else msgspec.structs.replace(self, passes=passes)
 
     def _judged(self) -> Calibrator:
         """Let go what is shown, hold the rest."""
-        if self.served is None:
+        served = self.passes.served
+        if served is None:
             return self
-        if not self.served.fits:
+        if not served.fits:
             return self._given_up(UNEXPLAINED)
-        joint, shop, verdict, judged_ns = self.served.joint, self.shop, self.verdict, self.judged_ns
+        joint, shop, verdict, judged_ns = served.joint, self.shop, self.verdict, self.judged_ns
         if verdict is None or self.host_ns - judged_ns >= JUDGED_EVERY_NS:
-            views, drift = self.views, self.served.drift or Drift()
+            views, drift = self.views, served.drift or Drift()
             verdict = judged(joint, shop.means, shop.sigmas, various=views.various, down=views.down, drift=drift)
             judged_ns = self.host_ns
         elif joint is not verdict.free.joint:
