@@ -33,15 +33,13 @@ class Held(msgspec.Struct, frozen=True):
     doubts: tuple[float, ...]
     """One sigma of each of those, for claims."""
     let_go: tuple[int, ...]
-    """Unknowns with a prior that what the flight has taught may move by its drift."""
+    """The other unknowns that have a prior, but for timing."""
     priors: tuple[float, ...]
     """One sigma of each of those."""
     wider: float
-    """Factor of the variance of what the flight has taught."""
+    """Factor of the variance of what the flight has taught (``Drift``)."""
     factor: Rows
-    """Cholesky factor of the covariance of the held, of the considered, and of those let go, in this order: of the
-    latter with their priors once more, for a wider posterior is bounded by them.
-    """
+    """Cholesky factor of the posterior covariance of the held, and after them of what bounds a wider one."""
     weights: tuple[float, ...]
     """Of the crossed covariances in the shift of a mean: posterior covariance^-1 (posterior - prior mean)."""
 
@@ -50,45 +48,72 @@ class Held(msgspec.Struct, frozen=True):
         row = self.joint.cov[place]
         return self.joint.mean[place] - sum([row[i] * w for i, w in zip(self.held, self.weights, strict=True)])
 
-    def cov(self, places: Sequence[int], *, doubted: bool = True, drifting: bool = True) -> list[list[float]]:
+    def cov(self, places: Sequence[int], *, doubted: bool = True) -> list[list[float]]:
         """Covariance of some of the joint's unknowns, none of them held.
 
-        ``doubted``: with the whole prior of what is held; otherwise as if what is held were right. ``drifting``: what
-        the flight has taught is as much less certain as it drifts; the vehicle's position, which is considered, and
-        priors are not.
+        ``doubted``: with the whole prior of what is held; otherwise as if what is held were right.
         """
-        joint, wandering, wider = self.joint, considered(self.joint), self.wider if drifting else 1.0
-        held, known = len(self.held), len(self.held) + len(wandering)
-        asked = (*self.held, *wandering, *(self.let_go if wider > 1.0 else ()))
-        crossed = [forward(self.factor, [joint.cov[place][i] for i in asked]) for place in places]
-        priors = [doubt if doubted else 0.0 for doubt in self.doubts]
-        pulls = [[x * prior for x, prior in zip(back(self.factor, row[:held]), priors, strict=True)] for row in crossed]
+        joint, held = self.joint, self.held
+        crossed = [[joint.cov[place][i] for i in held] for place in places]
+        pulls = [solved(self.factor, row) for row in crossed]
+        prior2 = [doubt * doubt if doubted else 0.0 for doubt in self.doubts]
+        changes = [
+            [pulled * prior - was for pulled, prior, was in zip(pull, prior2, row, strict=True)]
+            for pull, row in zip(pulls, crossed, strict=True)
+        ]
         return [
-            [
-                wider * (joint.cov[p][q] - inner(row, column))
-                + inner(row[held:known], column[held:known])
-                + inner(pull, other)
-                for q, column, other in zip(places, crossed, pulls, strict=True)
-            ]
-            for p, row, pull in zip(places, crossed, pulls, strict=True)
+            [joint.cov[p][q] + inner(pull, change) for q, change in zip(places, changes, strict=True)]
+            for p, pull in zip(places, pulls, strict=True)
         ]
 
+    def drifting(self, places: Sequence[int]) -> list[list[float]]:
+        """What is to be added to their covariance, since what the flight has taught is wider by its factor.
+
+        As if every measurement had so many times the variance; priors, and the vehicle's position, are as they were.
+        """
+        if self.wider == 1.0:
+            return [[0.0] * len(places) for _ in places]
+        joint, more, first = self.joint, self.wider - 1.0, len(self.factor) - len(self.let_go)
+        known = self._known
+        rows = [forward(self.factor, [joint.cov[place][i] for i in known]) for place in places]
+        return [
+            [
+                more * (joint.cov[p][q] - inner(row, column)) - inner(row[first:], column[first:])
+                for q, column in zip(places, rows, strict=True)
+            ]
+            for p, row in zip(places, rows, strict=True)
+        ]
+
+    def claimed(self, places: Sequence[int]) -> list[list[float]]:
+        """Covariance with all that is to be added."""
+        pairs = zip(self.cov(places), self.drifting(places), strict=True)
+        return [[a + b for a, b in zip(row, more, strict=True)] for row, more in pairs]
+
+    def sigma(self, place: int) -> float:
+        """One sigma of an unknown, as it is claimed."""
+        cov = self.cov([place]) if place in TIMING else self.claimed([place])
+        return sqrt(max(0.0, cov[0][0]))
+
     def about(self, joint: Joint, prior_means: tuple[float, ...]) -> Held:
-        """A newer joint estimate with the same unknowns held."""
-        return _held(joint, self, prior_means)
+        """A newer joint estimate with the same unknowns held; what is to be added to it is not asked each frame."""
+        return _held(msgspec.structs.replace(self, joint=joint, wider=1.0), prior_means)
 
     def undoubting(self, unknown: int) -> Held:
         """The same, where the answer is told as if this unknown, which is held, were right."""
         doubts = tuple(0.0 if i == unknown else doubt for i, doubt in zip(self.held, self.doubts, strict=True))
         return msgspec.structs.replace(self, doubts=doubts)
 
-    def sigma(self, place: int) -> float:
-        """One sigma of an unknown."""
-        return sqrt(max(0.0, self.cov([place], drifting=place not in TIMING)[0][0]))
-
     def known_sigma(self, place: int) -> float:
         """The same as far as the flight has shown it, the held unknowns taken as right."""
-        return sqrt(max(0.0, self.cov([place], doubted=False, drifting=place not in TIMING)[0][0]))
+        more = 0.0 if place in TIMING else self.drifting([place])[0][0]
+        return sqrt(max(0.0, self.cov([place], doubted=False)[0][0] + more))
+
+    @property
+    def _known(self) -> tuple[int, ...]:
+        """Whose covariance is factorized."""
+        if self.wider == 1.0:
+            return self.held
+        return (*self.held, *(i for i in CONSIDERED if self.joint.cov[i][i] > 0.0), *self.let_go)
 
 
 def holding(
@@ -105,24 +130,24 @@ def holding(
     uncertain = [i for i in range(COMMON_COUNT) if prior_sigmas[i] > 0.0 and i not in CONSIDERED]
     kept = tuple(i for i in uncertain if i in held)
     let_go = tuple(i for i in uncertain if i not in held and i not in TIMING)
-    sigmas = [tuple(prior_sigmas[i] for i in each) for each in (kept, let_go)]
-    return _held(joint, Held(joint, kept, sigmas[0], let_go, sigmas[1], wider, (), ()), prior_means)
+    doubts, priors = (tuple(prior_sigmas[i] for i in each) for each in (kept, let_go))
+    return _held(Held(joint, kept, doubts, let_go, priors, wider, (), ()), prior_means)
 
 
-def _held(joint: Joint, like: Held, prior_means: tuple[float, ...]) -> Held:
-    order = (*like.held, *considered(joint), *(like.let_go if like.wider > 1.0 else ()))
-    block = [[joint.cov[i][j] for j in order] for i in order]
-    if like.wider > 1.0:
-        for i, sigma in enumerate(like.priors, len(order) - len(like.let_go)):
-            block[i][i] += sigma * sigma / (like.wider - 1.0)
+def _held(blank: Held, prior_means: tuple[float, ...]) -> Held:
+    """With the factor and weights of its joint estimate.
+
+    Measurements of k times the variance: (prior^-1 + information / k)^-1, which is k times the covariance as it stands
+    after one more look at each prior, of the variance prior / (k - 1).
+    """
+    joint, known = blank.joint, blank._known
+    block = [[joint.cov[i][j] for j in known] for i in known]
+    if blank.wider > 1.0:
+        for i, sigma in enumerate(blank.priors, len(known) - len(blank.let_go)):
+            block[i][i] += sigma * sigma / (blank.wider - 1.0)
     factor = cholesky(block)
-    weights = solved(factor, [joint.mean[i] - prior_means[i] for i in like.held])
-    return msgspec.structs.replace(like, joint=joint, factor=factor, weights=tuple(weights))
-
-
-def considered(joint: Joint) -> tuple[int, ...]:
-    """What is only considered, where it has any error at all."""
-    return tuple(i for i in CONSIDERED if joint.cov[i][i] > 0.0)
+    weights = solved(factor, [joint.mean[i] - prior_means[i] for i in blank.held])
+    return msgspec.structs.replace(blank, factor=factor, weights=tuple(weights))
 
 
 def cholesky(m: Sequence[Sequence[float]]) -> tuple[tuple[float, ...], ...]:
@@ -140,7 +165,12 @@ def cholesky(m: Sequence[Sequence[float]]) -> tuple[tuple[float, ...], ...]:
 
 def solved(factor: Sequence[Sequence[float]], right: Sequence[float]) -> list[float]:
     """X of L L' x = right, by as many rows of L as the right side has."""
-    return back(factor, forward(factor, right))
+    x = forward(factor, right)
+    for i in reversed(range(len(x))):
+        line = factor[i]
+        x[i] = last = x[i] / line[i]
+        x[:i] = [value - share * last for value, share in zip(x[:i], line, strict=False)]
+    return x
 
 
 def forward(factor: Sequence[Sequence[float]], right: Sequence[float]) -> list[float]:
@@ -148,16 +178,6 @@ def forward(factor: Sequence[Sequence[float]], right: Sequence[float]) -> list[f
     x: list[float] = []
     for value, line in zip(right, factor, strict=False):
         x.append((value - inner(line, x)) / line[-1])
-    return x
-
-
-def back(factor: Sequence[Sequence[float]], right: Sequence[float]) -> list[float]:
-    """X of L' x = right, by as many rows of L as the right side has."""
-    x = list(right)
-    for i in reversed(range(len(x))):
-        line = factor[i]
-        x[i] = last = x[i] / line[i]
-        x[:i] = [value - share * last for value, share in zip(x[:i], line, strict=False)]
     return x
 
 

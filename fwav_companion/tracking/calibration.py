@@ -76,7 +76,7 @@ def believed(
     """
     means, sigmas = list(means), list(sigmas)
     if verdict is not None:
-        for i, (mean, sigma) in verdict.told().items():
+        for i, (mean, sigma) in verdict.told.items():
             means[i], sigmas[i] = mean, hypot(sigma, STEADY * stamp_sigma_s) if i == Common.DELAY else sigma
     return means, sigmas
 
@@ -85,10 +85,10 @@ def worth_keeping(verdict: Verdict | None, stamp_sigma_s: float = 0.0) -> KeptCa
     """For the next flight, whose attitudes may be stamped otherwise; None while that is nothing."""
     if verdict is None or verdict.status is not CalibrationStatus.CALIBRATED:
         return None
-    told = verdict.told()
+    told = verdict.told
     if not all(i in told for i in (Common.DELAY, *MOUNT)):
         return None
-    x, y, z = verdict.mount_alone()
+    x, y, z = verdict.mount_alone
     return KeptCalibration(
         time_offset_s=told[Common.DELAY][0],
         time_offset_sigma_s=hypot(told[Common.DELAY][1], STEADY * stamp_sigma_s),

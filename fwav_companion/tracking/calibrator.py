@@ -123,7 +123,7 @@ class Calibrator(msgspec.Struct, frozen=True):
         """Self-calibration explains the flight by a mount not grossly off: a large delay scatters sights, too."""
         if self.verdict is None or self.verdict.status is not CalibrationStatus.CALIBRATED:
             return False
-        return not self.suspicion.text or hypot(*(self.verdict.told()[i][0] for i in MOUNT)) < NAMED
+        return not self.suspicion.text or hypot(*(self.verdict.told[i][0] for i in MOUNT)) < NAMED
 
     @property
     def denied(self) -> tuple[Loosening, ...]:

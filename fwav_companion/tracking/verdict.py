@@ -2,9 +2,8 @@
 
 Three answers are kept apart. The *free* one lets go all that the flight has shown. The *plain* one lets go only the
 delay: where what was shown does not contradict the configuration, the configuration is right, and correcting it by its
-own noise would only spread the targets. The *report* is the free one with the heading held: by it
-is judged what was shown. A mount is told with the heading's error in it, which is nearly inseparable from it while the
-tilt varies little.
+own noise would only spread the targets. The free one with the *heading held* judges that. A mount is told with the
+heading's error in it, which is nearly inseparable from it while the tilt varies little.
 """
 
 from __future__ import annotations
@@ -65,16 +64,19 @@ class Verdict(msgspec.Struct, frozen=True):
     status: CalibrationStatus
     free: Held
     plain: Held
-    report: Held
     contradicted: bool
     """The configuration, by what was shown."""
-    down: Vector3 = (0.0, 0.0, 1.0)
-    """In the body, on the average of what was seen: what the heading turns about."""
+    told: dict[int, tuple[float, float]]
+    """Mean and one sigma of the common unknowns that are let go; of the mount with the heading's error in it."""
+    mount_alone: tuple[tuple[float, float], ...]
+    """Of its axes without that: another flight has another heading error. Empty where it is not let go."""
+    drifting: dict[int, Symmetric2]
+    """What is to be added to each target's covariance, by track, horizontal."""
     denied: tuple[Loosening, ...] = ()
     """Priors of the configuration that cannot be right."""
 
     def about(self, joint: Joint, means: tuple[float, ...]) -> Verdict:
-        """The same judgement, and the targets by a newer joint estimate. What is reported stays as it was judged."""
+        """The same judgement, and the targets by a newer joint estimate. What is told stays as it was judged."""
         for loosening in self.denied:
             joint = loosening.of(joint)
         plain = self.plain.about(joint, means)
@@ -82,14 +84,16 @@ class Verdict(msgspec.Struct, frozen=True):
         return msgspec.structs.replace(self, free=free, plain=plain)
 
     def places(self) -> dict[int, Placed]:
-        """Where each target stands, by track."""
-        return {track: self._placed(self.free.joint.place_of(track) or 0) for track in self.free.joint.tracks}
+        """Where each target stands, by track; a new one waits for the next judgement."""
+        joint = self.free.joint
+        return {track: self._placed(joint.place_of(track) or 0, self.drifting[track])
+                for track in joint.tracks if track in self.drifting}  # fmt: skip
 
-    def _placed(self, place: int) -> Placed:
+    def _placed(self, place: int, drifting: Symmetric2) -> Placed:
         free = self.free
         wandering = [i for i in CONSIDERED if free.joint.cov[i][i] > 0.0]
         cov = free.cov((place, place + 1, *wandering))
-        nn, ne, ee = cov[0][0], cov[0][1], cov[1][1]
+        nn, ne, ee = cov[0][0] + drifting[0], cov[0][1] + drifting[1], cov[1][1] + drifting[2]
         own_nn = own_ne = own_ee = 0.0
         for i in range(2, 2 + len(wandering)):
             n, e, variance = cov[0][i], cov[1][i], cov[i][i]
@@ -101,25 +105,6 @@ class Verdict(msgspec.Struct, frozen=True):
             north, east = north + dn, east + de
             nn, ne, ee = nn + dn * dn, ne + dn * de, ee + de * de
         return Placed(north, east, (nn, ne, ee), (nn - own_nn, ne - own_ne, ee - own_ee))
-
-    def told(self) -> dict[int, tuple[float, float]]:
-        """Mean and one sigma of the common unknowns that are let go; of the mount with the heading's error in it."""
-        free = self.free
-        let_go = [i for i in range(COMMON_COUNT) if i not in free.held and i not in CONSIDERED]
-        told = {i: (free.mean(i), free.sigma(i)) for i in let_go}
-        if Common.HEADING in told:
-            told |= {i: self._with_heading(i, share) for i, share in zip(MOUNT, self.down, strict=True) if i in told}
-        return told
-
-    def _with_heading(self, axis: int, share: float) -> tuple[float, float]:
-        """R(true) Exp(c) = R(told) Exp(c - heading down) to first order: what the heading is off turns about down."""
-        (cc, ch), (_, hh) = self.free.cov((axis, Common.HEADING))
-        mean = self.free.mean(axis) - share * self.free.mean(Common.HEADING)
-        return mean, sqrt(max(0.0, cc - 2.0 * share * ch + share * share * hh))
-
-    def mount_alone(self) -> list[tuple[float, float]]:
-        """Mean and one sigma of the mount's axes without the heading's error: another flight has another one."""
-        return [(self.free.mean(i), self.free.sigma(i)) for i in MOUNT]
 
 
 def judged(
@@ -148,18 +133,46 @@ def judged(
     shown = _shown(joint, means, sigmas, delay, 1.0 if denied else drift.shown) if various else ()
     if not shown:
         status = CalibrationStatus.TIME if delay else CalibrationStatus.WAITING
-        return Verdict(status, plain, plain, plain, contradicted=False, denied=denied)
-    report = holding(joint, all_but([*delay, *shown]), means, sigmas, wider).undoubting(Common.HEADING)
+        return Verdict(status, plain, plain, False, _told(plain), (), _drifting(plain), denied)
+    heading_held = holding(joint, all_but([*delay, *shown]), means, sigmas, wider).undoubting(Common.HEADING)
     free = holding(joint, all_but([*delay, *shown, Common.HEADING]), means, sigmas, wider)
     return Verdict(
-        status=CalibrationStatus.CALIBRATED,
-        free=free,
-        plain=plain,
-        report=report,
-        contradicted=_distance2(report, shown, means) > CONTRADICTION,
+        CalibrationStatus.CALIBRATED,
+        free,
+        plain,
+        contradicted=_distance2(heading_held, shown, means) > CONTRADICTION,
+        told=_told(free) | _with_heading(free, down),
+        mount_alone=tuple((free.mean(i), free.sigma(i)) for i in MOUNT),
+        drifting=_drifting(free),
         denied=denied,
-        down=down,
     )
+
+
+def _told(free: Held) -> dict[int, tuple[float, float]]:
+    let_go = [i for i in range(COMMON_COUNT) if i not in free.held and i not in CONSIDERED]
+    return {i: (free.mean(i), free.sigma(i)) for i in let_go}
+
+
+def _with_heading(free: Held, down: Vector3) -> dict[int, tuple[float, float]]:
+    """The mount with the heading's error in it, which turns about down.
+
+    R(true) Exp(c) = R(told) Exp(c - heading down), to first order, with down in the body.
+    """
+    told: dict[int, tuple[float, float]] = {}
+    for axis, share in zip(MOUNT, down, strict=True):
+        (cc, ch), (_, hh) = free.claimed((axis, Common.HEADING))
+        mean = free.mean(axis) - share * free.mean(Common.HEADING)
+        told[axis] = (mean, sqrt(max(0.0, cc - 2.0 * share * ch + share * share * hh)))
+    return told
+
+
+def _drifting(free: Held) -> dict[int, Symmetric2]:
+    drifting = {}
+    for track in free.joint.tracks:
+        place = free.joint.place_of(track) or 0
+        (nn, ne), (_, ee) = free.drifting((place, place + 1))
+        drifting[track] = (nn, ne, ee)
+    return drifting
 
 
 def _shown(
@@ -174,8 +187,8 @@ def _shown(
     return ()
 
 
-def _distance2(report: Held, shown: Sequence[int], means: tuple[float, ...]) -> float:
+def _distance2(held: Held, shown: Sequence[int], means: tuple[float, ...]) -> float:
     """Squared Mahalanobis distance of what was shown from what was configured."""
-    cov = report.cov(shown)
-    offset = [report.mean(i) - means[i] for i in shown]
+    cov = held.claimed(shown)
+    offset = [held.mean(i) - means[i] for i in shown]
     return sum(a * b for a, b in zip(offset, solved(cholesky(cov), offset), strict=True))

@@ -319,4 +319,4 @@ def test_a_mount_is_let_go_only_after_various_views(various, status):
     joint = joint_of(priors(), tuple(s / 100 for s in sigmas), (0.01,) * COMMON_COUNT, (0.0,) * COMMON_COUNT)
     verdict = judged(joint, (0.0,) * COMMON_COUNT, sigmas, various=various)
     assert verdict.status is status
-    assert (Common.MOUNT_X in verdict.told()) is various
+    assert (Common.MOUNT_X in verdict.told) is various

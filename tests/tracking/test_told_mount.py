@@ -59,7 +59,7 @@ def test_told_and_kept_mounts_are_covered_over_drawn_headings():
         mean = cov @ (information @ truth + root @ rng.standard_normal(len(USED)))
         verdict = judged(as_joint(mean, cov), MEANS, SIGMAS, various=True, down=down)
         assert verdict.status is CalibrationStatus.CALIBRATED
-        told, kept = verdict.told(), worth_keeping(verdict)
+        told, kept = verdict.told, worth_keeping(verdict)
         mount, heading = truth[1:4], truth[4]
         expected = mount - heading * np.array(down)
         told_in += [abs(told[i][0] - x) < 1.96 * told[i][1] for i, x in zip(MOUNT, expected, strict=True)]
@@ -97,5 +97,7 @@ def test_what_drifts_is_as_if_measured_with_as_much_more_noise():
     known = np.ix_(range(1, len(USED)), range(1, len(USED)))  # the delay is held
     expected = np.linalg.inv(prior[known] + information[known] / wider)[:4, :4]
     places = [*MOUNT, Common.HEADING]
-    assert np.array(held.cov(places, doubted=False)) == pytest.approx(expected, rel=1e-3)
+    assert np.array(held.cov(places, doubted=False)) + np.array(held.drifting(places)) == pytest.approx(
+        expected, rel=1e-3
+    )
     assert held.sigma(Common.HEADING) < SIGMAS[Common.HEADING]
