@@ -7,6 +7,7 @@ velocity, too, knows of a standing time offset or a wandering position.
 from __future__ import annotations
 
 import msgspec
+from msgspec.structs import replace
 
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.geometry.vectors import (
@@ -31,9 +32,10 @@ from fwav_companion.tracking.estimate import (
     scattered,
     surprise,
 )
+from fwav_companion.tracking.lag import Lag
 from fwav_companion.tracking.linear import add_diagonal, inner, minus, scaled, symmetric_inverse, symmetrized
 from fwav_companion.tracking.scatter import Scatter
-from fwav_companion.tracking.shared import Rows, SharedErrors
+from fwav_companion.tracking.shared import Rows, SharedErrors, Weighed
 
 START_SPEED_M_S = 3.0
 """One sigma an axis of an unknown target's velocity: people, animals, vehicles on a field."""
@@ -43,6 +45,11 @@ START_CLIMB_M_S = 0.3
 ACCELERATION_DENSITY = 0.03
 """m^2/s^3, horizontal, white: at 30 fixes/s of 0.1 m the velocity settles at 0.13 m/s one sigma, and a walker who turns
 about within two seconds is lagged by 0.1 m."""
+UNSEEN_DENSITY = 0.5
+"""The same of a target that was not seen for UNSEEN_S: it may have turned about. One sigma is 13 m after ten seconds,
+where a walker who did is 30 m from where he went."""
+UNSEEN_S = 1.0
+LEAST_TURN_S = 0.02
 CLIMB_DENSITY = 0.0003
 """m^2/s^3, vertical."""
 
@@ -63,6 +70,8 @@ class MovingBelief(msgspec.Struct, frozen=True):
     velocity_shared: Rows
     scatter: Scatter
     """How single fixes scatter beyond their noise."""
+    lag: Lag
+    """How far it is behind a target that goes another way by now."""
     host_ns: HostNs
     fixed_ns: HostNs
 
@@ -86,6 +95,7 @@ class MovingBelief(msgspec.Struct, frozen=True):
         dt = s_from_ns(host_ns - self.host_ns)
         if dt <= 0.0:
             return self
+        density = ACCELERATION_DENSITY if s_from_ns(host_ns - self.fixed_ns) < UNSEEN_S else UNSEEN_DENSITY
         both = add_matrices(self.cross, transpose(self.cross))
         noise = add_matrices(self.noise, add_matrices(scaled(both, dt), scaled(self.velocity_noise, dt * dt)))
         cross = add_matrices(self.cross, scaled(self.velocity_noise, dt))
@@ -93,27 +103,49 @@ class MovingBelief(msgspec.Struct, frozen=True):
             self.errors,
             add(self.position_ned, scale(self.velocity_ned, dt)),
             self.velocity_ned,
-            _accelerated(noise, dt**3 / 3.0),
-            _accelerated(cross, dt * dt / 2.0),
-            _accelerated(self.velocity_noise, dt),
+            _accelerated(noise, density, dt**3 / 3.0),
+            _accelerated(cross, density, dt * dt / 2.0),
+            _accelerated(self.velocity_noise, density, dt),
             _carried(self.shared, self.velocity_shared, dt),
             self.velocity_shared,
             self.scatter,
+            self.lag,
             host_ns,
             self.fixed_ns,
         )
 
     def surprise(self, fix: GroundFix) -> Surprise:
-        """How little a fix at this instant was expected, horizontal."""
-        return surprise(self._as_point(), self.errors.weighed(fix), self.errors.timed)
+        """How little a fix at this instant was expected, horizontal; one beyond where it lags is less of a surprise."""
+        point = replace(self._as_point(), noise=add_matrices(self.noise, self.lag.position_cov))
+        return surprise(point, self.errors.weighed(fix), self.errors.timed)
 
     def updated(self, fix: GroundFix) -> MovingBelief:
-        """With the gain of least noise, the scatter that was seen counted as noise."""
-        host_ns = fix.sighting.frame_host_ns
-        weighed = self.errors.weighed_after(fix, s_from_ns(host_ns - self.fixed_ns), self.position_ned)
-        (nn, ne, nd), (_, ee, ed), dd = add_matrices(self.noise, weighed.noise)
-        nn, ee = nn + self.scatter.variance, ee + self.scatter.variance
-        inverse = symmetric_inverse(((nn, ne, nd), (ne, ee, ed), dd))
+        """With the gain of least noise, the scatter that was seen counted as noise; a target that turned may have."""
+        since_s = s_from_ns(fix.sighting.frame_host_ns - self.fixed_ns)
+        weighed = self.errors.weighed_after(fix, since_s, self.position_ned)
+        north_m, east_m, _ = subtract(weighed.position, self.position_ned)
+        lag = self.lag.with_fix(north_m, east_m, since_s)
+        (nn, ne, _), (_, ee, _), _ = self._expected(weighed.noise)
+        if lag.is_turn((nn, ne, ee)):
+            return self._turned(lag)._blended(weighed, Lag(), fix.sighting.frame_host_ns)
+        return self._blended(weighed, lag, fix.sighting.frame_host_ns)
+
+    def _expected(self, noise: Matrix3) -> Matrix3:
+        """Covariance of how far a fix with this noise lies off."""
+        return add_diagonal(add_matrices(self.noise, noise), self.scatter.variance, 0.0)
+
+    def _turned(self, lag: Lag) -> MovingBelief:
+        """As uncertain as it is that the target has gone another way for so long."""
+        off, per_s = lag.position_cov, 1.0 / max(lag.back_s, LEAST_TURN_S)
+        return replace(
+            self,
+            noise=add_matrices(self.noise, off),
+            cross=add_matrices(self.cross, scaled(off, per_s)),
+            velocity_noise=add_matrices(self.velocity_noise, scaled(off, per_s * per_s)),
+        )
+
+    def _blended(self, weighed: Weighed, lag: Lag, host_ns: HostNs) -> MovingBelief:
+        inverse = symmetric_inverse(self._expected(weighed.noise))
         gain, velocity_gain = multiply(self.noise, inverse), multiply(transpose(self.cross), inverse)
         difference = subtract(weighed.position, self.position_ned)
         noise, cross, velocity_noise = self._blended_noise(weighed.noise, gain, velocity_gain)
@@ -127,6 +159,7 @@ class MovingBelief(msgspec.Struct, frozen=True):
             blended_shared(self.shared, weighed.shared, self.shared, gain),
             blended_shared(self.velocity_shared, weighed.shared, self.shared, velocity_gain),
             scattered(self._as_point(), difference, weighed, self.errors.timed),
+            lag,
             self.host_ns,
             host_ns,
         )
@@ -171,13 +204,14 @@ class MovingKalman:
             weighed.shared,
             (nothing, nothing, nothing),
             Scatter(),
+            Lag(),
             host_ns,
             host_ns,
         )
 
 
-def _accelerated(m: Matrix3, factor: float) -> Matrix3:
-    return add_diagonal(m, ACCELERATION_DENSITY * factor, CLIMB_DENSITY * factor)
+def _accelerated(m: Matrix3, density: float, factor: float) -> Matrix3:
+    return add_diagonal(m, density * factor, CLIMB_DENSITY * factor)
 
 
 def _carried(rows: Rows, velocity_rows: Rows, dt: float) -> Rows:

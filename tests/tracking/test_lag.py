@@ -1,0 +1,62 @@
+"""Of the running mean: what noise and a beat make of it, and what a turn does."""
+
+import numpy as np
+import pytest
+from tracking_simulation import a_fix, host_ns, priors
+
+from fwav_companion.tracking.lag import MEAN_VARIANCE, Lag
+from fwav_companion.tracking.moving import ACCELERATION_DENSITY, UNSEEN_DENSITY, MovingKalman
+
+NO_BIAS = priors(time_offset=0, heading=0, mount_x=0, mount_y=0, mount_z=0, height_noise_m=0.0)
+SIGMA_M = 0.2
+EXPECTED = (SIGMA_M**2, 0.0, SIGMA_M**2)
+DT_S = 1.0 / 30.0
+
+
+def run(offsets):
+    lag, lags = Lag(), []
+    for north, east in offsets:
+        lag = lag.with_fix(north, east, DT_S)
+        lags.append(lag)
+    return lags
+
+
+def test_of_noise_it_is_as_small_as_it_claims_and_no_turn():
+    lags = run(np.random.default_rng(2).normal(0.0, SIGMA_M, (20_000, 2)).tolist())[100:]
+    assert np.var([lag.north_m for lag in lags]) == pytest.approx(MEAN_VARIANCE * SIGMA_M**2, rel=0.1)
+    assert sum(lag.is_turn(EXPECTED) for lag in lags) <= 5
+    assert lags[-1].back_s == pytest.approx(DT_S * 0.85 / 0.15)
+
+
+@pytest.mark.parametrize("beat_hz", [5.0, 8.0, 12.0])
+def test_a_beat_that_throws_fixes_forth_and_back_is_no_turn(beat_hz):
+    t = np.arange(600) * DT_S
+    thrown = 0.6 * np.sin(2.0 * np.pi * beat_hz * t)
+    expected = (SIGMA_M**2 + 0.5 * 0.6**2, 0.0, SIGMA_M**2)
+    assert not any(lag.is_turn(expected) for lag in run(np.stack([thrown, 0.0 * t], -1).tolist())[5:])
+
+
+def test_fixes_that_all_lie_on_one_side_are_a_turn():
+    assert run([(0.1 * k, 0.0) for k in range(12)])[-1].is_turn(EXPECTED)
+
+
+def test_a_filter_catches_up_with_a_target_that_turned_about_within_half_a_second():
+    rng = np.random.default_rng(3)
+    belief = None
+    for k in range(1, 165):
+        t = k * DT_S
+        north = 1.5 * min(t, 5.0) - 1.5 * max(0.0, t - 5.0)
+        place = (north + SIGMA_M * rng.standard_normal(), SIGMA_M * rng.standard_normal(), 0.0)
+        fix = a_fix(t, place, np.diag([SIGMA_M**2, SIGMA_M**2, 0.0]))
+        belief = MovingKalman(NO_BIAS).started(fix) if belief is None else belief.predicted(host_ns(t)).updated(fix)
+    assert t == pytest.approx(5.47, abs=0.01)
+    assert belief.velocity_ned[0] == pytest.approx(-1.5, abs=0.8)
+    assert belief.position_ned[0] == pytest.approx(north, abs=0.35)
+
+
+def test_a_target_that_is_not_seen_may_go_anywhere():
+    belief = MovingKalman(NO_BIAS).started(a_fix(0.0, (0.0, 0.0, 0.0)))
+    known = belief.velocity_cov[0][0]
+    soon, late = belief.predicted(host_ns(0.5)), belief.predicted(host_ns(0.5)).predicted(host_ns(9.5))
+    assert soon.velocity_cov[0][0] - known == pytest.approx(0.5 * ACCELERATION_DENSITY)
+    assert late.velocity_cov[0][0] - soon.velocity_cov[0][0] == pytest.approx(9.0 * UNSEEN_DENSITY)
