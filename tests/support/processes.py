@@ -22,6 +22,12 @@ STARTING_S = 20.0
 """A hang, not slowness: these machines are shared."""
 
 
+def _heeds_signals() -> None:
+    """As from a terminal: what runs the tests may ignore them, as nohup does, and children inherit that."""
+    for number in (signal.SIGHUP, signal.SIGINT):
+        signal.signal(number, signal.SIG_DFL)
+
+
 class Process:
     """A child whose words can be waited for, line by line, and that can be spoken to."""
 
@@ -35,6 +41,7 @@ class Process:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
+            preexec_fn=_heeds_signals,
         )
         self.said = ""
 
