@@ -66,6 +66,18 @@ changes = {"targets": targets, "seconds": 600.0, **camera}
 live.run(scenario("default").but(changes), live.Plan(sys.argv[1], sys.argv[2]), lambda: False, lambda _: None)
 """
 """Ten of them in the picture, as the row wants it, told so long after a frame's last row."""
+BARE = """
+import asyncio, socket, sys
+heard, told = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
+heard.bind(("127.0.0.1", int(sys.argv[1])))
+heard.setblocking(False)
+told.connect(("127.0.0.1", int(sys.argv[2])))
+async def main():
+    asyncio.get_running_loop().add_reader(heard, lambda: told.send(heard.recv(65536)))
+    await asyncio.Event().wait()
+asyncio.run(main())
+"""
+"""Passes datagrams on and does nothing else: what being woken costs here, with the caches as others left them."""
 EARLY_S, LATE_S = 0.03, 0.05
 """The row wants all that lies between a detection and its answer, with the mock's own detector. A frame that comes so
 early may wait for the second attitude after its capture, which at 100 Hz takes up to 20 ms to be made and a few to
@@ -79,6 +91,8 @@ class Work(NamedTuple):
     cpu: float
     """Of one core."""
     latencies_s: list[float]
+    bare_cpu: float
+    """What a process took that only passed on the same datagrams of the autopilot; 0.0 where there was none."""
 
 
 class Between:
@@ -91,6 +105,8 @@ class Between:
         self.mock, self.frames, self.daemon, self.station = self.sockets
         self.daemon.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
         self.vehicle: tuple[str, int] | None = None
+        self.bare: tuple[str, int] | None = None
+        """Who only passes on what the autopilot says, beside the daemon."""
         self.scanner = Scanner(datagrams=True)
         self.stamps: dict[float, float] = {}
         """When a frame went to the daemon, Unix seconds, by its stamp."""
@@ -113,6 +129,8 @@ class Between:
                 elif ready is self.mock:
                     self.vehicle = address
                     self.daemon.sendto(data, autopilot)
+                    if self.bare is not None:
+                        self.station.sendto(data, self.bare)
                 elif ready is self.daemon:
                     seconds_came, ns_came = TIMESPEC.unpack(told[0][2])
                     self._answered(data, seconds_came + ns_came * 1e-9)
@@ -187,12 +205,18 @@ def watch(*, camera: bool = True, calibrates: bool = False, ten_told_after_s: fl
         one = ("-m", "sitl_mock", "--connect", url, "--detections", looks, "--seconds", "600")
         ten = ("-c", TEN_TARGETS, url, looks, str(ten_told_after_s))
         stack.enter_context(child(*(one if ten_told_after_s is None else ten), folder=folder))
+        watched = [daemon.pid]
+        if not camera:
+            between.bare = ("127.0.0.1", free_port())
+            ports = (str(between.bare[1]), str(between.port(between.station)))
+            watched.append(stack.enter_context(child("-c", BARE, *ports, folder=folder)).pid)
         between.carry(autopilot, detections, SETTLING_S)
         between.latencies_s.clear()
-        before_s, began_s = cpu_s(daemon.pid), time.monotonic()
+        before_s, began_s = [cpu_s(pid) for pid in watched], time.monotonic()
         between.carry(autopilot, detections, MEASURED_S)
-        share = (cpu_s(daemon.pid) - before_s) / (time.monotonic() - began_s)
-        return Work(rss_mib(daemon.pid), share, between.latencies_s)
+        elapsed_s = time.monotonic() - began_s
+        share, *bare = [(cpu_s(pid) - taken_s) / elapsed_s for pid, taken_s in zip(watched, before_s, strict=True)]
+        return Work(rss_mib(daemon.pid), share, between.latencies_s, sum(bare))
 
 
 def answered(told_after_s: float, name: str) -> Figure:
@@ -210,11 +234,14 @@ def measure() -> list[Figure]:
     relay = watch(camera=False)
     plain = watch()
     calibrating = watch(calibrates=True)
+    told = (
+        f"{100.0 * relay.cpu:.1f} % of a core; a bare event loop for the same datagrams {100.0 * relay.bare_cpu:.1f} %"
+    )
     beside = "100 Hz attitude, 30 frames/s, one relay"
     return [
         answered(EARLY_S, "detection in to MAVLink out, p99, ms"),
         answered(LATE_S, "the same where no frame waits for attitudes, p99, ms"),
-        Figure("pure relay: memory, MiB", relay.rss_mib, 35.0, False, f"{100.0 * relay.cpu:.1f} % of a core"),
+        Figure("pure relay: memory, MiB", relay.rss_mib, 35.0, False, told),
         Figure("daemon without a camera: memory, MiB", plain.rss_mib, 50.0, False, beside),
         Figure("daemon without a camera: % of a core", 100.0 * plain.cpu, 3.0, False, beside),
         Figure("the same with self-calibration: memory, MiB", calibrating.rss_mib, 50.0, False, beside),
