@@ -2,8 +2,8 @@
 
 Pure: frames come in with their own capture times, tracks go out. Reading order: ``options``, ``base``, ``estimate``,
 ``kalman``, ``lowpass``, ``moving``; ``association``, ``lifecycle``, ``alive``, ``tracker``, ``making``, ``reorder``;
-and for self-calibration ``rays``, ``course``, ``joint``, ``fit``, ``search``, ``answer``,
-``loosening``, ``verdict``, ``calibrator``.
+and for self-calibration ``rays``, ``course``, ``turning``, ``joint``, ``fit``, ``search``, ``passes``, ``answer``,
+``loosening``, ``verdict``, ``sights``, ``mistakes``, ``calibrator``.
 """
 
 from fwav_companion.tracking.calibration import CalibrationReport, KeptCalibration
