@@ -93,6 +93,7 @@ class CalibrationNews:
             "mount_sigma_deg": [degrees(sigma) for sigma in report.mount_sigma],
             "time_offset_rivals_s": self._rivals(report),
             "mistake": report.mistake,
+            "replaced": report.replaced,
             "configuration_lines": self.configuration_lines(report),
         }
 
