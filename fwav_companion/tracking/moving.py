@@ -50,6 +50,7 @@ UNSEEN_DENSITY = 0.5
 where a walker who did is 30 m from where he went."""
 UNSEEN_S = 1.0
 LEAST_TURN_S = 0.02
+"""A frame of the fastest camera that is worth the name: a turn in less would be no speed at all."""
 CLIMB_DENSITY = 0.0003
 """m^2/s^3, vertical."""
 
