@@ -46,6 +46,8 @@ class Block(msgspec.Struct, frozen=True, gc=False):
     v_north: float = 0.0
     u_east: float = 0.0
     v_east: float = 0.0
+    moved: float = 0.0
+    """By one sigma of the position error as it wanders, whichever way: a whole turn of the image leaves this alone."""
 
     def with_block(self, other: Block) -> Block:
         """Both together."""
@@ -57,6 +59,7 @@ class Block(msgspec.Struct, frozen=True, gc=False):
             self.v_north + other.v_north,
             self.u_east + other.u_east,
             self.v_east + other.v_east,
+            self.moved + other.moved,
         )
 
 
@@ -78,7 +81,7 @@ class Drift(msgspec.Struct, frozen=True, gc=False):
         start_ns = host_ns if self.start_ns < 0 else self.start_ns
         since_ns = max(0, host_ns - start_ns)
         index = max(self.index, since_ns // SHORTEST_NS)
-        state = self._closed(index) if index > self.index else self
+        state = self._closed(index, priors.position_bias_time_s) if index > self.index else self
         block = state.blocks[0].with_block(whitened(innovation, priors, since_ns * 1e-9))
         return Drift(self.expected, start_ns, index, (block, *state.blocks[1:]), state.told)
 
@@ -96,7 +99,7 @@ class Drift(msgspec.Struct, frozen=True, gc=False):
         before = DOUBT * (expected - 1.0)
         return 1.0 + max(0.0, *((before + excess) / (DOUBT + weight) for excess, weight in self.told))
 
-    def _closed(self, index: int) -> Drift:
+    def _closed(self, index: int, wander_s: float) -> Drift:
         """The blocks that end before this one are told, and are part of the longer ones."""
         blocks, told, whole = list(self.blocks), list(self.told), Block()
         for i, (block, (excess, weight)) in enumerate(zip(self.blocks, self.told, strict=True)):
@@ -104,7 +107,7 @@ class Drift(msgspec.Struct, frozen=True, gc=False):
             if index >> i == self.index >> i:
                 blocks[i] = whole
                 break
-            more, telling = excess_of(whole)
+            more, telling = excess_of(whole, wandered_within(SHORTEST_NS * 1e-9 * 2**i, wander_s))
             blocks[i], told[i] = Block(), (excess + more, weight + telling)
         return Drift(self.expected, self.start_ns, index, tuple(blocks), tuple(told))
 
@@ -123,11 +126,11 @@ def whitened(innovation: Innovation, priors: ErrorPriors, seconds: float) -> Blo
     (iuu, iuv, ivv), determinant = innovation.inverse, innovation.determinant
     uu, uv, vv = ivv * determinant, -iuv * determinant, iuu * determinant
     wander = sqrt(wandered(seconds, priors.position_bias_time_s))
-    north, east = priors.sigma(Bias.POSITION_NORTH) * wander, priors.sigma(Bias.POSITION_EAST) * wander
+    north, east = priors.sigma(Bias.POSITION_NORTH), priors.sigma(Bias.POSITION_EAST)
     by_u, by_v = innovation.rows
-    un, vn = by_u[Common.NORTH] * north, by_v[Common.NORTH] * north
-    ue, ve = by_u[Common.EAST] * east, by_v[Common.EAST] * east
-    if north > 0.0 or east > 0.0:
+    un, vn = by_u[Common.NORTH] * north * wander, by_v[Common.NORTH] * north * wander
+    ue, ve = by_u[Common.EAST] * east * wander, by_v[Common.EAST] * east * wander
+    if wander > 0.0 and (north > 0.0 or east > 0.0):
         noise_uu, noise_uv, noise_vv = innovation.noise
         more = uu / noise_uu + vv / noise_vv - 2.0
         moved = (un * un + ue * ue) / noise_uu + (vn * vn + ve * ve) / noise_vv
@@ -138,7 +141,9 @@ def whitened(innovation: Innovation, priors: ErrorPriors, seconds: float) -> Blo
     root_v = sqrt(max(vv - slope * slope, LEAST * vv))
     du, dv = innovation.difference
     du, un, ue = du / root_u, un / root_u, ue / root_u
-    return Block(1, du, (dv - slope * du) / root_v, un, (vn - slope * un) / root_v, ue, (ve - slope * ue) / root_v)
+    dv, vn, ve = (dv - slope * du) / root_v, (vn - slope * un) / root_v, (ve - slope * ue) / root_v
+    moved = hypot(un, ue, vn, ve) / wander if wander > 0.0 else 0.0
+    return Block(1, du, dv, un, vn, ue, ve, moved)
 
 
 def wandered(seconds: float, time_s: float) -> float:
@@ -153,11 +158,18 @@ def wandered(seconds: float, time_s: float) -> float:
     return 1.0 - 2.0 * gone / x + 2.0 * (x - gone) / (x * x)
 
 
-def excess_of(block: Block) -> tuple[float, float]:
+def wandered_within(seconds: float, time_s: float) -> float:
+    """Variance of what wanders about its own mean within so many seconds, as a share of its whole variance: of a walk
+    of 2 / time_s a second, a sixth of what it comes to.
+    """
+    return min(1.0, seconds / (3.0 * time_s)) if time_s > 0.0 else 0.0
+
+
+def excess_of(block: Block, within: float = 0.0) -> tuple[float, float]:
     """By what the squares of a block's sums exceed noise, and how many blocks of noise tell it.
 
     Each along the axes of what the position error explains of them: a sum whose variance that makes r times as large
-    tells of noise with 1/r of its weight, squared.
+    tells of noise with 1/r of its weight, squared. ``within``: share of its variance that comes and goes in the block.
     """
     n = block.count
     if not n:
@@ -166,11 +178,12 @@ def excess_of(block: Block) -> tuple[float, float]:
     uv = (block.u_north * block.v_north + block.u_east * block.v_east) / n
     vv = (block.v_north**2 + block.v_east**2) / n
     mean, half = 0.5 * (uu + vv), 0.5 * hypot(uu - vv, 2.0 * uv)
+    least = 1.0 + 0.5 * within * block.moved**2 / n
     angle = 0.5 * atan2(2.0 * uv, uu - vv)
     c, s = cos(angle), sin(angle)
     excess = weight = 0.0
     for total, explained in ((c * block.u + s * block.v, mean + half), (c * block.v - s * block.u, mean - half)):
-        wider = 1.0 + max(0.0, explained)
+        wider = least + max(0.0, explained)
         excess += 0.5 * (total * total / (n * wider) - 1.0) / wider
         weight += 0.5 / (wider * wider)
     return excess, weight

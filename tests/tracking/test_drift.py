@@ -70,8 +70,9 @@ def test_what_wanders_is_told_at_every_length_as_it_is():
     assert drift.factor == pytest.approx(1.0 + more, rel=0.35)
 
 
-def test_what_the_vehicles_position_explains_is_no_drift():
-    """It wanders by metres, and the target was placed by its mean; the image turns as the vehicle does."""
+@pytest.mark.parametrize("turning", [0.0, 0.3, np.pi / 4, np.pi / 2])
+def test_what_the_vehicles_position_explains_is_no_drift(turning):
+    """It wanders by metres, and the target was placed by its mean; the image turns, where whole turns hide the mean."""
     rng, seconds = np.random.default_rng(3), 60.0
     told = priors(position_north=1.0, position_east=1.0, position_bias_time_s=60.0)
     unaware, aware = [], []
@@ -79,7 +80,7 @@ def test_what_the_vehicles_position_explains_is_no_drift():
         count = int(seconds / STEP_S)
         walk = np.stack([gauss_markov(rng, count, 60.0) for _ in range(2)], -1)
         off = walk - np.cumsum(walk, 0) / np.arange(1, count + 1)[:, None]
-        turn = 0.3 * STEP_S * np.arange(count)
+        turn = turning * STEP_S * np.arange(count)
         by_position = 8.0 * np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]).transpose(2, 0, 1)
         share = np.array([wandered(k * STEP_S, 60.0) for k in range(count)])
         cov = NOISE + share[:, None, None] * by_position @ by_position.transpose(0, 2, 1)
