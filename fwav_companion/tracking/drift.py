@@ -63,6 +63,41 @@ class Block(msgspec.Struct, frozen=True, gc=False):
         )
 
 
+class Told(msgspec.Struct, frozen=True, gc=False):
+    """What the blocks of one length tell."""
+
+    excess: float = 0.0
+    """By what the squares of their sums exceed noise, each weighed by how well it tells."""
+    weight: float = 0.0
+    """How many blocks of noise tell it."""
+    wide: float = 0.0
+    """Sum of the factors by which the position error makes their variance larger than noise does."""
+    count: int = 0
+
+    def with_block(self, block: Block, within: float) -> Told:
+        """With one block more; ``within``: share of the position error's variance that comes and goes in it.
+
+        Along the axes of what the position error explains of its sums: one whose variance that makes r times as large
+        tells of noise with 1/r of its weight, squared.
+        """
+        n = block.count
+        if not n:
+            return self
+        uu = (block.u_north**2 + block.u_east**2) / n
+        uv = (block.u_north * block.v_north + block.u_east * block.v_east) / n
+        vv = (block.v_north**2 + block.v_east**2) / n
+        mean, half = 0.5 * (uu + vv), 0.5 * hypot(uu - vv, 2.0 * uv)
+        angle = 0.5 * atan2(2.0 * uv, uu - vv)
+        c, s = cos(angle), sin(angle)
+        least = 1.0 + 0.5 * within * block.moved**2 / n
+        excess, weight = self.excess, self.weight
+        for total, explained in ((c * block.u + s * block.v, mean + half), (c * block.v - s * block.u, mean - half)):
+            wide = least + max(0.0, explained)
+            excess += 0.5 * (total * total / (n * wide) - 1.0) / wide
+            weight += 0.5 / (wide * wide)
+        return Told(excess, weight, self.wide + least + mean, self.count + 1)
+
+
 class Drift(msgspec.Struct, frozen=True, gc=False):
     """The innovations so far, in blocks of several lengths. Immutable."""
 
@@ -73,8 +108,8 @@ class Drift(msgspec.Struct, frozen=True, gc=False):
     """Of the shortest block that is open."""
     blocks: tuple[Block, ...] = (Block(),) * SCALES
     """Open ones, the shortest first."""
-    told: tuple[tuple[float, float], ...] = ((0.0, 0.0),) * SCALES
-    """Of the closed ones of each length: by what their squares exceed noise, and how many blocks of noise tell it."""
+    told: tuple[Told, ...] = (Told(),) * SCALES
+    """Of the closed ones, of each length."""
 
     def seen(self, host_ns: int, innovation: Innovation, priors: ErrorPriors) -> Drift:
         """With one innovation more, in the order of capture; those before a target is placed come with it."""
@@ -87,7 +122,11 @@ class Drift(msgspec.Struct, frozen=True, gc=False):
 
     @property
     def factor(self) -> float:
-        """Of the variance of what the innovations have taught, at least 1: by the length of block that shows most."""
+        """Of the variance of what the innovations have taught, at least 1: by the length of block that shows most.
+
+        What the position error has done before is in that variance, too: where it is r times the noise in a block, the
+        noise has taught no more than that share, and only this is less certain.
+        """
         return self._factor(self.expected)
 
     @property
@@ -96,19 +135,23 @@ class Drift(msgspec.Struct, frozen=True, gc=False):
         return self._factor(1.0)
 
     def _factor(self, expected: float) -> float:
-        before = DOUBT * (expected - 1.0)
-        return 1.0 + max(0.0, *((before + excess) / (DOUBT + weight) for excess, weight in self.told))
+        most, wide = 0.0, 1.0
+        for told in self.told:
+            wide = told.wide / told.count if told.count else wide
+            more = (DOUBT * (expected - 1.0) + told.excess) / (DOUBT + told.weight)
+            most = max(most, more / wide)
+        return 1.0 + most
 
     def _closed(self, index: int, wander_s: float) -> Drift:
         """The blocks that end before this one are told, and are part of the longer ones."""
         blocks, told, whole = list(self.blocks), list(self.told), Block()
-        for i, (block, (excess, weight)) in enumerate(zip(self.blocks, self.told, strict=True)):
+        for i, (block, before) in enumerate(zip(self.blocks, self.told, strict=True)):
             whole = block.with_block(whole)
             if index >> i == self.index >> i:
                 blocks[i] = whole
                 break
-            more, telling = excess_of(whole, wandered_within(SHORTEST_NS * 1e-9 * 2**i, wander_s))
-            blocks[i], told[i] = Block(), (excess + more, weight + telling)
+            blocks[i] = Block()
+            told[i] = before.with_block(whole, wandered_within(SHORTEST_NS * 1e-9 * 2**i, wander_s))
         return Drift(self.expected, self.start_ns, index, tuple(blocks), tuple(told))
 
 
@@ -163,27 +206,3 @@ def wandered_within(seconds: float, time_s: float) -> float:
     of 2 / time_s a second, a sixth of what it comes to.
     """
     return min(1.0, seconds / (3.0 * time_s)) if time_s > 0.0 else 0.0
-
-
-def excess_of(block: Block, within: float = 0.0) -> tuple[float, float]:
-    """By what the squares of a block's sums exceed noise, and how many blocks of noise tell it.
-
-    Each along the axes of what the position error explains of them: a sum whose variance that makes r times as large
-    tells of noise with 1/r of its weight, squared. ``within``: share of its variance that comes and goes in the block.
-    """
-    n = block.count
-    if not n:
-        return 0.0, 0.0
-    uu = (block.u_north**2 + block.u_east**2) / n
-    uv = (block.u_north * block.v_north + block.u_east * block.v_east) / n
-    vv = (block.v_north**2 + block.v_east**2) / n
-    mean, half = 0.5 * (uu + vv), 0.5 * hypot(uu - vv, 2.0 * uv)
-    least = 1.0 + 0.5 * within * block.moved**2 / n
-    angle = 0.5 * atan2(2.0 * uv, uu - vv)
-    c, s = cos(angle), sin(angle)
-    excess = weight = 0.0
-    for total, explained in ((c * block.u + s * block.v, mean + half), (c * block.v - s * block.u, mean - half)):
-        wider = least + max(0.0, explained)
-        excess += 0.5 * (total * total / (n * wider) - 1.0) / wider
-        weight += 0.5 / (wider * wider)
-    return excess, weight

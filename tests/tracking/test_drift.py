@@ -50,9 +50,9 @@ def gauss_markov(rng, count, time_s):
 def test_noise_does_not_drift():
     rng = np.random.default_rng(1)
     drift = drifted(rng.standard_normal((8000, 2)) @ ROOT.T)
-    for scale, (excess, weight) in enumerate(drift.told):
-        assert weight == pytest.approx(8000 // (BLOCK << scale), abs=1)  # each block of noise tells fully
-        assert abs(excess) < 4.0 * np.sqrt(weight)  # half a chi square of two has the variance 1
+    for scale, told in enumerate(drift.told):
+        assert told.weight == pytest.approx(8000 // (BLOCK << scale), abs=1)  # each block of noise tells fully
+        assert abs(told.excess) < 4.0 * np.sqrt(told.weight)  # half a chi square of two has the variance 1
     assert 1.0 <= drift.factor < 1.5
 
 
@@ -61,12 +61,12 @@ def test_what_wanders_is_told_at_every_length_as_it_is():
     rng, time_s, share = np.random.default_rng(2), 3.0, 0.8
     leaning = gauss_markov(rng, 30_000, time_s)[:, None] * np.array([share, 0.0])
     drift = drifted((rng.standard_normal((30_000, 2)) + leaning) @ ROOT.T)
-    for scale, (excess, weight) in enumerate(drift.told):
+    for scale, told in enumerate(drift.told):
         n = BLOCK << scale
         lags = np.abs(np.subtract.outer(range(n), range(n))) * STEP_S
         more = 0.5 * share**2 * np.exp(-lags / time_s).sum() / n  # along one of two axes
         blocks = 30_000 / n
-        assert excess / weight == pytest.approx(more, abs=4.5 * (1.0 + more) / np.sqrt(blocks))
+        assert told.excess / told.weight == pytest.approx(more, abs=4.5 * (1.0 + more) / np.sqrt(blocks))
     assert drift.factor == pytest.approx(1.0 + more, rel=0.35)
 
 
@@ -109,11 +109,20 @@ def test_an_autopilot_that_errs_is_expected_to_drift_until_noise_is_seen():
     assert 1.0 <= erring.factor < 0.35 * EXPECTED
 
 
+def test_where_the_vehicles_position_hides_all_else_little_is_expected_to_drift():
+    """What was taught is uncertain by the position then, and that is in the claim."""
+    told, erring = priors(position_north=1.0, position_east=1.0), drift_of(priors(roll=0.01, pitch=0.01))
+    for k in range(600):
+        cov = NOISE + 64.0 * wandered(k * STEP_S, told.position_bias_time_s) * np.eye(2)
+        erring = erring.seen(k * STEP_NS, an_innovation((0.0, 0.0), cov, 8.0 * np.eye(2)), told)
+    assert 1.0 < erring.factor < 2.0
+
+
 def test_silence_and_late_glimpses_break_nothing():
     drift = drifted([(1.0, 1.0)] * 20)
     after = drift.seen(20 * STEP_NS + 3_600_000_000_000, an_innovation((1.0, 1.0)), priors())
     late = after.seen(0, an_innovation((1.0, 1.0)), priors())
-    assert all(np.isfinite(value) for pair in late.told for value in pair)
+    assert all(np.isfinite(value) for pair in late.told for value in (pair.excess, pair.weight, pair.wide))
     assert late.blocks[0].count == 2
     assert late.told == after.told
 
