@@ -103,7 +103,7 @@ class Drift(msgspec.Struct, frozen=True, gc=False):
 
     expected: float = 1.0
     """Factor before anything was seen."""
-    start_ns: int = -1
+    start_ns: int | None = None
     index: int = 0
     """Of the shortest block that is open."""
     blocks: tuple[Block, ...] = (Block(),) * SCALES
@@ -113,7 +113,7 @@ class Drift(msgspec.Struct, frozen=True, gc=False):
 
     def seen(self, host_ns: int, innovation: Innovation, priors: ErrorPriors) -> Drift:
         """With one innovation more, in the order of capture; those before a target is placed come with it."""
-        start_ns = host_ns if self.start_ns < 0 else self.start_ns
+        start_ns = host_ns if self.start_ns is None else self.start_ns
         since_ns = max(0, host_ns - start_ns)
         index = max(self.index, since_ns // SHORTEST_NS)
         state = self._closed(index, priors.position_bias_time_s) if index > self.index else self

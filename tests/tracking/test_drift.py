@@ -30,11 +30,11 @@ def an_innovation(difference, cov=NOISE, by_position=((0.0, 0.0), (0.0, 0.0))):
     )  # fmt: skip
 
 
-def drifted(differences, told=None, **more):
+def drifted(differences, told=None, first_ns=0, **more):
     told, drift = told or priors(), Drift()
     for k, difference in enumerate(differences):
         drift = drift.seen(
-            k * STEP_NS, an_innovation(difference, **{name: each[k] for name, each in more.items()}), told
+            first_ns + k * STEP_NS, an_innovation(difference, **{name: each[k] for name, each in more.items()}), told
         )
     return drift
 
@@ -116,6 +116,11 @@ def test_where_the_vehicles_position_hides_all_else_little_is_expected_to_drift(
         cov = NOISE + 64.0 * wandered(k * STEP_S, told.position_bias_time_s) * np.eye(2)
         erring = erring.seen(k * STEP_NS, an_innovation((0.0, 0.0), cov, 8.0 * np.eye(2)), told)
     assert 1.0 < erring.factor < 2.0
+
+
+def test_another_base_of_the_clock_changes_nothing():
+    differences = np.random.default_rng(6).standard_normal((100, 2))
+    assert drifted(differences, first_ns=-3_000_000_001).told == drifted(differences).told
 
 
 def test_silence_and_late_glimpses_break_nothing():
