@@ -201,6 +201,11 @@ def _turned(mount: Matrix3, turn: Turn) -> Matrix3:
     return multiply(mount, ((a, b, 0.0), (c, d, 0.0), (0.0, 0.0, 1.0)))
 
 
+def _mirrors(turn: Turn) -> bool:
+    a, b, c, d = turn
+    return a * d < b * c
+
+
 def _searched(
     sights: Sequence[Sight], starts: Sequence[Meeting], steps: Sequence[float], within: float = pi
 ) -> Meeting:
@@ -224,10 +229,15 @@ def _angle(a: Matrix3, b: Matrix3) -> float:
 
 
 def _named(configured: Matrix3, found: Matrix3) -> str:
-    """What is wrong with a mount, in words; none where it is off by little."""
+    """What is wrong with a mount, in words; none where it is off by little. A turned image on a mount a little off is
+    still a turned image.
+    """
     off = _angle(configured, found)
     if off < NAMED:
         return ""
+    for text, turn in CANDIDATES:
+        if not _mirrors(turn) and _angle(_turned(configured, turn), found) < NAMED:
+            return text
     roll, pitch, yaw = (round(degrees(angle)) for angle in euler_from_body_from_camera(found))
     return (
         f"it is off by about {degrees(off):.0f} degrees: what is seen meets in one place with about "
