@@ -53,7 +53,7 @@ class CalibrationReport(msgspec.Struct, frozen=True, kw_only=True):
     mistake: str = ""
     """A gross mistake in the mount, as a sentence; nothing is estimated then."""
     denied: tuple[Loosening, ...] = ()
-    """Priors of mount and height that this flight denies: it was believed instead."""
+    """Priors of delay, mount and height that this flight denies: it was believed instead."""
     replaced: bool = False
     """What an earlier flight found was denied by this one, and dropped."""
     keep: KeptCalibration | None = None

@@ -87,6 +87,26 @@ def test_a_height_or_a_mount_far_beyond_its_prior_is_found_and_told_and_bends_no
     assert not [each for each in news.notices(report) if each.severity is Severity.WARNING]
 
 
+def test_each_denied_prior_is_told_by_the_key_that_states_it():
+    _, report = flown(Flight(seed=4, seconds=30, biases=np.zeros(BIAS_COUNT)))
+    assert report.status is CalibrationStatus.CALIBRATED
+    denied = (
+        Loosening(Common.DELAY, 0.0, 0.01, 0.05),
+        Loosening(Common.MOUNT_Y, 0.0, 0.02, np.radians(-6.0)),
+        Loosening(Common.HEIGHT, 0.0, 0.5, 5.3),
+    )
+    news = CalibrationNews(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), 0.0)
+    told = [each for each in news.notices(msgspec.structs.replace(report, denied=denied)) if each.to_ground]
+    for notice, figure, key in zip(
+        told,
+        ("+50 ms", "-6.0 degrees", "+5.3 m"),
+        ("time_offset_sigma_s", "mount_bias_deg", "height_bias_m"),
+        strict=True,
+    ):
+        assert figure in notice.text
+        assert key in notice.text
+
+
 @pytest.mark.parametrize(("kept_s", "kept_deg"), [(0.020, -1.0), (0.010, -1.0), (0.035, 1.5)])
 def test_a_camera_that_was_moved_since_an_earlier_flight_is_calibrated_anew(kept_s, kept_deg):
     biases = np.zeros(BIAS_COUNT)
