@@ -12,6 +12,8 @@ SEMI_MAJOR_M = 6378137.0
 FLATTENING = 1.0 / 298.257223563
 ECCENTRICITY2 = FLATTENING * (2.0 - FLATTENING)
 """NIMA TR8350.2, the defining and derived constants of WGS84."""
+NEAR_ENOUGH_M = 1e-6
+"""What is left after such a step is less than rounding."""
 
 
 class Geodetic(msgspec.Struct, frozen=True):
@@ -74,14 +76,17 @@ class TangentPlane:
         """The inverse of :meth:`ned_from_geodetic`, to well below a millimetre within 10 km.
 
         The point on the ellipsoid of height origin.alt with these north and east is found by fixed point on the one
-        unknown, the component along the origin's vertical; it converges by the square of (distance / earth radius).
+        unknown, the component along the origin's vertical; each step leaves (distance / earth radius) squared of it.
         """
         north, east, down = ned
         below = (north * north + east * east) / (2.0 * SEMI_MAJOR_M)
         lat = lon = 0.0
         for _ in range(4):
             lat, lon, height_m = self._geodetic_at(north, east, below)
-            below += height_m - self.origin.alt_amsl_m
+            rise = height_m - self.origin.alt_amsl_m
+            below += rise
+            if abs(rise) < NEAR_ENOUGH_M:
+                break
         return Geodetic(lat, (lon + pi) % (2.0 * pi) - pi, self.origin.alt_amsl_m - down)
 
     def _geodetic_at(self, north: float, east: float, below_m: float) -> tuple[float, float, float]:

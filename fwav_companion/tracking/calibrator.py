@@ -22,6 +22,7 @@ from fwav_companion.tracking.calibration import CalibrationReport, believed, wor
 from fwav_companion.tracking.course import Course, Moment, moment_of
 from fwav_companion.tracking.drift import Drift
 from fwav_companion.tracking.estimate import Surprise
+from fwav_companion.tracking.lessons import Lesson, Lessons
 from fwav_companion.tracking.loosening import Loosening
 from fwav_companion.tracking.mistakes import NAMED, Suspicion
 from fwav_companion.tracking.passes import Passes
@@ -34,6 +35,9 @@ from fwav_companion.tracking.workshop import Workshop
 
 SEARCH_A_FRAME = 2
 """Glimpses that the search takes of one frame: each costs a step of every hypothesis."""
+TAUGHT_A_FRAME = 4
+"""Glimpses taken of one frame once the delay is known: each costs an update of the joint estimate, which grows with the
+square of the targets. Of ten targets each is taken twelve times a second then, at 30 frames/s."""
 SEARCH_PAUSE_NS = 20 * NS_PER_S
 """After a search in vain: it costs as much as ten targets do."""
 LAG_S = 0.06
@@ -43,17 +47,11 @@ JUDGED_EVERY_NS = 300 * NS_PER_MS
 """What a flight has shown changes in seconds; judging it costs as much as ten glimpses."""
 
 
-class _Queued(msgspec.Struct, frozen=True):
-    host_ns: HostNs
-    fixes: tuple[tuple[int, GroundFix, float], ...]
-    """Track, its fix, seconds since its fix before."""
-
-
 class Calibrator(msgspec.Struct, frozen=True):
     """The state of self-calibration. Immutable: each frame gives a new one."""
 
     shop: Workshop
-    queue: tuple[_Queued, ...] = ()
+    lessons: Lessons = Lessons()
     search: Search | None = None
     """While the delay is searched for."""
     vain: InVain | None = None
@@ -80,22 +78,18 @@ class Calibrator(msgspec.Struct, frozen=True):
         self,
         host_ns: HostNs,
         seen: Sequence[GroundFix],
-        fixes: Sequence[tuple[int, GroundFix, float]],
+        fixes: Sequence[tuple[int, GroundFix]],
         alive: Collection[int],
     ) -> Calibrator:
-        """After a frame with all that was ``seen``; ``fixes`` by track, with the seconds since the fix before;
-        ``alive``: all tracks there are.
-        """
+        """After a frame with all that was ``seen``; ``fixes`` by track; ``alive``: all tracks there are."""
         suspicion = self.suspicion.seen(seen, self._stood)
         if suspicion.text and not self._explained:
             return Calibrator(self.shop, host_ns=host_ns, suspicion=suspicion, replaced=self.replaced)
-        queue = (*self.queue, _Queued(host_ns, tuple(fixes)))
-        state = msgspec.structs.replace(self, queue=queue, host_ns=host_ns, suspicion=suspicion)._forgotten(alive)
-        due_ns = host_ns - ns_from_s(state._lag_s())
-        while state.queue and state.queue[0].host_ns <= due_ns:
-            first, state = state.queue[0], msgspec.structs.replace(state, queue=state.queue[1:])
-            if first.host_ns >= state.idle_until_ns:
-                state = state._taught([each for each in first.fixes if each[0] in alive])
+        due, lessons = self.lessons.with_frame(host_ns, fixes).due(HostNs(host_ns - ns_from_s(self._lag_s())))
+        state = msgspec.structs.replace(self, lessons=lessons, host_ns=host_ns, suspicion=suspicion)._forgotten(alive)
+        for lesson in due:
+            if lesson.host_ns >= state.idle_until_ns:
+                state = state._taught(lesson, alive)
         return state._searched_on()._passed_on()._judged()
 
     @property
@@ -139,9 +133,10 @@ class Calibrator(msgspec.Struct, frozen=True):
     def surprise(self, track: int, fix: GroundFix) -> Surprise | None:
         """How little a fix was expected of a target that stands in the joint estimate; None: it does not."""
         served = self.passes.served
-        if served is None or self.delay_s is None or served.joint.place_of(track) is None:
+        if served is None or self.delay_s is None:
             return None
-        return served.joint.surprise(track, self.shop.glimpse(fix, self.delay_s))
+        comparison = self.shop.compared(fix, self.delay_s, served.joint)
+        return None if comparison is None else comparison.surprise(track)
 
     def report(self) -> CalibrationReport:
         """What is known now."""
@@ -196,18 +191,21 @@ class Calibrator(msgspec.Struct, frozen=True):
             return moment_of(nominal, 0.0)
         return self.shop.course(nominal, (self.delay_s,)).at(self.delay_s)
 
-    def _taught(self, fixes: Sequence[tuple[int, GroundFix, float]]) -> Calibrator:
+    def _taught(self, lesson: Lesson, alive: Collection[int]) -> Calibrator:
         """With one frame's fixes; all of them share one course of the vehicle."""
-        if not fixes:
-            return self
         if self.delay_s is None:
             known = {glimpse.track for glimpse in self.passes.kept}
-            fixes = sorted(fixes, key=lambda each: each[0] not in known)[:SEARCH_A_FRAME]
+            fixes, lessons = self.lessons.taken(lesson, SEARCH_A_FRAME, alive, known)
+        else:
+            fixes, lessons = self.lessons.taken(lesson, TAUGHT_A_FRAME, alive)
+        if not fixes:
+            return self
         first = fixes[0][1].sighting
         slow = self.shop.slow(first.state, self.shop.means[Common.DELAY] if self.delay_s is None else self.delay_s)
         turning = self.turning.with_state(first.state, slow, self.shop.priors.attitude_noise)
         course = turning.freed_of_noise(self._course(first.state), slow)
-        state = msgspec.structs.replace(self, turning=turning, stamp_sigma_s=first.state.stamp_sigma_s)
+        sigma_s = first.state.stamp_sigma_s
+        state = msgspec.structs.replace(self, lessons=lessons, turning=turning, stamp_sigma_s=sigma_s)
         for track, fix, since_s in fixes:
             later_s = (fix.sighting.boot_ns - first.boot_ns) * 1e-9
             glimpse = glimpse_of(track, fix, course.seen_from(later_s), since_s)
@@ -244,7 +242,7 @@ class Calibrator(msgspec.Struct, frozen=True):
         return Calibrator(
             self.shop,
             host_ns=self.host_ns,
-            queue=self.queue,
+            lessons=self.lessons,
             idle_until_ns=pause_ns,
             suspicion=self.suspicion,
             vain=vain,
@@ -281,5 +279,5 @@ class Calibrator(msgspec.Struct, frozen=True):
     def _begun_anew(self) -> Calibrator:
         """Somebody moved the camera since it was calibrated: the configuration is a better beginning."""
         return Calibrator(
-            self.shop.unlearned(), host_ns=self.host_ns, queue=self.queue, suspicion=self.suspicion, replaced=True
+            self.shop.unlearned(), host_ns=self.host_ns, lessons=self.lessons, suspicion=self.suspicion, replaced=True
         )

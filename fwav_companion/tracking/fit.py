@@ -9,7 +9,7 @@ import msgspec
 
 from fwav_companion.tracking.drift import Drift
 from fwav_companion.tracking.joint import GATE, Joint
-from fwav_companion.tracking.rays import COMMON_COUNT, Glimpse, ground_point
+from fwav_companion.tracking.rays import COMMON_COUNT, Glimpse, stance_of
 
 FIRST_GLIMPSES = 8
 """A new target waits for so many: its point of linearization is their median, not one noisy, perhaps shallow, first."""
@@ -63,7 +63,8 @@ class Fit(msgspec.Struct, frozen=True):
     def _begun(self, own: list[Glimpse]) -> Fit:
         """With a target: the glimpse nearest to the middle of all is the first, for any one of them may be gross."""
         common = self.joint.around[:COMMON_COUNT]
-        points = [(point, glimpse) for glimpse in own if (point := ground_point(glimpse, common)) is not None]
+        stood = [(stance_of(glimpse, common).ground_point(glimpse.ray), glimpse) for glimpse in own]
+        points = [(point, glimpse) for point, glimpse in stood if point is not None]
         if not points:
             return self
         middle = (median(n for (n, _), _ in points), median(e for (_, e), _ in points))

@@ -10,16 +10,16 @@ Immutable: an update returns a new estimate that shares the rows it did not touc
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import exp, log
+from itertools import zip_longest
+from math import exp
 from operator import sub
 from typing import TypeAlias, TypeVar
 
 import msgspec
 
 from fwav_companion.nouns import ErrorPriors
-from fwav_companion.tracking.estimate import Surprise
 from fwav_companion.tracking.linear import inner
-from fwav_companion.tracking.rays import COMMON_COUNT, Common, Glimpse, Prediction, ground_point, pixel_noise, predict
+from fwav_companion.tracking.rays import COMMON_COUNT, Common, Glimpse, Prediction, pixel_noise, predict, stance_of
 
 Row: TypeAlias = tuple[float, ...]
 Rows: TypeAlias = tuple[Row, ...]
@@ -40,8 +40,6 @@ class Innovation(msgspec.Struct, frozen=True, gc=False):
     """Of the innovation's covariance: uu, uv, vv, 1/px^2."""
     determinant: float
     distance2: float
-    spread: float
-    """Log of the innovation's determinant over that of the noise alone."""
     luck: float
     """Variance of the log-likelihood by which this glimpse may prefer another instant of the same motion: the attitudes
     told for that are as noisy, but not by the same errors."""
@@ -91,34 +89,19 @@ class Joint(msgspec.Struct, frozen=True):
     def innovation(self, track: int, glimpse: Glimpse) -> Innovation | None:
         """Of a glimpse, taken for this track's; None where that is not in the estimate, or impossible."""
         place = self.place_of(track)
-        prediction = None if place is None else self._prediction(place, glimpse)
-        if place is None or prediction is None:
+        if place is None:
             return None
-        pu, pv = _carried(prediction.rows, _taken(self.cov, place))
-        return self._weighed(glimpse, prediction, place, (pu, pv), (_taken(pu, place), _taken(pv, place)))
+        prediction = predict(glimpse, (self.around[place], self.around[place + 1]), self.around[:COMMON_COUNT])
+        return None if prediction is None else self._weighed(glimpse, prediction, place)
 
-    def surprise(self, track: int, glimpse: Glimpse) -> Surprise | None:
-        """How little a glimpse was expected of this track: an innovation without what only an update asks for."""
-        place = self.place_of(track)
-        prediction = None if place is None else self._prediction(place, glimpse)
-        if place is None or prediction is None:
-            return None
-        own = _carried(prediction.rows, [_taken(row, place) for row in _taken(self.cov, place)])
-        seen = self._weighed(glimpse, prediction, place, own, own)
-        return None if seen is None else Surprise(seen.distance2, seen.spread)
-
-    def _prediction(self, place: int, glimpse: Glimpse) -> Prediction | None:
-        return predict(glimpse, (self.around[place], self.around[place + 1]), self.around[:COMMON_COUNT])
-
-    def _weighed(
-        self, glimpse: Glimpse, prediction: Prediction, place: int, carried: tuple[Row, Row], own: tuple[Row, Row]
-    ) -> Innovation | None:
-        """``own``: what of the carried covariance belongs to the common unknowns and this target."""
-        (row_u, row_v), (own_u, own_v) = prediction.rows, own
+    def _weighed(self, glimpse: Glimpse, prediction: Prediction, place: int) -> Innovation | None:
+        row_u, row_v = prediction.rows
         off = list(map(sub, _taken(self.mean, place), _taken(self.around, place)))
         du, dv = prediction.residual[0] - inner(row_u, off), prediction.residual[1] - inner(row_v, off)
+        columns = carried(prediction.rows, _taken(self.cov, place))
+        own_u, own_v = _taken(columns[0], place), _taken(columns[1], place)
         uu, uv, vv = pixel_noise(glimpse, prediction, self.priors)
-        noise, alone = (uu, uv, vv), uu * vv - uv * uv
+        noise = (uu, uv, vv)
         su, sv = glimpse.pixel_sigma
         luck = 2.0 - (su * su / uu) ** 2 - (sv * sv / vv) ** 2
         uu, uv, vv = uu + inner(row_u, own_u), uv + inner(row_u, own_v), vv + inner(row_v, own_v)
@@ -127,8 +110,7 @@ class Joint(msgspec.Struct, frozen=True):
             return None
         inverse = (vv / determinant, -uv / determinant, uu / determinant)
         distance2 = inverse[0] * du * du + 2.0 * inverse[1] * du * dv + inverse[2] * dv * dv
-        spread = log(determinant / alone)
-        return Innovation((du, dv), carried, inverse, determinant, distance2, spread, luck, noise, prediction.rows)
+        return Innovation((du, dv), columns, inverse, determinant, distance2, luck, noise, prediction.rows)
 
     def updated(self, seen: Innovation) -> Joint:
         """With the gain of least covariance, but for the vehicle's position, which is only considered."""
@@ -138,25 +120,24 @@ class Joint(msgspec.Struct, frozen=True):
         gain_u = [a * iuu + b * iuv for a, b in zip(pu, pv, strict=True)]
         gain_v = [a * iuv + b * ivv for a, b in zip(pu, pv, strict=True)]
         mean = [m + gu * du + gv * dv for m, gu, gv in zip(self.mean, gain_u, gain_v, strict=True)]
-        cov: list[list[float]] = []
-        for i, (row, gu, gv) in enumerate(zip(self.cov, gain_u, gain_v, strict=True)):
-            mirrored = [above[i] for above in cov]
-            rest = [p - gu * a - gv * b for p, a, b in zip(row[i:], pu[i:], pv[i:], strict=True)]
-            cov.append(mirrored + rest)
-        for i in (Common.NORTH, Common.EAST):
-            mean[i] = self.mean[i]
-            for j in (Common.NORTH, Common.EAST):
-                cov[i][j] = self.cov[i][j]
-        return msgspec.structs.replace(self, mean=tuple(mean), cov=tuple(map(tuple, cov)))
+        lower = [  # row i has i + 1 columns
+            [p - gu * a - gv * b for p, a, b in zip(row, pu[: i + 1], pv, strict=False)]
+            for i, (row, gu, gv) in enumerate(zip(self.cov, gain_u, gain_v, strict=True))
+        ]
+        mean[Common.NORTH : Common.EAST + 1] = self.mean[Common.NORTH : Common.EAST + 1]
+        for i, j in ((Common.NORTH, Common.NORTH), (Common.EAST, Common.NORTH), (Common.EAST, Common.EAST)):
+            lower[i][j] = self.cov[i][j]
+        return msgspec.structs.replace(self, mean=tuple(mean), cov=_mirrored(lower))
 
     def with_target(self, glimpse: Glimpse, around: tuple[float, float] | None) -> Joint | None:
         """With a target that this glimpse is the first of; ``around``: where to linearize, if that is known better."""
         common = self.around[:COMMON_COUNT]
-        point = ground_point(glimpse, common)
+        stance = stance_of(glimpse, common)
+        point = stance.ground_point(glimpse.ray)
         if point is None:
             return None
         at = around or point
-        prediction = predict(glimpse, at, common)
+        prediction = predict(glimpse, at, common, stance)
         if prediction is None:
             return None
         (a, b), (c, d) = prediction.by_target
@@ -223,8 +204,17 @@ def _taken(values: tuple[T, ...], place: int) -> tuple[T, ...]:
     return values[:COMMON_COUNT] + values[place : place + 2]
 
 
-def _carried(rows: tuple[Row, Row], used: Sequence[Row]) -> tuple[Row, Row]:
-    """P H', a column each of u and v. The hottest loop of self-calibration: unrolled on purpose."""
+def _mirrored(lower: list[list[float]]) -> Rows:
+    """The symmetric matrix with this lower triangle, of rows that grow by one."""
+    columns = zip_longest(*lower)  # what a row is too short for comes first, and is cut off
+    return tuple([(*row, *column[i:]) for i, (row, column) in enumerate(zip(lower, columns, strict=True), 1)])
+
+
+def carried(rows: tuple[Row, Row], used: Sequence[Row]) -> tuple[Row, Row]:
+    """P H', a column each of u and v; ``used``: the rows of P that H' meets.
+
+    The hottest loop of self-calibration: unrolled on purpose.
+    """
     u0, u1, u2, u3, u4, u5, u6, u7, u8, u9, u10 = rows[0]
     v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10 = rows[1]
     pu, pv = [], []

@@ -130,11 +130,41 @@ LEAST_COSINE = 0.01
 they exceed the pixel's own noise by more than a double resolves, and covariances are no longer any."""
 
 
-def predict(glimpse: Glimpse, target: tuple[float, float], common: tuple[float, ...]) -> Prediction | None:
-    """The residual and rows at one point of linearization; None where the target would lie too far beside the ray."""
-    moment, correction, ned_from_mounted, camera = _stood(glimpse, common)
+class Stance(msgspec.Struct, frozen=True, gc=False):
+    """How the camera stood at a glimpse, by some values of the common unknowns."""
+
+    moment: Moment
+    """The vehicle."""
+    correction: Quaternion
+    """Of the mount."""
+    ned_from_mounted: Matrix3
+    """By the told heading."""
+    heading: tuple[float, float]
+    """Cosine and sine of the heading's error."""
+    camera: Vector3
+    """North, east, and height above the target's ground, m."""
+
+    def ground_point(self, ray: Vector3) -> tuple[float, float] | None:
+        """North and east where a ray of the mounted camera meets the ground; None where it does not."""
+        x, y, z = transform(self.ned_from_mounted, ray)
+        if z <= 0.02:
+            return None
+        (c, s), (north, east, below) = self.heading, self.camera
+        reach = below / z
+        return (north + reach * (c * x + s * y), east + reach * (c * y - s * x))
+
+
+def predict(
+    glimpse: Glimpse, target: tuple[float, float], common: tuple[float, ...], stance: Stance | None = None
+) -> Prediction | None:
+    """The residual and rows at one point of linearization; None where the target would lie too far beside the ray.
+
+    ``stance``: of this glimpse by these common values, where it is at hand.
+    """
+    stance = stance or stance_of(glimpse, common)
+    moment, correction, ned_from_mounted = stance.moment, stance.correction, stance.ned_from_mounted
     rn, re, rd = ned_from_mounted  # the told axes of the world, as the mounted camera has them
-    c, s = cos(common[Common.HEADING]), sin(common[Common.HEADING])
+    (c, s), camera = stance.heading, stance.camera
     north, east, below = target[0] - camera[0], target[1] - camera[1], camera[2]
     told_n, told_e = c * north - s * east, s * north + c * east  # as the told heading would have it
     seen = transform(transpose(ned_from_mounted), (told_n, told_e, below))
@@ -162,29 +192,17 @@ def predict(glimpse: Glimpse, target: tuple[float, float], common: tuple[float, 
     return Prediction((residual[0], residual[1]), (rows[0], rows[1]))
 
 
-def ground_point(glimpse: Glimpse, common: tuple[float, ...]) -> tuple[float, float] | None:
-    """North and east where the ray meets the ground under these common values; None where it does not."""
-    _, _, ned_from_mounted, camera = _stood(glimpse, common)
-    x, y, z = transform(ned_from_mounted, glimpse.ray)
-    if z <= 0.02:
-        return None
-    c, s = cos(common[Common.HEADING]), sin(common[Common.HEADING])
-    reach = camera[2] / z
-    return (camera[0] + reach * (c * x + s * y), camera[1] + reach * (c * y - s * x))
-
-
-def _stood(glimpse: Glimpse, common: tuple[float, ...]) -> tuple[Moment, Quaternion, Matrix3, Vector3]:
-    """The vehicle then, the mount's correction, how the mounted camera stood, and where: north, east, height above
-    the target's ground.
-    """
+def stance_of(glimpse: Glimpse, common: tuple[float, ...]) -> Stance:
+    """How the camera stood by these common values."""
     moment = glimpse.course.at(common[Common.DELAY] - common[Common.READOUT] * glimpse.row_fraction)
     correction = _correction(common[Common.MOUNT_X : Common.HEADING])
     north, east, down = add(moment.position_ned, rotate(moment.ned_from_body, glimpse.lever))
     below = glimpse.drop_m - (down - glimpse.camera_down) - common[Common.HEIGHT]
-    return (
+    return Stance(
         moment,
         correction,
         matrix_from_quaternion(multiply(moment.ned_from_body, correction)),
+        (cos(common[Common.HEADING]), sin(common[Common.HEADING])),
         (north - common[Common.NORTH], east - common[Common.EAST], below),
     )
 

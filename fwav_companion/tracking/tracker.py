@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
-from fwav_companion.geometry.stamps import BootNs, HostNs, s_from_ns
+from fwav_companion.geometry.stamps import BootNs, HostNs
 from fwav_companion.nouns import FrameView, GroundFix, Reason, Track, TrackState
 from fwav_companion.tracking.alive import Alive, innovation, newborn
 from fwav_companion.tracking.association import Candidate, associate
@@ -163,13 +163,8 @@ class Tracker:
         calibrator = self._state.calibrator
         if calibrator is None:
             return None
-        before = {track.id: track.life.last_seen_ns for track in self._state.alive}
         old = [track for track in living if view.host_ns - track.life.first_ns >= self._patience_ns]
-        fixes = [
-            (track.id, track.fix, s_from_ns(view.host_ns - before.get(track.id, view.host_ns)))
-            for track in old
-            if track.fix is not None
-        ]
+        fixes = [(track.id, track.fix) for track in old if track.fix is not None]
         return calibrator.learned(view.host_ns, view.fixes, fixes, {track.id for track in old})
 
     def _calibrated(self, track: Alive) -> CalibratedBelief | None:

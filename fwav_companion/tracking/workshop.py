@@ -8,11 +8,12 @@ from math import hypot
 from fwav_companion.geometry.stamps import BootNs, ns_from_s
 from fwav_companion.nouns import Bias, ErrorPriors, GroundFix, Unpaired, VehicleState
 from fwav_companion.tracking.calibration import KeptCalibration
+from fwav_companion.tracking.comparison import Comparison, compared
 from fwav_companion.tracking.course import Course, StateAt, course_of
 from fwav_companion.tracking.drift import drift_of
 from fwav_companion.tracking.fit import Fit
 from fwav_companion.tracking.joint import Joint, joint_of
-from fwav_companion.tracking.rays import COMMON_COUNT, Common, Glimpse, glimpse_of
+from fwav_companion.tracking.rays import COMMON_COUNT, Common, glimpse_of
 from fwav_companion.tracking.turning import SPAN_S, Slow, slow_between
 
 NO_TRACK = 0
@@ -31,7 +32,7 @@ class Workshop:
         self.state_at = state_at
         self.kept = kept
         self._remembered: tuple[tuple[int, tuple[float, ...]], Course] | None = None
-        self._glimpse: tuple[GroundFix, float, Glimpse] | None = None
+        self._compared: tuple[tuple[GroundFix, float, Joint], Comparison | None] | None = None
         self.means, self.sigmas = _prior(priors, kept)
         reach = SEARCH_SIGMAS * self.sigmas[Common.DELAY]
         steps = int(reach / DELAY_STEP_S + 0.5) if state_at is not None else 0
@@ -62,12 +63,13 @@ class Workshop:
         """There is more than one delay to try."""
         return len(self.delays) > 1
 
-    def glimpse(self, fix: GroundFix, delay_s: float) -> Glimpse:
+    def compared(self, fix: GroundFix, delay_s: float, joint: Joint) -> Comparison | None:
         """A fix by itself, of no track yet. Remembers the last one: many tracks are asked about it."""
-        if self._glimpse is None or self._glimpse[0] is not fix or self._glimpse[1] != delay_s:
-            course = self.course(fix.sighting.state, (delay_s,))
-            self._glimpse = (fix, delay_s, glimpse_of(NO_TRACK, fix, course, 0.0))
-        return self._glimpse[2]
+        last = self._compared
+        if last is None or last[0][0] is not fix or last[0][1] != delay_s or last[0][2] is not joint:
+            glimpse = glimpse_of(NO_TRACK, fix, self.course(fix.sighting.state, (delay_s,)), 0.0)
+            last = self._compared = ((fix, delay_s, joint), compared(joint, glimpse))
+        return last[1]
 
     def bank(self) -> tuple[Fit, ...]:
         """A fit a delay, each with a prior as wide as the step between them."""

@@ -12,7 +12,7 @@ from fwav_companion.tracking import CalibrationStatus, KeptCalibration, Tracking
 from fwav_companion.tracking.course import course_of
 from fwav_companion.tracking.fit import Fit
 from fwav_companion.tracking.joint import joint_of
-from fwav_companion.tracking.rays import COMMON_COUNT, Common, glimpse_of, ground_point, pixel_noise, predict
+from fwav_companion.tracking.rays import COMMON_COUNT, Common, glimpse_of, pixel_noise, predict, stance_of
 from fwav_companion.tracking.verdict import judged
 
 PLANTED = np.zeros(BIAS_COUNT)
@@ -63,7 +63,7 @@ def test_a_target_square_to_the_ray_is_no_prediction():
     common = (0.0,) * COMMON_COUNT
     sigmas = (0.05, *np.radians([1.0, 1.0, 1.0, 2.0]), 0.0, 0.0, 0.0, 0.0)
     glimpse = min(some_glimpses(10), key=lambda each: abs(each.drop_m))
-    point, camera = ground_point(glimpse, common), glimpse.course.at(0.0).position_ned
+    point, camera = stance_of(glimpse, common).ground_point(glimpse.ray), glimpse.course.at(0.0).position_ned
     ray = np.array([point[0] - camera[0], point[1] - camera[1], glimpse.drop_m])
     ray /= np.linalg.norm(ray)
     aside = ray[:2] / np.hypot(*ray[:2])
@@ -82,8 +82,8 @@ def test_a_target_square_to_the_ray_is_no_prediction():
         seen = joint.innovation(1, glimpse)
         if seen is not None:
             told += 1
-            assert seen.spread > 0.0
-            assert seen.determinant > 0.0
+            uu, uv, vv = seen.noise
+            assert seen.determinant > uu * vv - uv * uv > 0.0
             assert 0.0 <= seen.distance2 < 1e6
     assert 0 < told < 41
 
@@ -108,7 +108,8 @@ def test_rows_are_the_differences_of_the_residual():
 def test_the_ground_point_is_where_the_residual_vanishes():
     common = (0.0, 0.01, -0.02, 0.03, 0.04, 0.3, 0.0, 0.2, -0.1)
     for glimpse in some_glimpses(5):
-        assert predict(glimpse, ground_point(glimpse, common), common).residual == pytest.approx((0, 0), abs=1e-6)
+        point = stance_of(glimpse, common).ground_point(glimpse.ray)
+        assert predict(glimpse, point, common).residual == pytest.approx((0, 0), abs=1e-6)
 
 
 def test_glimpses_between_the_same_two_attitudes_share_their_noise():

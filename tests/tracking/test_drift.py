@@ -26,7 +26,7 @@ def an_innovation(difference, cov=NOISE, by_position=((0.0, 0.0), (0.0, 0.0))):
     rows[:, [Common.NORTH, Common.EAST]] = by_position
     return Innovation(
         difference=tuple(difference), carried=((), ()), inverse=(iuu, iuv, ivv), determinant=np.linalg.det(cov),
-        distance2=0.0, spread=0.0, luck=0.0, noise=(9.0, 3.0, 5.0), rows=tuple(map(tuple, rows)),
+        distance2=0.0, luck=0.0, noise=(9.0, 3.0, 5.0), rows=tuple(map(tuple, rows)),
     )  # fmt: skip
 
 
