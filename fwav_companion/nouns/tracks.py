@@ -44,6 +44,8 @@ class Track(msgspec.Struct, frozen=True, kw_only=True):
     state: TrackState
     reason: Reason | None = None
     """Of DROPPED."""
+    replaced_by: int | None = None
+    """The track that is the same target; of one that ended as REPLACED."""
     host_ns: HostNs
     """Capture of the frame's row 0."""
     boot_ns: BootNs

@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
-from math import hypot
-
-from fwav_companion.geometry.vectors import larger_semi_axis
-from fwav_companion.nouns.refusals import Reason
 from fwav_companion.nouns.tracks import Track, TrackState
 from fwav_companion.publishing.options import PublishOptions
 
 BELIEVED = frozenset({TrackState.CONFIRMED, TrackState.COASTING})
-SAME_PLACE_SIGMAS = 3.0
-"""Within this of each other, a track that replaced the clicked one is taken for the same target."""
 
 
 class Selection:
@@ -60,22 +54,12 @@ class Selection:
         self._clicked, self._stopped = None, True
 
     def _heir(self, ended: Track | None) -> int | None:
-        """The track that a replaced one turned out to be: the nearest, if it stands in the same place."""
-        if ended is None or ended.reason is not Reason.REPLACED:
-            return None
-        nearest = min(self._believed.values(), key=lambda track: horizontal_distance(track, ended), default=None)
-        if nearest is None:
-            return None
-        reach_m = SAME_PLACE_SIGMAS * hypot(larger_semi_axis(nearest.cov), larger_semi_axis(ended.cov))
-        return nearest.id if horizontal_distance(nearest, ended) <= reach_m else None
+        """The track that turned out to be the same target, where it goes on."""
+        heir = None if ended is None else ended.replaced_by
+        return heir if heir in self._believed else None
 
 
 def seniority(track: Track) -> tuple[int, int]:
     """Sorts by when a track was confirmed: the oldest first."""
     confirmed_ns = track.confirmed_host_ns if track.confirmed_host_ns is not None else track.host_ns
     return (confirmed_ns, track.id)
-
-
-def horizontal_distance(one: Track, other: Track) -> float:
-    """Between two tracks' places, metres."""
-    return hypot(one.position_ned[0] - other.position_ned[0], one.position_ned[1] - other.position_ned[1])

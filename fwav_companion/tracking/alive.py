@@ -28,6 +28,7 @@ class Alive(msgspec.Struct, frozen=True):
     """Of the ground's level by the newest fix: the same in every fix, so no number of them takes it away."""
     innovation: Innovation | None = None
     """Of the newest frame's fix, where it is asked for."""
+    replaced_by: int | None = None
 
     def seen_in(self, host_ns: HostNs, fix: GroundFix, likelier: float) -> Alive:
         """After a frame that saw it, by a fix so much likelier its own than a false one (a logarithm)."""
@@ -40,6 +41,10 @@ class Alive(msgspec.Struct, frozen=True):
         """Dropped for a reason from outside."""
         return msgspec.structs.replace(self, life=ended(self.life, reason))
 
+    def replaced(self, by: int | None) -> Alive:
+        """Dropped as one target with this track; None: it goes on."""
+        return self if by is None else msgspec.structs.replace(self.ended(Reason.REPLACED), replaced_by=by)
+
     def told(self, belief: Belief, frame: int, host_ns: HostNs, boot_ns: BootNs) -> Track:
         """After this frame, by a belief that may be another than its own filter's."""
         life = self.life
@@ -48,6 +53,7 @@ class Alive(msgspec.Struct, frozen=True):
             label=self.label,
             state=life.state,
             reason=life.reason,
+            replaced_by=self.replaced_by,
             host_ns=host_ns,
             boot_ns=boot_ns,
             frame=frame,

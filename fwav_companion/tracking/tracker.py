@@ -12,6 +12,7 @@ from fwav_companion.tracking.base import Belief, Filter
 from fwav_companion.tracking.calibrated import CalibratedBelief, MisplacedBelief
 from fwav_companion.tracking.calibration import CalibrationReport
 from fwav_companion.tracking.calibrator import Calibrator
+from fwav_companion.tracking.doubles import Doubles
 from fwav_companion.tracking.lifecycle import unseen
 from fwav_companion.tracking.linear import horizontal_sigma
 from fwav_companion.tracking.looks import speaks_against
@@ -30,6 +31,7 @@ class Snapshot(msgspec.Struct, frozen=True):
     """With self-calibration."""
     beside: Snapshot | None = None
     """Of the tracker that calibrates in the place of this one."""
+    doubles: Doubles = Doubles()
 
 
 class Tracker:
@@ -91,10 +93,12 @@ class Tracker:
         )
         taken = self._associated(alive, view.fixes)
         kept = [self._after(track, taken.get(track.id), view) for track in alive]
+        doubles = self._state.doubles.seen(alive, kept, self._seen_as)
+        kept = [track.replaced(doubles.replaced.get(track.id)) for track in kept]
         used = {id(fix) for fix, _ in taken.values()}
         tracks, next_id = self._with_newborn(kept, [fix for fix in view.fixes if id(fix) not in used], view.host_ns)
         living = tuple(track for track in tracks if track.life.state is not TrackState.DROPPED)
-        self._state = Snapshot(living, next_id, self._learned(view, living), self._besides())
+        self._state = Snapshot(living, next_id, self._learned(view, living), self._besides(), doubles)
         return tuple(self._told(track, view.frame, view.host_ns, view.boot_ns) for track in tracks)
 
     def drop_all(self, reason: Reason, frame: int, host_ns: HostNs, boot_ns: BootNs) -> tuple[Track, ...]:
