@@ -54,6 +54,8 @@ class Held(msgspec.Struct, frozen=True):
         ``doubted``: with the whole prior of what is held; otherwise as if what is held were right.
         """
         joint, held = self.joint, self.held
+        if not held:
+            return [[joint.cov[p][q] for q in places] for p in places]
         crossed = [[joint.cov[place][i] for i in held] for place in places]
         pulls = [solved(self.factor, row) for row in crossed]
         prior2 = [doubt * doubt if doubted else 0.0 for doubt in self.doubts]

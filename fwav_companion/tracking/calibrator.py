@@ -22,7 +22,7 @@ from fwav_companion.tracking.calibration import CalibrationReport, believed, wor
 from fwav_companion.tracking.course import Course, Moment, moment_of
 from fwav_companion.tracking.drift import Drift
 from fwav_companion.tracking.estimate import Surprise
-from fwav_companion.tracking.lessons import Lesson, Lessons
+from fwav_companion.tracking.lessons import Lesson, Lessons, Taken
 from fwav_companion.tracking.loosening import Loosening
 from fwav_companion.tracking.mistakes import NAMED, Suspicion
 from fwav_companion.tracking.passes import Passes
@@ -35,9 +35,10 @@ from fwav_companion.tracking.workshop import Workshop
 
 SEARCH_A_FRAME = 2
 """Glimpses that the search takes of one frame: each costs a step of every hypothesis."""
-TAUGHT_A_FRAME = 4
-"""Glimpses taken of one frame once the delay is known: each costs an update of the joint estimate, which grows with the
-square of the targets. Of ten targets each is taken twelve times a second then, at 30 frames/s."""
+LEAST_TAUGHT = 2
+MOST_MOVED = 2600
+"""Of one frame, once the delay is known, so many glimpses are taken as move no more entries of the joint covariance
+together: all of five targets, three of ten, and two of any number."""
 SEARCH_PAUSE_NS = 20 * NS_PER_S
 """After a search in vain: it costs as much as ten targets do."""
 LAG_S = 0.06
@@ -192,25 +193,27 @@ class Calibrator(msgspec.Struct, frozen=True):
         return self.shop.course(nominal, (self.delay_s,)).at(self.delay_s)
 
     def _taught(self, lesson: Lesson, alive: Collection[int]) -> Calibrator:
-        """With one frame's fixes; all of them share one course of the vehicle."""
-        if self.delay_s is None:
-            known = {glimpse.track for glimpse in self.passes.kept}
-            fixes, lessons = self.lessons.taken(lesson, SEARCH_A_FRAME, alive, known)
-        else:
-            fixes, lessons = self.lessons.taken(lesson, TAUGHT_A_FRAME, alive)
+        """With one frame's fixes."""
+        fixes, lessons = self._chosen(lesson, alive)
         if not fixes:
             return self
         first = fixes[0][1].sighting
         slow = self.shop.slow(first.state, self.shop.means[Common.DELAY] if self.delay_s is None else self.delay_s)
         turning = self.turning.with_state(first.state, slow, self.shop.priors.attitude_noise)
-        course = turning.freed_of_noise(self._course(first.state), slow)
         sigma_s = first.state.stamp_sigma_s
         state = msgspec.structs.replace(self, lessons=lessons, turning=turning, stamp_sigma_s=sigma_s)
-        for track, fix, since_s in fixes:
-            later_s = (fix.sighting.boot_ns - first.boot_ns) * 1e-9
-            glimpse = glimpse_of(track, fix, course.seen_from(later_s), since_s)
-            state = state._glimpsed(glimpse, state.views.with_fix(fix))
+        for track, fix, since_s in fixes:  # each with a course of its own: rows are captured one after another
+            course = turning.freed_of_noise(self._course(fix.sighting.state), slow)
+            state = state._glimpsed(glimpse_of(track, fix, course, since_s), state.views.with_fix(fix))
         return state
+
+    def _chosen(self, lesson: Lesson, alive: Collection[int]) -> tuple[list[Taken], Lessons]:
+        """As many of a frame's fixes as it may cost; a search goes on with the targets that it began with."""
+        if self.delay_s is None:
+            known = {glimpse.track for glimpse in self.passes.kept}
+            return self.lessons.taken(lesson, SEARCH_A_FRAME, alive, known)
+        entries = 1 if self.passes.served is None else len(self.passes.served.joint.mean) ** 2
+        return self.lessons.taken(lesson, max(LEAST_TAUGHT, MOST_MOVED // entries), alive)
 
     def _glimpsed(self, glimpse: Glimpse, views: Views) -> Calibrator:
         state = msgspec.structs.replace(self, passes=self.passes.with_glimpse(glimpse), views=views)

@@ -73,14 +73,6 @@ class Course(msgspec.Struct, frozen=True, gc=False):
             return continued(moments[0], delay_s)
         return continued(min(moments, key=lambda moment: abs(moment.delay_s - delay_s)), delay_s)
 
-    def seen_from(self, later_s: float) -> Course:
-        """The same moments for a capture that is so much later: of another row of the frame."""
-        if later_s == 0.0:
-            return self
-        return Course(
-            tuple(msgspec.structs.replace(moment, delay_s=moment.delay_s + later_s) for moment in self.moments)
-        )
-
 
 def course_of(nominal: VehicleState, delays_s: tuple[float, ...], state_at: StateAt | None) -> Course:
     """The course about a nominal capture; where nothing can be asked, the state of the capture alone.

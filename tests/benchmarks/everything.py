@@ -19,6 +19,7 @@ BENCHMARKS = (
     "fix",
     "attitude_at",
     "filter_update",
+    "ten_targets",
     "startup",
     "daemon",
     "camera",
