@@ -6,14 +6,14 @@ and for self-calibration ``rays``, ``course``, ``turning``, ``joint``, ``fit``, 
 ``loosening``, ``verdict``, ``sights``, ``mistakes``, ``calibrator``.
 """
 
-from fwav_companion.tracking.calibration import CalibrationReport, KeptCalibration
-from fwav_companion.tracking.loosening import Loosening
+from fwav_companion.tracking.calibration.loosening import Loosening
+from fwav_companion.tracking.calibration.rays import Common
+from fwav_companion.tracking.calibration.report import CalibrationReport, KeptCalibration
+from fwav_companion.tracking.calibration.verdict import CalibrationStatus
 from fwav_companion.tracking.making import make_tracker, tracker_with
 from fwav_companion.tracking.options import TrackingOptions
-from fwav_companion.tracking.rays import Common
 from fwav_companion.tracking.reorder import Reorder, Settled
 from fwav_companion.tracking.tracker import Tracker
-from fwav_companion.tracking.verdict import CalibrationStatus
 
 __all__ = [
     "CalibrationReport",

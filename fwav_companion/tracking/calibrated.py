@@ -8,10 +8,10 @@ from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.nouns import GroundFix
 from fwav_companion.tracking.base import Belief
-from fwav_companion.tracking.calibrator import Calibrator
+from fwav_companion.tracking.calibration.calibrator import Calibrator
+from fwav_companion.tracking.calibration.verdict import Placed
 from fwav_companion.tracking.estimate import Surprise
 from fwav_companion.tracking.linear import Symmetric2, add_diagonal
-from fwav_companion.tracking.verdict import Placed
 
 
 class CalibratedBelief(msgspec.Struct, frozen=True):

@@ -5,16 +5,16 @@ from __future__ import annotations
 from fwav_companion.geometry.stamps import NS_PER_S
 from fwav_companion.nouns import ErrorPriors
 from fwav_companion.tracking.base import Filter
-from fwav_companion.tracking.calibration import KeptCalibration
-from fwav_companion.tracking.calibrator import Calibrator
-from fwav_companion.tracking.course import StateAt
+from fwav_companion.tracking.calibration.calibrator import Calibrator
+from fwav_companion.tracking.calibration.course import StateAt
+from fwav_companion.tracking.calibration.mistakes import Suspicion
+from fwav_companion.tracking.calibration.report import KeptCalibration
+from fwav_companion.tracking.calibration.workshop import Workshop
 from fwav_companion.tracking.kalman import StaticKalman
 from fwav_companion.tracking.lowpass import LowPass
-from fwav_companion.tracking.mistakes import Suspicion
 from fwav_companion.tracking.moving import MovingKalman
 from fwav_companion.tracking.options import TrackingOptions
 from fwav_companion.tracking.tracker import Tracker
-from fwav_companion.tracking.workshop import Workshop
 
 KEEP_STATIC_NS = 300 * NS_PER_S
 """What stood is looked for where it stood, five minutes long: several rounds of any survey."""

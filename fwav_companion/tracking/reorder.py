@@ -13,7 +13,7 @@ import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_MS, BootNs, HostNs
 from fwav_companion.nouns import FrameView, NoFrame, Reason, Track
-from fwav_companion.tracking.calibration import CalibrationReport
+from fwav_companion.tracking.calibration.report import CalibrationReport
 from fwav_companion.tracking.tracker import Snapshot, Tracker
 
 WINDOW_NS = 500 * NS_PER_MS

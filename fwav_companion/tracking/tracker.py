@@ -10,8 +10,8 @@ from fwav_companion.tracking.alive import Alive, innovation, newborn
 from fwav_companion.tracking.association import Candidate, associate
 from fwav_companion.tracking.base import Belief, Filter
 from fwav_companion.tracking.calibrated import CalibratedBelief, MisplacedBelief
-from fwav_companion.tracking.calibration import CalibrationReport
-from fwav_companion.tracking.calibrator import Calibrator
+from fwav_companion.tracking.calibration.calibrator import Calibrator
+from fwav_companion.tracking.calibration.report import CalibrationReport
 from fwav_companion.tracking.doubles import Doubles
 from fwav_companion.tracking.lifecycle import unseen
 from fwav_companion.tracking.linear import horizontal_sigma

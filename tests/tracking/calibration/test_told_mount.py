@@ -8,12 +8,12 @@ from tracking_simulation import BOOT_NS, Flight, World, path, priors
 
 from fwav_companion.nouns import BIAS_COUNT, Bias
 from fwav_companion.tracking import CalibrationStatus, TrackingOptions, make_tracker
-from fwav_companion.tracking.answer import MOUNT, all_but, holding
-from fwav_companion.tracking.calibration import worth_keeping
-from fwav_companion.tracking.course import course_of
-from fwav_companion.tracking.joint import joint_of
-from fwav_companion.tracking.rays import COMMON_COUNT, Common, glimpse_of, pixel_noise, predict
-from fwav_companion.tracking.verdict import judged
+from fwav_companion.tracking.calibration.answer import MOUNT, all_but, holding
+from fwav_companion.tracking.calibration.course import course_of
+from fwav_companion.tracking.calibration.joint import joint_of
+from fwav_companion.tracking.calibration.rays import COMMON_COUNT, Common, glimpse_of, pixel_noise, predict
+from fwav_companion.tracking.calibration.report import worth_keeping
+from fwav_companion.tracking.calibration.verdict import judged
 
 SIGMAS = (0.05, *np.radians([1.0, 1.0, 1.0, 2.0]), 0.0, 0.0, 0.0, 0.0)
 MEANS = (0.0,) * COMMON_COUNT

@@ -7,14 +7,14 @@ from math import hypot
 
 from fwav_companion.geometry.stamps import BootNs, ns_from_s
 from fwav_companion.nouns import Bias, ErrorPriors, GroundFix, Unpaired, VehicleState
-from fwav_companion.tracking.calibration import KeptCalibration
-from fwav_companion.tracking.comparison import Comparison, compared
-from fwav_companion.tracking.course import Course, StateAt, course_of
-from fwav_companion.tracking.drift import drift_of
-from fwav_companion.tracking.fit import Fit
-from fwav_companion.tracking.joint import Joint, joint_of
-from fwav_companion.tracking.rays import COMMON_COUNT, Common, glimpse_of
-from fwav_companion.tracking.turning import SPAN_S, Slow, slow_between
+from fwav_companion.tracking.calibration.comparison import Comparison, compared
+from fwav_companion.tracking.calibration.course import Course, StateAt, course_of
+from fwav_companion.tracking.calibration.drift import drift_of
+from fwav_companion.tracking.calibration.fit import Fit
+from fwav_companion.tracking.calibration.joint import Joint, joint_of
+from fwav_companion.tracking.calibration.rays import COMMON_COUNT, Common, glimpse_of
+from fwav_companion.tracking.calibration.report import KeptCalibration
+from fwav_companion.tracking.calibration.turning import SPAN_S, Slow, slow_between
 
 NO_TRACK = 0
 DELAY_STEP_S = 0.015

@@ -17,8 +17,8 @@ import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_MS
 from fwav_companion.nouns import Bias, ErrorPriors
-from fwav_companion.tracking.joint import Innovation
-from fwav_companion.tracking.rays import Common
+from fwav_companion.tracking.calibration.joint import Innovation
+from fwav_companion.tracking.calibration.rays import Common
 
 SHORTEST_NS = 500 * NS_PER_MS
 """Longer than a beat of the wings, and than telemetry at 10 Hz: those only shake."""

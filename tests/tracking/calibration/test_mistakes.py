@@ -12,9 +12,9 @@ from tracking_simulation import BODY_FROM_CAMERA, Flight, World
 from fwav_companion.geometry.mounts import body_from_camera_from_euler
 from fwav_companion.nouns import BIAS_COUNT, Bias
 from fwav_companion.tracking import CalibrationStatus, TrackingOptions, make_tracker
-from fwav_companion.tracking.course import Moment, moment_of
-from fwav_companion.tracking.mistakes import Suspicion
-from fwav_companion.tracking.sights import meeting, misplaced_m, missed, sight_of
+from fwav_companion.tracking.calibration.course import Moment, moment_of
+from fwav_companion.tracking.calibration.mistakes import Suspicion
+from fwav_companion.tracking.calibration.sights import meeting, misplaced_m, missed, sight_of
 
 MOUNT = [Bias.MOUNT_X, Bias.MOUNT_Y, Bias.MOUNT_Z]
 LEVEL = {"fps": 10.0, "pitch_deg": 0.0, "targets": ((1.0, 2.0),), "seconds": 45.0}

@@ -15,12 +15,21 @@ from math import sqrt
 import msgspec
 
 from fwav_companion.geometry.vectors import Vector3
-from fwav_companion.tracking.answer import CONSIDERED, MOUNT, TIMING, Held, all_but, cholesky, holding, solved
-from fwav_companion.tracking.drift import Drift
-from fwav_companion.tracking.joint import Joint
+from fwav_companion.tracking.calibration.answer import (
+    CONSIDERED,
+    MOUNT,
+    TIMING,
+    Held,
+    all_but,
+    cholesky,
+    holding,
+    solved,
+)
+from fwav_companion.tracking.calibration.drift import Drift
+from fwav_companion.tracking.calibration.joint import Joint
+from fwav_companion.tracking.calibration.loosening import Loosening, loosenings
+from fwav_companion.tracking.calibration.rays import COMMON_COUNT, Common
 from fwav_companion.tracking.linear import Symmetric2
-from fwav_companion.tracking.loosening import Loosening, loosenings
-from fwav_companion.tracking.rays import COMMON_COUNT, Common
 
 DELAY_SHOWN = 0.5
 MOUNT_SHOWN = 0.35

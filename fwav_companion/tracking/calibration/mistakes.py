@@ -18,8 +18,8 @@ from fwav_companion.geometry.mounts import corrected_mount, euler_from_body_from
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S
 from fwav_companion.geometry.vectors import ZERO3, Matrix3, Vector3, multiply, scale
 from fwav_companion.nouns import GroundFix, VehicleState
-from fwav_companion.tracking.course import Moment
-from fwav_companion.tracking.sights import Meeting, Sight, meeting, misplaced_m, missed, sight_of
+from fwav_companion.tracking.calibration.course import Moment
+from fwav_companion.tracking.calibration.sights import Meeting, Sight, meeting, misplaced_m, missed, sight_of
 
 Turn: TypeAlias = tuple[int, int, int, int]
 """x' = a x + b y, y' = c x + d y of the camera's ray."""

@@ -9,11 +9,11 @@ from tracking_simulation import Flight, World, priors
 
 from fwav_companion.nouns import BIAS_COUNT, Bias, Reason
 from fwav_companion.tracking import CalibrationStatus, KeptCalibration, TrackingOptions, make_tracker
-from fwav_companion.tracking.course import course_of
-from fwav_companion.tracking.fit import Fit
-from fwav_companion.tracking.joint import joint_of
-from fwav_companion.tracking.rays import COMMON_COUNT, Common, glimpse_of, pixel_noise, predict, stance_of
-from fwav_companion.tracking.verdict import judged
+from fwav_companion.tracking.calibration.course import course_of
+from fwav_companion.tracking.calibration.fit import Fit
+from fwav_companion.tracking.calibration.joint import joint_of
+from fwav_companion.tracking.calibration.rays import COMMON_COUNT, Common, glimpse_of, pixel_noise, predict, stance_of
+from fwav_companion.tracking.calibration.verdict import judged
 
 PLANTED = np.zeros(BIAS_COUNT)
 PLANTED[Bias.TIME_OFFSET] = 0.035

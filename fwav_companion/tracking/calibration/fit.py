@@ -7,9 +7,9 @@ from statistics import median
 
 import msgspec
 
-from fwav_companion.tracking.drift import Drift
-from fwav_companion.tracking.joint import GATE, Joint
-from fwav_companion.tracking.rays import COMMON_COUNT, Glimpse, stance_of
+from fwav_companion.tracking.calibration.drift import Drift
+from fwav_companion.tracking.calibration.joint import GATE, Joint
+from fwav_companion.tracking.calibration.rays import COMMON_COUNT, Glimpse, stance_of
 
 FIRST_GLIMPSES = 8
 """A new target waits for so many: its point of linearization is their median, not one noisy, perhaps shallow, first."""

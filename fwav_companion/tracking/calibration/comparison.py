@@ -11,10 +11,10 @@ from math import log
 
 import msgspec
 
+from fwav_companion.tracking.calibration.joint import Joint, carried
+from fwav_companion.tracking.calibration.rays import COMMON_COUNT, Glimpse, pixel_noise, predict, stance_of
 from fwav_companion.tracking.estimate import Surprise
-from fwav_companion.tracking.joint import Joint, carried
 from fwav_companion.tracking.linear import inner
-from fwav_companion.tracking.rays import COMMON_COUNT, Glimpse, pixel_noise, predict, stance_of
 
 
 class Comparison(msgspec.Struct, frozen=True):

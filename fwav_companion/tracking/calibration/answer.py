@@ -12,9 +12,9 @@ from math import sqrt
 
 import msgspec
 
-from fwav_companion.tracking.joint import Joint, Rows
+from fwav_companion.tracking.calibration.joint import Joint, Rows
+from fwav_companion.tracking.calibration.rays import COMMON_COUNT, Common
 from fwav_companion.tracking.linear import inner
-from fwav_companion.tracking.rays import COMMON_COUNT, Common
 
 MOUNT = (Common.MOUNT_X, Common.MOUNT_Y, Common.MOUNT_Z)
 CONSIDERED = (Common.NORTH, Common.EAST)

@@ -16,10 +16,10 @@ from typing import TypeAlias
 
 import msgspec
 
-from fwav_companion.tracking.fit import Fit
-from fwav_companion.tracking.rays import COMMON_COUNT, Common, Glimpse
-from fwav_companion.tracking.verdict import CalibrationStatus
-from fwav_companion.tracking.workshop import DELAY_STEP_S, Workshop
+from fwav_companion.tracking.calibration.fit import Fit
+from fwav_companion.tracking.calibration.rays import COMMON_COUNT, Common, Glimpse
+from fwav_companion.tracking.calibration.verdict import CalibrationStatus
+from fwav_companion.tracking.calibration.workshop import DELAY_STEP_S, Workshop
 
 LEAST = 40
 MOST = 240

@@ -27,7 +27,7 @@ from fwav_companion.geometry.vectors import (
     transpose,
 )
 from fwav_companion.nouns import ErrorPriors, GroundFix
-from fwav_companion.tracking.course import Course, Moment
+from fwav_companion.tracking.calibration.course import Course, Moment
 
 
 class Common(IntEnum):

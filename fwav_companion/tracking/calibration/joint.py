@@ -18,8 +18,16 @@ from typing import TypeAlias, TypeVar
 import msgspec
 
 from fwav_companion.nouns import ErrorPriors
+from fwav_companion.tracking.calibration.rays import (
+    COMMON_COUNT,
+    Common,
+    Glimpse,
+    Prediction,
+    pixel_noise,
+    predict,
+    stance_of,
+)
 from fwav_companion.tracking.linear import inner
-from fwav_companion.tracking.rays import COMMON_COUNT, Common, Glimpse, Prediction, pixel_noise, predict, stance_of
 
 Row: TypeAlias = tuple[float, ...]
 Rows: TypeAlias = tuple[Row, ...]

@@ -17,21 +17,21 @@ import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs, ns_from_s
 from fwav_companion.nouns import GroundFix, VehicleState
-from fwav_companion.tracking.answer import MOUNT
-from fwav_companion.tracking.calibration import CalibrationReport, believed, worth_keeping
-from fwav_companion.tracking.course import Course, Moment, moment_of
-from fwav_companion.tracking.drift import Drift
+from fwav_companion.tracking.calibration.answer import MOUNT
+from fwav_companion.tracking.calibration.course import Course, Moment, moment_of
+from fwav_companion.tracking.calibration.drift import Drift
+from fwav_companion.tracking.calibration.lessons import Lesson, Lessons, Taken
+from fwav_companion.tracking.calibration.loosening import Loosening
+from fwav_companion.tracking.calibration.mistakes import NAMED, Suspicion
+from fwav_companion.tracking.calibration.passes import Passes
+from fwav_companion.tracking.calibration.rays import Common, Glimpse, glimpse_of
+from fwav_companion.tracking.calibration.report import CalibrationReport, believed, worth_keeping
+from fwav_companion.tracking.calibration.search import UNEXPLAINED, Found, InVain, Search, search_of
+from fwav_companion.tracking.calibration.turning import SPAN_S, Turning
+from fwav_companion.tracking.calibration.verdict import CalibrationStatus, Placed, Verdict, judged
+from fwav_companion.tracking.calibration.views import Views
+from fwav_companion.tracking.calibration.workshop import Workshop
 from fwav_companion.tracking.estimate import Surprise
-from fwav_companion.tracking.lessons import Lesson, Lessons, Taken
-from fwav_companion.tracking.loosening import Loosening
-from fwav_companion.tracking.mistakes import NAMED, Suspicion
-from fwav_companion.tracking.passes import Passes
-from fwav_companion.tracking.rays import Common, Glimpse, glimpse_of
-from fwav_companion.tracking.search import UNEXPLAINED, Found, InVain, Search, search_of
-from fwav_companion.tracking.turning import SPAN_S, Turning
-from fwav_companion.tracking.verdict import CalibrationStatus, Placed, Verdict, judged
-from fwav_companion.tracking.views import Views
-from fwav_companion.tracking.workshop import Workshop
 
 SEARCH_A_FRAME = 2
 """Glimpses that the search takes of one frame: each costs a step of every hypothesis."""

@@ -15,7 +15,7 @@ import msgspec
 from fwav_companion.geometry.rotations import difference
 from fwav_companion.geometry.vectors import ZERO3, Vector3, add, scale, subtract
 from fwav_companion.nouns import GimbalAt, VehicleState
-from fwav_companion.tracking.course import Course, Moment
+from fwav_companion.tracking.calibration.course import Course, Moment
 
 SPAN_S = 0.3
 """Between the two instants: noise of 0.1 deg makes a slope of 0.5 deg/s of it, where neighbours at 50 Hz make 8. A

@@ -7,8 +7,8 @@ from tracking_simulation import Flight, World, priors
 
 from fwav_companion.nouns import BIAS_COUNT, Bias
 from fwav_companion.tracking import CalibrationStatus, TrackingOptions, make_tracker
-from fwav_companion.tracking.search import ROUNDS, search_of
-from fwav_companion.tracking.workshop import Workshop
+from fwav_companion.tracking.calibration.search import ROUNDS, search_of
+from fwav_companion.tracking.calibration.workshop import Workshop
 
 
 def late(delay_s):

@@ -1,6 +1,6 @@
 """Whose turn it is to teach, and what waits."""
 
-from fwav_companion.tracking.lessons import Lesson, Lessons
+from fwav_companion.tracking.calibration.lessons import Lesson, Lessons
 
 FRAME_NS = 33_000_000
 

@@ -7,9 +7,9 @@ from tracking_simulation import Flight, World, priors
 
 from fwav_companion.nouns import BIAS_COUNT, Bias
 from fwav_companion.tracking import TrackingOptions, make_tracker
-from fwav_companion.tracking.drift import EXPECTED, SHORTEST_NS, Drift, drift_of, wandered
-from fwav_companion.tracking.joint import Innovation
-from fwav_companion.tracking.rays import COMMON_COUNT, Common
+from fwav_companion.tracking.calibration.drift import EXPECTED, SHORTEST_NS, Drift, drift_of, wandered
+from fwav_companion.tracking.calibration.joint import Innovation
+from fwav_companion.tracking.calibration.rays import COMMON_COUNT, Common
 
 STEP_NS = 100_000_000
 STEP_S = 0.1

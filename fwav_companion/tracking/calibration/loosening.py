@@ -12,9 +12,9 @@ from math import hypot, sqrt
 
 import msgspec
 
-from fwav_companion.tracking.answer import CONSIDERED, MOUNT
-from fwav_companion.tracking.joint import Joint
-from fwav_companion.tracking.rays import Common
+from fwav_companion.tracking.calibration.answer import CONSIDERED, MOUNT
+from fwav_companion.tracking.calibration.joint import Joint
+from fwav_companion.tracking.calibration.rays import Common
 
 DENIED = 4.0
 """Sigma between what was configured and what was found, at which one of the two is wrong."""

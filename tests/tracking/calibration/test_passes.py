@@ -4,11 +4,11 @@ import msgspec
 import pytest
 from tracking_simulation import Flight, World
 
-from fwav_companion.tracking import passes
-from fwav_companion.tracking.course import course_of
-from fwav_companion.tracking.passes import Passes
-from fwav_companion.tracking.rays import COMMON_COUNT, Common, glimpse_of
-from fwav_companion.tracking.workshop import Workshop
+from fwav_companion.tracking.calibration import passes
+from fwav_companion.tracking.calibration.course import course_of
+from fwav_companion.tracking.calibration.passes import Passes
+from fwav_companion.tracking.calibration.rays import COMMON_COUNT, Common, glimpse_of
+from fwav_companion.tracking.calibration.workshop import Workshop
 
 FLIGHT = Flight(seconds=12, fps=15.0, shape="hover", height_m=10.0, targets=((4.0, 3.0),), pixel_px=0.5)
 AROUND = (0.0,) * COMMON_COUNT

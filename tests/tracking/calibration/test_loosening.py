@@ -8,9 +8,9 @@ from tracking_simulation import Flight, World, priors
 from fwav_companion.flow.calibration_news import CalibrationNews
 from fwav_companion.nouns import BIAS_COUNT, Bias, Severity
 from fwav_companion.tracking import CalibrationStatus, Common, KeptCalibration, TrackingOptions, make_tracker
-from fwav_companion.tracking.joint import joint_of
-from fwav_companion.tracking.loosening import Loosening, loosenings
-from fwav_companion.tracking.rays import COMMON_COUNT
+from fwav_companion.tracking.calibration.joint import joint_of
+from fwav_companion.tracking.calibration.loosening import Loosening, loosenings
+from fwav_companion.tracking.calibration.rays import COMMON_COUNT
 
 TARGET = (2.0, 3.0)
 SIGMAS = np.array([0.01, 0.02, 0.02, 0.02, 0.03, 0.5, 0.0, 0.0, 0.0])

@@ -10,10 +10,10 @@ from collections.abc import Collection
 
 import msgspec
 
-from fwav_companion.tracking.course import Course
-from fwav_companion.tracking.fit import Fit
-from fwav_companion.tracking.rays import COMMON_COUNT, Common, Glimpse
-from fwav_companion.tracking.workshop import Workshop
+from fwav_companion.tracking.calibration.course import Course
+from fwav_companion.tracking.calibration.fit import Fit
+from fwav_companion.tracking.calibration.rays import COMMON_COUNT, Common, Glimpse
+from fwav_companion.tracking.calibration.workshop import Workshop
 
 MOST_KEPT = 1200
 """Glimpses, a megabyte: 40 s of one target at 30 frames/s. They settle the linearization."""

@@ -12,7 +12,7 @@ from fwav_companion.geometry.rotations import matrix_from_quaternion
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import ZERO3, Matrix3, Vector3, add, subtract, transform
 from fwav_companion.nouns import GroundFix
-from fwav_companion.tracking.course import Moment
+from fwav_companion.tracking.calibration.course import Moment
 
 LEAST_DOWN = 0.05
 """Of a unit ray: 3 degrees below the horizon; what is shallower meets the ground anywhere."""

@@ -9,10 +9,10 @@ import msgspec
 
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Vector3
-from fwav_companion.tracking.answer import MOUNT
-from fwav_companion.tracking.loosening import Loosening
-from fwav_companion.tracking.rays import Common
-from fwav_companion.tracking.verdict import CalibrationStatus, Verdict
+from fwav_companion.tracking.calibration.answer import MOUNT
+from fwav_companion.tracking.calibration.loosening import Loosening
+from fwav_companion.tracking.calibration.rays import Common
+from fwav_companion.tracking.calibration.verdict import CalibrationStatus, Verdict
 
 
 class KeptCalibration(msgspec.Struct, frozen=True, kw_only=True):

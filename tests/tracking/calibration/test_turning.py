@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 from fwav_companion.geometry.stamps import BootNs
 from fwav_companion.nouns import AttitudeSample, GimbalAt, VehicleState
 from fwav_companion.telemetry.history import AttitudeHistory
-from fwav_companion.tracking.course import Course, moment_of
-from fwav_companion.tracking.turning import Slow, Turning, slow_between
+from fwav_companion.tracking.calibration.course import Course, moment_of
+from fwav_companion.tracking.calibration.turning import Slow, Turning, slow_between
 
 NOISE = radians(0.1)
 SPACING_S = 0.02
