@@ -90,10 +90,12 @@ def _stream(evidence: Evidence) -> Iterator[Finding]:
     why = evidence.ask("intake", "why")
     if why:
         holder = evidence.board.holders.get("detections", "")
+        taken = holder or "in use" in str(why)
         yield Finding(
             "detections_port", Level.STOPS, "[detections] url",
             f"{where} cannot be listened on: {why}" + (f" (taken by {holder})" if holder else ""),
-            "end that program, or use another address on both sides",
+            "end that program, or use another address on both sides" if taken else
+            "use an address of this board, as 127.0.0.1 or 0.0.0.0, or unix:///PATH in a folder that it may write to",
         )  # fmt: skip
         return
     age_s = evidence.ask("intake", "age_s")

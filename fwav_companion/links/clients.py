@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from fwav_companion.links.addresses import SocketAddress
+from fwav_companion.addresses import SocketAddress
 from fwav_companion.links.framing import FrameCutter
 
 MAX_CLIENTS = 16

@@ -5,8 +5,8 @@ from __future__ import annotations
 import asyncio
 import socket
 
+from fwav_companion.addresses import SocketAddress, resolve
 from fwav_companion.errors import LinkError
-from fwav_companion.links.addresses import SocketAddress, resolve
 from fwav_companion.links.base import DRAIN_LIMIT, READ_BYTES, Connection, Ear, Opener
 from fwav_companion.links.framing import FrameCutter
 from fwav_companion.links.url import TcpUrl, host_and_port

@@ -6,7 +6,7 @@ import asyncio
 import errno
 import socket
 
-from fwav_companion.links.addresses import SocketAddress, resolve
+from fwav_companion.addresses import SocketAddress, resolve
 from fwav_companion.links.base import DRAIN_LIMIT, READ_BYTES, Connection, Ear
 from fwav_companion.links.clients import Clients
 from fwav_companion.links.url import UdpUrl, host_and_port

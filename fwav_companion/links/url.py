@@ -22,6 +22,8 @@ PYMAVLINK_KINDS = {"tcp": "tcpout", "tcpin": "tcpin", "udp": "udpin"} | {kind: k
 
 BAUD_LIMITS = (300, 12_000_000)
 """From the slowest radio in use to the fastest USB bridge (FT232H)."""
+LONGEST_NAME = 253
+"""Characters of a host's name."""
 UNIX_PATH_BYTES = 107
 """sockaddr_un holds 108, one of them the terminator (unix(7))."""
 
@@ -173,7 +175,7 @@ def _host(kind: str, text: str) -> str:
     if text.startswith("["):
         return _host_v6(kind, text)
     numeric = re.fullmatch(r"[0-9.]+", text) is not None
-    if (numeric and not _is_address(text, 4)) or re.fullmatch(r"[A-Za-z0-9._-]{1,253}", text) is None:
+    if (numeric and not _is_address(text, 4)) or not _is_name(text):
         raise UrlError(f'"{text}" is no host; accepted: a name, an IPv4 address, or an IPv6 address in [brackets]')
     return text
 
@@ -184,6 +186,13 @@ def _host_v6(kind: str, text: str) -> str:
     if not text.endswith("]") or not _is_address(text[1:-1], 6):
         raise UrlError(f'"{text}" is no IPv6 address in brackets; accepted: as [::1]')
     return text[1:-1]
+
+
+def _is_name(text: str) -> bool:
+    """Labels of 1 to 63 characters, 253 in all (RFC 1035 2.3.4), one dot at the end or none."""
+    return (
+        len(text) <= LONGEST_NAME and re.fullmatch(r"[A-Za-z0-9_-]{1,63}(\.[A-Za-z0-9_-]{1,63})*\.?", text) is not None
+    )
 
 
 def _is_address(text: str, version: int) -> bool:

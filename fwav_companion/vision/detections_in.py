@@ -8,11 +8,10 @@ import socket
 import stat
 from collections.abc import Callable
 from contextlib import suppress
-from functools import partial
 from pathlib import Path
 from typing import TypeAlias
 
-from fwav_companion.blocking import in_daemon_thread
+from fwav_companion.addresses import resolve
 from fwav_companion.nouns import NoFrame, Reason
 from fwav_companion.vision.ears import Ears
 
@@ -82,7 +81,7 @@ class DetectionsIn:
             sock, self._inode = _bound_to_path(self._endpoint)
             return sock
         host, port = self._endpoint
-        family, address = await in_daemon_thread(partial(_look_up, host, port), name=f"look up {host}")
+        family, address = (await resolve(host, port, socket.SOCK_DGRAM))[0]
         sock = socket.socket(family, socket.SOCK_DGRAM)
         try:
             sock.setblocking(False)
@@ -128,11 +127,6 @@ class DetectionsIn:
         if isinstance(self._endpoint, str) and not self._file_is_gone():
             with suppress(OSError):
                 Path(self._endpoint).unlink()
-
-
-def _look_up(host: str, port: int) -> tuple[socket.AddressFamily, tuple[object, ...]]:
-    family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
-    return family, address
 
 
 def _bound_to_path(path: str) -> tuple[socket.socket, int]:

@@ -122,6 +122,16 @@ def test_what_to_do_about_silence_goes_by_the_kind_of_link(url):
 
 
 @pytest.mark.parametrize(
+    ("why", "do"),
+    [("Address already in use", "end that program"), ("no such host: cam.invalid", "an address of this board")],
+)
+def test_what_to_do_about_deafness_goes_by_its_reason(healthy, why, do):
+    (finding,) = planted(healthy, ["intake", "why"], why)
+    assert finding.what.endswith(why)
+    assert do in finding.do
+
+
+@pytest.mark.parametrize(
     ("url", "said"), [("serial:///dev/ttyAMA0:921600", "cable"), ("udpin://0.0.0.0:14540", "radio")]
 )
 def test_what_to_do_about_loss_goes_by_the_kind_of_link(healthy, url, said):

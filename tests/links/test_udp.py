@@ -8,7 +8,6 @@ from collections.abc import Iterator
 import pytest
 from link_listening import Listener, free_udp_port, run, started, until
 
-from fwav_companion.links import addresses
 from fwav_companion.links.base import Ear, Traffic
 from fwav_companion.links.udp import UdpClient
 
@@ -161,17 +160,32 @@ def test_a_datagram_that_is_too_long_is_dropped_alone(peer: socket.socket):
     run(story())
 
 
-def test_a_name_that_is_not_known_is_a_link_that_is_down(monkeypatch: pytest.MonkeyPatch):
-    def look_up(host: str, port: int, kind: socket.SocketKind, flags: int) -> object:
-        raise socket.gaierror(socket.EAI_AGAIN, "Temporary failure in name resolution")
+@pytest.mark.parametrize(
+    ("number", "text", "said"),
+    [
+        (socket.EAI_NONAME, "Name or service not known", "no such host: ground.invalid"),
+        (socket.EAI_NODATA, "No address associated with hostname", "no such host: ground.invalid"),
+        (
+            socket.EAI_AGAIN,
+            "Temporary failure in name resolution",
+            "ground.invalid cannot be looked up: Temporary failure in name resolution",
+        ),
+    ],
+)
+def test_a_name_that_is_not_known_is_a_link_that_is_down_and_says_so_in_words(
+    monkeypatch: pytest.MonkeyPatch, number: int, text: str, said: str
+):
+    def look_up(*_args: object, **_kwargs: object) -> object:
+        raise socket.gaierror(number, text)
 
-    monkeypatch.setattr(addresses, "_look_up", look_up)
+    monkeypatch.setattr(socket, "getaddrinfo", look_up)
 
     async def story() -> None:
         listener = Listener()
-        with started("udpout://ground.invalid:14550", listener):
+        with started("udpout://ground.invalid:14550", listener) as link:
             await listener.until_down()
-            assert "Temporary failure in name resolution" in listener.states[0][1]
+            assert listener.states == [(False, said)]
+            assert link.status()["why"] == said
 
     run(story())
 

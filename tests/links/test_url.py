@@ -72,6 +72,10 @@ def test_a_link(text: str, expected: object):
         ("udpout://256.0.0.1:14550", '"256.0.0.1" is no host'),
         ("udpout://1.2.3:14550", '"1.2.3" is no host'),
         ("udpout://a b:14550", '"a b" is no host'),
+        ("udpout://a..b:14550", '"a..b" is no host'),
+        ("udpout://.ground:14550", '".ground" is no host'),
+        (f"udpout://{'a' * 64}.local:14550", '.local" is no host'),
+        (f"udpout://{'abc.' * 64}:14550", "is no host"),
         ("udpout://::1:14550", '"::1" is no host; accepted: a name, an IPv4 address, or an IPv6 address in [brackets]'),
         ("udpout://[::g]:14550", '"[::g]" is no IPv6 address'),
         ("udpout://[127.0.0.1]:14550", "is no IPv6 address"),
@@ -83,6 +87,13 @@ def test_no_link(text: str, said: str):
         parse_link_url(text)
     assert said in str(caught.value)
     assert "accepted" in str(caught.value)
+
+
+@pytest.mark.parametrize("host", ["ground", "ground.local", "ground.local.", "a" * 63 + ".local", "_x-1"])
+def test_whatever_is_a_name_can_be_looked_up(host: str):
+    """Python itself refuses what is none (by its idna codec), with no OSError."""
+    assert parse_link_url(f"udpout://{host}:14550") == UdpUrl("udpout", host, 14550)
+    assert host.encode("idna")
 
 
 def test_where_detections_arrive():

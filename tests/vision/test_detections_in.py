@@ -193,6 +193,22 @@ def test_a_taken_port_is_tried_again(monkeypatch: pytest.MonkeyPatch):
     asyncio.run(story())
 
 
+def test_a_host_that_nobody_knows_is_said_in_words(monkeypatch: pytest.MonkeyPatch):
+    def look_up(*_args: object, **_kwargs: object) -> object:
+        raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
+
+    monkeypatch.setattr(socket, "getaddrinfo", look_up)
+
+    async def story() -> None:
+        t = Intake(("nowhere.invalid", 14601))
+        t.intake.start()
+        await t.until(lambda: bool(t.states))
+        assert t.states == [(False, "no such host: nowhere.invalid")]
+        t.intake.close()
+
+    asyncio.run(story())
+
+
 def test_both_clocks_are_read_at_one_instant():
     host_ns, unix_ns = read_clocks()
     again_ns, unix_again_ns = read_clocks()
