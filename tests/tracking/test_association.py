@@ -3,7 +3,9 @@
 from collections import defaultdict
 
 import numpy as np
-from tracking_simulation import Flight, World, a_fix, a_view, priors
+from handmade import a_fix, a_view
+from simulated_flight import Flight, priors
+from simulated_world import World
 
 from fwav_companion.nouns import BIAS_COUNT, Bias
 from fwav_companion.tracking import TrackingOptions, make_tracker

@@ -3,7 +3,9 @@
 import msgspec
 import numpy as np
 import pytest
-from tracking_simulation import Flight, World, a_fix, a_view, priors
+from handmade import a_fix, a_view
+from simulated_flight import Flight, priors
+from simulated_world import World
 
 from fwav_companion.nouns import BIAS_COUNT, Bias, TrackState
 from fwav_companion.tracking import CalibrationStatus, TrackingOptions, make_tracker, tracker_with

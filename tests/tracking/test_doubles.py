@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from tracking_simulation import a_fix, a_view, priors
+from handmade import a_fix, a_view
+from simulated_flight import priors
 
 from fwav_companion.nouns import Reason
 from fwav_companion.tracking import TrackingOptions, make_tracker

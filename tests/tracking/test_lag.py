@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from tracking_simulation import a_fix, host_ns, priors
+from handmade import a_fix, host_ns
+from simulated_flight import priors
 
 from fwav_companion.tracking.lag import MEAN_VARIANCE, Lag
 from fwav_companion.tracking.moving import ACCELERATION_DENSITY, UNSEEN_DENSITY, MovingKalman

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from handmade import a_fix, a_view, host_ns
 from msgspec.structs import replace
-from tracking_simulation import a_fix, a_view, host_ns, priors
+from simulated_flight import priors
 
 from fwav_companion.nouns import Reason, TrackState
 from fwav_companion.tracking import TrackingOptions, make_tracker

@@ -1,7 +1,9 @@
 """A believed track comes before a newborn, but not where the newborn is much the likelier."""
 
 import numpy as np
-from tracking_simulation import Flight, World, a_fix, a_view, priors
+from handmade import a_fix, a_view
+from simulated_flight import Flight, priors
+from simulated_world import World
 
 from fwav_companion.tracking import TrackingOptions, make_tracker
 

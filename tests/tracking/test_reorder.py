@@ -1,9 +1,11 @@
 """Frames out of order: what a late one leaves, what is settled when, and what is refused."""
 
 import numpy as np
+from handmade import a_fix, a_view, host_ns
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tracking_simulation import Flight, World, a_fix, a_view, host_ns, priors
+from simulated_flight import Flight, priors
+from simulated_world import World
 
 from fwav_companion.nouns import NoFrame, Reason
 from fwav_companion.tracking import Reorder, TrackingOptions, make_tracker

@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from handmade import a_fix, a_view, host_ns
 from msgspec.structs import replace
 from scipy.stats import chi2
-from tracking_simulation import Flight, World, a_fix, a_view, host_ns, priors
+from simulated_flight import Flight, priors
+from simulated_world import World
 
 from fwav_companion.nouns import BIAS_COUNT, Bias
 from fwav_companion.tracking import TrackingOptions, make_tracker

@@ -3,9 +3,10 @@
 import msgspec
 import numpy as np
 import pytest
-import tracking_simulation
+import simulated_world
 from scipy.spatial.transform import Rotation
-from tracking_simulation import Flight, World, priors
+from simulated_flight import Flight, priors
+from simulated_world import World
 
 from fwav_companion.nouns import BIAS_COUNT, Bias, Reason
 from fwav_companion.tracking import CalibrationStatus, KeptCalibration, TrackingOptions, make_tracker
@@ -251,7 +252,7 @@ TURNS = {
 
 def turned_flight(monkeypatch, a, b, c, d):
     """A flight whose image is turned about its middle: pixel x' = a x + b y, y' = c x + d y."""
-    straight = tracking_simulation.pixel_from_camera
+    straight = simulated_world.pixel_from_camera
 
     def turned(points):
         x, y = (straight(points) - (320, 240)).T
@@ -259,7 +260,7 @@ def turned_flight(monkeypatch, a, b, c, d):
 
     flight = Flight(fps=10)
     world = World(flight)
-    monkeypatch.setattr(tracking_simulation, "pixel_from_camera", turned)
+    monkeypatch.setattr(simulated_world, "pixel_from_camera", turned)
     return flight, world, world.frames()
 
 

@@ -3,12 +3,13 @@
 import msgspec
 import numpy as np
 import pytest
+from simulated_flight import Flight, priors
+from simulated_world import World
 
 from fwav_companion.tracking.calibration.comparison import compared
 from fwav_companion.tracking.calibration.course import course_of
 from fwav_companion.tracking.calibration.joint import joint_of
 from fwav_companion.tracking.calibration.rays import COMMON_COUNT, glimpse_of, pixel_noise, predict
-from tests.tracking.tracking_simulation import Flight, World, priors
 
 COMMON = (0.003, 0.01, -0.02, 0.015, 0.02, 0.2, 0.0, 0.1, -0.15)
 SIGMAS = (0.004, 0.01, 0.008, 0.02, 0.03, 0.2, 0.0, 0.5, 0.5)

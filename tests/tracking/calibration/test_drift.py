@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 from scipy.signal import lfilter
-from tracking_simulation import Flight, World, priors
+from simulated_flight import Flight, priors
+from simulated_world import World
 
 from fwav_companion.nouns import BIAS_COUNT, Bias
 from fwav_companion.tracking import TrackingOptions, make_tracker

@@ -5,9 +5,10 @@ import re
 import msgspec
 import numpy as np
 import pytest
-import tracking_simulation
+import simulated_flight
 from scipy.spatial.transform import Rotation
-from tracking_simulation import BODY_FROM_CAMERA, Flight, World
+from simulated_flight import BODY_FROM_CAMERA, Flight
+from simulated_world import World
 
 from fwav_companion.geometry.mounts import body_from_camera_from_euler
 from fwav_companion.nouns import BIAS_COUNT, Bias
@@ -23,8 +24,8 @@ LEVEL = {"fps": 10.0, "pitch_deg": 0.0, "targets": ((1.0, 2.0),), "seconds": 45.
 @pytest.fixture(autouse=True)
 def _wide_lens(monkeypatch):
     """75 degrees from the middle to the side."""
-    monkeypatch.setattr(tracking_simulation, "FOCAL", 244.0)
-    monkeypatch.setattr(tracking_simulation, "CUBIC", -4.0)
+    monkeypatch.setattr(simulated_flight, "FOCAL", 244.0)
+    monkeypatch.setattr(simulated_flight, "CUBIC", -4.0)
 
 
 def crooked(vector_deg, **options):

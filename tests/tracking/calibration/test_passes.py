@@ -2,7 +2,8 @@
 
 import msgspec
 import pytest
-from tracking_simulation import Flight, World
+from simulated_flight import Flight
+from simulated_world import World
 
 from fwav_companion.tracking.calibration import passes
 from fwav_companion.tracking.calibration.course import course_of

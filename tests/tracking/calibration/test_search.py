@@ -3,7 +3,8 @@
 import msgspec
 import numpy as np
 import pytest
-from tracking_simulation import Flight, World, priors
+from simulated_flight import Flight, priors
+from simulated_world import World
 
 from fwav_companion.nouns import BIAS_COUNT, Bias
 from fwav_companion.tracking import CalibrationStatus, TrackingOptions, make_tracker

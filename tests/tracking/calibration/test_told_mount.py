@@ -3,8 +3,10 @@
 import msgspec
 import numpy as np
 import pytest
+from handmade import BOOT_NS
 from scipy.spatial.transform import Rotation
-from tracking_simulation import BOOT_NS, Flight, World, path, priors
+from simulated_flight import Flight, path, priors
+from simulated_world import World
 
 from fwav_companion.nouns import BIAS_COUNT, Bias
 from fwav_companion.tracking import CalibrationStatus, TrackingOptions, make_tracker

@@ -1,0 +1,99 @@
+"""What the autopilot tells of a simulated flight: its attitudes and positions, with every fault the flight gives them.
+
+Independent of the package's telemetry: Euler angles through a spline, rates as its derivatives.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from handmade import BOOT_NS, a_state
+from scipy.interpolate import CubicSpline
+from scipy.signal import lfilter
+from scipy.spatial.transform import Rotation
+from simulated_flight import Flight, path
+
+from fwav_companion.nouns import Bias, Reason, Unpaired
+
+POSITION = [Bias.POSITION_NORTH, Bias.POSITION_EAST]
+
+
+class Autopilot:
+    """A flight as it is told: a history that can be asked for any instant."""
+
+    def __init__(self, flight: Flight, rng: np.random.Generator) -> None:
+        """``rng``: of the flight's seed; what the camera sees is drawn from it afterwards."""
+        self.flight, self.rng = flight, rng
+        times = np.arange(-1.0, flight.seconds + 1.0, 1 / flight.attitude_hz)
+        told = self._attitudes(times)
+        late = rng.uniform(0, flight.stamp_late_s, len(times)) - flight.stamp_late_s / 2
+        if flight.late_by is not None:
+            late = np.full(len(times), flight.late_by)
+        self.euler = CubicSpline(times + late, np.unwrap(told.as_euler("ZYX"), axis=0))
+        self.euler_rate = self.euler.derivative()
+        self.slow = np.arange(-1.0, flight.seconds + 1.1, 0.1)
+        self.height_noise = rng.standard_normal(len(self.slow)) * flight.priors.height_noise_m
+        self.position_noise = rng.standard_normal((len(self.slow), 2)) * flight.priors.position_noise_m
+        self.wander = self._wandering(self.slow)
+
+    def told(self, t):
+        """Of the camera at the times t: rotation, position, rates, velocity."""
+        t = np.asarray(t, float)
+        ypr, rate = self.euler(t), self.euler_rate(t)
+        position, _ = path(self.flight, t)
+        ahead, _ = path(self.flight, t + 1e-3)
+        velocity = (ahead - position) / 1e-3
+        noise_n = np.interp(t, self.slow, self.position_noise[:, 0] + self.wander[:, 0])
+        noise_e = np.interp(t, self.slow, self.position_noise[:, 1] + self.wander[:, 1])
+        height = np.interp(t, self.slow, self.height_noise) + self.flight.biases[Bias.HEIGHT]
+        position = position + np.stack([noise_n, noise_e, -height], -1)
+        return Rotation.from_euler("ZYX", ypr), position, _body_rates(ypr, rate), velocity
+
+    def state_at(self, boot_ns):
+        """As telemetry answers."""
+        t = (boot_ns - BOOT_NS) * 1e-9
+        if not -0.9 < t < self.flight.seconds + 0.9:
+            return Unpaired(Reason.STALE_ATTITUDE)
+        rotation, position, rates, velocity = self.told([t])
+        return a_state(boot_ns, rotation.as_quat()[0], rates[0], position[0], velocity[0], *self.stamping)
+
+    @property
+    def stamping(self):
+        """Seconds between attitudes, and what their stamps leave open, which is told where they are all as late."""
+        flight = self.flight
+        return 1.0 / flight.attitude_hz, 0.0 if flight.late_by is None else flight.stamp_late_s / np.sqrt(12)
+
+    def _attitudes(self, times):
+        flight, b = self.flight, self.flight.biases
+        _, ypr = path(flight, times)
+        noise = self.rng.standard_normal((len(times), 3)) * flight.priors.attitude_noise
+        return (
+            Rotation.from_rotvec(np.outer(b[Bias.HEADING] + self._heading_wander(times), [0, 0, 1]))
+            * Rotation.from_euler("ZYX", ypr)
+            * Rotation.from_rotvec(np.array([b[Bias.ROLL], b[Bias.PITCH], 0]) + noise)
+        )
+
+    def _wandering(self, times):
+        keep = np.exp(-(times[1] - times[0]) / self.flight.priors.position_bias_time_s)
+        sigma = np.array(self.flight.priors.bias_sigmas)[POSITION]
+        scale = sigma * np.any(self.flight.biases[POSITION] != 0)
+        values = [self.rng.standard_normal(2) * scale]
+        for _ in times[1:]:
+            values.append(keep * values[-1] + np.sqrt(1 - keep**2) * scale * self.rng.standard_normal(2))
+        return np.array(values)
+
+    def _heading_wander(self, times):
+        if not self.flight.heading_wander:
+            return 0.0 * times
+        keep = np.exp(-(times[1] - times[0]) / self.flight.heading_wander_s)
+        rng = np.random.default_rng(20_000 + self.flight.seed)
+        steps = rng.standard_normal(len(times)) * self.flight.heading_wander * np.sqrt(1 - keep**2)
+        steps[0] /= np.sqrt(1 - keep**2)
+        return lfilter([1.0], [1.0, -keep], steps)
+
+
+def _body_rates(ypr, rate):
+    """(N, 3) body axes, of (N, 3) yaw, pitch, roll and how fast each of these changes."""
+    sp, cp = np.sin(ypr[:, 1]), np.cos(ypr[:, 1])
+    sr, cr = np.sin(ypr[:, 2]), np.cos(ypr[:, 2])
+    dy, dp, dr = rate.T
+    return np.stack([dr - sp * dy, cr * dp + sr * cp * dy, -sr * dp + cr * cp * dy], -1)

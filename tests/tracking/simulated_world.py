@@ -1,0 +1,186 @@
+"""A small world for the tracker: what a camera sees of a flight, and the fixes made of it by what the autopilot tells.
+
+Independent of the package's localization: rays cast to flat ground, Jacobians by finite differences.
+Truth is chosen first; what the tracker is given follows from it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from handmade import NO_BUDGET, a_state, boot_ns, host_ns, matrix, vector
+from scipy.spatial.transform import Rotation
+from simulated_autopilot import Autopilot
+from simulated_flight import BODY_FROM_CAMERA, Flight, camera_from_pixel, path, pixel_from_camera
+
+from fwav_companion.nouns import BIAS_COUNT, Bias, Detection, FrameView, GroundFix, Ray, Sighting
+
+MOUNT = [Bias.MOUNT_X, Bias.MOUNT_Y, Bias.MOUNT_Z]
+RIGHT, BELOW = np.array([0.01, 0]), np.array([0, 0.01])
+STEP = 1e-5
+"""Pixels, and radians, seconds and metres, over which differences are taken."""
+FLATTEST = 0.15
+"""Down, of a unit ray: one flatter than this meets the ground too far away for a fix."""
+
+
+class World:
+    """One flight, told and seen: frames for the tracker, and a history that can be asked."""
+
+    def __init__(self, flight: Flight) -> None:
+        self.flight = flight
+        self.rng = np.random.default_rng(flight.seed)
+        self.autopilot = Autopilot(flight, self.rng)
+
+    def state_at(self, stamp_ns):
+        """As telemetry answers."""
+        return self.autopilot.state_at(stamp_ns)
+
+    def frames(self) -> list[FrameView]:
+        """Everything the camera saw, localized as configured."""
+        stamps = np.arange(0.0, self.flight.seconds, 1 / self.flight.fps)
+        stamps = np.round(stamps * 1e6) / 1e6
+        seen = self._seen(stamps - self.flight.biases[Bias.TIME_OFFSET])
+        told = self.autopilot.told(stamps)
+        by_frame = [[] for _ in stamps]
+        for k, fix in self._fixes(stamps, told, seen) if seen else ():
+            by_frame[k].append(fix)
+        rotation, position, _, _ = told
+        return [
+            FrameView(
+                frame=k, host_ns=host_ns(t), boot_ns=boot_ns(t), fixes=tuple(by_frame[k]),
+                could_see=_viewer(rotation[k], position[k]),
+            )
+            for k, t in enumerate(stamps)
+        ]  # fmt: skip
+
+    def _seen(self, capture):
+        """(index of the frame, pixel, label) of every detection, target by target and then the clutter."""
+        flight, rng = self.flight, self.rng
+        true_mount = Rotation.from_rotvec(flight.biases[MOUNT]).inv() * BODY_FROM_CAMERA
+        camera, ypr = path(flight, capture)
+        camera_from_ned = (Rotation.from_euler("ZYX", ypr) * true_mount).inv()
+        seen = []
+        for target, velocity, label in zip(flight.targets, flight.velocities, flight.labels, strict=True):
+            where = np.stack([target[0] + velocity[0] * capture, target[1] + velocity[1] * capture, 0 * capture], -1)
+            d = camera_from_ned.apply(where - camera)
+            uv = pixel_from_camera(d)
+            inside = (np.abs(uv[:, 0] - 319.5) < 320) & (np.abs(uv[:, 1] - 239.5) < 240) & (d[:, 2] > 0)
+            inside &= rng.random(len(uv)) >= flight.miss
+            uv = uv + rng.standard_normal(uv.shape) * flight.pixel_px
+            wrong = rng.random(len(uv)) < flight.gross
+            uv[wrong] = rng.uniform([0, 0], [639, 479], (int(wrong.sum()), 2))
+            seen += [(k, uv[k], label) for k in np.nonzero(inside)[0]]
+        for k in np.nonzero(rng.random(len(capture)) < flight.clutter)[0]:
+            seen.append((k, rng.uniform([0, 0], [639, 479]), flight.labels[0]))
+        return seen
+
+    def _fixes(self, stamps, told, seen):
+        """(index of the frame, fix) of every detection whose ray goes down to the ground."""
+        index, uv = np.array([k for k, _, _ in seen]), np.array([uv for _, uv, _ in seen])
+        cast = _Cast([one[index] for one in told], uv)
+        jacobian = cast.by_bias()
+        noise, total, relative = self._covariances(cast, jacobian)
+        for n, (k, _, label) in enumerate(seen):
+            if cast.ned_from_camera[n].apply(cast.ray[n])[2] < FLATTEST:
+                continue
+            columns = tuple(vector(j) for j in jacobian[n])
+            yield k, GroundFix(
+                self._sighting(cast, n, k, stamps[k], label), vector(cast.position[n]), matrix(noise[n]), columns,
+                matrix(total[n]), matrix(relative[n]), NO_BUDGET, "home",
+            )  # fmt: skip
+
+    def _covariances(self, cast, jacobian):
+        """(N, 3, 3) each: of the noise, of all, and of all but where the vehicle is."""
+        p, sigmas = self.flight.priors, np.array(self.flight.priors.bias_sigmas)
+        noise = sum(_outer(cast.by_pixel(d) * self.flight.pixel_px) for d in (cast.d_du, cast.d_dv))
+        for j in (jacobian[:, Bias.ROLL], jacobian[:, Bias.PITCH], cast.by_turn([0, 0, STEP])):
+            noise = noise + _outer(j) * p.attitude_noise**2
+        noise = noise + _outer(jacobian[:, Bias.HEIGHT]) * p.height_noise_m**2
+        noise = noise + _outer(jacobian[:, Bias.TIME_OFFSET]) * self._late_s**2
+        own = np.diag([1.0, 1.0, 0.0])
+        relative = noise + sum(_outer(jacobian[:, i]) * sigmas[i] ** 2 for i in range(Bias.POSITION_NORTH))
+        noise = noise + own * p.position_noise_m**2
+        total = relative + own * (p.position_noise_m**2 + sigmas[Bias.POSITION_NORTH] ** 2)
+        return noise, total, relative
+
+    def _sighting(self, cast, n, k, t, label):
+        u, v = cast.uv[n]
+        camera = cast.camera[n]
+        state = a_state(
+            boot_ns(t), cast.rotation[n].as_quat(), cast.rates[n], camera, cast.velocity[n], *self.autopilot.stamping
+        )
+        return Sighting(
+            frame=int(k), index=0, frame_host_ns=host_ns(t), host_ns=host_ns(t),
+            detection=Detection(float(u), float(v), label=label),
+            ray=Ray(vector(cast.ray[n]), vector(cast.d_du[n]), vector(cast.d_dv[n])),
+            pixel_sigma=(float(self.flight.pixel_px),) * 2, row_fraction=0.0, time_noise_s=float(self._late_s),
+            state=state, body_from_camera=matrix(BODY_FROM_CAMERA.as_matrix()),
+            ned_from_camera=matrix(cast.ned_from_camera[n].as_matrix()), camera_ned=vector(camera),
+            camera_height_above_home_m=float(-camera[2]), relative=False,
+        )  # fmt: skip
+
+    @property
+    def _late_s(self):
+        """One sigma of how late stamps are, evenly between none and the most."""
+        return self.flight.stamp_late_s / np.sqrt(12)
+
+
+class _Cast:
+    """N pixels cast to the ground from where the autopilot has the camera, and how that moves, by differences."""
+
+    def __init__(self, told, uv) -> None:
+        """``told``: N rotations, positions, rates and velocities."""
+        self.rotation, self.camera, self.rates, self.velocity = told
+        self.uv, self.ray = uv, camera_from_pixel(uv)
+        self.d_du = (camera_from_pixel(uv + RIGHT) - camera_from_pixel(uv - RIGHT)) / 0.02
+        self.d_dv = (camera_from_pixel(uv + BELOW) - camera_from_pixel(uv - BELOW)) / 0.02
+        self.ned_from_camera = self.rotation * BODY_FROM_CAMERA
+        self.position = self._met(self.rotation, self.camera)
+
+    def by_pixel(self, d):
+        """By a move of the ray, ``d`` a pixel."""
+        return (_on_ground(self.camera, self.ned_from_camera.apply(self.ray + 1e-4 * d)) - self.position) / 1e-4
+
+    def by_turn(self, turn):
+        """By a turn of the camera, a rotation vector in body axes."""
+        turned = self._met(self.rotation * Rotation.from_rotvec(turn), self.camera)
+        return (turned - self.position) / np.linalg.norm(turn)
+
+    def by_bias(self):
+        """(N, BIAS_COUNT, 3)."""
+        out = np.zeros((len(self.ray), BIAS_COUNT, 3))
+        for i, turn in ((Bias.ROLL, [STEP, 0, 0]), (Bias.PITCH, [0, STEP, 0])):
+            out[:, i] = self.by_turn(turn)
+        for i, axis in zip(MOUNT, np.eye(3), strict=True):
+            out[:, i] = self.by_turn(STEP * axis)
+        headed = Rotation.from_rotvec([0, 0, STEP]) * self.rotation
+        out[:, Bias.HEADING] = self._moved(headed, self.camera)
+        later = self.rotation * Rotation.from_rotvec(self.rates * STEP)
+        out[:, Bias.TIME_OFFSET] = self._moved(later, self.camera + self.velocity * STEP)
+        out[:, Bias.HEIGHT] = self._moved(self.rotation, self.camera - np.array([0, 0, STEP]))
+        out[:, Bias.POSITION_NORTH, 0] = 1.0
+        out[:, Bias.POSITION_EAST, 1] = 1.0
+        return out
+
+    def _moved(self, rotation, camera):
+        return (self._met(rotation, camera) - self.position) / STEP
+
+    def _met(self, rotation, camera):
+        return _on_ground(camera, (rotation * BODY_FROM_CAMERA).apply(self.ray))
+
+
+def _on_ground(camera, ray):
+    """Where rays NED meet down = 0."""
+    return camera - ray * (camera[:, 2:3] / ray[:, 2:3])
+
+
+def _outer(a):
+    return a[:, :, None] * a[:, None, :]
+
+
+def _viewer(rotation, camera):
+    def could_see(place):
+        d = (rotation * BODY_FROM_CAMERA).inv().apply(np.asarray(place) - camera)
+        uv = pixel_from_camera(d[None])[0]
+        return bool(d[2] > 0 and abs(uv[0] - 319.5) < 310 and abs(uv[1] - 239.5) < 230)
+
+    return could_see
