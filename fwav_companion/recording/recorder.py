@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import Final
 
 from fwav_companion.recording.folder import (
     DETECTIONS,
@@ -24,6 +25,12 @@ MAX_WAITING_BYTES = 8 << 20
 """What may wait for a disk that hangs: over a minute of a busy 921 600 baud link with all its lines."""
 ROOM_TO_GO_ON_BYTES = 20 * BYTES_PER_MB
 """A recording that stopped goes on where there is room for some minutes more: not for seconds, again and again."""
+
+WAITS: Final = {
+    "armed": 'waits for the vehicle to be armed ([record] when = "armed")',
+    "always": "waits for something to record",
+}
+"""What begins a recording, by [record] when."""
 
 
 def _no_line() -> Line | None:
@@ -67,7 +74,7 @@ class Recorder:
         self.failure: str | None = None
         """Why it is stopped; None while it records."""
         self.folder: Path | None = None
-        """Where it writes now; None while it waits for arming."""
+        """Where it writes now; None while it waits."""
         # A daemon thread: a disk that hangs must not hold up the end of the process.
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
 
@@ -98,6 +105,12 @@ class Recorder:
         self._stop.set()
         if self._thread.is_alive():
             self._thread.join(timeout_s)
+
+    @property
+    def state(self) -> str:
+        """For people: where it writes, why it is stopped, or what it waits for."""
+        failure, folder = self.failure, self.folder  # the thread may change them meanwhile
+        return failure or (WAITS[self._plan.when] if folder is None else str(folder))
 
     # On the caller's side.
 

@@ -84,5 +84,5 @@ class Journal:
 
     @property
     def state(self) -> str | None:
-        """For the status file: the folder, or why it failed; None where nothing is kept."""
-        return None if self._recorder is None else self._recorder.failure or str(self._recorder.folder)
+        """For the status file: the folder, why it failed, or what it waits for; None where nothing is kept."""
+        return None if self._recorder is None else self._recorder.state

@@ -12,6 +12,7 @@ from fwav_companion.recording import space
 from fwav_companion.recording.folder import DETECTIONS, TARGETS, TELEMETRY, RecordingPlan
 from fwav_companion.recording.recorder import Recorder
 from fwav_companion.recording.space import Space, SpaceError, SpacePolicy, new_folder, recordings
+from fwav_companion.recording.spans import AFTER_DISARMING_US
 
 NO_LIMIT = SpacePolicy(0, 0, False)
 START_US = 1_790_000_000_000_000
@@ -91,6 +92,26 @@ def test_a_directory_that_cannot_be_made_is_told_once_and_at_once(tmp_path):
     assert len(told) == 1
     assert "recording stopped" in told[0]
     assert str(tmp_path) in told[0]
+
+
+def test_what_it_does_or_waits_for_is_said_in_words(tmp_path):
+    """The status file said "None"."""
+    waits = 'waits for the vehicle to be armed ([record] when = "armed")'
+    recorder = Recorder(plan(tmp_path, when="armed"), [].append)
+    assert recorder.state == waits
+    recorder.start()
+    recorder.telemetry(START_US, b"\xfd\x00")
+    assert recorder.state == waits
+    recorder.on_armed(True, START_US)
+    while recorder.state == waits:  # the test's own time limit ends the wait
+        time.sleep(0.01)
+    assert recorder.state == str(recordings(tmp_path)[0])
+    recorder.on_armed(False, START_US)
+    recorder.telemetry(START_US + AFTER_DISARMING_US, b"\xfd\x00")
+    while recorder.state != waits:
+        time.sleep(0.01)
+    recorder.close(5.0)
+    assert Recorder(plan(tmp_path), [].append).state == "waits for something to record"
 
 
 @pytest.mark.parametrize("gone", ["folder", "directory"])
