@@ -33,6 +33,9 @@ GAINS = (0.85, 3.0)
 LAGS_S = (-0.005, 0.04)
 """Filters delay (22 ms for two poles at 10 Hz) and damp. Outside, it is no filter that was found but a stream too slow
 to show the motion: what is left of it may fit anything."""
+ALTERNATING = 0.9
+"""Each step from a rate to the next undoes so much of the step before it, on average: a beat takes less than 2.3
+samples (and steps of noise undo half). Any lag and any gain fit rates that do nothing but alternate."""
 QUIET = 1e-3
 """rad/s: rates that never exceed this are not sent."""
 
@@ -62,7 +65,7 @@ AS_SENT = RateModel()
 class RateFit:
     """Recursive least squares with a short memory, over five samples at a time."""
 
-    __slots__ = ("_count", "_normal", "_right", "_sent2", "_weight", "_yy", "model", "usable")
+    __slots__ = ("_count", "_normal", "_right", "_sent2", "_step2", "_undone2", "_weight", "_yy", "model", "usable")
 
     def __init__(self) -> None:
         self._count = 0
@@ -70,7 +73,7 @@ class RateFit:
         self._normal = [0.0] * 6  # 00 01 02 11 12 22
         self._right = [0.0] * 3
         self._yy = 0.0
-        self._sent2 = 0.0
+        self._sent2 = self._step2 = self._undone2 = 0.0
         self.model = AS_SENT
         """The likeliest correction."""
         self.usable = False
@@ -85,6 +88,9 @@ class RateFit:
         self._right = [keep * r + dot(c, course) for r, c in zip(self._right, columns, strict=True)]
         self._yy = keep * self._yy + dot(course, course)
         self._sent2 = keep * self._sent2 + dot(five[2].rates, five[2].rates)
+        step, next_step = (subtract(five[k + 1].rates, five[k].rates) for k in (1, 2))
+        self._step2 = keep * self._step2 + dot(step, step)
+        self._undone2 = keep * self._undone2 - dot(step, next_step)
         self._weight = keep * self._weight + 1.0
         self._count += 1
         if self._count >= SAMPLES_TO_BEGIN:
@@ -96,10 +102,19 @@ class RateFit:
         return sqrt(self._sent2 / self._weight) if self._weight else 0.0
 
     @property
+    def alternates(self) -> bool:
+        """The motion is about as fast as samples can be: half a beat lies between two of them."""
+        return self._undone2 > ALTERNATING * self._step2
+
+    @property
     def disagreement(self) -> float:
-        """Root mean square of what is left between the corrected rates and the attitudes' course, rad/s."""
+        """Root mean square of what is left between the corrected rates and the attitudes' course, rad/s: all
+        that alternates where that says nothing of how they go together.
+        """
         if self._count < SAMPLES_TO_BEGIN or self.sent_rms < QUIET:
             return 0.0
+        if self.alternates:
+            return 0.5 * sqrt(self._step2 / self._weight)
         m = (self.model.gain, self.model.lag_s, self.model.curve_s2)
         n00, n01, n02, n11, n12, n22 = self._normal
         quadratic = m[0] * m[0] * n00 + m[1] * m[1] * n11 + m[2] * m[2] * n22
@@ -115,7 +130,7 @@ class RateFit:
             (self._right[0] + trust * n00, self._right[1], self._right[2]),
         )
         self.model, self.usable = AS_SENT, False
-        if solution is None or self.sent_rms < QUIET:
+        if solution is None or self.sent_rms < QUIET or self.alternates:
             return
         model = RateModel(*solution)
         gain, lag_s = model.response(frequency)

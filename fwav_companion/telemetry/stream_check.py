@@ -17,7 +17,7 @@ from fwav_companion.geometry.vectors import dot, scale, subtract
 from fwav_companion.nouns import AttitudeSample
 from fwav_companion.telemetry.left_out import apart2, left_out2
 from fwav_companion.telemetry.pieces import aligned, piece_with_rates, quaternion_at
-from fwav_companion.telemetry.rate_fit import RateFit
+from fwav_companion.telemetry.rate_fit import ALTERNATING, RateFit
 
 SEVEN = 7
 """Neighbouring samples that one check looks at."""
@@ -39,6 +39,9 @@ SIX_NOISE = 1.0 + 524.0 / 400.0
 """Of independent errors of the samples: the square of what is left out of six, one plus the squared weights."""
 NOISE_SHARE = (1.0 + 34.0 / 36.0) / SIX_NOISE
 """Of the same: (left out of four)^2 over (left out of six)^2."""
+MOST_NOISE = 0.01
+"""rad, RMS about all axes together: an autopilot's attitudes scatter by a tenth of a degree or two. What six neighbours
+miss a sample by beyond that is motion that they do not show."""
 SLOWEST_TELLING_RATE = 0.1
 """rad/s, RMS: in slower motion, an error of a stamp does not show in the attitudes."""
 
@@ -79,6 +82,7 @@ class StreamCheck:
 
     __slots__ = (
         "_acceleration2",
+        "_bend2",
         "_count",
         "_four2",
         "_last_ns",
@@ -87,6 +91,7 @@ class StreamCheck:
         "_six2",
         "_spacing",
         "_told",
+        "_unbent2",
         "method",
         "rates",
     )
@@ -97,6 +102,7 @@ class StreamCheck:
         self._spacing = 0.0
         self._rate2 = self._acceleration2 = 0.0
         self._four2 = self._six2 = self._rates2 = 0.0
+        self._bend2 = self._unbent2 = 0.0
         self._told: _Told | None = None
         self.rates = RateFit()
         """What the sent rates are worth."""
@@ -143,10 +149,20 @@ class StreamCheck:
         return sqrt(self._six2 / (SIX_NOISE * self._rate2))
 
     @property
+    def alternates(self) -> bool:
+        """Half a beat lies between two attitudes: they show that there is a motion, and not when it is where."""
+        return self._unbent2 > ALTERNATING * self._bend2 or self.rates.alternates
+
+    @property
+    def instant_sigma_s(self) -> float:
+        """What attitudes too slow for the motion leave open of the instant of each: all of the time between two."""
+        return self._spacing / sqrt(12.0) if self.settled and self.too_slow else 0.0
+
+    @property
     def too_slow(self) -> bool:
         """The rates tell of motion that the attitudes do not show: it is faster than they come."""
         unexplained = self.rates.disagreement
-        return unexplained * unexplained > TOO_SLOW * self.rates.sent_rms**2
+        return self.alternates or unexplained * unexplained > TOO_SLOW * self.rates.sent_rms**2
 
     def sigma(self, interval_s: float, method: Method) -> float:
         """One sigma of interpolating over an interval of this width, rad about each axis."""
@@ -200,6 +216,7 @@ class StreamCheck:
         self._measure(seven, gain)
         self.rates.insert(seven[1:6], self.frequency, elapsed_s)
         self._try_out(seven, gain)
+        self._look_for_alternation(seven[2:6], gain)
         self._choose()
         self._told = None
 
@@ -215,6 +232,13 @@ class StreamCheck:
         self._acceleration2 += gain * (max(4.0 * bend**2 / h**4, dot(sent, sent)) - self._acceleration2)
         self._rate2 += gain * (max(drift**2 / h**2, dot(middle.rates, middle.rates)) - self._rate2)
 
+    def _look_for_alternation(self, four: Sequence[AttitudeSample], gain: float) -> None:
+        """Whether each bend of the course undoes the one before; bends of noise undo two thirds."""
+        a, b, c, d = aligned([sample.ned_from_body for sample in four])
+        bends = [(p - 2.0 * q + r, q - 2.0 * r + s) for p, q, r, s in zip(a, b, c, d, strict=True)]
+        self._bend2 += gain * (0.5 * sum(one * one + two * two for one, two in bends) - self._bend2)
+        self._unbent2 += gain * (-sum(one * two for one, two in bends) - self._unbent2)
+
     def _try_out(self, seven: Sequence[AttitudeSample], gain: float) -> None:
         others = [seven[k] for k in (0, 1, 2, 4, 5, 6)]
         middle = seven[3]
@@ -229,7 +253,8 @@ class StreamCheck:
         """What four attitudes miss by the motion being faster than they follow, without the noise of the samples."""
         if self._hopeless(self._four2):
             return self._four2
-        return max(0.0, self._four2 - NOISE_SHARE * self._six2) / FOUR_LEFT_OUT**2
+        noise2 = min(self._six2, SIX_NOISE * MOST_NOISE**2)
+        return max(0.0, self._four2 - NOISE_SHARE * noise2) / FOUR_LEFT_OUT**2
 
     def _amid_interval2(self, left_out2: float, ratio: float) -> float:
         return left_out2 if self._hopeless(left_out2) else left_out2 / ratio**2

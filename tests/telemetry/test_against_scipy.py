@@ -68,6 +68,44 @@ def test_a_stream_too_slow_for_the_motion_says_so(hz, of_motion):
     assert 0.4 * rms(errors[:, 1]) < rms(claims)
 
 
+@pytest.mark.parametrize("phase", np.linspace(0.0, np.pi, 7))
+@pytest.mark.parametrize("beat_hz", [4.8, 5.0, 5.2])
+def test_two_attitudes_a_beat_leave_open_when_it_beats(beat_hz, phase):
+    """Whatever instants they hit: of a wave that is sampled twice, its size and its phase cannot be told apart, be it
+    that attitudes alternate or rates do, and a turn meanwhile hides nothing of it.
+    """
+    motion = flying(beat_hz)
+    samples = flapping.stream(lambda t: motion(t + phase / (2.0 * np.pi * beat_hz)), 10, 10.0)
+    check = flapping.history_of(samples).check
+    assert check.too_slow
+    assert check.instant_sigma_s == pytest.approx(0.1 / np.sqrt(12.0), rel=0.01)
+
+
+def test_attitudes_at_the_turning_points_alone_show_it_without_any_rate():
+    motion = nodding(5.0)
+    samples = flapping.stream(lambda t: motion(t + (np.pi / 2.0 - 0.3) / (10.0 * np.pi)), 10, 10.0, filter_hz=None)
+    assert max(np.linalg.norm(sample.rates) for sample in samples[20:]) < 0.01
+    assert flapping.history_of(samples).check.instant_sigma_s == pytest.approx(0.1 / np.sqrt(12.0), rel=0.01)
+
+
+@pytest.mark.parametrize("hz", [13, 15, 25, 50, 100])
+def test_faster_attitudes_leave_nothing_open(hz):
+    check = flapping.history_of(flapping.stream(flying(5.0), hz, 8.0)).check
+    assert not check.too_slow
+    assert check.instant_sigma_s == 0.0
+
+
+def test_noise_is_no_beat():
+    """Steps of noise undo half of one another, and bends of it two thirds."""
+    rng = np.random.default_rng(1)
+    turns = Rotation.from_rotvec(0.002 * rng.standard_normal((500, 3)))
+    rates = 0.05 * rng.standard_normal((500, 3))
+    samples = [AttitudeSample(BootNs(k * 20_000_000), _wxyz(turns[k]), tuple(rates[k].tolist())) for k in range(500)]
+    history = flapping.history_of(samples)
+    assert not history.check.alternates
+    assert not history.check.rates.alternates
+
+
 def test_rates_of_the_course_are_its_derivative():
     motion = flying(5.0)
     history = flapping.history_of(flapping.stream(motion, 100, 4.0))

@@ -30,7 +30,7 @@ from fwav_companion.tracking.calibration.search import UNEXPLAINED, Found, InVai
 from fwav_companion.tracking.calibration.turning import SPAN_S, Turning
 from fwav_companion.tracking.calibration.verdict import CalibrationStatus, Placed, Verdict, judged
 from fwav_companion.tracking.calibration.views import Views
-from fwav_companion.tracking.calibration.workshop import Workshop
+from fwav_companion.tracking.calibration.workshop import DELAY_STEP_S, Workshop
 from fwav_companion.tracking.estimate import Surprise
 
 SEARCH_A_FRAME = 2
@@ -198,6 +198,8 @@ class Calibrator(msgspec.Struct, frozen=True):
         if not fixes:
             return self
         first = fixes[0][1].sighting
+        if first.state.stamp_sigma_s > DELAY_STEP_S:  # attitudes that tell no delay from another
+            return self
         slow = self.shop.slow(first.state, self.shop.means[Common.DELAY] if self.delay_s is None else self.delay_s)
         turning = self.turning.with_state(first.state, slow, self.shop.priors.attitude_noise)
         sigma_s = first.state.stamp_sigma_s

@@ -219,6 +219,18 @@ def test_attitudes_that_are_all_as_late_are_no_delay_of_the_camera(late_by):
     assert error_of(track, (2.0, 3.0)) < 0.06
 
 
+@pytest.mark.parametrize(
+    ("open_s", "status"), [(0.01, CalibrationStatus.CALIBRATED), (0.02, CalibrationStatus.WAITING)]
+)
+def test_attitudes_whose_instant_is_open_teach_nothing(open_s, status):
+    """As where two of them are told a beat: any delay fits what they show."""
+    flight = Flight(seed=3, biases=PLANTED, late_by=0.0, stamp_late_s=open_s * np.sqrt(12.0), seconds=45)
+    track, report = flown(flight)
+    assert report.status is status
+    assert report.time_offset_sigma_s >= open_s / 2
+    assert track.confirmed_host_ns is not None
+
+
 def test_a_kept_calibration_is_where_the_next_flight_starts():
     p = priors()
     kept = KeptCalibration(
