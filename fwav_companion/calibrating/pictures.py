@@ -19,6 +19,7 @@ import numpy as np
 from fwav_companion.calibrating.boards.finder import Grey
 from fwav_companion.calibrating.video import frame_count, sharpest
 from fwav_companion.errors import InputFileError
+from fwav_companion.on_disk import content, opened
 
 ACCEPTED: Final = "accepted: pictures, a folder of them, or a video"
 SUFFIXES: Final = {".bmp", ".jpeg", ".jpg", ".jp2", ".pgm", ".png", ".ppm", ".tif", ".tiff", ".webp"}
@@ -99,7 +100,7 @@ def same_size(taken: Sequence[Shot], show: Callable[[Shot, Grey], None]) -> tupl
 def _files(path: Path) -> Iterator[Path]:
     try:
         if not path.is_dir():
-            with path.open("rb"):
+            with opened(path):
                 yield path
             return
         inside = sorted(file for file in path.iterdir() if file.suffix.lower() in SUFFIXES)
@@ -113,7 +114,7 @@ def _files(path: Path) -> Iterator[Path]:
 def _reader(file: Path) -> Look:
     def look() -> Grey:
         try:
-            data = file.read_bytes()
+            data = content(file)
         except OSError as error:
             raise InputFileError(f"{file}: {error.strerror}; {ACCEPTED}") from None
         grey = None if _is_cut_short(data) else _decoded(data)

@@ -13,6 +13,7 @@ from fwav_companion.camera import parse_calibration
 from fwav_companion.camera.fitting.comparison import rays_apart
 from fwav_companion.errors import InputFileError
 from fwav_companion.nouns import Lens
+from fwav_companion.on_disk import opened
 
 LARGEST_BYTES: Final = 1 << 20
 """A calibration has some hundred bytes; what has a megabyte is another file."""
@@ -60,7 +61,7 @@ def apart(lens: Lens, previous: Sequence[Previous]) -> Iterator[tuple[str, dict[
 def _lens(path: Path) -> Lens:
     accepted = "accepted: a camera file, as `init` writes one"
     try:
-        with path.open("rb") as file:
+        with opened(path) as file:
             text = file.read(LARGEST_BYTES).decode()
     except OSError as error:
         raise InputFileError(f"{path}: {error.strerror}; {accepted}") from None

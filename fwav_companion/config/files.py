@@ -9,6 +9,7 @@ from pathlib import Path
 from fwav_companion.config.document import Config
 from fwav_companion.config.reading import parse
 from fwav_companion.errors import ConfigError
+from fwav_companion.on_disk import opened
 
 KEY_BYTES = 32
 LARGEST_FILE_BYTES = 1 << 20
@@ -18,7 +19,7 @@ LARGEST_FILE_BYTES = 1 << 20
 def load(path: str | Path, overrides: Iterable[str] = ()) -> Config:
     """The configuration in a file, with ``KEY=VALUE`` settings laid over it. ConfigError, also where it is missing."""
     try:
-        with Path(path).open("rb") as file:
+        with opened(Path(path)) as file:
             data = file.read(LARGEST_FILE_BYTES + 1)
         if len(data) > LARGEST_FILE_BYTES:
             raise ConfigError(f"{path}: longer than {LARGEST_FILE_BYTES} bytes; accepted: a configuration in TOML")
@@ -37,7 +38,7 @@ def load_signing_key(config: Config) -> bytes | None:
     path = config.resolve(config.signing.key_file)
     where = f"{config.file}: [signing] key_file = {path}"
     try:
-        with path.open("rb") as file:
+        with opened(path) as file:
             mode = stat.S_IMODE(path.stat().st_mode)
             key = file.read(KEY_BYTES + 1)
     except OSError as error:

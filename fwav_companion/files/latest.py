@@ -7,6 +7,8 @@ import threading
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+from fwav_companion.on_disk import whole
+
 STATUS_NAME = "status.json"
 
 
@@ -92,10 +94,5 @@ class LatestFile:
 
     def _replace(self, path: Path, content: bytes) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
-        beside = path.with_name(f".{path.name}.{os.getpid()}")
-        with beside.open("wb") as file:
+        with whole(path, synced=self._outlives_us) as file:
             file.write(content)
-            if self._outlives_us:
-                file.flush()
-                os.fsync(file.fileno())
-        beside.replace(path)

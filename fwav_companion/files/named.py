@@ -8,6 +8,7 @@ from fwav_companion.camera import Calibration, parse_calibration
 from fwav_companion.config import Config
 from fwav_companion.errors import InputFileError
 from fwav_companion.localization import ElevationTile
+from fwav_companion.on_disk import content, opened
 
 LARGEST_BYTES = 1 << 20
 """A calibration has some hundred bytes; what has a megabyte is another file."""
@@ -17,7 +18,7 @@ def load_calibration(config: Config) -> Calibration:
     """Its content. ConfigError where none is named, InputFileError where it cannot be read or is no camera file."""
     path = config.calibration_path
     try:
-        with path.open("rb") as file:
+        with opened(path) as file:
             data = file.read(LARGEST_BYTES)
         return parse_calibration(data.decode(), str(path))
     except OSError as error:
@@ -42,6 +43,6 @@ def recording_companions(config: Config) -> dict[str, bytes]:
         return {}
     paths = [Path(config.file), *([config.calibration_path] if config.localizes else [])]
     try:
-        return {path.name: path.read_bytes() for path in paths}
+        return {path.name: content(path) for path in paths}
     except OSError as error:
         raise InputFileError(f"{error.filename}: {error.strerror}; accepted: a file that can be read") from None

@@ -9,6 +9,7 @@ from typing import Any
 
 from fwav_companion.config import Config
 from fwav_companion.errors import InputFileError
+from fwav_companion.on_disk import opened, whole
 from fwav_companion.recording.lines import Line
 from fwav_companion.recording.truth import TruthPoint
 from fwav_companion.report import WAYS, Replayed, Story, page, tell, way_of
@@ -80,7 +81,7 @@ def _targets(path: Path) -> tuple[list[Line], int]:
     """The lines that are whole, the header first, and how many were not."""
     accepted = "accepted: a targets file, as `replay --out` writes one"
     try:
-        with path.open("rb") as file:
+        with opened(path) as file:
             lines, damaged = read_lines(file)
     except OSError as error:
         raise InputFileError(f"{path}: {error.strerror}; {accepted}") from None
@@ -105,7 +106,8 @@ def _differences(ours: Mapping[str, Any], theirs: Mapping[str, Any], prefix: str
 def _write(path: Path, text: str) -> Path:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
+        with whole(path) as file:
+            file.write(text.encode())
     except OSError as error:
         raise InputFileError(f"{error.filename}: {error.strerror}; accepted: a folder to write to") from None
     return path

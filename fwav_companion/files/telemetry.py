@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from fwav_companion.errors import InputFileError
+from fwav_companion.on_disk import content, opened
 from fwav_companion.recording.ardupilot_log import read_ardupilot_log
 from fwav_companion.recording.dataflash import is_dataflash
 from fwav_companion.recording.tlog import load_tlog
@@ -16,21 +17,31 @@ HEAD_BYTES = 256
 DATAFLASH_AS_TEXT = b"FMT, 128, 89, FMT"
 """How ArduPilot's own log begins where a tool turned it into text; older ones with a line or two before."""
 
+ACCEPTED = "accepted: a .tlog, .bin or .ulg recording"
+
 
 def load_telemetry(path: Path, own: frozenset[int]) -> TelemetryRead:
     """A telemetry file of any of the three kinds, told apart by its content. InputFileError."""
     try:
-        with path.open("rb") as file:
+        with opened(path) as file:
             head = file.read(HEAD_BYTES)
     except OSError as error:
-        raise InputFileError(f"{path}: {error.strerror or error}; accepted: a .tlog, .bin or .ulg recording") from None
+        raise InputFileError(f"{path}: {error.strerror}; {ACCEPTED}") from None
     if is_ulog(head):
         log, skipped, damaged = read_ulog(path)
         notes = ["some of its messages are damaged and were left out"] if damaged else []
         return of_log(str(path), log, own, skipped, notes)
     if is_dataflash(head):
-        log, skipped = read_ardupilot_log(path.read_bytes())
-        return of_log(str(path), log, own, skipped, [])
+        return _ardupilot_log(path, own)
     if DATAFLASH_AS_TEXT in head:
         raise InputFileError(f"{path}: an ArduPilot log as text; accepted: the .bin that it was made from")
     return read_telemetry(load_tlog(path))
+
+
+def _ardupilot_log(path: Path, own: frozenset[int]) -> TelemetryRead:
+    try:
+        data = content(path)
+    except OSError as error:
+        raise InputFileError(f"{path}: {error.strerror}; {ACCEPTED}") from None
+    log, skipped = read_ardupilot_log(data)
+    return of_log(str(path), log, own, skipped, [])

@@ -18,6 +18,7 @@ from typing import Any
 
 from fwav_companion.errors import InputFileError
 from fwav_companion.localization import ElevationTile
+from fwav_companion.on_disk import opened
 
 HGT_NAME = re.compile(r"([NS])(\d{2})([EW])(\d{3}).*\.hgt", re.IGNORECASE)
 HGT_VOID = -32768
@@ -34,6 +35,7 @@ def read_elevation(paths: Sequence[Path]) -> tuple[ElevationTile, ...]:
 def _read(path: Path) -> ElevationTile:
     suffix = path.suffix.lower()
     try:
+        opened(path).close()  # libraries would wait for a pipe
         if suffix == ".hgt":
             return _read_hgt(path)
         if suffix in GEOTIFF_SUFFIXES:
@@ -48,7 +50,7 @@ def _read_hgt(path: Path) -> ElevationTile:
     named = HGT_NAME.fullmatch(path.name)
     if named is None:
         raise InputFileError(f"{path}: the name does not tell its corner; one like N47E008.hgt is accepted")
-    with path.open("rb") as file:
+    with opened(path) as file:
         size = file.seek(0, 2)
         side = isqrt(size // 2)
         if side < 2 or side * side * 2 != size:

@@ -9,6 +9,7 @@ from pathlib import Path
 import msgspec
 
 from fwav_companion.errors import InputFileError
+from fwav_companion.on_disk import content
 
 _STAMP = struct.Struct(">Q")
 _MAGICS = (0xFD, 0xFE)
@@ -80,9 +81,9 @@ def _record_length(data: bytes, at: int) -> int | None:
 def load_tlog(path: Path) -> bytes:
     """A telemetry file's content, which may be empty; InputFileError where it cannot be read or holds no record."""
     try:
-        data = path.read_bytes()
+        data = content(path)
     except OSError as error:
-        raise InputFileError(f"{path}: {error.strerror or error}; accepted: a .tlog recording") from error
+        raise InputFileError(f"{path}: {error.strerror}; accepted: a .tlog recording") from None
     if data and not any(isinstance(record, TlogRecord) for record in _first_records(data)):
         raise InputFileError(
             f"{path}: no MAVLink record in its {len(data)} bytes, nor does it begin as a log does; accepted: a .tlog, "

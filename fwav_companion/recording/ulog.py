@@ -12,6 +12,7 @@ from typing import Any, Final
 from fwav_companion.errors import InputFileError
 from fwav_companion.geometry.rotations import normalized
 from fwav_companion.geometry.vectors import Vector3
+from fwav_companion.on_disk import content
 from fwav_companion.recording.flight_log import (
     FlightLog,
     LoggedAttitude,
@@ -53,9 +54,9 @@ def read_ulog(path: Path) -> tuple[FlightLog, list[SkippedBytes], bool]:
             f"{path}: reading it needs pyulog, which is not installed; pip install 'fwav-companion[ulog]'"
         ) from error
     try:
-        data = path.read_bytes()
+        data = content(path)
     except OSError as error:
-        raise InputFileError(f"{path}: {error.strerror or error}; accepted: a PX4 log (.ulg)") from error
+        raise InputFileError(f"{path}: {error.strerror}; accepted: a PX4 log (.ulg)") from error
     skipped = list(damaged_stretches(data))
     try:
         with redirect_stdout(None):  # it prints a line for every message that it cannot read

@@ -1,0 +1,150 @@
+"""Files that users name: what is none is refused before it is waited for, and what is written is whole or not there."""
+
+import os
+import socket
+import stat
+
+import pytest
+
+from fwav_companion import on_disk
+from fwav_companion.on_disk import content, opened, whole
+
+
+def test_a_file_is_read_through_links_and_the_null_device_is_an_empty_one(tmp_path):
+    (tmp_path / "file").write_bytes(b"\x00\xff")
+    (tmp_path / "link").symlink_to("file")
+    assert content(tmp_path / "link") == b"\x00\xff"
+    (tmp_path / "null").symlink_to(os.devnull)
+    assert content(tmp_path / "null") == b""
+
+
+def pipe(path):
+    os.mkfifo(path)
+
+
+def endless(path):
+    path.symlink_to("/dev/zero")
+
+
+def listening(path):
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sock:
+        sock.bind(str(path))
+
+
+NO_FILES = {
+    "Is a pipe, no regular file": pipe,
+    "Is a device, no regular file": endless,
+    "Is a socket, no regular file": listening,
+    "Is a directory": lambda path: path.mkdir(),
+    "Too many levels of symbolic links": lambda path: path.symlink_to(path.name),
+    "No such file or directory": lambda path: None,
+}
+
+
+@pytest.mark.timeout(10)
+@pytest.mark.parametrize("said", NO_FILES)
+def test_what_is_no_file_is_not_waited_for(tmp_path, monkeypatch, said):
+    monkeypatch.chdir(tmp_path)  # a socket's path may be no longer than 107 bytes
+    path = on_disk.Path("named")
+    NO_FILES[said](path)
+    with pytest.raises(OSError, match="named") as caught:
+        opened(path)
+    assert caught.value.strerror == said
+
+
+class Huge:
+    """A file that no memory holds."""
+
+    def __init__(self, path):
+        self._file = path.open("rb")
+        self.fileno = self._file.fileno
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_why):
+        self._file.close()
+
+    def read(self):
+        raise MemoryError
+
+
+def test_a_file_larger_than_the_memory_is_said_to_be(tmp_path, monkeypatch):
+    (tmp_path / "huge").write_bytes(b"12345")
+    monkeypatch.setattr(on_disk, "opened", Huge)
+    with pytest.raises(OSError, match="huge") as caught:
+        content(tmp_path / "huge")
+    assert caught.value.strerror == "Its 5 bytes do not fit into the memory"
+
+
+@pytest.mark.parametrize("synced", [False, True])
+def test_a_file_gets_its_name_when_all_of_it_stands(tmp_path, synced):
+    path = tmp_path / "out"
+    with whole(path, synced=synced) as file:
+        file.write(b"new")
+        file.flush()
+        assert not path.exists()
+    assert path.read_bytes() == b"new"
+    assert [each.name for each in tmp_path.iterdir()] == ["out"]
+
+
+def broken_off(path, why):
+    with whole(path) as file:
+        file.write(b"half")
+        raise why
+
+
+@pytest.mark.parametrize("why", [KeyboardInterrupt(), OSError(28, "No space left on device"), ZeroDivisionError()])
+@pytest.mark.parametrize("before", [None, b"old"])
+def test_what_is_broken_off_leaves_all_as_it_was(tmp_path, before, why):
+    path = tmp_path / "out"
+    if before is not None:
+        path.write_bytes(before)
+    with pytest.raises(type(why)):
+        broken_off(path, why)
+    assert {each.name: each.read_bytes() for each in tmp_path.iterdir()} == ({} if before is None else {"out": before})
+
+
+def test_what_is_replaced_keeps_its_links_and_its_permissions(tmp_path):
+    (tmp_path / "real").write_bytes(b"old")
+    (tmp_path / "real").chmod(0o640)
+    (tmp_path / "link").symlink_to("real")
+    with whole(tmp_path / "link") as file:
+        file.write(b"new")
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "real").read_bytes() == b"new"
+    assert stat.S_IMODE((tmp_path / "real").stat().st_mode) == 0o640
+
+
+def test_what_is_protected_stays(tmp_path, monkeypatch):
+    """A new name over it would not ask. (Whoever runs the tests may be root, who may do everything.)"""
+    (tmp_path / "out").write_bytes(b"old")
+    monkeypatch.setattr(os, "access", lambda path, _mode: path != tmp_path / "out")
+    with pytest.raises(PermissionError, match="out"), whole(tmp_path / "out"):
+        pass
+    assert {each.name: each.read_bytes() for each in tmp_path.iterdir()} == {"out": b"old"}
+
+
+def test_a_pipe_is_written_to_and_stays_one(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    reader = os.open(tmp_path / "pipe", os.O_RDONLY | os.O_NONBLOCK)
+    with whole(tmp_path / "pipe") as file:
+        file.write(b"line")
+    assert os.read(reader, 100) == b"line"
+    os.close(reader)
+    assert (tmp_path / "pipe").is_fifo()
+
+
+@pytest.mark.parametrize("name", ["nowhere/out", "file/out", "a" * 300])
+def test_where_nothing_can_stand_it_is_told_by_the_name_that_was_given(tmp_path, name):
+    (tmp_path / "file").write_bytes(b"")
+    with pytest.raises(OSError, match=r"out|aaa") as caught, whole(tmp_path / name):
+        pass
+    assert caught.value.filename == str(tmp_path / name)
+
+
+def test_a_long_name_in_any_alphabet_can_be_had(tmp_path):
+    path = tmp_path / ("ж" * 127)
+    with whole(path) as file:
+        file.write(b"new")
+    assert path.read_bytes() == b"new"
