@@ -13,6 +13,7 @@ from fwav_companion.camera.fitting.fit import Fitted, image_angle
 from fwav_companion.camera.fitting.projection import RADIAL, STRETCH, U0, V0, radius
 from fwav_companion.camera.fitting.writing import limit_deg
 from fwav_companion.errors import UserError
+from fwav_companion.on_disk import whole
 
 FILE: Final = "calibration.png"
 LONG: Final = 0.05
@@ -39,7 +40,8 @@ def draw(folder: Path, title: str, fitted: Fitted, told: list[Row]) -> Path:
     path = folder / FILE
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path, dpi=100, metadata={"Software": None})
+        with whole(path) as file:
+            figure.savefig(file, format="png", dpi=100, metadata={"Software": None})
     except OSError as error:
         raise UserError(f"{error.filename or folder}: {error.strerror}; a folder to write to is accepted") from error
     finally:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import os
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fwav_companion.cli.ending import as_by_ctrl_c
 from fwav_companion.errors import InputFileError, UserError
 
 if TYPE_CHECKING:
@@ -52,6 +54,11 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """0: written. 1: no lens fits. UserError: what was given, or what the pictures show, does not do."""
+    with as_by_ctrl_c():
+        return _calibrated(arguments)
+
+
+def _calibrated(arguments: argparse.Namespace) -> int:
     for module, extra in (("cv2", "vision"), *([("matplotlib", "demo")] if arguments.report else [])):
         if find_spec(module) is None:
             raise UserError(f"calibrate: {module} is not installed; accepted: pip install 'fwav-companion[{extra}]'")
@@ -60,7 +67,7 @@ def run(arguments: argparse.Namespace) -> int:
     from fwav_companion.calibrating.pictures import shots, silence
     from fwav_companion.calibrating.previous import read_previous
     from fwav_companion.camera.fitting.fit import Unfitted, fit_lens
-    from fwav_companion.cli.calibrated import failed, show_table, written
+    from fwav_companion.cli.calibrated import failed, kept, show_table
     from fwav_companion.cli.progress import steps
 
     board = parse_board(arguments.board)
@@ -76,12 +83,16 @@ def run(arguments: argparse.Namespace) -> int:
     told = show_table([shot.name for shot in taken], looked, result)
     if isinstance(result, Unfitted):
         return failed(arguments, result, told, looked.hint)
-    return written(arguments, board, looked, result, told, previous)
+    return kept(arguments, board, looked, result, told, previous)
 
 
 def _require_writable(out: Path, images: Sequence[str], *, overwrite: bool) -> None:
     """Before the work, not after it; and never over what it is made of."""
+    if str(out) == "-":
+        raise InputFileError("--out -: on stdout stands what is said about the pictures; accepted: a file")
     if out.exists() and (not (overwrite and out.is_file()) or any(out.samefile(name) for name in images if name)):
         raise InputFileError(f"{out}: stands there already; accepted: another name, or --overwrite")
     if not out.parent.is_dir():
         raise InputFileError(f"{out.parent}: no such folder; accepted: a folder to write to")
+    if not os.access(out.parent, os.W_OK):
+        raise InputFileError(f"{out.parent}: may not be written to; accepted: a folder to write to")

@@ -6,7 +6,6 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
-from pathlib import Path
 
 from rich import box
 from rich.console import Console
@@ -19,6 +18,7 @@ from fwav_companion.calibrating.telling import Row, as_object, comments, lines, 
 from fwav_companion.camera import parse_calibration
 from fwav_companion.camera.fitting.fit import Fitted, Unfitted, WhyNot
 from fwav_companion.camera.fitting.writing import camera_file
+from fwav_companion.cli.written import written
 from fwav_companion.errors import InputFileError, UserError
 
 EXIT_BAD = 1
@@ -57,7 +57,7 @@ def failed(arguments: argparse.Namespace, result: Unfitted, told: Sequence[Row],
     return EXIT_BAD
 
 
-def written(
+def kept(
     arguments: argparse.Namespace,
     board: Board,
     looked: Looked,
@@ -72,7 +72,10 @@ def written(
     compared = list(apart(parse_calibration(text, str(arguments.out)).lens, previous))
     for line, _ in compared:
         print(line)
-    _write(arguments.out, text, overwrite=arguments.overwrite)
+    if arguments.out.exists() and not arguments.overwrite:  # somebody else's, of meanwhile
+        raise InputFileError(f"{arguments.out}: stands there already; accepted: another name, or --overwrite")
+    with written(str(arguments.out)) as file:
+        file.write(text.encode())
     print(f"wrote {arguments.out}; next: [camera] calibration of the configuration, then `check --shake` for the mount")
     try:
         if arguments.report is not None:
@@ -88,14 +91,6 @@ def written(
 def _title(board: Board, looked: Looked, fitted: Fitted) -> str:
     of = f"{len(fitted.seen)} of {looked.pictures} pictures"
     return f"{board.text}: {of}, {fitted.noise_px:.3f} px, {fitted.coefficients} coefficients"
-
-
-def _write(path: Path, text: str, *, overwrite: bool) -> None:
-    try:
-        with path.open("w" if overwrite else "x", encoding="utf-8") as file:
-            file.write(text)
-    except OSError as error:
-        raise InputFileError(f"{path}: {error.strerror}; accepted: a file that can be written") from None
 
 
 def _number(value: float | None, digits: int) -> str:

@@ -27,4 +27,6 @@ def as_by_ctrl_c() -> Iterator[None]:
 
 def _interrupt(_number: int, _frame: FrameType | None) -> None:
     """As a real SIGINT: an event loop cancels what it runs, and all else sees a KeyboardInterrupt."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as a shell has it for what a script starts by ``&``
+        raise KeyboardInterrupt
     signal.raise_signal(signal.SIGINT)

@@ -5,11 +5,13 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterable, Iterator, Sequence
+from os.path import realpath
 from pathlib import Path
 
 import msgspec
 
 from fwav_companion.camera import Calibration
+from fwav_companion.cli.written import is_stdout
 from fwav_companion.config import Config, load
 from fwav_companion.errors import InputFileError
 from fwav_companion.files.named import load_calibration, load_elevation
@@ -17,6 +19,7 @@ from fwav_companion.files.own_filter import load_own_filter
 from fwav_companion.files.telemetry import load_telemetry
 from fwav_companion.flow.wiring import own_components
 from fwav_companion.localization import ElevationTile
+from fwav_companion.on_disk import content
 from fwav_companion.recording.exports import Export, export_for
 from fwav_companion.recording.lines import Line
 from fwav_companion.recording.tlog import load_tlog
@@ -83,7 +86,8 @@ def _spare_what_is_read(arguments: argparse.Namespace, config: Config) -> None:
     used |= {Path(arguments.config): "--config", config.calibration_path: "--config"}
     if arguments.truth is not None:
         used[Path(arguments.truth)] = "--truth"
-    for name in (arguments.out, *arguments.export):
+    outputs = (arguments.out, *arguments.export)
+    for name in (name for name in outputs if not is_stdout(name)):
         by = next((option for path, option in used.items() if _is_same(Path(name), path)), None)
         if by is not None:
             raise InputFileError(f"{name}: {by} has this file already, which would be lost; accepted: another one")
@@ -91,7 +95,7 @@ def _spare_what_is_read(arguments: argparse.Namespace, config: Config) -> None:
 
 
 def _is_same(one: Path, other: Path) -> bool:
-    if one.resolve() == other.resolve():
+    if realpath(one) == realpath(other):
         return True
     return one.is_file() and other.is_file() and one.samefile(other)
 
@@ -143,7 +147,7 @@ def _tell_first(complaints: Iterable[str]) -> None:
 
 def _content(name: str) -> bytes:
     try:
-        return Path(name).read_bytes()
+        return content(Path(name))
     except OSError as error:
         raise InputFileError(f"{name}: {error.strerror}; accepted: detections, one JSON object a line") from None
 
@@ -153,7 +157,7 @@ def read_truth(name: str | None) -> list[TruthPoint]:
     if name is None:
         return []
     try:
-        return parse_truth(Path(name).read_text(encoding="utf-8"), name)
+        return parse_truth(content(Path(name)).decode(), name)
     except OSError as error:
         raise InputFileError(f"{name}: {error.strerror}; accepted: a truth file, CSV or JSONL") from None
     except UnicodeDecodeError as error:

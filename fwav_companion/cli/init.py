@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import argparse
+from contextlib import ExitStack
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fwav_companion.errors import InputFileError
+from fwav_companion.on_disk import whole
 
 if TYPE_CHECKING:
     from argparse import _SubParsersAction
@@ -35,9 +37,11 @@ def run(arguments: argparse.Namespace) -> int:
             raise InputFileError(f"{target}: stands there already; accepted: a folder without one")
     try:
         targets[0].parent.mkdir(parents=True, exist_ok=True)
-        for target in targets:
-            with target.open("x", encoding="utf-8") as file:
-                file.write(template(target.name))
+        with ExitStack() as both:
+            for target in targets:
+                file = both.enter_context(whole(target))
+                file.write(template(target.name).encode())
+                file.flush()  # a disk that is full shows here, while neither has its name
     except OSError as error:
         raise InputFileError(f"{error.filename}: {error.strerror}; accepted: a folder to write to") from None
     print(f"wrote {targets[0]} and {targets[1]}; next: set the [[link]] and [camera] of the first")

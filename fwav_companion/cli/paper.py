@@ -7,6 +7,8 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fwav_companion.cli.ending import as_by_ctrl_c
+
 if TYPE_CHECKING:
     from argparse import _SubParsersAction
 
@@ -27,6 +29,11 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Compute, print, draw."""
+    with as_by_ctrl_c():
+        return _repeated(arguments)
+
+
+def _repeated(arguments: argparse.Namespace) -> int:
     from fwav_companion.cli.progress import steps
     from fwav_companion.paper.comparison import RUNS, STEPS, compare
     from fwav_companion.paper.figures import draw_figures

@@ -6,9 +6,11 @@ import argparse
 import json
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
-from fwav_companion.errors import InputFileError, UserError
+from fwav_companion.cli.ending import as_by_ctrl_c
+from fwav_companion.cli.written import is_stdout, written
+from fwav_companion.errors import UserError
 
 if TYPE_CHECKING:
     from argparse import _SubParsersAction
@@ -34,7 +36,7 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
         help="the MAVLink recording, in parts if it has several; or an ArduPilot .bin or a PX4 .ulg log")  # fmt: skip
     add("--detections", metavar="D.jsonl", nargs="+", help="one JSON object a frame; in parts too")
     add("--config", metavar="FILE", help="the configuration, as `init` writes one")
-    add("--out", metavar="T.jsonl", help="where the targets go")
+    add("--out", metavar="T.jsonl", help="where the targets go; - for stdout: all else is then said on stderr")
     add("--truth", metavar="T", help="CSV or JSONL with label and place: adds errors to the summary")
     add("--sightings", action="store_true", help="a line for every detection, used or not")
     add("--set", metavar="KEY=VALUE", action="append", default=[],
@@ -53,10 +55,11 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Read everything, then write line by line."""
-    if arguments.compare:
-        return _compare(arguments)
-    _require(arguments, "telemetry", "detections", "config", "out")
-    return _replay(arguments)
+    with as_by_ctrl_c():
+        if arguments.compare:
+            return _compare(arguments)
+        _require(arguments, "telemetry", "detections", "config", "out")
+        return _replay(arguments)
 
 
 def _require(arguments: argparse.Namespace, *names: str) -> None:
@@ -89,16 +92,20 @@ def _replay(arguments: argparse.Namespace) -> int:
         lines = watched("replay", lines)
         if report is not None:
             lines = report.watched(lines, sightings=arguments.sightings)
-        summary, mistakes = _write_all(Path(arguments.out), lines, given.exports)
+        summary, mistakes = _write_all(arguments.out, lines, given.exports)
         others = []
         if report is not None and not arguments.alone:
             others = other_ways(given.config, lambda name, chosen: watched(name, given.again(chosen)))
+    said = sys.stderr if is_stdout(arguments.out) else sys.stdout
     if report is not None:
         title, notes = _title(Path(arguments.telemetry[0])), given.recording.notes
-        print(report.write(Path(arguments.report), title, given.config, others, given.truth, notes))
+        print(report.write(Path(arguments.report), title, given.config, others, given.truth, notes), file=said)
     for mistake in mistakes:
         print(f"camera mount: {mistake}", file=sys.stderr)
-    _tell(summary, as_json=arguments.json)
+    if not arguments.json:
+        _tell(summary, said)
+    elif not is_stdout(arguments.out):  # there it is the last line already
+        print(json.dumps(summary))
     return 0
 
 
@@ -109,12 +116,13 @@ def _title(telemetry: Path) -> str:
     return telemetry.resolve().parent.name if telemetry.name == TELEMETRY else telemetry.stem
 
 
-def _write_all(out: Path, lines: Iterator[Line], exports: Sequence[Export]) -> tuple[Line, list[str]]:
+def _write_all(out: str, lines: Iterator[Line], exports: Sequence[Export]) -> tuple[Line, list[str]]:
     """The targets file and its exports. The summary, and what self-calibration named as grossly wrong."""
     mistakes: set[str] = set()
     summary = _write(out, _suspected(_exported(lines, exports), mistakes))
     for export in exports:
-        _write_bytes(export.path, export.content())
+        with written(str(export.path)) as file:
+            file.write(export.content())
     return summary, sorted(mistakes)
 
 
@@ -134,36 +142,21 @@ def _suspected(lines: Iterator[Line], mistakes: set[str]) -> Iterator[Line]:
         yield line
 
 
-def _write(path: Path, lines: Iterator[Line]) -> Line:
+def _write(out: str, lines: Iterator[Line]) -> Line:
     """Write all lines; the last one, which is the summary."""
     from fwav_companion.recording.lines import encode_line
 
     last: Line = {}
-    try:
-        with path.open("wb") as file:
-            for last in lines:
-                file.write(encode_line(last))
-    except BrokenPipeError:  # of /dev/stdout: no mistake of anybody's
-        raise
-    except OSError as error:
-        raise InputFileError(f"{path}: {error.strerror}; accepted: a file that can be written") from None
+    with written(out) as file:
+        for last in lines:
+            file.write(encode_line(last))
     return last
 
 
-def _write_bytes(path: Path, content: bytes) -> None:
-    try:
-        path.write_bytes(content)
-    except OSError as error:
-        raise InputFileError(f"{path}: {error.strerror}; accepted: a file that can be written") from None
-
-
-def _tell(summary: Line, *, as_json: bool) -> None:
-    if as_json:
-        print(json.dumps(summary))
-        return
-    print(f"{summary['frames']} frames, {summary['detections']} detections, {summary['fixes']} fixes")
+def _tell(summary: Line, stream: TextIO) -> None:
+    print(f"{summary['frames']} frames, {summary['detections']} detections, {summary['fixes']} fixes", file=stream)
     for reason, count in summary["dropped"].items():
-        print(f"  not used: {count} {reason}")
+        print(f"  not used: {count} {reason}", file=stream)
     for error in summary.get("errors", ()):
         said = f"final {error['final_m']:.3f} m, rms {error['rms_m']:.3f} m" if error["found"] else "not found"
-        print(f"  {error['label'] or 'target'}: {said}")
+        print(f"  {error['label'] or 'target'}: {said}", file=stream)

@@ -18,6 +18,7 @@ from fwav_companion.errors import InputFileError
 from fwav_companion.files.named import load_calibration
 from fwav_companion.files.telemetry import load_telemetry
 from fwav_companion.flow.wiring import own_components
+from fwav_companion.on_disk import whole
 from fwav_companion.recording.lines import Line
 from fwav_companion.recording.truth import parse_truth
 from fwav_companion.replay import join, replay
@@ -54,7 +55,8 @@ def write_report(
     path = out / "report.html"
     crooked = chapter(out, setting.seed, told)
     try:
-        path.write_text(page(story, depths(lines), crooked), encoding="utf-8")
+        with whole(path) as file:
+            file.write(page(story, depths(lines), crooked).encode())
     except OSError as error:
         raise InputFileError(f"{path}: {error.strerror}; accepted: a folder to write to") from None
     return path, crooked.said

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from fwav_companion.errors import UserError
+from fwav_companion.on_disk import whole
 from fwav_companion.paper.comparison import STATED_PX, Comparison, drawn_samples, flapping_pitch
 from fwav_companion.paper.experiment import ONE_MM_PX, TARGET_M, filtered
 
@@ -84,6 +85,7 @@ def _where_the_error_goes(plt: Any, path: Path, comparison: Comparison) -> Path:
 
 
 def _saved(plt: Any, figure: Any, path: Path) -> Path:
-    figure.savefig(path, dpi=110, metadata={"Software": None})
+    with whole(path) as file:
+        figure.savefig(file, format="png", dpi=110, metadata={"Software": None})
     plt.close(figure)
     return path

@@ -1,12 +1,15 @@
 """Replays of damaged, divided and foreign recordings; filters of one's own; exports by the command line."""
 
 import json
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from flying import CAMERA, LINK, Flight, fly
 
+from fwav_companion.cli.main import main
 from fwav_companion.flow.wiring import own_components
 from fwav_companion.replay import read_recording, replay
 from fwav_companion.replay.driver import _drive
@@ -62,14 +65,14 @@ class Site:
     def write(self, name, content):
         (self.folder / name).write_bytes(content if isinstance(content, bytes) else content.encode())
 
-    def replay(self, *words, telemetry=("telemetry.tlog",), detections=("detections.jsonl",)):
+    def replay(self, *words, telemetry=("telemetry.tlog",), detections=("detections.jsonl",), stdout=subprocess.PIPE):
         if "telemetry.tlog" in telemetry:
             self.write("telemetry.tlog", self.telemetry)
         if "detections.jsonl" in detections:
             self.write("detections.jsonl", self.detections)
         command = [sys.executable, "-m", "fwav_companion", "replay", "--telemetry", *telemetry, "--detections"]
         command += [*detections, "--config", "flight.toml", "--out", "targets.jsonl", *words]
-        return subprocess.run(command, capture_output=True, text=True, cwd=self.folder, timeout=60)
+        return subprocess.run(command, stdout=stdout, stderr=subprocess.PIPE, text=True, cwd=self.folder, timeout=60)
 
     def targets(self):
         return (self.folder / "targets.jsonl").read_bytes()
@@ -109,6 +112,69 @@ def test_who_reads_it_may_stop_reading(site):
         assert replayed.stdout.readline().startswith(b'{"type":"header"')
         replayed.stdout.close()
         assert (replayed.stderr.read(), replayed.wait(60)) == (b"", 141)
+
+
+@pytest.mark.parametrize("stdout", ["-", "/dev/stdout"])
+def test_targets_on_stdout_are_alone_there(site, stdout):
+    told = site.replay().stdout
+    to_a_pipe = site.replay("--out", stdout)
+    assert (to_a_pipe.returncode, to_a_pipe.stderr) == (0, told)
+    assert to_a_pipe.stdout.encode() == site.targets()
+    with (site.folder / "file").open("wb") as file:  # which, opened anew, would begin at its first byte again
+        assert site.replay("--out", stdout, "--report", "report", "--alone", stdout=file).returncode == 0
+    assert (site.folder / "file").read_bytes() == site.targets()
+    assert not (site.folder / "-").exists()
+
+
+def test_targets_on_stdout_end_with_the_object_that_json_asks_for(site):
+    told = site.replay("--json")
+    done = site.replay("--json", "--out", "-")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.encode() == site.targets()
+    assert json.loads(done.stdout.splitlines()[-1]) == json.loads(told.stdout)
+
+
+def test_a_file_that_is_called_by_a_dash_is_one(site):
+    told = site.replay().stdout
+    assert site.replay("--out", "./-").stdout == told
+    assert (site.folder / "-").read_bytes() == site.targets()
+
+
+@pytest.mark.timeout(10)
+@pytest.mark.parametrize("option", ["--telemetry", "--detections", "--truth", "--config"])
+@pytest.mark.parametrize(
+    ("kind", "said"),
+    [
+        ("pipe", "Is a pipe, no regular file; "),
+        ("endless", "Is a device, no regular file; "),
+        ("ring", "Too many levels"),
+    ],
+)
+def test_what_never_begins_or_never_ends_is_refused(site, monkeypatch, capsys, option, kind, said):
+    """In this process: an endless one, taken, shall meet the test's limit and not the machine's memory."""
+    monkeypatch.chdir(site.folder)
+    site.write("telemetry.tlog", site.telemetry)
+    site.write("detections.jsonl", site.detections)
+    os.mkfifo("pipe")
+    Path("endless").symlink_to("/dev/zero")
+    Path("ring").symlink_to("ring")
+    words = {"--telemetry": "telemetry.tlog", "--detections": "detections.jsonl", "--config": "flight.toml"}
+    words |= {"--out": "targets.jsonl", option: kind}
+    assert main(["replay", *(word for pair in words.items() for word in pair)]) == 2
+    told = capsys.readouterr().err
+    assert told.startswith(f"fwav-companion: {kind}: {said}")
+    assert "; accepted: " in told
+    assert told.count("\n") == 1
+    assert not Path("targets.jsonl").exists()
+
+
+def test_an_output_in_a_ring_of_links_is_one_line_and_exit_2(site):
+    (site.folder / "ring").symlink_to("ring")
+    done = site.replay("--out", "ring")
+    assert done.returncode == 2
+    assert done.stderr == (
+        "fwav-companion: ring: Too many levels of symbolic links; accepted: a file that can be written\n"
+    )
 
 
 def test_damaged_telemetry_is_told_with_its_place(site):
