@@ -52,8 +52,10 @@ def whole(path: Path, *, synced: bool = False) -> Iterator[BinaryIO]:
             if synced:
                 os.fsync(file.fileno())
         beside.replace(real)
-    except BaseException:  # Ctrl-C too
+    except BaseException as error:  # Ctrl-C too
         beside.unlink(missing_ok=True)
+        if isinstance(error, OSError) and error.filename is None:  # a disk that is full tells no name
+            error.filename = str(path)
         raise
 
 

@@ -8,10 +8,17 @@ import sys
 from pathlib import Path
 
 from sitl_mock import live, recording
-from sitl_mock.arguments import SCENARIOS_TOLD, OneLineParser, add_flight_arguments, options_from, told
+from sitl_mock.arguments import (
+    LONGEST_S,
+    MISTAKES,
+    SCENARIOS_TOLD,
+    OneLineParser,
+    add_flight_arguments,
+    options_from,
+    told,
+)
 from sitl_mock.options import Options
 
-FOREVER_S = 1e8
 RECORDED_S = 60.0
 
 
@@ -19,13 +26,13 @@ def main(arguments: list[str] | None = None) -> int:
     """0 at the end of the flight or when told to stop; 2 for what cannot be understood or opened."""
     chosen = _parser().parse_args(arguments)
     try:
-        options = options_from(chosen, RECORDED_S if chosen.record else FOREVER_S)
+        options = options_from(chosen, RECORDED_S if chosen.record else LONGEST_S)
         if chosen.record:
             recording.record(options, Path(chosen.record))
             print(f"sitl-mock: {options.seconds:g} s of {options.scenario} recorded in {chosen.record}")  # noqa: T201
         else:
             _fly(options, chosen)
-    except (KeyError, ValueError, OSError) as error:
+    except MISTAKES as error:
         print(f"sitl-mock: {told(error)}", file=sys.stderr)  # noqa: T201
         return 2
     return 0

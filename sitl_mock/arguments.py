@@ -5,8 +5,9 @@ from __future__ import annotations
 import argparse
 import ast
 import dataclasses
+import struct
 from functools import reduce
-from math import isfinite
+from math import inf, isfinite
 from typing import Any, NoReturn, get_type_hints
 
 import msgspec
@@ -15,6 +16,10 @@ from sitl_mock.options import Options, TargetOptions
 from sitl_mock.scenarios import SCENARIOS, scenario
 
 TARGET_NUMBERS = ("north", "east", "up", "speed_m_s", "course_deg", "leg_m")
+LONGEST_S = 1e8
+"""Three years: further, clocks in nanoseconds lose their microseconds."""
+MISTAKES = (KeyError, ValueError, OSError, OverflowError, struct.error)
+"""What wrong arguments end in."""
 _WIDTH = max(map(len, SCENARIOS)) + 2
 SCENARIOS_TOLD = "scenarios:\n" + "\n".join(f"  {name:{_WIDTH}}{told}" for name, (told, _) in SCENARIOS.items())
 
@@ -40,8 +45,10 @@ def add_flight_arguments(parser: argparse.ArgumentParser) -> None:
 
 def options_from(chosen: argparse.Namespace, endless_s: float) -> Options:
     """The flight that was asked for. KeyError or ValueError says what cannot be understood."""
-    if not (isfinite(chosen.seconds) and chosen.seconds >= 0.0):
-        raise ValueError(f"--seconds {chosen.seconds:g}: expected a length of time")
+    if not 0.0 <= chosen.seconds <= LONGEST_S:
+        raise ValueError(f"--seconds {chosen.seconds:g}: expected a length of time, at most {LONGEST_S:g}")
+    if chosen.start_ns < 0:
+        raise ValueError(f"--start-ns {chosen.start_ns}: expected an instant of the monotonic clock, from 0")
     options = scenario(chosen.scenario).but({"seed": chosen.seed, "seconds": chosen.seconds or endless_s})
     if chosen.target:
         options = options.but({"targets": tuple(_target(text) for text in chosen.target)})
@@ -51,9 +58,11 @@ def options_from(chosen: argparse.Namespace, endless_s: float) -> Options:
 
 
 def told(error: Exception) -> str:
-    """What a user is told of a KeyError, a ValueError or an OSError."""
+    """What a user is told of a mistake of his."""
+    if isinstance(error, (OverflowError, struct.error)):
+        return f"an option is beyond what can be flown, or said in MAVLink: {error}"
     if isinstance(error, OSError) and error.strerror:
-        return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+        return f"{error.filename or 'output'}: {error.strerror}"
     return str(error.args[0]) if error.args else str(error)
 
 
@@ -73,7 +82,13 @@ def _target(text: str) -> TargetOptions:
     label, *numbers = text.split(",")
     if not 2 <= len(numbers) <= len(TARGET_NUMBERS):
         raise ValueError(f"--target {text!r}: expected LABEL,NORTH,EAST[,UP[,SPEED[,COURSE[,LEG]]]]")
-    return TargetOptions(label=label, **dict(zip(TARGET_NUMBERS, map(float, numbers), strict=False)))
+    try:
+        values = [float(number) for number in numbers]
+    except ValueError:
+        values = [inf]
+    if not all(map(isfinite, values)):
+        raise ValueError(f"--target {text!r}: expected finite numbers behind the label")
+    return TargetOptions(label=label, **dict(zip(TARGET_NUMBERS, values, strict=False)))
 
 
 def _pair(text: str) -> tuple[str, Any]:

@@ -18,7 +18,15 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from sitl_mock.arguments import SCENARIOS_TOLD, OneLineParser, add_flight_arguments, options_from, told
+from sitl_mock.arguments import (
+    LONGEST_S,
+    MISTAKES,
+    SCENARIOS_TOLD,
+    OneLineParser,
+    add_flight_arguments,
+    options_from,
+    told,
+)
 from sitl_mock.simulate import Simulation
 
 if TYPE_CHECKING:
@@ -31,14 +39,13 @@ LATE_S = 0.15
 """A frame that would leave later than this is left out."""
 WRITE_S = 0.1
 """So long may the reader take for one frame; a frame that was begun is always finished or the pipe is closed."""
-RECORDED_S = 1e8
 
 
 def main(arguments: list[str] | None = None) -> int:
     """0 at the end of the flight or when told to stop; 2 for what cannot be understood or opened."""
     chosen = _parser().parse_args(arguments)
     try:
-        simulation = Simulation(options_from(chosen, RECORDED_S), chosen.start_ns or time.monotonic_ns())
+        simulation = Simulation(options_from(chosen, LONGEST_S), chosen.start_ns or time.monotonic_ns())
         from sitl_mock.render import Eye
 
         eye = Eye(simulation)
@@ -46,7 +53,7 @@ def main(arguments: list[str] | None = None) -> int:
             _keep(eye.picture(chosen.frame), Path(chosen.picture))
         else:
             _run(simulation, eye, Path(chosen.pipe), chosen.truth)
-    except (KeyError, ValueError, OSError) as error:
+    except MISTAKES as error:
         print(f"sitl_mock.eye: {told(error)}", file=sys.stderr)  # noqa: T201
         return 2
     return 0

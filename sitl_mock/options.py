@@ -14,6 +14,10 @@ from msgspec import Meta
 
 Triple: TypeAlias = tuple[float, float, float]
 Positive: TypeAlias = Annotated[float, Meta(gt=0.0)]
+MOST_HZ = 10_000.0
+"""Faster than any camera; without a bound a flight of a second need not end."""
+FrameRate: TypeAlias = Annotated[float, Meta(gt=0.0, le=MOST_HZ)]
+TruthRate: TypeAlias = Annotated[float, Meta(ge=0.0, le=MOST_HZ)]
 NotNegative: TypeAlias = Annotated[float, Meta(ge=0.0)]
 Share: TypeAlias = Annotated[float, Meta(ge=0.0, le=1.0)]
 Size: TypeAlias = Annotated[int, Meta(ge=1, le=8192)]
@@ -173,7 +177,7 @@ class CameraOptions:
     mount_deg: Triple = (0.0, -90.0, 0.0)
     """Roll, pitch, yaw of a forward-looking camera: what the companion is told. The true one is turned by the bias."""
     position_m: Triple = (0.0, 0.0, 0.0)
-    fps: Positive = 30.0
+    fps: FrameRate = 30.0
     first_frame_s: float = 0.1
     exposure_s: float = 0.004
     stamp: Literal["row0_mid", "row0_start", "row0_end"] = "row0_mid"
@@ -291,7 +295,7 @@ class Options:
     """The wall clock at the start, in invented time."""
     origin: Triple = (48.1372, 11.5756, 519.0)
     """Latitude, longitude, altitude of the take-off ground: the world's origin."""
-    truth_hz: NotNegative = 0.0
+    truth_hz: TruthRate = 0.0
     """How often the vehicle's true state is told; 0: never."""
     draw_biases: bool = True
     """False: what biases do not name is zero instead of drawn."""

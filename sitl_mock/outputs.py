@@ -11,6 +11,7 @@ from typing import Any, TextIO
 from sitl_mock import truth
 from sitl_mock.camera import FrameTruth, datagram
 from sitl_mock.simulate import Event, Simulation, VehicleTruth
+from sitl_mock.transports import port_from
 
 
 class Detections:
@@ -26,8 +27,8 @@ class Detections:
             if not match:
                 raise ValueError(f"{address!r} is no address for detections: HOST:PORT or unix:PATH")
             family = socket.AF_INET6 if ":" in match[1] else socket.AF_INET
+            self._target = (match[1], port_from(match[2], address))
             self._socket = socket.socket(family, socket.SOCK_DGRAM)
-            self._target = (match[1], int(match[2]))
         self._socket.setblocking(False)
 
     def send(self, frame: dict[str, Any]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -79,10 +80,11 @@ def record(options: Options, folder: Path, rates_hz: dict[str, float] | None = N
     """
     options = options.but({"downlink.byte_by_byte": False, "camera.stamp_clock": "time_unix"})
     folder.mkdir(parents=True, exist_ok=True)
-    with (folder / "telemetry.tlog").open("wb") as tlog:
-        simulation = Recorded(options, tlog)
-        detections = DetectionFile(folder / "detections.jsonl", simulation.unix_minus_host_s)
-        truth_file = TruthFile(folder / "truth.jsonl", simulation)
+    with ExitStack() as opened:
+        simulation = Recorded(options, opened.enter_context((folder / "telemetry.tlog").open("wb")))
+        lines = DetectionFile(folder / "detections.jsonl", simulation.unix_minus_host_s)
+        detections = opened.enter_context(closing(lines))
+        truth_file = opened.enter_context(closing(TruthFile(folder / "truth.jsonl", simulation)))
         for host_ns, what in simulation.drive(StandingPeer(simulation.start_host_ns, rates_hz)):
             if isinstance(what, bytes):
                 simulation.write(what, host_ns)
@@ -90,7 +92,5 @@ def record(options: Options, folder: Path, rates_hz: dict[str, float] | None = N
                 detections.write(what, host_ns)
             else:
                 truth_file.take((host_ns, what))
-    detections.close()
-    truth_file.close()
     (folder / "truth.csv").write_text(truth.csv_text(simulation, options.seconds), encoding="utf-8")
     return simulation

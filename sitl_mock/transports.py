@@ -10,9 +10,11 @@ import socket
 import termios
 import time
 import tty
+from collections.abc import Iterator
 from typing import Any, Protocol
 
 READ_BYTES = 65536
+LARGEST_PORT = 65535
 MAX_PEERS = 8
 """Of a listening socket: the newest push out the oldest."""
 CONNECT_AGAIN_S = 0.5
@@ -43,7 +45,8 @@ class UdpOut:
     def __init__(self, host: str, port: int) -> None:
         self.name = f"udpout:{host}:{port}"
         self._socket = _datagram_socket(host)
-        self._socket.connect((host, port))
+        with _closed_on_failure(self._socket):
+            self._socket.connect((host, port))
 
     def files(self) -> list[Any]:
         """The socket."""
@@ -71,7 +74,8 @@ class UdpIn:
 
     def __init__(self, host: str, port: int) -> None:
         self._socket = _datagram_socket(host)
-        self._socket.bind((host, port))
+        with _closed_on_failure(self._socket):
+            self._socket.bind((host, port))
         self.name = f"udpin:{host}:{self._socket.getsockname()[1]}"
         self._peers: dict[Any, None] = {}
 
@@ -209,8 +213,16 @@ class Serial:
 def open_transport(url: str) -> Transport:
     """udpout: | udpin: | tcpin: | tcpout:HOST:PORT, serial:/dev/NAME, or pty; ``//`` after the colon is allowed.
 
-    Raises ValueError for anything else, OSError where it cannot be opened.
+    Raises ValueError for anything else, OSError, with the URL in it, where it cannot be opened.
     """
+    try:
+        return _opened(url)
+    except (OSError, termios.error) as error:
+        why = os.strerror(error.args[0]) if isinstance(error, termios.error) else error.strerror
+        raise OSError(f"{url}: {why}") from None
+
+
+def _opened(url: str) -> Transport:
     if url == "pty":
         return Serial()
     if serial := re.fullmatch(r"serial:(?://)?(/[^:]+)(?::\d+)?", url):
@@ -218,12 +230,19 @@ def open_transport(url: str) -> Transport:
     match = re.fullmatch(r"(udpout|udpin|tcpin|tcpout):(?://)?\[?(.*?)]?:(\d+)", url)
     if not match:
         raise ValueError(f"{url!r} is no link: udpout|udpin|tcpin|tcpout:HOST:PORT, serial:/dev/NAME, or pty")
-    kind, host, port = match[1], match[2], int(match[3])
+    kind, host, port = match[1], match[2], port_from(match[3], url)
     if kind == "udpout":
         return UdpOut(host, port)
     if kind == "udpin":
         return UdpIn(host, port)
     return Tcp(host, port, listening=kind == "tcpin")
+
+
+def port_from(text: str, address: str) -> int:
+    """Of an address, by its digits. ValueError for what is none."""
+    if int(text) > LARGEST_PORT:
+        raise ValueError(f"{address!r}: {text} is no port: 0 to {LARGEST_PORT}")
+    return int(text)
 
 
 def wait(transport: Transport, timeout_s: float) -> list[bytes]:
@@ -237,6 +256,15 @@ def wait(transport: Transport, timeout_s: float) -> list[bytes]:
 
 def _family(host: str) -> int:
     return socket.AF_INET6 if ":" in host else socket.AF_INET
+
+
+@contextlib.contextmanager
+def _closed_on_failure(one: socket.socket) -> Iterator[None]:
+    try:
+        yield
+    except OSError:
+        one.close()
+        raise
 
 
 def _datagram_socket(host: str) -> socket.socket:

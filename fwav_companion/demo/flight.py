@@ -131,7 +131,9 @@ class Demonstration:
             (self._out / CAMERA_FILE).write_text(camera.read_text(encoding="utf-8"), encoding="utf-8")
             self._make_pipe(self._out / PIPE)
         except OSError as error:
-            raise InputFileError(f"{error.filename}: {error.strerror}; accepted: a folder to write to") from None
+            raise InputFileError(
+                f"{error.filename or self._out}: {error.strerror}; accepted: a folder to write to"
+            ) from None
 
     def _make_pipe(self, path: Path) -> None:
         if path.exists() and not stat.S_ISFIFO(path.stat().st_mode):

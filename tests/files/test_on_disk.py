@@ -105,6 +105,13 @@ def test_what_is_broken_off_leaves_all_as_it_was(tmp_path, before, why):
     assert {each.name: each.read_bytes() for each in tmp_path.iterdir()} == ({} if before is None else {"out": before})
 
 
+def test_a_disk_that_is_full_is_told_by_the_name_of_the_file(tmp_path):
+    full = OSError(28, "No space left on device")
+    with pytest.raises(OSError, match="No space"):
+        broken_off(tmp_path / "out", full)
+    assert full.filename == str(tmp_path / "out")
+
+
 def test_what_is_replaced_keeps_its_links_and_its_permissions(tmp_path):
     (tmp_path / "real").write_bytes(b"old")
     (tmp_path / "real").chmod(0o640)

@@ -122,6 +122,16 @@ WRONG = (
     "--set autopilot.loop_rate_hz=0",
     "--set downlink.loss=2",
     "--set truth_hz=-1",
+    "--set truth_hz=1e300",
+    "--set camera.fps=1e308",
+    "--seconds 1e308",
+    "--start-ns -5",
+    "--target pad,nan,0",
+    "--target pad,x,0",
+    "--connect udpout:127.0.0.1:99999",
+    "--connect udpin:192.0.2.1:14540",
+    "--connect serial:/dev/null",
+    "--detections 127.0.0.1:99999",
 )
 
 
@@ -137,6 +147,14 @@ def test_what_cannot_be_understood_is_one_line_and_exit_2(words, capsys):
     assert said.startswith("sitl-mock: ")
     option, _, value = words.partition(" ")
     assert value.partition("=")[0] in said or option in said
+
+
+@pytest.mark.parametrize("words", ["flight.height_m=1e308", "camera.readout_s=1e300", "origin=(1e9,2e9,0)"])
+def test_what_no_message_can_carry_is_one_line_and_exit_2(words, capsys, tmp_path):
+    assert main(["--record", str(tmp_path), "--seconds", "1", "--set", words]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("sitl-mock: an option is beyond what can be flown, or said in MAVLink: ")
+    assert said.count("\n") == 1
 
 
 def test_help_lists_the_scenarios():
