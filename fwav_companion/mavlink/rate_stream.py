@@ -29,7 +29,7 @@ class StreamState(StrEnum):
 
 
 class Stream:
-    """The state of one wanted message. :class:`~fwav_companion.mavlink.rates.Rates` does the speaking."""
+    """The state of one wanted message. :mod:`~fwav_companion.mavlink.rate_questions` does the speaking."""
 
     __slots__ = (
         "_asked_ns",

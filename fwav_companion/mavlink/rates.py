@@ -11,37 +11,22 @@ from collections.abc import Mapping
 from math import isfinite
 from typing import Any
 
-import msgspec
-
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs
-from fwav_companion.mavlink import enums
-from fwav_companion.mavlink.asking import ask, command
 from fwav_companion.mavlink.attitude_sharing import AttitudeSharing
 from fwav_companion.mavlink.inquiries import Inquiries
+from fwav_companion.mavlink.rate_questions import RateQuestions
 from fwav_companion.mavlink.rate_stream import Stream, StreamState
 from fwav_companion.mavlink.rate_takers import RateTakers
-from fwav_companion.mavlink.wanted import DATA_STREAMS, MESSAGE_IDS, ONLY_PX4
+from fwav_companion.mavlink.wanted import MESSAGE_IDS, ONLY_PX4
 from fwav_companion.nouns.messages import Message, Notice, Outgoing, Severity
 from fwav_companion.nouns.situation import Autopilot, AutopilotKind
 
 CHECK_NS = NS_PER_S
-ACK_TIMEOUT_NS = 700 * NS_PER_MS
-MAX_TRIES = 4
 SILENT_NS = 600 * NS_PER_MS
 """A window is told to have fallen when 0.6 s of it are missing. Nothing at all for so long, when rates that were taken
 leave at least a few messages a second: then it is the link that fell, and nobody took them."""
 PASSED_PAUSE_NS = NS_PER_S // 2
 MAX_NOTICES = 32
-MAX_STREAM_RATE = 0xFFFF
-
-
-class _Question(msgspec.Struct):
-    """The one SET_MESSAGE_INTERVAL in flight: an acknowledgement does not say which message it is about."""
-
-    stream: Stream
-    interval_us: int
-    tries: int
-    deadline_ns: HostNs
 
 
 class Rates:
@@ -50,15 +35,11 @@ class Rates:
     def __init__(self, wanted: Mapping[str, float], *, attitude_message: str = "auto", component: int = 191):
         self._wanted = {name: hz for name, hz in wanted.items() if name in MESSAGE_IDS and isfinite(hz) and hz > 0.0}
         self._attitudes = AttitudeSharing(attitude_message, self.wanted_attitude_hz)
-        self._component = component
         self._autopilot: Autopilot | None = None
         self._streams: dict[str, Stream] = {}
-        self._question: _Question | None = None
         self._now = self._heard_ns = HostNs(0)
         self._check_ns = HostNs(0)
-        self._command_unknown = False
-        self._command_known = False
-        self._streams_asked_ns: dict[int, HostNs] = {}
+        self._questions = RateQuestions(component)
         self._inquiries = Inquiries(component)
         self._takers = RateTakers()
         self._notices: deque[Notice] = deque(maxlen=MAX_NOTICES)
@@ -122,14 +103,13 @@ class Rates:
 
     def on_wake(self, now: HostNs) -> list[Outgoing]:
         """What is to be asked now."""
-        autopilot = self._autopilot
-        if autopilot is None:
+        if self._autopilot is None:
             return []
         self._now = now
         if now >= self._check_ns:
             self._check_ns = HostNs(now + CHECK_NS)
             self._check(now)
-        asked = [*self._ask(autopilot, now), *self._inquiries.on_wake(now)]
+        asked = [*self._questions.on_wake(now), *self._inquiries.on_wake(now)]
         self.wake_at = self._next_due()
         return asked
 
@@ -149,24 +129,16 @@ class Rates:
             stream.want(self._wanted[stream.name], now)
             stream.meter.forget(now)
         self._attitudes.begin(self._streams)
-        self._question = None
-        self._command_unknown = self._command_known = False
-        self._streams_asked_ns.clear()
         self._check_ns = HostNs(now + CHECK_NS)
         if self._autopilot is not None:
+            self._questions.begin(self._autopilot, self._streams)
             self._inquiries.begin(self._autopilot, now)
             self.wake_at = self._next_due()
 
     def _next_due(self) -> HostNs:
         """Worked out when it changes: it is asked for with every message that comes."""
-        due = [self._check_ns]
-        if self._inquiries.wake_at is not None:
-            due.append(self._inquiries.wake_at)
-        if self._question is not None:
-            due.append(self._question.deadline_ns)
-        else:
-            due.extend(stream.next_ask_ns for stream in self._streams.values() if stream.next_ask_ns is not None)
-        return max(min(due), self._now)
+        due = (self._check_ns, self._inquiries.wake_at, self._questions.wake_at)
+        return max(min(when for when in due if when is not None), self._now)
 
     def _check(self, now: HostNs) -> None:
         """Measure, and draw the consequences."""
@@ -187,52 +159,14 @@ class Rates:
             f" (undone by: {stream.undone_by}): asked again",
         )
 
-    def _ask(self, autopilot: Autopilot, now: HostNs) -> list[Outgoing]:
-        """Repeat the question in flight if its answer is overdue, or put the next one."""
-        if self._question is not None:
-            return self._repeat(autopilot, self._question, now)
-        for stream in self._streams.values():
-            if stream.next_ask_ns is not None and stream.next_ask_ns <= now:
-                stream.asked(now)
-                if self._command_unknown:
-                    return self._ask_by_data_stream(autopilot, stream, now)
-                question = _Question(stream, stream.interval_us, 1, HostNs(now + ACK_TIMEOUT_NS))
-                self._question = question
-                return [self._set_message_interval(autopilot, question)]
-        return []
-
-    def _repeat(self, autopilot: Autopilot, question: _Question, now: HostNs) -> list[Outgoing]:
-        if now < question.deadline_ns:
-            return []
-        if question.tries < MAX_TRIES:
-            question.tries += 1
-            question.deadline_ns = HostNs(now + ACK_TIMEOUT_NS)
-            return [self._set_message_interval(autopilot, question)]
-        self._question = None
-        if question.stream.state is not StreamState.HELD_BACK:
-            question.stream.state = StreamState.UNANSWERED
-            question.stream.wait(now)
-        return self._ask(autopilot, now)
-
     def _on_ack(self, message: Message, now: HostNs) -> None:
-        ack, question = message.fields, self._question
-        if ack.command != enums.MAV_CMD_SET_MESSAGE_INTERVAL or question is None or not self._is_for_us(ack):
+        answer = self._questions.on_ack(message, now)
+        if answer is None:
             return
-        if ack.result == enums.MAV_RESULT_IN_PROGRESS:
-            return
-        self._question = None
-        stream = question.stream
-        if stream.state is StreamState.HELD_BACK:
-            return
-        accepted = ack.result == enums.MAV_RESULT_ACCEPTED
-        self._command_known |= accepted
-        if ack.result == enums.MAV_RESULT_UNSUPPORTED and not self._command_known:
+        if answer.command_unknown:
             self._fall_back(now)
-        elif ack.result == enums.MAV_RESULT_TEMPORARILY_REJECTED:
-            stream.wait(now)
         else:
-            stream.on_result(accepted, now)
-            self._tell_outcome(stream)
+            self._tell_outcome(answer.stream)
 
     def _tell_outcome(self, stream: Stream) -> None:
         if stream.state is StreamState.DENIED:
@@ -246,44 +180,14 @@ class Rates:
 
     def _fall_back(self, now: HostNs) -> None:
         """The command itself is unknown over there: REQUEST_DATA_STREAM is what is left."""
-        self._command_unknown = True
         self._tell(Severity.INFO, "the autopilot does not know SET_MESSAGE_INTERVAL: asking by REQUEST_DATA_STREAM")
         for stream in self._streams.values():
             stream.want(self._wanted[stream.name], now)
         self._attitudes.fall_back(self._streams)
 
-    def _ask_by_data_stream(self, autopilot: Autopilot, stream: Stream, now: HostNs) -> list[Outgoing]:
-        """No acknowledgement follows: the measuring decides when to ask again."""
-        stream.on_result(accepted=True, now=now)
-        number = DATA_STREAMS.get(stream.name, enums.MAV_DATA_STREAM_EXTRA3)
-        asked_ns = self._streams_asked_ns.get(number)
-        if asked_ns is not None and now < asked_ns + CHECK_NS:
-            return self._ask(autopilot, now)
-        self._streams_asked_ns[number] = now
-        members = [one for one in self._streams.values() if DATA_STREAMS.get(one.name, number) == number]
-        rate_hz = max(one.wanted_hz for one in members if one.state is not StreamState.HELD_BACK)
-        rate = min(round(rate_hz) or 1, MAX_STREAM_RATE)
-        fields = {"req_stream_id": number, "req_message_rate": rate, "start_stop": 1}
-        return [ask(autopilot, self._component, "REQUEST_DATA_STREAM", fields)]
-
-    def _set_message_interval(self, autopilot: Autopilot, question: _Question) -> Outgoing:
-        return command(
-            autopilot,
-            self._component,
-            enums.MAV_CMD_SET_MESSAGE_INTERVAL,
-            MESSAGE_IDS[question.stream.name],
-            question.interval_us,
-            confirmation=question.tries - 1,
-        )
-
     def _is_from_autopilot(self, message: Message) -> bool:
         autopilot = self._autopilot
         return autopilot is not None and message.system == autopilot.system and message.component == autopilot.component
-
-    def _is_for_us(self, ack: Any) -> bool:
-        """By the extension fields, which older autopilots leave 0."""
-        system = self._autopilot.system if self._autopilot is not None else 0
-        return ack.target_system in {0, system} and ack.target_component in {0, self._component}
 
     def _tell(self, severity: Severity, text: str) -> None:
         self._notices.append(Notice(severity, text))
