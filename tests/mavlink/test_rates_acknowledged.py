@@ -49,6 +49,17 @@ def test_data_streams_are_requested_only_where_the_command_itself_is_unknown():
     assert not [out for _, out in modern.sent if out.name == "REQUEST_DATA_STREAM"]
 
 
+def test_one_request_serves_all_messages_of_its_data_stream():
+    """PX4's profile wants both positions, which are one stream."""
+    them = peer(kind=AutopilotKind.PX4)
+    them.result = mavlink.MAV_RESULT_UNSUPPORTED
+    them.start().run(2)
+    streams = [out.fields["req_stream_id"] for _, out in them.sent if out.name == "REQUEST_DATA_STREAM"]
+    assert streams.count(mavlink.MAV_DATA_STREAM_POSITION) == 1
+    for name in ("GLOBAL_POSITION_INT", "LOCAL_POSITION_NED"):
+        assert status(them, name)["state"] == "granted"
+
+
 def test_unsupported_for_one_message_is_a_refusal_where_others_were_accepted():
     them = peer()
     grant = them.grant
