@@ -97,7 +97,10 @@ def _spare_what_is_read(arguments: argparse.Namespace, config: Config) -> None:
 def _is_same(one: Path, other: Path) -> bool:
     if realpath(one) == realpath(other):
         return True
-    return one.is_file() and other.is_file() and one.samefile(other)
+    try:
+        return one.is_file() and other.is_file() and one.samefile(other)
+    except OSError:  # a name that is too long is nobody's
+        return False
 
 
 def _recording(arguments: argparse.Namespace, config: Config) -> Recording:

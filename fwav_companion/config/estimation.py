@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from math import radians, sqrt
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeAlias
 
 from msgspec import Meta
 
 from fwav_companion.config.inputs import NotNegative, Positive, Section
 from fwav_companion.nouns import BIAS_COUNT, Bias, ErrorPriors
+
+SigmaDeg: TypeAlias = Annotated[float, Meta(ge=0, le=180)]
+SigmaM: TypeAlias = Annotated[float, Meta(ge=0, le=10_000)]
+SigmaPx: TypeAlias = Annotated[float, Meta(gt=0, le=10_000)]
+"""Up to where nothing at all is known. From 1e9 beside centimetres, a covariance is no longer one in 64-bit floats."""
 
 READOUT_SIGMA_UNKNOWN_S = 1.0 / 30.0 / sqrt(12.0)
 """One sigma of an unknown readout until frames tell their interval: uniform over [0, interval] at 30 frames/s, the
@@ -33,29 +38,29 @@ class Ground(Section, frozen=True):
 class Uncertainty(Section, frozen=True):
     """[uncertainty]: one sigma each. Noise is fresh in every sample, a bias the same through a flight."""
 
-    pixel_noise_px: Positive = 4.0
+    pixel_noise_px: SigmaPx = 4.0
     """Where a detection brings none, pixels."""
-    attitude_noise_deg: NotNegative = 0.1
+    attitude_noise_deg: SigmaDeg = 0.1
     """Roll, pitch and yaw, degrees."""
-    attitude_bias_deg: NotNegative = 0.5
+    attitude_bias_deg: SigmaDeg = 0.5
     """Roll and pitch, degrees."""
-    heading_bias_deg: NotNegative = 2.0
+    heading_bias_deg: SigmaDeg = 2.0
     """Degrees."""
-    position_noise_m: NotNegative = 0.1
+    position_noise_m: SigmaM = 0.1
     """Horizontal, metres an axis."""
-    position_bias_m: NotNegative = 1.0
+    position_bias_m: SigmaM = 1.0
     """Horizontal, metres an axis; wanders with position_bias_time_s."""
     position_bias_time_s: Positive = 60.0
     """Time constant of that wandering, seconds."""
-    height_noise_m: NotNegative = 0.3
+    height_noise_m: SigmaM = 0.3
     """Metres."""
-    height_bias_m: NotNegative = 0.5
+    height_bias_m: SigmaM = 0.5
     """Metres."""
-    terrain_m: NotNegative = 4.0
+    terrain_m: SigmaM = 4.0
     """Of the elevation model, metres."""
-    mount_bias_deg: NotNegative = 1.0
+    mount_bias_deg: SigmaDeg = 1.0
     """About each body axis, degrees."""
-    time_offset_sigma_s: NotNegative = 0.01
+    time_offset_sigma_s: Annotated[float, Meta(ge=0, le=10)] = 0.01
     """Of [camera] time_offset_s, seconds."""
     attitude_stamp_delay_s: Literal["auto"] | Annotated[float, Meta(ge=0, le=1)] = "auto"
     """An attitude is up to this older than its stamp, uniformly, seconds; ``auto`` by the autopilot's loop rate."""

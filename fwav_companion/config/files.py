@@ -23,7 +23,7 @@ def load(path: str | Path, overrides: Iterable[str] = ()) -> Config:
             data = file.read(LARGEST_FILE_BYTES + 1)
         if len(data) > LARGEST_FILE_BYTES:
             raise ConfigError(f"{path}: longer than {LARGEST_FILE_BYTES} bytes; accepted: a configuration in TOML")
-        text = data.decode()
+        text = data.decode().removeprefix("\ufeff")  # an editor's; it would be part of the first line
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror}; accepted: a configuration, as `init` writes one") from None
     except UnicodeDecodeError as error:

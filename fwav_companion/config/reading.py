@@ -21,6 +21,9 @@ from fwav_companion.errors import ConfigError
 
 Tree = dict[str, Any]
 
+LARGEST_NUMBER = 1e9
+"""Of whatever unit: nothing about a vehicle is larger, and a fourth power of it is a number still."""
+
 
 def parse(text: str, name: str, overrides: Iterable[str] = ()) -> Config:
     """The configuration in ``text`` of the file ``name``, with ``KEY=VALUE`` settings laid over it. ConfigError."""
@@ -116,8 +119,8 @@ def _value_errors(value: object, hint: Any, path: KeyPath) -> Iterator[Complaint
 
 
 def _leaf_errors(value: object, hint: Any, path: KeyPath) -> Iterator[Complaint]:
-    if not _is_finite(value):
-        yield path, f"not finite; accepted: {accepted_text(hint)}"
+    if why := _why_no_key_takes(value):
+        yield path, f"{why}; accepted: {accepted_text(hint)}"
         return
     try:
         msgspec.convert(value, hint)
@@ -125,9 +128,13 @@ def _leaf_errors(value: object, hint: Any, path: KeyPath) -> Iterator[Complaint]
         yield path, f"accepted: {accepted_text(hint)}"
 
 
-def _is_finite(value: object) -> bool:
-    if isinstance(value, float):
-        return math.isfinite(value)
-    if isinstance(value, list):
-        return all(map(_is_finite, value))
-    return all(map(_is_finite, value.values())) if isinstance(value, dict) else True
+def _why_no_key_takes(value: object) -> str:
+    """Why not, whatever its type asks; "" where nothing of this kind is wrong."""
+    if isinstance(value, float) and not math.isfinite(value):
+        return "not finite"
+    if isinstance(value, int | float) and abs(value) > LARGEST_NUMBER:
+        return f"beyond {LARGEST_NUMBER:g}"
+    if isinstance(value, str) and "\0" in value:
+        return "a zero byte in it"
+    inside = value if isinstance(value, list) else value.values() if isinstance(value, dict) else ()
+    return next(filter(None, map(_why_no_key_takes, inside)), "")

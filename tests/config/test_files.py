@@ -34,6 +34,12 @@ def test_a_file_that_is_none(tmp_path: Path, data: bytes | None, expected: str):
     assert str(caught.value) == f"{path}: {expected}"
 
 
+def test_an_editors_byte_order_mark_and_line_ends_are_no_part_of_it(tmp_path: Path):
+    path = tmp_path / "f.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + RELAY.replace("\n", "\r\n").encode())
+    assert load(path).detections.url == ""
+
+
 def test_a_folder_is_no_file(tmp_path: Path):
     with pytest.raises(ConfigError, match="Is a directory"):
         load(tmp_path)

@@ -53,6 +53,13 @@ FAULTS = {
     "a date is no text": ("[record]\ndirectory = 2026-01-01\n", "[record] directory = datetime.date(2026, 1, 1): accepted: a text"),
     "range": ("[vehicle]\ncomponent_id = 1\n", "[vehicle] component_id = 1: accepted: an integer from 2 to 255"),
     "not finite": ("[ground]\nheight_m = nan\n", "[ground] height_m = nan: not finite; accepted: a number, above 0"),
+    "beyond all": ("[ground]\nheight_m = 1e200\n", "[ground] height_m = 1e+200: beyond 1e+09; accepted: a number, above 0"),
+    "of many digits": (f"[ground]\nheight_m = 1{'0' * 400}\n", f"[ground] height_m = 1{'0' * 76}...: beyond 1e+09; accepted: a number, above 0"),
+    "a zero byte": ('[camera]\ncalibration = "a\\u0000b"\n', "[camera] calibration = \"a?b\": a zero byte in it; accepted: a text"),
+    "nothing known": (
+        "[uncertainty]\nheight_noise_m = 1e6\n",
+        "[uncertainty] height_noise_m = 1000000.0: accepted: a number from 0 to 10000",
+    ),
     "infinite in a list": ("[camera.mount]\nposition_m = [0, 0, inf]\n", "[camera.mount] position_m = [0, 0, inf]: not finite; accepted: a list of 3: each a number"),
     "too short": ("[camera.mount]\nposition_m = [0, 0]\n", "[camera.mount] position_m = [0, 0]: accepted: a list of 3: each a number"),
     "number or word": ('[camera]\nreadout_s = "fast"\n', '[camera] readout_s = "fast": accepted: "unknown" | a number from -1 to 1'),
