@@ -92,6 +92,6 @@ class Reason(StrEnum):
     AUTOPILOT_REBOOTED = "autopilot_rebooted"
     """The autopilot restarted: its clock and frame are new."""
     REPLACED = "replaced"
-    """Two tracks turned out to be one target; the younger one ended."""
+    """Two tracks turned out to be one target; the one that was confirmed later ended."""
     TOO_MANY_TRACKS = "too_many_tracks"
     """The table of tracks was full; the least certain one ended."""

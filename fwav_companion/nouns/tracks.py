@@ -46,6 +46,8 @@ class Track(msgspec.Struct, frozen=True, kw_only=True):
     """Of DROPPED."""
     replaced_by: int | None = None
     """The track that is the same target; of one that ended as REPLACED."""
+    replaces: tuple[int, ...] = ()
+    """Ended tracks that turned out to be this one: the last few, as long as it lives."""
     host_ns: HostNs
     """Capture of the frame's row 0."""
     boot_ns: BootNs

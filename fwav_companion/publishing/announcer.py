@@ -9,6 +9,7 @@ from fwav_companion.nouns.tracks import Track, TrackState
 from fwav_companion.publishing import enums
 from fwav_companion.publishing.moment import target_now
 from fwav_companion.publishing.options import PublishOptions
+from fwav_companion.publishing.selection import heir
 from fwav_companion.publishing.statustext import statustexts
 
 BURST = 4
@@ -37,20 +38,22 @@ class Announcer:
         self._said_ns: dict[str, HostNs] = {}
 
     def on_tracks(self, tracks: tuple[Track, ...], situation: Situation) -> list[Outgoing]:
-        """Tell of every track that is newly believed, and of every believed one that ended."""
+        """Tell of every track that is newly believed, and of every believed one that ended, or proved to be another."""
         texts = []
-        for track in tracks:
+        live = {track.id: track for track in tracks if track.state is not TrackState.DROPPED}
+        for track in live.values():
             if track.state is TrackState.CONFIRMED:
                 if track.id not in self._found:
                     texts.append(_sentence("found", track, situation))
                 self._found[track.id] = track
-            elif track.state is TrackState.DROPPED and self._found.pop(track.id, None) is not None:
-                texts.append(_sentence("lost", track, situation))
-        live = {track.id for track in tracks}
-        gone = [track for number, track in self._found.items() if number not in live]
-        for track in gone:
-            del self._found[track.id]
-            texts.append(_sentence("lost", track, situation))
+        dropped = {track.id: track for track in tracks if track.state is TrackState.DROPPED}
+        for number in [number for number in self._found if number not in live]:
+            known = self._found.pop(number)
+            same = heir(number, live.values())
+            if same is None:
+                texts.append(_sentence("lost", dropped.get(number, known), situation))
+            else:
+                texts.append(_sentence(f"{_name(known)} is", live[same], situation))
         return [out for text in texts for out in self._say(text, enums.MAV_SEVERITY_NOTICE, situation.now_ns)]
 
     def on_notice(self, notice: Notice, now: HostNs) -> list[Outgoing]:
@@ -88,7 +91,6 @@ class Announcer:
 def _sentence(what: str, track: Track, situation: Situation) -> str:
     """As ``found person 3: 47.397742, 8.545594 +-0.8 m``: six decimals are 0.1 m, one sigma of the larger axis."""
     target = target_now(track, situation)
-    name = f"{track.label or 'target'} {track.id}"
     accuracy = f"+-{target.horizontal_sigma_m:.1f} m"
     if target.place is not None:
         where = f"{target.place.lat_deg:.6f}, {target.place.lon_deg:.6f} {accuracy}"
@@ -96,7 +98,11 @@ def _sentence(what: str, track: Track, situation: Situation) -> str:
         north, east, _ = target.position_ned
         where = f"{_offset(north, 'N', 'S')} {_offset(east, 'E', 'W')} of vehicle {accuracy}"
     reason = f" ({track.reason})" if track.reason is not None else ""
-    return f"{what} {name}: {where}{reason}"
+    return f"{what} {_name(track)}: {where}{reason}"
+
+
+def _name(track: Track) -> str:
+    return f"{track.label or 'target'} {track.id}"
 
 
 def _offset(metres: float, positive: str, negative: str) -> str:

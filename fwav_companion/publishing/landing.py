@@ -26,7 +26,7 @@ from fwav_companion.nouns.tracks import Track, TrackState
 from fwav_companion.publishing import enums
 from fwav_companion.publishing.moment import larger_sigma
 from fwav_companion.publishing.options import PublishOptions
-from fwav_companion.publishing.selection import seniority
+from fwav_companion.publishing.selection import heir, seniority
 
 StateAt: TypeAlias = Callable[[BootNs], VehicleState | Unpaired]
 """The vehicle at an instant of the autopilot's clock, or why it is not known."""
@@ -124,9 +124,11 @@ class Landing:
         )
 
     def _choose(self, tracks: Iterable[Track]) -> Track | None:
-        """The chosen track as it stands now; a new choice only once the old one is dropped or gone."""
+        """The chosen track as it stands now, or what it turned out to be; a new choice only once it is gone."""
         live = {track.id: track for track in tracks if track.state is not TrackState.DROPPED}
-        if self._target not in live:
+        if self._target is not None and self._target not in live:
+            self._target = heir(self._target, live.values())
+        if self._target is None:
             confirmed = [
                 track
                 for track in live.values()

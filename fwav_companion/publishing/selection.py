@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from fwav_companion.nouns.tracks import Track, TrackState
 from fwav_companion.publishing.options import PublishOptions
 
@@ -42,8 +44,7 @@ class Selection:
         """Take the tracks as they stand after a frame."""
         self._believed = {track.id: track for track in tracks if track.state in BELIEVED}
         if self._clicked is not None and self._clicked not in self._believed:
-            ended = next((track for track in tracks if track.id == self._clicked), None)
-            self._clicked = self._heir(ended)
+            self._clicked = heir(self._clicked, self._believed.values())
 
     def click(self, track_id: int) -> None:
         """The operator chose this track."""
@@ -53,10 +54,10 @@ class Selection:
         """The operator wants none, until the next click."""
         self._clicked, self._stopped = None, True
 
-    def _heir(self, ended: Track | None) -> int | None:
-        """The track that turned out to be the same target, where it goes on."""
-        heir = None if ended is None else ended.replaced_by
-        return heir if heir in self._believed else None
+
+def heir(ended: int, tracks: Iterable[Track]) -> int | None:
+    """The track that an ended one turned out to be; None where it is just gone."""
+    return next((track.id for track in tracks if ended in track.replaces), None)
 
 
 def seniority(track: Track) -> tuple[int, int]:

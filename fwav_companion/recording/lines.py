@@ -71,6 +71,8 @@ def target_line(track: Track, plane: TangentPlane | None, unix_offset_ns: int) -
     }
     if track.reason is not None:
         line["reason"] = track.reason.value
+    if track.replaced_by is not None:
+        line["replaced_by"] = track.replaced_by
     line |= {
         "north": north,
         "east": east,

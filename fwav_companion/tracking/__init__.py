@@ -1,9 +1,8 @@
 """From ground fixes to targets: filters, association, the life of a track, late frames put back in their place.
 
 Pure: frames come in with their own capture times, tracks go out. Reading order: ``options``, ``base``, ``estimate``,
-``kalman``, ``lowpass``, ``moving``; ``association``, ``lifecycle``, ``alive``, ``tracker``, ``making``, ``reorder``;
-and for self-calibration ``rays``, ``course``, ``turning``, ``joint``, ``fit``, ``search``, ``passes``, ``answer``,
-``loosening``, ``verdict``, ``sights``, ``mistakes``, ``calibrator``.
+``kalman``, ``lowpass``, ``moving``; ``association``, ``lifecycle``, ``alive``, ``doubles``, ``tracker``, ``making``,
+``reorder``; and for self-calibration the folder ``calibration``.
 """
 
 from fwav_companion.tracking.calibration.loosening import Loosening

@@ -10,6 +10,9 @@ from fwav_companion.nouns import GroundFix, Innovation, Reason, Track
 from fwav_companion.tracking.base import Belief
 from fwav_companion.tracking.lifecycle import Life, born, ended, seen
 
+MOST_REPLACED = 16
+"""Of the ended tracks that a live one turned out to be, the last are remembered."""
+
 
 class Alive(msgspec.Struct, frozen=True):
     """One live track. Immutable."""
@@ -29,21 +32,27 @@ class Alive(msgspec.Struct, frozen=True):
     innovation: Innovation | None = None
     """Of the newest frame's fix, where it is asked for."""
     replaced_by: int | None = None
+    """The senior track that is the same target."""
+    replaces: tuple[int, ...] = ()
+    """Ended tracks that turned out to be this one."""
 
     def seen_in(self, host_ns: HostNs, fix: GroundFix, likelier: float) -> Alive:
         """After a frame that saw it, by a fix so much likelier its own than a false one (a logarithm)."""
         detection = fix.sighting.detection
         detector_id = detection.detector_id if detection.detector_id is not None else self.detector_id
         life = seen(self.life, host_ns, likelier)
-        return _by_fix(self.id, self.label, self.belief.updated(fix), life, detector_id, fix)
+        after = _by_fix(self.id, self.label, self.belief.updated(fix), life, detector_id, fix)
+        return msgspec.structs.replace(after, replaces=self.replaces) if self.replaces else after
 
     def ended(self, reason: Reason) -> Alive:
         """Dropped for a reason from outside."""
         return msgspec.structs.replace(self, life=ended(self.life, reason))
 
-    def replaced(self, by: int | None) -> Alive:
-        """Dropped as one target with this track; None: it goes on."""
-        return self if by is None else msgspec.structs.replace(self.ended(Reason.REPLACED), replaced_by=by)
+    def replacing(self, junior: Alive) -> tuple[Alive, Alive]:
+        """With a junior that turned out to be the same target; and that one, ended."""
+        replaces = (*self.replaces, *junior.replaces, junior.id)[-MOST_REPLACED:]
+        ended = msgspec.structs.replace(junior.ended(Reason.REPLACED), replaced_by=self.id)
+        return msgspec.structs.replace(self, replaces=replaces), ended
 
     def told(self, belief: Belief, frame: int, host_ns: HostNs, boot_ns: BootNs) -> Track:
         """After this frame, by a belief that may be another than its own filter's."""
@@ -54,6 +63,7 @@ class Alive(msgspec.Struct, frozen=True):
             state=life.state,
             reason=life.reason,
             replaced_by=self.replaced_by,
+            replaces=self.replaces,
             host_ns=host_ns,
             boot_ns=boot_ns,
             frame=frame,

@@ -1,64 +1,108 @@
-"""Two tracks of one target: no frame sees both, and whatever one of them takes might as well be the other's.
+"""Two tracks of one target: they take its fixes in turns, and no frame sees both.
 
-They come of the first seconds, when gates are wide, and share the target's fixes from then on: each takes those nearer
-to itself, so that their estimates lie apart for good, farther than their claims allow, and no distance tells that they
-are one. That no frame sees both does. It is weighed in looking time, as not being seen at all is (``lifecycle``).
+They come of the first seconds, when gates are wide. From then on each takes the fixes that lie nearer to itself, so
+that their estimates stay apart for good, farther than their claims allow, and no distance tells that they are one. That
+they take turns does, fast ones: of two targets that a detector misses now and then, some frame shows both, and one that
+hides is missed for longer.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import msgspec
 
-from fwav_companion.geometry.stamps import NS_PER_MS
 from fwav_companion.nouns import GroundFix, TrackState
 from fwav_companion.tracking.alive import Alive
 from fwav_companion.tracking.base import Belief
 from fwav_companion.tracking.gates import GATE
 from fwav_companion.tracking.lifecycle import GIVE_UP_NS
 
-LOOK_NS = 100 * NS_PER_MS
-"""What one look counts at most: so it takes 30 of them. Of two targets that a poor detector sees in every other frame,
-30 looks in a row that saw one saw but one once in 200 000 times."""
+TURNS = 60
+"""Looks that saw one of the two, since one that saw both. By a detector that misses seven sights in ten, every sixth
+look that shows one shows both: 60 pass without once in 100 000 times."""
+FAST = 3
+"""Looks in a row: a turn that has lasted for longer speaks against turns. Who is missed then hides, or left."""
+
+
+class Turns(msgspec.Struct, frozen=True, gc=False):
+    """Since a frame saw both of two tracks: looks that saw one, by a fix that might have been the other's."""
+
+    count: int = 0
+    """Of those in fast turns, less those in slow ones."""
+    looked_ns: int = 0
+    """Looking time of those in fast turns."""
+
+    def with_look(self, looked_ns: int, *, fast: bool) -> Turns:
+        """One more. Slow turns that outweigh the fast ones leave nothing of them."""
+        if fast:
+            return Turns(self.count + 1, self.looked_ns + looked_ns)
+        return Turns(self.count - 1, self.looked_ns) if self.count > 1 else Turns()
+
+    @property
+    def are_one(self) -> bool:
+        """They took turns as often as two targets never do, and for as long as it takes to give up a target."""
+        return self.count >= TURNS and self.looked_ns >= GIVE_UP_NS
 
 
 class Doubles(msgspec.Struct, frozen=True):
-    """Pairs of believed tracks that may be one. Immutable."""
+    """Pairs of believed tracks that take turns. Immutable."""
 
-    shared_ns: dict[tuple[int, int], int] = {}
-    """By the ids of older and younger: looking time since a frame saw both, in which a fix of one might have been the
-    other's."""
+    pairs: dict[tuple[int, int], Turns] = {}
+    """By the ids of senior and junior."""
 
     def seen(self, before: Iterable[Alive], after: Sequence[Alive], belief_of: Callable[[Alive], Belief]) -> Doubles:
         """After a frame: the same tracks ``before`` and ``after`` it."""
         found = {track.id for track in after if track.fix is not None}
         living = {track.id for track in after if track.life.state is not TrackState.DROPPED}
-        shared_ns = {
-            pair: ns for pair, ns in self.shared_ns.items() if not found.issuperset(pair) and living.issuperset(pair)
+        pairs = {
+            pair: turns for pair, turns in self.pairs.items() if living.issuperset(pair) and not found.issuperset(pair)
         }
-        for old, track in zip(before, after, strict=True):
-            looked_ns = track.life.missing_ns - old.life.missing_ns
-            if looked_ns <= 0 or not _is_believed(track):
-                continue
-            for other in _taken_by(after, track, belief_of(track)):
-                pair = (min(track.id, other.id), max(track.id, other.id))
-                shared_ns[pair] = shared_ns.get(pair, 0) + min(looked_ns, LOOK_NS)
-        return Doubles(shared_ns) if shared_ns or self.shared_ns else self
+        for old, missed in zip(before, after, strict=True):
+            looked_ns = missed.life.missing_ns - old.life.missing_ns
+            if looked_ns > 0 and _is_believed(missed):
+                for other in _in_its_stead(missed, after, belief_of):
+                    senior, junior = sorted((missed, other), key=seniority)
+                    turns = pairs.get((senior.id, junior.id), Turns())
+                    pairs[senior.id, junior.id] = turns.with_look(looked_ns, fast=missed.life.misses <= FAST)
+        return Doubles(pairs) if pairs or self.pairs else self
 
-    @property
-    def replaced(self) -> dict[int, int]:
-        """Which tracks are to end, and by which each is replaced: the older one."""
-        return {younger: older for (older, younger), ns in self.shared_ns.items() if ns >= GIVE_UP_NS}
+    def settled(self, tracks: Sequence[Alive]) -> list[Alive]:
+        """The tracks, juniors ended whose senior was just seen: nothing is lost with them then."""
+        by_id = {track.id: track for track in tracks}
+        for (senior, junior), turns in self.pairs.items():
+            if turns.are_one and by_id[senior].fix is not None and _is_believed(by_id[junior]):
+                by_id[senior], by_id[junior] = by_id[senior].replacing(by_id[junior])
+        return list(by_id.values())
 
 
-def _taken_by(tracks: Sequence[Alive], missed: Alive, belief: Belief) -> list[Alive]:
+def seniority(track: Alive) -> tuple[int, int]:
+    """Sorts believed tracks: the one that was confirmed first comes first."""
+    return (track.life.confirmed_ns or 0, track.id)
+
+
+def _in_its_stead(missed: Alive, tracks: Sequence[Alive], belief_of: Callable[[Alive], Belief]) -> Iterator[Alive]:
     """The believed tracks of this frame that took what might have been this one's."""
+    belief: Belief | None = None
+    for track in tracks:
+        if (
+            track.fix is not None
+            and track.label == missed.label
+            and _is_believed(track)
+            and not _told_apart(track, missed)
+        ):
+            belief = belief or belief_of(missed)
+            if _is_expected(track.fix, belief):
+                yield track
 
-    def is_expected(fix: GroundFix | None) -> bool:
-        return fix is not None and belief.surprise(fix).distance2 < GATE
 
-    return [track for track in tracks if track.label == missed.label and _is_believed(track) and is_expected(track.fix)]
+def _is_expected(fix: GroundFix, belief: Belief) -> bool:
+    return belief.surprise(fix).distance2 < GATE
+
+
+def _told_apart(one: Alive, other: Alive) -> bool:
+    """By the detector's own ids."""
+    return one.detector_id is not None and other.detector_id is not None and one.detector_id != other.detector_id
 
 
 def _is_believed(track: Alive) -> bool:

@@ -94,7 +94,7 @@ class Tracker:
         taken = self._associated(alive, view.fixes)
         kept = [self._after(track, taken.get(track.id), view) for track in alive]
         doubles = self._state.doubles.seen(alive, kept, self._seen_as)
-        kept = [track.replaced(doubles.replaced.get(track.id)) for track in kept]
+        kept = doubles.settled(kept)
         used = {id(fix) for fix, _ in taken.values()}
         tracks, next_id = self._with_newborn(kept, [fix for fix in view.fixes if id(fix) not in used], view.host_ns)
         living = tuple(track for track in tracks if track.life.state is not TrackState.DROPPED)

@@ -248,6 +248,16 @@ def test_the_oldest_confirmed_is_kept_until_it_is_dropped(world, landing):
     assert out.fields["target_num"] == 3
 
 
+@pytest.mark.parametrize("state", [TrackState.CONFIRMED, TrackState.COASTING])
+def test_it_goes_on_with_what_the_chosen_one_turned_out_to_be(world, landing, state):
+    """Though another pad was confirmed before that: the vehicle is on its way down to this one."""
+    landing.on_tracks((world.track(7),), world.situation())
+    other = world.track(3, at=world.NOW + 1, confirmed_at=world.NOW - 99 * world.S)
+    same = world.track(9, at=world.NOW + 1, state=state, replaces=(7,))
+    landing.on_tracks((other, same), world.situation())
+    assert landing.target == 9
+
+
 def test_a_frame_is_sent_once_and_none_goes_back_in_time(world, landing):
     situation = world.situation()
     assert landing.on_tracks((world.track(),), situation) is not None

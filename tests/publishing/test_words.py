@@ -83,6 +83,16 @@ def test_a_track_that_vanishes_without_a_word_is_lost_too(world, announcer):
     assert text.startswith("lost pad 3")
 
 
+@pytest.mark.parametrize("told", [True, False])
+def test_what_turned_out_to_be_another_is_not_lost(world, announcer, told):
+    """Nor said to be new; also where a late frame swallowed the frame that told of its end."""
+    announcer.on_tracks((world.track(2, "pad"), world.track(3, "pad")), world.situation())
+    replaced = world.track(3, "pad", state=TrackState.DROPPED, reason=Reason.REPLACED, replaced_by=2)
+    tracks = (world.track(2, "pad", position_ned=(0.0, 0.0, 0.0), replaces=(3,)), *([replaced] if told else []))
+    (text,) = words(announcer.on_tracks(tracks, world.situation()))
+    assert text == "pad 3 is pad 2: 47.397742, 8.545594 +-1.0 m"
+
+
 def test_what_was_never_believed_is_neither_found_nor_lost(world, announcer):
     for state in (TrackState.TENTATIVE, TrackState.DROPPED):
         assert announcer.on_tracks((world.track(state=state),), world.situation()) == []

@@ -9,66 +9,117 @@ from fwav_companion.nouns import Reason
 from fwav_companion.tracking import TrackingOptions, make_tracker
 
 NO_BIAS = priors(time_offset=0, heading=0, mount_x=0, mount_y=0, mount_z=0)
-FPS = 10
+FPS = 30
 NOISE_M = 0.2
 ONE, OTHER, MIDDLE = (3.6, 3.0), (4.4, 3.0), (4.0, 3.0)
 """Nearer to each other than single fixes of one target are at times."""
 
 
-def flown(frames, **options):
-    """All tracks after each frame; a frame: where something is seen, and as what."""
+def flown(frames, fps=FPS, sees=True, **options):
+    """All tracks after each frame; a frame: where something is seen, and the detection's label and id."""
     tracker, told = make_tracker(TrackingOptions(**options), NO_BIAS), []
     for k, seen in enumerate(frames):
-        fixes = [a_fix(k / FPS, (*place, 0.0), label=label) for place, label in seen]
-        told.append(tracker.on_frame(a_view(k / FPS, *fixes)))
+        fixes = [a_fix(k / fps, (*place, 0.0), **detection) for place, detection in seen]
+        told.append(tracker.on_frame(a_view(k / fps, *fixes, sees=sees)))
     return told
+
+
+def replaced(told):
+    """(id, by whom) of all that ended so."""
+    ends = [track for tracks in told for track in tracks if track.reason is Reason.REPLACED]
+    return [(track.id, track.replaced_by) for track in ends]
+
+
+def believed(told):
+    """Ids of the believed tracks after the last frame."""
+    return [track.id for track in told[-1] if track.confirmed_host_ns is not None and track.reason is None]
 
 
 def scattered(rng, place):
     return tuple((np.array(place) + rng.normal(0.0, NOISE_M, 2)).tolist())
 
 
-def one_target_seen_as_two(rng, seconds, labels=("", "")):
-    """A second of both, as a detector that is not sure has it, then one detection a frame, between the two."""
-    both = [[(ONE, labels[0]), (OTHER, labels[1])]] * FPS
-    return both + [[(scattered(rng, MIDDLE), labels[k % 2])] for k in range(seconds * FPS)]
+def both(one=None, other=None, frames=10, places=(ONE, OTHER)):
+    """Frames that show two; ``one``, ``other``: their detections' labels and ids."""
+    return [[(places[0], one or {}), (places[1], other or {})]] * frames
+
+
+def one_target(rng, frames, kinds=({}, {})):
+    """One detection a frame, between the two; now and then by another name."""
+    return [[(scattered(rng, MIDDLE), kinds[k % 2])] for k in range(frames)]
 
 
 @pytest.mark.parametrize("motion", ["static", "moving"])
 @pytest.mark.parametrize("seed", range(3))
-def test_two_tracks_of_one_target_become_the_older_one(seed, motion):
-    told = flown(one_target_seen_as_two(np.random.default_rng(seed), 8), motion=motion)
-    ended = [(k, track) for k, tracks in enumerate(told) for track in tracks if track.reason is Reason.REPLACED]
-    assert [(track.id, track.replaced_by) for _, track in ended] == [(2, 1)]
-    assert FPS + 30 - 1 <= ended[0][0] <= FPS + 50
-    assert [track.id for track in told[-1]] == [1]
+def test_two_tracks_of_one_target_become_the_senior_one(seed, motion):
+    told = flown(both() + one_target(np.random.default_rng(seed), 12 * FPS), motion=motion)
+    assert replaced(told) == [(2, 1)]
+    (end,) = (k for k, tracks in enumerate(told) if any(track.replaced_by for track in tracks))
+    assert end >= 10 + 3 * FPS - 1
+    assert told[end][0].fix is not None, "what was seen goes on with the other one"
+    assert (told[-1][0].id, told[-1][0].replaces) == (1, (2,))
 
 
-def test_what_has_another_name_is_another_target():
-    told = flown(one_target_seen_as_two(np.random.default_rng(0), 30, ("car", "person")))
-    assert [track.id for track in told[-1]] == [1, 2]
+def test_the_one_that_was_confirmed_first_stays():
+    """Though the other one was seen before it."""
+    seldom, often = (4.6, 3.0), (3.4, 3.0)
+    first = [[(seldom, {})], *([(often, {}), *([(seldom, {})] * (k % 2))] for k in range(20))]
+    told = flown([*first, *both(), *one_target(np.random.default_rng(0), 20 * FPS)])
+    assert told[0][0].id == 1
+    assert replaced(told) == [(1, 2)]
+
+
+def test_three_tracks_of_one_target_become_one():
+    three = [[*both()[0], ((4.0, 3.6), {})]] * 10
+    told = flown(three + one_target(np.random.default_rng(1), 30 * FPS))
+    assert believed(told) == [1]
+    assert sorted(told[-1][0].replaces) == [2, 3]
 
 
 def test_a_slow_camera_takes_as_many_looks():
-    frames = one_target_seen_as_two(np.random.default_rng(0), 8)
-    tracker, ends = make_tracker(TrackingOptions(), NO_BIAS), []
-    for k, seen in enumerate(frames):
-        tracks = tracker.on_frame(a_view(float(k), *[a_fix(float(k), (*place, 0.0)) for place, _ in seen]))
-        ends += [k for track in tracks if track.reason is Reason.REPLACED]
-    assert len(ends) == 1
-    assert FPS + 30 - 1 <= ends[0] <= FPS + 50
+    told = flown(both() + one_target(np.random.default_rng(0), 200), fps=1)
+    assert replaced(told) == [(2, 1)]
+    assert sum(len(tracks) == 2 for tracks in told) >= 10 + 60 - 1
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_two_targets_that_are_seen_half_of_the_time_stay_two(seed):
+@pytest.mark.parametrize(
+    "kinds", [({"label": "car"}, {"label": "person"}), ({"detector_id": 7}, {"detector_id": 8})], ids=["label", "id"]
+)
+def test_what_the_detector_tells_apart_is_two(kinds):
+    told = flown(both(*kinds) + one_target(np.random.default_rng(0), 30 * FPS, kinds))
+    assert believed(told) == [1, 2]
+
+
+@pytest.mark.parametrize("motion", ["static", "moving"])
+@pytest.mark.parametrize(("share", "fps"), [(0.8, 30), (0.5, 30), (0.3, 30), (0.5, 10), (0.3, 10)])
+def test_two_targets_that_are_seldom_seen_stay_two(share, fps, motion):
+    rng = np.random.default_rng(round(100 * share) + fps)
+    seen = [[(place, {}) for place in (ONE, OTHER) if rng.random() < share] for _ in range(120 * fps)]
+    told = flown(both() + seen, fps, motion=motion)
+    assert not replaced(told)
+
+
+@pytest.mark.parametrize("frames", [7, 15, 30, 60])
+def test_two_targets_that_hide_in_turns_stay_two(frames):
+    told = flown(both() + [[((ONE, OTHER)[k // frames % 2], {})] for k in range(40 * FPS)])
+    assert believed(told) == [1, 2]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_one_that_left_is_not_seen_rather_than_replaced(seed):
+    """Though the frames before had missed both now and then."""
     rng = np.random.default_rng(seed)
-    frames = [[(ONE, ""), (OTHER, "")]] * FPS
-    frames += [[(place, "") for place in (ONE, OTHER) if rng.random() < 0.5] for _ in range(60 * FPS)]
-    told = flown(frames)
-    assert [track.id for track in told[-1]] == [1, 2]
+    seen = [[(place, {}) for place in (ONE, OTHER) if rng.random() < 0.8] for _ in range(8 * FPS)]
+    told = flown(both() + seen + [[(scattered(rng, ONE), {})] for _ in range(6 * FPS)])
+    assert not replaced(told)
 
 
-def test_a_target_that_hides_is_not_replaced_by_a_far_one():
+def test_far_targets_that_take_turns_stay_two():
     far = (30.0, 3.0)
-    told = flown([[(ONE, ""), (far, "")]] * FPS + [[(far, "")]] * (5 * FPS))
-    assert [track.reason for tracks in told for track in tracks if track.reason] == [Reason.NOT_SEEN]
+    told = flown(both(places=(ONE, far)) + [[((ONE, far)[k % 2], {})] for k in range(20 * FPS)])
+    assert believed(told) == [1, 2]
+
+
+def test_frames_that_could_not_see_the_other_say_nothing():
+    told = flown(both() + one_target(np.random.default_rng(0), 20 * FPS), sees=False)
+    assert believed(told) == [1, 2]
