@@ -59,6 +59,16 @@ def whole(path: Path, *, synced: bool = False) -> Iterator[BinaryIO]:
         raise
 
 
+def made_folder(path: Path) -> Path:
+    """The folder, with those above it, made where it is not there. OSError, in words, where something else stands."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        path.stat()  # of a circle of links, that is what is told
+        raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(path)) from None
+    return path
+
+
 def _created(beside: Path, path: Path, before: os.stat_result | None) -> BinaryIO:
     """With the permissions of what it is to replace, which must not forbid that."""
     if before is not None and not os.access(path, os.W_OK):

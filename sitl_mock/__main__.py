@@ -14,6 +14,7 @@ from sitl_mock.arguments import (
     SCENARIOS_TOLD,
     OneLineParser,
     add_flight_arguments,
+    instant_ns,
     options_from,
     told,
 )
@@ -64,7 +65,12 @@ def _parser() -> argparse.ArgumentParser:
     add("--detections", metavar="ADDRESS", default="", help="HOST:PORT or unix:PATH; none by default")
     add("--detections-file", metavar="FILE", default="", help="the same as lines of a .jsonl")
     add_flight_arguments(parser)
-    add("--start-ns", type=int, default=0, help="begin when the host's monotonic clock shows this; default: at once")
+    add(
+        "--start-ns",
+        type=instant_ns,
+        default=0,
+        help="begin when the host's monotonic clock shows this; default: at once",
+    )
     add("--truth", metavar="FILE", default="", help="biases, targets, frames, landing results (.jsonl); "
         "with --set truth_hz=50 the vehicle too")  # fmt: skip
     add("--truth-csv", metavar="FILE", default="", help="label, lat, lon, alt_amsl, time_unix")

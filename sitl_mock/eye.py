@@ -24,6 +24,7 @@ from sitl_mock.arguments import (
     SCENARIOS_TOLD,
     OneLineParser,
     add_flight_arguments,
+    instant_ns,
     options_from,
     told,
 )
@@ -176,7 +177,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     add = parser.add_argument
     add("--pipe", metavar="PATH", default="frames.pipe", help="made where it is not there; default %(default)s")
-    add("--start-ns", type=int, default=0, help="when the flight begins on the monotonic clock; default: now")
+    add("--start-ns", type=instant_ns, default=0, help="when the flight begins on the monotonic clock; default: now")
     add("--truth", metavar="FILE", default="", help="what each frame shows, and whether it was delivered (.jsonl)")
     add("--picture", metavar="FILE", default="", help="no pipe: the one frame named by --frame, into an image file")
     add("--frame", type=int, default=0, help="for --picture")

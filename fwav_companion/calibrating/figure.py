@@ -13,7 +13,7 @@ from fwav_companion.camera.fitting.fit import Fitted, image_angle
 from fwav_companion.camera.fitting.projection import RADIAL, STRETCH, U0, V0, radius
 from fwav_companion.camera.fitting.writing import limit_deg
 from fwav_companion.errors import UserError
-from fwav_companion.on_disk import whole
+from fwav_companion.on_disk import made_folder, whole
 
 FILE: Final = "calibration.png"
 LONG: Final = 0.05
@@ -39,7 +39,7 @@ def draw(folder: Path, title: str, fitted: Fitted, told: list[Row]) -> Path:
         panel(place, fitted, told)
     path = folder / FILE
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        made_folder(folder)
         with whole(path) as file:
             figure.savefig(file, format="png", dpi=100, metadata={"Software": None})
     except OSError as error:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import argparse
 import json
 from importlib.util import find_spec
+from os.path import realpath
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fwav_companion.cli.ending import as_by_ctrl_c
+from fwav_companion.cli.seed import seed
 from fwav_companion.errors import UserError
 
 if TYPE_CHECKING:
@@ -35,18 +37,12 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
     )
     add = parser.add_argument
     add("--seconds", type=float, default=30.0, help="length of the flight; default %(default)g")
-    add("--seed", type=_seed, default=1, help="of everything that is wrong with the vehicle; default %(default)d")
+    add("--seed", type=seed, default=1, help="of everything that is wrong with the vehicle; default %(default)d")
     add("--out", metavar="DIR", default="demo-out", help="recording and report.html; default %(default)s")
     add("--scenario", choices=SCENARIOS, default=SCENARIOS[0], help="demo_blur: an exposure so long that mostly the "
         "moments of low rate leave a tag readable")  # fmt: skip
     add("--json", action="store_true", help="end with the result as one JSON object")
     parser.set_defaults(run=run)
-
-
-def _seed(text: str) -> int:
-    if not (text.isascii() and text.isdecimal()):
-        raise argparse.ArgumentTypeError(f"{text}: accepted: a whole number from 0")
-    return int(text)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -61,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
     from fwav_companion.demo.setting import Setting
     from fwav_companion.demo.table import LiveTable, UnpipedConsole, show_outcome
 
-    out = Path(arguments.out).resolve()
+    out = Path(realpath(arguments.out))
     console = UnpipedConsole()
     setting = Setting(arguments.seed, arguments.seconds, arguments.scenario)
     demonstration = Demonstration(setting, out)

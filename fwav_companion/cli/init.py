@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fwav_companion.errors import InputFileError
-from fwav_companion.on_disk import whole
+from fwav_companion.on_disk import made_folder, whole
 
 if TYPE_CHECKING:
     from argparse import _SubParsersAction
@@ -32,11 +32,11 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Write both files, or, where one stands there already, none."""
     targets = [Path(arguments.directory) / name for name in TEMPLATES]
-    for target in targets:
-        if target.exists():
-            raise InputFileError(f"{target}: stands there already; accepted: a folder without one")
     try:
-        targets[0].parent.mkdir(parents=True, exist_ok=True)
+        for target in targets:
+            if target.exists():
+                raise InputFileError(f"{target}: stands there already; accepted: a folder without one")
+        made_folder(targets[0].parent)
         with ExitStack() as both:
             for target in targets:
                 file = both.enter_context(whole(target))

@@ -68,7 +68,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             if sys.stdout is not None:  # whoever started us may have closed it
                 sys.stdout.flush()
     except UserError as error:
-        print(f"fwav-companion: {error}", file=sys.stderr)
+        print(f"fwav-companion: {' '.join(str(error).splitlines())}", file=sys.stderr)  # a name may have several lines
         return EXIT_USAGE
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fwav_companion.cli.ending import as_by_ctrl_c
+from fwav_companion.cli.seed import seed
 
 if TYPE_CHECKING:
     from argparse import _SubParsersAction
@@ -22,7 +23,7 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--out", metavar="DIR", type=Path, default="paper-out", help="for figures; default: paper-out")
-    parser.add_argument("--seed", type=_seed, default=1, help="of all noise; default: 1")
+    parser.add_argument("--seed", type=seed, default=1, help="of all noise; default: 1")
     parser.add_argument("--json", action="store_true", help="ends with one JSON object")
     parser.set_defaults(run=run)
 
@@ -49,9 +50,3 @@ def _repeated(arguments: argparse.Namespace) -> int:
         if arguments.json:
             print(json.dumps(as_object(comparison, arguments.seed, RUNS)))
     return 0
-
-
-def _seed(text: str) -> int:
-    if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"{text!r} stands there; a whole number from 0 is accepted")
-    return int(text)

@@ -9,13 +9,14 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from fwav_companion.errors import InputFileError
+from fwav_companion.on_disk import made_folder
 
 
 @contextmanager
 def alone_in(folder: Path) -> Iterator[None]:
     """The folder, made where it is not there, and nobody else's meanwhile. InputFileError where it cannot be."""
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        made_folder(folder)
         descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     except OSError as error:
         raise InputFileError(f"{error.filename}: {error.strerror}; accepted: a folder to write to") from None

@@ -9,7 +9,7 @@ from typing import Any
 
 from fwav_companion.config import Config
 from fwav_companion.errors import InputFileError
-from fwav_companion.on_disk import opened, whole
+from fwav_companion.on_disk import made_folder, opened, whole
 from fwav_companion.recording.lines import Line
 from fwav_companion.recording.truth import TruthPoint
 from fwav_companion.report import WAYS, Replayed, Story, page, tell, way_of
@@ -105,7 +105,7 @@ def _differences(ours: Mapping[str, Any], theirs: Mapping[str, Any], prefix: str
 
 def _write(path: Path, text: str) -> Path:
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        made_folder(path.parent)
         with whole(path) as file:
             file.write(text.encode())
     except OSError as error:

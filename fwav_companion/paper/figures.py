@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from fwav_companion.errors import UserError
-from fwav_companion.on_disk import whole
+from fwav_companion.on_disk import made_folder, whole
 from fwav_companion.paper.comparison import STATED_PX, Comparison, drawn_samples, flapping_pitch
 from fwav_companion.paper.experiment import ONE_MM_PX, TARGET_M, filtered
 
@@ -26,7 +26,7 @@ def draw_figures(folder: Path, seed: int, comparison: Comparison) -> list[Path]:
     except ImportError as error:
         raise UserError("the figures need matplotlib: pip install 'fwav-companion[demo]'") from error
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        made_folder(folder)
         return [
             _pitch(plt, folder / "pitch.png"),
             _coordinate(plt, folder / "x.png", 0, seed),

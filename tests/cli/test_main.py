@@ -147,6 +147,37 @@ def test_init_where_nobody_can_write(tmp_path: Path):
     assert "accepted: a folder to write to" in done.stderr
 
 
+@pytest.mark.parametrize("name", ["n" * 300, "ring", "two\nlines/" + "n" * 300])
+def test_init_where_no_folder_can_be(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("ring").symlink_to("ring")
+    assert main(["init", name]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert said.endswith("; accepted: a folder to write to\n")
+
+
+@pytest.mark.parametrize("command", ["paper", "demo"])
+@pytest.mark.parametrize(("name", "why"), [("file", "Not a directory"), ("ring", "Too many levels of symbolic links")])
+def test_a_folder_that_cannot_be_is_one_line(command, name, why, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("ring").symlink_to("ring")
+    Path("file").touch()
+    assert main([command, "--out", name]) == 2
+    (said,) = capsys.readouterr().err.splitlines()
+    assert said.startswith("fwav-companion: ")
+    assert f"{name}: {why}; " in said
+
+
+@pytest.mark.parametrize("command", ["paper", "demo"])
+@pytest.mark.parametrize("seed", ["-1", "1.5", "²", "9" * 5000])
+def test_a_seed_that_is_none_is_one_line(command, seed, capsys):
+    assert main([command, "--seed", seed]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith(f"fwav-companion: argument --seed: {seed}: accepted: a whole number from 0, of at most 18")
+    assert said.count("\n") == 1
+
+
 def test_init_loads_nothing_of_other_commands():
     code = (
         "import sys\nfrom fwav_companion.cli.main import main\nmain(['init', '/proc/nowhere'])\n"

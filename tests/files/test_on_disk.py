@@ -7,7 +7,7 @@ import stat
 import pytest
 
 from fwav_companion import on_disk
-from fwav_companion.on_disk import content, opened, whole
+from fwav_companion.on_disk import content, made_folder, opened, whole
 
 
 def test_a_file_is_read_through_links_and_the_null_device_is_an_empty_one(tmp_path):
@@ -148,6 +148,17 @@ def test_where_nothing_can_stand_it_is_told_by_the_name_that_was_given(tmp_path,
     with pytest.raises(OSError, match=r"out|aaa") as caught, whole(tmp_path / name):
         pass
     assert caught.value.filename == str(tmp_path / name)
+
+
+def test_a_folder_is_made_unless_something_else_has_its_name(tmp_path):
+    assert made_folder(tmp_path / "a" / "b").is_dir()
+    assert made_folder(tmp_path / "a" / "b") == tmp_path / "a" / "b"
+    (tmp_path / "file").write_bytes(b"")
+    (tmp_path / "ring").symlink_to("ring")
+    for name, said in (("file", "Not a directory"), ("file/a", "Not a directory"), ("ring", "Too many levels")):
+        with pytest.raises(OSError, match=said) as caught:
+            made_folder(tmp_path / name)
+        assert caught.value.filename == str(tmp_path / name)
 
 
 def test_a_long_name_in_any_alphabet_can_be_had(tmp_path):

@@ -1,0 +1,15 @@
+"""What argparse takes for a seed."""
+
+from __future__ import annotations
+
+import argparse
+
+MOST_DIGITS = 18
+"""So many fit into 64 bits."""
+
+
+def seed(text: str) -> int:
+    """A whole number from 0."""
+    if not (text.isascii() and text.isdecimal() and len(text) <= MOST_DIGITS):
+        raise argparse.ArgumentTypeError(f"{text}: accepted: a whole number from 0, of at most {MOST_DIGITS} digits")
+    return int(text)
