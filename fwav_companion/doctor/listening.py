@@ -8,6 +8,7 @@ import os
 import time
 from collections.abc import Mapping
 from contextlib import suppress
+from os.path import realpath
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,6 +19,7 @@ from fwav_companion.config import Config
 from fwav_companion.doctor.status_form import is_of_our_form
 from fwav_companion.files.latest import status_paths
 from fwav_companion.localization import ElevationTile
+from fwav_companion.on_disk import content
 
 FRESH_S: Final = 3.0
 """A status file is rewritten each second."""
@@ -34,11 +36,11 @@ def running_status(config: Config) -> Mapping[str, Any] | None:
 def _status_of(path: Path, config: Config) -> Mapping[str, Any] | None:
     """A fresh one of a process that lives. None too where we may not read it, or another version wrote it."""
     try:
-        status = msgspec.json.decode(path.read_bytes())
+        status = msgspec.json.decode(content(path))
         age_s = time.monotonic() - float(status["time_monotonic"])
-        ours = Path(status["config_path"]).resolve() == Path(config.file).resolve()
+        ours = realpath(status["config_path"]) == realpath(config.file)
         fresh = 0.0 <= age_s <= FRESH_S and _lives(int(status["pid"]))
-    except (OSError, ValueError, ArithmeticError, KeyError, TypeError, msgspec.DecodeError):
+    except (OSError, ValueError, ArithmeticError, KeyError, TypeError, RecursionError, msgspec.DecodeError):
         return None
     return status if ours and fresh and is_of_our_form(status) else None
 

@@ -55,19 +55,34 @@ def test_none_of_one_that_ended_or_hangs_or_flies_something_else(site):
 
 
 def test_none_that_we_may_not_read(site, monkeypatch):
-    def denied(_path):
+    def denied(_path, _mode):
         raise PermissionError(13, "Permission denied")
 
     put(site)
-    monkeypatch.setattr(Path, "read_bytes", denied)
+    monkeypatch.setattr(Path, "open", denied)
     assert running_status(site) is None
 
 
-@pytest.mark.parametrize("content", ["", "[]", "null", '{"pid": 1e30}', "\0" * 9])
+@pytest.mark.parametrize("content", ["", "[]", "null", '{"pid": 1e30}', "\0" * 9, "[" * 100_000])
 def test_none_that_is_no_status(site, content):
     Path(site.status.file).write_text(content)
     assert running_status(site) is None
     put(site, pid=10**30)
     assert running_status(site) is None
     put(site, config_path="\0")
+    assert running_status(site) is None
+
+
+@pytest.mark.timeout(10)
+def test_none_that_is_no_file(site):
+    os.mkfifo(site.status.file)
+    assert running_status(site) is None
+    Path(site.status.file).unlink()
+    Path(site.status.file).symlink_to("status.json")
+    assert running_status(site) is None
+
+
+def test_none_of_a_configuration_in_a_ring_of_links(site, tmp_path):
+    (tmp_path / "ring").symlink_to("ring")
+    put(site, config_path=str(tmp_path / "ring"))
     assert running_status(site) is None
