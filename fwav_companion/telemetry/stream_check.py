@@ -128,12 +128,17 @@ class StreamCheck:
 
     @property
     def frequency(self) -> float:
-        """Of the motion, rad/s, as its acceleration over its rate."""
+        """Of the motion, rad/s, as its acceleration over its rate; at least so much, where samples only alternate."""
+        if self.alternates:
+            return pi / self._spacing
         return sqrt(self._acceleration2 / self._rate2) if self._rate2 > 1e-12 else 0.0
 
     @property
     def swing(self) -> float:
         """RMS amplitude of the motion about its mean, rad."""
+        if self.alternates:  # what attitudes show of it and what rates do are its sine and its cosine at the samples
+            peak2 = 0.25 * self._bend2 + self._rate2 / self.frequency**2
+            return min(MOST_SWING, sqrt(0.5 * peak2))
         if self._acceleration2 <= 1e-12:
             return MOST_SWING
         return min(MOST_SWING, self._rate2 / sqrt(self._acceleration2))

@@ -79,6 +79,8 @@ def test_two_attitudes_a_beat_leave_open_when_it_beats(beat_hz, phase):
     check = flapping.history_of(samples).check
     assert check.too_slow
     assert check.instant_sigma_s == pytest.approx(0.1 / np.sqrt(12.0), rel=0.01)
+    assert check.frequency == pytest.approx(2.0 * np.pi * beat_hz, rel=0.05)
+    assert check.swing == pytest.approx(np.radians(5.0) / np.sqrt(2.0), rel=0.3)
 
 
 def test_attitudes_at_the_turning_points_alone_show_it_without_any_rate():
