@@ -16,7 +16,7 @@ holds for neighbouring samples without the error that plain differences would ma
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import atan2, exp, hypot, sqrt
+from math import acos, atan2, exp, hypot, pi, sqrt
 
 import msgspec
 
@@ -33,9 +33,14 @@ GAINS = (0.85, 3.0)
 LAGS_S = (-0.005, 0.04)
 """Filters delay (22 ms for two poles at 10 Hz) and damp. Outside, it is no filter that was found but a stream too slow
 to show the motion: what is left of it may fit anything."""
+MOST_OF_A_BEAT = 0.3
+"""Of lag, for the same reason. Two poles at 20 Hz are a quarter of a beat late at 20 Hz, and seem so at 12 Hz by 30
+samples a second; 15 Hz by 25, which look like 10 Hz backwards, seem late by a third."""
 ALTERNATING = 0.9
 """Each step from a rate to the next undoes so much of the step before it, on average: a beat takes less than 2.3
 samples (and steps of noise undo half). Any lag and any gain fit rates that do nothing but alternate."""
+SWIFT = 0.6
+"""The same, where the steps themselves tell the beat best: it takes less than 2.8 samples."""
 QUIET = 1e-3
 """rad/s: rates that never exceed this are not sent."""
 
@@ -94,7 +99,9 @@ class RateFit:
         self._weight = keep * self._weight + 1.0
         self._count += 1
         if self._count >= SAMPLES_TO_BEGIN:
-            self._judge(frequency)
+            undone = self._undone2 / self._step2 if self._step2 > 0.0 else 0.0
+            spacing_s = (five[3].boot_ns - five[2].boot_ns) * 1e-9
+            self._judge(acos(-min(1.0, undone)) / spacing_s if undone > SWIFT else frequency)
 
     @property
     def sent_rms(self) -> float:
@@ -134,7 +141,8 @@ class RateFit:
             return
         model = RateModel(*solution)
         gain, lag_s = model.response(frequency)
-        if GAINS[0] <= gain <= GAINS[1] and LAGS_S[0] <= lag_s <= LAGS_S[1]:
+        most_s = min(LAGS_S[1], MOST_OF_A_BEAT * 2.0 * pi / frequency) if frequency > 0.0 else LAGS_S[1]
+        if GAINS[0] <= gain <= GAINS[1] and LAGS_S[0] <= lag_s <= most_s:
             self.model, self.usable = model, True
 
 

@@ -63,7 +63,9 @@ def test_the_method_follows_from_what_the_stream_shows(hz, of_motion, method):
 @pytest.mark.parametrize(("hz", "of_motion"), [(25, 12.0), (10, 5.0), (10, 4.3), (25, 15.0)])
 def test_a_stream_too_slow_for_the_motion_says_so(hz, of_motion):
     motion = nodding(of_motion)
-    errors, claims = errors_and_claims(motion, flapping.stream(motion, hz, 10.0), from_s=4.0)
+    samples = flapping.stream(motion, hz, 10.0)
+    assert flapping.history_of(samples).check.too_slow
+    errors, claims = errors_and_claims(motion, samples, from_s=4.0)
     assert rms(errors[:, 1]) > 0.02
     assert 0.4 * rms(errors[:, 1]) < rms(claims)
 
