@@ -143,7 +143,7 @@ def too_hot(pi):
 
 
 def full_disk(pi):
-    pi.text = pi.text.replace('directory = "records"', 'directory = "records"\nmin_free_mb = 1e12')
+    pi.text = pi.text.replace('directory = "records"', 'directory = "records"\nmin_free_mb = 1e9')
 
 
 def no_camera_file(pi):
