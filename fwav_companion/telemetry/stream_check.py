@@ -75,6 +75,7 @@ class _Told(NamedTuple):
     unexplained: float
     """Of the rates, rad/s, where the stream is too slow for the motion."""
     swing: float
+    instant_sigma_s: float
 
 
 class StreamCheck:
@@ -161,7 +162,7 @@ class StreamCheck:
     @property
     def instant_sigma_s(self) -> float:
         """What attitudes too slow for the motion leave open of the instant of each: all of the time between two."""
-        return self._spacing / sqrt(12.0) if self.settled and self.too_slow else 0.0
+        return self._what_is_told().instant_sigma_s if self.settled else 0.0
 
     @property
     def too_slow(self) -> bool:
@@ -173,13 +174,17 @@ class StreamCheck:
         """One sigma of interpolating over an interval of this width, rad about each axis."""
         if not self.settled:
             return min(MOST_SWING, UNCHECKED_SHARE * self.angular_acceleration * interval_s**2)
-        if self._told is None:  # asked for with every attitude that is wanted, and changed by checks alone
-            self._told = self._tell()
-        told = self._told
+        told = self._what_is_told()
         error = told.errors[method] * max(1.0, interval_s / self._spacing) ** POWERS[method]
         if told.unexplained:
             error += 0.5 * told.unexplained * max(interval_s, self._spacing)
         return min(error, told.swing)
+
+    def _what_is_told(self) -> _Told:
+        """Asked for with every attitude that is wanted, and changed by checks alone."""
+        if self._told is None:
+            self._told = self._tell()
+        return self._told
 
     def _tell(self) -> _Told:
         errors2 = {
@@ -188,7 +193,9 @@ class StreamCheck:
             Method.RATES: self._amid_interval2(self._rates2, RATES_LEFT_OUT),
         }
         errors = {method: sqrt(error2) for method, error2 in errors2.items()}
-        return _Told(errors, self.rates.disagreement if self.too_slow else 0.0, self.swing)
+        if not self.too_slow:
+            return _Told(errors, 0.0, self.swing, 0.0)
+        return _Told(errors, self.rates.disagreement, self.swing, self._spacing / sqrt(12.0))
 
     def status(self) -> dict[str, Any]:
         """For the status file and ``check``."""

@@ -36,9 +36,10 @@ from fwav_companion.tracking.estimate import Surprise
 SEARCH_A_FRAME = 2
 """Glimpses that the search takes of one frame: each costs a step of every hypothesis."""
 LEAST_TAUGHT = 2
-MOST_MOVED = 2600
+MOST_MOVED = 2000
 """Of one frame, once the delay is known, so many glimpses are taken as move no more entries of the joint covariance
-together: all of five targets, three of ten, and two of any number."""
+together: all of five targets, and two of nine or more. Of ten targets each is taken six times a second then, at 30
+frames/s."""
 SEARCH_PAUSE_NS = 20 * NS_PER_S
 """After a search in vain: it costs as much as ten targets do."""
 LAG_S = 0.06
@@ -46,6 +47,8 @@ LAG_S = 0.06
 
 JUDGED_EVERY_NS = 300 * NS_PER_MS
 """What a flight has shown changes in seconds; judging it costs as much as ten glimpses."""
+PLACED_EVERY_NS = 90 * NS_PER_MS
+"""Where a target stands changes by millimetres meanwhile."""
 
 
 class Calibrator(msgspec.Struct, frozen=True):
@@ -72,6 +75,8 @@ class Calibrator(msgspec.Struct, frozen=True):
     """When that was last asked."""
     places: dict[int, Placed] = {}
     """By it, by track."""
+    placed_ns: HostNs = HostNs(0)
+    """When they were last worked out."""
     suspicion: Suspicion = Suspicion()
     host_ns: HostNs = HostNs(0)
 
@@ -275,11 +280,14 @@ class Calibrator(msgspec.Struct, frozen=True):
             views, drift = self.views, served.drift or Drift()
             verdict = judged(joint, shop.means, shop.sigmas, various=views.various, down=views.down, drift=drift)
             judged_ns = self.host_ns
-        elif joint is not verdict.free.joint:
+        elif joint is not verdict.free.joint and self.host_ns - self.placed_ns >= PLACED_EVERY_NS:
             verdict = verdict.about(joint, shop.means)
+        else:
+            return self
         if self.shop.kept is not None and any(each.unknown != Common.HEIGHT for each in verdict.denied):
             return self._begun_anew()
-        return msgspec.structs.replace(self, verdict=verdict, places=verdict.places(), judged_ns=judged_ns)
+        places, placed_ns = verdict.places(), self.host_ns
+        return msgspec.structs.replace(self, verdict=verdict, places=places, judged_ns=judged_ns, placed_ns=placed_ns)
 
     def _begun_anew(self) -> Calibrator:
         """Somebody moved the camera since it was calibrated: the configuration is a better beginning."""

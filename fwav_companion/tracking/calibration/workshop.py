@@ -22,6 +22,8 @@ DELAY_STEP_S = 0.015
 STEP_SIGMA_S = 0.6 * DELAY_STEP_S
 """How far a hypothesis may move: what lies beyond half a step is the next one's."""
 SEARCH_SIGMAS = 3.0
+MOST_REMEMBERED = 64
+"""Fixes: those of a frame and more."""
 
 
 class Workshop:
@@ -32,7 +34,8 @@ class Workshop:
         self.state_at = state_at
         self.kept = kept
         self._remembered: tuple[tuple[int, tuple[float, ...]], Course] | None = None
-        self._compared: tuple[tuple[GroundFix, float, Joint], Comparison | None] | None = None
+        self._compared: dict[int, tuple[GroundFix, Comparison | None]] = {}
+        self._compared_by: tuple[float, Joint] | None = None
         self.means, self.sigmas = _prior(priors, kept)
         reach = SEARCH_SIGMAS * self.sigmas[Common.DELAY]
         steps = int(reach / DELAY_STEP_S + 0.5) if state_at is not None else 0
@@ -64,12 +67,15 @@ class Workshop:
         return len(self.delays) > 1
 
     def compared(self, fix: GroundFix, delay_s: float, joint: Joint) -> Comparison | None:
-        """A fix by itself, of no track yet. Remembers the last one: many tracks are asked about it."""
-        last = self._compared
-        if last is None or last[0][0] is not fix or last[0][1] != delay_s or last[0][2] is not joint:
+        """A fix as this estimate sees it. Remembers those of a frame: many tracks are asked about each."""
+        by = self._compared_by
+        if by is None or by[0] != delay_s or by[1] is not joint or len(self._compared) >= MOST_REMEMBERED:
+            self._compared_by, self._compared = (delay_s, joint), {}
+        remembered = self._compared.get(id(fix))
+        if remembered is None or remembered[0] is not fix:
             glimpse = glimpse_of(NO_TRACK, fix, self.course(fix.sighting.state, (delay_s,)), 0.0)
-            last = self._compared = ((fix, delay_s, joint), compared(joint, glimpse))
-        return last[1]
+            remembered = self._compared[id(fix)] = (fix, compared(joint, glimpse))
+        return remembered[1]
 
     def bank(self) -> tuple[Fit, ...]:
         """A fit a delay, each with a prior as wide as the step between them."""
