@@ -20,7 +20,7 @@ from fwav_companion.nouns import GroundFix, VehicleState
 from fwav_companion.tracking.calibration.answer import MOUNT
 from fwav_companion.tracking.calibration.course import Course, Moment, moment_of
 from fwav_companion.tracking.calibration.drift import Drift
-from fwav_companion.tracking.calibration.lessons import Lesson, Lessons, Taken
+from fwav_companion.tracking.calibration.lessons import Lesson, Lessons, Taken, most_taken
 from fwav_companion.tracking.calibration.loosening import Loosening
 from fwav_companion.tracking.calibration.mistakes import NAMED, Suspicion
 from fwav_companion.tracking.calibration.passes import Passes
@@ -35,11 +35,6 @@ from fwav_companion.tracking.estimate import Surprise
 
 SEARCH_A_FRAME = 2
 """Glimpses that the search takes of one frame: each costs a step of every hypothesis."""
-LEAST_TAUGHT = 2
-MOST_MOVED = 2000
-"""Of one frame, once the delay is known, so many glimpses are taken as move no more entries of the joint covariance
-together: all of five targets, and two of nine or more. Of ten targets each is taken six times a second then, at 30
-frames/s."""
 SEARCH_PAUSE_NS = 20 * NS_PER_S
 """After a search in vain: it costs as much as ten targets do."""
 LAG_S = 0.06
@@ -219,8 +214,9 @@ class Calibrator(msgspec.Struct, frozen=True):
         if self.delay_s is None:
             known = {glimpse.track for glimpse in self.passes.kept}
             return self.lessons.taken(lesson, SEARCH_A_FRAME, alive, known)
-        entries = 1 if self.passes.served is None else len(self.passes.served.joint.mean) ** 2
-        return self.lessons.taken(lesson, max(LEAST_TAUGHT, MOST_MOVED // entries), alive)
+        served = self.passes.served
+        most = len(lesson.fixes) if served is None else most_taken(len(served.joint.mean))
+        return self.lessons.taken(lesson, most, alive)
 
     def _glimpsed(self, glimpse: Glimpse, views: Views) -> Calibrator:
         state = msgspec.structs.replace(self, passes=self.passes.with_glimpse(glimpse), views=views)

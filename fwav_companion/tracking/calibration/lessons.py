@@ -14,6 +14,11 @@ import msgspec
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.nouns import GroundFix
 
+LEAST_TAKEN = 2
+MOST_MOVED = 2000
+"""Of one frame so many fixes are taken as move no more entries of the joint covariance together: all of five targets,
+and two of nine or more. Of ten targets each is taken six times a second then, at 30 frames/s."""
+
 Taken: TypeAlias = tuple[int, GroundFix, float]
 """A track, its fix, and the seconds since the fix of it that was taken before; 0: none was."""
 
@@ -61,3 +66,8 @@ class Lessons(msgspec.Struct, frozen=True):
         return taken, Lessons(
             self.waiting, before | dict.fromkeys([track for track, _ in fixes[:most]], lesson.host_ns)
         )
+
+
+def most_taken(unknowns: int) -> int:
+    """Fixes of one frame, by the size of the estimate that each of them updates."""
+    return max(LEAST_TAKEN, MOST_MOVED // (unknowns * unknowns))

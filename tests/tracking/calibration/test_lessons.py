@@ -1,6 +1,7 @@
 """Whose turn it is to teach, and what waits."""
 
-from fwav_companion.tracking.calibration.lessons import Lesson, Lessons
+from fwav_companion.tracking.calibration.lessons import Lesson, Lessons, most_taken
+from fwav_companion.tracking.calibration.rays import COMMON_COUNT
 
 FRAME_NS = 33_000_000
 
@@ -50,3 +51,14 @@ def test_frames_wait_until_they_are_due():
     assert [lesson.host_ns // FRAME_NS for lesson in due] == [0, 1, 2]
     assert [lesson.host_ns // FRAME_NS for lesson in rest.waiting] == [3, 4]
     assert rest.due(2 * FRAME_NS) == ((), rest)
+
+
+def test_a_frame_costs_the_same_however_many_targets_it_shows():
+    sizes = {targets: COMMON_COUNT + 2 * targets for targets in range(1, 21)}
+    assert all(most_taken(sizes[targets]) >= targets for targets in range(1, 6))
+    ten = most_taken(sizes[10]) * sizes[10] ** 2
+    assert most_taken(sizes[10]) >= 2
+    assert all(
+        min(targets, most_taken(size)) * size**2 <= 1.5 * ten for targets, size in sizes.items() if targets <= 13
+    )
+    assert most_taken(sizes[20]) == 2
