@@ -99,9 +99,8 @@ class RateFit:
         self._weight = keep * self._weight + 1.0
         self._count += 1
         if self._count >= SAMPLES_TO_BEGIN:
-            undone = self._undone2 / self._step2 if self._step2 > 0.0 else 0.0
             spacing_s = (five[3].boot_ns - five[2].boot_ns) * 1e-9
-            self._judge(acos(-min(1.0, undone)) / spacing_s if undone > SWIFT else frequency)
+            self._judge([frequency, *([acos(-self._undone) / spacing_s] if self._undone > SWIFT else [])])
 
     @property
     def sent_rms(self) -> float:
@@ -111,7 +110,12 @@ class RateFit:
     @property
     def alternates(self) -> bool:
         """The motion is about as fast as samples can be: half a beat lies between two of them."""
-        return self._undone2 > ALTERNATING * self._step2
+        return self._undone > ALTERNATING
+
+    @property
+    def _undone(self) -> float:
+        """Of each step, by the next one."""
+        return min(1.0, self._undone2 / self._step2) if self._step2 > 0.0 else 0.0
 
     @property
     def disagreement(self) -> float:
@@ -129,7 +133,8 @@ class RateFit:
         rest = self._yy - 2.0 * sum(a * b for a, b in zip(m, self._right, strict=True)) + quadratic
         return sqrt(max(0.0, rest) / self._weight)
 
-    def _judge(self, frequency: float) -> None:
+    def _judge(self, frequencies: Sequence[float]) -> None:
+        """At each that the motion may have, rad/s."""
         n00, n01, n02, n11, n12, n22 = self._normal
         trust = TRUST_IN_SENT
         solution = _solve(
@@ -140,10 +145,14 @@ class RateFit:
         if solution is None or self.sent_rms < QUIET or self.alternates:
             return
         model = RateModel(*solution)
-        gain, lag_s = model.response(frequency)
-        most_s = min(LAGS_S[1], MOST_OF_A_BEAT * 2.0 * pi / frequency) if frequency > 0.0 else LAGS_S[1]
-        if GAINS[0] <= gain <= GAINS[1] and LAGS_S[0] <= lag_s <= most_s:
+        if all(_is_a_filter(model, frequency) for frequency in frequencies):
             self.model, self.usable = model, True
+
+
+def _is_a_filter(model: RateModel, frequency: float) -> bool:
+    gain, lag_s = model.response(frequency)
+    most_s = min(LAGS_S[1], MOST_OF_A_BEAT * 2.0 * pi / frequency) if frequency > 0.0 else LAGS_S[1]
+    return GAINS[0] <= gain <= GAINS[1] and LAGS_S[0] <= lag_s <= most_s
 
 
 def _equation(five: Sequence[AttitudeSample]) -> tuple[list[Vector3], Vector3]:

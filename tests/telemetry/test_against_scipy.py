@@ -85,6 +85,15 @@ def test_two_attitudes_a_beat_leave_open_when_it_beats(beat_hz, phase):
     assert check.swing == pytest.approx(np.radians(5.0) / np.sqrt(2.0), rel=0.3)
 
 
+@pytest.mark.parametrize("motion", [nodding, flying])
+@pytest.mark.parametrize("seed", range(2))
+def test_motion_that_looks_slower_backwards_is_too_fast_however_stamps_scatter(seed, motion):
+    """15 Hz by 25 samples a second look like 10 Hz; a lag of a third of that beat fits them."""
+    rng = np.random.default_rng(seed)
+    samples = flapping.stream(motion(15.0), 25, 10.0, late_ns=lambda: int(rng.integers(2_500_000)))
+    assert flapping.history_of(samples).check.too_slow
+
+
 def test_attitudes_at_the_turning_points_alone_show_it_without_any_rate():
     motion = nodding(5.0)
     samples = flapping.stream(lambda t: motion(t + (np.pi / 2.0 - 0.3) / (10.0 * np.pi)), 10, 10.0, filter_hz=None)
