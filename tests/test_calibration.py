@@ -7,7 +7,7 @@ from flying import CAMERA, LINK, Companion, fly
 
 from fwav_companion.config import load, parse
 from fwav_companion.geometry.mounts import corrected_mount
-from fwav_companion.service.calibration_memory import CalibrationMemory
+from fwav_companion.service.calibration_store import CalibrationStore
 from fwav_companion.tracking import KeptCalibration
 from sitl_mock import scenario
 
@@ -98,16 +98,16 @@ def board(tmp_path):
 
 
 def remember(path, kept=KEPT):
-    memory = CalibrationMemory(load(path), pytest.fail)
+    memory = CalibrationStore(load(path), pytest.fail)
     memory.start()
     memory.tick(kept)
     memory.close(5.0)
 
 
 def test_a_calibration_is_kept_for_the_next_flight_of_the_same_camera(board):
-    assert CalibrationMemory(load(board), pytest.fail).kept() is None
+    assert CalibrationStore(load(board), pytest.fail).kept() is None
     remember(board)
-    assert CalibrationMemory(load(board), pytest.fail).kept() == KEPT
+    assert CalibrationStore(load(board), pytest.fail).kept() == KEPT
 
 
 @pytest.mark.parametrize(
@@ -123,25 +123,25 @@ def test_it_expires_when_the_camera_changes(board, file, old, new):
     remember(board)
     changed = board.parent / file
     changed.write_text(changed.read_text().replace(old, new, 1))
-    assert CalibrationMemory(load(board), pytest.fail).kept() is None
+    assert CalibrationStore(load(board), pytest.fail).kept() is None
 
 
 @pytest.mark.parametrize("damage", [b"", b"{}", b'{"camera": 5}', b"\xff\xfe", b"[1, 2"])
 def test_a_damaged_file_is_none(board, damage):
     remember(board)
     (board.parent / "state" / "calibration.json").write_bytes(damage)
-    assert CalibrationMemory(load(board), pytest.fail).kept() is None
+    assert CalibrationStore(load(board), pytest.fail).kept() is None
 
 
 def test_numbers_that_are_none_are_not_believed(board):
     remember(board, KeptCalibration(time_offset_s=0.0, time_offset_sigma_s=0.0, mount=(0, 0, 0), mount_sigma=(1, 1, 1)))
-    assert CalibrationMemory(load(board), pytest.fail).kept() is None
+    assert CalibrationStore(load(board), pytest.fail).kept() is None
 
 
 def test_without_a_state_directory_or_self_calibration_nothing_is_kept(tmp_path, monkeypatch):
     monkeypatch.delenv("STATE_DIRECTORY", raising=False)
     config = parse(LINK + '[camera]\ncalibration = "absent.yaml"\n', str(tmp_path / "flight.toml"))
-    memory = CalibrationMemory(config, pytest.fail)
+    memory = CalibrationStore(config, pytest.fail)
     memory.start()
     memory.tick(KEPT)
     memory.close(1.0)

@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from fwav_companion.cli.main import main
 from fwav_companion.config import load
 from fwav_companion.recording.tlog import TlogRecord, read_tlog
-from fwav_companion.service.calibration_memory import CalibrationMemory
+from fwav_companion.service.calibration_store import CalibrationStore
 from fwav_companion.tracking import KeptCalibration
 
 KEY = bytes(range(200, 232))
@@ -164,7 +164,7 @@ def test_a_flight_that_began_with_a_kept_calibration_replays_with_it(site: Site)
     kept = KeptCalibration(
         time_offset_s=0.004, time_offset_sigma_s=0.002, mount=(0.01, -0.02, 0.0), mount_sigma=(0.01, 0.01, 0.03)
     )
-    memory = CalibrationMemory(config, pytest.fail)
+    memory = CalibrationStore(config, pytest.fail)
     memory.start()
     memory.tick(kept)
     memory.close(5.0)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fwav_companion.camera.brown_conrady import BrownConrady
 from fwav_companion.camera.kannala_brandt import KannalaBrandt
-from fwav_companion.nouns import Lens, NoRay
+from fwav_companion.types import Lens, NoRay
 
 Floats: TypeAlias = NDArray[np.float64]
 Flags: TypeAlias = NDArray[np.bool_]

@@ -14,7 +14,7 @@ from math import atan, cos, hypot, inf, isfinite, pi, radians, sin, sqrt, tan
 from typing import TypeAlias
 
 from fwav_companion.geometry.vectors import Vector3, add, scale
-from fwav_companion.nouns import NoRay, Projection, Ray
+from fwav_companion.types import NoRay, Projection, Ray
 
 Jacobian: TypeAlias = tuple[float, float, float, float]
 """dx'/dx, dx'/dy, dy'/dx, dy'/dy."""

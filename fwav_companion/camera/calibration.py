@@ -12,7 +12,7 @@ from fwav_companion.camera.fields import Fields
 from fwav_companion.camera.native import MODEL, native_lens
 from fwav_companion.errors import InputFileError
 from fwav_companion.geometry.vectors import Matrix3
-from fwav_companion.nouns import Lens
+from fwav_companion.types import Lens
 
 LONGEST_FILE_CHARACTERS = 1_000_000
 """A camchain of eight cameras has 6000."""

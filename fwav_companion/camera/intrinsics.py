@@ -11,7 +11,7 @@ import msgspec
 from fwav_companion.camera.brown_conrady import BrownConrady
 from fwav_companion.camera.fields import Fields
 from fwav_companion.camera.kannala_brandt import KannalaBrandt
-from fwav_companion.nouns import Lens
+from fwav_companion.types import Lens
 
 FISHEYE_NAMES = ("equidistant", "fisheye")
 PINHOLE_COUNTS = {"plumb_bob": (4, 5), "rational_polynomial": (8,), "radtan": (4,), "none": (0,)}

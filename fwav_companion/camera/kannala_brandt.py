@@ -15,7 +15,7 @@ from math import atan2, cos, hypot, inf, isfinite, pi, sin, sqrt
 from fwav_companion.camera.polynomials import first_not_positive
 from fwav_companion.camera.radial_inverse import Piece, angle_from_radius, radius_and_slope, ray_table
 from fwav_companion.geometry.vectors import Vector3, add, scale
-from fwav_companion.nouns import NoRay, Projection, Ray
+from fwav_companion.types import NoRay, Projection, Ray
 
 LEAST_SLOPE = 1e-6
 """Of r'(theta) against its value on the axis, where the range ends. Nearer to the fold than that (some 1e-6 rad) the

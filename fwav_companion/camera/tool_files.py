@@ -9,7 +9,7 @@ from fwav_companion.camera.intrinsics import CameraMatrix, camera_matrix, checke
 from fwav_companion.camera.kannala_brandt import KannalaBrandt
 from fwav_companion.geometry.rotations import matrix_from_quaternion, quaternion_from_matrix
 from fwav_companion.geometry.vectors import IDENTITY3, Matrix3, multiply, transpose
-from fwav_companion.nouns import Lens
+from fwav_companion.types import Lens
 
 OPENCV_MATRIX_KEYS = ("camera_matrix", "K", "cameraMatrix", "Camera_Matrix")
 OPENCV_DISTORTION_KEYS = ("distortion_coefficients", "D", "distCoeffs", "dist_coeffs", "Distortion_Coefficients")

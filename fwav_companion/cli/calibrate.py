@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fwav_companion.cli.ending import as_by_ctrl_c
+from fwav_companion.cli.signals import as_by_ctrl_c
 from fwav_companion.errors import InputFileError, UserError
 
 if TYPE_CHECKING:
@@ -62,13 +62,13 @@ def _calibrated(arguments: argparse.Namespace) -> int:
     for module, extra in (("cv2", "vision"), *([("matplotlib", "demo")] if arguments.report else [])):
         if find_spec(module) is None:
             raise UserError(f"calibrate: {module} is not installed; accepted: pip install 'fwav-companion[{extra}]'")
-    from fwav_companion.calibrating.boards.spec import parse_board
-    from fwav_companion.calibrating.looking import look
-    from fwav_companion.calibrating.pictures import shots, silence
-    from fwav_companion.calibrating.previous import read_previous
-    from fwav_companion.camera.fitting.fit import Unfitted, fit_lens
-    from fwav_companion.cli.calibrated import failed, kept, show_table
+    from fwav_companion.cli.calibrate_output import failed, kept, show_table
     from fwav_companion.cli.progress import steps
+    from fwav_companion.tools.calibrate.boards.spec import parse_board
+    from fwav_companion.tools.calibrate.lens_fit.fit import Unfitted, fit_lens
+    from fwav_companion.tools.calibrate.looking import look
+    from fwav_companion.tools.calibrate.pictures import shots, silence
+    from fwav_companion.tools.calibrate.previous import read_previous
 
     board = parse_board(arguments.board)
     _require_writable(arguments.out, arguments.images, overwrite=arguments.overwrite)

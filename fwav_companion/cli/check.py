@@ -9,8 +9,8 @@ import threading
 from math import nan
 from typing import TYPE_CHECKING
 
-from fwav_companion.cli.ending import as_by_ctrl_c
 from fwav_companion.cli.shake import WAIT_S, run_shake
+from fwav_companion.cli.signals import as_by_ctrl_c
 from fwav_companion.errors import UserError
 
 if TYPE_CHECKING:
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from typing import Any
 
     from fwav_companion.config import Config
-    from fwav_companion.doctor.evidence import Files
-    from fwav_companion.doctor.finding import Finding
+    from fwav_companion.tools.doctor.evidence import Files
+    from fwav_companion.tools.doctor.finding import Finding
 
 SECONDS = 12.0
 """Three to know the autopilot, two to settle the clock, the rest to measure the rates that were then asked for."""
@@ -89,13 +89,13 @@ def run(arguments: argparse.Namespace) -> int:
 def _checked(arguments: argparse.Namespace) -> int:
     seconds = SECONDS if arguments.seconds is None else arguments.seconds
     from fwav_companion.config import load
-    from fwav_companion.doctor.board import Probe
-    from fwav_companion.doctor.evidence import Evidence
-    from fwav_companion.doctor.examine import examine
-    from fwav_companion.doctor.files import load_files
-    from fwav_companion.doctor.finding import Level
-    from fwav_companion.doctor.listening import running_status
-    from fwav_companion.doctor.telling import told
+    from fwav_companion.tools.doctor.board import Probe
+    from fwav_companion.tools.doctor.evidence import Evidence
+    from fwav_companion.tools.doctor.examine import examine
+    from fwav_companion.tools.doctor.files import load_files
+    from fwav_companion.tools.doctor.finding import Level
+    from fwav_companion.tools.doctor.listening import running_status
+    from fwav_companion.tools.doctor.telling import told
 
     config = load(arguments.config)
     config.require_links()
@@ -130,7 +130,7 @@ def _shaken(arguments: argparse.Namespace) -> int:
 
 
 def _listened(config: Config, files: Files, key: bytes | None, seconds: float) -> Mapping[str, Any]:
-    from fwav_companion.doctor.listening import listen
+    from fwav_companion.tools.doctor.listening import listen
 
     done = threading.Event()
     bar = threading.Thread(target=_progress, args=(seconds, done), daemon=True)

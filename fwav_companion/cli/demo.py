@@ -9,8 +9,8 @@ from os.path import realpath
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fwav_companion.cli.ending import as_by_ctrl_c
 from fwav_companion.cli.seed import seed
+from fwav_companion.cli.signals import as_by_ctrl_c
 from fwav_companion.errors import UserError
 
 if TYPE_CHECKING:
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
-    from fwav_companion.demo.flight import Demonstration, Outcome
-    from fwav_companion.demo.setting import Setting
+    from fwav_companion.tools.demo.flight import Demonstration, Outcome
+    from fwav_companion.tools.demo.setting import Setting
 
 SECONDS = (3.0, 3600.0)
 SCENARIOS = ("demo", "demo_blur")
@@ -52,10 +52,10 @@ def run(arguments: argparse.Namespace) -> int:
     for module, package in (("cv2", "fwav-companion[demo]"), ("sitl_mock", "fwav-companion[demo]")):
         if find_spec(module) is None:
             raise UserError(f"demo: {module} is not installed; accepted: pip install '{package}'")
-    from fwav_companion.demo.alone import alone_in
-    from fwav_companion.demo.flight import Demonstration
-    from fwav_companion.demo.setting import Setting
-    from fwav_companion.demo.table import LiveTable, UnpipedConsole, show_outcome
+    from fwav_companion.tools.demo.alone import alone_in
+    from fwav_companion.tools.demo.flight import Demonstration
+    from fwav_companion.tools.demo.setting import Setting
+    from fwav_companion.tools.demo.table import LiveTable, UnpipedConsole, show_outcome
 
     out = Path(realpath(arguments.out))
     console = UnpipedConsole()
@@ -75,8 +75,8 @@ def _report(
     console: Console, demonstration: Demonstration, setting: Setting, out: Path, outcome: Outcome
 ) -> tuple[Path, str] | None:
     """Where it was written, and what the second flight showed; None where there is nothing to tell."""
-    from fwav_companion.demo.table import working
-    from fwav_companion.demo.telling import write_report
+    from fwav_companion.tools.demo.table import working
+    from fwav_companion.tools.demo.telling import write_report
 
     if outcome.recording is None:
         return None

@@ -25,7 +25,7 @@ EXIT_PIPE_CLOSED = 141
 """128 + SIGPIPE."""
 
 
-class Command(NamedTuple):
+class CommandModule(NamedTuple):
     """A row of the table. Its module is imported only when it is called: ``run`` carries no other command's needs."""
 
     name: str
@@ -38,14 +38,14 @@ class Command(NamedTuple):
 
 
 COMMANDS = (
-    Command("run", "the daemon: links, detections in, targets out"),
-    Command("demo", "the main job with nothing attached, against the mock autopilot"),
-    Command("replay", "the same pipeline over a recording"),
-    Command("paper", "the paper's experiment, its table and figures"),
-    Command("calibrate", "fit a camera from pictures of a board"),
-    Command("check", "a doctor: what every link and stream delivers, and what to change"),
-    Command("init", "write a commented configuration and the paper's camera file"),
-    Command("bench", "the project's benchmarks, as ratios"),
+    CommandModule("run", "the daemon: links, detections in, targets out"),
+    CommandModule("demo", "the main job with nothing attached, against the mock autopilot"),
+    CommandModule("replay", "the same pipeline over a recording"),
+    CommandModule("paper", "the paper's experiment, its table and figures"),
+    CommandModule("calibrate", "fit a camera from pictures of a board"),
+    CommandModule("check", "a doctor: what every link and stream delivers, and what to change"),
+    CommandModule("init", "write a commented configuration and the paper's camera file"),
+    CommandModule("bench", "the project's benchmarks, as ratios"),
 )
 
 

@@ -7,8 +7,8 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fwav_companion.cli.ending import as_by_ctrl_c
 from fwav_companion.cli.seed import seed
+from fwav_companion.cli.signals import as_by_ctrl_c
 
 if TYPE_CHECKING:
     from argparse import _SubParsersAction
@@ -36,9 +36,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _repeated(arguments: argparse.Namespace) -> int:
     from fwav_companion.cli.progress import steps
-    from fwav_companion.paper.comparison import RUNS, STEPS, compare
-    from fwav_companion.paper.figures import draw_figures
-    from fwav_companion.paper.report import as_object, as_text
+    from fwav_companion.tools.paper.comparison import RUNS, STEPS, compare
+    from fwav_companion.tools.paper.figures import draw_figures
+    from fwav_companion.tools.paper.report import as_object, as_text
 
     with steps("repeating the experiment", STEPS) as on_step:
         comparison = compare(arguments.seed, on_step=on_step)

@@ -8,8 +8,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
-from fwav_companion.cli.ending import as_by_ctrl_c
-from fwav_companion.cli.written import is_stdout, written
+from fwav_companion.cli.output import is_stdout, written
+from fwav_companion.cli.signals import as_by_ctrl_c
 from fwav_companion.errors import UserError
 
 if TYPE_CHECKING:
@@ -71,8 +71,8 @@ def _require(arguments: argparse.Namespace, *names: str) -> None:
 
 
 def _compare(arguments: argparse.Namespace) -> int:
-    from fwav_companion.cli.given import read_truth
-    from fwav_companion.files.report import write_comparison
+    from fwav_companion.cli.replay_inputs import read_truth
+    from fwav_companion.tools.report.writer import write_comparison
 
     _require(arguments, "report")
     first, second = map(Path, arguments.compare)
@@ -81,11 +81,11 @@ def _compare(arguments: argparse.Namespace) -> int:
 
 
 def _replay(arguments: argparse.Namespace) -> int:
-    from fwav_companion.cli.given import read_given
     from fwav_companion.cli.progress import replays
-    from fwav_companion.files.report import ReportWriter, other_ways
+    from fwav_companion.cli.replay_inputs import read_replay_inputs
+    from fwav_companion.tools.report.writer import ReportWriter, other_ways
 
-    given = read_given(arguments)
+    given = read_replay_inputs(arguments)
     report = None if arguments.report is None else ReportWriter()
     lines = given.lines(sightings=arguments.sightings or report is not None)
     with replays(given.recording) as watched:

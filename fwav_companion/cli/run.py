@@ -31,7 +31,7 @@ def run(arguments: argparse.Namespace) -> int:
     import asyncio
 
     from fwav_companion.config import load, load_signing_key
-    from fwav_companion.files.named import load_calibration, load_elevation, recording_companions
+    from fwav_companion.service.configured_files import load_calibration, load_elevation, recording_companions
     from fwav_companion.service.daemon import Service
 
     config = load(arguments.config)

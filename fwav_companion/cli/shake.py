@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
     from fwav_companion.config import Config
-    from fwav_companion.doctor.witness import Shown
-    from fwav_companion.shaking.guide import Advice
+    from fwav_companion.tools.doctor.witness import Shown
+    from fwav_companion.tools.shake.guide import Advice
 
 WAIT_S = 30.0
 """So long the vehicle and the tag may take to be there, unless --seconds says otherwise."""
@@ -24,9 +24,9 @@ EXIT_UNUSABLE = 1
 def run_shake(config: Config, tag_size_m: float, wait_s: float, *, as_json: bool) -> int:
     """Guide, listen, estimate, tell."""
     from fwav_companion.config import load_signing_key
-    from fwav_companion.doctor.listening import running_status
-    from fwav_companion.doctor.witness import shake
-    from fwav_companion.files.named import load_calibration
+    from fwav_companion.service.configured_files import load_calibration
+    from fwav_companion.tools.doctor.listening import running_status
+    from fwav_companion.tools.doctor.witness import shake
 
     _require_fixed_camera(config)
     calibration, key = load_calibration(config), load_signing_key(config)
@@ -48,8 +48,8 @@ def _require_fixed_camera(config: Config) -> None:
 def _told(config: Config, shown: Shown, *, as_json: bool) -> int:
     if shown.shaking is None:
         return _failed(shown.advice.text, as_json=as_json)
-    from fwav_companion.shaking.estimate import estimate
-    from fwav_companion.shaking.telling import Configured, is_usable
+    from fwav_companion.tools.shake.estimate import estimate
+    from fwav_companion.tools.shake.telling import Configured, is_usable
 
     shaken = estimate(shown.shaking)
     configured = Configured(config.file, shown.time_offset_s)

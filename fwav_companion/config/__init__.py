@@ -5,41 +5,41 @@ need in radians is a property here.
 """
 
 from fwav_companion.config.document import Config
-from fwav_companion.config.estimation import READOUT_SIGMA_UNKNOWN_S, Ground, Tracking, Uncertainty
+from fwav_companion.config.estimation import READOUT_SIGMA_UNKNOWN_S, GroundConfig, TrackingConfig, UncertaintyConfig
 from fwav_companion.config.files import load, load_signing_key
 from fwav_companion.config.inputs import (
-    Camera,
-    Detections,
+    CameraConfig,
+    DetectionsConfig,
     LinkConfig,
-    Mount,
-    Rates,
-    Signing,
+    MountConfig,
+    RatesConfig,
+    SigningConfig,
     StampRule,
-    Vehicle,
-    Vision,
+    VehicleConfig,
+    VisionConfig,
 )
-from fwav_companion.config.outputs import Publish, Record, State, Status
+from fwav_companion.config.outputs import PublishConfig, RecordConfig, StateConfig, StatusConfig
 from fwav_companion.config.reading import parse
 
 __all__ = [
     "READOUT_SIGMA_UNKNOWN_S",
-    "Camera",
+    "CameraConfig",
     "Config",
-    "Detections",
-    "Ground",
+    "DetectionsConfig",
+    "GroundConfig",
     "LinkConfig",
-    "Mount",
-    "Publish",
-    "Rates",
-    "Record",
-    "Signing",
+    "MountConfig",
+    "PublishConfig",
+    "RatesConfig",
+    "RecordConfig",
+    "SigningConfig",
     "StampRule",
-    "State",
-    "Status",
-    "Tracking",
-    "Uncertainty",
-    "Vehicle",
-    "Vision",
+    "StateConfig",
+    "StatusConfig",
+    "TrackingConfig",
+    "UncertaintyConfig",
+    "VehicleConfig",
+    "VisionConfig",
     "load",
     "load_signing_key",
     "parse",

@@ -7,43 +7,52 @@ from typing import Any
 
 import msgspec
 
-from fwav_companion.config.estimation import Ground, Tracking, Uncertainty
-from fwav_companion.config.inputs import Camera, Detections, LinkConfig, Rates, Section, Signing, Vehicle, Vision
-from fwav_companion.config.outputs import Publish, Record, State, Status
+from fwav_companion.config.estimation import GroundConfig, TrackingConfig, UncertaintyConfig
+from fwav_companion.config.inputs import (
+    CameraConfig,
+    DetectionsConfig,
+    LinkConfig,
+    RatesConfig,
+    Section,
+    SigningConfig,
+    VehicleConfig,
+    VisionConfig,
+)
+from fwav_companion.config.outputs import PublishConfig, RecordConfig, StateConfig, StatusConfig
 from fwav_companion.errors import ConfigError
-from fwav_companion.nouns import ErrorPriors
+from fwav_companion.types import ErrorPriors
 
 
 class Document(Section, frozen=True):
     """The tables of the file, by their names."""
 
-    vehicle: Vehicle = Vehicle()
+    vehicle: VehicleConfig = VehicleConfig()
     """Whom we fly with."""
     link: tuple[LinkConfig, ...] = ()
     """The ways in and out, in the file's order."""
-    signing: Signing | None = None
+    signing: SigningConfig | None = None
     """None: unsigned is accepted, and sent."""
-    rates: Rates = Rates()
+    rates: RatesConfig = RatesConfig()
     """What is asked of the autopilot."""
-    camera: Camera = Camera()
+    camera: CameraConfig = CameraConfig()
     """The lens, its timing and its mount."""
-    detections: Detections = Detections()
+    detections: DetectionsConfig = DetectionsConfig()
     """Pixels from another process."""
-    vision: Vision | None = None
+    vision: VisionConfig | None = None
     """None: no camera is opened."""
-    ground: Ground = Ground()
+    ground: GroundConfig = GroundConfig()
     """What rays are intersected with."""
-    uncertainty: Uncertainty = Uncertainty()
+    uncertainty: UncertaintyConfig = UncertaintyConfig()
     """One sigma of everything that is not known."""
-    tracking: Tracking = Tracking()
+    tracking: TrackingConfig = TrackingConfig()
     """How fixes become targets."""
-    publish: Publish = Publish()
+    publish: PublishConfig = PublishConfig()
     """Which target is told to whom."""
-    record: Record = Record()
+    record: RecordConfig = RecordConfig()
     """What a flight leaves behind."""
-    state: State = State()
+    state: StateConfig = StateConfig()
     """What is kept between flights."""
-    status: Status = Status()
+    status: StatusConfig = StatusConfig()
     """The file that is rewritten each second."""
 
 

@@ -8,7 +8,7 @@ from typing import Annotated, Literal, TypeAlias
 from msgspec import Meta
 
 from fwav_companion.config.inputs import NotNegative, Positive, Section
-from fwav_companion.nouns import BIAS_COUNT, Bias, ErrorPriors
+from fwav_companion.types import BIAS_COUNT, Bias, ErrorPriors
 
 SigmaDeg: TypeAlias = Annotated[float, Meta(ge=0, le=180)]
 SigmaM: TypeAlias = Annotated[float, Meta(ge=0, le=10_000)]
@@ -20,7 +20,7 @@ READOUT_SIGMA_UNKNOWN_S = 1.0 / 30.0 / sqrt(12.0)
 commonest rate. Whoever hears the frames replaces it by their own median interval."""
 
 
-class Ground(Section, frozen=True):
+class GroundConfig(Section, frozen=True):
     """[ground]: the surface that rays are intersected with."""
 
     model: Literal["home", "fixed", "rangefinder", "terrain"] = "home"
@@ -35,7 +35,7 @@ class Ground(Section, frozen=True):
     """What the files' heights are counted from."""
 
 
-class Uncertainty(Section, frozen=True):
+class UncertaintyConfig(Section, frozen=True):
     """[uncertainty]: one sigma each. Noise is fresh in every sample, a bias the same through a flight."""
 
     pixel_noise_px: SigmaPx = 4.0
@@ -94,7 +94,7 @@ class Uncertainty(Section, frozen=True):
         )
 
 
-class Tracking(Section, frozen=True):
+class TrackingConfig(Section, frozen=True):
     """[tracking]: how fixes become targets."""
 
     filter: Annotated[

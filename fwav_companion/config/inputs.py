@@ -24,7 +24,7 @@ class Section(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=T
     """A table of the file: a key that no field bears is an error."""
 
 
-class Vehicle(Section, frozen=True):
+class VehicleConfig(Section, frozen=True):
     """[vehicle]: whom we fly with, and how its messages are read."""
 
     system_id: Annotated[int, Meta(ge=0, le=255)] = 0
@@ -59,7 +59,7 @@ class LinkConfig(Section, frozen=True):
         return parse_link_url(self.url)
 
 
-class Signing(Section, frozen=True):
+class SigningConfig(Section, frozen=True):
     """[signing]: present, frames are signed and unsigned ones refused."""
 
     key_file: Annotated[str, Meta(min_length=1)] = "signing.key"
@@ -68,7 +68,7 @@ class Signing(Section, frozen=True):
     """Names of links on which unsigned telemetry is still accepted; unsigned commands never are."""
 
 
-class Rates(Section, frozen=True):
+class RatesConfig(Section, frozen=True):
     """[rates]: what is asked of the autopilot."""
 
     attitude: Annotated[float, Meta(gt=0, le=1000)] = 100.0
@@ -77,7 +77,7 @@ class Rates(Section, frozen=True):
     """Hertz."""
 
 
-class Mount(Section, frozen=True):
+class MountConfig(Section, frozen=True):
     """[camera.mount]: Rz(yaw) Ry(pitch) Rx(roll) of a camera that looks along body x, image right = body right."""
 
     roll_deg: AngleDeg = 0.0
@@ -109,7 +109,7 @@ class Mount(Section, frozen=True):
         return self.position_m
 
 
-class Camera(Section, frozen=True):
+class CameraConfig(Section, frozen=True):
     """[camera]: the lens, when its rows are exposed, and how it is mounted."""
 
     calibration: str = ""
@@ -122,7 +122,7 @@ class Camera(Section, frozen=True):
     """How late the stamps come, seconds."""
     readout_s: Literal["unknown"] | Annotated[float, Meta(ge=-1, le=1)] = "unknown"
     """From the first row to the last, seconds; 0: global shutter; negative: rows are read from the bottom."""
-    mount: Mount = Mount()
+    mount: MountConfig = MountConfig()
     """How it sits on the body."""
 
     @property
@@ -137,7 +137,7 @@ class Camera(Section, frozen=True):
         return "row0_end" if libcamera_on_raspberry_pi else "row0_mid"
 
 
-class Detections(Section, frozen=True):
+class DetectionsConfig(Section, frozen=True):
     """[detections]: pixels from another process."""
 
     url: str = "udpin://127.0.0.1:14601"
@@ -153,7 +153,7 @@ class Detections(Section, frozen=True):
         return parse_detections_url(self.url) if self.url else None
 
 
-class Vision(Section, frozen=True):
+class VisionConfig(Section, frozen=True):
     """[vision]: present, this service opens a camera and looks for targets itself."""
 
     source: Annotated[str, Meta(min_length=1)] = "libcamera:0"

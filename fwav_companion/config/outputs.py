@@ -10,7 +10,7 @@ from fwav_companion.config.inputs import NotNegative, Positive, Section
 from fwav_companion.links.url import TcpUrl, UdpUrl, parse_cot_url
 
 
-class Publish(Section, frozen=True):
+class PublishConfig(Section, frozen=True):
     """[publish]: which target is told to whom."""
 
     select: Literal["best", "operator"] = "best"
@@ -54,7 +54,7 @@ class Publish(Section, frozen=True):
         return parse_cot_url(self.cot) if self.cot else None
 
 
-class Record(Section, frozen=True):
+class RecordConfig(Section, frozen=True):
     """[record]: what a flight leaves behind."""
 
     directory: str = ""
@@ -71,14 +71,14 @@ class Record(Section, frozen=True):
     """Whether the oldest recordings make room for new ones; else recording stops there, and says so."""
 
 
-class State(Section, frozen=True):
+class StateConfig(Section, frozen=True):
     """[state]: what is kept between flights."""
 
     directory: str = ""
     """Path; "": $STATE_DIRECTORY, and where that is unset nothing is kept."""
 
 
-class Status(Section, frozen=True):
+class StatusConfig(Section, frozen=True):
     """[status]: the file that ``check`` and scripts read."""
 
     file: str = ""

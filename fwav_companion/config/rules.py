@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from fwav_companion.config.document import Document
-from fwav_companion.config.inputs import Mount
+from fwav_companion.config.inputs import MountConfig
 from fwav_companion.links.url import UrlError, parse_cot_url, parse_detections_url, parse_link_url
 
 CAMERA_COMPONENT_ID = 100
@@ -57,7 +57,7 @@ def _vehicle_and_camera(document: Document) -> Iterator[Complaint]:
             ("vehicle", "component_id"),
             f"{CAMERA_COMPONENT_ID} is the camera component's while [publish] camera_tracking is on; accepted: another",
         )
-    if document.camera.mount.gimbal_device_id and document.camera.mount.pitch_deg == Mount().pitch_deg:
+    if document.camera.mount.gimbal_device_id and document.camera.mount.pitch_deg == MountConfig().pitch_deg:
         yield (
             ("camera", "mount", "pitch_deg"),
             "on a gimbal the angles count from its own axes; accepted: 0.0 for a camera that looks where it does",

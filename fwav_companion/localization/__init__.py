@@ -2,7 +2,7 @@
 
 from fwav_companion.localization.elevation import ElevationModel, ElevationTile
 from fwav_companion.localization.flat_grounds import FixedGround, HomeGround
-from fwav_companion.localization.ground import Ground, Meeting
+from fwav_companion.localization.ground import Ground, Intersection
 from fwav_companion.localization.localizer import Localizer
 from fwav_companion.localization.rangefinder_ground import RangefinderGround
 from fwav_companion.localization.terrain_ground import Datum, TerrainGround
@@ -14,8 +14,8 @@ __all__ = [
     "FixedGround",
     "Ground",
     "HomeGround",
+    "Intersection",
     "Localizer",
-    "Meeting",
     "RangefinderGround",
     "TerrainGround",
 ]

@@ -6,8 +6,8 @@ from typing import Any
 
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.vectors import Vector3
-from fwav_companion.localization.ground import Meeting, camera_above_flat, flat_distance
-from fwav_companion.nouns import NoFix, Reason, Sighting
+from fwav_companion.localization.ground import Intersection, camera_above_flat, flat_distance
+from fwav_companion.types import NoFix, Reason, Sighting
 
 
 class HomeGround:
@@ -25,7 +25,7 @@ class HomeGround:
         """Nothing depends on it."""
         return ""
 
-    def meet(self, sighting: Sighting, direction: Vector3) -> Meeting | NoFix:
+    def meet(self, sighting: Sighting, direction: Vector3) -> Intersection | NoFix:
         """By the camera's altitude; in a relative world by the autopilot's height above home."""
         height_m = self.height_m(sighting)
         if height_m is None:
@@ -33,7 +33,7 @@ class HomeGround:
         distance_m = flat_distance(direction, height_m)
         if isinstance(distance_m, NoFix):
             return distance_m
-        return Meeting(camera_above_flat(sighting, height_m), distance_m, height_m, "home")
+        return Intersection(camera_above_flat(sighting, height_m), distance_m, height_m, "home")
 
     def status(self) -> dict[str, Any]:
         """Where the surface lies."""
@@ -63,9 +63,11 @@ class FixedGround:
         """The height below the camera."""
         return {"model": "fixed", "height_m": self._height_m}
 
-    def meet(self, sighting: Sighting, direction: Vector3) -> Meeting | NoFix:
+    def meet(self, sighting: Sighting, direction: Vector3) -> Intersection | NoFix:
         """At the stated height, whatever the autopilot tells."""
         distance_m = flat_distance(direction, self._height_m)
         if isinstance(distance_m, NoFix):
             return distance_m
-        return Meeting(camera_above_flat(sighting, self._height_m), distance_m, self._height_m, "fixed", carried=True)
+        return Intersection(
+            camera_above_flat(sighting, self._height_m), distance_m, self._height_m, "fixed", carried=True
+        )

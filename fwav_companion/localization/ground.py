@@ -8,7 +8,7 @@ import msgspec
 
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.vectors import ZERO3, Vector3
-from fwav_companion.nouns import NoFix, Reason, Sighting
+from fwav_companion.types import NoFix, Reason, Sighting
 
 LEVEL_NORMAL: Vector3 = (0.0, 0.0, 1.0)
 
@@ -16,7 +16,7 @@ LEAST_DESCENT = 1e-6
 """Of a unit ray, downward: below it there is no ground in any sense, and the division would tell a place anyway."""
 
 
-class Meeting(msgspec.Struct, frozen=True, gc=False):
+class Intersection(msgspec.Struct, frozen=True, gc=False):
     """A ray has met the ground."""
 
     camera_ned: Vector3
@@ -42,7 +42,7 @@ class Meeting(msgspec.Struct, frozen=True, gc=False):
 class Ground(Protocol):
     """A model of the ground."""
 
-    def meet(self, sighting: Sighting, direction: Vector3) -> Meeting | NoFix:
+    def meet(self, sighting: Sighting, direction: Vector3) -> Intersection | NoFix:
         """Where the ray from the sighting's camera along ``direction``, a unit vector in NED, meets the ground."""
 
     def home_moved(self, home_down_m: float) -> None:

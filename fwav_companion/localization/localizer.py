@@ -7,10 +7,10 @@ from math import isfinite, sqrt
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.rotations import exp, rotate
 from fwav_companion.geometry.vectors import Vector3, add, cross, dot, norm, scale, transform
-from fwav_companion.localization.ground import LEVEL_NORMAL, Ground, Meeting
+from fwav_companion.localization.covariance import NoiseVariances, bias_variances, fix_covariance, noise_variances
+from fwav_companion.localization.ground import LEVEL_NORMAL, Ground, Intersection
 from fwav_companion.localization.propagation import Propagation, propagate
-from fwav_companion.localization.weighing import NoiseVariances, bias_variances, noise_variances, weigh
-from fwav_companion.nouns import ErrorPriors, GroundFix, NoFix, Reason, Sighting
+from fwav_companion.types import ErrorPriors, GroundFix, NoFix, Reason, Sighting
 
 LARGEST_STRETCH = 0.15
 """One sigma of the ray's relative length by all angles together, beyond which a fix is refused as too shallow.
@@ -65,7 +65,7 @@ class Localizer:
             return NoFix(Reason.TOO_SHALLOW)
         if meeting.surveyed and not self._is_smooth(sighting, direction, meeting, stretch):
             return NoFix(Reason.TOO_SHALLOW)
-        weights = weigh(propagation, noise, self._bias, meeting)
+        weights = fix_covariance(propagation, noise, self._bias, meeting)
         return GroundFix(
             sighting,
             _point(meeting, direction),
@@ -94,7 +94,7 @@ class Localizer:
             + stretch.time**2 * (bias.time_offset + noise.readout_share * bias.readout + noise.time)
         )
 
-    def _is_smooth(self, sighting: Sighting, direction: Vector3, meeting: Meeting, stretch: float) -> bool:
+    def _is_smooth(self, sighting: Sighting, direction: Vector3, meeting: Intersection, stretch: float) -> bool:
         """Whether rays two sigma steeper and shallower meet the ground where a plane would, to one sigma.
 
         They do not where a ridge or a step lies between: the error then has two humps, and no ellipse tells it.
@@ -114,7 +114,7 @@ class Localizer:
         return True
 
 
-def _point(meeting: Meeting, direction: Vector3) -> Vector3:
+def _point(meeting: Intersection, direction: Vector3) -> Vector3:
     """Where the ray ends; on level ground exactly at its level."""
     north, east, down = add(meeting.camera_ned, scale(direction, meeting.distance_m))
     return (north, east, meeting.camera_ned[2] + meeting.height_m if meeting.normal is LEVEL_NORMAL else down)

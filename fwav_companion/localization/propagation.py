@@ -29,8 +29,8 @@ from fwav_companion.geometry.vectors import (
     transform,
     transpose,
 )
-from fwav_companion.localization.ground import LEVEL_NORMAL, Meeting
-from fwav_companion.nouns import Sighting
+from fwav_companion.localization.ground import LEVEL_NORMAL, Intersection
+from fwav_companion.types import Sighting
 
 Columns: TypeAlias = tuple[Vector3, ...]
 
@@ -38,7 +38,7 @@ NOWHERE: Columns = (ZERO3, ZERO3)
 ALONG: Columns = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 
 
-class Stretch(msgspec.Struct, frozen=True, gc=False):
+class RangeSensitivity(msgspec.Struct, frozen=True, gc=False):
     """The relative change of the ray's length per unit of each error that turns the ray: all that is not linear."""
 
     body: Vector3
@@ -59,10 +59,10 @@ class Propagation(msgspec.Struct, frozen=True, gc=False):
     pixel_v: Vector3
     biases: Columns
     """By :class:`Bias`."""
-    stretch: Stretch
+    stretch: RangeSensitivity
 
 
-def propagate(sighting: Sighting, direction: Vector3, meeting: Meeting) -> Propagation:
+def propagate(sighting: Sighting, direction: Vector3, meeting: Intersection) -> Propagation:
     """The columns at the meeting of the unit ray ``direction``, NED, with the ground."""
     m = scale(meeting.normal, 1.0 / dot(meeting.normal, direction))
     deeper = scale(direction, m[2])  # a metre more between the camera and the ground's level
@@ -94,11 +94,13 @@ def propagate(sighting: Sighting, direction: Vector3, meeting: Meeting) -> Propa
         pixel_u,
         pixel_v,
         (roll, pitch, heading, mount_x, mount_y, mount_z, time, readout, height, north, east, terrain),
-        Stretch(stretch_body, turned[2], (stretch_u, stretch_v), dot(stretch_body, sighting.state.carrier_rates)),
+        RangeSensitivity(
+            stretch_body, turned[2], (stretch_u, stretch_v), dot(stretch_body, sighting.state.carrier_rates)
+        ),
     )
 
 
-def _by_rotation(d: Vector3, turned: Vector3, meeting: Meeting) -> Matrix3:
+def _by_rotation(d: Vector3, turned: Vector3, meeting: Intersection) -> Matrix3:
     """D(point)/d(rotation vector, NED) of the ray; on level ground no rotation moves the point up or down."""
     (x, y, z), (tx, ty, tz), s = d, turned, meeting.distance_m
     return (
@@ -108,13 +110,13 @@ def _by_rotation(d: Vector3, turned: Vector3, meeting: Meeting) -> Matrix3:
     )
 
 
-def _by_ray(x: Vector3, d: Vector3, meeting: Meeting, m: Vector3) -> tuple[Vector3, float]:
+def _by_ray(x: Vector3, d: Vector3, meeting: Intersection, m: Vector3) -> tuple[Vector3, float]:
     """The point's change with a change x of the ray, and the stretch that comes with it."""
     along, s = m[0] * x[0] + m[1] * x[1] + m[2] * x[2], meeting.distance_m
     return (s * (x[0] - along * d[0]), s * (x[1] - along * d[1]), s * (x[2] - along * d[2])), -along
 
 
-def _by_time(sighting: Sighting, d: Vector3, meeting: Meeting, m: Vector3, turns: Columns) -> Vector3:
+def _by_time(sighting: Sighting, d: Vector3, meeting: Intersection, m: Vector3, turns: Columns) -> Vector3:
     """The point's change with a second of the vehicle's motion. A velocity that is not told counts as none."""
     (p, q, r), velocity = sighting.state.carrier_rates, sighting.state.velocity_ned
     (x0, x1, x2), (y0, y1, y2), (z0, z1, z2) = turns
@@ -130,14 +132,14 @@ def _by_time(sighting: Sighting, d: Vector3, meeting: Meeting, m: Vector3, turns
     )
 
 
-def _by_height(sighting: Sighting, meeting: Meeting, deeper: Vector3) -> Vector3:
+def _by_height(sighting: Sighting, meeting: Intersection, deeper: Vector3) -> Vector3:
     """A metre too much between camera and ground: the camera is told too high, unless the ground is told from it."""
     if meeting.carried and not sighting.relative:
         return deeper
     return (deeper[0], deeper[1], 0.0 if meeting.normal is LEVEL_NORMAL else deeper[2] - 1.0)
 
 
-def _by_place(sighting: Sighting, d: Vector3, meeting: Meeting, m: Vector3) -> Columns:
+def _by_place(sighting: Sighting, d: Vector3, meeting: Intersection, m: Vector3) -> Columns:
     """On level ground the point goes where the vehicle goes; in a relative world the vehicle has no place."""
     if sighting.relative:
         return NOWHERE

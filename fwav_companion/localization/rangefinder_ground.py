@@ -11,8 +11,8 @@ from fwav_companion.geometry.rotations import exp, multiply, rotate
 from fwav_companion.geometry.stamps import s_from_ns
 from fwav_companion.geometry.vectors import Vector3, norm, scale
 from fwav_companion.localization.flat_grounds import HomeGround
-from fwav_companion.localization.ground import Meeting, camera_above_flat, flat_distance
-from fwav_companion.nouns import NoFix, RangeSample, Reason, Sighting
+from fwav_companion.localization.ground import Intersection, camera_above_flat, flat_distance
+from fwav_companion.types import NoFix, RangeSample, Reason, Sighting
 
 LEAST_PLUMB = 0.5
 """Of the beam, downward: at 60 degrees of tilt it measures the ground of another place."""
@@ -41,7 +41,7 @@ class RangefinderGround:
         """Nothing depends on it."""
         return self._home.placed(plane, take_off, undulation_m)
 
-    def meet(self, sighting: Sighting, direction: Vector3) -> Meeting | NoFix:
+    def meet(self, sighting: Sighting, direction: Vector3) -> Intersection | NoFix:
         """By the reading, if there is one of this moment that looks down; else as home does."""
         reading = sighting.state.range
         age_s = 0.0 if reading is None else s_from_ns(reading.boot_ns - sighting.state.boot_ns)
@@ -61,14 +61,14 @@ class RangefinderGround:
             "fallbacks": {reason.value: count for reason, count in sorted(self.fallbacks.items())},
         }
 
-    def _meet_home(self, why: Reason, sighting: Sighting, direction: Vector3) -> Meeting | NoFix:
+    def _meet_home(self, why: Reason, sighting: Sighting, direction: Vector3) -> Intersection | NoFix:
         self.fallback = why
         self.fallbacks[why] += 1
         return self._home.meet(sighting, direction)
 
     def _meet_reading(
         self, reading: RangeSample, beam: Vector3, age_s: float, sighting: Sighting, direction: Vector3
-    ) -> Meeting | NoFix:
+    ) -> Intersection | NoFix:
         velocity = sighting.state.velocity_ned
         sunk_m = 0.0 if velocity is None else velocity[2] * age_s
         height_m = reading.distance_m * beam[2] + sunk_m
@@ -78,7 +78,7 @@ class RangefinderGround:
         turned = TURN_DOUBT * norm(sighting.state.rates) * abs(age_s)
         by_turn_m = reading.distance_m * hypot(beam[0], beam[1]) * turned
         along_m = (reading.sigma_m or self._noise_m) * beam[2]
-        return Meeting(
+        return Intersection(
             camera_above_flat(sighting, height_m),
             distance_m,
             height_m,

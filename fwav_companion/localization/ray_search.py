@@ -34,7 +34,7 @@ class Hit(msgspec.Struct, frozen=True, gc=False):
     lon_deg: float
 
 
-class _Place(msgspec.Struct, frozen=True, gc=False):
+class _RayPlace(msgspec.Struct, frozen=True, gc=False):
     lat_deg: float
     lon_deg: float
     height_m: float
@@ -62,24 +62,24 @@ def first_hit(
     return None
 
 
-def _place(plane: TangentPlane, ned: Vector3, raised_m: float) -> _Place:
+def _place(plane: TangentPlane, ned: Vector3, raised_m: float) -> _RayPlace:
     """With the height as the model counts it."""
     place = plane.geodetic_from_ned(ned)
-    return _Place(degrees(place.lat), degrees(place.lon), place.alt_amsl_m - raised_m)
+    return _RayPlace(degrees(place.lat), degrees(place.lon), place.alt_amsl_m - raised_m)
 
 
 def _unwrapped(lon_deg: float, near_deg: float) -> float:
     return lon_deg - 360.0 * floor((lon_deg - near_deg + 180.0) / 360.0)
 
 
-def _between(here: _Place, there: _Place, part: float) -> tuple[float, float]:
+def _between(here: _RayPlace, there: _RayPlace, part: float) -> tuple[float, float]:
     return (
         here.lat_deg + part * (there.lat_deg - here.lat_deg),
         here.lon_deg + part * (there.lon_deg - here.lon_deg),
     )
 
 
-def _cross(cell: Cell, here: _Place, there: _Place, at: float) -> tuple[float | None, float]:
+def _cross(cell: Cell, here: _RayPlace, there: _RayPlace, at: float) -> tuple[float | None, float]:
     """(where on the piece the ray meets the cell's surface, where it leaves the cell), as parts of the piece."""
     south, east = cell.fractions(here.lat_deg, here.lon_deg)
     by_south = -(there.lat_deg - here.lat_deg) / cell.lat_step_deg

@@ -9,9 +9,9 @@ from typing import Any
 from fwav_companion.geometry.earth import ECCENTRICITY2, SEMI_MAJOR_M, Geodetic, TangentPlane
 from fwav_companion.geometry.vectors import Vector3, unit
 from fwav_companion.localization.elevation import ElevationModel
-from fwav_companion.localization.ground import Meeting, camera_above_flat, flat_distance
+from fwav_companion.localization.ground import Intersection, camera_above_flat, flat_distance
 from fwav_companion.localization.ray_search import Hit, first_hit
-from fwav_companion.nouns import NoFix, Reason, Sighting
+from fwav_companion.types import NoFix, Reason, Sighting
 
 MOST_SHIFT_M = 30.0
 """ArduPilot's TERRAIN_OFS_MAX. A model that is off by more at the take-off has another datum than configured."""
@@ -70,7 +70,7 @@ class TerrainGround:
         self._raised_m += shift_m
         return f"terrain: datum {self._datum}, shifted by {shift_m:+.1f} m to the take-off height"
 
-    def meet(self, sighting: Sighting, direction: Vector3) -> Meeting | NoFix:
+    def meet(self, sighting: Sighting, direction: Vector3) -> Intersection | NoFix:
         """On the model; without one, on a level at the autopilot's height above terrain."""
         if self._model is None or sighting.relative:
             return self._meet_report(sighting, direction)
@@ -90,7 +90,7 @@ class TerrainGround:
 
     def _meet_model(
         self, model: ElevationModel, plane: TangentPlane, sighting: Sighting, direction: Vector3
-    ) -> Meeting | NoFix:
+    ) -> Intersection | NoFix:
         camera = plane.geodetic_from_ned(sighting.camera_ned)
         below_m = model.height_m(degrees(camera.lat), degrees(camera.lon)) + self._raised_m
         if isnan(below_m):
@@ -101,9 +101,11 @@ class TerrainGround:
         hit = first_hit(model, plane, sighting.camera_ned, direction, self._raised_m)
         if hit is None:
             return NoFix(Reason.BEYOND_TERRAIN if direction[2] > 0.0 else Reason.ABOVE_HORIZON)
-        return Meeting(sighting.camera_ned, hit.distance_m, height_m, "terrain", normal=_normal(hit), surveyed=True)
+        return Intersection(
+            sighting.camera_ned, hit.distance_m, height_m, "terrain", normal=_normal(hit), surveyed=True
+        )
 
-    def _meet_report(self, sighting: Sighting, direction: Vector3) -> Meeting | NoFix:
+    def _meet_report(self, sighting: Sighting, direction: Vector3) -> Intersection | NoFix:
         height_m = sighting.state.terrain_height_m
         if height_m is None:
             return NoFix(Reason.NO_HEIGHT)
@@ -113,7 +115,7 @@ class TerrainGround:
         distance_m = flat_distance(direction, height_m)
         if isinstance(distance_m, NoFix):
             return distance_m
-        return Meeting(camera_above_flat(sighting, height_m), distance_m, height_m, "terrain", surveyed=True)
+        return Intersection(camera_above_flat(sighting, height_m), distance_m, height_m, "terrain", surveyed=True)
 
 
 def _normal(hit: Hit) -> Vector3:

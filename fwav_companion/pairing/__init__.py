@@ -1,7 +1,7 @@
 """Detections placed in time and on the vehicle. PURE: telemetry is handed in behind a small protocol."""
 
 from fwav_companion.pairing.pairer import PairedFrame, Pairer, RefusedFrame
-from fwav_companion.pairing.protocols import Vehicle
+from fwav_companion.pairing.protocols import VehicleSource
 from fwav_companion.pairing.timing import CameraTiming, StampRule
 from fwav_companion.pairing.view import CameraView, sees_nothing
 from fwav_companion.pairing.waiting import WaitingFrames
@@ -13,7 +13,7 @@ __all__ = [
     "Pairer",
     "RefusedFrame",
     "StampRule",
-    "Vehicle",
+    "VehicleSource",
     "WaitingFrames",
     "sees_nothing",
 ]

@@ -10,7 +10,11 @@ import msgspec
 from fwav_companion.geometry.rotations import matrix_from_quaternion
 from fwav_companion.geometry.stamps import BootNs, HostNs
 from fwav_companion.geometry.vectors import ZERO3, Matrix3, Vector3, add, multiply, transform
-from fwav_companion.nouns import (
+from fwav_companion.pairing.placement import FramePlacer, both_clocks
+from fwav_companion.pairing.protocols import TwoClocks, VehicleSource
+from fwav_companion.pairing.timing import CameraTiming, RowClock
+from fwav_companion.pairing.view import CameraView
+from fwav_companion.types import (
     Detection,
     Frame,
     Lens,
@@ -22,10 +26,6 @@ from fwav_companion.nouns import (
     Unpaired,
     VehicleState,
 )
-from fwav_companion.pairing.placement import FramePlacer, both_clocks
-from fwav_companion.pairing.protocols import TwoClocks, Vehicle
-from fwav_companion.pairing.timing import CameraTiming, RowClock
-from fwav_companion.pairing.view import CameraView
 
 
 class PairedFrame(msgspec.Struct, frozen=True):
@@ -47,7 +47,7 @@ class PairedFrame(msgspec.Struct, frozen=True):
     """Of the other detections: index, reason, and the gap to the nearest attitude in seconds where it is known."""
 
 
-class Row(msgspec.Struct, frozen=True, gc=False):
+class CapturedRow(msgspec.Struct, frozen=True, gc=False):
     """One detection's row in time."""
 
     frame: int
@@ -115,15 +115,15 @@ class Pairer:
         self.body_from_camera = body_from_camera
         self._rows.set_time_offset(time_offset_s)
 
-    def needs_until(self, frame: Frame, clock: TwoClocks) -> BootNs | None:
+    def attitude_needed_until(self, frame: Frame, clock: TwoClocks) -> BootNs | None:
         """What attitudes should reach before the frame is paired (:meth:`FramePlacer.needs_until`)."""
-        return self._frames.needs_until(frame, clock)
+        return self._frames.attitude_needed_until(frame, clock)
 
-    def arrival_untold(self, frame: Frame, clock: TwoClocks) -> HostNs | Unpaired:
+    def assumed_arrival(self, frame: Frame, clock: TwoClocks) -> HostNs | Unpaired:
         """When a recorded frame came that does not tell (:meth:`FramePlacer.arrival_untold`)."""
-        return self._frames.arrival_untold(frame, clock)
+        return self._frames.assumed_arrival(frame, clock)
 
-    def pair(self, frame: Frame, vehicle: Vehicle) -> PairedFrame | RefusedFrame:
+    def pair(self, frame: Frame, vehicle: VehicleSource) -> PairedFrame | RefusedFrame:
         """Place the frame and everything seen in it."""
         placed = self._frames.place(frame, vehicle.clock)
         if isinstance(placed, Reason):
@@ -135,14 +135,14 @@ class Pairer:
         view = None if isinstance(state, Unpaired) else self._outlook(state, relative=vehicle.world.relative)
         sightings: list[Sighting] = []
         refused: list[tuple[int, Reason, float | None]] = []
-        by_readout = self._rows.readout_doubt
+        by_readout = self._rows.readout_scale
         for index, raw in enumerate(frame.detections):
             detection = placed.scaling.detection(raw)
             seen = self._look(detection)
             if isinstance(seen, Reason):
                 refused.append((index, seen, None))
                 continue
-            row = Row(number, index, host_ns, timing.capture_ns(detection.v) - timing.first_row_ns)
+            row = CapturedRow(number, index, host_ns, timing.capture_ns(detection.v) - timing.first_row_ns)
             told = self._sighting(
                 row, boot_ns, by_readout * timing.row_fraction(detection.v), detection, seen, clock_sigma_s, vehicle
             )
@@ -153,7 +153,7 @@ class Pairer:
         return PairedFrame(number, host_ns, boot_ns, state, view, tuple(sightings), tuple(refused))
 
     def look_at(
-        self, u: float, v: float, sigma_px: float | None, host_ns: HostNs, vehicle: Vehicle
+        self, u: float, v: float, sigma_px: float | None, host_ns: HostNs, vehicle: VehicleSource
     ) -> Sighting | Unpaired:
         """The ground ray under a pixel at this host instant, whatever its row: what an operator's click means.
 
@@ -167,17 +167,17 @@ class Pairer:
         if isinstance(both, Unpaired):
             return both
         clock_sigma_s = vehicle.clock.estimate(host_ns).sigma_s
-        return self._sighting(Row(-1, 0, host_ns, 0), both[1], 0.5, detection, ray, clock_sigma_s, vehicle)
+        return self._sighting(CapturedRow(-1, 0, host_ns, 0), both[1], 0.5, detection, ray, clock_sigma_s, vehicle)
 
     def _sighting(
         self,
-        row: Row,
+        row: CapturedRow,
         boot_ns: BootNs,
         row_fraction: float,
         detection: Detection,
         ray: Ray,
         clock_sigma_s: float,
-        vehicle: Vehicle,
+        vehicle: VehicleSource,
     ) -> Sighting | Unpaired:
         """The detection with the vehicle as it was when the row was exposed; ``boot_ns`` is that of row 0."""
         at = vehicle.state_at(BootNs(boot_ns + row.since_first_ns))

@@ -5,10 +5,10 @@ from __future__ import annotations
 import msgspec
 
 from fwav_companion.geometry.stamps import BootNs, HostNs
-from fwav_companion.nouns import Frame, Reason, StampClock, Unpaired
 from fwav_companion.pairing.protocols import TwoClocks
 from fwav_companion.pairing.scaling import Scaling, scaling_from_size
 from fwav_companion.pairing.timing import FrameTiming, RowClock
+from fwav_companion.types import Frame, Reason, StampClock, Unpaired
 
 MOST_DETECTIONS = 256
 """In one frame."""
@@ -43,7 +43,7 @@ class FramePlacer:
         self._rows = rows
         self._seen: dict[tuple[object, ...], None] = {}
 
-    def needs_until(self, frame: Frame, clock: TwoClocks) -> BootNs | None:
+    def attitude_needed_until(self, frame: Frame, clock: TwoClocks) -> BootNs | None:
         """The autopilot's instant of the latest row in which something was seen, and of row 0, which attitudes should
         reach; None where it is not known. What was exposed later than that holds nothing up.
         """
@@ -56,7 +56,7 @@ class FramePlacer:
         boot_ns = clock.boot_from_host(HostNs(latest_ns))
         return None if isinstance(boot_ns, Unpaired) else boot_ns
 
-    def arrival_untold(self, frame: Frame, clock: TwoClocks) -> HostNs | Unpaired:
+    def assumed_arrival(self, frame: Frame, clock: TwoClocks) -> HostNs | Unpaired:
         """When a recorded frame without an arrival is taken to have come: its last capture, or its stamp if later."""
         latest_ns = max(self._timing_of(frame).latest_ns, frame.stamp_ns)
         if frame.stamp_clock is StampClock.BOOT:

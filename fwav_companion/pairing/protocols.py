@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from fwav_companion.geometry.stamps import BootNs, HostNs
-from fwav_companion.nouns import ClockEstimate, Unpaired, VehicleState
+from fwav_companion.types import ClockEstimate, Unpaired, VehicleState
 
 
 class TwoClocks(Protocol):
@@ -29,7 +29,7 @@ class LocalWorld(Protocol):
         """Targets are relative to the point below the camera; None while that is not decided."""
 
 
-class Vehicle(Protocol):
+class VehicleSource(Protocol):
     """A vehicle that can be asked where it was."""
 
     @property

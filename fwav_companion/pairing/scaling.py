@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
-from fwav_companion.nouns import Corners, Detection, Reason
+from fwav_companion.types import Corners, Detection, Reason
 
 
 class Scaling(msgspec.Struct, frozen=True, gc=False):

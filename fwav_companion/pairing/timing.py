@@ -100,7 +100,7 @@ class RowClock:
         return self.interval_s / sqrt(12.0) if self._timing.readout_s is None else 0.0
 
     @property
-    def readout_doubt(self) -> float:
+    def readout_scale(self) -> float:
         """How much wider an unknown readout is than [uncertainty] has it, which takes 30 frames/s for granted."""
         return self.interval_s / INTERVAL_BEFORE_ANY_S if self._timing.readout_s is None else 1.0
 

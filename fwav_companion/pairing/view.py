@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 
 from fwav_companion.geometry.vectors import Matrix3, Vector3, subtract, transform, transpose
-from fwav_companion.nouns import Lens, NoRay
+from fwav_companion.types import Lens, NoRay
 
 
 class CameraView(msgspec.Struct, frozen=True):

@@ -5,8 +5,8 @@ from __future__ import annotations
 import msgspec
 
 from fwav_companion.geometry.stamps import BootNs, HostNs
-from fwav_companion.nouns import Frame
-from fwav_companion.pairing.protocols import Vehicle
+from fwav_companion.pairing.protocols import VehicleSource
+from fwav_companion.types import Frame
 
 LEAST_PATIENCE_NS = 150_000_000
 """After its coming: three attitudes at 25 Hz, the slowest stream that carries flapping, and the way they travel."""
@@ -50,7 +50,7 @@ class WaitingFrames:
         """When the first one has waited long enough."""
         return min(entry.deadline_ns for entry in self._frames) if self._frames else None
 
-    def take_ready(self, now: HostNs, vehicle: Vehicle) -> list[Frame]:
+    def take_ready(self, now: HostNs, vehicle: VehicleSource) -> list[Frame]:
         """Those that need not, or may not, wait any longer, in the order they came."""
         if not self._frames:
             return []

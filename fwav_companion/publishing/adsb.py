@@ -8,10 +8,10 @@ from __future__ import annotations
 from math import degrees, isfinite
 from typing import Any
 
-from fwav_companion.nouns.situation import Situation
-from fwav_companion.nouns.tracks import Track
 from fwav_companion.publishing import enums
-from fwav_companion.publishing.moment import degrees_e7, speed_and_course, target_now
+from fwav_companion.publishing.target_report import degrees_e7, speed_and_course, target_report
+from fwav_companion.types.situation import Situation
+from fwav_companion.types.tracks import Track
 
 ADDRESSES = 0xF00000
 """ICAO has allotted no country the addresses from here on."""
@@ -20,7 +20,7 @@ CALLSIGN_CHARACTERS = 8
 
 def adsb_vehicle(track: Track, system: int, now: Situation) -> dict[str, Any] | None:
     """The fields; None without a global position. The same track keeps the same address."""
-    target = target_now(track, now)
+    target = target_report(track, now)
     if target.place is None:
         return None
     speed, course = speed_and_course(track)

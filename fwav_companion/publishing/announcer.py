@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
-from fwav_companion.nouns.messages import Notice, Outgoing, Severity
-from fwav_companion.nouns.situation import Situation
-from fwav_companion.nouns.tracks import Track, TrackState
 from fwav_companion.publishing import enums
-from fwav_companion.publishing.moment import target_now
 from fwav_companion.publishing.options import PublishOptions
-from fwav_companion.publishing.selection import heir
+from fwav_companion.publishing.selection import successor
 from fwav_companion.publishing.statustext import statustexts
+from fwav_companion.publishing.target_report import target_report
+from fwav_companion.types.messages import Notice, Outgoing, Severity
+from fwav_companion.types.situation import Situation
+from fwav_companion.types.tracks import Track, TrackState
 
 BURST = 4
 """Texts in a row; then one a second. A field full of targets must not fill the radio with words."""
@@ -49,7 +49,7 @@ class Announcer:
         dropped = {track.id: track for track in tracks if track.state is TrackState.DROPPED}
         for number in [number for number in self._found if number not in live]:
             known = self._found.pop(number)
-            same = heir(number, live.values())
+            same = successor(number, live.values())
             if same is None:
                 texts.append(_sentence("lost", dropped.get(number, known), situation))
             else:
@@ -90,7 +90,7 @@ class Announcer:
 
 def _sentence(what: str, track: Track, situation: Situation) -> str:
     """As ``found person 3: 47.397742, 8.545594 +-0.8 m``: six decimals are 0.1 m, one sigma of the larger axis."""
-    target = target_now(track, situation)
+    target = target_report(track, situation)
     accuracy = f"+-{target.horizontal_sigma_m:.1f} m"
     if target.place is not None:
         where = f"{target.place.lat_deg:.6f}, {target.place.lon_deg:.6f} {accuracy}"

@@ -7,9 +7,9 @@ from math import isfinite
 from typing import Any
 
 from fwav_companion.geometry.stamps import NS_PER_US, HostNs
-from fwav_companion.nouns.board import BoardReport
-from fwav_companion.nouns.situation import Situation
-from fwav_companion.publishing.moment import boot_ms
+from fwav_companion.publishing.target_report import boot_ms
+from fwav_companion.types.board import BoardReport
+from fwav_companion.types.situation import Situation
 
 ONBOARD_COMPUTER_STATUS = 390
 UNUSED_8, UNUSED_32 = 0xFF, 0xFFFFFFFF

@@ -7,13 +7,9 @@ from math import isfinite
 from typing import Any
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
-from fwav_companion.nouns.commands import Command, CommandAnswer, CommandResult
-from fwav_companion.nouns.messages import Destination, Outgoing
-from fwav_companion.nouns.situation import Situation
-from fwav_companion.nouns.tracks import Track
 from fwav_companion.publishing import camera_information as information
 from fwav_companion.publishing import enums
-from fwav_companion.publishing.clicks import (
+from fwav_companion.publishing.click_selection import (
     Locate,
     Mark,
     Pictures,
@@ -26,6 +22,10 @@ from fwav_companion.publishing.options import PublishOptions
 from fwav_companion.publishing.selection import Selection
 from fwav_companion.publishing.statustext import statustexts
 from fwav_companion.publishing.tracking_status import FORGOTTEN_NS, ImagePlace, geo_status, image_status, pixel
+from fwav_companion.types.commands import Command, CommandAnswer, CommandResult
+from fwav_companion.types.messages import Destination, Outgoing
+from fwav_companion.types.situation import Situation
+from fwav_companion.types.tracks import Track
 
 IDLE_REPEATS = 3
 """A lost datagram must not leave a box on the operator's picture."""

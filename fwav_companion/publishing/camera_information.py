@@ -7,8 +7,8 @@ from typing import Any
 
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.publishing import enums
-from fwav_companion.publishing.moment import boot_ms
 from fwav_companion.publishing.options import PublishOptions
+from fwav_companion.publishing.target_report import boot_ms
 
 VENDOR = "fwav-companion"
 MODEL = "target localization"

@@ -11,10 +11,10 @@ from datetime import UTC, datetime, timedelta
 from enum import StrEnum
 
 from fwav_companion.geometry.stamps import NS_PER_US, ns_from_s
-from fwav_companion.nouns.situation import Situation
-from fwav_companion.nouns.tracks import Track
-from fwav_companion.publishing.moment import TargetNow, target_now
 from fwav_companion.publishing.options import PublishOptions
+from fwav_companion.publishing.target_report import TargetReport, target_report
+from fwav_companion.types.situation import Situation
+from fwav_companion.types.tracks import Track
 
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 LARGEST_ERROR_M = 9_999_999.0
@@ -33,7 +33,7 @@ class NoEvent(StrEnum):
 
 def cot_event(track: Track, options: PublishOptions, situation: Situation) -> bytes | NoEvent:
     """One event, valid for ``cot_stale_s``. The uid names the board and the vehicle: a restart moves the old marker."""
-    target = target_now(track, situation)
+    target = target_report(track, situation)
     if target.place is None:
         return NoEvent.NO_POSITION
     if situation.undulation_m is None:
@@ -46,7 +46,7 @@ def cot_event(track: Track, options: PublishOptions, situation: Situation) -> by
     return _event(target, target.place.alt_amsl_m + situation.undulation_m, utc_ns, options, situation).encode()
 
 
-def _event(target: TargetNow, hae_m: float, utc_ns: int, options: PublishOptions, situation: Situation) -> str:
+def _event(target: TargetReport, hae_m: float, utc_ns: int, options: PublishOptions, situation: Situation) -> str:
     place, track = target.place, target.track
     if place is None:
         return ""

@@ -18,15 +18,15 @@ from msgspec import structs
 from fwav_companion.geometry.rotations import conjugate, exp, multiply, rotate
 from fwav_companion.geometry.stamps import NS_PER_US, BootNs, HostNs, ns_from_s, s_from_ns
 from fwav_companion.geometry.vectors import Vector3, add, norm, scale, subtract, transform
-from fwav_companion.nouns.messages import Destination, Outgoing
-from fwav_companion.nouns.sightings import GroundFix, Unpaired
-from fwav_companion.nouns.situation import AutopilotKind, Situation
-from fwav_companion.nouns.telemetry import VehicleState
-from fwav_companion.nouns.tracks import Track, TrackState
 from fwav_companion.publishing import enums
-from fwav_companion.publishing.moment import larger_sigma
 from fwav_companion.publishing.options import PublishOptions
-from fwav_companion.publishing.selection import heir, seniority
+from fwav_companion.publishing.selection import seniority, successor
+from fwav_companion.publishing.target_report import larger_sigma
+from fwav_companion.types.messages import Destination, Outgoing
+from fwav_companion.types.sightings import GroundFix, Unpaired
+from fwav_companion.types.situation import AutopilotKind, Situation
+from fwav_companion.types.telemetry import VehicleState
+from fwav_companion.types.tracks import Track, TrackState
 
 StateAt: TypeAlias = Callable[[BootNs], VehicleState | Unpaired]
 """The vehicle at an instant of the autopilot's clock, or why it is not known."""
@@ -127,7 +127,7 @@ class Landing:
         """The chosen track as it stands now, or what it turned out to be; a new choice only once it is gone."""
         live = {track.id: track for track in tracks if track.state is not TrackState.DROPPED}
         if self._target is not None and self._target not in live:
-            self._target = heir(self._target, live.values())
+            self._target = successor(self._target, live.values())
         if self._target is None:
             confirmed = [
                 track

@@ -5,9 +5,9 @@ from __future__ import annotations
 from math import degrees, nan
 from typing import Any
 
-from fwav_companion.nouns.situation import Situation
-from fwav_companion.nouns.tracks import Track
-from fwav_companion.publishing.moment import boot_ms, float32, target_now
+from fwav_companion.publishing.target_report import boot_ms, float32, target_report
+from fwav_companion.types.situation import Situation
+from fwav_companion.types.tracks import Track
 
 NAMES = ("TGT_ID", "TGT_N", "TGT_E", "TGT_DIST", "TGT_BRG", "TGT_ACC")
 """At most ten characters, all that the message holds."""
@@ -26,7 +26,7 @@ def named_values(track: Track | None, situation: Situation) -> list[dict[str, An
 
 
 def _values(track: Track, situation: Situation) -> tuple[float, ...]:
-    target = target_now(track, situation)
+    target = target_report(track, situation)
     return (
         float(track.id),
         target.position_ned[0],

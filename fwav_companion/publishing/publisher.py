@@ -6,14 +6,10 @@ from collections import deque
 from typing import Any
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
-from fwav_companion.nouns.commands import Command, CommandAnswer
-from fwav_companion.nouns.messages import Destination, Notice, Outgoing, Severity
-from fwav_companion.nouns.situation import Situation
-from fwav_companion.nouns.tracks import Track
 from fwav_companion.publishing.adsb import adsb_vehicle
 from fwav_companion.publishing.announcer import Announcer
 from fwav_companion.publishing.camera_component import CameraComponent
-from fwav_companion.publishing.clicks import Locate, PixelFromNed
+from fwav_companion.publishing.click_selection import Locate, PixelFromNed
 from fwav_companion.publishing.cot import NoEvent, cot_event
 from fwav_companion.publishing.intervals import UNASKED_NS, Cadence
 from fwav_companion.publishing.landing import Landing, StateAt
@@ -21,6 +17,10 @@ from fwav_companion.publishing.named_values import named_values
 from fwav_companion.publishing.options import PublishOptions
 from fwav_companion.publishing.selection import Selection
 from fwav_companion.publishing.tracking_status import FORGOTTEN_NS
+from fwav_companion.types.commands import Command, CommandAnswer
+from fwav_companion.types.messages import Destination, Notice, Outgoing, Severity
+from fwav_companion.types.situation import Situation
+from fwav_companion.types.tracks import Track
 
 VALUES_NS = UNASKED_NS
 """Numbers for a display: twice a second is as fast as anybody reads."""

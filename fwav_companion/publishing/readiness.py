@@ -6,7 +6,7 @@ from math import isfinite
 
 import msgspec
 
-from fwav_companion.nouns.messages import Notice, Severity
+from fwav_companion.types.messages import Notice, Severity
 
 SLOW = 0.8
 """Below this share of the wanted attitude rate, the flapping may not be caught."""

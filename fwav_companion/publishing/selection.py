@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from fwav_companion.nouns.tracks import Track, TrackState
 from fwav_companion.publishing.options import PublishOptions
+from fwav_companion.types.tracks import Track, TrackState
 
 BELIEVED = frozenset({TrackState.CONFIRMED, TrackState.COASTING})
 
@@ -44,7 +44,7 @@ class Selection:
         """Take the tracks as they stand after a frame."""
         self._believed = {track.id: track for track in tracks if track.state in BELIEVED}
         if self._clicked is not None and self._clicked not in self._believed:
-            self._clicked = heir(self._clicked, self._believed.values())
+            self._clicked = successor(self._clicked, self._believed.values())
 
     def click(self, track_id: int) -> None:
         """The operator chose this track."""
@@ -55,7 +55,7 @@ class Selection:
         self._clicked, self._stopped = None, True
 
 
-def heir(ended: int, tracks: Iterable[Track]) -> int | None:
+def successor(ended: int, tracks: Iterable[Track]) -> int | None:
     """The track that an ended one turned out to be; None where it is just gone."""
     return next((track.id for track in tracks if ended in track.replaces), None)
 

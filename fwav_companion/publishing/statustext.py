@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from fwav_companion.nouns.messages import Destination, Outgoing
+from fwav_companion.types.messages import Destination, Outgoing
 
 CHUNK_BYTES = 50
 MAX_BYTES = 4 * CHUNK_BYTES

@@ -8,10 +8,10 @@ from typing import Any
 import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
-from fwav_companion.nouns.situation import Situation
-from fwav_companion.nouns.tracks import Track, TrackState
 from fwav_companion.publishing import enums
-from fwav_companion.publishing.moment import TargetNow, degrees_e7, float32, target_now
+from fwav_companion.publishing.target_report import TargetReport, degrees_e7, float32, target_report
+from fwav_companion.types.situation import Situation
+from fwav_companion.types.tracks import Track, TrackState
 
 STALE_NS = NS_PER_S
 """No frame for this long, and a target is predicted, whatever it was when the last one was looked at."""
@@ -68,7 +68,7 @@ def image_status(track: Track | None, place: ImagePlace | None, size: tuple[int,
 
 def geo_status(track: Track, situation: Situation) -> dict[str, Any] | None:
     """The fields of 276; None without a global position: the message cannot say "latitude unknown"."""
-    target = target_now(track, situation)
+    target = target_report(track, situation)
     if target.place is None:
         return None
     return {
@@ -94,7 +94,7 @@ def pixel(normalized_point: tuple[float, float], size: tuple[int, int]) -> tuple
     return (normalized_point[0] * size[0] - 0.5, normalized_point[1] * size[1] - 0.5)
 
 
-def _velocity(target: TargetNow) -> dict[str, float]:
+def _velocity(target: TargetReport) -> dict[str, float]:
     """vel_*, vel_acc, hdg and hdg_acc: the course over ground, where the target moves beyond doubt."""
     velocity, cov = target.track.velocity_ned, target.track.velocity_cov
     fields = dict.fromkeys(("vel_n", "vel_e", "vel_d", "vel_acc", "hdg", "hdg_acc"), nan)

@@ -13,7 +13,7 @@ from typing import Annotated, Any, TypeAlias
 import msgspec
 from msgspec import Meta
 
-from fwav_companion.nouns import Reason
+from fwav_companion.types import Reason
 
 UnixSeconds: TypeAlias = Annotated[float, Meta(ge=0.0, le=1e11)]
 """As detections have it: until the year 5138."""
@@ -26,7 +26,7 @@ class Refused(msgspec.Struct, frozen=True, tag_field="event", tag="refused"):
     reasons: dict[Reason, Annotated[int, Meta(ge=0, le=10**12)]]
 
 
-class End(msgspec.Struct, frozen=True, tag_field="event", tag="end"):
+class RecordingEnd(msgspec.Struct, frozen=True, tag_field="event", tag="end"):
     """The flight was over then."""
 
     received_unix: UnixSeconds
@@ -40,7 +40,7 @@ class BeganWith(msgspec.Struct, frozen=True, tag_field="event", tag="began_with"
     """Its owner's, as it was kept."""
 
 
-Event: TypeAlias = Refused | End | BeganWith
+Event: TypeAlias = Refused | RecordingEnd | BeganWith
 _decoder = msgspec.json.Decoder(Event)
 
 
@@ -56,7 +56,7 @@ def began_with_line(unix_us: int, calibration: Mapping[str, Any]) -> bytes:
 
 def end_line(unix_us: int) -> bytes:
     """One line."""
-    return msgspec.json.encode(End(unix_us / 1e6)) + b"\n"
+    return msgspec.json.encode(RecordingEnd(unix_us / 1e6)) + b"\n"
 
 
 def parse_event(line: bytes) -> Event | None:

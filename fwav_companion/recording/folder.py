@@ -11,7 +11,7 @@ from typing import BinaryIO, Literal
 import msgspec
 
 from fwav_companion.recording.space import BYTES_PER_MB, Space, SpacePolicy, new_folder
-from fwav_companion.recording.spans import Record
+from fwav_companion.recording.spans import SpanRecord
 
 TELEMETRY, DETECTIONS, TARGETS = "telemetry.tlog", "detections.jsonl", "targets.jsonl"
 FILES = (TELEMETRY, DETECTIONS, TARGETS)
@@ -69,7 +69,7 @@ class RecordingFiles:
         for directory in (folder, self._plan.directory):
             _sync_directory(directory)
 
-    def write(self, record: Record) -> list[Path]:
+    def write(self, record: SpanRecord) -> list[Path]:
         """The folders that were removed to make room; SpaceError where that is not enough."""
         if self._space is None or self.folder is None:
             return []

@@ -11,7 +11,7 @@ import msgspec
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Vector3, transform
-from fwav_companion.nouns import ClockEstimate, ErrorBudget, GroundFix, Reason, Sighting, Track
+from fwav_companion.types import ClockEstimate, ErrorBudget, GroundFix, Reason, Sighting, Track
 
 SCHEMA = 1
 Line = Mapping[str, Any]

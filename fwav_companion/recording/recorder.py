@@ -18,7 +18,7 @@ from fwav_companion.recording.folder import (
 )
 from fwav_companion.recording.lines import Line, encode_line
 from fwav_companion.recording.space import BYTES_PER_MB, SpaceError
-from fwav_companion.recording.spans import Begin, Record, Spans, Step
+from fwav_companion.recording.spans import BeginSpan, SpanRecord, Spans, Step
 from fwav_companion.recording.tlog import tlog_record
 
 MAX_WAITING_BYTES = 8 << 20
@@ -84,15 +84,15 @@ class Recorder:
 
     def telemetry(self, unix_us: int, frame: bytes) -> None:
         """One MAVLink frame, of either direction."""
-        self._put(Record(unix_us, TELEMETRY, tlog_record(unix_us, frame)))
+        self._put(SpanRecord(unix_us, TELEMETRY, tlog_record(unix_us, frame)))
 
     def detection(self, unix_us: int, line: bytes) -> None:
         """One line of the detections."""
-        self._put(Record(unix_us, DETECTIONS, line))
+        self._put(SpanRecord(unix_us, DETECTIONS, line))
 
     def target(self, unix_us: int, line: Line) -> None:
         """One line of the targets."""
-        self._put(Record(unix_us, TARGETS, encode_line(line), line["type"] == "header"))
+        self._put(SpanRecord(unix_us, TARGETS, encode_line(line), line["type"] == "header"))
 
     def on_armed(self, armed: bool, unix_us: int) -> None:
         """The vehicle is armed or not; to be told as often as one likes."""
@@ -114,7 +114,7 @@ class Recorder:
 
     # On the caller's side.
 
-    def _put(self, record: Record) -> None:
+    def _put(self, record: SpanRecord) -> None:
         if self.failure is not None:
             return
         if self._begins_anew:
@@ -128,7 +128,7 @@ class Recorder:
             if self.failure is not None:
                 return
             for step in steps:
-                self._waiting_bytes += len(step.data) if isinstance(step, Record) else 0
+                self._waiting_bytes += len(step.data) if isinstance(step, SpanRecord) else 0
                 self._waiting.append(step)
             full = self._waiting_bytes > MAX_WAITING_BYTES
         if full:
@@ -170,10 +170,10 @@ class Recorder:
 
     def _write(self, files: RecordingFiles, steps: list[Step]) -> None:
         for step in _joined(steps):
-            if isinstance(step, Record):
+            if isinstance(step, SpanRecord):
                 for removed in files.write(step):
                     self._on_news(f"recording: removed the oldest, {removed}, to make room")
-            elif isinstance(step, Begin):
+            elif isinstance(step, BeginSpan):
                 files.begin()
             else:
                 files.end()
@@ -195,8 +195,8 @@ class Recorder:
         self._on_failure(self.failure)
 
 
-def _frame_record(at_us: int, line: Line | None, *, is_header: bool = False) -> Record | None:
-    return None if line is None else Record(at_us, TARGETS, encode_line(line), is_header)
+def _frame_record(at_us: int, line: Line | None, *, is_header: bool = False) -> SpanRecord | None:
+    return None if line is None else SpanRecord(at_us, TARGETS, encode_line(line), is_header)
 
 
 def _joined(steps: Iterable[Step]) -> list[Step]:
@@ -206,11 +206,11 @@ def _joined(steps: Iterable[Step]) -> list[Step]:
 
     def settle() -> None:
         # What a line of the targets came from is on the disk before the line is.
-        joined.extend(Record(0, name, b"".join(pieces[name])) for name in FILES if name in pieces)
+        joined.extend(SpanRecord(0, name, b"".join(pieces[name])) for name in FILES if name in pieces)
         pieces.clear()
 
     for step in steps:
-        if isinstance(step, Record):
+        if isinstance(step, SpanRecord):
             pieces.setdefault(step.file, []).append(step.data)
         else:
             settle()

@@ -20,7 +20,7 @@ MOST_FOLDER_BYTES: Final = 512 << 20
 """About three hours of a flight; then the next folder begins, so that no file grows beyond what tools open at once."""
 
 
-class Record(msgspec.Struct, frozen=True, gc=False):
+class SpanRecord(msgspec.Struct, frozen=True, gc=False):
     """Some bytes for one file of the recording."""
 
     at_us: int
@@ -30,16 +30,16 @@ class Record(msgspec.Struct, frozen=True, gc=False):
     """The first line of a targets file."""
 
 
-class Begin(msgspec.Struct, frozen=True):
+class BeginSpan(msgspec.Struct, frozen=True):
     """A new folder is to be made."""
 
 
-class End(msgspec.Struct, frozen=True):
+class EndSpan(msgspec.Struct, frozen=True):
     """The folder is complete."""
 
 
-Step = Record | Begin | End
-FrameLine = Callable[[int], Record | None]
+Step = SpanRecord | BeginSpan | EndSpan
+FrameLine = Callable[[int], SpanRecord | None]
 """The header or the summary of a targets file at an instant; None while there is none yet."""
 
 
@@ -66,7 +66,7 @@ class Spans:
         self._open = False
         self._has_header = False
         self._folder_bytes = 0
-        self._before: deque[Record] = deque()
+        self._before: deque[SpanRecord] = deque()
         self._before_bytes = 0
         self._armed = False
         self._was_armed = False
@@ -85,7 +85,7 @@ class Spans:
             return [] if self._open else self._begin(now_us)
         return self._begin(now_us) if again else []
 
-    def on_record(self, record: Record) -> list[Step]:
+    def on_record(self, record: SpanRecord) -> list[Step]:
         """What is to be done with a record, in order."""
         steps: list[Step] = []
         if self._open and self._over(record.at_us):
@@ -112,7 +112,7 @@ class Spans:
     def _begin(self, now_us: int) -> list[Step]:
         steps = self._end(now_us) if self._open else []
         self._open, self._has_header, self._folder_bytes = True, False, 0
-        steps.append(Begin())
+        steps.append(BeginSpan())
         header = self._header(now_us)
         if header is not None:
             steps += self._take(header)
@@ -121,7 +121,7 @@ class Spans:
         self._before_bytes = 0
         return steps
 
-    def _take(self, record: Record) -> list[Step]:
+    def _take(self, record: SpanRecord) -> list[Step]:
         if record.is_header:
             if self._has_header:
                 return []
@@ -132,9 +132,9 @@ class Spans:
     def _end(self, now_us: int) -> list[Step]:
         self._open = False
         summary = self._summary(now_us) if self._has_header else None
-        return [End()] if summary is None else [summary, End()]
+        return [EndSpan()] if summary is None else [summary, EndSpan()]
 
-    def _hold(self, record: Record) -> None:
+    def _hold(self, record: SpanRecord) -> None:
         self._before.append(record)
         self._before_bytes += len(record.data)
         while self._before and (

@@ -15,8 +15,8 @@ import msgspec
 from fwav_companion.errors import InputFileError
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.vectors import Vector3, larger_semi_axis
-from fwav_companion.nouns import TrackState
 from fwav_companion.recording.lines import Line
+from fwav_companion.types import TrackState
 
 ACCEPTED = "label and (lat, lon, alt_amsl) or (north, east, down), optionally time_unix"
 

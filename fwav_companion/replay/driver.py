@@ -10,16 +10,16 @@ import msgspec
 
 from fwav_companion.camera import Calibration
 from fwav_companion.config import Config
-from fwav_companion.flow.pipeline import Pipeline
-from fwav_companion.flow.wiring import make_pipeline, own_components
 from fwav_companion.geometry.stamps import NS_PER_S, NS_PER_US, HostNs, host_from_seconds
 from fwav_companion.localization import ElevationTile
-from fwav_companion.nouns import Frame, Message, NoFrame, StampClock
-from fwav_companion.recording.events import End, Refused
+from fwav_companion.pipeline.pipeline import Pipeline
+from fwav_companion.pipeline.pipeline_factory import make_pipeline, own_components
+from fwav_companion.recording.events import RecordingEnd, Refused
 from fwav_companion.recording.lines import Line
 from fwav_companion.recording.truth import ErrorTally, TruthPoint
 from fwav_companion.replay.recorded import Recording, is_own
-from fwav_companion.tracking.base import Filter
+from fwav_companion.tracking.filters.base import Filter
+from fwav_companion.types import Frame, Message, NoFrame, StampClock
 
 MARGIN_NS = 60 * NS_PER_S
 
@@ -80,7 +80,7 @@ def _drive(pipeline: Pipeline, recording: Recording, own: frozenset[int]) -> Ite
         elif isinstance(event, Refused):
             for reason, count in event.reasons.items():
                 pipeline.on_refused(reason, count, now)
-        elif isinstance(event, End):
+        elif isinstance(event, RecordingEnd):
             break
         else:
             pipeline.on_frame(event, now)
@@ -91,7 +91,7 @@ def _drive(pipeline: Pipeline, recording: Recording, own: frozenset[int]) -> Ite
     yield
 
 
-_Event = tuple[HostNs, int, Message | Frame | NoFrame | Refused | End]
+_Event = tuple[HostNs, int, Message | Frame | NoFrame | Refused | RecordingEnd]
 
 
 def _by_time(event: _Event) -> tuple[HostNs, int]:
@@ -112,14 +112,14 @@ def _frames(recording: Recording, pipeline: Pipeline, untold: deque[Frame]) -> I
         if isinstance(frame, NoFrame):
             events.append((last_ns, 1, frame))
             continue
-        if isinstance(frame, Refused | End):
+        if isinstance(frame, Refused | RecordingEnd):
             last_ns = near(HostNs(host_from_seconds(frame.received_unix) - recording.unix_offset_ns))
             events.append((last_ns, 1, frame))
             continue
         if frame.arrival_ns is None and frame.stamp_clock is StampClock.BOOT:
             untold.append(frame)
             continue
-        arrival_ns = frame.arrival_ns if frame.arrival_ns is not None else pipeline.arrival_untold(frame)
+        arrival_ns = frame.arrival_ns if frame.arrival_ns is not None else pipeline.assumed_arrival(frame)
         if arrival_ns is not None:
             last_ns = near(arrival_ns)
             events.append((last_ns, 1, frame))
@@ -138,7 +138,7 @@ def _near(recording: Recording) -> Callable[[HostNs], HostNs]:
 def _arrived(untold: deque[Frame], pipeline: Pipeline, now: HostNs) -> Iterator[Frame]:
     """Take out the frames whose last row had been captured by now."""
     while untold:
-        arrival_ns = pipeline.arrival_untold(untold[0])
+        arrival_ns = pipeline.assumed_arrival(untold[0])
         if arrival_ns is None or arrival_ns > now:
             return
         yield untold.popleft()

@@ -10,12 +10,12 @@ from collections.abc import Sequence
 import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_US
-from fwav_companion.mavlink import enums
-from fwav_companion.nouns import Frame, Message, NoFrame, Reason
-from fwav_companion.recording.events import BeganWith, End, Refused, parse_event
+from fwav_companion.mavlink.wire import enums
+from fwav_companion.recording.events import BeganWith, RecordingEnd, Refused, parse_event
 from fwav_companion.recording.tlog import SkippedBytes
 from fwav_companion.replay.telemetry import TelemetryRead, Timed, read_telemetry
 from fwav_companion.tracking import KeptCalibration
+from fwav_companion.types import Frame, Message, NoFrame, Reason
 from fwav_companion.vision.wall_clock import RecordingClock
 from fwav_companion.vision.wire import parse_frame
 
@@ -35,7 +35,7 @@ class Recording(msgspec.Struct, frozen=True):
 
     messages: Sequence[Timed]
     """In file order with times that never go back."""
-    frames: Sequence[Frame | NoFrame | Refused | End]
+    frames: Sequence[Frame | NoFrame | Refused | RecordingEnd]
     """The detections' lines, in file order."""
     unix_offset_ns: int
     """Unix minus host, by the recording's own TIMESYNC requests; 0 where there are none: host time is Unix time."""
@@ -81,8 +81,8 @@ def join(telemetry: TelemetryRead, detections: bytes, own: frozenset[int], syste
 
 def _frames(
     data: bytes, clock: RecordingClock
-) -> tuple[list[Frame | NoFrame | Refused | End], KeptCalibration | None, list[SkippedLine]]:
-    entries: list[Frame | NoFrame | Refused | End] = []
+) -> tuple[list[Frame | NoFrame | Refused | RecordingEnd], KeptCalibration | None, list[SkippedLine]]:
+    entries: list[Frame | NoFrame | Refused | RecordingEnd] = []
     kept: KeptCalibration | None = None
     skipped: list[SkippedLine] = []
     offset = 0

@@ -10,14 +10,14 @@ from collections.abc import Iterator, Sequence
 import msgspec
 
 from fwav_companion.errors import EncodeError, InputFileError
-from fwav_companion.flow.wiring import WANTED
-from fwav_companion.mavlink.codec import Encoder, decode
-from fwav_companion.mavlink.scanner import Scanner
-from fwav_companion.nouns import Message
+from fwav_companion.mavlink.wire.codec import Encoder, decode
+from fwav_companion.mavlink.wire.scanner import Scanner
+from fwav_companion.pipeline.pipeline_factory import WANTED
 from fwav_companion.recording.flight_log import FlightLog
 from fwav_companion.recording.log_messages import messages_of
 from fwav_companion.recording.one_clock import longest_stretch, on_one_clock
 from fwav_companion.recording.tlog import SkippedBytes, read_tlog
+from fwav_companion.types import Message
 
 AUTOPILOT_SYSTEM = AUTOPILOT_COMPONENT = 1
 """As whom a log speaks: it has no MAVLink ids."""

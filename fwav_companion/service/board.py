@@ -8,7 +8,7 @@ from hashlib import sha256
 from pathlib import Path
 
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
-from fwav_companion.nouns.board import BoardReport, LinkLoad
+from fwav_companion.types.board import BoardReport, LinkLoad
 
 NAME_LENGTH = 12
 """Hexadecimal digits: enough that no two boards of one operation are called alike."""

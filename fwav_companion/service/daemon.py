@@ -11,28 +11,28 @@ import msgspec
 
 from fwav_companion.camera import Calibration
 from fwav_companion.config import Config
-from fwav_companion.files.latest import LatestFile, status_paths
-from fwav_companion.flow.wiring import make_pipeline
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.links.make import make_link
 from fwav_companion.links.url import SerialUrl
 from fwav_companion.localization import ElevationTile
-from fwav_companion.mavlink.node import Received
-from fwav_companion.nouns import Frame, NoFrame
-from fwav_companion.service.alarm import NET_NS, Alarm
+from fwav_companion.mavlink.router.node import Received
+from fwav_companion.pipeline.pipeline_factory import make_pipeline
 from fwav_companion.service.board import BoardWatch, board_name, wall_clock_is_synchronised
-from fwav_companion.service.calibration_memory import CalibrationMemory
+from fwav_companion.service.calibration_store import CalibrationStore
 from fwav_companion.service.host_clock import HostClock
 from fwav_companion.service.journal import Journal
+from fwav_companion.service.latest_file import LatestFile, status_paths
+from fwav_companion.service.log import ServiceLog, warn
 from fwav_companion.service.network import make_node
 from fwav_companion.service.outgoing import Outbox
-from fwav_companion.service.parts import make_detections, make_map_link, make_recorder, make_vision
-from fwav_companion.service.sayings import Sayings, warn
-from fwav_companion.service.signing_memory import SigningMemory
-from fwav_companion.service.status import Status
+from fwav_companion.service.service_factory import make_detections, make_map_link, make_recorder, make_vision
+from fwav_companion.service.signing_store import SigningStore
+from fwav_companion.service.status import StatusReport
 from fwav_companion.service.systemd_notify import SystemdNotifier
+from fwav_companion.service.timer import NET_NS, PipelineTimer
 from fwav_companion.telemetry import Telemetry
-from fwav_companion.vision.ears import Ears
+from fwav_companion.types import Frame, NoFrame
+from fwav_companion.vision.frame_receiver import FrameReceiver
 
 FILE_STOP_S = 0.4
 """For each file's last words: four of them stay below the two seconds that are promised for a stop."""
@@ -71,9 +71,9 @@ class Service:
         witness who asks for the vehicle afterwards.
         """
         self._config = config
-        self._sayings = Sayings(config)
+        self._sayings = ServiceLog(config)
         self._clock = HostClock()
-        self._calibrations = CalibrationMemory(config, warn)
+        self._calibrations = CalibrationStore(config, warn)
         self._kept = self._calibrations.kept()
         self._pipeline = make_pipeline(
             config,
@@ -86,7 +86,7 @@ class Service:
             attitudes_kept_s=attitudes_kept_s,
             written=bool(config.record.directory),
         )
-        self._signing = SigningMemory(config, warn)
+        self._signing = SigningStore(config, warn)
         self._node = make_node(config, signing_key, self._signing.starting_timestamp(self._clock.started_unix_ns))
         self._links = {
             link.name: make_link(link.name, link.parsed_url, self._on_bytes, self._on_link_state)
@@ -94,7 +94,7 @@ class Service:
         }
         self._board = BoardWatch({link.name: isinstance(link.parsed_url, SerialUrl) for link in config.link})
         self._map_link = make_map_link(config, self._on_link_state)
-        ears = Ears(self._on_frame, self._sayings.clock_stepped, self._clock.wall, self._clock.read)
+        ears = FrameReceiver(self._on_frame, self._sayings.clock_stepped, self._clock.wall, self._clock.read)
         self._detections = self._vision = None
         if calibration is not None:
             self._detections = make_detections(config, ears, self._sayings.detections_heard)
@@ -102,11 +102,11 @@ class Service:
         self._journal = Journal(make_recorder(config, beside_recording, self._pipeline, warn), self._clock)
         self._outbox = Outbox(self._node, self._links, self._map_link, self._journal, self._on_fault)
         self._status_file = LatestFile(status_paths(config.status.file), warn, outlives_us=False)
-        self._status = Status(
+        self._status = StatusReport(
             config, self._clock, self._node, self._links, self._vision, self._journal, self._pipeline, self._sayings
         )
         self._notifier = SystemdNotifier()
-        self._alarm = Alarm(self._on_alarm)
+        self._alarm = PipelineTimer(self._on_alarm)
         self._stop = asyncio.Event()
         self._ticks = 0
         self._witness: Witness | None = None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 from fwav_companion.geometry.stamps import NS_PER_US, HostNs, whole_microseconds
-from fwav_companion.vision.ears import read_clocks
+from fwav_companion.vision.frame_receiver import read_clocks
 from fwav_companion.vision.wall_clock import WallClock
 
 

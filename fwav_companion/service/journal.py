@@ -8,14 +8,14 @@ from collections.abc import Sequence
 import msgspec
 
 from fwav_companion.geometry.stamps import HostNs
-from fwav_companion.mavlink.frames import RawFrame
-from fwav_companion.mavlink.unsigning import unsigned, without_signature
-from fwav_companion.nouns import Frame, NoFrame, Reason
+from fwav_companion.mavlink.wire.frames import RawFrame
+from fwav_companion.mavlink.wire.strip_signature import unsigned, without_signature
 from fwav_companion.recording.events import began_with_line, end_line, refused_line
 from fwav_companion.recording.lines import Line
 from fwav_companion.recording.recorder import Recorder
 from fwav_companion.service.host_clock import HostClock
 from fwav_companion.tracking import KeptCalibration
+from fwav_companion.types import Frame, NoFrame, Reason
 from fwav_companion.vision.wire import encode_frame
 
 

@@ -16,7 +16,7 @@ def spare_memory() -> None:
     """
     for name in ("ssl", "_hashlib"):
         cast("dict[str, object]", sys.modules).setdefault(name, None)  # an import of it then fails
-    from fwav_companion.mavlink.definitions import forget_descriptions
+    from fwav_companion.mavlink.wire.definitions import forget_descriptions
 
     forget_descriptions()
 

@@ -6,10 +6,10 @@ from difflib import get_close_matches
 
 from fwav_companion.config import Config
 from fwav_companion.errors import ConfigError
-from fwav_companion.flow.wiring import WANTED, own_components
 from fwav_companion.links.url import UdpUrl
-from fwav_companion.mavlink.definitions import BY_NAME
-from fwav_companion.mavlink.node import LinkPolicy, Node, SigningPolicy
+from fwav_companion.mavlink.router.node import LinkPolicy, Node, SigningPolicy
+from fwav_companion.mavlink.wire.definitions import BY_NAME
+from fwav_companion.pipeline.pipeline_factory import WANTED, own_components
 
 
 def make_node(config: Config, signing_key: bytes | None, signing_timestamp: int) -> Node:

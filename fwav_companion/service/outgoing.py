@@ -7,10 +7,10 @@ from collections.abc import Callable, Mapping, Sequence
 from fwav_companion.errors import EncodeError
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.links.base import Link
-from fwav_companion.mavlink.joining import joined
-from fwav_companion.mavlink.node import Node
-from fwav_companion.nouns import Outgoing
+from fwav_companion.mavlink.router.coalescing import coalesced
+from fwav_companion.mavlink.router.node import Node
 from fwav_companion.service.journal import Journal
+from fwav_companion.types import Outgoing
 
 
 class Outbox:
@@ -43,7 +43,7 @@ class Outbox:
             sends += frames
             if frames:
                 self._journal.sent(frames[0][1], now)
-        for name, data in joined(sends):
+        for name, data in coalesced(sends):
             self._links[name].send(data)
         if self._map_link is not None:
             for datagram in datagrams:

@@ -10,17 +10,17 @@ import msgspec
 
 from fwav_companion import __version__
 from fwav_companion.config import Config
-from fwav_companion.flow.pipeline import Pipeline
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.links.base import Link
-from fwav_companion.mavlink.node import Node
+from fwav_companion.mavlink.router.node import Node
+from fwav_companion.pipeline.pipeline import Pipeline
 from fwav_companion.service.host_clock import HostClock
 from fwav_companion.service.journal import Journal
-from fwav_companion.service.sayings import Sayings
+from fwav_companion.service.log import ServiceLog
 from fwav_companion.vision.supervisor import VisionProcess
 
 
-class Status:
+class StatusReport:
     """Asks every part; counts the frames that come, whatever becomes of them."""
 
     def __init__(
@@ -32,7 +32,7 @@ class Status:
         vision: VisionProcess | None,
         journal: Journal,
         pipeline: Pipeline,
-        sayings: Sayings,
+        sayings: ServiceLog,
     ) -> None:
         self._config = config
         self._clock = clock

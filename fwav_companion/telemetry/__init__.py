@@ -1,6 +1,6 @@
 """Decoding to samples, the clock, and a history that can be asked for any instant. PURE: time is handed in."""
 
-from fwav_companion.telemetry.clock import Clock
+from fwav_companion.telemetry.clock.clock import Clock
 from fwav_companion.telemetry.events import (
     AttitudeSource,
     HomeMoved,
@@ -12,7 +12,7 @@ from fwav_companion.telemetry.events import (
     TakeOffFound,
     TelemetryEvent,
 )
-from fwav_companion.telemetry.meter import RateMeter
+from fwav_companion.telemetry.rate_meter import RateMeter
 from fwav_companion.telemetry.telemetry import Telemetry, TelemetryOptions
 from fwav_companion.telemetry.world import World
 

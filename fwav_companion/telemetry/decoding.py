@@ -11,7 +11,7 @@ from fwav_companion.geometry.earth import Geodetic
 from fwav_companion.geometry.rotations import Quaternion, normalized, quaternion_from_euler, rotate
 from fwav_companion.geometry.stamps import BootNs
 from fwav_companion.geometry.vectors import Vector3
-from fwav_companion.nouns import RangeSample
+from fwav_companion.types import RangeSample
 
 MOST_RATE = 100.0
 """rad/s. Gyroscopes of autopilots end at 35 to 70 rad/s (2000 to 4000 deg/s)."""

@@ -20,11 +20,11 @@ from fwav_companion.geometry.gimbal import counts_from_north, heading_only, head
 from fwav_companion.geometry.rotations import Quaternion, conjugate, difference, matrix_from_quaternion, multiply
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, BootNs, HostNs
 from fwav_companion.geometry.vectors import Matrix3, Vector3, add, norm, scale
-from fwav_companion.nouns import GimbalAt, Message, Reason, Unpaired
-from fwav_companion.telemetry.boot_time import BootTimeline, Restarted, Strange
-from fwav_companion.telemetry.clock import Clock
-from fwav_companion.telemetry.history import AttitudeAt
-from fwav_companion.telemetry.stamp_delay import HALF_MS_NS
+from fwav_companion.telemetry.attitude.history import AttitudeAt
+from fwav_companion.telemetry.attitude.stamp_delay import HALF_MS_NS
+from fwav_companion.telemetry.clock.boot_time import BootTimeline, Restarted, Strange
+from fwav_companion.telemetry.clock.clock import Clock
+from fwav_companion.types import GimbalAt, Message, Reason, Unpaired
 
 MESSAGE = "GIMBAL_DEVICE_ATTITUDE_STATUS"
 LAST_NON_MAVLINK_DEVICE = 6

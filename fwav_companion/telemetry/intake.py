@@ -7,16 +7,16 @@ from typing import Any
 
 from fwav_companion.geometry.earth import Geodetic
 from fwav_companion.geometry.stamps import BootNs, HostNs, ns_from_s
-from fwav_companion.nouns import AttitudeSample, HeightSource, Unpaired
 from fwav_companion.telemetry import decoding
-from fwav_companion.telemetry.clock import Clock
+from fwav_companion.telemetry.attitude.pitch_trim import PitchTrim
+from fwav_companion.telemetry.attitude.sources import EULER, AttitudeChoice
+from fwav_companion.telemetry.attitude.stamp_delay import HALF_MS_NS, AttitudeStamps
+from fwav_companion.telemetry.clock.clock import Clock
 from fwav_companion.telemetry.decoding import Implausible
 from fwav_companion.telemetry.events import PitchTrimUndone, StampDelay, TelemetryEvent
-from fwav_companion.telemetry.pitch_trim import PitchTrim
-from fwav_companion.telemetry.sources import EULER, AttitudeChoice
-from fwav_companion.telemetry.stamp_delay import HALF_MS_NS, AttitudeStamps
 from fwav_companion.telemetry.vehicle_history import VehicleHistory
 from fwav_companion.telemetry.world import World
+from fwav_companion.types import AttitudeSample, HeightSource, Unpaired
 
 
 class Intake:

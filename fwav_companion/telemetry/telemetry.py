@@ -8,18 +8,18 @@ import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_S, BootNs, HostNs, ns_from_s
 from fwav_companion.geometry.vectors import Vector3
-from fwav_companion.nouns import AttitudeSample, ClockExchange, Message, Unpaired, VehicleState
-from fwav_companion.telemetry.boot_time import BootTimeline, Restarted, Strange
-from fwav_companion.telemetry.clock import Clock
+from fwav_companion.telemetry.attitude.history import KEPT_NS
+from fwav_companion.telemetry.attitude.sources import EULER
+from fwav_companion.telemetry.attitude.stamp_delay import AttitudeStamps
+from fwav_companion.telemetry.clock.boot_time import BootTimeline, Restarted, Strange
+from fwav_companion.telemetry.clock.clock import Clock
 from fwav_companion.telemetry.events import Rebooted, TelemetryEvent
 from fwav_companion.telemetry.gimbal import Gimbal
-from fwav_companion.telemetry.history import KEPT_NS
 from fwav_companion.telemetry.intake import Intake
-from fwav_companion.telemetry.meter import RateMeter
-from fwav_companion.telemetry.sources import EULER
-from fwav_companion.telemetry.stamp_delay import AttitudeStamps
+from fwav_companion.telemetry.rate_meter import RateMeter
 from fwav_companion.telemetry.vehicle_history import VehicleHistory
 from fwav_companion.telemetry.world import World
+from fwav_companion.types import AttitudeSample, ClockExchange, Message, Unpaired, VehicleState
 
 
 class TelemetryOptions(msgspec.Struct, frozen=True, kw_only=True):

@@ -6,12 +6,12 @@ from math import hypot
 
 from fwav_companion.geometry.stamps import BootNs
 from fwav_companion.geometry.vectors import Vector3
-from fwav_companion.nouns import HeightSource, RangeSample, Unpaired, VehicleState
-from fwav_companion.telemetry.clock import Clock
-from fwav_companion.telemetry.courses import Course, Latest
+from fwav_companion.telemetry.attitude.history import AttitudeHistory
+from fwav_companion.telemetry.attitude.stamp_delay import AttitudeStamps
+from fwav_companion.telemetry.clock.clock import Clock
 from fwav_companion.telemetry.gimbal import Gimbal
-from fwav_companion.telemetry.history import AttitudeHistory
-from fwav_companion.telemetry.stamp_delay import AttitudeStamps
+from fwav_companion.telemetry.hermite_series import HermiteSeries, RecentValues
+from fwav_companion.types import HeightSource, RangeSample, Unpaired, VehicleState
 
 RANGE_NEAR_NS = 200_000_000
 """A rangefinder reading this near is of the same moment; they come at 10 Hz and more."""
@@ -28,12 +28,12 @@ class VehicleHistory:
         self._stamps = stamps
         self._gimbal = gimbal
         self.attitudes = AttitudeHistory(attitudes_kept_ns)
-        self.positions = Course()
-        self.local = Course()
+        self.positions = HermiteSeries()
+        self.local = HermiteSeries()
         """LOCAL_POSITION_NED, a frame of its own."""
-        self.heights = {source: Course() for source in HeightSource}
-        self.ranges = Latest()
-        self.terrain = Latest()
+        self.heights = {source: HermiteSeries() for source in HeightSource}
+        self.ranges = RecentValues()
+        self.terrain = RecentValues()
 
     def clear(self) -> None:
         """The autopilot's clock began anew: nothing of before can be placed any more."""

@@ -5,11 +5,11 @@ Pure: frames come in with their own capture times, tracks go out. Reading order:
 ``reorder``; and for self-calibration the folder ``calibration``.
 """
 
-from fwav_companion.tracking.calibration.loosening import Loosening
-from fwav_companion.tracking.calibration.rays import Common
-from fwav_companion.tracking.calibration.report import CalibrationReport, KeptCalibration
-from fwav_companion.tracking.calibration.verdict import CalibrationStatus
-from fwav_companion.tracking.making import make_tracker, tracker_with
+from fwav_companion.self_calibration.assessment import CalibrationStatus
+from fwav_companion.self_calibration.pixel_measurement import SharedParameter
+from fwav_companion.self_calibration.prior_inflation import PriorInflation
+from fwav_companion.self_calibration.report import CalibrationReport, KeptCalibration
+from fwav_companion.tracking.filter_factory import make_tracker, tracker_with
 from fwav_companion.tracking.options import TrackingOptions
 from fwav_companion.tracking.reorder import Reorder, Settled
 from fwav_companion.tracking.tracker import Tracker
@@ -17,11 +17,11 @@ from fwav_companion.tracking.tracker import Tracker
 __all__ = [
     "CalibrationReport",
     "CalibrationStatus",
-    "Common",
     "KeptCalibration",
-    "Loosening",
+    "PriorInflation",
     "Reorder",
     "Settled",
+    "SharedParameter",
     "Tracker",
     "TrackingOptions",
     "make_tracker",

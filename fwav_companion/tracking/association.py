@@ -11,18 +11,18 @@ from collections.abc import Sequence
 
 import msgspec
 
-from fwav_companion.nouns import GroundFix
 from fwav_companion.tracking.assignment import least_cost_assignment
-from fwav_companion.tracking.base import Belief
-from fwav_companion.tracking.gates import GATE, ID_GATE
+from fwav_companion.tracking.filters.base import TargetState
+from fwav_companion.tracking.filters.gates import GATE, ID_GATE
+from fwav_companion.types import GroundFix
 
-CHANCE = 20.0
+CLUTTER_LLR = 20.0
 """Distance and spread together, beyond which a fix is likelier a false one than this target's: with one false detection
 in ten frames of 640 x 480 pixels and 4 px of noise, 2 log(640 * 480 / (0.1 * 2 pi * 16)). So a track that is hardly
 known where cannot take whatever comes."""
 
 
-PRECEDENCE = 8.0
+CONFIRMED_BONUS = 8.0
 """Of a believed track over a newborn: the newborn must be likelier by this, fifty to one, to take the fix from it."""
 
 
@@ -30,11 +30,11 @@ class Candidate(msgspec.Struct, frozen=True):
     """What association must know of a track."""
 
     label: str
-    belief: Belief
+    belief: TargetState
     """Predicted to the frame."""
     detector_id: int | None
     """The detector's id of the last fix it took."""
-    closer: Belief | None = None
+    closer: TargetState | None = None
     """A second, sharper and dearer, opinion, asked where the first leaves a choice."""
     believed: bool = True
     """It comes before a newborn that wants the same fix, unless the newborn is much the likelier of the two."""
@@ -51,8 +51,8 @@ def associate(candidates: Sequence[Candidate], fixes: Sequence[GroundFix]) -> di
                 if cost is not None:
                     costs[i, j] = cost
     costs = _looked_at_closer(costs, candidates, fixes)
-    ranked = {(i, j): cost - PRECEDENCE * candidates[i].believed for (i, j), cost in costs.items()}
-    return {i: (j, -0.5 * max(costs[i, j], -CHANCE)) for i, j in _settled(ranked).items()}
+    ranked = {(i, j): cost - CONFIRMED_BONUS * candidates[i].believed for (i, j), cost in costs.items()}
+    return {i: (j, -0.5 * max(costs[i, j], -CLUTTER_LLR)) for i, j in _settled(ranked).items()}
 
 
 def _looked_at_closer(
@@ -70,14 +70,14 @@ def _looked_at_closer(
     return closer
 
 
-def _cost(candidate: Candidate, belief: Belief, fix: GroundFix) -> float | None:
+def _cost(candidate: Candidate, belief: TargetState, fix: GroundFix) -> float | None:
     """Negative, the lower the better; None: not this one."""
     seen = belief.surprise(fix)
     detector_id = fix.sighting.detection.detector_id
     if detector_id is not None and detector_id == candidate.detector_id:
         return seen.distance2 - 2.0 * ID_GATE if seen.distance2 < ID_GATE else None
     unlikely = seen.distance2 + seen.spread
-    return unlikely - CHANCE if seen.distance2 < GATE and unlikely < CHANCE else None
+    return unlikely - CLUTTER_LLR if seen.distance2 < GATE and unlikely < CLUTTER_LLR else None
 
 
 def _settled(costs: dict[tuple[int, int], float]) -> dict[int, int]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs
-from fwav_companion.nouns import Reason, TrackState
+from fwav_companion.types import Reason, TrackState
 
 CONFIRMING_SIGHTS = 5
 """Sights before a track is believed. With one false detection in ten frames, two of them within one gate of 1 m^2 on

@@ -12,9 +12,9 @@ from bisect import bisect_right
 import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_MS, BootNs, HostNs
-from fwav_companion.nouns import FrameView, NoFrame, Reason, Track
-from fwav_companion.tracking.calibration.report import CalibrationReport
+from fwav_companion.self_calibration.report import CalibrationReport
 from fwav_companion.tracking.tracker import Snapshot, Tracker
+from fwav_companion.types import FrameView, NoFrame, Reason, Track
 
 WINDOW_NS = 500 * NS_PER_MS
 MAX_WAITING = 128

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import msgspec
 
+from fwav_companion.geometry.small_matrices import horizontal_sigma
 from fwav_companion.geometry.stamps import BootNs, HostNs
-from fwav_companion.nouns import FrameView, GroundFix, Reason, Track, TrackState
-from fwav_companion.tracking.alive import Alive, innovation, newborn
+from fwav_companion.self_calibration.calibrator import Calibrator
+from fwav_companion.self_calibration.report import CalibrationReport
 from fwav_companion.tracking.association import Candidate, associate
-from fwav_companion.tracking.base import Belief, Filter
-from fwav_companion.tracking.calibrated import CalibratedBelief, MisplacedBelief
-from fwav_companion.tracking.calibration.calibrator import Calibrator
-from fwav_companion.tracking.calibration.report import CalibrationReport
-from fwav_companion.tracking.doubles import Doubles
+from fwav_companion.tracking.filters.base import Filter, TargetState
 from fwav_companion.tracking.lifecycle import unseen
-from fwav_companion.tracking.linear import horizontal_sigma
-from fwav_companion.tracking.looks import speaks_against
+from fwav_companion.tracking.self_calibrated import CalibratedTargetState, MisplacedTargetState
+from fwav_companion.tracking.track_merging import TrackMerging
+from fwav_companion.tracking.track_state import LiveTrack, initiate, innovation
+from fwav_companion.tracking.visibility import is_missed_detection
+from fwav_companion.types import FrameView, GroundFix, Reason, Track, TrackState
 
 MAX_TRACKS = 20
 """Live at once: twice what a pilot can care for, and what the assignment is sized for."""
@@ -24,14 +24,14 @@ MAX_TRACKS = 20
 class Snapshot(msgspec.Struct, frozen=True):
     """All that a tracker knows: references to immutable things."""
 
-    alive: tuple[Alive, ...] = ()
+    alive: tuple[LiveTrack, ...] = ()
     """By id."""
     next_id: int = 1
     calibrator: Calibrator | None = None
     """With self-calibration."""
     beside: Snapshot | None = None
     """Of the tracker that calibrates in the place of this one."""
-    doubles: Doubles = Doubles()
+    doubles: TrackMerging = TrackMerging()
 
 
 class Tracker:
@@ -117,7 +117,9 @@ class Tracker:
     def _besides(self) -> Snapshot | None:
         return None if self._beside is None else self._beside.snapshot()
 
-    def _associated(self, alive: tuple[Alive, ...], fixes: tuple[GroundFix, ...]) -> dict[int, tuple[GroundFix, float]]:
+    def _associated(
+        self, alive: tuple[LiveTrack, ...], fixes: tuple[GroundFix, ...]
+    ) -> dict[int, tuple[GroundFix, float]]:
         """Track id -> its fix, and how much likelier it is than a false one.
 
         Newborns yield to believed tracks: they must not take a known target's fix.
@@ -136,10 +138,10 @@ class Tracker:
         ]
         return {alive[i].id: (fixes[j], likelier) for i, (j, likelier) in associate(candidates, fixes).items()}
 
-    def _after(self, track: Alive, taken: tuple[GroundFix, float] | None, view: FrameView) -> Alive:
+    def _after(self, track: LiveTrack, taken: tuple[GroundFix, float] | None, view: FrameView) -> LiveTrack:
         if taken is None:
             place_ned = self._seen_as(track).position_ned
-            looked = speaks_against(view, track.label, place_ned, self._margin_m(track))
+            looked = is_missed_detection(view, track.label, place_ned, self._margin_m(track))
             life = unseen(track.life, view.host_ns, looked=looked, keep_ns=self._keep_ns)
             return msgspec.structs.replace(track, life=life)
         after = track.seen_in(view.host_ns, *taken)
@@ -147,23 +149,25 @@ class Tracker:
             return after
         return msgspec.structs.replace(after, innovation=innovation(self._seen_as(track), taken[0]))
 
-    def _margin_m(self, track: Alive) -> float:
+    def _margin_m(self, track: LiveTrack) -> float:
         """How far beside the track the target may show: by what is not known of the mount, or by what was found."""
         calibrator = self._calibrator if self._corrects else None
         return 0.0 if calibrator is None else calibrator.mount_off * track.slant_m
 
-    def _with_newborn(self, tracks: list[Alive], fixes: list[GroundFix], host_ns: HostNs) -> tuple[list[Alive], int]:
+    def _with_newborn(
+        self, tracks: list[LiveTrack], fixes: list[GroundFix], host_ns: HostNs
+    ) -> tuple[list[LiveTrack], int]:
         """New tracks for fixes that belong to none; where the table is full the least certain tentative one yields."""
         next_id = self._state.next_id
         newborn_from = next_id
         for fix in fixes:
             if _living(tracks) >= MAX_TRACKS and not _make_room(tracks, newborn_from):
                 break
-            tracks.append(newborn(next_id, fix, self._filter.started(fix), host_ns))
+            tracks.append(initiate(next_id, fix, self._filter.started(fix), host_ns))
             next_id += 1
         return tracks, next_id
 
-    def _learned(self, view: FrameView, living: tuple[Alive, ...]) -> Calibrator | None:
+    def _learned(self, view: FrameView, living: tuple[LiveTrack, ...]) -> Calibrator | None:
         calibrator = self._state.calibrator
         if calibrator is None:
             return None
@@ -171,23 +175,23 @@ class Tracker:
         fixes = [(track.id, track.fix) for track in old if track.fix is not None]
         return calibrator.learned(view.host_ns, view.fixes, fixes, {track.id for track in old})
 
-    def _calibrated(self, track: Alive) -> CalibratedBelief | None:
+    def _calibrated(self, track: LiveTrack) -> CalibratedTargetState | None:
         """The track by the joint estimate, where that holds the target and may correct it."""
         calibrator = self._state.calibrator if self._corrects else None
         placed = None if calibrator is None else calibrator.placed(track.id)
         if calibrator is None or placed is None:
             return None
-        return CalibratedBelief(calibrator, track.id, placed, track.belief)
+        return CalibratedTargetState(calibrator, track.id, placed, track.belief)
 
-    def _told(self, track: Alive, frame: int, host_ns: HostNs, boot_ns: BootNs) -> Track:
+    def _told(self, track: LiveTrack, frame: int, host_ns: HostNs, boot_ns: BootNs) -> Track:
         """As others see it. While the mount is known to be wrong it is told in doubt, and single fixes are not told."""
         misplaced_m = 0.0 if self._calibrator is None else self._calibrator.misplaced_m
         if misplaced_m == 0.0:
             return track.told(self._seen_as(track), frame, host_ns, boot_ns)
         doubted = msgspec.structs.replace(track, fix=None, innovation=None)
-        return doubted.told(MisplacedBelief(self._seen_as(track), misplaced_m), frame, host_ns, boot_ns)
+        return doubted.told(MisplacedTargetState(self._seen_as(track), misplaced_m), frame, host_ns, boot_ns)
 
-    def _seen_as(self, track: Alive) -> Belief:
+    def _seen_as(self, track: LiveTrack) -> TargetState:
         """The track by the surer of its own filter and the joint estimate: a flight may show the latter little.
 
         A filter that rests on a prior which the flight denies is sure of nothing.
@@ -199,11 +203,11 @@ class Tracker:
         return track.belief if surer and not calibrator.denied else calibrated
 
 
-def _living(tracks: list[Alive]) -> int:
+def _living(tracks: list[LiveTrack]) -> int:
     return sum(track.life.state is not TrackState.DROPPED for track in tracks)
 
 
-def _make_room(tracks: list[Alive], newborn_from: int) -> bool:
+def _make_room(tracks: list[LiveTrack], newborn_from: int) -> bool:
     """End a track that this frame did not see: the least certain tentative one, else the one that was out of sight the
     longest, so that what is remembered does not blind to what is there. False where all were seen, or just born.
     """

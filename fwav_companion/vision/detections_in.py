@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import TypeAlias
 
 from fwav_companion.addresses import resolve
-from fwav_companion.nouns import NoFrame, Reason
-from fwav_companion.vision.ears import Ears
+from fwav_companion.types import NoFrame, Reason
+from fwav_companion.vision.frame_receiver import FrameReceiver
 
 LARGEST_DATAGRAM = 65536
 """Over 200 bytes for each of 256 detections; also the largest that UDP carries."""
@@ -32,7 +32,7 @@ class DetectionsIn:
     def __init__(
         self,
         endpoint: Endpoint,
-        ears: Ears,
+        ears: FrameReceiver,
         on_state: Callable[[bool, str], None],
     ) -> None:
         """``on_state`` tells whether it listens, and why not."""

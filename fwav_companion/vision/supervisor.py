@@ -19,7 +19,7 @@ import msgspec
 from fwav_companion.blocking import in_daemon_thread
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.vision.detections_in import DRAIN_LIMIT, LARGEST_DATAGRAM
-from fwav_companion.vision.ears import Ears
+from fwav_companion.vision.frame_receiver import FrameReceiver
 from fwav_companion.vision.task import VisionState, VisionTask
 
 FIRST_RETRY_S, LONGEST_RETRY_S = 1.0, 30.0
@@ -44,7 +44,7 @@ class VisionProcess:
     def __init__(
         self,
         task: VisionTask,
-        ears: Ears,
+        ears: FrameReceiver,
         on_state: Callable[[bool, str], None],
     ) -> None:
         """``on_state`` tells once whether pictures come, and why not."""

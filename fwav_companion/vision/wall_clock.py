@@ -12,7 +12,7 @@ from typing import Protocol
 import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs, host_from_seconds, whole_microseconds
-from fwav_companion.nouns import NoFrame, Reason
+from fwav_companion.types import NoFrame, Reason
 
 SMALLEST_STEP_NS = 1_000_000
 """1 ms: reading two clocks one after the other differs by up to tens of microseconds on a busy slow board; what is

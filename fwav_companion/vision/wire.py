@@ -17,7 +17,7 @@ import msgspec
 from msgspec import Meta
 
 from fwav_companion.geometry.stamps import HostNs, host_from_seconds
-from fwav_companion.nouns import Corners, Detection, Frame, NoFrame, Reason, StampClock
+from fwav_companion.types import Corners, Detection, Frame, NoFrame, Reason, StampClock
 from fwav_companion.vision.wall_clock import StampClocks
 
 MAX_DETECTIONS = 256

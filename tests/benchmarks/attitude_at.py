@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from fwav_companion.geometry.rotations import quaternion_from_euler
 from fwav_companion.geometry.stamps import BootNs
-from fwav_companion.nouns import AttitudeSample
-from fwav_companion.telemetry.history import AttitudeHistory
+from fwav_companion.telemetry.attitude.history import AttitudeHistory
+from fwav_companion.types import AttitudeSample
 from tests.benchmarks.figure import Figure, interleaved
 
 STEP_NS = 10_000_000

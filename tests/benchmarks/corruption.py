@@ -10,7 +10,7 @@ import random
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from fwav_companion.mavlink.scanner import Scanner
+from fwav_companion.mavlink.wire.scanner import Scanner
 from tests.benchmarks.figure import Figure
 from tests.benchmarks.standard_stream import frames
 

@@ -23,8 +23,8 @@ from pathlib import Path
 from statistics import quantiles
 from typing import NamedTuple
 
-from fwav_companion.mavlink.codec import decode
-from fwav_companion.mavlink.scanner import Scanner
+from fwav_companion.mavlink.wire.codec import decode
+from fwav_companion.mavlink.wire.scanner import Scanner
 from tests.benchmarks.figure import Figure
 from tests.benchmarks.startup import relay_configuration
 

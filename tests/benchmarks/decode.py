@@ -9,9 +9,9 @@ import io
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from fwav_companion.mavlink.codec import decode
-from fwav_companion.mavlink.definitions import definition_of
-from fwav_companion.mavlink.scanner import Scanner
+from fwav_companion.mavlink.wire.codec import decode
+from fwav_companion.mavlink.wire.definitions import definition_of
+from fwav_companion.mavlink.wire.scanner import Scanner
 from tests.benchmarks.figure import Figure, interleaved
 from tests.benchmarks.standard_stream import WANTED, frames
 

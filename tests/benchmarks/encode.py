@@ -10,9 +10,9 @@ import io
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from fwav_companion.geometry.stamps import HostNs
-from fwav_companion.mavlink.codec import Encoder, frame, pack
-from fwav_companion.mavlink.frames import FLAG_SIGNED
-from fwav_companion.mavlink.signing import Signer, SigningClock
+from fwav_companion.mavlink.wire.codec import Encoder, frame, pack
+from fwav_companion.mavlink.wire.frames import FLAG_SIGNED
+from fwav_companion.mavlink.wire.signing import Signer, SigningClock
 from tests.benchmarks.figure import Figure, interleaved
 
 COUNT = 5_000

@@ -21,8 +21,8 @@ from msgspec.structs import replace
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.localization import HomeGround, Localizer
-from fwav_companion.nouns import Bias, ErrorPriors, GroundFix
-from fwav_companion.tracking.kalman import StaticBelief, StaticKalman
+from fwav_companion.tracking.filters.kalman import StaticKalman, StaticTargetState
+from fwav_companion.types import Bias, ErrorPriors, GroundFix
 from tests.benchmarks.figure import Figure, interleaved
 from tests.benchmarks.fix import DEFAULTS, a_sighting
 from tests.benchmarks.plain_filter import FixArrays, PlainFilter
@@ -49,7 +49,7 @@ def fixes() -> list[GroundFix]:
     return told
 
 
-def believed(told: list[GroundFix], priors: ErrorPriors) -> StaticBelief:
+def believed(told: list[GroundFix], priors: ErrorPriors) -> StaticTargetState:
     """By our filter."""
     belief = StaticKalman(priors).started(told[0])
     for fix in told[1:]:

@@ -15,7 +15,7 @@ from fwav_companion.geometry.rotations import matrix_from_quaternion, quaternion
 from fwav_companion.geometry.stamps import BootNs, HostNs
 from fwav_companion.geometry.vectors import multiply
 from fwav_companion.localization import HomeGround, Localizer
-from fwav_companion.nouns import Bias, Detection, ErrorPriors, NoRay, Sighting, VehicleState
+from fwav_companion.types import Bias, Detection, ErrorPriors, NoRay, Sighting, VehicleState
 from tests.benchmarks.figure import Figure, interleaved
 from tests.benchmarks.naive_fix import naive_fix
 

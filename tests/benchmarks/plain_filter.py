@@ -13,7 +13,7 @@ import numpy as np
 from filterpy.kalman import KalmanFilter
 from numpy.typing import NDArray
 
-from fwav_companion.nouns import Bias, ErrorPriors, GroundFix
+from fwav_companion.types import Bias, ErrorPriors, GroundFix
 
 Array = NDArray[np.float64]
 WANDERING = [Bias.POSITION_NORTH, Bias.POSITION_EAST]

@@ -5,7 +5,7 @@ import pytest
 from camera_lenses import LENSES
 
 from fwav_companion.camera import cropped, resized
-from fwav_companion.nouns import NoRay
+from fwav_companion.types import NoRay
 
 CHANGEABLE = pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES.keys())
 

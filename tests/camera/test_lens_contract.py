@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fwav_companion.camera.batch import camera_rays_from_pixels, pixels_from_camera_points
-from fwav_companion.nouns import Lens, NoRay, Projection, Ray, Reason
+from fwav_companion.types import Lens, NoRay, Projection, Ray, Reason
 
 pytestmark = pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES.keys())
 repeatable = settings(derandomize=True, max_examples=60, deadline=None)

@@ -6,8 +6,8 @@ import sys
 
 import pytest
 
-from fwav_companion.cli.ending import as_by_ctrl_c
 from fwav_companion.cli.main import main
+from fwav_companion.cli.signals import as_by_ctrl_c
 from sitl_mock import scenario
 from sitl_mock.recording import record
 
@@ -15,7 +15,7 @@ STOPPED = 130
 """As by Ctrl-C, whatever signal it was."""
 
 IN_MID_REPLAY = """
-from fwav_companion.cli import given
+from fwav_companion.cli import replay_inputs as given
 whole = given.replay
 
 def replay(*words, **options):
@@ -38,7 +38,7 @@ def savefig(_figure, file, **_how):
 Figure.savefig = savefig
 """
 BEFORE_THE_PICTURES = """
-from fwav_companion.calibrating.boards import spec
+from fwav_companion.tools.calibrate.boards import spec
 spec.parse_board = lambda _text: stop()
 """
 

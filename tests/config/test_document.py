@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from fwav_companion.config import READOUT_SIGMA_UNKNOWN_S, Mount, estimation, inputs, outputs, parse
+from fwav_companion.config import READOUT_SIGMA_UNKNOWN_S, MountConfig, estimation, inputs, outputs, parse
 from fwav_companion.config.document import Document
 from fwav_companion.errors import ConfigError
-from fwav_companion.nouns import Bias
+from fwav_companion.types import Bias
 
 RELAY = '[detections]\nurl = ""\n'
 AUTOPILOT = '[[link]]\nname = "a"\nurl = "serial:///dev/ttyAMA0:57600"\nrole = "autopilot"\n'
@@ -73,7 +73,7 @@ def test_the_mount_is_that_of_another_library(angles: tuple[float, float, float]
     roll, pitch, yaw = angles
     forward = np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0]])
     expected = Rotation.from_euler("ZYX", [yaw, pitch, roll], degrees=True).as_matrix() @ forward
-    mount = Mount(roll_deg=roll, pitch_deg=pitch, yaw_deg=yaw)
+    mount = MountConfig(roll_deg=roll, pitch_deg=pitch, yaw_deg=yaw)
     np.testing.assert_allclose(np.array(mount.body_from_camera), expected, atol=1e-15)
 
 
@@ -85,7 +85,7 @@ def test_on_a_gimbal_straight_down_is_not_taken_for_what_was_meant():
 
 
 def test_the_default_mount_looks_down_with_the_image_top_to_the_nose():
-    np.testing.assert_allclose(np.array(Mount().body_from_camera), [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-15)
+    np.testing.assert_allclose(np.array(MountConfig().body_from_camera), [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-15)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from scipy.stats import chi2
 from true_flights import PRIORS, STEPS, Scene
 
 from fwav_companion.localization import FixedGround, HomeGround, Localizer, RangefinderGround
-from fwav_companion.nouns import BIAS_COUNT, Bias, GroundFix, NoFix, Reason
+from fwav_companion.types import BIAS_COUNT, Bias, GroundFix, NoFix, Reason
 
 SCENES = {
     "ahead and turned": Scene(),

@@ -17,7 +17,7 @@ from fwav_companion.localization.paper_axes import (
     paper_point_from_ned,
     pixel_from_paper_pixel,
 )
-from fwav_companion.nouns import Detection, Sighting, VehicleState
+from fwav_companion.types import Detection, Sighting, VehicleState
 
 LENS = KannalaBrandt((3.55, 0.03, 0.0, 0.0, 0.0), (188.0, 188.0), (320.0, 240.0), (640, 480))
 LEFT, RIGHT = (136.374666982652, 412.828664814575), (503.625333017348, 412.828664814575)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from true_flights import PRIORS, Scene
 
 from fwav_companion.localization import FixedGround, HomeGround, Localizer, RangefinderGround
-from fwav_companion.nouns import GroundFix, NoFix, RangeSample, Reason
+from fwav_companion.types import GroundFix, NoFix, RangeSample, Reason
 
 
 def looking(sighting, direction):

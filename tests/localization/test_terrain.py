@@ -10,7 +10,7 @@ from true_flights import PRIORS, STEPS, Scene
 
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.localization import Datum, ElevationModel, Localizer, TerrainGround
-from fwav_companion.nouns import Bias, NoFix, Reason
+from fwav_companion.types import Bias, NoFix, Reason
 
 
 class TestGround:

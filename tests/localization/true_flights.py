@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fwav_companion.camera import KannalaBrandt
-from fwav_companion.nouns import Bias, Detection, ErrorPriors, RangeSample, Sighting, VehicleState
+from fwav_companion.types import Bias, Detection, ErrorPriors, RangeSample, Sighting, VehicleState
 
 LENS = KannalaBrandt((1.0, 0.02, -0.003), (200.0, 201.0), (400.0, 398.0), (800, 800))
 DOWNWARD_CAMERA = Rotation.from_matrix([[0, -1, 0], [1, 0, 0], [0, 0, 1]])

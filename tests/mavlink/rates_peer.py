@@ -4,9 +4,9 @@ from collections import namedtuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from fwav_companion.mavlink.rates import MESSAGE_IDS, Rates
-from fwav_companion.mavlink.wanted import default_wanted
-from fwav_companion.nouns import Autopilot, AutopilotKind, Message
+from fwav_companion.mavlink.client.rates import MESSAGE_IDS, Rates
+from fwav_companion.mavlink.client.subscriptions import default_subscriptions
+from fwav_companion.types import Autopilot, AutopilotKind, Message
 
 MS, S = 10**6, 10**9
 T0 = 9_000 * S
@@ -99,7 +99,7 @@ class Peer:
 
 
 def peer(attitude_message="auto", kind=AutopilotKind.ARDUPILOT, attitude_hz=100):
-    return Peer(Rates(default_wanted(attitude_hz, 10), attitude_message=attitude_message), kind)
+    return Peer(Rates(default_subscriptions(attitude_hz, 10), attitude_message=attitude_message), kind)
 
 
 def status(them, name):

@@ -10,9 +10,9 @@ import pytest
 from fastcrc.crc16 import mcrf4xx
 from mavlink_wire import MESSAGES, Wire, parse, pymavlink_arguments, random_values
 
-from fwav_companion.mavlink.codec import Encoder, decode
-from fwav_companion.mavlink.definitions import DEFINITIONS, constant, definition_of
-from fwav_companion.mavlink.scanner import Scanner
+from fwav_companion.mavlink.wire.codec import Encoder, decode
+from fwav_companion.mavlink.wire.definitions import DEFINITIONS, constant, definition_of
+from fwav_companion.mavlink.wire.scanner import Scanner
 
 MAVLINK_1 = [message for message in MESSAGES if message.id < 256]
 IDS = [message.msgname for message in MESSAGES]

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from mavlink_wire import Wire, unknown_frame
 
 from fwav_companion.errors import EncodeError
-from fwav_companion.mavlink.codec import Encoder, decode
-from fwav_companion.mavlink.definitions import DEFINITIONS
-from fwav_companion.mavlink.frames import checksum
-from fwav_companion.mavlink.scanner import Scanner
+from fwav_companion.mavlink.wire.codec import Encoder, decode
+from fwav_companion.mavlink.wire.definitions import DEFINITIONS
+from fwav_companion.mavlink.wire.frames import checksum
+from fwav_companion.mavlink.wire.scanner import Scanner
 
 HEARTBEAT = {"type": 18, "autopilot": 8, "base_mode": 0, "custom_mode": 0, "system_status": 4}
 POINT = {"camera_device_id": 0, "tracking_status": 1, "tracking_mode": 1, "target_data": 4, "point_x": 0.5}

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from fwav_companion.mavlink.commands import Commands
-from fwav_companion.nouns import (
+from fwav_companion.mavlink.client.commands import Commands
+from fwav_companion.types import (
     Autopilot,
     AutopilotKind,
     CommandAnswer,

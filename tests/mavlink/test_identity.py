@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from fwav_companion.mavlink.identity import (
+from fwav_companion.mavlink.client.identity import (
     Adopted,
     ArmedChanged,
     AutopilotBack,
@@ -15,7 +15,7 @@ from fwav_companion.mavlink.identity import (
     Identity,
     SeveralHeard,
 )
-from fwav_companion.nouns import AutopilotKind, Destination, Message
+from fwav_companion.types import AutopilotKind, Destination, Message
 
 S = 10**9
 T0 = 5_000 * S

@@ -10,10 +10,10 @@ from mavlink_wire import Wire, dialect, parse, unknown_frame
 
 from fwav_companion.errors import EncodeError
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs
-from fwav_companion.mavlink.joining import JOINED_BYTES
-from fwav_companion.mavlink.node import QUIET_NS, LinkPolicy, Node, SigningPolicy
-from fwav_companion.mavlink.scanner import Scanner
-from fwav_companion.nouns import Destination, Outgoing
+from fwav_companion.mavlink.router.coalescing import JOINED_BYTES
+from fwav_companion.mavlink.router.node import QUIET_NS, LinkPolicy, Node, SigningPolicy
+from fwav_companion.mavlink.wire.scanner import Scanner
+from fwav_companion.types import Destination, Outgoing
 
 KEY = bytes(range(32))
 START = 40_000_000_000_000

@@ -4,10 +4,10 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from rates_peer import MS, T0, Empty, S, autopilot, peer, status
 
-from fwav_companion.mavlink.rate_search import RateSearch
-from fwav_companion.mavlink.rates import Rates
-from fwav_companion.mavlink.wanted import default_wanted
-from fwav_companion.nouns import AutopilotKind, Message
+from fwav_companion.mavlink.client.rate_search import RateSearch
+from fwav_companion.mavlink.client.rates import Rates
+from fwav_companion.mavlink.client.subscriptions import default_subscriptions
+from fwav_companion.types import AutopilotKind, Message
 
 
 def test_commands_are_what_pymavlink_packs():
@@ -141,7 +141,7 @@ def test_nobody_else_counts():
 
 
 def test_it_never_wakes_in_the_past_and_does_nothing_before_adoption():
-    rates = Rates(default_wanted(100, 10))
+    rates = Rates(default_subscriptions(100, 10))
     assert rates.wake_at is None
     assert rates.on_wake(T0) == []
     rates.on_rate_request_passed("x", T0)

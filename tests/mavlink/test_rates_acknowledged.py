@@ -4,7 +4,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from rates_peer import Ack, peer, status
 
-from fwav_companion.nouns import AutopilotKind, Message
+from fwav_companion.types import AutopilotKind, Message
 
 
 def test_an_acknowledgement_without_the_rate_is_not_believed():

@@ -6,7 +6,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from rates_peer import MS, peer, status
 
-from fwav_companion.nouns import Message
+from fwav_companion.types import Message
 
 Beat = namedtuple("Beat", "type")
 Command = namedtuple("Command", "command")

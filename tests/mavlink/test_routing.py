@@ -6,8 +6,8 @@ import pytest
 from mavlink_wire import Wire, dialect, unknown_frame
 
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs
-from fwav_companion.mavlink.node import LinkPolicy, Node
-from fwav_companion.mavlink.peers import MAX_PEERS, SILENT_NS
+from fwav_companion.mavlink.router.node import LinkPolicy, Node
+from fwav_companion.mavlink.router.peers import MAX_PEERS, SILENT_NS
 
 AUTOPILOT = LinkPolicy("autopilot", "autopilot")
 SECOND = LinkPolicy("second", "autopilot")

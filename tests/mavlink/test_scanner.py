@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mavlink_wire import Wire, unknown_frame
 
-from fwav_companion.mavlink.scanner import MAX_FLOWS, Scanner
+from fwav_companion.mavlink.wire.scanner import MAX_FLOWS, Scanner
 
 CORPUS = sorted((Path(__file__).parent / "corpus").glob("*.bin"))
 LONGEST = 280

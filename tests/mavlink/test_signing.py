@@ -8,10 +8,10 @@ import pytest
 from mavlink_wire import Wire, dialect
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
-from fwav_companion.mavlink.codec import frame, pack
-from fwav_companion.mavlink.frames import FLAG_SIGNED
-from fwav_companion.mavlink.scanner import Scanner
-from fwav_companion.mavlink.signing import (
+from fwav_companion.mavlink.wire.codec import frame, pack
+from fwav_companion.mavlink.wire.frames import FLAG_SIGNED
+from fwav_companion.mavlink.wire.scanner import Scanner
+from fwav_companion.mavlink.wire.signing import (
     MAX_STREAMS,
     Signature,
     Signer,

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fwav_companion.mavlink.timesync import Ignored, NotTaken, Timesync
-from fwav_companion.nouns import Autopilot, AutopilotKind, ClockExchange, Destination, Message, Outgoing
+from fwav_companion.mavlink.client.timesync import Ignored, NotTaken, Timesync
+from fwav_companion.types import Autopilot, AutopilotKind, ClockExchange, Destination, Message, Outgoing
 
 MS, S = 10**6, 10**9
 T0 = 77_000 * S

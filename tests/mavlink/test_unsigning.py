@@ -8,10 +8,10 @@ from mavlink_wire import Wire, parse, random_values
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from fwav_companion.geometry.stamps import HostNs
-from fwav_companion.mavlink.frames import checksum
-from fwav_companion.mavlink.node import LinkPolicy, Node, SigningPolicy
-from fwav_companion.mavlink.scanner import Scanner
-from fwav_companion.mavlink.unsigning import unsigned
+from fwav_companion.mavlink.router.node import LinkPolicy, Node, SigningPolicy
+from fwav_companion.mavlink.wire.frames import checksum
+from fwav_companion.mavlink.wire.scanner import Scanner
+from fwav_companion.mavlink.wire.strip_signature import unsigned
 
 KEY = bytes(range(32))
 MESSAGES = sorted(dialect.mavlink_map.values(), key=lambda message: message.id)

@@ -8,7 +8,8 @@ import msgspec
 from fwav_companion.geometry.mounts import body_from_camera_from_euler
 from fwav_companion.geometry.stamps import BootNs, HostNs
 from fwav_companion.geometry.vectors import Vector3
-from fwav_companion.nouns import (
+from fwav_companion.pairing import Pairer
+from fwav_companion.types import (
     ClockEstimate,
     ClockStatus,
     Detection,
@@ -20,7 +21,6 @@ from fwav_companion.nouns import (
     Unpaired,
     VehicleState,
 )
-from fwav_companion.pairing import Pairer
 
 MS = 1_000_000
 HOST_FROM_BOOT_NS = 7_000_000_000_000

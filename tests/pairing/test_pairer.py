@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from fwav_companion.geometry.rotations import quaternion_from_euler
 from fwav_companion.geometry.stamps import BootNs, HostNs
-from fwav_companion.nouns import Detection, Lens, Reason, StampClock, Unpaired
 from fwav_companion.pairing import CameraTiming, PairedFrame, RefusedFrame
+from fwav_companion.types import Detection, Lens, Reason, StampClock, Unpaired
 
 CENTRE = (320.0, 240.0)
 
@@ -198,31 +198,34 @@ def test_other_sizes_of_the_same_shape_are_scaled_about_pixel_edges():
 
 def test_what_a_frame_waits_for_is_the_latest_row_in_which_something_was_seen():
     timing = CameraTiming(readout_s=0.032, time_offset_s=0.01)
-    assert pairer(timing=timing).needs_until(frame(CENTRE), Clocks()) == 5006 * MS
-    assert pairer(timing=timing).needs_until(frame(CENTRE), Clocks(known=False)) is None
-    assert pairer(timing=timing).needs_until(frame(CENTRE, (320.0, 360.0), (320.0, 120.0)), Clocks()) == 5014 * MS
+    assert pairer(timing=timing).attitude_needed_until(frame(CENTRE), Clocks()) == 5006 * MS
+    assert pairer(timing=timing).attitude_needed_until(frame(CENTRE), Clocks(known=False)) is None
+    assert (
+        pairer(timing=timing).attitude_needed_until(frame(CENTRE, (320.0, 360.0), (320.0, 120.0)), Clocks())
+        == 5014 * MS
+    )
     half = frame(detections=(Detection(159.75, 119.75),), size=(320, 240))
-    assert pairer(timing=timing).needs_until(half, Clocks()) == 5006 * MS
+    assert pairer(timing=timing).attitude_needed_until(half, Clocks()) == 5006 * MS
     on_boot = frame(CENTRE, stamp_ns=5000 * MS, stamp_clock=StampClock.BOOT)
-    assert pairer(timing=timing).needs_until(on_boot, Clocks(known=False)) == 5006 * MS
+    assert pairer(timing=timing).attitude_needed_until(on_boot, Clocks(known=False)) == 5006 * MS
 
 
 def test_a_frame_waits_for_its_row_0_whatever_was_seen():
     timing = CameraTiming(readout_s=0.032, time_offset_s=0.01)
     for nowhere in (frame(), frame((320.0, 1e300)), frame((320.0, nan)), frame((320.0, 240.0), size=(0, 0))):
-        assert pairer(timing=timing).needs_until(nowhere, Clocks()) == 4990 * MS
+        assert pairer(timing=timing).attitude_needed_until(nowhere, Clocks()) == 4990 * MS
     upward = CameraTiming(readout_s=-0.032, time_offset_s=0.01)
-    assert pairer(timing=upward).needs_until(frame(CENTRE), Clocks()) == 5022 * MS
+    assert pairer(timing=upward).attitude_needed_until(frame(CENTRE), Clocks()) == 5022 * MS
 
 
 def test_a_recorded_frame_without_arrival_comes_at_its_last_capture_or_its_stamp():
     late = CameraTiming(readout_s=0.03, time_offset_s=0.05)
     early = CameraTiming(readout_s=0.03, time_offset_s=-0.05)
     untold = frame(CENTRE, arrival_ns=None)
-    assert pairer(timing=late).arrival_untold(untold, Clocks()) == HOST_FROM_BOOT_NS + 5000 * MS
-    assert pairer(timing=early).arrival_untold(untold, Clocks()) == HOST_FROM_BOOT_NS + 5080 * MS
+    assert pairer(timing=late).assumed_arrival(untold, Clocks()) == HOST_FROM_BOOT_NS + 5000 * MS
+    assert pairer(timing=early).assumed_arrival(untold, Clocks()) == HOST_FROM_BOOT_NS + 5080 * MS
     on_boot = frame(CENTRE, stamp_ns=5000 * MS, stamp_clock=StampClock.BOOT, arrival_ns=None)
-    assert pairer(timing=early).arrival_untold(on_boot, Clocks()) == HostNs(HOST_FROM_BOOT_NS + 5080 * MS)
+    assert pairer(timing=early).assumed_arrival(on_boot, Clocks()) == HostNs(HOST_FROM_BOOT_NS + 5080 * MS)
 
 
 def test_what_the_camera_could_see():

@@ -1,7 +1,7 @@
 """A camera component, what is asked of it, and what it says over some seconds."""
 
-from fwav_companion.nouns import Command
 from fwav_companion.publishing.options import PublishOptions
+from fwav_companion.types import Command
 
 MS = 10**6
 SIZE = (640, 480)

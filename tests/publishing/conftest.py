@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scipy.spatial.transform import Rotation
 
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
-from fwav_companion.nouns import (
+from fwav_companion.types import (
     Autopilot,
     AutopilotKind,
     ClockEstimate,

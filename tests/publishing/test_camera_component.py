@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from fwav_companion.nouns import CommandAnswer, CommandResult, Destination
 from fwav_companion.publishing.options import PublishOptions
 from fwav_companion.publishing.publisher import Publisher
+from fwav_companion.types import CommandAnswer, CommandResult, Destination
 
 PARAMETER = st.floats(width=32, allow_nan=True, allow_infinity=True)
 

@@ -5,9 +5,9 @@ from math import inf, nan
 import pytest
 from camera_component import MS, OPTIONS, command, run
 
-from fwav_companion.nouns import CommandResult, TrackState
 from fwav_companion.publishing.options import PublishOptions
 from fwav_companion.publishing.publisher import Publisher
+from fwav_companion.types import CommandResult, TrackState
 
 
 @pytest.fixture

@@ -10,9 +10,9 @@ from msgspec import structs
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scipy.spatial.transform import Rotation
 
-from fwav_companion.nouns import AutopilotKind, Destination, Reason, TrackState, Unpaired
 from fwav_companion.publishing.landing import Landing, Withheld
 from fwav_companion.publishing.options import PublishOptions
+from fwav_companion.types import AutopilotKind, Destination, Reason, TrackState, Unpaired
 
 OPTIONS = PublishOptions(landing_target=True, landing_label="pad")
 

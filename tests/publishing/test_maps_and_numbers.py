@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from fwav_companion.nouns import AutopilotKind, Destination
 from fwav_companion.publishing.cot import NoEvent, cot_event
 from fwav_companion.publishing.options import PublishOptions
 from fwav_companion.publishing.publisher import Publisher
+from fwav_companion.types import AutopilotKind, Destination
 
 QUIET = {"statustext": False, "camera_tracking": False}
 

@@ -2,9 +2,9 @@
 
 from msgspec import to_builtins
 
-from fwav_companion.nouns import Destination, Notice, Severity, TrackState
 from fwav_companion.publishing.options import PublishOptions
 from fwav_companion.publishing.publisher import Publisher
+from fwav_companion.types import Destination, Notice, Severity, TrackState
 
 MS = 10**6
 EVERYTHING = PublishOptions(

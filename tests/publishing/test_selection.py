@@ -2,9 +2,9 @@
 
 import pytest
 
-from fwav_companion.nouns import Reason, TrackState
 from fwav_companion.publishing.options import PublishOptions
 from fwav_companion.publishing.selection import Selection
+from fwav_companion.types import Reason, TrackState
 
 
 @pytest.fixture

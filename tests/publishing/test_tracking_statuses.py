@@ -8,8 +8,8 @@ import pytest
 from camera_component import GEO, IMAGE, OPTIONS, command, named, run
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from fwav_companion.nouns import CommandResult, Destination, TrackState
 from fwav_companion.publishing.publisher import Publisher
+from fwav_companion.types import CommandResult, Destination, TrackState
 
 
 @pytest.fixture

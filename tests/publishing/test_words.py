@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fwav_companion.nouns import Destination, Notice, Reason, Severity, TrackState
 from fwav_companion.publishing.announcer import Announcer
 from fwav_companion.publishing.options import PublishOptions
 from fwav_companion.publishing.readiness import Readiness, ready_notice
 from fwav_companion.publishing.statustext import statustexts
+from fwav_companion.types import Destination, Notice, Reason, Severity, TrackState
 
 
 def joined(received):

@@ -9,9 +9,9 @@ from fwav_companion.recording.spans import (
     AFTER_DISARMING_US,
     BEFORE_ARMING_US,
     MOST_BEFORE_BYTES,
-    Begin,
-    End,
-    Record,
+    BeginSpan,
+    EndSpan,
+    SpanRecord,
     Spans,
 )
 
@@ -23,26 +23,26 @@ class Site:
 
     def __init__(self, when, *, headed=True, most=1 << 30):
         self.headed = headed
-        self._spans = Spans(when, self._header, lambda at_us: Record(at_us, TARGETS, b"summary"), most)
+        self._spans = Spans(when, self._header, lambda at_us: SpanRecord(at_us, TARGETS, b"summary"), most)
         self.folders = []
         self.is_open = False
 
     def _header(self, at_us):
-        return Record(at_us, TARGETS, b"header", is_header=True) if self.headed else None
+        return SpanRecord(at_us, TARGETS, b"header", is_header=True) if self.headed else None
 
     def put(self, at_s, data=b"x", **how):
-        self._do(self._spans.on_record(Record(round(at_s * S), TELEMETRY, data, **how)))
+        self._do(self._spans.on_record(SpanRecord(round(at_s * S), TELEMETRY, data, **how)))
 
     def arm(self, at_s, armed=True):
         self._do(self._spans.on_armed(armed, round(at_s * S)))
 
     def _do(self, steps):
         for step in steps:
-            if isinstance(step, Begin):
+            if isinstance(step, BeginSpan):
                 assert not self.is_open
                 self.is_open = True
                 self.folders.append([])
-            elif isinstance(step, End):
+            elif isinstance(step, EndSpan):
                 assert self.is_open
                 self.is_open = False
             else:

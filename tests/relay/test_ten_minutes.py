@@ -9,7 +9,7 @@ import pytest
 from relay_story import LINKS, LOSS, STATION_LINKS, VEHICLE_LINKS, Event, story
 
 from fwav_companion.geometry.stamps import HostNs
-from fwav_companion.mavlink.node import LinkPolicy, Node
+from fwav_companion.mavlink.router.node import LinkPolicy, Node
 
 START_NS = 5_000_000_000_000
 

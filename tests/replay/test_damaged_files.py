@@ -10,11 +10,11 @@ from mavlink_wire import Wire
 from fwav_companion.camera import parse_calibration
 from fwav_companion.config import parse
 from fwav_companion.errors import InputFileError
-from fwav_companion.files.telemetry import load_telemetry
 from fwav_companion.recording.timely import timely
 from fwav_companion.recording.tlog import tlog_record
 from fwav_companion.recording.ulog_frames import damaged_stretches
 from fwav_companion.replay import read_recording, read_telemetry, replay
+from fwav_companion.replay.telemetry_files import load_telemetry
 
 OWN = frozenset({191})
 SECONDS, HZ = 3, 20

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from flying import CAMERA, LINK, Flight, fly
 
-from fwav_companion.flow.wiring import own_components
+from fwav_companion.pipeline.pipeline_factory import own_components
 from fwav_companion.recording.lines import encode_line
 from fwav_companion.replay import read_recording, replay
 from sitl_mock import scenario

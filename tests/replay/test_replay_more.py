@@ -10,7 +10,7 @@ import pytest
 from flying import CAMERA, LINK, Flight, fly
 
 from fwav_companion.cli.main import main
-from fwav_companion.flow.wiring import own_components
+from fwav_companion.pipeline.pipeline_factory import own_components
 from fwav_companion.replay import read_recording, replay
 from fwav_companion.replay.driver import _drive
 from sitl_mock import scenario
@@ -19,8 +19,8 @@ CONFIG = LINK + '[camera]\ncalibration = "camera.yaml"\n'
 
 OWN = """
 import msgspec
-from fwav_companion.nouns import GroundFix
-from fwav_companion.tracking.estimate import Surprise
+from fwav_companion.types import GroundFix
+from fwav_companion.tracking.filters.schmidt_kalman import Surprise
 
 class Mean(msgspec.Struct, frozen=True):
     fix: GroundFix
@@ -252,7 +252,7 @@ class Order:
     def on_frame(self, frame, _now):
         self.came.append(frame.number)
 
-    def arrival_untold(self, frame):
+    def assumed_arrival(self, frame):
         return frame.stamp_ns
 
     def finish(self, _now):

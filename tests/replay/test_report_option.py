@@ -14,7 +14,7 @@ import pytest
 from flying import CAMERA, LINK, fly
 from lxml import html
 
-from fwav_companion.report.depths import BEYOND_95, EXPECTED, innovations
+from fwav_companion.tools.report.depths import BEYOND_95, EXPECTED, innovations
 from sitl_mock import scenario
 
 CONFIG = LINK + '[camera]\ncalibration = "camera.yaml"\n'

@@ -3,7 +3,7 @@
 import pytest
 from flying import fly
 
-from fwav_companion.flow.wiring import own_components
+from fwav_companion.pipeline.pipeline_factory import own_components
 from fwav_companion.replay import read_recording, replay
 from sitl_mock import scenario
 from sitl_mock.scenarios import NO_NOISE, NO_TROUBLE

@@ -11,7 +11,7 @@ import pytest
 from flying import Companion
 from scipy.stats import chi2
 
-from fwav_companion.nouns import GroundFix
+from fwav_companion.types import GroundFix
 from sitl_mock import Options, Simulation, TargetOptions, scenario, simulate
 from sitl_mock.earth import Place
 

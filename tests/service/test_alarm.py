@@ -8,7 +8,7 @@ from itertools import pairwise
 import pytest
 
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs
-from fwav_companion.service.alarm import NET_NS, STEADY_NS, Alarm
+from fwav_companion.service.timer import NET_NS, STEADY_NS, PipelineTimer
 
 START_NS = HostNs(1_000 * NS_PER_S)
 
@@ -28,7 +28,7 @@ class Daemon:
         self.interval_ns = interval_ns
         self.due = HostNs(START_NS + interval_ns)
         self.now = START_NS
-        self.alarm = Alarm(self.on_alarm, self.call_at)
+        self.alarm = PipelineTimer(self.on_alarm, self.call_at)
         self.handles: list[Handle] = []
         self.rings = 0
         self.done: list[tuple[int, int]] = []
@@ -121,7 +121,7 @@ def test_when_a_busy_stream_ends_at_once_one_thing_is_late_and_no_more():
 def test_what_nobody_else_does_is_rung_for_amid_a_busy_stream():
     rang: list[int] = []
     daemon = Daemon(NS_PER_S)
-    alarm = Alarm(lambda: rang.append(daemon.now), daemon.call_at)
+    alarm = PipelineTimer(lambda: rang.append(daemon.now), daemon.call_at)
     daemon.handles.clear()
     strict = HostNs(START_NS + 250 * NS_PER_MS)
     for ms in range(0, 201, 10):
@@ -135,5 +135,5 @@ def test_what_nobody_else_does_is_rung_for_amid_a_busy_stream():
 def test_with_nothing_due_nothing_rings():
     daemon = Daemon(NS_PER_S)
     daemon.handles.clear()
-    Alarm(daemon.on_alarm, daemon.call_at).arm(START_NS, None)
+    PipelineTimer(daemon.on_alarm, daemon.call_at).arm(START_NS, None)
     assert daemon.handles == []

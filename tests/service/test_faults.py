@@ -7,14 +7,14 @@ from collections.abc import Sequence
 import pytest
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
-from fwav_companion.mavlink.codec import decode
-from fwav_companion.mavlink.node import LinkPolicy, Node
-from fwav_companion.mavlink.scanner import Scanner
-from fwav_companion.nouns import Destination, Outgoing
-from fwav_companion.service.alarm import NET_NS, Alarm
+from fwav_companion.mavlink.router.node import LinkPolicy, Node
+from fwav_companion.mavlink.wire.codec import decode
+from fwav_companion.mavlink.wire.scanner import Scanner
 from fwav_companion.service.daemon import Service
 from fwav_companion.service.journal import Journal
 from fwav_companion.service.outgoing import Outbox
+from fwav_companion.service.timer import NET_NS, PipelineTimer
+from fwav_companion.types import Destination, Outgoing
 
 NOW = HostNs(5 * NS_PER_S)
 
@@ -57,7 +57,7 @@ def test_after_a_mistake_in_silence_what_is_due_is_tried_again_soon(service: Ser
     service._pipeline.advance(NOW)
     now, rings = HostNs(NOW + 2 * NS_PER_S), []
     monkeypatch.setattr(service._clock, "now", lambda: now)
-    service._alarm = Alarm(service._on_alarm, lambda when_s, ring: rings.append((when_s, ring)))
+    service._alarm = PipelineTimer(service._on_alarm, lambda when_s, ring: rings.append((when_s, ring)))
     monkeypatch.setattr(service._pipeline, "advance", lambda _: 1 / 0)
     for _ in range(3):
         with pytest.raises(ZeroDivisionError) as fault:

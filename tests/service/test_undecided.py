@@ -1,7 +1,7 @@
 """What a stream leaves undecided is rung for, also where nothing came that anybody here reads."""
 
 from fwav_companion.geometry.stamps import NS_PER_MS
-from fwav_companion.mavlink.node import QUIET_NS
+from fwav_companion.mavlink.router.node import QUIET_NS
 from fwav_companion.service.daemon import Service
 
 OF_AN_UNKNOWN_ID = bytes.fromhex("fd 03 00 00 07 09 01 40 42 0f 01 02 03 00 00")

@@ -10,16 +10,16 @@ from typing import Any
 
 from fwav_companion.camera import parse_calibration
 from fwav_companion.config import parse
-from fwav_companion.flow.pipeline import Pipeline
-from fwav_companion.flow.wiring import WANTED, make_pipeline
 from fwav_companion.geometry.stamps import HostNs, whole_microseconds
 from fwav_companion.localization import ElevationTile
-from fwav_companion.mavlink.codec import Encoder, decode
-from fwav_companion.mavlink.scanner import Scanner
-from fwav_companion.nouns import Frame, Outgoing
+from fwav_companion.mavlink.wire.codec import Encoder, decode
+from fwav_companion.mavlink.wire.scanner import Scanner
+from fwav_companion.pipeline.pipeline import Pipeline
+from fwav_companion.pipeline.pipeline_factory import WANTED, make_pipeline
 from fwav_companion.recording.events import end_line, refused_line
 from fwav_companion.recording.lines import Line, encode_line
 from fwav_companion.recording.tlog import tlog_record
+from fwav_companion.types import Frame, Outgoing
 from fwav_companion.vision.wall_clock import WallClock
 from fwav_companion.vision.wire import encode_frame, parse_frame
 from sitl_mock import Options, Simulation, simulate

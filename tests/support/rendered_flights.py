@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 from flying import Companion
 
 from fwav_companion.config import parse
-from fwav_companion.demo.setting import Setting
 from fwav_companion.geometry.ellipses import circle_radius
+from fwav_companion.tools.demo.setting import Setting
 from fwav_companion.vision.detectors.markers import apriltags
 from sitl_mock.arguments import add_flight_arguments, options_from
 from sitl_mock.render import Eye

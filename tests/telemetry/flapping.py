@@ -8,8 +8,8 @@ from scipy.signal import bilinear, lfilter
 from scipy.spatial.transform import Rotation
 
 from fwav_companion.geometry.stamps import BootNs
-from fwav_companion.nouns import AttitudeSample, Unpaired
-from fwav_companion.telemetry.history import AttitudeHistory
+from fwav_companion.telemetry.attitude.history import AttitudeHistory
+from fwav_companion.types import AttitudeSample, Unpaired
 
 FINE_S = 1e-4
 

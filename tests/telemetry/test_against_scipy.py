@@ -9,8 +9,8 @@ from flapping import errors_and_claims, flying, nodding, rms
 from scipy.spatial.transform import Rotation, RotationSpline, Slerp
 
 from fwav_companion.geometry.stamps import BootNs
-from fwav_companion.nouns import AttitudeSample, Unpaired
-from fwav_companion.telemetry.stream_check import Method
+from fwav_companion.telemetry.attitude.quality import Method
+from fwav_companion.types import AttitudeSample, Unpaired
 
 HEIGHT_M = 10.0
 

@@ -1,8 +1,8 @@
 """The arrival envelope alone: what a busy machine makes of arrivals must not stop it."""
 
 from fwav_companion.geometry.stamps import BootNs, HostNs
-from fwav_companion.telemetry.arrivals import ARRIVALS_TO_BEGIN, BUCKET_NS, ArrivalEnvelope
-from fwav_companion.telemetry.clock import Clock
+from fwav_companion.telemetry.clock.arrivals import ARRIVALS_TO_BEGIN, BUCKET_NS, ArrivalEnvelope
+from fwav_companion.telemetry.clock.clock import Clock
 
 
 def test_messages_of_two_seconds_that_came_in_one_datagram_have_one_instant_and_no_slope():

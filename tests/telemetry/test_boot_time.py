@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fwav_companion.geometry.stamps import HostNs
-from fwav_companion.telemetry.boot_time import WRAP_NS, BootTimeline, Restarted, Strange
+from fwav_companion.telemetry.clock.boot_time import WRAP_NS, BootTimeline, Restarted, Strange
 
 MS = 1_000_000
 S = 1000 * MS

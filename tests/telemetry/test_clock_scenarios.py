@@ -7,8 +7,8 @@ import pytest
 from wires import MS, Wire, constant, exponential
 
 from fwav_companion.geometry.stamps import BootNs, HostNs
-from fwav_companion.nouns import ClockExchange, ClockStatus, Reason, Unpaired
-from fwav_companion.telemetry.clock import Clock
+from fwav_companion.telemetry.clock.clock import Clock
+from fwav_companion.types import ClockExchange, ClockStatus, Reason, Unpaired
 
 
 def slowing(t: float) -> float:

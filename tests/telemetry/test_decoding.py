@@ -10,9 +10,9 @@ from scipy.spatial.transform import Rotation
 from told import DEFAULTS, Autopilot, message
 
 from fwav_companion.geometry.stamps import BootNs, HostNs
-from fwav_companion.nouns import Unpaired
 from fwav_companion.telemetry import Telemetry, decoding
 from fwav_companion.telemetry.decoding import Implausible
+from fwav_companion.types import Unpaired
 
 
 def fields(name: str, **changed: object) -> SimpleNamespace:

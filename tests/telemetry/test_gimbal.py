@@ -9,10 +9,10 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from fwav_companion.geometry.rotations import IDENTITY_QUATERNION
 from fwav_companion.geometry.stamps import BootNs, HostNs
-from fwav_companion.nouns import GimbalAt, Message, Reason
-from fwav_companion.telemetry.clock import Clock
+from fwav_companion.telemetry.attitude.history import AttitudeAt
+from fwav_companion.telemetry.clock.clock import Clock
 from fwav_companion.telemetry.gimbal import Gimbal
-from fwav_companion.telemetry.history import AttitudeAt
+from fwav_companion.types import GimbalAt, Message, Reason
 
 Fields = namedtuple("Fields", "time_boot_ms flags q delta_yaw gimbal_device_id")
 EARTH = 64

@@ -7,8 +7,8 @@ import flapping
 import pytest
 
 from fwav_companion.geometry.stamps import BootNs
-from fwav_companion.nouns import AttitudeSample, Reason, Unpaired
-from fwav_companion.telemetry.history import KEPT_NS, MOST_KEPT, AttitudeHistory
+from fwav_companion.telemetry.attitude.history import KEPT_NS, MOST_KEPT, AttitudeHistory
+from fwav_companion.types import AttitudeSample, Reason, Unpaired
 
 MS = 1_000_000
 LEVEL = (1.0, 0.0, 0.0, 0.0)

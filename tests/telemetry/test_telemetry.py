@@ -8,8 +8,8 @@ from told import WHOLE_MS, Autopilot
 
 from fwav_companion.geometry.rotations import euler_from_quaternion
 from fwav_companion.geometry.stamps import BootNs
-from fwav_companion.nouns import ClockExchange, Reason, Unpaired
 from fwav_companion.telemetry import AttitudeSource, PitchTrimUndone, Rebooted, StampDelay
+from fwav_companion.types import ClockExchange, Reason, Unpaired
 
 MS = 1_000_000
 

@@ -10,7 +10,7 @@ import pytest
 from told import Autopilot, message
 
 from fwav_companion.geometry.stamps import BootNs, HostNs
-from fwav_companion.nouns import ClockExchange, Unpaired
+from fwav_companion.types import ClockExchange, Unpaired
 
 MS = 1_000_000
 HEIGHT_MM = 10_000.0

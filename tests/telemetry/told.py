@@ -4,8 +4,8 @@ from types import SimpleNamespace
 from typing import Any
 
 from fwav_companion.geometry.stamps import HostNs
-from fwav_companion.nouns import Message
 from fwav_companion.telemetry import Telemetry, TelemetryOptions
+from fwav_companion.types import Message
 
 HOST_AT_BOOT = 1_000_000_000_000
 """Nanoseconds on the host's clock when the autopilot's began, where a test does not say otherwise."""

@@ -5,8 +5,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from fwav_companion.geometry.stamps import BootNs, HostNs
-from fwav_companion.nouns import ClockEstimate, ClockExchange
-from fwav_companion.telemetry.clock import Clock
+from fwav_companion.telemetry.clock.clock import Clock
+from fwav_companion.types import ClockEstimate, ClockExchange
 
 HOST_START_NS = 50_000_000_000_000
 MS = 1_000_000

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fwav_companion.nouns import (
+from fwav_companion.types import (
     BIAS_COUNT,
     Bias,
     Detection,

@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 from simulated_flight import Flight, path
 
-from fwav_companion.nouns import Bias, Reason, Unpaired
+from fwav_companion.types import Bias, Reason, Unpaired
 
 POSITION = [Bias.POSITION_NORTH, Bias.POSITION_EAST]
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fwav_companion.nouns import BIAS_COUNT, Bias, ErrorPriors
+from fwav_companion.types import BIAS_COUNT, Bias, ErrorPriors
 
 FOCAL = 3.55 * 188.0
 CUBIC = 0.03 * 188.0

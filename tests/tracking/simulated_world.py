@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from simulated_autopilot import Autopilot
 from simulated_flight import BODY_FROM_CAMERA, Flight, camera_from_pixel, path, pixel_from_camera
 
-from fwav_companion.nouns import BIAS_COUNT, Bias, Detection, FrameView, GroundFix, Ray, Sighting
+from fwav_companion.types import BIAS_COUNT, Bias, Detection, FrameView, GroundFix, Ray, Sighting
 
 MOUNT = [Bias.MOUNT_X, Bias.MOUNT_Y, Bias.MOUNT_Z]
 RIGHT, BELOW = np.array([0.01, 0]), np.array([0, 0.01])

@@ -7,9 +7,9 @@ from handmade import a_fix, a_view
 from simulated_flight import Flight, priors
 from simulated_world import World
 
-from fwav_companion.nouns import BIAS_COUNT, Bias, TrackState
 from fwav_companion.tracking import CalibrationStatus, TrackingOptions, make_tracker, tracker_with
-from fwav_companion.tracking.kalman import StaticKalman
+from fwav_companion.tracking.filters.kalman import StaticKalman
+from fwav_companion.types import BIAS_COUNT, Bias, TrackState
 
 PLANTED = np.zeros(BIAS_COUNT)
 PLANTED[Bias.TIME_OFFSET] = 0.035

@@ -5,8 +5,8 @@ import pytest
 from handmade import a_fix, a_view
 from simulated_flight import priors
 
-from fwav_companion.nouns import Reason
 from fwav_companion.tracking import TrackingOptions, make_tracker
+from fwav_companion.types import Reason
 
 NO_BIAS = priors(time_offset=0, heading=0, mount_x=0, mount_y=0, mount_z=0)
 FPS = 30

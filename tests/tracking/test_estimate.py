@@ -5,10 +5,10 @@ from math import inf
 import numpy as np
 import pytest
 
-from fwav_companion.tracking.estimate import Estimate, blended, noise_gain, surprise
-from fwav_companion.tracking.gates import GATE
-from fwav_companion.tracking.scatter import Scatter
-from fwav_companion.tracking.shared import Weighed
+from fwav_companion.tracking.filters.adaptive_noise import AdaptiveNoise
+from fwav_companion.tracking.filters.consider_biases import Measurement
+from fwav_companion.tracking.filters.gates import GATE
+from fwav_companion.tracking.filters.schmidt_kalman import PointEstimate, kalman_gain, surprise, update
 
 COUNT, WANDERING, TIMED = 7, 5, 2
 """Biases; the last two wander."""
@@ -30,11 +30,11 @@ def some(rng, *, level=False):
     position = tuple(rng.normal(0, 1.0, 3))
     a = rng.normal(0, 0.2, (2, 2))
     a = a @ a.T
-    scatter = Scatter(0.03, 0.2, 10)
-    own = Estimate(
+    scatter = AdaptiveNoise(0.03, 0.2, 10)
+    own = PointEstimate(
         position, noise(rng, level=level), rows(rng, level=level), WANDERING, (a[0, 0], a[0, 1], a[1, 1]), scatter
     )
-    fix = Weighed(tuple(rng.normal(0, 10.0, 3)), noise(rng, level=level), rows(rng, level=level), GATE)
+    fix = Measurement(tuple(rng.normal(0, 10.0, 3)), noise(rng, level=level), rows(rng, level=level), GATE)
     return own, fix
 
 
@@ -75,11 +75,11 @@ def test_a_blend_is_the_plain_joint_covariance(level):
     rng = np.random.default_rng(4)
     for _ in range(30):
         own, fix = some(rng, level=level)
-        gain = noise_gain(own, fix)
+        gain = kalman_gain(own, fix)
         p, r = np.array(own.noise), np.array(fix.noise)
         assert np.array(gain) == pytest.approx(p @ np.linalg.inv(p + r), abs=1e-12)
         rest, k = np.eye(3) - np.array(gain), np.array(gain)
-        new = blended(own, fix, gain, tuple(map(tuple, rest @ p @ rest.T + k @ r @ k.T)), TIMED)
+        new = update(own, fix, gain, tuple(map(tuple, rest @ p @ rest.T + k @ r @ k.T)), TIMED)
         moved = np.block([[rest, k @ np.array(fix.shared)], [np.zeros((COUNT, 3)), np.eye(COUNT)]])
         expected = moved @ covariance(own) @ moved.T
         expected[:3, :3] += k @ r @ k.T

@@ -5,8 +5,8 @@ import pytest
 from handmade import a_fix, host_ns
 from simulated_flight import priors
 
-from fwav_companion.tracking.lag import MEAN_VARIANCE, Lag
-from fwav_companion.tracking.moving import ACCELERATION_DENSITY, UNSEEN_DENSITY, MovingKalman
+from fwav_companion.tracking.filters.maneuver import MEAN_VARIANCE, ManeuverLag
+from fwav_companion.tracking.filters.moving import ACCELERATION_DENSITY, UNSEEN_DENSITY, MovingKalman
 
 NO_BIAS = priors(time_offset=0, heading=0, mount_x=0, mount_y=0, mount_z=0, height_noise_m=0.0)
 SIGMA_M = 0.2
@@ -15,7 +15,7 @@ DT_S = 1.0 / 30.0
 
 
 def run(offsets):
-    lag, lags = Lag(), []
+    lag, lags = ManeuverLag(), []
     for north, east in offsets:
         lag = lag.with_fix(north, east, DT_S)
         lags.append(lag)

@@ -6,8 +6,8 @@ from handmade import a_fix, a_view, host_ns
 from msgspec.structs import replace
 from simulated_flight import priors
 
-from fwav_companion.nouns import Reason, TrackState
 from fwav_companion.tracking import TrackingOptions, make_tracker
+from fwav_companion.types import Reason, TrackState
 
 NO_BIAS = priors(time_offset=0, heading=0, mount_x=0, mount_y=0, mount_z=0)
 

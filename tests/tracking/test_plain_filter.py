@@ -5,8 +5,8 @@ import pytest
 from handmade import a_fix, host_ns
 from simulated_flight import priors
 
-from fwav_companion.nouns import BIAS_COUNT, Bias
-from fwav_companion.tracking.kalman import StaticKalman
+from fwav_companion.tracking.filters.kalman import StaticKalman
+from fwav_companion.types import BIAS_COUNT, Bias
 
 
 @pytest.mark.parametrize(("level", "wander_s"), [(True, 60.0), (False, 1e12)])

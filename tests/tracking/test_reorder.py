@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from simulated_flight import Flight, priors
 from simulated_world import World
 
-from fwav_companion.nouns import NoFrame, Reason
 from fwav_companion.tracking import Reorder, TrackingOptions, make_tracker
+from fwav_companion.types import NoFrame, Reason
 
 NO_BIAS = priors(time_offset=0, heading=0, mount_x=0, mount_y=0, mount_z=0)
 

@@ -8,10 +8,10 @@ from scipy.stats import chi2
 from simulated_flight import Flight, priors
 from simulated_world import World
 
-from fwav_companion.nouns import BIAS_COUNT, Bias
 from fwav_companion.tracking import TrackingOptions, make_tracker
-from fwav_companion.tracking.kalman import StaticKalman
-from fwav_companion.tracking.moving import MovingKalman
+from fwav_companion.tracking.filters.kalman import StaticKalman
+from fwav_companion.tracking.filters.moving import MovingKalman
+from fwav_companion.types import BIAS_COUNT, Bias
 
 NO_BIAS = priors(time_offset=0, heading=0, mount_x=0, mount_y=0, mount_z=0, height_noise_m=0.0)
 

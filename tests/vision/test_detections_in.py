@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 
 from fwav_companion.geometry.stamps import HostNs
-from fwav_companion.nouns import Frame, NoFrame, Reason
+from fwav_companion.types import Frame, NoFrame, Reason
 from fwav_companion.vision import detections_in
 from fwav_companion.vision.detections_in import DetectionsIn, Endpoint
-from fwav_companion.vision.ears import Ears, read_clocks
+from fwav_companion.vision.frame_receiver import FrameReceiver, read_clocks
 from fwav_companion.vision.wall_clock import ClockStep, WallClock
 
 UNIX = 1_790_000_000_000_000_000
@@ -30,7 +30,7 @@ class Intake:
         self.frames: list[Frame | NoFrame] = []
         self.states: list[tuple[bool, str]] = []
         self.steps: list[ClockStep] = []
-        ears = Ears(
+        ears = FrameReceiver(
             on_frame=self.frames.append,
             on_step=self.steps.append,
             wall_clock=WallClock(self.now, self.now + UNIX),

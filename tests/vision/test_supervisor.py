@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 from vision_pictures import pipe_bytes, tag_picture
 
-from fwav_companion.nouns import Frame
+from fwav_companion.types import Frame
 from fwav_companion.vision import supervisor
-from fwav_companion.vision.ears import Ears, read_clocks
+from fwav_companion.vision.frame_receiver import FrameReceiver, read_clocks
 from fwav_companion.vision.supervisor import VisionProcess
 from fwav_companion.vision.task import VisionTask
 from fwav_companion.vision.wall_clock import WallClock
@@ -26,7 +26,7 @@ class Daemon:
         self.frames: list[Frame] = []
         self.states: list[tuple[bool, str]] = []
         self.changed = asyncio.Event()
-        ears = Ears(self._frame, lambda step: None, WallClock(*read_clocks()))
+        ears = FrameReceiver(self._frame, lambda step: None, WallClock(*read_clocks()))
         self.process = VisionProcess(task, ears, self._state)
 
     def _frame(self, frame) -> None:

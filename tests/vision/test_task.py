@@ -4,7 +4,7 @@ import pytest
 
 from fwav_companion.config import parse
 from fwav_companion.errors import ConfigError
-from fwav_companion.service.parts import make_vision_task
+from fwav_companion.service.service_factory import make_vision_task
 from fwav_companion.vision.task import VisionTask
 
 CAMERA = '[camera]\ncalibration = "camera.yaml"\n'

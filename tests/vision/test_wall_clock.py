@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fwav_companion.geometry.stamps import HostNs
-from fwav_companion.nouns import NoFrame, Reason
+from fwav_companion.types import NoFrame, Reason
 from fwav_companion.vision.wall_clock import STEPS_KEPT, ClockStep, WallClock
 
 UNIX = 1_790_000_000_000_000_000

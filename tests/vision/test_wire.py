@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fwav_companion.geometry.stamps import HostNs
-from fwav_companion.nouns import Detection, Frame, NoFrame, Reason, StampClock
+from fwav_companion.types import Detection, Frame, NoFrame, Reason, StampClock
 from fwav_companion.vision.wall_clock import RecordingClock, WallClock
 from fwav_companion.vision.wire import encode_frame, parse_frame
 

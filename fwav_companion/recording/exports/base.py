@@ -12,8 +12,8 @@ from typing import Any, Final
 import msgspec
 
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
-from fwav_companion.nouns import TrackState
 from fwav_companion.recording.lines import Line
+from fwav_companion.types import TrackState
 
 BELIEVED: Final = (TrackState.CONFIRMED.value, TrackState.COASTING.value)
 SCALE_90: Final = 2.145966

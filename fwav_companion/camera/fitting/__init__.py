@@ -1,4 +1,0 @@
-"""A lens from pictures of a flat board: numpy, and so never loaded by the daemon. Pure.
-
-``fit_lens`` in :mod:`fwav_companion.camera.fitting.fit` is the way in.
-"""

@@ -1,0 +1,167 @@
+"""What the command line of a replay gives: read whole before anything is written, and what is damaged told."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from os.path import realpath
+from pathlib import Path
+
+import msgspec
+
+from fwav_companion.camera import Calibration
+from fwav_companion.cli.output import is_stdout
+from fwav_companion.config import Config, load
+from fwav_companion.errors import InputFileError
+from fwav_companion.localization import ElevationTile
+from fwav_companion.on_disk import content
+from fwav_companion.pipeline.pipeline_factory import own_components
+from fwav_companion.recording.exports import Export, export_for
+from fwav_companion.recording.lines import Line
+from fwav_companion.recording.tlog import load_tlog
+from fwav_companion.recording.truth import TruthPoint, parse_truth
+from fwav_companion.replay import Recording, TelemetryRead, join, read_telemetry, replay
+from fwav_companion.replay.telemetry_files import load_telemetry
+from fwav_companion.replay.user_filter import load_own_filter
+from fwav_companion.service.configured_files import load_calibration, load_elevation
+from fwav_companion.tracking.filters.base import Filter
+
+MOST_TOLD = 10
+"""Damaged places of one file that are told one by one."""
+
+
+class ReplayInputs(msgspec.Struct, frozen=True, kw_only=True):
+    """All that a replay needs."""
+
+    config: Config
+    exports: Sequence[Export]
+    calibration: Calibration
+    truth: Sequence[TruthPoint]
+    recording: Recording
+    elevation: Sequence[ElevationTile]
+    own_filter: Filter | None
+
+    def lines(self, *, sightings: bool) -> Iterator[Line]:
+        """The replay that was asked for."""
+        return replay(
+            self.recording,
+            self.config,
+            self.calibration,
+            elevation=self.elevation,
+            own_filter=self.own_filter,
+            sightings=sightings,
+            truth=self.truth,
+        )
+
+    def again(self, config: Config) -> Iterator[Line]:
+        """The same recording, tracked in the way of another configuration."""
+        return replay(self.recording, config, self.calibration, elevation=self.elevation)
+
+
+def read_replay_inputs(arguments: argparse.Namespace) -> ReplayInputs:
+    """ConfigError, InputFileError: the first thing that is wrong."""
+    config = load(arguments.config, arguments.set)
+    exports = [export_for(Path(name)) for name in arguments.export]
+    _spare_what_is_read(arguments, config)
+    calibration = load_calibration(config)
+    truth = read_truth(arguments.truth)
+    recording = _recording(arguments, config)
+    _require_a_frame(arguments, recording)
+    _tell_damage(arguments, recording)
+    return ReplayInputs(
+        config=config,
+        exports=exports,
+        calibration=calibration,
+        truth=truth,
+        recording=recording,
+        elevation=load_elevation(config),
+        own_filter=load_own_filter(config),
+    )
+
+
+def _spare_what_is_read(arguments: argparse.Namespace, config: Config) -> None:
+    """Nothing is written over a flight that cannot be flown again. InputFileError."""
+    used = {Path(name): f"--{option}" for option in ("telemetry", "detections") for name in getattr(arguments, option)}
+    used |= {Path(arguments.config): "--config", config.calibration_path: "--config"}
+    if arguments.truth is not None:
+        used[Path(arguments.truth)] = "--truth"
+    outputs = (arguments.out, *arguments.export)
+    for name in (name for name in outputs if not is_stdout(name)):
+        by = next((option for path, option in used.items() if _is_same(Path(name), path)), None)
+        if by is not None:
+            raise InputFileError(f"{name}: {by} has this file already, which would be lost; accepted: another one")
+        used[Path(name)] = "--out"
+
+
+def _is_same(one: Path, other: Path) -> bool:
+    if realpath(one) == realpath(other):
+        return True
+    try:
+        return one.is_file() and other.is_file() and one.samefile(other)
+    except OSError:  # a name that is too long is nobody's
+        return False
+
+
+def _recording(arguments: argparse.Namespace, config: Config) -> Recording:
+    own = own_components(config)
+    detections = b"\n".join(_content(name).removesuffix(b"\n") for name in arguments.detections)
+    return join(_telemetry(arguments.telemetry, own), detections, own, config.vehicle.system_id)
+
+
+def _require_a_frame(arguments: argparse.Namespace, recording: Recording) -> None:
+    """An empty file is a flight in which no camera looked; one in which no line is a frame is another file."""
+    skipped = recording.skipped_lines
+    if skipped and len(skipped) == len(recording.frames):
+        told = f"line {skipped[0].number} is no frame ({skipped[0].why}), and no other line is"
+        accepted = "accepted: detections, one JSON object a line"
+        raise InputFileError(f"{' + '.join(arguments.detections)}: {told}; {accepted}")
+
+
+def _telemetry(names: Sequence[str], own: frozenset[int]) -> TelemetryRead:
+    """One file of any kind, or the parts of one .tlog in their order."""
+    if len(names) == 1:
+        return load_telemetry(Path(names[0]), own)
+    return read_telemetry(b"".join(load_tlog(Path(name)) for name in names))
+
+
+def _tell_damage(arguments: argparse.Namespace, recording: Recording) -> None:
+    """What was skipped, with offsets: counted through all parts where there are several."""
+    telemetry, detections = " + ".join(arguments.telemetry), " + ".join(arguments.detections)
+    for note in recording.notes:
+        print(f"{telemetry}: {note}", file=sys.stderr)
+    _tell_first(
+        f"{telemetry}: skipped {skipped.length} damaged bytes at offset {skipped.offset}"
+        for skipped in recording.skipped
+    )
+    _tell_first(
+        f"{detections}: line {skipped.number} at offset {skipped.offset} is no frame: {skipped.why}"
+        for skipped in recording.skipped_lines
+    )
+
+
+def _tell_first(complaints: Iterable[str]) -> None:
+    complaints = list(complaints)
+    for complaint in complaints[:MOST_TOLD]:
+        print(complaint, file=sys.stderr)
+    if len(complaints) > MOST_TOLD:
+        print(f"  and {len(complaints) - MOST_TOLD} more such places", file=sys.stderr)
+
+
+def _content(name: str) -> bytes:
+    try:
+        return content(Path(name))
+    except OSError as error:
+        raise InputFileError(f"{name}: {error.strerror}; accepted: detections, one JSON object a line") from None
+
+
+def read_truth(name: str | None) -> list[TruthPoint]:
+    """Of a file that may not have been named. InputFileError."""
+    if name is None:
+        return []
+    try:
+        return parse_truth(content(Path(name)).decode(), name)
+    except OSError as error:
+        raise InputFileError(f"{name}: {error.strerror}; accepted: a truth file, CSV or JSONL") from None
+    except UnicodeDecodeError as error:
+        raise InputFileError(f"{name}: byte {error.start} is not UTF-8; accepted: CSV or JSONL") from None

@@ -1,1 +1,0 @@
-"""SHELL: opens and writes files for the pure rooms: read at the start, reported at the end, or rewritten ever again."""

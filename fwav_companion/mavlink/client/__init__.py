@@ -1,0 +1,1 @@
+"""What this component owes the network and asks of the autopilot: identity, TIMESYNC, commands, rates. Pure."""

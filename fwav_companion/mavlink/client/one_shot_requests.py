@@ -1,0 +1,82 @@
+"""What is asked of the autopilot once after it is adopted or rebooted: seldom messages, and a few parameters."""
+
+from __future__ import annotations
+
+from math import isfinite
+
+from fwav_companion.geometry.stamps import NS_PER_S, HostNs
+from fwav_companion.mavlink.client.requests import command, request
+from fwav_companion.mavlink.wire import enums
+from fwav_companion.types.messages import Message, Outgoing
+from fwav_companion.types.situation import Autopilot, AutopilotKind
+
+SELDOM = {"HOME_POSITION": 242, "GPS_GLOBAL_ORIGIN": 49}
+"""Name -> id of what is sent once and may have been sent before we listened."""
+SELDOM_PAUSE_NS = 10 * NS_PER_S
+"""They do not exist before the first position, and a refusal then means nothing later."""
+PARAMETERS = ("SCHED_LOOP_RATE", "PTCH_TRIM_DEG", "TRIM_PITCH_CD", "FLIGHT_OPTIONS", "PLND_LAG")
+"""ArduPilot's: how stale its attitudes are, what its ATTITUDE is turned by, and how late it takes a landing target."""
+PARAMETER_PAUSE_NS = NS_PER_S
+PARAMETER_ROUNDS = 3
+"""Three times: a copter has no PTCH_TRIM_DEG, and says nothing when asked for it."""
+
+
+class OneShotRequests:
+    """REQUEST_MESSAGE until each message is heard, PARAM_REQUEST_READ at most three times."""
+
+    def __init__(self, component: int):
+        self._component = component
+        self._autopilot: Autopilot | None = None
+        self._seldom_ns: dict[str, HostNs] = {}
+        self._round_ns: HostNs | None = None
+        self._rounds = 0
+        self.parameters: dict[str, float] = {}
+        """Those of :data:`PARAMETERS` that the autopilot has told since it started."""
+
+    @property
+    def wake_at(self) -> HostNs | None:
+        """When something is to be asked next."""
+        due = list(self._seldom_ns.values())
+        if self._round_ns is not None:
+            due.append(self._round_ns)
+        return min(due, default=None)
+
+    def begin(self, autopilot: Autopilot, now: HostNs) -> None:
+        """Nothing is known of this autopilot."""
+        self._autopilot = autopilot
+        self._seldom_ns = dict.fromkeys(SELDOM, now)
+        self._round_ns = now if autopilot.kind is AutopilotKind.ARDUPILOT else None
+        self._rounds = 0
+        self.parameters.clear()
+
+    def on_message(self, message: Message) -> None:
+        """Take what the autopilot tells."""
+        if message.name == "PARAM_VALUE":
+            name, value = message.fields.param_id, message.fields.param_value
+            if name in PARAMETERS and isfinite(value):
+                self.parameters[name] = value
+        else:
+            self._seldom_ns.pop(message.name, None)
+
+    def on_wake(self, now: HostNs) -> list[Outgoing]:
+        """What is due."""
+        if self._autopilot is None:
+            return []
+        return [*self._ask_seldom(self._autopilot, now), *self._ask_parameters(self._autopilot, now)]
+
+    def _ask_seldom(self, autopilot: Autopilot, now: HostNs) -> list[Outgoing]:
+        due = [name for name, when in self._seldom_ns.items() if when <= now]
+        self._seldom_ns |= dict.fromkeys(due, HostNs(now + SELDOM_PAUSE_NS))
+        return [command(autopilot, self._component, enums.MAV_CMD_REQUEST_MESSAGE, SELDOM[name]) for name in due]
+
+    def _ask_parameters(self, autopilot: Autopilot, now: HostNs) -> list[Outgoing]:
+        if self._round_ns is None or now < self._round_ns:
+            return []
+        missing = [name for name in PARAMETERS if name not in self.parameters]
+        self._rounds += 1
+        over = not missing or self._rounds >= PARAMETER_ROUNDS
+        self._round_ns = None if over else HostNs(now + PARAMETER_PAUSE_NS)
+        return [
+            request(autopilot, self._component, "PARAM_REQUEST_READ", {"param_id": name, "param_index": -1})
+            for name in missing
+        ]

@@ -1,0 +1,139 @@
+"""One message that we want at a rate: how the asking stands, what comes, and the patience to ask again."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Any
+
+from fwav_companion.geometry.stamps import NS_PER_S, HostNs
+from fwav_companion.mavlink.client.rate_search import ArrivalMeter, RateSearch
+
+FIRST_PAUSE_NS = 4 * NS_PER_S
+LONGEST_PAUSE_NS = 60 * NS_PER_S
+"""Between asking again for a rate that does not come: doubled each time."""
+REACHED = 0.85
+FALLEN = 0.7
+"""Of the rate that was granted, or that came before."""
+
+
+class StreamState(StrEnum):
+    """How far a rate has come."""
+
+    HELD_BACK = "held_back"
+    """Not asked for: another message serves, or is tried first."""
+    ASKING = "asking"
+    GRANTED = "granted"
+    DENIED = "denied"
+    """Refused at every rate; not asked for again before a reboot."""
+    UNANSWERED = "unanswered"
+
+
+class RateStream:
+    """The state of one wanted message. :mod:`~fwav_companion.mavlink.client.rate_requests` does the speaking."""
+
+    __slots__ = (
+        "_asked_ns",
+        "_pause_ns",
+        "_plateau_hz",
+        "meter",
+        "name",
+        "next_ask_ns",
+        "search",
+        "state",
+        "undone_by",
+        "wanted_hz",
+    )
+
+    def __init__(self, name: str, wanted_hz: float):
+        self.name = name
+        self.meter = ArrivalMeter()
+        self.undone_by: str | None = None
+        """Who last took the rate away, as far as anybody was seen to."""
+        self._asked_ns: HostNs | None = None
+        self.want(wanted_hz, HostNs(0))
+
+    def want(self, wanted_hz: float, now: HostNs) -> None:
+        """Begin anew: nothing is known about what the autopilot grants."""
+        self.wanted_hz = wanted_hz
+        self.search = RateSearch(wanted_hz)
+        self.state = StreamState.ASKING
+        self.next_ask_ns: HostNs | None = now
+        self._plateau_hz: float | None = None
+        self._pause_ns = FIRST_PAUSE_NS
+
+    def hold_back(self) -> None:
+        """Do not ask for it."""
+        self.state, self.next_ask_ns = StreamState.HELD_BACK, None
+
+    @property
+    def granted_hz(self) -> float:
+        """The highest rate that was accepted; until one was, the wanted rate."""
+        return 1e6 / (self.search.accepted_us or 1e6 / self.wanted_hz)
+
+    @property
+    def interval_us(self) -> int:
+        """What to ask for now: the next step of the search, or once more what was granted."""
+        return self.search.asking_us or self.search.accepted_us or round(1e6 / self.wanted_hz)
+
+    @property
+    def is_searching(self) -> bool:
+        """There is a next step of the search."""
+        return self.search.asking_us is not None
+
+    def asked(self, now: HostNs) -> None:
+        """The question is on its way."""
+        self._asked_ns, self.next_ask_ns = now, None
+
+    def ask_soon(self, now: HostNs, pause_ns: int) -> None:
+        """Ask again, but not within ``pause_ns`` of having asked."""
+        if self.state in {StreamState.HELD_BACK, StreamState.DENIED}:
+            return
+        earliest_ns = now if self._asked_ns is None else max(now, self._asked_ns + pause_ns)
+        self.next_ask_ns = HostNs(min(earliest_ns, self.next_ask_ns if self.next_ask_ns is not None else earliest_ns))
+
+    def wait(self, now: HostNs) -> None:
+        """Ask again after a pause, each time a longer one."""
+        self.next_ask_ns = HostNs(now + self._pause_ns)
+        self._pause_ns = min(2 * self._pause_ns, LONGEST_PAUSE_NS)
+
+    def on_result(self, accepted: bool, now: HostNs) -> None:
+        """Take the answer to the question in flight; the next step of the search is due at once."""
+        if self.is_searching:
+            if accepted:
+                self.search.on_accepted()
+            else:
+                self.search.on_refused()
+        if self.search.denied:
+            self.state, self.next_ask_ns = StreamState.DENIED, None
+            return
+        self.state = StreamState.ASKING if self.is_searching else StreamState.GRANTED
+        self.next_ask_ns = now if self.is_searching else None
+        self.meter.restart(now)
+
+    def judge(self, now: HostNs) -> float | None:
+        """Compare the window that just ended with what was agreed. Returns the rate it fell from, if it fell."""
+        hz, before_hz = self.meter.hz, self._plateau_hz
+        if hz is None or self.state not in {StreamState.GRANTED, StreamState.UNANSWERED}:
+            return None
+        if before_hz is not None and hz < FALLEN * before_hz:
+            self._plateau_hz = None
+            self.ask_soon(now, FIRST_PAUSE_NS)
+            return before_hz
+        self._plateau_hz = max(hz, before_hz or 0.0) or None
+        if hz >= REACHED * self.granted_hz:
+            self.state = StreamState.GRANTED  # whether the autopilot acknowledged it or not
+            self._pause_ns, self.next_ask_ns = FIRST_PAUSE_NS, None
+        elif self.next_ask_ns is None:
+            self.wait(now)
+        return None
+
+    def status(self) -> dict[str, Any]:
+        """For the status file."""
+        held_back = self.state in {StreamState.HELD_BACK, StreamState.DENIED}
+        return {
+            "wanted_hz": self.wanted_hz,
+            "asked_hz": None if held_back else round(self.granted_hz, 2),
+            "measured_hz": None if self.meter.hz is None else round(self.meter.hz, 2),
+            "state": str(self.state),
+            "undone_by": self.undone_by,
+        }

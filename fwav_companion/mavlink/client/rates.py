@@ -1,0 +1,193 @@
+"""The message rates that we ask of the autopilot: asked for, measured, and asked for again.
+
+An acknowledgement is not believed (PX4 acknowledged 50 Hz and gave 18): what counts is what arrives. A rate is asked
+for again after a reboot, at once when somebody's request for other rates went over our link, and when it falls.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from math import isfinite
+from typing import Any
+
+from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs
+from fwav_companion.mavlink.client.attitude_sharing import AttitudeSharing
+from fwav_companion.mavlink.client.one_shot_requests import OneShotRequests
+from fwav_companion.mavlink.client.rate_competitors import RateCompetitors
+from fwav_companion.mavlink.client.rate_requests import RateRequests
+from fwav_companion.mavlink.client.rate_stream import RateStream, StreamState
+from fwav_companion.mavlink.client.subscriptions import MESSAGE_IDS, ONLY_PX4
+from fwav_companion.types.messages import Message, Notice, Outgoing, Severity
+from fwav_companion.types.situation import Autopilot, AutopilotKind
+
+CHECK_NS = NS_PER_S
+SILENT_NS = 600 * NS_PER_MS
+"""A window is told to have fallen when 0.6 s of it are missing. Nothing at all for so long, when rates that were taken
+leave at least a few messages a second: then it is the link that fell, and nobody took them."""
+PASSED_PAUSE_NS = NS_PER_S // 2
+MAX_NOTICES = 32
+
+
+class Rates:
+    """Feed it every message, and its own wakes; send what it hands back."""
+
+    def __init__(self, wanted: Mapping[str, float], *, attitude_message: str = "auto", component: int = 191):
+        self._wanted = {name: hz for name, hz in wanted.items() if name in MESSAGE_IDS and isfinite(hz) and hz > 0.0}
+        self._attitudes = AttitudeSharing(attitude_message, self.wanted_attitude_hz)
+        self._autopilot: Autopilot | None = None
+        self._streams: dict[str, RateStream] = {}
+        self._now = self._heard_ns = HostNs(0)
+        self._check_ns = HostNs(0)
+        self._questions = RateRequests(component)
+        self._inquiries = OneShotRequests(component)
+        self._takers = RateCompetitors()
+        self._notices: deque[Notice] = deque(maxlen=MAX_NOTICES)
+        self.wake_at: HostNs | None = None
+        """When :meth:`on_wake` is due next; None while no autopilot is adopted."""
+
+    @property
+    def wanted_attitude_hz(self) -> float:
+        """By the configuration."""
+        return self._wanted.get("ATTITUDE", 0.0)
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """What the autopilot told of the parameters that matter here."""
+        return self._inquiries.parameters
+
+    def adopt(self, autopilot: Autopilot, now: HostNs) -> None:
+        """Ask this autopilot from now on."""
+        self._autopilot = autopilot
+        names = [name for name in self._wanted if name not in ONLY_PX4 or autopilot.kind is not AutopilotKind.ARDUPILOT]
+        self._streams = {name: RateStream(name, self._wanted[name]) for name in names}
+        self._begin(now)
+
+    def ask_again(self, why: str, now: HostNs) -> None:
+        """Over there everything is forgotten: a reboot, or a link that was gone. Refusals are put to the test too."""
+        for stream in self._streams.values():
+            stream.undone_by = why
+        self._begin(now)
+
+    def on_message(self, message: Message, now: HostNs) -> None:
+        """Count arrivals of our autopilot; take its acknowledgements and parameters."""
+        if not self._is_from_autopilot(message):
+            if self._autopilot is not None:
+                self._takers.on_message(message, self._autopilot, now)
+            return
+        self._now = self._heard_ns = now
+        stream = self._streams.get(message.name)
+        if stream is not None:
+            stream.meter.arrived()
+        if message.name == "COMMAND_ACK":
+            self._on_ack(message, now)
+            self.wake_at = self._next_due()
+        else:
+            self._inquiries.on_message(message)
+
+    def on_rate_request_passed(self, who: str, now: HostNs) -> None:
+        """Somebody's REQUEST_DATA_STREAM or SET_MESSAGE_INTERVAL went to the autopilot over our link: ask at once.
+
+        The next one within half a second is answered when that is over: ground stations send half a dozen in a row.
+        """
+        if self._autopilot is None:
+            return
+        if self._takers.saw(who, now):
+            self._tell(Severity.INFO, f"{who} asks the autopilot for other message rates over our link: asked again")
+        self._now = now
+        for stream in self._streams.values():
+            if stream.state is StreamState.GRANTED:
+                stream.undone_by = who
+            stream.ask_soon(now, PASSED_PAUSE_NS)
+        self.wake_at = self._next_due()
+
+    def on_wake(self, now: HostNs) -> list[Outgoing]:
+        """What is to be asked now."""
+        if self._autopilot is None:
+            return []
+        self._now = now
+        if now >= self._check_ns:
+            self._check_ns = HostNs(now + CHECK_NS)
+            self._check(now)
+        asked = [*self._questions.on_wake(now), *self._inquiries.on_wake(now)]
+        self.wake_at = self._next_due()
+        return asked
+
+    def notices(self) -> list[Notice]:
+        """What is worth a line in the log, since the last call."""
+        told = list(self._notices)
+        self._notices.clear()
+        return told
+
+    def status(self) -> dict[str, Any]:
+        """By message: wanted_hz, asked_hz, measured_hz, state, undone_by."""
+        return {name: stream.status() for name, stream in self._streams.items()}
+
+    def _begin(self, now: HostNs) -> None:
+        self._now = now
+        for stream in self._streams.values():
+            stream.want(self._wanted[stream.name], now)
+            stream.meter.forget(now)
+        self._attitudes.begin(self._streams)
+        self._check_ns = HostNs(now + CHECK_NS)
+        if self._autopilot is not None:
+            self._questions.begin(self._autopilot, self._streams)
+            self._inquiries.begin(self._autopilot, now)
+            self.wake_at = self._next_due()
+
+    def _next_due(self) -> HostNs:
+        """Worked out when it changes: it is asked for with every message that comes."""
+        due = (self._check_ns, self._inquiries.wake_at, self._questions.wake_at)
+        return max(min(when for when in due if when is not None), self._now)
+
+    def _check(self, now: HostNs) -> None:
+        """Measure, and draw the consequences."""
+        for stream in self._streams.values():
+            if stream.meter.roll(now, stream.granted_hz):
+                fell_from_hz = stream.judge(now)
+                if fell_from_hz is not None:
+                    self._blame(stream, fell_from_hz, now)
+        self._attitudes.share(self._streams, now)
+
+    def _blame(self, stream: RateStream, fell_from_hz: float, now: HostNs) -> None:
+        if now - self._heard_ns > SILENT_NS:
+            return
+        stream.undone_by = self._takers.to_blame(self._autopilot, now)
+        self._tell(
+            Severity.WARNING,
+            f"{stream.name} fell from {fell_from_hz:.1f} to {stream.meter.hz or 0.0:.1f} Hz"
+            f" (undone by: {stream.undone_by}): asked again",
+        )
+
+    def _on_ack(self, message: Message, now: HostNs) -> None:
+        answer = self._questions.on_ack(message, now)
+        if answer is None:
+            return
+        if answer.command_unknown:
+            self._fall_back(now)
+        else:
+            self._tell_outcome(answer.stream)
+
+    def _tell_outcome(self, stream: RateStream) -> None:
+        if stream.state is StreamState.DENIED:
+            self._tell(Severity.INFO, f"the autopilot does not send {stream.name}: refused at every rate")
+        elif stream.state is StreamState.GRANTED and stream.granted_hz < 0.99 * stream.wanted_hz:
+            self._tell(
+                Severity.WARNING,
+                f"{stream.name} at {stream.wanted_hz:g} Hz is refused: the highest accepted rate is"
+                f" {stream.granted_hz:.1f} Hz (ArduPilot allows 0.8 SCHED_LOOP_RATE)",
+            )
+
+    def _fall_back(self, now: HostNs) -> None:
+        """The command itself is unknown over there: REQUEST_DATA_STREAM is what is left."""
+        self._tell(Severity.INFO, "the autopilot does not know SET_MESSAGE_INTERVAL: asking by REQUEST_DATA_STREAM")
+        for stream in self._streams.values():
+            stream.want(self._wanted[stream.name], now)
+        self._attitudes.fall_back(self._streams)
+
+    def _is_from_autopilot(self, message: Message) -> bool:
+        autopilot = self._autopilot
+        return autopilot is not None and message.system == autopilot.system and message.component == autopilot.component
+
+    def _tell(self, severity: Severity, text: str) -> None:
+        self._notices.append(Notice(severity, text))

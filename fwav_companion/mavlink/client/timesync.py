@@ -1,0 +1,220 @@
+"""TIMESYNC (111): our requests, whose answers place the autopilot's clock, and answers to those who may ask us.
+
+A request carries our clock in ts1 and tc1 = 0; its answer mirrors ts1 and carries the responder's clock in tc1, both in
+nanoseconds. Others' exchanges pass by on the same links, so an answer counts only if its ts1 is one we sent and it came
+from our autopilot. Conversely PX4 takes any answer as meant for it: we answer nobody but our autopilot, and requests
+that name us.
+"""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Any, TypeAlias
+
+import msgspec
+
+from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, NS_PER_US, BootNs, HostNs
+from fwav_companion.types.messages import Destination, Message, Outgoing
+from fwav_companion.types.situation import Autopilot
+from fwav_companion.types.telemetry import ClockExchange
+
+SETTLING_INTERVAL_NS = 100 * NS_PER_MS
+"""Ten requests a second while the clock settles."""
+SETTLING_NS = 20 * NS_PER_S
+DOUBT_NS = 2 * NS_PER_S
+FASTEST_NS = 500 * NS_PER_MS
+SLOWEST_NS = 2 * NS_PER_S
+"""Later: between two a second and one in two seconds, as the bound needs."""
+DRIFT = 600e-6
+"""The most by which two clocks may run apart: the bound grows by it from one exchange to the next."""
+GROWTH_SHARE = 0.25
+"""Of half the best round trip, that the bound may grow by between exchanges."""
+KEPT_ROUND_TRIPS = 16
+JITTER_SHARE = 1.0 / 16.0
+"""Of the newest change of the round trip in its running mean, as RTP has it (RFC 3550, 6.4.1)."""
+
+MAX_OUTSTANDING = 32
+EXPIRY_NS = 5 * NS_PER_S
+"""Longer than any link that is of use; an answer that late would bound nothing."""
+
+
+class NotTaken(StrEnum):
+    """Why a TIMESYNC gave nothing."""
+
+    NO_AUTOPILOT = "no_autopilot"
+    """None is adopted: we neither ask nor answer."""
+    NOT_OURS = "not_ours"
+    """An answer to somebody else's request, a second copy, or one that came too late."""
+    FOREIGN_SPEAKER = "foreign_speaker"
+    """An answer to our request, but not from our autopilot."""
+    OTHER_TARGET = "other_target"
+    """Its target fields name somebody else."""
+    BAD_CLOCK = "bad_clock"
+    """The responder's clock is not positive."""
+    NOT_FOR_US = "not_for_us"
+    """A request of somebody who is not our autopilot, and that does not name us."""
+
+
+class Ignored(msgspec.Struct, frozen=True):
+    """The message was a TIMESYNC, and there is nothing to do, for this reason."""
+
+    reason: NotTaken
+
+
+TimesyncResult: TypeAlias = ClockExchange | Outgoing | Ignored
+
+
+class Timesync:
+    """One side of the exchange. ``now`` is the instant of sending or arrival, in whole microseconds."""
+
+    def __init__(self, component: int = 191, *, target_fields: bool = False, salt: int = 0):
+        self._component = component
+        self._target_fields = target_fields
+        self._counter = salt
+        self._autopilot: Autopilot | None = None
+        self._outstanding: dict[int, HostNs] = {}
+        self._round_trips_ns: list[int] = []
+        self._jitter_ns = 0.0
+        self._settled_ns: HostNs | None = None
+        self._answered = False
+        self.wake_at: HostNs | None = None
+        """When the next request is due; None while no autopilot is adopted."""
+        self.ignored: dict[NotTaken, int] = dict.fromkeys(NotTaken, 0)
+        self.exchanges = 0
+
+    def adopt(self, autopilot: Autopilot, now: HostNs) -> None:
+        """Speak with this autopilot from now on, under its system id."""
+        self._autopilot = autopilot
+        self.restart(now)
+
+    def restart(self, now: HostNs) -> None:
+        """The autopilot's clock is new (adopted, or rebooted): forget the requests in flight, and settle again."""
+        self._outstanding.clear()
+        self._round_trips_ns.clear()
+        self._jitter_ns = 0.0
+        self._answered = False
+        self._settled_ns = HostNs(now + SETTLING_NS)
+        self.wake_at = now
+
+    def settle(self, now: HostNs) -> None:
+        """The clock has come into doubt: ask as often as at the beginning, until that is some seconds past."""
+        if self._settled_ns is not None:
+            self._settled_ns = HostNs(max(self._settled_ns, now + DOUBT_NS))
+        if self.wake_at is not None:
+            self.wake_at = min(self.wake_at, HostNs(now + SETTLING_INTERVAL_NS))
+
+    @property
+    def interval_ns(self) -> int:
+        """Between requests, after settling: short enough that the bound hardly grows between two of them."""
+        if not self._round_trips_ns:
+            return SLOWEST_NS
+        allowed_ns = GROWTH_SHARE * 0.5 * min(self._round_trips_ns) / DRIFT
+        return round(min(max(allowed_ns, FASTEST_NS), SLOWEST_NS))
+
+    def on_wake(self, now: HostNs) -> Outgoing | None:
+        """The request that is due. ``now`` must be when it leaves: waiting after it biases the clock by half of it."""
+        if self._autopilot is None or self.wake_at is None or now < self.wake_at:
+            return None
+        ts1 = now + self._nonce()
+        self.on_sent(ts1, now)
+        settling = self._settled_ns is not None and now < self._settled_ns
+        self.wake_at = HostNs(now + (SETTLING_INTERVAL_NS if settling else self.interval_ns))
+        fields = {"tc1": 0, "ts1": ts1} | self._target(self._autopilot.system, self._autopilot.component)
+        return Outgoing(name="TIMESYNC", fields=fields, to=Destination.AUTOPILOT, component=self._component)
+
+    def on_sent(self, ts1: int, now: HostNs) -> None:
+        """A request of ours left at ``now``: a replay learns it from the recording."""
+        while self._outstanding:
+            oldest = next(iter(self._outstanding))
+            if len(self._outstanding) < MAX_OUTSTANDING and self._outstanding[oldest] + EXPIRY_NS > now:
+                break
+            del self._outstanding[oldest]
+        self._outstanding[ts1] = now
+
+    def on_message(self, message: Message, now: HostNs) -> TimesyncResult:
+        """Take an answer or a request that arrived at ``now``."""
+        if self._autopilot is None:
+            return self._ignore(NotTaken.NO_AUTOPILOT)
+        return self._on_request(message, now) if message.fields.tc1 == 0 else self._on_answer(message, now)
+
+    def status(self) -> dict[str, Any]:
+        """For the status file: the round trips to the autopilot, of the last exchanges."""
+        trips = self._round_trips_ns
+        return {
+            "exchanges": self.exchanges,
+            "round_trip_s": trips[-1] / NS_PER_S if trips else None,
+            "least_round_trip_s": min(trips) / NS_PER_S if trips else None,
+            "jitter_s": self._jitter_ns / NS_PER_S if len(trips) > 1 else None,
+            "ignored": {str(reason): count for reason, count in self.ignored.items() if count},
+        }
+
+    def _on_answer(self, message: Message, now: HostNs) -> ClockExchange | Ignored:
+        fields = message.fields
+        sent_ns = self._outstanding.get(fields.ts1)
+        if sent_ns is None or not sent_ns <= now <= sent_ns + EXPIRY_NS:
+            return self._ignore(NotTaken.NOT_OURS)
+        if not self._is_from_autopilot(message):
+            return self._ignore(NotTaken.FOREIGN_SPEAKER)
+        if _target_of(message) not in {(0, 0), self._own_address()}:
+            return self._ignore(NotTaken.OTHER_TARGET)
+        if fields.tc1 < 0:
+            return self._ignore(NotTaken.BAD_CLOCK)
+        del self._outstanding[fields.ts1]
+        self._learn_round_trip(now - sent_ns, now)
+        return ClockExchange(sent_ns=sent_ns, received_ns=now, autopilot_ns=BootNs(fields.tc1))
+
+    def _on_request(self, message: Message, now: HostNs) -> Outgoing | Ignored:
+        target = _target_of(message)
+        names_us = target == self._own_address()
+        if not names_us and not (self._is_from_autopilot(message) and target == (0, 0)):
+            return self._ignore(NotTaken.NOT_FOR_US)
+        fields = {"tc1": int(now), "ts1": message.fields.ts1} | self._target(message.system, message.component)
+        return Outgoing(
+            name="TIMESYNC", fields=fields, to=Destination.REPLY, component=self._component, link=message.link
+        )
+
+    def _learn_round_trip(self, round_trip_ns: int, now: HostNs) -> None:
+        self.exchanges += 1
+        if self._round_trips_ns:
+            change_ns = abs(round_trip_ns - self._round_trips_ns[-1])
+            self._jitter_ns += JITTER_SHARE * (change_ns - self._jitter_ns)
+        self._round_trips_ns = [*self._round_trips_ns[1 - KEPT_ROUND_TRIPS :], round_trip_ns]
+        if not self._answered:
+            self._answered = True
+            self._settled_ns = HostNs(now + SETTLING_NS)
+            if self.wake_at is not None:
+                self.wake_at = min(self.wake_at, HostNs(now + SETTLING_INTERVAL_NS))
+
+    def _nonce(self) -> int:
+        """0 to 999: fills the digits below a microsecond, so that nobody's ts1 equals ours by chance.
+
+        The mixing is Steele's SplitMix64: each count gives another value, and the order of values is not plain to see.
+        """
+        self._counter += 1
+        mixed = self._counter * 0x9E3779B97F4A7C15 & 0xFFFFFFFFFFFFFFFF
+        mixed = (mixed ^ mixed >> 30) * 0xBF58476D1CE4E5B9 & 0xFFFFFFFFFFFFFFFF
+        mixed = (mixed ^ mixed >> 27) * 0x94D049BB133111EB & 0xFFFFFFFFFFFFFFFF
+        return (mixed ^ mixed >> 31) % NS_PER_US
+
+    def _is_from_autopilot(self, message: Message) -> bool:
+        return self._autopilot is not None and (message.system, message.component) == (
+            self._autopilot.system,
+            self._autopilot.component,
+        )
+
+    def _own_address(self) -> tuple[int, int]:
+        return (self._autopilot.system if self._autopilot is not None else 0, self._component)
+
+    def _target(self, system: int, component: int) -> dict[str, int]:
+        """The fields of version 2, where our definitions have them: ArduPilot's do not."""
+        return {"target_system": system, "target_component": component} if self._target_fields else {}
+
+    def _ignore(self, reason: NotTaken) -> Ignored:
+        self.ignored[reason] += 1
+        return Ignored(reason)
+
+
+def _target_of(message: Message) -> tuple[int, int]:
+    """Version 2's target fields; (0, 0) where the sender or our definitions have none."""
+    fields = message.fields
+    return (getattr(fields, "target_system", 0), getattr(fields, "target_component", 0))

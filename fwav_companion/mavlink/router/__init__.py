@@ -1,0 +1,1 @@
+"""Where each frame goes: routing, peers, signing policy, rate limits. Pure."""

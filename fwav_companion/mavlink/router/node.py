@@ -1,0 +1,248 @@
+"""Our place in the MAVLink network: bytes of every link in, messages for us and bytes for other links out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Final
+
+import msgspec
+
+from fwav_companion.geometry.stamps import NS_PER_MS, HostNs
+from fwav_companion.mavlink.router.coalescing import coalesced
+from fwav_companion.mavlink.router.duplicates import Duplicates
+from fwav_companion.mavlink.router.peers import UNKNOWN, Peer, PeerStream
+from fwav_companion.mavlink.router.routing import COMMANDS, REQUEST_DATA_STREAM, SETUP_SIGNING, LinkPolicy, Port, Router
+from fwav_companion.mavlink.router.sending import Sender
+from fwav_companion.mavlink.router.signing_policy import Keyring, SigningPolicy, Trust
+from fwav_companion.mavlink.router.statistics import LinkStatistics, StatisticsTaker
+from fwav_companion.mavlink.wire.codec import decode
+from fwav_companion.mavlink.wire.definitions import BY_NAME, constant
+from fwav_companion.mavlink.wire.frames import RawFrame
+from fwav_companion.mavlink.wire.signing import SigningClock
+from fwav_companion.types import Message, Outgoing
+
+__all__ = ["LinkPolicy", "Node", "Received", "SigningPolicy"]
+
+UNADOPTED_SYSTEM: Final = 1
+"""Our system id until the vehicle's is known."""
+QUIET_NS: Final = 50 * NS_PER_MS
+"""A stream that pauses so long pauses between frames: more than the 16 ms that USB serial adapters gather bytes for."""
+_HEARTBEAT: Final = BY_NAME["HEARTBEAT"]
+_SYSTEM_TIME: Final = BY_NAME["SYSTEM_TIME"]
+_TYPE_OFFSET: Final = _HEARTBEAT.fields["type"].offset
+_BOOT_OFFSET: Final = _SYSTEM_TIME.fields["time_boot_ms"].offset
+_COMMAND_OFFSET: Final = BY_NAME["COMMAND_LONG"].fields["command"].offset
+"""COMMAND_INT has it at the same place."""
+_MAV_TYPE_GCS: Final = constant("MAV_TYPE_GCS")
+_SET_MESSAGE_INTERVAL: Final = constant("MAV_CMD_SET_MESSAGE_INTERVAL")
+
+
+class Received(msgspec.Struct):
+    """What some bytes of a link came to."""
+
+    messages: list[Message]
+    """Those that are wanted, meant for us or for all, and believed; in order."""
+    forwards: list[tuple[str, bytes]]
+    """(link, whole frames as they came), to be sent in order: what came together goes on together (:func:`coalesced`)."""
+    frames: Sequence[RawFrame] = ()
+    """All that were taken, for a recording: no duplicates, no echoes of ours, nothing that was refused for its
+    signature, and no SETUP_SIGNING, which carries a key."""
+    rate_request: str = ""
+    """Who asked for other message rates in a frame that goes on to an autopilot: it may undo ours."""
+
+
+class Node:
+    """Feed it the bytes of each link, send what it hands back. Our components share the vehicle's system id."""
+
+    def __init__(
+        self,
+        links: Sequence[LinkPolicy],
+        wanted: Iterable[str],
+        *,
+        components: Iterable[int] = (191, 100),
+        signing: SigningPolicy | None = None,
+    ) -> None:
+        """``wanted``: names of the messages to decode. ``components``: ours. Links are up until told otherwise."""
+        self._wanted = frozenset(BY_NAME[name].msgid for name in wanted)
+        self._watched = self._wanted | {_HEARTBEAT.msgid, _SYSTEM_TIME.msgid}
+        self._keyring = Keyring(signing)
+        self._router = Router(links, UNADOPTED_SYSTEM, frozenset(components))
+        self._sender = Sender(self._router, self._keyring)
+        self._statistics = StatisticsTaker(self._router)
+        self._ports = {port.name: port for port in self._router.ports}
+        self._duplicates = Duplicates()
+        self._settle_ns: dict[str, HostNs] = {}
+
+    @property
+    def system(self) -> int:
+        """The system id that we speak with."""
+        return self._router.system
+
+    @property
+    def signing_clock(self) -> SigningClock | None:
+        """Its timestamp is to be kept; None without a key."""
+        return self._keyring.clock
+
+    def adopt(self, system: int) -> None:
+        """Speak with the vehicle's system id from now on."""
+        self._router.adopt(system)
+
+    def link_up(self, link: str) -> None:
+        """The link is connected, perhaps to somebody else than before."""
+        self._router.set_up(self._ports[link], True)
+
+    def link_down(self, link: str) -> None:
+        """Nothing goes to the link, and who was behind it is forgotten."""
+        self._router.set_up(self._ports[link], False)
+        self._settle_ns.pop(link, None)
+
+    def receive(self, link: str, data: bytes, now: HostNs) -> Received:
+        """Bytes came by a link."""
+        port = self._ports[link]
+        port.bytes_in += len(data)
+        received = self._take(port, port.scanner.feed(data), now)
+        if port.scanner.undecided:
+            self._settle_ns[link] = HostNs(now + QUIET_NS)
+        elif self._settle_ns:
+            self._settle_ns.pop(link, None)
+        return received
+
+    @property
+    def wake_at(self) -> HostNs | None:
+        """When :meth:`on_wake` is due; None while nothing waits, which is nearly always."""
+        return min(self._settle_ns.values(), default=None)
+
+    def on_wake(self, now: HostNs) -> Received:
+        """A stream has been quiet: what may be a frame of an unknown id and waits for what follows, is one."""
+        received = Received([], [])
+        for link in [link for link, due in self._settle_ns.items() if due <= now]:
+            del self._settle_ns[link]
+            port = self._ports[link]
+            settled = self._take(port, port.scanner.settle(), now)
+            received.messages += settled.messages
+            received.forwards += settled.forwards
+            received.frames = [*received.frames, *settled.frames]
+            received.rate_request = settled.rate_request or received.rate_request
+        return received
+
+    def encode(self, outgoing: Outgoing, now: HostNs) -> list[tuple[str, bytes]]:
+        """(link, frame) for every link that the message goes to, each with the next sequence number of its component
+        on that link. EncodeError if there is no such message, field or link.
+        """
+        self._router.sweep(now)
+        return self._sender.encode(outgoing, now)
+
+    def hears_ground_station(self, now: HostNs) -> bool:
+        """A ground station's heartbeat was heard on a gcs link lately."""
+        return self._router.hears_ground_station(now)
+
+    def statistics(self, now: HostNs) -> list[LinkStatistics]:
+        """What each link carried and lost; rates are those since the last call."""
+        return self._statistics.take(now)
+
+    def _take(self, port: Port, frames: Sequence[RawFrame], now: HostNs) -> Received:
+        """The relay's hot path: for most frames a few look-ups, worked out when the tables last changed."""
+        received = Received([], [], frames)
+        router, link, forward = self._router, port.index, received.forwards.append
+        router.sweep(now)
+        young, old = self._duplicates.generations(now)
+        dropped: list[RawFrame] = []
+        for frame in frames:
+            data, flow, seq = frame.data, frame.flow, frame.seq
+            if flow.version != router.version and not self._attach(port, frame, now):
+                dropped.append(frame)
+                continue
+            stream: PeerStream = flow.stream
+            peer = stream.peer
+            if seq == peer.next_seq:
+                peer.next_seq = (seq + 1) & 0xFF
+            else:
+                peer.on_gap(seq, now)
+            peer.last_ns = now
+            stream.count += 1
+            if old.get(data, link) != link or young.setdefault(data, link) != link:
+                port.duplicates += 1
+                dropped.append(frame)
+                continue
+            if stream.direct is None:
+                self._forward(port, frame, stream, received, now)
+            else:
+                for name in stream.direct:
+                    forward((name, data))
+            if stream.watched and not self._read(port, frame, stream, received, now):
+                dropped.append(frame)
+        if len(frames) > 1:
+            received.forwards = coalesced(received.forwards)
+        if dropped:
+            received.frames = _without(received.frames, dropped)
+        return received
+
+    def _attach(self, port: Port, frame: RawFrame, now: HostNs) -> bool:
+        """Work out anew what holds for all frames of a flow; False where they are not taken at all."""
+        router, flow = self._router, frame.flow
+        peer = port.peers.get(flow.system << 8 | flow.component) or self._meet(port, frame, now)
+        if peer is None:
+            return False
+        flow.stream = stream = peer.stream(frame)
+        flow.version = router.version
+        if stream.plan != router.version:
+            router.plan(port, frame, stream)
+            stream.watched = flow.definition is not None and flow.msgid in self._watched
+        return True
+
+    def _meet(self, port: Port, frame: RawFrame, now: HostNs) -> Peer | None:
+        """Who speaks here for the first time; None for ourselves through a crossed wire, or a copy that may be ours."""
+        if self._router.is_own(frame):
+            port.echoes += 1
+            return None
+        first = self._router.ports[self._duplicates.came_first_by(frame.data, port.index)]
+        if first is not port and not self._router.are_two_ways(first, port, frame):
+            port.duplicates += 1
+            return None
+        return self._router.learn(port, frame, now)
+
+    def _forward(self, port: Port, frame: RawFrame, stream: PeerStream, received: Received, now: HostNs) -> None:
+        """A frame that names a receiver, or that some link thins."""
+        msgid = UNKNOWN if frame.definition is None else frame.msgid
+        sender = frame.system << 8 | frame.component
+        outs = self._router.route_of(port, frame, stream)
+        if msgid == SETUP_SIGNING:
+            received.frames = _without(received.frames, [frame])
+        if msgid == REQUEST_DATA_STREAM and not port.forwards_rate_requests:
+            port.stopped += 1
+        for out in outs:
+            if not out.thinner.passes(msgid, sender, frame.instance, now):
+                out.thinned += 1
+                continue
+            received.forwards.append((out.name, frame.data))
+            if stream.asks_rates and out.is_autopilot and _asks_rates(frame):
+                received.rate_request = f"{frame.system}/{frame.component} on {port.name}"
+
+    def _read(self, port: Port, frame: RawFrame, stream: PeerStream, received: Received, now: HostNs) -> bool:
+        """A message that somebody here watches, if it is meant for us. False where it may not be believed."""
+        if stream.targeted and not self._router.is_for_us(frame.target_system, frame.target_component):
+            return True
+        msgid = frame.flow.msgid
+        if msgid == _SYSTEM_TIME.msgid:
+            boot_ms = int.from_bytes(frame.payload[_BOOT_OFFSET : _BOOT_OFFSET + 4], "little")
+            self._router.on_clock(port, frame, boot_ms, now)
+        trust = self._keyring.judge(port, frame, now)
+        if trust is Trust.NONE:
+            return False
+        if msgid == _HEARTBEAT.msgid and frame.payload_byte(_TYPE_OFFSET) == _MAV_TYPE_GCS:
+            port.ground_station_ns = now
+        if msgid in self._wanted:
+            received.messages.append(decode(frame, port.name, signed=trust is Trust.SIGNED))
+        return True
+
+
+def _without(frames: Sequence[RawFrame], dropped: Sequence[RawFrame]) -> Sequence[RawFrame]:
+    gone = {id(frame) for frame in dropped}
+    return [frame for frame in frames if id(frame) not in gone]
+
+
+def _asks_rates(frame: RawFrame) -> bool:
+    if frame.msgid not in COMMANDS:
+        return True
+    command = frame.payload[_COMMAND_OFFSET : _COMMAND_OFFSET + 2]
+    return int.from_bytes(command, "little") == _SET_MESSAGE_INTERVAL

@@ -1,0 +1,225 @@
+"""Where a frame goes: MAVLink's routing rules (developer guide, routing), by what was heard on which link.
+
+1. To us: what names no system, or system 0; ours with no component, component 0, or one of ours.
+2. To another link: what names no system or system 0; another system's if that system was heard there; our own
+   system's if that component was heard there, or any of the system where it names no component.
+3. Never back to the link it came by, nor to one where its sender was heard itself: it would be an echo.
+4. Never SETUP_SIGNING, which carries a key. RADIO, RADIO_STATUS (an autopilot takes them for its own radio's) and
+   ADSB_VEHICLE (it flies around it) never to an autopilot's link.
+5. A ground station's REQUEST_DATA_STREAM stops here, unless its link forwards them: it would undo our own rates.
+
+What was heard is forgotten when the link goes down, when it has been silent, and for a whole system when its clock
+(SYSTEM_TIME) goes back. Frames are handed on byte for byte; unknown ids name nobody and so go everywhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Final, Literal
+
+import msgspec
+
+from fwav_companion.geometry.stamps import NS_PER_S, HostNs
+from fwav_companion.mavlink.router.peers import MAX_PEERS, SILENT_NS, UNKNOWN, Peer, PeerStream
+from fwav_companion.mavlink.router.rate_limiter import RateLimiter
+from fwav_companion.mavlink.wire.definitions import BY_NAME
+from fwav_companion.mavlink.wire.frames import RawFrame
+from fwav_companion.mavlink.wire.scanner import Scanner
+
+SETUP_SIGNING: Final = BY_NAME["SETUP_SIGNING"].msgid
+NOT_TO_AUTOPILOTS: Final = frozenset(BY_NAME[name].msgid for name in ("RADIO", "RADIO_STATUS", "ADSB_VEHICLE"))
+REQUEST_DATA_STREAM: Final = BY_NAME["REQUEST_DATA_STREAM"].msgid
+COMMANDS: Final = frozenset(BY_NAME[name].msgid for name in ("COMMAND_LONG", "COMMAND_INT"))
+GROUND_STATION_NS: Final = 5 * NS_PER_S
+"""A ground station that missed five heartbeats is not there (MAVLink guide, heartbeat)."""
+_SWEEP_NS: Final = 5 * NS_PER_S
+_MAX_TARGETS: Final = 256
+"""Destinations remembered for one message of one sender; more are worked out anew. A stranger names any it likes."""
+
+
+class LinkPolicy(msgspec.Struct, frozen=True):
+    """What the configuration says of one link."""
+
+    name: str
+    role: Literal["autopilot", "gcs"]
+    max_rate_hz: Mapping[str, float] = {}
+    """By message name: thinned on the way out of this link."""
+    forward_rate_requests: bool = False
+    """A REQUEST_DATA_STREAM that comes by this gcs link goes on to the autopilot."""
+    datagrams: bool = False
+    """It carries datagrams, which begin and end with a frame as a rule."""
+
+
+class Port:
+    """One link as the router sees it."""
+
+    def __init__(self, index: int, policy: LinkPolicy) -> None:
+        self.index = index
+        self.name = policy.name
+        self.is_autopilot = policy.role == "autopilot"
+        self.forwards_rate_requests = policy.forward_rate_requests or self.is_autopilot
+        self.thinner = RateLimiter(policy.max_rate_hz)
+        self.scanner = Scanner(datagrams=policy.datagrams)
+        self.up = True
+        self.peers: dict[int, Peer] = {}
+        """By (system << 8 | component)."""
+        self.bytes_in = 0
+        self.duplicates = 0
+        self.echoes = 0
+        """Frames of our own that came back."""
+        self.stopped = 0
+        """Requests for rates that were not forwarded."""
+        self.thinned = 0
+        """Frames that did not leave by this link because of its max_rate_hz."""
+        self.refused_signatures = 0
+        """Frames whose signature was not genuine."""
+        self.refused_unsigned = 0
+        self.ground_station_ns: HostNs | None = None
+        """When a ground station's heartbeat was last heard here."""
+
+    def hears_ground_station(self, now: HostNs) -> bool:
+        """A ground station's heartbeat was heard here lately."""
+        return self.ground_station_ns is not None and now - self.ground_station_ns <= GROUND_STATION_NS
+
+    def hears_system(self, system: int) -> bool:
+        """Any component of it was heard here."""
+        return any(peer.system == system for peer in self.peers.values())
+
+
+class Router:
+    """The tables of all links. ``system`` is the vehicle's id, which is ours too."""
+
+    def __init__(self, policies: Sequence[LinkPolicy], system: int, components: frozenset[int]) -> None:
+        self.ports = [Port(index, policy) for index, policy in enumerate(policies)]
+        self.system = system
+        self.components = components
+        self.version = 0
+        """Grows with every change of the tables: what was worked out before holds no more."""
+        self._sweep_ns: HostNs | None = None
+
+    def adopt(self, system: int) -> None:
+        """The vehicle's system id is known, and ours with it."""
+        if system == self.system:
+            return
+        self.system = system
+        self.version += 1
+        for port in self.ports:
+            for component in self.components:
+                port.peers.pop(system << 8 | component, None)
+
+    def set_up(self, port: Port, up: bool) -> None:
+        """A link came up or went down: nobody is behind it until they speak."""
+        port.up = up
+        port.peers.clear()
+        port.scanner.reset()
+        port.ground_station_ns = None
+        self.version += 1
+
+    def hears_ground_station(self, now: HostNs) -> bool:
+        """A ground station's heartbeat was heard on a gcs link lately."""
+        return any(port.hears_ground_station(now) for port in self.ports if not port.is_autopilot)
+
+    def is_own(self, frame: RawFrame) -> bool:
+        """It says that one of our components sent it."""
+        return frame.system == self.system and frame.component in self.components
+
+    def is_for_us(self, target_system: int, target_component: int) -> bool:
+        """Rule 1."""
+        if target_system == 0:
+            return True
+        return target_system == self.system and (target_component == 0 or target_component in self.components)
+
+    def learn(self, port: Port, frame: RawFrame, now: HostNs) -> Peer:
+        """Somebody new speaks on a link."""
+        if len(port.peers) >= MAX_PEERS:
+            by_silence = sorted(port.peers, key=lambda sender: port.peers[sender].last_ns)
+            for sender in by_silence[: MAX_PEERS // 8]:
+                del port.peers[sender]
+        peer = port.peers[frame.system << 8 | frame.component] = Peer(frame, now)
+        self.version += 1
+        return peer
+
+    def on_clock(self, port: Port, frame: RawFrame, boot_ms: int, now: HostNs) -> None:
+        """Somebody's SYSTEM_TIME. A clock that goes back is a restart: its system may not be where it was."""
+        peer = port.peers[frame.system << 8 | frame.component]
+        if boot_ms < peer.boot_ms:
+            self._forget_system(frame.system)
+            peer = self.learn(port, frame, now)
+            peer.next_seq = (frame.seq + 1) & 0xFF
+        peer.boot_ms = boot_ms
+
+    def _forget_system(self, system: int) -> None:
+        self.version += 1
+        for port in self.ports:
+            port.peers = {sender: peer for sender, peer in port.peers.items() if peer.system != system}
+
+    def sweep(self, now: HostNs) -> None:
+        """Forget who has been silent. Cheap to call often."""
+        if self._sweep_ns is not None and now < self._sweep_ns:
+            return
+        self._sweep_ns = HostNs(now + _SWEEP_NS)
+        for port in self.ports:
+            silent = [sender for sender, peer in port.peers.items() if now - peer.last_ns > SILENT_NS]
+            for sender in silent:
+                del port.peers[sender]
+            self.version += bool(silent)
+
+    def plan(self, port: Port, frame: RawFrame, stream: PeerStream) -> None:
+        """Work out where the frames of one message of one sender go, until the tables change."""
+        msgid = UNKNOWN if frame.definition is None else frame.msgid
+        stream.plan = self.version
+        stream.routes.clear()
+        stream.asks_rates = msgid == REQUEST_DATA_STREAM or msgid in COMMANDS
+        if stream.targeted:
+            stream.direct = None
+            return
+        outs = self.route(port, frame, 0, 0)
+        thinned = any(out.thinner.limits(msgid) for out in outs)
+        stream.direct = None if thinned else tuple(out.name for out in outs)
+
+    def route(self, port: Port, frame: RawFrame, target_system: int, target_component: int) -> tuple[Port, ...]:
+        """The links that a frame which came by ``port`` goes to: rules 2 to 5."""
+        if not self._may_pass(port, frame):
+            return ()
+        sender = frame.system << 8 | frame.component
+        no_autopilot = frame.definition is not None and frame.msgid in NOT_TO_AUTOPILOTS
+        return tuple(
+            out
+            for out in self.ports
+            if out is not port
+            and out.up
+            and sender not in out.peers
+            and not (no_autopilot and out.is_autopilot)
+            and self._reaches(out, target_system, target_component)
+        )
+
+    def _may_pass(self, port: Port, frame: RawFrame) -> bool:
+        if frame.definition is None:
+            return True
+        if frame.msgid == REQUEST_DATA_STREAM:
+            return port.forwards_rate_requests
+        return frame.msgid != SETUP_SIGNING
+
+    def _reaches(self, out: Port, target_system: int, target_component: int) -> bool:
+        if target_system == 0:
+            return True
+        if target_system != self.system or target_component == 0:
+            return out.hears_system(target_system)
+        return (target_system << 8 | target_component) in out.peers
+
+    def are_two_ways(self, first: Port, second: Port, frame: RawFrame) -> bool:
+        """A copy that came by ``second`` shows another way to its sender: it never left there, so it is no echo."""
+        if first.is_autopilot is not second.is_autopilot:
+            return False
+        return second not in self.route(first, frame, frame.target_system, frame.target_component)
+
+    def route_of(self, port: Port, frame: RawFrame, stream: PeerStream) -> tuple[Port, ...]:
+        """As :meth:`route`, remembered for as long as the stream's plan holds."""
+        target_system, target_component = frame.target_system, frame.target_component
+        target = target_system << 8 | target_component
+        outs = stream.routes.get(target)
+        if outs is None:
+            if len(stream.routes) >= _MAX_TARGETS:
+                stream.routes.clear()
+            outs = stream.routes[target] = self.route(port, frame, target_system, target_component)
+        return outs

@@ -1,0 +1,65 @@
+"""Messages of ours to frames for each link that they go to."""
+
+from __future__ import annotations
+
+from fwav_companion.errors import EncodeError
+from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.mavlink.router.routing import Port, Router
+from fwav_companion.mavlink.router.signing_policy import Keyring
+from fwav_companion.mavlink.wire.codec import frame, pack
+from fwav_companion.mavlink.wire.frames import FLAG_SIGNED
+from fwav_companion.types import Destination, Outgoing
+
+
+class Sender:
+    """Encodes, numbers and signs.
+
+    Each component of ours has a sequence counter of its own for each link, as ArduPilot and PX4 have: so every peer
+    counts losses truly, whatever else went elsewhere.
+    """
+
+    def __init__(self, router: Router, keyring: Keyring) -> None:
+        self._router = router
+        self._sequences: dict[tuple[str, int], int] = {}
+        self._signers = {port.name: keyring.signer(port) for port in router.ports}
+
+    def encode(self, outgoing: Outgoing, now: HostNs) -> list[tuple[str, bytes]]:
+        """(link, frame) for every link. EncodeError if there is no such message, field or link."""
+        definition, payload = pack(outgoing.name, outgoing.fields)
+        system, component = self._router.system, outgoing.component
+        frames = []
+        for port in self._ports_to(outgoing, now):
+            if not port.thinner.passes(definition.msgid, system << 8 | component, 0, now):
+                port.thinned += 1
+                continue
+            seq = self._sequences.get((port.name, component), 0)
+            self._sequences[port.name, component] = (seq + 1) & 0xFF
+            signer = self._signers[port.name]
+            if signer is None:
+                frames.append((port.name, frame(definition, payload, system, component, seq)))
+            else:
+                unsigned = frame(definition, payload, system, component, seq, FLAG_SIGNED)
+                frames.append((port.name, signer.sign(unsigned, now)))
+        return frames
+
+    def _ports_to(self, outgoing: Outgoing, now: HostNs) -> list[Port]:
+        ports = [port for port in self._router.ports if port.up]
+        match outgoing.to:
+            case Destination.EVERYONE:
+                return ports
+            case Destination.GROUND_LINKS:
+                return [port for port in ports if not port.is_autopilot]
+            case Destination.GROUND:
+                through_autopilot = not self._router.hears_ground_station(now)
+                return [port for port in ports if through_autopilot or not port.is_autopilot]
+            case Destination.AUTOPILOT:
+                autopilots = [port for port in ports if port.is_autopilot]
+                return [port for port in autopilots if port.hears_system(self._router.system)] or autopilots
+            case Destination.REPLY:
+                return self._port_of_reply(outgoing, ports)
+
+    def _port_of_reply(self, outgoing: Outgoing, ports: list[Port]) -> list[Port]:
+        names = [port.name for port in self._router.ports]
+        if outgoing.link not in names:
+            raise EncodeError(f"{outgoing.name} is to go to link {outgoing.link!r}; there are {', '.join(names)}")
+        return [port for port in ports if port.name == outgoing.link]

@@ -1,0 +1,124 @@
+"""What each link carried and lost, for the status file and ONBOARD_COMPUTER_STATUS."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import msgspec
+
+from fwav_companion.geometry.stamps import NS_PER_MS, HostNs, s_from_ns
+from fwav_companion.mavlink.router.peers import UNKNOWN, Peer
+from fwav_companion.mavlink.router.routing import Port, Router
+
+UNKNOWN_NAME: Final = "unknown"
+"""Stands for all messages whose ids are not in the dialect."""
+_SHORTEST_NS: Final = 200 * NS_PER_MS
+"""Rates over less say nothing; the ones before are told again."""
+
+
+class PeerStatistics(msgspec.Struct, frozen=True):
+    """One (system, component) on one link."""
+
+    system: int
+    component: int
+    received: int
+    lost: int
+    """By sequence number, on this link, before anything was filtered; of long silences a lower bound."""
+    late: int
+    """Came after their successors: received, not lost."""
+    silent_s: float
+    rates_hz: dict[str, float]
+    """By message name."""
+
+    @property
+    def loss(self) -> float:
+        """The share that was lost, 0..1."""
+        return self.lost / (self.received + self.lost) if self.lost else 0.0
+
+
+class LinkStatistics(msgspec.Struct, frozen=True):
+    """One link since the start; peers since they were first heard, or restarted."""
+
+    name: str
+    up: bool
+    bytes_in: int
+    bad_checksums: int
+    skipped_bytes: int
+    not_understood: int
+    duplicates: int
+    echoes: int
+    stopped: int
+    thinned: int
+    refused_signatures: int
+    refused_unsigned: int
+    ground_station: bool
+    peers: list[PeerStatistics]
+
+
+class StatisticsTaker:
+    """Counts are kept where frames pass; this takes them down, and knows the rates since it did so last."""
+
+    def __init__(self, router: Router) -> None:
+        self._router = router
+        self._taken_ns: HostNs | None = None
+        self._counts: dict[tuple[str, int], dict[int, int]] = {}
+        self._rates: dict[tuple[str, int], dict[str, float]] = {}
+
+    def take(self, now: HostNs) -> list[LinkStatistics]:
+        """All links, in the order of the configuration."""
+        if self._taken_ns is None or now - self._taken_ns >= _SHORTEST_NS:
+            self._measure(now)
+        return [self._of_port(port, now) for port in self._router.ports]
+
+    def _measure(self, now: HostNs) -> None:
+        elapsed_s = s_from_ns(now - self._taken_ns) if self._taken_ns is not None else 0.0
+        before, self._counts, self._rates = self._counts, {}, {}
+        for port in self._router.ports:
+            for sender, peer in port.peers.items():
+                key = (port.name, sender)
+                counts = {msgid: stream.count for msgid, stream in peer.streams.items()}
+                self._rates[key] = _rates(peer, counts, before.get(key, {}), elapsed_s)
+                self._counts[key] = counts
+        self._taken_ns = now
+
+    def _of_port(self, port: Port, now: HostNs) -> LinkStatistics:
+        return LinkStatistics(
+            name=port.name,
+            up=port.up,
+            bytes_in=port.bytes_in,
+            bad_checksums=port.scanner.bad_checksums,
+            skipped_bytes=port.scanner.skipped_bytes,
+            not_understood=port.scanner.not_understood,
+            duplicates=port.duplicates,
+            echoes=port.echoes,
+            stopped=port.stopped,
+            thinned=port.thinned,
+            refused_signatures=port.refused_signatures,
+            refused_unsigned=port.refused_unsigned,
+            ground_station=port.hears_ground_station(now),
+            peers=[self._of_peer((port.name, sender), peer, now) for sender, peer in sorted(port.peers.items())],
+        )
+
+    def _of_peer(self, key: tuple[str, int], peer: Peer, now: HostNs) -> PeerStatistics:
+        return PeerStatistics(
+            system=peer.system,
+            component=peer.component,
+            received=peer.received,
+            lost=peer.lost,
+            late=peer.late,
+            silent_s=max(0.0, s_from_ns(now - peer.last_ns)),
+            rates_hz=self._rates.get(key, {}),
+        )
+
+
+def _rates(peer: Peer, counts: dict[int, int], before: dict[int, int], elapsed_s: float) -> dict[str, float]:
+    if elapsed_s <= 0.0:
+        return {}
+    rates = {}
+    for msgid, count in counts.items():
+        definition = peer.streams[msgid].definition
+        name = UNKNOWN_NAME if msgid == UNKNOWN or definition is None else definition.name
+        # A peer that restarted counts from nothing again.
+        came = count - before.get(msgid, 0) if count >= before.get(msgid, 0) else count
+        rates[name] = came / elapsed_s
+    return rates

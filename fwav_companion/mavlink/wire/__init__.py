@@ -1,0 +1,1 @@
+"""Bytes to messages and back: scanner, frames, definitions, codec, signing. Pure."""

@@ -1,0 +1,151 @@
+"""What MAVLink's messages look like on the wire, read once from pymavlink: the only place that imports it.
+
+pymavlink knows names, types and checksums; it does not say which fields are extensions. That follows from the
+signature of a message's constructor, where only extensions have a default, and is proven for every message by the
+checksum seed (crc_extra), which covers exactly the fields that are none (tests/mavlink/test_against_pymavlink.py).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from struct import Struct, calcsize
+from typing import Any, Final
+
+import msgspec
+from pymavlink.dialects.v20 import ardupilotmega as _dialect
+
+from fwav_companion.errors import EncodeError
+from fwav_companion.mavlink.wire.payloads import (
+    FORMAT_OF_TYPE,
+    Field,
+    FieldRecord,
+    Pack,
+    Unpack,
+    build_pack,
+    build_unpack,
+    complaint,
+)
+
+
+class Definition:
+    """One message: how its payload is laid out, and what seeds its checksum.
+
+    What only some messages ever need is worked out when it is first asked for, so that start-up stays quick.
+    """
+
+    def __init__(self, source: Any) -> None:
+        self._source = source
+        self.msgid: int = source.id
+        self.name: str = source.msgname
+        self.crc_byte = bytes((source.crc_extra,))
+        """The checksum seed (crc_extra), as it is appended to what the checksum covers."""
+        self.id_bytes = self.msgid.to_bytes(3, "little")
+        """As in a MAVLink 2 header."""
+        self.struct: Struct = source.unpacker
+        """The whole payload in wire order, extensions too."""
+        self.field_names: tuple[str, ...] = tuple(source.fieldnames)
+        """In the order of the definition, which is the order of decoded fields."""
+        self.wire_names: tuple[str, ...] = tuple(source.ordered_fieldnames)
+        """In the order of the payload."""
+
+    @property
+    def length(self) -> int:
+        """Bytes of the whole payload, extensions too."""
+        return self.struct.size
+
+    @cached_property
+    def base_length(self) -> int:
+        """Bytes of the payload without extensions: what MAVLink 1 carries."""
+        return min((field.offset for field in self.fields.values() if field.extension), default=self.length)
+
+    @cached_property
+    def fields(self) -> dict[str, Field]:
+        """Every field by name, in wire order."""
+        types = dict(zip(self.field_names, self._source.fieldtypes, strict=True))
+        array_lengths = dict(zip(self.wire_names, self._source.array_lengths, strict=True))
+        constructor = self._source.__init__
+        arguments = constructor.__code__.co_varnames[: constructor.__code__.co_argcount]
+        extensions = arguments[len(arguments) - len(constructor.__defaults__ or ()) :]
+        fields = {}
+        offset = 0
+        for name in self.wire_names:
+            fields[name] = Field(name, types[name], array_lengths[name], offset, name in extensions)
+            offset += calcsize(f"<{max(1, array_lengths[name])}{FORMAT_OF_TYPE[types[name]]}")
+        return fields
+
+    @cached_property
+    def target_system_offset(self) -> int:
+        """Where the payload names the system it is meant for; -1 where it does not."""
+        return self._offset("target_system")
+
+    @cached_property
+    def target_component_offset(self) -> int:
+        """Where the payload names the component it is meant for; -1 where it does not."""
+        return self._offset("target_component")
+
+    @cached_property
+    def instance_offset(self) -> int:
+        """Where one byte tells apart streams of this message, as of two batteries; -1 without one."""
+        name = self._source.instance_field
+        return self.fields[name].offset if name and self.fields[name].type in ("uint8_t", "int8_t") else -1
+
+    def _offset(self, name: str) -> int:
+        return self.fields[name].offset if name in self.field_names else -1
+
+    @cached_property
+    def record(self) -> Callable[..., Any]:
+        """The class of its decoded fields: a :class:`FieldRecord`."""
+        return msgspec.defstruct(
+            self.name, self.field_names, bases=(FieldRecord,), frozen=True, gc=False, module=__name__
+        )
+
+    @cached_property
+    def unpack(self) -> Unpack:
+        """A frame, header and all, to its :attr:`record`. Text ends at its first NUL, what is missing is 0."""
+        return build_unpack(self.struct, tuple(self.fields.values()), self.field_names, self.record)
+
+    @cached_property
+    def pack(self) -> Pack:
+        """Fields by name to the whole payload. Raises one of ``PACK_ERRORS`` where they do not fit."""
+        return build_pack(self.struct, tuple(self.fields.values()), self._defaults)
+
+    @cached_property
+    def _defaults(self) -> dict[str, Any]:
+        zeros = {name: field.zero for name, field in self.fields.items() if field.extension}
+        # The protocol's own to fill in, not the sender's (common.xml); 3 is MAVLink 1 and 2.
+        return {**zeros, "mavlink_version": 3} if self.name == "HEARTBEAT" else zeros
+
+    def refusal(self, given: dict[str, Any]) -> EncodeError:
+        """The error for fields that could not be packed: what was given, and what is accepted."""
+        return EncodeError(self.name + complaint(self.fields, self._defaults, given))
+
+    def __repr__(self) -> str:
+        return f"Definition({self.name}, {self.msgid})"
+
+
+DEFINITIONS: Final[dict[int, Definition]] = {source.id: Definition(source) for source in _dialect.mavlink_map.values()}
+"""Every message of the ardupilotmega dialect, which includes common, by message id."""
+
+BY_NAME: Final[dict[str, Definition]] = {definition.name: definition for definition in DEFINITIONS.values()}
+
+
+def forget_descriptions() -> None:
+    """Let go of the texts about enumerations: megabytes that only pymavlink's own tools read."""
+    _dialect.enums.clear()
+
+
+def definition_of(name: str) -> Definition:
+    """The definition of the message of this name; EncodeError if the dialect has none."""
+    try:
+        return BY_NAME[name]
+    except KeyError:
+        raise EncodeError(f"there is no MAVLink message {name!r} in the ardupilotmega dialect") from None
+
+
+def constant(name: str) -> int:
+    """An enumeration's value by its MAVLink name, as MAV_TYPE_GCS; KeyError if the dialect has none."""
+    value = getattr(_dialect, name, None)
+    if not isinstance(value, int):
+        raise KeyError(f"there is no MAVLink constant {name!r} in the ardupilotmega dialect")
+    return value

@@ -1,0 +1,199 @@
+"""From frames to tracks: waiting, pairing, localization, tracking in a row. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import msgspec
+
+from fwav_companion.geometry.earth import Geodetic, TangentPlane
+from fwav_companion.geometry.stamps import NS_PER_S, HostNs
+from fwav_companion.geometry.vectors import Vector3
+from fwav_companion.localization import Localizer
+from fwav_companion.pairing import PairedFrame, Pairer, RefusedFrame, WaitingFrames, sees_nothing
+from fwav_companion.pipeline.predicted_accuracy import PredictedAccuracy, predicted_accuracy_below
+from fwav_companion.pipeline.self_calibration_notices import SelfCalibrationNotices
+from fwav_companion.pipeline.target_log import TargetLog
+from fwav_companion.recording.lines import Line, sighting_line
+from fwav_companion.telemetry import RateMeter, Telemetry
+from fwav_companion.tracking import CalibrationReport, Reorder, Settled
+from fwav_companion.types import Frame, FrameView, GroundFix, NoFix, NoFrame, Reason, Sighting, Track, VehicleState
+
+LONG_AFTER_NS = 60 * NS_PER_S
+"""Beyond every wait and window there is."""
+
+
+class ProcessedFrame(msgspec.Struct, frozen=True):
+    """What a processed frame leaves: all tracks after it."""
+
+    tracks: tuple[Track, ...]
+    state: VehicleState | None
+    """The vehicle at the capture of row 0; None where it is not known."""
+    pixel_from_ned: Callable[[Vector3], tuple[float, float] | None] | None
+    """Where a place would be in that image."""
+
+
+class CameraPipeline:
+    """One camera."""
+
+    def __init__(
+        self,
+        telemetry: Telemetry,
+        pairer: Pairer,
+        localizer: Localizer,
+        reorder: Reorder,
+        ledger: TargetLog,
+        *,
+        sightings: bool,
+    ) -> None:
+        """``sightings``: write a line for every detection, used or not."""
+        self._telemetry = telemetry
+        self._pairer = pairer
+        self._localizer = localizer
+        self._reorder = reorder
+        self.calibration_news = SelfCalibrationNotices(pairer.body_from_camera, pairer.time_offset_s)
+        self._ledger = ledger
+        self._sightings = sightings
+        self._waiting = WaitingFrames()
+        self._last_view: FrameView | None = None
+        self._dropped: list[Settled] = []
+        self._meter = RateMeter()
+        self._refused: Reason | None = None
+
+    @property
+    def wake_at(self) -> HostNs | None:
+        """When a frame has waited long enough, or one settles."""
+        waited, settles = self._waiting.wake_at, self._reorder.wake_at
+        if waited is None or settles is None:
+            return settles if waited is None else waited
+        return min(waited, settles)
+
+    def on_frame(self, frame: Frame, now: HostNs) -> None:
+        """A frame came; :meth:`take_ready` tells when it was processed, which may be at once."""
+        self._ledger.frames += 1
+        self._meter.count("frames", now)
+        self._ledger.detections += len(frame.detections)
+        clock = self._telemetry.clock
+        until = self._pairer.attitude_needed_until(frame, clock)
+        until_ns = None if until is None else clock.host_from_boot(until)
+        self._waiting.put(frame, until, until_ns if isinstance(until_ns, int) else now, now)
+
+    def take_ready(self, now: HostNs) -> list[ProcessedFrame]:
+        """Process the frames that need not wait any longer."""
+        seen = (self._process(frame, now) for frame in self._waiting.take_ready(now, self._telemetry))
+        return [each for each in seen if each is not None]
+
+    def settle(self, now: HostNs) -> list[Settled]:
+        """The frames whose lines may be written, in the order of capture."""
+        settled, self._dropped = [*self._reorder.close(now), *self._dropped], []
+        return settled
+
+    @property
+    def calibration(self) -> CalibrationReport | None:
+        """What self-calibration knows now; None without it."""
+        return self._reorder.calibration
+
+    def locate(self, u: float, v: float, sigma_px: float, host_ns: HostNs) -> GroundFix | None:
+        """The ground under a pixel of a picture taken then; None where there is no telling."""
+        sighting = self._pairer.look_at(u, v, sigma_px, host_ns, self._telemetry)
+        fix = self._localizer.locate(sighting) if isinstance(sighting, Sighting) else None
+        return fix if isinstance(fix, GroundFix) else None
+
+    def frames_hz(self, now: HostNs) -> float:
+        """How often frames come; 0 while none come."""
+        return self._meter.rates_hz(now).get("frames", 0.0)
+
+    @property
+    def trouble(self) -> str:
+        """Why the newest frame could not be used; "" if it could."""
+        return "" if self._refused is None else f"pictures are refused: {self._refused.value}"
+
+    def status(self) -> dict[str, Any]:
+        """For the status file: the ground, and why the newest frame could not be used."""
+        return {"ground": self._localizer.ground.status(), "refused": self._refused and self._refused.value}
+
+    def expected(self) -> PredictedAccuracy | None:
+        """What a fix straight below would be worth now."""
+        return predicted_accuracy_below(self._pairer, self._localizer, self._telemetry)
+
+    def assumed_arrival(self, frame: Frame) -> HostNs | None:
+        """When a recorded frame that does not tell is taken to have come; None while the clock is not known."""
+        arrival_ns = self._pairer.assumed_arrival(frame, self._telemetry.clock)
+        return arrival_ns if isinstance(arrival_ns, int) else None
+
+    def home_moved(self, home_down_m: float) -> None:
+        """The home surface lies there from now on."""
+        self._localizer.home_moved(home_down_m)
+
+    def placed(self, plane: TangentPlane, take_off: Geodetic, undulation_m: float | None) -> str:
+        """The world lies there; what the ground has to say of it, or "". Again as the place of take-off is known."""
+        return self._localizer.placed(plane, take_off, undulation_m)
+
+    def drop_all(self, reason: Reason) -> None:
+        """End every track, and what was before."""
+        view = self._last_view
+        if view is not None:
+            tracks = self._reorder.drop_all(reason, view.frame, view.host_ns, view.boot_ns)
+            self._dropped.append(Settled(view, tracks))
+
+    def finish(self, now: HostNs) -> list[Settled]:
+        """Nothing more comes: process what waits, settle everything."""
+        end_ns = HostNs(now + LONG_AFTER_NS)
+        for frame in self._waiting.take_ready(end_ns, self._telemetry):
+            self._process(frame, now)
+        return self.settle(end_ns)
+
+    def _process(self, frame: Frame, now: HostNs) -> ProcessedFrame | None:
+        paired = self._pairer.pair(frame, self._telemetry)
+        self._refused = paired.reason if isinstance(paired, RefusedFrame) else None
+        if isinstance(paired, RefusedFrame):
+            self._refuse(paired)
+            return None
+        located = [self._localizer.locate(sighting) for sighting in paired.sightings]
+        view = FrameView(
+            frame=paired.number,
+            host_ns=paired.host_ns,
+            boot_ns=paired.boot_ns,
+            fixes=tuple(fix for fix in located if isinstance(fix, GroundFix)),
+            could_see=paired.view.could_see if paired.view is not None else sees_nothing,
+            unplaced=tuple(
+                sighting for sighting, fix in zip(paired.sightings, located, strict=True) if isinstance(fix, NoFix)
+            ),
+        )
+        tracks = self._reorder.put(view, now)
+        self._count(paired, located)
+        if isinstance(tracks, NoFrame):
+            self._ledger.drop(tracks.reason)
+            return None
+        self._last_view = view
+        if self._sightings:
+            self._ledger.keep_sightings(view.host_ns, view.frame, _sighting_lines(paired, located))
+        state = paired.state if isinstance(paired.state, VehicleState) else None
+        return ProcessedFrame(tracks, state, paired.view.pixel_of if paired.view is not None else None)
+
+    def _count(self, paired: PairedFrame, located: list[GroundFix | NoFix]) -> None:
+        for _, reason, _ in paired.refused:
+            self._ledger.drop(reason)
+        for fix in located:
+            if isinstance(fix, NoFix):
+                self._ledger.drop(fix.reason)
+            else:
+                self._ledger.fixes += 1
+
+    def _refuse(self, refused: RefusedFrame) -> None:
+        self._ledger.drop(refused.reason)
+        if self._sightings:
+            for index in range(refused.detections):
+                self._ledger.write(sighting_line(refused.number, index, None, None, refused.reason, None))
+
+
+def _sighting_lines(paired: PairedFrame, located: list[GroundFix | NoFix]) -> list[Line]:
+    """One a detection, in the order of the frame."""
+    lines: dict[int, Line] = {}
+    for index, reason, gap_s in paired.refused:
+        lines[index] = sighting_line(paired.number, index, None, None, reason, gap_s)
+    for sighting, fix in zip(paired.sightings, located, strict=True):
+        known, reason_or_none = (fix, None) if isinstance(fix, GroundFix) else (None, fix.reason)
+        lines[sighting.index] = sighting_line(paired.number, sighting.index, sighting, known, reason_or_none, None)
+    return [lines[index] for index in sorted(lines)]

@@ -1,0 +1,99 @@
+"""The rooms that a pipeline joins, and the questions that only several of them together can answer. Pure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import msgspec
+
+from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.mavlink.client.commands import Commands
+from fwav_companion.mavlink.client.identity import Identity
+from fwav_companion.mavlink.client.rates import Rates
+from fwav_companion.mavlink.client.timesync import Timesync
+from fwav_companion.pipeline.camera_pipeline import CameraPipeline, ProcessedFrame
+from fwav_companion.publishing.publisher import Publisher
+from fwav_companion.publishing.readiness import Readiness
+from fwav_companion.recording.lines import Line, clock_line, origin_object
+from fwav_companion.telemetry import Telemetry
+from fwav_companion.types import Situation, Unpaired
+from fwav_companion.types.board import BoardReport
+
+
+@dataclass(slots=True)
+class Components:
+    """Everything that the pipeline joins; :mod:`fwav_companion.pipeline.pipeline_factory` makes it from a configuration."""
+
+    identity: Identity
+    timesync: Timesync
+    rates: Rates
+    commands: Commands
+    telemetry: Telemetry
+    publisher: Publisher
+    sight: CameraPipeline | None
+    """None: a relay without a camera."""
+    board: BoardReport | None = None
+    """How the board is doing, by its newest report."""
+
+    def situation(self, now: HostNs, seen: ProcessedFrame | None = None) -> Situation:
+        """The moment at which something is published; ``seen``: the frame that it is about."""
+        telemetry = self.telemetry
+        vehicle, at_capture = telemetry.newest_state(), seen.state if seen else None
+        return Situation(
+            now_ns=now,
+            autopilot=self.identity.autopilot,
+            plane=telemetry.world.plane,
+            vehicle=None if isinstance(vehicle, Unpaired) else vehicle,
+            at_capture=at_capture,
+            local_position_ned=telemetry.local_position_at(at_capture.boot_ns) if at_capture else None,
+            clock=telemetry.clock.estimate(now),
+            undulation_m=telemetry.undulation_m,
+            utc_minus_host_s=self.utc_minus_host_s(),
+            board=self.board,
+        )
+
+    def utc_minus_host_s(self) -> float | None:
+        """By the autopilot, else by the board where its wall clock is synchronised; None: nobody knows."""
+        told_s = self.telemetry.utc_minus_host_s
+        return told_s if told_s is not None or self.board is None else self.board.utc_minus_host_s
+
+    def readiness(self, sight: CameraPipeline, now: HostNs) -> Readiness:
+        """What an operator is told at arming."""
+        expected = sight.expected()
+        return Readiness(
+            attitude_hz=self.telemetry.attitude_hz(now),
+            wanted_attitude_hz=self.rates.wanted_attitude_hz,
+            clock_sigma_s=self.telemetry.clock.estimate(now).sigma_s,
+            frames_hz=sight.frames_hz(now),
+            expected_m=None if expected is None else expected.sigma_m,
+            height_m=None if expected is None else expected.height_m,
+            trouble=sight.trouble,
+        )
+
+    def clock_line(self, at: HostNs, unix_offset_ns: int) -> Line | None:
+        """The clock at this instant; None while it is not known."""
+        boot_ns = self.telemetry.clock.boot_from_host(at)
+        if isinstance(boot_ns, Unpaired):
+            return None
+        utc_minus_host_s = self.telemetry.utc_minus_host_s
+        utc_minus_unix_s = None if utc_minus_host_s is None else utc_minus_host_s - unix_offset_ns / 1e9
+        return clock_line(at, self.telemetry.clock.estimate(at), boot_ns, utc_minus_unix_s)
+
+    def status(self, now: HostNs) -> dict[str, Any]:
+        """For the status file."""
+        plane = self.telemetry.world.plane
+        report = None if self.sight is None else self.sight.calibration
+        return {
+            "autopilot": msgspec.to_builtins(self.identity.autopilot),
+            "autopilot_lost": self.identity.autopilot_lost,
+            "clock": msgspec.to_builtins(self.telemetry.clock.estimate(now)),
+            "timesync": self.timesync.status(),
+            "rates": self.rates.status(),
+            "parameters": dict(self.rates.parameters),
+            "origin": origin_object(plane.origin) if plane else None,
+            "telemetry": self.telemetry.status(now),
+            "sight": None if self.sight is None else self.sight.status(),
+            "calibration": None if self.sight is None or report is None else self.sight.calibration_news.status(report),
+            "publishing": self.publisher.status(),
+        }

@@ -1,0 +1,94 @@
+"""What one room finds out, and what it means for the others. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.mavlink.client.identity import Adopted, ArmedChanged, IdentityEvent
+from fwav_companion.pipeline.components import Components
+from fwav_companion.pipeline.notices import notice_text
+from fwav_companion.pipeline.output_buffer import OutputBuffer
+from fwav_companion.pipeline.target_log import TargetLog
+from fwav_companion.publishing.readiness import ready_notice
+from fwav_companion.recording.lines import home_line, unix_seconds
+from fwav_companion.telemetry import (
+    HomeMoved,
+    OriginSet,
+    Rebooted,
+    RelativeWorld,
+    TakeOffFound,
+    TelemetryEvent,
+)
+from fwav_companion.types import ClockExchange, Message, Notice, Outgoing, Reason, Severity
+
+
+class EventHandlers:
+    """Of who the autopilot is, of what its clock says, and of where the world lies."""
+
+    def __init__(
+        self, rooms: Components, ledger: TargetLog, outlet: OutputBuffer, *, unix_offset_ns: int, live: bool
+    ) -> None:
+        self._rooms = rooms
+        self._ledger = ledger
+        self._outlet = outlet
+        self._unix_offset_ns = unix_offset_ns
+        self._live = live
+        self._undulation_was_untold = False
+
+    def of_identity(self, events: Iterable[IdentityEvent], now: HostNs) -> None:
+        """The autopilot was adopted, armed, lost."""
+        for event in events:
+            if isinstance(event, Adopted):
+                self._rooms.timesync.adopt(event.autopilot, now)
+                self._rooms.rates.adopt(event.autopilot, now)
+            if isinstance(event, ArmedChanged) and event.armed and self._rooms.sight is not None:
+                self._outlet.notify((ready_notice(self._rooms.readiness(self._rooms.sight, now)),), now)
+            self._outlet.notify(notice_text(event), now)
+
+    def of_timesync(self, message: Message, now: HostNs) -> None:
+        """An answer places the clock; a request is answered."""
+        result = self._rooms.timesync.on_message(message, now)
+        if isinstance(result, ClockExchange):
+            telemetry = self._rooms.telemetry
+            self.of_telemetry(telemetry.on_exchange(result), now)
+            if telemetry.clock.in_doubt:
+                self._rooms.timesync.settle(now)
+        elif isinstance(result, Outgoing) and self._live:
+            self._outlet.messages.append(result)
+
+    def of_telemetry(self, events: Iterable[TelemetryEvent], now: HostNs) -> None:
+        """The autopilot rebooted; the world has its origin, or moved its home."""
+        for event in events:
+            match event:
+                case Rebooted():
+                    self._rooms.timesync.restart(now)
+                    self._rooms.rates.ask_again("the autopilot rebooted", now)
+                case OriginSet(origin, late):
+                    if late and self._rooms.sight is not None:
+                        self._rooms.sight.drop_all(Reason.ORIGIN_SET)
+                        self._ledger.settle(self._rooms.sight.settle(now), plane=None)
+                    self._ledger.origin_moved_in(now, origin)
+                    self._place_ground(now)
+                case TakeOffFound():
+                    self._place_ground(now)
+                case RelativeWorld():
+                    self._ledger.begin(None)
+                case HomeMoved(down_m):
+                    if self._rooms.sight is not None:
+                        self._rooms.sight.home_moved(down_m)
+                    self._ledger.write(home_line(unix_seconds(now, self._unix_offset_ns), down_m))
+            self._outlet.notify(notice_text(event), now)
+        if self._undulation_was_untold and self._rooms.telemetry.undulation_m is not None:
+            self._place_ground(now)
+
+    def _place_ground(self, now: HostNs) -> None:
+        """Tell the ground where the world lies; again when the geoid is known, which an elevation model may need."""
+        telemetry, sight = self._rooms.telemetry, self._rooms.sight
+        plane, take_off = telemetry.world.plane, telemetry.world.take_off
+        if sight is None or plane is None or take_off is None:
+            return
+        self._undulation_was_untold = telemetry.undulation_m is None
+        text = sight.placed(plane, take_off, telemetry.undulation_m)
+        if text:
+            self._outlet.notify((Notice(Severity.INFO, text, to_ground=True),), now)

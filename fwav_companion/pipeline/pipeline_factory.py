@@ -1,0 +1,225 @@
+"""From a configuration to the rooms, joined: the one place that knows both. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import msgspec
+
+from fwav_companion import __version__
+from fwav_companion.camera import Calibration
+from fwav_companion.config import Config, MountConfig
+from fwav_companion.errors import ConfigError
+from fwav_companion.localization import (
+    Datum,
+    ElevationModel,
+    ElevationTile,
+    FixedGround,
+    Ground,
+    HomeGround,
+    Localizer,
+    RangefinderGround,
+    TerrainGround,
+)
+from fwav_companion.mavlink.client.commands import Commands, Handler
+from fwav_companion.mavlink.client.identity import Identity
+from fwav_companion.mavlink.client.rates import Rates
+from fwav_companion.mavlink.client.subscriptions import default_subscriptions
+from fwav_companion.mavlink.client.timesync import Timesync
+from fwav_companion.pairing import CameraTiming, Pairer, StampRule
+from fwav_companion.pipeline.camera_pipeline import CameraPipeline
+from fwav_companion.pipeline.components import Components
+from fwav_companion.pipeline.pipeline import Pipeline
+from fwav_companion.pipeline.target_log import TargetLog
+from fwav_companion.publishing.board_status import ONBOARD_COMPUTER_STATUS, requested_board_status
+from fwav_companion.publishing.options import PublishOptions
+from fwav_companion.publishing.publisher import Publisher
+from fwav_companion.telemetry import Telemetry, TelemetryOptions
+from fwav_companion.telemetry.gimbal import LAST_NON_MAVLINK_DEVICE
+from fwav_companion.tracking import KeptCalibration, Reorder, TrackingOptions, make_tracker, tracker_with
+from fwav_companion.tracking.filters.base import Filter
+
+CAMERA_COMPONENT = 100
+"""MAV_COMP_ID_CAMERA."""
+
+WANTED = frozenset(
+    {
+        "HEARTBEAT", "TIMESYNC", "PING", "COMMAND_LONG", "COMMAND_INT", "COMMAND_ACK",
+        "ATTITUDE", "ATTITUDE_QUATERNION", "GLOBAL_POSITION_INT", "LOCAL_POSITION_NED", "ALTITUDE", "VFR_HUD",
+        "GPS_RAW_INT", "GPS_GLOBAL_ORIGIN", "HOME_POSITION", "DISTANCE_SENSOR", "TERRAIN_REPORT", "SYSTEM_TIME",
+        "GIMBAL_DEVICE_ATTITUDE_STATUS", "PARAM_VALUE", "STATUSTEXT",
+    }
+)  # fmt: skip
+"""The messages that any room takes; no other is decoded."""
+
+
+def make_pipeline(
+    config: Config,
+    calibration: Calibration | None,
+    *,
+    unix_offset_ns: int,
+    live: bool,
+    elevation: Sequence[ElevationTile] = (),
+    kept: KeptCalibration | None = None,
+    own_filter: Filter | None = None,
+    sightings: bool = False,
+    unit: str = "",
+    attitudes_kept_s: float | None = None,
+    written: bool = True,
+) -> Pipeline:
+    """The pipeline of one flight. Without a calibration it is a relay's: nothing is localized.
+
+    ``elevation``: what [ground] terrain names. ``kept``: a calibration of an earlier flight with this camera.
+    ``own_filter`` follows targets in the place of [tracking] filter: where that names a class of the user's there must
+    be one (ConfigError). ``unit`` names this board for good, for uids that outlive a restart.
+    ``attitudes_kept_s``: for who asks for the vehicle long afterwards; None: as long as flying needs it.
+    ``written``: false where nobody takes the lines.
+    """
+    ledger = TargetLog(__version__, config.as_builtins(), unix_offset_ns, written=written)
+    component, has_camera = config.vehicle.component_id, config.publish.camera_tracking and calibration is not None
+    telemetry = Telemetry(_telemetry_options(config, attitudes_kept_s))
+    sight = None
+    if calibration is not None:
+        localizer = Localizer(_ground(config, elevation), config.priors, min_height_m=config.ground.min_height_m)
+        if own_filter is None:
+            tracker = make_tracker(_tracking_options(config), config.priors, telemetry.state_at, kept)
+        else:
+            self_calibration = config.tracking.self_calibration
+            tracker = tracker_with(
+                own_filter, config.priors, telemetry.state_at, kept, self_calibration=self_calibration
+            )
+        tracker.tells_innovations = sightings
+        reorder = Reorder(tracker)
+        sight = CameraPipeline(
+            telemetry, make_pairer(config, calibration), localizer, reorder, ledger, sightings=sightings
+        )
+    publisher = Publisher(
+        _publish_options(config, calibration, unit),
+        locate=None if sight is None else sight.locate,
+        state_at=telemetry.state_at,
+    )
+    handlers: dict[int, Handler | None] = {component: None}
+    if has_camera:
+        handlers[CAMERA_COMPONENT] = publisher.on_command
+    commands = Commands(handlers, require_signed=config.signing is not None, version=_version_numbers())
+    commands.system = config.vehicle.system_id
+    commands.provide(component, ONBOARD_COMPUTER_STATUS, "ONBOARD_COMPUTER_STATUS", requested_board_status)
+    rooms = Components(
+        identity=Identity(config.vehicle.system_id, component, CAMERA_COMPONENT if has_camera else None),
+        timesync=Timesync(component),
+        rates=Rates(
+            default_subscriptions(config.rates.attitude, config.rates.position) | _wanted_by(config),
+            attitude_message=config.vehicle.attitude_message,
+            component=component,
+        ),
+        commands=commands,
+        telemetry=telemetry,
+        publisher=publisher,
+        sight=sight,
+    )
+    return Pipeline(rooms, ledger, unix_offset_ns=unix_offset_ns, live=live)
+
+
+def own_components(config: Config) -> frozenset[int]:
+    """The component ids that we speak as."""
+    return frozenset({config.vehicle.component_id, CAMERA_COMPONENT})
+
+
+def make_pairer(config: Config, calibration: Calibration) -> Pairer:
+    """Where the configuration leaves the default, the calibration's own delay and mount count, if it tells them."""
+    camera = config.camera
+    left_alone = not camera.mount.gimbal_device_id and camera.mount.angles == MountConfig().angles
+    by_file = calibration.body_from_camera if left_alone else None
+    return Pairer(
+        lens=calibration.lens,
+        body_from_camera=by_file or camera.mount.body_from_camera,
+        lever_arm_m=camera.mount.lever_arm_m,
+        timing=CameraTiming(
+            time_offset_s=camera.time_offset_s or calibration.time_offset_s or 0.0,
+            readout_s=camera.known_readout_s,
+            stamp_rule=StampRule(camera.stamp_rule(libcamera_on_raspberry_pi=_on_libcamera(config))),
+            exposure_s=camera.exposure_s,
+        ),
+        pixel_noise_px=config.uncertainty.pixel_noise_px,
+        min_score=config.detections.min_score,
+        labels=config.detections.labels,
+    )
+
+
+def _on_libcamera(config: Config) -> bool:
+    """Our own libcamera source is picamera2's, which is there on a Raspberry Pi alone."""
+    return config.vision is not None and config.vision.source.startswith("libcamera:")
+
+
+def _ground(config: Config, elevation: Sequence[ElevationTile]) -> Ground:
+    ground = config.ground
+    match ground.model:
+        case "fixed":
+            return FixedGround(ground.height_m)
+        case "rangefinder":
+            return RangefinderGround(config.uncertainty.height_noise_m)
+        case "terrain":
+            model = ElevationModel(elevation) if elevation else None
+            return TerrainGround(model, Datum(ground.terrain_datum or Datum.EGM96))
+        case "home":
+            return HomeGround()
+
+
+def _wanted_by(config: Config) -> dict[str, float]:
+    """What only an elevation ground, or only a gimbal behind the autopilot, needs of the autopilot, Hz."""
+    wanted = {"TERRAIN_REPORT": 1.0} if config.ground.model == "terrain" else {}
+    if 0 < config.camera.mount.gimbal_device_id <= LAST_NON_MAVLINK_DEVICE:
+        wanted["GIMBAL_DEVICE_ATTITUDE_STATUS"] = config.rates.position
+    return wanted
+
+
+def _telemetry_options(config: Config, attitudes_kept_s: float | None) -> TelemetryOptions:
+    vehicle = config.vehicle
+    options = TelemetryOptions(
+        position=vehicle.position,
+        attitude_message=vehicle.attitude_message,
+        position_delay_s=vehicle.position_delay_s,
+        attitude_stamp_delay_s=config.uncertainty.attitude_stamp_delay_s,
+        gimbal_device_id=config.camera.mount.gimbal_device_id,
+    )
+    if attitudes_kept_s is None:
+        return options
+    return msgspec.structs.replace(options, attitudes_kept_s=attitudes_kept_s)
+
+
+def _tracking_options(config: Config) -> TrackingOptions:
+    tracking = config.tracking
+    if tracking.is_own_filter:
+        raise ConfigError(
+            f'{config.file}: [tracking] filter = "{tracking.filter}": only `replay` takes a filter of one\'s own; '
+            'accepted: "kalman" | "lowpass"'
+        )
+    return TrackingOptions(
+        filter="lowpass" if tracking.filter == "lowpass" else "kalman",
+        alpha=tracking.alpha,
+        alpha_rate_hz=tracking.alpha_rate_hz,
+        motion=tracking.motion,
+        self_calibration=tracking.self_calibration,
+    )
+
+
+def _publish_options(config: Config, calibration: Calibration | None, unit: str) -> PublishOptions:
+    publish = config.publish
+    shared: dict[str, Any] = {
+        name: getattr(publish, name) for name in PublishOptions.__struct_fields__ if name in publish.__struct_fields__
+    }
+    return PublishOptions(
+        **shared | {"cot": bool(publish.cot)},
+        image_size=(0, 0) if calibration is None else calibration.image_size,
+        camera_position_m=config.camera.mount.lever_arm_m,
+        companion_component=config.vehicle.component_id,
+        camera_component=CAMERA_COMPONENT,
+        version=_version_numbers(),
+        unit=unit,
+    )
+
+
+def _version_numbers() -> tuple[int, int, int]:
+    major, minor, patch = (int(part) for part in __version__.split(".")[:3])
+    return (major, minor, patch)

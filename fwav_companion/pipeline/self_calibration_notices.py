@@ -1,0 +1,110 @@
+"""What self-calibration found, told: in lines each second, in words once, and for the configuration. Pure."""
+
+from __future__ import annotations
+
+from math import degrees
+from typing import Any
+
+from fwav_companion.geometry.mounts import corrected_mount, euler_from_body_from_camera
+from fwav_companion.geometry.vectors import Matrix3
+from fwav_companion.recording.lines import Line, calibration_line
+from fwav_companion.tracking import CalibrationReport, CalibrationStatus, PriorInflation, SharedParameter
+from fwav_companion.types import Notice, Severity
+
+REPLACED = "self-calibration: camera is not as an earlier flight left it; that calibration is dropped"
+
+
+class SelfCalibrationNotices:
+    """Of one camera, as it is configured."""
+
+    def __init__(self, body_from_camera: Matrix3, time_offset_s: float) -> None:
+        self._body_from_camera = body_from_camera
+        self._time_offset_s = time_offset_s
+        self._told_mistake = ""
+        self._told_denied: set[int] = set()
+        self._told_replaced = False
+        self._told_status = CalibrationStatus.WAITING
+
+    def line(self, report: CalibrationReport, time_unix: float) -> Line:
+        """For the recording. The time offset is total, the configured one in it."""
+        return calibration_line(
+            time_unix,
+            self._time_offset_s + report.time_offset_s,
+            report.time_offset_sigma_s,
+            report.mount,
+            report.mount_sigma,
+            report.status.value,
+            report.mistake,
+        )
+
+    def notices(self, report: CalibrationReport) -> tuple[Notice, ...]:
+        """A gross mistake, and what was found, each once."""
+        told: tuple[Notice, ...] = ()
+        if report.mistake and report.mistake != self._told_mistake:
+            self._told_mistake = report.mistake
+            told = (Notice(Severity.ERROR, f"camera mount: {report.mistake}", to_ground=True),)
+        if report.status is not self._told_status and report.status is not CalibrationStatus.WAITING:
+            self._told_status = report.status
+            told = (*told, Notice(Severity.INFO, f"self-calibration: {self._what_came_out(report)}"))
+        if report.replaced and not self._told_replaced:
+            self._told_replaced = True
+            told = (*told, Notice(Severity.WARNING, REPLACED, to_ground=True))
+        if report.status is CalibrationStatus.CALIBRATED:
+            told = (*told, *self._denials(report))
+        return told
+
+    def _denials(self, report: CalibrationReport) -> list[Notice]:
+        news = [each for each in report.denied if each.unknown not in self._told_denied]
+        self._told_denied.update(each.unknown for each in news)
+        return [Notice(Severity.WARNING, f"self-calibration: {_denial(each)}", to_ground=True) for each in news]
+
+    def _what_came_out(self, report: CalibrationReport) -> str:
+        if report.status is CalibrationStatus.AMBIGUOUS:
+            delays = ", ".join(f"{delay:.3f} s" for delay in self._rivals(report))
+            return (
+                f"[camera] time_offset_s may be {delays}: the beat of the wings repeats itself; "
+                "flying turns tells them apart, or a smaller [uncertainty] time_offset_sigma_s"
+            )
+        if report.status is CalibrationStatus.UNEXPLAINED:
+            return "no delay within [uncertainty] time_offset_sigma_s explains what is seen; nothing is corrected"
+        return "; ".join(self.configuration_lines(report))
+
+    def _rivals(self, report: CalibrationReport) -> list[float]:
+        return sorted(self._time_offset_s + rival for rival in report.rivals)
+
+    def configuration_lines(self, report: CalibrationReport) -> list[str]:
+        """What to write into the configuration, so that the next flight begins with it; only what was found."""
+        if report.status not in (CalibrationStatus.TIME, CalibrationStatus.CALIBRATED):
+            return []
+        lines = [f"[camera] time_offset_s = {self._time_offset_s + report.time_offset_s:.4f}"]
+        if report.status is CalibrationStatus.CALIBRATED:
+            mount = corrected_mount(self._body_from_camera, report.mount)
+            roll, pitch, yaw = (degrees(angle) for angle in euler_from_body_from_camera(mount))
+            lines.append(f"[camera.mount] roll_deg = {roll:.3f}, pitch_deg = {pitch:.3f}, yaw_deg = {yaw:.3f}")
+        return lines
+
+    def status(self, report: CalibrationReport) -> dict[str, Any]:
+        """For the status file."""
+        return {
+            "status": report.status.value,
+            "time_offset_s": self._time_offset_s + report.time_offset_s,
+            "time_offset_sigma_s": report.time_offset_sigma_s,
+            "mount_deg": [degrees(angle) for angle in report.mount],
+            "mount_sigma_deg": [degrees(sigma) for sigma in report.mount_sigma],
+            "time_offset_rivals_s": self._rivals(report),
+            "mistake": report.mistake,
+            "replaced": report.replaced,
+            "configuration_lines": self.configuration_lines(report),
+        }
+
+
+def _denial(each: PriorInflation) -> str:
+    if each.unknown == SharedParameter.DELAY:
+        return f"camera stamps are {1e3 * each.alone:+.0f} ms off, beyond [uncertainty] time_offset_sigma_s"
+    if each.unknown == SharedParameter.HEIGHT:
+        return (
+            f"height above ground is told {each.alone:+.1f} m off, beyond [uncertainty] height_bias_m: "
+            "is the ground there where [ground] has it?"
+        )
+    axis = "xyz"[each.unknown - SharedParameter.MOUNT_X]
+    return f"mount is {degrees(each.alone):+.1f} degrees off about body {axis}, beyond [uncertainty] mount_bias_deg"

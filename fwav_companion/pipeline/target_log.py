@@ -1,0 +1,113 @@
+"""What is written down and counted: lines in their order, and every refusal under its name. Pure."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from fwav_companion.geometry.earth import Geodetic, TangentPlane
+from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.recording.lines import Line, header_line, origin_line, target_line, unix_seconds
+from fwav_companion.tracking import Settled
+from fwav_companion.types import Reason
+
+MAX_HELD_LINES = 4096
+"""Lines that wait for the header, which waits for the origin: a world is decided 10 s after the first attitude, and ten
+detections a frame at 30 frames/s make 3000 sightings until then."""
+
+
+class TargetLog:
+    """The lines of one targets file, and the counts of its summary."""
+
+    def __init__(self, version: str, config: Mapping[str, Any], unix_offset_ns: int, *, written: bool = True) -> None:
+        """``written``: false where nobody takes the lines; then most are not even made, and only counts are kept."""
+        self._written = written
+        self._version = version
+        self._config = config
+        self._origin: Geodetic | None = None
+        self._unix_offset_ns = unix_offset_ns
+        self._held: list[Line] | None = []
+        self._lines: list[Line] = []
+        self._sightings: dict[tuple[HostNs, int], list[Line]] = {}
+        self.frames = 0
+        self.detections = 0
+        self.fixes = 0
+        self.dropped: Counter[Reason] = Counter()
+
+    def drop(self, reason: Reason, count: int = 1) -> None:
+        """Count what gave no answer."""
+        self.dropped[reason] += count
+
+    def begin(self, origin: Geodetic | None) -> None:
+        """Write the header; a later origin gets a line of its own."""
+        if self._held is None:
+            return
+        held, self._held, self._origin = self._held, None, origin
+        self._lines.append(self._header())
+        self._lines.extend(held)
+
+    def origin_moved_in(self, now_ns: HostNs, origin: Geodetic) -> None:
+        """An origin is known: it goes into the header, or where that is written into a line of its own."""
+        if self._held is not None:
+            self.begin(origin)
+        else:
+            self._origin = origin
+            self._lines.append(origin_line(unix_seconds(now_ns, self._unix_offset_ns), origin))
+
+    def write(self, line: Line) -> None:
+        """One line, after what was written before it."""
+        if not self._written:
+            return
+        if self._held is None:
+            self._lines.append(line)
+            return
+        self._held.append(line)
+        if len(self._held) >= MAX_HELD_LINES:
+            self.begin(None)
+
+    def keep_sightings(self, host_ns: HostNs, frame: int, lines: list[Line]) -> None:
+        """Sighting lines of a frame, until it is settled."""
+        if not self._written:
+            return
+        self._sightings[host_ns, frame] = lines
+
+    def settle(self, frames: Iterable[Settled], plane: TangentPlane | None) -> None:
+        """The final word on frames: their sightings and their targets. ``plane``: of the world they were seen in."""
+        if not self._written:
+            return
+        for frame in frames:
+            for line in self._sightings.pop((frame.view.host_ns, frame.view.frame), ()):
+                self.write(line)
+            for track in frame.tracks:
+                self.write(target_line(track, plane, self._unix_offset_ns))
+
+    @property
+    def has_lines(self) -> bool:
+        """There is something to be written."""
+        return bool(self._lines)
+
+    def take(self) -> list[Line]:
+        """What is to be written since the last call."""
+        lines, self._lines = self._lines, []
+        return lines
+
+    def counts(self) -> dict[str, Any]:
+        """Frames, detections, fixes and refusals so far."""
+        return {
+            "frames": self.frames,
+            "detections": self.detections,
+            "fixes": self.fixes,
+            "dropped": {reason.value: count for reason, count in sorted(self.dropped.items())},
+        }
+
+    def header(self) -> Line | None:
+        """The first line of a file that begins now; None while the origin is waited for."""
+        return None if self._held is not None else self._header()
+
+    def _header(self) -> Line:
+        return header_line(self._version, self._origin, self._unix_offset_ns, self._config)
+
+    def summary(self) -> Line:
+        """The last line."""
+        return {"type": "summary", **self.counts()}

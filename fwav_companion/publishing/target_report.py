@@ -1,0 +1,100 @@
+"""One target at one moment, in the terms of those who read it: the earth, the vehicle, and plain accuracy."""
+
+from __future__ import annotations
+
+from math import atan2, hypot, isfinite, nan, sqrt
+
+import msgspec
+
+from fwav_companion.geometry.earth import Geodetic
+from fwav_companion.geometry.stamps import NS_PER_MS, HostNs, s_from_ns
+from fwav_companion.geometry.vectors import Matrix3, Vector3, add, larger_semi_axis, norm, scale, subtract
+from fwav_companion.types.situation import Situation
+from fwav_companion.types.tracks import Track
+
+MAX_PREDICTED_S = 1.0
+"""A moving target is carried forward to now by at most this: no velocity is good for longer without a look."""
+FLOAT32_MAX = 3.4e38
+
+
+class TargetReport(msgspec.Struct, frozen=True):
+    """A track, told at this moment."""
+
+    track: Track
+    position_ned: Vector3
+    """Carried to now where it moves."""
+    place: Geodetic | None
+    """None without a global position."""
+    from_vehicle: Vector3 | None
+    """NED metres; None where the vehicle's position is not known."""
+    horizontal_sigma_m: float
+    """One sigma along the larger semi-axis."""
+    vertical_sigma_m: float
+
+    @property
+    def distance_m(self) -> float:
+        """From the vehicle; NaN where unknown."""
+        return norm(self.from_vehicle) if self.from_vehicle is not None else nan
+
+    @property
+    def bearing(self) -> float:
+        """From the vehicle, radians from north, in (-pi, pi]; NaN where unknown."""
+        return atan2(self.from_vehicle[1], self.from_vehicle[0]) if self.from_vehicle is not None else nan
+
+
+def target_report(track: Track, situation: Situation) -> TargetReport:
+    """Place the track on the earth and beside the vehicle, now."""
+    position = track.position_ned
+    if track.velocity_ned is not None:
+        age_s = s_from_ns(situation.now_ns - track.host_ns)
+        position = add(position, scale(track.velocity_ned, min(max(age_s, 0.0), MAX_PREDICTED_S)))
+    vehicle = situation.vehicle
+    return TargetReport(
+        track=track,
+        position_ned=position,
+        place=situation.plane.geodetic_from_ned(position) if situation.plane is not None else None,
+        from_vehicle=_from_vehicle(position, situation) if vehicle is not None else None,
+        horizontal_sigma_m=larger_sigma(track.cov),
+        vertical_sigma_m=sqrt(track.cov[2][2]) if track.cov[2][2] >= 0.0 else nan,
+    )
+
+
+def _from_vehicle(position: Vector3, situation: Situation) -> Vector3 | None:
+    """In a world without a global position, tracks are told from the point below the camera already."""
+    vehicle = situation.vehicle
+    if vehicle is None:
+        return None
+    if vehicle.position_ned is not None:
+        return subtract(position, vehicle.position_ned)
+    if situation.plane is None and vehicle.height_above_home_m is not None:
+        return (position[0], position[1], position[2] + vehicle.height_above_home_m)
+    return None
+
+
+def larger_sigma(cov: Matrix3) -> float:
+    """One sigma along the larger horizontal semi-axis; NaN, not 0, where the covariance is none."""
+    sigma_m = larger_semi_axis(cov)
+    return sigma_m if isfinite(cov[0][0] + cov[0][1] + cov[1][1]) else nan
+
+
+def speed_and_course(track: Track) -> tuple[float, float]:
+    """Horizontal speed, m/s, and its direction, radians from north; NaN where no velocity is told."""
+    if track.velocity_ned is None:
+        return (nan, nan)
+    north, east, _ = track.velocity_ned
+    return (hypot(north, east), atan2(east, north))
+
+
+def float32(value: float) -> float:
+    """What a float field can carry: NaN, MAVLink's "unknown", for everything that it cannot."""
+    return value if isfinite(value) and abs(value) <= FLOAT32_MAX else nan
+
+
+def boot_ms(now: HostNs) -> int:
+    """Time since this board's boot in the milliseconds of a uint32, as ``time_boot_ms`` has it."""
+    return now // NS_PER_MS & 0xFFFFFFFF
+
+
+def degrees_e7(angle_deg: float) -> int:
+    """A latitude or longitude as it is sent: 1e-7 degrees."""
+    return round(angle_deg * 1e7)

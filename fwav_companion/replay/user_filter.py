@@ -1,0 +1,33 @@
+"""SHELL: the filter that a researcher named as ``module:Class``, for replays."""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from pathlib import Path
+
+from fwav_companion.config import Config
+from fwav_companion.errors import ConfigError
+from fwav_companion.tracking.filters.base import Filter
+
+
+def load_own_filter(config: Config) -> Filter | None:
+    """An instance of the class; None where [tracking] filter names one of ours. ConfigError where it cannot be had."""
+    if not config.tracking.is_own_filter:
+        return None
+    where = f'{config.file}: [tracking] filter = "{config.tracking.filter}"'
+    module_name, _, class_name = config.tracking.filter.partition(":")
+    here = str(Path.cwd())
+    if here not in sys.path:
+        sys.path.insert(0, here)
+    try:
+        made = getattr(import_module(module_name), class_name)(config.priors)
+    except Exception as error:  # whatever the user's module does when it is imported
+        said = " ".join(str(error).split())
+        raise ConfigError(
+            f"{where}: {type(error).__name__}: {said}; accepted: module:Class, made with the configuration's priors"
+        ) from error
+    if not callable(getattr(made, "started", None)):
+        raise ConfigError(f"{where}: it has no method started(fix); accepted: a class like tracking.base.Filter")
+    own: Filter = made
+    return own

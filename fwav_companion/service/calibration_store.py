@@ -1,0 +1,74 @@
+"""SHELL: what self-calibration found, kept for the next flight of the same camera on the same mount."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+
+import msgspec
+
+from fwav_companion.config import Config
+from fwav_companion.service.latest_file import LatestFile, state_path
+from fwav_companion.tracking import KeptCalibration
+
+NAME = "calibration.json"
+EVERY_TICKS = 60
+"""Once a minute, as it hardly changes; and at the end."""
+
+
+class _Kept(msgspec.Struct):
+    """The file: expired when the camera file, the mount or the configured offset change."""
+
+    camera: str
+    calibration: KeptCalibration
+
+
+class CalibrationStore:
+    """Reads at the start, writes once a minute; nothing where there is no state directory or no self-calibration."""
+
+    def __init__(self, config: Config, on_failure: Callable[[str], None]) -> None:
+        directory = config.state.directory
+        wanted = config.tracking.self_calibration and bool(config.camera.calibration)
+        self._camera = _fingerprint(config) if wanted else ""
+        self._path = state_path(config.resolve(directory) if directory else None, NAME) if wanted else None
+        self._file = None if self._path is None else LatestFile([self._path], on_failure, outlives_us=True)
+        self._ticks = 0
+        self._latest: KeptCalibration | None = None
+
+    def kept(self) -> KeptCalibration | None:
+        """Of an earlier flight; None where there is none, it is of another camera, or it is damaged."""
+        if self._path is None:
+            return None
+        try:
+            kept = msgspec.json.decode(self._path.read_bytes(), type=_Kept)
+        except (OSError, msgspec.DecodeError):  # the first flight, or a file that a power cut left empty
+            return None
+        return kept.calibration if kept.camera == self._camera and kept.calibration.is_sound else None
+
+    def start(self) -> None:
+        """Begin writing."""
+        if self._file is not None:
+            self._file.start()
+
+    def tick(self, found: KeptCalibration | None) -> None:
+        """Once a second."""
+        self._latest = found or self._latest
+        self._ticks += 1
+        if self._ticks % EVERY_TICKS == 0:
+            self._write()
+
+    def close(self, timeout_s: float) -> None:
+        """Write the last word."""
+        self._write()
+        if self._file is not None:
+            self._file.close(timeout_s)
+
+    def _write(self) -> None:
+        if self._file is not None and self._latest is not None:
+            self._file.write(msgspec.json.encode(_Kept(self._camera, self._latest)))
+
+
+def _fingerprint(config: Config) -> str:
+    """Of everything about the camera: its calibration, mount, delay and readout as configured."""
+    described = msgspec.json.encode(config.camera) + config.calibration_path.read_bytes()
+    return hashlib.sha256(described).hexdigest()

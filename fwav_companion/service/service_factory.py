@@ -1,0 +1,82 @@
+"""SHELL: what a service is made of, as the configuration asks for it; a part that it does not ask for is None."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from importlib.util import find_spec
+
+from fwav_companion.config import Config
+from fwav_companion.errors import ConfigError
+from fwav_companion.links.base import Link, OnState
+from fwav_companion.links.make import make_link
+from fwav_companion.links.url import UdpUrl
+from fwav_companion.pipeline.pipeline import Pipeline
+from fwav_companion.recording.folder import RecordingPlan
+from fwav_companion.recording.recorder import Recorder
+from fwav_companion.recording.space import BYTES_PER_MB, SpacePolicy
+from fwav_companion.vision.detections_in import DetectionsIn
+from fwav_companion.vision.frame_receiver import FrameReceiver
+from fwav_companion.vision.supervisor import VisionProcess
+from fwav_companion.vision.task import VisionTask
+
+
+def make_map_link(config: Config, on_state: OnState) -> Link | None:
+    """Where Cursor on Target goes."""
+    url = config.publish.parsed_cot
+    return None if url is None else make_link("cot", url, _ignore_bytes, on_state)
+
+
+def make_detections(config: Config, ears: FrameReceiver, on_state: Callable[[bool, str], None]) -> DetectionsIn | None:
+    """Pixels of another process."""
+    url = config.detections.parsed_url
+    if url is None:
+        return None
+    endpoint = (url.host, url.port) if isinstance(url, UdpUrl) else url.path
+    return DetectionsIn(endpoint, ears, on_state)
+
+
+def make_vision(config: Config, ears: FrameReceiver, on_state: Callable[[bool, str], None]) -> VisionProcess | None:
+    """A camera that we look through ourselves."""
+    task = make_vision_task(config)
+    return None if task is None else VisionProcess(task, ears, on_state)
+
+
+def make_vision_task(config: Config) -> VisionTask | None:
+    """What the vision process is to do; None without [vision]. ConfigError for what cannot be done here."""
+    vision = config.vision
+    if vision is None:
+        return None
+    if vision.detector == "onnx":
+        accepted = "apriltag, aruco, color; another detector sends its pixels to [detections] url"
+        raise ConfigError(f'{config.file}: [vision] detector = "onnx": not in this version; accepted: {accepted}')
+    if find_spec("cv2") is None:
+        raise ConfigError(f"{config.file}: [vision]: OpenCV is missing; accepted: pip install opencv-python-headless")
+    is_path = not vision.source.startswith(("libcamera:", "/dev/", "rtsp://", "rtsps://"))
+    return VisionTask(
+        source=str(config.resolve(vision.source)) if is_path else vision.source,
+        detector=vision.detector,
+        aruco_dictionary=vision.aruco_dictionary,
+        color_hue_deg=vision.color_hue_deg,
+    )
+
+
+def make_recorder(
+    config: Config, beside: Mapping[str, bytes], pipeline: Pipeline, on_failure: Callable[[str], None]
+) -> Recorder | None:
+    """What is kept of the flight. ``beside``: files that lie with it, by name."""
+    record = config.record
+    if not record.directory:
+        return None
+    space = SpacePolicy(
+        most_used_bytes=round(record.max_used_mb * BYTES_PER_MB),
+        least_free_bytes=round(record.min_free_mb * BYTES_PER_MB),
+        remove_oldest=record.remove_oldest,
+    )
+    plan = RecordingPlan(
+        directory=config.resolve(record.directory), when=record.when, sync_s=record.sync_s, space=space, beside=beside
+    )
+    return Recorder(plan, on_failure, header=pipeline.header, summary=pipeline.summary)
+
+
+def _ignore_bytes(_link: str, _data: bytes) -> None:
+    """A map server says nothing that we need."""

@@ -1,0 +1,226 @@
+"""How the body rates that come with attitudes differ from the attitudes' own course, and how to undo it.
+
+Autopilots filter their gyroscopes before they send rates (ArduPilot: two poles at 20 Hz, 11 ms late), while the
+attitude integrates unfiltered ones. A two-pole filter is undone exactly by
+
+    rate = gain * sent + lag * d(sent)/dt + curve * d2(sent)/dt2
+
+with gain 1, lag 2 zeta / w0 and curve 1 / w0^2, and any other delay nearly so. The three numbers are fitted to what the
+attitudes themselves did: the compact relation of fourth order between three values and their three slopes,
+
+    s0 + a s- + b s+ = A (f0 - f-) / h- + B (f+ - f0) / h+
+
+holds for neighbouring samples without the error that plain differences would make of a fast motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import acos, atan2, exp, hypot, pi, sqrt
+
+import msgspec
+
+from fwav_companion.geometry.rotations import difference
+from fwav_companion.geometry.vectors import Matrix3, Vector3, dot, scale, subtract, transform
+from fwav_companion.types import AttitudeSample
+
+MEMORY_S = 3.0
+"""A dozen beats of a slow wing; filters do not change in flight."""
+TRUST_IN_SENT = 1e-3
+"""Weight of 'as sent' against the data: settles what a single frequency cannot tell, and nothing else."""
+SAMPLES_TO_BEGIN = 30
+GAINS = (0.85, 3.0)
+LAGS_S = (-0.005, 0.04)
+"""Filters delay (22 ms for two poles at 10 Hz) and damp. Outside, it is no filter that was found but a stream too slow
+to show the motion: what is left of it may fit anything."""
+MOST_OF_A_BEAT = 0.3
+"""Of lag, for the same reason. Two poles at 20 Hz are a quarter of a beat late at 20 Hz, and seem so at 12 Hz by 30
+samples a second; 15 Hz by 25, which look like 10 Hz backwards, seem late by a third."""
+ALTERNATING = 0.9
+"""Each step from a rate to the next undoes so much of the step before it, on average: a beat takes less than 2.3
+samples (and steps of noise undo half). Any lag and any gain fit rates that do nothing but alternate."""
+SWIFT = 0.6
+"""The same, where the steps themselves tell the beat best: it takes less than 2.8 samples."""
+QUIET = 1e-3
+"""rad/s: rates that never exceed this are not sent."""
+
+
+class RateModel(msgspec.Struct, frozen=True):
+    """``rate = gain * sent + lag * d(sent)/dt + curve * d2(sent)/dt2``."""
+
+    gain: float = 1.0
+    lag_s: float = 0.0
+    curve_s2: float = 0.0
+
+    def response(self, frequency: float) -> tuple[float, float]:
+        """(gain, lag in seconds) that this makes up for at a frequency in rad/s."""
+        real, imaginary = self.gain - self.curve_s2 * frequency * frequency, self.lag_s * frequency
+        lag_s = atan2(imaginary, real) / frequency if frequency > 0.0 else self.lag_s
+        return hypot(real, imaginary), lag_s
+
+    def corrected(self, three: Sequence[AttitudeSample]) -> Vector3:
+        """The body rates at the middle one of three samples."""
+        sent, slope, curve = _basis(three)
+        return _mixed(sent, self.gain, slope, self.lag_s, curve, self.curve_s2)
+
+
+AS_SENT = RateModel()
+
+
+class RateFit:
+    """Recursive least squares with a short memory, over five samples at a time."""
+
+    __slots__ = ("_count", "_normal", "_right", "_sent2", "_step2", "_undone2", "_weight", "_yy", "model", "usable")
+
+    def __init__(self) -> None:
+        self._count = 0
+        self._weight = 0.0
+        self._normal = [0.0] * 6  # 00 01 02 11 12 22
+        self._right = [0.0] * 3
+        self._yy = 0.0
+        self._sent2 = self._step2 = self._undone2 = 0.0
+        self.model = AS_SENT
+        """The likeliest correction."""
+        self.usable = False
+        """Rates are sent, and corrected by :attr:`model` they agree with the attitudes as a filter's output would."""
+
+    def insert(self, five: Sequence[AttitudeSample], frequency: float, elapsed_s: float) -> None:
+        """Five neighbouring samples, so long after the last ones; the model is judged at the motion's rad/s."""
+        columns, course = _equation(five)
+        keep = exp(-elapsed_s / MEMORY_S)
+        products = [dot(columns[i], columns[j]) for i in range(3) for j in range(i, 3)]
+        self._normal = [keep * n + p for n, p in zip(self._normal, products, strict=True)]
+        self._right = [keep * r + dot(c, course) for r, c in zip(self._right, columns, strict=True)]
+        self._yy = keep * self._yy + dot(course, course)
+        self._sent2 = keep * self._sent2 + dot(five[2].rates, five[2].rates)
+        step, next_step = (subtract(five[k + 1].rates, five[k].rates) for k in (1, 2))
+        self._step2 = keep * self._step2 + dot(step, step)
+        self._undone2 = keep * self._undone2 - dot(step, next_step)
+        self._weight = keep * self._weight + 1.0
+        self._count += 1
+        if self._count >= SAMPLES_TO_BEGIN:
+            spacing_s = (five[3].boot_ns - five[2].boot_ns) * 1e-9
+            self._judge([frequency, *([acos(-self._undone) / spacing_s] if self._undone > SWIFT else [])])
+
+    @property
+    def sent_rms(self) -> float:
+        """Of the rates as sent, rad/s."""
+        return sqrt(self._sent2 / self._weight) if self._weight else 0.0
+
+    @property
+    def alternates(self) -> bool:
+        """The motion is about as fast as samples can be: half a beat lies between two of them."""
+        return self._undone > ALTERNATING
+
+    @property
+    def _undone(self) -> float:
+        """Of each step, by the next one."""
+        return min(1.0, self._undone2 / self._step2) if self._step2 > 0.0 else 0.0
+
+    @property
+    def disagreement(self) -> float:
+        """Root mean square of what is left between the corrected rates and the attitudes' course, rad/s: all
+        that alternates where that says nothing of how they go together.
+        """
+        if self._count < SAMPLES_TO_BEGIN or self.sent_rms < QUIET:
+            return 0.0
+        if self.alternates:
+            return 0.5 * sqrt(self._step2 / self._weight)
+        m = (self.model.gain, self.model.lag_s, self.model.curve_s2)
+        n00, n01, n02, n11, n12, n22 = self._normal
+        quadratic = m[0] * m[0] * n00 + m[1] * m[1] * n11 + m[2] * m[2] * n22
+        quadratic += 2.0 * (m[0] * m[1] * n01 + m[0] * m[2] * n02 + m[1] * m[2] * n12)
+        rest = self._yy - 2.0 * sum(a * b for a, b in zip(m, self._right, strict=True)) + quadratic
+        return sqrt(max(0.0, rest) / self._weight)
+
+    def _judge(self, frequencies: Sequence[float]) -> None:
+        """At each that the motion may have, rad/s."""
+        n00, n01, n02, n11, n12, n22 = self._normal
+        trust = TRUST_IN_SENT
+        solution = _solve(
+            (n00 * (1.0 + trust), n01, n02, n11 * (1.0 + trust), n12, n22 * (1.0 + trust)),
+            (self._right[0] + trust * n00, self._right[1], self._right[2]),
+        )
+        self.model, self.usable = AS_SENT, False
+        if solution is None or self.sent_rms < QUIET or self.alternates:
+            return
+        model = RateModel(*solution)
+        if all(_is_a_filter(model, frequency) for frequency in frequencies):
+            self.model, self.usable = model, True
+
+
+def _is_a_filter(model: RateModel, frequency: float) -> bool:
+    gain, lag_s = model.response(frequency)
+    most_s = min(LAGS_S[1], MOST_OF_A_BEAT * 2.0 * pi / frequency) if frequency > 0.0 else LAGS_S[1]
+    return GAINS[0] <= gain <= GAINS[1] and LAGS_S[0] <= lag_s <= most_s
+
+
+def _equation(five: Sequence[AttitudeSample]) -> tuple[list[Vector3], Vector3]:
+    """The compact relation about the middle sample: the columns of the three unknowns, and the attitudes' side."""
+    before, middle, after = five[1], five[2], five[3]
+    h1, h2 = (middle.boot_ns - before.boot_ns) * 1e-9, (after.boot_ns - middle.boot_ns) * 1e-9
+    whole = h1 + h2
+    a, b = (h2 / whole) ** 2, (h1 / whole) ** 2
+    total = 1.0 + a + b
+    right = (2.0 * h1 * h2 * (h1 - h2) / whole**2 + h1 * total) / whole
+    left = total - right
+    turn1 = difference(before.ned_from_body, middle.ned_from_body)
+    turn2 = difference(after.ned_from_body, middle.ned_from_body)
+    from_before, from_after = _slope_from_rates(turn1), _slope_from_rates(turn2)
+    a, b, own = a / total, b / total, 1.0 / total
+    columns = [
+        _mixed(transform(from_before, p), a, m, own, transform(from_after, n), b)
+        for p, m, n in zip(_basis(five[0:3]), _basis(five[1:4]), _basis(five[2:5]), strict=True)
+    ]
+    course = subtract(scale(turn2, right / h2), scale(turn1, left / h1))
+    return columns, scale(course, own)
+
+
+def _basis(three: Sequence[AttitudeSample]) -> tuple[Vector3, Vector3, Vector3]:
+    """The sent rates at the middle sample with their first and second derivatives, by the parabola through three."""
+    before, middle, after = three
+    h1, h2 = (middle.boot_ns - before.boot_ns) * 1e-9, (after.boot_ns - middle.boot_ns) * 1e-9
+    first, last = 1.0 / (h1 * (h1 + h2)), 1.0 / (h2 * (h1 + h2))
+    p, m, n = before.rates, middle.rates, after.rates
+    slope = _mixed(p, -h2 * first, m, (h2 - h1) / (h1 * h2), n, h1 * last)
+    return m, slope, _mixed(p, 2.0 * first, m, -2.0 / (h1 * h2), n, 2.0 * last)
+
+
+def _slope_from_rates(turn: Vector3) -> Matrix3:
+    """From body rates to d(turn)/dt of a rotation vector: the inverse right Jacobian, I + [turn]/2 + [turn]^2/12."""
+    x, y, z = turn
+    xx, yy, zz = x * x / 12.0, y * y / 12.0, z * z / 12.0
+    xy, xz, yz = x * y / 12.0, x * z / 12.0, y * z / 12.0
+    x, y, z = 0.5 * x, 0.5 * y, 0.5 * z
+    return ((1.0 - yy - zz, xy - z, xz + y), (xy + z, 1.0 - xx - zz, yz - x), (xz - y, yz + x, 1.0 - xx - yy))
+
+
+def _mixed(a: Vector3, of_a: float, b: Vector3, of_b: float, c: Vector3, of_c: float) -> Vector3:
+    """A weighted sum."""
+    return (
+        a[0] * of_a + b[0] * of_b + c[0] * of_c,
+        a[1] * of_a + b[1] * of_b + c[1] * of_c,
+        a[2] * of_a + b[2] * of_b + c[2] * of_c,
+    )
+
+
+def _solve(n: tuple[float, ...], r: tuple[float, float, float]) -> tuple[float, float, float] | None:
+    """The symmetric 3x3 system (00 01 02 11 12 22), by Cholesky on a diagonal brought to 1; None where singular."""
+    if min(n[0], n[3], n[5]) <= 0.0:
+        return None
+    d0, d1, d2 = (1.0 / sqrt(diagonal) for diagonal in (n[0], n[3], n[5]))
+    c01, c02, c12 = n[1] * d0 * d1, n[2] * d0 * d2, n[4] * d1 * d2
+    p1 = 1.0 - c01 * c01
+    if p1 <= 1e-12:
+        return None
+    l12 = (c12 - c01 * c02) / p1
+    p2 = 1.0 - c02 * c02 - l12 * l12 * p1
+    if p2 <= 1e-12:
+        return None
+    y0, y1, y2 = r[0] * d0, r[1] * d1, r[2] * d2
+    y1 -= c01 * y0
+    y2 -= c02 * y0 + l12 * y1
+    x2 = y2 / p2
+    x1 = y1 / p1 - l12 * x2
+    x0 = y0 - c01 * x1 - c02 * x2
+    return (x0 * d0, x1 * d1, x2 * d2)

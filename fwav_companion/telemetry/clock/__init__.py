@@ -1,0 +1,1 @@
+"""The autopilot's clock in terms of the host's. Pure."""

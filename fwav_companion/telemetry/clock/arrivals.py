@@ -1,0 +1,80 @@
+"""The clock without TIMESYNC: no message arrives before it was stamped, and some arrive hardly later."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+from fwav_companion.geometry.stamps import NS_PER_S, BootNs, HostNs
+from fwav_companion.telemetry.clock.clock_line import MOST_SKEW, ClockLine
+from fwav_companion.telemetry.clock.envelopes import lower_hull
+
+BUCKET_NS = NS_PER_S
+BUCKETS = 30
+"""The least delay of each of the last 30 seconds is kept."""
+ARRIVALS_TO_BEGIN = 10
+
+LEAST_DELAY_SIGMA_S = 5e-3
+"""Of the least transport delay, which arrivals cannot show: 0.4 ms on a 921600 serial line, 7 ms at 57600, a few over
+Wi-Fi; a telemetry radio's tens of milliseconds are three of these sigmas."""
+LEAST_DELAY_BOUND_S = 0.1
+"""An assumption, not a measurement: a link whose fastest message takes longer is no link to pair images over."""
+
+
+class ArrivalEnvelope:
+    """The lower envelope of arrival minus stamp: its line, biased late by the least transport delay.
+
+    Stamps come cut to whole milliseconds, which only makes a message look later: the envelope needs no correction.
+    """
+
+    __slots__ = ("_buckets", "_count", "line")
+
+    def __init__(self) -> None:
+        self.line: ClockLine | None = None
+        self._buckets: list[tuple[int, HostNs, int]] = []  # (second, arrival, least offset), oldest first
+        self._count = 0
+
+    def insert(self, stamp_ns: BootNs, arrival_ns: HostNs) -> None:
+        """A message with this stamp arrived."""
+        self._count += 1
+        offset_ns = arrival_ns - stamp_ns
+        bucket = stamp_ns // BUCKET_NS
+        if self._buckets and self._buckets[-1][0] >= bucket:
+            if offset_ns >= self._buckets[-1][2] and (self.line is not None or self._count != ARRIVALS_TO_BEGIN):
+                return
+            if offset_ns < self._buckets[-1][2]:
+                self._buckets[-1] = (self._buckets[-1][0], arrival_ns, offset_ns)
+        else:
+            self._buckets.append((bucket, arrival_ns, offset_ns))
+            if len(self._buckets) > BUCKETS:
+                del self._buckets[0]
+        if self._count >= ARRIVALS_TO_BEGIN:
+            self.line = self._fit()
+
+    def bound_s(self, now: HostNs, offset_ns: int) -> float:
+        """How far the truth may be: below by the assumed most of the least delay, above only by drift."""
+        least_ns = min(o + MOST_SKEW * abs(now - at) for _, at, o in self._buckets)
+        return max(abs(least_ns - offset_ns) * 1e-9, 0.0) + LEAST_DELAY_BOUND_S
+
+    def _fit(self) -> ClockLine:
+        """The edge of the lower convex hull that spans the mean instant: the highest line below all points there."""
+        _, ref_ns, ref_offset_ns = self._buckets[-1]
+        points = [((at - ref_ns) * 1e-9, (offset - ref_offset_ns) * 1e-9) for _, at, offset in self._buckets]
+        hull = lower_hull(points)
+        mean_t = sum(t for t, _ in points) / len(points)
+        (t0, y0), slope = hull[-1], 0.0
+        for (ta, ya), (tb, yb) in pairwise(hull):
+            if tb >= mean_t and tb > ta:  # what came in one datagram came at one instant, whatever its stamps
+                t0, y0, slope = ta, ya, (yb - ya) / (tb - ta)
+                break
+        slope = max(-MOST_SKEW, min(MOST_SKEW, slope))
+        level = min(y - slope * t for t, y in points) if points else y0 - slope * t0
+        above = sum((y - slope * t - level) ** 2 for t, y in points) / len(points)
+        span = max(1.0, -points[0][0])
+        return ClockLine(
+            ref_host_ns=ref_ns,
+            offset_ns=ref_offset_ns + round(level * 1e9),
+            skew=slope,
+            var_offset=LEAST_DELAY_SIGMA_S**2 + above,
+            cov_offset_skew=0.0,
+            var_skew=above / span**2 + 1e-12,
+        )

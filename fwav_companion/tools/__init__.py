@@ -1,0 +1,1 @@
+"""Commands that `run` never loads: each folder is one tool."""

@@ -1,0 +1,209 @@
+"""SHELL: what the service hears while a vehicle is shaken over a tag, kept, and made into what an estimate needs."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from collections import Counter
+from collections.abc import Callable, Mapping
+from math import radians
+from typing import Any, Final
+
+import msgspec
+
+from fwav_companion.camera import Calibration
+from fwav_companion.config import Config
+from fwav_companion.geometry.rotations import Quaternion, euler_from_quaternion
+from fwav_companion.geometry.stamps import BootNs, host_from_seconds
+from fwav_companion.pairing import Pairer, RefusedFrame
+from fwav_companion.pairing.scaling import scaling_from_size
+from fwav_companion.pipeline.pipeline_factory import make_pairer
+from fwav_companion.telemetry import Telemetry
+from fwav_companion.tools.doctor.listening import quiet
+from fwav_companion.tools.shake.estimate import Shaking
+from fwav_companion.tools.shake.guide import Advice, Guide, Moment, Phase
+from fwav_companion.tools.shake.looks import TagView
+from fwav_companion.types import Corners, Detection, Frame, NoFrame, Reason, Unpaired
+
+KEPT_S: Final = 120.0
+"""Attitudes: longer than anybody shakes."""
+MOST_FRAMES: Final = 12_000
+"""A minute at 200 frames/s."""
+MOST_TAGS: Final = 8
+"""Kept of a frame, of the 256 detections that it may bring: a sheet of them. 80 MB at the very most."""
+GOOD_CLOCK_S: Final = 0.003
+"""One sigma of the autopilot's clock with which it may begin: it grows better meanwhile."""
+
+Tag = tuple[str, int | None]
+"""The label and the detector's id: what tells one tag from another."""
+
+
+class Shown(msgspec.Struct, frozen=True):
+    """How the session ended."""
+
+    advice: Advice
+    shaking: Shaking | None
+    """None where it never began."""
+    refused: Mapping[Reason, int]
+    """Frames that could not be placed in time."""
+    time_offset_s: float = 0.0
+    """As configured: what is found comes on top."""
+
+
+class ShakeWitness:
+    """Keeps the frames that count, and tells the person what to do."""
+
+    def __init__(
+        self,
+        config: Config,
+        calibration: Calibration,
+        wait_s: float,
+        show: Callable[[Advice], None],
+        now_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """``now_s``: of CLOCK_MONOTONIC, as the service has it."""
+        self._config, self._calibration, self._show, self._now_s = config, calibration, show, now_s
+        self._guide = Guide(wait_s)
+        self.frames: list[Frame] = []
+        """What counts so far, with nothing in it but tags."""
+        self._came = self._tags = 0
+        self._telemetry: Telemetry | None = None
+        self.advice = Advice(Phase.WAITING, "")
+
+    def on_frame(self, frame: Frame | NoFrame) -> None:
+        """Of any source."""
+        self._came += 1
+        if isinstance(frame, NoFrame):
+            return
+        tags = tuple(detection for detection in frame.detections if detection.corners)
+        if not tags:
+            return
+        self._tags += 1
+        if self._guide.begun and len(self.frames) < MOST_FRAMES:
+            self.frames.append(msgspec.structs.replace(frame, detections=tags[:MOST_TAGS]))
+
+    def enough(self, status: Mapping[str, Any], telemetry: Telemetry) -> bool:
+        """Whether it is over; the person is told how far it is."""
+        self._telemetry = telemetry
+        self.advice = self._guide.advise(self._moment(status, telemetry))
+        self._show(self.advice)
+        return self.advice.phase in (Phase.DONE, Phase.FAILED)
+
+    def shown(self, tag_size_m: float) -> Shown:
+        """All of it, as the clock is known now."""
+        if self._telemetry is None or self.advice.phase is not Phase.DONE:
+            return Shown(self.advice, None, {})
+        pairer = make_pairer(self._config, self._calibration)
+        views, refused = self._views(pairer, self._telemetry)
+        shaking = self._shaking(pairer, self._telemetry, views, tag_size_m)
+        return Shown(self.advice, shaking, refused, pairer.time_offset_s)
+
+    def _moment(self, status: Mapping[str, Any], telemetry: Telemetry) -> Moment:
+        clock, now_s = status["clock"], self._now_s()
+        state = telemetry.newest_state()
+        return Moment(
+            now_s=now_s,
+            closed=_closed(status, self._config),
+            autopilot=status["autopilot"] is not None,
+            attitude_hz=telemetry.attitude_hz(host_from_seconds(now_s)),
+            clock_known=clock["sigma_s"] is not None and clock["sigma_s"] <= GOOD_CLOCK_S,
+            frames=self._came,
+            tags=self._tags,
+            attitude=None if isinstance(state, Unpaired) else euler_from_quaternion(state.ned_from_body),
+        )
+
+    def _views(self, pairer: Pairer, telemetry: Telemetry) -> tuple[list[TagView], Counter[Reason]]:
+        """The one tag that was seen most, placed in time."""
+        seen = Counter(_tag(detection) for frame in self.frames for detection in frame.detections)
+        wanted = seen.most_common(1)[0][0] if seen else None
+        views: list[TagView] = []
+        refused: Counter[Reason] = Counter()
+        for frame in self.frames:
+            corners = _corners(frame, wanted, self._calibration.image_size)
+            placed = pairer.pair(msgspec.structs.replace(frame, detections=()), telemetry)
+            if isinstance(placed, RefusedFrame):
+                refused[placed.reason] += 1
+            elif corners is not None:
+                views.append(TagView(placed.boot_ns, corners))
+        return sorted(views, key=lambda view: view.boot_ns), refused
+
+    def _shaking(self, pairer: Pairer, telemetry: Telemetry, views: list[TagView], tag_size_m: float) -> Shaking:
+        newest = telemetry.newest_state()
+        clock_sigma_s = max(
+            (telemetry.clock.estimate(frame.arrival_ns).sigma_s for frame in self.frames[:1] if frame.arrival_ns),
+            default=0.0,
+        )
+        return Shaking(
+            views=views,
+            attitude_at=_attitude_of(telemetry),
+            samples=telemetry.attitudes,
+            lens=self._calibration.lens,
+            body_from_camera=pairer.body_from_camera,
+            tag_size_m=tag_size_m,
+            readout_s=pairer.readout_s,
+            readout_sigma_s=pairer.readout_sigma_s,
+            attitude_noise=radians(self._config.uncertainty.attitude_noise_deg),
+            clock_sigma_s=clock_sigma_s,
+            stamp_sigma_s=0.0 if isinstance(newest, Unpaired) else newest.stamp_sigma_s,
+        )
+
+
+def shake(
+    config: Config,
+    calibration: Calibration,
+    signing_key: bytes | None,
+    tag_size_m: float,
+    wait_s: float,
+    show: Callable[[Advice], None],
+) -> Shown:
+    """Run the service itself, quietly, until the person has shaken it enough; what it heard."""
+    from fwav_companion.service.daemon import Service
+
+    logging.getLogger("fwav_companion").addHandler(logging.NullHandler())
+    witness = ShakeWitness(config, calibration, wait_s, show)
+
+    async def attend() -> None:
+        service = Service(
+            quiet(config), calibration, signing_key, elevation=(), beside_recording={}, attitudes_kept_s=KEPT_S
+        )
+        await service.attend(witness)
+
+    asyncio.run(attend())
+    return witness.shown(tag_size_m)
+
+
+def _attitude_of(telemetry: Telemetry) -> Callable[[BootNs], Quaternion | None]:
+    def attitude_at(boot_ns: BootNs) -> Quaternion | None:
+        state = telemetry.state_at(boot_ns)
+        return None if isinstance(state, Unpaired) else state.ned_from_body
+
+    return attitude_at
+
+
+def _closed(status: Mapping[str, Any], config: Config) -> str:
+    """The first way in that could not be opened."""
+    for link in config.link:
+        told = status["links"][link.name]
+        if link.role == "autopilot" and told["state"] == "down" and told.get("why"):
+            return f"link {link.name} ({link.url}): {told['why']}; does another program have it?"
+    why = status["intake"]["why"]
+    if why:
+        return f"detections ({config.detections.url}): {why}; does another program have it?"
+    vision = status["vision"]
+    if vision is not None and vision["why"]:
+        return f"camera ({config.vision.source if config.vision else ''}): {vision['why']}"
+    return ""
+
+
+def _tag(detection: Detection) -> Tag:
+    return detection.label, detection.detector_id
+
+
+def _corners(frame: Frame, wanted: Tag | None, image_size: tuple[int, int]) -> Corners | None:
+    """Of the wanted tag, in the pixels of the calibration; None where it is not there, or twice."""
+    scaling = scaling_from_size(frame.size, image_size)
+    there = [each for each in frame.detections if each.corners is not None and _tag(each) == wanted]
+    if len(there) != 1 or isinstance(scaling, Reason):
+        return None
+    return scaling.detection(there[0]).corners

@@ -1,0 +1,71 @@
+"""The tracker that a configuration asks for."""
+
+from __future__ import annotations
+
+from fwav_companion.geometry.stamps import NS_PER_S
+from fwav_companion.self_calibration.calibration_context import CalibrationContext
+from fwav_companion.self_calibration.calibrator import Calibrator
+from fwav_companion.self_calibration.delayed_poses import StateAt
+from fwav_companion.self_calibration.mount_check import MountCheck
+from fwav_companion.self_calibration.report import KeptCalibration
+from fwav_companion.tracking.filters.base import Filter
+from fwav_companion.tracking.filters.kalman import StaticKalman
+from fwav_companion.tracking.filters.lowpass import LowPass
+from fwav_companion.tracking.filters.moving import MovingKalman
+from fwav_companion.tracking.options import TrackingOptions
+from fwav_companion.tracking.tracker import Tracker
+from fwav_companion.types import ErrorPriors
+
+KEEP_STATIC_NS = 300 * NS_PER_S
+"""What stood is looked for where it stood, five minutes long: several rounds of any survey."""
+KEEP_MOVING_NS = 10 * NS_PER_S
+"""What moved can be anywhere within 15 m after that."""
+PATIENCE_NS = 10 * NS_PER_S
+"""Where targets may move, one teaches that stayed so long within the gate of a standing one, a metre or two wide as
+delay and mount are not known yet: who walks left it within seconds."""
+
+FORETOLD_NS = 20 * NS_PER_S
+"""So far ahead a mount must tell what is seen where targets may move: by then who walks is 30 m away."""
+
+
+def make_tracker(
+    options: TrackingOptions,
+    priors: ErrorPriors,
+    state_at: StateAt | None = None,
+    kept: KeptCalibration | None = None,
+) -> Tracker:
+    """The tracker that [tracking] asks for.
+
+    ``state_at`` tells the vehicle's state at an instant of the last second or so; self-calibration finds a large time
+    offset only with it. ``kept``: a calibration of an earlier flight with this camera.
+    """
+    if options.filter == "lowpass":
+        paper = LowPass(options.alpha, options.alpha_rate_hz, priors)
+        return tracker_with(paper, priors, state_at, kept, self_calibration=options.self_calibration)
+    moving = options.motion == "moving"
+    suspicion = MountCheck(FORETOLD_NS) if moving else MountCheck()
+    shop = CalibrationContext(priors, state_at, kept)
+    calibrator = Calibrator(shop, suspicion=suspicion) if options.self_calibration else None
+    if not moving:
+        return Tracker(StaticKalman(priors), KEEP_STATIC_NS, calibrator)
+    if calibrator is None:
+        return Tracker(MovingKalman(priors), KEEP_MOVING_NS)
+    # What stands is followed once more, as standing: only what is known to stand again where it stood can calibrate.
+    beside = Tracker(StaticKalman(priors), KEEP_STATIC_NS, calibrator, patience_ns=PATIENCE_NS)
+    return Tracker(MovingKalman(priors), KEEP_MOVING_NS, beside=beside)
+
+
+def tracker_with(
+    belief_filter: Filter,
+    priors: ErrorPriors,
+    state_at: StateAt | None = None,
+    kept: KeptCalibration | None = None,
+    *,
+    self_calibration: bool = False,
+) -> Tracker:
+    """A tracker by a filter that stays as it is, be it the paper's or one of the user's own.
+
+    Self-calibration then runs beside it: told, but not applied.
+    """
+    calibrator = Calibrator(CalibrationContext(priors, state_at, kept)) if self_calibration else None
+    return Tracker(belief_filter, KEEP_STATIC_NS, calibrator, corrects=False)

@@ -1,0 +1,1 @@
+"""Filters of one target: Kalman (static, moving) and the paper's low-pass. Pure."""

@@ -1,0 +1,52 @@
+"""What the filters of a target that stands still have in common."""
+
+from __future__ import annotations
+
+import msgspec
+
+from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.geometry.vectors import Matrix3, Vector3
+from fwav_companion.tracking.filters.consider_biases import ConsiderBiases
+from fwav_companion.tracking.filters.schmidt_kalman import PointEstimate, Surprise, surprise
+from fwav_companion.types import GroundFix
+
+
+class StandingTargetState(msgspec.Struct, frozen=True):
+    """A standing target: where it is and by what that may be wrong."""
+
+    errors: ConsiderBiases
+    estimate: PointEstimate
+    host_ns: HostNs
+    """The instant that the wandering biases stand at."""
+    fixed_ns: HostNs
+    """Of the last fix."""
+
+    @property
+    def position_ned(self) -> Vector3:
+        """Metres."""
+        return self.estimate.position
+
+    @property
+    def cov(self) -> Matrix3:
+        """Every source of error, m^2, NED."""
+        return self.estimate.cov
+
+    @property
+    def relative_cov(self) -> Matrix3:
+        """Without the vehicle's own position, m^2, NED."""
+        return self.estimate.relative_cov
+
+    @property
+    def velocity_ned(self) -> Vector3 | None:
+        """A standing target has none to tell."""
+        return None
+
+    @property
+    def velocity_cov(self) -> Matrix3 | None:
+        """A standing target has none to tell."""
+        return None
+
+    def surprise(self, fix: GroundFix) -> Surprise:
+        """How little a fix at this instant was expected, horizontal."""
+        errors = self.errors
+        return surprise(self.estimate, errors.weighed(fix), errors.timed)

@@ -1,0 +1,111 @@
+"""A track as self-calibration sees it: by its joint estimate, or in doubt while the mount is known to be wrong."""
+
+from __future__ import annotations
+
+import msgspec
+
+from fwav_companion.geometry.small_matrices import Symmetric2, add_diagonal
+from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.geometry.vectors import Matrix3, Vector3
+from fwav_companion.self_calibration.assessment import CalibratedPlace
+from fwav_companion.self_calibration.calibrator import Calibrator
+from fwav_companion.tracking.filters.base import TargetState
+from fwav_companion.tracking.filters.schmidt_kalman import Surprise
+from fwav_companion.types import GroundFix
+
+
+class CalibratedTargetState(msgspec.Struct, frozen=True):
+    """A track as the joint estimate sees it, heights by its own filter."""
+
+    calibrator: Calibrator
+    track: int
+    placed: CalibratedPlace
+    own: TargetState
+
+    @property
+    def position_ned(self) -> Vector3:
+        """Metres."""
+        return (self.placed.north, self.placed.east, self.own.position_ned[2])
+
+    @property
+    def cov(self) -> Matrix3:
+        """Every source of error, m^2, NED."""
+        return _level(self.placed.cov, self.own.cov[2][2])
+
+    @property
+    def relative_cov(self) -> Matrix3:
+        """Without the vehicle's own position, m^2, NED."""
+        return _level(self.placed.relative_cov, self.own.relative_cov[2][2])
+
+    @property
+    def velocity_ned(self) -> Vector3 | None:
+        """A standing target has none to tell."""
+        return None
+
+    @property
+    def velocity_cov(self) -> Matrix3 | None:
+        """A standing target has none to tell."""
+        return None
+
+    def predicted(self, host_ns: HostNs) -> TargetState:
+        """The target stays."""
+        return self.own.predicted(host_ns)
+
+    def surprise(self, fix: GroundFix) -> Surprise:
+        """How little a fix was expected in the image, with what calibration knows by now."""
+        seen = self.calibrator.surprise(self.track, fix)
+        return self.own.surprise(fix) if seen is None else seen
+
+    def updated(self, fix: GroundFix) -> TargetState:
+        """Its own filter goes on beside the joint estimate."""
+        return self.own.updated(fix)
+
+
+class MisplacedTargetState(msgspec.Struct, frozen=True):
+    """A track that is told while the mount is known to be wrong: where it was taken to be, and hardly surely so."""
+
+    taken: TargetState
+    misplaced_m: float
+    """One sigma an axis, horizontal."""
+
+    @property
+    def position_ned(self) -> Vector3:
+        """Metres."""
+        return self.taken.position_ned
+
+    @property
+    def cov(self) -> Matrix3:
+        """Every source of error, m^2, NED."""
+        return add_diagonal(self.taken.cov, self.misplaced_m**2, 0.0)
+
+    @property
+    def relative_cov(self) -> Matrix3:
+        """Without the vehicle's own position, m^2, NED."""
+        return add_diagonal(self.taken.relative_cov, self.misplaced_m**2, 0.0)
+
+    @property
+    def velocity_ned(self) -> Vector3 | None:
+        """A wrong mount shifts, and turns as it shifts: nothing is known of the target's own motion."""
+        return None
+
+    @property
+    def velocity_cov(self) -> Matrix3 | None:
+        """None is told."""
+        return None
+
+    def predicted(self, host_ns: HostNs) -> TargetState:
+        """As it was taken to be."""
+        return self.taken.predicted(host_ns)
+
+    def surprise(self, fix: GroundFix) -> Surprise:
+        """How little a fix was expected, the mount as configured."""
+        return self.taken.surprise(fix)
+
+    def updated(self, fix: GroundFix) -> TargetState:
+        """As it was taken to be."""
+        return self.taken.updated(fix)
+
+
+def _level(horizontal: Symmetric2, down: float) -> Matrix3:
+    nn, ne, ee = horizontal
+    return ((nn, ne, 0.0), (ne, ee, 0.0), (0.0, 0.0, down))

@@ -1,0 +1,92 @@
+"""The nouns that the rooms hand to one another: frozen, typed, each field with its unit and frame.
+
+``msgspec.Struct`` rather than dataclasses: built several times as fast, which counts at 300 detections a second.
+"""
+
+from fwav_companion.types.board import BoardReport, LinkLoad
+from fwav_companion.types.camera import (
+    Corners,
+    Detection,
+    Frame,
+    Lens,
+    NoFrame,
+    NoRay,
+    Pixel,
+    Projection,
+    Ray,
+    StampClock,
+)
+from fwav_companion.types.commands import Command, CommandAnswer, CommandResult
+from fwav_companion.types.messages import Destination, Message, Notice, Outgoing, Severity
+from fwav_companion.types.reasons import Reason
+from fwav_companion.types.sightings import (
+    BIAS_COUNT,
+    Bias,
+    ErrorBudget,
+    ErrorPriors,
+    GroundFix,
+    NoFix,
+    Sighting,
+    Unpaired,
+)
+from fwav_companion.types.situation import Autopilot, AutopilotKind, Situation
+from fwav_companion.types.telemetry import (
+    AttitudeSample,
+    ClockEstimate,
+    ClockExchange,
+    ClockStatus,
+    GimbalAt,
+    HeightSource,
+    PositionSample,
+    RangeSample,
+    VehicleState,
+)
+from fwav_companion.types.tracks import FrameView, Innovation, Track, TrackState
+
+__all__ = [
+    "BIAS_COUNT",
+    "AttitudeSample",
+    "Autopilot",
+    "AutopilotKind",
+    "Bias",
+    "BoardReport",
+    "ClockEstimate",
+    "ClockExchange",
+    "ClockStatus",
+    "Command",
+    "CommandAnswer",
+    "CommandResult",
+    "Corners",
+    "Destination",
+    "Detection",
+    "ErrorBudget",
+    "ErrorPriors",
+    "Frame",
+    "FrameView",
+    "GimbalAt",
+    "GroundFix",
+    "HeightSource",
+    "Innovation",
+    "Lens",
+    "LinkLoad",
+    "Message",
+    "NoFix",
+    "NoFrame",
+    "NoRay",
+    "Notice",
+    "Outgoing",
+    "Pixel",
+    "PositionSample",
+    "Projection",
+    "RangeSample",
+    "Ray",
+    "Reason",
+    "Severity",
+    "Sighting",
+    "Situation",
+    "StampClock",
+    "Track",
+    "TrackState",
+    "Unpaired",
+    "VehicleState",
+]

@@ -1,0 +1,343 @@
+"""Self-calibration: its geometry by differences, its algebra by a batch fit, and flights with planted faults."""
+
+import msgspec
+import numpy as np
+import pytest
+import simulated_world
+from scipy.spatial.transform import Rotation
+from simulated_flight import Flight, priors
+from simulated_world import World
+
+from fwav_companion.self_calibration.assessment import assessed
+from fwav_companion.self_calibration.delayed_poses import delayed_poses
+from fwav_companion.self_calibration.filter_pass import FilterPass
+from fwav_companion.self_calibration.joint_filter import joint_of
+from fwav_companion.self_calibration.pixel_measurement import (
+    COMMON_COUNT,
+    SharedParameter,
+    camera_pose,
+    pixel_measurement,
+    pixel_noise,
+    predict,
+)
+from fwav_companion.tracking import CalibrationStatus, KeptCalibration, TrackingOptions, make_tracker
+from fwav_companion.types import BIAS_COUNT, Bias, Reason
+
+PLANTED = np.zeros(BIAS_COUNT)
+PLANTED[Bias.TIME_OFFSET] = 0.035
+PLANTED[[Bias.MOUNT_X, Bias.MOUNT_Y, Bias.MOUNT_Z]] = np.radians([0.5, 1.0, 2.0])
+"""Of the configured mount against the true one: the correction is its opposite."""
+
+
+def flown(flight, **options):
+    """(the oldest believed track's last state, the calibration) after a flight."""
+    world, best = World(flight), None
+    options = {"self_calibration": True, **options}
+    tracker = make_tracker(TrackingOptions(**options), flight.priors, world.state_at)
+    for view in world.frames():
+        for track in tracker.on_frame(view):
+            if track.confirmed_host_ns is not None and (best is None or track.id == best.id):
+                best = track
+    return best, tracker.calibration
+
+
+def error_of(track, target):
+    return float(np.hypot(*np.subtract(track.position_ned[:2], target)))
+
+
+def some_glimpses(count=40):
+    flight = Flight(seconds=8, shape="hover", height_m=10.0, targets=((4.0, 3.0),), pixel_px=0.5)
+    world = World(flight)
+    fixes = [fix for view in world.frames() for fix in view.fixes][:: max(1, 200 // count)][:count]
+    return [pixel_measurement(1, fix, delayed_poses(fix.sighting.state, (0.0,), world.state_at), 0.2) for fix in fixes]
+
+
+def test_what_was_before_the_first_position_is_no_place():
+    """It is not the origin: a camera on the ground under its own targets sees nothing, and the search takes it."""
+    world = World(Flight(seconds=3, shape="hover", height_m=10.0, targets=((4.0, 3.0),)))
+    nominal = next(fix for view in world.frames() for fix in view.fixes).sighting.state
+
+    def state_at(boot_ns):
+        state = world.state_at(boot_ns)
+        return msgspec.structs.replace(state, position_ned=None) if boot_ns < nominal.boot_ns - 50_000_000 else state
+
+    course = delayed_poses(nominal, (-0.03, 0.0, 0.03, 0.06, 0.09), state_at)
+    assert [moment.delay_s for moment in course.moments] == [-0.03, 0.0, 0.03]
+    assert course.at(0.15).position_ned[2] == pytest.approx(-10.0, abs=1.0)
+
+
+def test_a_target_square_to_the_ray_is_no_prediction():
+    """Its rows have no bound: whatever is predicted weighs more than rounding leaves of the pixel's own noise."""
+    common = (0.0,) * COMMON_COUNT
+    sigmas = (0.05, *np.radians([1.0, 1.0, 1.0, 2.0]), 0.0, 0.0, 0.0, 0.0)
+    glimpse = min(some_glimpses(10), key=lambda each: abs(each.drop_m))
+    point, camera = camera_pose(glimpse, common).ground_point(glimpse.ray), glimpse.course.at(0.0).position_ned
+    ray = np.array([point[0] - camera[0], point[1] - camera[1], glimpse.drop_m])
+    ray /= np.linalg.norm(ray)
+    aside = ray[:2] / np.hypot(*ray[:2])
+    square = -glimpse.drop_m * ray[2] / np.hypot(*ray[:2])  # so far along the ray's own azimuth, it is at a right angle
+    told = 0
+    for short in np.concatenate([[0.0], np.logspace(-9, 1.3, 40)]):
+        target = tuple(camera[:2] + (square + short) * aside)
+        joint = joint_of(priors(), sigmas, common, common)
+        joint = msgspec.structs.replace(
+            joint,
+            mean=(*joint.mean, *target),
+            cov=(*((*row, 0.0, 0.0) for row in joint.cov), (*common, 1.0, 0.0), (*common, 0.0, 1.0)),
+            around=(*joint.around, *target),
+            tracks=(1,),
+        )
+        seen = joint.innovation(1, glimpse)
+        if seen is not None:
+            told += 1
+            uu, uv, vv = seen.noise
+            assert seen.determinant > uu * vv - uv * uv > 0.0
+            assert 0.0 <= seen.distance2 < 1e6
+    assert 0 < told < 41
+
+
+def test_rows_are_the_differences_of_the_residual():
+    common = np.array([0.002, 0.01, -0.02, 0.03, 0.04, 0.3, 0.0, 0.2, -0.1])
+    target = np.array([4.1, 3.2])
+    for glimpse in some_glimpses(10):
+        at = predict(glimpse, tuple(target), tuple(common))
+        for i in range(COMMON_COUNT + 2):
+            step = np.zeros(COMMON_COUNT + 2)
+            step[i] = 1e-6
+            sides = [
+                np.array(predict(glimpse, tuple(target + s * step[9:]), tuple(common + s * step[:9])).residual)
+                for s in (1, -1)
+            ]
+            told = [(*c, *t)[i] for c, t in zip(at.by_common, at.by_target, strict=True)]
+            tolerance = 1e-3 * np.abs(at.by_common).max(1)[0] if i in (1, 2, 3) else 1e-3  # third order of the vector
+            assert -(sides[0] - sides[1]) / 2e-6 == pytest.approx(told, rel=1e-4, abs=tolerance)
+
+
+def test_the_ground_point_is_where_the_residual_vanishes():
+    common = (0.0, 0.01, -0.02, 0.03, 0.04, 0.3, 0.0, 0.2, -0.1)
+    for glimpse in some_glimpses(5):
+        point = camera_pose(glimpse, common).ground_point(glimpse.ray)
+        assert predict(glimpse, point, common).residual == pytest.approx((0, 0), abs=1e-6)
+
+
+def test_glimpses_between_the_same_two_attitudes_share_their_noise():
+    p, common = priors(attitude_noise=0.01), (0.0,) * COMMON_COUNT
+    glimpse = some_glimpses(2)[1]
+    at = predict(glimpse, (4.0, 3.0), common)
+
+    def noise(spacing_s, since_s):
+        spaced = msgspec.structs.replace(glimpse, attitude_spacing_s=spacing_s, since_s=since_s)
+        return np.array(pixel_noise(spaced, at, p)) - np.array(pixel_noise(spaced, at, priors(attitude_noise=0.0)))
+
+    alone = noise(0.02, 0.1)
+    assert noise(0.02, 0.04) == pytest.approx(alone)
+    assert noise(0.25, 0.1) == pytest.approx(2.5 * alone)
+
+
+def test_the_joint_estimate_is_the_batch_fit():
+    """Information added up in numpy, with the same rows at the same point."""
+    p = priors(time_offset=0.01, height=0.5)
+    sigmas = (0.01, 0.0175, 0.0175, 0.0175, 0.035, 0.5, 0.0, 0.0, 0.0)
+    glimpses = some_glimpses()
+    around, target = (0.0,) * COMMON_COUNT, (4.0, 3.0)
+    joint = joint_of(p, sigmas, around, around).with_target(glimpses[0], target)
+    for glimpse in glimpses[1:]:
+        joint = joint.updated(joint.innovation(1, glimpse))
+
+    used = [i for i in range(COMMON_COUNT) if sigmas[i] > 0]
+    information = np.zeros((len(used) + 2,) * 2)
+    information[: len(used), : len(used)] = np.diag([sigmas[i] ** -2 for i in used])
+    right = np.zeros(len(used) + 2)
+    for glimpse in glimpses:
+        at = predict(glimpse, target, around)
+        rows = np.array([[*(c[i] for i in used), *t] for c, t in zip(at.by_common, at.by_target, strict=True)])
+        uu, uv, vv = pixel_noise(glimpse, at, p)
+        weight = np.linalg.inv([[uu, uv], [uv, vv]])
+        information += rows.T @ weight @ rows
+        right += rows.T @ weight @ np.array(at.residual)
+    cov = np.linalg.inv(information)
+    places = [*used, COMMON_COUNT, COMMON_COUNT + 1]
+    mean = np.array([joint.mean[i] for i in places]) - np.array([0.0] * len(used) + [4.0, 3.0])
+    assert mean == pytest.approx(cov @ right, rel=1e-4, abs=1e-6)
+    assert np.array([[joint.cov[i][j] for j in places] for i in places]) == pytest.approx(cov, rel=1e-4, abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_late_camera_and_a_crooked_mount_are_found(seed):
+    flight = Flight(seed=seed, biases=PLANTED)
+    track, report = flown(flight)
+    assert report.status is CalibrationStatus.CALIBRATED
+    assert error_of(track, (2.0, 3.0)) < 0.06
+    assert report.time_offset_s == pytest.approx(0.035, abs=0.003)
+    assert np.degrees(report.mount) == pytest.approx(-np.degrees(PLANTED[3:6]), abs=0.3)
+    assert abs(report.time_offset_s - 0.035) < 4 * report.time_offset_sigma_s < 0.01
+
+
+def test_gross_detections_do_not_spoil_it():
+    track, report = flown(Flight(seed=32, biases=PLANTED, gross=0.05))
+    assert error_of(track, (2.0, 3.0)) < 0.06
+    assert report.time_offset_s == pytest.approx(0.035, abs=0.003)
+
+
+def test_where_nothing_is_wrong_nothing_gets_worse():
+    ratio = []
+    for seed in (1, 2):
+        flight = Flight(seed=seed, seconds=45)
+        ratio.append([error_of(flown(flight, self_calibration=on)[0], (2.0, 3.0)) for on in (True, False)])
+    on, off = np.sqrt(np.mean(np.square(ratio), axis=0))
+    assert on < 1.1 * off + 0.002
+
+
+def test_a_hover_leaves_the_mount_alone():
+    flight = Flight(seed=6, seconds=20, fps=15, shape="hover", height_m=10.0, targets=((4.0, 3.0),))
+    track, report = flown(flight)
+    assert report.status is CalibrationStatus.TIME
+    assert report.mount == (0.0, 0.0, 0.0)
+    assert report.mount_sigma == pytest.approx(np.radians([1, 1, 1]))
+    assert report.time_offset_s == pytest.approx(0.0, abs=0.002)
+    assert error_of(track, (4.0, 3.0)) < 0.02
+    assert np.sqrt(track.cov[0][0]) > 0.15  # the mount's prior is still in it
+
+
+def test_what_does_not_shake_shows_no_delay():
+    flight = Flight(seed=6, seconds=20, fps=15, shape="hover", height_m=10.0, targets=((4.0, 3.0),), flapping_deg=0.0)
+    track, report = flown(flight)
+    assert report.status is CalibrationStatus.WAITING
+    assert report.time_offset_sigma_s == 0.05
+    assert error_of(track, (4.0, 3.0)) < 0.03
+
+
+@pytest.mark.parametrize("seed", [1, 4])
+def test_a_flight_without_flapping_claims_no_more_than_it_shows(seed):
+    """Turns alone show the delay, a tenth as well as flapping does: noise in what is told of them is no turning."""
+    track, report = flown(Flight(seed=seed, flapping_deg=0.0, biases=PLANTED, seconds=45, fps=15))
+    assert report.status is CalibrationStatus.CALIBRATED
+    assert abs(report.time_offset_s - 0.035) < 2 * report.time_offset_sigma_s < 0.012
+    assert error_of(track, (2.0, 3.0)) < 0.06
+
+
+@pytest.mark.parametrize("late_by", [-0.00125, 0.00125])
+def test_attitudes_that_are_all_as_late_are_no_delay_of_the_camera(late_by):
+    """They look like one, and make no target worse: at the very end of what stamps leave open it is still covered."""
+    track, report = flown(Flight(seed=3, biases=PLANTED, late_by=late_by, seconds=45))
+    assert report.time_offset_s + late_by == pytest.approx(0.035, abs=0.0008)
+    assert abs(report.time_offset_s - 0.035) < 3 * report.time_offset_sigma_s < 0.002
+    assert report.keep.time_offset_sigma_s == report.time_offset_sigma_s
+    assert error_of(track, (2.0, 3.0)) < 0.06
+
+
+@pytest.mark.parametrize(
+    ("open_s", "status"), [(0.01, CalibrationStatus.CALIBRATED), (0.02, CalibrationStatus.WAITING)]
+)
+def test_attitudes_whose_instant_is_open_teach_nothing(open_s, status):
+    """As where two of them are told a beat: any delay fits what they show."""
+    flight = Flight(seed=3, biases=PLANTED, late_by=0.0, stamp_late_s=open_s * np.sqrt(12.0), seconds=45)
+    track, report = flown(flight)
+    assert report.status is status
+    assert report.time_offset_sigma_s >= open_s / 2
+    assert track.confirmed_host_ns is not None
+
+
+def test_a_kept_calibration_is_where_the_next_flight_starts():
+    p = priors()
+    kept = KeptCalibration(
+        time_offset_s=0.035, time_offset_sigma_s=0.001, mount=(-0.01, 0.0, 0.0), mount_sigma=(0.002,) * 3
+    )
+    report = make_tracker(TrackingOptions(self_calibration=True), p, None, kept).calibration
+    assert (report.time_offset_s, report.time_offset_sigma_s, report.mount) == (0.035, 0.001, (-0.01, 0.0, 0.0))
+    assert report.status is CalibrationStatus.WAITING
+
+
+def test_without_the_vehicles_history_it_still_runs():
+    flight = Flight(seconds=15, shape="hover", height_m=10.0, targets=((4.0, 3.0),))
+    tracker = make_tracker(TrackingOptions(self_calibration=True), flight.priors)
+    for view in World(flight).frames():
+        tracks = tracker.on_frame(view)
+    assert error_of(tracks[0], (4.0, 3.0)) < 0.05
+
+
+def test_common_order():
+    assert [c.name for c in SharedParameter][:6] == ["DELAY", "MOUNT_X", "MOUNT_Y", "MOUNT_Z", "HEADING", "HEIGHT"]
+
+
+TURNS = {
+    "upside down": (-1, 0, 0, -1),
+    "90 degrees clockwise": (0, -1, 1, 0),
+    "90 degrees counterclockwise": (0, 1, -1, 0),
+    "left to right": (-1, 0, 0, 1),
+    "top to bottom": (1, 0, 0, -1),
+}
+
+
+def turned_flight(monkeypatch, a, b, c, d):
+    """A flight whose image is turned about its middle: pixel x' = a x + b y, y' = c x + d y."""
+    straight = simulated_world.pixel_from_camera
+
+    def turned(points):
+        x, y = (straight(points) - (320, 240)).T
+        return np.stack([320 + a * x + b * y, 240 + c * x + d * y], -1)
+
+    flight = Flight(fps=10)
+    world = World(flight)
+    monkeypatch.setattr(simulated_world, "pixel_from_camera", turned)
+    return flight, world, world.frames()
+
+
+@pytest.mark.parametrize("name", TURNS)
+def test_a_gross_mistake_is_named_and_nothing_is_estimated(name, monkeypatch):
+    flight, world, views = turned_flight(monkeypatch, *TURNS[name])
+    tracker = make_tracker(TrackingOptions(self_calibration=True), flight.priors, world.state_at)
+    for view in views:
+        tracker.on_frame(view)
+    assert name in tracker.calibration.mistake
+    assert tracker.calibration.status is CalibrationStatus.WAITING
+
+
+def test_a_mount_off_by_degrees_is_no_gross_mistake(monkeypatch):
+    flight, world, views = turned_flight(monkeypatch, 1, 0, 0, 1)
+    flight.biases[:] = 2 * PLANTED
+    tracker = make_tracker(TrackingOptions(self_calibration=True), flight.priors, world.state_at)
+    for view in views:
+        tracker.on_frame(view)
+    assert tracker.calibration.mistake == ""
+
+
+def test_what_was_learnt_outlives_the_tracks():
+    flight = Flight(seed=1, biases=PLANTED, seconds=45)
+    world = World(flight)
+    tracker = make_tracker(TrackingOptions(self_calibration=True), flight.priors, world.state_at)
+    for view in world.frames():
+        tracker.on_frame(view)
+    told, keep = tracker.calibration, tracker.calibration.keep
+    tracker.drop_all(Reason.ORIGIN_SET, view.frame, view.host_ns, view.boot_ns)
+    report = tracker.calibration
+    assert report.time_offset_s == keep.time_offset_s == pytest.approx(0.035, abs=0.003)
+    assert report.mount == keep.mount
+    assert (
+        report.mount_sigma[2] > 2.0 * told.mount_sigma[2]
+    )  # as far as heading and mount are one, another flight's differ
+    assert np.all(np.abs(report.mount + PLANTED[3:6]) < 3.0 * np.array(report.mount_sigma))
+
+
+def test_one_gross_glimpse_among_the_first_does_not_place_a_target():
+    glimpses = some_glimpses()
+    turn = Rotation.from_rotvec([0.15, 0.0, 0.0])
+    first = glimpses[0]
+    turned = {name: tuple(turn.apply(getattr(first, name))) for name in ("ray", "by_u", "by_v")}
+    gross = msgspec.structs.replace(first, **turned)
+    sigmas = (0.001, 0.001, 0.001, 0.001, 0.001, 0.0, 0.0, 0.0, 0.0)
+    fit = FilterPass(joint_of(priors(), sigmas, (0.0,) * COMMON_COUNT, (0.0,) * COMMON_COUNT))
+    for glimpse in (gross, *glimpses[1:]):
+        fit = fit.fed(glimpse)
+    assert fit.refused == 1
+    assert fit.joint.mean[COMMON_COUNT:] == pytest.approx((4.0, 3.0), abs=0.05)
+
+
+@pytest.mark.parametrize(("various", "status"), [(False, CalibrationStatus.TIME), (True, CalibrationStatus.CALIBRATED)])
+def test_a_mount_is_let_go_only_after_various_views(various, status):
+    """However small the algebra says it is: one view from one side shows a mount only through its own errors."""
+    sigmas = (0.05, 0.0175, 0.0175, 0.0175, 0.035, 0.0, 0.0, 0.0, 0.0)
+    joint = joint_of(priors(), tuple(s / 100 for s in sigmas), (0.01,) * COMMON_COUNT, (0.0,) * COMMON_COUNT)
+    verdict = assessed(joint, (0.0,) * COMMON_COUNT, sigmas, various=various)
+    assert verdict.status is status
+    assert (SharedParameter.MOUNT_X in verdict.told) is various

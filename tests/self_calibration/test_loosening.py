@@ -1,0 +1,140 @@
+"""Priors that cannot be right are widened, not obeyed; those that can are left alone."""
+
+import msgspec
+import numpy as np
+import pytest
+from simulated_flight import Flight, priors
+from simulated_world import World
+
+from fwav_companion.pipeline.self_calibration_notices import SelfCalibrationNotices
+from fwav_companion.self_calibration.joint_filter import joint_of
+from fwav_companion.self_calibration.pixel_measurement import COMMON_COUNT
+from fwav_companion.self_calibration.prior_inflation import PriorInflation, prior_inflations
+from fwav_companion.tracking import CalibrationStatus, KeptCalibration, SharedParameter, TrackingOptions, make_tracker
+from fwav_companion.types import BIAS_COUNT, Bias, Severity
+
+TARGET = (2.0, 3.0)
+SIGMAS = np.array([0.01, 0.02, 0.02, 0.02, 0.03, 0.5, 0.0, 0.0, 0.0])
+MEANS = (0.0,) * COMMON_COUNT
+USED = np.flatnonzero(SIGMAS)
+
+
+def informed(truth, sigmas, seed=4, measurements=40):
+    """What a batch fit makes of made-up measurements of everything together, about as sharp as the usual priors."""
+    rng = np.random.default_rng(seed)
+    rows = rng.normal(0.0, 1.0 / SIGMAS[USED], (measurements, len(USED)))
+    seen = rows @ np.array(truth)[USED] + rng.normal(0.0, 1.0, measurements)
+    cov, mean = np.zeros((COMMON_COUNT, COMMON_COUNT)), np.zeros(COMMON_COUNT)
+    cov[np.ix_(USED, USED)] = np.linalg.inv(np.diag(np.array(sigmas)[USED] ** -2.0) + rows.T @ rows)
+    mean[USED] = cov[np.ix_(USED, USED)] @ rows.T @ seen
+    blank = joint_of(priors(), tuple(sigmas), MEANS, MEANS)
+    return msgspec.structs.replace(blank, mean=tuple(mean), cov=tuple(map(tuple, cov)))
+
+
+def test_a_loosened_estimate_is_that_of_the_wider_prior():
+    truth = [0.0, 0.01, -0.02, 0.0, 0.0, 3.0, 0.0, 0.0, 0.0]
+    loosening = PriorInflation(SharedParameter.HEIGHT, 0.0, 0.5, 3.0)
+    wide = SIGMAS.copy()
+    wide[SharedParameter.HEIGHT] = loosening.wider_sigma
+    loosened, expected = loosening.of(informed(truth, SIGMAS)), informed(truth, wide)
+    assert loosened.mean == pytest.approx(expected.mean, rel=1e-9, abs=1e-12)
+    assert np.array(loosened.cov) == pytest.approx(np.array(expected.cov), rel=1e-9, abs=1e-15)
+
+
+def test_what_the_flight_says_alone_is_what_it_says_without_the_prior():
+    truth = [0.0, 0.0, 0.0, 0.3, 0.0, 4.0, 0.0, 0.0, 0.0]
+    found = {each.unknown: each.alone for each in prior_inflations(informed(truth, SIGMAS), MEANS, tuple(SIGMAS))}
+    free = SIGMAS.copy()
+    free[[SharedParameter.MOUNT_Z, SharedParameter.HEIGHT]] = 1e6
+    expected = informed(truth, free)
+    assert found.keys() == {SharedParameter.MOUNT_Z, SharedParameter.HEIGHT}
+    assert found[SharedParameter.HEIGHT] == pytest.approx(expected.mean[SharedParameter.HEIGHT], rel=0.05)
+    assert found[SharedParameter.MOUNT_Z] == pytest.approx(expected.mean[SharedParameter.MOUNT_Z], rel=0.05)
+
+
+def test_a_prior_that_is_right_is_hardly_ever_denied():
+    rng, denied = np.random.default_rng(9), 0
+    for seed in range(2000):
+        truth = rng.normal(0.0, 1.0, COMMON_COUNT) * SIGMAS
+        denied += bool(prior_inflations(informed(truth, SIGMAS, seed, measurements=12), MEANS, tuple(SIGMAS)))
+    assert denied <= 1
+
+
+def flown(flight, kept=None):
+    world, best = World(flight), None
+    tracker = make_tracker(TrackingOptions(self_calibration=True), flight.priors, world.state_at, kept)
+    for view in world.frames():
+        for track in tracker.on_frame(view):
+            if track.confirmed_host_ns is not None and (best is None or track.id == best.id):
+                best = track
+    return best, tracker.calibration
+
+
+@pytest.mark.parametrize(("height_m", "mount_y_deg"), [(1.5, 0.0), (-2.5, 1.0), (0.0, 6.0)])
+def test_a_height_or_a_mount_far_beyond_its_prior_is_found_and_told_and_bends_nothing_else(height_m, mount_y_deg):
+    biases = np.zeros(BIAS_COUNT)
+    biases[Bias.TIME_OFFSET], biases[Bias.HEIGHT] = 0.035, height_m
+    biases[[Bias.MOUNT_X, Bias.MOUNT_Y]] = np.radians([0.5, mount_y_deg])
+    track, report = flown(Flight(seed=4, seconds=30, biases=biases, priors=priors(height=0.2)))
+    error = np.subtract(track.position_ned[:2], TARGET)
+    assert report.status is CalibrationStatus.CALIBRATED
+    assert np.degrees(report.mount) == pytest.approx([-0.5, -mount_y_deg, 0.0], abs=0.3)
+    assert report.height_m == pytest.approx(height_m, abs=0.4)
+    assert error @ np.linalg.solve(np.array(track.cov)[:2, :2], error) < 13.8
+
+    news = SelfCalibrationNotices(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), 0.0)
+    (told,) = (each.text for each in news.notices(report) if each.severity is Severity.WARNING)
+    assert ("height_bias_m" if height_m else "mount_bias_deg") in told
+    assert not [each for each in news.notices(report) if each.severity is Severity.WARNING]
+
+
+def test_each_denied_prior_is_told_by_the_key_that_states_it():
+    _, report = flown(Flight(seed=4, seconds=30, biases=np.zeros(BIAS_COUNT)))
+    assert report.status is CalibrationStatus.CALIBRATED
+    denied = (
+        PriorInflation(SharedParameter.DELAY, 0.0, 0.01, 0.05),
+        PriorInflation(SharedParameter.MOUNT_Y, 0.0, 0.02, np.radians(-6.0)),
+        PriorInflation(SharedParameter.HEIGHT, 0.0, 0.5, 5.3),
+    )
+    news = SelfCalibrationNotices(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), 0.0)
+    told = [each for each in news.notices(msgspec.structs.replace(report, denied=denied)) if each.to_ground]
+    for notice, figure, key in zip(
+        told,
+        ("+50 ms", "-6.0 degrees", "+5.3 m"),
+        ("time_offset_sigma_s", "mount_bias_deg", "height_bias_m"),
+        strict=True,
+    ):
+        assert figure in notice.text
+        assert key in notice.text
+
+
+@pytest.mark.parametrize(("kept_s", "kept_deg"), [(0.020, -1.0), (0.010, -1.0), (0.035, 1.5)])
+def test_a_camera_that_was_moved_since_an_earlier_flight_is_calibrated_anew(kept_s, kept_deg):
+    biases = np.zeros(BIAS_COUNT)
+    biases[Bias.TIME_OFFSET], biases[Bias.MOUNT_Y] = 0.035, np.radians(1.0)
+    kept = KeptCalibration(
+        time_offset_s=kept_s,
+        time_offset_sigma_s=5e-4,
+        mount=(0.0, np.radians(kept_deg), 0.0),
+        mount_sigma=(1e-3, 1e-3, 0.03),
+    )
+    _, report = flown(Flight(seed=3, seconds=45, biases=biases), kept)
+    assert report.replaced
+    assert report.status is CalibrationStatus.CALIBRATED
+    assert report.time_offset_s == pytest.approx(0.035, abs=0.002)
+    assert np.degrees(report.mount) == pytest.approx([0.0, -1.0, 0.0], abs=0.3)
+    news = SelfCalibrationNotices(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), 0.0)
+    assert news.status(report)["replaced"]
+    assert "dropped" in next(each.text for each in news.notices(report) if each.severity is Severity.WARNING)
+
+
+def test_a_camera_that_was_not_moved_keeps_its_calibration():
+    biases = np.zeros(BIAS_COUNT)
+    biases[Bias.TIME_OFFSET], biases[Bias.MOUNT_Y] = 0.035, np.radians(1.0)
+    kept = KeptCalibration(
+        time_offset_s=0.0355,
+        time_offset_sigma_s=5e-4,
+        mount=(0.001, -np.radians(1.0), 0.02),
+        mount_sigma=(1e-3, 1e-3, 0.03),
+    )
+    assert not flown(Flight(seed=3, seconds=45, biases=biases), kept)[1].replaced

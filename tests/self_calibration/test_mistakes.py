@@ -1,0 +1,121 @@
+"""Gross mistakes in the mount: named with the mount that is there, and nothing is told for sure meanwhile."""
+
+import re
+
+import msgspec
+import numpy as np
+import pytest
+import simulated_flight
+from scipy.spatial.transform import Rotation
+from simulated_flight import BODY_FROM_CAMERA, Flight
+from simulated_world import World
+
+from fwav_companion.geometry.mounts import body_from_camera_from_euler
+from fwav_companion.self_calibration.delayed_poses import VehiclePose, vehicle_pose
+from fwav_companion.self_calibration.mount_check import MountCheck
+from fwav_companion.self_calibration.single_sights import meeting, misplaced_m, missed, sight_of
+from fwav_companion.tracking import CalibrationStatus, TrackingOptions, make_tracker
+from fwav_companion.types import BIAS_COUNT, Bias
+
+MOUNT = [Bias.MOUNT_X, Bias.MOUNT_Y, Bias.MOUNT_Z]
+LEVEL = {"fps": 10.0, "pitch_deg": 0.0, "targets": ((1.0, 2.0),), "seconds": 45.0}
+
+
+@pytest.fixture(autouse=True)
+def _wide_lens(monkeypatch):
+    """75 degrees from the middle to the side."""
+    monkeypatch.setattr(simulated_flight, "FOCAL", 244.0)
+    monkeypatch.setattr(simulated_flight, "CUBIC", -4.0)
+
+
+def crooked(vector_deg, **options):
+    """A flight with a camera that is turned so from the configured mount, a rotation vector in body axes."""
+    biases = np.zeros(BIAS_COUNT)
+    biases[MOUNT] = -np.radians(vector_deg)
+    return Flight(biases=biases, **LEVEL | options)
+
+
+def flown(flight, **options):
+    """(what is told of calibration, believed tracks) after each frame."""
+    world = World(flight)
+    tracker = make_tracker(TrackingOptions(self_calibration=True, **options), flight.priors, world.state_at)
+    for view in world.frames():
+        tracks = tracker.on_frame(view)
+        yield tracker.calibration, [track for track in tracks if track.confirmed_host_ns is not None]
+
+
+def nominally(state):
+    return vehicle_pose(state, 0.0)
+
+
+@pytest.mark.parametrize("vector_deg", [(18, 0, 0), (0, 20, 0), (0, 0, 25), (-20, 25, 10), (0, -45, 0), (30, 30, 30)])
+def test_a_mount_far_off_is_named_as_it_is_and_nothing_is_told_for_sure(vector_deg):
+    named, doubted = "", []
+    for report, tracks in flown(crooked(vector_deg)):
+        named = report.mistake or named
+        if report.mistake:
+            assert report.status is CalibrationStatus.WAITING
+            doubted += tracks
+    told = [float(number) for number in re.findall(r"-?\d+", named)]
+    true = Rotation.from_rotvec(np.radians(vector_deg)) * BODY_FROM_CAMERA
+    as_told = Rotation.from_matrix(body_from_camera_from_euler(*np.radians(told[1:])))
+    assert told[0] == pytest.approx(np.linalg.norm(vector_deg), abs=3)
+    assert np.degrees((true.inv() * as_told).magnitude()) < 4
+
+    assert doubted
+    assert all(track.fix is None for track in doubted)
+    for cov in (lambda track: track.cov, lambda track: track.relative_cov):
+        squares = []
+        for track in doubted:
+            error = np.subtract(track.position_ned[:2], (1.0, 2.0))
+            squares.append(error @ np.linalg.solve(np.array(cov(track))[:2, :2], error))
+        assert max(squares) < 13.8
+
+
+@pytest.mark.parametrize("vector_deg", [(0, 0, 0), (6, 0, 0), (0, -8, 0)])
+def test_a_mount_that_self_calibration_finds_is_not_named(vector_deg):
+    for report, tracks in flown(crooked(vector_deg)):  # noqa: B007
+        assert report.mistake == ""
+    assert np.degrees(report.mount) == pytest.approx(vector_deg, abs=0.3)
+    assert np.sqrt(tracks[0].cov[0][0]) < 0.1
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_who_walks_is_no_crooked_mount(seed):
+    angle = 2.0 * seed
+    flight = Flight(**LEVEL | {"seconds": 40.0}, seed=seed, velocities=((1.5 * np.cos(angle), 1.5 * np.sin(angle)),))
+    assert not any(report.mistake for report, _ in flown(flight, motion="moving"))
+
+
+def test_sights_meet_under_the_mount_that_is_there_and_nowhere_else():
+    world = World(crooked((10, 0, 5), pixel_px=0.1, stamp_late_s=0.0))
+    fixes = [view.fixes[0] for view in world.frames() if len(view.fixes) == 1]
+    sights = [sight_of(fix, nominally(fix.sighting.state)) for fix in fixes]
+    true = (Rotation.from_rotvec(np.radians([10, 0, 5])) * BODY_FROM_CAMERA).as_matrix()
+    there = meeting(sights, tuple(map(tuple, true)))
+    assert there.spread < 0.005
+    assert (there.north, there.east) == pytest.approx((1.0, 2.0), abs=0.05)
+    assert missed(sights[-5:], there) < 0.005
+    assert meeting(sights, sights[0].body_from_camera).spread > 0.1
+    off = [np.hypot(*np.subtract(fix.position_ned[:2], (1.0, 2.0))) for fix in fixes]
+    assert misplaced_m(sights, there) == pytest.approx(np.median(off), rel=0.05)
+
+
+def test_sights_are_taken_by_the_delay_that_was_found():
+    """At another one they were of other attitudes: those before it are forgotten, and what was found is not."""
+    fixes = [view.fixes for view in World(crooked((20, 0, 0))).frames() if len(view.fixes) == 1]
+    suspicion = MountCheck()
+    for seen in fixes:
+        suspicion = suspicion.seen(seen, nominally)
+    assert "20 degrees" in suspicion.text
+
+    def later(state):
+        return VehiclePose(
+            0.05, state.ned_from_body, state.rates, (0.0, 0.0, 0.0), state.position_ned, state.velocity_ned
+        )
+
+    sighting = fixes[-1][0].sighting
+    after = msgspec.structs.replace(sighting, frame_host_ns=sighting.frame_host_ns + 10**9)
+    suspicion = suspicion.seen([msgspec.structs.replace(fixes[-1][0], sighting=after)], later)
+    assert [sight.delay_s for sight in suspicion.sights] == [0.05]
+    assert "20 degrees" in suspicion.text

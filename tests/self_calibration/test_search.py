@@ -1,0 +1,70 @@
+"""The search for the delay: a steady beat repeats itself, and what repeats itself is not guessed."""
+
+import msgspec
+import numpy as np
+import pytest
+from simulated_flight import Flight, priors
+from simulated_world import World
+
+from fwav_companion.self_calibration.calibration_context import CalibrationContext
+from fwav_companion.self_calibration.delay_search import ROUNDS, delay_search
+from fwav_companion.tracking import CalibrationStatus, TrackingOptions, make_tracker
+from fwav_companion.types import BIAS_COUNT, Bias
+
+
+def late(delay_s):
+    biases = np.zeros(BIAS_COUNT)
+    biases[Bias.TIME_OFFSET] = delay_s
+    return biases
+
+
+def hovering(delay_s, flapping_hz, **options):
+    shape = {"shape": "hover", "height_m": 10.0, "targets": ((4.0, 3.0),), "seconds": 10.0, "attitude_hz": 100.0}
+    return Flight(biases=late(delay_s), flapping_hz=flapping_hz, **shape | options)
+
+
+def calibrated(flight):
+    world = World(flight)
+    tracker = make_tracker(TrackingOptions(self_calibration=True), flight.priors, world.state_at)
+    for view in world.frames():
+        tracker.on_frame(view)
+    return tracker.calibration
+
+
+@pytest.mark.parametrize("seed", [2, 5, 7])
+def test_delays_a_beat_apart_are_told_and_not_guessed_between(seed):
+    """A hover at a steady 10 Hz repeats itself every 100 ms, well within the prior; one fits better by luck."""
+    report = calibrated(hovering(0.03, 10.0, seed=seed))
+    assert report.status is CalibrationStatus.AMBIGUOUS
+    beats = [round((rival - 0.03) / 0.1) for rival in report.rivals]
+    assert 0 in beats
+    assert len(beats) > 1
+    assert report.rivals == pytest.approx([0.03 + 0.1 * beat for beat in beats], abs=0.002)
+    assert (report.time_offset_s, report.time_offset_sigma_s) == (0.0, 0.05)
+    assert report.mount == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_what_the_prior_rules_out_is_no_rival(seed):
+    """At 5 Hz the other delay is 200 ms away: beyond three sigma of it."""
+    report = calibrated(hovering(0.02, 5.0, seed=seed))
+    assert report.status is CalibrationStatus.TIME
+    assert report.time_offset_s == pytest.approx(0.02, abs=0.002)
+
+
+def test_turns_tell_beats_apart():
+    """With this seed the delay that is wrong by a beat of 100 ms fits the first seconds better."""
+    flight = Flight(flapping_hz=10.0, attitude_hz=100.0, seconds=45.0).drawn(5)
+    report = calibrated(flight)
+    assert report.status is CalibrationStatus.CALIBRATED
+    assert abs(report.time_offset_s - flight.biases[Bias.TIME_OFFSET]) < 4 * report.time_offset_sigma_s < 0.002
+
+
+@pytest.mark.parametrize(("refused", "status"), [(300, CalibrationStatus.UNEXPLAINED), (0, None)])
+def test_what_no_delay_explains_is_said_to_be_unexplained(refused, status):
+    search = delay_search(CalibrationContext(priors(), World(Flight(seconds=1.0)).state_at))
+    fits = [
+        msgspec.structs.replace(fit, used=300, refused=refused, score=-20.0 * k) for k, fit in enumerate(search.bank)
+    ]
+    result = msgspec.structs.replace(search, bank=(), trials=tuple(fits[::2]), round=ROUNDS).result(())
+    assert getattr(result, "status", None) is status

@@ -1,0 +1,111 @@
+"""The mount as it is told and kept: covered by its claims over flights whose heading errs as its prior says."""
+
+import msgspec
+import numpy as np
+import pytest
+from handmade import BOOT_NS
+from scipy.spatial.transform import Rotation
+from simulated_flight import Flight, path, priors
+from simulated_world import World
+
+from fwav_companion.self_calibration.assessment import assessed
+from fwav_companion.self_calibration.delayed_poses import delayed_poses
+from fwav_companion.self_calibration.joint_filter import joint_of
+from fwav_companion.self_calibration.observability import MOUNT, all_but, holding
+from fwav_companion.self_calibration.pixel_measurement import (
+    COMMON_COUNT,
+    SharedParameter,
+    pixel_measurement,
+    pixel_noise,
+    predict,
+)
+from fwav_companion.self_calibration.report import worth_keeping
+from fwav_companion.tracking import CalibrationStatus, TrackingOptions, make_tracker
+from fwav_companion.types import BIAS_COUNT, Bias
+
+SIGMAS = (0.05, *np.radians([1.0, 1.0, 1.0, 2.0]), 0.0, 0.0, 0.0, 0.0)
+MEANS = (0.0,) * COMMON_COUNT
+USED = [*range(5), COMMON_COUNT, COMMON_COUNT + 1]
+FLIGHTS = 300
+
+
+def seen_from_a_flight():
+    """(information of the flight's pixels about USED, down in the body on its average)."""
+    flight = Flight(fps=3)
+    world = World(flight)
+    fixes = [fix for view in world.frames() for fix in view.fixes]
+    information = np.zeros((len(USED), len(USED)))
+    for fix in fixes:
+        glimpse = pixel_measurement(1, fix, delayed_poses(fix.sighting.state, (0.0,), world.state_at), 1.0)
+        at = predict(glimpse, flight.targets[0], MEANS)
+        rows = np.array(at.rows)[:, USED]
+        uu, uv, vv = pixel_noise(glimpse, at, flight.priors)
+        information += rows.T @ np.linalg.solve([[uu, uv], [uv, vv]], rows)
+    _, ypr = path(flight, np.array([(fix.sighting.boot_ns - BOOT_NS) * 1e-9 for fix in fixes]))
+    down = Rotation.from_euler("ZYX", ypr).inv().apply([0.0, 0.0, 1.0]).mean(0)
+    return information, tuple(map(float, down))
+
+
+def as_joint(mean, cov):
+    places = range(COMMON_COUNT + 2)
+    full_mean, full = np.zeros(COMMON_COUNT + 2), np.zeros((COMMON_COUNT + 2,) * 2)
+    full_mean[USED], full[np.ix_(USED, USED)] = mean, cov
+    blank = joint_of(priors(), SIGMAS, MEANS, MEANS)
+    return msgspec.structs.replace(
+        blank, mean=tuple(full_mean), cov=tuple(tuple(full[i][j] for j in places) for i in places), tracks=(1,)
+    )
+
+
+def test_told_and_kept_mounts_are_covered_over_drawn_headings():
+    information, down = seen_from_a_flight()
+    prior = np.diag([*(s**-2 for s in SIGMAS[:5]), 1e-6, 1e-6])
+    cov = np.linalg.inv(information + prior)
+    root, rng = np.linalg.cholesky(information), np.random.default_rng(5)
+    told_in, kept_in = np.zeros(3), np.zeros(3)
+    for _ in range(FLIGHTS):
+        truth = np.array([*rng.standard_normal(5) * SIGMAS[:5], 0.0, 0.0])
+        mean = cov @ (information @ truth + root @ rng.standard_normal(len(USED)))
+        verdict = assessed(as_joint(mean, cov), MEANS, SIGMAS, various=True, down=down)
+        assert verdict.status is CalibrationStatus.CALIBRATED
+        told, kept = verdict.told, worth_keeping(verdict)
+        mount, heading = truth[1:4], truth[4]
+        expected = mount - heading * np.array(down)
+        told_in += [abs(told[i][0] - x) < 1.96 * told[i][1] for i, x in zip(MOUNT, expected, strict=True)]
+        kept_in += [abs(m - x) < 1.96 * s for m, x, s in zip(kept.mount, mount, kept.mount_sigma, strict=True)]
+        assert told[SharedParameter.MOUNT_Z][1] < 0.35 * SIGMAS[SharedParameter.MOUNT_Z]
+    share = np.concatenate([told_in, kept_in]) / FLIGHTS
+    assert np.all(share > 0.95 - 3.3 * np.sqrt(0.95 * 0.05 / FLIGHTS))
+    assert np.all(share < 0.95 + 3.3 * np.sqrt(0.95 * 0.05 / FLIGHTS))
+
+
+def test_a_heading_error_is_told_as_the_turn_about_down_that_it_is():
+    biases = np.zeros(BIAS_COUNT)
+    mount, heading = np.radians([0.5, 1.0, 2.0]), np.radians(3.0)
+    biases[Bias.TIME_OFFSET], biases[Bias.HEADING] = 0.035, heading
+    biases[[Bias.MOUNT_X, Bias.MOUNT_Y, Bias.MOUNT_Z]] = mount
+    flight = Flight(seed=2, seconds=45, fps=15, biases=biases)
+    world = World(flight)
+    tracker = make_tracker(TrackingOptions(self_calibration=True), flight.priors, world.state_at)
+    for view in world.frames():
+        tracker.on_frame(view)
+    report = tracker.calibration
+    pitched = Rotation.from_euler("ZYX", [0.0, np.radians(flight.pitch_deg), 0.0])
+    through_truth = Rotation.from_rotvec([0, 0, heading]) * pitched
+    correction = through_truth.inv() * pitched * Rotation.from_rotvec(-mount)
+    assert report.status is CalibrationStatus.CALIBRATED
+    assert np.degrees(report.mount) == pytest.approx(np.degrees(correction.as_rotvec()), abs=0.4)
+
+
+def test_what_drifts_is_as_if_measured_with_as_much_more_noise():
+    """The wider claim is the posterior of the same priors and of measurements of so many times the variance."""
+    information, _ = seen_from_a_flight()
+    prior, wider = np.diag([*(s**-2 for s in SIGMAS[:5]), 1e-6, 1e-6]), 5.0
+    joint = as_joint(np.zeros(len(USED)), np.linalg.inv(information + prior))
+    held = holding(joint, all_but([*MOUNT, SharedParameter.HEADING]), MEANS, SIGMAS, wider)
+    known = np.ix_(range(1, len(USED)), range(1, len(USED)))  # the delay is held
+    expected = np.linalg.inv(prior[known] + information[known] / wider)[:4, :4]
+    places = [*MOUNT, SharedParameter.HEADING]
+    assert np.array(held.cov(places, doubted=False)) + np.array(held.drifting(places)) == pytest.approx(
+        expected, rel=1e-3
+    )
+    assert held.sigma(SharedParameter.HEADING) < SIGMAS[SharedParameter.HEADING]

@@ -1,0 +1,126 @@
+"""How much of told rates is a body's turning: attitudes with white noise, their slopes, and what is made of them."""
+
+from math import cos, pi, radians
+
+import msgspec
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from fwav_companion.geometry.stamps import BootNs
+from fwav_companion.self_calibration.delayed_poses import DelayedPoses, vehicle_pose
+from fwav_companion.self_calibration.rate_denoiser import RateDenoiser, SmoothedMotion, slow_between
+from fwav_companion.telemetry.attitude.history import AttitudeHistory
+from fwav_companion.types import AttitudeSample, GimbalAt, VehicleState
+
+NOISE = radians(0.1)
+SPACING_S = 0.02
+STILL = VehicleState(BootNs(0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.05), 0.0, 0.0, None, None, 0.0, None)
+
+
+def rolled(roll_rate, seconds: float, seed: int, noise: float = NOISE):
+    """(what was learnt, told and freed roll rates at 30 instants a second) of a body that rolls as chosen and does
+    nothing else; rates and spacing by the room that makes them.
+    """
+    draws, history, found = np.random.default_rng(seed), AttitudeHistory(), RateDenoiser()
+    roll, told, freed = 0.0, [], []
+
+    def state_at(t):
+        at = history.at(BootNs(int(t * 1e9)))
+        none = (None, None, 0.0, None)
+        return VehicleState(BootNs(0), at.ned_from_body, at.rates, at.sigma, at.gap_s, *none, spacing_s=at.spacing_s)
+
+    for k in range(int(seconds / SPACING_S)):
+        roll += SPACING_S * roll_rate((k - 0.5) * SPACING_S)
+        told_roll = Rotation.from_rotvec([roll, 0.0, 0.0]) * Rotation.from_rotvec(noise * draws.normal(size=3))
+        q = np.roll(told_roll.as_quat(), 1)
+        history.insert(AttitudeSample(BootNs(int(k * SPACING_S * 1e9)), tuple(map(float, q)), (0.0, 0.0, 0.0)))
+        while (t := len(told) / 30.0 + 0.2) < (k - 4) * SPACING_S - 0.15:
+            state = state_at(t)
+            slow = slow_between(state_at(t - 0.15), state_at(t + 0.15))
+            found = found.with_state(state, slow, NOISE)
+            told.append(state.rates[0])
+            freed.append(found.freed_of_noise(DelayedPoses((vehicle_pose(state, 0.0),)), slow).moments[0].rates[0])
+    return found, np.array(told), np.array(freed)
+
+
+def turning(*chosen) -> RateDenoiser:
+    return rolled(*chosen)[0]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_noise_alone_shows_no_turning(seed: int):
+    assert max(turning(lambda t: 0.0, 8.0, seed).shares) < 0.3
+
+
+def test_a_beating_wing_turns_and_only_about_its_axis():
+    def beat(t):
+        return radians(5.0) * 2.0 * pi * 5.0 * cos(2.0 * pi * 5.0 * t)
+
+    x, y, z = turning(beat, 8.0, 1).shares
+    assert x > 0.97
+    assert max(y, z) < 0.3
+
+
+def test_what_noise_makes_of_slow_turning_is_undone_on_the_mean():
+    """The reliability of a regressor: true mean square over told mean square."""
+    rate, amplitude = 2.0 * pi * 0.5, radians(4.0)
+
+    def slow(t):
+        return amplitude * rate * cos(rate * t)
+
+    shares = [turning(slow, 10.0, seed).shares[0] for seed in range(8)]
+    noisy, clean = (turning(slow, 10.0, 1, noise).told2[0] for noise in (NOISE, 0.0))
+    assert np.mean(shares) == pytest.approx(clean / noisy, abs=0.1)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_slow_turn_shows_a_delay_beside_what_else_explains_it(seed):
+    """A delay makes delay times rate of an angle, and the mount a constant one: most of a steady turn is as well the
+    mount's. What is left of the rates is a seventh of their noise, and shows the delay in full all the same.
+    """
+
+    def banking(t):
+        return radians(20.0) + radians(4.0) * cos(1.5 * t)
+
+    delay, mount = 0.02, radians(1.0)
+    _, told, freed = rolled(banking, 20.0, seed)
+    angle = mount + delay * np.array([banking(k / 30.0 + 0.2) for k in range(len(told))])
+
+    def shown(rates):
+        return np.linalg.lstsq(np.stack([rates[60:], np.ones(len(rates) - 60)], -1), angle[60:], rcond=None)[0][0]
+
+    assert shown(told) < 0.5 * delay
+    assert shown(freed) == pytest.approx(delay, rel=0.15)
+
+
+def test_what_is_told_of_places_is_no_motion_of_its_own():
+    """Places with 0.1 m of noise, ten a second, make slopes of 1.4 m/s; between two far apart they make little."""
+    level = ((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0)
+    before, here, after = (
+        VehicleState(BootNs(0), *level, (north, 0.0, -10.0), (velocity, 0.0, 0.0), 0.0, None)
+        for north, velocity in ((0.0, 5.0), (1.5, 6.4), (3.0, 3.6))
+    )
+    slow = slow_between(before, after)
+    (moment,) = RateDenoiser().freed_of_noise(DelayedPoses((vehicle_pose(here, 0.0),)), slow).moments
+    assert moment.velocity_ned == pytest.approx((10.0, 0.0, 0.0))
+
+
+def test_a_slope_that_is_noise_has_no_slope_of_its_own():
+    """Acceleration comes from the same rates: over 50 ms that of noise turns a body by half a degree."""
+    still = turning(lambda t: 0.0, 8.0, 1)
+    moment = msgspec.structs.replace(vehicle_pose(STILL, 0.0), rates=(0.1, 0.0, 0.0), acceleration=(10.0, 0.0, 0.0))
+    freed = still.freed_of_noise(DelayedPoses((moment,)), SmoothedMotion())
+    assert freed.moments[0].acceleration[0] == pytest.approx(10.0 * still.shares[0])
+
+
+def test_attitudes_of_unknown_spacing_say_nothing_of_noise():
+    assert RateDenoiser().with_state(STILL, SmoothedMotion(), NOISE).shares == (1.0, 1.0, 1.0)
+
+
+def test_a_gimbal_is_not_judged_by_the_attitudes_of_the_body():
+    gimbal = GimbalAt((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.05), 0.0, 0.0)
+    body = msgspec.structs.replace(STILL, spacing_s=SPACING_S)
+    carried = msgspec.structs.replace(body, gimbal=gimbal)
+    assert RateDenoiser().with_state(body, SmoothedMotion(), NOISE).shares[2] < 1.0
+    assert RateDenoiser().with_state(carried, SmoothedMotion(), NOISE).shares == (1.0, 1.0, 1.0)

@@ -1,0 +1,87 @@
+"""Files whose newest content counts: whole or absent, in the first place that takes them, and never in the way."""
+
+import json
+import threading
+from pathlib import Path
+
+from fwav_companion.service.latest_file import LatestFile, state_path, status_paths
+
+
+def test_the_newest_content_is_there_whole_while_a_reader_looks(tmp_path):
+    path = tmp_path / "deep" / "status.json"
+    file = LatestFile([path], lambda why: None, outlives_us=True)
+    file.start()
+    stop, seen = threading.Event(), set()
+
+    def read() -> None:
+        while not stop.is_set():
+            if path.exists():
+                seen.add(len(json.loads(path.read_bytes())["filler"]))
+
+    reader = threading.Thread(target=read)
+    reader.start()
+    for count in range(300):
+        file.write(json.dumps({"n": count, "filler": "x" * 50_000}).encode())
+    file.close(5.0)
+    stop.set()
+    reader.join()
+    assert json.loads(path.read_bytes())["n"] == 299
+    assert seen <= {50_000}
+    assert [entry.name for entry in path.parent.iterdir()] == ["status.json"]
+
+
+def test_a_file_about_a_process_goes_with_it(tmp_path):
+    path = tmp_path / "status.json"
+    written = threading.Event()
+    file = LatestFile([path], lambda why: None, outlives_us=False)
+    file.start()
+    file.write(b"{}")
+    while not path.exists():
+        written.wait(0.01)
+    file.close(5.0)
+    assert not path.exists()
+
+
+def test_the_first_path_that_may_be_written_is_taken(tmp_path):
+    (tmp_path / "file").write_text("")
+    told: list[str] = []
+    second = tmp_path / "second" / "status.json"
+    file = LatestFile([tmp_path / "file" / "status.json", second], told.append, outlives_us=True)
+    file.start()
+    file.write(b"{}")
+    file.close(5.0)
+    assert second.read_bytes() == b"{}"
+    assert told == []
+
+
+def test_where_nothing_can_be_written_it_is_told_once(tmp_path):
+    (tmp_path / "file").write_text("")
+    told: list[str] = []
+    told_once = threading.Event()
+    file = LatestFile([tmp_path / "file" / "a.json"], lambda why: (told.append(why), told_once.set()), outlives_us=True)
+    file.start()
+    file.write(b"1")
+    assert told_once.wait(10.0)
+    file.write(b"2")
+    file.close(5.0)
+    assert len(told) == 1
+    assert "Not a directory" in told[0] or "exists" in told[0]
+
+
+def test_where_the_status_may_lie():
+    assert status_paths("/tmp/here.json", {}) == [Path("/tmp/here.json")]
+    everything = {"RUNTIME_DIRECTORY": "/run/fwav:/run/other", "XDG_RUNTIME_DIR": "/run/user/7"}
+    assert status_paths("", everything) == [
+        Path("/run/fwav/status.json"),
+        Path("/run/fwav-companion/status.json"),
+        Path("/run/user/7/fwav-companion/status.json"),
+    ]
+    assert status_paths("", {}) == [Path("/run/fwav-companion/status.json")]
+
+
+def test_where_state_is_kept():
+    assert state_path(None, "signing.json", {}) is None
+    assert state_path(None, "signing.json", {"STATE_DIRECTORY": "/var/lib/a:/var/lib/b"}) == Path(
+        "/var/lib/a/signing.json"
+    )
+    assert state_path(Path("/x"), "signing.json", {"STATE_DIRECTORY": "/var/lib/a"}) == Path("/x/signing.json")

@@ -1,0 +1,160 @@
+"""`calibrate` as a new user runs it, on pictures that the tests drew."""
+
+import argparse
+import json
+import subprocess
+import sys
+
+import cv2
+import numpy as np
+import pytest
+from drawn_boards import PAPER, half_size
+
+from fwav_companion.camera import parse_calibration
+from fwav_companion.cli.calibrate_output import failed
+from fwav_companion.cli.main import main
+from fwav_companion.tools.calibrate.lens_fit.comparison import rays_apart
+from fwav_companion.tools.calibrate.lens_fit.fit import Unfitted, WhyNot
+
+BOARD = "chessboard:7x5:25mm"
+
+
+def calibrate(folder, out, *words, board=BOARD):
+    return main(["calibrate", str(folder), "--board", board, "--out", str(out), *words])
+
+
+@pytest.fixture(scope="module")
+def calibrated(chess_folder, tmp_path_factory):
+    """The command in a shell of its own: what it printed, and the folder that it left."""
+    folder = tmp_path_factory.mktemp("calibrated")
+    words = ["--board", BOARD, "--out", "camera.yaml", "--report", "report", "--json"]
+    command = [sys.executable, "-m", "fwav_companion", "calibrate", str(chess_folder), *words]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=folder, timeout=120)
+    assert (done.returncode, done.stderr) == (0, "")
+    *said, last = done.stdout.splitlines()
+    return folder, "\n".join(said), json.loads(last)
+
+
+def test_the_file_is_the_lens_that_drew_the_pictures(calibrated):
+    folder, _, told = calibrated
+    lens = parse_calibration((folder / "camera.yaml").read_text(), "camera.yaml").lens
+    truth = half_size(PAPER)
+    k, middle = [c / truth.c[0] for c in truth.c], list(truth.centre)
+    text = f"model: kannala_brandt\nimage_size: [320, 240]\nk_mm: {k}\nprincipal_point: {middle}\n"
+    drew = parse_calibration(f"{text}pixels_per_mm: [{truth.c[0]}, {truth.c[0]}]\n", "truth").lens
+    apart, claimed = rays_apart(lens, drew), told["rays"][-1]
+    assert np.degrees(apart.rms) < 3.0 * claimed["sigma_deg"] < 1.5
+    assert np.degrees(apart.rms_beside_turn) < 3.0 * claimed["sigma_mount_known_deg"] < 0.6
+
+
+def test_it_says_of_what_and_how_good(calibrated, chess_folder):
+    folder, said, told = calibrated
+    text = (folder / "camera.yaml").read_text()
+    for line in ("12 pictures of 320 x 240", "focal length", "one sigma of a ray at", "r = k1 θ"):
+        assert line in said
+        assert line in text
+    assert "wrote camera.yaml" in said
+    assert "pixel_noise_px" in said
+    assert told["ok"] is True
+    assert told["noise_px"] < 0.15
+    used = [row for row in told["pictures"] if row["used"]]
+    assert len(told["pictures"]) == len(list(chess_folder.iterdir()))
+    assert len(used) == len([row for row in told["pictures"] if row["corners"]]) >= 7
+    assert all(row["why"] == "board not seen" for row in told["pictures"] if not row["used"])
+
+
+def test_it_draws_how_good(calibrated):
+    folder, said, _ = calibrated
+    picture = cv2.imread(str(folder / "report" / "calibration.png"))
+    assert picture.shape[0] > 500
+    assert picture.std() > 10.0
+    assert "calibration.png" in said
+
+
+def test_nothing_is_written_over_without_a_word(calibrated, chess_folder, tmp_path, capsys):
+    out = tmp_path / "camera.yaml"
+    out.write_text("mine")
+    assert calibrate(chess_folder, out) == 2
+    assert f"{out}: stands there already; accepted: another name, or --overwrite" in capsys.readouterr().err
+    assert out.read_text() == "mine"
+    old = calibrated[0] / "camera.yaml"
+    assert calibrate(chess_folder, out, "--overwrite", "--compare", str(old), "--json") == 0
+    told = json.loads(capsys.readouterr().out.splitlines()[-1])
+    same, unread = told["compared"]
+    assert same["rms_deg"] < 1e-6
+    assert "not_compared" in unread
+    assert parse_calibration(out.read_text(), "camera.yaml").lens.image_size == (320, 240)
+
+
+def test_a_picture_is_not_overwritten_by_the_camera_made_of_it(chess_folder, tmp_path, capsys):
+    picture = tmp_path / "1.png"
+    picture.write_bytes((chess_folder / "00.png").read_bytes())
+    assert calibrate(picture, picture, "--overwrite") == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    assert picture.read_bytes() == (chess_folder / "00.png").read_bytes()
+
+
+def test_too_few_pictures_is_told_after_the_table(chess_folder, tmp_path, capsys):
+    assert calibrate(chess_folder / "00.png", tmp_path / "camera.yaml", "--json") == 2
+    shown = capsys.readouterr()
+    assert "00.png" in shown.out
+    assert shown.err == (
+        "fwav-companion: calibrate: too few pictures: the board is seen in 1 of them; 5 is the least, 15 are good\n"
+    )
+    assert json.loads(shown.out.splitlines()[-1])["ok"] is False
+    assert not (tmp_path / "camera.yaml").exists()
+
+
+def test_what_fits_no_lens_is_a_bad_result_and_not_a_wrong_input(capsys):
+    told = Unfitted(WhyNot.MISFIT, "the corners miss by 9.0 px")
+    assert failed(argparse.Namespace(json=True), told, [], "") == 1
+    shown = capsys.readouterr()
+    assert json.loads(shown.out) == {"ok": False, "why": f"{WhyNot.MISFIT.value}: {told.told}", "pictures": []}
+    assert shown.err == "nothing is written: no lens of this model fits: the corners miss by 9.0 px\n"
+
+
+def test_a_wrong_count_is_told_with_the_right_one(chess_folder, tmp_path, capsys):
+    assert calibrate(chess_folder / "00.png", tmp_path / "camera.yaml", board="chessboard:8x6:25mm") == 2
+    assert "a 7x5 is there: inner corners are counted, not squares" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["none", "--board", BOARD, "--out", "o.yaml"], "none: No such file"),
+        (["PICTURES", "--board", "chess", "--out", "o.yaml"], "--board 'chess': accepted: chessboard:9x6:25mm"),
+        (["PICTURES", "--out", "o.yaml"], "--board"),
+        (["PICTURES", "--board", BOARD], "--out"),
+        (["PICTURES", "--board", BOARD, "--out", "none/o.yaml"], "none: no such folder"),
+        (["PICTURES", "--board", BOARD, "--out", "."], "stands there already"),
+        (["PICTURES", "--board", BOARD, "--out", "o.yaml", "--compare", "none.yaml"], "none.yaml: No such file"),
+        (["PICTURES", "--board", BOARD, "--out", "o.yaml", "--compare", "PICTURES/00.png"], "00.png: byte 0 is not"),
+        (["--board", BOARD, "--out", "o.yaml"], "IMAGES"),
+    ],
+)
+def test_what_is_wrong_is_one_line(words, said, chess_folder, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["calibrate", *(word.replace("PICTURES", str(chess_folder)) for word in words)]) == 2
+    shown = capsys.readouterr()
+    assert shown.err.startswith("fwav-companion: ")
+    assert shown.err.count("\n") == 1
+    assert said in shown.err
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("missing", "extra"), [("cv2", "vision"), ("matplotlib", "demo")])
+def test_a_library_that_is_missing_is_named_before_the_work(
+    missing, extra, chess_folder, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setattr("fwav_companion.cli.calibrate.find_spec", lambda name: None if name == missing else name)
+    assert calibrate(chess_folder, tmp_path / "camera.yaml", "--report", str(tmp_path)) == 2
+    said = f"calibrate: {missing} is not installed; accepted: pip install 'fwav-companion[{extra}]'"
+    assert capsys.readouterr().err == f"fwav-companion: {said}\n"
+
+
+def test_the_help_shows_boards_and_an_example(capsys):
+    with pytest.raises(SystemExit):
+        main(["calibrate", "--help"])
+    shown = capsys.readouterr().out
+    for word in ("chessboard:9x6:25mm", "charuco:7x5:30mm:22mm:DICT_4X4_50", "aprilgrid:", "example:", "inner corners"):
+        assert word in shown

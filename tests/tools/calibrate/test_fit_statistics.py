@@ -1,0 +1,58 @@
+"""The claim, judged from both sides over many draws of the noise: errors squared over claimed variance."""
+
+import numpy as np
+import pytest
+from drawn_boards import PAPER, WIDE, views
+
+from fwav_companion.tools.calibrate.lens_fit.choice import chosen_fit
+from fwav_companion.tools.calibrate.lens_fit.claims import claim
+from fwav_companion.tools.calibrate.lens_fit.corners import View, gather
+from fwav_companion.tools.calibrate.lens_fit.outliers import sound_views
+
+DRAWS = 25
+NOISE_PX = 0.1
+TIMES = 3.29
+"""99.9 % of a normal number lie so many sigmas from its mean, to both sides."""
+LENSES = {"the paper's": (PAPER, 0.4, 0.35), "200 degrees": (WIDE, 1.3, 0.8)}
+
+
+def claims(lens, reach, share, spoil):
+    """For each draw: its normalised square, how many numbers were fitted, and the claim."""
+    rng = np.random.default_rng(11)
+    clean = [View(*view) for view in views(lens, rng, 10, reach=reach, share=share, noise=0.0, board=(6, 4, 0.04))]
+    start = sound_views(clean, lens.size).state
+    for _ in range(DRAWS):
+        corners = gather([View(view.name, view.board, spoil(view.pixels, rng)) for view in clean])
+        fit = chosen_fit(corners, start)
+        claimed = claim(corners, fit)
+        truth = np.array([*lens.centre, lens.aspect, *lens.c, 0.0, 0.0, 0.0])[: len(fit.state.lens)]
+        error = fit.state.lens - truth
+        yield error @ np.linalg.solve(claimed.covariance, error), len(truth), claimed.disagreement
+
+
+def noise(pixels, rng):
+    return pixels + rng.normal(0.0, NOISE_PX, pixels.shape)
+
+
+def bent(pixels, rng):
+    """The same bend in all corners of a picture, another in each: a sheet that is not flat."""
+    x, y = ((pixels - pixels.mean(axis=0)) / pixels.std()).T
+    return noise(pixels, rng) + NOISE_PX * (np.outer(x * y, rng.normal(size=2)) + np.outer(x * x, rng.normal(size=2)))
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_errors_are_as_large_as_claimed(name):
+    squares, numbers, _ = zip(*claims(*LENSES[name], noise), strict=True)
+    free = np.array(numbers, dtype=float)
+    spread = np.sqrt(2.0 * free.sum())
+    assert abs(sum(squares) - free.sum()) < TIMES * spread
+    assert max(squares) < 33.0  # one in ten thousand, of chi2 with 8
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_errors_that_pictures_share_are_claimed_too(name):
+    """Believing in the corners' scatter alone would claim the square of the widening too little."""
+    squares, numbers, widened = zip(*claims(*LENSES[name], bent), strict=True)
+    free, scatter = sum(numbers), np.mean(np.square(widened))
+    assert scatter > 2.0
+    assert 0.4 * free < sum(squares) < 1.6 * free

@@ -1,0 +1,115 @@
+"""The page: complete, closed in itself, and not to be broken by what a recording says."""
+
+import re
+from html.parser import HTMLParser
+
+import pytest
+
+from fwav_companion.recording.truth import TruthPoint
+from fwav_companion.tools.report import CALIBRATED, PAPER, Chapter, PictureShown, Replayed, page, tell
+
+VOID = {"meta", "br", "img", "link", "input", "hr"}
+
+
+class Balance(HTMLParser):
+    """Fails on a tag that is closed but not open."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.seen: set[str] = set()
+
+    def handle_starttag(self, tag, attrs):
+        self.seen.add(tag)
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.seen.add(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+def checked(html: str) -> str:
+    balance = Balance()
+    balance.feed(html)
+    assert balance.open == []
+    assert not re.search(r"""(src|href)\s*=\s*["'](?!data:)""", html)
+    assert "url(" not in html
+    assert "@import" not in html
+    assert "<script" not in html
+    assert "nan" not in re.findall(r'points="([^"]*)"', html)
+    return html
+
+
+@pytest.fixture(scope="module")
+def story(flight):
+    companion, mock = flight
+    truth = [TruthPoint(target.label, None, target.at(0.0), None) for target in mock.scene]
+    picture = PictureShown(b"\xff\xd8", (640, 480), 50, [{"u": 10.0, "v": 20.0, "label": "tag36h11:7", "sigma": 0.5}])
+    return tell(
+        companion.lines, title="A flight", truth=truth, picture=picture,
+        true_path=[(0.0, 0.0), (50.0, -20.0)], hidden={"compass off by": "+1°"}, notes=["again"],
+    )  # fmt: skip
+
+
+def test_the_page_is_whole_and_needs_nothing_from_elsewhere(story):
+    html = checked(page(story))
+    for said in ("A flight", "tag 7", "tag 11", "compass off by", "GNSS", "Error over", "no clock", "data:image/jpeg"):
+        assert said in html
+    charts = sum(bool(course.instants) for course in story.courses)
+    assert charts >= 2
+    assert html.count("<svg") == charts + 4  # and the map, the picture, the clock, the gaps
+
+
+def test_another_flight_stands_in_a_chapter_of_its_own(story):
+    html = checked(page(story, chapter=Chapter(["<section><h2>Another flight</h2></section>"], "It ended <well>.")))
+    assert html.index("It ended &lt;well&gt;.") < html.index("Where everything is") < html.index("Another flight")
+    assert html.index("Another flight") < html.index("Error over time")
+
+
+def test_in_three_ways_each_target_has_one_chart_more(story, flight):
+    companion, mock = flight
+    truth = [TruthPoint(target.label, None, target.at(0.0), None) for target in mock.scene]
+    others = [Replayed(way.name, way.kind, companion.lines) for way in (PAPER, CALIBRATED)]
+    html = checked(page(tell(companion.lines, title="Three", truth=truth, others=others)))
+    found = sum(course.found for course in story.courses)
+    assert html.count('class="way way-paper"') >= found
+    assert html.count("How far from the truth: tag ") == found
+
+
+def test_the_errors_are_against_the_truth(story, flight):
+    companion, mock = flight
+    courses = {course.label: course for course in story.courses}
+    assert len(courses) == 5
+    assert sum(bool(course.instants) for course in story.courses) >= 2
+    for target in mock.scene:
+        course = courses[target.label]
+        assert course.true_ned == pytest.approx(target.at(0.0)[:2])
+        for line, instant in zip(companion.targets(target.label)[-1:], course.instants[-1:], strict=True):
+            true = target.at(0.0)
+            expected = ((line["north"] - true[0]) ** 2 + (line["east"] - true[1]) ** 2) ** 0.5
+            assert instant.error_m == pytest.approx(expected)
+
+
+def test_without_a_truth_a_picture_or_a_world_there_is_still_a_page(flight):
+    companion, _ = flight
+    html = checked(page(tell(companion.lines, title="As flown")))
+    assert "true error" not in html.split("<table>")[0]
+    relative = [{**companion.lines[0], "origin": None}, *companion.lines[1:]]
+    checked(page(tell(relative, title="Relative")))
+
+
+def test_a_flight_that_saw_nothing_is_told_too(flight):
+    header = flight[0].lines[0]
+    summary = {"type": "summary", "frames": 0, "detections": 0, "fixes": 0, "dropped": {}}
+    html = checked(page(tell([header, summary], title="Nothing")))
+    assert "Nothing was dropped" in html
+
+
+def test_what_a_recording_says_is_text_and_never_markup(flight):
+    evil = '"><script>alert(1)</script>'
+    lines = [{**line, "label": evil} if line["type"] == "target" else line for line in flight[0].lines]
+    picture = PictureShown(b"", (640, 480), 1, [{"u": 1.0, "v": 2.0, "label": evil, "box": [0, 0, 9, 9]}])
+    checked(page(tell(lines, title=evil, picture=picture, hidden={evil: evil}, notes=[evil])))

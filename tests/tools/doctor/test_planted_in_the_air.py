@@ -1,0 +1,141 @@
+"""Faults planted in the mock, on its wire and in its detector, each named by what the service hears; none where all is
+well. In invented time."""
+
+import random
+
+import msgspec
+import pytest
+from hearing import TEXT, Hearing, codes, evidence_of, found, heard
+from mavlink_wire import Wire
+
+from fwav_companion.config import parse
+from fwav_companion.localization import ElevationTile
+from fwav_companion.tools.doctor.examine import examine
+from fwav_companion.tools.doctor.finding import Level
+from sitl_mock import scenario, simulate
+
+HEALTHY = scenario("unbiased").but({"seed": 3})
+
+
+def test_a_healthy_set_up_has_nothing_to_change():
+    assert examine(heard(HEALTHY)) == []
+
+
+@pytest.mark.parametrize("name", ["default", "figure_eight", "px4", "old_ardupilot"])
+def test_other_healthy_vehicles_have_nothing_to_change(name):
+    assert found(heard(scenario(name))) == []
+
+
+VEHICLES = {
+    "several_autopilots": {"others.second_vehicle": True},
+    "attitude_slow": {"autopilot.firmware": "px4", "autopilot.true_ceiling_hz": 20.0},
+    "loop_rate": {"autopilot.loop_rate_hz": 50.0},
+    "pitch_trim": {"autopilot.has_quaternion": False, "autopilot.pitch_trim_deg": 5.0},
+    "timesync_unanswered": {"autopilot.answers_timesync": False},
+    "no_detections": {"camera.enabled": False},
+    "stale_detections": {"camera.stops_at_s": 9.0},
+    "loss": {"downlink.loss": 0.1},
+    "no_position": {"autopilot.gps": False},
+    "long_round_trip": {"downlink.delay_s": 0.06},
+}
+
+
+@pytest.mark.parametrize("code", VEHICLES)
+def test_a_fault_of_the_vehicle_is_named(code):
+    findings = examine(heard(HEALTHY.but(VEHICLES[code])))
+    assert code in codes(findings)
+    assert all(finding.what and finding.do for finding in findings)
+
+
+def nanoseconds(frame):
+    return frame | {"time_monotonic": frame["time_monotonic"] * 1e9}
+
+
+DETECTORS = {
+    "wrong_units": nanoseconds,
+    "wrong_size": lambda frame: frame | {"size": [1920, 1080]},
+    "no_time": lambda frame: frame | {"time_unix": 1.0},
+    "malformed": lambda frame: frame | {"detections": "none"},
+    "from_the_future": lambda frame: frame | {"time_monotonic": frame["time_monotonic"] + 0.2},
+    "too_late": lambda frame: frame | {"time_monotonic": frame["time_monotonic"] - 1.0},
+}
+
+
+@pytest.mark.parametrize("code", DETECTORS)
+def test_a_fault_of_the_detector_is_named_and_stops(code):
+    findings = examine(heard(HEALTHY, frame=DETECTORS[code]))
+    assert codes(findings) == [code]
+    assert findings[0].level is Level.STOPS
+
+
+def test_a_wrong_baud_rate_is_named():
+    noise = random.Random(1)
+    assert found(heard(HEALTHY, on_the_way_in=lambda data: noise.randbytes(len(data))))[0] == "garbage"
+
+
+def test_silence_is_named():
+    assert found(evidence_of(Hearing())) == ["nothing_heard", "no_detections"]
+
+
+def test_an_echo_of_our_own_bytes_is_named():
+    assert found(heard(HEALTHY, crossed=True)) == ["echo"]
+
+
+def test_a_vehicle_that_is_not_the_configured_one_is_named():
+    assert "other_autopilot" in found(heard(HEALTHY, ["vehicle.system_id=7"]))
+
+
+def test_an_unsigned_autopilot_is_named_where_there_is_a_key():
+    text = TEXT + '[signing]\nkey_file = "signing.key"\n[state]\ndirectory = "/var/lib/x"\n'
+    assert "unsigned" in found(heard(HEALTHY, text=text, key=bytes(32)))
+
+
+def test_a_link_with_a_ground_station_alone_is_named():
+    hearing = Hearing()
+    for second in range(10):
+        hearing.hear("autopilot", Wire(255, 190).heartbeat(kind=6, autopilot=8), 10**9 * (second + 1))
+    assert "no_autopilot" in found(evidence_of(hearing))
+
+
+def test_who_undoes_the_rates_is_named():
+    """A ground station on our own link asks for 2 Hz each second, as MAVProxy and Mission Planner do."""
+    text = TEXT.replace('role = "gcs"', 'role = "gcs"\nforward_rate_requests = true')
+    hearing, station = Hearing(text=text), Wire(255, 190)
+    mock = simulate(HEALTHY.but({"seconds": 13.0}))
+    asked_s = 0
+    for now_ns, _ in mock.drive(hearing):
+        if mock.flight_s(now_ns) > asked_s + 1:
+            asked_s += 1
+            frames = hearing.hear("ground", station.frame("REQUEST_DATA_STREAM", 1, 1, 0, 2, 1), now_ns)
+            for frame in frames:
+                mock.on_bytes(frame, now_ns)
+    findings = {finding.code: finding for finding in examine(evidence_of(hearing))}
+    assert "255/190 on ground" in findings["rates_undone"].what
+
+
+@pytest.mark.parametrize(("north_deg", "covered"), [(49.0, True), (48.0, False)])
+def test_a_place_that_no_elevation_file_reaches_is_named(north_deg, covered):
+    evidence = heard(HEALTHY)
+    ground = '[ground]\nmodel = "terrain"\nterrain = ["N48E011.hgt"]\nterrain_datum = "egm96"\n'
+    tile = ElevationTile(north_deg, 11.0, 0.1, 0.1, 11, 11, lambda row, column: 500.0, "N48E011.hgt")
+    files = msgspec.structs.replace(evidence.files, elevation=(tile,))
+    evidence = msgspec.structs.replace(evidence, config=parse(TEXT + ground, "flight.toml"), files=files)
+    assert found(evidence) == ([] if covered else ["terrain_coverage"])
+    assert covered or "N48E011.hgt" in examine(evidence)[0].do
+
+
+def test_what_stops_comes_first():
+    findings = examine(heard(HEALTHY.but({"autopilot.loop_rate_hz": 50.0, "camera.enabled": False})))
+    levels = [finding.level for finding in findings]
+    assert levels[0] is Level.STOPS
+    assert levels == sorted(levels, key=list(Level).index)
+    assert {Level.STOPS, Level.HARMS} <= set(levels)
+
+
+def test_a_status_of_another_version_breaks_nothing():
+    evidence = heard(HEALTHY)
+    for key in list(evidence.status):
+        without = {name: value for name, value in evidence.status.items() if name != key}
+        examine(msgspec.structs.replace(evidence, status=without))
+    examine(msgspec.structs.replace(evidence, status=dict.fromkeys(evidence.status)))
+    examine(msgspec.structs.replace(evidence, status={}))

@@ -1,0 +1,173 @@
+"""Faults that a running service tells of itself and its parts, each planted in the status of a healthy one."""
+
+from collections.abc import Mapping
+
+import msgspec
+import pytest
+from hearing import CAMERA, TEXT, Hearing, codes, evidence_of, found, heard
+
+from fwav_companion.camera import parse_calibration
+from fwav_companion.config import parse
+from fwav_companion.tools.doctor.examine import examine
+from fwav_companion.tools.doctor.status_form import is_of_our_form
+from fwav_companion.tools.doctor.telling import told
+from fwav_companion.types import Reason
+from sitl_mock import scenario
+
+HEALTHY = scenario("unbiased").but({"seed": 3})
+
+
+@pytest.fixture(scope="module")
+def healthy():
+    evidence = heard(HEALTHY)
+    assert found(evidence) == []
+    return evidence
+
+
+def altered(status, path, value):
+    """The same with another value at that path."""
+    key, *rest = path
+    inside = status.get(key) if isinstance(status.get(key), Mapping) else {}
+    return {**status, key: altered(inside, rest, value) if rest else value}
+
+
+def planted(evidence, path, value):
+    return examine(msgspec.structs.replace(evidence, status=altered(evidence.status, path, value)))
+
+
+STATUS = {
+    "autopilot_lost": (["autopilot_lost"], True),
+    "internal_fault": (["internal_faults"], 2),
+    "recording_stopped": (["recording"], "recording stopped: records/targets.jsonl: No space left on device"),
+    "no_camera": (["vision"], {"works": False, "why": "no camera there"}),
+    "detections_port": (["intake", "why"], "Address already in use"),
+    "link_down": (["links", "autopilot"], {"state": "down", "why": "Connection refused"}),
+    "no_clock": (["clock"], {"status": "unknown"}),
+    "clock_unsettled": (["clock", "sigma_s"], 0.02),
+    "no_attitude": (["telemetry", "rates_hz"], {}),
+    "too_slow_for_motion": (["telemetry", "too_slow_for_motion"], True),
+}
+
+
+@pytest.mark.parametrize("code", STATUS)
+def test_what_the_service_tells_of_itself_is_named(healthy, code):
+    path, value = STATUS[code]
+    findings = planted(healthy, path, value)
+    assert codes(findings) == [code]
+    assert all(finding.what and finding.do for finding in findings)
+
+
+REASONS = ("across_clock_step", "beyond_terrain", "no_range", "not_finite", "stale_attitude", "terrain_unfit")
+
+
+@pytest.mark.parametrize("code", REASONS)
+def test_what_most_detections_are_refused_for_is_named(healthy, code):
+    count = healthy.status["detections"]
+    (finding,) = planted(healthy, ["dropped", Reason(code).value], count)
+    assert finding.code == code
+    assert finding.what.startswith(f"{count} (")
+    assert planted(healthy, ["dropped", code], round(0.04 * count)) == [], "a flight's daily bread"
+
+
+SETTINGS = {
+    "above_horizon": "camera.mount.pitch_deg=75.0",
+    "low_score": "detections.min_score=2.0",
+    "other_label": 'detections.labels=["boat"]',
+}
+
+
+@pytest.mark.parametrize("code", SETTINGS)
+def test_a_setting_that_refuses_everything_is_named(code):
+    assert found(heard(HEALTHY, [SETTINGS[code]])) == [code]
+
+
+def far_away(frame):
+    return frame | {"detections": [each | {"u": each["u"] + 5000.0} for each in frame["detections"]]}
+
+
+def test_pixels_of_another_picture_are_named():
+    assert found(heard(HEALTHY, frame=far_away)) == ["outside_image"]
+
+
+def test_a_calibration_that_holds_in_the_middle_alone_is_named(healthy):
+    narrow = parse_calibration(CAMERA + "max_angle_deg: 20.0\n", "camera.yaml")
+    files = msgspec.structs.replace(healthy.files, calibration=narrow)
+    assert found(msgspec.structs.replace(healthy, files=files)) == ["narrow_calibration"]
+    lost = altered(healthy.status, ["dropped", "outside_lens"], healthy.status["detections"])
+    assert found(msgspec.structs.replace(healthy, files=files, status=lost)) == ["outside_lens", "narrow_calibration"]
+
+
+def test_frames_signed_with_another_key_are_named(healthy):
+    traffic = [{**link, "refused_signatures": 7} for link in healthy.status["traffic"]]
+    assert codes(planted(healthy, ["traffic"], traffic)) == ["wrong_signature"]
+
+
+LINKS = {
+    "serial:///dev/ttyAMA0:921600": "TX to RX",
+    "udpin://0.0.0.0:14540": "send to this board",
+    "udpout://192.168.1.5:14540": "listens at that address",
+    "udpbcast://255.255.255.255:14540": "listens at that address",
+    "tcpin://0.0.0.0:5760": "connect to this board",
+    "tcpout://127.0.0.1:5760": "is that the port",
+}
+
+
+@pytest.mark.parametrize("url", LINKS)
+def test_what_to_do_about_silence_goes_by_the_kind_of_link(url):
+    text = TEXT.replace("udpin://127.0.0.1:14540", url) + '[detections]\nurl = ""\n'
+    evidence = evidence_of(Hearing(text=text))
+    (finding,) = [each for each in examine(evidence) if each.code == "nothing_heard"]
+    assert LINKS[url] in finding.do
+    assert ("cable" in finding.do) == url.startswith("serial"), "nobody looks for a cable where there is none"
+
+
+@pytest.mark.parametrize(
+    ("why", "do"),
+    [("Address already in use", "end that program"), ("no such host: cam.invalid", "an address of this board")],
+)
+def test_what_to_do_about_deafness_goes_by_its_reason(healthy, why, do):
+    (finding,) = planted(healthy, ["intake", "why"], why)
+    assert finding.what.endswith(why)
+    assert do in finding.do
+
+
+@pytest.mark.parametrize(
+    ("url", "said"), [("serial:///dev/ttyAMA0:921600", "cable"), ("udpin://0.0.0.0:14540", "radio")]
+)
+def test_what_to_do_about_loss_goes_by_the_kind_of_link(healthy, url, said):
+    config = parse(TEXT.replace("udpin://127.0.0.1:14540", url), "flight.toml")
+    peers = [{"system": 1, "component": 1, "received": 900, "lost": 100}]
+    traffic = [{**healthy.status["traffic"][0], "peers": peers}]
+    evidence = msgspec.structs.replace(healthy, config=config)
+    (finding,) = planted(evidence, ["traffic"], traffic)
+    assert finding.code == "loss"
+    assert said in finding.do
+
+
+def places(value, path=()):
+    """The path of every value inside another."""
+    inside = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, each in inside:
+        yield (*path, key)
+        yield from places(each, (*path, key))
+
+
+def with_another(value, path, other):
+    if not path:
+        return other
+    copy = value.copy()
+    copy[path[0]] = with_another(value[path[0]], path[1:], other)
+    return copy
+
+
+@pytest.mark.parametrize("other", [None, "x", -1, [1], {}, {"a": None}, True], ids=repr)
+def test_a_status_of_another_form_is_not_believed_or_breaks_nothing(healthy, other):
+    believed = 0
+    for path in places(healthy.status):
+        status = with_another(healthy.status, path, other)
+        if is_of_our_form(status):
+            believed += 1
+            evidence = msgspec.structs.replace(healthy, status=status)
+            assert list(told(evidence, examine(evidence), "by its status"))
+    assert believed > 50
+    assert is_of_our_form(healthy.status)

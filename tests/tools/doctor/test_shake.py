@@ -1,0 +1,127 @@
+"""A vehicle in the mock's hands, in invented time: what was planted is found by what the service hears, or named."""
+
+import json
+from collections.abc import Mapping
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from flying import Companion
+
+from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.pipeline.pipeline_factory import make_pipeline
+from fwav_companion.tools.doctor.witness import KEPT_S, MOST_FRAMES, MOST_TAGS, ShakeWitness
+from fwav_companion.tools.shake.estimate import estimate
+from fwav_companion.tools.shake.guide import Advice, Phase
+from fwav_companion.types import Detection, Frame, StampClock
+from fwav_companion.vision.wire import parse_frame
+from sitl_mock import scenario, simulate
+
+HAND = scenario("shake").but({"seed": 3, "draw_biases": False})
+
+
+class Watched(Companion):
+    """The service with a witness, who looks at it five times a second."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.pipeline = make_pipeline(self.config, None, unix_offset_ns=0, live=True, attitudes_kept_s=KEPT_S)
+        self.advices: list[Advice] = []
+        self.witness = ShakeWitness(self.config, self.calibration, 12.0, self.advices.append, lambda: self._now * 1e-9)
+        self._look_ns = 0
+
+    def on_frame(self, frame: Mapping[str, Any], now_ns: int) -> list[bytes]:
+        self.witness.on_frame(parse_frame(json.dumps(frame), HostNs(now_ns), self.wall_clock))
+        return super().on_frame(frame, now_ns)
+
+    def is_over(self, now_ns: int) -> bool:
+        if now_ns < self._look_ns:
+            return False
+        self._look_ns = now_ns + 200_000_000
+        up = {"links": {"autopilot": {"state": "up", "why": ""}}, "intake": {"why": ""}, "vision": None}
+        return self.witness.enough({**up, **self.pipeline.status(self._now)}, self.pipeline.telemetry)
+
+
+@cache
+def watched(*differences):
+    """One session with the mock that differs so from a healthy one."""
+    mock = simulate(HAND.but({"seconds": 60.0, **dict(differences)}))
+    watcher = Watched()
+    for now_ns, _ in mock.drive(watcher):
+        if watcher.is_over(now_ns):
+            break
+    return watcher, watcher.witness.shown(0.16)
+
+
+def shaken(*differences):
+    _, shown = watched(*differences)
+    return estimate(shown.shaking)
+
+
+def test_a_late_camera_and_a_crooked_mount_are_found():
+    """Behind a rolling shutter that nobody configured; and the rates come behind two poles at 20 Hz, which is
+    sqrt(2) / (2 pi f) late at rest."""
+    found = shaken(("biases.time_offset_s", 0.035), ("biases.mount_deg", (0.5, 1.0, 2.0)), ("camera.readout_s", 0.02))
+    assert (found.mistakes, found.not_shown) == ((), ())
+    assert found.delay.value == pytest.approx(0.035, abs=0.003)
+    assert found.delay.value == pytest.approx(0.035, abs=3.5 * found.delay.sigma)
+    errors = np.degrees([known.value for known in found.mount]) - (0.5, 1.0, 2.0)
+    assert abs(errors).max() < 0.3
+    assert (abs(errors) < 3.5 * np.degrees([known.sigma for known in found.mount])).all()
+    assert found.turned == pytest.approx(np.pi / 2, abs=0.3)
+    assert found.rates.lag_s == pytest.approx(0.0112, abs=0.0015)
+
+
+PLANTED = {
+    "image upside down": ("biases.mount_deg", (0.0, 0.0, 180.0)),
+    "roll reversed": ("autopilot.reversed_axes", ("roll",)),
+}
+
+
+@pytest.mark.parametrize("name", PLANTED)
+def test_a_planted_mistake_is_named(name):
+    assert [mistake.name for mistake in shaken(PLANTED[name]).mistakes] == [name]
+
+
+def test_never_turned_is_said():
+    watcher, shown = watched(("flight.quarter_turn_s", 0.0))
+    assert any("turn it by 90 deg" in advice.text for advice in watcher.advices)
+    found = estimate(shown.shaking)
+    assert found.mount is None
+    assert "never turned" in found.not_shown[-1]
+
+
+def test_never_shaken_is_said():
+    still = {"shake_deg": (0.0, 0.0, 0.0), "flapping_pitch_deg": 0.0, "flapping_roll_deg": 0.0, "wander_deg": 0.0}
+    found = shaken(*((f"flight.{name}", value) for name, value in still.items()))
+    assert (found.delay, found.mount) == (None, None)
+    assert "too little shaking" in found.not_shown[-1]
+
+
+MISSING = {
+    "no tag with its four corners": ("camera.corner_noise_px", None),
+    "no pictures and no detections": ("camera.enabled", False),
+    "attitudes come": ("autopilot.true_ceiling_hz", 10.0),
+}
+
+
+@pytest.mark.parametrize("words", MISSING)
+def test_what_never_comes_is_named(words):
+    _, shown = watched(MISSING[words])
+    assert shown.shaking is None
+    assert shown.advice.phase is Phase.FAILED
+    assert words in shown.advice.text
+
+
+def test_what_is_kept_is_bounded_in_frames_and_in_what_stands_in_them():
+    """A detector may bring 256 detections a frame, and somebody may forget that it runs."""
+    watcher, _ = watched(("flight.quarter_turn_s", 0.0))
+    four = ((1.0, 1.0), (2.0, 1.0), (2.0, 2.0), (1.0, 2.0))
+    tags = tuple(Detection(1.5, 1.5, label=f"tag{number}", corners=four) for number in range(MOST_TAGS + 4))
+    people = (Detection(9.0, 9.0, label="person"),) * 200
+    crowded = Frame(None, 0, StampClock.HOST, HostNs(0), people + tags)
+    for _ in range(MOST_FRAMES + 10):
+        watcher.witness.on_frame(crowded)
+    assert len(watcher.witness.frames) == MOST_FRAMES
+    assert watcher.witness.frames[-1].detections == tags[:MOST_TAGS]

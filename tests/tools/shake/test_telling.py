@@ -1,0 +1,62 @@
+"""The lines to paste mean what was found, and are not offered where something else must be put right first."""
+
+import tomllib
+from math import radians
+
+import numpy as np
+import pytest
+from hands import FORWARD_DOWN, Hands
+
+from fwav_companion.geometry.mounts import body_from_camera_from_euler
+from fwav_companion.tools.shake.telling import Configured, is_usable
+
+CONFIGURED = Configured("flight.toml", 0.01)
+
+
+@pytest.fixture(scope="module")
+def shaken():
+    return Hands(seed=5).found()
+
+
+def test_the_lines_round_trip(shaken):
+    told = tomllib.loads("\n".join(CONFIGURED.lines(shaken)))
+    mount = told["camera"]["mount"]
+    angles = (radians(mount[f"{axis}_deg"]) for axis in ("roll", "pitch", "yaw"))
+    assert np.allclose(body_from_camera_from_euler(*angles), shaken.body_from_camera, atol=1e-4)
+    assert told["camera"]["time_offset_s"] == pytest.approx(0.01 + shaken.delay.value, abs=6e-5)
+    assert told["uncertainty"]["time_offset_sigma_s"] >= shaken.delay.sigma
+    assert radians(told["uncertainty"]["mount_bias_deg"]) >= max(known.sigma for known in shaken.mount)
+    assert is_usable(shaken)
+
+
+def test_near_the_vertical_it_is_said_why_roll_and_yaw_are_large(shaken):
+    """A mount that is off by a degree is told as roll 30, yaw -28."""
+    assert any("what counts is their sum" in line for line in CONFIGURED.lines(shaken))
+    forward = Hands(seed=5, configured=FORWARD_DOWN).found()
+    assert not any("#" in line for line in CONFIGURED.lines(forward))
+
+
+def test_people_read_it_all(shaken):
+    said = "\n".join(CONFIGURED.told(shaken))
+    assert "delay of the camera: 4" in said
+    assert "camera looks down, image top toward the nose" in said
+    assert "cannot be told from it" in said
+    assert "rates come 11." in said or "rates come 10." in said
+    for line in CONFIGURED.lines(shaken):
+        assert line in said.splitlines()
+
+
+def test_a_wrong_sign_offers_no_lines_and_its_name():
+    shaken = Hands(seed=5, told_signs=(-1, 1, 1)).found()
+    assert CONFIGURED.lines(shaken) == []
+    assert "1. roll reversed" in list(CONFIGURED.told(shaken))
+    assert not is_usable(shaken)
+
+
+def test_what_was_not_shown_has_no_lines():
+    shaken = Hands(seed=5, turn_deg=0.0).found()
+    told = tomllib.loads("\n".join(CONFIGURED.lines(shaken)))
+    assert set(told) == {"camera", "uncertainty"}
+    assert set(told["camera"]) == {"time_offset_s"}
+    assert set(told["uncertainty"]) == {"time_offset_sigma_s"}
+    assert not is_usable(shaken)
