@@ -12,18 +12,20 @@ import fwav_companion
 PACKAGE = Path(fwav_companion.__file__).parent
 PURE = (
     "camera",
-    "flow",
     "geometry",
     "localization",
     "mavlink",
-    "nouns",
     "pairing",
+    "pipeline",
     "publishing",
-    "replay",
-    "report",
-    "shaking",
+    "replay/driver.py",
+    "replay/recorded.py",
+    "replay/telemetry.py",
+    "self_calibration",
     "telemetry",
+    "tools/shake",
     "tracking",
+    "types",
 )
 CLOCK_READERS = {"time", "time_ns", "monotonic", "monotonic_ns", "perf_counter", "now", "utcnow", "today"}
 
@@ -36,7 +38,8 @@ def loaded_by(statement: str) -> set[str]:
 
 
 def pure_files() -> list[Path]:
-    return [path for room in PURE for path in sorted((PACKAGE / room).rglob("*.py"))]
+    rooms = [PACKAGE / room for room in PURE]
+    return [path for room in rooms for path in ([room] if room.suffix else sorted(room.rglob("*.py")))]
 
 
 def test_import_contracts_hold():
@@ -49,6 +52,13 @@ def test_import_contracts_hold():
 def test_the_daemon_loads_no_heavy_library():
     heavy = {"numpy", "scipy", "cv2", "rich", "matplotlib", "rasterio", "sitl_mock", "hypothesis"}
     assert not heavy & loaded_by("import fwav_companion.cli.run, fwav_companion.service.daemon")
+
+
+def test_the_daemon_loads_no_tool():
+    statement = "import fwav_companion.cli.run, fwav_companion.service.daemon"
+    code = f"{statement}\nimport sys\nprint(*(name for name in sys.modules if name.startswith('fwav_companion.tools')))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    assert not done.stdout.split()
 
 
 def test_the_mock_and_the_package_do_not_know_each_other():

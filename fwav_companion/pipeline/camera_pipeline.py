@@ -16,8 +16,9 @@ from fwav_companion.pipeline.predicted_accuracy import PredictedAccuracy, predic
 from fwav_companion.pipeline.self_calibration_notices import SelfCalibrationNotices
 from fwav_companion.pipeline.target_log import TargetLog
 from fwav_companion.recording.lines import Line, sighting_line
+from fwav_companion.self_calibration import CalibrationReport
 from fwav_companion.telemetry import RateMeter, Telemetry
-from fwav_companion.tracking import CalibrationReport, Reorder, Settled
+from fwav_companion.tracking import Reorder, Settled
 from fwav_companion.types import Frame, FrameView, GroundFix, NoFix, NoFrame, Reason, Sighting, Track, VehicleState
 
 LONG_AFTER_NS = 60 * NS_PER_S

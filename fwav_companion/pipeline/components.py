@@ -23,7 +23,7 @@ from fwav_companion.types.board import BoardReport
 
 @dataclass(slots=True)
 class Components:
-    """Everything that the pipeline joins; :mod:`fwav_companion.pipeline.pipeline_factory` makes it from a configuration."""
+    """All components of a pipeline, as :mod:`fwav_companion.pipeline.pipeline_factory` makes them."""
 
     identity: Identity
     timesync: Timesync

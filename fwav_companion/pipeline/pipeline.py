@@ -15,8 +15,8 @@ from fwav_companion.pipeline.output_buffer import OutputBuffer, Outputs
 from fwav_companion.pipeline.target_log import TargetLog
 from fwav_companion.publishing.board_status import onboard_computer_status
 from fwav_companion.recording.lines import Line, unix_seconds
+from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.telemetry import Telemetry
-from fwav_companion.tracking import KeptCalibration
 from fwav_companion.types import BoardReport, Destination, Frame, Message, NoFrame, Outgoing, Reason
 
 ANSWERED = frozenset({"COMMAND_LONG", "COMMAND_INT", "PING"})

@@ -35,9 +35,10 @@ from fwav_companion.pipeline.target_log import TargetLog
 from fwav_companion.publishing.board_status import ONBOARD_COMPUTER_STATUS, requested_board_status
 from fwav_companion.publishing.options import PublishOptions
 from fwav_companion.publishing.publisher import Publisher
+from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.telemetry import Telemetry, TelemetryOptions
 from fwav_companion.telemetry.gimbal import LAST_NON_MAVLINK_DEVICE
-from fwav_companion.tracking import KeptCalibration, Reorder, TrackingOptions, make_tracker, tracker_with
+from fwav_companion.tracking import Reorder, TrackingOptions, make_tracker, tracker_with
 from fwav_companion.tracking.filters.base import Filter
 
 CAMERA_COMPONENT = 100

@@ -8,7 +8,7 @@ from typing import Any
 from fwav_companion.geometry.mounts import corrected_mount, euler_from_body_from_camera
 from fwav_companion.geometry.vectors import Matrix3
 from fwav_companion.recording.lines import Line, calibration_line
-from fwav_companion.tracking import CalibrationReport, CalibrationStatus, PriorInflation, SharedParameter
+from fwav_companion.self_calibration import CalibrationReport, CalibrationStatus, PriorInflation, SharedParameter
 from fwav_companion.types import Notice, Severity
 
 REPLACED = "self-calibration: camera is not as an earlier flight left it; that calibration is dropped"

@@ -14,7 +14,7 @@ from fwav_companion.mavlink.wire import enums
 from fwav_companion.recording.events import BeganWith, RecordingEnd, Refused, parse_event
 from fwav_companion.recording.tlog import SkippedBytes
 from fwav_companion.replay.telemetry import TelemetryRead, Timed, read_telemetry
-from fwav_companion.tracking import KeptCalibration
+from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.types import Frame, Message, NoFrame, Reason
 from fwav_companion.vision.wall_clock import RecordingClock
 from fwav_companion.vision.wire import parse_frame

@@ -30,8 +30,8 @@ from fwav_companion.self_calibration.rate_denoiser import SPAN_S, RateDenoiser
 from fwav_companion.self_calibration.relinearization import Relinearization
 from fwav_companion.self_calibration.report import CalibrationReport, believed, worth_keeping
 from fwav_companion.self_calibration.view_geometry import ViewGeometry
-from fwav_companion.tracking.filters.schmidt_kalman import Surprise
 from fwav_companion.types import GroundFix, VehicleState
+from fwav_companion.types.tracks import Surprise
 
 SEARCH_A_FRAME = 2
 """Glimpses that the search takes of one frame: each costs a step of every hypothesis."""

@@ -22,7 +22,7 @@ from fwav_companion.self_calibration.pixel_measurement import (
     pixel_noise,
     predict,
 )
-from fwav_companion.tracking.filters.schmidt_kalman import Surprise
+from fwav_companion.types.tracks import Surprise
 
 
 class PreparedMeasurement(msgspec.Struct, frozen=True):

@@ -8,8 +8,8 @@ from collections.abc import Callable
 import msgspec
 
 from fwav_companion.config import Config
+from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.service.latest_file import LatestFile, state_path
-from fwav_companion.tracking import KeptCalibration
 
 NAME = "calibration.json"
 EVERY_TICKS = 60

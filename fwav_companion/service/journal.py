@@ -13,8 +13,8 @@ from fwav_companion.mavlink.wire.strip_signature import unsigned, without_signat
 from fwav_companion.recording.events import began_with_line, end_line, refused_line
 from fwav_companion.recording.lines import Line
 from fwav_companion.recording.recorder import Recorder
+from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.service.host_clock import HostClock
-from fwav_companion.tracking import KeptCalibration
 from fwav_companion.types import Frame, NoFrame, Reason
 from fwav_companion.vision.wire import encode_frame
 

@@ -10,8 +10,8 @@ from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.self_calibration.assessment import CalibratedPlace
 from fwav_companion.self_calibration.calibrator import Calibrator
 from fwav_companion.tracking.filters.base import TargetState
-from fwav_companion.tracking.filters.schmidt_kalman import Surprise
 from fwav_companion.types import GroundFix
+from fwav_companion.types.tracks import Surprise
 
 
 class CalibratedTargetState(msgspec.Struct, frozen=True):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from enum import StrEnum
+from math import inf
 
 import msgspec
 
@@ -33,6 +34,19 @@ class Innovation(msgspec.Struct, frozen=True, gc=False):
     east_m: float
     distance2: float
     """Normalised square, with all that the two share and do not share: 2 on the mean where every claim is right."""
+
+
+class Surprise(msgspec.Struct, frozen=True, gc=False):
+    """Gating statistics of a fix against a predicted track."""
+
+    distance2: float
+    """Normalised innovation squared (NIS), 2 degrees of freedom; inf outside the coarse gate."""
+    spread: float
+    """Log of the determinant ratio of innovation covariance to the fix's own noise, horizontal."""
+
+
+OUT_OF_SIGHT = Surprise(inf, 0.0)
+"""The result of a fix outside the coarse gate."""
 
 
 class Track(msgspec.Struct, frozen=True, kw_only=True):

@@ -20,7 +20,7 @@ CONFIG = LINK + '[camera]\ncalibration = "camera.yaml"\n'
 OWN = """
 import msgspec
 from fwav_companion.types import GroundFix
-from fwav_companion.tracking.filters.schmidt_kalman import Surprise
+from fwav_companion.types.tracks import Surprise
 
 class Mean(msgspec.Struct, frozen=True):
     fix: GroundFix

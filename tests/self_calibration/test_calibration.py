@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 from simulated_flight import Flight, priors
 from simulated_world import World
 
+from fwav_companion.self_calibration import CalibrationStatus, KeptCalibration
 from fwav_companion.self_calibration.assessment import assessed
 from fwav_companion.self_calibration.delayed_poses import delayed_poses
 from fwav_companion.self_calibration.filter_pass import FilterPass
@@ -20,7 +21,7 @@ from fwav_companion.self_calibration.pixel_measurement import (
     pixel_noise,
     predict,
 )
-from fwav_companion.tracking import CalibrationStatus, KeptCalibration, TrackingOptions, make_tracker
+from fwav_companion.tracking import TrackingOptions, make_tracker
 from fwav_companion.types import BIAS_COUNT, Bias, Reason
 
 PLANTED = np.zeros(BIAS_COUNT)

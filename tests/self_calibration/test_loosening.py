@@ -7,10 +7,11 @@ from simulated_flight import Flight, priors
 from simulated_world import World
 
 from fwav_companion.pipeline.self_calibration_notices import SelfCalibrationNotices
+from fwav_companion.self_calibration import CalibrationStatus, KeptCalibration, SharedParameter
 from fwav_companion.self_calibration.joint_filter import joint_of
 from fwav_companion.self_calibration.pixel_measurement import COMMON_COUNT
 from fwav_companion.self_calibration.prior_inflation import PriorInflation, prior_inflations
-from fwav_companion.tracking import CalibrationStatus, KeptCalibration, SharedParameter, TrackingOptions, make_tracker
+from fwav_companion.tracking import TrackingOptions, make_tracker
 from fwav_companion.types import BIAS_COUNT, Bias, Severity
 
 TARGET = (2.0, 3.0)

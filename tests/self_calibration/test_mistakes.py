@@ -11,10 +11,11 @@ from simulated_flight import BODY_FROM_CAMERA, Flight
 from simulated_world import World
 
 from fwav_companion.geometry.mounts import body_from_camera_from_euler
+from fwav_companion.self_calibration import CalibrationStatus
 from fwav_companion.self_calibration.delayed_poses import VehiclePose, vehicle_pose
 from fwav_companion.self_calibration.mount_check import MountCheck
 from fwav_companion.self_calibration.single_sights import meeting, misplaced_m, missed, sight_of
-from fwav_companion.tracking import CalibrationStatus, TrackingOptions, make_tracker
+from fwav_companion.tracking import TrackingOptions, make_tracker
 from fwav_companion.types import BIAS_COUNT, Bias
 
 MOUNT = [Bias.MOUNT_X, Bias.MOUNT_Y, Bias.MOUNT_Z]

@@ -6,9 +6,10 @@ import pytest
 from simulated_flight import Flight, priors
 from simulated_world import World
 
+from fwav_companion.self_calibration import CalibrationStatus
 from fwav_companion.self_calibration.calibration_context import CalibrationContext
 from fwav_companion.self_calibration.delay_search import ROUNDS, delay_search
-from fwav_companion.tracking import CalibrationStatus, TrackingOptions, make_tracker
+from fwav_companion.tracking import TrackingOptions, make_tracker
 from fwav_companion.types import BIAS_COUNT, Bias
 
 

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 from simulated_flight import Flight, path, priors
 from simulated_world import World
 
+from fwav_companion.self_calibration import CalibrationStatus
 from fwav_companion.self_calibration.assessment import assessed
 from fwav_companion.self_calibration.delayed_poses import delayed_poses
 from fwav_companion.self_calibration.joint_filter import joint_of
@@ -20,7 +21,7 @@ from fwav_companion.self_calibration.pixel_measurement import (
     predict,
 )
 from fwav_companion.self_calibration.report import worth_keeping
-from fwav_companion.tracking import CalibrationStatus, TrackingOptions, make_tracker
+from fwav_companion.tracking import TrackingOptions, make_tracker
 from fwav_companion.types import BIAS_COUNT, Bias
 
 SIGMAS = (0.05, *np.radians([1.0, 1.0, 1.0, 2.0]), 0.0, 0.0, 0.0, 0.0)

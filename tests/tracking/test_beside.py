@@ -7,7 +7,8 @@ from handmade import a_fix, a_view
 from simulated_flight import Flight, priors
 from simulated_world import World
 
-from fwav_companion.tracking import CalibrationStatus, TrackingOptions, make_tracker, tracker_with
+from fwav_companion.self_calibration import CalibrationStatus
+from fwav_companion.tracking import TrackingOptions, make_tracker, tracker_with
 from fwav_companion.tracking.filters.kalman import StaticKalman
 from fwav_companion.types import BIAS_COUNT, Bias, TrackState
 

@@ -43,7 +43,7 @@ class Received(msgspec.Struct):
     messages: list[Message]
     """Those that are wanted, meant for us or for all, and believed; in order."""
     forwards: list[tuple[str, bytes]]
-    """(link, whole frames as they came), to be sent in order: what came together goes on together (:func:`coalesced`)."""
+    """(link, whole frames as they came), to be sent in order; frames of one receive are :func:`coalesced`."""
     frames: Sequence[RawFrame] = ()
     """All that were taken, for a recording: no duplicates, no echoes of ours, nothing that was refused for its
     signature, and no SETUP_SIGNING, which carries a key."""

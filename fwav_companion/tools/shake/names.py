@@ -1,8 +1,8 @@
 """Gross mistakes by name: what of the image or of the attitude is turned, mirrored or reversed.
 
-The turns of two frames show the camera's axes against the body's (:mod:`fwav_companion.tools.shake.first_look`). A turned
-image changes them by a rotation. A mirrored one does too, since rotations are seen as axial vectors: mirrored left to
-right, the camera seems to look the other way. A reversed axis of the attitude alone makes them left-handed.
+The turns of two frames show the camera's axes against the body's (:mod:`fwav_companion.tools.shake.first_look`). A
+turned image changes them by a rotation. A mirrored one does too, since rotations are seen as axial vectors: mirrored
+left to right, the camera seems to look the other way. A reversed axis of the attitude alone makes them left-handed.
 """
 
 from __future__ import annotations

@@ -11,8 +11,8 @@ from typing import Protocol
 
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Matrix3, Vector3
-from fwav_companion.tracking.filters.schmidt_kalman import Surprise
 from fwav_companion.types import GroundFix
+from fwav_companion.types.tracks import Surprise
 
 
 class TargetState(Protocol):

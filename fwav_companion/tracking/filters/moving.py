@@ -29,13 +29,13 @@ from fwav_companion.tracking.filters.consider_biases import ConsiderBiases, Meas
 from fwav_companion.tracking.filters.maneuver import ManeuverLag
 from fwav_companion.tracking.filters.schmidt_kalman import (
     PointEstimate,
-    Surprise,
     blended_shared,
     joseph_update,
     scattered,
     surprise,
 )
 from fwav_companion.types import ErrorPriors, GroundFix
+from fwav_companion.types.tracks import Surprise
 
 START_SPEED_M_S = 3.0
 """One sigma an axis of an unknown target's velocity: people, animals, vehicles on a field."""

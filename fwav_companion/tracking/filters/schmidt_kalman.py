@@ -9,7 +9,7 @@ Ten targets and ten fixes are a hundred pairs a frame, and ``math.dist`` of two 
 
 from __future__ import annotations
 
-from math import dist, hypot, inf, log
+from math import dist, hypot, log
 from operator import sub
 
 import msgspec
@@ -18,18 +18,7 @@ from fwav_companion.geometry.small_matrices import Symmetric2, inner, symmetric_
 from fwav_companion.geometry.vectors import Matrix3, Vector3, add, multiply, subtract, transform, transpose
 from fwav_companion.tracking.filters.adaptive_noise import AdaptiveNoise
 from fwav_companion.tracking.filters.consider_biases import Measurement, Row, Rows, faded
-
-
-class Surprise(msgspec.Struct, frozen=True, gc=False):
-    """How little a fix was expected."""
-
-    distance2: float
-    """Squared Mahalanobis distance, 2 degrees of freedom; infinite where no gate is that wide."""
-    spread: float
-    """Log of how much wider than the fix's own noise it was looked for: areas squared."""
-
-
-OUT_OF_SIGHT = Surprise(inf, 0.0)
+from fwav_companion.types.tracks import OUT_OF_SIGHT, Surprise
 
 
 class PointEstimate(msgspec.Struct, frozen=True, gc=False):

@@ -7,8 +7,9 @@ import msgspec
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.tracking.filters.consider_biases import ConsiderBiases
-from fwav_companion.tracking.filters.schmidt_kalman import PointEstimate, Surprise, surprise
+from fwav_companion.tracking.filters.schmidt_kalman import PointEstimate, surprise
 from fwav_companion.types import GroundFix
+from fwav_companion.types.tracks import Surprise
 
 
 class StandingTargetState(msgspec.Struct, frozen=True):
