@@ -7,7 +7,7 @@ import fwav_companion.tools.doctor
 from fwav_companion.tools.doctor.refusals import REFUSALS
 
 DOCTOR = Path(fwav_companion.tools.doctor.__file__).parent
-TESTS = [Path(__file__).parent, Path(__file__).parents[1] / "cli"]
+TESTS = [Path(__file__).parent, Path(__file__).parents[2] / "cli"]
 
 
 def texts(paths):
