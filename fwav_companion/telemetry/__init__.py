@@ -1,4 +1,10 @@
-"""Decoding to samples, the clock, and a history that can be asked for any instant. PURE: time is handed in."""
+"""Decodes telemetry to samples, estimates the autopilot's clock, and answers for the vehicle at any recent instant.
+Pure: time is handed in.
+
+``telemetry`` is the front; ``intake`` stores each message through ``decoding``; ``vehicle_history`` interpolates;
+``world`` holds the origin and the home surface; ``clock`` and ``attitude`` are rooms of their own; ``gimbal`` is what
+may carry the camera.
+"""
 
 from fwav_companion.telemetry.clock.clock import Clock
 from fwav_companion.telemetry.events import (

@@ -1,4 +1,4 @@
-"""Attitudes of the last seconds, and from them the attitude at any instant."""
+"""A bounded history of attitudes, and the attitude interpolated at any instant in it."""
 
 from __future__ import annotations
 
@@ -21,45 +21,47 @@ from fwav_companion.telemetry.attitude.quality import MOST_SWING, SEVEN, Attitud
 from fwav_companion.types import AttitudeSample, Reason, Unpaired
 
 KEPT_NS = 3 * NS_PER_S
-"""A frame may come 0.5 s late and wait 0.4 s; a clock that is unsure may place it half a second off."""
+"""A frame may arrive 0.5 s late and wait 0.4 s; an unsure clock may place it half a second off."""
 MOST_KEPT = 2048
-"""3 s at 400 Hz are 1200; a sender that floods us is cut here."""
+"""3 s at 400 Hz are 1200 samples. More than this is a flood, and the oldest samples are dropped."""
 WIDEST_GAP_NS = 500_000_000
-"""Autopilots that refuse every rate still send four a second: 250 ms apart, and one may be lost."""
+"""An autopilot that refuses every rate still sends 4 Hz: samples are 250 ms apart, and one may be lost."""
 MOST_EXTRAPOLATION_NS = 30_000_000
-"""Beyond the newest attitude: a body that flaps at 5 Hz and 5 deg has then left its tangent by 2 degrees."""
+"""Longest extrapolation beyond the newest attitude: a body that flaps 5 deg at 5 Hz has then left its tangent by 2
+deg."""
 EXTRAPOLATED_SHARE = 0.5
-"""Of the acceleration times the square of the time: a tangent's departure."""
+"""Departure from a tangent, as a share of acceleration times time squared."""
 UNSURE_RATE = 0.05
-"""rad/s, one sigma of the rate at the newest attitude, where the stream shows the motion well."""
+"""One sigma of the body rate at the newest attitude, rad/s, where the stream shows the motion well."""
 END_SLOPE = 32.0 / 3.0
-"""Of four attitudes' polynomial: error of the slope at its end, times the spacing, over the error amid its middle."""
+"""Polynomial through four attitudes: slope error at its end times the spacing, over the error in the middle."""
 MOST_SIGMA = 0.1
-"""rad: across a hole, an attitude less certain than 6 degrees is none."""
+"""rad: an attitude interpolated across a hole and less certain than 6 degrees is not used."""
 HOLE = 2.5
-"""Intervals wider than the stream's own by this are holes in it; a stream that is slow throughout has none."""
+"""An interval is a hole where it exceeds the stream's own spacing by this factor. A stream that is slow throughout has
+no holes."""
 REACH = 4
-"""Intervals on each side that a new sample may change."""
+"""Intervals on each side whose interpolation a new sample may change."""
 
 NONE_YET = Unpaired(Reason.NO_ATTITUDE)
 
 
 class AttitudeAt(msgspec.Struct, frozen=True, gc=False):
-    """The attitude at one instant."""
+    """Attitude at one instant."""
 
     ned_from_body: Quaternion
     rates: Vector3
-    """Of the interpolated course, rad/s, body axes."""
+    """Angular velocity of the interpolated course, rad/s, body axes."""
     sigma: float
-    """What interpolation or extrapolation adds, one sigma about each axis, radians."""
+    """One sigma that interpolation or extrapolation adds, about each axis, radians."""
     gap_s: float
-    """To the nearest sample."""
+    """Seconds to the nearest sample."""
     spacing_s: float = 0.0
-    """Between the samples around it; of the stream where it lies beyond the newest."""
+    """Seconds between the samples around the instant; the stream's mean spacing beyond the newest sample."""
 
 
 class AttitudeHistory:
-    """A bounded, ordered store of attitudes with an interpolation that is worked out once an interval."""
+    """A bounded store of attitudes in order of time; each interval's interpolation is computed once."""
 
     __slots__ = ("_check", "_kept_ns", "_most_kept", "_pieces", "_samples", "_times")
 
@@ -67,7 +69,7 @@ class AttitudeHistory:
         self._kept_ns, self._most_kept = kept_ns, MOST_KEPT * max(1, kept_ns // KEPT_NS)
         self._times: list[BootNs] = []
         self._samples: list[AttitudeSample] = []
-        self._pieces: list[tuple[Piece, float] | None] = []  # with its sigma; by the interval's first sample
+        self._pieces: list[tuple[Piece, float] | None] = []  # segment and its sigma, by the interval's first sample
         self._check = AttitudeQuality()
 
     def __len__(self) -> int:
@@ -75,7 +77,7 @@ class AttitudeHistory:
 
     @property
     def samples(self) -> tuple[AttitudeSample, ...]:
-        """All that are kept, in order of time."""
+        """All stored samples, in order of time."""
         return tuple(self._samples)
 
     @property
@@ -85,11 +87,13 @@ class AttitudeHistory:
 
     @property
     def check(self) -> AttitudeQuality:
-        """What the stream shows about itself."""
+        """Measured quality of the stream."""
         return self._check
 
     def insert(self, sample: AttitudeSample) -> bool:
-        """Take a sample, in any order. False: there is one of this instant already, or it is older than all kept."""
+        """Store a sample, in any order. Returns False where its instant is already stored or older than the whole
+        store.
+        """
         times = self._times
         index = bisect_left(times, sample.boot_ns)
         if index < len(times) and times[index] == sample.boot_ns:
@@ -125,12 +129,12 @@ class AttitudeHistory:
             del self._times[:excess], self._samples[:excess], self._pieces[:excess]
 
     def ready_for(self, boot_ns: BootNs) -> bool:
-        """Enough samples lie beyond this instant that more of them would not change the answer."""
+        """Whether enough samples lie beyond this instant that more samples would not change the answer."""
         beyond = 3 if self._check.method is Method.SIX else 2
         return len(self._times) >= beyond and self._times[-beyond] >= boot_ns
 
     def quaternion_at(self, boot_ns: BootNs) -> Quaternion | Unpaired:
-        """``ned_from_body`` alone."""
+        """``ned_from_body`` at the instant, without rates and sigma."""
         index = bisect_right(self._times, boot_ns) - 1
         if 0 <= index < len(self._times) - 1:
             known = self._pieces[index]
@@ -140,7 +144,7 @@ class AttitudeHistory:
         return at if isinstance(at, Unpaired) else at.ned_from_body
 
     def at(self, boot_ns: BootNs) -> AttitudeAt | Unpaired:
-        """The attitude there, with its uncertainty; or why there is none."""
+        """Attitude at the instant with its uncertainty, or the reason why there is no attitude."""
         times = self._times
         if not times:
             return NONE_YET
@@ -157,7 +161,7 @@ class AttitudeHistory:
         return AttitudeAt(quaternion_at(piece, boot_ns), rates_at(piece, boot_ns), sigma, gap_s, spacing_s)
 
     def _build(self, index: int) -> tuple[Piece, float]:
-        """The interval after sample ``index``, by the stream's method as far as the samples around it allow."""
+        """Segment after sample ``index``, by the chosen method as far as the neighbouring samples allow."""
         times, samples, check = self._times, self._samples, self._check
         inside_four, inside_six = 1 <= index <= len(times) - 3, 2 <= index <= len(times) - 4
         interval_s = (times[index + 1] - times[index]) * 1e-9
@@ -181,7 +185,7 @@ class AttitudeHistory:
         return built
 
     def _beyond(self, boot_ns: BootNs) -> AttitudeAt | Unpaired:
-        """On from the newest attitude, at the rate that the course had there."""
+        """Attitude extrapolated from the newest sample at the rate that the course had there."""
         last = self._samples[-1]
         age_ns = boot_ns - last.boot_ns
         age_s = age_ns * 1e-9
@@ -208,7 +212,9 @@ class AttitudeHistory:
 
 
 def _first_guess(first: AttitudeSample, last: AttitudeSample, interval_s: float) -> float:
-    """What interpolation may miss while the stream was not checked yet: by how much these two contradict themselves."""
+    """Interpolation error assumed before the stream was measured: the disagreement of two samples with their own
+    rates.
+    """
     turn = scale(difference(last.ned_from_body, first.ned_from_body), 1.0 / interval_s)
     sent = scale(add(first.rates, last.rates), 0.5)
     change = subtract(last.rates, first.rates)

@@ -1,9 +1,8 @@
-"""One interval of an attitude's course: a polynomial on the sphere of unit quaternions.
+"""Interpolation of an attitude over one interval: a polynomial on the sphere of unit quaternions.
 
-The four components of the quaternion are each a polynomial in time, and the result is brought back to unit length.
-Since composing with a fixed rotation is linear in the components, this is the same course whatever frame it is told in;
-between attitudes a few degrees apart it differs from a polynomial of rotation vectors by far less than either differs
-from the truth, at a third of the cost.
+Each component of the quaternion is a polynomial in time, and the result is normalised. Composition with a fixed
+rotation is linear in the components, so the course does not depend on the frame. Between attitudes a few degrees apart
+it differs from a polynomial of rotation vectors by far less than either differs from the truth, at a third of the cost.
 """
 
 from __future__ import annotations
@@ -20,15 +19,15 @@ from fwav_companion.types import AttitudeSample
 MOST_NODES = 6
 NOTHING: Quaternion = (0.0, 0.0, 0.0, 0.0)
 Nodes: TypeAlias = tuple[float, float, float, float, float]
-"""Seconds; the sixth attitude's own is not needed."""
+"""Nodes, seconds; the sixth attitude's own node is not needed."""
 Coefficients: TypeAlias = tuple[float, float, float, float, float, float]
-"""Newton's: c0 + (s - n0) (c1 + (s - n1) (c2 + ...)). What is not needed is 0."""
+"""Newton form: c0 + (s - n0) (c1 + (s - n1) (c2 + ...)). Unused coefficients are 0."""
 Piece: TypeAlias = tuple[BootNs, Nodes, Coefficients, Coefficients, Coefficients, Coefficients]
-"""The instant that counts as 0, the nodes, and the polynomials of w, x, y, z."""
+"""Instant of s = 0, the nodes, and the polynomials of w, x, y, z."""
 
 
 def quaternion_at(piece: Piece, boot_ns: BootNs) -> Quaternion:
-    """The unit quaternion there. The hottest function of this room: unrolled on purpose."""
+    """Unit quaternion at the instant. Unrolled, since it is the hottest function of this room."""
     t0, (n0, n1, n2, n3, n4), (w0, w1, w2, w3, w4, w5), (x0, x1, x2, x3, x4, x5), of_y, of_z = piece
     (y0, y1, y2, y3, y4, y5), (z0, z1, z2, z3, z4, z5) = of_y, of_z
     s = (boot_ns - t0) * 1e-9
@@ -42,7 +41,7 @@ def quaternion_at(piece: Piece, boot_ns: BootNs) -> Quaternion:
 
 
 def rates_at(piece: Piece, boot_ns: BootNs) -> Vector3:
-    """The body rates of the course, rad/s, body axes: 2 q* dq/dt."""
+    """Body rates of the course, rad/s, body axes: 2 q* dq/dt."""
     s = (boot_ns - piece[0]) * 1e-9
     n0, n1, n2, n3, n4 = piece[1]
     since = (s - n0, s - n1, s - n2, s - n3, s - n4)
@@ -56,7 +55,7 @@ def rates_at(piece: Piece, boot_ns: BootNs) -> Vector3:
 
 
 def _value_and_slope(c: Coefficients, since: Nodes) -> tuple[float, float]:
-    """Horner's scheme for both at once; ``since``: from each node."""
+    """Value and slope by Horner's scheme; ``since`` holds the seconds since each node."""
     c0, c1, c2, c3, c4, c5 = c
     s0, s1, s2, s3, s4 = since
     v4 = c4 + s4 * c5
@@ -67,7 +66,7 @@ def _value_and_slope(c: Coefficients, since: Nodes) -> tuple[float, float]:
 
 
 def piece_through(t0: BootNs, samples: Sequence[AttitudeSample]) -> Piece:
-    """Through two to six attitudes, in order of time: by Newton's divided differences, all four components at once."""
+    """Polynomial through two to six attitudes in order of time, by Newton's divided differences."""
     nodes = [(sample.boot_ns - t0) * 1e-9 for sample in samples]
     divided = aligned([sample.ned_from_body for sample in samples])
     count = len(nodes)
@@ -82,7 +81,7 @@ def piece_through(t0: BootNs, samples: Sequence[AttitudeSample]) -> Piece:
 
 
 def piece_with_rates(first: AttitudeSample, last: AttitudeSample, rates_first: Vector3, rates_last: Vector3) -> Piece:
-    """Through two attitudes, with these body rates at them: each is a node twice, and its second slope is its rate."""
+    """Hermite polynomial through two attitudes with these body rates: each attitude is a double node."""
     h = (last.boot_ns - first.boot_ns) * 1e-9
     q0, q1 = aligned([first.ned_from_body, last.ned_from_body])
     d0, d1 = _derivative(q0, rates_first), _derivative(q1, rates_last)
@@ -103,7 +102,7 @@ def _derivative(q: Quaternion, rates: Vector3) -> Quaternion:
 
 
 def aligned(quaternions: Sequence[Quaternion]) -> list[Quaternion]:
-    """The same rotations with signs chosen so that neighbours lie on one hemisphere."""
+    """The same rotations with signs such that neighbours lie on one hemisphere."""
     out = [quaternions[0]]
     for w, x, y, z in quaternions[1:]:
         pw, px, py, pz = out[-1]

@@ -1,4 +1,4 @@
-"""One attitude left out, and predicted from its neighbours: what that misses it by."""
+"""Leave-one-out error of an interpolation: one attitude is predicted from its neighbours."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from fwav_companion.types import AttitudeSample
 
 
 def left_out2(neighbours: Sequence[AttitudeSample], sample: AttitudeSample) -> float:
-    """(rad)^2 between a sample and what the polynomial through its neighbours says."""
+    """Squared angle, rad^2, between a sample and the polynomial through its neighbours."""
     nodes = [(n.boot_ns - sample.boot_ns) * 1e-9 for n in neighbours]
     whole = prod(nodes)
     w = x = y = z = 0.0
@@ -25,6 +25,6 @@ def left_out2(neighbours: Sequence[AttitudeSample], sample: AttitudeSample) -> f
 
 
 def apart2(a: Quaternion, b: Quaternion) -> float:
-    """The squared angle between two nearly equal attitudes, the first of nearly unit length."""
+    """Squared angle between two nearly equal attitudes, the first of nearly unit length."""
     _, x, y, z = multiply(conjugate(b), a)
     return 4.0 * (x * x + y * y + z * z)

@@ -1,20 +1,20 @@
-"""What ArduPlane takes off the pitch that ATTITUDE tells, and nowhere else: its PTCH_TRIM_DEG."""
+"""ArduPlane's PTCH_TRIM_DEG, which is subtracted from the pitch in ATTITUDE and nowhere else."""
 
 from __future__ import annotations
 
 from math import radians
 
 MOST_TRIM_DEG = 60.0
-"""More is no trim of anything that flies level: a parameter of that name that means something else."""
+"""Degrees. A larger value is not a trim of a vehicle that flies level."""
 TRIM_STAYS = 1 << 8
-"""FLIGHT_OPTIONS: ATTITUDE keeps the trim and is then the body's own."""
+"""FLIGHT_OPTIONS bit with which ATTITUDE keeps the trim and is the body's own attitude."""
 MOST_OPTIONS = 2**31
 VTOL_TYPES = frozenset(range(19, 26))
-"""A quadplane may send its view as a VTOL instead, which knows no trim: which of the two, it does not tell."""
+"""A quadplane may send its VTOL view instead, which has no trim. It does not report which of the two it sends."""
 
 
 class PitchTrim:
-    """Known once the autopilot told its parameters; a vehicle without such a parameter has none."""
+    """Trim of the autopilot, known from its parameters; a vehicle without the parameter has none."""
 
     __slots__ = ("_deg", "_options", "_vtol")
 
@@ -25,20 +25,20 @@ class PitchTrim:
 
     @property
     def taken_off_deg(self) -> float:
-        """What is missing in the pitch of ATTITUDE."""
+        """Degrees missing in the pitch of ATTITUDE."""
         return 0.0 if self._vtol or self._options & TRIM_STAYS else self._deg
 
     @property
     def taken_off(self) -> float:
-        """The same in radians."""
+        """Radians missing in the pitch of ATTITUDE."""
         return radians(self.taken_off_deg)
 
     def on_heartbeat(self, vehicle_type: int) -> None:
-        """The vehicle says what it is."""
+        """Take the vehicle type of a HEARTBEAT."""
         self._vtol = vehicle_type in VTOL_TYPES
 
     def on_parameter(self, name: str, value: float) -> None:
-        """Of ArduPilot; hundredths of a degree by the older name."""
+        """Take a parameter of ArduPilot. The older name is in hundredths of a degree."""
         match name.rstrip("\0"):
             case "PTCH_TRIM_DEG" if abs(value) <= MOST_TRIM_DEG:
                 self._deg = float(value)

@@ -1,7 +1,7 @@
-"""What the attitude stream itself shows: how fast the motion is, which interpolation suits it, what that leaves open.
+"""Quality of the attitude stream: the motion's speed, the best interpolation, and its error.
 
-Every interpolation is tried on samples that are known: one is left out and predicted from its neighbours, at twice the
-spacing that matters. A polynomial's error there is a known multiple of its error in the middle of an interval.
+Every interpolation is tried on known samples: one sample is left out and predicted from its neighbours, at twice the
+spacing. The error of a polynomial there is a known multiple of its error in the middle of an interval.
 """
 
 from __future__ import annotations
@@ -20,43 +20,45 @@ from fwav_companion.telemetry.attitude.rate_fit import ALTERNATING, RateFit
 from fwav_companion.types import AttitudeSample
 
 SEVEN = 7
-"""Neighbouring samples that one check looks at."""
+"""Neighbouring samples in one check."""
 CHECK_EVERY_NS = 18_000_000
-"""Fifty checks a second are plenty, and bound what they cost."""
+"""Fifty checks a second suffice, and bound their cost."""
 MEMORY_S = 2.0
 CHECKS_TO_BEGIN = 20
 UNEVEN = 2.5
-"""Seven samples whose longest interval exceeds the shortest by more say little about any interpolation."""
+"""Seven samples whose longest interval exceeds the shortest by this factor are not used for checks."""
 
 FOUR_IS_ENOUGH = 1.5e-4
-"""rad, RMS: 1.5 mm from 10 m. No way needs less waiting than four attitudes: they are left only for cause."""
+"""rad, RMS: 1.5 mm from 10 m. Four attitudes need the least waiting, so another method needs a reason."""
 CHANGE_FOR = 0.7
-"""Another method must promise errors smaller by this factor."""
+"""Another method is chosen where it promises errors smaller by this factor."""
 
 FOUR_LEFT_OUT, SIX_LEFT_OUT, RATES_LEFT_OUT = 64.0 / 9.0, 36.0 * 64.0 / 225.0, 16.0
-"""Error with the middle sample left out, over that amid an interval: ratios of the products of distances."""
+"""Leave-one-out error over the error in the middle of an interval: ratios of the products of distances."""
 SIX_NOISE = 1.0 + 524.0 / 400.0
-"""Of independent errors of the samples: the square of what is left out of six, one plus the squared weights."""
+"""Variance of a leave-one-out error of six, for independent sample errors: one plus the squared weights."""
 NOISE_SHARE = (1.0 + 34.0 / 36.0) / SIX_NOISE
-"""Of the same: (left out of four)^2 over (left out of six)^2."""
+"""The same as a ratio: (left out of four)^2 over (left out of six)^2."""
 MOST_NOISE = 0.01
-"""rad, RMS about all axes together: an autopilot's attitudes scatter by a tenth of a degree or two. What six neighbours
-miss a sample by beyond that is motion that they do not show."""
+"""rad, RMS about all axes together: an autopilot's attitudes scatter by 0.1 or 0.2 degrees. A larger leave-one-out
+error of six is motion that the samples do not show."""
 SLOWEST_TELLING_RATE = 0.1
-"""rad/s, RMS: in slower motion, an error of a stamp does not show in the attitudes."""
+"""rad/s, RMS: in slower motion an error of a stamp does not show in the attitudes."""
 
 MOST_SWING = 0.5
-"""rad: the most that an interpolation may be off where nothing better is known."""
+"""rad: interpolation error assumed where nothing better is known."""
 UNCHECKED_SHARE = 0.1
-"""Of the acceleration times the square of the interval, before the stream was checked: a chord misses an eighth."""
+"""Interpolation error before the stream was measured, as a share of acceleration times interval squared. A chord misses
+an eighth."""
 HOPELESS = 0.25
-"""Of the swing's square: errors so large, with a sample left out, do not shrink by the known ratio."""
+"""Share of the squared swing: leave-one-out errors this large do not shrink by the known ratio."""
 TOO_SLOW = 0.1
-"""Of the rates' mean square left unexplained by the attitudes' course: then the stream does not show the motion."""
+"""Share of the rates' mean square that the attitudes leave unexplained: above it the stream does not show the
+motion."""
 
 
 class Method(StrEnum):
-    """How attitudes are interpolated."""
+    """Interpolation method."""
 
     FOUR = "four attitudes"
     SIX = "six attitudes"
@@ -64,22 +66,22 @@ class Method(StrEnum):
 
 
 POWERS = {Method.FOUR: 4, Method.SIX: 6, Method.RATES: 4}
-"""Their errors grow so with the width of an interval."""
+"""Power of the interval's width by which each method's error grows."""
 
 
 class _Told(NamedTuple):
-    """What the checks so far say of every interpolation, at the stream's own spacing."""
+    """Error of every interpolation at the stream's own spacing, by the checks so far."""
 
     errors: dict[Method, float]
     """RMS, rad."""
     unexplained: float
-    """Of the rates, rad/s, where the stream is too slow for the motion."""
+    """Rates that the attitudes leave unexplained, rad/s, where the stream is too slow for the motion."""
     swing: float
     instant_sigma_s: float
 
 
 class AttitudeQuality:
-    """Running means over the last seconds, of the checks of seven neighbouring samples."""
+    """Running means of the last seconds over checks of seven neighbouring samples."""
 
     __slots__ = (
         "_acceleration2",
@@ -106,30 +108,32 @@ class AttitudeQuality:
         self._bend2 = self._unbent2 = 0.0
         self._told: _Told | None = None
         self.rates = RateFit()
-        """What the sent rates are worth."""
+        """Correction of the rates as sent, and whether they can be used."""
         self.method = Method.FOUR
-        """The one that suits the stream."""
+        """Method in use."""
 
-    # What it found.
+    # Results.
 
     @property
     def settled(self) -> bool:
-        """Enough was seen to say more than nothing."""
+        """Whether enough samples were checked for the results to count."""
         return self._count >= CHECKS_TO_BEGIN
 
     @property
     def spacing_s(self) -> float:
-        """Of the samples, on average."""
+        """Mean seconds between samples."""
         return self._spacing
 
     @property
     def angular_acceleration(self) -> float:
-        """RMS, rad/s^2."""
+        """RMS angular acceleration, rad/s^2."""
         return sqrt(self._acceleration2)
 
     @property
     def frequency(self) -> float:
-        """Of the motion, rad/s, as its acceleration over its rate; at least so much, where samples only alternate."""
+        """Angular frequency of the motion, rad/s: its acceleration over its rate; a lower bound where samples
+        alternate.
+        """
         if self.alternates:
             return pi / self._spacing
         return sqrt(self._acceleration2 / self._rate2) if self._rate2 > 1e-12 else 0.0
@@ -137,7 +141,7 @@ class AttitudeQuality:
     @property
     def swing(self) -> float:
         """RMS amplitude of the motion about its mean, rad."""
-        if self.alternates:  # what attitudes show of it and what rates do are its sine and its cosine at the samples
+        if self.alternates:  # attitudes and rates then show the sine and the cosine of the motion at the samples
             peak2 = 0.25 * self._bend2 + self._rate2 / self.frequency**2
             return min(MOST_SWING, sqrt(0.5 * peak2))
         if self._acceleration2 <= 1e-12:
@@ -146,9 +150,10 @@ class AttitudeQuality:
 
     @property
     def stamp_scatter_s(self) -> float:
-        """The most by which stamps can err independently of one another, RMS: more would show in moving attitudes.
+        """Upper bound of the independent errors of stamps, RMS seconds: larger errors would show in moving attitudes.
 
-        Noise and a motion too fast for the stream make it larger than it is. Infinite where nothing tells.
+        Noise, and motion too fast for the stream, make it larger than the truth. Infinite where the motion is too slow
+        to show it.
         """
         if not self.settled or self._rate2 < SLOWEST_TELLING_RATE**2:
             return inf
@@ -156,17 +161,17 @@ class AttitudeQuality:
 
     @property
     def alternates(self) -> bool:
-        """Half a beat lies between two attitudes: they show that there is a motion, and not when it is where."""
+        """Whether half a period of the motion lies between two attitudes: its phase is then unknown."""
         return self._unbent2 > ALTERNATING * self._bend2 or self.rates.alternates
 
     @property
     def instant_sigma_s(self) -> float:
-        """What attitudes too slow for the motion leave open of the instant of each: all of the time between two."""
+        """One sigma of an attitude's instant where attitudes are too slow for the motion: the whole spacing is open."""
         return self._what_is_told().instant_sigma_s if self.settled else 0.0
 
     @property
     def too_slow(self) -> bool:
-        """The rates tell of motion that the attitudes do not show: it is faster than they come."""
+        """Whether the rates show motion that the attitudes do not: it is faster than they are sampled."""
         unexplained = self.rates.disagreement
         return self.alternates or unexplained * unexplained > TOO_SLOW * self.rates.sent_rms**2
 
@@ -181,7 +186,7 @@ class AttitudeQuality:
         return min(error, told.swing)
 
     def _what_is_told(self) -> _Told:
-        """Asked for with every attitude that is wanted, and changed by checks alone."""
+        """Errors by method. Needed with every attitude that is asked for, and changed by checks alone."""
         if self._told is None:
             self._told = self._tell()
         return self._told
@@ -198,7 +203,7 @@ class AttitudeQuality:
         return _Told(errors, self.rates.disagreement, self.swing, self._spacing / sqrt(12.0))
 
     def status(self) -> dict[str, Any]:
-        """For the status file and ``check``."""
+        """Entries for the status file and ``check``."""
         gain, lag_s = self.rates.model.response(self.frequency)
         return {
             "interpolation": self.method.value,
@@ -211,10 +216,10 @@ class AttitudeQuality:
             "rates_gain": gain if self.rates.usable else None,
         }
 
-    # What it looks at.
+    # Measurements.
 
     def look(self, seven: Sequence[AttitudeSample]) -> None:
-        """Seven neighbouring samples, the newest last."""
+        """Check seven neighbouring samples, the newest last."""
         middle_ns = seven[3].boot_ns
         if self._last_ns is not None and 0 <= middle_ns - self._last_ns < CHECK_EVERY_NS:
             return
@@ -233,7 +238,7 @@ class AttitudeQuality:
         self._told = None
 
     def _measure(self, seven: Sequence[AttitudeSample], gain: float) -> None:
-        """How the body moves, by its attitudes' differences or by the sent rates, whichever tell of more."""
+        """Measure the motion by the attitudes' differences or by the sent rates, whichever show more of it."""
         before, middle, after = seven[2], seven[3], seven[4]
         h = 0.5e-9 * (after.boot_ns - before.boot_ns)
         first, amid, last = aligned([s.ned_from_body for s in (before, middle, after)])
@@ -245,7 +250,7 @@ class AttitudeQuality:
         self._rate2 += gain * (max(drift**2 / h**2, dot(middle.rates, middle.rates)) - self._rate2)
 
     def _look_for_alternation(self, four: Sequence[AttitudeSample], gain: float) -> None:
-        """Whether each bend of the course undoes the one before; bends of noise undo two thirds."""
+        """Measure whether each bend of the course undoes the bend before it; bends of noise undo two thirds."""
         a, b, c, d = aligned([sample.ned_from_body for sample in four])
         bends = [(p - 2.0 * q + r, q - 2.0 * r + s) for p, q, r, s in zip(a, b, c, d, strict=True)]
         self._bend2 += gain * (0.5 * sum(one * one + two * two for one, two in bends) - self._bend2)
@@ -262,7 +267,7 @@ class AttitudeQuality:
             self._rates2 += gain * (apart2(quaternion_at(piece, middle.boot_ns), middle.ned_from_body) - self._rates2)
 
     def _four_truncation2(self) -> float:
-        """What four attitudes miss by the motion being faster than they follow, without the noise of the samples."""
+        """Squared error of four attitudes by the motion alone, without the noise of the samples."""
         if self._hopeless(self._four2):
             return self._four2
         noise2 = min(self._six2, SIX_NOISE * MOST_NOISE**2)

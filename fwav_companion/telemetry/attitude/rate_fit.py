@@ -1,16 +1,16 @@
-"""How the body rates that come with attitudes differ from the attitudes' own course, and how to undo it.
+"""Fits how the body rates sent with attitudes differ from the attitudes' own course, and corrects them.
 
 Autopilots filter their gyroscopes before they send rates (ArduPilot: two poles at 20 Hz, 11 ms late), while the
 attitude integrates unfiltered ones. A two-pole filter is undone exactly by
 
     rate = gain * sent + lag * d(sent)/dt + curve * d2(sent)/dt2
 
-with gain 1, lag 2 zeta / w0 and curve 1 / w0^2, and any other delay nearly so. The three numbers are fitted to what the
-attitudes themselves did: the compact relation of fourth order between three values and their three slopes,
+with gain 1, lag 2 zeta / w0 and curve 1 / w0^2, and any other delay nearly so. The three numbers are fitted to the
+attitudes' own motion: the compact relation of fourth order between three values and their three slopes,
 
     s0 + a s- + b s+ = A (f0 - f-) / h- + B (f+ - f0) / h+
 
-holds for neighbouring samples without the error that plain differences would make of a fast motion.
+holds for neighbouring samples without the error that plain differences have in fast motion.
 """
 
 from __future__ import annotations
@@ -25,24 +25,25 @@ from fwav_companion.geometry.vectors import Matrix3, Vector3, dot, scale, subtra
 from fwav_companion.types import AttitudeSample
 
 MEMORY_S = 3.0
-"""A dozen beats of a slow wing; filters do not change in flight."""
+"""Seconds: a dozen beats of a slow wing. Filters do not change in flight."""
 TRUST_IN_SENT = 1e-3
-"""Weight of 'as sent' against the data: settles what a single frequency cannot tell, and nothing else."""
+"""Weight of the rates as sent against the data: settles what a single frequency cannot determine, and nothing else."""
 SAMPLES_TO_BEGIN = 30
 GAINS = (0.85, 3.0)
 LAGS_S = (-0.005, 0.04)
-"""Filters delay (22 ms for two poles at 10 Hz) and damp. Outside, it is no filter that was found but a stream too slow
-to show the motion: what is left of it may fit anything."""
+"""Range of lags that filters have (22 ms for two poles at 10 Hz). A fit outside it found a stream too slow to show the
+motion, whose remainder may fit anything."""
 MOST_OF_A_BEAT = 0.3
-"""Of lag, for the same reason. Two poles at 20 Hz are a quarter of a beat late at 20 Hz, and seem so at 12 Hz by 30
-samples a second; 15 Hz by 25, which look like 10 Hz backwards, seem late by a third."""
+"""Longest lag as a share of a beat, for the same reason. Two poles at 20 Hz are a quarter of a beat late at 20 Hz, and
+seem so at 12 Hz with 30 samples a second; 15 Hz with 25 samples, which looks like 10 Hz backwards, seems late by a
+third."""
 ALTERNATING = 0.9
-"""Each step from a rate to the next undoes so much of the step before it, on average: a beat takes less than 2.3
-samples (and steps of noise undo half). Any lag and any gain fit rates that do nothing but alternate."""
+"""Share of each step between rates that the next step undoes, on average: a beat then takes less than 2.3 samples
+(steps of noise undo half). Any lag and any gain fit rates that only alternate."""
 SWIFT = 0.6
-"""The same, where the steps themselves tell the beat best: it takes less than 2.8 samples."""
+"""The same share where the steps themselves show the beat best: it takes less than 2.8 samples."""
 QUIET = 1e-3
-"""rad/s: rates that never exceed this are not sent."""
+"""rad/s: rates that never exceed this are taken as not sent."""
 
 
 class RateModel(msgspec.Struct, frozen=True):
@@ -53,13 +54,13 @@ class RateModel(msgspec.Struct, frozen=True):
     curve_s2: float = 0.0
 
     def response(self, frequency: float) -> tuple[float, float]:
-        """(gain, lag in seconds) that this makes up for at a frequency in rad/s."""
+        """(gain, lag in seconds) that the correction undoes at a frequency in rad/s."""
         real, imaginary = self.gain - self.curve_s2 * frequency * frequency, self.lag_s * frequency
         lag_s = atan2(imaginary, real) / frequency if frequency > 0.0 else self.lag_s
         return hypot(real, imaginary), lag_s
 
     def corrected(self, three: Sequence[AttitudeSample]) -> Vector3:
-        """The body rates at the middle one of three samples."""
+        """Corrected body rates at the middle one of three samples."""
         sent, slope, curve = _basis(three)
         return _mixed(sent, self.gain, slope, self.lag_s, curve, self.curve_s2)
 
@@ -68,7 +69,7 @@ AS_SENT = RateModel()
 
 
 class RateFit:
-    """Recursive least squares with a short memory, over five samples at a time."""
+    """Recursive least squares with a short memory, five samples at a time."""
 
     __slots__ = ("_count", "_normal", "_right", "_sent2", "_step2", "_undone2", "_weight", "_yy", "model", "usable")
 
@@ -80,12 +81,15 @@ class RateFit:
         self._yy = 0.0
         self._sent2 = self._step2 = self._undone2 = 0.0
         self.model = AS_SENT
-        """The likeliest correction."""
+        """Best fit of the correction."""
         self.usable = False
-        """Rates are sent, and corrected by :attr:`model` they agree with the attitudes as a filter's output would."""
+        """Whether rates are sent and, corrected by :attr:`model`, agree with the attitudes as a filter's output
+        would."""
 
     def insert(self, five: Sequence[AttitudeSample], frequency: float, elapsed_s: float) -> None:
-        """Five neighbouring samples, so long after the last ones; the model is judged at the motion's rad/s."""
+        """Take five neighbouring samples, ``elapsed_s`` after the last ones; the model is judged at ``frequency``,
+        rad/s.
+        """
         columns, course = _equation(five)
         keep = exp(-elapsed_s / MEMORY_S)
         products = [dot(columns[i], columns[j]) for i in range(3) for j in range(i, 3)]
@@ -104,23 +108,23 @@ class RateFit:
 
     @property
     def sent_rms(self) -> float:
-        """Of the rates as sent, rad/s."""
+        """RMS of the rates as sent, rad/s."""
         return sqrt(self._sent2 / self._weight) if self._weight else 0.0
 
     @property
     def alternates(self) -> bool:
-        """The motion is about as fast as samples can be: half a beat lies between two of them."""
+        """Whether half a period of the motion lies between two samples."""
         return self._undone > ALTERNATING
 
     @property
     def _undone(self) -> float:
-        """Of each step, by the next one."""
+        """Share of each step that the next step undoes."""
         return min(1.0, self._undone2 / self._step2) if self._step2 > 0.0 else 0.0
 
     @property
     def disagreement(self) -> float:
-        """Root mean square of what is left between the corrected rates and the attitudes' course, rad/s: all
-        that alternates where that says nothing of how they go together.
+        """RMS difference of the corrected rates and the attitudes' course, rad/s; all that alternates where the two
+        cannot be compared.
         """
         if self._count < SAMPLES_TO_BEGIN or self.sent_rms < QUIET:
             return 0.0
@@ -134,7 +138,7 @@ class RateFit:
         return sqrt(max(0.0, rest) / self._weight)
 
     def _judge(self, frequencies: Sequence[float]) -> None:
-        """At each that the motion may have, rad/s."""
+        """Judge the model at each frequency that the motion may have, rad/s."""
         n00, n01, n02, n11, n12, n22 = self._normal
         trust = TRUST_IN_SENT
         solution = _solve(
@@ -156,7 +160,7 @@ def _is_a_filter(model: RateModel, frequency: float) -> bool:
 
 
 def _equation(five: Sequence[AttitudeSample]) -> tuple[list[Vector3], Vector3]:
-    """The compact relation about the middle sample: the columns of the three unknowns, and the attitudes' side."""
+    """Compact relation about the middle sample: columns of the three unknowns, and the attitudes' side."""
     before, middle, after = five[1], five[2], five[3]
     h1, h2 = (middle.boot_ns - before.boot_ns) * 1e-9, (after.boot_ns - middle.boot_ns) * 1e-9
     whole = h1 + h2
@@ -177,7 +181,9 @@ def _equation(five: Sequence[AttitudeSample]) -> tuple[list[Vector3], Vector3]:
 
 
 def _basis(three: Sequence[AttitudeSample]) -> tuple[Vector3, Vector3, Vector3]:
-    """The sent rates at the middle sample with their first and second derivatives, by the parabola through three."""
+    """Sent rates at the middle sample with their first and second derivatives, by the parabola through three
+    samples.
+    """
     before, middle, after = three
     h1, h2 = (middle.boot_ns - before.boot_ns) * 1e-9, (after.boot_ns - middle.boot_ns) * 1e-9
     first, last = 1.0 / (h1 * (h1 + h2)), 1.0 / (h2 * (h1 + h2))
@@ -187,7 +193,7 @@ def _basis(three: Sequence[AttitudeSample]) -> tuple[Vector3, Vector3, Vector3]:
 
 
 def _slope_from_rates(turn: Vector3) -> Matrix3:
-    """From body rates to d(turn)/dt of a rotation vector: the inverse right Jacobian, I + [turn]/2 + [turn]^2/12."""
+    """d(turn)/dt of a rotation vector from body rates: the inverse right Jacobian, I + [turn]/2 + [turn]^2/12."""
     x, y, z = turn
     xx, yy, zz = x * x / 12.0, y * y / 12.0, z * z / 12.0
     xy, xz, yz = x * y / 12.0, x * z / 12.0, y * z / 12.0
@@ -196,7 +202,7 @@ def _slope_from_rates(turn: Vector3) -> Matrix3:
 
 
 def _mixed(a: Vector3, of_a: float, b: Vector3, of_b: float, c: Vector3, of_c: float) -> Vector3:
-    """A weighted sum."""
+    """Weighted sum of three vectors."""
     return (
         a[0] * of_a + b[0] * of_b + c[0] * of_c,
         a[1] * of_a + b[1] * of_b + c[1] * of_c,
@@ -205,7 +211,7 @@ def _mixed(a: Vector3, of_a: float, b: Vector3, of_b: float, c: Vector3, of_c: f
 
 
 def _solve(n: tuple[float, ...], r: tuple[float, float, float]) -> tuple[float, float, float] | None:
-    """The symmetric 3x3 system (00 01 02 11 12 22), by Cholesky on a diagonal brought to 1; None where singular."""
+    """Solution of the symmetric 3x3 system (00 01 02 11 12 22), by Cholesky on a unit diagonal; None where singular."""
     if min(n[0], n[3], n[5]) <= 0.0:
         return None
     d0, d1, d2 = (1.0 / sqrt(diagonal) for diagonal in (n[0], n[3], n[5]))

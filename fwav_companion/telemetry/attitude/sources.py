@@ -1,4 +1,4 @@
-"""Which message attitudes are taken from."""
+"""Chooses the message from which attitudes are taken."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from fwav_companion.telemetry.events import AttitudeSource
 EULER, QUATERNION = "ATTITUDE", "ATTITUDE_QUATERNION"
 
 FALL_BACK_NS = 10 * NS_PER_S
-"""ATTITUDE_QUATERNION silent for so long, through several renewed requests, is refused. Sooner would be wrong: after a
-reboot ATTITUDE comes first, and on an ArduPlane with a trim it is degrees off."""
+"""ATTITUDE_QUATERNION that is silent for this long, through several renewed requests, counts as refused. A shorter time
+would be wrong: after a reboot ATTITUDE arrives first, and on an ArduPlane with a trim it is degrees off."""
 
 
 class AttitudeChoice:
-    """One source at a time: the two messages may differ by a constant."""
+    """Choice of one source at a time, since the two messages may differ by a constant."""
 
     __slots__ = ("_asked_for", "_quaternion_ns", "source")
 
@@ -21,10 +21,10 @@ class AttitudeChoice:
         self._asked_for = attitude_message
         self._quaternion_ns = HostNs(0)
         self.source: str | None = None if attitude_message == "auto" else attitude_message
-        """The message that is used now; None before the first."""
+        """Message in use; None before the first."""
 
     def take(self, name: str, now: HostNs) -> tuple[bool, tuple[AttitudeSource, ...]]:
-        """(whether this message's attitude is to be used, the change of source that it makes)."""
+        """(whether this message's attitude is used, the change of source that it makes)."""
         if self._asked_for != "auto":
             return name == self._asked_for, ()
         if name == QUATERNION:
