@@ -1,4 +1,4 @@
-"""From messages to samples. What is not finite, or no body could do, is no sample."""
+"""Decodes messages to samples, and rejects values that are not finite or that a body could not have."""
 
 from __future__ import annotations
 
@@ -20,34 +20,36 @@ MOST_SPEED_M_S = 1_000.0
 MOST_UNDULATION_M = 120.0
 """The geoid lies -106 to +85 m from the ellipsoid."""
 UTC_FROM_S, UTC_UNTIL_S = 1_577_836_800, 4_102_444_800
-"""2020 to 2100: a receiver without time tells 1970 or 1980."""
+"""2020 to 2100: a receiver without time reports 1970 or 1980."""
 FIX_3D = 3
 """GPS_FIX_TYPE_3D_FIX."""
 
 
 class Implausible(msgspec.Struct, frozen=True):
-    """The message holds no usable value; telemetry counts these by the message's name."""
+    """A message without a usable value; telemetry counts these by the message's name."""
 
 
 class Attitude(msgspec.Struct, frozen=True, gc=False):
-    """ATTITUDE or ATTITUDE_QUATERNION without its stamp."""
+    """Content of ATTITUDE or ATTITUDE_QUATERNION without the stamp."""
 
     ned_from_body: Quaternion
     rates: Vector3
-    """As sent, rad/s, body FRD."""
+    """Body rates as sent, rad/s, FRD."""
 
 
 class Position(msgspec.Struct, frozen=True, gc=False):
-    """GLOBAL_POSITION_INT without its stamp."""
+    """Content of GLOBAL_POSITION_INT without the stamp."""
 
     place: Geodetic | None
-    """None for 0/0: heights without a global position."""
+    """Place; None for 0/0, where heights come without a global position."""
     height_above_home_m: float
     velocity_ned: Vector3
 
 
 def attitude_from_euler(fields: Any, pitch_trim: float = 0.0) -> Attitude | Implausible:
-    """ATTITUDE: Z-Y-X Euler angles; ``pitch_trim``, radians, was taken off the pitch."""
+    """Attitude of ATTITUDE: Z-Y-X Euler angles. ``pitch_trim``, radians, is what the autopilot subtracted from the
+    pitch.
+    """
     roll, pitch, yaw = float(fields.roll), float(fields.pitch), float(fields.yaw)
     rates = _rates(fields)
     if not (isfinite(roll + pitch + yaw) and max(abs(roll), abs(pitch), abs(yaw)) <= 2.0 * pi + 1e-3) or rates is None:
@@ -56,7 +58,7 @@ def attitude_from_euler(fields: Any, pitch_trim: float = 0.0) -> Attitude | Impl
 
 
 def attitude_from_quaternion(fields: Any) -> Attitude | Implausible:
-    """ATTITUDE_QUATERNION: (w, x, y, z) of the same rotation as ATTITUDE tells."""
+    """Attitude of ATTITUDE_QUATERNION: (w, x, y, z) of the same rotation as ATTITUDE's."""
     q = (float(fields.q1), float(fields.q2), float(fields.q3), float(fields.q4))
     length = sqrt(sum(c * c for c in q))
     rates = _rates(fields)
@@ -71,7 +73,7 @@ def _rates(fields: Any) -> Vector3 | None:
 
 
 def position(fields: Any) -> Position | Implausible:
-    """GLOBAL_POSITION_INT."""
+    """Position of GLOBAL_POSITION_INT."""
     height_m = fields.relative_alt * 1e-3
     velocity = (fields.vx * 1e-2, fields.vy * 1e-2, fields.vz * 1e-2)
     if abs(height_m) > MOST_HEIGHT_M or hypot(*velocity) > MOST_SPEED_M_S:
@@ -83,7 +85,7 @@ def position(fields: Any) -> Position | Implausible:
 
 
 def geodetic(lat_e7: int, lon_e7: int, alt_mm: int) -> Geodetic | None:
-    """A place told in degE7 and millimetres; None for 0/0 and for what is nowhere on earth."""
+    """Place from degE7 and millimetres; None for 0/0 and for coordinates that are not on earth."""
     lat_deg, lon_deg, alt_m = lat_e7 * 1e-7, lon_e7 * 1e-7, alt_mm * 1e-3
     nowhere = (lat_e7 == 0 and lon_e7 == 0) or abs(lat_deg) > 90.0 or abs(lon_deg) > 180.0
     if nowhere or abs(alt_m) > MOST_HEIGHT_M:
@@ -92,7 +94,9 @@ def geodetic(lat_e7: int, lon_e7: int, alt_mm: int) -> Geodetic | None:
 
 
 def undulation_m(fields: Any) -> float | None:
-    """Geoid above ellipsoid by GPS_RAW_INT: alt_ellipsoid - alt. 0, the value of an absent extension, tells nothing."""
+    """Geoid above ellipsoid, metres, by GPS_RAW_INT: alt_ellipsoid - alt. None for 0, the value of an absent
+    extension.
+    """
     if fields.fix_type < FIX_3D or fields.alt_ellipsoid == 0:
         return None
     value = (fields.alt_ellipsoid - fields.alt) * 1e-3
@@ -100,13 +104,13 @@ def undulation_m(fields: Any) -> float | None:
 
 
 def unix_ns(fields: Any) -> int | None:
-    """SYSTEM_TIME's UTC, or None where the autopilot does not know it."""
+    """UTC of SYSTEM_TIME, nanoseconds; None where the autopilot does not know it."""
     seconds = fields.time_unix_usec // 1_000_000
     return int(fields.time_unix_usec) * 1000 if UTC_FROM_S <= seconds <= UTC_UNTIL_S else None
 
 
 def finite_height_m(value: float) -> float | None:
-    """A height in metres that may be believed."""
+    """A plausible height, metres; None otherwise."""
     return float(value) if abs(value) <= MOST_HEIGHT_M else None
 
 
@@ -129,7 +133,7 @@ COVARIANCE_UNKNOWN = 255
 
 
 def range_sample(fields: Any, boot_ns: BootNs) -> RangeSample | Implausible:
-    """DISTANCE_SENSOR, where it reads inside its own limits and looks at least 45 degrees down."""
+    """Range of DISTANCE_SENSOR, where it reads inside its own limits and looks at least 45 degrees down."""
     if not fields.min_distance < fields.current_distance < fields.max_distance or fields.signal_quality == 1:
         return Implausible()
     beam = _beam(fields)

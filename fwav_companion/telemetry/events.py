@@ -1,4 +1,4 @@
-"""What telemetry tells besides samples: things that happened once."""
+"""Events of telemetry: changes that happen once, in contrast to samples."""
 
 from __future__ import annotations
 
@@ -11,62 +11,64 @@ from fwav_companion.geometry.stamps import HostNs
 
 
 class Rebooted(msgspec.Struct, frozen=True):
-    """The autopilot's clock began anew. Clock and attitudes are empty; the world's origin stays."""
+    """The autopilot's clock began again. Clock and attitudes are empty; the world's origin stays."""
 
     at_ns: HostNs
 
 
 class OriginSet(msgspec.Struct, frozen=True):
-    """The world has an origin. It never moves."""
+    """The world has an origin, which never moves."""
 
     origin: Geodetic
     late: bool
-    """The world was relative until now: what was located in it must be dropped."""
+    """Whether the world was relative until now: tracks located in it must be dropped."""
 
 
 class RelativeWorld(msgspec.Struct, frozen=True):
-    """There is no global position: targets are relative to the point below the camera from now on."""
+    """There is no global position: from now on targets are relative to the point below the camera."""
 
 
 class TakeOffFound(msgspec.Struct, frozen=True):
-    """The first HOME_POSITION came after the origin was set: the take-off place is known, no longer only assumed."""
+    """The first HOME_POSITION came after the origin was set: the take-off place is known instead of assumed."""
 
     place: Geodetic
 
 
 class HomeMoved(msgspec.Struct, frozen=True):
-    """The autopilot's home, and with it the surface of ``home`` ground, lies at another height."""
+    """The autopilot's home, and with it the ``home`` ground surface, moved to another height."""
 
     down_m: float
-    """Of the home surface, metres below the origin."""
+    """Home surface, metres below the origin."""
 
 
 class AttitudeSource(msgspec.Struct, frozen=True):
-    """Another message is the source of attitudes; those of the old one are forgotten.
+    """Another message became the source of attitudes; attitudes of the old source are deleted.
 
-    The two may differ by a constant (ArduPlane's pitch trim): a course through both would hold a step.
+    The two may differ by a constant (ArduPlane's pitch trim), and a course through both would have a step.
     """
 
     message: str
     """ATTITUDE or ATTITUDE_QUATERNION."""
     before: str
-    """The same, of what was used until now."""
+    """Source until now, in the same terms."""
 
 
 class StampDelay(msgspec.Struct, frozen=True):
-    """The autopilot told, or its attitudes showed, how late these are stamped; the kept ones were moved along."""
+    """A new delay of attitude stamps, by the autopilot's word or by its attitudes; stored attitudes were moved with
+    it.
+    """
 
     delay_s: float
-    """The most; the mean, half of it, is what is corrected."""
+    """Largest delay, seconds; its mean, half of it, is corrected."""
     in_step: bool = False
-    """The attitudes show that stamps do not scatter: they are taken at their word, unless a delay is configured."""
+    """Attitude timestamps are synchronous with sampling: no delay is corrected unless one is configured."""
 
 
 class PitchTrimUndone(msgspec.Struct, frozen=True):
-    """The pitch trim that ATTITUDE lacks is put back from now on; attitudes taken without it are forgotten."""
+    """The pitch trim that ATTITUDE lacks is added from now on; attitudes without it are deleted."""
 
     deg: float
-    """0: none is put back any more."""
+    """Trim in degrees; 0: no trim is added any more."""
 
 
 TelemetryEvent: TypeAlias = (

@@ -1,9 +1,10 @@
 """The gimbal that carries the camera: its attitudes on its own clock, and its attitude at any instant.
 
-GIMBAL_DEVICE_ATTITUDE_STATUS comes some five times a second, stamped by a clock that nobody synchronises. So it is
-placed by its arrivals, as telemetry without TIMESYNC is; only where the autopilot itself speaks for the gimbal and the
-stamps agree with the autopilot's clock is that one taken. Between two attitudes the shorter way round is gone at an
-even rate: a gimbal is there to turn smoothly. How smoothly this one does is measured on attitudes that are left out.
+GIMBAL_DEVICE_ATTITUDE_STATUS comes about five times a second, stamped by an unsynchronised clock. That clock is
+estimated from arrivals, as telemetry's is without TIMESYNC; only where the autopilot itself reports for the gimbal, and
+the stamps agree with the autopilot's clock, that clock is used. Between two attitudes the rotation is interpolated at a
+constant rate along the shorter way, since a gimbal turns smoothly; how smoothly is measured on attitudes that are left
+out.
 """
 
 from __future__ import annotations
@@ -28,55 +29,55 @@ from fwav_companion.types import GimbalAt, Message, Reason, Unpaired
 
 MESSAGE = "GIMBAL_DEVICE_ATTITUDE_STATUS"
 LAST_NON_MAVLINK_DEVICE = 6
-"""gimbal_device_id 1 to 6: gimbals that speak no MAVLink, for which the autopilot does."""
+"""gimbal_device_id 1 to 6: gimbals without MAVLink, for which the autopilot reports."""
 SAME_CLOCK_NS = 100 * NS_PER_MS
-"""An autopilot that stamps for its gimbal stamps by its own clock; what its link delays is less than this."""
+"""An autopilot that reports for its gimbal stamps by its own clock; the delay of its link is less than this."""
 KEPT_NS = 4 * NS_PER_S
 MOST_KEPT = 512
 WIDEST_GAP_NS = NS_PER_S
-"""Five times the usual interval: a few were lost."""
+"""Five times the usual interval: a few messages were lost."""
 LEAST_APART_NS = 4 * NS_PER_MS
-"""Nearer to one another, whole milliseconds tell no rate: the same attitude over two links, or a flood."""
+"""Closer stamps in whole milliseconds determine no rate: the same attitude over two links, or a flood."""
 MOST_EXTRAPOLATION_NS = 300 * NS_PER_MS
 """One interval and a half at 5 Hz: then the next attitude is missing."""
 MOST_SIGMA = 0.1
-"""rad: as of the body, an attitude less certain than 6 degrees is none."""
+"""rad: as for the body, an attitude less certain than 6 degrees is not used."""
 UNCHECKED = 2.0
 """rad/s^2, before it was measured: an operator's stick turns a gimbal by 100 degrees a second, within a second."""
 MEMORY_S = 3.0
 CHECKS_TO_BEGIN = 3
 UNEVEN = 2.5
-"""Five attitudes whose longest interval exceeds the shortest by more tell little about the motion."""
+"""Five attitudes whose longest interval exceeds the shortest by this factor are not used for checks."""
 MOST_UNRESOLVED = 4.0
-"""A sample left out at twice the spacing errs by four times what the middle of an interval does, if the motion is
+"""A sample left out at twice the spacing errs by four times the error in the middle of an interval, if the motion is
 smooth; motion faster than the samples errs by the same at every spacing."""
 IDENTITY: Matrix3 = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
-class _Look(msgspec.Struct, frozen=True, gc=False, order=True):
-    """One message."""
+class _GimbalAttitude(msgspec.Struct, frozen=True, gc=False, order=True):
+    """One attitude message."""
 
     stamp_ns: int
-    """The gimbal's clock."""
+    """Stamp on the gimbal's clock."""
     q: Quaternion
-    """Levelled; its yaw counts from north or from the vehicle's heading."""
+    """Attitude, levelled; its yaw counts from north or from the vehicle's heading."""
     from_north: bool
 
 
 class Gimbal:
-    """One gimbal, told by the configuration: 1 to 6 behind the autopilot, else the MAVLink component itself."""
+    """One gimbal, by the configured id: 1 to 6 behind the autopilot, else the MAVLink component itself."""
 
     def __init__(self, device_id: int) -> None:
         self._device_id = device_id
         self._clock = Clock()
         self._timeline = BootTimeline()
-        self._looks: list[_Look] = []
+        self._looks: list[_GimbalAttitude] = []
         self._by_autopilot = device_id <= LAST_NON_MAVLINK_DEVICE
         self._checks = 0
         self._bend2 = self._wide_bend2 = 0.0
         self._refused = 0
 
-    # What goes in.
+    # Inputs.
 
     def is_meant(self, message: Message, autopilot_component: int) -> bool:
         """Whether a message of the adopted vehicle is an attitude of this gimbal."""
@@ -87,43 +88,47 @@ class Gimbal:
         return message.component == autopilot_component and message.fields.gimbal_device_id == self._device_id
 
     def on_message(self, fields: Any, arrival_ns: HostNs) -> None:
-        """An attitude of this gimbal; what holds none is counted."""
+        """Take an attitude of this gimbal; an implausible one is counted."""
         q = (float(fields.q[0]), float(fields.q[1]), float(fields.q[2]), float(fields.q[3]))
         delta_yaw = float(fields.delta_yaw)
-        told = ned_from_gimbal(q, fields.flags, IDENTITY, delta_yaw) if 0.95 <= hypot(*q) <= 1.05 else None
+        ned_from_gimbal_q = ned_from_gimbal(q, fields.flags, IDENTITY, delta_yaw) if 0.95 <= hypot(*q) <= 1.05 else None
         placed = self._timeline.place(fields.time_boot_ms, arrival_ns)
         if isinstance(placed, Restarted):
             self.clear()
             placed = placed.boot_ns
-        if told is None or isinstance(placed, Strange):
+        if ned_from_gimbal_q is None or isinstance(placed, Strange):
             self._refused += 1
             return
         self._clock.on_arrival(placed, arrival_ns)
-        self._insert(_Look(placed + HALF_MS_NS, told, counts_from_north(fields.flags, delta_yaw)))
+        self._insert(
+            _GimbalAttitude(placed + HALF_MS_NS, ned_from_gimbal_q, counts_from_north(fields.flags, delta_yaw))
+        )
 
     def clear(self) -> None:
-        """Forget every attitude, and the clock they were stamped by."""
+        """Delete every attitude, and the estimate of the gimbal's clock."""
         self._clock = Clock()
         self._looks.clear()
         self._checks = 0
 
-    # What can be asked.
+    # Queries.
 
     def ready_for(self, boot_ns: BootNs, autopilot: Clock) -> bool:
-        """An attitude lies beyond this instant of the autopilot's clock; none is coming while the gimbal is silent."""
+        """Whether an attitude lies beyond this instant of the autopilot's clock, or none can be expected from a silent
+        gimbal.
+        """
         stamp = self._stamp_of(boot_ns, autopilot)
         return stamp is None or not self._looks or self._looks[-1].stamp_ns >= stamp[0]
 
     def at(self, boot_ns: BootNs, autopilot: Clock, body: AttitudeAt) -> GimbalAt | Reason:
-        """The gimbal at this instant of the autopilot's clock; ``body``: the vehicle then."""
+        """Gimbal at this instant of the autopilot's clock; ``body`` is the vehicle at that instant."""
         stamp = self._stamp_of(boot_ns, autopilot)
         if stamp is None or not self._looks:
             return Reason.NO_GIMBAL
         stamp_ns, stamp_sigma_s = stamp
-        told = self._told_at(stamp_ns)
-        if isinstance(told, Reason):
-            return told
-        q, rates, sigma, gap_s, from_north = told
+        reported = self._reported_at(stamp_ns)
+        if isinstance(reported, Reason):
+            return reported
+        q, rates, sigma, gap_s, from_north = reported
         if not from_north:
             ned_from_body = matrix_from_quaternion(body.ned_from_body)
             q = multiply(heading_only(ned_from_body), q)
@@ -134,7 +139,7 @@ class Gimbal:
         return GimbalAt(q, rates, sigma, gap_s) if sigma <= MOST_SIGMA else Reason.NO_GIMBAL
 
     def status(self, now: HostNs) -> dict[str, Any]:
-        """For the status file and ``check``."""
+        """Entries for the status file and ``check``."""
         newest = self._looks[-1] if self._looks else None
         host_ns = None if newest is None else self._clock.host_from_boot(BootNs(newest.stamp_ns))
         return {
@@ -147,7 +152,7 @@ class Gimbal:
 
     # Steps.
 
-    def _insert(self, look: _Look) -> None:
+    def _insert(self, look: _GimbalAttitude) -> None:
         if any(abs(known.stamp_ns - look.stamp_ns) < LEAST_APART_NS for known in self._looks):
             return
         insort(self._looks, look)
@@ -157,8 +162,8 @@ class Gimbal:
         if look is self._looks[-1] and len(self._looks) >= 5:
             self._check(self._looks[-5:])
 
-    def _check(self, five: list[_Look]) -> None:
-        """How much the course bends, by samples left out at twice the spacing and at four times."""
+    def _check(self, five: list[_GimbalAttitude]) -> None:
+        """Measure the bend of the course, by samples left out at twice the spacing and at four times."""
         steps = [b.stamp_ns - a.stamp_ns for a, b in pairwise(five)]
         if len({look.from_north for look in five}) > 1 or max(steps) > min(UNEVEN * min(steps), WIDEST_GAP_NS):
             return
@@ -169,13 +174,13 @@ class Gimbal:
         self._wide_bend2 += gain * (_bend(five[0], five[2], five[4]) ** 2 - self._wide_bend2)
 
     def _unresolved(self) -> float:
-        """By how much the error amid an interval exceeds that of a smooth course."""
+        """Factor by which the error in the middle of an interval exceeds that of a smooth course."""
         if self._checks < CHECKS_TO_BEGIN or self._wide_bend2 <= 0.0:
             return 1.0
         return max(1.0, min(MOST_UNRESOLVED, sqrt(self._bend2 / self._wide_bend2)))
 
     def _acceleration(self) -> float:
-        """RMS, rad/s^2."""
+        """RMS angular acceleration, rad/s^2."""
         return (UNCHECKED if self._checks < CHECKS_TO_BEGIN else sqrt(self._bend2)) * self._unresolved()
 
     def _spacing_s(self) -> float:
@@ -184,7 +189,7 @@ class Gimbal:
         return (self._looks[-1].stamp_ns - self._looks[0].stamp_ns) * 1e-9 / (len(self._looks) - 1)
 
     def _stamp_of(self, boot_ns: BootNs, autopilot: Clock) -> tuple[int, float] | None:
-        """The gimbal's clock at an instant of the autopilot's, and one sigma of that in seconds."""
+        """Stamp of the gimbal's clock at an instant of the autopilot's, and its one sigma in seconds."""
         host_ns = autopilot.host_from_boot(boot_ns)
         if isinstance(host_ns, Unpaired):
             return None
@@ -195,8 +200,8 @@ class Gimbal:
             return boot_ns, 0.0
         return stamp_ns, self._clock.estimate(host_ns).sigma_s
 
-    def _told_at(self, stamp_ns: int) -> tuple[Quaternion, Vector3, float, float, bool] | Reason:
-        """(attitude, rates, sigma, gap, whether its yaw counts from north) as the messages have it."""
+    def _reported_at(self, stamp_ns: int) -> tuple[Quaternion, Vector3, float, float, bool] | Reason:
+        """(attitude, rates, sigma, gap, whether its yaw counts from north) in the messages' own terms."""
         looks = self._looks
         index = bisect_right(looks, stamp_ns, key=lambda look: look.stamp_ns)
         if index == 0:
@@ -220,8 +225,8 @@ class Gimbal:
         return q, rates, sigma, gap_s, first.from_north
 
 
-def _bend(first: _Look, middle: _Look, last: _Look) -> float:
-    """The acceleration that would put the middle one so far off the even way between the others, rad/s^2."""
+def _bend(first: _GimbalAttitude, middle: _GimbalAttitude, last: _GimbalAttitude) -> float:
+    """Angular acceleration, rad/s^2, that would explain the middle attitude's distance from a constant rate."""
     before_s, after_s = (middle.stamp_ns - first.stamp_ns) * 1e-9, (last.stamp_ns - middle.stamp_ns) * 1e-9
     turn = scale(difference(last.q, first.q), before_s / (before_s + after_s))
     off = norm(difference(middle.q, multiply(first.q, rotations.exp(turn))))

@@ -1,4 +1,4 @@
-"""Courses of slow things (positions, heights): values with their rates, asked for any instant near them."""
+"""Series of slow quantities (positions, heights) with their rates, interpolated at any instant near them."""
 
 from __future__ import annotations
 
@@ -14,25 +14,25 @@ Values: TypeAlias = tuple[float, ...]
 
 KEPT_NS = 5 * NS_PER_S
 MOST_KEPT = 512
-"""5 s at 50 Hz are 250; a sender that floods us is cut here."""
+"""5 s at 50 Hz are 250 samples. More than this is a flood, and the oldest are dropped."""
 LONGEST_BRIDGE_NS = 2 * NS_PER_S
-"""Between two samples, and from the newest on: beyond it a position is told to be unknown."""
-UNTOLD_ACCELERATION = 3.0
-"""m/s^2, one sigma: what the velocity does between samples. A third of g: a small vehicle that banks at 17 degrees."""
+"""Longest interval between two samples, and beyond the newest: a position there is unknown."""
+UNMEASURED_ACCELERATION = 3.0
+"""m/s^2, one sigma: unmeasured acceleration between samples. A third of g: a small vehicle that banks at 17 degrees."""
 
 
 class HermitePoint(msgspec.Struct, frozen=True, gc=False):
-    """A course at one instant."""
+    """Interpolated values at one instant."""
 
     values: Values
     rates: Values
     """Per second."""
     sigma: float
-    """What interpolating or extrapolating adds, one sigma of each value."""
+    """One sigma of each value that interpolation or extrapolation adds."""
 
 
 class HermiteSeries:
-    """Samples in order of their instants; a cubic Hermite between two, straight on beyond the newest."""
+    """Samples in order of their instants: a cubic Hermite between two, a straight line beyond the newest."""
 
     __slots__ = ("_samples", "_times")
 
@@ -41,7 +41,7 @@ class HermiteSeries:
         self._samples: list[tuple[Values, Values]] = []
 
     def insert(self, boot_ns: BootNs, values: Values, rates: Values) -> None:
-        """A sample, in any order. A second one of the same instant replaces the first."""
+        """Store a sample, in any order. A second one of the same instant replaces the first."""
         index = bisect_right(self._times, boot_ns)
         if index and self._times[index - 1] == boot_ns:
             self._samples[index - 1] = (values, rates)
@@ -64,7 +64,7 @@ class HermiteSeries:
         return self._times[-1] if self._times else None
 
     def at(self, boot_ns: BootNs) -> HermitePoint | None:
-        """The course there; None where it holds nothing near."""
+        """Values at the instant; None where no sample is near."""
         index = bisect_right(self._times, boot_ns)
         if index == 0:
             return None
@@ -79,7 +79,7 @@ class HermiteSeries:
         age_s = age_ns * 1e-9
         values, rates = self._samples[-1]
         moved = tuple(v + r * age_s for v, r in zip(values, rates, strict=True))
-        return HermitePoint(moved, rates, 0.5 * UNTOLD_ACCELERATION * age_s * age_s)
+        return HermitePoint(moved, rates, 0.5 * UNMEASURED_ACCELERATION * age_s * age_s)
 
     def _between(self, index: int, boot_ns: BootNs) -> HermitePoint | None:
         start_ns, end_ns = self._times[index], self._times[index + 1]
@@ -91,17 +91,17 @@ class HermiteSeries:
         values, rates = [], []
         for v0, r0, v1, r1 in zip(a, da, b, db, strict=True):
             slope = (v1 - v0) / step_s
-            # Around the chord: the two end slopes' departures from it, each fading to the other end.
+            # The chord, plus the departure of each end's slope from it, which fades toward the other end.
             p, q = (r0 - slope) * step_s, (slope - r1) * step_s
             values.append(v0 + s * (v1 - v0) + s * (1.0 - s) * (p * (1.0 - s) + q * s))
             rates.append(slope + ((1.0 - s) * (1.0 - 3.0 * s) * p + s * (2.0 - 3.0 * s) * q) / step_s)
-        # The error of a cubic Hermite under an acceleration that differs by this from what the samples tell.
-        sigma = UNTOLD_ACCELERATION * step_s * step_s / 2.0 * (s * (1.0 - s)) ** 2 * sqrt(4.0)
+        # Error of a cubic Hermite under an acceleration that differs by this from the samples' own.
+        sigma = UNMEASURED_ACCELERATION * step_s * step_s / 2.0 * (s * (1.0 - s)) ** 2 * sqrt(4.0)
         return HermitePoint(tuple(values), tuple(rates), sigma)
 
 
 class RecentValues:
-    """The last few values of something, each with its instant; the nearest one is asked for."""
+    """The last 64 values of a quantity with their instants; a query returns the nearest."""
 
     __slots__ = ("_times", "_values")
 
@@ -112,7 +112,7 @@ class RecentValues:
         self._values: list[object] = []
 
     def insert(self, boot_ns: BootNs, value: object) -> None:
-        """A new value, in any order; the oldest of 64 goes."""
+        """Store a value, in any order; the oldest of more than 64 is dropped."""
         index = bisect_right(self._times, boot_ns)
         self._times.insert(index, boot_ns)
         self._values.insert(index, value)
@@ -125,7 +125,7 @@ class RecentValues:
         self._values.clear()
 
     def near(self, boot_ns: BootNs, within_ns: int) -> object | None:
-        """The value nearest to this instant, or None."""
+        """Value nearest to this instant, or None where none lies within ``within_ns``."""
         times = self._times
         index = bisect_right(times, boot_ns)
         if index == len(times) or (index and boot_ns - times[index - 1] < times[index] - boot_ns):

@@ -1,4 +1,4 @@
-"""What each message of the autopilot does to what is kept of the vehicle."""
+"""Stores each message of the autopilot in the vehicle's history."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from fwav_companion.types import AttitudeSample, HeightSource, Unpaired
 
 
 class Intake:
-    """Takes one message after the other; what is not plausible is refused and counted."""
+    """Handlers of messages by name; an implausible message is rejected and counted."""
 
     def __init__(
         self,
@@ -32,7 +32,7 @@ class Intake:
         attitude_message: str,
         position_delay_s: float,
     ) -> None:
-        """``position_delay_s``: how old a position is against its stamp."""
+        """``position_delay_s``: age of a position at its stamp."""
         self._kept = kept
         self._clock = clock
         self._world = world
@@ -40,17 +40,17 @@ class Intake:
         self._position_delay_ns = ns_from_s(position_delay_s)
         self._trim = PitchTrim()
         self.choice = AttitudeChoice(attitude_message)
-        """Which message attitudes are taken from."""
+        """Choice of the message from which attitudes are taken."""
         self.trim_undone_deg = 0.0
-        """Put back on the pitch of ATTITUDE."""
+        """Trim added to the pitch of ATTITUDE, degrees."""
         self.stamp_ns = BootNs(0)
-        """The placed stamp of the message in hand."""
+        """Placed stamp of the current message."""
         self.undulation_m: float | None = None
-        """Geoid above ellipsoid by the receiver's own alt_ellipsoid - alt."""
+        """Geoid above ellipsoid, metres, by the receiver's own alt_ellipsoid - alt."""
         self.utc: tuple[int, BootNs] | None = None
-        """Unix nanoseconds, and when it was that; None while the autopilot does not know."""
+        """Unix nanoseconds and the boot instant at which they held; None while the autopilot does not know UTC."""
         self.refused: dict[str, int] = {}
-        """By message."""
+        """Counts of rejected messages by name."""
         self._handlers: dict[str, Callable[[Any, HostNs], tuple[TelemetryEvent, ...]]] = {
             "ATTITUDE": self._on_attitude,
             "ATTITUDE_QUATERNION": self._on_attitude_quaternion,
@@ -70,19 +70,19 @@ class Intake:
         }
 
     def takes(self, name: str) -> bool:
-        """There is something to learn from messages of this name."""
+        """Whether messages of this name have a handler."""
         return name in self._handlers
 
     def take(self, name: str, fields: Any, now: HostNs) -> tuple[TelemetryEvent, ...]:
-        """One of those, whose stamp, if it has one, is :attr:`stamp_ns`."""
+        """Handle one such message; its stamp, if it has one, is :attr:`stamp_ns`."""
         return self._handlers[name](fields, now)
 
     def refuse(self, name: str) -> tuple[TelemetryEvent, ...]:
-        """Count a message that holds nothing usable."""
+        """Count a message without a usable value."""
         self.refused[name] = self.refused.get(name, 0) + 1
         return ()
 
-    # Messages, one by one.
+    # Handlers.
 
     def _on_attitude(self, fields: Any, now: HostNs) -> tuple[TelemetryEvent, ...]:
         events = self._put_trim_back()
@@ -205,7 +205,7 @@ class Intake:
         return self._move_stamps(self._stamps.on_text(fields.text))
 
     def _put_trim_back(self) -> tuple[TelemetryEvent, ...]:
-        """Where ATTITUDE counts and its trim is another now: what was taken until now lies apart from what comes."""
+        """Follow a change of ATTITUDE's trim: attitudes stored until now differ from those to come, and are deleted."""
         if self.choice.source != EULER or self._trim.taken_off_deg == self.trim_undone_deg:
             return ()
         self.trim_undone_deg = self._trim.taken_off_deg

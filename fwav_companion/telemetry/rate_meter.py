@@ -1,4 +1,4 @@
-"""How often each message really comes."""
+"""Measures the rate of each message as it arrives."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 
 WINDOW_NS = 2 * NS_PER_S
 SHORTEST_NS = NS_PER_S // 4
-"""Less than this of the first window says nothing."""
+"""A first window shorter than this is not evaluated."""
 MOST_NAMES = 64
 
 
 class RateMeter:
-    """Counts by name over the window before the one that is filling: 2 to 4 s back, cheap, bounded.
+    """Counts by name over the last full window, 2 to 4 s back: cheap and bounded.
 
-    Until the first window is full, what is in it.
+    Until the first window is full, the counts so far are used.
     """
 
     __slots__ = ("_full", "_now", "_since_ns")
@@ -24,7 +24,7 @@ class RateMeter:
         self._full: dict[str, int] | None = None
 
     def count(self, name: str, now: HostNs) -> None:
-        """One message of this name."""
+        """Count one message of this name."""
         self._turn(now)
         if name in self._now or len(self._now) < MOST_NAMES:
             self._now[name] = self._now.get(name, 0) + 1

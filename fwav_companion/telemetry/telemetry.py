@@ -1,4 +1,4 @@
-"""Everything the adopted autopilot tells, as a vehicle that can be asked where it was at any instant."""
+"""The adopted autopilot's telemetry as a vehicle whose state can be queried at any recent instant."""
 
 from __future__ import annotations
 
@@ -23,26 +23,26 @@ from fwav_companion.types import AttitudeSample, ClockExchange, Message, Unpaire
 
 
 class TelemetryOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """What the configuration says about the vehicle and its stamps."""
+    """Options of the vehicle and its stamps."""
 
     position: str = "auto"
     """auto | none."""
     attitude_message: str = "auto"
     """auto | ATTITUDE | ATTITUDE_QUATERNION."""
     position_delay_s: float = 0.0
-    """How old a position is against its stamp."""
+    """Age of a position at its stamp, seconds."""
     attitude_stamp_delay_s: float | str = "auto"
-    """An attitude is up to this older than its stamp."""
+    """Largest age of an attitude at its stamp, seconds, or auto."""
     attitudes_kept_s: float = KEPT_NS / NS_PER_S
-    """For how long attitudes can be asked for: what frames that come late need, or all of an experiment."""
+    """Seconds for which attitudes are stored: what late frames need, or a whole experiment."""
     gimbal_device_id: int = 0
-    """Of the gimbal that carries the camera: 1 to 6 behind the autopilot, else its MAVLink component; 0: none does."""
+    """Gimbal that carries the camera: 1 to 6 behind the autopilot, else its MAVLink component; 0: no gimbal."""
 
 
 class Telemetry:
-    """Fed with the messages of the one adopted autopilot, and with the clock exchanges it answered.
+    """Vehicle state from the messages of the one adopted autopilot and the clock exchanges it answered.
 
-    Every method that hands back events tells each of them once.
+    Methods that return events return each event once.
     """
 
     def __init__(self, options: TelemetryOptions | None = None) -> None:
@@ -64,10 +64,10 @@ class Telemetry:
         self._meter = RateMeter()
         self._reboots = 0
 
-    # What goes in.
+    # Inputs.
 
     def on_message(self, message: Message, arrival_ns: HostNs) -> tuple[TelemetryEvent, ...]:
-        """Take one message; the ones that tell nothing here are passed over."""
+        """Take one message; messages without a handler are ignored."""
         if not self._intake.takes(message.name):
             return ()
         self._meter.count(message.name, arrival_ns)
@@ -105,41 +105,43 @@ class Telemetry:
         return self.world.wake_at
 
     def on_wake(self, now: HostNs) -> tuple[TelemetryEvent, ...]:
-        """Do what is due."""
+        """Do the work that is due."""
         wake_at = self.world.wake_at
         return self.world.on_wake(now) if wake_at is not None and now >= wake_at else ()
 
-    # What can be asked.
+    # Queries.
 
     def state_at(self, boot_ns: BootNs) -> VehicleState | Unpaired:
-        """The vehicle at this instant, or why its attitude there is not known."""
+        """Vehicle state at this instant, or why its attitude there is not known."""
         return self._kept.state_at(boot_ns)
 
     def ready_for(self, boot_ns: BootNs) -> bool:
-        """Enough attitudes lie beyond this instant: waiting longer makes the answer no better."""
+        """Whether enough attitudes lie beyond this instant: waiting longer does not improve the answer."""
         return self._kept.ready_for(boot_ns)
 
     def newest_state(self) -> VehicleState | Unpaired:
-        """At the latest attitude."""
+        """Vehicle state at the latest attitude."""
         return self._kept.newest_state()
 
     @property
     def attitudes(self) -> tuple[AttitudeSample, ...]:
-        """All that are kept, as they were told, in order of time."""
+        """All stored attitudes as sent, in order of time."""
         return self._kept.attitudes.samples
 
     def local_position_at(self, boot_ns: BootNs) -> Vector3 | None:
-        """The autopilot's LOCAL_POSITION_NED there, metres from its own origin: never to be mixed with ours."""
+        """Autopilot's LOCAL_POSITION_NED at the instant, metres from its own origin; never mixed with our NED."""
         return self._kept.local_position_at(boot_ns)
 
     @property
     def undulation_m(self) -> float | None:
-        """Geoid above ellipsoid where the vehicle is, by its receiver; None while that does not tell."""
+        """Geoid above ellipsoid at the vehicle, metres, by its receiver; None where the receiver does not report it."""
         return self._intake.undulation_m
 
     @property
     def utc_minus_host_s(self) -> float | None:
-        """By SYSTEM_TIME; None while the autopilot does not know UTC or its clock is not placed."""
+        """UTC minus host time, seconds, by SYSTEM_TIME; None while the autopilot does not know UTC or its clock is not
+        placed.
+        """
         if self._intake.utc is None:
             return None
         unix_ns, boot_ns = self._intake.utc
@@ -147,16 +149,16 @@ class Telemetry:
         return None if isinstance(host_ns, Unpaired) else (unix_ns - host_ns) * 1e-9
 
     def attitude_hz(self, now: HostNs) -> float:
-        """How often attitudes come, of the message that they are taken from; 0 while none come."""
+        """Rate of the message from which attitudes are taken, Hz; 0 while none arrive."""
         return self._meter.rates_hz(now).get(self._intake.choice.source or "", 0.0)
 
     @property
     def stamp_delay_s(self) -> float:
-        """An attitude is taken to be up to this older than its stamp."""
+        """Largest assumed age of an attitude at its stamp, seconds."""
         return self._stamps.delay_s
 
     def status(self, now: HostNs) -> dict[str, Any]:
-        """For the status file and ``check``."""
+        """Entries for the status file and ``check``."""
         attitudes, source = self._kept.attitudes, self._intake.choice.source
         return {
             "rates_hz": self._meter.rates_hz(now),

@@ -1,4 +1,4 @@
-"""What is kept of the vehicle for the last seconds, asked for any instant of the autopilot's clock."""
+"""History of the vehicle over the last seconds, interpolated at any instant of the autopilot's clock."""
 
 from __future__ import annotations
 
@@ -14,29 +14,29 @@ from fwav_companion.telemetry.hermite_series import HermiteSeries, RecentValues
 from fwav_companion.types import HeightSource, RangeSample, Unpaired, VehicleState
 
 RANGE_NEAR_NS = 200_000_000
-"""A rangefinder reading this near is of the same moment; they come at 10 Hz and more."""
+"""Age within which a rangefinder reading counts as simultaneous; they come at 10 Hz and more."""
 TERRAIN_NEAR_NS = 2_000_000_000
-"""TERRAIN_REPORT comes once a second, of ground that the vehicle hardly leaves meanwhile."""
+"""TERRAIN_REPORT comes once a second, and the ground below changes little within that."""
 
 
 class VehicleHistory:
-    """Samples by their kind, and the vehicle's state worked out between them."""
+    """Samples by kind, and the vehicle's state interpolated between them."""
 
     def __init__(self, clock: Clock, stamps: AttitudeStamps, gimbal: Gimbal | None, attitudes_kept_ns: int) -> None:
-        """``gimbal``: the one that carries the camera, if one does."""
+        """``gimbal``: the one that carries the camera, if any."""
         self._clock = clock
         self._stamps = stamps
         self._gimbal = gimbal
         self.attitudes = AttitudeHistory(attitudes_kept_ns)
         self.positions = HermiteSeries()
         self.local = HermiteSeries()
-        """LOCAL_POSITION_NED, a frame of its own."""
+        """LOCAL_POSITION_NED, in a frame of its own."""
         self.heights = {source: HermiteSeries() for source in HeightSource}
         self.ranges = RecentValues()
         self.terrain = RecentValues()
 
     def clear(self) -> None:
-        """The autopilot's clock began anew: nothing of before can be placed any more."""
+        """Delete all samples: the autopilot's clock began again, and old stamps cannot be placed any more."""
         self.attitudes.clear()
         for course in (self.positions, self.local, *self.heights.values()):
             course.clear()
@@ -44,7 +44,7 @@ class VehicleHistory:
             latest.clear()
 
     def state_at(self, boot_ns: BootNs) -> VehicleState | Unpaired:
-        """The vehicle at this instant, or why its attitude there is not known."""
+        """Vehicle state at this instant, or why its attitude there is not known."""
         attitude = self.attitudes.at(boot_ns)
         if isinstance(attitude, Unpaired):
             return attitude
@@ -69,18 +69,18 @@ class VehicleHistory:
         )
 
     def ready_for(self, boot_ns: BootNs) -> bool:
-        """Enough attitudes lie beyond this instant: waiting longer makes the answer no better."""
+        """Whether enough attitudes lie beyond this instant: waiting longer does not improve the answer."""
         return self.attitudes.ready_for(boot_ns) and (
             self._gimbal is None or self._gimbal.ready_for(boot_ns, self._clock)
         )
 
     def newest_state(self) -> VehicleState | Unpaired:
-        """At the latest attitude."""
+        """Vehicle state at the latest attitude."""
         newest = self.attitudes.newest
         return self.state_at(newest.boot_ns if newest else BootNs(0))
 
     def local_position_at(self, boot_ns: BootNs) -> Vector3 | None:
-        """The autopilot's LOCAL_POSITION_NED there, metres from its own origin: never to be mixed with ours."""
+        """Autopilot's LOCAL_POSITION_NED at the instant, metres from its own origin; never mixed with our NED."""
         point = self.local.at(boot_ns)
         return None if point is None else _vector(point.values)
 

@@ -1,4 +1,4 @@
-"""Where the local world lies: its origin, its home surface, or that it is only relative to the vehicle."""
+"""Origin and home surface of the local world, or the decision that it is relative to the vehicle."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from fwav_companion.telemetry.decoding import FIX_3D, Position
 from fwav_companion.telemetry.events import HomeMoved, OriginSet, RelativeWorld, TakeOffFound
 
 PATIENCE_NS = 10 * NS_PER_S
-"""From the first attitude: no position by then, and the world is relative."""
-HOME_TELLING_M = 0.01
-"""A home that moves by less is not told."""
+"""Wait from the first attitude for a position, after which the world is relative."""
+LEAST_HOME_MOVE_M = 0.01
+"""Smaller moves of home are not reported."""
 
 WorldEvent = OriginSet | RelativeWorld | TakeOffFound | HomeMoved
 
@@ -18,19 +18,19 @@ WorldEvent = OriginSet | RelativeWorld | TakeOffFound | HomeMoved
 class World:
     """Decides once where the origin lies. It never moves; HOME_POSITION moves only the home surface.
 
-    The origin is where GPS_GLOBAL_ORIGIN says, if it was heard by the first usable position, else that position;
-    its altitude is the take-off ground's, ``alt - relative_alt`` of that position.
+    The origin is GPS_GLOBAL_ORIGIN, if it was heard by the first usable position, else that position; its altitude is
+    the take-off ground's, ``alt - relative_alt`` of that position.
     """
 
     def __init__(self, *, use_position: bool) -> None:
         self.plane: TangentPlane | None = None
-        """None while there is no origin."""
+        """Tangent plane about the origin; None while there is no origin."""
         self.relative: bool | None = None if use_position else True
-        """Targets are relative to the point below the camera; None while that is not decided."""
+        """Whether targets are relative to the point below the camera; None while that is undecided."""
         self.home_down_m = 0.0
-        """The home surface, metres below the origin."""
+        """Home surface, metres below the origin."""
         self._use_position = use_position
-        self._told_origin: Geodetic | None = None
+        self._global_origin: Geodetic | None = None
         self._home_alt_amsl_m: float | None = None
         self._first_home: Geodetic | None = None
         self._gps_fix_type: int | None = None
@@ -38,19 +38,19 @@ class World:
 
     @property
     def wake_at(self) -> HostNs | None:
-        """When waiting for a position ends."""
+        """End of the wait for a position."""
         return self._decide_ns if self.relative is None else None
 
     @property
     def home_alt_amsl_m(self) -> float | None:
-        """Of the home surface; None before home or an origin is known."""
+        """Altitude of the home surface; None before home or an origin is known."""
         if self._home_alt_amsl_m is not None:
             return self._home_alt_amsl_m
         return None if self.plane is None else self.plane.origin.alt_amsl_m
 
     @property
     def take_off(self) -> Geodetic | None:
-        """Where the vehicle took off, as far as is known: the first home that was told, until then the origin.
+        """Take-off place as far as known: the first home received, until then the origin.
 
         A service that starts in flight has its origin where the vehicle was first heard, not where it took off.
         """
@@ -59,40 +59,40 @@ class World:
         return self.plane.origin
 
     def on_wake(self, now: HostNs) -> tuple[WorldEvent, ...]:
-        """Give up waiting for a position when it is due."""
+        """Decide for a relative world when the wait for a position is over."""
         if self.relative is not None or self._decide_ns is None or now < self._decide_ns:
             return ()
         self.relative = True
         return (RelativeWorld(),)
 
     def on_attitude(self, now: HostNs) -> None:
-        """The first one starts the wait for a position."""
+        """Start the wait for a position at the first attitude."""
         if self._decide_ns is None:
             self._decide_ns = HostNs(now + PATIENCE_NS)
 
     def on_gps_fix(self, fix_type: int) -> None:
-        """GPS_RAW_INT: from now on positions count only while it has a 3D fix."""
+        """Take the fix type of GPS_RAW_INT: from now on positions count only with a 3D fix."""
         self._gps_fix_type = fix_type
 
     def on_global_origin(self, place: Geodetic) -> None:
-        """GPS_GLOBAL_ORIGIN: of use only before the origin is frozen."""
-        self._told_origin = place
+        """Take GPS_GLOBAL_ORIGIN, which counts only before the origin is frozen."""
+        self._global_origin = place
 
     def on_position(self, position: Position) -> tuple[WorldEvent, ...]:
-        """The first usable one freezes the origin."""
+        """Freeze the origin at the first usable position."""
         if self.plane is not None or position.place is None or not self._use_position:
             return ()
         if self._gps_fix_type is not None and self._gps_fix_type < FIX_3D:
             return ()
         ground_m = position.place.alt_amsl_m - position.height_above_home_m
-        at = self._told_origin or position.place
+        at = self._global_origin or position.place
         self.plane = TangentPlane(Geodetic(at.lat, at.lon, ground_m))
         late = self.relative is True
         self.relative = False
         return (OriginSet(self.plane.origin, late), *self._move_home())
 
     def on_home(self, place: Geodetic) -> tuple[WorldEvent, ...]:
-        """HOME_POSITION: its altitude is that of the home surface; the first is where the vehicle took off."""
+        """Take HOME_POSITION: its altitude is that of the home surface; the first one is the take-off place."""
         found: tuple[WorldEvent, ...] = ()
         if self._first_home is None:
             self._first_home = place
@@ -104,6 +104,6 @@ class World:
         if self.plane is None or self._home_alt_amsl_m is None:
             return ()
         down_m = self.plane.origin.alt_amsl_m - self._home_alt_amsl_m
-        moved = abs(down_m - self.home_down_m) >= HOME_TELLING_M
+        moved = abs(down_m - self.home_down_m) >= LEAST_HOME_MOVE_M
         self.home_down_m = down_m
         return (HomeMoved(down_m),) if moved else ()

@@ -11,11 +11,11 @@ from fwav_companion.geometry.rotations import Quaternion, difference, exp, multi
 from fwav_companion.geometry.stamps import NS_PER_S, BootNs
 from fwav_companion.geometry.vectors import Vector3, add, dot, scale, subtract
 from fwav_companion.telemetry.attitude.interpolation import (
-    Piece,
-    piece_through,
-    piece_with_rates,
+    Segment,
     quaternion_at,
     rates_at,
+    segment_through,
+    segment_with_rates,
 )
 from fwav_companion.telemetry.attitude.quality import MOST_SWING, SEVEN, AttitudeQuality, Method
 from fwav_companion.types import AttitudeSample, Reason, Unpaired
@@ -63,13 +63,13 @@ class AttitudeAt(msgspec.Struct, frozen=True, gc=False):
 class AttitudeHistory:
     """A bounded store of attitudes in order of time; each interval's interpolation is computed once."""
 
-    __slots__ = ("_check", "_kept_ns", "_most_kept", "_pieces", "_samples", "_times")
+    __slots__ = ("_check", "_kept_ns", "_most_kept", "_samples", "_segments", "_times")
 
     def __init__(self, kept_ns: int = KEPT_NS) -> None:
         self._kept_ns, self._most_kept = kept_ns, MOST_KEPT * max(1, kept_ns // KEPT_NS)
         self._times: list[BootNs] = []
         self._samples: list[AttitudeSample] = []
-        self._pieces: list[tuple[Piece, float] | None] = []  # segment and its sigma, by the interval's first sample
+        self._segments: list[tuple[Segment, float] | None] = []  # segment and its sigma, by the interval's first sample
         self._check = AttitudeQuality()
 
     def __len__(self) -> int:
@@ -102,9 +102,9 @@ class AttitudeHistory:
             return False
         times.insert(index, sample.boot_ns)
         self._samples.insert(index, sample)
-        self._pieces.insert(index, None)
+        self._segments.insert(index, None)
         for near in range(max(0, index - REACH), min(len(times), index + REACH)):
-            self._pieces[near] = None
+            self._segments[near] = None
         self._trim()
         if len(times) >= SEVEN:
             self._check.look(self._samples[-SEVEN:])
@@ -114,19 +114,19 @@ class AttitudeHistory:
         """Move every kept sample in time, together."""
         self._samples = [AttitudeSample(BootNs(s.boot_ns + by_ns), s.ned_from_body, s.rates) for s in self._samples]
         self._times = [s.boot_ns for s in self._samples]
-        self._pieces = [None] * len(self._samples)
+        self._segments = [None] * len(self._samples)
 
     def clear(self) -> None:
         """Forget everything."""
         self._times.clear()
         self._samples.clear()
-        self._pieces.clear()
+        self._segments.clear()
         self._check = AttitudeQuality()
 
     def _trim(self) -> None:
         excess = max(bisect_left(self._times, self._times[-1] - self._kept_ns), len(self._times) - self._most_kept)
         if excess > 0:
-            del self._times[:excess], self._samples[:excess], self._pieces[:excess]
+            del self._times[:excess], self._samples[:excess], self._segments[:excess]
 
     def ready_for(self, boot_ns: BootNs) -> bool:
         """Whether enough samples lie beyond this instant that more samples would not change the answer."""
@@ -137,7 +137,7 @@ class AttitudeHistory:
         """``ned_from_body`` at the instant, without rates and sigma."""
         index = bisect_right(self._times, boot_ns) - 1
         if 0 <= index < len(self._times) - 1:
-            known = self._pieces[index]
+            known = self._segments[index]
             if known is not None:
                 return quaternion_at(known[0], boot_ns)
         at = self.at(boot_ns)
@@ -154,13 +154,13 @@ class AttitudeHistory:
         if index == len(times) - 1:
             return self._beyond(boot_ns)
         gap_s = min(boot_ns - times[index], times[index + 1] - boot_ns) * 1e-9
-        piece, sigma = self._pieces[index] or self._build(index)
+        segment, sigma = self._segments[index] or self._build(index)
         if sigma > MOST_SIGMA and (times[index + 1] - times[index]) * 1e-9 > HOLE * self._check.spacing_s:
             return Unpaired(Reason.ATTITUDE_GAP, gap_s)
         spacing_s = (times[index + 1] - times[index]) * 1e-9
-        return AttitudeAt(quaternion_at(piece, boot_ns), rates_at(piece, boot_ns), sigma, gap_s, spacing_s)
+        return AttitudeAt(quaternion_at(segment, boot_ns), rates_at(segment, boot_ns), sigma, gap_s, spacing_s)
 
-    def _build(self, index: int) -> tuple[Piece, float]:
+    def _build(self, index: int) -> tuple[Segment, float]:
         """Segment after sample ``index``, by the chosen method as far as the neighbouring samples allow."""
         times, samples, check = self._times, self._samples, self._check
         inside_four, inside_six = 1 <= index <= len(times) - 3, 2 <= index <= len(times) - 4
@@ -168,20 +168,20 @@ class AttitudeHistory:
         if check.method is Method.RATES and inside_four:
             model = check.rates.model
             at_first, at_last = (model.corrected(samples[k - 1 : k + 2]) for k in (index, index + 1))
-            piece = piece_with_rates(samples[index], samples[index + 1], at_first, at_last)
+            segment = segment_with_rates(samples[index], samples[index + 1], at_first, at_last)
             sigma = check.sigma(interval_s, Method.RATES)
         elif check.method is Method.SIX and inside_six:
-            piece = piece_through(times[index], samples[index - 2 : index + 4])
+            segment = segment_through(times[index], samples[index - 2 : index + 4])
             sigma = check.sigma(interval_s, Method.SIX)
         else:
-            piece = piece_through(times[index], samples[max(0, index - 1) : index + 3])
+            segment = segment_through(times[index], samples[max(0, index - 1) : index + 3])
             sigma = check.sigma(interval_s, Method.FOUR)
             if not inside_four:
                 sigma += 0.125 * check.angular_acceleration * interval_s**2 * 0.2
         if not check.settled:
             sigma = max(sigma, _first_guess(samples[index], samples[index + 1], interval_s))
-        built = (piece, sigma if interval_s * 1e9 <= WIDEST_GAP_NS else inf)
-        self._pieces[index] = built
+        built = (segment, sigma if interval_s * 1e9 <= WIDEST_GAP_NS else inf)
+        self._segments[index] = built
         return built
 
     def _beyond(self, boot_ns: BootNs) -> AttitudeAt | Unpaired:
@@ -193,8 +193,8 @@ class AttitudeHistory:
             return Unpaired(Reason.STALE_ATTITUDE, age_s)
         rates = last.rates
         if len(self._times) >= 2:
-            piece, _ = self._pieces[-2] or self._build(len(self._times) - 2)
-            rates = rates_at(piece, last.boot_ns)
+            segment, _ = self._segments[-2] or self._build(len(self._times) - 2)
+            rates = rates_at(segment, last.boot_ns)
         q = multiply(last.ned_from_body, exp(scale(rates, age_s)))
         sigma = EXTRAPOLATED_SHARE * self._check.angular_acceleration * age_s * age_s + age_s * self._unsure_rate
         spacing_s = self._check.spacing_s

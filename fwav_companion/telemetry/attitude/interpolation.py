@@ -22,13 +22,13 @@ Nodes: TypeAlias = tuple[float, float, float, float, float]
 """Nodes, seconds; the sixth attitude's own node is not needed."""
 Coefficients: TypeAlias = tuple[float, float, float, float, float, float]
 """Newton form: c0 + (s - n0) (c1 + (s - n1) (c2 + ...)). Unused coefficients are 0."""
-Piece: TypeAlias = tuple[BootNs, Nodes, Coefficients, Coefficients, Coefficients, Coefficients]
+Segment: TypeAlias = tuple[BootNs, Nodes, Coefficients, Coefficients, Coefficients, Coefficients]
 """Instant of s = 0, the nodes, and the polynomials of w, x, y, z."""
 
 
-def quaternion_at(piece: Piece, boot_ns: BootNs) -> Quaternion:
+def quaternion_at(segment: Segment, boot_ns: BootNs) -> Quaternion:
     """Unit quaternion at the instant. Unrolled, since it is the hottest function of this room."""
-    t0, (n0, n1, n2, n3, n4), (w0, w1, w2, w3, w4, w5), (x0, x1, x2, x3, x4, x5), of_y, of_z = piece
+    t0, (n0, n1, n2, n3, n4), (w0, w1, w2, w3, w4, w5), (x0, x1, x2, x3, x4, x5), of_y, of_z = segment
     (y0, y1, y2, y3, y4, y5), (z0, z1, z2, z3, z4, z5) = of_y, of_z
     s = (boot_ns - t0) * 1e-9
     s0, s1, s2, s3, s4 = s - n0, s - n1, s - n2, s - n3, s - n4
@@ -40,12 +40,12 @@ def quaternion_at(piece: Piece, boot_ns: BootNs) -> Quaternion:
     return (w * n, x * n, y * n, z * n)
 
 
-def rates_at(piece: Piece, boot_ns: BootNs) -> Vector3:
+def rates_at(segment: Segment, boot_ns: BootNs) -> Vector3:
     """Body rates of the course, rad/s, body axes: 2 q* dq/dt."""
-    s = (boot_ns - piece[0]) * 1e-9
-    n0, n1, n2, n3, n4 = piece[1]
+    s = (boot_ns - segment[0]) * 1e-9
+    n0, n1, n2, n3, n4 = segment[1]
     since = (s - n0, s - n1, s - n2, s - n3, s - n4)
-    (w, dw), (x, dx), (y, dy), (z, dz) = [_value_and_slope(c, since) for c in piece[2:]]
+    (w, dw), (x, dx), (y, dy), (z, dz) = [_value_and_slope(c, since) for c in segment[2:]]
     twice = 2.0 / (w * w + x * x + y * y + z * z)
     return (
         twice * (w * dx - x * dw - y * dz + z * dy),
@@ -65,7 +65,7 @@ def _value_and_slope(c: Coefficients, since: Nodes) -> tuple[float, float]:
     return c0 + s0 * v1, v1 + s0 * (v2 + s1 * (v3 + s2 * (v4 + s3 * c5)))
 
 
-def piece_through(t0: BootNs, samples: Sequence[AttitudeSample]) -> Piece:
+def segment_through(t0: BootNs, samples: Sequence[AttitudeSample]) -> Segment:
     """Polynomial through two to six attitudes in order of time, by Newton's divided differences."""
     nodes = [(sample.boot_ns - t0) * 1e-9 for sample in samples]
     divided = aligned([sample.ned_from_body for sample in samples])
@@ -80,7 +80,9 @@ def piece_through(t0: BootNs, samples: Sequence[AttitudeSample]) -> Piece:
     return (t0, (n0, n1, n2, n3, n4), w, x, y, z)
 
 
-def piece_with_rates(first: AttitudeSample, last: AttitudeSample, rates_first: Vector3, rates_last: Vector3) -> Piece:
+def segment_with_rates(
+    first: AttitudeSample, last: AttitudeSample, rates_first: Vector3, rates_last: Vector3
+) -> Segment:
     """Hermite polynomial through two attitudes with these body rates: each attitude is a double node."""
     h = (last.boot_ns - first.boot_ns) * 1e-9
     q0, q1 = aligned([first.ned_from_body, last.ned_from_body])

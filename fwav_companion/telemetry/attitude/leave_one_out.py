@@ -10,7 +10,7 @@ from fwav_companion.telemetry.attitude.interpolation import aligned
 from fwav_companion.types import AttitudeSample
 
 
-def left_out2(neighbours: Sequence[AttitudeSample], sample: AttitudeSample) -> float:
+def squared_leave_one_out_error(neighbours: Sequence[AttitudeSample], sample: AttitudeSample) -> float:
     """Squared angle, rad^2, between a sample and the polynomial through its neighbours."""
     nodes = [(n.boot_ns - sample.boot_ns) * 1e-9 for n in neighbours]
     whole = prod(nodes)
@@ -21,10 +21,10 @@ def left_out2(neighbours: Sequence[AttitudeSample], sample: AttitudeSample) -> f
         x += weight * qx
         y += weight * qy
         z += weight * qz
-    return apart2((w, x, y, z), sample.ned_from_body)
+    return squared_angle((w, x, y, z), sample.ned_from_body)
 
 
-def apart2(a: Quaternion, b: Quaternion) -> float:
+def squared_angle(a: Quaternion, b: Quaternion) -> float:
     """Squared angle between two nearly equal attitudes, the first of nearly unit length."""
     _, x, y, z = multiply(conjugate(b), a)
     return 4.0 * (x * x + y * y + z * z)

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 
 from fwav_companion.geometry.stamps import BootNs
 from fwav_companion.geometry.vectors import dot, scale, subtract
-from fwav_companion.telemetry.attitude.interpolation import aligned, piece_with_rates, quaternion_at
-from fwav_companion.telemetry.attitude.leave_one_out import apart2, left_out2
+from fwav_companion.telemetry.attitude.interpolation import aligned, quaternion_at, segment_with_rates
+from fwav_companion.telemetry.attitude.leave_one_out import squared_angle, squared_leave_one_out_error
 from fwav_companion.telemetry.attitude.rate_fit import ALTERNATING, RateFit
 from fwav_companion.types import AttitudeSample
 
@@ -42,7 +42,7 @@ NOISE_SHARE = (1.0 + 34.0 / 36.0) / SIX_NOISE
 MOST_NOISE = 0.01
 """rad, RMS about all axes together: an autopilot's attitudes scatter by 0.1 or 0.2 degrees. A larger leave-one-out
 error of six is motion that the samples do not show."""
-SLOWEST_TELLING_RATE = 0.1
+SLOWEST_CHECKED_RATE = 0.1
 """rad/s, RMS: in slower motion an error of a stamp does not show in the attitudes."""
 
 MOST_SWING = 0.5
@@ -69,7 +69,7 @@ POWERS = {Method.FOUR: 4, Method.SIX: 6, Method.RATES: 4}
 """Power of the interval's width by which each method's error grows."""
 
 
-class _Told(NamedTuple):
+class _MethodErrors(NamedTuple):
     """Error of every interpolation at the stream's own spacing, by the checks so far."""
 
     errors: dict[Method, float]
@@ -106,7 +106,7 @@ class AttitudeQuality:
         self._rate2 = self._acceleration2 = 0.0
         self._four2 = self._six2 = self._rates2 = 0.0
         self._bend2 = self._unbent2 = 0.0
-        self._told: _Told | None = None
+        self._told: _MethodErrors | None = None
         self.rates = RateFit()
         """Correction of the rates as sent, and whether they can be used."""
         self.method = Method.FOUR
@@ -155,7 +155,7 @@ class AttitudeQuality:
         Noise, and motion too fast for the stream, make it larger than the truth. Infinite where the motion is too slow
         to show it.
         """
-        if not self.settled or self._rate2 < SLOWEST_TELLING_RATE**2:
+        if not self.settled or self._rate2 < SLOWEST_CHECKED_RATE**2:
             return inf
         return sqrt(self._six2 / (SIX_NOISE * self._rate2))
 
@@ -167,7 +167,7 @@ class AttitudeQuality:
     @property
     def instant_sigma_s(self) -> float:
         """One sigma of an attitude's instant where attitudes are too slow for the motion: the whole spacing is open."""
-        return self._what_is_told().instant_sigma_s if self.settled else 0.0
+        return self._method_errors().instant_sigma_s if self.settled else 0.0
 
     @property
     def too_slow(self) -> bool:
@@ -179,19 +179,19 @@ class AttitudeQuality:
         """One sigma of interpolating over an interval of this width, rad about each axis."""
         if not self.settled:
             return min(MOST_SWING, UNCHECKED_SHARE * self.angular_acceleration * interval_s**2)
-        told = self._what_is_told()
-        error = told.errors[method] * max(1.0, interval_s / self._spacing) ** POWERS[method]
-        if told.unexplained:
-            error += 0.5 * told.unexplained * max(interval_s, self._spacing)
-        return min(error, told.swing)
+        measured = self._method_errors()
+        error = measured.errors[method] * max(1.0, interval_s / self._spacing) ** POWERS[method]
+        if measured.unexplained:
+            error += 0.5 * measured.unexplained * max(interval_s, self._spacing)
+        return min(error, measured.swing)
 
-    def _what_is_told(self) -> _Told:
+    def _method_errors(self) -> _MethodErrors:
         """Errors by method. Needed with every attitude that is asked for, and changed by checks alone."""
         if self._told is None:
             self._told = self._tell()
         return self._told
 
-    def _tell(self) -> _Told:
+    def _tell(self) -> _MethodErrors:
         errors2 = {
             Method.FOUR: self._four_truncation2(),
             Method.SIX: self._amid_interval2(self._six2, SIX_LEFT_OUT),
@@ -199,8 +199,8 @@ class AttitudeQuality:
         }
         errors = {method: sqrt(error2) for method, error2 in errors2.items()}
         if not self.too_slow:
-            return _Told(errors, 0.0, self.swing, 0.0)
-        return _Told(errors, self.rates.disagreement, self.swing, self._spacing / sqrt(12.0))
+            return _MethodErrors(errors, 0.0, self.swing, 0.0)
+        return _MethodErrors(errors, self.rates.disagreement, self.swing, self._spacing / sqrt(12.0))
 
     def status(self) -> dict[str, Any]:
         """Entries for the status file and ``check``."""
@@ -259,12 +259,14 @@ class AttitudeQuality:
     def _try_out(self, seven: Sequence[AttitudeSample], gain: float) -> None:
         others = [seven[k] for k in (0, 1, 2, 4, 5, 6)]
         middle = seven[3]
-        self._four2 += gain * (left_out2(others[1:5], middle) - self._four2)
-        self._six2 += gain * (left_out2(others, middle) - self._six2)
+        self._four2 += gain * (squared_leave_one_out_error(others[1:5], middle) - self._four2)
+        self._six2 += gain * (squared_leave_one_out_error(others, middle) - self._six2)
         if self.rates.usable:
             model = self.rates.model
-            piece = piece_with_rates(seven[2], seven[4], model.corrected(seven[1:4]), model.corrected(seven[3:6]))
-            self._rates2 += gain * (apart2(quaternion_at(piece, middle.boot_ns), middle.ned_from_body) - self._rates2)
+            segment = segment_with_rates(seven[2], seven[4], model.corrected(seven[1:4]), model.corrected(seven[3:6]))
+            self._rates2 += gain * (
+                squared_angle(quaternion_at(segment, middle.boot_ns), middle.ned_from_body) - self._rates2
+            )
 
     def _four_truncation2(self) -> float:
         """Squared error of four attitudes by the motion alone, without the noise of the samples."""
@@ -273,11 +275,15 @@ class AttitudeQuality:
         noise2 = min(self._six2, SIX_NOISE * MOST_NOISE**2)
         return max(0.0, self._four2 - NOISE_SHARE * noise2) / FOUR_LEFT_OUT**2
 
-    def _amid_interval2(self, left_out2: float, ratio: float) -> float:
-        return left_out2 if self._hopeless(left_out2) else left_out2 / ratio**2
+    def _amid_interval2(self, squared_leave_one_out_error: float, ratio: float) -> float:
+        return (
+            squared_leave_one_out_error
+            if self._hopeless(squared_leave_one_out_error)
+            else squared_leave_one_out_error / ratio**2
+        )
 
-    def _hopeless(self, left_out2: float) -> bool:
-        return left_out2 > HOPELESS * self.swing**2
+    def _hopeless(self, squared_leave_one_out_error: float) -> bool:
+        return squared_leave_one_out_error > HOPELESS * self.swing**2
 
     def _choose(self) -> None:
         if not self.settled:

@@ -1,4 +1,4 @@
-"""The clock without TIMESYNC: no message arrives before it was stamped, and some arrive hardly later."""
+"""Clock estimate without TIMESYNC: a message never arrives before its stamp, and some arrive hardly later."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from fwav_companion.telemetry.clock.envelopes import lower_hull
 
 BUCKET_NS = NS_PER_S
 BUCKETS = 30
-"""The least delay of each of the last 30 seconds is kept."""
+"""Seconds, of each of which the least delay is stored."""
 ARRIVALS_TO_BEGIN = 10
 
 LEAST_DELAY_SIGMA_S = 5e-3
-"""Of the least transport delay, which arrivals cannot show: 0.4 ms on a 921600 serial line, 7 ms at 57600, a few over
-Wi-Fi; a telemetry radio's tens of milliseconds are three of these sigmas."""
+"""One sigma of the least transport delay, which arrivals cannot show: 0.4 ms on a 921600 serial line, 7 ms at 57600, a
+few over Wi-Fi; a telemetry radio's tens of milliseconds are three of these sigmas."""
 LEAST_DELAY_BOUND_S = 0.1
-"""An assumption, not a measurement: a link whose fastest message takes longer is no link to pair images over."""
+"""An assumption, not a measurement: images cannot be paired over a link whose fastest message takes longer."""
 
 
 class ArrivalEnvelope:
-    """The lower envelope of arrival minus stamp: its line, biased late by the least transport delay.
+    """Line through the lower envelope of arrival minus stamp, biased late by the least transport delay.
 
-    Stamps come cut to whole milliseconds, which only makes a message look later: the envelope needs no correction.
+    Stamps are truncated to whole milliseconds, which only makes a message look later: the envelope needs no correction.
     """
 
     __slots__ = ("_buckets", "_count", "line")
@@ -34,7 +34,7 @@ class ArrivalEnvelope:
         self._count = 0
 
     def insert(self, stamp_ns: BootNs, arrival_ns: HostNs) -> None:
-        """A message with this stamp arrived."""
+        """Take the stamp and the arrival of a message."""
         self._count += 1
         offset_ns = arrival_ns - stamp_ns
         bucket = stamp_ns // BUCKET_NS
@@ -51,19 +51,19 @@ class ArrivalEnvelope:
             self.line = self._fit()
 
     def bound_s(self, now: HostNs, offset_ns: int) -> float:
-        """How far the truth may be: below by the assumed most of the least delay, above only by drift."""
+        """Bound of the offset's error: below by the assumed bound of the least delay, above by drift alone."""
         least_ns = min(o + MOST_SKEW * abs(now - at) for _, at, o in self._buckets)
         return max(abs(least_ns - offset_ns) * 1e-9, 0.0) + LEAST_DELAY_BOUND_S
 
     def _fit(self) -> ClockLine:
-        """The edge of the lower convex hull that spans the mean instant: the highest line below all points there."""
+        """Edge of the lower convex hull that spans the mean instant: the highest line below all points there."""
         _, ref_ns, ref_offset_ns = self._buckets[-1]
         points = [((at - ref_ns) * 1e-9, (offset - ref_offset_ns) * 1e-9) for _, at, offset in self._buckets]
         hull = lower_hull(points)
         mean_t = sum(t for t, _ in points) / len(points)
         (t0, y0), slope = hull[-1], 0.0
         for (ta, ya), (tb, yb) in pairwise(hull):
-            if tb >= mean_t and tb > ta:  # what came in one datagram came at one instant, whatever its stamps
+            if tb >= mean_t and tb > ta:  # messages of one datagram arrived at one instant, whatever their stamps
                 t0, y0, slope = ta, ya, (yb - ya) / (tb - ta)
                 break
         slope = max(-MOST_SKEW, min(MOST_SKEW, slope))

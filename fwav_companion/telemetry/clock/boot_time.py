@@ -1,4 +1,4 @@
-"""The autopilot's milliseconds as one line of time: unwrapped past 49.7 days, begun anew by a reboot."""
+"""Unwraps the autopilot's 32-bit milliseconds past 49.7 days, and notices a reboot."""
 
 from __future__ import annotations
 
@@ -13,31 +13,31 @@ MOST_DISORDER_NS = 1 * NS_PER_S
 """Datagrams overtake one another by tens of milliseconds; two radio links to one autopilot by hundreds."""
 
 MOST_CATCHING_UP_NS = 10 * NS_PER_S
-"""A link that held back seconds of telemetry and then frees itself makes stamps run ahead of the host's clock."""
+"""A link that stalls for seconds and then delivers makes stamps run ahead of the host's clock."""
 
 STRANGE_STAMPS_FOR_A_REBOOT = 3
-"""In a row and in agreement with one another: a single wild stamp, or a slow second link, is no reboot."""
+"""Consecutive stamps that agree with one another: a single wild stamp, or a slow second link, is not a reboot."""
 
 
 class Restarted(msgspec.Struct, frozen=True):
-    """The stamps began anew."""
+    """The stamps began again."""
 
     boot_ns: BootNs
-    """The stamp that settled it, on the new line of time."""
+    """Stamp that decided it, on the new time line."""
 
 
 class Strange(msgspec.Struct, frozen=True):
-    """A stamp that does not continue the line of time, and is not enough to begin another."""
+    """A stamp that does not continue the time line, and is not enough evidence for a reboot."""
 
 
 class BootTimeline:
-    """Places 32-bit stamps on a line that only goes on, and notices when the autopilot began another."""
+    """Places 32-bit stamps on a monotonic time line, and notices when the autopilot began another."""
 
     __slots__ = ("_newest_arrival_ns", "_suspects", "newest_ns")
 
     def __init__(self) -> None:
         self.newest_ns: BootNs | None = None
-        """The latest instant of the autopilot's clock that was told."""
+        """Latest instant of the autopilot's clock that was received."""
         self._newest_arrival_ns = HostNs(0)
         self._suspects: list[tuple[int, HostNs]] = []
 
@@ -55,13 +55,13 @@ class BootTimeline:
         return self._suspect(stamp_ns, arrival_ns)
 
     def align(self, autopilot_ns: int, arrival_ns: HostNs) -> BootNs:
-        """An instant of the same clock told in full (TIMESYNC), by whole wraps to where the stamps run."""
+        """A full instant of the same clock (TIMESYNC), moved by whole wraps to where the stamps run."""
         if self.newest_ns is None:
             return self._begin(autopilot_ns, arrival_ns)
         return BootNs(_nearest(autopilot_ns, self._expected(arrival_ns)))
 
     def forget(self) -> None:
-        """Take the next stamp for the first."""
+        """Treat the next stamp as the first."""
         self.newest_ns = None
         self._suspects.clear()
 

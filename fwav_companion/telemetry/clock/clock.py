@@ -1,4 +1,4 @@
-"""Autopilot time and host time, one in terms of the other: ``host = boot + host_from_autopilot``."""
+"""Autopilot time and host time in terms of one another: ``host = boot + host_from_autopilot``."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from fwav_companion.telemetry.clock.exchanges import ExchangeFit
 from fwav_companion.types import ClockEstimate, ClockExchange, ClockStatus, Reason, Unpaired
 
 EXCHANGES_FOR_TRUST = 3
-"""Fewer, and the envelope of arrivals is the better guide."""
+"""With fewer exchanges the envelope of arrivals is better."""
 EXCHANGES_WHEN_SETTLED = 20
 SETTLED_SIGMA_S = 2e-3
 EXCHANGES_OUTLIVED_S = 120.0
-"""At 600 ppm the bound has grown by 72 ms by then: arrivals know better."""
+"""At 600 ppm the bound has then grown by 72 ms, and arrivals are better."""
 
 BEYOND_DOUBT = 3.0
-"""Sigmas: arrivals bound nothing by themselves, and a least delay that wanders is told by the sigma first."""
+"""Sigmas: arrivals give no hard bound, and the sigma covers a least delay that wanders."""
 
 UNKNOWN = Unpaired(Reason.NO_CLOCK)
 
 
 class Clock:
-    """From TIMESYNC exchanges where they are answered, else from arrivals alone."""
+    """Clock estimate by TIMESYNC exchanges where they are answered, else by arrivals alone."""
 
     __slots__ = ("_arrivals", "_exchanges")
 
@@ -33,38 +33,42 @@ class Clock:
         self._arrivals = ArrivalEnvelope()
 
     def on_exchange(self, exchange: ClockExchange) -> bool:
-        """An answered request. True: the autopilot's clock has evidently begun anew, and this clock with it."""
+        """Take an answered request. Returns True where the autopilot's clock has begun again, and this estimate with
+        it.
+        """
         began_anew = self._exchanges.insert(exchange)
         if began_anew:
             self._arrivals = ArrivalEnvelope()
         return began_anew
 
     def on_arrival(self, stamp_ns: BootNs, arrival_ns: HostNs) -> None:
-        """A message with this (truncated) stamp arrived."""
+        """Take the truncated stamp and the arrival of a message."""
         self._arrivals.insert(stamp_ns, arrival_ns)
 
     def reset(self) -> None:
-        """Forget everything: the autopilot's clock began anew."""
+        """Forget everything: the autopilot's clock began again."""
         self._exchanges = ExchangeFit()
         self._arrivals = ArrivalEnvelope()
 
     @property
     def in_doubt(self) -> bool:
-        """More exchanges would tell more: they are few, since the start or a change of pace, or contradict others."""
+        """Whether more exchanges would help: they are few since the start or a change of skew, or contradict one
+        another.
+        """
         return self._exchanges.count < EXCHANGES_WHEN_SETTLED or self._exchanges.in_doubt
 
     def host_from_boot(self, boot_ns: BootNs) -> HostNs | Unpaired:
-        """The host's instant; NO_CLOCK while nothing is known."""
+        """Host instant of an autopilot instant; NO_CLOCK while nothing is known."""
         line = self._line()
         return UNKNOWN if line is None else line.host_from_boot(boot_ns)
 
     def boot_from_host(self, host_ns: HostNs) -> BootNs | Unpaired:
-        """The autopilot's instant; NO_CLOCK while nothing is known."""
+        """Autopilot instant of a host instant; NO_CLOCK while nothing is known."""
         line = self._line()
         return UNKNOWN if line is None else BootNs(host_ns - line.offset_ns_at(host_ns))
 
     def estimate(self, now: HostNs) -> ClockEstimate:
-        """The clock at this host instant; status UNKNOWN comes with infinite sigma and bound."""
+        """Clock estimate at this host instant; status UNKNOWN has infinite sigma and bound."""
         line = self._line()
         if line is None:
             return ClockEstimate(now, 0, 0.0, inf, inf, None, ClockStatus.UNKNOWN)

@@ -1,4 +1,4 @@
-"""A straight line of clock offset over host time, with its uncertainty."""
+"""A straight line of clock offset over host time, with its covariance."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ MOST_SKEW = 600e-6
 """A host's own clock discipline slews by up to 500 ppm, and crystals differ by up to 100."""
 
 SKEW_WANDER = 0.5e-6
-"""By which a crystal's rate has changed, unseen, for every 10 s since the fit: temperature."""
+"""Unseen change of a crystal's rate for every 10 s since the fit, by temperature."""
 
 
 class ClockLine(msgspec.Struct, frozen=True, gc=False):
@@ -20,26 +20,26 @@ class ClockLine(msgspec.Struct, frozen=True, gc=False):
 
     ref_host_ns: HostNs
     offset_ns: int
-    """At the reference."""
+    """Offset at the reference, nanoseconds."""
     skew: float
     """d(offset)/d(host)."""
     var_offset: float
-    """s^2, at the reference."""
+    """Variance of the offset at the reference, s^2."""
     cov_offset_skew: float
-    """s."""
+    """Covariance of offset and skew, s."""
     var_skew: float
 
     def offset_ns_at(self, host_ns: HostNs) -> int:
-        """The offset at this host instant."""
+        """Offset at this host instant, nanoseconds."""
         return self.offset_ns + round(self.skew * (host_ns - self.ref_host_ns))
 
     def host_from_boot(self, boot_ns: BootNs) -> HostNs:
-        """Solves ``host = boot + offset(host)``."""
+        """Solution of ``host = boot + offset(host)``."""
         since_ref = boot_ns + self.offset_ns - self.ref_host_ns
         return HostNs(boot_ns + self.offset_ns + round(self.skew / (1.0 - self.skew) * since_ref))
 
     def sigma_s(self, host_ns: HostNs) -> float:
-        """One sigma of the offset at this host instant."""
+        """One sigma of the offset at this host instant, seconds."""
         dt = (host_ns - self.ref_host_ns) * 1e-9
         wander = SKEW_WANDER * dt * dt / 10.0
         return sqrt(

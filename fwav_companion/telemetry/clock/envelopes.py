@@ -1,10 +1,10 @@
-"""The clock between two envelopes: no answer is stamped before its request left, nor after it arrived.
+"""Clock estimate between two envelopes: an answer is stamped after its request left and before it arrived.
 
 Where each delay is a least one plus an exponential tail, the same both ways, the likelihood of a line of offsets grows
 with the room it leaves to both envelopes, and with nothing else: it is ``exp(2 n room / tail)`` in the least delay
-``room``. Its mean is several times nearer to the truth than any weighing of the exchanges, for it learns from the few
-fastest messages of each direction alone. Where delays are not so, this is overconfident: :mod:`exchanges` therefore
-asks which of the two descriptions the exchanges themselves make likelier.
+``room``. Its mean is several times nearer to the truth than any weighted fit of the exchanges, since it uses the few
+fastest messages of each direction alone (convex hull: Zhang, Liu & Xia 2002). Where delays are not like that it is
+overconfident: :mod:`exchanges` therefore compares the likelihoods of both descriptions.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ LEAST_TAIL_S = 2e-6
 """Clocks are read in whole microseconds."""
 SLOPES = 41
 REACH = 12.0
-"""The slopes that are tried reach so far that the likelihood has fallen by exp(-12)."""
+"""The slopes that are tried reach to where the likelihood has fallen by exp(-12)."""
 TO_THE_TOP, DOWN = 20, 12
-"""Halvings of the searches: from 1200 ppm to a thousandth of a ppm, and to a thousandth of the way."""
+"""Halvings of the two searches: from 1200 ppm to a thousandth of a ppm, and to a thousandth of the way."""
 
 Point = tuple[float, float]
 
 
 class EnvelopeFit(msgspec.Struct, frozen=True):
-    """A line of offsets, seconds and seconds a second at time 0, with its covariance."""
+    """A line of offsets, seconds, and its skew, s/s, at time 0, with their covariance."""
 
     level: float
     skew: float
@@ -36,13 +36,13 @@ class EnvelopeFit(msgspec.Struct, frozen=True):
     cov_level_skew: float
     var_skew: float
     room_s: float
-    """Between the envelopes, twice the least delay; negative: no line fits between, so the skew was not constant."""
+    """Room between the envelopes, twice the least delay; negative: no line fits, so the skew was not constant."""
     log_likelihood: float
-    """Of the offsets, given the round trips."""
+    """Log likelihood of the offsets, given the round trips."""
 
 
 def lower_hull(points: Sequence[Point]) -> list[Point]:
-    """The lower convex hull of points in order of time."""
+    """Lower convex hull of points in order of time."""
     hull: list[Point] = []
     for t, y in points:
         while len(hull) > 1:
@@ -55,7 +55,7 @@ def lower_hull(points: Sequence[Point]) -> list[Point]:
 
 
 class Hull:
-    """Lines from below against points in order of time: where one of a given slope touches them first."""
+    """Lower hull of points in order of time, for the lines of a given slope that touch it from below."""
 
     __slots__ = ("_points", "_slopes")
 
@@ -64,26 +64,26 @@ class Hull:
         self._slopes = [(yb - ya) / (tb - ta) if tb > ta else inf for (ta, ya), (tb, yb) in pairwise(self._points)]
 
     def lowest(self, slope: float) -> float:
-        """The height at time 0 of the highest line of this slope that no point lies below."""
+        """Height at time 0 of the highest line of this slope below all points."""
         t, y = self._points[bisect(self._slopes, slope)]
         return y - slope * t
 
     def touched_at(self, slope: float) -> float:
-        """When it touches the points."""
+        """Time at which that line touches the points."""
         return self._points[bisect(self._slopes, slope)][0]
 
 
 def fit_between(
     times: Sequence[float], offsets: Sequence[float], trips: Sequence[float], most_skew: float
 ) -> EnvelopeFit:
-    """Offsets (middle of each exchange) at times, with their round trips; in seconds, in any order of time."""
+    """Fit to offsets (middle of each exchange) at times, with their round trips; seconds, in any order of time."""
     entries = sorted(zip(times, offsets, trips, strict=True))
     above = Hull([(t, y + 0.5 * r) for t, y, r in entries])
     below = Hull([(t, 0.5 * r - y) for t, y, r in entries])
     n = len(entries)
 
     def gap(skew: float) -> float:
-        """Between the ceiling and the floor at time 0 of lines of this skew."""
+        """Room between ceiling and floor at time 0 for lines of this skew."""
         return above.lowest(skew) + below.lowest(-skew)
 
     def widens(skew: float) -> bool:
@@ -118,7 +118,7 @@ def fit_between(
 
 
 def _highest(rises: Callable[[float], bool], low: float, high: float) -> float:
-    """Where a concave function that tells whether it rises is highest, by halves."""
+    """Maximum of a concave function given whether it rises, by bisection."""
     for _ in range(TO_THE_TOP):
         middle = 0.5 * (low + high)
         if rises(middle):
@@ -129,7 +129,7 @@ def _highest(rises: Callable[[float], bool], low: float, high: float) -> float:
 
 
 def _falls_to(concave: Callable[[float], float], top: float, end: float, value: float) -> float:
-    """Between the top of a concave function and ``end``, where it has fallen to ``value``, by halves; else ``end``."""
+    """Where a concave function falls to ``value`` between its top and ``end``, by bisection; else ``end``."""
     if concave(end) >= value:
         return end
     for _ in range(DOWN):

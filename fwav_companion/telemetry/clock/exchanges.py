@@ -1,10 +1,10 @@
-"""The clock from TIMESYNC: a line through the exchanges, each weighed by its round trip, inside a hard bound.
+"""Clock estimate from TIMESYNC: a line through the exchanges, each weighted by its round trip, inside a hard bound.
 
 An exchange places the autopilot's instant between sending and receiving: the offset is the middle, wrong by half the
 difference of the two delays. Where delays are a constant plus a long tail, that error shrinks with the round trip's
-excess over the least one; where they scatter evenly it does not depend on it. Which of the two it is, the residuals
-tell (:mod:`weights`). That is the gate: a slow exchange weighs little, and none is thrown away for a fixed number of
-milliseconds. Where the fastest messages alone tell more (:mod:`envelopes`), they do.
+excess over the least one; where they scatter evenly it does not depend on it. The residuals show which of the two holds
+(:mod:`round_trip_weights`). That is the gate: a slow exchange weighs little, and no exchange is discarded for a fixed
+number of milliseconds. Where the fastest messages alone are more precise (:mod:`envelopes`), those are used.
 """
 
 from __future__ import annotations
@@ -22,54 +22,56 @@ WINDOW_NS = 120 * NS_PER_S
 MOST_KEPT = 400
 """Ten a second for the first half minute, then one a second through the window."""
 EXCHANGES_TO_WEIGH = 12
-"""From here on the residuals tell how errors depend on the round trip; before, an error is uniform in its bound."""
-EXCHANGES_TO_WEIGH_ANEW = 12
-"""So many more, after a change of the skew."""
+"""From this count on the residuals show how errors depend on the round trip; before, an error is uniform in its
+bound."""
+EXCHANGES_TO_WEIGH_AGAIN = 12
+"""The same count after a change of the skew."""
 FITTED_EACH = 20
 FIT_EVERY_NS = 900_000_000
-"""A line is good for far longer; fitting it more often, once it is one, would be work for nothing."""
+"""A line is good for far longer; fitting it more often would be wasted work."""
 LIKELIER_BY, LIKELIER_BY_EACH = 5.0, 0.05
-"""In log likelihood, in all and for every exchange, for the sharper of two descriptions to be believed. An exponential
-tail gains 0.18 an exchange, a rounder one (the sum of two such) loses 0.08."""
+"""Log likelihood, in total and for every exchange, by which the more precise of two descriptions must win. An
+exponential tail gains 0.18 an exchange; a rounder one (the sum of two such) loses 0.08."""
 CONTRADICTIONS_FOR_A_STEP = 3
-"""In a row and in agreement with one another: one may be somebody else's answer, three are another clock."""
+"""Consecutive contradictions that agree with one another: one may be another node's answer, three are another clock."""
 LONGEST_TAIL = 64
 ASTRAY_SIGMAS = 4.5
-"""Of the mean of the newest exchanges. Tried for every length of tail at every exchange, but these hardly differ."""
+"""Sigmas of the mean of the newest exchanges. Tried for every tail length at every exchange, but these hardly
+differ."""
 
 TAILS = (12, 24, 48, 96)
-"""So many newest exchanges are asked alone whether they agree with all of them."""
+"""Counts of newest exchanges that are compared with all exchanges."""
 SURE_TAIL, SURE_SIGMAS = 24, 8.0
-"""From so many on, disagreement beyond this is a change of the skew. What lies between envelopes errs like a Laplacian:
-eight of its sigmas are as rare as four and a half of a Gaussian."""
+"""From this count on, disagreement beyond these sigmas is a change of the skew. Lines between envelopes err like a
+Laplacian: eight of its sigmas are as rare as four and a half of a Gaussian."""
 DOUBT_AFTER_NS = 5 * NS_PER_S
-"""After a change of the skew: a discipline that began to slew may change its mind."""
+"""After a change of the skew: a clock discipline that began to slew may change again."""
 BY_CHANCE_SIGMAS = 4.0
-"""What they differ by beyond this is told as uncertainty, until it is evident or gone."""
+"""Disagreement beyond this is added to the uncertainty, until it is significant or gone."""
 
 FEW, FEW_ASTRAY_SIGMAS = 4, 6.0
-"""So few must lie off by more than delays can make of it: an exchange errs by at most half its round trip, which is
-two of its own sigmas."""
+"""This many must lie off by more than delays can explain: an exchange errs by at most half its round trip, which is two
+of its own sigmas."""
 
 
 class Description(NamedTuple):
-    """What some exchanges say: seconds, times and offsets counted from the newest."""
+    """Fit to some exchanges: seconds, times and offsets counted from the newest."""
 
     times: list[float]
     offsets: list[float]
     excesses: list[float]
-    """Of the round trips over the least."""
+    """Excesses of the round trips over the least."""
     weighted: Fit
     fit: Fit
-    """The likelier of the two."""
+    """Likelier of the two fits."""
     between: bool
-    """It is the one between the envelopes."""
+    """Whether that is the fit between the envelopes."""
     room_s: float
-    """Between the envelopes."""
+    """Room between the envelopes, seconds."""
 
 
 class ExchangeFit:
-    """A weighted line through the last two minutes of exchanges, and the interval none of them contradicts."""
+    """Weighted line through the last two minutes of exchanges, and the interval that none of them contradicts."""
 
     __slots__ = (
         "_best_ns",
@@ -93,9 +95,9 @@ class ExchangeFit:
         self._changed_ns: HostNs | None = None
         self._weigh_from = EXCHANGES_TO_WEIGH
         self._by_envelopes = False
-        """Delays were seen to be such that the envelopes tell more than weights: links do not change in that."""
+        """Whether the envelopes have proved better than weights on this link; links do not change in that."""
         self.in_doubt = False
-        """The skew has just changed, or the newest exchanges disagree with those before by more than chance."""
+        """Whether the skew has just changed, or the newest exchanges disagree with those before by more than chance."""
         self._window: list[Exchange] = []
         self._best_ns: int | None = None
         self._contradicting: list[Exchange] = []
@@ -110,13 +112,15 @@ class ExchangeFit:
 
     @property
     def best_round_trip_s(self) -> float | None:
-        """The least in the window."""
-        if self._best_ns is None and self._window:  # asked for with every message, and changed with few
+        """Least round trip in the window, seconds."""
+        if self._best_ns is None and self._window:  # asked for with every message, changed with few
             self._best_ns = min(e.round_trip_ns for e in self._window)
         return None if self._best_ns is None else self._best_ns * 1e-9
 
     def insert(self, exchange: ClockExchange) -> bool:
-        """Take one exchange. True: the last few contradict all before them, and the fit began anew with these."""
+        """Take one exchange. Returns True where the last few contradict all before them and the fit began again with
+        these.
+        """
         if exchange.received_ns < exchange.sent_ns:
             return False
         middle_ns = HostNs((exchange.sent_ns + exchange.received_ns) // 2)
@@ -129,7 +133,7 @@ class ExchangeFit:
         return False
 
     def bound_s(self, now: HostNs, offset_ns: int) -> float:
-        """The farthest that the true offset can be from ``offset_ns`` at ``now``: drift is at most 600 ppm."""
+        """Bound of the error of ``offset_ns`` at ``now``, seconds: drift is at most 600 ppm."""
         low_ns, high_ns = self._bound.interval(now)
         return max(high_ns - offset_ns, offset_ns - low_ns) * 1e-9
 
@@ -159,7 +163,7 @@ class ExchangeFit:
             self.line = self._fit()
 
     def _fit(self) -> ClockLine:
-        """Over the whole window, as far back as the newest exchanges bear it out."""
+        """Line over the whole window, as far back as the newest exchanges agree with it."""
         self._fitted_ns = self._window[-1].host_ns
         whole = self._described(self._window, weigh=len(self._window) >= self._weigh_from)
         times, offsets, excesses = whole.times, whole.offsets, whole.excesses
@@ -170,7 +174,7 @@ class ExchangeFit:
             return self._fit_newest(len(times) - len(times) // 2)
         level, skew, p00, p01, p11 = whole.fit
         self._by_envelopes |= whole.between
-        apart2 = 0.0
+        squared_angle = 0.0
         for length in TAILS:
             if 2 * length > len(times):
                 break
@@ -178,30 +182,31 @@ class ExchangeFit:
             difference2, chance2 = (newest.fit[0] - level) ** 2, newest.fit[2] + p00
             if length >= SURE_TAIL and difference2 > SURE_SIGMAS**2 * chance2:
                 return self._fit_newest(length)
-            apart2 = max(apart2, difference2 - BY_CHANCE_SIGMAS**2 * chance2)
+            squared_angle = max(squared_angle, difference2 - BY_CHANCE_SIGMAS**2 * chance2)
         changed = self._changed_ns is not None and self._fitted_ns - self._changed_ns < DOUBT_AFTER_NS
-        self.in_doubt = changed or apart2 > 0.0
+        self.in_doubt = changed or squared_angle > 0.0
         ref = self._window[-1]
         low_ns, high_ns = self._bound.interval(ref.host_ns)
         offset_ns = max(low_ns, min(high_ns, ref.offset_ns + round(level * 1e9)))
-        return ClockLine(ref.host_ns, offset_ns, max(-MOST_SKEW, min(MOST_SKEW, skew)), p00 + apart2, p01, p11)
+        return ClockLine(ref.host_ns, offset_ns, max(-MOST_SKEW, min(MOST_SKEW, skew)), p00 + squared_angle, p01, p11)
 
     def _fit_newest(self, length: int) -> ClockLine:
-        """The skew was another before: forget what lies farther back.
+        """Forget what lies before a change of the skew.
 
-        What delays are like is remembered: residuals that hold the rest of a bend would tell that errors do not depend
-        on the round trip, and so hide the bend.
+        The model of delays stays: residuals that hold the rest of a bend would suggest that errors do not depend on the
+        round trip, and so hide the bend.
         """
         self._changed_ns = self._fitted_ns
         if len(self._window) >= EXCHANGES_TO_WEIGH:
-            self._weigh_from = length + EXCHANGES_TO_WEIGH_ANEW
+            self._weigh_from = length + EXCHANGES_TO_WEIGH_AGAIN
         del self._window[:-length]
         return self._fit()
 
     def _described(self, window: list[Exchange], *, weigh: bool = False, between: bool | None = None) -> Description:
-        """A line through these exchanges: between the envelopes or by weights, whichever they make likelier.
+        """Line through these exchanges, between the envelopes or by weights, whichever is likelier.
 
-        ``weigh``: learn from them how errors depend on the round trip. ``between``: which of the two, if not asked.
+        ``weigh``: learn from them how errors depend on the round trip. ``between``: which of the two, where it is
+        decided.
         """
         ref = self._window[-1]
         times = [(e.host_ns - ref.host_ns) * 1e-9 for e in window]
@@ -231,9 +236,9 @@ class ExchangeFit:
     def _astray(
         self, times: list[float], offsets: list[float], excesses: list[float], level: float, skew: float
     ) -> int:
-        """How many of the newest exchanges lie, together, off the line by more than chance; 0 where none do.
+        """Count of the newest exchanges that lie, together, off the line by more than chance; 0 where none do.
 
-        Then the skew has changed since: a host's clock discipline slews by hundreds of ppm from one second to the next.
+        The skew has then changed: a host's clock discipline slews by hundreds of ppm from one second to the next.
         """
         weight = moment = 0.0
         for back in range(1, min(LONGEST_TAIL, len(times) // 2) + 1):

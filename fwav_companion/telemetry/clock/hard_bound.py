@@ -1,4 +1,4 @@
-"""One exchange of TIMESYNC, and what no delay can take from it: the interval in which the offset lies for certain."""
+"""One TIMESYNC exchange, and the interval that holds the offset whatever the delays were."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ import msgspec
 from fwav_companion.geometry.stamps import HostNs
 
 ROUNDING_NS = 2_000
-"""Of the three readings of an exchange."""
+"""Rounding of the three readings of an exchange."""
 
 
 class Exchange(msgspec.Struct, frozen=True, gc=False):
-    """One exchange as the fit sees it."""
+    """One exchange in the form that the fit uses."""
 
     host_ns: HostNs
-    """The middle between sending and receiving."""
+    """Middle between sending and receiving."""
     offset_ns: int
-    """host_from_autopilot there."""
+    """host_from_autopilot at that instant."""
     round_trip_ns: int
 
 
 class HardBound:
-    """The interval that holds the offset whatever the delays were: each exchange's own, widened by 600 ppm of its age.
+    """Interval that holds the offset whatever the delays were: each exchange's own, widened by 600 ppm of its age.
 
     All widen at one pace, so the tightest low end is a running maximum, the tightest high end a running minimum.
     """
@@ -49,7 +49,7 @@ class HardBound:
         return (self._low_ns - widening_ns, self._high_ns + widening_ns)
 
     def contradicts(self, entry: Exchange) -> bool:
-        """No drift within 600 ppm reconciles this exchange with those before it."""
+        """Whether drift within 600 ppm cannot reconcile this exchange with those before it."""
         if self._first_ns is None:
             return False
         low_ns, high_ns = self.interval(entry.host_ns)

@@ -1,7 +1,7 @@
-"""How much an exchange says by its round trip: lines weighed by a model that the exchanges themselves choose.
+"""Weights of exchanges by their round trips, with a variance model that the exchanges themselves choose.
 
-The variance is modelled as ``scale * (floor^2 + excess^2)``, the excess being that of the round trip over the least
-one, and the likeliest floor is taken: a small one where delays have long tails, a large one where they scatter evenly.
+The variance is modelled as ``scale * (floor^2 + excess^2)``, where the excess is that of the round trip over the least
+one, and the likeliest floor is taken: small where delays have long tails, large where they scatter evenly.
 """
 
 from __future__ import annotations
@@ -11,18 +11,20 @@ from operator import truediv
 from typing import TypeAlias
 
 SKEW_PRIOR = 300e-6
-"""One sigma: half of the most."""
+"""One sigma of the skew: half of the largest."""
 RESOLUTION_S = 5e-6
-"""Whole microseconds on both sides, and what the two clocks' own reading takes."""
+"""Whole microseconds on both sides, and the time that reading the two clocks takes."""
 _FLOORS = (0.03, 0.06, 0.12, 0.2, 0.4, 0.8, 1.6, 3.2, 100.0)
-"""Of the variance model, in median excesses; the last means: errors do not depend on the round trip."""
+"""Floors of the variance model, in median excesses; the last means that errors do not depend on the round trip."""
 
 Fit: TypeAlias = tuple[float, float, float, float, float]
 """(offset s, skew) at time 0 and their covariance (00, 01, 11)."""
 
 
 class RoundTripWeights:
-    """Until it has learned, an error is uniform in its bound: half the round trip either way."""
+    """Variance model of exchanges. Before it is learned, an error is uniform in its bound: half the round trip either
+    way.
+    """
 
     __slots__ = ("_floor_s", "_least_s", "_scale")
 
@@ -30,14 +32,14 @@ class RoundTripWeights:
         self._least_s, self._floor_s, self._scale = 0.0, 0.0, 1.0 / 12.0
 
     def learn_least(self, trips: list[float]) -> None:
-        """What the least round trip would be: the k-th least of n sums of two long-tailed delays lies about sqrt(k)
+        """Estimate the least possible round trip: the k-th least of n sums of two long-tailed delays lies about sqrt(k)
         above it.
         """
         least = sorted(trips)[:4]
         self._least_s = max(0.0, 2.0 * least[0] - least[3])
 
     def excesses(self, trips: list[float]) -> list[float]:
-        """Of round trips over the least."""
+        """Excesses of round trips over the least."""
         return [max(0.0, trip - self._least_s) for trip in trips]
 
     def learn(self, times: list[float], offsets: list[float], excesses: list[float]) -> None:
@@ -56,11 +58,11 @@ class RoundTripWeights:
                 best, self._floor_s, self._scale = likelihood, sqrt(floor2), scale
 
     def of(self, excess: float) -> float:
-        """One over the variance of an offset, s^2."""
+        """Inverse variance of an offset, 1/s^2."""
         return 1.0 / (self._scale * (self._floor_s**2 + excess * excess) + RESOLUTION_S**2)
 
     def line(self, times: list[float], offsets: list[float], excesses: list[float]) -> Fit:
-        """The likeliest one through the offsets, under the prior on skew."""
+        """Likeliest line through the offsets, under the prior on skew."""
         floor2, scale, resolution2 = self._floor_s**2, self._scale, RESOLUTION_S**2
         s0 = s1 = s2 = b0 = b1 = 0.0
         for t, y, x in zip(times, offsets, excesses, strict=True):
@@ -76,7 +78,7 @@ class RoundTripWeights:
         return ((s2 * b0 - s1 * b1) / d, (s0 * b1 - s1 * b0) / d, s2 / d, -s1 / d, s0 / d)
 
     def log_likelihood(self, fit: Fit, times: list[float], offsets: list[float], excesses: list[float]) -> float:
-        """Of the offsets, about a weighted line."""
+        """Log likelihood of the offsets about a weighted line."""
         level, skew, *_ = fit
         weights = [self.of(x) for x in excesses]
         squares = [w * (y - level - skew * t) ** 2 for w, t, y in zip(weights, times, offsets, strict=True)]
