@@ -91,18 +91,16 @@ class Gimbal:
         """Take an attitude of this gimbal; an implausible one is counted."""
         q = (float(fields.q[0]), float(fields.q[1]), float(fields.q[2]), float(fields.q[3]))
         delta_yaw = float(fields.delta_yaw)
-        ned_from_gimbal_q = ned_from_gimbal(q, fields.flags, IDENTITY, delta_yaw) if 0.95 <= hypot(*q) <= 1.05 else None
+        levelled = ned_from_gimbal(q, fields.flags, IDENTITY, delta_yaw) if 0.95 <= hypot(*q) <= 1.05 else None
         placed = self._timeline.place(fields.time_boot_ms, arrival_ns)
         if isinstance(placed, Restarted):
             self.clear()
             placed = placed.boot_ns
-        if ned_from_gimbal_q is None or isinstance(placed, Strange):
+        if levelled is None or isinstance(placed, Strange):
             self._refused += 1
             return
         self._clock.on_arrival(placed, arrival_ns)
-        self._insert(
-            _GimbalAttitude(placed + HALF_MS_NS, ned_from_gimbal_q, counts_from_north(fields.flags, delta_yaw))
-        )
+        self._insert(_GimbalAttitude(placed + HALF_MS_NS, levelled, counts_from_north(fields.flags, delta_yaw)))
 
     def clear(self) -> None:
         """Delete every attitude, and the estimate of the gimbal's clock."""
