@@ -20,14 +20,12 @@ from sitl_mock.arguments import (
 )
 from sitl_mock.options import Options
 
-RECORDED_S = 60.0
-
 
 def main(arguments: list[str] | None = None) -> int:
     """0 at the end of the flight or when told to stop; 2 for what cannot be understood or opened."""
     chosen = _parser().parse_args(arguments)
     try:
-        options = options_from(chosen, RECORDED_S if chosen.record else LONGEST_S)
+        options = options_from(chosen, None if chosen.record else LONGEST_S)
         if chosen.record:
             recording.record(options, Path(chosen.record))
             print(f"sitl-mock: {options.seconds:g} s of {options.scenario} recorded in {chosen.record}")  # noqa: T201

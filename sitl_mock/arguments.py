@@ -39,7 +39,8 @@ def add_flight_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("--scenario", metavar="NAME", default="default", help="one of those below")
     add("--seed", type=int, default=1, help="of everything that is drawn; default 1")
-    add("--seconds", type=float, default=0.0, help="length of the flight; default: until stopped, 60 with --record")
+    add("--seconds", type=float, default=0.0,
+        help="length of the flight; default: until stopped; with --record the scenario's own, else 60")  # fmt: skip
     add("--target", metavar="LABEL,N,E[,...]", action="append", default=[], help="instead of the scenario's: metres "
         "from the flight centre, then up, speed, course, leg; may be repeated")  # fmt: skip
     add("--set", metavar="KEY=VALUE", action="append", default=[], help="one option, such as flight.height_m=10")
@@ -52,11 +53,15 @@ def instant_ns(text: str) -> int:
     return int(text)
 
 
-def options_from(chosen: argparse.Namespace, endless_s: float) -> Options:
-    """The flight that was asked for. KeyError or ValueError says what cannot be understood."""
+def options_from(chosen: argparse.Namespace, endless_s: float | None) -> Options:
+    """The flight that was asked for; without --seconds it lasts ``endless_s``, or as long as its scenario says.
+
+    Raises KeyError or ValueError, which say what cannot be understood.
+    """
     if not 0.0 <= chosen.seconds <= LONGEST_S:
         raise ValueError(f"--seconds {chosen.seconds:g}: expected a length of time, at most {LONGEST_S:g}")
-    options = scenario(chosen.scenario).but({"seed": chosen.seed, "seconds": chosen.seconds or endless_s})
+    options = scenario(chosen.scenario).but({"seed": chosen.seed})
+    options = options.but({"seconds": chosen.seconds or endless_s or options.seconds})
     if chosen.target:
         options = options.but({"targets": tuple(_target(text) for text in chosen.target)})
     for key, value in (_pair(text) for text in chosen.set):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import radians
 from random import Random
 
-from sitl_mock.draws import DrawnBiases, Wander
+from sitl_mock.draws import DrawnBiases, SmoothWander, Wander, shifted
 from sitl_mock.earth import ArduPilotProjection, LocalProjection, Place, Px4Projection, World
 from sitl_mock.flight import Flight, State
 from sitl_mock.gimbal import Gimbal
@@ -23,8 +23,9 @@ class Belief:
         self._gyro = Gyro(flight, options.autopilot.gyro_filter_hz)
         self.gimbal = Gimbal(options, biases, flight)
         self._noise = Random(f"{seed}/noise")
+        wander = SmoothWander if options.autopilot.position_wander == "smooth" else Wander
         self._wander = tuple(
-            Wander(biases.position_sigma_m, priors.position_bias_time_s, Random(f"{seed}/wander/{axis}"))
+            wander(biases.position_sigma_m, priors.position_bias_time_s, Random(f"{seed}/wander/{axis}"))
             for axis in ("north", "east")
         )
         origin = world.place(options.autopilot.ekf_origin_m)
@@ -49,7 +50,7 @@ class Belief:
         """(place, NED velocity) as the estimator has them, with its delay, wander, bias and noise."""
         state = self._flight.at(flight_s - self._o.autopilot.position_delay_s)
         p = self._o.priors
-        north, east = (wander.at(flight_s) + self._fresh(p.position_noise_m) for wander in self._wander)
+        north, east = (error + self._fresh(p.position_noise_m) for error in self.wander(flight_s))
         down = -(self._biases.height_m + self._fresh(p.height_noise_m))
         v = p.velocity_noise_m_s
         velocity = plus(state.velocity, (self._fresh(v), self._fresh(v), self._fresh(v)))
@@ -57,7 +58,8 @@ class Belief:
 
     def wander(self, flight_s: float) -> tuple[float, float]:
         """The horizontal position error at an instant, noise aside: for the truth file."""
-        return (self._wander[0].at(flight_s), self._wander[1].at(flight_s))
+        by_north, by_east = shifted(self._o.autopilot.position_shifts, flight_s)
+        return (self._wander[0].at(flight_s) + by_north, self._wander[1].at(flight_s) + by_east)
 
     def home(self, armed: bool) -> Place:
         """Home moves at arming to where the vehicle really stood."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from math import exp, radians, sqrt
 from random import Random
 
-from sitl_mock.options import Options
+from sitl_mock.options import Options, PositionShift
 from sitl_mock.rotation import Vector
 
 GRID_PARTS = 60
@@ -81,6 +81,55 @@ class Wander:
             self._grid.append(self._keep * self._grid[-1] + fresh)
         before, after = self._grid[whole], self._grid[whole + 1]
         return before + (index - whole) * (after - before)
+
+
+class SmoothWander:
+    """A second-order Gauss-Markov error, stationary from the start: its rate is finite, as a receiver's is.
+
+    Two equal first-order lags in a row: correlation (1 + |t| / T) exp(-|t| / T), with T such that the variance of a
+    mean over long times equals that of the first-order error with the same ``time_s`` (4 T = 2 ``time_s``).
+    """
+
+    def __init__(self, sigma: float, time_s: float, rng: Random) -> None:
+        self._rng = rng
+        self._lag_s = time_s / 2.0
+        self._step_s = self._lag_s / GRID_PARTS
+        # State (x, T x'): stationary covariance sigma^2 * identity.
+        self._grid = [(rng.gauss(0.0, sigma), rng.gauss(0.0, sigma))]
+        h = 1.0 / GRID_PARTS
+        keep = exp(-h)
+        self._step = ((keep * (1.0 + h), keep * h), (-keep * h, keep * (1.0 - h)))
+        (a, b), (c, d) = self._step
+        xx, xv, vv = (1.0 - a * a - b * b, -(a * c + b * d), 1.0 - c * c - d * d)
+        root = sqrt(max(0.0, xx))
+        self._noise = (sigma * root, sigma * xv / root, sigma * sqrt(max(0.0, vv - xv * xv / xx)))
+
+    def at(self, t: float) -> float:
+        """The error at t seconds: a cubic Hermite between the grid's values and rates."""
+        index = max(0.0, t / self._step_s)
+        whole = int(index)
+        while len(self._grid) < whole + 2:
+            self._grid.append(self._next(*self._grid[-1]))
+        (x0, v0), (x1, v1) = self._grid[whole], self._grid[whole + 1]
+        s, h = index - whole, 1.0 / GRID_PARTS
+        p, q = v0 * h - (x1 - x0), (x1 - x0) - v1 * h
+        return x0 + s * (x1 - x0) + s * (1.0 - s) * (p * (1.0 - s) + q * s)
+
+    def _next(self, x: float, v: float) -> tuple[float, float]:
+        (a, b), (c, d) = self._step
+        first, second = self._rng.gauss(0.0, 1.0), self._rng.gauss(0.0, 1.0)
+        n_x, n_xv, n_v = self._noise
+        return (a * x + b * v + n_x * first, c * x + d * v + n_xv * first + n_v * second)
+
+
+def shifted(shifts: tuple[PositionShift, ...], t: float) -> tuple[float, float]:
+    """North and east, metres, by which the estimator has moved its position at t seconds."""
+    north = east = 0.0
+    for from_s, to_s, by_north, by_east in shifts:
+        x = min(1.0, max(0.0, (t - from_s) / (to_s - from_s))) if to_s > from_s else float(t >= from_s)
+        share = x * x * (3.0 - 2.0 * x)
+        north, east = north + share * by_north, east + share * by_east
+    return north, east
 
 
 def radians3(v: Vector) -> Vector:

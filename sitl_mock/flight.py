@@ -115,6 +115,9 @@ class Flight:
     def _course(self, t: float, path: Path) -> tuple[float, float, float, float]:
         """(heading, its rate, bank, its rate)."""
         o = self._o
+        if path.heading_deg is not None:
+            heading_deg, turn_deg_s = path.heading_deg
+            return radians(heading_deg), radians(turn_deg_s), 0.0, 0.0
         if self._heading == "fixed":
             return radians(o.fixed_heading_deg + o.turn_deg_s * t), radians(o.turn_deg_s), 0.0, 0.0
         if self._heading == "centre":
@@ -131,8 +134,9 @@ class Flight:
         o = self._o
         (north, north_rate), (east, east_rate), (up, up_rate) = (slow.at(t) for slow in self._wander)
         heave_phase = stroke + self._phases[2]
-        up += o.height_m + o.heave_m * sin(heave_phase)
-        up_rate += o.heave_m * stroke_rate * cos(heave_phase)
+        height, height_rate = path.up or (o.height_m, 0.0)
+        up += height + o.heave_m * sin(heave_phase)
+        up_rate += height_rate + o.heave_m * stroke_rate * cos(heave_phase)
         climb, climb_rate = self._climb(t)
         return (
             (path.at[0] + north + o.centre[0], path.at[1] + east + o.centre[1], -up * climb),

@@ -13,6 +13,10 @@ from typing import Annotated, Any, Literal, TypeAlias
 from msgspec import Meta
 
 Triple: TypeAlias = tuple[float, float, float]
+Waypoint: TypeAlias = tuple[float, float, float, float, float]
+"""(at_s, north, east, up, heading_deg): north and east from the flight centre, up from the ground, metres."""
+PositionShift: TypeAlias = tuple[float, float, float, float]
+"""(from_s, to_s, north, east): the estimator moves its position by so many metres between the two instants."""
 Positive: TypeAlias = Annotated[float, Meta(gt=0.0)]
 MOST_HZ = 10_000.0
 """Faster than any camera; without a bound a flight of a second need not end."""
@@ -64,8 +68,10 @@ class Biases:
 class FlightOptions:
     """The motion, about a flight centre on the ground."""
 
-    pattern: Literal["hover", "orbit", "figure_eight", "racetrack", "hand"] = "orbit"
-    """hand: held by hand over the flight centre and shaken."""
+    pattern: Literal["hover", "orbit", "figure_eight", "racetrack", "hand", "waypoints"] = "orbit"
+    """hand: held by hand over the flight centre and shaken. waypoints: through ``waypoints``."""
+    waypoints: tuple[Waypoint, ...] = ()
+    """Of the pattern waypoints: minimum-jerk courses between them; ``height_m`` and headings do not count then."""
     heading: Literal["", "course", "centre", "fixed"] = ""
     """Empty: the pattern's own (orbit: centre, hover: fixed, else course)."""
     centre: tuple[float, float] = (40.0, -25.0)
@@ -158,6 +164,10 @@ class AutopilotOptions:
     gps_fix_at_s: float = 0.0
     position_delay_s: float = 0.0
     """How old a position is against its stamp."""
+    position_wander: Literal["gauss_markov", "smooth"] = "gauss_markov"
+    """How the position error wanders with ``priors.position_bias_time_s``. smooth: second order, as receivers do."""
+    position_shifts: tuple[PositionShift, ...] = ()
+    """Smooth moves of the position error, as an estimator makes them that changes its mind."""
     rangefinder: bool = True
     utc_minus_host_wall_s: float = 0.0
     """True time minus the host's wall clock."""

@@ -6,6 +6,7 @@ from math import cos, hypot, pi, sin
 from typing import NamedTuple
 
 from sitl_mock.options import FlightOptions
+from sitl_mock.waypoints import Waypoints
 
 Pair = tuple[float, float]
 
@@ -17,6 +18,10 @@ class Path(NamedTuple):
     velocity: Pair
     acceleration: Pair
     jerk: Pair
+    up: Pair | None = None
+    """Height above the ground and its rate, where the pattern has its own."""
+    heading_deg: Pair | None = None
+    """Heading and its rate, where the pattern has its own."""
 
 
 class Pattern:
@@ -26,16 +31,21 @@ class Pattern:
         self._a, self._b = options.half_axes_m
         self._phase = options.start_phase_deg * pi / 180.0
         self._still: Pair | None = None
+        self._waypoints = Waypoints(options.waypoints) if options.pattern == "waypoints" else None
         # (multiple of s, phase) of east: an ellipse runs a quarter ahead, a figure eight twice as fast.
         self._m, self._east_phase = {"figure_eight": (2.0, 0.0)}.get(options.pattern, (1.0, pi / 2.0))
         if options.pattern in ("hover", "hand"):
             self._still = options.offset_m
-        elif options.pattern not in ("orbit", "figure_eight", "racetrack"):
-            raise KeyError(f"no pattern {options.pattern!r}: hover, orbit, figure_eight, racetrack or hand")
+        elif options.pattern not in ("orbit", "figure_eight", "racetrack", "waypoints"):
+            raise KeyError(f"no pattern {options.pattern!r}: hover, orbit, figure_eight, racetrack, hand or waypoints")
         self._s_rate = options.speed_m_s * 2.0 * pi / self._length()
 
     def at(self, flight_s: float) -> Path:
         """The path at an instant."""
+        if self._waypoints is not None:
+            north, east, up, heading = self._waypoints.at(flight_s)
+            at, velocity, acceleration, jerk = zip(north, east, strict=True)
+            return Path(at, velocity, acceleration, jerk, up[:2], heading[:2])
         if self._still is not None:
             return Path(self._still, (0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
         w, v = self._s_rate, self._s_rate * self._m

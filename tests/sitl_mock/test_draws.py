@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sitl_mock import scenario
-from sitl_mock.draws import Wander, draw
+from sitl_mock.draws import SmoothWander, Wander, draw, shifted
 
 SEEDS = range(600)
 
@@ -74,6 +74,26 @@ def test_a_wander_can_be_asked_in_any_order():
     late = one.at(50.0)
     assert other.at(3.3) == one.at(3.3)
     assert other.at(50.0) == late
+
+
+def test_a_smooth_wander_has_its_variance_its_correlation_and_a_finite_rate():
+    # The correlation of two equal lags T in a row is (1 + t / T) exp(-t / T), with T half of the time constant here.
+    lags_s = (0.0, 10.0, 30.0, 90.0)
+    wanders = [SmoothWander(2.0, 60.0, Random(seed)) for seed in range(600)]
+    values = np.array([[wander.at(100.0 + lag_s) for lag_s in lags_s] for wander in wanders])
+    assert np.std(values) == pytest.approx(2.0, rel=0.08)
+    for column, lag_s in enumerate(lags_s):
+        true = (1.0 + lag_s / 30.0) * np.exp(-lag_s / 30.0)
+        assert np.mean(values[:, 0] * values[:, column]) / 4.0 == pytest.approx(true, abs=0.15)
+    steps = np.array([wander.at(50.001) - wander.at(50.0) for wander in wanders]) / 0.001
+    assert np.std(steps) == pytest.approx(2.0 / 30.0, rel=0.12)  # its rate is sigma / T; of a first-order one infinite
+
+
+def test_a_shift_of_the_position_is_complete_after_its_time():
+    shifts = ((50.0, 58.0, 0.32, -0.24),)
+    assert shifted(shifts, 49.9) == (0.0, 0.0)
+    assert shifted(shifts, 54.0) == pytest.approx((0.16, -0.12))
+    assert shifted(shifts, 60.0) == pytest.approx((0.32, -0.24))
 
 
 def test_an_unknown_option_names_the_nearest():

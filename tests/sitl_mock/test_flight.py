@@ -11,7 +11,8 @@ from sitl_mock import FlightOptions
 from sitl_mock.flight import Flight
 from sitl_mock.gyro import SAMPLE_HZ, Gyro, TwoPole
 
-PATTERNS = ["hover", "orbit", "figure_eight", "racetrack"]
+PATTERNS = ["hover", "orbit", "figure_eight", "racetrack", "waypoints"]
+WAYPOINTS = ((0.5, -3.0, 1.0, 15.0, 30.0), (4.0, 2.0, 1.5, 9.0, 200.0), (9.0, 0.0, 0.0, 1.0, 390.0))
 CALM = {"wander_m": 0.0, "wander_deg": 0.0, "heave_m": 0.0, "flapping_roll_deg": 0.0}
 
 
@@ -19,7 +20,10 @@ CALM = {"wander_m": 0.0, "wander_deg": 0.0, "heave_m": 0.0, "flapping_roll_deg":
 @pytest.mark.parametrize("takeoff", [None, 2.0])
 def test_velocity_and_body_rates_are_the_derivatives(pattern, takeoff):
     flight = Flight(
-        FlightOptions(pattern=pattern, half_axes_m=(22.0, 11.0), turn_deg_s=7.0, takeoff_at_s=takeoff), seed=3
+        FlightOptions(
+            pattern=pattern, half_axes_m=(22.0, 11.0), turn_deg_s=7.0, takeoff_at_s=takeoff, waypoints=WAYPOINTS
+        ),
+        seed=3,
     )
     h = 1e-5
     for t in (0.7, 3.3, 8.21, 60.05):
@@ -64,6 +68,28 @@ def test_on_the_ground_before_takeoff_and_at_height_after():
     flight = Flight(FlightOptions(pattern="hover", takeoff_at_s=5.0, climb_s=4.0, **CALM), seed=1)
     assert flight.at(4.9).position[2] == 0.0
     assert flight.at(9.1).position[2] == pytest.approx(-12.0)
+
+
+def test_waypoints_are_reached_in_their_time_and_left_at_rest():
+    options = FlightOptions(
+        pattern="waypoints", waypoints=WAYPOINTS, centre=(0.0, 0.0), flapping_pitch_deg=0.0, pitch_deg=0.0, **CALM
+    )
+    flight = Flight(options, seed=1)
+    for at_s, north, east, up, heading_deg in WAYPOINTS:
+        state = flight.at(at_s)
+        assert state.position == pytest.approx((north, east, -up), abs=1e-12)
+        assert degrees(state.euler[2]) == pytest.approx(heading_deg)
+        assert state.velocity == pytest.approx((0.0, 0.0, 0.0), abs=1e-12)
+    assert flight.at(0.0).position == flight.at(0.5).position
+    assert flight.at(60.0).position == flight.at(9.0).position
+    sinking = max(flight.at(4.0 + i * 0.01).velocity[2] for i in range(500))
+    assert sinking == pytest.approx(1.875 * 8.0 / 5.0, rel=1e-3)  # a minimum-jerk course's peak over its mean
+
+
+@pytest.mark.parametrize("waypoints", [(), (WAYPOINTS[0],), (WAYPOINTS[1], WAYPOINTS[0])])
+def test_waypoints_that_are_no_course_are_refused(waypoints):
+    with pytest.raises(ValueError, match="rising time"):
+        Flight(FlightOptions(pattern="waypoints", waypoints=waypoints), seed=1)
 
 
 def test_an_unknown_pattern_is_refused():
