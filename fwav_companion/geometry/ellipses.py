@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from math import atan2, cos, exp, log, pi, sin, sqrt
+from math import atan2, cos, exp, isfinite, log, nan, pi, sin, sqrt
 
 from fwav_companion.geometry.vectors import Matrix3
 
 ANGLES = 48
 """Of a quarter turn: the mean over them is exact to 1e-6 of the share for axes of 1 to 100, and better for rounder."""
 HALVINGS = 60
+RADII_95 = (1.9600, 1.9625, 1.9704, 1.9842, 2.0051, 2.0359, 2.0813, 2.1460, 2.2303, 2.3318, 2.4477)
+"""Radius of the 95 % circle over the larger semi-axis, for ratios of the axes of 0, 0.1, ... 1 (:func:`circle_radius`).
+Linear interpolation between them is within 0.12 %."""
 
 
 def semi_axes(cov: Matrix3) -> tuple[float, float, float]:
@@ -43,3 +46,18 @@ def circle_radius(cov: Matrix3, share: float) -> float:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if share_within(middle, larger, smaller) < share else (low, middle)
     return high
+
+
+def radius_95(cov: Matrix3) -> float:
+    """Radius of the 95 % circle, metres, to 0.12 %; NaN where the covariance is not finite.
+
+    For messages and texts in flight: :func:`circle_radius` is exact, and costs thousands of exponentials.
+    """
+    if not isfinite(cov[0][0] + cov[0][1] + cov[1][1]):
+        return nan
+    larger, smaller, _ = semi_axes(cov)
+    if larger <= 0.0:
+        return 0.0
+    at = smaller / larger * (len(RADII_95) - 1)
+    index = min(int(at), len(RADII_95) - 2)
+    return larger * (RADII_95[index] + (at - index) * (RADII_95[index + 1] - RADII_95[index]))

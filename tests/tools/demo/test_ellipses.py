@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import dblquad
 from scipy.stats import chi2
 
-from fwav_companion.geometry.ellipses import circle_radius, semi_axes, share_within
+from fwav_companion.geometry.ellipses import circle_radius, radius_95, semi_axes, share_within
 
 
 def horizontal(larger: float, smaller: float, bearing: float):
@@ -46,3 +46,15 @@ def test_a_line_has_the_radius_of_one_dimension_and_a_point_has_none():
 def test_semi_axes_are_the_eigenvalues():
     larger, smaller, bearing = semi_axes(horizontal(3.0, 0.7, 0.9))
     assert (larger, smaller, bearing) == pytest.approx((3.0, 0.7, 0.9))
+
+
+@pytest.mark.parametrize("ratio", np.linspace(0.0, 1.0, 47))
+def test_the_quick_95_percent_radius_is_the_exact_one_to_a_thousandth(ratio):
+    cov = horizontal(1.7, 1.7 * ratio, 0.8)
+    assert radius_95(cov) == pytest.approx(circle_radius(cov, 0.95), rel=1.5e-3)
+
+
+def test_the_quick_95_percent_radius_of_no_covariance():
+    assert np.isnan(radius_95(horizontal(float("nan"), 1.0, 0.0)))
+    assert np.isnan(radius_95(((np.inf, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))))
+    assert radius_95(horizontal(0.0, 0.0, 0.0)) == 0.0
