@@ -43,6 +43,20 @@ def test_targets_of_the_mock_reach_a_ground_station(site: Site):
 
 
 @pytest.mark.timeout(120)
+def test_the_terminal_shows_what_the_ground_station_shows(site: Site):
+    """Found and ready, by name; and no alarm about an attitude that nobody had measured yet."""
+    with site.service() as service, site.mock("--scenario", "unbiased", "--seed", "2", seconds=60.0):
+        heard = site.ground.listen_for(lambda m: m.get_type() == "STATUSTEXT" and m.text.startswith("ready: "))
+        service.wait_for("ready: ")
+        assert service.stop() == 0
+    texts = [message.text for message in heard if message.get_type() == "STATUSTEXT"]
+    assert any(text.startswith("found target 1: ") for text in texts)
+    assert "found target 1: " in service.said
+    assert "no attitude" not in service.said
+    assert not any("no attitude" in text for text in texts)
+
+
+@pytest.mark.timeout(120)
 @pytest.mark.parametrize("scenario", ["old_ardupilot", "unbiased", "px4"])
 def test_every_landing_consumer_takes_what_is_sent(site: Site, scenario: str):
     site.replace("landing_target = false", "landing_target = true")

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import inf
 from typing import Any
 
 import msgspec
 
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
-from fwav_companion.geometry.stamps import NS_PER_S, HostNs
+from fwav_companion.geometry.stamps import NS_PER_S, HostNs, s_from_ns
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.localization import Localizer
 from fwav_companion.pairing import PairedFrame, Pairer, RefusedFrame, WaitingFrames, sees_nothing
@@ -60,7 +61,9 @@ class CameraPipeline:
         self._last_view: FrameView | None = None
         self._dropped: list[Settled] = []
         self._meter = RateMeter()
-        self._refused: Reason | None = None
+        self.refused: Reason | None = None
+        """Why the newest picture was refused; None where it was used."""
+        self._last_frame_ns: HostNs | None = None
 
     @property
     def wake_at(self) -> HostNs | None:
@@ -74,11 +77,16 @@ class CameraPipeline:
         """A frame came; :meth:`take_ready` tells when it was processed, which may be at once."""
         self._ledger.frames += 1
         self._meter.count("frames", now)
+        self._last_frame_ns = now
         self._ledger.detections += len(frame.detections)
         clock = self._telemetry.clock
         until = self._pairer.attitude_needed_until(frame, clock)
         until_ns = None if until is None else clock.host_from_boot(until)
         self._waiting.put(frame, until, until_ns if isinstance(until_ns, int) else now, now)
+
+    def on_refused_frame(self, reason: Reason, now: HostNs) -> None:
+        """A datagram arrived that holds no usable frame: a picture was sent, and refused."""
+        self._last_frame_ns, self.refused = now, reason
 
     def take_ready(self, now: HostNs) -> list[ProcessedFrame]:
         """Process the frames that need not wait any longer."""
@@ -102,20 +110,19 @@ class CameraPipeline:
         return fix if isinstance(fix, GroundFix) else None
 
     def frames_hz(self, now: HostNs) -> float:
-        """How often frames come; 0 while none come."""
+        """Rate of frames, Hz; 0 while no frame arrives."""
         return self._meter.rates_hz(now).get("frames", 0.0)
 
-    @property
-    def trouble(self) -> str:
-        """Why the newest frame could not be used; "" if it could."""
-        return "" if self._refused is None else f"pictures are refused: {self._refused.value}"
+    def frame_age_s(self, now: HostNs) -> float:
+        """Time since the newest frame arrived, seconds; infinite before the first."""
+        return inf if self._last_frame_ns is None else s_from_ns(now - self._last_frame_ns)
 
     def status(self) -> dict[str, Any]:
         """For the status file: the ground, and why the newest frame could not be used."""
-        return {"ground": self._localizer.ground.status(), "refused": self._refused and self._refused.value}
+        return {"ground": self._localizer.ground.status(), "refused": self.refused and self.refused.value}
 
-    def expected(self) -> PredictedAccuracy | None:
-        """What a fix straight below would be worth now."""
+    def expected(self) -> PredictedAccuracy | Reason:
+        """Accuracy of a fix straight below at this moment, or the reason why there would be no fix."""
         return predicted_accuracy_below(self._pairer, self._localizer, self._telemetry)
 
     def assumed_arrival(self, frame: Frame) -> HostNs | None:
@@ -147,7 +154,7 @@ class CameraPipeline:
 
     def _process(self, frame: Frame, now: HostNs) -> ProcessedFrame | None:
         paired = self._pairer.pair(frame, self._telemetry)
-        self._refused = paired.reason if isinstance(paired, RefusedFrame) else None
+        self.refused = paired.reason if isinstance(paired, RefusedFrame) else None
         if isinstance(paired, RefusedFrame):
             self._refuse(paired)
             return None

@@ -13,11 +13,12 @@ from fwav_companion.mavlink.client.identity import Identity
 from fwav_companion.mavlink.client.rates import Rates
 from fwav_companion.mavlink.client.timesync import Timesync
 from fwav_companion.pipeline.camera_pipeline import CameraPipeline, ProcessedFrame
+from fwav_companion.pipeline.predicted_accuracy import PredictedAccuracy
 from fwav_companion.publishing.publisher import Publisher
 from fwav_companion.publishing.readiness import Readiness
 from fwav_companion.recording.lines import Line, clock_line, origin_object
 from fwav_companion.telemetry import Telemetry
-from fwav_companion.types import Situation, Unpaired
+from fwav_companion.types import Reason, Situation, Unpaired
 from fwav_companion.types.board import BoardReport
 
 
@@ -59,16 +60,19 @@ class Components:
         return told_s if told_s is not None or self.board is None else self.board.utc_minus_host_s
 
     def readiness(self, sight: CameraPipeline, now: HostNs) -> Readiness:
-        """What an operator is told at arming."""
+        """What localization rests on at this instant."""
         expected = sight.expected()
         return Readiness(
             attitude_hz=self.telemetry.attitude_hz(now),
             wanted_attitude_hz=self.rates.wanted_attitude_hz,
             clock_sigma_s=self.telemetry.clock.estimate(now).sigma_s,
             frames_hz=sight.frames_hz(now),
-            expected_m=None if expected is None else expected.sigma_m,
-            height_m=None if expected is None else expected.height_m,
-            trouble=sight.trouble,
+            frame_age_s=sight.frame_age_s(now),
+            refused=sight.refused,
+            no_fix=expected if isinstance(expected, Reason) else None,
+            within95_m=expected.within95_m if isinstance(expected, PredictedAccuracy) else None,
+            height_m=expected.height_m if isinstance(expected, PredictedAccuracy) else None,
+            autopilot_silent=self.identity.heartbeat_overdue(now),
         )
 
     def clock_line(self, at: HostNs, unix_offset_ns: int) -> Line | None:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from fwav_companion.geometry.stamps import HostNs
-from fwav_companion.mavlink.client.identity import Adopted, ArmedChanged, IdentityEvent
+from fwav_companion.mavlink.client.identity import Adopted, ArmedChanged, AutopilotBack, AutopilotLost, IdentityEvent
 from fwav_companion.pipeline.components import Components
 from fwav_companion.pipeline.notices import notice_text
 from fwav_companion.pipeline.output_buffer import OutputBuffer
 from fwav_companion.pipeline.target_log import TargetLog
-from fwav_companion.publishing.readiness import ready_notice
+from fwav_companion.publishing.readiness import Readiness, ReadinessReports
 from fwav_companion.recording.lines import home_line, unix_seconds
 from fwav_companion.telemetry import (
     HomeMoved,
@@ -20,7 +20,7 @@ from fwav_companion.telemetry import (
     TakeOffFound,
     TelemetryEvent,
 )
-from fwav_companion.types import ClockExchange, Message, Notice, Outgoing, Reason, Severity
+from fwav_companion.types import ClockExchange, Message, Notice, NoticeCode, Outgoing, Reason, Severity
 
 
 class EventHandlers:
@@ -35,6 +35,17 @@ class EventHandlers:
         self._unix_offset_ns = unix_offset_ns
         self._live = live
         self._undulation_was_untold = False
+        self._readiness = ReadinessReports()
+
+    @property
+    def wake_at(self) -> HostNs | None:
+        """Instant of the next readiness check; None without a camera, and while no autopilot is heard."""
+        return self._readiness.wake_at if self._rooms.sight is not None else None
+
+    def on_wake(self, now: HostNs) -> None:
+        """Check the readiness; a change is reported."""
+        readiness = self._current_readiness(now)
+        self._report(self._readiness.on_wake(readiness, now) if readiness is not None else None, now)
 
     def of_identity(self, events: Iterable[IdentityEvent], now: HostNs) -> None:
         """The autopilot was adopted, armed, lost."""
@@ -42,9 +53,15 @@ class EventHandlers:
             if isinstance(event, Adopted):
                 self._rooms.timesync.adopt(event.autopilot, now)
                 self._rooms.rates.adopt(event.autopilot, now)
-            if isinstance(event, ArmedChanged) and event.armed and self._rooms.sight is not None:
-                self._outlet.notify((ready_notice(self._rooms.readiness(self._rooms.sight, now)),), now)
             self._outlet.notify(notice_text(event), now)
+            match event:
+                case Adopted() | AutopilotBack():
+                    self._readiness.begin(now)
+                case AutopilotLost():
+                    self._readiness.stop()
+                case ArmedChanged(armed=True) if self._live:
+                    readiness = self._current_readiness(now)
+                    self._report(self._readiness.on_armed(readiness, now) if readiness is not None else None, now)
 
     def of_timesync(self, message: Message, now: HostNs) -> None:
         """An answer places the clock; a request is answered."""
@@ -64,6 +81,7 @@ class EventHandlers:
                 case Rebooted():
                     self._rooms.timesync.restart(now)
                     self._rooms.rates.ask_again("the autopilot rebooted", now)
+                    self._readiness.begin(now)
                 case OriginSet(origin, late):
                     if late and self._rooms.sight is not None:
                         self._rooms.sight.drop_all(Reason.ORIGIN_SET)
@@ -91,4 +109,12 @@ class EventHandlers:
         self._undulation_was_untold = telemetry.undulation_m is None
         text = sight.placed(plane, take_off, telemetry.undulation_m)
         if text:
-            self._outlet.notify((Notice(Severity.INFO, text, to_ground=True),), now)
+            self._outlet.notify((Notice(NoticeCode.TERRAIN_PLACED, Severity.INFO, text, to_ground=True),), now)
+
+    def _current_readiness(self, now: HostNs) -> Readiness | None:
+        sight = self._rooms.sight
+        return None if sight is None else self._rooms.readiness(sight, now)
+
+    def _report(self, notice: Notice | None, now: HostNs) -> None:
+        if notice is not None:
+            self._outlet.notify((notice,), now)

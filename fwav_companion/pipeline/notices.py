@@ -19,30 +19,35 @@ from fwav_companion.telemetry import (
     StampDelay,
     TelemetryEvent,
 )
-from fwav_companion.types import Notice, Severity
+from fwav_companion.types import Notice, NoticeCode, Severity
 
 
 def notice_text(event: IdentityEvent | TelemetryEvent) -> tuple[Notice, ...]:
-    """Nothing for what people need not know."""
+    """The notice of an event; empty for events that people need not know."""
     if isinstance(event, Adopted | SeveralHeard | AutopilotLost | AutopilotBack | Rebooted):
         return (_of_the_autopilot(event),)
     match event:
         case OriginSet(origin, late):
             text = f"origin {origin.lat_deg:.7f}, {origin.lon_deg:.7f}, {origin.alt_amsl_m:.1f} m AMSL"
-            return (Notice(Severity.INFO, text + (": tracks until now are dropped" if late else "")),)
+            text += ": a position came late, all tracks start again" if late else ""
+            return (Notice(NoticeCode.ORIGIN_SET, Severity.INFO, text),)
         case RelativeWorld():
             text = "no global position: targets are relative to the point below the camera"
-            return (Notice(Severity.WARNING, text, to_ground=True),)
+            return (Notice(NoticeCode.RELATIVE_WORLD, Severity.WARNING, text, to_ground=True),)
         case HomeMoved(down_m):
-            return (Notice(Severity.INFO, f"home surface moved to {-down_m:+.2f} m above the origin", to_ground=True),)
+            text = f"home moved: its surface is now {-down_m:+.2f} m above the origin"
+            return (Notice(NoticeCode.HOME_MOVED, Severity.INFO, text, to_ground=True),)
         case AttitudeSource(message, before):
-            return (Notice(Severity.INFO, f"attitude from {message} instead of {before}"),)
+            return (Notice(NoticeCode.ATTITUDE_SOURCE, Severity.INFO, f"attitude from {message}, no longer {before}"),)
         case PitchTrimUndone(deg):
-            return (Notice(Severity.INFO, f"ATTITUDE lacks the pitch trim: {deg:.1f} deg are put back"),)
+            text = f"ATTITUDE lacks the pitch trim: {deg:.1f} deg are added"
+            return (Notice(NoticeCode.PITCH_TRIM_RESTORED, Severity.INFO, text),)
         case StampDelay(in_step=True):
-            return (Notice(Severity.INFO, "attitudes keep step with their stamps: these are taken at their word"),)
+            text = "attitude timestamps are synchronous with sampling: no stamp-delay correction applied"
+            return (Notice(NoticeCode.ATTITUDE_STAMPS, Severity.INFO, text),)
         case StampDelay(delay_s):
-            return (Notice(Severity.INFO, f"attitudes are stamped up to {delay_s * 1e3:.1f} ms late"),)
+            text = f"attitude timestamps are up to {delay_s * 1e3:.1f} ms late: the mean is corrected"
+            return (Notice(NoticeCode.ATTITUDE_STAMPS, Severity.INFO, text),)
         case _:
             return ()
 
@@ -51,14 +56,17 @@ def _of_the_autopilot(event: Adopted | SeveralHeard | AutopilotLost | AutopilotB
     match event:
         case Adopted(autopilot):
             where = f"system {autopilot.system}" + (f", on link {autopilot.link!r}" if autopilot.link else "")
-            return Notice(Severity.INFO, f"autopilot found: {autopilot.kind.value}, {where}")
+            text = f"autopilot found: {autopilot.kind.value}, {where}"
+            return Notice(NoticeCode.AUTOPILOT_FOUND, Severity.INFO, text)
         case SeveralHeard(systems):
             numbers = ", ".join(map(str, systems))
             text = f"several autopilots heard ({numbers}), none adopted: set [vehicle] system_id"
-            return Notice(Severity.ERROR, text, to_ground=True)
+            return Notice(NoticeCode.SEVERAL_AUTOPILOTS, Severity.ERROR, text, to_ground=True)
         case AutopilotLost():
-            return Notice(Severity.WARNING, "autopilot lost: five heartbeats missed", to_ground=True)
+            text = "autopilot lost: no heartbeat for 5 s, check its power and link"
+            return Notice(NoticeCode.AUTOPILOT_LOST, Severity.WARNING, text, to_ground=True)
         case AutopilotBack():
-            return Notice(Severity.INFO, "autopilot back", to_ground=True)
+            return Notice(NoticeCode.AUTOPILOT_BACK, Severity.INFO, "autopilot back", to_ground=True)
         case Rebooted():
-            return Notice(Severity.WARNING, "autopilot rebooted: clock and rates anew", to_ground=True)
+            text = "autopilot rebooted: clock and message rates start again"
+            return Notice(NoticeCode.AUTOPILOT_REBOOTED, Severity.WARNING, text, to_ground=True)

@@ -63,6 +63,7 @@ class Pipeline:
             self._take_ready(now)
         if self._live and message.name in ANSWERED:
             self._outlet.messages += rooms.commands.on_message(message, rooms.situation(now))
+            self._outlet.notify(rooms.publisher.notices(), now)
 
     def on_own_message(self, message: Message, now: HostNs) -> None:
         """A message that we ourselves sent, in a recording: our TIMESYNC requests are learned from it."""
@@ -81,6 +82,8 @@ class Pipeline:
         if isinstance(frame, NoFrame) or self._rooms.sight is None:
             if isinstance(frame, NoFrame):
                 self._ledger.drop(frame.reason)
+                if self._rooms.sight is not None:
+                    self._rooms.sight.on_refused_frame(frame.reason, now)
             return
         self._rooms.sight.on_frame(frame, now)
         self._take_ready(now)
@@ -203,7 +206,8 @@ class Pipeline:
         heard = (self._clock_line_ns, self._fault_over_ns, rooms.identity.wake_at, rooms.telemetry.wake_at, sight_due)
         if not self._live:
             return heard
-        return (*heard, rooms.timesync.wake_at, rooms.rates.wake_at, rooms.publisher.wake_at)
+        spoken = (rooms.timesync.wake_at, rooms.rates.wake_at, rooms.publisher.wake_at, self._consequences.wake_at)
+        return heard + spoken
 
     def _wake(self, due: HostNs, now: HostNs) -> None:
         """Let every room do its due: what estimates is handed the time it was due, what speaks the time it is."""
@@ -233,7 +237,9 @@ class Pipeline:
             self._outlet.notify(rooms.rates.notices(), now)
         if rooms.publisher.wake_at is not None and rooms.publisher.wake_at <= now:
             messages += rooms.publisher.on_wake(now, rooms.situation(now))
-            self._outlet.notices += rooms.publisher.notices()
+            self._outlet.notify(rooms.publisher.notices(), now)
+        if self._consequences.wake_at is not None and self._consequences.wake_at <= now:
+            self._consequences.on_wake(now)
 
     def _take_ready(self, now: HostNs) -> None:
         """Localize, track and publish the frames whose attitudes are there."""
@@ -245,7 +251,7 @@ class Pipeline:
                 publisher, parameters = self._rooms.publisher, self._rooms.rates.parameters
                 publisher.landing.lag_s = parameters.get("PLND_LAG", publisher.landing.lag_s)
                 self._outlet.messages += publisher.on_tracks(seen.tracks, situation, seen.pixel_from_ned)
-                self._outlet.notices += publisher.notices()
+                self._outlet.notify(publisher.notices(), now)
 
     def _settle(self, now: HostNs) -> None:
         if self._rooms.sight is not None:

@@ -9,7 +9,7 @@ from fwav_companion.geometry.mounts import corrected_mount, euler_from_body_from
 from fwav_companion.geometry.vectors import Matrix3
 from fwav_companion.recording.lines import Line, calibration_line
 from fwav_companion.self_calibration import CalibrationReport, CalibrationStatus, PriorInflation, SharedParameter
-from fwav_companion.types import Notice, Severity
+from fwav_companion.types import Notice, NoticeCode, Severity
 
 REPLACED = "self-calibration: camera is not as an earlier flight left it; that calibration is dropped"
 
@@ -42,13 +42,16 @@ class SelfCalibrationNotices:
         told: tuple[Notice, ...] = ()
         if report.mistake and report.mistake != self._told_mistake:
             self._told_mistake = report.mistake
-            told = (Notice(Severity.ERROR, f"camera mount: {report.mistake}", to_ground=True),)
+            told = (
+                Notice(NoticeCode.MOUNT_MISTAKE, Severity.ERROR, f"camera mount: {report.mistake}", to_ground=True),
+            )
         if report.status is not self._told_status and report.status is not CalibrationStatus.WAITING:
             self._told_status = report.status
-            told = (*told, Notice(Severity.INFO, f"self-calibration: {self._what_came_out(report)}"))
+            text = f"self-calibration: {self._what_came_out(report)}"
+            told = (*told, Notice(NoticeCode.CALIBRATION_RESULT, Severity.INFO, text))
         if report.replaced and not self._told_replaced:
             self._told_replaced = True
-            told = (*told, Notice(Severity.WARNING, REPLACED, to_ground=True))
+            told = (*told, Notice(NoticeCode.CALIBRATION_DROPPED, Severity.WARNING, REPLACED, to_ground=True))
         if report.status is CalibrationStatus.CALIBRATED:
             told = (*told, *self._denials(report))
         return told
@@ -56,7 +59,8 @@ class SelfCalibrationNotices:
     def _denials(self, report: CalibrationReport) -> list[Notice]:
         news = [each for each in report.denied if each.unknown not in self._told_denied]
         self._told_denied.update(each.unknown for each in news)
-        return [Notice(Severity.WARNING, f"self-calibration: {_denial(each)}", to_ground=True) for each in news]
+        texts = [f"self-calibration: {_denial(each)}" for each in news]
+        return [Notice(NoticeCode.PRIOR_EXCEEDED, Severity.WARNING, text, to_ground=True) for text in texts]
 
     def _what_came_out(self, report: CalibrationReport) -> str:
         if report.status is CalibrationStatus.AMBIGUOUS:

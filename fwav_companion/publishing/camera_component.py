@@ -23,7 +23,7 @@ from fwav_companion.publishing.selection import Selection
 from fwav_companion.publishing.statustext import statustexts
 from fwav_companion.publishing.tracking_status import FORGOTTEN_NS, ImagePlace, geo_status, image_status, pixel
 from fwav_companion.types.commands import Command, CommandAnswer, CommandResult
-from fwav_companion.types.messages import Destination, Outgoing
+from fwav_companion.types.messages import Destination, Notice, NoticeCode, Outgoing, Severity
 from fwav_companion.types.situation import Situation
 from fwav_companion.types.tracks import Track
 
@@ -54,6 +54,10 @@ STREAM_REQUESTS = {
     enums.MAV_CMD_REQUEST_VIDEO_STREAM_STATUS: enums.VIDEO_STREAM_STATUS,
 }
 """The same, with the number of a stream, or 0 for all."""
+CLICKED_NOTHING = {
+    NoticeCode.CLICK_WITHOUT_CAMERA: "tracking: set [camera] calibration first",
+    NoticeCode.CLICK_WITHOUT_TARGET: "tracking: no target there, click on a target",
+}
 DENIED = CommandAnswer(CommandResult.DENIED)
 DONE = CommandAnswer(CommandResult.ACCEPTED)
 
@@ -61,8 +65,16 @@ DONE = CommandAnswer(CommandResult.ACCEPTED)
 class CameraComponent:
     """Speaks as the camera. The selection is shared with whatever else shows the selected target."""
 
-    def __init__(self, options: PublishOptions, selection: Selection, locate: Locate | None):
+    def __init__(
+        self,
+        options: PublishOptions,
+        selection: Selection,
+        locate: Locate | None,
+        on_notice: Callable[[Notice], None],
+    ):
+        """``on_notice``: takes what is worth a line in the log."""
         self._options = options
+        self._on_notice = on_notice
         self._selection = selection
         self._locate = locate
         self._pictures = Pictures(options.image_size)
@@ -166,7 +178,7 @@ class CameraComponent:
         if not _in_image(x, y):
             return DENIED
         if not self._has_picture:
-            return self._nothing(command, "no camera is calibrated")
+            return self._nothing(command, NoticeCode.CLICK_WITHOUT_CAMERA)
         point = pixel((x, y), self._options.image_size)
         reach_px = radius * self._options.image_size[0] if _in_image(radius) else 0.0
         when = moment_of_click(situation.now_ns, self._options.video_delay_s)
@@ -177,7 +189,7 @@ class CameraComponent:
         if not _in_image(x1, y1, x2, y2):
             return DENIED
         if not self._has_picture:
-            return self._nothing(command, "no camera is calibrated")
+            return self._nothing(command, NoticeCode.CLICK_WITHOUT_CAMERA)
         low = pixel((min(x1, x2), min(y1, y2)), self._options.image_size)
         high = pixel((max(x1, x2), max(y1, y2)), self._options.image_size)
         middle = (0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]))
@@ -191,7 +203,7 @@ class CameraComponent:
             fix = self._locate(point[0], point[1], self._pictures.finger_px, when)
             hit = track_on_ground(fix, when, believed.values()) if fix is not None else None
         if hit is None or hit not in believed:
-            return self._nothing(command, "no target there")
+            return self._nothing(command, NoticeCode.CLICK_WITHOUT_TARGET)
         self._selection.click(hit)
         return DONE
 
@@ -199,11 +211,13 @@ class CameraComponent:
     def _has_picture(self) -> bool:
         return min(self._options.image_size) > 0
 
-    def _nothing(self, command: Command, why: str) -> CommandAnswer:
-        """The click selects nothing: the result says so to the program, the text to the person."""
+    def _nothing(self, command: Command, code: NoticeCode) -> CommandAnswer:
+        """Answer to a click that selects nothing: FAILED for the station, a text for the operator and the log."""
+        self._on_notice(Notice(code, Severity.NOTICE, CLICKED_NOTHING[code]))
         texts = statustexts(
-            f"tracking: {why}",
+            CLICKED_NOTHING[code],
             enums.MAV_SEVERITY_NOTICE,
+            code=code,
             component=self._options.camera_component,
             to=Destination.REPLY,
             link=command.link,

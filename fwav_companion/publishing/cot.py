@@ -8,11 +8,11 @@ above the ellipsoid, as the autopilot's own receiver has it. Times are true UTC,
 from __future__ import annotations
 
 from datetime import UTC, datetime, timedelta
-from enum import StrEnum
 
 from fwav_companion.geometry.stamps import NS_PER_US, ns_from_s
 from fwav_companion.publishing.options import PublishOptions
 from fwav_companion.publishing.target_report import TargetReport, target_report
+from fwav_companion.types.messages import NoticeCode
 from fwav_companion.types.situation import Situation
 from fwav_companion.types.tracks import Track
 
@@ -23,26 +23,29 @@ MAX_UTC_NS = 10**9 * 4 * 10**9
 """The year 2096: what lies beyond is no clock."""
 
 
-class NoEvent(StrEnum):
-    """Why there is nothing to send."""
+NO_EVENT = {
+    NoticeCode.COT_WITHOUT_POSITION: "no global position: wait for the autopilot's GPS",
+    NoticeCode.COT_WITHOUT_GEOID: "no geoid height: the autopilot's GPS_RAW_INT has no alt_ellipsoid",
+    NoticeCode.COT_WITHOUT_UTC: "UTC is unknown: wait for the autopilot's GPS, or run NTP on this board",
+}
+"""Why an event is not sent, and what to do."""
 
-    NO_POSITION = "no global position: Cursor on Target is not sent"
-    NO_UNDULATION = "no geoid height from the autopilot's GPS: Cursor on Target is not sent"
-    NO_UTC = "nobody tells UTC: Cursor on Target is not sent"
 
+def cot_event(track: Track, options: PublishOptions, situation: Situation) -> bytes | NoticeCode:
+    """One event, valid for ``cot_stale_s``, or the code of why it is not sent.
 
-def cot_event(track: Track, options: PublishOptions, situation: Situation) -> bytes | NoEvent:
-    """One event, valid for ``cot_stale_s``. The uid names the board and the vehicle: a restart moves the old marker."""
+    The uid names the board and the vehicle: a restart moves the old marker.
+    """
     target = target_report(track, situation)
     if target.place is None:
-        return NoEvent.NO_POSITION
+        return NoticeCode.COT_WITHOUT_POSITION
     if situation.undulation_m is None:
-        return NoEvent.NO_UNDULATION
+        return NoticeCode.COT_WITHOUT_GEOID
     if situation.utc_minus_host_s is None:
-        return NoEvent.NO_UTC
+        return NoticeCode.COT_WITHOUT_UTC
     utc_ns = situation.now_ns + ns_from_s(situation.utc_minus_host_s)
     if not 0 <= utc_ns < MAX_UTC_NS:
-        return NoEvent.NO_UTC
+        return NoticeCode.COT_WITHOUT_UTC
     return _event(target, target.place.alt_amsl_m + situation.undulation_m, utc_ns, options, situation).encode()
 
 

@@ -7,10 +7,10 @@ from typing import Any
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.publishing.adsb import adsb_vehicle
-from fwav_companion.publishing.announcer import Announcer
+from fwav_companion.publishing.announcer import Announcer, TargetNotices
 from fwav_companion.publishing.camera_component import CameraComponent
 from fwav_companion.publishing.click_selection import Locate, PixelFromNed
-from fwav_companion.publishing.cot import NoEvent, cot_event
+from fwav_companion.publishing.cot import NO_EVENT, cot_event
 from fwav_companion.publishing.intervals import UNASKED_NS, Cadence
 from fwav_companion.publishing.landing import Landing, StateAt
 from fwav_companion.publishing.named_values import named_values
@@ -18,7 +18,7 @@ from fwav_companion.publishing.options import PublishOptions
 from fwav_companion.publishing.selection import Selection
 from fwav_companion.publishing.tracking_status import FORGOTTEN_NS
 from fwav_companion.types.commands import Command, CommandAnswer
-from fwav_companion.types.messages import Destination, Notice, Outgoing, Severity
+from fwav_companion.types.messages import Destination, Notice, NoticeCode, Outgoing, Severity
 from fwav_companion.types.situation import Situation
 from fwav_companion.types.tracks import Track
 
@@ -40,15 +40,16 @@ class Publisher:
         self._options = options
         self.landing = Landing(options, state_at)
         self._selection = Selection(options)
-        self._camera = CameraComponent(options, self._selection, locate)
+        self._notices: deque[Notice] = deque(maxlen=MAX_DATAGRAMS)
+        self._camera = CameraComponent(options, self._selection, locate, self._notices.append)
+        self._target_notices = TargetNotices()
         self._announcer = Announcer(options)
         self._values = Cadence()
         self._adsb = Cadence()
         self._cot = Cadence()
         self._values_shown = False
         self._datagrams: deque[bytes] = deque(maxlen=MAX_DATAGRAMS)
-        self._notices: deque[Notice] = deque(maxlen=MAX_DATAGRAMS)
-        self._told: set[NoEvent] = set()
+        self._reported: set[NoticeCode] = set()
         self._started = False
         self.wake_at: HostNs | None = None
         """When :meth:`on_wake` is due next; None before the first call of it, or of :meth:`on_tracks`."""
@@ -71,7 +72,7 @@ class Publisher:
         self._selection.on_tracks(tracks)
         captured_ns = max((track.host_ns for track in tracks), default=None)
         self._camera.on_tracks(captured_ns, pixel_from_ned)
-        out.extend(self._announcer.on_tracks(tracks, situation))
+        self._notices.extend(self._target_notices.on_tracks(tracks, situation))
         if not self._started:
             out.extend(self.on_wake(situation.now_ns, situation))
         return out
@@ -88,7 +89,7 @@ class Publisher:
         if self._options.adsb and self._adsb.tick(now, ADSB_NS):
             out.extend(self._adsb_marker(track, situation))
         if self._options.cot and self._cot.tick(now, round(NS_PER_S / self._options.cot_rate_hz)):
-            out.extend(self._make_event(track, situation))
+            self._make_event(track, situation)
         self.wake_at = self._next_due()
         return out
 
@@ -101,7 +102,7 @@ class Publisher:
         return answer
 
     def on_notice(self, notice: Notice, now: HostNs) -> list[Outgoing]:
-        """Say it to people, where the notice asks for it and STATUSTEXT is on."""
+        """STATUSTEXT messages of a notice for the ground; none where [publish] statustext is off."""
         return self._announcer.on_notice(notice, now)
 
     @property
@@ -116,7 +117,9 @@ class Publisher:
         return made
 
     def notices(self) -> list[Notice]:
-        """For the log: what publishing itself had to say since the last call. People have been told already."""
+        """Notices made here since the last call: of targets, of clicks, of Cursor on Target. They go to
+        :meth:`on_notice` and to the log.
+        """
         made = list(self._notices)
         self._notices.clear()
         return made
@@ -156,20 +159,17 @@ class Publisher:
         fields = adsb_vehicle(track, situation.autopilot.system, situation)
         return [self._companion("ADSB_VEHICLE", fields, Destination.GROUND_LINKS)] if fields is not None else []
 
-    def _make_event(self, track: Track | None, situation: Situation) -> list[Outgoing]:
-        """One datagram; or why there is none, told once."""
+    def _make_event(self, track: Track | None, situation: Situation) -> None:
+        """Append one datagram; or a notice of why there is none, once."""
         if track is None:
-            return []
+            return
         event = cot_event(track, self._options, situation)
         if isinstance(event, bytes):
             self._datagrams.append(event)
-            return []
-        if event in self._told:
-            return []
-        self._told.add(event)
-        notice = Notice(Severity.WARNING, str(event), to_ground=True)
-        self._notices.append(notice)
-        return self.on_notice(notice, situation.now_ns)
+        elif event not in self._reported:
+            self._reported.add(event)
+            text = f"Cursor on Target is not sent: {NO_EVENT[event]}"
+            self._notices.append(Notice(event, Severity.WARNING, text, to_ground=True))
 
     def _companion(self, name: str, fields: dict[str, Any], to: Destination) -> Outgoing:
         return Outgoing(name=name, fields=fields, to=to, component=self._options.companion_component)

@@ -1,57 +1,193 @@
-"""The one line that an operator reads when the vehicle is armed: ready, or the one reason why not."""
+"""Readiness of the vehicle to localize targets: what it rests on, the first obstacle, and when it is reported. Pure."""
 
 from __future__ import annotations
 
+from collections import deque
 from math import isfinite
 
 import msgspec
 
-from fwav_companion.types.messages import Notice, Severity
+from fwav_companion.geometry.stamps import NS_PER_S, HostNs
+from fwav_companion.types.messages import Notice, NoticeCode, Severity
+from fwav_companion.types.reasons import Reason
 
 SLOW = 0.8
-"""Below this share of the wanted attitude rate, the flapping may not be caught."""
+"""Below this share of the wanted attitude rate, interpolation may miss the flapping."""
+RECOVERED = 0.85
+"""A rate that was reported as slow counts as recovered above this share."""
+NO_PICTURES_S = 3.0
+"""Age of the newest picture beyond which pictures count as missing."""
+NORMAL_95 = 1.96
+"""Half width of the 95 % interval of a normal distribution, in sigmas."""
+
+CHECK_NS = NS_PER_S
+EARLIEST_NS = 3 * NS_PER_S
+"""First report that the vehicle is ready: the rate meter needs one full window of 2 s after the adoption."""
+LATEST_NS = 5 * NS_PER_S
+"""First report at the latest."""
+HOLD_NS = 3 * NS_PER_S
+"""A change is reported after it has held for this time."""
+REPORT_NS = 10 * NS_PER_S
+"""Shortest time between two reports on average: a third one waits until twice this after the first."""
+
+REFUSED_FIXES = {
+    Reason.MALFORMED: "send JSON as the README shows",
+    Reason.NO_TIME: "send exactly one of time_unix, time_monotonic, time_boot",
+    Reason.WRONG_UNITS: "send times in seconds",
+    Reason.FROM_THE_FUTURE: "correct the detector's clock or [camera] time_offset_s",
+    Reason.TOO_LATE: "send detections sooner after the picture",
+    Reason.WRONG_SIZE: "use the image size of [camera] calibration",
+}
+"""What to do where a picture is refused."""
+ASK_CHECK = "run `fwav-companion check`"
+NO_FIX = {
+    Reason.NO_POSITION: (
+        NoticeCode.NOT_READY_NO_POSITION,
+        'no position from the autopilot: wait for its GPS, or set [vehicle] position = "none"',
+    ),
+    Reason.NO_HEIGHT: (
+        NoticeCode.NOT_READY_NO_HEIGHT,
+        "no height above the ground: check [ground] model and the autopilot's position messages",
+    ),
+    Reason.TERRAIN_UNFIT: (
+        NoticeCode.NOT_READY_NO_HEIGHT,
+        "the elevation model does not fit the take-off height: check [ground] terrain_datum",
+    ),
+    Reason.BEYOND_TERRAIN: (
+        NoticeCode.NOT_READY_NO_HEIGHT,
+        "no elevation data at this place: add its file to [ground] terrain",
+    ),
+    Reason.NO_GIMBAL: (
+        NoticeCode.NOT_READY_NO_GIMBAL,
+        "no attitude from the gimbal: check its link and [camera.mount] gimbal_device_id",
+    ),
+    Reason.STALE_GIMBAL: (
+        NoticeCode.NOT_READY_NO_GIMBAL,
+        "the gimbal's attitude is too old: check its link and message rate",
+    ),
+}
+"""Reasons that prevent a fix at every pixel, with the code and text of the notice.
+
+Other reasons (a ray above the horizon, a vehicle on the ground) depend on the view and do not prevent readiness.
+"""
 
 
 class Readiness(msgspec.Struct, frozen=True, kw_only=True):
-    """What localizing rests on, at this moment. None: not known, or not there."""
+    """What localization rests on at one instant."""
 
-    attitude_hz: float | None
+    attitude_hz: float
+    """0 while no attitude arrives."""
     wanted_attitude_hz: float
-    clock_sigma_s: float | None
-    frames_hz: float | None
-    expected_m: float | None
-    """One sigma of a target straight below, larger semi-axis, relative to the vehicle."""
+    clock_sigma_s: float
+    """Infinite while the autopilot's clock is unknown."""
+    frames_hz: float
+    frame_age_s: float
+    """Of the newest picture; infinite before the first."""
+    refused: Reason | None = None
+    """Why the newest picture was refused."""
+    no_fix: Reason | None = None
+    """Why a target straight below would have no fix."""
+    within95_m: float | None = None
+    """Radius of the 95 % circle of a target straight below, relative to the vehicle."""
     height_m: float | None = None
-    """For which that is told."""
-    trouble: str = ""
-    """Something that the pipeline knows, and that goes before all else."""
+    """Height of the camera above the ground for that radius."""
+    autopilot_silent: bool = False
+    """Heartbeats are overdue: the loss of the autopilot may be reported next, and explains all else."""
 
 
-def ready_notice(readiness: Readiness) -> Notice:
-    """``ready: attitude 98 Hz, clock 0.6 ms, camera 30/s, expect 0.4 m at 10 m (relative to the vehicle)``."""
-    reason = _why_not(readiness)
-    if reason:
-        return Notice(Severity.WARNING, f"not ready: {reason}", to_ground=True)
-    parts = [
-        f"attitude {readiness.attitude_hz or 0.0:.0f} Hz",
-        f"clock {(readiness.clock_sigma_s or 0.0) * 1e3:.1f} ms",
-        f"camera {readiness.frames_hz or 0.0:.0f}/s",
-    ]
-    if readiness.expected_m is not None and readiness.height_m is not None and isfinite(readiness.expected_m):
-        parts.append(f"expect {readiness.expected_m:.1f} m at {readiness.height_m:.0f} m (relative to the vehicle)")
-    return Notice(Severity.INFO, f"ready: {', '.join(parts)}", to_ground=True)
+class Obstacle(msgspec.Struct, frozen=True):
+    """The first obstacle to readiness, in the order of the data's path."""
+
+    code: NoticeCode
+    text: str
+    """What is wrong, and what to do."""
 
 
-def _why_not(readiness: Readiness) -> str:
-    """The first thing that is wrong, in the order of the data's way; "" if nothing is."""
-    if readiness.trouble:
-        return readiness.trouble
+def obstacle(readiness: Readiness, reported: NoticeCode | None = None) -> Obstacle | None:
+    """The first obstacle; None where the vehicle is ready. ``reported``: code of the last report, for hysteresis."""
     if not readiness.attitude_hz:
-        return "no attitude from the autopilot"
-    if readiness.clock_sigma_s is None or not isfinite(readiness.clock_sigma_s):
-        return "the autopilot's clock is not known yet"
-    if not readiness.frames_hz:
-        return "no pictures from the camera"
-    if readiness.attitude_hz < SLOW * readiness.wanted_attitude_hz:
-        return f"attitude {readiness.attitude_hz:.0f} Hz, wanted {readiness.wanted_attitude_hz:.0f} Hz"
-    return ""
+        text = "no attitude from the autopilot: check the wire to its RX pin and [signing]"
+        return Obstacle(NoticeCode.NOT_READY_NO_ATTITUDE, text)
+    if not isfinite(readiness.clock_sigma_s):
+        text = "the autopilot's clock is unknown: check that its messages carry time_boot_ms"
+        return Obstacle(NoticeCode.NOT_READY_NO_CLOCK, text)
+    if readiness.frame_age_s > NO_PICTURES_S:
+        text = "no pictures: check [vision] source, or that the detector sends to [detections] url"
+        return Obstacle(NoticeCode.NOT_READY_NO_PICTURES, text)
+    if readiness.refused is not None:
+        fix = REFUSED_FIXES.get(readiness.refused, ASK_CHECK)
+        text = f"pictures are refused ({readiness.refused.value}): {fix}"
+        return Obstacle(NoticeCode.NOT_READY_PICTURES_REFUSED, text)
+    if readiness.no_fix in NO_FIX:
+        return Obstacle(*NO_FIX[readiness.no_fix])
+    enough = RECOVERED if reported is NoticeCode.NOT_READY_SLOW_ATTITUDE else SLOW
+    if readiness.attitude_hz < enough * readiness.wanted_attitude_hz:
+        rates = f"attitude at {readiness.attitude_hz:.0f} Hz, wanted {readiness.wanted_attitude_hz:.0f} Hz"
+        text = f"{rates}: raise SCHED_LOOP_RATE or the baud rate, or lower [rates] attitude"
+        return Obstacle(NoticeCode.NOT_READY_SLOW_ATTITUDE, text)
+    return None
+
+
+def readiness_notice(readiness: Readiness, reported: NoticeCode | None = None) -> Notice:
+    """Notice of the state: ready with its rates and 95 % accuracy, or the first obstacle and what to do."""
+    found = obstacle(readiness, reported)
+    if found is not None:
+        return Notice(found.code, Severity.WARNING, f"not ready: {found.text}", to_ground=True)
+    accuracy = f"clock {1e3 * NORMAL_95 * readiness.clock_sigma_s:.1f} ms"
+    if readiness.within95_m is not None and readiness.height_m is not None and isfinite(readiness.within95_m):
+        from_height = f"(from {readiness.height_m:.0f} m, relative to the vehicle)"
+        accuracy += f", target {readiness.within95_m:.1f} m {from_height}"
+    rates = f"attitude {readiness.attitude_hz:.0f} Hz, camera {readiness.frames_hz:.0f}/s"
+    return Notice(NoticeCode.READY, Severity.INFO, f"ready: {rates}, 95 % within: {accuracy}", to_ground=True)
+
+
+class ReadinessReports:
+    """Decides when readiness is reported: first 3 to 5 s after the adoption, then when a change has held for 3 s."""
+
+    def __init__(self) -> None:
+        self.wake_at: HostNs | None = None
+        """The next check; None while no autopilot is heard."""
+        self._began_ns = HostNs(0)
+        self._reported: NoticeCode | None = None
+        self._reports_ns: deque[HostNs] = deque(maxlen=2)
+        self._changed: NoticeCode | None = None
+        self._changed_ns = HostNs(0)
+
+    def begin(self, now: HostNs) -> None:
+        """Forget what was reported: the autopilot was adopted, came back, or rebooted."""
+        self._began_ns, self._reported, self._changed = now, None, None
+        self._reports_ns.clear()
+        self.wake_at = HostNs(now + CHECK_NS)
+
+    def stop(self) -> None:
+        """Report nothing: the autopilot is lost, which is reported by its own notice."""
+        self._reported, self.wake_at = None, None
+
+    def on_wake(self, readiness: Readiness, now: HostNs) -> Notice | None:
+        """Notice to send now, None where no change is to be reported."""
+        self.wake_at = HostNs(now + CHECK_NS)
+        notice = readiness_notice(readiness, self._reported)
+        due = self._is_due(notice.code, now)
+        return self._report(notice, now) if due and not readiness.autopilot_silent else None
+
+    def on_armed(self, readiness: Readiness, now: HostNs) -> Notice | None:
+        """Notice of the present state for the arming; None where it is still open, or was reported just before."""
+        notice = readiness_notice(readiness, self._reported)
+        repeated = notice.code is self._reported and now < self._reports_ns[-1] + REPORT_NS
+        return None if self._reported is None or repeated else self._report(notice, now)
+
+    def _is_due(self, code: NoticeCode, now: HostNs) -> bool:
+        if self._reported is None:
+            return now >= self._began_ns + (EARLIEST_NS if code is NoticeCode.READY else LATEST_NS)
+        if code is self._reported:
+            self._changed = None
+            return False
+        if code is not self._changed:
+            self._changed, self._changed_ns = code, now
+        often = len(self._reports_ns) == 2 and now < self._reports_ns[0] + 2 * REPORT_NS
+        return now >= self._changed_ns + HOLD_NS and not often
+
+    def _report(self, notice: Notice, now: HostNs) -> Notice:
+        self._reported, self._changed = notice.code, None
+        self._reports_ns.append(now)
+        return notice

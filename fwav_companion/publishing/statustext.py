@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from fwav_companion.types.messages import Destination, Outgoing
+from fwav_companion.types.messages import Destination, NoticeCode, Outgoing
 
 CHUNK_BYTES = 50
 MAX_BYTES = 4 * CHUNK_BYTES
@@ -22,6 +22,7 @@ def statustexts(
     text: str,
     severity: int,
     *,
+    code: NoticeCode,
     component: int,
     number: int = 1,
     to: Destination = Destination.GROUND,
@@ -40,6 +41,7 @@ def statustexts(
             to=to,
             component=component,
             link=link,
+            notice=code,
         )
         for sequence, chunk in enumerate(chunks)
     ]

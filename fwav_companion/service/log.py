@@ -11,7 +11,12 @@ from fwav_companion.vision.wall_clock import ClockStep
 
 log = logging.getLogger("fwav_companion")
 
-_LEVELS = {Severity.INFO: logging.INFO, Severity.WARNING: logging.WARNING, Severity.ERROR: logging.ERROR}
+_LEVELS = {
+    Severity.INFO: logging.INFO,
+    Severity.NOTICE: logging.INFO,
+    Severity.WARNING: logging.WARNING,
+    Severity.ERROR: logging.ERROR,
+}
 
 
 class ServiceLog:
@@ -37,7 +42,7 @@ class ServiceLog:
     def noticed(self, notices: Iterable[Notice]) -> None:
         """What the pipeline finds worth a line."""
         for notice in notices:
-            log.log(_LEVELS[notice.severity], "%s", notice.text)
+            log.log(_LEVELS[notice.severity], "%s", notice.text, extra={"code": notice.code.value})
 
     def link_changed(self, name: str, up: bool, why: str) -> None:
         """A link came up, or went."""

@@ -17,7 +17,7 @@ from fwav_companion.types.camera import (
     StampClock,
 )
 from fwav_companion.types.commands import Command, CommandAnswer, CommandResult
-from fwav_companion.types.messages import Destination, Message, Notice, Outgoing, Severity
+from fwav_companion.types.messages import Destination, Message, Notice, NoticeCode, Outgoing, Severity
 from fwav_companion.types.reasons import Reason
 from fwav_companion.types.sightings import (
     BIAS_COUNT,
@@ -74,6 +74,7 @@ __all__ = [
     "NoFrame",
     "NoRay",
     "Notice",
+    "NoticeCode",
     "Outgoing",
     "Pixel",
     "PositionSample",

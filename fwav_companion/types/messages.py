@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from enum import StrEnum
+from enum import StrEnum, unique
 from typing import Any
 
 import msgspec
@@ -42,6 +42,79 @@ class Destination(StrEnum):
     """The one link in :attr:`Outgoing.link`."""
 
 
+@unique
+class NoticeCode(StrEnum):
+    """Stable names of the notices. Programs and tests read the code; the wording may change."""
+
+    AUTOPILOT_FOUND = "autopilot_found"
+    SEVERAL_AUTOPILOTS = "several_autopilots"
+    AUTOPILOT_LOST = "autopilot_lost"
+    AUTOPILOT_BACK = "autopilot_back"
+    AUTOPILOT_REBOOTED = "autopilot_rebooted"
+
+    READY = "ready"
+    NOT_READY_PICTURES_REFUSED = "not_ready_pictures_refused"
+    NOT_READY_NO_ATTITUDE = "not_ready_no_attitude"
+    NOT_READY_NO_CLOCK = "not_ready_no_clock"
+    NOT_READY_NO_PICTURES = "not_ready_no_pictures"
+    NOT_READY_NO_POSITION = "not_ready_no_position"
+    NOT_READY_NO_HEIGHT = "not_ready_no_height"
+    NOT_READY_NO_GIMBAL = "not_ready_no_gimbal"
+    NOT_READY_SLOW_ATTITUDE = "not_ready_slow_attitude"
+
+    TARGET_FOUND = "target_found"
+    TARGET_LOST = "target_lost"
+    TARGET_MERGED = "target_merged"
+    """Two tracks proved to be one target."""
+    CLICK_WITHOUT_CAMERA = "click_without_camera"
+    CLICK_WITHOUT_TARGET = "click_without_target"
+    COT_WITHOUT_POSITION = "cot_without_position"
+    COT_WITHOUT_GEOID = "cot_without_geoid"
+    COT_WITHOUT_UTC = "cot_without_utc"
+
+    ORIGIN_SET = "origin_set"
+    RELATIVE_WORLD = "relative_world"
+    HOME_MOVED = "home_moved"
+    TERRAIN_PLACED = "terrain_placed"
+    ATTITUDE_SOURCE = "attitude_source"
+    PITCH_TRIM_RESTORED = "pitch_trim_restored"
+    ATTITUDE_STAMPS = "attitude_stamps"
+
+    RATES_TAKEN = "rates_taken"
+    """Another program asked the autopilot for other rates."""
+    RATE_FELL = "rate_fell"
+    RATE_REFUSED = "rate_refused"
+    """A lower rate than the wanted one was accepted."""
+    MESSAGE_REFUSED = "message_refused"
+    """Refused at every rate."""
+    INTERVALS_UNKNOWN = "intervals_unknown"
+    """The autopilot has no SET_MESSAGE_INTERVAL."""
+
+    MOUNT_MISTAKE = "mount_mistake"
+    CALIBRATION_RESULT = "calibration_result"
+    CALIBRATION_DROPPED = "calibration_dropped"
+    PRIOR_EXCEEDED = "prior_exceeded"
+    """The flight shows an error beyond its configured prior."""
+
+
+class Severity(StrEnum):
+    """How urgent a notice is; in the log NOTICE is shown as INFO, as STATUSTEXT it has a level of its own."""
+
+    INFO = "info"
+    NOTICE = "notice"
+    WARNING = "warning"
+    ERROR = "error"
+
+
+class Notice(msgspec.Struct, frozen=True):
+    """One line for the log, and for ground stations where ``to_ground`` is set."""
+
+    code: NoticeCode
+    severity: Severity
+    text: str
+    to_ground: bool = False
+
+
 class Outgoing(msgspec.Struct, frozen=True, kw_only=True):
     """A message of ours that is to be sent."""
 
@@ -51,22 +124,8 @@ class Outgoing(msgspec.Struct, frozen=True, kw_only=True):
     """Values by field name; an extension field left out is 0."""
     to: Destination
     component: int
-    """The component of ours that speaks: the companion or its camera."""
+    """The component of ours that sends it: the companion or its camera."""
     link: str = ""
-    """For REPLY: the link the request came over."""
-
-
-class Severity(StrEnum):
-    """How loud a notice is."""
-
-    INFO = "info"
-    WARNING = "warning"
-    ERROR = "error"
-
-
-class Notice(msgspec.Struct, frozen=True):
-    """One line for the log, and for people at a ground station where ``to_ground`` is set."""
-
-    severity: Severity
-    text: str
-    to_ground: bool = False
+    """For REPLY: the link on which the request arrived."""
+    notice: NoticeCode | None = None
+    """For STATUSTEXT: the code of the notice that it carries."""

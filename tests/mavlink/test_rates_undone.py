@@ -6,7 +6,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from rates_peer import MS, peer, status
 
-from fwav_companion.types import Message
+from fwav_companion.types import Message, NoticeCode
 
 Beat = namedtuple("Beat", "type")
 Command = namedtuple("Command", "command")
@@ -23,7 +23,8 @@ def test_somebodys_rate_request_is_undone_at_once_and_named():
     got = status(them, "ATTITUDE_QUATERNION")
     assert got["measured_hz"] == pytest.approx(100, rel=0.02)
     assert got["undone_by"] == "255/190 over ground"
-    assert any("255/190 over ground" in notice.text for notice in them.rates.notices())
+    (text,) = (notice.text for notice in them.rates.notices() if notice.code is NoticeCode.RATES_TAKEN)
+    assert "255/190 over ground" in text
 
 
 def test_half_a_dozen_requests_in_a_row_are_all_undone_within_a_second():
@@ -45,7 +46,7 @@ def test_a_rate_that_falls_without_anybody_seen_is_asked_for_again_and_told():
     got = status(them, "ATTITUDE_QUATERNION")
     assert got["measured_hz"] == pytest.approx(100, rel=0.02)
     assert got["undone_by"] == "nobody seen"
-    assert any("fell from 100" in notice.text for notice in them.rates.notices())
+    assert NoticeCode.RATE_FELL in [notice.code for notice in them.rates.notices()]
 
 
 def test_a_ground_station_that_shares_the_link_is_presumed_to_have_taken_a_rate():
@@ -57,7 +58,7 @@ def test_a_ground_station_that_shares_the_link_is_presumed_to_have_taken_a_rate(
     them.gcs_requests_streams()
     them.run(8)
     assert status(them, "ATTITUDE_QUATERNION")["undone_by"] == "presumably the ground station 255/190 on fc"
-    assert any("255/190" in notice.text for notice in them.rates.notices())
+    assert any("255/190" in each.text for each in them.rates.notices() if each.code is NoticeCode.RATE_FELL)
 
 
 def test_a_component_whose_command_was_heard_is_named():
@@ -77,7 +78,7 @@ def test_nobody_is_blamed_for_a_link_that_fell_silent():
     them.run(10)
     assert status(them, "ATTITUDE_QUATERNION")["measured_hz"] == pytest.approx(100, rel=0.02)
     assert {got["undone_by"] for got in them.rates.status().values()} == {None}
-    assert not [notice for notice in them.rates.notices() if "fell" in notice.text]
+    assert NoticeCode.RATE_FELL not in [notice.code for notice in them.rates.notices()]
 
 
 def test_a_rate_that_is_taken_again_and_again_is_not_fought_for_more_than_once_in_four_seconds():

@@ -7,6 +7,7 @@ import pytest
 from flying import Companion, Flight, fly
 
 from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.types import NoticeCode
 from sitl_mock import TargetOptions, scenario, simulate
 
 LANDING = ("publish.landing_target=true", 'publish.landing_label="target"', "publish.landing_max_sigma_m=3.0")
@@ -129,7 +130,7 @@ def test_without_a_position_targets_are_relative_and_say_so_once():
     assert flown.companion.lines[0]["origin"] is None
     line = flown.companion.targets()[-1]
     assert line["lat"] is line["lon"] is line["alt_amsl"] is None
-    assert sum("relative to the point below the camera" in notice for notice in flown.companion.notices) == 1
+    assert flown.companion.codes.count(NoticeCode.RELATIVE_WORLD) == 1
     fixes = [line["fix"] for line in flown.companion.targets() if line["fix"]]
     assert fixes
     assert all(fix["down"] == 0.0 for fix in fixes)

@@ -7,7 +7,7 @@ from camera_component import MS, OPTIONS, command, run
 
 from fwav_companion.publishing.options import PublishOptions
 from fwav_companion.publishing.publisher import Publisher
-from fwav_companion.types import CommandResult, TrackState
+from fwav_companion.types import CommandResult, NoticeCode, TrackState
 
 
 @pytest.fixture
@@ -48,7 +48,8 @@ def test_a_click_beside_every_target_fails_and_says_so(publisher, world):
     answer = click(publisher, world, world.NOW + 300 * MS, 0.8, 0.5)
     assert answer.result is CommandResult.FAILED
     (text,) = answer.messages
-    assert (text.name, text.fields["text"], text.link) == ("STATUSTEXT", "tracking: no target there", "ground")
+    assert (text.name, text.notice, text.link) == ("STATUSTEXT", NoticeCode.CLICK_WITHOUT_TARGET, "ground")
+    assert NoticeCode.CLICK_WITHOUT_TARGET in [notice.code for notice in publisher.notices()]
 
 
 def test_a_click_of_a_time_without_a_picture_fails(publisher, world):

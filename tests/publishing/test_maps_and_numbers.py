@@ -10,10 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from fwav_companion.publishing.cot import NoEvent, cot_event
+from fwav_companion.geometry.ellipses import circle_radius
+from fwav_companion.publishing.cot import cot_event
 from fwav_companion.publishing.options import PublishOptions
 from fwav_companion.publishing.publisher import Publisher
-from fwav_companion.types import AutopilotKind, Destination
+from fwav_companion.types import AutopilotKind, Destination, NoticeCode
 
 QUIET = {"statustext": False, "camera_tracking": False}
 
@@ -39,6 +40,7 @@ def test_named_values_of_the_selected_target(world):
         "TGT_DIST": 13.0,
         "TGT_BRG": pytest.approx(306.8699, abs=1e-3),
         "TGT_ACC": 1.0,
+        "TGT_R95": pytest.approx(circle_radius(world.track().cov, 0.95), rel=2e-3),
     }
     assert all(one.to is Destination.GROUND for one in sent)
     assert max(map(len, got)) <= 10
@@ -61,7 +63,7 @@ def test_named_values_come_twice_a_second_and_once_more_when_the_target_is_gone(
         publisher.on_tracks((world.track(at=now),), world.situation(now=now))
         sent += publisher.on_wake(now, world.situation(now=now))
     assert now == world.NOW + 10 * world.S
-    assert len(named(sent, "NAMED_VALUE_FLOAT")) == 21 * 6
+    assert len(named(sent, "NAMED_VALUE_FLOAT")) == 21 * 7
     publisher.on_tracks((), world.situation(now=now))
     gone = publisher.on_wake(publisher.wake_at, world.situation(now=publisher.wake_at))
     got = values(world, gone)
@@ -138,21 +140,20 @@ def seen_again(publisher, world, wakes, **changes):
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
-        ({"plane": None}, NoEvent.NO_POSITION),
-        ({"undulation_m": None}, NoEvent.NO_UNDULATION),
-        ({"utc_minus_host_s": None}, NoEvent.NO_UTC),
-        ({"utc_minus_host_s": -1e9}, NoEvent.NO_UTC),
-        ({"utc_minus_host_s": 1e13}, NoEvent.NO_UTC),
+        ({"plane": None}, NoticeCode.COT_WITHOUT_POSITION),
+        ({"undulation_m": None}, NoticeCode.COT_WITHOUT_GEOID),
+        ({"utc_minus_host_s": None}, NoticeCode.COT_WITHOUT_UTC),
+        ({"utc_minus_host_s": -1e9}, NoticeCode.COT_WITHOUT_UTC),
+        ({"utc_minus_host_s": 1e13}, NoticeCode.COT_WITHOUT_UTC),
     ],
 )
 def test_cot_that_would_be_wrong_is_not_sent_and_that_is_told_once(world, changes, reason):
     assert cot_event(world.track(), COT, world.situation(**changes)) is reason
     publisher = Publisher(PublishOptions(camera_tracking=False, named_values=False, cot=True))
-    sent = list(seen_again(publisher, world, 30, **changes))
+    list(seen_again(publisher, world, 30, **changes))
     assert publisher.datagrams() == []
-    assert [notice.text for notice in publisher.notices()] == [reason]
-    texts = "".join(one.fields["text"] for one in named(sent, "STATUSTEXT"))
-    assert texts.count("Cursor on Target") == 1
+    (notice,) = (each for each in publisher.notices() if each.code is not NoticeCode.TARGET_FOUND)
+    assert (notice.code, notice.to_ground) == (reason, True)
 
 
 def test_cot_at_its_rate_and_each_datagram_once(world):

@@ -4,7 +4,7 @@ from msgspec import to_builtins
 
 from fwav_companion.publishing.options import PublishOptions
 from fwav_companion.publishing.publisher import Publisher
-from fwav_companion.types import Destination, Notice, Severity, TrackState
+from fwav_companion.types import Destination, Notice, NoticeCode, Severity, TrackState
 
 MS = 10**6
 EVERYTHING = PublishOptions(
@@ -32,7 +32,6 @@ def test_every_message_of_a_flight_can_be_encoded(world):
         "LANDING_TARGET",
         "CAMERA_TRACKING_IMAGE_STATUS",
         "CAMERA_TRACKING_GEO_STATUS",
-        "STATUSTEXT",
         "NAMED_VALUE_FLOAT",
         "ADSB_VEHICLE",
     }
@@ -85,6 +84,14 @@ def test_the_status_names_the_selected_target(world):
     assert publisher.status()["selected_by"] == "best"
 
 
-def test_notices_reach_the_ground(world):
-    (out,) = Publisher(EVERYTHING).on_notice(Notice(Severity.WARNING, "two autopilots", to_ground=True), world.NOW)
-    assert out.fields["text"] == "two autopilots"
+def test_notices_reach_the_ground_with_their_code(world):
+    notice = Notice(NoticeCode.SEVERAL_AUTOPILOTS, Severity.WARNING, "two autopilots", to_ground=True)
+    (out,) = Publisher(EVERYTHING).on_notice(notice, world.NOW)
+    assert (out.notice, out.fields["text"]) == (notice.code, notice.text)
+
+
+def test_a_target_is_reported_by_notices_and_each_is_handed_out_once(world):
+    publisher, _ = flight(world)
+    codes = [notice.code for notice in publisher.notices()]
+    assert codes == [NoticeCode.TARGET_FOUND, NoticeCode.TARGET_LOST]
+    assert publisher.notices() == []

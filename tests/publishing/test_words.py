@@ -1,16 +1,16 @@
-"""What people read: texts in chunks, found and lost, ready or not."""
-
-from math import nan
+"""Texts for people: chunks of 50 bytes; targets found, lost, merged; limits of their rate."""
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fwav_companion.publishing.announcer import Announcer
+from fwav_companion.publishing.announcer import Announcer, TargetNotices
 from fwav_companion.publishing.options import PublishOptions
-from fwav_companion.publishing.readiness import Readiness, ready_notice
 from fwav_companion.publishing.statustext import statustexts
-from fwav_companion.types import Destination, Notice, Reason, Severity, TrackState
+from fwav_companion.types import Destination, Notice, NoticeCode, Reason, Severity, TrackState
+
+CODE = NoticeCode.READY
+FOUND, LOST, MERGED = NoticeCode.TARGET_FOUND, NoticeCode.TARGET_LOST, NoticeCode.TARGET_MERGED
 
 
 def joined(received):
@@ -32,13 +32,13 @@ def joined(received):
 @pytest.mark.parametrize("length", [0, 1, 49, 50, 51, 99, 100, 101, 199])
 def test_texts_of_every_length_arrive_whole(world, length):
     text = ("0123456789" * 20)[:length]
-    assert joined([world.packed(one) for one in statustexts(text, 5, component=191, number=7)]) == [text]
+    assert joined([world.packed(one) for one in statustexts(text, 5, code=CODE, component=191, number=7)]) == [text]
 
 
 @settings(derandomize=True, max_examples=300)
 @given(st.text(max_size=120))
 def test_any_text_arrives_readable(world, text):
-    received = [world.packed(one) for one in statustexts(text, 5, component=191)]
+    received = [world.packed(one) for one in statustexts(text, 5, code=CODE, component=191)]
     (whole,) = joined(received)
     printable = "".join(one if one.isprintable() else " " for one in text).encode(errors="replace").decode()
     kept = whole.replace(" ", "")
@@ -47,12 +47,15 @@ def test_any_text_arrives_readable(world, text):
 
 
 def test_two_long_texts_are_not_joined_with_each_other():
-    first, second = (statustexts("x" * 60, 5, component=191, number=number)[0].fields["id"] for number in (1, 2))
+    first, second = (
+        statustexts("x" * 60, 5, code=CODE, component=191, number=number)[0].fields["id"] for number in (1, 2)
+    )
     assert len({first, second, 0}) == 3
 
 
-def words(out):
-    return [one.fields["text"] for one in out]
+@pytest.fixture
+def news():
+    return TargetNotices()
 
 
 @pytest.fixture
@@ -60,109 +63,92 @@ def announcer():
     return Announcer(PublishOptions())
 
 
-def test_found_once_with_place_and_accuracy(world, announcer):
-    out = announcer.on_tracks((world.track(3, "person", position_ned=(0.0, 0.0, 0.0)),), world.situation())
-    assert words(out) == ["found person 3: 47.397742, 8.545594 +-1.0 m"]
-    assert (out[0].to, out[0].component) == (Destination.GROUND, 191)
-    assert announcer.on_tracks((world.track(3, "person"),), world.situation()) == []
+def codes(notices):
+    return [notice.code for notice in notices]
 
 
-def test_lost_with_its_reason(world, announcer):
-    announcer.on_tracks((world.track(3, "person"),), world.situation())
+def for_ground(text="camera lost", severity=Severity.WARNING):
+    return Notice(CODE, severity, text, to_ground=True)
+
+
+def test_a_target_is_found_once_with_its_place_and_the_radius_that_holds_it_with_95_percent(world, news):
+    here = world.track(3, "person", position_ned=(0.0, 0.0, 0.0), cov=world.diagonal(1.0, 1.0, 0.5))
+    (notice,) = news.on_tracks((here,), world.situation())
+    assert (notice.code, notice.severity, notice.to_ground) == (FOUND, Severity.NOTICE, True)
+    assert notice.text == "found person 3: 47.397742, 8.545594, 95 % within 2.4 m"
+    assert news.on_tracks((world.track(3, "person"),), world.situation()) == []
+
+
+def test_a_target_is_lost_once_with_its_reason_and_last_place(world, news):
+    news.on_tracks((world.track(3, "person"),), world.situation())
     coasting = world.track(3, "person", state=TrackState.COASTING)
-    assert announcer.on_tracks((coasting,), world.situation()) == []
-    dropped = world.track(3, "person", state=TrackState.DROPPED, reason=Reason.NOT_SEEN, position_ned=(0, 0, 0))
-    (text,) = joined([world.packed(one) for one in announcer.on_tracks((dropped,), world.situation())])
-    assert text == "lost person 3: 47.397742, 8.545594 +-1.0 m (not_seen)"
-    assert announcer.on_tracks((dropped,), world.situation()) == []
+    assert news.on_tracks((coasting,), world.situation()) == []
+    gone = {"state": TrackState.DROPPED, "reason": Reason.NOT_SEEN, "cov": world.diagonal(1.0, 1.0, 0.5)}
+    dropped = world.track(3, "person", position_ned=(0, 0, 0), **gone)
+    (notice,) = news.on_tracks((dropped,), world.situation())
+    assert notice.code is LOST
+    assert notice.text == "lost person 3 (not seen): last at 47.397742, 8.545594, 95 % within 2.4 m"
+    assert news.on_tracks((dropped,), world.situation()) == []
 
 
-def test_a_track_that_vanishes_without_a_word_is_lost_too(world, announcer):
-    announcer.on_tracks((world.track(3),), world.situation())
-    (text,) = words(announcer.on_tracks((), world.situation()))
-    assert text.startswith("lost pad 3")
+def test_a_track_that_vanishes_without_a_word_is_lost_too(world, news):
+    news.on_tracks((world.track(3),), world.situation())
+    (notice,) = news.on_tracks((), world.situation())
+    assert notice.code is LOST
+    assert "pad 3" in notice.text
 
 
-@pytest.mark.parametrize("told", [True, False])
-def test_what_turned_out_to_be_another_is_not_lost(world, announcer, told):
-    """Nor said to be new; also where a late frame swallowed the frame that told of its end."""
-    announcer.on_tracks((world.track(2, "pad"), world.track(3, "pad")), world.situation())
+@pytest.mark.parametrize("shown", [True, False])
+def test_what_turned_out_to_be_another_is_not_lost(world, news, shown):
+    """Nor found once more; also where a late frame swallowed the frame that showed its end."""
+    news.on_tracks((world.track(2, "pad"), world.track(3, "pad")), world.situation())
     replaced = world.track(3, "pad", state=TrackState.DROPPED, reason=Reason.REPLACED, replaced_by=2)
-    tracks = (world.track(2, "pad", position_ned=(0.0, 0.0, 0.0), replaces=(3,)), *([replaced] if told else []))
-    (text,) = words(announcer.on_tracks(tracks, world.situation()))
-    assert text == "pad 3 is pad 2: 47.397742, 8.545594 +-1.0 m"
+    tracks = (world.track(2, "pad", replaces=(3,)), *([replaced] if shown else []))
+    (notice,) = news.on_tracks(tracks, world.situation())
+    assert notice.code is MERGED
+    assert notice.text.startswith("pad 3 is pad 2: ")
 
 
-def test_what_was_never_believed_is_neither_found_nor_lost(world, announcer):
+def test_what_was_never_believed_is_neither_found_nor_lost(world, news):
     for state in (TrackState.TENTATIVE, TrackState.DROPPED):
-        assert announcer.on_tracks((world.track(state=state),), world.situation()) == []
+        assert news.on_tracks((world.track(state=state),), world.situation()) == []
 
 
-def test_without_a_global_position_the_place_is_told_from_the_vehicle(world, announcer):
+def test_without_a_global_position_the_place_is_given_from_the_vehicle(world, news):
     near = world.track(label="", position_ned=(4.0, -3.0, 0.0))
-    (text,) = words(announcer.on_tracks((near,), world.situation(plane=None)))
-    assert text == "found target 1: 4.0 m N 3.0 m W of vehicle +-1.0 m"[:50]
+    (notice,) = news.on_tracks((near,), world.situation(plane=None))
+    assert notice.text.startswith("found target 1: 4.0 m N 3.0 m W of vehicle, 95 % within ")
 
 
-def test_a_field_of_targets_does_not_fill_the_radio(world, announcer):
+def test_every_target_is_in_the_log_but_a_field_of_them_does_not_fill_the_radio(world, news, announcer):
     crowd = tuple(world.track(number) for number in range(1, 41))
-    assert len(announcer.on_tracks(crowd, world.situation())) == 4
-    later = world.situation(now=world.NOW + 2 * world.S)
-    out = announcer.on_tracks((*crowd, world.track(99)), later)
-    assert "(+36 more)" in "".join(words(out))
+    notices = news.on_tracks(crowd, world.situation())
+    assert codes(notices) == [FOUND] * 40
+    sent = [out for notice in notices for out in announcer.on_notice(notice, world.NOW)]
+    assert sum(out.fields["chunk_seq"] == 0 for out in sent) == 4
+    (later,) = news.on_tracks((*crowd, world.track(99)), world.situation())
+    out = announcer.on_notice(later, world.NOW + 2 * world.S)
+    assert "(+36 more)" in "".join(one.fields["text"] for one in out)
 
 
-def test_notices_for_the_ground_are_said_once_in_ten_seconds(world, announcer):
-    notice = Notice(Severity.WARNING, "camera lost", to_ground=True)
+def test_a_notice_for_the_ground_goes_to_the_ground_once_in_ten_seconds(world, announcer):
+    notice = for_ground()
     (out,) = announcer.on_notice(notice, world.NOW)
-    assert (out.fields["severity"], out.fields["text"]) == (4, "camera lost")
+    assert (out.fields["severity"], out.fields["text"], out.notice) == (4, notice.text, notice.code)
+    assert (out.to, out.component) == (Destination.GROUND, 191)
     assert announcer.on_notice(notice, world.NOW + 9 * world.S) == []
     assert announcer.on_notice(notice, world.NOW + 11 * world.S) != []
-    assert announcer.on_notice(Notice(Severity.INFO, "for the log"), world.NOW) == []
+    assert announcer.on_notice(Notice(CODE, Severity.INFO, "for the log"), world.NOW) == []
 
 
-def test_an_error_is_said_even_when_the_words_are_used_up(world, announcer):
-    announcer.on_tracks(tuple(world.track(number) for number in range(1, 9)), world.situation())
-    assert announcer.on_notice(Notice(Severity.INFO, "hello", to_ground=True), world.NOW) == []
-    (out,) = announcer.on_notice(Notice(Severity.ERROR, "disk full", to_ground=True), world.NOW)
+def test_an_error_is_sent_even_when_the_texts_are_used_up(world, announcer):
+    for number in range(8):
+        announcer.on_notice(for_ground(f"text {number}"), world.NOW)
+    assert announcer.on_notice(for_ground("hello", Severity.INFO), world.NOW) == []
+    (out,) = announcer.on_notice(for_ground("disk full", Severity.ERROR), world.NOW)
     assert out.fields["severity"] == 3
 
 
 def test_statustext_off_is_silence(world):
     announcer = Announcer(PublishOptions(statustext=False))
-    assert announcer.on_tracks((world.track(),), world.situation()) == []
-    assert announcer.on_notice(Notice(Severity.ERROR, "x", to_ground=True), world.NOW) == []
-
-
-READY = {
-    "attitude_hz": 98.2,
-    "wanted_attitude_hz": 100.0,
-    "clock_sigma_s": 0.0006,
-    "frames_hz": 30.1,
-    "expected_m": 0.41,
-    "height_m": 10.0,
-}
-
-
-def test_ready_in_one_line():
-    notice = ready_notice(Readiness(**READY))
-    assert notice.text == (
-        "ready: attitude 98 Hz, clock 0.6 ms, camera 30/s, expect 0.4 m at 10 m (relative to the vehicle)"
-    )
-    assert notice.to_ground
-
-
-@pytest.mark.parametrize(
-    ("changes", "text"),
-    [
-        ({"attitude_hz": None}, "not ready: no attitude from the autopilot"),
-        ({"attitude_hz": 0.0}, "not ready: no attitude from the autopilot"),
-        ({"clock_sigma_s": nan}, "not ready: the autopilot's clock is not known yet"),
-        ({"frames_hz": None}, "not ready: no pictures from the camera"),
-        ({"attitude_hz": 18.4}, "not ready: attitude 18 Hz, wanted 100 Hz"),
-        ({"trouble": "two autopilots", "attitude_hz": None}, "not ready: two autopilots"),
-    ],
-)
-def test_or_the_one_reason_why_not(changes, text):
-    notice = ready_notice(Readiness(**READY | changes))
-    assert (notice.text, notice.severity) == (text, Severity.WARNING)
+    assert announcer.on_notice(for_ground(severity=Severity.ERROR), world.NOW) == []

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import pytest
 from flying import Flight, fly
 
+from fwav_companion.types import NoticeCode
 from sitl_mock import TargetOptions, scenario
 from sitl_mock.clock import BootClock
 
@@ -156,7 +157,7 @@ def test_118_what_leaves_the_error_where_it_was(name, differences):
 
 def test_119_a_reboot_is_told_and_frames_meanwhile_are_held_back():
     flown = seen("rebooting")
-    assert sum("rebooted" in notice for notice in flown.companion.notices) == 1
+    assert flown.companion.codes.count(NoticeCode.AUTOPILOT_REBOOTED) == 1
     assert flown.companion.pipeline.status(flown.mock.end_ns)["telemetry"]["reboots"] == 1
     assert 15 < sum(held_back(flown).values()) < 35  # two seconds of ten frames, and the new clock's first
     after = [line for line in clock_errors(flown) if line.flight_s > 15.5]
@@ -313,13 +314,13 @@ RATES = [
         {"seconds": 26.0},
         "ATTITUDE_QUATERNION",
         100,
-        "255/190",
+        NoticeCode.RATE_FELL,
     ),
-    (402, "at most 0.8 of a loop of 50 Hz", "slow_loop", {}, "ATTITUDE_QUATERNION", 40, "accepted rate is 40.0 Hz"),
-    (403, "only REQUEST_DATA_STREAM", "old_rates", {}, "ATTITUDE", 100, "REQUEST_DATA_STREAM"),
-    (404, "no quaternion", "no_quaternion", {}, "ATTITUDE", 100, "pitch trim"),
-    (405, "a reboot forgets them", "rebooting", {}, "ATTITUDE_QUATERNION", 100, "rebooted"),
-    (406, "acknowledged and not sent", "px4_slow", {}, "ATTITUDE_QUATERNION", 18.4, "not ready: attitude"),
+    (402, "at most 0.8 of a loop of 50 Hz", "slow_loop", {}, "ATTITUDE_QUATERNION", 40, NoticeCode.RATE_REFUSED),
+    (403, "only REQUEST_DATA_STREAM", "old_rates", {}, "ATTITUDE", 100, NoticeCode.INTERVALS_UNKNOWN),
+    (404, "no quaternion", "no_quaternion", {}, "ATTITUDE", 100, NoticeCode.PITCH_TRIM_RESTORED),
+    (405, "a reboot forgets them", "rebooting", {}, "ATTITUDE_QUATERNION", 100, NoticeCode.AUTOPILOT_REBOOTED),
+    (406, "acknowledged and not sent", "px4_slow", {}, "ATTITUDE_QUATERNION", 18.4, NoticeCode.NOT_READY_SLOW_ATTITUDE),
 ]
 
 
@@ -333,7 +334,7 @@ def test_rates(name, differences, message, hz, said):
     status = flown.companion.pipeline.status(flown.mock.end_ns)
     assert status["telemetry"]["attitude_source"] == message
     assert status["telemetry"]["rates_hz"][message] == pytest.approx(hz, rel=0.05)
-    assert any(said in notice for notice in flown.companion.notices)
+    assert said in flown.companion.codes
 
 
 def test_407_the_thief_is_named_where_check_looks():

@@ -12,7 +12,7 @@ from fwav_companion.self_calibration.joint_filter import joint_of
 from fwav_companion.self_calibration.pixel_measurement import COMMON_COUNT
 from fwav_companion.self_calibration.prior_inflation import PriorInflation, prior_inflations
 from fwav_companion.tracking import TrackingOptions, make_tracker
-from fwav_companion.types import BIAS_COUNT, Bias, Severity
+from fwav_companion.types import BIAS_COUNT, Bias, NoticeCode
 
 TARGET = (2.0, 3.0)
 SIGMAS = np.array([0.01, 0.02, 0.02, 0.02, 0.03, 0.5, 0.0, 0.0, 0.0])
@@ -84,9 +84,9 @@ def test_a_height_or_a_mount_far_beyond_its_prior_is_found_and_told_and_bends_no
     assert error @ np.linalg.solve(np.array(track.cov)[:2, :2], error) < 13.8
 
     news = SelfCalibrationNotices(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), 0.0)
-    (told,) = (each.text for each in news.notices(report) if each.severity is Severity.WARNING)
+    (told,) = (each.text for each in news.notices(report) if each.code is NoticeCode.PRIOR_EXCEEDED)
     assert ("height_bias_m" if height_m else "mount_bias_deg") in told
-    assert not [each for each in news.notices(report) if each.severity is Severity.WARNING]
+    assert NoticeCode.PRIOR_EXCEEDED not in [each.code for each in news.notices(report)]
 
 
 def test_each_denied_prior_is_told_by_the_key_that_states_it():
@@ -98,7 +98,8 @@ def test_each_denied_prior_is_told_by_the_key_that_states_it():
         PriorInflation(SharedParameter.HEIGHT, 0.0, 0.5, 5.3),
     )
     news = SelfCalibrationNotices(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), 0.0)
-    told = [each for each in news.notices(msgspec.structs.replace(report, denied=denied)) if each.to_ground]
+    notices = news.notices(msgspec.structs.replace(report, denied=denied))
+    told = [each for each in notices if each.code is NoticeCode.PRIOR_EXCEEDED]
     for notice, figure, key in zip(
         told,
         ("+50 ms", "-6.0 degrees", "+5.3 m"),
@@ -126,7 +127,7 @@ def test_a_camera_that_was_moved_since_an_earlier_flight_is_calibrated_anew(kept
     assert np.degrees(report.mount) == pytest.approx([0.0, -1.0, 0.0], abs=0.3)
     news = SelfCalibrationNotices(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), 0.0)
     assert news.status(report)["replaced"]
-    assert "dropped" in next(each.text for each in news.notices(report) if each.severity is Severity.WARNING)
+    assert NoticeCode.CALIBRATION_DROPPED in [each.code for each in news.notices(report)]
 
 
 def test_a_camera_that_was_not_moved_keeps_its_calibration():

@@ -19,7 +19,7 @@ from fwav_companion.pipeline.pipeline_factory import WANTED, make_pipeline
 from fwav_companion.recording.events import end_line, refused_line
 from fwav_companion.recording.lines import Line, encode_line
 from fwav_companion.recording.tlog import tlog_record
-from fwav_companion.types import Frame, Outgoing
+from fwav_companion.types import Frame, NoticeCode, Outgoing
 from fwav_companion.vision.wall_clock import WallClock
 from fwav_companion.vision.wire import encode_frame, parse_frame
 from sitl_mock import Options, Simulation, simulate
@@ -64,6 +64,9 @@ class Companion:
         self.lines: list[Line] = []
         self.sent: list[tuple[HostNs, Outgoing]] = []
         self.notices: list[str] = []
+        """Texts of the notices, for the log."""
+        self.codes: list[NoticeCode] = []
+        """Their codes, in the same order."""
         self.tlog = bytearray()
         self.detections = bytearray()
         self._scanner = Scanner()
@@ -105,6 +108,20 @@ class Companion:
         self._flushed(now)
         self.detections += end_line(self._unix_us(now))
 
+    def texts(self, *codes: NoticeCode) -> list[str]:
+        """Texts of the notices with one of these codes."""
+        return [text for text, code in zip(self.notices, self.codes, strict=True) if code in codes]
+
+    def texts_to_ground(self, code: NoticeCode) -> list[str]:
+        """Texts of the STATUSTEXT with this code, their chunks joined."""
+        texts: list[str] = []
+        for _, each in self.sent:
+            if each.notice is code:
+                texts[len(texts) :] = [
+                    texts.pop() + each.fields["text"] if each.fields["chunk_seq"] else each.fields["text"]
+                ]
+        return texts
+
     def targets(self, label: str | None = None) -> list[Line]:
         """All target lines, of one label or of all."""
         return [each for each in self.lines if each["type"] == "target" and label in (None, each["label"])]
@@ -127,6 +144,7 @@ class Companion:
         outputs = self.pipeline.take()
         self.lines += outputs.lines
         self.notices += [notice.text for notice in outputs.notices]
+        self.codes += [notice.code for notice in outputs.notices]
         frames = []
         for outgoing in outputs.messages:
             self.sent.append((now, outgoing))

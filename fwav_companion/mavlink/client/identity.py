@@ -16,6 +16,8 @@ LISTEN_NS = 3 * NS_PER_S
 HEARTBEAT_INTERVAL_NS = NS_PER_S
 SILENCE_NS = 5 * NS_PER_S
 """Five missed heartbeats: what peers on the network allow each other."""
+OVERDUE_NS = 2 * NS_PER_S
+"""One missed heartbeat."""
 UNASSIGNED_SYSTEM = 1
 """The system id that our heartbeats carry until an autopilot is adopted."""
 MAX_CANDIDATES = 16
@@ -114,6 +116,10 @@ class Identity:
     def autopilot_lost(self) -> bool:
         """An autopilot was adopted, and is not heard now."""
         return self._lost
+
+    def heartbeat_overdue(self, now: HostNs) -> bool:
+        """Whether the adopted autopilot's heartbeat is late: it may be lost soon."""
+        return self._heard_ns is not None and now > self._heard_ns + OVERDUE_NS
 
     @property
     def wake_at(self) -> HostNs | None:

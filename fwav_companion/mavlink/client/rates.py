@@ -18,7 +18,7 @@ from fwav_companion.mavlink.client.rate_competitors import RateCompetitors
 from fwav_companion.mavlink.client.rate_requests import RateRequests
 from fwav_companion.mavlink.client.rate_stream import RateStream, StreamState
 from fwav_companion.mavlink.client.subscriptions import MESSAGE_IDS, ONLY_PX4
-from fwav_companion.types.messages import Message, Notice, Outgoing, Severity
+from fwav_companion.types.messages import Message, Notice, NoticeCode, Outgoing, Severity
 from fwav_companion.types.situation import Autopilot, AutopilotKind
 
 CHECK_NS = NS_PER_S
@@ -93,7 +93,8 @@ class Rates:
         if self._autopilot is None:
             return
         if self._takers.saw(who, now):
-            self._tell(Severity.INFO, f"{who} asks the autopilot for other message rates over our link: asked again")
+            text = f"{who} asks the autopilot for other message rates over our link: asked again"
+            self._tell(NoticeCode.RATES_TAKEN, Severity.INFO, text)
         self._now = now
         for stream in self._streams.values():
             if stream.state is StreamState.GRANTED:
@@ -154,6 +155,7 @@ class Rates:
             return
         stream.undone_by = self._takers.to_blame(self._autopilot, now)
         self._tell(
+            NoticeCode.RATE_FELL,
             Severity.WARNING,
             f"{stream.name} fell from {fell_from_hz:.1f} to {stream.meter.hz or 0.0:.1f} Hz"
             f" (undone by: {stream.undone_by}): asked again",
@@ -170,9 +172,11 @@ class Rates:
 
     def _tell_outcome(self, stream: RateStream) -> None:
         if stream.state is StreamState.DENIED:
-            self._tell(Severity.INFO, f"the autopilot does not send {stream.name}: refused at every rate")
+            text = f"the autopilot does not send {stream.name}: refused at every rate"
+            self._tell(NoticeCode.MESSAGE_REFUSED, Severity.INFO, text)
         elif stream.state is StreamState.GRANTED and stream.granted_hz < 0.99 * stream.wanted_hz:
             self._tell(
+                NoticeCode.RATE_REFUSED,
                 Severity.WARNING,
                 f"{stream.name} at {stream.wanted_hz:g} Hz is refused: the highest accepted rate is"
                 f" {stream.granted_hz:.1f} Hz (ArduPilot allows 0.8 SCHED_LOOP_RATE)",
@@ -180,7 +184,8 @@ class Rates:
 
     def _fall_back(self, now: HostNs) -> None:
         """The command itself is unknown over there: REQUEST_DATA_STREAM is what is left."""
-        self._tell(Severity.INFO, "the autopilot does not know SET_MESSAGE_INTERVAL: asking by REQUEST_DATA_STREAM")
+        text = "the autopilot does not know SET_MESSAGE_INTERVAL: asking by REQUEST_DATA_STREAM"
+        self._tell(NoticeCode.INTERVALS_UNKNOWN, Severity.INFO, text)
         for stream in self._streams.values():
             stream.want(self._wanted[stream.name], now)
         self._attitudes.fall_back(self._streams)
@@ -189,5 +194,5 @@ class Rates:
         autopilot = self._autopilot
         return autopilot is not None and message.system == autopilot.system and message.component == autopilot.component
 
-    def _tell(self, severity: Severity, text: str) -> None:
-        self._notices.append(Notice(severity, text))
+    def _tell(self, code: NoticeCode, severity: Severity, text: str) -> None:
+        self._notices.append(Notice(code, severity, text))
