@@ -88,13 +88,15 @@ def nothing_there(site: Site) -> None:
 
 
 @pytest.mark.timeout(120)
-def test_intervals_are_as_asked_for_and_end_by_either_spelling(site: Site):
+def test_intervals_are_as_asked_for_and_minus_one_stops(site: Site):
     with site.service() as service, site.mock("--scenario", "unbiased", seconds=60.0):
         site.ground.listen(until=GEO, count=3)
         assert rates(site) == {IMAGE: pytest.approx(10.0, abs=2.5), GEO: pytest.approx(10.0, abs=2.5)}
-        for message_id, stop_us in ((275, -1.0), (276, 0.0)):
-            assert site.ground.ask(CAMERA, SET_INTERVAL, message_id, stop_us)[0] == ACCEPTED
+        for message_id in (275, 276):
+            assert site.ground.ask(CAMERA, SET_INTERVAL, message_id, -1.0)[0] == ACCEPTED
         assert rates(site) == {IMAGE: 0.0, GEO: 0.0}
+        assert site.ground.ask(CAMERA, SET_INTERVAL, 276, 0.0)[0] == ACCEPTED
+        assert rates(site) == {IMAGE: 0.0, GEO: pytest.approx(10.0, abs=2.5)}
         assert site.ground.ask(CAMERA, SET_INTERVAL, 275, 500_000.0)[0] == ACCEPTED
         assert site.ground.ask(CAMERA, SET_INTERVAL, 276, 10.0)[0] == ACCEPTED
         told = rates(site)

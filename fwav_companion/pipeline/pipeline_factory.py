@@ -33,6 +33,7 @@ from fwav_companion.pipeline.components import Components
 from fwav_companion.pipeline.pipeline import Pipeline
 from fwav_companion.pipeline.target_log import TargetLog
 from fwav_companion.publishing.board_status import ONBOARD_COMPUTER_STATUS, requested_board_status
+from fwav_companion.publishing.camera_information import horizontal_fov_deg
 from fwav_companion.publishing.options import PublishOptions
 from fwav_companion.publishing.publisher import Publisher
 from fwav_companion.self_calibration import KeptCalibration
@@ -213,6 +214,8 @@ def _publish_options(config: Config, calibration: Calibration | None, unit: str)
     return PublishOptions(
         **shared | {"cot": bool(publish.cot)},
         image_size=(0, 0) if calibration is None else calibration.image_size,
+        hfov_deg=0.0 if calibration is None else horizontal_fov_deg(calibration.lens),
+        gimbal_device_id=config.camera.mount.gimbal_device_id,
         camera_position_m=config.camera.mount.lever_arm_m,
         companion_component=config.vehicle.component_id,
         camera_component=CAMERA_COMPONENT,

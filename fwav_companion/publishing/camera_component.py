@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from math import isfinite
+from math import isfinite, isnan
 from typing import Any
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
@@ -39,6 +39,7 @@ STATUS_NAMES = {
 DESCRIPTIONS: dict[int, tuple[str, Callable[[PublishOptions, HostNs], dict[str, Any] | None]]] = {
     enums.CAMERA_INFORMATION: ("CAMERA_INFORMATION", information.camera_information),
     enums.CAMERA_SETTINGS: ("CAMERA_SETTINGS", information.camera_settings),
+    enums.STORAGE_INFORMATION: ("STORAGE_INFORMATION", information.storage_information),
     enums.CAMERA_CAPTURE_STATUS: ("CAMERA_CAPTURE_STATUS", information.camera_capture_status),
     enums.VIDEO_STREAM_INFORMATION: ("VIDEO_STREAM_INFORMATION", information.video_stream_information),
     enums.VIDEO_STREAM_STATUS: ("VIDEO_STREAM_STATUS", information.video_stream_status),
@@ -48,12 +49,15 @@ OLD_REQUESTS = {
     enums.MAV_CMD_REQUEST_CAMERA_SETTINGS: enums.CAMERA_SETTINGS,
     enums.MAV_CMD_REQUEST_CAMERA_CAPTURE_STATUS: enums.CAMERA_CAPTURE_STATUS,
 }
-"""Commands that MAV_CMD_REQUEST_MESSAGE replaced, and that ground stations fall back to; param1 must be 1."""
-STREAM_REQUESTS = {
+"""Commands that MAV_CMD_REQUEST_MESSAGE replaced. param1 is 1, but Mission Planner sends 0 and means the same."""
+NUMBERED_REQUESTS = {
+    enums.MAV_CMD_REQUEST_STORAGE_INFORMATION: enums.STORAGE_INFORMATION,
     enums.MAV_CMD_REQUEST_VIDEO_STREAM_INFORMATION: enums.VIDEO_STREAM_INFORMATION,
     enums.MAV_CMD_REQUEST_VIDEO_STREAM_STATUS: enums.VIDEO_STREAM_STATUS,
 }
-"""The same, with the number of a stream, or 0 for all."""
+"""The same, with the number of a stream or storage in param1, or 0 for all."""
+NUMBERED = frozenset(NUMBERED_REQUESTS.values())
+"""Messages of which a number is requested: in param2 of MAV_CMD_REQUEST_MESSAGE."""
 CLICKED_NOTHING = {
     NoticeCode.CLICK_WITHOUT_CAMERA: "tracking: set [camera] calibration first",
     NoticeCode.CLICK_WITHOUT_TARGET: "tracking: no target there, click on a target",
@@ -124,11 +128,11 @@ class CameraComponent:
         """Do what an operator asks of the camera; None: it knows no such command."""
         match command.number:
             case enums.MAV_CMD_REQUEST_MESSAGE:
-                return self._on_request(command, _whole(command.params[0]), situation)
+                return self._on_request(command, situation)
             case enums.MAV_CMD_SET_MESSAGE_INTERVAL:
                 return self._on_set_interval(command, situation.now_ns)
             case enums.MAV_CMD_GET_MESSAGE_INTERVAL:
-                return self._on_get_interval(command)
+                return self._on_get_interval(command, command.params[0])
             case enums.MAV_CMD_CAMERA_TRACK_POINT:
                 return self._on_point(command, situation)
             case enums.MAV_CMD_CAMERA_TRACK_RECTANGLE:
@@ -137,24 +141,32 @@ class CameraComponent:
                 self._selection.stop()
                 return DONE
         if command.number in OLD_REQUESTS:
-            wanted = command.params[0] == 1.0
-            return self._on_request(command, OLD_REQUESTS[command.number], situation) if wanted else DENIED
-        if command.number in STREAM_REQUESTS:
-            known = command.params[0] in {0.0, float(information.STREAM)}
-            return self._on_request(command, STREAM_REQUESTS[command.number], situation) if known else DENIED
+            return self._describe(command, OLD_REQUESTS[command.number], situation, command.params[0])
+        if command.number in NUMBERED_REQUESTS:
+            return self._describe(command, NUMBERED_REQUESTS[command.number], situation, command.params[0])
         return None
 
-    def _on_request(self, command: Command, message_id: int | None, situation: Situation) -> CommandAnswer | None:
+    def _on_request(self, command: Command, situation: Situation) -> CommandAnswer | None:
+        message_id = _whole(command.params[0])
         if message_id in DESCRIPTIONS:
-            name, describe = DESCRIPTIONS[message_id]
-            described = describe(self._options, situation.now_ns)
-            return self._reply(command, name, described) if described is not None else None
+            number = command.params[1] if message_id in NUMBERED else 0.0
+            return self._describe(command, message_id, situation, number)
+        if message_id == enums.MESSAGE_INTERVAL:
+            return self._on_get_interval(command, command.params[1])
         if message_id in STATUS_NAMES:
             fields = self._status_fields(message_id, self._selection.selected, situation)
             if fields is None:
                 return CommandAnswer(CommandResult.FAILED)
             return self._reply(command, STATUS_NAMES[message_id], fields)
         return DENIED if message_id is None else None
+
+    def _describe(self, command: Command, message_id: int, situation: Situation, number: float) -> CommandAnswer | None:
+        """The requested description. ``number``: 1 for the only one of its kind; 0 or NaN, the default, for all."""
+        if number not in {0.0, 1.0} and not isnan(number):
+            return DENIED
+        name, describe = DESCRIPTIONS[message_id]
+        fields = describe(self._options, situation.now_ns)
+        return self._reply(command, name, fields) if fields is not None else None
 
     def _on_set_interval(self, command: Command, now: HostNs) -> CommandAnswer | None:
         message_id = _whole(command.params[0])
@@ -165,8 +177,8 @@ class CameraComponent:
         self._cadences[message_id].next_ns = now
         return DONE
 
-    def _on_get_interval(self, command: Command) -> CommandAnswer:
-        message_id = _whole(command.params[0])
+    def _on_get_interval(self, command: Command, of: float) -> CommandAnswer:
+        message_id = _whole(of)
         if message_id is None or message_id not in self._intervals:
             return DENIED
         interval_ns = self._intervals[message_id].ns

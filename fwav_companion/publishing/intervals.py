@@ -1,4 +1,4 @@
-"""How often a message is sent: by the configuration, until somebody asks for it otherwise."""
+"""Intervals of messages: by the configuration, until a station asks for another. Pure."""
 
 from __future__ import annotations
 
@@ -7,54 +7,69 @@ from math import isfinite
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, NS_PER_US, HostNs
 
 SHORTEST_NS = 20 * NS_PER_MS
-"""The camera guide's own example asks for 10 microseconds and means 10 Hz: nobody gets more than 50 a second."""
+"""The camera guide's own example asks for 10 microseconds and means 10 Hz: at most 50 Hz are sent."""
 LONGEST_NS = 60 * NS_PER_S
 MAX_REQUESTERS = 16
 UNASKED_NS = NS_PER_S // 2
-"""Through the autopilot's link nothing that was not asked for goes out more than twice a second."""
+"""Through the autopilot's link a message that no station asked for goes out at most twice a second."""
 
 
 class Interval:
-    """One message's interval. The fastest of those who ask decides; who stops it, stops it for himself."""
+    """Interval of one message. The shortest request counts; a station that stops the message stops it for itself."""
 
     def __init__(self, default_ns: int):
         self._default_ns = default_ns
         self._asked_ns: dict[tuple[int, int], int | None] = {}
+        self._at_default: set[tuple[int, int]] = set()
 
     @property
     def is_asked(self) -> bool:
-        """Somebody wants it at a rate of his own."""
-        return any(interval_ns is not None for interval_ns in self._asked_ns.values())
+        """Whether a station asked for an interval of its own."""
+        return any(
+            interval_ns is not None and requester not in self._at_default
+            for requester, interval_ns in self._asked_ns.items()
+        )
 
     @property
     def ns(self) -> int | None:
-        """Between two messages; None: those who asked have all stopped it."""
+        """Between two messages, nanoseconds; None where every station that asked has stopped it."""
         wanted = [interval_ns for interval_ns in self._asked_ns.values() if interval_ns is not None]
         if wanted:
             return min(wanted)
         return None if self._asked_ns else self._default_ns
 
     def ask(self, requester: tuple[int, int], interval_us: float) -> bool:
-        """SET_MESSAGE_INTERVAL's param2: -1 stops it, and so does 0, as the camera guide has it. False: no number."""
+        """Take param2 of SET_MESSAGE_INTERVAL: microseconds, 0 for the default interval, -1 to stop.
+
+        Returns False where it is not a finite number.
+        """
         if not isfinite(interval_us):
             return False
-        self._asked_ns.pop(requester, None)
+        self._forget(requester)
         if len(self._asked_ns) >= MAX_REQUESTERS:
-            del self._asked_ns[next(iter(self._asked_ns))]
-        asked_ns = min(max(round(interval_us * NS_PER_US), SHORTEST_NS), LONGEST_NS)
-        self._asked_ns[requester] = asked_ns if interval_us > 0.0 else None
+            self._forget(next(iter(self._asked_ns)))
+        if interval_us == 0.0:
+            self._at_default.add(requester)
+            self._asked_ns[requester] = self._default_ns
+        else:
+            asked_ns = min(max(round(interval_us * NS_PER_US), SHORTEST_NS), LONGEST_NS)
+            self._asked_ns[requester] = asked_ns if interval_us > 0.0 else None
         return True
+
+    def _forget(self, requester: tuple[int, int]) -> None:
+        self._asked_ns.pop(requester, None)
+        self._at_default.discard(requester)
 
 
 class Cadence:
-    """A clock that ticks at an interval which may change, and does not drift."""
+    """Instants at an interval that may change, without drift."""
 
     def __init__(self) -> None:
         self.next_ns: HostNs | None = None
-        """None until it is started."""
+        """The next instant; None until the first call of :meth:`tick`."""
 
     def tick(self, now: HostNs, interval_ns: int) -> bool:
-        """Whether it is time; the next time is then one interval later. Starts with a tick."""
+        """Whether the message is due; the next instant is then one interval later. The first call is due."""
         if self.next_ns is None:
             self.next_ns = HostNs(now + interval_ns)
             return True

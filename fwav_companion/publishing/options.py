@@ -32,6 +32,10 @@ class PublishOptions(msgspec.Struct, frozen=True, kw_only=True):
 
     image_size: tuple[int, int] = (0, 0)
     """Width, height of the calibration, pixels; (0, 0) without a camera."""
+    hfov_deg: float = 0.0
+    """Horizontal field of view by the calibration, degrees; 0: unknown."""
+    gimbal_device_id: int = 0
+    """Of the gimbal that carries the camera, as [camera.mount] has it; 0: none."""
     camera_position_m: Vector3 = ZERO3
     """[camera.mount] position_m, body FRD: without a global position targets are told relative to the camera."""
     companion_component: int = 191

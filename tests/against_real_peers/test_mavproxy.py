@@ -21,10 +21,10 @@ def site(tmp_path: Path):
     return site
 
 
-def station(site: Site, mavproxy: tuple[str, str]) -> Process:
+def station(site: Site, mavproxy: tuple[str, str], *target: str) -> Process:
     return process(
         f"--master=udpin:127.0.0.1:{site.ground.port}",
-        *("--target-system=1", "--target-component=100"),
+        *target,
         "--default-modules=link,cmdlong,misc,output",
         *("--logfile=station.tlog", f"--state-basedir={site.folder}", "--streamrate=-1"),
         folder=site.folder,
@@ -55,7 +55,7 @@ def wait_until_logged(site: Site, wanted: tuple[str, int]) -> None:
 def test_mavproxy_sees_the_vehicle_and_the_target_and_is_obeyed(site: Site, mavproxy: tuple[str, str]):
     with site.service() as service, site.mock("--scenario", "unbiased", seconds=60.0) as mock:
         service.wait_for("link ground is up")
-        with station(site, mavproxy) as peer:
+        with station(site, mavproxy, "--target-system=1", "--target-component=100") as peer:
             peer.wait_for(r"Detected vehicle 1:1 on link 0", SECONDS_S)
             peer.wait_for(r"Detected vehicle 1:100 on link 0", SECONDS_S)
             peer.tell("watch CAMERA_TRACKING_GEO_STATUS")
@@ -89,6 +89,22 @@ def test_mavproxy_sees_the_vehicle_and_the_target_and_is_obeyed(site: Site, mavp
     ours = read_by_us(site)
     assert len(messages) - 1 <= len(ours), "all but one that MAVProxy's end may have cut"
     assert ours == [(round(m._timestamp * 1e6), bytes(m.get_msgbuf())) for m in messages[: len(ours)]]
+
+
+@pytest.mark.timeout(400)
+def test_mavproxy_prints_our_texts_once_it_listens_to_every_component(site: Site, mavproxy: tuple[str, str]):
+    """As the README says: of itself it prints the texts of the autopilot's component alone."""
+    with site.service() as service, site.mock("--scenario", "unbiased", seconds=60.0) as mock:
+        service.wait_for("link ground is up")
+        with station(site, mavproxy) as peer:
+            peer.wait_for("online system 1", SECONDS_S)
+            service.wait_for("ready: ")
+            assert "AP: ready" not in peer.said
+            peer.tell("set target_component 0")
+            assert mock.stop() == 0
+            peer.wait_for("AP: autopilot lost: ", SECONDS_S)
+            peer.stop(signal.SIGINT)
+        assert service.stop() == 0
 
 
 def read_by_us(site: Site) -> list[tuple[int, bytes]]:

@@ -80,6 +80,32 @@ def test_mavsdk_sees_the_vehicle_and_the_target_and_is_obeyed(site: Site):
     assert any(text["text"].startswith("found target 1: 48.1") for text in messages["STATUSTEXT", 191])
 
 
+@pytest.mark.timeout(300)
+def test_mavsdks_camera_plugin_finds_the_camera_its_stream_and_its_storage(site: Site):
+    """By its own sequence of requests, old and new."""
+    site.replace('video_uri = ""', 'video_uri = "rtsp://10.0.0.2:8554/live"')
+    with site.service() as service, site.mock("--scenario", "unbiased", seconds=60.0) as mock:
+        service.wait_for("link ground is up")
+        program = (sys.executable, str(STATION.with_name("mavsdk_camera.py")))
+        with process(f"udpin://127.0.0.1:{site.ground.port}", folder=site.folder, program=program) as peer:
+            peer.wait_for(r'"stopped": true', SECONDS_S)
+            peer.stop()
+        assert service.stop() == 0
+        assert mock.stop() == 0
+    said = [json.loads(line) for line in peer.said.splitlines() if line.startswith("{")]
+    told = {name: value for line in said[:2] + said[3:] for name, value in line.items()}
+    assert (told["camera"], told["vendor"], told["model"]) == (100, "fwav-companion", "target localization")
+    assert told["size"] == [640, 480]
+    assert (told["mode"], told["storage"], told["video_on"]) == ("VIDEO", "NOT_SUPPORTED", False)
+    assert said[2] == {
+        "stream": 1,
+        "uri": "rtsp://10.0.0.2:8554/live",
+        "status": "IN_PROGRESS",
+        "size": [640, 480],
+        "fov_deg": pytest.approx(55.0),
+    }
+
+
 def _is_the_target(geo: dict[str, Any], true: dict[str, float]) -> None:
     north_m = (geo["lat"] / 1e7 - true["lat"]) * 111_320.0
     east_m = (geo["lon"] / 1e7 - true["lon"]) * 111_320.0 * cos(radians(true["lat"]))

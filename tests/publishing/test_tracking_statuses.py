@@ -135,16 +135,27 @@ def test_both_statuses_at_the_configured_rate_and_seldom_through_the_autopilots_
 
 
 @pytest.mark.parametrize(
-    ("interval_us", "hz"), [(500_000.0, 2), (50_000.0, 20), (10.0, 50), (1e30, 0.1), (-1.0, 0), (0.0, 0)]
+    ("interval_us", "hz"), [(500_000.0, 2), (50_000.0, 20), (10.0, 50), (1e30, 0.1), (-1.0, 0), (0.0, 10)]
 )
-def test_the_interval_on_request_with_both_spellings_of_stop(publisher, world, interval_us, hz):
+def test_the_interval_on_request_where_minus_one_stops_and_zero_is_the_default(publisher, world, interval_us, hz):
     run(publisher, world, 0.5, (1,))
     answer = publisher.on_command(command(511, 275.0, interval_us), world.situation(now=world.NOW + world.S))
     assert answer.result is CommandResult.ACCEPTED
     sent = run(publisher, world, 10.0, (1,), start=world.NOW + world.S)
     assert len(named(sent, IMAGE)) == pytest.approx(10 * hz, abs=1.5)
     assert len(named(sent, GEO)) == pytest.approx(100, abs=2)
-    assert {one.to for one in named(sent, IMAGE)} <= {Destination.GROUND}
+    if interval_us:
+        assert {one.to for one in named(sent, IMAGE)} <= {Destination.GROUND}
+
+
+def test_the_default_interval_is_not_one_that_was_asked_for(publisher, world):
+    """Through the autopilot's link it stays seldom; and a station that wants it gets it where another stopped it."""
+    now = world.NOW + world.S
+    publisher.on_command(command(511, 275.0, -1.0, sender=(254, 190)), world.situation(now=now))
+    publisher.on_command(command(511, 275.0, 0.0), world.situation(now=now))
+    sent = named(run(publisher, world, 10.0, (1,), start=now), IMAGE)
+    assert len(sent) == pytest.approx(100, abs=2)
+    assert sum(one.to is Destination.GROUND for one in sent) == pytest.approx(20, abs=1)
 
 
 def test_a_station_that_stops_it_stops_it_for_itself(publisher, world):
