@@ -149,6 +149,21 @@ def test_the_loss_of_the_autopilot_is_reported_alone():
     assert flown.companion.codes[-1] is NoticeCode.AUTOPILOT_LOST
 
 
+def test_when_the_autopilot_is_back_readiness_is_judged_again():
+    """It sends heartbeats now, and no attitude."""
+    flown, autopilot = flight("default"), Wire(1, 1)
+    companion, now_ns = flown.companion, flown.mock.end_ns
+    for second in range(1, 20):
+        if second > 10:
+            companion.on_bytes(autopilot.heartbeat(), now_ns + second * S)
+        companion.on_wake(now_ns + second * S + S // 2)
+    assert companion.codes[-3:] == [
+        NoticeCode.AUTOPILOT_LOST,
+        NoticeCode.AUTOPILOT_BACK,
+        NoticeCode.NOT_READY_NO_ATTITUDE,
+    ]
+
+
 def test_after_a_reboot_readiness_is_judged_again():
     assert readiness(flight("rebooting", seconds=26.0)) == [NoticeCode.READY] * 2
 

@@ -5,6 +5,7 @@ from math import hypot
 
 import pytest
 from flying import Companion, Flight, fly
+from mavlink_wire import Wire
 
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.types import NoticeCode
@@ -107,6 +108,14 @@ def test_each_landing_consumer_takes_every_landing_target_at_its_place(vehicle: 
     assert not precland.refused
     assert len(precland.accepted) > 200
     assert max(each["error_m"] for each in precland.accepted[-200:]) < 0.1
+
+
+def test_a_station_is_given_the_video_with_the_field_of_view_of_the_configured_lens():
+    companion = Companion(('publish.video_uri="rtsp://10.0.0.2/live"', "vehicle.system_id=1"))
+    ask = Wire(255, 190).frame("COMMAND_LONG", 1, 100, 512, 0, 269.0, *[0.0] * 6)
+    companion.on_bytes(ask, 1_000_000_000)
+    (stream,) = (each for _, each in companion.sent if each.name == "VIDEO_STREAM_INFORMATION")
+    assert (stream.fields["uri"], stream.fields["hfov"]) == ("rtsp://10.0.0.2/live", 55)
 
 
 def test_nothing_steers_a_landing_unless_it_is_asked_to():
