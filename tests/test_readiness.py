@@ -175,6 +175,17 @@ def test_a_target_is_found_in_the_log_and_at_the_ground():
     assert found == flown.companion.texts_to_ground(NoticeCode.TARGET_FOUND)
 
 
+def test_when_a_position_comes_late_targets_start_again_without_a_place_that_was_relative_to_the_vehicle():
+    flown = flight("late_gps", seconds=30.0)
+    codes = flown.companion.codes
+    origin = codes.index(NoticeCode.ORIGIN_SET)
+    assert NoticeCode.TARGET_FOUND in codes[:origin]
+    assert NoticeCode.TARGET_FOUND in codes[origin:]
+    assert NoticeCode.TARGET_LOST not in codes
+    (text,) = flown.companion.texts_to_ground(NoticeCode.ORIGIN_SET)
+    assert text.startswith(flown.companion.texts(NoticeCode.ORIGIN_SET)[0])
+
+
 def test_a_target_that_is_seen_no_more_is_lost_in_the_log_and_at_the_ground():
     class Blindfolded(Companion):
         def on_frame(self, frame: Mapping[str, Any], now_ns: int) -> list[bytes]:

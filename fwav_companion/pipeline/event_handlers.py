@@ -85,6 +85,7 @@ class EventHandlers:
                 case OriginSet(origin, late):
                     if late and self._rooms.sight is not None:
                         self._rooms.sight.drop_all(Reason.ORIGIN_SET)
+                        self._rooms.publisher.forget_targets()
                         self._ledger.settle(self._rooms.sight.settle(now), plane=None)
                     self._ledger.origin_moved_in(now, origin)
                     self._place_ground(now)

@@ -30,7 +30,7 @@ def notice_text(event: IdentityEvent | TelemetryEvent) -> tuple[Notice, ...]:
         case OriginSet(origin, late):
             text = f"origin {origin.lat_deg:.7f}, {origin.lon_deg:.7f}, {origin.alt_amsl_m:.1f} m AMSL"
             text += ": a position came late, all tracks start again" if late else ""
-            return (Notice(NoticeCode.ORIGIN_SET, Severity.INFO, text),)
+            return (Notice(NoticeCode.ORIGIN_SET, Severity.INFO, text, to_ground=late),)
         case RelativeWorld():
             text = "no global position: targets are relative to the point below the camera"
             return (Notice(NoticeCode.RELATIVE_WORLD, Severity.WARNING, text, to_ground=True),)

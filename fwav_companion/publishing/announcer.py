@@ -33,6 +33,10 @@ class TargetNotices:
     def __init__(self) -> None:
         self._found: dict[int, Track] = {}
 
+    def forget(self) -> None:
+        """Forget every target without a notice: all tracks ended, and another notice says why."""
+        self._found.clear()
+
     def on_tracks(self, tracks: tuple[Track, ...], situation: Situation) -> list[Notice]:
         """Notices for the tracks that were confirmed, ended, or merged with this frame."""
         notices = []

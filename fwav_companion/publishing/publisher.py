@@ -101,6 +101,10 @@ class Publisher:
         self.wake_at = self._next_due()
         return answer
 
+    def forget_targets(self) -> None:
+        """All tracks ended, and another notice says why: their places belong to a world that is gone."""
+        self._target_notices.forget()
+
     def on_notice(self, notice: Notice, now: HostNs) -> list[Outgoing]:
         """STATUSTEXT messages of a notice for the ground; none where [publish] statustext is off."""
         return self._announcer.on_notice(notice, now)

@@ -123,7 +123,8 @@ def obstacle(readiness: Readiness, reported: NoticeCode | None = None) -> Obstac
     enough = RECOVERED if reported is NoticeCode.NOT_READY_SLOW_ATTITUDE else SLOW
     if readiness.attitude_hz < enough * readiness.wanted_attitude_hz:
         rates = f"attitude at {readiness.attitude_hz:.0f} Hz, wanted {readiness.wanted_attitude_hz:.0f} Hz"
-        text = f"{rates}: raise SCHED_LOOP_RATE or the baud rate, or lower [rates] attitude"
+        limits = "raise SCHED_LOOP_RATE (ArduPilot) or MAV_0_RATE (PX4)"
+        text = f"{rates}: {limits}, stop other programs that set rates, or lower [rates] attitude"
         return Obstacle(NoticeCode.NOT_READY_SLOW_ATTITUDE, text)
     return None
 
@@ -133,7 +134,7 @@ def readiness_notice(readiness: Readiness, reported: NoticeCode | None = None) -
     found = obstacle(readiness, reported)
     if found is not None:
         return Notice(found.code, Severity.WARNING, f"not ready: {found.text}", to_ground=True)
-    accuracy = f"clock {1e3 * NORMAL_95 * readiness.clock_sigma_s:.1f} ms"
+    accuracy = f"clock {max(0.1, 1e3 * NORMAL_95 * readiness.clock_sigma_s):.1f} ms"
     if readiness.within95_m is not None and readiness.height_m is not None and isfinite(readiness.within95_m):
         from_height = f"(from {readiness.height_m:.0f} m, relative to the vehicle)"
         accuracy += f", target {readiness.within95_m:.1f} m {from_height}"
