@@ -1,15 +1,21 @@
-"""Notices for people: target found, lost, merged, each with place and accuracy; and notices as STATUSTEXT. Pure."""
+"""Notices for people: target found, lost, merged, each with place and accuracy; and notices as STATUSTEXT. Pure.
+
+STATUSTEXT (253) carries 50 bytes; a longer text goes out in chunks. A receiver takes a chunk with a zero byte for the
+last one: so every chunk but the last fills its 50 bytes, and the last does not. A character that would be cut in two
+goes to the next chunk, and spaces fill the gap.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
 
 from fwav_companion.geometry.ellipses import radius_95
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.publishing import enums
 from fwav_companion.publishing.options import PublishOptions
 from fwav_companion.publishing.selection import successor
-from fwav_companion.publishing.statustext import statustexts
 from fwav_companion.publishing.target_report import target_report
-from fwav_companion.types.messages import Notice, NoticeCode, Outgoing, Severity
+from fwav_companion.types.messages import Destination, Notice, NoticeCode, Outgoing, Severity
 from fwav_companion.types.situation import Situation
 from fwav_companion.types.tracks import Track, TrackState
 
@@ -19,6 +25,12 @@ REFILL_NS = NS_PER_S
 REPEATED_NS = 10 * NS_PER_S
 """An identical text is not sent again within this time."""
 MAX_REMEMBERED = 32
+CHUNK_BYTES = 50
+MAX_BYTES = 4 * CHUNK_BYTES
+"""Longer texts are cut: a radio carries them at the cost of telemetry."""
+ALONE = 0
+"""Id of a text that fits into one message."""
+ID_MODULUS = 0xFFFF
 SEVERITIES = {
     Severity.INFO: enums.MAV_SEVERITY_INFO,
     Severity.NOTICE: enums.MAV_SEVERITY_NOTICE,
@@ -109,6 +121,35 @@ class Announcer:
         self._refilled_ns = HostNs(self._refilled_ns + earned * REFILL_NS)
 
 
+def statustexts(
+    text: str,
+    severity: int,
+    *,
+    code: NoticeCode,
+    component: int,
+    number: int = 1,
+    to: Destination = Destination.GROUND,
+    link: str = "",
+) -> list[Outgoing]:
+    """STATUSTEXT messages of one text. ``number`` counts the sender's texts: receivers join chunks by it."""
+    encoded = _printable(text).encode(errors="replace")
+    if len(encoded) <= CHUNK_BYTES:
+        chunks, identity = [encoded.decode()], ALONE
+    else:
+        chunks, identity = list(_chunks(encoded[:MAX_BYTES])), 1 + number % ID_MODULUS
+    return [
+        Outgoing(
+            name="STATUSTEXT",
+            fields={"severity": severity, "text": chunk, "id": identity, "chunk_seq": sequence},
+            to=to,
+            component=component,
+            link=link,
+            notice=code,
+        )
+        for sequence, chunk in enumerate(chunks)
+    ]
+
+
 def _notice(code: NoticeCode, text: str) -> Notice:
     return Notice(code, Severity.NOTICE, text, to_ground=True)
 
@@ -135,3 +176,17 @@ def _name(track: Track) -> str:
 
 def _offset(metres: float, positive: str, negative: str) -> str:
     return f"{abs(metres):.1f} m {positive if metres >= 0.0 else negative}"
+
+
+def _chunks(encoded: bytes) -> Iterator[str]:
+    while len(encoded) >= CHUNK_BYTES:
+        whole = encoded[:CHUNK_BYTES].decode(errors="ignore")
+        size = len(whole.encode())
+        yield whole + " " * (CHUNK_BYTES - size)
+        encoded = encoded[size:]
+    yield encoded.decode(errors="ignore")
+
+
+def _printable(text: str) -> str:
+    """The text with spaces for control characters: a zero byte would end the text, a line break the line."""
+    return "".join(character if character.isprintable() else " " for character in text)

@@ -4,8 +4,8 @@ from math import inf
 
 import pytest
 
+from fwav_companion.publishing.announcer import MAX_BYTES
 from fwav_companion.publishing.readiness import Readiness, ReadinessReports, obstacle, readiness_notice
-from fwav_companion.publishing.statustext import MAX_BYTES
 from fwav_companion.types import NoticeCode, Reason, Severity
 
 S = 10**9

@@ -4,9 +4,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fwav_companion.publishing.announcer import Announcer, TargetNotices
+from fwav_companion.publishing.announcer import Announcer, TargetNotices, statustexts
 from fwav_companion.publishing.options import PublishOptions
-from fwav_companion.publishing.statustext import statustexts
 from fwav_companion.types import Destination, Notice, NoticeCode, Reason, Severity, TrackState
 
 CODE = NoticeCode.READY
