@@ -13,7 +13,7 @@ from fwav_companion.pipeline.components import Components
 from fwav_companion.pipeline.event_handlers import EventHandlers
 from fwav_companion.pipeline.output_buffer import OutputBuffer, Outputs
 from fwav_companion.pipeline.target_log import TargetLog
-from fwav_companion.publishing.board_status import onboard_computer_status
+from fwav_companion.publishing.ground_messages import onboard_computer_status
 from fwav_companion.recording.lines import Line, unix_seconds
 from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.telemetry import Telemetry

@@ -32,8 +32,8 @@ from fwav_companion.pipeline.camera_pipeline import CameraPipeline
 from fwav_companion.pipeline.components import Components
 from fwav_companion.pipeline.pipeline import Pipeline
 from fwav_companion.pipeline.target_log import TargetLog
-from fwav_companion.publishing.board_status import ONBOARD_COMPUTER_STATUS, requested_board_status
 from fwav_companion.publishing.camera_information import horizontal_fov_deg
+from fwav_companion.publishing.ground_messages import ONBOARD_COMPUTER_STATUS, requested_board_status
 from fwav_companion.publishing.options import PublishOptions
 from fwav_companion.publishing.publisher import Publisher
 from fwav_companion.self_calibration import KeptCalibration

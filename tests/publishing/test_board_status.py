@@ -7,7 +7,7 @@ from mavlink_wire import parse
 
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.mavlink.wire.codec import Encoder
-from fwav_companion.publishing.board_status import onboard_computer_status
+from fwav_companion.publishing.ground_messages import onboard_computer_status
 from fwav_companion.types import BoardReport, LinkLoad
 
 NOW = HostNs(12_345_678_000_000)
