@@ -10,17 +10,17 @@ from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.publishing import camera_information as information
 from fwav_companion.publishing import enums
 from fwav_companion.publishing.announcer import statustexts
-from fwav_companion.publishing.click_selection import (
+from fwav_companion.publishing.intervals import UNASKED_NS, Cadence, Interval
+from fwav_companion.publishing.options import PublishOptions
+from fwav_companion.publishing.selection import (
     Locate,
     Mark,
     Pictures,
     PixelFromNed,
+    Selection,
     moment_of_click,
     track_on_ground,
 )
-from fwav_companion.publishing.intervals import UNASKED_NS, Cadence, Interval
-from fwav_companion.publishing.options import PublishOptions
-from fwav_companion.publishing.selection import Selection
 from fwav_companion.publishing.tracking_status import FORGOTTEN_NS, ImagePlace, geo_status, image_status, pixel
 from fwav_companion.types.commands import Command, CommandAnswer, CommandResult
 from fwav_companion.types.messages import Destination, Notice, NoticeCode, Outgoing, Severity

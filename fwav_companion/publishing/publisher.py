@@ -8,13 +8,12 @@ from typing import Any
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.publishing.announcer import Announcer, TargetNotices
 from fwav_companion.publishing.camera_component import CameraComponent
-from fwav_companion.publishing.click_selection import Locate, PixelFromNed
 from fwav_companion.publishing.cot import NO_EVENT, cot_event
 from fwav_companion.publishing.ground_messages import adsb_vehicle, named_values
 from fwav_companion.publishing.intervals import UNASKED_NS, Cadence
 from fwav_companion.publishing.landing import Landing, StateAt
 from fwav_companion.publishing.options import PublishOptions
-from fwav_companion.publishing.selection import Selection
+from fwav_companion.publishing.selection import Locate, PixelFromNed, Selection
 from fwav_companion.publishing.tracking_status import FORGOTTEN_NS
 from fwav_companion.types.commands import Command, CommandAnswer
 from fwav_companion.types.messages import Destination, Notice, NoticeCode, Outgoing, Severity

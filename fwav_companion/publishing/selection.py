@@ -1,17 +1,40 @@
-"""Which one target is the selected one: what the operator clicked, else by the configuration's rule."""
+"""The selected target: by the operator's click, else by the configuration's rule. Pure.
+
+A click refers to the picture that was on the operator's screen, :attr:`PublishOptions.video_delay_s` ago. It selects
+the track whose mark it hits in that picture, or the track nearest to the clicked place on the ground.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections import deque
+from collections.abc import Callable, Iterable
+from math import hypot
+from typing import TypeAlias
 
+import msgspec
+
+from fwav_companion.geometry.stamps import NS_PER_MS, HostNs, ns_from_s, s_from_ns
+from fwav_companion.geometry.vectors import Vector3, add, larger_semi_axis, scale
 from fwav_companion.publishing.options import PublishOptions
+from fwav_companion.types.sightings import GroundFix
 from fwav_companion.types.tracks import Track, TrackState
 
+Locate: TypeAlias = Callable[[float, float, float, HostNs], GroundFix | None]
+"""(u, v, sigma_px, host_ns) -> the ground at that pixel of a picture taken then; None where it is not known."""
+PixelFromNed: TypeAlias = Callable[[Vector3], tuple[float, float] | None]
+"""Pixel of a place in the image of the frame just processed; None outside the image."""
+
 BELIEVED = frozenset({TrackState.CONFIRMED, TrackState.COASTING})
+MAX_PICTURES = 512
+MAX_APART_NS = 100 * NS_PER_MS
+"""A picture further than this from the clicked one shows another scene: half a beat at 5 Hz."""
+FINGER = 0.03
+"""Accuracy of a finger or mouse on a video, as a share of the image's width."""
+GATE_SIGMAS = 3.0
 
 
 class Selection:
-    """Feed it every frame's tracks; ask it for the selected one."""
+    """Chooses the selected target among the believed tracks of the newest frame."""
 
     def __init__(self, options: PublishOptions):
         self._by_rule = options.select == "best"
@@ -22,17 +45,17 @@ class Selection:
 
     @property
     def believed(self) -> dict[int, Track]:
-        """Confirmed and coasting tracks, by id, as they stood after the last frame."""
+        """Confirmed and coasting tracks after the newest frame, by id."""
         return self._believed
 
     @property
     def by_click(self) -> bool:
-        """The selected track is the operator's choice."""
+        """Whether the operator chose the selected track."""
         return self._clicked is not None
 
     @property
     def selected(self) -> Track | None:
-        """The selected track; None if there is none to select, or the operator stopped the tracking."""
+        """The selected track; None where no track is eligible, or the operator stopped the tracking."""
         if self._clicked is not None:
             return self._believed.get(self._clicked)
         if self._stopped or not self._by_rule:
@@ -41,26 +64,105 @@ class Selection:
         return min(eligible, key=seniority, default=None)
 
     def on_tracks(self, tracks: tuple[Track, ...]) -> None:
-        """Take the tracks as they stand after a frame."""
+        """Take the tracks after a frame."""
         self._believed = {track.id: track for track in tracks if track.state in BELIEVED}
         if self._clicked is not None and self._clicked not in self._believed:
             self._clicked = successor(self._clicked, self._believed.values())
 
     def click(self, track_id: int) -> None:
-        """The operator chose this track."""
+        """Select this track by the operator's choice."""
         self._clicked, self._stopped = track_id, False
 
     def stop(self) -> None:
-        """The operator wants none, until the next click."""
+        """Select no track until the next click."""
         self._clicked, self._stopped = None, True
 
 
 def successor(ended: int, tracks: Iterable[Track]) -> int | None:
-    """The track that an ended one turned out to be; None where it is just gone."""
+    """Id of the track that an ended track was merged into; None where it was not merged."""
     return next((track.id for track in tracks if ended in track.replaces), None)
 
 
 def seniority(track: Track) -> tuple[int, int]:
-    """Sorts by when a track was confirmed: the oldest first."""
+    """Sort key by the instant of confirmation: the oldest first."""
     confirmed_ns = track.confirmed_host_ns if track.confirmed_host_ns is not None else track.host_ns
     return (confirmed_ns, track.id)
+
+
+# Clicks.
+
+
+class Mark(msgspec.Struct, frozen=True, gc=False):
+    """One track in one picture."""
+
+    track: int
+    at: tuple[float, float]
+    """Position in the image, pixels."""
+    box: tuple[float, float, float, float] | None
+
+
+class Pictures:
+    """Marks of the tracks in the last few hundred pictures."""
+
+    def __init__(self, size: tuple[int, int]):
+        self._size = size
+        self._pictures: deque[tuple[HostNs, tuple[Mark, ...]]] = deque(maxlen=MAX_PICTURES)
+
+    @property
+    def finger_px(self) -> float:
+        """Accuracy of a click, pixels."""
+        return FINGER * self._size[0]
+
+    def add(self, host_ns: HostNs, marks: Iterable[Mark]) -> None:
+        """Keep the marks of a processed frame."""
+        self._pictures.append((host_ns, tuple(marks)))
+
+    def track_at(self, host_ns: HostNs, point: tuple[float, float], reach_px: float) -> int | None:
+        """The nearest track whose mark or box is within reach of the point, in the picture of that instant."""
+        hits = [
+            (hypot(mark.at[0] - point[0], mark.at[1] - point[1]), mark.track)
+            for mark in self._marks(host_ns)
+            if _distance(mark, point) <= max(reach_px, self.finger_px)
+        ]
+        return min(hits)[1] if hits else None
+
+    def track_in(self, host_ns: HostNs, low: tuple[float, float], high: tuple[float, float]) -> int | None:
+        """The track nearest to the rectangle's middle among those inside it, with a finger's width of slack."""
+        middle = (0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]))
+        slack = self.finger_px
+        hits = [
+            (hypot(mark.at[0] - middle[0], mark.at[1] - middle[1]), mark.track)
+            for mark in self._marks(host_ns)
+            if all(a - slack <= at <= b + slack for a, at, b in zip(low, mark.at, high, strict=True))
+        ]
+        return min(hits)[1] if hits else None
+
+    def _marks(self, host_ns: HostNs) -> tuple[Mark, ...]:
+        nearest = min(self._pictures, key=lambda picture: abs(picture[0] - host_ns), default=None)
+        return nearest[1] if nearest is not None and abs(nearest[0] - host_ns) <= MAX_APART_NS else ()
+
+
+def track_on_ground(fix: GroundFix, host_ns: HostNs, tracks: Iterable[Track]) -> int | None:
+    """The track nearest to a clicked place on the ground, within three sigma of both."""
+    hits = []
+    for track in tracks:
+        place = track.position_ned
+        if track.velocity_ned is not None:
+            place = add(place, scale(track.velocity_ned, s_from_ns(host_ns - track.host_ns)))
+        apart_m = hypot(place[0] - fix.position_ned[0], place[1] - fix.position_ned[1])
+        reach_m = GATE_SIGMAS * hypot(larger_semi_axis(fix.relative_cov), larger_semi_axis(track.relative_cov))
+        if apart_m <= reach_m:
+            hits.append((apart_m, track.id))
+    return min(hits)[1] if hits else None
+
+
+def moment_of_click(now: HostNs, video_delay_s: float) -> HostNs:
+    """Capture time of the picture that the operator saw."""
+    return HostNs(now - ns_from_s(video_delay_s))
+
+
+def _distance(mark: Mark, point: tuple[float, float]) -> float:
+    """Distance from the point to the mark's box in pixels, 0 inside; to the mark where it has no box."""
+    left, top, right, bottom = mark.box if mark.box is not None else (*mark.at, *mark.at)
+    u, v = point
+    return hypot(max(left - u, 0.0, u - right), max(top - v, 0.0, v - bottom))
