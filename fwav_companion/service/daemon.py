@@ -23,8 +23,7 @@ from fwav_companion.service.host_clock import HostClock
 from fwav_companion.service.journal import Journal
 from fwav_companion.service.latest_file import LatestFile, status_paths
 from fwav_companion.service.log import ServiceLog, warn
-from fwav_companion.service.network import make_node
-from fwav_companion.service.outgoing import Outbox
+from fwav_companion.service.network import Outbox, make_node
 from fwav_companion.service.service_factory import make_detections, make_map_link, make_recorder, make_vision
 from fwav_companion.service.signing_store import SigningStore
 from fwav_companion.service.status import StatusReport

@@ -1,21 +1,27 @@
-"""Our place in the MAVLink network, as the configuration has it."""
+"""SHELL: the daemon's place in the MAVLink network: the node of all links, and what leaves through it."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from difflib import get_close_matches
 
 from fwav_companion.config import Config
-from fwav_companion.errors import ConfigError
+from fwav_companion.errors import ConfigError, EncodeError
+from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.links.base import Link
 from fwav_companion.links.url import UdpUrl
+from fwav_companion.mavlink.router.coalescing import coalesced
 from fwav_companion.mavlink.router.node import LinkPolicy, Node, SigningPolicy
 from fwav_companion.mavlink.wire.definitions import BY_NAME
 from fwav_companion.pipeline.pipeline_factory import WANTED, own_components
+from fwav_companion.service.journal import Journal
+from fwav_companion.types import Outgoing
 
 
 def make_node(config: Config, signing_key: bytes | None, signing_timestamp: int) -> Node:
-    """The node of all links. ``signing_timestamp``: where signatures go on, if there is a key.
+    """The node of all links. ``signing_timestamp``: the first timestamp of our signatures, where there is a key.
 
-    ConfigError where a link's max_rate_hz names no message.
+    ConfigError where a link's max_rate_hz names an unknown message.
     """
     _require_message_names(config)
     policies = [
@@ -36,7 +42,7 @@ def make_node(config: Config, signing_key: bytes | None, signing_timestamp: int)
 
 
 def _require_message_names(config: Config) -> None:
-    """Here and not where the file is read: only who opens links needs MAVLink's definitions."""
+    """Check the message names here and not where the file is read: only the daemon needs MAVLink's definitions."""
     for number, link in enumerate(config.link, start=1):
         for name in link.max_rate_hz:
             if name not in BY_NAME:
@@ -44,3 +50,40 @@ def _require_message_names(config: Config) -> None:
                 accepted = f'did you mean "{near[0]}"?' if near else "accepted: a message of the ardupilotmega dialect"
                 where = f'{config.file}: [[link]] {number} "{link.name}" max_rate_hz'
                 raise ConfigError(f"{where}: no MAVLink message is called {name}; {accepted}")
+
+
+class Outbox:
+    """Sends our messages over the links of their destinations; all for one link at one time in one write."""
+
+    def __init__(
+        self,
+        node: Node,
+        links: Mapping[str, Link],
+        map_link: Link | None,
+        journal: Journal,
+        on_fault: Callable[[str, Exception], None],
+    ) -> None:
+        """``map_link``: the link of Cursor on Target. ``on_fault``: called for a message that cannot be encoded."""
+        self._node = node
+        self._links = links
+        self._map_link = map_link
+        self._journal = journal
+        self._on_fault = on_fault
+
+    def send(self, messages: Sequence[Outgoing], datagrams: Sequence[bytes], now: HostNs) -> None:
+        """Send all messages in order. A message that cannot be encoded is an internal fault; the others are sent."""
+        sends: list[tuple[str, bytes]] = []
+        for message in messages:
+            try:
+                frames = self._node.encode(message, now)
+            except EncodeError as error:
+                self._on_fault(f"{message.name} was not sent", error)
+                continue
+            sends += frames
+            if frames:
+                self._journal.sent(frames[0][1], now)
+        for name, data in coalesced(sends):
+            self._links[name].send(data)
+        if self._map_link is not None:
+            for datagram in datagrams:
+                self._map_link.send(datagram)

@@ -12,7 +12,7 @@ from fwav_companion.mavlink.wire.codec import decode
 from fwav_companion.mavlink.wire.scanner import Scanner
 from fwav_companion.service.daemon import Service
 from fwav_companion.service.journal import Journal
-from fwav_companion.service.outgoing import Outbox
+from fwav_companion.service.network import Outbox
 from fwav_companion.service.timer import NET_NS, PipelineTimer
 from fwav_companion.types import Destination, Outgoing
 
