@@ -19,7 +19,6 @@ from fwav_companion.mavlink.router.node import Received
 from fwav_companion.pipeline.pipeline_factory import make_pipeline
 from fwav_companion.service.board import BoardWatch, board_name, wall_clock_is_synchronised
 from fwav_companion.service.calibration_store import CalibrationStore
-from fwav_companion.service.host_clock import HostClock
 from fwav_companion.service.journal import Journal
 from fwav_companion.service.latest_file import LatestFile, status_paths
 from fwav_companion.service.log import ServiceLog, warn
@@ -28,7 +27,7 @@ from fwav_companion.service.service_factory import make_detections, make_map_lin
 from fwav_companion.service.signing_store import SigningStore
 from fwav_companion.service.status import StatusReport
 from fwav_companion.service.systemd_notify import SystemdNotifier
-from fwav_companion.service.timer import NET_NS, PipelineTimer
+from fwav_companion.service.timer import NET_NS, HostClock, PipelineTimer
 from fwav_companion.telemetry import Telemetry
 from fwav_companion.types import Frame, NoFrame
 from fwav_companion.vision.frame_receiver import FrameReceiver

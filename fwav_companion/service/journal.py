@@ -14,7 +14,7 @@ from fwav_companion.recording.events import began_with_line, end_line, refused_l
 from fwav_companion.recording.lines import Line
 from fwav_companion.recording.recorder import Recorder
 from fwav_companion.self_calibration import KeptCalibration
-from fwav_companion.service.host_clock import HostClock
+from fwav_companion.service.timer import HostClock
 from fwav_companion.types import Frame, NoFrame, Reason
 from fwav_companion.vision.wire import encode_frame
 

@@ -14,9 +14,9 @@ from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.links.base import Link
 from fwav_companion.mavlink.router.node import Node
 from fwav_companion.pipeline.pipeline import Pipeline
-from fwav_companion.service.host_clock import HostClock
 from fwav_companion.service.journal import Journal
 from fwav_companion.service.log import ServiceLog
+from fwav_companion.service.timer import HostClock
 from fwav_companion.vision.supervisor import VisionProcess
 
 

@@ -1,30 +1,61 @@
-"""When the flow is woken by the clock: only where nothing comes that would do what is due on its way.
+"""SHELL: the daemon's time: its clock of whole microseconds, and the timer that wakes the pipeline.
 
-A wake costs more than most of the work that is done in it. While telemetry flows, the next message is never far, and
-does what is due before its own work; the timer is then a net for the case that all falls silent at once.
+A wake costs more than most of the work done in it. While telemetry flows, the next message is near, and its handler
+does what is due before its own work: the timer is then a safety net for the case that all messages stop at once.
 """
 
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import Callable
 from typing import Any
 
-from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs
+from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, NS_PER_US, HostNs, whole_microseconds
+from fwav_companion.vision.frame_receiver import read_clocks
+from fwav_companion.vision.wall_clock import WallClock
 
 BUSY_NS = 20 * NS_PER_MS
-"""What comes more often than this does all that is due on its way: nothing that we send has a shorter interval."""
+"""Messages more frequent than this do all that is due: no message of ours has a shorter interval."""
 STEADY_NS = 100 * NS_PER_MS
-"""So long it must have come without a longer pause: autopilots send bursts, and what is due behind one is late."""
+"""Messages must have come this long without a longer pause: autopilots send bursts, and a gap follows each."""
 NET_NS = 200 * NS_PER_MS
-"""So late the timer finds what is due when a busy flow ends all at once; until then it rings five times a second."""
+"""Largest delay of what is due when a busy flow stops at once; until then the timer rings five times a second."""
+
+
+class HostClock:
+    """CLOCK_MONOTONIC in whole microseconds, with its offset to the recording's clock and to the wall clock."""
+
+    def __init__(self) -> None:
+        host_ns, unix_ns = read_clocks()
+        self.started_unix_ns = unix_ns
+        self.unix_offset_ns = (unix_ns - host_ns) // NS_PER_US * NS_PER_US
+        """Recording's clock minus host clock; fixed at the start, whatever sets the wall clock later."""
+        self.wall = WallClock(host_ns, unix_ns)
+        self._last_ns = host_ns
+
+    def now(self) -> HostNs:
+        """The present instant, different for each event, so that a recording replays in the same order."""
+        now = whole_microseconds(time.monotonic_ns())
+        self._last_ns = HostNs(max(now, self._last_ns + NS_PER_US))
+        return self._last_ns
+
+    def read(self) -> tuple[HostNs, int]:
+        """The present instant, and the wall clock at that instant in Unix nanoseconds."""
+        host_ns, unix_ns = read_clocks()
+        now = self.now()
+        return now, unix_ns + now - host_ns
+
+    def unix_us(self, now: HostNs) -> int:
+        """The instant on the recording's clock, microseconds."""
+        return (now + self.unix_offset_ns) // NS_PER_US
 
 
 class PipelineTimer:
-    """One timer. It is set anew only where it would ring too late: a ring for nothing is cheaper than setting it."""
+    """One timer. It is set again only where it would ring too late: a needless ring is cheaper than setting it."""
 
     def __init__(self, on_ring: Callable[[], None], call_at: Callable[[float, Callable[[], None]], Any] | None = None):
-        """``call_at``: of the event loop, the running one if not given; seconds of its clock, which is the host's."""
+        """``call_at``: of an event loop, by default the running one; in seconds of its clock, the host's."""
         self._on_ring = on_ring
         self._call_at = call_at
         self._timer: asyncio.TimerHandle | None = None
@@ -33,13 +64,13 @@ class PipelineTimer:
         self._busy = False
 
     def heard(self, now: HostNs) -> None:
-        """Something came that does what is due."""
+        """Note an event whose handler does what is due."""
         if now - self._heard_ns >= BUSY_NS:
             self._began_ns = now
         self._busy, self._heard_ns = now - self._began_ns >= STEADY_NS, now
 
     def arm(self, now: HostNs, due: HostNs | None, strict: HostNs | None = None) -> None:
-        """Ring by these instants: what whoever comes next does as well, and what nobody else does."""
+        """Ring by these instants. ``due``: the next event would do it as well; ``strict``: only the timer does it."""
         rings_ns = self._ring_ns(now, due, strict)
         if rings_ns is None or (self._rings_ns is not None and self._rings_ns <= rings_ns):
             return
@@ -49,7 +80,7 @@ class PipelineTimer:
         self._timer, self._rings_ns = call_at(rings_ns / NS_PER_S, self._ring), rings_ns
 
     def is_early(self, now: HostNs, due: HostNs | None, strict: HostNs | None = None) -> bool:
-        """After a ring: it was set for what has been done meanwhile, or is done by what still comes."""
+        """Whether a ring came for work that is done already, or that the next event will do."""
         self._busy = self._busy and now - self._heard_ns < BUSY_NS
         rings_ns = self._ring_ns(now, due, strict)
         return rings_ns is not None and rings_ns > now
