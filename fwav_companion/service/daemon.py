@@ -25,8 +25,7 @@ from fwav_companion.service.log import ServiceLog, warn
 from fwav_companion.service.network import Outbox, make_node
 from fwav_companion.service.service_factory import make_detections, make_map_link, make_recorder, make_vision
 from fwav_companion.service.signing_store import SigningStore
-from fwav_companion.service.status import StatusReport
-from fwav_companion.service.systemd_notify import SystemdNotifier
+from fwav_companion.service.status import StatusReport, SystemdNotifier
 from fwav_companion.service.timer import NET_NS, HostClock, PipelineTimer
 from fwav_companion.telemetry import Telemetry
 from fwav_companion.types import Frame, NoFrame

@@ -1,8 +1,9 @@
-"""SHELL: how this run is doing, as the status file has it."""
+"""SHELL: reports of this run: the object of the status file, and the messages to systemd (sd_notify(3))."""
 
 from __future__ import annotations
 
 import os
+import socket
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -21,7 +22,7 @@ from fwav_companion.vision.supervisor import VisionProcess
 
 
 class StatusReport:
-    """Asks every part; counts the frames that come, whatever becomes of them."""
+    """Collects the status of every part; counts the frames that arrive, used or not."""
 
     def __init__(
         self,
@@ -45,11 +46,11 @@ class StatusReport:
         self._came, self._came_ns = 0, HostNs(0)
 
     def frame_came(self, now: HostNs) -> None:
-        """From another process or from our own camera."""
+        """Count a frame from another process or from our own camera."""
         self._came, self._came_ns = self._came + 1, now
 
     def as_object(self, now: HostNs) -> dict[str, object]:
-        """For JSON."""
+        """Content of the status file, for JSON."""
         return {
             "version": __version__,
             "pid": os.getpid(),
@@ -69,3 +70,56 @@ class StatusReport:
             "recording": self._journal.state,
             **self._pipeline.status(now),
         }
+
+
+class SystemdNotifier:
+    """Messages of a Type=notify service over systemd's datagram socket; none elsewhere. Never blocks, never raises."""
+
+    def __init__(self, environment: Mapping[str, str] = os.environ) -> None:
+        """``environment``: with $NOTIFY_SOCKET and $WATCHDOG_USEC as systemd sets them."""
+        path = environment.get("NOTIFY_SOCKET", "")
+        self._address = f"\0{path[1:]}" if path.startswith("@") else path
+        self._socket: socket.socket | None = None
+        if path.startswith(("@", "/")):
+            self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC)
+            self._socket.setblocking(False)
+        self.watchdog_period_s: float | None = _watchdog_period_s(environment) if self._socket is not None else None
+        """Interval at which :meth:`alive` is expected, seconds: half of systemd's limit. None: no watchdog."""
+
+    def ready(self) -> None:
+        """Report that the start is done: links are configured."""
+        self._send("READY=1")
+
+    def stopping(self) -> None:
+        """Report that a clean stop has begun."""
+        self._send("STOPPING=1")
+
+    def alive(self) -> None:
+        """Ping the watchdog."""
+        self._send("WATCHDOG=1")
+
+    def status(self, text: str) -> None:
+        """Set the line of ``systemctl status``."""
+        self._send(f"STATUS={' '.join(text.split())}")
+
+    def close(self) -> None:
+        """Release the socket."""
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+
+    def _send(self, message: str) -> None:
+        if self._socket is None:
+            return
+        try:
+            self._socket.sendto(message.encode(errors="replace"), self._address)
+        except OSError:  # the manager is restarting or busy: the service goes on, the next message may arrive
+            return
+
+
+def _watchdog_period_s(environment: Mapping[str, str]) -> float | None:
+    """Half of $WATCHDOG_USEC, if it is meant for this process."""
+    microseconds, pid = environment.get("WATCHDOG_USEC", ""), environment.get("WATCHDOG_PID", "")
+    if not microseconds.isdecimal() or int(microseconds) == 0 or pid not in ("", str(os.getpid())):
+        return None
+    return int(microseconds) * 1e-6 / 2

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from fwav_companion.service.systemd_notify import SystemdNotifier
+from fwav_companion.service.status import SystemdNotifier
 
 
 @pytest.fixture(name="manager", params=["path", "abstract"])

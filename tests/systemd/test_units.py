@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from fwav_companion.config import load
-from fwav_companion.service.systemd_notify import SystemdNotifier
+from fwav_companion.service.status import SystemdNotifier
 
 FOLDER = Path(__file__).parents[2] / "systemd"
 UNIT = FOLDER / "fwav-companion.service"
