@@ -1,4 +1,4 @@
-"""SHELL: the board that we run on: how busy it is, what it is called, whether its wall clock can be believed."""
+"""SHELL: the board that we run on: its load, its name, and whether its wall clock is synchronised."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.types.board import BoardReport, LinkLoad
 
 NAME_LENGTH = 12
-"""Hexadecimal digits: enough that no two boards of one operation are called alike."""
+"""Hexadecimal digits: enough to tell the boards of one operation apart."""
 TIME_ERROR = 5
-"""What adjtimex(2) gives back while nothing keeps the clock synchronised."""
+"""Return value of adjtimex(2) while the clock is not synchronised."""
 TIMEX_BYTES = 256
-"""More than any struct timex has."""
+"""An upper bound of the size of struct timex."""
 
 
 def board_name(machine_id: Path = Path("/etc/machine-id")) -> str:
-    """A name that outlives restarts and tells nothing: machine-id(5) asks that the id itself be kept private."""
+    """A name that is the same after a restart: a hash, because machine-id(5) asks to keep the id itself private."""
     try:
         secret = machine_id.read_text().strip()
     except (OSError, UnicodeDecodeError):
@@ -28,8 +28,8 @@ def board_name(machine_id: Path = Path("/etc/machine-id")) -> str:
 
 
 def wall_clock_is_synchronised() -> bool:
-    """By the kernel, which NTP daemons tell (adjtimex(2) with nothing to adjust, which everybody may call)."""
-    import ctypes  # most boards never ask
+    """The kernel's flag, which NTP daemons set (adjtimex(2) without an adjustment needs no privilege)."""
+    import ctypes  # needed only where Cursor on Target is sent
 
     try:
         state: int = ctypes.CDLL(None).adjtimex(ctypes.create_string_buffer(TIMEX_BYTES))
@@ -39,10 +39,10 @@ def wall_clock_is_synchronised() -> bool:
 
 
 class BoardWatch:
-    """Tells the load since it was asked last."""
+    """Measures the load since the previous report."""
 
     def __init__(self, serial: Mapping[str, bool], proc: Path = Path("/proc"), sys: Path = Path("/sys")) -> None:
-        """``serial``: by link's name, whether it is a serial line."""
+        """``serial``: by name of the link, whether it is a serial line."""
         self._serial = serial
         self._proc = proc
         self._celsius = sys / "class/thermal/thermal_zone0/temp"
@@ -53,7 +53,7 @@ class BoardWatch:
     def report(
         self, links: Mapping[str, Mapping[str, object]], utc_minus_host_s: float | None, now: HostNs
     ) -> BoardReport:
-        """``links``: their status by name."""
+        """The load since the previous report. ``links``: their status by name."""
         ram_total_mib, ram_used_mib = self._ram()
         return BoardReport(
             cpu=self._cpu(),
@@ -91,8 +91,8 @@ class BoardWatch:
         return kib["MemTotal"] // 1024, (kib["MemTotal"] - kib["MemAvailable"]) // 1024
 
     def _core_celsius(self) -> float | None:
-        told = _text(self._celsius).strip()
-        return int(told) / 1000.0 if told.removeprefix("-").isdecimal() else None
+        milli = _text(self._celsius).strip()
+        return int(milli) / 1000.0 if milli.removeprefix("-").isdecimal() else None
 
     def _loads(self, links: Mapping[str, Mapping[str, object]], now: HostNs) -> tuple[LinkLoad, ...]:
         elapsed_s = 0.0 if self._taken_ns is None else s_from_ns(now - self._taken_ns)
@@ -111,7 +111,7 @@ class BoardWatch:
 
 
 def _text(path: Path) -> str:
-    """Of a file of the kernel's; "" where there is none."""
+    """Text of a file of the kernel; "" where the file does not exist."""
     try:
         return path.read_text()
     except (OSError, UnicodeDecodeError):

@@ -1,4 +1,4 @@
-"""SHELL: what self-calibration found, kept for the next flight of the same camera on the same mount."""
+"""SHELL: the result of self-calibration, kept for the next flight of the same camera on the same mount."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from fwav_companion.service.latest_file import LatestFile, state_path
 
 NAME = "calibration.json"
 EVERY_TICKS = 60
-"""Once a minute, as it hardly changes; and at the end."""
+"""Written once a minute, since it hardly changes, and at the end."""
 
 
 class _Kept(msgspec.Struct):
-    """The file: expired when the camera file, the mount or the configured offset change."""
+    """The file. It expires when the camera file, the mount or the configured offset changes."""
 
     camera: str
     calibration: KeptCalibration
 
 
 class CalibrationStore:
-    """Reads at the start, writes once a minute; nothing where there is no state directory or no self-calibration."""
+    """Reads the file at the start and writes it once a minute; does neither without a state directory."""
 
     def __init__(self, config: Config, on_failure: Callable[[str], None]) -> None:
         directory = config.state.directory
@@ -36,7 +36,7 @@ class CalibrationStore:
         self._latest: KeptCalibration | None = None
 
     def kept(self) -> KeptCalibration | None:
-        """Of an earlier flight; None where there is none, it is of another camera, or it is damaged."""
+        """Calibration of an earlier flight; None where it is missing, damaged, or of another camera."""
         if self._path is None:
             return None
         try:
@@ -46,19 +46,19 @@ class CalibrationStore:
         return kept.calibration if kept.camera == self._camera and kept.calibration.is_sound else None
 
     def start(self) -> None:
-        """Begin writing."""
+        """Start the writer."""
         if self._file is not None:
             self._file.start()
 
     def tick(self, found: KeptCalibration | None) -> None:
-        """Once a second."""
+        """Take the newest result, once a second."""
         self._latest = found or self._latest
         self._ticks += 1
         if self._ticks % EVERY_TICKS == 0:
             self._write()
 
     def close(self, timeout_s: float) -> None:
-        """Write the last word."""
+        """Write the newest result and stop the writer."""
         self._write()
         if self._file is not None:
             self._file.close(timeout_s)
@@ -69,6 +69,6 @@ class CalibrationStore:
 
 
 def _fingerprint(config: Config) -> str:
-    """Of everything about the camera: its calibration, mount, delay and readout as configured."""
+    """Hash of the configured camera: its calibration file, mount, delay and readout."""
     described = msgspec.json.encode(config.camera) + config.calibration_path.read_bytes()
     return hashlib.sha256(described).hexdigest()

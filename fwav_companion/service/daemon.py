@@ -1,4 +1,4 @@
-"""SHELL: the daemon. It moves bytes between links and the pipeline, arms the timer, and does nothing else."""
+"""SHELL: the daemon. It moves bytes between the links and the pipeline, and sets the timer."""
 
 from __future__ import annotations
 
@@ -32,21 +32,21 @@ from fwav_companion.types import Frame, NoFrame
 from fwav_companion.vision.frame_receiver import FrameReceiver
 
 FILE_STOP_S = 0.4
-"""For each file's last words: four of them stay below the two seconds that are promised for a stop."""
+"""Time to close each file: four of them stay below the two seconds that a stop may take."""
 STATUS_INTERVAL_S = 1.0
 BOARD_TICKS = 5
-"""Once so often, in status intervals, ground stations are told how the board is doing."""
+"""Interval of ONBOARD_COMPUTER_STATUS, in status intervals."""
 WITNESS_INTERVAL_S = 0.2
 
 
 class Witness(Protocol):
-    """Somebody who watches the service work."""
+    """Observer of a running service."""
 
     def on_frame(self, frame: Frame | NoFrame) -> None:
-        """A frame came."""
+        """Take a frame that arrived."""
 
     def enough(self, status: Mapping[str, object], telemetry: Telemetry) -> bool:
-        """Asked a few times a second: what the status file would say, and the vehicle."""
+        """Whether the service may stop; called a few times a second with the status object and the vehicle."""
 
 
 class Service:
@@ -62,10 +62,10 @@ class Service:
         beside_recording: Mapping[str, bytes],
         attitudes_kept_s: float | None = None,
     ) -> None:
-        """``elevation``: what [ground] terrain names.
+        """``elevation``: the tiles of [ground] terrain.
 
         ``beside_recording``: files that are kept with a flight's recording, by name. ``attitudes_kept_s``: for a
-        witness who asks for the vehicle afterwards.
+        witness that reads the vehicle's attitudes afterwards.
         """
         self._config = config
         self._sayings = ServiceLog(config)
@@ -109,7 +109,7 @@ class Service:
         self._witness: Witness | None = None
 
     async def run(self) -> None:
-        """Until SIGTERM or SIGINT; then it stops within two seconds."""
+        """Run until SIGTERM or SIGINT, then stop within two seconds."""
         loop = asyncio.get_running_loop()
         for number in (signal.SIGTERM, signal.SIGINT):
             loop.add_signal_handler(number, self._stop.set)
@@ -120,7 +120,7 @@ class Service:
         self._close()
 
     async def listen(self, seconds: float) -> dict[str, object]:
-        """Run for so long; what the status file would say at the end. For ``check``."""
+        """Run for this time and return the status object of its end. For ``check``."""
         self._start()
         try:
             await asyncio.sleep(seconds)
@@ -135,7 +135,7 @@ class Service:
         self._start()
         try:
             while not witness.enough(self._status.as_object(self._clock.now()), self._pipeline.telemetry):  # noqa: ASYNC110
-                # Whether it is enough hangs on the time as well: there is no event to wait for.
+                # The answer depends on the time as well: there is no event to wait for.
                 await asyncio.sleep(WITNESS_INTERVAL_S)
         finally:
             self._close()
@@ -178,7 +178,7 @@ class Service:
             self._links[name].send(data)
         self._journal.received(received.frames, now)
         if not received.messages and not received.rate_request:
-            if self._node.wake_at is not None:  # a stream left something undecided, and may say no more
+            if self._node.wake_at is not None:  # an incomplete frame waits, and may get no further byte
                 self._arm(now)
             return
         self._heard(now)
@@ -199,7 +199,7 @@ class Service:
         self._flush(now)
 
     def _heard(self, now: HostNs) -> None:
-        """Something came: what is due is done, and has left before its work begins. A TIMESYNC must not wait for it."""
+        """Do and send what is due before the event's own work: a TIMESYNC must not wait for it."""
         self._alarm.heard(now)
         due = self._pipeline.wake_at
         if due is not None and due <= now:
@@ -217,7 +217,7 @@ class Service:
         self._flush(now)
 
     def _tick(self) -> None:
-        """Once a second: the status file, and the watchdog's bone."""
+        """Write the status file and ping the systemd watchdog, once a second."""
         asyncio.get_running_loop().call_later(STATUS_INTERVAL_S, self._tick)
         now = self._clock.now()
         self._status_file.write(msgspec.json.encode(self._status.as_object(now)))
@@ -230,7 +230,7 @@ class Service:
         self._calibrations.tick(self._pipeline.calibration_to_keep)
 
     def _look_at_board(self, now: HostNs) -> None:
-        """The wall clock is asked only where somebody wants UTC of us."""
+        """Report the board's load. The wall clock is read only where Cursor on Target is sent."""
         believed = self._map_link is not None and wall_clock_is_synchronised()
         read_ns, unix_ns = self._clock.read()
         utc_minus_host_s = (unix_ns - read_ns) / NS_PER_S if believed else None
@@ -241,7 +241,7 @@ class Service:
     # What goes out.
 
     def _flush(self, now: HostNs) -> None:
-        if self._pipeline.has_outputs:  # most messages leave nothing to be done
+        if self._pipeline.has_outputs:  # most messages make none
             outputs = self._pipeline.take()
             self._node.adopt(self._pipeline.system)
             self._outbox.send(outputs.messages, outputs.datagrams, now)
@@ -253,7 +253,7 @@ class Service:
     def _arm(self, now: HostNs) -> None:
         self._alarm.arm(now, self._pipeline.wake_at, self._node.wake_at)
 
-    # What is told.
+    # State of the parts.
 
     def _on_link_state(self, name: str, up: bool, why: str) -> None:
         self._sayings.link_changed(name, up, why)
@@ -264,9 +264,9 @@ class Service:
         self._on_internal_fault(asyncio.get_running_loop(), {"message": message, "exception": error})
 
     def _on_internal_fault(self, _loop: asyncio.AbstractEventLoop, context: dict[str, object]) -> None:
-        """A mistake of ours: say it, fall silent for a while as MAVLink demands, and go on.
+        """Log an internal fault, stop the heartbeats for a while as MAVLink demands, and go on.
 
-        Whatever it broke off may be due still, and set no timer. It is not tried again at once: that would never end.
+        The interrupted work may still be due, and has set no timer. It is not repeated at once: that would not end.
         """
         now = self._clock.now()
         self._sayings.faulted(context)

@@ -1,4 +1,4 @@
-"""SHELL: what is kept of the flight, where anything is: what came, what left, and what was found."""
+"""SHELL: the recording of the flight: what arrived, what was sent, and what was found."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from fwav_companion.vision.wire import encode_frame
 
 
 class Journal:
-    """Tells a recorder, on the recording's clock, and in the order in which a replay must do it all again."""
+    """Feeds the recorder, on the recording's clock, in the order in which a replay repeats the events."""
 
     def __init__(self, recorder: Recorder | None, clock: HostClock) -> None:
-        """``recorder``: None where nothing is to be kept."""
+        """``recorder``: None where recording is off."""
         self._recorder = recorder
         self._clock = clock
         self._refused: Counter[Reason] = Counter()
 
     def start(self, kept: KeptCalibration | None) -> None:
-        """Begin; ``kept`` is what this flight knows of an earlier one."""
+        """Start the recorder. ``kept``: calibration of an earlier flight, with which this one starts."""
         if self._recorder is None:
             return
         self._recorder.start()
@@ -38,51 +38,51 @@ class Journal:
             self._recorder.detection(unix_us, began_with_line(unix_us, msgspec.to_builtins(kept)))
 
     def close(self, timeout_s: float) -> None:
-        """Write what waits, for so long at most."""
+        """Write what waits, for at most this time."""
         if self._recorder is not None:
             self._recorder.close(timeout_s)
 
     def received(self, frames: Sequence[RawFrame], now: HostNs) -> None:
-        """MAVLink came. A key's traces are not kept."""
+        """Record received frames, without signatures and SETUP_SIGNING: no trace of a key."""
         if self._recorder is not None:
             for frame in frames:
                 self._recorder.telemetry(self._clock.unix_us(now), unsigned(frame))
 
     def sent(self, frame: bytes, now: HostNs) -> None:
-        """A message of ours left, by however many links."""
+        """Record a message of ours once, whatever the number of its links."""
         if self._recorder is not None:
             self._recorder.telemetry(self._clock.unix_us(now), without_signature(frame))
 
     def frame(self, frame: Frame | NoFrame, now: HostNs) -> None:
-        """A picture's detections came, or what was none: these are counted for the next :meth:`tick`."""
+        """Record a frame of detections; count a refused one for the next :meth:`tick`."""
         if isinstance(frame, NoFrame):
             self._refused[frame.reason] += 1
         elif self._recorder is not None:
             self._recorder.detection(self._clock.unix_us(now), encode_frame(frame, self._clock.unix_offset_ns))
 
     def found(self, lines: Sequence[Line], now: HostNs) -> None:
-        """Lines of the targets file."""
+        """Record lines of the targets file."""
         if self._recorder is not None:
             for line in lines:
                 self._recorder.target(self._clock.unix_us(now), line)
 
     def armed(self, armed: bool, now: HostNs) -> None:
-        """Whether the vehicle is armed decides what is kept; to be told as often as one likes."""
+        """Take the armed state, which may decide what is recorded; repeated calls do no harm."""
         if self._recorder is not None:
             self._recorder.on_armed(armed, self._clock.unix_us(now))
 
     def tick(self, now: HostNs) -> None:
-        """Once a second: what was refused meanwhile."""
+        """Record the counts of refused frames, once a second."""
         if self._refused and self._recorder is not None:
             self._recorder.detection(self._clock.unix_us(now), refused_line(self._clock.unix_us(now), self._refused))
         self._refused.clear()
 
     def end(self, now: HostNs) -> None:
-        """Nothing comes after this."""
+        """Record the end of the flight: no event follows."""
         if self._recorder is not None:
             self._recorder.detection(self._clock.unix_us(now), end_line(self._clock.unix_us(now)))
 
     @property
     def state(self) -> str | None:
-        """For the status file: the folder, why it failed, or what it waits for; None where nothing is kept."""
+        """For the status file: the folder, why recording failed, or what it waits for; None where it is off."""
         return None if self._recorder is None else self._recorder.state

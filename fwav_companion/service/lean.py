@@ -1,4 +1,7 @@
-"""Memory that the daemon need not carry, nor look through: on a small board both are worth a few lines."""
+"""Memory that the daemon does not need, and garbage collection that it does not need: for small boards.
+
+A file of its own, because it runs before asyncio and hashlib are imported.
+"""
 
 from __future__ import annotations
 
@@ -8,11 +11,11 @@ from typing import cast
 
 
 def spare_memory() -> None:
-    """To be called before asyncio is imported, in a process that is the daemon and nothing else.
+    """Keep OpenSSL and pymavlink's descriptions out of memory. Call before asyncio is imported, in the daemon alone.
 
-    asyncio and hashlib are made to do without OpenSSL, as on a Python that was built without it: 6 MiB. We open no
-    such connection, and Python's own SHA-256 takes 0.2 us longer on a frame. pymavlink's texts about enumerations are
-    3 MiB; what is imported afterwards gets their place.
+    asyncio and hashlib work without OpenSSL, as on a Python that was built without it: 6 MiB. The daemon opens no TLS
+    connection, and Python's own SHA-256 takes 0.2 us longer on a frame. pymavlink's texts about enumerations are 3 MiB;
+    later imports reuse that memory.
     """
     for name in ("ssl", "_hashlib"):
         cast("dict[str, object]", sys.modules).setdefault(name, None)  # an import of it then fails
@@ -22,15 +25,14 @@ def spare_memory() -> None:
 
 
 NEW_BEFORE_A_SEARCH = 20_000
-"""Containers made and kept. By Python's 700 a search of half a millisecond came in every seventh frame of ten targets;
-now one of a few comes every six seconds, and next to nothing of ours runs in circles."""
+"""New containers before a search for garbage. By Python's default of 700 a search of half a millisecond ran in every
+seventh frame of ten targets; with this one it runs every six seconds. The daemon makes almost no reference cycles."""
 
 
 def leave_the_rest_alone() -> None:
-    """To be called when all that stays has been made: garbage is no more looked for in it.
+    """Exclude all present objects from garbage collection. Call when everything permanent has been made.
 
-    A full search went through the tables of MAVLink and every module, 25 ms in the midst of a flight; now it goes
-    through what came since.
+    A full search went through MAVLink's tables and every module, 25 ms in flight; now it covers only later objects.
     """
     gc.collect()
     gc.freeze()

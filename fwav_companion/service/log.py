@@ -1,4 +1,4 @@
-"""SHELL: what the daemon says in the log: how its parts are doing, and what its pipeline finds."""
+"""SHELL: the daemon's log: state of its parts, and the notices of its pipeline."""
 
 from __future__ import annotations
 
@@ -20,57 +20,57 @@ _LEVELS = {
 
 
 class ServiceLog:
-    """Of one run; what the status file repeats is kept."""
+    """Writes the log of one run, and keeps what the status file repeats."""
 
     def __init__(self, config: Config) -> None:
         self._config = config
         self.faults = 0
-        """Mistakes of our own so far."""
+        """Number of internal faults so far."""
         self.deaf_because = ""
-        """Why detections cannot be taken; "" while they can."""
+        """Why detections cannot be received; "" while they can."""
 
     def started(self, *, hears_detections: bool) -> None:
-        """Where an autopilot and detections are waited for."""
+        """Log where the daemon waits for an autopilot and for detections."""
         urls = [f"{link.name} ({link.url})" for link in self._config.link if link.role == "autopilot"]
         detections = f", and for detections on {self._config.detections.url}" if hears_detections else ""
         log.info("waiting for an autopilot on %s", " or ".join(urls) + detections)
 
     def stopped(self) -> None:
-        """The last word."""
+        """Log the end of the run."""
         log.info("stopped")
 
     def noticed(self, notices: Iterable[Notice]) -> None:
-        """What the pipeline finds worth a line."""
+        """Log the notices of the pipeline; each record carries the code of its notice."""
         for notice in notices:
             log.log(_LEVELS[notice.severity], "%s", notice.text, extra={"code": notice.code.value})
 
     def link_changed(self, name: str, up: bool, why: str) -> None:
-        """A link came up, or went."""
+        """Log that a link is up or down."""
         if up:
             log.info("link %s is up", name)
         else:
             log.warning("link %s is down: %s; trying again", name, why)
 
     def detections_heard(self, listens: bool, why: str) -> None:
-        """The socket of the detections is open, or cannot be opened."""
+        """Log where the socket of the detections cannot be opened."""
         self.deaf_because = why
         if not listens:
-            log.warning("detections cannot be taken on %s: %s; trying again", self._config.detections.url, why)
+            log.warning("cannot listen for detections on %s: %s; trying again", self._config.detections.url, why)
 
     def pictures_seen(self, works: bool, why: str) -> None:
-        """The vision process looks at pictures, or cannot."""
+        """Log that the vision process has pictures, or has none."""
         source = self._config.vision.source if self._config.vision is not None else ""
         if works:
-            log.info("looking at pictures of %s", source)
+            log.info("pictures arrive from %s", source)
         else:
-            log.warning("no pictures of %s: %s; trying again", source, why)
+            log.warning("no pictures from %s: %s; trying again", source, why)
 
     def clock_stepped(self, step: ClockStep) -> None:
-        """Somebody set the wall clock."""
-        log.warning("the wall clock was set by %+.3f s; nothing here hangs on it", step.size_s)
+        """Log a step of the wall clock."""
+        log.warning("the wall clock was set by %+.3f s: no effect on this service", step.size_s)
 
     def faulted(self, context: Mapping[str, object]) -> None:
-        """A mistake of ours, as the event loop tells it: whole once, then in a line."""
+        """Log an internal fault from the event loop: the first with its trace, later ones in one line."""
         self.faults += 1
         error = context.get("exception")
         trace = error if isinstance(error, BaseException) and self.faults == 1 else None
@@ -78,5 +78,5 @@ class ServiceLog:
 
 
 def warn(text: str) -> None:
-    """From whatever thread."""
+    """Log a warning; callable from any thread."""
     log.warning("%s", text)

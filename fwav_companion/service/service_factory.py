@@ -1,4 +1,4 @@
-"""SHELL: what a service is made of, as the configuration asks for it; a part that it does not ask for is None."""
+"""SHELL: the optional parts of the daemon, made from the configuration; None where it does not ask for one."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from fwav_companion.vision.task import VisionTask
 
 
 def make_map_link(config: Config, on_state: OnState) -> Link | None:
-    """Where Cursor on Target goes."""
+    """Link of Cursor on Target."""
     url = config.publish.parsed_cot
     return None if url is None else make_link("cot", url, _ignore_bytes, on_state)
 
 
 def make_detections(config: Config, ears: FrameReceiver, on_state: Callable[[bool, str], None]) -> DetectionsIn | None:
-    """Pixels of another process."""
+    """Intake of detections from another process."""
     url = config.detections.parsed_url
     if url is None:
         return None
@@ -36,13 +36,13 @@ def make_detections(config: Config, ears: FrameReceiver, on_state: Callable[[boo
 
 
 def make_vision(config: Config, ears: FrameReceiver, on_state: Callable[[bool, str], None]) -> VisionProcess | None:
-    """A camera that we look through ourselves."""
+    """Vision process for a camera of our own."""
     task = make_vision_task(config)
     return None if task is None else VisionProcess(task, ears, on_state)
 
 
 def make_vision_task(config: Config) -> VisionTask | None:
-    """What the vision process is to do; None without [vision]. ConfigError for what cannot be done here."""
+    """Task of the vision process; None without [vision]. ConfigError where this machine cannot do it."""
     vision = config.vision
     if vision is None:
         return None
@@ -63,7 +63,7 @@ def make_vision_task(config: Config) -> VisionTask | None:
 def make_recorder(
     config: Config, beside: Mapping[str, bytes], pipeline: Pipeline, on_failure: Callable[[str], None]
 ) -> Recorder | None:
-    """What is kept of the flight. ``beside``: files that lie with it, by name."""
+    """Recorder of the flight. ``beside``: further files of the recording, by name."""
     record = config.record
     if not record.directory:
         return None
@@ -79,4 +79,4 @@ def make_recorder(
 
 
 def _ignore_bytes(_link: str, _data: bytes) -> None:
-    """A map server says nothing that we need."""
+    """Ignore what a map server sends."""
