@@ -1,4 +1,4 @@
-"""From frames to tracks: waiting, pairing, localization, tracking in a row. Pure."""
+"""Frames of one camera to tracks: waiting, pairing, localization, tracking. Pure."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ from fwav_companion.tracking import Reorder, Settled
 from fwav_companion.types import Frame, FrameView, GroundFix, NoFix, NoFrame, Reason, Sighting, Track, VehicleState
 
 LONG_AFTER_NS = 60 * NS_PER_S
-"""Beyond every wait and window there is."""
+"""Longer than every wait and window."""
 
 
 class ProcessedFrame(msgspec.Struct, frozen=True):
-    """What a processed frame leaves: all tracks after it."""
+    """All tracks after a processed frame."""
 
     tracks: tuple[Track, ...]
     state: VehicleState | None
-    """The vehicle at the capture of row 0; None where it is not known."""
+    """State of the vehicle at the capture of row 0; None where it is unknown."""
     pixel_from_ned: Callable[[Vector3], tuple[float, float] | None] | None
-    """Where a place would be in that image."""
+    """Pixel of a place in that image."""
 
 
 class CameraPipeline:
-    """One camera."""
+    """Processes the frames of one camera."""
 
     def __init__(
         self,
@@ -67,14 +67,14 @@ class CameraPipeline:
 
     @property
     def wake_at(self) -> HostNs | None:
-        """When a frame has waited long enough, or one settles."""
+        """Instant at which a frame has waited long enough, or is settled."""
         waited, settles = self._waiting.wake_at, self._reorder.wake_at
         if waited is None or settles is None:
             return settles if waited is None else waited
         return min(waited, settles)
 
     def on_frame(self, frame: Frame, now: HostNs) -> None:
-        """A frame came; :meth:`take_ready` tells when it was processed, which may be at once."""
+        """Take a frame that arrived; :meth:`take_ready` processes it, perhaps at once."""
         self._ledger.frames += 1
         self._meter.count("frames", now)
         self._last_frame_ns = now
@@ -85,26 +85,26 @@ class CameraPipeline:
         self._waiting.put(frame, until, until_ns if isinstance(until_ns, int) else now, now)
 
     def on_refused_frame(self, reason: Reason, now: HostNs) -> None:
-        """A datagram arrived that holds no usable frame: a picture was sent, and refused."""
+        """Take a datagram without a usable frame: a picture was sent, and refused."""
         self._last_frame_ns, self.refused = now, reason
 
     def take_ready(self, now: HostNs) -> list[ProcessedFrame]:
-        """Process the frames that need not wait any longer."""
+        """Process the frames whose attitudes are known or will not come."""
         seen = (self._process(frame, now) for frame in self._waiting.take_ready(now, self._telemetry))
         return [each for each in seen if each is not None]
 
     def settle(self, now: HostNs) -> list[Settled]:
-        """The frames whose lines may be written, in the order of capture."""
+        """Frames whose lines are final, in the order of capture."""
         settled, self._dropped = [*self._reorder.close(now), *self._dropped], []
         return settled
 
     @property
     def calibration(self) -> CalibrationReport | None:
-        """What self-calibration knows now; None without it."""
+        """Result of self-calibration by now; None without it."""
         return self._reorder.calibration
 
     def locate(self, u: float, v: float, sigma_px: float, host_ns: HostNs) -> GroundFix | None:
-        """The ground under a pixel of a picture taken then; None where there is no telling."""
+        """The ground at a pixel of a picture taken then; None where it is unknown."""
         sighting = self._pairer.look_at(u, v, sigma_px, host_ns, self._telemetry)
         fix = self._localizer.locate(sighting) if isinstance(sighting, Sighting) else None
         return fix if isinstance(fix, GroundFix) else None
@@ -118,7 +118,7 @@ class CameraPipeline:
         return inf if self._last_frame_ns is None else s_from_ns(now - self._last_frame_ns)
 
     def status(self) -> dict[str, Any]:
-        """For the status file: the ground, and why the newest frame could not be used."""
+        """Part of the status file: the ground, and why the newest frame was refused."""
         return {"ground": self._localizer.ground.status(), "refused": self.refused and self.refused.value}
 
     def expected(self) -> PredictedAccuracy | Reason:
@@ -126,27 +126,27 @@ class CameraPipeline:
         return predicted_accuracy_below(self._pairer, self._localizer, self._telemetry)
 
     def assumed_arrival(self, frame: Frame) -> HostNs | None:
-        """When a recorded frame that does not tell is taken to have come; None while the clock is not known."""
+        """Assumed arrival time of a recorded frame without ``received_unix``; None while the clock is unknown."""
         arrival_ns = self._pairer.assumed_arrival(frame, self._telemetry.clock)
         return arrival_ns if isinstance(arrival_ns, int) else None
 
     def home_moved(self, home_down_m: float) -> None:
-        """The home surface lies there from now on."""
+        """Move the home surface."""
         self._localizer.home_moved(home_down_m)
 
     def placed(self, plane: TangentPlane, take_off: Geodetic, undulation_m: float | None) -> str:
-        """The world lies there; what the ground has to say of it, or "". Again as the place of take-off is known."""
+        """Give the ground the world's origin and the take-off place; returns the ground's notice, or ""."""
         return self._localizer.placed(plane, take_off, undulation_m)
 
     def drop_all(self, reason: Reason) -> None:
-        """End every track, and what was before."""
+        """Drop every track for this reason."""
         view = self._last_view
         if view is not None:
             tracks = self._reorder.drop_all(reason, view.frame, view.host_ns, view.boot_ns)
             self._dropped.append(Settled(view, tracks))
 
     def finish(self, now: HostNs) -> list[Settled]:
-        """Nothing more comes: process what waits, settle everything."""
+        """End: process the frames that wait, and settle all."""
         end_ns = HostNs(now + LONG_AFTER_NS)
         for frame in self._waiting.take_ready(end_ns, self._telemetry):
             self._process(frame, now)
@@ -197,7 +197,7 @@ class CameraPipeline:
 
 
 def _sighting_lines(paired: PairedFrame, located: list[GroundFix | NoFix]) -> list[Line]:
-    """One a detection, in the order of the frame."""
+    """One sighting line for each detection, in the order of the frame."""
     lines: dict[int, Line] = {}
     for index, reason, gap_s in paired.refused:
         lines[index] = sighting_line(paired.number, index, None, None, reason, gap_s)

@@ -1,4 +1,4 @@
-"""The rooms that a pipeline joins, and the questions that only several of them together can answer. Pure."""
+"""The rooms that a pipeline joins, and the answers that need several of them. Pure."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from fwav_companion.types.board import BoardReport
 
 @dataclass(slots=True)
 class Components:
-    """All components of a pipeline, as :mod:`fwav_companion.pipeline.pipeline_factory` makes them."""
+    """All rooms of a pipeline; :mod:`fwav_companion.pipeline.pipeline_factory` makes them from a configuration."""
 
     identity: Identity
     timesync: Timesync
@@ -33,12 +33,12 @@ class Components:
     telemetry: Telemetry
     publisher: Publisher
     sight: CameraPipeline | None
-    """None: a relay without a camera."""
+    """None in a relay without a camera."""
     board: BoardReport | None = None
-    """How the board is doing, by its newest report."""
+    """The newest report of the board's load."""
 
     def situation(self, now: HostNs, seen: ProcessedFrame | None = None) -> Situation:
-        """The moment at which something is published; ``seen``: the frame that it is about."""
+        """State of autopilot, vehicle and clock for publishing. ``seen``: the frame that is published."""
         telemetry = self.telemetry
         vehicle, at_capture = telemetry.newest_state(), seen.state if seen else None
         return Situation(
@@ -55,9 +55,9 @@ class Components:
         )
 
     def utc_minus_host_s(self) -> float | None:
-        """By the autopilot, else by the board where its wall clock is synchronised; None: nobody knows."""
-        told_s = self.telemetry.utc_minus_host_s
-        return told_s if told_s is not None or self.board is None else self.board.utc_minus_host_s
+        """UTC minus host clock by the autopilot, else by the board's synchronised wall clock; None where unknown."""
+        by_autopilot_s = self.telemetry.utc_minus_host_s
+        return by_autopilot_s if by_autopilot_s is not None or self.board is None else self.board.utc_minus_host_s
 
     def readiness(self, sight: CameraPipeline, now: HostNs) -> Readiness:
         """What localization rests on at this instant."""
@@ -76,7 +76,7 @@ class Components:
         )
 
     def clock_line(self, at: HostNs, unix_offset_ns: int) -> Line | None:
-        """The clock at this instant; None while it is not known."""
+        """Line of the clock at this instant; None while the clock is unknown."""
         boot_ns = self.telemetry.clock.boot_from_host(at)
         if isinstance(boot_ns, Unpaired):
             return None
@@ -85,7 +85,7 @@ class Components:
         return clock_line(at, self.telemetry.clock.estimate(at), boot_ns, utc_minus_unix_s)
 
     def status(self, now: HostNs) -> dict[str, Any]:
-        """For the status file."""
+        """Part of the status file."""
         plane = self.telemetry.world.plane
         report = None if self.sight is None else self.sight.calibration
         return {

@@ -1,4 +1,4 @@
-"""What one room finds out, and what it means for the others. Pure."""
+"""Effects of what one room found on the other rooms; reports of readiness. Pure."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from fwav_companion.types import ClockExchange, Message, Notice, NoticeCode, Out
 
 
 class EventHandlers:
-    """Of who the autopilot is, of what its clock says, and of where the world lies."""
+    """Applies events of the autopilot's identity, of its clock, and of the world to the rooms."""
 
     def __init__(
         self, rooms: Components, ledger: TargetLog, outlet: OutputBuffer, *, unix_offset_ns: int, live: bool
@@ -34,7 +34,7 @@ class EventHandlers:
         self._outlet = outlet
         self._unix_offset_ns = unix_offset_ns
         self._live = live
-        self._undulation_was_untold = False
+        self._placed_without_undulation = False
         self._readiness = ReadinessReports()
 
     @property
@@ -48,7 +48,7 @@ class EventHandlers:
         self._report(self._readiness.on_wake(readiness, now) if readiness is not None else None, now)
 
     def of_identity(self, events: Iterable[IdentityEvent], now: HostNs) -> None:
-        """The autopilot was adopted, armed, lost."""
+        """Handle an autopilot that was adopted, armed, lost, or is back."""
         for event in events:
             if isinstance(event, Adopted):
                 self._rooms.timesync.adopt(event.autopilot, now)
@@ -64,7 +64,7 @@ class EventHandlers:
                     self._report(self._readiness.on_armed(readiness, now) if readiness is not None else None, now)
 
     def of_timesync(self, message: Message, now: HostNs) -> None:
-        """An answer places the clock; a request is answered."""
+        """Handle a TIMESYNC message: an answer updates the clock, a request is answered."""
         result = self._rooms.timesync.on_message(message, now)
         if isinstance(result, ClockExchange):
             telemetry = self._rooms.telemetry
@@ -75,7 +75,7 @@ class EventHandlers:
             self._outlet.messages.append(result)
 
     def of_telemetry(self, events: Iterable[TelemetryEvent], now: HostNs) -> None:
-        """The autopilot rebooted; the world has its origin, or moved its home."""
+        """Handle a reboot, the world's origin, or a home that moved."""
         for event in events:
             match event:
                 case Rebooted():
@@ -98,16 +98,16 @@ class EventHandlers:
                         self._rooms.sight.home_moved(down_m)
                     self._ledger.write(home_line(unix_seconds(now, self._unix_offset_ns), down_m))
             self._outlet.notify(notice_text(event), now)
-        if self._undulation_was_untold and self._rooms.telemetry.undulation_m is not None:
+        if self._placed_without_undulation and self._rooms.telemetry.undulation_m is not None:
             self._place_ground(now)
 
     def _place_ground(self, now: HostNs) -> None:
-        """Tell the ground where the world lies; again when the geoid is known, which an elevation model may need."""
+        """Give the ground the world's origin; again when the geoid is known, which an elevation model may need."""
         telemetry, sight = self._rooms.telemetry, self._rooms.sight
         plane, take_off = telemetry.world.plane, telemetry.world.take_off
         if sight is None or plane is None or take_off is None:
             return
-        self._undulation_was_untold = telemetry.undulation_m is None
+        self._placed_without_undulation = telemetry.undulation_m is None
         text = sight.placed(plane, take_off, telemetry.undulation_m)
         if text:
             self._outlet.notify((Notice(NoticeCode.TERRAIN_PLACED, Severity.INFO, text, to_ground=True),), now)

@@ -1,4 +1,4 @@
-"""What an event means to a person: one line each, for the log and for ground stations. Pure."""
+"""Notices of the autopilot's and telemetry's events, for the log and for ground stations. Pure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the flow has to say, gathered until it is taken. Pure."""
+"""Buffer of the pipeline's outputs until they are taken. Pure."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from fwav_companion.types import Notice, Outgoing
 
 @dataclass(slots=True)
 class Outputs:
-    """What the pipeline wants done, in order."""
+    """Outputs of the pipeline, in order."""
 
     messages: list[Outgoing] = field(default_factory=list)
     lines: list[Line] = field(default_factory=list)
     notices: list[Notice] = field(default_factory=list)
     datagrams: list[bytes] = field(default_factory=list)
-    """Cursor on Target."""
+    """Cursor on Target events."""
 
 
 class OutputBuffer:
-    """Whoever has something to say adds to :attr:`messages`, or has people notified."""
+    """Buffers messages and notices; encodes the notices for the ground."""
 
     def __init__(self, rooms: Components, ledger: TargetLog, *, live: bool) -> None:
-        """``live``: false where nothing may be said to anybody."""
+        """``live``: false in a replay, where no message is sent."""
         self._rooms = rooms
         self._ledger = ledger
         self._live = live
@@ -35,7 +35,7 @@ class OutputBuffer:
         self.notices: list[Notice] = []
 
     def notify(self, notices: Iterable[Notice], now: HostNs) -> None:
-        """For the log, and for ground stations once we know for whose vehicle we speak."""
+        """Take notices for the log, and for ground stations once the vehicle is known."""
         for notice in notices:
             self.notices.append(notice)
             if self._live and self._rooms.identity.knows_its_vehicle:
@@ -43,11 +43,11 @@ class OutputBuffer:
 
     @property
     def has_outputs(self) -> bool:
-        """:meth:`take` would hand back something: after most messages it would not."""
+        """Whether :meth:`take` would return anything; after most messages it would not."""
         return bool(self.messages or self.notices or self._ledger.has_lines or self._rooms.publisher.has_datagrams)
 
     def take(self) -> Outputs:
-        """All since the last call."""
+        """Outputs since the last call."""
         outputs = Outputs(self.messages, self._ledger.take(), self.notices, self._rooms.publisher.datagrams())
         self.messages, self.notices = [], []
         return outputs

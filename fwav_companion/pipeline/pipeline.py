@@ -1,7 +1,7 @@
-"""The whole flow on one page: messages and frames in; messages, lines and notices out. Pure: it is handed the time.
+"""The pipeline on one page: messages and frames in; messages, lines and notices out. Pure: it is handed the time.
 
-``run`` drives it from sockets, ``replay`` from files, tests from invented time. Before every event it does what was due
-earlier, at the time it was due, so that a busy machine changes nothing in what is estimated.
+``run`` drives it from sockets, ``replay`` from files, tests from simulated time. Before every event it does what was
+due earlier, at the time it was due: so the load of the machine does not change the estimates.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from fwav_companion.telemetry import Telemetry
 from fwav_companion.types import BoardReport, Destination, Frame, Message, NoFrame, Outgoing, Reason
 
 ANSWERED = frozenset({"COMMAND_LONG", "COMMAND_INT", "PING"})
-"""What is a question to us, whoever asks."""
+"""Requests that are answered from any sender."""
 GIMBAL_ATTITUDE = "GIMBAL_DEVICE_ATTITUDE_STATUS"
-"""The one message of telemetry that another component of the vehicle may send."""
+"""The one message of telemetry that may come from another component of the vehicle."""
 FAULT_SILENCE_NS = 6 * NS_PER_S
-"""Long enough that peers notice: they allow five missed heartbeats."""
+"""Silence after an internal fault, long enough for peers to notice: they allow five missed heartbeats."""
 
 
 class Pipeline:
-    """One flight. Every method takes ``now``, the host's instant in whole microseconds, which never goes back."""
+    """Pipeline of one flight. Every ``now`` is a host instant in whole microseconds that never decreases."""
 
     def __init__(self, rooms: Components, ledger: TargetLog, *, unix_offset_ns: int, live: bool = True) -> None:
-        """``unix_offset_ns``: the recording's clock minus the host's. ``live``: false where nothing may be said."""
+        """``unix_offset_ns``: recording's clock minus host clock. ``live``: false in a replay: no message is sent."""
         self._rooms = rooms
         self._ledger = ledger
         self._unix_offset_ns = unix_offset_ns
@@ -47,7 +47,7 @@ class Pipeline:
     # What comes in.
 
     def on_message(self, message: Message, now: HostNs) -> None:
-        """A message of anybody."""
+        """Handle a message from any sender."""
         self.advance(now)
         rooms = self._rooms
         self._consequences.of_identity(rooms.identity.on_message(message, now), now)
@@ -66,18 +66,18 @@ class Pipeline:
             self._outlet.notify(rooms.publisher.notices(), now)
 
     def on_own_message(self, message: Message, now: HostNs) -> None:
-        """A message that we ourselves sent, in a recording: our TIMESYNC requests are learned from it."""
+        """Handle a recorded message that we sent ourselves: our TIMESYNC requests are read from it."""
         self.advance(now)
         if message.name == "TIMESYNC" and message.fields.tc1 == 0:
             self._rooms.timesync.on_sent(message.fields.ts1, now)
 
     def on_rate_request_passed(self, who: str, now: HostNs) -> None:
-        """Somebody's request for other message rates went to the autopilot over a link of ours."""
+        """Handle a request for other message rates that was forwarded to the autopilot."""
         self._rooms.rates.on_rate_request_passed(who, now)
         self._due_is_known = False
 
     def on_frame(self, frame: Frame | NoFrame, now: HostNs) -> None:
-        """A frame that was looked at, or what was no frame."""
+        """Handle a decoded frame (possibly without detections), or the reason why a datagram was rejected."""
         self.advance(now)
         if isinstance(frame, NoFrame) or self._rooms.sight is None:
             if isinstance(frame, NoFrame):
@@ -89,7 +89,7 @@ class Pipeline:
         self._take_ready(now)
 
     def on_board(self, board: BoardReport, now: HostNs) -> None:
-        """How the board is doing, every few seconds: ground stations are told, once we know whose board it is."""
+        """Handle a report of the board's load; it is sent to ground stations once an autopilot is adopted."""
         self.advance(now)
         self._rooms.board = board
         identity = self._rooms.identity
@@ -105,7 +105,7 @@ class Pipeline:
             )
 
     def on_internal_fault(self, now: HostNs) -> None:
-        """A mistake of our own came up: no heartbeats for a while, since what we say may be wrong."""
+        """Stop our heartbeats for a while after an internal fault: our messages may be wrong."""
         self._rooms.identity.fault()
         self._due_is_known = False
         self._fault_over_ns = HostNs(now + FAULT_SILENCE_NS)
@@ -114,14 +114,14 @@ class Pipeline:
 
     @property
     def wake_at(self) -> HostNs | None:
-        """When :meth:`advance` has something to do; None: not before the next event. Worked out once an event."""
+        """Instant at which :meth:`advance` has work; None: not before the next event. Computed once an event."""
         if not self._due_is_known:
             self._due_ns = min((due for due in self._dues() if due is not None), default=None)
             self._due_is_known = True
         return self._due_ns
 
     def advance(self, now: HostNs) -> None:
-        """Do everything that was due until now, in its order and at its own time."""
+        """Do all that was due until now, in order and at its own time."""
         if self._clock_line_ns is None:
             self._clock_line_ns = self._next_whole_second(now)
             if self._live:
@@ -130,10 +130,10 @@ class Pipeline:
         while (due := self.wake_at) is not None and due <= now:
             self._wake(due, now)
             self._due_is_known = False
-        self._due_is_known = False  # what comes now changes it
+        self._due_is_known = False  # the coming event changes it
 
     def finish(self, now: HostNs) -> None:
-        """The flight is over: settle every frame and write the summary."""
+        """End the flight: settle every frame and write the summary."""
         if self._ended:
             return
         self._ended = True
@@ -145,49 +145,49 @@ class Pipeline:
         self._ledger.write(self._ledger.summary())
 
     def on_refused(self, reason: Reason, count: int, now: HostNs) -> None:
-        """So many frames were refused before they came here: a recording tells of them."""
+        """Count recorded frames that were refused before the pipeline."""
         self.advance(now)
         self._ledger.drop(reason, count)
 
     def header(self) -> Line | None:
-        """How a targets file begins that is opened now; None while that is not known."""
+        """First line of a targets file that begins now; None before the origin is decided."""
         return self._ledger.header()
 
     def summary(self) -> Line:
-        """How a targets file ends that is closed now: counts since the start."""
+        """Last line of a targets file that ends now: counts since the start."""
         return self._ledger.summary()
 
     def assumed_arrival(self, frame: Frame) -> HostNs | None:
-        """When a recorded frame that does not tell is taken to have come; None while that is not known."""
+        """Assumed arrival time of a recorded frame without ``received_unix``; None while the clock is unknown."""
         return None if self._rooms.sight is None else self._rooms.sight.assumed_arrival(frame)
 
     # What goes out.
 
     @property
     def calibration_to_keep(self) -> KeptCalibration | None:
-        """What self-calibration found and the next flight may begin with; None while that is nothing."""
+        """Result of self-calibration with which the next flight may begin; None without one."""
         report = None if self._rooms.sight is None else self._rooms.sight.calibration
         return None if report is None else report.keep
 
     @property
     def system(self) -> int:
-        """The MAVLink system id that we speak with."""
+        """Our MAVLink system id."""
         return self._rooms.identity.system
 
     @property
     def telemetry(self) -> Telemetry:
-        """The vehicle, for who asks where it was."""
+        """Telemetry of the vehicle."""
         return self._rooms.telemetry
 
     @property
     def armed(self) -> bool:
-        """The adopted autopilot says that it is armed."""
+        """Whether the adopted autopilot is armed."""
         autopilot = self._rooms.identity.autopilot
         return autopilot is not None and autopilot.armed
 
     @property
     def has_outputs(self) -> bool:
-        """:meth:`take` would hand back something: after most messages it would not."""
+        """Whether :meth:`take` would return anything; after most messages it would not."""
         return self._outlet.has_outputs
 
     def take(self) -> Outputs:
@@ -195,7 +195,7 @@ class Pipeline:
         return self._outlet.take()
 
     def status(self, now: HostNs) -> dict[str, Any]:
-        """For the status file."""
+        """Part of the status file."""
         return {**self._rooms.status(now), **self._ledger.counts()}
 
     # Steps.
@@ -203,14 +203,14 @@ class Pipeline:
     def _dues(self) -> tuple[HostNs | None, ...]:
         rooms = self._rooms
         sight_due = rooms.sight.wake_at if rooms.sight is not None else None
-        heard = (self._clock_line_ns, self._fault_over_ns, rooms.identity.wake_at, rooms.telemetry.wake_at, sight_due)
+        always = (self._clock_line_ns, self._fault_over_ns, rooms.identity.wake_at, rooms.telemetry.wake_at, sight_due)
         if not self._live:
-            return heard
-        spoken = (rooms.timesync.wake_at, rooms.rates.wake_at, rooms.publisher.wake_at, self._consequences.wake_at)
-        return heard + spoken
+            return always
+        live = (rooms.timesync.wake_at, rooms.rates.wake_at, rooms.publisher.wake_at, self._consequences.wake_at)
+        return always + live
 
     def _wake(self, due: HostNs, now: HostNs) -> None:
-        """Let every room do its due: what estimates is handed the time it was due, what speaks the time it is."""
+        """Let every room do what is due: estimation at the time it was due, messages at the present time."""
         rooms = self._rooms
         self._consequences.of_identity(rooms.identity.on_wake(due), now)
         self._consequences.of_telemetry(rooms.telemetry.on_wake(due), due)
@@ -268,5 +268,5 @@ class Pipeline:
             self._outlet.notify(rooms.sight.calibration_news.notices(report), at)
 
     def _next_whole_second(self, now: HostNs) -> HostNs:
-        """Of the recording's clock: where the lines of one flight stand must not hang on when it was replayed."""
+        """The next whole second of the recording's clock: a replay then writes its lines at the same instants."""
         return HostNs(now + NS_PER_S - (now + self._unix_offset_ns) % NS_PER_S)

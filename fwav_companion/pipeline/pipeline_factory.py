@@ -1,4 +1,4 @@
-"""From a configuration to the rooms, joined: the one place that knows both. Pure."""
+"""Makes the pipeline and its rooms from a configuration: the one place that knows both. Pure."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ WANTED = frozenset(
         "GIMBAL_DEVICE_ATTITUDE_STATUS", "PARAM_VALUE", "STATUSTEXT",
     }
 )  # fmt: skip
-"""The messages that any room takes; no other is decoded."""
+"""Messages that a room uses; no other is decoded."""
 
 
 def make_pipeline(
@@ -70,13 +70,13 @@ def make_pipeline(
     attitudes_kept_s: float | None = None,
     written: bool = True,
 ) -> Pipeline:
-    """The pipeline of one flight. Without a calibration it is a relay's: nothing is localized.
+    """The pipeline of one flight; without a calibration that of a relay, which localizes nothing.
 
-    ``elevation``: what [ground] terrain names. ``kept``: a calibration of an earlier flight with this camera.
-    ``own_filter`` follows targets in the place of [tracking] filter: where that names a class of the user's there must
-    be one (ConfigError). ``unit`` names this board for good, for uids that outlive a restart.
-    ``attitudes_kept_s``: for who asks for the vehicle long afterwards; None: as long as flying needs it.
-    ``written``: false where nobody takes the lines.
+    ``elevation``: tiles of [ground] terrain. ``kept``: a calibration of an earlier flight with this camera.
+    ``own_filter``: replaces [tracking] filter; required where that names a class of the user (ConfigError).
+    ``unit``: permanent name of this board, for uids that are the same after a restart. ``attitudes_kept_s``: for
+    callers that read attitudes long afterwards; None: as long as flying needs them. ``written``: false where the lines
+    are not used.
     """
     ledger = TargetLog(__version__, config.as_builtins(), unix_offset_ns, written=written)
     component, has_camera = config.vehicle.component_id, config.publish.camera_tracking and calibration is not None
@@ -124,12 +124,12 @@ def make_pipeline(
 
 
 def own_components(config: Config) -> frozenset[int]:
-    """The component ids that we speak as."""
+    """Our component ids."""
     return frozenset({config.vehicle.component_id, CAMERA_COMPONENT})
 
 
 def make_pairer(config: Config, calibration: Calibration) -> Pairer:
-    """Where the configuration leaves the default, the calibration's own delay and mount count, if it tells them."""
+    """The pairer. A delay or mount in the calibration file replaces a default of the configuration."""
     camera = config.camera
     left_alone = not camera.mount.gimbal_device_id and camera.mount.angles == MountConfig().angles
     by_file = calibration.body_from_camera if left_alone else None
@@ -150,7 +150,7 @@ def make_pairer(config: Config, calibration: Calibration) -> Pairer:
 
 
 def _on_libcamera(config: Config) -> bool:
-    """Our own libcamera source is picamera2's, which is there on a Raspberry Pi alone."""
+    """Whether the source is libcamera by picamera2, which exists only on a Raspberry Pi."""
     return config.vision is not None and config.vision.source.startswith("libcamera:")
 
 
@@ -169,7 +169,7 @@ def _ground(config: Config, elevation: Sequence[ElevationTile]) -> Ground:
 
 
 def _wanted_by(config: Config) -> dict[str, float]:
-    """What only an elevation ground, or only a gimbal behind the autopilot, needs of the autopilot, Hz."""
+    """Further messages by rate, Hz, that an elevation ground or a gimbal behind the autopilot needs."""
     wanted = {"TERRAIN_REPORT": 1.0} if config.ground.model == "terrain" else {}
     if 0 < config.camera.mount.gimbal_device_id <= LAST_NON_MAVLINK_DEVICE:
         wanted["GIMBAL_DEVICE_ATTITUDE_STATUS"] = config.rates.position

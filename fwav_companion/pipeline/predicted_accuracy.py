@@ -1,4 +1,4 @@
-"""What a target straight below would be worth, before there is one. Pure."""
+"""Predicted accuracy of a target straight below the vehicle, before one is seen. Pure."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from fwav_companion.telemetry import Telemetry
 from fwav_companion.types import GroundFix, NoFix, NoRay, Reason, Sighting, Unpaired
 
 FLYING_M = 2.0
-"""Lower than this the vehicle is about to take off, and nobody wants to know how well it sees its own feet."""
+"""Below this height the vehicle is about to take off: the prediction is made for :data:`NOMINAL_M`."""
 NOMINAL_M = 10.0
-"""The height that is then spoken of."""
+"""Height of that prediction, metres."""
 
 
 class PredictedAccuracy(msgspec.Struct, frozen=True):
-    """Of one fix."""
+    """Predicted accuracy of one fix."""
 
     within95_m: float
-    """Radius of the 95 % circle, relative to the vehicle."""
+    """Radius of the 95 % circle, relative to the vehicle, metres."""
     height_m: float
-    """Of the camera above the ground, for which that holds."""
+    """Height of the camera above the ground for that radius, metres."""
 
 
 def predicted_accuracy_below(pairer: Pairer, localizer: Localizer, telemetry: Telemetry) -> PredictedAccuracy | Reason:
@@ -38,7 +38,7 @@ def predicted_accuracy_below(pairer: Pairer, localizer: Localizer, telemetry: Te
     if not isinstance(height_m, Reason) and height_m < FLYING_M:
         raised = _raised(sighting, NOMINAL_M - height_m)
         raised_m = _height_m(localizer, raised)
-        if not isinstance(raised_m, Reason) and raised_m > height_m:  # a ground at a fixed distance stays where it is
+        if not isinstance(raised_m, Reason) and raised_m > height_m:  # a ground at a fixed distance moves along
             sighting, height_m = raised, raised_m
     fix = localizer.locate(sighting)
     if isinstance(height_m, Reason):
@@ -77,7 +77,7 @@ def _height_m(localizer: Localizer, sighting: Sighting) -> float | Reason:
 
 
 def _raised(sighting: Sighting, by_m: float) -> Sighting:
-    """The same from higher up, where no rangefinder has measured yet."""
+    """The sighting from a higher camera, without a range measurement."""
     north, east, down = sighting.camera_ned
     above_home_m = sighting.camera_height_above_home_m
     return msgspec.structs.replace(

@@ -1,4 +1,4 @@
-"""What self-calibration found, told: in lines each second, in words once, and for the configuration. Pure."""
+"""Reports of self-calibration: recorded lines each second, notices once, and lines for the configuration. Pure."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from fwav_companion.recording.lines import Line, calibration_line
 from fwav_companion.self_calibration import CalibrationReport, CalibrationStatus, PriorInflation, SharedParameter
 from fwav_companion.types import Notice, NoticeCode, Severity
 
-REPLACED = "self-calibration: camera is not as an earlier flight left it; that calibration is dropped"
+REPLACED = "self-calibration: the camera has moved since an earlier flight; that calibration is dropped"
 
 
 class SelfCalibrationNotices:
-    """Of one camera, as it is configured."""
+    """Reports about one camera with its configured mount and delay."""
 
     def __init__(self, body_from_camera: Matrix3, time_offset_s: float) -> None:
         self._body_from_camera = body_from_camera
         self._time_offset_s = time_offset_s
-        self._told_mistake = ""
-        self._told_denied: set[int] = set()
-        self._told_replaced = False
-        self._told_status = CalibrationStatus.WAITING
+        self._reported_mistake = ""
+        self._reported_denied: set[int] = set()
+        self._reported_replaced = False
+        self._reported_status = CalibrationStatus.WAITING
 
     def line(self, report: CalibrationReport, time_unix: float) -> Line:
-        """For the recording. The time offset is total, the configured one in it."""
+        """Line for the recording. Its time offset is the total, including the configured one."""
         return calibration_line(
             time_unix,
             self._time_offset_s + report.time_offset_s,
@@ -38,46 +38,46 @@ class SelfCalibrationNotices:
         )
 
     def notices(self, report: CalibrationReport) -> tuple[Notice, ...]:
-        """A gross mistake, and what was found, each once."""
-        told: tuple[Notice, ...] = ()
-        if report.mistake and report.mistake != self._told_mistake:
-            self._told_mistake = report.mistake
-            told = (
+        """Notices of a gross mistake, of results and of exceeded priors, each once."""
+        made: tuple[Notice, ...] = ()
+        if report.mistake and report.mistake != self._reported_mistake:
+            self._reported_mistake = report.mistake
+            made = (
                 Notice(NoticeCode.MOUNT_MISTAKE, Severity.ERROR, f"camera mount: {report.mistake}", to_ground=True),
             )
-        if report.status is not self._told_status and report.status is not CalibrationStatus.WAITING:
-            self._told_status = report.status
+        if report.status is not self._reported_status and report.status is not CalibrationStatus.WAITING:
+            self._reported_status = report.status
             text = f"self-calibration: {self._what_came_out(report)}"
-            told = (*told, Notice(NoticeCode.CALIBRATION_RESULT, Severity.INFO, text))
-        if report.replaced and not self._told_replaced:
-            self._told_replaced = True
-            told = (*told, Notice(NoticeCode.CALIBRATION_DROPPED, Severity.WARNING, REPLACED, to_ground=True))
+            made = (*made, Notice(NoticeCode.CALIBRATION_RESULT, Severity.INFO, text))
+        if report.replaced and not self._reported_replaced:
+            self._reported_replaced = True
+            made = (*made, Notice(NoticeCode.CALIBRATION_DROPPED, Severity.WARNING, REPLACED, to_ground=True))
         if report.status is CalibrationStatus.CALIBRATED:
-            told = (*told, *self._denials(report))
-        return told
+            made = (*made, *self._denials(report))
+        return made
 
     def _denials(self, report: CalibrationReport) -> list[Notice]:
-        news = [each for each in report.denied if each.unknown not in self._told_denied]
-        self._told_denied.update(each.unknown for each in news)
+        news = [each for each in report.denied if each.unknown not in self._reported_denied]
+        self._reported_denied.update(each.unknown for each in news)
         texts = [f"self-calibration: {_denial(each)}" for each in news]
         return [Notice(NoticeCode.PRIOR_EXCEEDED, Severity.WARNING, text, to_ground=True) for text in texts]
 
     def _what_came_out(self, report: CalibrationReport) -> str:
         if report.status is CalibrationStatus.AMBIGUOUS:
-            delays = ", ".join(f"{delay:.3f} s" for delay in self._rivals(report))
+            delays = " or ".join(f"{delay:.3f} s" for delay in self._rivals(report))
             return (
-                f"[camera] time_offset_s may be {delays}: the beat of the wings repeats itself; "
-                "flying turns tells them apart, or a smaller [uncertainty] time_offset_sigma_s"
+                f"[camera] time_offset_s may be {delays}, because the wing beat repeats: "
+                "fly turns, or set a smaller [uncertainty] time_offset_sigma_s"
             )
         if report.status is CalibrationStatus.UNEXPLAINED:
-            return "no delay within [uncertainty] time_offset_sigma_s explains what is seen; nothing is corrected"
+            return "no delay within [uncertainty] time_offset_sigma_s fits the flight: nothing is corrected"
         return "; ".join(self.configuration_lines(report))
 
     def _rivals(self, report: CalibrationReport) -> list[float]:
         return sorted(self._time_offset_s + rival for rival in report.rivals)
 
     def configuration_lines(self, report: CalibrationReport) -> list[str]:
-        """What to write into the configuration, so that the next flight begins with it; only what was found."""
+        """Lines to paste into the configuration for the next flight; only for what was found."""
         if report.status not in (CalibrationStatus.TIME, CalibrationStatus.CALIBRATED):
             return []
         lines = [f"[camera] time_offset_s = {self._time_offset_s + report.time_offset_s:.4f}"]
@@ -88,7 +88,7 @@ class SelfCalibrationNotices:
         return lines
 
     def status(self, report: CalibrationReport) -> dict[str, Any]:
-        """For the status file."""
+        """Part of the status file."""
         return {
             "status": report.status.value,
             "time_offset_s": self._time_offset_s + report.time_offset_s,
@@ -107,8 +107,7 @@ def _denial(each: PriorInflation) -> str:
         return f"camera stamps are {1e3 * each.alone:+.0f} ms off, beyond [uncertainty] time_offset_sigma_s"
     if each.unknown == SharedParameter.HEIGHT:
         return (
-            f"height above ground is told {each.alone:+.1f} m off, beyond [uncertainty] height_bias_m: "
-            "is the ground there where [ground] has it?"
+            f"height above ground is {each.alone:+.1f} m off, beyond [uncertainty] height_bias_m: check [ground] model"
         )
     axis = "xyz"[each.unknown - SharedParameter.MOUNT_X]
     return f"mount is {degrees(each.alone):+.1f} degrees off about body {axis}, beyond [uncertainty] mount_bias_deg"

@@ -1,4 +1,4 @@
-"""What is written down and counted: lines in their order, and every refusal under its name. Pure."""
+"""Lines of the targets file in their order, and counts of frames, fixes and refusals by reason. Pure."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from fwav_companion.tracking import Settled
 from fwav_companion.types import Reason
 
 MAX_HELD_LINES = 4096
-"""Lines that wait for the header, which waits for the origin: a world is decided 10 s after the first attitude, and ten
-detections a frame at 30 frames/s make 3000 sightings until then."""
+"""Most lines that wait for the header, which waits for the origin: 10 s after the first attitude at the latest. Ten
+detections a frame at 30 frames/s make 3000 sightings in that time."""
 
 
 class TargetLog:
-    """The lines of one targets file, and the counts of its summary."""
+    """Writes the lines of one targets file, and counts for its summary."""
 
     def __init__(self, version: str, config: Mapping[str, Any], unix_offset_ns: int, *, written: bool = True) -> None:
-        """``written``: false where nobody takes the lines; then most are not even made, and only counts are kept."""
+        """``written``: false where the lines are not used: only counts are kept then."""
         self._written = written
         self._version = version
         self._config = config
@@ -36,7 +36,7 @@ class TargetLog:
         self.dropped: Counter[Reason] = Counter()
 
     def drop(self, reason: Reason, count: int = 1) -> None:
-        """Count what gave no answer."""
+        """Count refused frames or detections."""
         self.dropped[reason] += count
 
     def begin(self, origin: Geodetic | None) -> None:
@@ -48,7 +48,7 @@ class TargetLog:
         self._lines.extend(held)
 
     def origin_moved_in(self, now_ns: HostNs, origin: Geodetic) -> None:
-        """An origin is known: it goes into the header, or where that is written into a line of its own."""
+        """Take the origin into the header, or into a line of its own where the header is written."""
         if self._held is not None:
             self.begin(origin)
         else:
@@ -56,7 +56,7 @@ class TargetLog:
             self._lines.append(origin_line(unix_seconds(now_ns, self._unix_offset_ns), origin))
 
     def write(self, line: Line) -> None:
-        """One line, after what was written before it."""
+        """Append one line."""
         if not self._written:
             return
         if self._held is None:
@@ -67,13 +67,13 @@ class TargetLog:
             self.begin(None)
 
     def keep_sightings(self, host_ns: HostNs, frame: int, lines: list[Line]) -> None:
-        """Sighting lines of a frame, until it is settled."""
+        """Keep the sighting lines of a frame until it is settled."""
         if not self._written:
             return
         self._sightings[host_ns, frame] = lines
 
     def settle(self, frames: Iterable[Settled], plane: TangentPlane | None) -> None:
-        """The final word on frames: their sightings and their targets. ``plane``: of the world they were seen in."""
+        """Write sightings and targets of settled frames. ``plane``: of the world in which they were seen."""
         if not self._written:
             return
         for frame in frames:
@@ -84,16 +84,16 @@ class TargetLog:
 
     @property
     def has_lines(self) -> bool:
-        """There is something to be written."""
+        """Whether lines wait to be taken."""
         return bool(self._lines)
 
     def take(self) -> list[Line]:
-        """What is to be written since the last call."""
+        """Lines since the last call."""
         lines, self._lines = self._lines, []
         return lines
 
     def counts(self) -> dict[str, Any]:
-        """Frames, detections, fixes and refusals so far."""
+        """Counts of frames, detections, fixes and refusals so far."""
         return {
             "frames": self.frames,
             "detections": self.detections,
@@ -102,12 +102,12 @@ class TargetLog:
         }
 
     def header(self) -> Line | None:
-        """The first line of a file that begins now; None while the origin is waited for."""
+        """First line of a file that begins now; None before the origin is decided."""
         return None if self._held is not None else self._header()
 
     def _header(self) -> Line:
         return header_line(self._version, self._origin, self._unix_offset_ns, self._config)
 
     def summary(self) -> Line:
-        """The last line."""
+        """Last line of the file."""
         return {"type": "summary", **self.counts()}
