@@ -1,4 +1,4 @@
-"""The camera component: it tells what it is, takes clicks on the picture, and says where the selected target is."""
+"""The camera component: describes the camera, takes clicks on the picture, and sends the selected target's place."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ from fwav_companion.types.situation import Situation
 from fwav_companion.types.tracks import Track
 
 IDLE_REPEATS = 3
-"""A lost datagram must not leave a box on the operator's picture."""
+"""Messages after the last target: a lost datagram must not leave a box on the operator's picture."""
 PREDICTED_SIGMA_PX = 10.0
-"""Of a target that is shown where it should be, and not where it was seen."""
+"""Pixel sigma of a target that is shown at its predicted place."""
 STATUS_IDS = (enums.CAMERA_TRACKING_IMAGE_STATUS, enums.CAMERA_TRACKING_GEO_STATUS)
 STATUS_NAMES = {
     enums.CAMERA_TRACKING_IMAGE_STATUS: "CAMERA_TRACKING_IMAGE_STATUS",
@@ -67,7 +67,7 @@ DONE = CommandAnswer(CommandResult.ACCEPTED)
 
 
 class CameraComponent:
-    """Speaks as the camera. The selection is shared with whatever else shows the selected target."""
+    """Sends and answers as the camera. The selection is shared with the other displays of the selected target."""
 
     def __init__(
         self,
@@ -87,11 +87,11 @@ class CameraComponent:
         self._intervals = {message_id: Interval(default_ns) for message_id in STATUS_IDS}
         self._cadences = {message_id: Cadence() for message_id in STATUS_IDS}
         self._reached_ns: dict[int, HostNs] = {}
-        self._idle_to_tell = 0
+        self._idle_left = 0
 
     @property
     def wake_at(self) -> HostNs | None:
-        """When a status is due next; None before the first."""
+        """Instant of the next status; None before the first."""
         due = [
             cadence.next_ns
             for message_id, cadence in self._cadences.items()
@@ -100,7 +100,7 @@ class CameraComponent:
         return min(due, default=None)
 
     def on_tracks(self, host_ns: HostNs | None, pixel_from_ned: PixelFromNed | None) -> None:
-        """Remember where in the picture of this instant every believed track is, seen or predicted."""
+        """Keep the pixel of every believed track in the picture of this instant, seen or predicted."""
         self._places = {}
         for track in self._selection.believed.values():
             place = _place_in_image(track, pixel_from_ned)
@@ -111,7 +111,7 @@ class CameraComponent:
         self._pictures.add(host_ns, (Mark(number, place.point, place.box) for number, place in self._places.items()))
 
     def on_wake(self, now: HostNs, situation: Situation) -> list[Outgoing]:
-        """The statuses that are due: while a target is selected, and a few times after it is not."""
+        """Statuses that are due: while a target is selected, and :data:`IDLE_REPEATS` times afterwards."""
         track = self._selection.selected
         if track is not None and now - track.host_ns > FORGOTTEN_NS:
             track = None
@@ -125,7 +125,7 @@ class CameraComponent:
         return out
 
     def on_command(self, command: Command, situation: Situation) -> CommandAnswer | None:
-        """Do what an operator asks of the camera; None: it knows no such command."""
+        """Answer to a command to the camera; None where the command is unknown."""
         match command.number:
             case enums.MAV_CMD_REQUEST_MESSAGE:
                 return self._on_request(command, situation)
@@ -209,7 +209,7 @@ class CameraComponent:
         return self._choose(command, self._pictures.track_in(when, low, high), middle, when)
 
     def _choose(self, command: Command, hit: int | None, point: tuple[float, float], when: HostNs) -> CommandAnswer:
-        """By the picture of that moment; where no frame was processed then, or it shows none, by the ground."""
+        """Select by the picture of that instant; by the ground where it shows no track, or was not processed."""
         believed = self._selection.believed
         if hit not in believed and self._locate is not None:
             fix = self._locate(point[0], point[1], self._pictures.finger_px, when)
@@ -237,11 +237,11 @@ class CameraComponent:
         return CommandAnswer(CommandResult.FAILED, tuple(texts))
 
     def _due_fields(self, message_id: int, track: Track | None, situation: Situation) -> Mapping[str, Any] | None:
-        """What the clock sends: nothing while nothing is selected, after IDLE has been told."""
+        """Fields of a periodic status; None while no target is selected and IDLE has been sent."""
         if track is not None:
-            self._idle_to_tell = IDLE_REPEATS
-        elif message_id == enums.CAMERA_TRACKING_IMAGE_STATUS and self._idle_to_tell > 0:
-            self._idle_to_tell -= 1
+            self._idle_left = IDLE_REPEATS
+        elif message_id == enums.CAMERA_TRACKING_IMAGE_STATUS and self._idle_left > 0:
+            self._idle_left -= 1
         else:
             return None
         return self._status_fields(message_id, track, situation)
@@ -253,7 +253,7 @@ class CameraComponent:
         return image_status(track, place, self._options.image_size, situation.now_ns)
 
     def _to_ground(self, message_id: int, fields: Mapping[str, Any], now: HostNs) -> Outgoing:
-        """To the gcs links; through the autopilot's, where that is the only way, seldom unless it was asked for."""
+        """Message to the gcs links; through the autopilot's link at most at 2 Hz, unless a station asked for more."""
         reached_ns = self._reached_ns.get(message_id)
         far = self._intervals[message_id].is_asked or reached_ns is None or now >= reached_ns + UNASKED_NS
         if far:
@@ -277,7 +277,7 @@ class CameraComponent:
 
 
 def _place_in_image(track: Track, pixel_from_ned: PixelFromNed | None) -> ImagePlace | None:
-    """Where the frame saw it; else where it should be, if that can be told and lies inside."""
+    """Pixel of the track's fix in this frame; else its predicted pixel; None outside the image."""
     if track.fix is not None:
         seen = track.fix.sighting
         detection = seen.detection
@@ -287,7 +287,7 @@ def _place_in_image(track: Track, pixel_from_ned: PixelFromNed | None) -> ImageP
 
 
 def _whole(param: float) -> int | None:
-    """A parameter that must be a whole number, as message ids are."""
+    """The integer value of a parameter, as for message ids; None where it is not an integer."""
     return int(param) if isfinite(param) and param == int(param) else None
 
 

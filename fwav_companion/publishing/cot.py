@@ -1,8 +1,8 @@
-"""Cursor on Target: the selected target as an event for ATAK and its kin.
+"""Cursor on Target: the selected target as an event for ATAK and similar maps. Pure.
 
 ``ce`` and ``le`` are one sigma, as the event schema defines them for an error: ``ce`` along the larger horizontal
-semi-axis, ``le`` vertically, metres. ``hae`` is height above the ellipsoid: that above mean sea level plus the geoid's
-above the ellipsoid, as the autopilot's own receiver has it. Times are true UTC, or there is no event.
+semi-axis, ``le`` vertically, metres. ``hae`` is height above the ellipsoid: height above mean sea level plus the geoid
+height of the autopilot's own receiver. Times are true UTC; without UTC no event is made.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from fwav_companion.types.tracks import Track
 
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 LARGEST_ERROR_M = 9_999_999.0
-"""The schema's own word for "not known"."""
+"""Value of the schema for an unknown error."""
 MAX_UTC_NS = 10**9 * 4 * 10**9
-"""The year 2096: what lies beyond is no clock."""
+"""The year 2096: a later time is not plausible."""
 
 
 NO_EVENT = {
@@ -78,7 +78,7 @@ def _error(sigma_m: float) -> str:
 
 
 def _xml(text: str) -> str:
-    """Text for an attribute or an element; characters that XML 1.0 cannot hold become spaces."""
+    """Escaped text for an attribute or element; spaces for characters that XML 1.0 does not allow."""
     shown = "".join(character if character.isprintable() else " " for character in text)
     for character, entity in (("&", "&amp;"), ("<", "&lt;"), (">", "&gt;"), ('"', "&quot;"), ("'", "&apos;")):
         shown = shown.replace(character, entity)

@@ -1,4 +1,4 @@
-"""The few enum values that publishing needs, each under its MAVLink name (common.xml)."""
+"""Enum values that publishing uses, under their MAVLink names (common.xml)."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ VIDEO_STREAM_INFORMATION = 269
 VIDEO_STREAM_STATUS = 270
 CAMERA_TRACKING_IMAGE_STATUS = 275
 CAMERA_TRACKING_GEO_STATUS = 276
-"""Message ids, as commands name them."""
+"""Message ids, as commands carry them."""
 
 CAMERA_CAP_FLAGS_HAS_VIDEO_STREAM = 256
 CAMERA_CAP_FLAGS_HAS_TRACKING_POINT = 512

@@ -1,9 +1,9 @@
-"""LANDING_TARGET (149), which steers a landing: sent by the autopilot's own profile, or withheld for a named reason.
+"""LANDING_TARGET (149), which steers a landing: in the profile of the autopilot, or withheld for a named reason. Pure.
 
-ArduPilot takes a vector in the vehicle's body axes and turns it to the world by the attitude of ``PLND_LAG`` before the
-message's arrival, so the target is told in the body as it stands then, not as it stood when the picture was taken. PX4
-takes a point in its own local frame, so the target's place relative to the vehicle, both at the capture, is put onto
-PX4's own position at that instant: its frame is not ours. LOCAL_FRD is never sent: it shipped with the wrong sign.
+ArduPilot takes a vector in the vehicle's body axes, and rotates it to the world by the attitude of ``PLND_LAG`` before
+the message's arrival: the vector is therefore given in the body axes of that instant, not of the capture. PX4 takes a
+point in its own local frame, which is not ours: the target relative to the vehicle at the capture is added to PX4's own
+position at the capture. LOCAL_FRD is never sent: ArduPilot shipped it with the wrong sign of yaw.
 """
 
 from __future__ import annotations
@@ -32,17 +32,17 @@ StateAt: TypeAlias = Callable[[BootNs], VehicleState | Unpaired]
 """The vehicle at an instant of the autopilot's clock, or why it is not known."""
 
 DEFAULT_LAG_S = 0.02
-"""ArduPilot's PLND_LAG as it ships."""
+"""Default of ArduPilot's PLND_LAG, seconds."""
 MAX_BRIDGED_S = 0.1
-"""Further from the newest attitude than this, its rates tell nothing about a flapping body: half a beat at 5 Hz."""
+"""Longest extrapolation of an attitude by its rates: half a beat at 5 Hz. Beyond it a flapping body is elsewhere."""
 LEAST_SIDEWAYS = 1e-6
-"""Of a unit ray: below it, what went sideways is rounding."""
+"""Horizontal part of a unit ray below which it is rounding."""
 MAX_AGE_S = 0.5
-"""A frame older than this was put back in its place too late to steer by."""
+"""Oldest frame that steers a landing."""
 
 
 class Withheld(StrEnum):
-    """Why a frame gave no LANDING_TARGET."""
+    """Reasons why a frame gave no LANDING_TARGET."""
 
     NO_TARGET = "no_target"
     """No confirmed track of landing_label."""
@@ -51,22 +51,22 @@ class Withheld(StrEnum):
     NO_FIX = "no_fix"
     """This frame gave the target no fix."""
     TOO_UNCERTAIN = "too_uncertain"
-    """The larger semi-axis relative to the vehicle is beyond landing_max_sigma_m, or is no number."""
+    """The larger semi-axis relative to the vehicle is beyond landing_max_sigma_m, or NaN."""
     LATE_FRAME = "late_frame"
-    """A newer frame has been sent already, or this one is half a second old."""
+    """A newer frame has been sent, or this one is older than 0.5 s."""
     NO_AUTOPILOT = "no_autopilot"
     UNKNOWN_AUTOPILOT = "unknown_autopilot"
-    """Neither ArduPilot nor PX4: nobody knows how it reads the message."""
+    """Neither ArduPilot nor PX4: how it reads the message is unknown."""
     NO_VEHICLE = "no_vehicle"
-    """No state of the vehicle at the instant that the profile needs."""
+    """The vehicle's state at the instant that the profile needs is unknown."""
     NO_LOCAL_POSITION = "no_local_position"
-    """PX4's own LOCAL_POSITION_NED at the capture is not known."""
+    """PX4's own LOCAL_POSITION_NED at the capture is unknown."""
     NO_HEIGHT = "no_height"
-    """Without a global position, and the camera's height above the target is not known."""
+    """There is no global position, and the camera's height above the target is unknown."""
 
 
 class Landing:
-    """Chooses the one target to land on and keeps it until it is dropped; clicks do not concern it."""
+    """Chooses the target to land on and keeps it until its track is dropped; clicks do not change it."""
 
     def __init__(self, options: PublishOptions, state_at: StateAt | None = None):
         self._options = options
@@ -74,19 +74,19 @@ class Landing:
         self._target: int | None = None
         self._last_sent_ns: HostNs | None = None
         self.lag_s = DEFAULT_LAG_S
-        """The autopilot's PLND_LAG, where it has told it."""
+        """The autopilot's PLND_LAG, seconds; the default before it is known."""
         self.sent = 0
         self.withheld: dict[Withheld, int] = dict.fromkeys(Withheld, 0)
         self.last_withheld: Withheld | None = None
-        """Of the newest frame; None if that one was sent."""
+        """Reason of the newest frame; None where its message was sent."""
 
     @property
     def target(self) -> int | None:
-        """The id of the track to land on."""
+        """Id of the track to land on."""
         return self._target
 
     def on_tracks(self, tracks: tuple[Track, ...], situation: Situation) -> Outgoing | None:
-        """The LANDING_TARGET of the frame after which the tracks stand so, or None: then the reason is counted."""
+        """LANDING_TARGET of the frame with these tracks; None where it is withheld: the reason is counted."""
         if not self._options.landing_target:
             return None
         answer = self._message(tracks, situation)
@@ -124,7 +124,7 @@ class Landing:
         )
 
     def _choose(self, tracks: Iterable[Track]) -> Track | None:
-        """The chosen track as it stands now, or what it turned out to be; a new choice only once it is gone."""
+        """The chosen track, or the track that it was merged into; a new choice only after it was dropped."""
         live = {track.id: track for track in tracks if track.state is not TrackState.DROPPED}
         if self._target is not None and self._target not in live:
             self._target = successor(self._target, live.values())
@@ -177,7 +177,7 @@ class Landing:
         return _fields(track, enums.MAV_FRAME_LOCAL_NED, add(situation.local_position_ned, relative), in_body)
 
     def _state_when_used(self, situation: Situation) -> VehicleState | None:
-        """The vehicle at (arrival - PLND_LAG): as the history has it, else the newest state carried there."""
+        """The vehicle at (arrival - PLND_LAG): from the history, else extrapolated from the newest state."""
         newest, clock = situation.vehicle, situation.clock
         if newest is None:
             return None
@@ -195,7 +195,7 @@ class Landing:
         return _carried(newest, step_s) if step_s >= -MAX_BRIDGED_S else None
 
     def _from_vehicle(self, target: Vector3, track: Track, state: VehicleState) -> Vector3 | Withheld:
-        """From the vehicle to the target, NED metres."""
+        """Vector from the vehicle to the target, NED metres."""
         if state.position_ned is not None:
             return subtract(target, state.position_ned)
         height_m = _camera_height(track.fix, state) if track.fix is not None else None
@@ -206,7 +206,7 @@ class Landing:
 
 
 def _carried(state: VehicleState, step_s: float) -> VehicleState:
-    """The state ``step_s`` later, or earlier, if its rates and velocity stay as they are."""
+    """The state extrapolated by ``step_s``, positive or negative, with constant rates and velocity."""
     turned = multiply(state.ned_from_body, exp(scale(state.rates, step_s)))
     position = state.position_ned
     if position is not None and state.velocity_ned is not None:
@@ -216,10 +216,10 @@ def _carried(state: VehicleState, step_s: float) -> VehicleState:
 
 
 def _camera_height(fix: GroundFix, state: VehicleState) -> float | None:
-    """Of the camera above the ground under the target, in a world without a global position.
+    """Height of the camera above the ground under the target, in a world without a global position.
 
-    There the fix is told from the point below the camera: how far its ray went sideways says how far it went down.
-    Straight below it says nothing, and the autopilot's height above home has to do.
+    The fix is then relative to the point below the camera: its horizontal distance and the direction of its ray give
+    the height. For a ray straight down they do not, and the autopilot's height above home is used.
     """
     north, east, down = transform(fix.sighting.ned_from_camera, fix.sighting.ray.direction)
     sideways = hypot(north, east)
@@ -229,7 +229,7 @@ def _camera_height(fix: GroundFix, state: VehicleState) -> float | None:
 
 
 def _fields(track: Track, frame: int, point: Vector3, in_body: Vector3) -> dict[str, Any]:
-    """The message: ``point`` in ``frame``, and the same direction as angles of a camera that looks down the body."""
+    """Fields of the message: ``point`` in ``frame``, and its direction as angles of a camera that looks down."""
     forward, right, down = in_body
     return {
         "time_usec": track.host_ns // NS_PER_US,

@@ -1,4 +1,4 @@
-"""What the publisher is told once: the configuration's [publish] in SI units, and who we are."""
+"""Options of publishing: [publish] of the configuration in SI units, the camera, and our ids."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from fwav_companion.geometry.vectors import ZERO3, Vector3
 
 
 class PublishOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """Defaults are the configuration's."""
+    """Options with the configuration's defaults."""
 
     select: str = "best"
     """``best``: the oldest confirmed track; ``operator``: only what was clicked."""
@@ -37,10 +37,10 @@ class PublishOptions(msgspec.Struct, frozen=True, kw_only=True):
     gimbal_device_id: int = 0
     """Of the gimbal that carries the camera, as [camera.mount] has it; 0: none."""
     camera_position_m: Vector3 = ZERO3
-    """[camera.mount] position_m, body FRD: without a global position targets are told relative to the camera."""
+    """[camera.mount] position_m, body FRD: without a global position targets are relative to the camera."""
     companion_component: int = 191
     camera_component: int = 100
     version: tuple[int, int, int] = (0, 0, 0)
-    """Of this package: the camera's firmware version."""
+    """Version of this package, sent as the camera's firmware version."""
     unit: str = ""
-    """Names this board for good, as the start of a machine id: Cursor on Target's uid outlives a restart by it."""
+    """Permanent name of this board: the uid of Cursor on Target is the same after a restart."""

@@ -1,4 +1,4 @@
-"""Everything that leaves for people and autopilots, from the tracks of each frame."""
+"""All messages for autopilot, ground stations and maps, from the tracks of each frame. Pure."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from fwav_companion.types.situation import Situation
 from fwav_companion.types.tracks import Track
 
 VALUES_NS = UNASKED_NS
-"""Numbers for a display: twice a second is as fast as anybody reads."""
+"""Interval of the numbers for a display: people do not read faster than twice a second."""
 ADSB_NS = NS_PER_S
 MAX_DATAGRAMS = 64
 
 
 class Publisher:
-    """Hand it every processed frame's tracks, the commands to our camera, notices for people, and its own wakes.
+    """Publishes the tracks of every processed frame; answers commands to the camera; encodes notices.
 
-    ``locate`` tells which ground was under a pixel at a moment past, for clicks between two processed pictures.
-    ``state_at`` tells the vehicle at an instant, for the attitude that ArduPilot will use; without it the newest state
-    is carried there by its rates, which at 5 Hz and 20 ms is a degree worse.
+    ``locate``: the ground at a pixel of an earlier picture, for clicks between two processed pictures.
+    ``state_at``: the vehicle at an instant, for the attitude that ArduPilot will use; without it the newest state is
+    extrapolated by its rates, which at 5 Hz and 20 ms is a degree worse.
     """
 
     def __init__(self, options: PublishOptions, locate: Locate | None = None, state_at: StateAt | None = None):
@@ -50,20 +50,20 @@ class Publisher:
         self._reported: set[NoticeCode] = set()
         self._started = False
         self.wake_at: HostNs | None = None
-        """When :meth:`on_wake` is due next; None before the first call of it, or of :meth:`on_tracks`."""
+        """Instant at which :meth:`on_wake` is due; None before its first call, or that of :meth:`on_tracks`."""
 
     @property
     def selected(self) -> Track | None:
-        """The selected target as the last frame left it."""
+        """The selected target after the newest frame."""
         return self._selection.selected
 
     def on_tracks(
         self, tracks: tuple[Track, ...], situation: Situation, pixel_from_ned: PixelFromNed | None = None
     ) -> list[Outgoing]:
-        """Once a processed frame, at once: the landing target goes out here and waits for nothing.
+        """Messages after a processed frame, LANDING_TARGET first, which does not wait for a periodic message.
 
-        ``situation.at_capture`` and ``local_position_ned`` are those of this frame. An empty tuple is a frame in which
-        no track lives.
+        ``situation.at_capture`` and ``local_position_ned`` are those of this frame. An empty tuple of tracks is a frame
+        without live tracks.
         """
         landing = self.landing.on_tracks(tracks, situation)
         out = [landing] if landing is not None else []
@@ -76,7 +76,7 @@ class Publisher:
         return out
 
     def on_wake(self, now: HostNs, situation: Situation) -> list[Outgoing]:
-        """What is sent by the clock: tracking status, named values, map markers."""
+        """Periodic messages that are due: tracking status, named values, map markers."""
         self._started = True
         out = self._camera.on_wake(now, situation) if self._options.camera_tracking else []
         track = self._selection.selected
@@ -92,7 +92,7 @@ class Publisher:
         return out
 
     def on_command(self, command: Command, situation: Situation) -> CommandAnswer | None:
-        """An operator's command to our camera; None: it is not one of ours."""
+        """Answer to a command to our camera; None where it is not for the camera, or unknown."""
         if not self._options.camera_tracking or command.to_component != self._options.camera_component:
             return None
         answer = self._camera.on_command(command, situation)
@@ -109,25 +109,23 @@ class Publisher:
 
     @property
     def has_datagrams(self) -> bool:
-        """:meth:`datagrams` would hand back some."""
+        """Whether :meth:`datagrams` would return any."""
         return bool(self._datagrams)
 
     def datagrams(self) -> list[bytes]:
-        """Cursor on Target events made since the last call, for the configured address."""
+        """Cursor on Target events since the last call, for the configured address."""
         made = list(self._datagrams)
         self._datagrams.clear()
         return made
 
     def notices(self) -> list[Notice]:
-        """Notices made here since the last call: of targets, of clicks, of Cursor on Target. They go to
-        :meth:`on_notice` and to the log.
-        """
+        """Notices of targets, clicks and Cursor on Target since the last call, for the log and :meth:`on_notice`."""
         made = list(self._notices)
         self._notices.clear()
         return made
 
     def status(self) -> dict[str, Any]:
-        """For the status file."""
+        """Part of the status file."""
         selected, withheld = self._selection.selected, self.landing.withheld
         return {
             "selected": None if selected is None else selected.id,
@@ -141,12 +139,12 @@ class Publisher:
         }
 
     def _next_due(self) -> HostNs | None:
-        """Worked out when it changes: it is asked for with every message that comes."""
+        """The next instant with work. Kept in :attr:`wake_at`, which is read with every message."""
         due = [cadence.next_ns for cadence in (self._values, self._adsb, self._cot)] + [self._camera.wake_at]
         return min((at for at in due if at is not None), default=None)
 
     def _named_values(self, track: Track | None, situation: Situation) -> list[Outgoing]:
-        """While a target is selected, and once after: a display keeps the last number for ever."""
+        """Named values while a target is selected, and once afterwards: a display keeps the last number."""
         if track is None and not self._values_shown:
             return []
         self._values_shown = track is not None

@@ -1,4 +1,4 @@
-"""One target at one moment, in the terms of those who read it: the earth, the vehicle, and plain accuracy."""
+"""One target at one instant: its place on the earth, relative to the vehicle, and its accuracy. Pure."""
 
 from __future__ import annotations
 
@@ -13,37 +13,37 @@ from fwav_companion.types.situation import Situation
 from fwav_companion.types.tracks import Track
 
 MAX_PREDICTED_S = 1.0
-"""A moving target is carried forward to now by at most this: no velocity is good for longer without a look."""
+"""Longest prediction of a moving target by its velocity, which is not valid longer without a new fix."""
 FLOAT32_MAX = 3.4e38
 
 
 class TargetReport(msgspec.Struct, frozen=True):
-    """A track, told at this moment."""
+    """A track at the present instant."""
 
     track: Track
     position_ned: Vector3
-    """Carried to now where it moves."""
+    """NED about the origin, metres; predicted to now where the target moves."""
     place: Geodetic | None
     """None without a global position."""
     from_vehicle: Vector3 | None
-    """NED metres; None where the vehicle's position is not known."""
+    """NED metres; None where the vehicle's position is unknown."""
     horizontal_sigma_m: float
-    """One sigma along the larger semi-axis."""
+    """One sigma along the larger semi-axis, metres."""
     vertical_sigma_m: float
 
     @property
     def distance_m(self) -> float:
-        """From the vehicle; NaN where unknown."""
+        """Distance from the vehicle, metres; NaN where unknown."""
         return norm(self.from_vehicle) if self.from_vehicle is not None else nan
 
     @property
     def bearing(self) -> float:
-        """From the vehicle, radians from north, in (-pi, pi]; NaN where unknown."""
+        """Bearing from the vehicle, radians from north, in (-pi, pi]; NaN where unknown."""
         return atan2(self.from_vehicle[1], self.from_vehicle[0]) if self.from_vehicle is not None else nan
 
 
 def target_report(track: Track, situation: Situation) -> TargetReport:
-    """Place the track on the earth and beside the vehicle, now."""
+    """The track at the present instant."""
     position = track.position_ned
     if track.velocity_ned is not None:
         age_s = s_from_ns(situation.now_ns - track.host_ns)
@@ -60,7 +60,7 @@ def target_report(track: Track, situation: Situation) -> TargetReport:
 
 
 def _from_vehicle(position: Vector3, situation: Situation) -> Vector3 | None:
-    """In a world without a global position, tracks are told from the point below the camera already."""
+    """Vector from the vehicle. Without a global position, tracks are relative to the point below the camera."""
     vehicle = situation.vehicle
     if vehicle is None:
         return None
@@ -72,13 +72,13 @@ def _from_vehicle(position: Vector3, situation: Situation) -> Vector3 | None:
 
 
 def larger_sigma(cov: Matrix3) -> float:
-    """One sigma along the larger horizontal semi-axis; NaN, not 0, where the covariance is none."""
+    """One sigma along the larger horizontal semi-axis, metres; NaN where the covariance is not finite."""
     sigma_m = larger_semi_axis(cov)
     return sigma_m if isfinite(cov[0][0] + cov[0][1] + cov[1][1]) else nan
 
 
 def speed_and_course(track: Track) -> tuple[float, float]:
-    """Horizontal speed, m/s, and its direction, radians from north; NaN where no velocity is told."""
+    """Horizontal speed, m/s, and its direction, radians from north; NaN where the velocity is unknown."""
     if track.velocity_ned is None:
         return (nan, nan)
     north, east, _ = track.velocity_ned
@@ -86,15 +86,15 @@ def speed_and_course(track: Track) -> tuple[float, float]:
 
 
 def float32(value: float) -> float:
-    """What a float field can carry: NaN, MAVLink's "unknown", for everything that it cannot."""
+    """Value for a float field; NaN, MAVLink's "unknown", where the field cannot hold it."""
     return value if isfinite(value) and abs(value) <= FLOAT32_MAX else nan
 
 
 def boot_ms(now: HostNs) -> int:
-    """Time since this board's boot in the milliseconds of a uint32, as ``time_boot_ms`` has it."""
+    """Time since this board's boot for ``time_boot_ms``: milliseconds, modulo 2^32."""
     return now // NS_PER_MS & 0xFFFFFFFF
 
 
 def degrees_e7(angle_deg: float) -> int:
-    """A latitude or longitude as it is sent: 1e-7 degrees."""
+    """Latitude or longitude for a message, 1e-7 degrees."""
     return round(angle_deg * 1e7)

@@ -1,4 +1,4 @@
-"""CAMERA_TRACKING_IMAGE_STATUS (275) and CAMERA_TRACKING_GEO_STATUS (276), field by field; unknown is NaN, never 0."""
+"""CAMERA_TRACKING_IMAGE_STATUS (275) and CAMERA_TRACKING_GEO_STATUS (276), field by field; unknown is NaN. Pure."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ from fwav_companion.types.situation import Situation
 from fwav_companion.types.tracks import Track, TrackState
 
 STALE_NS = NS_PER_S
-"""No frame for this long, and a target is predicted, whatever it was when the last one was looked at."""
+"""Age of the newest frame beyond which a target counts as predicted."""
 FORGOTTEN_NS = 10 * NS_PER_S
-"""No frame for this long, and there is nothing to tell about it."""
+"""Age of the newest frame beyond which a target is not sent."""
 MIN_RADIUS = 0.01
 RADIUS_SIGMAS = 3.0
 COURSE_SIGMAS = 2.0
-"""Slower than this many of its own sigmas, a target has no course."""
+"""Speed in its own sigmas below which the course is unknown."""
 
 
 class ImagePlace(msgspec.Struct, frozen=True):
-    """Where the target is in the newest picture, pixels."""
+    """Place of a target in the newest picture, pixels."""
 
     point: tuple[float, float]
     sigma_px: float
     box: tuple[float, float, float, float] | None = None
-    """Left, top, right, bottom, where the detector gave one."""
+    """Left, top, right, bottom; None where the detector gave no box."""
 
 
 def tracking_flags(track: Track | None, now: HostNs) -> int:
-    """CAMERA_TRACKING_STATUS_FLAGS: COASTING is added while the target is predicted and not seen."""
+    """CAMERA_TRACKING_STATUS_FLAGS; COASTING while the target is predicted and not seen."""
     if track is None:
         return enums.CAMERA_TRACKING_STATUS_FLAGS_IDLE
     predicted = track.state is not TrackState.CONFIRMED or now - track.host_ns > STALE_NS
@@ -42,7 +42,7 @@ def tracking_flags(track: Track | None, now: HostNs) -> int:
 
 
 def image_status(track: Track | None, place: ImagePlace | None, size: tuple[int, int], now: HostNs) -> dict[str, Any]:
-    """The fields of 275. ``place`` is None while nobody can tell where in the picture the target is."""
+    """Fields of 275. ``place``: None where the target's pixel is unknown."""
     fields: dict[str, Any] = {
         "tracking_status": tracking_flags(track, now),
         "tracking_mode": enums.CAMERA_TRACKING_MODE_NONE,
@@ -67,7 +67,7 @@ def image_status(track: Track | None, place: ImagePlace | None, size: tuple[int,
 
 
 def geo_status(track: Track, situation: Situation) -> dict[str, Any] | None:
-    """The fields of 276; None without a global position: the message cannot say "latitude unknown"."""
+    """Fields of 276; None without a global position, because the message has no value for an unknown latitude."""
     target = target_report(track, situation)
     if target.place is None:
         return None
@@ -84,7 +84,7 @@ def geo_status(track: Track, situation: Situation) -> dict[str, Any] | None:
 
 
 def normalized(pixel: tuple[float, float], size: tuple[int, int]) -> tuple[float, float]:
-    """Pixel to the 0 to 1 of MAVLink, whose 0 is the image's left edge, half a pixel before our 0."""
+    """Pixel in MAVLink's range 0 to 1, whose 0 is the image's left edge, half a pixel before our 0."""
     u, v = ((at + 0.5) / extent for at, extent in zip(pixel, size, strict=True))
     return (min(max(u, 0.0), 1.0), min(max(v, 0.0), 1.0))
 
@@ -95,7 +95,7 @@ def pixel(normalized_point: tuple[float, float], size: tuple[int, int]) -> tuple
 
 
 def _velocity(target: TargetReport) -> dict[str, float]:
-    """vel_*, vel_acc, hdg and hdg_acc: the course over ground, where the target moves beyond doubt."""
+    """vel_*, vel_acc, hdg and hdg_acc; the course only where the speed exceeds :data:`COURSE_SIGMAS`."""
     velocity, cov = target.track.velocity_ned, target.track.velocity_cov
     fields = dict.fromkeys(("vel_n", "vel_e", "vel_d", "vel_acc", "hdg", "hdg_acc"), nan)
     if velocity is None:
