@@ -36,28 +36,6 @@ STATUS_NAMES = {
     enums.CAMERA_TRACKING_IMAGE_STATUS: "CAMERA_TRACKING_IMAGE_STATUS",
     enums.CAMERA_TRACKING_GEO_STATUS: "CAMERA_TRACKING_GEO_STATUS",
 }
-DESCRIPTIONS: dict[int, tuple[str, Callable[[PublishOptions, HostNs], dict[str, Any] | None]]] = {
-    enums.CAMERA_INFORMATION: ("CAMERA_INFORMATION", information.camera_information),
-    enums.CAMERA_SETTINGS: ("CAMERA_SETTINGS", information.camera_settings),
-    enums.STORAGE_INFORMATION: ("STORAGE_INFORMATION", information.storage_information),
-    enums.CAMERA_CAPTURE_STATUS: ("CAMERA_CAPTURE_STATUS", information.camera_capture_status),
-    enums.VIDEO_STREAM_INFORMATION: ("VIDEO_STREAM_INFORMATION", information.video_stream_information),
-    enums.VIDEO_STREAM_STATUS: ("VIDEO_STREAM_STATUS", information.video_stream_status),
-}
-OLD_REQUESTS = {
-    enums.MAV_CMD_REQUEST_CAMERA_INFORMATION: enums.CAMERA_INFORMATION,
-    enums.MAV_CMD_REQUEST_CAMERA_SETTINGS: enums.CAMERA_SETTINGS,
-    enums.MAV_CMD_REQUEST_CAMERA_CAPTURE_STATUS: enums.CAMERA_CAPTURE_STATUS,
-}
-"""Commands that MAV_CMD_REQUEST_MESSAGE replaced. param1 is 1, but Mission Planner sends 0 and means the same."""
-NUMBERED_REQUESTS = {
-    enums.MAV_CMD_REQUEST_STORAGE_INFORMATION: enums.STORAGE_INFORMATION,
-    enums.MAV_CMD_REQUEST_VIDEO_STREAM_INFORMATION: enums.VIDEO_STREAM_INFORMATION,
-    enums.MAV_CMD_REQUEST_VIDEO_STREAM_STATUS: enums.VIDEO_STREAM_STATUS,
-}
-"""The same, with the number of a stream or storage in param1, or 0 for all."""
-NUMBERED = frozenset(NUMBERED_REQUESTS.values())
-"""Messages of which a number is requested: in param2 of MAV_CMD_REQUEST_MESSAGE."""
 CLICKED_NOTHING = {
     NoticeCode.CLICK_WITHOUT_CAMERA: "tracking: set [camera] calibration first",
     NoticeCode.CLICK_WITHOUT_TARGET: "tracking: no target there, click on a target",
@@ -140,16 +118,14 @@ class CameraComponent:
             case enums.MAV_CMD_CAMERA_STOP_TRACKING:
                 self._selection.stop()
                 return DONE
-        if command.number in OLD_REQUESTS:
-            return self._describe(command, OLD_REQUESTS[command.number], situation, command.params[0])
-        if command.number in NUMBERED_REQUESTS:
-            return self._describe(command, NUMBERED_REQUESTS[command.number], situation, command.params[0])
+        if command.number in information.OLD_REQUESTS:
+            return self._describe(command, information.OLD_REQUESTS[command.number], situation, command.params[0])
         return None
 
     def _on_request(self, command: Command, situation: Situation) -> CommandAnswer | None:
         message_id = _whole(command.params[0])
-        if message_id in DESCRIPTIONS:
-            number = command.params[1] if message_id in NUMBERED else 0.0
+        if message_id in information.DESCRIPTIONS:
+            number = command.params[1] if message_id in information.NUMBERED else 0.0
             return self._describe(command, message_id, situation, number)
         if message_id == enums.MESSAGE_INTERVAL:
             return self._on_get_interval(command, command.params[1])
@@ -164,7 +140,7 @@ class CameraComponent:
         """The requested description. ``number``: 1 for the only one of its kind; 0 or NaN, the default, for all."""
         if number not in {0.0, 1.0} and not isnan(number):
             return DENIED
-        name, describe = DESCRIPTIONS[message_id]
+        name, describe = information.DESCRIPTIONS[message_id]
         fields = describe(self._options, situation.now_ns)
         return self._reply(command, name, fields) if fields is not None else None
 

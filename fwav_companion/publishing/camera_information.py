@@ -8,6 +8,7 @@ times. Mission Planner requests CAMERA_INFORMATION and VIDEO_STREAM_INFORMATION.
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from math import atan2, degrees, nan
 from typing import Any
 
@@ -125,6 +126,28 @@ def video_stream_information(options: PublishOptions, _now: HostNs) -> dict[str,
 def video_stream_status(options: PublishOptions, _now: HostNs) -> dict[str, Any] | None:
     """VIDEO_STREAM_STATUS (270); None without a video_uri."""
     return {"stream_id": STREAM, **_stream(options)} if options.video_uri else None
+
+
+DESCRIPTIONS: dict[int, tuple[str, Callable[[PublishOptions, HostNs], dict[str, Any] | None]]] = {
+    enums.CAMERA_INFORMATION: ("CAMERA_INFORMATION", camera_information),
+    enums.CAMERA_SETTINGS: ("CAMERA_SETTINGS", camera_settings),
+    enums.STORAGE_INFORMATION: ("STORAGE_INFORMATION", storage_information),
+    enums.CAMERA_CAPTURE_STATUS: ("CAMERA_CAPTURE_STATUS", camera_capture_status),
+    enums.VIDEO_STREAM_INFORMATION: ("VIDEO_STREAM_INFORMATION", video_stream_information),
+    enums.VIDEO_STREAM_STATUS: ("VIDEO_STREAM_STATUS", video_stream_status),
+}
+"""Name and fields of each message that may be requested, by its id."""
+NUMBERED = frozenset({enums.STORAGE_INFORMATION, enums.VIDEO_STREAM_INFORMATION, enums.VIDEO_STREAM_STATUS})
+"""Messages for which param2 of MAV_CMD_REQUEST_MESSAGE is a number, 0 for all."""
+OLD_REQUESTS = {
+    enums.MAV_CMD_REQUEST_CAMERA_INFORMATION: enums.CAMERA_INFORMATION,
+    enums.MAV_CMD_REQUEST_CAMERA_SETTINGS: enums.CAMERA_SETTINGS,
+    enums.MAV_CMD_REQUEST_STORAGE_INFORMATION: enums.STORAGE_INFORMATION,
+    enums.MAV_CMD_REQUEST_CAMERA_CAPTURE_STATUS: enums.CAMERA_CAPTURE_STATUS,
+    enums.MAV_CMD_REQUEST_VIDEO_STREAM_INFORMATION: enums.VIDEO_STREAM_INFORMATION,
+    enums.MAV_CMD_REQUEST_VIDEO_STREAM_STATUS: enums.VIDEO_STREAM_STATUS,
+}
+"""Commands that MAV_CMD_REQUEST_MESSAGE replaced. param1 is the number, or 1; Mission Planner always sends 0."""
 
 
 def horizontal_fov_deg(lens: Lens) -> float:
