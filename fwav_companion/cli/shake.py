@@ -4,25 +4,29 @@ from __future__ import annotations
 
 import json
 import sys
+from importlib.util import find_spec
 from math import degrees
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
-from fwav_companion.errors import ConfigError
+from fwav_companion.errors import ConfigError, UserError
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
     from fwav_companion.config import Config
     from fwav_companion.tools.doctor.witness import Shown
-    from fwav_companion.tools.shake.guide import Advice
+    from fwav_companion.tools.shake.instructions import Instruction
 
 WAIT_S = 30.0
-"""So long the vehicle and the tag may take to be there, unless --seconds says otherwise."""
+"""Seconds to wait for the vehicle and the tag, unless --seconds is given."""
 EXIT_UNUSABLE = 1
+PACKAGES: Final = {"scipy": "scipy", "cv2": "opencv-python-headless"}
+"""Modules that the estimate needs, and the packages that bring them. Some boards have no wheel of them."""
 
 
 def run_shake(config: Config, tag_size_m: float, wait_s: float, *, as_json: bool) -> int:
-    """Guide, listen, estimate, tell."""
+    """Instruct the user, record the session, print the estimate; the exit status."""
+    _require_packages()
     from fwav_companion.config import load_signing_key
     from fwav_companion.service.configured_files import load_calibration
     from fwav_companion.tools.doctor.listening import running_status
@@ -32,11 +36,17 @@ def run_shake(config: Config, tag_size_m: float, wait_s: float, *, as_json: bool
     calibration, key = load_calibration(config), load_signing_key(config)
     status = running_status(config)
     if status is not None:
-        told = f"a `run` (pid {status['pid']}) has the links and the camera: stop it, then shake"
-        return _failed(f"{told} (systemctl stop fwav-companion)", as_json=as_json)
-    with Guidance() as guidance:
-        shown = shake(config, calibration, key, tag_size_m, wait_s, guidance.show)
-    return _told(config, shown, as_json=as_json)
+        holder = f"a `run` (pid {status['pid']}) has the links and the camera"
+        return _failed(f"{holder}: stop it (systemctl stop fwav-companion), then shake", as_json=as_json)
+    with InstructionDisplay() as display:
+        shown = shake(config, calibration, key, tag_size_m, wait_s, display.show)
+    return _print_estimate(config, shown, as_json=as_json)
+
+
+def _require_packages() -> None:
+    for module, package in PACKAGES.items():
+        if find_spec(module) is None:
+            raise UserError(f"check --shake: {module} is not installed; accepted: pip install {package}")
 
 
 def _require_fixed_camera(config: Config) -> None:
@@ -45,21 +55,21 @@ def _require_fixed_camera(config: Config) -> None:
         raise ConfigError(f"{config.file}: [camera.mount] gimbal_device_id: a gimbal undoes the shaking; {accepted}")
 
 
-def _told(config: Config, shown: Shown, *, as_json: bool) -> int:
+def _print_estimate(config: Config, shown: Shown, *, as_json: bool) -> int:
     if shown.shaking is None:
         return _failed(shown.advice.text, as_json=as_json)
     from fwav_companion.tools.shake.estimate import estimate
-    from fwav_companion.tools.shake.telling import Configured, is_usable
+    from fwav_companion.tools.shake.shake_report import ShakeReport, is_usable
 
-    shaken = estimate(shown.shaking)
-    configured = Configured(config.file, shown.time_offset_s)
+    result = estimate(shown.shaking)
+    report = ShakeReport(config.file, shown.time_offset_s)
     for reason, count in shown.refused.items():
         print(f"{count} frames were not used: {reason.value}")
-    for line in configured.told(shaken):
+    for line in report.text(result):
         print(line)
-    ok = is_usable(shaken)
+    ok = is_usable(result)
     if as_json:
-        print(json.dumps(configured.object(shaken, ok=ok)))
+        print(json.dumps(report.json_object(result, ok=ok)))
     return 0 if ok else EXIT_UNUSABLE
 
 
@@ -70,15 +80,15 @@ def _failed(why: str, *, as_json: bool) -> int:
     return EXIT_UNUSABLE
 
 
-class Guidance:
-    """Tells the person what to do: in a bar that lives on a terminal, in a line at each change elsewhere."""
+class InstructionDisplay:
+    """Shows the instructions: in a progress bar on a terminal, elsewhere as a line at each change."""
 
     def __init__(self) -> None:
         self._bar: Progress | None = None
         self._task: TaskID | None = None
         self._last = ""
 
-    def __enter__(self) -> Guidance:
+    def __enter__(self) -> InstructionDisplay:
         if sys.stderr.isatty():
             from rich.console import Console
             from rich.progress import BarColumn, Progress, TextColumn
@@ -95,19 +105,20 @@ class Guidance:
         if self._bar is not None:
             self._bar.stop()
 
-    def show(self, advice: Advice) -> None:
-        """Now."""
+    def show(self, instruction: Instruction) -> None:
+        """Display one instruction."""
         if self._bar is not None and self._task is not None:
-            self._bar.update(self._task, completed=advice.share, description=_live(advice))
-        elif advice.text != self._last:
-            self._last = advice.text
-            print(("waiting: " if advice.phase == "waiting" else "") + advice.text, flush=True)
+            self._bar.update(self._task, completed=instruction.share, description=_description(instruction))
+        elif instruction.text != self._last:
+            self._last = instruction.text
+            print(("waiting: " if instruction.phase == "waiting" else "") + instruction.text, flush=True)
 
 
-def _live(advice: Advice) -> str:
-    """With the seconds that are left, and what has come of it so far."""
-    left = "" if advice.left_s is None else f" {advice.left_s:3.0f} s"
-    if not advice.corners:
-        return advice.text + left
-    roll, pitch = (degrees(angle) for angle in advice.swung)
-    return f"{advice.text}{left}  [not bold]{advice.corners} corners, roll ±{roll:.0f}°, pitch ±{pitch:.0f}°"
+def _description(instruction: Instruction) -> str:
+    """The bar's text: the instruction, the seconds that are left, and what has been collected."""
+    left = "" if instruction.left_s is None else f" {instruction.left_s:3.0f} s"
+    if not instruction.corners:
+        return instruction.text + left
+    roll, pitch = (degrees(angle) for angle in instruction.swung)
+    collected = f"{instruction.corners} corners, roll ±{roll:.0f}°, pitch ±{pitch:.0f}°"
+    return f"{instruction.text}{left}  [not bold]{collected}"

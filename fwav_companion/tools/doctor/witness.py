@@ -21,9 +21,9 @@ from fwav_companion.pairing.scaling import scaling_from_size
 from fwav_companion.pipeline.pipeline_factory import make_pairer
 from fwav_companion.telemetry import Telemetry
 from fwav_companion.tools.doctor.listening import quiet
-from fwav_companion.tools.shake.estimate import Shaking
-from fwav_companion.tools.shake.guide import Advice, Guide, Moment, Phase
-from fwav_companion.tools.shake.looks import TagView
+from fwav_companion.tools.shake.estimate import ShakeData
+from fwav_companion.tools.shake.instructions import Instruction, Instructor, ShakeInputs, ShakePhase
+from fwav_companion.tools.shake.observations import TagObservation
 from fwav_companion.types import Corners, Detection, Frame, NoFrame, Reason, Unpaired
 
 KEPT_S: Final = 120.0
@@ -42,8 +42,8 @@ Tag = tuple[str, int | None]
 class Shown(msgspec.Struct, frozen=True):
     """How the session ended."""
 
-    advice: Advice
-    shaking: Shaking | None
+    advice: Instruction
+    shaking: ShakeData | None
     """None where it never began."""
     refused: Mapping[Reason, int]
     """Frames that could not be placed in time."""
@@ -59,17 +59,17 @@ class ShakeWitness:
         config: Config,
         calibration: Calibration,
         wait_s: float,
-        show: Callable[[Advice], None],
+        show: Callable[[Instruction], None],
         now_s: Callable[[], float] = time.monotonic,
     ) -> None:
         """``now_s``: of CLOCK_MONOTONIC, as the service has it."""
         self._config, self._calibration, self._show, self._now_s = config, calibration, show, now_s
-        self._guide = Guide(wait_s)
+        self._guide = Instructor(wait_s)
         self.frames: list[Frame] = []
         """What counts so far, with nothing in it but tags."""
         self._came = self._tags = 0
         self._telemetry: Telemetry | None = None
-        self.advice = Advice(Phase.WAITING, "")
+        self.advice = Instruction(ShakePhase.WAITING, "")
 
     def on_frame(self, frame: Frame | NoFrame) -> None:
         """Of any source."""
@@ -86,23 +86,23 @@ class ShakeWitness:
     def enough(self, status: Mapping[str, Any], telemetry: Telemetry) -> bool:
         """Whether it is over; the person is told how far it is."""
         self._telemetry = telemetry
-        self.advice = self._guide.advise(self._moment(status, telemetry))
+        self.advice = self._guide.instruct(self._moment(status, telemetry))
         self._show(self.advice)
-        return self.advice.phase in (Phase.DONE, Phase.FAILED)
+        return self.advice.phase in (ShakePhase.DONE, ShakePhase.FAILED)
 
     def shown(self, tag_size_m: float) -> Shown:
         """All of it, as the clock is known now."""
-        if self._telemetry is None or self.advice.phase is not Phase.DONE:
+        if self._telemetry is None or self.advice.phase is not ShakePhase.DONE:
             return Shown(self.advice, None, {})
         pairer = make_pairer(self._config, self._calibration)
         views, refused = self._views(pairer, self._telemetry)
         shaking = self._shaking(pairer, self._telemetry, views, tag_size_m)
         return Shown(self.advice, shaking, refused, pairer.time_offset_s)
 
-    def _moment(self, status: Mapping[str, Any], telemetry: Telemetry) -> Moment:
+    def _moment(self, status: Mapping[str, Any], telemetry: Telemetry) -> ShakeInputs:
         clock, now_s = status["clock"], self._now_s()
         state = telemetry.newest_state()
-        return Moment(
+        return ShakeInputs(
             now_s=now_s,
             closed=_closed(status, self._config),
             autopilot=status["autopilot"] is not None,
@@ -113,11 +113,11 @@ class ShakeWitness:
             attitude=None if isinstance(state, Unpaired) else euler_from_quaternion(state.ned_from_body),
         )
 
-    def _views(self, pairer: Pairer, telemetry: Telemetry) -> tuple[list[TagView], Counter[Reason]]:
+    def _views(self, pairer: Pairer, telemetry: Telemetry) -> tuple[list[TagObservation], Counter[Reason]]:
         """The one tag that was seen most, placed in time."""
         seen = Counter(_tag(detection) for frame in self.frames for detection in frame.detections)
         wanted = seen.most_common(1)[0][0] if seen else None
-        views: list[TagView] = []
+        views: list[TagObservation] = []
         refused: Counter[Reason] = Counter()
         for frame in self.frames:
             corners = _corners(frame, wanted, self._calibration.image_size)
@@ -125,17 +125,19 @@ class ShakeWitness:
             if isinstance(placed, RefusedFrame):
                 refused[placed.reason] += 1
             elif corners is not None:
-                views.append(TagView(placed.boot_ns, corners))
+                views.append(TagObservation(placed.boot_ns, corners))
         return sorted(views, key=lambda view: view.boot_ns), refused
 
-    def _shaking(self, pairer: Pairer, telemetry: Telemetry, views: list[TagView], tag_size_m: float) -> Shaking:
+    def _shaking(
+        self, pairer: Pairer, telemetry: Telemetry, views: list[TagObservation], tag_size_m: float
+    ) -> ShakeData:
         newest = telemetry.newest_state()
         clock_sigma_s = max(
             (telemetry.clock.estimate(frame.arrival_ns).sigma_s for frame in self.frames[:1] if frame.arrival_ns),
             default=0.0,
         )
-        return Shaking(
-            views=views,
+        return ShakeData(
+            tags=views,
             attitude_at=_attitude_of(telemetry),
             samples=telemetry.attitudes,
             lens=self._calibration.lens,
@@ -155,7 +157,7 @@ def shake(
     signing_key: bytes | None,
     tag_size_m: float,
     wait_s: float,
-    show: Callable[[Advice], None],
+    show: Callable[[Instruction], None],
 ) -> Shown:
     """Run the service itself, quietly, until the person has shaken it enough; what it heard."""
     from fwav_companion.service.daemon import Service

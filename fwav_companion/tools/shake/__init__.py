@@ -1,4 +1,5 @@
-"""What a camera and its mount are, found by shaking: a tag's four corners against the autopilot's attitude.
+"""PURE: finds the camera's delay, the mount and wrong signs from a tag's four corners while the vehicle is shaken.
 
-Pure, and in numpy: ``check --shake`` alone loads this, the daemon never.
+Arrays (numpy), rotations and least squares (scipy), the square's pose (OpenCV): only ``check --shake`` loads this
+package, the daemon never.
 """

@@ -13,7 +13,7 @@ from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.pipeline.pipeline_factory import make_pipeline
 from fwav_companion.tools.doctor.witness import KEPT_S, MOST_FRAMES, MOST_TAGS, ShakeWitness
 from fwav_companion.tools.shake.estimate import estimate
-from fwav_companion.tools.shake.guide import Advice, Phase
+from fwav_companion.tools.shake.instructions import Instruction, ShakePhase
 from fwav_companion.types import Detection, Frame, StampClock
 from fwav_companion.vision.wire import parse_frame
 from sitl_mock import scenario, simulate
@@ -27,7 +27,7 @@ class Watched(Companion):
     def __init__(self) -> None:
         super().__init__()
         self.pipeline = make_pipeline(self.config, None, unix_offset_ns=0, live=True, attitudes_kept_s=KEPT_S)
-        self.advices: list[Advice] = []
+        self.advices: list[Instruction] = []
         self.witness = ShakeWitness(self.config, self.calibration, 12.0, self.advices.append, lambda: self._now * 1e-9)
         self._look_ns = 0
 
@@ -63,14 +63,14 @@ def test_a_late_camera_and_a_crooked_mount_are_found():
     """Behind a rolling shutter that nobody configured; and the rates come behind two poles at 20 Hz, which is
     sqrt(2) / (2 pi f) late at rest."""
     found = shaken(("biases.time_offset_s", 0.035), ("biases.mount_deg", (0.5, 1.0, 2.0)), ("camera.readout_s", 0.02))
-    assert (found.mistakes, found.not_shown) == ((), ())
+    assert (found.sign_errors, found.not_shown) == ((), ())
     assert found.delay.value == pytest.approx(0.035, abs=0.003)
     assert found.delay.value == pytest.approx(0.035, abs=3.5 * found.delay.sigma)
     errors = np.degrees([known.value for known in found.mount]) - (0.5, 1.0, 2.0)
     assert abs(errors).max() < 0.3
     assert (abs(errors) < 3.5 * np.degrees([known.sigma for known in found.mount])).all()
-    assert found.turned == pytest.approx(np.pi / 2, abs=0.3)
-    assert found.rates.lag_s == pytest.approx(0.0112, abs=0.0015)
+    assert found.heading_change == pytest.approx(np.pi / 2, abs=0.3)
+    assert found.rate_lag.lag_s == pytest.approx(0.0112, abs=0.0015)
 
 
 PLANTED = {
@@ -81,7 +81,7 @@ PLANTED = {
 
 @pytest.mark.parametrize("name", PLANTED)
 def test_a_planted_mistake_is_named(name):
-    assert [mistake.name for mistake in shaken(PLANTED[name]).mistakes] == [name]
+    assert [error.name for error in shaken(PLANTED[name]).sign_errors] == [name]
 
 
 def test_never_turned_is_said():
@@ -110,7 +110,7 @@ MISSING = {
 def test_what_never_comes_is_named(words):
     _, shown = watched(MISSING[words])
     assert shown.shaking is None
-    assert shown.advice.phase is Phase.FAILED
+    assert shown.advice.phase is ShakePhase.FAILED
     assert words in shown.advice.text
 
 

@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from fwav_companion.camera import parse_calibration
 from fwav_companion.geometry.stamps import BootNs
-from fwav_companion.tools.shake.estimate import Shaken, Shaking, estimate
-from fwav_companion.tools.shake.looks import TagView
+from fwav_companion.tools.shake.estimate import ShakeData, ShakeResult, estimate
+from fwav_companion.tools.shake.observations import TagObservation
 from fwav_companion.types import AttitudeSample
 
 LENS = parse_calibration(
@@ -105,11 +105,11 @@ class Hands:
 
     # What is seen and told.
 
-    def shaking(self, **what: Any) -> Shaking:
+    def shaking(self, **what: Any) -> ShakeData:
         rng = np.random.default_rng(self.seed + 1)
         readout_s, readout_sigma_s = self.told_readout
         given = {
-            "views": self._views(rng),
+            "tags": self._views(rng),
             "attitude_at": self._attitude_at(rng),
             "samples": self.samples(),
             "lens": LENS,
@@ -121,9 +121,9 @@ class Hands:
             "clock_sigma_s": 0.0,
             "stamp_sigma_s": 0.0,
         }
-        return Shaking(**given | what)
+        return ShakeData(**given | what)
 
-    def found(self, **what: Any) -> Shaken:
+    def found(self, **what: Any) -> ShakeResult:
         return estimate(self.shaking(**what))
 
     def samples(
@@ -142,7 +142,7 @@ class Hands:
             for at, (x, y, z, w), rate in zip(t.tolist(), q.tolist(), rates.tolist(), strict=True)
         ]
 
-    def _views(self, rng: Any) -> list[TagView]:
+    def _views(self, rng: Any) -> list[TagObservation]:
         stamps = np.arange(0.0, self.seconds, 1.0 / 30.0) + rng.uniform(0.0, 0.003)
         tag = Rotation.from_rotvec(np.radians([*self.slope_deg, 0.0])) * Rotation.from_euler("z", rng.uniform(-3, 3))
         corners = tag.apply(self.tag_m / 2 * np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]))
@@ -159,7 +159,7 @@ class Hands:
         pixels[spoiled, 1] += rng.uniform(-40, 40, (spoiled.sum(), 2))
         pixels = pixels[:, list(self.reorder)]
         return [
-            TagView(BootNs(round((BOOT_S + stamp + self.delay_s) * 1e9)), tuple(map(tuple, four)))
+            TagObservation(BootNs(round((BOOT_S + stamp + self.delay_s) * 1e9)), tuple(map(tuple, four)))
             for stamp, four in zip(stamps.tolist(), pixels.tolist(), strict=True)
         ]
 
@@ -205,6 +205,6 @@ def _quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, fl
     return w, x, y, z
 
 
-def correction_deg(shaken: Shaken) -> Any:
+def correction_deg(shaken: ShakeResult) -> Any:
     """Of the mount, about the body's axes."""
     return np.degrees([known.value for known in shaken.mount])

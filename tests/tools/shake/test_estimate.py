@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from hands import BELLY, FORWARD_DOWN, Hands, correction_deg
 
-from fwav_companion.tools.shake.fit import AT_ONCE, MEMORY_S, _hanging_together
+from fwav_companion.tools.shake.corner_fit import BLOCK, MEMORY_S, _correlated_products
 
 PLAIN = Hands(seed=4)
 SHORT = PLAIN.but(seconds=10.0)
@@ -15,7 +15,7 @@ QUARTER = np.array([[0, -1], [1, 0]])
 def errors_and_sigmas(hands):
     """Of delay (ms) and mount (deg, each axis)."""
     shaken = hands.found()
-    assert (shaken.mistakes, shaken.not_shown) == ((), ())
+    assert (shaken.sign_errors, shaken.not_shown) == ((), ())
     errors = [1e3 * (shaken.delay.value - hands.delay_s), *(correction_deg(shaken) - hands.mount_deg)]
     sigmas = [1e3 * shaken.delay.sigma, *np.degrees([known.sigma for known in shaken.mount])]
     return np.array(errors), np.array(sigmas)
@@ -69,7 +69,7 @@ MISTAKES = {
 @pytest.mark.parametrize("configured", [BELLY, FORWARD_DOWN], ids=["belly", "forward"])
 def test_a_gross_mistake_is_named(name, configured):
     shaken = SHORT.but(configured=configured, **MISTAKES[name]).found()
-    assert [mistake.name for mistake in shaken.mistakes] == [name]
+    assert [error.name for error in shaken.sign_errors] == [name]
     assert (shaken.mount is None) == (name not in ("image upside down", "mount turned by 90 deg"))
 
 
@@ -78,7 +78,7 @@ def test_a_gross_mistake_is_named(name, configured):
 def test_corners_that_are_told_in_rows_are_named(order, image):
     """Not as a tag that was never seen."""
     shaken = SHORT.but(reorder=order, image=image).found()
-    assert [mistake.name for mistake in shaken.mistakes] == ["corners told in another order"]
+    assert [error.name for error in shaken.sign_errors] == ["corners told in another order"]
     assert (shaken.delay, shaken.mount) == (None, None)
     assert not any("seen whole" in reason for reason in shaken.not_shown)
 
@@ -87,7 +87,7 @@ def test_a_reversed_pitch_is_not_called_a_mirror_where_nothing_turns_about_the_t
     """There the two turn alike; the order of the corners tells them apart."""
     flat = SHORT.but(swing_deg=(11.0, 11.0, 0.0), turn_deg=0.0)
     for name in ("pitch reversed", "image mirrored left to right"):
-        assert [mistake.name for mistake in flat.but(**MISTAKES[name]).found().mistakes] == [name]
+        assert [error.name for error in flat.but(**MISTAKES[name]).found().sign_errors] == [name]
 
 
 def test_an_image_upside_down_comes_with_the_mount_that_rights_it():
@@ -98,8 +98,8 @@ def test_an_image_upside_down_comes_with_the_mount_that_rights_it():
 
 
 def test_how_far_it_was_held_is_told_by_the_size_of_the_tag():
-    assert SHORT.found().held_m == pytest.approx(0.9, abs=0.06)
-    assert SHORT.found(tag_size_m=0.32).held_m == pytest.approx(1.8, abs=0.12)
+    assert SHORT.found().distance_m == pytest.approx(0.9, abs=0.06)
+    assert SHORT.found(tag_size_m=0.32).distance_m == pytest.approx(1.8, abs=0.12)
 
 
 def test_never_turned():
@@ -122,7 +122,7 @@ def test_never_turned():
 )
 def test_what_is_not_shown_is_said_with_no_number(hands, words):
     shaken = hands.found()
-    assert (shaken.delay, shaken.mount, shaken.mistakes) == (None, None, ())
+    assert (shaken.delay, shaken.mount, shaken.sign_errors) == (None, None, ())
     assert any(words in reason for reason in shaken.not_shown)
 
 
@@ -137,7 +137,7 @@ def test_the_attitude_of_another_vehicle():
 
 def test_no_attitudes_and_no_frames():
     assert "attitudes are missing" in PLAIN.found(attitude_at=lambda _: None).not_shown[-1]
-    assert "seen whole in 0 frames" in PLAIN.found(views=[]).not_shown[-1]
+    assert "seen whole in 0 frames" in PLAIN.found(tags=[]).not_shown[-1]
 
 
 COLLAPSED = {
@@ -150,23 +150,23 @@ COLLAPSED = {
 
 @pytest.mark.parametrize("spoilt", COLLAPSED.values(), ids=COLLAPSED.keys())
 def test_four_corners_that_are_no_square_are_left_out(spoilt):
-    views = PLAIN.shaking().views
+    views = PLAIN.shaking().tags
     four = [np.array(corner) for corner in views[300].corners]
     bad = msgspec.structs.replace(views[300], corners=tuple(map(tuple, spoilt(*four))))
-    assert PLAIN.found(views=[*views[:300], bad, *views[301:]]) == PLAIN.found(views=[*views[:300], *views[301:]])
+    assert PLAIN.found(tags=[*views[:300], bad, *views[301:]]) == PLAIN.found(tags=[*views[:300], *views[301:]])
 
 
 def test_of_two_frames_at_one_instant_the_first_counts():
     """Nobody moves from one to the other in no time."""
-    views = PLAIN.shaking().views
+    views = PLAIN.shaking().tags
     again = msgspec.structs.replace(views[300], boot_ns=views[299].boot_ns)
-    assert PLAIN.found(views=[*views[:300], again, *views[301:]]) == PLAIN.found(views=[*views[:300], *views[301:]])
+    assert PLAIN.found(tags=[*views[:300], again, *views[301:]]) == PLAIN.found(tags=[*views[:300], *views[301:]])
 
 
 def test_pulls_hang_together_as_all_pairs_do():
     rng = np.random.default_rng(5)
-    times_s, pulls = np.sort(rng.uniform(0.0, 20.0, 3 * AT_ONCE + 7)), rng.normal(size=(3 * AT_ONCE + 7, 4))
+    times_s, pulls = np.sort(rng.uniform(0.0, 20.0, 3 * BLOCK + 7)), rng.normal(size=(3 * BLOCK + 7, 4))
     apart_s = np.abs(times_s[:, None] - times_s)
-    assert _hanging_together(pulls, times_s) == pytest.approx(
+    assert _correlated_products(pulls, times_s) == pytest.approx(
         pulls.T @ np.clip(1.0 - apart_s / MEMORY_S, 0.0, None) @ pulls, abs=1e-9
     )

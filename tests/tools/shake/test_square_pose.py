@@ -6,8 +6,7 @@ from hands import LENS, fisheye
 from scipy.spatial.transform import Rotation
 
 from fwav_companion.geometry.stamps import BootNs
-from fwav_companion.tools.shake.looks import TagView, looks_of
-from fwav_companion.tools.shake.square_pose import pose_of_square
+from fwav_companion.tools.shake.observations import TagObservation, observations_from_tags, square_poses
 
 PRINT = 0.5 * np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)])
 
@@ -18,8 +17,8 @@ def seen(poses, middles, noise_px=0.0):
     views = []
     for pose, middle in zip(poses, middles, strict=True):
         pixels = fisheye(PRINT @ pose.T + middle) + noise_px * rng.normal(size=(4, 2))
-        views.append(TagView(BootNs(len(views) * 33_000_000), tuple(map(tuple, pixels.tolist()))))
-    return looks_of(views, LENS)
+        views.append(TagObservation(BootNs(len(views) * 33_000_000), tuple(map(tuple, pixels.tolist()))))
+    return observations_from_tags(views, LENS)
 
 
 @pytest.fixture
@@ -32,23 +31,29 @@ def poses():
     return tilts.as_matrix(), middles
 
 
+def misfit_px(rays, found, places):
+    """(N,) RMS of the corners' reprojection errors in pixels, by the fisheye's formula."""
+    modelled = fisheye(PRINT @ np.swapaxes(found.as_matrix(), 1, 2) + places[:, None, :])
+    return np.sqrt(((modelled - fisheye(rays)) ** 2).mean(axis=(1, 2)))
+
+
 def test_any_pose_is_recovered_exactly(poses):
     turned, middles = poses
-    looks = seen(turned, middles)
-    found, places, misfit = pose_of_square(looks.rays, looks.pixel_from_ray)
-    assert np.allclose(found, turned, atol=1e-6)
+    tags = seen(turned, middles)
+    found, places = square_poses(tags.rays)
+    assert np.allclose(found.as_matrix(), turned, atol=1e-6)
     assert np.allclose(places, middles, atol=1e-5)
-    assert misfit.max() < 1e-5
+    assert misfit_px(tags.rays, found, places).max() < 1e-5
 
 
 def test_noise_tilts_it_a_little_and_never_to_the_other_side(poses):
     turned, middles = poses
-    looks = seen(turned, middles, noise_px=0.15)
-    found, _, misfit = pose_of_square(looks.rays, looks.pixel_from_ray)
-    off = np.degrees(Rotation.from_matrix(found @ np.swapaxes(turned, 1, 2)).magnitude())
+    tags = seen(turned, middles, noise_px=0.15)
+    found, places = square_poses(tags.rays)
+    off = np.degrees((found * Rotation.from_matrix(turned).inv()).magnitude())
     assert np.median(off) < 1.5
     assert off.max() < 8.0
-    assert misfit.mean() == pytest.approx(0.15 * np.sqrt(2 / 8), rel=0.4)
+    assert misfit_px(tags.rays, found, places).mean() == pytest.approx(0.15 * np.sqrt(2 / 8), rel=0.4)
 
 
 def test_frames_whose_corners_the_lens_does_not_see_are_left_out(poses):
@@ -60,8 +65,8 @@ def test_frames_whose_corners_the_lens_does_not_see_are_left_out(poses):
 
 def test_corners_told_the_other_way_round_are_put_in_order(poses):
     turned, middles = poses
-    looks = seen(turned @ np.diag([1.0, -1.0, -1.0]), middles)  # a print seen from its back runs the other way
-    assert looks.backward
+    tags = seen(turned @ np.diag([1.0, -1.0, -1.0]), middles)  # a print seen from its back runs the other way
+    assert tags.backward
     assert not seen(turned, middles).backward
 
 
@@ -75,10 +80,11 @@ def test_rows_read_one_after_another_are_put_at_one_instant():
             t = frame / 30.0 + readout_s * rows / 480.0
             pixels = fisheye(PRINT @ pose.T + np.array([-0.1, 0.0, 5.0]) + t[:, None] * speed)
             rows = pixels[:, 1]
-        views.append(TagView(BootNs(round(frame / 30.0 * 1e9)), tuple(map(tuple, pixels.tolist()))))
-    looks = looks_of(views, LENS)
-    bent, _, _ = pose_of_square(looks.rays, looks.pixel_from_ray)
-    steady, _, misfit = pose_of_square(looks.at_once(readout_s), looks.pixel_from_ray)
-    assert np.degrees(Rotation.from_matrix(bent).magnitude()).max() > 0.3
-    assert np.degrees(Rotation.from_matrix(steady).magnitude())[1:-1].max() < 0.05
-    assert misfit.max() < 0.02
+        views.append(TagObservation(BootNs(round(frame / 30.0 * 1e9)), tuple(map(tuple, pixels.tolist()))))
+    tags = observations_from_tags(views, LENS)
+    bent, _ = square_poses(tags.rays)
+    at_once = tags.global_shutter_rays(readout_s)
+    steady, places = square_poses(at_once)
+    assert np.degrees(bent.magnitude()).max() > 0.3
+    assert np.degrees(steady.magnitude())[1:-1].max() < 0.05
+    assert misfit_px(at_once, steady, places).max() < 0.02

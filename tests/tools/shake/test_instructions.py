@@ -4,7 +4,7 @@ from math import cos, degrees, pi, sin
 
 import pytest
 
-from fwav_companion.tools.shake.guide import Guide, Moment, Phase
+from fwav_companion.tools.shake.instructions import Instructor, ShakeInputs, ShakePhase
 
 READY = {"autopilot": True, "attitude_hz": 100.0, "clock_known": True, "frames": 9}
 
@@ -13,15 +13,15 @@ class Session:
     """Some seconds with a person who does this or that."""
 
     def __init__(self, wait_s=10.0):
-        self.guide, self.now_s, self.tags = Guide(wait_s), 0.0, 0
+        self.guide, self.now_s, self.tags = Instructor(wait_s), 0.0, 0
 
     def seconds(self, seconds, *, tag=True, heading=0.5, swing=0.3, **what):
         for _ in range(round(seconds * 5)):
             self.now_s += 0.2
             self.tags += 6 * tag
             attitude = (swing * sin(6.0 * self.now_s), swing * cos(5.0 * self.now_s), heading)
-            moment = Moment(now_s=self.now_s, tags=self.tags, attitude=attitude, **{**READY, **what})
-            advice = self.guide.advise(moment)
+            moment = ShakeInputs(now_s=self.now_s, tags=self.tags, attitude=attitude, **{**READY, **what})
+            advice = self.guide.instruct(moment)
         return advice
 
 
@@ -40,7 +40,7 @@ MISSING = {
 def test_what_is_missing_is_named_and_waited_for_and_then_given_up(missing):
     what, words = MISSING[missing]
     session = Session()
-    for seconds, phase in ((5.0, Phase.WAITING), (6.0, Phase.FAILED)):
+    for seconds, phase in ((5.0, ShakePhase.WAITING), (6.0, ShakePhase.FAILED)):
         advice = session.seconds(seconds, **what)
         assert advice.phase is phase
         assert words in advice.text
@@ -55,8 +55,8 @@ def test_shake_turn_shake_done():
     assert 0.0 < advice.left_s < 2.0
     assert "turn it by 90 deg" in session.seconds(2.0).text
     assert session.seconds(1.0, heading=0.5 + pi / 2).text == "go on shaking"
-    assert session.seconds(7.0, heading=0.5 + pi / 2).phase is Phase.SHAKING
-    assert session.seconds(1.4, heading=0.5 + pi / 2).phase is Phase.DONE
+    assert session.seconds(7.0, heading=0.5 + pi / 2).phase is ShakePhase.SHAKING
+    assert session.seconds(1.4, heading=0.5 + pi / 2).phase is ShakePhase.DONE
 
 
 def test_corners_and_swings_are_counted_from_the_beginning():
@@ -82,14 +82,14 @@ def test_a_turn_through_south_is_a_turn_by_what_it_was():
 def test_who_turns_late_is_waited_for_and_goes_on_long_enough():
     session = Session()
     assert "turn it" in session.seconds(25.0).text
-    assert session.seconds(3.0, heading=-1.2).phase is Phase.SHAKING
-    assert session.seconds(1.6, heading=-1.2).phase is Phase.DONE
+    assert session.seconds(3.0, heading=-1.2).phase is ShakePhase.SHAKING
+    assert session.seconds(1.6, heading=-1.2).phase is ShakePhase.DONE
 
 
 def test_who_never_turns_is_not_waited_for_for_ever():
     session = Session()
-    assert session.seconds(39.0).phase is Phase.SHAKING
-    assert session.seconds(2.0).phase is Phase.DONE
+    assert session.seconds(39.0).phase is ShakePhase.SHAKING
+    assert session.seconds(2.0).phase is ShakePhase.DONE
 
 
 def test_a_tag_that_is_lost_is_said():
