@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import redirect_stdout
-from io import BytesIO
+from io import SEEK_SET, BytesIO
 from math import isfinite, sqrt
 from pathlib import Path
 from typing import Any, Final
@@ -22,9 +22,10 @@ from fwav_companion.recording.flight_log import (
 )
 from fwav_companion.recording.timely import timely
 from fwav_companion.recording.tlog import SkippedBytes
-from fwav_companion.recording.ulog_frames import damaged_stretches, without
 
 HEAD: Final = b"ULog\x01\x12\x35"
+HEAD_BYTES: Final = 3
+"""Of a message: its size (two bytes) and its kind (a letter)."""
 TOPICS: Final = (
     "vehicle_attitude",
     "vehicle_angular_velocity",
@@ -43,9 +44,10 @@ def is_ulog(data: bytes) -> bool:
 
 
 def read_ulog(path: Path) -> tuple[FlightLog, list[SkippedBytes], bool]:
-    """What the log tells, the stretches that are no messages, and whether some of its messages cannot be read either.
+    """The log's content, its end if that is not a whole message, and whether pyulog met damage before it.
 
-    InputFileError where it cannot be read, or where pyulog is not installed.
+    PX4 writes a SYNC message every half second since v1.10, by which pyulog finds its way behind damage; it does not
+    give the place. InputFileError where the log cannot be read, or where pyulog is not installed.
     """
     try:
         from pyulog import ULog
@@ -54,17 +56,54 @@ def read_ulog(path: Path) -> tuple[FlightLog, list[SkippedBytes], bool]:
             f"{path}: reading it needs pyulog, which is not installed; pip install 'fwav-companion[ulog]'"
         ) from error
     try:
-        data = content(path)
+        file = _ForwardFile(content(path))
     except OSError as error:
         raise InputFileError(f"{path}: {error.strerror}; accepted: a PX4 log (.ulg)") from error
-    skipped = list(damaged_stretches(data))
     try:
-        with redirect_stdout(None):  # it prints a line for every message that it cannot read
-            log = ULog(BytesIO(without(data, skipped) if skipped else data), list(TOPICS), disable_str_exceptions=True)
-    except Exception as error:  # pyulog tells damage by whatever its parsing runs into
+        with redirect_stdout(None):  # pyulog prints a line for every message that it cannot read
+            log = ULog(file, list(TOPICS), disable_str_exceptions=True)
+    except Exception as error:  # what damaged definitions raise depends on the place of the damage
         raise InputFileError(f"{path}: {' '.join(str(error).split())}; accepted: a PX4 log (.ulg)") from error
     topics = {each.name: _Rows(each.data) for each in log.data_list if each.multi_id == 0}
-    return _flight(topics), skipped, bool(log.file_corruption)
+    damaged = bool(log.file_corruption)
+    return _flight(topics), [] if damaged else file.rest(), damaged
+
+
+class _ForwardFile(BytesIO):
+    """A file in memory that refuses to be read in circles.
+
+    Where a damaged definition claims more bytes than the file has, pyulog 1.3 goes back by the claimed size, and so
+    never reaches the end. It reads each message's head by ``read(3)``, and the last definition's successor twice.
+    """
+
+    def __init__(self, data: bytes) -> None:
+        super().__init__(data)
+        self._size = len(data)
+        self._head_at = 0
+        """Of the head that was read last."""
+        self._lowest = 0
+        """The next head may not lie before this."""
+
+    def rest(self) -> list[SkippedBytes]:
+        """The bytes behind the last whole message; still known after the file was closed."""
+        left = self._size - self._head_at
+        return [SkippedBytes(self._head_at, left)] if left else []
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        """The next bytes. ValueError if the head that is read lies before the present one, or is read a third time."""
+        if size == HEAD_BYTES:
+            at = self.tell()
+            if at < self._lowest:
+                raise ValueError(f"its definitions are damaged near byte {at}")
+            self._lowest = at + (at == self._head_at)
+            self._head_at = at
+        return super().read(size)
+
+    def seek(self, offset: int, whence: int = 0, /) -> int:
+        """The new position. An absolute offset (appended data, a SYNC message) begins a new pass."""
+        if whence == SEEK_SET:
+            self._lowest = 0
+        return super().seek(offset, whence)
 
 
 class _Rows:

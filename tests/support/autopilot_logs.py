@@ -58,6 +58,11 @@ def usual(log: DataFlash) -> DataFlash:
     return log
 
 
+SYNC = bytes.fromhex("2f731320250cbb12")
+SYNC_PERIOD_US = 500_000
+"""PX4 writes one each half a second since v1.10, by which a reader finds its way behind damage."""
+
+
 def ulog(topics: Mapping[str, tuple[Sequence[tuple[str, str]], Iterable[Sequence[Any]]]]) -> bytes:
     """PX4's .ulg (ULog file format, docs.px4.io), by topic: (type, field) pairs but the timestamp's, rows with it."""
     codes = {"float": "f", "double": "d", "uint64_t": "Q", "uint8_t": "B", "bool": "?"}
@@ -77,7 +82,11 @@ def ulog(topics: Mapping[str, tuple[Sequence[tuple[str, str]], Iterable[Sequence
         for number, (fields, each) in enumerate(topics.values())
         for row in each
     ]
+    synced_us = 0
     for row, number, form in sorted(rows, key=lambda item: item[0][0]):
+        if row[0] - synced_us > SYNC_PERIOD_US:
+            message("S", SYNC)
+            synced_us = row[0]
         message("D", struct.pack(form, number, *row))
     return bytes(data)
 
