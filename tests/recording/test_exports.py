@@ -115,21 +115,6 @@ def test_ellipses_keep_their_shape_everywhere(monkeypatch, origin):
         assert is_the_90_percent_ellipse(ring)
 
 
-def test_on_the_date_line_the_ellipse_and_the_way_have_two_parts(monkeypatch):
-    monkeypatch.setitem(globals(), "ORIGIN", {"lat": 0.0, "lon": -179.99999, "alt_amsl": 519.0})
-    moving = [target(time=t, north=0.0, east=3.0 - t, vel=[0.0, -1.0, 0.0]) for t in range(6)]
-    content = exported(".geojson", *moving)
-    assert geojson.loads(content).is_valid
-    _, outline, path = json.loads(content)["features"]
-    assert (outline["geometry"]["type"], path["geometry"]["type"]) == ("MultiPolygon", "MultiLineString")
-    parts = [np.array(ring) for (ring,) in outline["geometry"]["coordinates"]]
-    metres = [np.array([to_ned(corner)[:2] for corner in part]) for part in parts]
-    true_m2 = -2.0 * math.log(0.1) * math.pi * math.sqrt(np.linalg.det(np.array(COV)[:2, :2]))
-    assert sum(signed_area(part[:, ::-1]) for part in metres) == pytest.approx(true_m2, rel=0.01)
-    assert [abs(part[:, 0].mean()) > 179.0 for part in parts] == [True, True], "each on one side"
-    assert sum(len(part) for part in path["geometry"]["coordinates"]) == len(moving) + 2
-
-
 def test_csv_has_a_row_a_line():
     dropped = target(state="dropped") | {"reason": "not_seen"}
     text = exported(".csv", target(), dropped, target(3, label="=1+1", place=False)).decode()

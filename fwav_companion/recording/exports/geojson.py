@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import msgspec
 
 from fwav_companion.recording.exports.base import MapExport, TargetTrack, ellipse_from_cov, utc_text
-from fwav_companion.recording.exports.date_line import Place, cut_line, cut_ring
 from fwav_companion.recording.lines import Line
 
 
@@ -27,22 +26,16 @@ class GeoJsonExport(MapExport):
         yield _feature(point, {"track": number, "what": "target", **_properties(last)})
         outline = self.outline(last)
         if outline:
-            shape = _one_or_many("Polygon", [[ring] for ring in cut_ring(_places(outline))])
+            shape = {"type": "Polygon", "coordinates": [_places(outline)]}
             yield _feature(shape, {"track": number, "what": "holds the target with 90 % probability"})
         if len(track.path) > 1:
-            way = _one_or_many("LineString", cut_line(_places(track.path)))
+            way = {"type": "LineString", "coordinates": _places(track.path)}
             yield _feature(way, {"track": number, "what": "path"})
 
 
-def _places(points: Iterable[tuple[float, float]]) -> list[Place]:
+def _places(points: Iterable[tuple[float, float]]) -> list[tuple[float, float]]:
     """Longitude first."""
     return [(lon, lat) for lat, lon in points]
-
-
-def _one_or_many(kind: str, coordinates: Sequence[Any]) -> Line:
-    if len(coordinates) == 1:
-        return {"type": kind, "coordinates": coordinates[0]}
-    return {"type": f"Multi{kind}", "coordinates": coordinates}
 
 
 def _feature(geometry: Line | None, properties: Line) -> Line:
