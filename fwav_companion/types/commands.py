@@ -10,10 +10,9 @@ from fwav_companion.types.messages import Outgoing
 
 
 class CommandResult(IntEnum):
-    """MAV_RESULT."""
+    """The values of MAV_RESULT that we answer."""
 
     ACCEPTED = 0
-    TEMPORARILY_REJECTED = 1
     DENIED = 2
     """Known, but its parameters are not valid."""
     UNSUPPORTED = 3

@@ -151,14 +151,6 @@ def test_arming_is_told():
     assert identity.on_message(heartbeat(base_mode=1), T0 + 6 * S) == (ArmedChanged(False),)
 
 
-def test_a_ground_station_is_heard_per_link_and_for_five_seconds():
-    identity = Identity(0)
-    identity.on_message(gcs("radio"), T0)
-    assert identity.ground_station_heard("radio", T0 + 5 * S - 1)
-    assert not identity.ground_station_heard("radio", T0 + 5 * S)
-    assert not identity.ground_station_heard("wifi", T0)
-
-
 def test_until_an_autopilot_is_adopted_only_the_companion_beats():
     identity = Identity(0)
     (beat,) = identity.heartbeats(T0, healthy=False)

@@ -93,7 +93,6 @@ class Identity:
         self._lost = False
         self._faulted = False
         self._beat_ns: HostNs | None = None
-        self._ground_heard_ns: dict[str, HostNs] = {}
         self.autopilot: Autopilot | None = None
         """The adopted one, with its newest mode and link; kept while it is lost."""
 
@@ -139,7 +138,6 @@ class Identity:
             return ()
         events = self.on_wake(now)
         if message.fields.type == enums.MAV_TYPE_GCS:
-            self.hear_ground_station(message.link, now)
             return events
         heard = _autopilot_from_heartbeat(message)
         if heard is None:
@@ -161,15 +159,6 @@ class Identity:
             self._lost = True
             return (AutopilotLost(self.autopilot),) if self.autopilot is not None else ()
         return ()
-
-    def hear_ground_station(self, link: str, now: HostNs) -> None:
-        """A ground station's heartbeat came over this link."""
-        self._ground_heard_ns[link] = now
-
-    def ground_station_heard(self, link: str, now: HostNs) -> bool:
-        """Whether a ground station's heartbeat came over this link within the last five seconds."""
-        heard_ns = self._ground_heard_ns.get(link)
-        return heard_ns is not None and now < heard_ns + SILENCE_NS
 
     def heartbeats(self, now: HostNs, healthy: bool) -> list[Outgoing]:
         """The heartbeats that are due: one a second each for the companion and its camera, none on a fault.

@@ -55,11 +55,6 @@ class Definition:
         return self.struct.size
 
     @cached_property
-    def base_length(self) -> int:
-        """Bytes of the payload without extensions: what MAVLink 1 carries."""
-        return min((field.offset for field in self.fields.values() if field.extension), default=self.length)
-
-    @cached_property
     def fields(self) -> dict[str, Field]:
         """Every field by name, in wire order."""
         types = dict(zip(self.field_names, self._source.fieldtypes, strict=True))

@@ -14,7 +14,6 @@ from typing import Final
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.mavlink.wire.frames import SIGNATURE_LENGTH
 
-KEY_LENGTH: Final = 32
 _TICK_NS: Final = 10_000
 """A timestamp counts units of 10 us since 2015-01-01 UTC."""
 _EPOCH_UNIX_S: Final = 1_420_070_400
