@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import json
 import sys
-from importlib.util import find_spec
 from math import degrees
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
-from fwav_companion.errors import ConfigError, UserError
+from fwav_companion.errors import ConfigError
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
@@ -20,13 +19,10 @@ if TYPE_CHECKING:
 WAIT_S = 30.0
 """Seconds to wait for the vehicle and the tag, unless --seconds is given."""
 EXIT_UNUSABLE = 1
-PACKAGES: Final = {"scipy": "scipy", "cv2": "opencv-python-headless"}
-"""Modules that the estimate needs, and the packages that bring them. Some boards have no wheel of them."""
 
 
 def run_shake(config: Config, tag_size_m: float, wait_s: float, *, as_json: bool) -> int:
     """Instruct the user, record the session, print the estimate; the exit status."""
-    _require_packages()
     from fwav_companion.config import load_signing_key
     from fwav_companion.service.configured_files import load_calibration
     from fwav_companion.tools.doctor.listening import running_status
@@ -41,12 +37,6 @@ def run_shake(config: Config, tag_size_m: float, wait_s: float, *, as_json: bool
     with InstructionDisplay() as display:
         shown = shake(config, calibration, key, tag_size_m, wait_s, display.show)
     return _print_estimate(config, shown, as_json=as_json)
-
-
-def _require_packages() -> None:
-    for module, package in PACKAGES.items():
-        if find_spec(module) is None:
-            raise UserError(f"check --shake: {module} is not installed; accepted: pip install {package}")
 
 
 def _require_fixed_camera(config: Config) -> None:

@@ -7,7 +7,6 @@ import time
 
 import pytest
 
-from fwav_companion.cli import shake
 from fwav_companion.cli.main import main
 
 SHAKE = ("--shake", "--tag-size", "0.16")
@@ -73,17 +72,6 @@ def test_a_camera_on_a_gimbal_is_refused(site, capsys):
     words = ["check", "--config", str(site.folder / "fwav-companion.toml"), *SHAKE]
     assert main(words) == 2
     assert "a gimbal undoes the shaking" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(("module", "package"), [("scipy", "scipy"), ("cv2", "opencv-python-headless")])
-def test_a_board_without_a_library_is_told_which_one(site, capsys, monkeypatch, module, package):
-    monkeypatch.setattr(shake, "find_spec", lambda name: None if name == module else object())
-    capsys.readouterr()
-    assert main(["check", "--config", str(site.folder / "fwav-companion.toml"), *SHAKE]) == 2
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1
-    assert f"{module} is not installed" in said
-    assert f"pip install {package}" in said
 
 
 def test_the_help_shows_it(capsys):

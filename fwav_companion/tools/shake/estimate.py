@@ -79,7 +79,7 @@ class WithSigma(msgspec.Struct, frozen=True):
     sigma: float
 
 
-class ShakeResult(msgspec.Struct, frozen=True, kw_only=True):
+class ShakeEstimate(msgspec.Struct, frozen=True, kw_only=True):
     """Result of the estimate."""
 
     frames: int = 0
@@ -108,10 +108,10 @@ class ShakeResult(msgspec.Struct, frozen=True, kw_only=True):
     rate_lag: RateLag | None = None
 
 
-def estimate(data: ShakeData) -> ShakeResult:
+def estimate(data: ShakeData) -> ShakeEstimate:
     """Everything that the session shows."""
     lag = rate_lag(data.samples)
-    result = ShakeResult(rate_lag=lag, sign_errors=_reversed_rates(lag))
+    result = ShakeEstimate(rate_lag=lag, sign_errors=_reversed_rates(lag))
     if lag is None:
         result = _not_shown(result, "lag of the rates: the autopilot sends none, or the vehicle turned too little")
     observations = observations_from_tags(data.tags, data.lens)
@@ -131,7 +131,7 @@ def estimate(data: ShakeData) -> ShakeResult:
     return _aligned(data, observations, attitudes, result)
 
 
-def _too_few(result: ShakeResult, tags: Sequence[TagObservation]) -> ShakeResult:
+def _too_few(result: ShakeEstimate, tags: Sequence[TagObservation]) -> ShakeEstimate:
     if crossed(tags) > len(tags) / 2:
         return _not_shown(_with_error(result, CORNER_ORDER), "camera: the sides between its corners cross")
     seen = f"the tag was seen whole in {result.frames} frames, at least {LEAST_FRAMES} are needed"
@@ -139,8 +139,8 @@ def _too_few(result: ShakeResult, tags: Sequence[TagObservation]) -> ShakeResult
 
 
 def _aligned(
-    data: ShakeData, observations: TagObservations, attitudes: AttitudeSeries, result: ShakeResult
-) -> ShakeResult:
+    data: ShakeData, observations: TagObservations, attitudes: AttitudeSeries, result: ShakeEstimate
+) -> ShakeEstimate:
     """The result with coarse alignment, sign errors and, where the signs permit, the corner fit."""
     times_s = observations.times_s + data.readout_s * observations.rows.mean(axis=1)
     camera_from_tag, middles = square_poses(observations.global_shutter_rays(data.readout_s))
@@ -194,7 +194,7 @@ def _refusal(alignment: CoarseAlignment) -> str:
     return ""
 
 
-def _judged(data: ShakeData, found: CornerFit, result: ShakeResult) -> ShakeResult:
+def _judged(data: ShakeData, found: CornerFit, result: ShakeEstimate) -> ShakeEstimate:
     """The result with delay and mount where their sigmas are small enough."""
     result = msgspec.structs.replace(result, frames=found.frames, pixel_sigma=found.pixel_sigma)
     delay_sigma_s = hypot(float(found.sigmas[0]), data.clock_sigma_s, data.stamp_sigma_s)
@@ -261,9 +261,9 @@ def _matrix3(found: CornerFit) -> Matrix3:
     return (a, b, c)
 
 
-def _not_shown(result: ShakeResult, *reasons: str) -> ShakeResult:
+def _not_shown(result: ShakeEstimate, *reasons: str) -> ShakeEstimate:
     return msgspec.structs.replace(result, not_shown=(*result.not_shown, *reasons))
 
 
-def _with_error(result: ShakeResult, error: SignError) -> ShakeResult:
+def _with_error(result: ShakeEstimate, error: SignError) -> ShakeEstimate:
     return msgspec.structs.replace(result, sign_errors=(*result.sign_errors, error))

@@ -7,7 +7,7 @@ from math import ceil, cos, degrees
 from typing import Any, Final
 
 from fwav_companion.geometry.mounts import describe_mount, euler_from_body_from_camera
-from fwav_companion.tools.shake.estimate import ShakeResult, WithSigma
+from fwav_companion.tools.shake.estimate import ShakeEstimate, WithSigma
 
 NEARLY_VERTICAL: Final = 0.1
 """Cosine of the pitch: within 6 deg of straight down, a degree across turns roll and yaw by ten and more."""
@@ -26,7 +26,7 @@ class ShakeReport:
         self.file = file
         self.time_offset_s = time_offset_s
 
-    def toml_lines(self, result: ShakeResult) -> list[str]:
+    def toml_lines(self, result: ShakeEstimate) -> list[str]:
         """Configuration lines of what was found; empty while a sign error must be corrected first."""
         if any(not error.fixed_by_mount for error in result.sign_errors):
             return []
@@ -47,7 +47,7 @@ class ShakeReport:
             uncertainty.append(f"mount_bias_deg = {max(LEAST_MOUNT_SIGMA_DEG, ceil(sigma_deg * 100.0) / 100.0):.2f}")
         return [*lines, "[uncertainty]", *uncertainty] if uncertainty else []
 
-    def text(self, result: ShakeResult) -> Iterator[str]:
+    def text(self, result: ShakeEstimate) -> Iterator[str]:
         """The whole result, line by line."""
         yield from _session(result)
         yield from self._found(result)
@@ -62,7 +62,7 @@ class ShakeReport:
             yield f"for {self.file}, in place of the present values of these keys:"
             yield from lines
 
-    def _found(self, result: ShakeResult) -> Iterator[str]:
+    def _found(self, result: ShakeEstimate) -> Iterator[str]:
         if result.delay is not None:
             total_s = self.time_offset_s + result.delay.value
             yield f"delay of the camera: {1e3 * total_s:.1f} ms, one sigma {1e3 * result.delay.sigma:.1f} ms"
@@ -75,7 +75,7 @@ class ShakeReport:
             lag_ms, sigma_ms = 1e3 * result.rate_lag.lag_s, 1e3 * result.rate_lag.sigma_s
             yield f"rates come {lag_ms:.1f} ms after the attitude, one sigma {sigma_ms:.1f} ms; `run` corrects for it"
 
-    def json_object(self, result: ShakeResult, *, ok: bool) -> dict[str, Any]:
+    def json_object(self, result: ShakeEstimate, *, ok: bool) -> dict[str, Any]:
         """The result for scripts."""
         lag = result.rate_lag
         return {
@@ -95,18 +95,18 @@ class ShakeReport:
             "lines": self.toml_lines(result),
         }
 
-    def _delay(self, result: ShakeResult) -> dict[str, float] | None:
+    def _delay(self, result: ShakeEstimate) -> dict[str, float] | None:
         if result.delay is None:
             return None
         return {"time_offset_s": self.time_offset_s + result.delay.value, "sigma_s": result.delay.sigma}
 
 
-def is_usable(result: ShakeResult) -> bool:
+def is_usable(result: ShakeEstimate) -> bool:
     """Whether delay and mount were found without a sign error."""
     return result.delay is not None and result.mount is not None and not result.sign_errors
 
 
-def _session(result: ShakeResult) -> Iterator[str]:
+def _session(result: ShakeEstimate) -> Iterator[str]:
     if not result.frames:
         return
     yield f"the tag was seen in {result.frames} frames, {4 * result.frames} corners, {result.side_px:.0f} pixels a side"
@@ -117,7 +117,7 @@ def _session(result: ShakeResult) -> Iterator[str]:
     yield f"{shaken}; turned by {degrees(result.heading_change):.0f} deg"
 
 
-def _mount(result: ShakeResult) -> dict[str, Any] | None:
+def _mount(result: ShakeEstimate) -> dict[str, Any] | None:
     if result.mount is None or result.body_from_camera is None:
         return None
     angles = euler_from_body_from_camera(result.body_from_camera)

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from fwav_companion.camera import parse_calibration
 from fwav_companion.geometry.stamps import BootNs
-from fwav_companion.tools.shake.estimate import ShakeData, ShakeResult, estimate
+from fwav_companion.tools.shake.estimate import ShakeData, ShakeEstimate, estimate
 from fwav_companion.tools.shake.observations import TagObservation
 from fwav_companion.types import AttitudeSample
 
@@ -123,7 +123,7 @@ class Hands:
         }
         return ShakeData(**given | what)
 
-    def found(self, **what: Any) -> ShakeResult:
+    def found(self, **what: Any) -> ShakeEstimate:
         return estimate(self.shaking(**what))
 
     def samples(
@@ -205,6 +205,6 @@ def _quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, fl
     return w, x, y, z
 
 
-def correction_deg(shaken: ShakeResult) -> Any:
+def correction_deg(shaken: ShakeEstimate) -> Any:
     """Of the mount, about the body's axes."""
     return np.degrees([known.value for known in shaken.mount])
