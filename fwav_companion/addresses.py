@@ -1,4 +1,4 @@
-"""SHELL: hosts to socket addresses, without ever blocking the loop; and why there is none, in words for people."""
+"""SHELL: looks up hosts without blocking the loop; errors say in words why a host has no address."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ SocketAddress: TypeAlias = tuple[Any, ...]
 Resolved: TypeAlias = tuple[socket.AddressFamily, SocketAddress]
 
 NO_SUCH_HOST: Final = {socket.EAI_NONAME, socket.EAI_NODATA}
-"""Somebody who knows was asked, and there is no such name, or no address to it. Else nobody could be asked."""
+"""A name server answered that the name does not exist or has no address. With other errors no server answered."""
 
 
 async def resolve(host: str, port: int, kind: socket.SocketKind) -> list[Resolved]:
-    """The addresses of a host, the preferred one first, at least one. OSError, in words, where there is none now.
+    """The addresses of a host, the preferred one first, at least one. OSError, in words, if it has none now.
 
-    A numeric one needs no look-up; a name is looked up in a daemon thread: without a network that takes seconds.
+    A numeric address needs no look-up. A name is looked up in a daemon thread: without a network that takes seconds.
     """
     try:
         try:

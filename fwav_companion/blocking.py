@@ -1,7 +1,7 @@
-"""SHELL: calls that may block (a serial open, a name look-up, a camera) kept off the loop, and off the exit.
+"""SHELL: runs calls that may block (a serial open, a name look-up, a camera) without blocking the loop or the exit.
 
-The loop's default executor will not do: ``asyncio.run`` waits for it, and the interpreter joins its threads, so one
-hanging call would hold up the two seconds of a clean stop. A daemon thread is simply left behind.
+The loop's default executor is unsuitable: ``asyncio.run`` waits for it, and the interpreter joins its threads, so that
+one hanging call would delay a clean stop beyond its two seconds. A daemon thread is abandoned instead.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ V = TypeVar("V")
 
 
 def _nothing_to_undo(_result: object) -> None:
-    """Most results need no undoing."""
+    """Do nothing: most results need no undoing."""
 
 
 async def in_daemon_thread(call: Callable[[], T], *, name: str, undo: Callable[[T], None] = _nothing_to_undo) -> T:
-    """What ``call`` gives, or raises, from a thread of its own called ``name``.
+    """The result or exception of ``call``, which runs in a thread of its own called ``name``.
 
-    Cancelled, it returns at once; the thread goes on, and ``undo`` is called with a result that comes too late.
-    The caller bounds how many calls it has under way.
+    Cancellation takes effect at once; the thread continues, and ``undo`` is called with a result that comes too late.
+    The caller bounds the number of its calls under way.
     """
     handover = _Handover(call, undo)
     threading.Thread(target=handover.run, name=name, daemon=True).start()
@@ -31,7 +31,7 @@ async def in_daemon_thread(call: Callable[[], T], *, name: str, undo: Callable[[
 
 
 class _Handover(Generic[T]):
-    """From one thread to the loop that waits for it, or does no longer."""
+    """Passes a result from one thread to the loop that waits for it, or has stopped waiting."""
 
     def __init__(self, call: Callable[[], T], undo: Callable[[T], None]) -> None:
         self._call = call
@@ -40,16 +40,16 @@ class _Handover(Generic[T]):
         self._outcome: asyncio.Future[T] = self._loop.create_future()
 
     async def result(self) -> T:
-        """On the loop: wait."""
+        """The result; awaited on the loop."""
         try:
             return await self._outcome
         except asyncio.CancelledError:
             if not self._outcome.cancelled() and self._outcome.exception() is None:
-                self._undo(self._outcome.result())  # both came in one turn of the loop: nobody else sees the result
+                self._undo(self._outcome.result())  # result and cancellation came in one turn of the loop
             raise
 
     def run(self) -> None:
-        """In the thread: call, and hand over."""
+        """Call, and pass the outcome to the loop; runs in the thread."""
         try:
             result = self._call()
         except Exception as error:  # noqa: BLE001  # raised again where it is waited for
@@ -59,7 +59,7 @@ class _Handover(Generic[T]):
                 self._undo(result)
 
     def _on_loop(self, callback: Callable[[V], None], value: V) -> bool:
-        """Have the loop call back; False where it is closed already."""
+        """Schedule the callback on the loop; False if the loop is closed."""
         try:
             self._loop.call_soon_threadsafe(callback, value)
         except RuntimeError:

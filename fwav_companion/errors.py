@@ -1,10 +1,10 @@
-"""The error tree. The type says whose fault it is; the message says what, where, and what is accepted."""
+"""The error tree. The type says who must act; the message says what is wrong, where, and what is accepted."""
 
 from __future__ import annotations
 
 
 class CompanionError(Exception):
-    """Base of everything this package raises on purpose."""
+    """Base of all errors that this package raises deliberately."""
 
 
 class UserError(CompanionError):
@@ -16,12 +16,12 @@ class ConfigError(UserError):
 
 
 class InputFileError(UserError):
-    """A file the user named is missing, unreadable or malformed."""
+    """A file that the user named is missing, unreadable or malformed."""
 
 
 class LinkError(CompanionError):
-    """A link could not be opened or was lost. The service retries; it never exits for this."""
+    """A link could not be opened, or was lost. The service retries and never exits for this."""
 
 
 class EncodeError(CompanionError):
-    """A message was to be sent whose name or fields its MAVLink definition does not have: our own mistake."""
+    """A message's name or fields are not in the MAVLink definitions: a defect in this program."""

@@ -1,4 +1,4 @@
-"""SHELL: files that somebody named: read where they are files, written whole or not at all."""
+"""SHELL: files that a user named: read only if they are regular files, written completely or not at all."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from typing import BinaryIO, Final
 
 KINDS: Final = {stat.S_IFIFO: "a pipe", stat.S_IFSOCK: "a socket", stat.S_IFCHR: "a device", stat.S_IFBLK: "a device"}
 LONGEST_STEM: Final = 50
-"""Characters, of a name for the time being: in any alphabet less than the 255 bytes that file systems take."""
+"""Characters of a temporary name: in any alphabet fewer than the 255 bytes that file systems accept."""
 
 
 def opened(path: Path) -> BinaryIO:
-    """The file, to be read. OSError, in words, where there is none, and for what may never end, or never begin."""
+    """The file, opened for reading. OSError, in words, if it does not exist or is a pipe, device or socket."""
     _require_regular(path)
     return path.open("rb")
 
 
 def content(path: Path) -> bytes:
-    """All of it; OSError as :func:`opened`, and where memory is too small for it."""
+    """The whole content. OSError as for :func:`opened`, and if the memory is too small."""
     with opened(path) as file:
         try:
             return file.read()
@@ -33,16 +33,16 @@ def content(path: Path) -> bytes:
 
 @contextmanager
 def whole(path: Path, *, synced: bool = False) -> Iterator[BinaryIO]:
-    """A file to write, which gets its name when all of it stands; whatever ends it before leaves all as it was.
+    """A file to write, which gets its name when it is complete; if writing ends early, the old file remains.
 
-    ``synced``: it outlives a power cut. What is no file (a device, a pipe) is written as it is. OSError by ``path``.
+    ``synced``: the new content survives a power cut. Devices and pipes are written directly. OSError names ``path``.
     """
     before = _status(path)
     if before is not None and not stat.S_ISREG(before.st_mode):
         with path.open("wb") as file:
             yield file
         return
-    real = Path(os.path.realpath(path))  # what a link points to is replaced, not the link
+    real = Path(os.path.realpath(path))  # replace the target of a symbolic link, not the link
     beside = real.with_name(f".{real.name[:LONGEST_STEM]}.{os.getpid()}")
     created = _created(beside, path, before)
     try:
@@ -54,23 +54,23 @@ def whole(path: Path, *, synced: bool = False) -> Iterator[BinaryIO]:
         beside.replace(real)
     except BaseException as error:  # Ctrl-C too
         beside.unlink(missing_ok=True)
-        if isinstance(error, OSError) and error.filename is None:  # a disk that is full tells no name
+        if isinstance(error, OSError) and error.filename is None:  # as for a full disk
             error.filename = str(path)
         raise
 
 
 def made_folder(path: Path) -> Path:
-    """The folder, with those above it, made where it is not there. OSError, in words, where something else stands."""
+    """The folder, created with its parents if it does not exist. OSError, in words, if the name is not a folder."""
     try:
         path.mkdir(parents=True, exist_ok=True)
     except FileExistsError:
-        path.stat()  # of a circle of links, that is what is told
+        path.stat()  # raises the better error for a circle of links
         raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(path)) from None
     return path
 
 
 def _created(beside: Path, path: Path, before: os.stat_result | None) -> BinaryIO:
-    """With the permissions of what it is to replace, which must not forbid that."""
+    """The temporary file, with the permissions of the file that it will replace. OSError if that is write-protected."""
     if before is not None and not os.access(path, os.W_OK):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
     try:
@@ -86,12 +86,13 @@ def _require_regular(path: Path) -> None:
     mode = path.stat().st_mode
     if stat.S_ISDIR(mode):
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-    if not stat.S_ISREG(mode) and not path.samefile(os.devnull):  # which is as good as an empty file
-        raise OSError(errno.EINVAL, f"Is {KINDS.get(stat.S_IFMT(mode), 'something else')}, no regular file", str(path))
+    if not stat.S_ISREG(mode) and not path.samefile(os.devnull):  # the null device serves as an empty file
+        kind = KINDS.get(stat.S_IFMT(mode), "something else")
+        raise OSError(errno.EINVAL, f"Is {kind}, not a regular file", str(path))
 
 
 def _status(path: Path) -> os.stat_result | None:
-    """None where nothing stands yet. OSError where nobody can tell, as in a circle of links."""
+    """The file's status; None if it does not exist. OSError if that cannot be determined, as in a circle of links."""
     try:
         return path.stat()
     except FileNotFoundError:

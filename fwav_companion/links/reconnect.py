@@ -1,4 +1,4 @@
-"""Staying connected: opens, waits for the loss, tells it once, and tries again, ever more patiently."""
+"""Links that reconnect: open, wait for the loss, report it once, and retry with growing delays."""
 
 from __future__ import annotations
 
@@ -7,18 +7,39 @@ import os
 from collections.abc import Awaitable, Callable
 
 from fwav_companion.errors import LinkError
-from fwav_companion.links.base import Connection, Ear, LinkState, OnBytes, OnState, Opener, Traffic
+from fwav_companion.links.base import Connection, Ear, Link, LinkState, OnBytes, OnState, Opener, Traffic
+from fwav_companion.links.url import LinkUrl, SerialUrl, UdpUrl
 
 FIRST_DELAY_S = 0.25
 """A device that re-enumerates needs a few tenths of a second."""
 LONGEST_DELAY_S = 3.0
-"""How late a peer that came back is noticed, at worst; a try costs a system call or two."""
+"""Longest delay until a peer that came back is noticed. An attempt costs a system call or two."""
 STEADY_S = 5.0
-"""A connection that held this long was a good one: the next loss starts with short delays again."""
+"""After a connection of at least this duration the delays start short again."""
+
+
+def make_link(name: str, url: LinkUrl, on_bytes: OnBytes, on_state: OnState) -> Link:
+    """A link of the kind that the URL names, not started yet."""
+    return StayingConnected(name, _opener(url), on_bytes, on_state)
+
+
+def _opener(url: LinkUrl) -> Opener:
+    """The opener of the URL's kind, imported only when needed: a board without a serial link does not load pyserial."""
+    if isinstance(url, UdpUrl):
+        from fwav_companion.links.udp import UdpOpener
+
+        return UdpOpener(url)
+    if isinstance(url, SerialUrl):
+        from fwav_companion.links.serial import SerialOpener
+
+        return SerialOpener(url)
+    from fwav_companion.links.tcp import tcp_opener
+
+    return tcp_opener(url)
 
 
 class StayingConnected:
-    """A :class:`Link` made of an :class:`Opener`'s connections, one after the other."""
+    """A :class:`Link` over an :class:`Opener`'s connections, one after the other."""
 
     def __init__(
         self,
@@ -29,7 +50,7 @@ class StayingConnected:
         *,
         sleep: Callable[[float], Awaitable[None]] = asyncio.sleep,
     ) -> None:
-        """``sleep`` passes the seconds between two tries."""
+        """``sleep`` waits the seconds between two attempts."""
         self.name = name
         self.state = LinkState.IDLE
         self._opener = opener
@@ -43,7 +64,7 @@ class StayingConnected:
         self._times_up = 0
 
     def start(self) -> None:
-        """Begin to connect; from a running loop, once."""
+        """Begin to connect. Called once, from a running loop."""
         self.state = LinkState.OPENING
         self._task = asyncio.get_running_loop().create_task(self._stay_connected(), name=f"link {self.name}")
         self._task.add_done_callback(_tell_fault)
@@ -57,7 +78,7 @@ class StayingConnected:
             connection.send(data)
 
     def close(self) -> None:
-        """End it for good, at once; no callback follows."""
+        """Close the link permanently and at once; no callback follows."""
         self.state = LinkState.CLOSED
         if self._task is not None:
             self._task.cancel()
@@ -65,7 +86,7 @@ class StayingConnected:
         self._release()
 
     def status(self) -> dict[str, object]:
-        """State, reason, counters, and the connection's own."""
+        """State, reason, counters, and the entries of the connection."""
         traffic = self._traffic
         own = self._connection.status() if self._connection is not None else {}
         return {
@@ -87,7 +108,7 @@ class StayingConnected:
             delay_s = min(2.0 * delay_s, LONGEST_DELAY_S)
 
     async def _live_once(self) -> float:
-        """Open, and wait for the loss. How long the connection held, seconds."""
+        """Open a connection and wait for its loss; its duration in seconds."""
         loop = asyncio.get_running_loop()
         end: asyncio.Future[str] = loop.create_future()
         try:
@@ -117,7 +138,7 @@ class StayingConnected:
         self._on_state(self.name, True, "")
 
     def _went_down(self, why: str) -> None:
-        """Tell it, unless it was down already: an outage is told once, whatever the later tries say."""
+        """Report the loss unless the link was down already: one report per outage, whatever later attempts say."""
         self._release()
         told, self.state, self._why = self.state is LinkState.DOWN, LinkState.DOWN, why
         if not told:
@@ -130,13 +151,13 @@ class StayingConnected:
 
 
 def _tell_fault(task: asyncio.Task[None]) -> None:
-    """Only a mistake of our own ends the task by an error: the loop's handler must hear of it."""
+    """Pass the task's exception to the loop's handler: only a defect in this program raises one."""
     if not task.cancelled() and (error := task.exception()) is not None:
         task.get_loop().call_exception_handler({"message": f"{task.get_name()} failed", "exception": error})
 
 
 def reason_of(error: OSError | LinkError) -> str:
-    """The error as a few words for people: "Connection refused", not its number."""
+    """The error in words: "Connection refused", not its number."""
     if isinstance(error, OSError) and error.errno is not None and error.errno > 0:
         return os.strerror(error.errno)
     return str(error) or type(error).__name__

@@ -1,4 +1,4 @@
-"""Serial ports: found by path or by USB ids at every try, opened in a daemon thread, exclusive, never blocking."""
+"""Serial ports: found by path or USB ids at each attempt, opened in a daemon thread, exclusive, non-blocking."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from serial.tools import list_ports
 from fwav_companion.blocking import in_daemon_thread
 from fwav_companion.errors import LinkError
 from fwav_companion.links.base import READ_BYTES, Connection, Ear
+from fwav_companion.links.streams import BoundedWriter
 from fwav_companion.links.url import SerialUrl
-from fwav_companion.links.writing import BoundedWriter
 
 OPEN_WAIT_S = 5.0
-"""A healthy port opens in milliseconds; a USB device that hangs in its open is waited for no longer at once."""
+"""Longest wait of one attempt. A healthy port opens in milliseconds; a USB device may hang in its open."""
 QUEUE_S = 0.5
-"""What may wait for the line, in seconds of its own speed: older telemetry helps nobody."""
+"""Capacity of the queue, in seconds at the line's speed: older telemetry is useless."""
 SMALLEST_QUEUE_BYTES = 2048
-"""Several of the longest frames, on the slowest line too."""
+"""Several of the longest frames, for the slowest line."""
 
 
 class UsbIdentity(msgspec.Struct, frozen=True):
-    """What a USB device keeps when it comes back under another name."""
+    """Identity that a USB device keeps when it comes back under another name."""
 
     vendor_id: int
     product_id: int
@@ -39,7 +39,7 @@ class UsbIdentity(msgspec.Struct, frozen=True):
 
 
 class PortInfo(Protocol):
-    """What pyserial tells of a port."""
+    """pyserial's description of a port."""
 
     device: str
     vid: int | None
@@ -48,7 +48,7 @@ class PortInfo(Protocol):
 
 
 class OpenedPort(msgspec.Struct, frozen=True):
-    """An open port and the name it was found under."""
+    """An open port and the name under which it was found."""
 
     port: serial.Serial
     device: str
@@ -56,18 +56,18 @@ class OpenedPort(msgspec.Struct, frozen=True):
 
 
 class SerialOpener:
-    """Opens the device that a serial URL names, or the same device under the name it came back with."""
+    """Opens the device that a serial URL names, or the same device under the name with which it came back."""
 
     def __init__(self, url: SerialUrl, list_all: Callable[[], Sequence[PortInfo]] = list_ports.comports) -> None:
         self._url = url
         self._list_all = list_all
         self._identity: UsbIdentity | None = None
-        """Of the device that the path named when it was last open."""
+        """Identity of the device that the path named when it was last open."""
         self._opening: asyncio.Task[OpenedPort] | None = None
-        """At most one thread: an open that hangs is waited for again, not started again."""
+        """The one open call under way: the next attempt waits for a hanging one and does not start another."""
 
     async def open(self, ear: Ear) -> Connection:
-        """An open port. OSError or LinkError where the device is not there, in use, or hangs."""
+        """An open port. OSError or LinkError where the device is missing, in use, or hangs."""
         if self._opening is None:
             call = partial(find_and_open, self._url, self._identity, self._list_all)
             coroutine = in_daemon_thread(call, name=f"open {self._url}", undo=_close_unwanted)
@@ -81,16 +81,16 @@ class SerialOpener:
         return SerialConnection(opened.port, opened.device, self._url.baud, ear)
 
     def close(self) -> None:
-        """Leave the thread to itself; a port that it still opens is closed."""
+        """Abandon the thread; a port that it still opens is closed."""
         opening, self._opening = self._opening, None
         if opening is not None and not opening.cancel() and opening.exception() is None:
-            _close(opening.result().port)  # it came after the last try had stopped waiting
+            _close(opening.result().port)  # opened after the last attempt had stopped waiting
 
 
 def find_and_open(
     url: SerialUrl, identity: UsbIdentity | None, list_all: Callable[[], Sequence[PortInfo]]
 ) -> OpenedPort:
-    """Find the device and open it; blocking. LinkError says which step failed."""
+    """Find and open the device; this blocks. LinkError names the step that failed."""
     device = url.device
     ports: tuple[PortInfo, ...] = ()
     if not (device and Path(device).exists()):
@@ -98,14 +98,14 @@ def find_and_open(
         device = _find(url, identity, ports)
     try:
         port = serial.Serial(device, url.baud, timeout=0, write_timeout=0, exclusive=True)
-    except (serial.SerialException, ValueError) as error:  # ValueError: a speed that the driver has not
+    except (serial.SerialException, ValueError) as error:  # ValueError: the driver does not support the speed
         raise LinkError(_reason(device, error)) from error
     _wait_for_a_byte(port.fd)
     return OpenedPort(port, device, _identity_of(device, ports or tuple(list_all())))
 
 
 def _find(url: SerialUrl, identity: UsbIdentity | None, ports: Sequence[PortInfo]) -> str:
-    """The name of the device that has the URL's ids, or the identity it had before; the first of several."""
+    """Name of the first device that has the URL's ids, or the identity that the URL's device had before."""
     if url.device and identity is None:
         raise LinkError(f"{url.device}: no such device")
     names = sorted(
@@ -120,7 +120,7 @@ def _find(url: SerialUrl, identity: UsbIdentity | None, ports: Sequence[PortInfo
 
 
 def _identity_of(device: str, ports: Sequence[PortInfo]) -> UsbIdentity | None:
-    """Of the open device; through links as /dev/serial/by-id/... too. None for what is no USB device."""
+    """Identity of the open device, also through symbolic links such as /dev/serial/by-id/...; None if it is not USB."""
     real = os.path.realpath(device)
     return next((_identity(port) for port in ports if os.path.realpath(port.device) == real), None)
 
@@ -132,7 +132,7 @@ def _identity(port: PortInfo) -> UsbIdentity | None:
 
 
 def _wait_for_a_byte(fd: int) -> None:
-    """VMIN 1: an empty read then means a hang-up, and nothing else (pyserial's 0 gives one for "no data" too)."""
+    """Set VMIN to 1: an empty read then means a hang-up only (with pyserial's 0 it also means "no data")."""
     settings = termios.tcgetattr(fd)
     settings[6][termios.VMIN] = 1
     termios.tcsetattr(fd, termios.TCSANOW, settings)
@@ -150,7 +150,7 @@ def _close_unwanted(opened: OpenedPort) -> None:
 
 
 def _close(port: serial.Serial) -> None:
-    """Close at once: what still waits in the driver is dropped, else closing waits for the line for up to 30 s."""
+    """Close at once and drop the driver's queue; otherwise closing waits for the line for up to 30 s."""
     with suppress(OSError, termios.error):
         termios.tcflush(port.fd, termios.TCOFLUSH)
     with suppress(OSError):
@@ -158,7 +158,7 @@ def _close(port: serial.Serial) -> None:
 
 
 class SerialConnection:
-    """One open port."""
+    """One open serial port."""
 
     def __init__(self, port: serial.Serial, device: str, baud: int, ear: Ear) -> None:
         self._port = port
@@ -171,7 +171,7 @@ class SerialConnection:
         self._loop.add_reader(self._fd, self._read)
 
     def send(self, data: bytes) -> None:
-        """Write whole frames, or queue them."""
+        """Write whole frames now, or queue them."""
         self._writer.send(data)
 
     def close(self) -> None:
@@ -181,7 +181,7 @@ class SerialConnection:
         _close(self._port)
 
     def status(self) -> dict[str, object]:
-        """The name it was found under."""
+        """The name under which the device was found."""
         return {"device": self._device}
 
     def _read(self) -> None:

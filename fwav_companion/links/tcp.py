@@ -1,4 +1,4 @@
-"""TCP: a client of one server, and a server of several clients."""
+"""TCP links: a client of one server, and a server of several clients."""
 
 from __future__ import annotations
 
@@ -8,33 +8,32 @@ import socket
 from fwav_companion.addresses import SocketAddress, resolve
 from fwav_companion.errors import LinkError
 from fwav_companion.links.base import DRAIN_LIMIT, READ_BYTES, Connection, Ear, Opener
-from fwav_companion.links.framing import FrameCutter
+from fwav_companion.links.streams import BoundedWriter, FrameCutter
 from fwav_companion.links.url import TcpUrl, host_and_port
-from fwav_companion.links.writing import BoundedWriter
 
 CONNECT_WAIT_S = 5.0
-"""A server that is there answers within a round trip; Linux itself would try for two minutes."""
+"""A reachable server answers within a round trip; Linux itself would try for two minutes."""
 UNANSWERED_MS = 10_000
-"""Bytes that were not acknowledged for this long end a connection: a peer that lost power says no goodbye."""
+"""Time without an acknowledgement that ends a connection: a peer that lost power does not close it."""
 QUEUE_BYTES = 65536
-"""About three seconds of the busiest telemetry: what is older helps nobody."""
+"""About three seconds of the busiest telemetry; older telemetry is useless."""
 MAX_CLIENTS = 8
-"""Each costs a copy of everything that is sent."""
+"""Each client costs a copy of everything that is sent."""
 
 
 def tcp_opener(url: TcpUrl) -> Opener:
-    """What a TCP URL names."""
+    """The opener that a TCP URL names."""
     return TcpServerOpener(url) if url.kind == "tcpin" else TcpClientOpener(url)
 
 
 class TcpClientOpener:
-    """Connects to a server."""
+    """Connects to one server."""
 
     def __init__(self, url: TcpUrl) -> None:
         self._url = url
 
     async def open(self, ear: Ear) -> Connection:
-        """A connected stream: the host's addresses are tried in turn. OSError, LinkError."""
+        """A stream to the first of the host's addresses that accepts. OSError or LinkError of the last attempt."""
         failure: OSError | LinkError = LinkError("no address")
         for family, address in await resolve(self._url.host, self._url.port, socket.SOCK_STREAM):
             try:
@@ -63,13 +62,13 @@ async def _connected(family: socket.AddressFamily, address: SocketAddress) -> so
 
 
 class TcpServerOpener:
-    """Listens."""
+    """Listens for clients."""
 
     def __init__(self, url: TcpUrl) -> None:
         self._url = url
 
     async def open(self, ear: Ear) -> Connection:
-        """A listening socket with its clients. OSError where the address is not there, or taken."""
+        """A listening socket with its clients. OSError where the address does not exist, or is taken."""
         family, address = (await resolve(self._url.host, self._url.port, socket.SOCK_STREAM))[0]
         sock = socket.socket(family, socket.SOCK_STREAM)
         try:
@@ -87,7 +86,7 @@ class TcpServerOpener:
 
 
 class TcpStream:
-    """One connected stream, of a client or to a server."""
+    """One connected stream, from a client or to a server."""
 
     def __init__(self, sock: socket.socket, ear: Ear) -> None:
         self._socket = sock
@@ -97,7 +96,7 @@ class TcpStream:
         self._loop.add_reader(sock, self._read)
 
     def send(self, data: bytes) -> None:
-        """Write whole frames, or queue them."""
+        """Write whole frames now, or queue them."""
         self._writer.send(data)
 
     def close(self) -> None:
@@ -107,7 +106,7 @@ class TcpStream:
         self._socket.close()
 
     def status(self) -> dict[str, object]:
-        """Nothing more to tell."""
+        """No further entries."""
         return {}
 
     def _read(self) -> None:
@@ -126,23 +125,23 @@ class TcpStream:
 
 
 class TcpServer:
-    """Hears every client, each in whole frames, and speaks to all of them."""
+    """Receives whole frames from each client and sends to all of them."""
 
     def __init__(self, sock: socket.socket, ear: Ear) -> None:
         self._socket = sock
         self._ear = ear
         self._clients: dict[str, TcpStream] = {}
-        """By address."""
+        """Streams by address."""
         self._loop = asyncio.get_running_loop()
         self._loop.add_reader(sock, self._accept)
 
     def send(self, data: bytes) -> None:
-        """To each client; with none, nobody misses it and nothing is counted."""
+        """Send to each client. Without clients nothing is counted as dropped."""
         for client in list(self._clients.values()):
             client.send(data)
 
     def close(self) -> None:
-        """Release the socket and every client's."""
+        """Release the listening socket and every client's."""
         self._loop.remove_reader(self._socket)
         self._socket.close()
         for client in self._clients.values():
@@ -150,7 +149,7 @@ class TcpServer:
         self._clients.clear()
 
     def status(self) -> dict[str, object]:
-        """The clients, in the order they came."""
+        """The clients in order of arrival."""
         return {"clients": list(self._clients)}
 
     def _accept(self) -> None:
@@ -159,9 +158,9 @@ class TcpServer:
                 sock, address = self._socket.accept()
             except BlockingIOError:
                 return
-            except ConnectionError:  # it gave up while it waited
+            except ConnectionError:  # the client gave up while it waited
                 continue
-            except OSError as error:  # out of file descriptors: the socket stays readable, so end and try again later
+            except OSError as error:  # out of file descriptors: the socket stays readable, so close it and retry later
                 self._loop.remove_reader(self._socket)
                 self._ear.lost(error.strerror or str(error))
                 return
@@ -189,7 +188,7 @@ class TcpServer:
 
 
 def _set_options(sock: socket.socket) -> None:
-    """Frames leave at once; a peer that vanished is noticed, whether we speak or only listen."""
+    """Send frames at once, and notice a vanished peer whether this side sends or only receives."""
     sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, UNANSWERED_MS)
     sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)

@@ -1,4 +1,4 @@
-"""Link URLs, parsed. Pure text: no socket is imported and no name is looked up here."""
+"""Parses link URLs. This is pure text work: no socket is imported and no name is looked up."""
 
 from __future__ import annotations
 
@@ -18,32 +18,32 @@ COT_FORMS = "udpout://HOST:PORT | udpbcast://HOST:PORT | tcpout://HOST:PORT"
 UDP_KINDS = ("udpin", "udpout", "udpbcast")
 TCP_KINDS = ("tcpin", "tcpout")
 PYMAVLINK_KINDS = {"tcp": "tcpout", "tcpin": "tcpin", "udp": "udpin"} | {kind: kind for kind in UDP_KINDS}
-"""pymavlink's ``KIND:HOST:PORT``; its bare ``udp`` listens."""
+"""Kinds of pymavlink's ``KIND:HOST:PORT`` notation, where a bare ``udp`` listens."""
 
 BAUD_LIMITS = (300, 12_000_000)
-"""From the slowest radio in use to the fastest USB bridge (FT232H)."""
+"""From the slowest radio in use to the fastest USB bridge (FT232H), bits per second."""
 LONGEST_NAME = 253
-"""Characters of a host's name."""
+"""Characters of a host name."""
 UNIX_PATH_BYTES = 107
-"""sockaddr_un holds 108, one of them the terminator (unix(7))."""
+"""sockaddr_un holds 108 bytes, one of them the terminator (unix(7))."""
 
 
 class UrlError(UserError):
-    """The text is no usable URL; the message says what is accepted."""
+    """The text is not a usable URL. The message says what is accepted."""
 
 
 class SerialUrl(msgspec.Struct, frozen=True):
-    """A serial device, by its path, or by the USB ids that find it under any name."""
+    """A serial device, by its path, or by the USB ids that identify it under any name."""
 
     baud: int
     """Bits per second."""
     device: str = ""
-    """An absolute path; "" where the ids find it."""
+    """Absolute path; "" where the ids identify the device."""
     vendor_id: int = 0
     product_id: int = 0
 
     def __str__(self) -> str:
-        """The URL, in its first spelling."""
+        """The URL in the ``serial://`` notation."""
         where = self.device or f"{self.vendor_id:04x}:{self.product_id:04x}"
         return f"serial://{where}:{self.baud}"
 
@@ -53,11 +53,11 @@ class UdpUrl(msgspec.Struct, frozen=True):
 
     kind: Literal["udpin", "udpout", "udpbcast"]
     host: str
-    """A name or an address; IPv6 without its brackets."""
+    """Name or address; IPv6 without brackets."""
     port: int
 
     def __str__(self) -> str:
-        """The URL, in its first spelling."""
+        """The URL in the ``KIND://`` notation."""
         return f"{self.kind}://{host_and_port(self.host, self.port)}"
 
 
@@ -66,11 +66,11 @@ class TcpUrl(msgspec.Struct, frozen=True):
 
     kind: Literal["tcpin", "tcpout"]
     host: str
-    """A name or an address; IPv6 without its brackets."""
+    """Name or address; IPv6 without brackets."""
     port: int
 
     def __str__(self) -> str:
-        """The URL, in its first spelling."""
+        """The URL in the ``KIND://`` notation."""
         return f"{self.kind}://{host_and_port(self.host, self.port)}"
 
 
@@ -78,7 +78,7 @@ class UnixUrl(msgspec.Struct, frozen=True):
     """A Unix datagram socket."""
 
     path: str
-    """Absolute."""
+    """Absolute path."""
 
     def __str__(self) -> str:
         """The URL."""
@@ -89,7 +89,7 @@ LinkUrl: TypeAlias = SerialUrl | UdpUrl | TcpUrl
 
 
 def parse_link_url(text: str) -> LinkUrl:
-    """The URL of a [[link]], or one of pymavlink's spellings of it. UrlError."""
+    """The URL of a [[link]], also in pymavlink's notation. UrlError."""
     scheme, separator, rest = text.partition("://")
     if not separator:
         return _parse_pymavlink(text)
@@ -97,11 +97,11 @@ def parse_link_url(text: str) -> LinkUrl:
         return _parse_serial(rest)
     if scheme in UDP_KINDS or scheme in TCP_KINDS:
         return _parse_network(scheme, rest)
-    raise UrlError(f'"{scheme}://" is no kind of link; accepted: {LINK_FORMS}')
+    raise UrlError(f'"{scheme}://" is not a kind of link; accepted: {LINK_FORMS}')
 
 
 def parse_detections_url(text: str) -> UdpUrl | UnixUrl:
-    """Where detections arrive as datagrams. UrlError."""
+    """The URL at which detections arrive as datagrams. UrlError."""
     if text.startswith("unix://"):
         return _parse_unix(text.removeprefix("unix://"))
     if text.startswith("udpin:"):
@@ -112,7 +112,7 @@ def parse_detections_url(text: str) -> UdpUrl | UnixUrl:
 
 
 def parse_cot_url(text: str) -> UdpUrl | TcpUrl:
-    """Where Cursor on Target is sent. UrlError."""
+    """The URL to which Cursor on Target is sent. UrlError."""
     if text.startswith(("udpout:", "udpbcast:", "tcpout:", "tcp:")):
         url = parse_link_url(text)
         if not isinstance(url, SerialUrl):
@@ -121,12 +121,12 @@ def parse_cot_url(text: str) -> UdpUrl | TcpUrl:
 
 
 def host_and_port(host: str, port: int) -> str:
-    """HOST:PORT, with brackets round IPv6."""
+    """HOST:PORT, with brackets around IPv6."""
     return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
 
 def _parse_pymavlink(text: str) -> LinkUrl:
-    """``udpin:host:port``, ``tcp:host:port``, ``/dev/ttyX,baud``."""
+    """A URL from ``udpin:host:port``, ``tcp:host:port`` or ``/dev/ttyX,baud``."""
     if text.startswith("/"):
         device, _, baud = text.partition(",")
         return SerialUrl(device=device, baud=_baud(baud))
@@ -142,7 +142,7 @@ def _parse_serial(rest: str) -> SerialUrl:
         raise UrlError(f"it has no baud rate; accepted: {SERIAL_FORMS}")
     if where.startswith("/"):
         if where.endswith("/"):
-            raise UrlError(f"it names no device; accepted: {SERIAL_FORMS}")
+            raise UrlError(f"it does not name a device; accepted: {SERIAL_FORMS}")
         return SerialUrl(device=where, baud=_baud(baud))
     ids = re.fullmatch(r"(?:0x)?([0-9a-fA-F]{1,4}):(?:0x)?([0-9a-fA-F]{1,4})", where)
     if ids is None:
@@ -171,12 +171,12 @@ def _parse_unix(path: str) -> UnixUrl:
 def _host(kind: str, text: str) -> str:
     if not text:
         listening = "127.0.0.1 for this board alone, 0.0.0.0 for every network" if kind.endswith("in") else "an address"
-        raise UrlError(f"it names no host; accepted: {kind}://HOST:PORT ({listening})")
+        raise UrlError(f"it does not name a host; accepted: {kind}://HOST:PORT ({listening})")
     if text.startswith("["):
         return _host_v6(kind, text)
     numeric = re.fullmatch(r"[0-9.]+", text) is not None
     if (numeric and not _is_address(text, 4)) or not _is_name(text):
-        raise UrlError(f'"{text}" is no host; accepted: a name, an IPv4 address, or an IPv6 address in [brackets]')
+        raise UrlError(f'"{text}" is not a host; accepted: a name, an IPv4 address, or an IPv6 address in [brackets]')
     return text
 
 
@@ -184,12 +184,12 @@ def _host_v6(kind: str, text: str) -> str:
     if kind == "udpbcast":
         raise UrlError("IPv6 has no broadcast; accepted: udpbcast://IPV4-BROADCAST-ADDRESS:PORT")
     if not text.endswith("]") or not _is_address(text[1:-1], 6):
-        raise UrlError(f'"{text}" is no IPv6 address in brackets; accepted: as [::1]')
+        raise UrlError(f'"{text}" is not an IPv6 address in brackets; accepted: as [::1]')
     return text[1:-1]
 
 
 def _is_name(text: str) -> bool:
-    """Labels of 1 to 63 characters, 253 in all (RFC 1035 2.3.4), one dot at the end or none."""
+    """Whether it is a host name: labels of 1 to 63 characters, 253 in all (RFC 1035 2.3.4), final dot or not."""
     return (
         len(text) <= LONGEST_NAME and re.fullmatch(r"[A-Za-z0-9_-]{1,63}(\.[A-Za-z0-9_-]{1,63})*\.?", text) is not None
     )
@@ -204,12 +204,12 @@ def _is_address(text: str, version: int) -> bool:
 
 def _port(text: str) -> int:
     if re.fullmatch(r"[0-9]{1,5}", text) is None or not 1 <= int(text) <= 65535:
-        raise UrlError(f'"{text}" is no port; accepted: 1 to 65535')
+        raise UrlError(f'"{text}" is not a port; accepted: 1 to 65535')
     return int(text)
 
 
 def _baud(text: str) -> int:
     low, high = BAUD_LIMITS
     if re.fullmatch(r"[0-9]{1,8}", text) is None or not low <= int(text) <= high:
-        raise UrlError(f'"{text}" is no baud rate; accepted: {low} to {high}, as 921600')
+        raise UrlError(f'"{text}" is not a baud rate; accepted: {low} to {high}, for example 921600')
     return int(text)

@@ -12,7 +12,7 @@ import msgspec
 from fwav_companion.camera import Calibration
 from fwav_companion.config import Config
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
-from fwav_companion.links.make import make_link
+from fwav_companion.links.reconnect import make_link
 from fwav_companion.links.url import SerialUrl
 from fwav_companion.localization import ElevationTile
 from fwav_companion.mavlink.router.node import Received

@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from fwav_companion.config import Config
 from fwav_companion.errors import ConfigError
 from fwav_companion.links.base import Link, OnState
-from fwav_companion.links.make import make_link
+from fwav_companion.links.reconnect import make_link
 from fwav_companion.links.url import UdpUrl
 from fwav_companion.pipeline.pipeline import Pipeline
 from fwav_companion.recording.folder import RecordingPlan

@@ -17,7 +17,7 @@ from pathlib import Path
 from statistics import median
 
 from fwav_companion.geometry.stamps import HostNs
-from fwav_companion.links.make import make_link
+from fwav_companion.links.reconnect import make_link
 from fwav_companion.links.url import parse_link_url
 from fwav_companion.mavlink.router.node import LinkPolicy, Node
 from tests.benchmarks.figure import Figure

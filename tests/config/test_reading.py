@@ -67,7 +67,7 @@ FAULTS = {
     "no table": ("vehicle = 3\n", "vehicle = 3: accepted: a table"),
     "no list of tables": ("link = 3\n", "link = 3: accepted: tables, each headed [[link]]"),
     "not TOML": ("[vehicle]\nsystem_id = = 1\n", 'line 2: "system_id = = 1": Invalid value (at line 2, column 13); accepted: TOML 1.0'),
-    "url": (BASE.replace("udpin://127.0.0.1:14550", "udpin://:14550"), '[[link]] 1 "a" url = "udpin://:14550": it names no host; accepted: udpin://HOST:PORT (127.0.0.1 for this board alone, 0.0.0.0 for every network)'),
+    "url": (BASE.replace("udpin://127.0.0.1:14550", "udpin://:14550"), '[[link]] 1 "a" url = "udpin://:14550": it does not name a host; accepted: udpin://HOST:PORT (127.0.0.1 for this board alone, 0.0.0.0 for every network)'),
     "two links of one name": (BASE + LINK, '[[link]] 2 "a" name = "a": another [[link]] has this name already; accepted: one of its own'),
     "unsigned on no link": (f'{BASE}[signing]\naccept_unsigned = ["a", "b"]\n', '[signing] accept_unsigned[1] = "b": no [[link]] has this name; accepted: a'),
     "the camera's component": (f"{BASE}[vehicle]\ncomponent_id = 100\n", "[vehicle] component_id = 100: 100 is the camera component's while [publish] camera_tracking is on; accepted: another"),

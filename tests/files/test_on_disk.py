@@ -32,9 +32,9 @@ def listening(path):
 
 
 NO_FILES = {
-    "Is a pipe, no regular file": pipe,
-    "Is a device, no regular file": endless,
-    "Is a socket, no regular file": listening,
+    "Is a pipe, not a regular file": pipe,
+    "Is a device, not a regular file": endless,
+    "Is a socket, not a regular file": listening,
     "Is a directory": lambda path: path.mkdir(),
     "Too many levels of symbolic links": lambda path: path.symlink_to(path.name),
     "No such file or directory": lambda path: None,

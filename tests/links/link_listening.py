@@ -7,7 +7,7 @@ from collections.abc import Callable, Coroutine, Iterator
 from typing import Any
 
 from fwav_companion.links.base import Link
-from fwav_companion.links.make import make_link
+from fwav_companion.links.reconnect import make_link
 from fwav_companion.links.url import parse_link_url
 
 PATIENCE_S = 20.0

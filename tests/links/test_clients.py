@@ -1,6 +1,6 @@
 """A UDP server's memory of its clients, with invented times."""
 
-from fwav_companion.links.clients import CLIENT_SILENT_S, MAX_CLIENTS, Clients
+from fwav_companion.links.udp import CLIENT_SILENT_S, MAX_CLIENTS, Clients
 
 
 def test_the_longest_silent_makes_room():

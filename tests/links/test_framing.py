@@ -6,7 +6,7 @@ import pytest
 from pymavlink.dialects.v10 import ardupilotmega as v1
 from pymavlink.dialects.v20 import ardupilotmega as v2
 
-from fwav_companion.links.framing import FrameCutter
+from fwav_companion.links.streams import FrameCutter
 
 
 def frames() -> list[bytes]:

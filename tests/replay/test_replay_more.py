@@ -145,8 +145,8 @@ def test_a_file_that_is_called_by_a_dash_is_one(site):
 @pytest.mark.parametrize(
     ("kind", "said"),
     [
-        ("pipe", "Is a pipe, no regular file; "),
-        ("endless", "Is a device, no regular file; "),
+        ("pipe", "Is a pipe, not a regular file; "),
+        ("endless", "Is a device, not a regular file; "),
         ("ring", "Too many levels"),
     ],
 )
