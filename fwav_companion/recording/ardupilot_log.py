@@ -1,8 +1,8 @@
-"""What ArduPilot's own log (``.bin``) tells of a flight. Pure.
+"""Reads ArduPilot's own log (``.bin``) into a :class:`FlightLog`. PURE.
 
-Read: ATT or, where that comes seldom, AHR2, XKF1 or NKF1 (attitude), POS (position), XKF1 or NKF1 (velocity), IMU
-(rates), RFND, GPS and ORGN, as ArduPilot has written them since its times are microseconds (``TimeUS``, 2015). Of what
-comes several times (filters, receivers) the first is taken.
+Messages: ATT or, if that is rare, AHR2, XKF1 or NKF1 (attitude), POS (position), XKF1 or NKF1 (velocity), IMU (rates),
+RFND, GPS and ORGN, in the form that ArduPilot has written since its times are microseconds (``TimeUS``, 2015). Of
+several instances (filters, receivers) the first is read.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from fwav_companion.recording.flight_log import (
     LoggedPosition,
     LoggedRange,
 )
-from fwav_companion.recording.timely import timely
+from fwav_companion.recording.time_checks import timely
 from fwav_companion.recording.tlog import SkippedBytes
 
 _INSTANCE: Final = frozenset({"I", "C", "Instance"})
-"""Which of several, as receivers, filter cores and rangefinders call it."""
+"""Names of the instance column: of receivers, filter cores and rangefinders."""
 _ANGLES: Final = frozenset({"TimeUS", "Roll", "Pitch", "Yaw"})
 _PLACE: Final = frozenset({"TimeUS", "Lat", "Lng", "Alt"})
 _VELOCITY: Final = ("VN", "VE", "VD")
@@ -43,13 +43,13 @@ WANTED: Final = {
     "GPS": Wanted(frozenset({"TimeUS", "Status", "GMS", "GWk"}), _INSTANCE),
 }
 ATTITUDE_SOURCES: Final = ("ATT", "AHR2", "XKF1", "NKF1")
-"""In order of preference: ATT is what the vehicle flies by. Another must come twice as often to be taken instead."""
+"""In order of preference: the vehicle flies by ATT. Another source must be twice as frequent to replace it."""
 FILTERS: Final = ("XKF1", "NKF1")
 """The third and the second generation of ArduPilot's EKF, in order of preference."""
 GPS_EPOCH_UNIX_S: Final = 315_964_800
 """1980-01-06."""
 LEAP_SECONDS: Final = 18
-"""GPS minus UTC since 2017; the earth has asked for none since."""
+"""GPS minus UTC since 2017; no leap second has been added since."""
 RANGE_GOOD: Final = 4
 """RangeFinder::Status::Good."""
 LOOKING_DOWN: Final = 25
@@ -61,7 +61,7 @@ _Series = Mapping[str, list[Values]]
 
 
 def read_ardupilot_log(data: bytes) -> tuple[FlightLog, list[SkippedBytes]]:
-    """What the log tells, and the damaged stretches."""
+    """The log's content, and the damaged stretches."""
     series: dict[str, list[Values]] = {name: [] for name in WANTED}
     skipped: list[SkippedBytes] = []
     for item in read_records(data, WANTED):
@@ -134,7 +134,7 @@ def _unix_us(values: Values) -> int | None:
 
 
 class _Latest:
-    """The last vector that was logged by a time; None before the first."""
+    """The last vector logged up to a time; None before the first."""
 
     def __init__(self, series: list[Values], columns: tuple[str, str, str]) -> None:
         self._times = [each["TimeUS"] for each in series]

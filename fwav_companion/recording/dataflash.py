@@ -1,7 +1,7 @@
-"""The form of ArduPilot's own log (DataFlash, ``.bin``): it describes itself by FMT records. Pure.
+"""The format of ArduPilot's own log (DataFlash, ``.bin``), which describes itself by FMT records. PURE.
 
-The format has no checksums. A record is believed where the next one, or the end of the file, follows it: what stands
-before damage may be half a record and half whatever a card holds after a power cut.
+The format has no checksums. A record is accepted if another record, or the end of the file, follows it: before damage
+may be half a record and half of what a card holds after a power cut.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from fwav_companion.recording.tlog import SkippedBytes
 
 HEAD: Final = b"\xa3\x95"
 HEAD_BYTES: Final = 3
-"""The two above and the kind."""
+"""The two bytes above and the kind."""
 _FMT: Final = 128
 _FMT_BODY: Final = Struct("<BB4s16s64s")
 _NUMBERS: Final = {
@@ -24,30 +24,30 @@ _NUMBERS: Final = {
     "c": "h", "C": "H", "e": "i", "E": "I", "L": "i", "M": "B", "q": "q", "Q": "Q",
 }  # fmt: skip
 _OTHERS: Final = {"a": 64, "n": 4, "N": 16, "Z": 64}
-"""Texts and arrays, by their bytes. All format characters: ArduPilot AP_Logger/LogStructure.h."""
+"""Texts and arrays, with their length in bytes. All format characters: ArduPilot AP_Logger/LogStructure.h."""
 _SCALES: Final = {"c": 0.01, "C": 0.01, "e": 0.01, "E": 0.01, "L": 1e-7}
 
 Values: TypeAlias = dict[str, float]
-"""By column, in the units of ArduPilot's documentation."""
+"""Values by column, in the units of ArduPilot's documentation."""
 
 
 class Wanted(msgspec.Struct, frozen=True):
     """The columns of one message that are read."""
 
     needed: frozenset[str]
-    """A log whose own description lacks one has not that message, as far as we can tell."""
+    """If the log's description lacks one of these, the message is treated as missing."""
     also: frozenset[str] = frozenset()
-    """Read where they are."""
+    """Optional columns."""
 
 
 class _Format(msgspec.Struct, frozen=True):
-    """One kind of record. Without a struct its records are passed over."""
+    """One kind of record. Records of a kind without a struct are skipped."""
 
     name: str
     length: int
-    """With its three bytes of head."""
+    """Bytes, the three of the head included."""
     struct: Struct | None = None
-    """Of the wanted columns; the others are padding."""
+    """Unpacks the wanted columns; the others are padding."""
     columns: tuple[tuple[str, float], ...] = ()
     """Name and scale."""
 
@@ -59,7 +59,7 @@ class _Format(msgspec.Struct, frozen=True):
 
 
 def is_dataflash(data: bytes) -> bool:
-    """Whether this looks like an ArduPilot log: it begins with a description."""
+    """Whether the data begins as an ArduPilot log does, with a description."""
     return data.startswith(HEAD + bytes((_FMT,)))
 
 
@@ -84,7 +84,7 @@ def read_records(data: bytes, wanted: Mapping[str, Wanted]) -> Iterator[tuple[st
 
 
 def _format_at(data: bytes, at: int, formats: Mapping[int, _Format]) -> _Format | None:
-    """The kind of the record that begins here, whole and followed by another."""
+    """Kind of the complete record that begins here and is followed by another; None if there is none."""
     if not data.startswith(HEAD, at) or at + 2 >= len(data):
         return None
     found = formats.get(data[at + 2])
@@ -95,7 +95,7 @@ def _format_at(data: bytes, at: int, formats: Mapping[int, _Format]) -> _Format 
 
 
 def _learn(data: bytes, at: int, formats: dict[int, _Format], wanted: Mapping[str, Wanted]) -> None:
-    """A description tells at least how long its records are: a log of tomorrow's firmware is read past what is new."""
+    """Add a described kind. Its length alone lets records of kinds that future firmware adds be skipped."""
     kind, length, name, characters, columns = _FMT_BODY.unpack_from(data, at + HEAD_BYTES)
     if kind == _FMT or length < HEAD_BYTES:
         return
@@ -111,7 +111,7 @@ def _learn(data: bytes, at: int, formats: dict[int, _Format], wanted: Mapping[st
 def _picked(
     characters: str, names: list[str], length: int, wanted: Wanted | None
 ) -> tuple[Struct, tuple[tuple[str, float], ...]] | None:
-    """How the wanted columns are unpacked; None where they cannot be."""
+    """Struct, names and scales of the wanted columns; None if they cannot be unpacked."""
     if wanted is None or not wanted.needed.issubset(names):
         return None
     codes, chosen = ["<"], []

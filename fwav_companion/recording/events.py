@@ -1,8 +1,9 @@
-"""What happened at the door, as lines between the frames of a detections file: a replay counts as the flight did. Pure.
+"""Event lines between the frames of a detections file, so that a replay counts as the flight did. PURE.
 
-``{"event": "refused", "received_unix": 5.25, "reasons": {"across_clock_step": 2}}`` tells, at most once a second, how
-many frames were refused before they were any; ``{"event": "end", "received_unix": 61.5}`` when the service stopped;
-``{"event": "began_with", "received_unix": 0.25, "calibration": {...}}`` what an earlier flight had left to this one.
+- ``{"event": "refused", "received_unix": 5.25, "reasons": {"across_clock_step": 2}}``: datagrams that were rejected
+  before they became frames, at most once a second.
+- ``{"event": "end", "received_unix": 61.5}``: the service stopped.
+- ``{"event": "began_with", "received_unix": 0.25, "calibration": {...}}``: the self-calibration of an earlier flight.
 """
 
 from __future__ import annotations
@@ -16,28 +17,28 @@ from msgspec import Meta
 from fwav_companion.types import Reason
 
 UnixSeconds: TypeAlias = Annotated[float, Meta(ge=0.0, le=1e11)]
-"""As detections have it: until the year 5138."""
+"""Same range as in detections: until the year 5138."""
 
 
 class Refused(msgspec.Struct, frozen=True, tag_field="event", tag="refused"):
-    """So many frames were refused since the last such line."""
+    """Number of rejected frames since the last such line, by reason."""
 
     received_unix: UnixSeconds
     reasons: dict[Reason, Annotated[int, Meta(ge=0, le=10**12)]]
 
 
 class RecordingEnd(msgspec.Struct, frozen=True, tag_field="event", tag="end"):
-    """The flight was over then."""
+    """The end of the recorded service."""
 
     received_unix: UnixSeconds
 
 
 class BeganWith(msgspec.Struct, frozen=True, tag_field="event", tag="began_with"):
-    """What self-calibration knew from the start."""
+    """State of the self-calibration at the start."""
 
     received_unix: UnixSeconds
     calibration: dict[str, Any]
-    """Its owner's, as it was kept."""
+    """The stored object of self-calibration, unchanged."""
 
 
 Event: TypeAlias = Refused | RecordingEnd | BeganWith
@@ -45,22 +46,22 @@ _decoder = msgspec.json.Decoder(Event)
 
 
 def refused_line(unix_us: int, reasons: Mapping[Reason, int]) -> bytes:
-    """One line."""
+    """The line of a :class:`Refused`."""
     return msgspec.json.encode(Refused(unix_us / 1e6, dict(sorted(reasons.items())))) + b"\n"
 
 
 def began_with_line(unix_us: int, calibration: Mapping[str, Any]) -> bytes:
-    """One line."""
+    """The line of a :class:`BeganWith`."""
     return msgspec.json.encode(BeganWith(unix_us / 1e6, dict(calibration))) + b"\n"
 
 
 def end_line(unix_us: int) -> bytes:
-    """One line."""
+    """The line of an :class:`RecordingEnd`."""
     return msgspec.json.encode(RecordingEnd(unix_us / 1e6)) + b"\n"
 
 
 def parse_event(line: bytes) -> Event | None:
-    """The event in a line of a detections file; None where it is a frame, or nothing that we wrote."""
+    """The event in a line of a detections file; None if the line is a frame, or was not written by this program."""
     if b'"event"' not in line:
         return None
     try:

@@ -1,6 +1,6 @@
-"""What an autopilot's own log tells of a flight, whichever autopilot wrote it. Pure.
+"""The content of an autopilot's own log, the same for all autopilots. PURE.
 
-What GPS tells of UTC places the whole on Unix time, some tenths of a second late.
+UTC from GPS places the log on Unix time, some tenths of a second late.
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ from fwav_companion.geometry.vectors import Vector3
 
 US_PER_S: Final = 1_000_000
 LONGEST_PAIR_US: Final = US_PER_S
-"""Attitudes, or places, further apart say nothing about what was between them."""
+"""Nothing is interpolated between attitudes, or positions, that are further apart."""
 TOLERABLE: Final = 0.1
-"""degrees, RMS: the attitude noise that a configuration has by default. More, and the log's rate limits what comes."""
+"""Degrees, RMS: the default attitude noise of a configuration. Above it the log's rate limits the accuracy."""
 
 
 class LoggedAttitude(msgspec.Struct, frozen=True, gc=False):
-    """Where the body points."""
+    """Attitude of the body."""
 
     boot_us: int
     ned_from_body: Quaternion
     rates: Vector3 = (0.0, 0.0, 0.0)
-    """rad/s, FRD."""
+    """Body rates, FRD, rad/s."""
 
 
 class LoggedPosition(msgspec.Struct, frozen=True, gc=False):
-    """Where it is: degrees, metres, m/s."""
+    """Position of the vehicle: degrees, metres, m/s."""
 
     boot_us: int
     lat: float
@@ -40,20 +40,20 @@ class LoggedPosition(msgspec.Struct, frozen=True, gc=False):
     alt_amsl_m: float
     height_above_home_m: float
     velocity_ned: Vector3 | None = None
-    """None: the log does not tell it, and the places before and after must."""
+    """None if the log does not have it; it then follows from the positions before and after."""
 
 
 class LoggedRange(msgspec.Struct, frozen=True, gc=False):
-    """A rangefinder's reading."""
+    """Reading of a rangefinder."""
 
     boot_us: int
     distance_m: float
     orientation: int
-    """MAV_SENSOR_ORIENTATION; 25 looks down."""
+    """MAV_SENSOR_ORIENTATION; 25 is downward."""
 
 
 class LoggedGps(msgspec.Struct, frozen=True, gc=False):
-    """The receiver: its fix, and UTC where it knows it."""
+    """State of the GNSS receiver: fix type, and UTC if known."""
 
     boot_us: int
     fix_type: int
@@ -62,41 +62,42 @@ class LoggedGps(msgspec.Struct, frozen=True, gc=False):
 
 
 class FlightLog(msgspec.Struct, frozen=True, kw_only=True):
-    """One autopilot's log, everything in the order of its clock."""
+    """Content of one autopilot's log, in order of the autopilot's clock."""
 
     autopilot: str
     """ardupilot | px4."""
     attitude_source: str
-    """The log's name for the messages that the attitudes are from."""
+    """The log's name of the messages from which the attitudes are taken."""
     attitudes: Sequence[LoggedAttitude]
     positions: Sequence[LoggedPosition] = ()
     ranges: Sequence[LoggedRange] = ()
     gps: Sequence[LoggedGps] = ()
     origin: tuple[float, float, float] | None = None
-    """Of the estimator: latitude, longitude in degrees, metres AMSL."""
+    """Origin of the estimator: latitude and longitude in degrees, metres AMSL."""
 
     @property
     def unix_minus_boot_us(self) -> int:
-        """By GPS; 0 where it never knew UTC. The greatest difference: a message is logged late, never early.
+        """Unix time minus boot time by GPS, microseconds; 0 if GPS never knew UTC.
 
-        Of those near the middle one: a damaged message tells any time.
+        The largest difference is taken, since a message is logged late, never early; of those near the median, since a
+        damaged message may have any time.
         """
         differences = sorted(fix.unix_us - fix.boot_us for fix in self.gps if fix.unix_us is not None)
         middle = differences[len(differences) // 2] if differences else 0
         return max((each for each in differences if abs(each - middle) <= US_PER_S), default=0)
 
     def complaints(self) -> list[str]:
-        """What a user should know before believing what comes of this log."""
-        told = []
+        """Warnings to the user about results from this log."""
+        warnings = []
         off_deg = degrees(between_attitudes(self.attitudes))
         if off_deg > TOLERABLE:
-            told.append(
+            warnings.append(
                 f"{self.attitude_source} comes at {self._rate_hz():.0f} Hz, which is too slow for this motion: halfway "
                 f"between two of them the attitude is off by about {off_deg:.1f} deg (RMS). {_FASTER[self.autopilot]}"
             )
         if not self.unix_minus_boot_us:
-            told.append("GPS never told UTC: detections must be stamped with time_boot")
-        return told
+            warnings.append("the log has no UTC from GPS: detections must be stamped with time_boot")
+        return warnings
 
     def _rate_hz(self) -> float:
         if len(self.attitudes) < 2:
@@ -112,9 +113,9 @@ _FASTER: Final = {
 
 
 def between_attitudes(attitudes: Sequence[LoggedAttitude]) -> float:
-    """How far off a straight line between two attitudes is in its middle, rad, RMS over the log.
+    """Error of linear interpolation midway between two attitudes, rad, RMS over the log.
 
-    Each attitude is compared with the line between its neighbours; at half that distance a line errs by a quarter.
+    Each attitude is compared with the line between its neighbours; over half that distance the error is a quarter.
     """
     squares: list[float] = []
     for (before, here), (_, after) in pairwise(pairwise(attitudes)):

@@ -1,38 +1,61 @@
-"""SHELL: the files of a recording on the disk: where they lie, how much they may take, and when they are safe there."""
+"""SHELL: recording folders on the disk: their files, their space limits, and when data is safe from a power cut."""
 
 from __future__ import annotations
 
 import os
+import re
+import shutil
 from collections.abc import Mapping
+from datetime import UTC, datetime
 from errno import ENOENT
 from pathlib import Path
-from typing import BinaryIO, Literal
+from typing import BinaryIO, Final, Literal
 
 import msgspec
 
-from fwav_companion.recording.space import BYTES_PER_MB, Space, SpacePolicy, new_folder
+from fwav_companion.errors import CompanionError
 from fwav_companion.recording.spans import SpanRecord
 
+BYTES_PER_MB: Final = 1_000_000
+FOLDER_NAME: Final = re.compile(r"(\d{5})-\d{8}T\d{6}Z")
+"""A number that only grows, then UTC. A board without a clock of its own starts in 1970 at each boot, so that names by
+time alone would not be in order."""
 TELEMETRY, DETECTIONS, TARGETS = "telemetry.tlog", "detections.jsonl", "targets.jsonl"
 FILES = (TELEMETRY, DETECTIONS, TARGETS)
 
 
+class SpaceError(CompanionError):
+    """The recording would exceed its limits on the disk."""
+
+
+class SpacePolicy(msgspec.Struct, frozen=True):
+    """Space limits of [record], in bytes."""
+
+    most_used_bytes: int
+    """Limit for all recordings in the directory; 0: no limit."""
+    least_free_bytes: int
+    """Free bytes that must remain on the disk."""
+    remove_oldest: bool
+    """Whether older recordings may be removed for a new one. A recording may be the only one of its flight, so this
+    happens only if the user has enabled it."""
+
+
 class RecordingPlan(msgspec.Struct, frozen=True, kw_only=True):
-    """What is recorded where, and how much of the disk it may take."""
+    """Where and when to record, and the space limits."""
 
     directory: Path
     when: Literal["always", "armed"] = "always"
     sync_s: float = 1.0
-    """A power cut loses at most this."""
+    """Longest time whose data a power cut loses, seconds."""
     space: SpacePolicy = SpacePolicy(4096 * BYTES_PER_MB, 200 * BYTES_PER_MB, False)
     retry_s: float = 10.0
-    """So often a recording that stopped looks whether it can go on."""
+    """Interval at which a stopped recording tests whether it can continue, seconds."""
     beside: Mapping[str, bytes] = {}
-    """Small files that are kept with every recording, by name: configuration, camera."""
+    """Small files that are stored with every recording, by name: configuration, camera."""
 
 
 def has_room(plan: RecordingPlan, count: int) -> bool:
-    """So many bytes could be recorded, as far as can be seen without writing any."""
+    """Whether the limits and the disk permit this number of bytes; nothing is written."""
     try:
         plan.directory.mkdir(parents=True, exist_ok=True)
         return Space(plan.directory, plan.space).has_room(count)
@@ -41,7 +64,7 @@ def has_room(plan: RecordingPlan, count: int) -> bool:
 
 
 class RecordingFiles:
-    """The open files of one folder after the other. Everything here may raise OSError."""
+    """The open files of one recording folder after the other. Every method may raise OSError."""
 
     def __init__(self, plan: RecordingPlan) -> None:
         self._plan = plan
@@ -49,15 +72,15 @@ class RecordingFiles:
         self._open: dict[str, BinaryIO] = {}
         self._unsynced: set[str] = set()
         self.folder: Path | None = None
-        """The open one."""
+        """The folder whose files are open."""
 
     def prepare(self) -> None:
-        """Whether there is a directory shows at once, not when the vehicle is armed."""
+        """Create the directory at once, so that a wrong one is reported before the vehicle is armed."""
         self._plan.directory.mkdir(parents=True, exist_ok=True)
         self._space = Space(self._plan.directory, self._plan.space)
 
     def begin(self) -> None:
-        """The next folder, with what is kept beside. SpaceError where there is no room for it."""
+        """Create the next folder with the plan's small files. SpaceError if they do not fit."""
         self.end()
         if self._space is not None:
             self._space.take(sum(map(len, self._plan.beside.values())), self._plan.directory)
@@ -65,12 +88,12 @@ class RecordingFiles:
         for name, content in self._plan.beside.items():
             (folder / name).write_bytes(content)
         self._open = {name: (folder / name).open("ab", buffering=0) for name in FILES}
-        # The names themselves must outlive a power cut too.
+        # The names must survive a power cut, too.
         for directory in (folder, self._plan.directory):
             _sync_directory(directory)
 
     def write(self, record: SpanRecord) -> list[Path]:
-        """The folders that were removed to make room; SpaceError where that is not enough."""
+        """Write the record; the folders that were removed to make room. SpaceError if that was not enough."""
         if self._space is None or self.folder is None:
             return []
         removed = self._space.take(len(record.data), self.folder)
@@ -79,7 +102,7 @@ class RecordingFiles:
         return removed
 
     def sync(self) -> None:
-        """What was written is on the disk after this."""
+        """Bring everything written so far to the disk."""
         for name in sorted(self._unsynced):
             descriptor = self._open[name].fileno()
             os.fdatasync(descriptor)
@@ -88,13 +111,13 @@ class RecordingFiles:
         self._unsynced.clear()
 
     def end(self) -> None:
-        """The folder is complete."""
+        """Complete the folder."""
         self.sync()
         self.close()
         self.folder = None
 
     def close(self) -> None:
-        """Whatever became of it."""
+        """Close the files, also after an error."""
         for file in self._open.values():
             file.close()
         self._open = {}
@@ -113,3 +136,79 @@ def _sync_directory(directory: Path) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+def recordings(directory: Path) -> list[Path]:
+    """The recording folders in a directory, oldest first."""
+    try:
+        return sorted(path for path in directory.iterdir() if FOLDER_NAME.fullmatch(path.name) and path.is_dir())
+    except OSError:
+        return []
+
+
+def new_folder(directory: Path) -> Path:
+    """A new folder, named by the next number and the wall clock's UTC. OSError if it cannot be created."""
+    directory.mkdir(parents=True, exist_ok=True)
+    stem = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
+    existing = recordings(directory)
+    number = int(existing[-1].name[:5]) + 1 if existing else 1
+    while True:
+        folder = directory / f"{number:05d}-{stem}"
+        try:
+            folder.mkdir()
+        except FileExistsError:  # another recorder was faster
+            number += 1
+            continue
+        return folder
+
+
+class Space:
+    """Checks the space limits before every write. It counts the used bytes itself to avoid a disk walk each second."""
+
+    def __init__(self, directory: Path, policy: SpacePolicy) -> None:
+        self._directory = directory
+        self._policy = policy
+        self._used = sum(map(_size, recordings(directory)))
+
+    def take(self, count: int, current: Path) -> list[Path]:
+        """Reserve bytes; the folders that were removed for them. SpaceError if that was not enough."""
+        removed: list[Path] = []
+        while (complaint := self._complaint(count)) is not None:
+            oldest = next((path for path in recordings(self._directory) if path != current), None)
+            if oldest is None or not self._policy.remove_oldest:
+                raise SpaceError(complaint)
+            freed = _size(oldest)
+            shutil.rmtree(oldest)
+            self._used -= freed
+            removed.append(oldest)
+        self._used += count
+        return removed
+
+    def has_room(self, count: int) -> bool:
+        """Whether the bytes fit without removing a recording."""
+        return self._complaint(count) is None
+
+    def _complaint(self, count: int) -> str | None:
+        policy = self._policy
+        if policy.most_used_bytes and self._used + count > policy.most_used_bytes:
+            self._used = sum(map(_size, recordings(self._directory)))  # the user may have made room meanwhile
+        if policy.most_used_bytes and self._used + count > policy.most_used_bytes:
+            most = policy.most_used_bytes // BYTES_PER_MB
+            return f"recordings take {self._used // BYTES_PER_MB} of {most} MB ([record] max_used_mb)"
+        disk = os.statvfs(self._directory)
+        free = disk.f_bavail * disk.f_frsize
+        if free - count < policy.least_free_bytes:
+            least = policy.least_free_bytes // BYTES_PER_MB
+            limit = f", {least} MB must stay free ([record] min_free_mb)" if least else ": the disk is full"
+            return f"{free / BYTES_PER_MB:.1f} MB are free{limit}"
+        return None
+
+
+def _size(folder: Path) -> int:
+    total = 0
+    for path in folder.rglob("*"):
+        try:
+            total += path.stat().st_size
+        except OSError:  # removed meanwhile
+            continue
+    return total

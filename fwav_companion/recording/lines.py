@@ -1,4 +1,4 @@
-"""The lines of a targets file (schema 1). Pure: nouns in, plain mappings out; :func:`encode_line` makes the bytes."""
+"""The lines of a targets file (schema 1), as plain mappings; :func:`encode_line` makes the bytes. PURE."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ _encoder = msgspec.json.Encoder()
 
 
 def encode_line(line: Line) -> bytes:
-    """One JSON object and a newline. Floats in their shortest exact form, keys in the order they were put."""
+    """One JSON object and a newline: floats in their shortest exact form, keys in order of insertion."""
     return _encoder.encode(line) + b"\n"
 
 
 def unix_seconds(host_ns: int, unix_offset_ns: int) -> float:
-    """Seconds on the recording's clock."""
+    """A host instant in seconds on the recording's clock."""
     return (host_ns + unix_offset_ns) / 1e9
 
 
 def line_unix_s(line: Line, unix_offset_s: float) -> float | None:
-    """When a line was told, on the recording's clock; None for those without a time. The offset is the header's."""
+    """Time of a line on the recording's clock, seconds; None for lines without one. The offset is the header's."""
     if line["type"] == "clock":
-        told: float = line["time_monotonic"] + unix_offset_s
-        return told
+        time_unix: float = line["time_monotonic"] + unix_offset_s
+        return time_unix
     return line.get("time_unix")
 
 
 def header_line(version: str, origin: Geodetic | None, unix_offset_ns: int, config: Line) -> Line:
-    """The first line."""
+    """The first line of a targets file."""
     return {
         "type": "header",
         "schema": SCHEMA,
@@ -50,14 +50,14 @@ def header_line(version: str, origin: Geodetic | None, unix_offset_ns: int, conf
 
 
 def origin_object(origin: Geodetic | None) -> Line | None:
-    """A place in degrees and metres, or null."""
+    """The origin in degrees and metres, or null."""
     if origin is None:
         return None
     return {"lat": origin.lat_deg, "lon": origin.lon_deg, "alt_amsl": origin.alt_amsl_m}
 
 
 def target_line(track: Track, plane: TangentPlane | None, unix_offset_ns: int) -> Line:
-    """One live track after one processed frame."""
+    """State of one live track after one processed frame."""
     place = plane.geodetic_from_ned(track.position_ned) if plane else None
     north, east, down = track.position_ned
     line: dict[str, Any] = {
@@ -106,7 +106,7 @@ def sighting_line(
     reason: Reason | None,
     gap_s: float | None,
 ) -> Line:
-    """One detection, used or not. What could not be told is null."""
+    """One detection, used or not. Unknown values are null."""
     state = sighting.state if sighting else None
     return {
         "type": "sighting",
@@ -130,7 +130,7 @@ def _budget_object(budget: ErrorBudget) -> Line:
 
 
 def clock_line(now_ns: HostNs, estimate: ClockEstimate, time_boot_ns: int, utc_minus_unix_s: float | None) -> Line:
-    """The clock once a second."""
+    """State of the clock, written once a second."""
     return {
         "type": "clock",
         "time_monotonic": now_ns / 1e9,
@@ -153,7 +153,7 @@ def calibration_line(
     status: str,
     mistake: str = "",
 ) -> Line:
-    """What self-calibration believes, about once a second; ``mistake``: what is grossly wrong with the mount."""
+    """Estimates of self-calibration, written about once a second; ``mistake``: a gross error of the mount."""
     line: Line = {
         "type": "calibration",
         "time_unix": time_unix,
@@ -167,10 +167,10 @@ def calibration_line(
 
 
 def home_line(time_unix: float, home_down_m: float) -> Line:
-    """The home surface moved."""
+    """A change of the home surface."""
     return {"type": "home", "time_unix": time_unix, "down": home_down_m}
 
 
 def origin_line(time_unix: float, origin: Geodetic) -> Line:
-    """The origin, where it came after the header was written."""
+    """The origin, if it became known after the header was written."""
     return {"type": "origin", "time_unix": time_unix, "origin": origin_object(origin)}

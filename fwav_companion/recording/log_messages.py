@@ -1,8 +1,8 @@
-"""An autopilot's own log as the telemetry that it would have sent. Pure.
+"""Converts an autopilot's own log into the telemetry that the autopilot would have sent. PURE.
 
-A log has one clock, the autopilot's: host time is boot time here, so the clock between them is exact by construction,
-and TIMESYNC exchanges without a round trip say so. Attitudes have no delay of sending: they are logged where they are
-made.
+A log has one clock, the autopilot's. Host time is boot time here, so the clock offset is exact, which TIMESYNC
+exchanges without a round trip express. Attitudes have no transmission delay: the autopilot logs them where it computes
+them.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ from fwav_companion.recording.flight_log import (
 
 EXCHANGE_EVERY_US: Final = 500_000
 BEATS_A_HEARTBEAT: Final = 2
-"""One a second."""
+"""One heartbeat a second."""
 AUTOPILOTS: Final = {"ardupilot": 3, "px4": 12}
 """MAV_AUTOPILOT."""
 MAV_TYPE_QUADROTOR: Final = 2
-"""The logs do not tell the type in MAVLink's numbers, and of an autopilot's log nothing hangs on it."""
+"""The logs do not have the type in MAVLink's numbers, and no result depends on it."""
 BEYOND: Final = 2.0**62
-"""More than any field of a message holds."""
+"""More than any message field can hold."""
 
 Told = tuple[int, str, Mapping[str, Any]]
-"""(boot time in microseconds, a message's MAVLink name, its fields)."""
+"""(boot time in microseconds, MAVLink name of the message, its fields)."""
 
 
 def messages_of(log: FlightLog) -> Iterator[Told]:
-    """The autopilot's messages in their order; after each TIMESYNC request of ours, its answer."""
+    """The autopilot's messages in order of time; each TIMESYNC request of ours is followed by its answer."""
     streams = (
         _beats(log),
         map(_attitude, log.attitudes),
@@ -50,7 +50,7 @@ def messages_of(log: FlightLog) -> Iterator[Told]:
 
 
 def _beats(log: FlightLog) -> Iterator[Told]:
-    """Where there is anything to be paired: a sample that damage put days away does not fill the days between."""
+    """Heartbeats and clock exchanges around the samples only: a damaged sample days away does not fill the days."""
     times = [each.boot_us for series in (log.attitudes, log.positions) for each in series]
     if not times:
         return
@@ -78,7 +78,7 @@ def _attitude(attitude: LoggedAttitude) -> Told:
 
 
 def _velocities(positions: Sequence[LoggedPosition]) -> Iterator[Vector3]:
-    """Of each: a velocity that is not known is not zero, which would bend the way between two places."""
+    """Velocity at each position. An unknown one is computed: zero would bend the path between two positions."""
     for index, here in enumerate(positions):
         before, after = positions[max(0, index - 1)], positions[min(len(positions) - 1, index + 1)]
         yield here.velocity_ned or _mean_velocity(before, after)
@@ -128,8 +128,8 @@ def _range(reading: LoggedRange) -> Told:
 
 def _gps(fix: LoggedGps) -> Told:
     fields = dict.fromkeys(("lat", "lon", "alt"), 0) | dict.fromkeys(("eph", "epv", "vel", "cog"), 65535)
-    told = fields | {"time_usec": fix.boot_us, "fix_type": fix.fix_type, "satellites_visible": 255}
-    return fix.boot_us, "GPS_RAW_INT", told
+    fields |= {"time_usec": fix.boot_us, "fix_type": fix.fix_type, "satellites_visible": 255}
+    return fix.boot_us, "GPS_RAW_INT", fields
 
 
 def _ms(boot_us: int) -> int:
@@ -137,5 +137,5 @@ def _ms(boot_us: int) -> int:
 
 
 def _whole(value: float, per_unit: float) -> int:
-    """In the message's own unit. What is beyond any of its fields stays so, and is refused when it is encoded."""
+    """The value as an integer in the message's unit. A value beyond every field remains so and fails to encode."""
     return round(max(-BEYOND, min(BEYOND, value * per_unit)))

@@ -1,4 +1,4 @@
-"""Writing a flight down, in a thread of its own: a slow or full disk never holds up the loop."""
+"""SHELL: writes recordings in a thread of its own, so that a slow or full disk never delays the loop."""
 
 from __future__ import annotations
 
@@ -8,40 +8,41 @@ from pathlib import Path
 from typing import Final
 
 from fwav_companion.recording.folder import (
+    BYTES_PER_MB,
     DETECTIONS,
     FILES,
     TARGETS,
     TELEMETRY,
     RecordingFiles,
     RecordingPlan,
+    SpaceError,
     has_room,
 )
 from fwav_companion.recording.lines import Line, encode_line
-from fwav_companion.recording.space import BYTES_PER_MB, SpaceError
 from fwav_companion.recording.spans import BeginSpan, SpanRecord, Spans, Step
 from fwav_companion.recording.tlog import tlog_record
 
 MAX_WAITING_BYTES = 8 << 20
-"""What may wait for a disk that hangs: over a minute of a busy 921 600 baud link with all its lines."""
+"""Largest queue for a disk that hangs: over a minute of a busy 921 600 baud link with all its lines."""
 ROOM_TO_GO_ON_BYTES = 20 * BYTES_PER_MB
-"""A recording that stopped goes on where there is room for some minutes more: not for seconds, again and again."""
+"""A stopped recording continues only with room for some minutes, so that it does not stop again within seconds."""
 
 WAITS: Final = {
     "armed": 'waits for the vehicle to be armed ([record] when = "armed")',
     "always": "waits for something to record",
 }
-"""What begins a recording, by [record] when."""
+"""What a recording waits for, by [record] when."""
 
 
 def _no_line() -> Line | None:
-    """Nothing is known of a targets file."""
+    """No header or summary is known."""
     return None
 
 
 class Recorder:
-    """A flight's folders. Writing only queues; what cannot be kept is told once through ``on_failure``.
+    """Records flights into folders. Methods only queue; ``on_failure`` reports once that data is lost.
 
-    A recording that stopped, as on a full disk, goes on in a new folder when there is room again.
+    After a stop, for example on a full disk, the recording continues in a new folder when there is room again.
     """
 
     def __init__(
@@ -53,10 +54,10 @@ class Recorder:
         header: Callable[[], Line | None] = _no_line,
         summary: Callable[[], Line | None] = _no_line,
     ) -> None:
-        """``on_failure`` is called each time it stops, ``on_news`` for each folder that is removed to make room and
-        each time it goes on; both from the recorder's thread.
+        """``on_failure`` is called at each stop, ``on_news`` for each folder that is removed to make room and each
+        time the recording continues; both from the recorder's thread.
 
-        ``header`` and ``summary`` tell, on the caller's side, how a targets file begins and ends at present.
+        ``header`` and ``summary`` give the present first and last line of a targets file, on the caller's thread.
         """
         self._plan = plan
         self._on_failure = on_failure
@@ -72,47 +73,47 @@ class Recorder:
         self._stop = threading.Event()
         self._begins_anew = False
         self.failure: str | None = None
-        """Why it is stopped; None while it records."""
+        """Why the recording is stopped; None while it records."""
         self.folder: Path | None = None
-        """Where it writes now; None while it waits."""
-        # A daemon thread: a disk that hangs must not hold up the end of the process.
+        """The folder to which it writes; None while it waits."""
+        # A daemon thread: a disk that hangs must not delay the end of the process.
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
 
     def start(self) -> None:
-        """Begin."""
+        """Start the recorder's thread."""
         self._thread.start()
 
     def telemetry(self, unix_us: int, frame: bytes) -> None:
-        """One MAVLink frame, of either direction."""
+        """Queue one MAVLink frame, sent or received."""
         self._put(SpanRecord(unix_us, TELEMETRY, tlog_record(unix_us, frame)))
 
     def detection(self, unix_us: int, line: bytes) -> None:
-        """One line of the detections."""
+        """Queue one line of the detections."""
         self._put(SpanRecord(unix_us, DETECTIONS, line))
 
     def target(self, unix_us: int, line: Line) -> None:
-        """One line of the targets."""
+        """Queue one line of the targets."""
         self._put(SpanRecord(unix_us, TARGETS, encode_line(line), line["type"] == "header"))
 
     def on_armed(self, armed: bool, unix_us: int) -> None:
-        """The vehicle is armed or not; to be told as often as one likes."""
+        """Begin or end a folder by the arming state; repeated calls with one state have no effect."""
         steps = self._spans.on_armed(armed, unix_us)
         if steps:
             self._queue(steps)
 
     def close(self, timeout_s: float) -> None:
-        """Write what waits and end, within the timeout."""
+        """Write the queue and end, within the timeout."""
         self._stop.set()
         if self._thread.is_alive():
             self._thread.join(timeout_s)
 
     @property
     def state(self) -> str:
-        """For people: where it writes, why it is stopped, or what it waits for."""
+        """Text for people: the folder, the reason of a stop, or what the recording waits for."""
         failure, folder = self.failure, self.folder  # the thread may change them meanwhile
         return failure or (WAITS[self._plan.when] if folder is None else str(folder))
 
-    # On the caller's side.
+    # On the caller's thread.
 
     def _put(self, record: SpanRecord) -> None:
         if self.failure is not None:
@@ -123,7 +124,7 @@ class Recorder:
         self._queue(self._spans.on_record(record))
 
     def _queue(self, steps: Iterable[Step]) -> None:
-        """A record is queued whole or not at all."""
+        """Queue the steps, each record completely or not at all."""
         with self._lock:
             if self.failure is not None:
                 return
@@ -134,7 +135,7 @@ class Recorder:
         if full:
             self._fail(f"the disk did not take {MAX_WAITING_BYTES >> 20} MiB in time")
 
-    # In the thread.
+    # In the recorder's thread.
 
     def _run(self) -> None:
         while self._write_until_failure():
@@ -142,13 +143,13 @@ class Recorder:
                 return
 
     def _write_until_failure(self) -> bool:
-        """True: it failed. False: it was told to stop."""
+        """Write until a failure (True) or until the recorder is closed (False)."""
         files = RecordingFiles(self._plan)
         try:
             files.prepare()
             stopping = False
             while not stopping and self.failure is None:
-                # The files are brought to the disk twice in sync_s: what a power cut takes is at most that.
+                # The files are synced twice in sync_s, so that a power cut loses at most that time.
                 stopping = self._stop.wait(self._plan.sync_s / 2)
                 self._write(files, self._take())
         except SpaceError as error:
@@ -160,11 +161,11 @@ class Recorder:
         return self.failure is not None
 
     def _wait_for_room(self) -> bool:
-        """True: it can go on. False: it was told to stop."""
+        """Wait until the recording can continue (True) or until the recorder is closed (False)."""
         while not self._stop.wait(self._plan.retry_s):
             if has_room(self._plan, ROOM_TO_GO_ON_BYTES):
                 self._begins_anew, self.failure = True, None
-                self._on_news(f"recording goes on: there is room again in {self._plan.directory}")
+                self._on_news(f"recording continues: there is room again in {self._plan.directory}")
                 return True
         return False
 
@@ -200,12 +201,12 @@ def _frame_record(at_us: int, line: Line | None, *, is_header: bool = False) -> 
 
 
 def _joined(steps: Iterable[Step]) -> list[Step]:
-    """The same with the records of each file between two other steps as one: one system call, not hundreds."""
+    """The steps, with the records of each file between two other steps joined: one system call, not hundreds."""
     joined: list[Step] = []
     pieces: dict[str, list[bytes]] = {}
 
     def settle() -> None:
-        # What a line of the targets came from is on the disk before the line is.
+        # The inputs of a target's line reach the disk before the line does.
         joined.extend(SpanRecord(0, name, b"".join(pieces[name])) for name in FILES if name in pieces)
         pieces.clear()
 

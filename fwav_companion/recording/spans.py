@@ -1,4 +1,4 @@
-"""When a recording begins and ends: by arming and by size. PURE: it is handed every record with its time."""
+"""Divides a recording into folders, by arming and by size. PURE: every record comes with its time."""
 
 from __future__ import annotations
 
@@ -10,46 +10,46 @@ import msgspec
 
 US_PER_S: Final = 1_000_000
 BEFORE_ARMING_US: Final = 30 * US_PER_S
-"""Kept in memory while disarmed with ``when = "armed"``: the clock settles in five seconds, an autopilot is adopted in
-three, and seldom messages (HOME_POSITION) come each five, so a replay finds its feet before the take-off."""
+"""Held in memory while disarmed with ``when = "armed"``: the clock settles in five seconds, an autopilot is adopted in
+three, and rare messages (HOME_POSITION) come every five, so a replay has all of them before the take-off."""
 MOST_BEFORE_BYTES: Final = 2 << 20
-"""30 s of a busy 921 600 baud link. Memory is dear: what is older goes first."""
+"""30 s of a busy 921 600 baud link. Memory is scarce: the oldest records are discarded first."""
 AFTER_DISARMING_US: Final = 10 * US_PER_S
-"""Still recorded: what a crash leaves to see."""
+"""Recorded after disarming, to show what follows a crash."""
 MOST_FOLDER_BYTES: Final = 512 << 20
-"""About three hours of a flight; then the next folder begins, so that no file grows beyond what tools open at once."""
+"""About three hours of a flight. The next folder then begins, so that tools can still open each file at once."""
 
 
 class SpanRecord(msgspec.Struct, frozen=True, gc=False):
-    """Some bytes for one file of the recording."""
+    """Bytes for one file of the recording."""
 
     at_us: int
     file: str
     data: bytes
     is_header: bool = False
-    """The first line of a targets file."""
+    """Whether it is the first line of a targets file."""
 
 
 class BeginSpan(msgspec.Struct, frozen=True):
-    """A new folder is to be made."""
+    """Step: create a new folder."""
 
 
 class EndSpan(msgspec.Struct, frozen=True):
-    """The folder is complete."""
+    """Step: complete the folder."""
 
 
 Step = SpanRecord | BeginSpan | EndSpan
 FrameLine = Callable[[int], SpanRecord | None]
-"""The header or the summary of a targets file at an instant; None while there is none yet."""
+"""The header or the summary of a targets file at an instant; None while it is not known."""
 
 
 class Spans:
-    """Turns what happens into folders. ``always``: a folder from the start, and another for each later arming.
+    """Assigns records to folders. ``always``: a folder from the start, and another for each later arming.
 
-    Every folder stands for itself: its targets file begins with a header, and ends, unless the flight goes on without
-    us, with a summary. The header names the origin, and so waits for it, ten seconds at most once attitudes come. No
-    target has a place before; what is killed until then leaves an empty targets file beside telemetry and detections,
-    which a replay makes the targets from.
+    Each folder is complete in itself: its targets file begins with a header and, unless the service is killed, ends
+    with a summary. The header names the origin, and so waits for it, at most ten seconds after attitudes begin. No
+    target has a position before that. A service that is killed earlier leaves an empty targets file with telemetry and
+    detections, from which a replay makes the targets.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class Spans:
         self._disarmed_us: int | None = None
 
     def on_armed(self, armed: bool, now_us: int) -> list[Step]:
-        """The vehicle is armed or not; to be told as often as one likes."""
+        """Steps that follow from the arming state; repeated calls with one state have no effect."""
         if armed == self._armed:
             return []
         self._armed = armed
@@ -86,7 +86,7 @@ class Spans:
         return self._begin(now_us) if again else []
 
     def on_record(self, record: SpanRecord) -> list[Step]:
-        """What is to be done with a record, in order."""
+        """Steps that follow from a record, in order."""
         steps: list[Step] = []
         if self._open and self._over(record.at_us):
             steps += self._end(record.at_us)
@@ -98,7 +98,7 @@ class Spans:
         return steps + self._take(record)
 
     def begin_anew(self, now_us: int) -> list[Step]:
-        """What was open could not be written on: begin again, if anything would be kept now."""
+        """Steps after the open folder could not be written: begin another one if records are kept at present."""
         self._open = False
         self._before.clear()
         self._before_bytes = 0

@@ -1,4 +1,4 @@
-"""The .tlog format of Mission Planner and MAVProxy: before each frame eight bytes, big-endian, Unix microseconds."""
+"""The .tlog format of Mission Planner and MAVProxy: eight bytes of Unix microseconds, big-endian, before each frame."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ _STAMP = struct.Struct(">Q")
 _MAGICS = (0xFD, 0xFE)
 _V1_OVERHEAD, _V2_OVERHEAD, _SIGNATURE = 8, 12, 13
 LATEST_US = 4_102_444_800_000_000
-"""2100-01-01: a later stamp is none. Early ones are accepted: a board without a clock starts in 1970."""
+"""2100-01-01. A later time is damage. Early times are accepted: a board without a clock starts in 1970."""
 
 
 class TlogRecord(msgspec.Struct, frozen=True, gc=False):
-    """One frame as it was recorded."""
+    """One recorded frame."""
 
     unix_us: int
     frame: bytes
 
     @property
     def bytes_in_file(self) -> int:
-        """With its stamp."""
+        """Length of the record in the file, timestamp included."""
         return _STAMP.size + len(self.frame)
 
 
@@ -43,7 +43,7 @@ def tlog_record(unix_us: int, frame: bytes) -> bytes:
 
 
 def read_tlog(data: bytes) -> Iterator[TlogRecord | SkippedBytes]:
-    """Records in file order; what is no record is skipped up to the next that is, and told."""
+    """Records in file order, and the damaged stretches between them."""
     at, skipped_from = 0, 0
     while at + 8 < len(data):
         length = _record_length(data, at)
@@ -60,7 +60,7 @@ def read_tlog(data: bytes) -> Iterator[TlogRecord | SkippedBytes]:
 
 
 def _record_length(data: bytes, at: int) -> int | None:
-    """The length of the record at ``at``, stamp included, or None where none stands."""
+    """Length of the record at ``at``, timestamp included; None if no record begins there."""
     magic = data[at + 8]
     if magic not in _MAGICS or _STAMP.unpack_from(data, at)[0] > LATEST_US:
         return None
@@ -72,22 +72,22 @@ def _record_length(data: bytes, at: int) -> int | None:
     end = at + length
     if end > len(data):
         return None
-    # A frame's first bytes can occur inside another's payload: where a record ends, another begins, or the file ends.
+    # A frame's first bytes can occur inside another's payload: another record, or the end of the file, must follow.
     if end + 8 < len(data) and data[end + 8] not in _MAGICS:
         return None
     return length
 
 
 def load_tlog(path: Path) -> bytes:
-    """A telemetry file's content, which may be empty; InputFileError where it cannot be read or holds no record."""
+    """Content of a telemetry file, possibly empty. InputFileError if it cannot be read or does not contain a record."""
     try:
         data = content(path)
     except OSError as error:
         raise InputFileError(f"{path}: {error.strerror}; accepted: a .tlog recording") from None
     if data and not any(isinstance(record, TlogRecord) for record in _first_records(data)):
         raise InputFileError(
-            f"{path}: no MAVLink record in its {len(data)} bytes, nor does it begin as a log does; accepted: a .tlog, "
-            ".bin or .ulg recording"
+            f"{path}: no MAVLink record in its {len(data)} bytes, and it does not begin as a log does; accepted: a "
+            ".tlog, .bin or .ulg recording"
         )
     return data
 
@@ -95,5 +95,5 @@ def load_tlog(path: Path) -> bytes:
 def _first_records(data: bytes) -> Iterator[TlogRecord | SkippedBytes]:
     for count, record in enumerate(read_tlog(data)):
         yield record
-        if count == 1:  # at most one damaged stretch stands before the first record
+        if count == 1:  # at most one damaged stretch precedes the first record
             return

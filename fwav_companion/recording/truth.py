@@ -1,4 +1,4 @@
-"""Where the targets really were: a CSV or JSONL file, and what a replay's tracks missed it by. Pure."""
+"""True target positions from a CSV or JSONL file, and the errors of a replay's tracks against them. PURE."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ ACCEPTED = "label and (lat, lon, alt_amsl) or (north, east, down), optionally ti
 
 
 class TruthPoint(msgspec.Struct, frozen=True):
-    """One target at one time."""
+    """True position of one target at one time."""
 
     label: str
     place: Geodetic | None
     ned: Vector3 | None
-    """Metres, where the file tells it so."""
+    """Metres, if the file has NED positions."""
     time_unix: float | None
-    """None: it stands there all the time."""
+    """None: the target is stationary."""
 
 
 def parse_truth(text: str, name: str) -> list[TruthPoint]:
     """Points of a truth file. InputFileError names the line and what is accepted."""
-    text = text.removeprefix("\ufeff")  # a spreadsheet's; it would be part of the first column's name
+    text = text.removeprefix("\ufeff")  # a spreadsheet's byte order mark would become part of the first column's name
     rows = _json_rows(text, name) if text.lstrip().startswith("{") else _csv_rows(text, name)
     points = [_point(row, f"{name}: line {number}") for number, row in rows]
     if not points:
-        raise InputFileError(f"{name}: no point in it; accepted: CSV or JSONL with {ACCEPTED}")
+        raise InputFileError(f"{name}: it has no point; accepted: CSV or JSONL with {ACCEPTED}")
     return points
 
 
@@ -66,10 +66,10 @@ def _csv_rows(text: str, name: str) -> Iterable[tuple[int, Mapping[str, Any]]]:
 def _point(row: Mapping[str, Any], where: str) -> TruthPoint:
     geodetic, ned = _numbers(row, ("lat", "lon", "alt_amsl"), where), _numbers(row, ("north", "east", "down"), where)
     if geodetic is None and ned is None:
-        raise InputFileError(f"{where}: {dict(row)!r} has no place; accepted: {ACCEPTED}")
+        raise InputFileError(f"{where}: {dict(row)!r} has no position; accepted: {ACCEPTED}")
     time = _numbers(row, ("time_unix",), where)
     if geodetic is not None and not (abs(geodetic[0]) <= 90.0 and abs(geodetic[1]) <= 180.0):
-        raise InputFileError(f"{where}: lat {geodetic[0]:g}, lon {geodetic[1]:g} is nowhere; accepted: degrees")
+        raise InputFileError(f"{where}: lat {geodetic[0]:g}, lon {geodetic[1]:g} is out of range; accepted: degrees")
     return TruthPoint(
         label=str(row.get("label") or ""),
         place=Geodetic.from_degrees(*geodetic) if geodetic else None,
@@ -79,7 +79,7 @@ def _point(row: Mapping[str, Any], where: str) -> TruthPoint:
 
 
 def _numbers(row: Mapping[str, Any], names: tuple[str, ...], where: str) -> list[float] | None:
-    """The named numbers; None where one is absent or empty."""
+    """The named numbers; None if one is missing or empty."""
     if any(row.get(name) in (None, "") for name in names):
         return None
     try:
@@ -92,14 +92,14 @@ def _numbers(row: Mapping[str, Any], names: tuple[str, ...], where: str) -> list
 
 
 class Truth:
-    """The places of one label, asked by time."""
+    """True positions of one label over time."""
 
     def __init__(self, points: Iterable[TruthPoint]) -> None:
         self._points = sorted(points, key=lambda point: point.time_unix or 0.0)
         self._times = [point.time_unix or 0.0 for point in self._points]
 
     def ned_at(self, time_unix: float, plane: TangentPlane | None) -> Vector3 | None:
-        """Where it was, linear between points and still outside of them; None where no frame joins it with ours."""
+        """Position at a time, linear between points and constant outside; None if it cannot be expressed in NED."""
         after = bisect_right(self._times, time_unix)
         if after in (0, len(self._points)):
             return _ned(self._points[min(after, len(self._points) - 1)], plane)
@@ -122,12 +122,12 @@ def _ned(point: TruthPoint, plane: TangentPlane | None) -> Vector3 | None:
 
 
 class ErrorTally:
-    """Horizontal errors of confirmed tracks, by the nearest target of the same label; fed with a recording's lines."""
+    """Horizontal errors of confirmed tracks against the nearest target of their label, by a targets file's lines."""
 
     def __init__(self, points: Iterable[TruthPoint]) -> None:
         by_target: dict[str, list[TruthPoint]] = {}
         for number, point in enumerate(points):
-            # A label without times may name several targets that stand about: each row is one.
+            # A label without times may name several stationary targets: each row is one.
             key = point.label if point.time_unix is not None else f"{point.label}\0{number}"
             by_target.setdefault(key, []).append(point)
         self._targets = [(key.partition("\0")[0], Truth(points)) for key, points in by_target.items()]
@@ -136,7 +136,7 @@ class ErrorTally:
         self._plane: TangentPlane | None = None
 
     def add(self, line: Line) -> None:
-        """The next line of a targets file."""
+        """Process the next line of a targets file."""
         if line["type"] in ("header", "origin") and line["origin"] is not None:
             origin = line["origin"]
             self._plane = TangentPlane(Geodetic.from_degrees(origin["lat"], origin["lon"], origin["alt_amsl"]))
@@ -159,7 +159,7 @@ class ErrorTally:
             }
 
     def summary(self) -> list[Line]:
-        """One object a true target: whether it was found, the RMS and the final error, and the final claim, metres."""
+        """One object per true target: found or not, RMS error, final error and final claimed sigma, metres."""
         return [self._target_summary(index, label) for index, (label, _) in enumerate(self._targets)]
 
     def _target_summary(self, index: int, label: str) -> Line:

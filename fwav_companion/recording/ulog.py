@@ -1,4 +1,4 @@
-"""PX4's own log (``.ulg``), read by pyulog: an extra, imported only here and only when such a file is read. SHELL."""
+"""SHELL: reads PX4's own log (``.ulg``) with pyulog, an extra that only this module imports, when a log is read."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from fwav_companion.recording.flight_log import (
     LoggedPosition,
     LoggedRange,
 )
-from fwav_companion.recording.timely import timely
+from fwav_companion.recording.time_checks import timely
 from fwav_companion.recording.tlog import SkippedBytes
 
 HEAD: Final = b"ULog\x01\x12\x35"
@@ -39,7 +39,7 @@ TOPICS: Final = (
 
 
 def is_ulog(data: bytes) -> bool:
-    """Whether this looks like a PX4 log."""
+    """Whether the data begins as a PX4 log does."""
     return data.startswith(HEAD)
 
 
@@ -107,13 +107,13 @@ class _ForwardFile(BytesIO):
 
 
 class _Rows:
-    """One topic, a row a sample; what the log does not have, it has no rows of."""
+    """One topic, one row per sample. A topic that the log does not have has no rows."""
 
     def __init__(self, columns: Mapping[str, Any]) -> None:
         self._columns = {name: column.tolist() for name, column in columns.items()}
 
     def rows(self, *names: str) -> Iterator[tuple[int, tuple[float, ...]]]:
-        """(boot time in microseconds, the values) of every finite row, by time; a name may be alternatives: ``a|b``."""
+        """(boot time in microseconds, values) of each finite row, by time. A name may have alternatives: ``a|b``."""
         times = [int(at_us) for at_us in self._column("timestamp_sample|timestamp") or ()]
         columns = [self._column(name) for name in names]
         if any(column is None for column in columns):
@@ -170,7 +170,7 @@ def _positions(topics: Mapping[str, _Rows]) -> Iterator[LoggedPosition]:
         while waiting is not None and waiting[0] <= at_us:
             x, y, z = waiting[1]
             velocity, waiting = (x, y, z), next(velocities, None)
-        # Without a home the flight is taken to begin on the ground.
+        # Without a home position the flight is assumed to begin on the ground.
         ground_m = alt if ground_m is None else ground_m
         yield LoggedPosition(at_us, lat, lon, alt, alt - ground_m, velocity)
 

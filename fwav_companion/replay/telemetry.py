@@ -15,7 +15,7 @@ from fwav_companion.mavlink.wire.scanner import Scanner
 from fwav_companion.pipeline.pipeline_factory import WANTED
 from fwav_companion.recording.flight_log import FlightLog
 from fwav_companion.recording.log_messages import messages_of
-from fwav_companion.recording.one_clock import longest_stretch, on_one_clock
+from fwav_companion.recording.time_checks import longest_stretch, on_one_clock
 from fwav_companion.recording.tlog import SkippedBytes, read_tlog
 from fwav_companion.types import Message
 

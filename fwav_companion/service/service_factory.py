@@ -11,9 +11,8 @@ from fwav_companion.links.base import Link, OnState
 from fwav_companion.links.reconnect import make_link
 from fwav_companion.links.url import UdpUrl
 from fwav_companion.pipeline.pipeline import Pipeline
-from fwav_companion.recording.folder import RecordingPlan
+from fwav_companion.recording.folder import BYTES_PER_MB, RecordingPlan, SpacePolicy
 from fwav_companion.recording.recorder import Recorder
-from fwav_companion.recording.space import BYTES_PER_MB, SpacePolicy
 from fwav_companion.vision.detections_in import DetectionsIn
 from fwav_companion.vision.frame_receiver import FrameReceiver
 from fwav_companion.vision.supervisor import VisionProcess

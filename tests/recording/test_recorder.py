@@ -8,10 +8,19 @@ from types import SimpleNamespace
 
 import pytest
 
-from fwav_companion.recording import space
-from fwav_companion.recording.folder import DETECTIONS, TARGETS, TELEMETRY, RecordingPlan
+from fwav_companion.recording import folder as folder_module
+from fwav_companion.recording.folder import (
+    DETECTIONS,
+    TARGETS,
+    TELEMETRY,
+    RecordingPlan,
+    Space,
+    SpaceError,
+    SpacePolicy,
+    new_folder,
+    recordings,
+)
 from fwav_companion.recording.recorder import Recorder
-from fwav_companion.recording.space import Space, SpaceError, SpacePolicy, new_folder, recordings
 from fwav_companion.recording.spans import AFTER_DISARMING_US
 
 NO_LIMIT = SpacePolicy(0, 0, False)
@@ -46,7 +55,7 @@ def test_what_is_written_is_on_the_disk_after_close(tmp_path):
 
 def test_recordings_of_one_second_or_of_a_clock_that_went_back_stay_in_order(tmp_path, monkeypatch):
     for stem in ("20260921T101500Z", "19700101T000003Z", "19700101T000003Z"):
-        monkeypatch.setattr(space, "datetime", FrozenTime(stem))
+        monkeypatch.setattr(folder_module, "datetime", FrozenTime(stem))
         recorded(tmp_path)
     assert [path.name for path in recordings(tmp_path)] == [
         "00001-20260921T101500Z",
@@ -134,7 +143,7 @@ def test_a_recording_that_somebody_removes_is_told_once(tmp_path, gone):
 
 def test_a_disk_without_room_says_so(tmp_path, monkeypatch):
     told = []
-    monkeypatch.setattr(space.os, "statvfs", lambda _path: SimpleNamespace(f_bavail=0, f_frsize=4096))
+    monkeypatch.setattr(folder_module.os, "statvfs", lambda _path: SimpleNamespace(f_bavail=0, f_frsize=4096))
     recorded(tmp_path, told=told)
     assert told == ["recording stopped: 0.0 MB are free: the disk is full"]
 
@@ -157,7 +166,9 @@ def test_a_full_disk_stops_the_recording_and_nothing_else(tmp_path, monkeypatch,
 def test_a_recording_goes_on_in_a_new_folder_when_there_is_room_again(tmp_path, monkeypatch, when):
     """A full disk stayed the end of it until the next start, in the midst of a flight."""
     free_blocks = [0]
-    monkeypatch.setattr(space.os, "statvfs", lambda _path: SimpleNamespace(f_bavail=free_blocks[0], f_frsize=4096))
+    monkeypatch.setattr(
+        folder_module.os, "statvfs", lambda _path: SimpleNamespace(f_bavail=free_blocks[0], f_frsize=4096)
+    )
     told = []
     header = {"type": "header"}
     recorder = Recorder(plan(tmp_path, when=when, retry_s=0.01), told.append, header=lambda: header)
@@ -175,7 +186,7 @@ def test_a_recording_goes_on_in_a_new_folder_when_there_is_room_again(tmp_path, 
     recorder.telemetry(START_US + 5, b"\xfd\x01")
     recorder.close(5.0)
     assert told[0] == "recording stopped: 0.0 MB are free: the disk is full"
-    assert told[1:] == [f"recording goes on: there is room again in {tmp_path}"]
+    assert told[1:] == [f"recording continues: there is room again in {tmp_path}"]
     folder = recordings(tmp_path)[-1]
     assert (folder / TELEMETRY).read_bytes() == (START_US + 5).to_bytes(8, "big") + b"\xfd\x01"
     assert (folder / TARGETS).read_bytes() == b'{"type":"header"}\n'

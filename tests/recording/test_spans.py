@@ -2,9 +2,8 @@
 
 import json
 
-from fwav_companion.recording.folder import FILES, TARGETS, TELEMETRY, RecordingPlan
+from fwav_companion.recording.folder import FILES, TARGETS, TELEMETRY, RecordingPlan, SpacePolicy, recordings
 from fwav_companion.recording.recorder import Recorder
-from fwav_companion.recording.space import SpacePolicy, recordings
 from fwav_companion.recording.spans import (
     AFTER_DISARMING_US,
     BEFORE_ARMING_US,

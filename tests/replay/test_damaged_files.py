@@ -11,7 +11,7 @@ from mavlink_wire import Wire
 from fwav_companion.camera import parse_calibration
 from fwav_companion.config import parse
 from fwav_companion.errors import InputFileError
-from fwav_companion.recording.timely import timely
+from fwav_companion.recording.time_checks import timely
 from fwav_companion.recording.tlog import SkippedBytes, tlog_record
 from fwav_companion.replay import read_recording, read_telemetry, replay
 from fwav_companion.replay.telemetry_files import load_telemetry
