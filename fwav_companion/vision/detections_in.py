@@ -1,4 +1,4 @@
-"""SHELL: detections of another process, as UDP or Unix datagrams. One datagram, one frame."""
+"""SHELL: receives detections of another process as UDP or Unix datagrams, one frame per datagram."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from fwav_companion.types import NoFrame, Reason
 from fwav_companion.vision.frame_receiver import FrameReceiver
 
 LARGEST_DATAGRAM = 65536
-"""Over 200 bytes for each of 256 detections; also the largest that UDP carries."""
+"""Over 200 bytes for each of 256 detections; also the largest datagram that UDP carries."""
 DRAIN_LIMIT = 64
-"""Datagrams of one wake: two seconds of any camera."""
+"""Largest number of datagrams per wake-up: two seconds of any camera."""
 RETRY_S = 1.0
-"""An address or a folder that is not there at boot is tried this often."""
+"""Interval of attempts while an address or a folder does not exist, as at boot."""
 
 Endpoint: TypeAlias = tuple[str, int] | str
 """(host, port) for UDP, or the absolute path of a Unix socket."""
 
 
 class DetectionsIn:
-    """Listens for frames, and goes on listening: an address that is not there yet, a socket file that was deleted."""
+    """Listens for frames, and reopens its socket: for an address that appears late, or a deleted socket file."""
 
     def __init__(
         self,
@@ -35,7 +35,7 @@ class DetectionsIn:
         ears: FrameReceiver,
         on_state: Callable[[bool, str], None],
     ) -> None:
-        """``on_state`` tells whether it listens, and why not."""
+        """``on_state`` is called with whether it listens, and why not, at each change."""
         self._endpoint = endpoint
         self._ears = ears
         self._on_state = on_state
@@ -47,15 +47,15 @@ class DetectionsIn:
 
     @property
     def address(self) -> object:
-        """Where it listens now; None while it does not."""
+        """The address on which it listens; None while it does not."""
         return self._socket.getsockname() if self._socket is not None else None
 
     def start(self) -> None:
-        """Begin; from a running loop, once."""
+        """Begin to listen. Called once, from a running loop."""
         self._task = asyncio.get_running_loop().create_task(self._stay_open(), name="detections")
 
     def close(self) -> None:
-        """End it at once; no callback follows."""
+        """Close the socket at once; no callback follows."""
         if self._task is not None:
             self._task.cancel()
         self._release()
@@ -96,7 +96,7 @@ class DetectionsIn:
         for _ in range(DRAIN_LIMIT):
             try:
                 length = sock.recv_into(self._buffer, 0, socket.MSG_TRUNC)
-            except OSError:  # nothing more, or nothing that could be had: the next wake tells
+            except OSError:  # no more data, or an error that the next wake-up repeats
                 return
             if length > LARGEST_DATAGRAM:
                 detail = f"a datagram of {length} bytes, accepted: {LARGEST_DATAGRAM}"
@@ -110,7 +110,7 @@ class DetectionsIn:
             self._on_state(listens, why)
 
     def _file_is_gone(self) -> bool:
-        """Whether the socket's file was deleted or replaced: nobody could reach us any more, and nothing would say."""
+        """Whether the socket's file was deleted or replaced: senders could not reach it any more, without an error."""
         if not isinstance(self._endpoint, str):
             return False
         try:
@@ -130,7 +130,7 @@ class DetectionsIn:
 
 
 def _bound_to_path(path: str) -> tuple[socket.socket, int]:
-    """A Unix socket at the path, for its owner and group, and its inode. What a killed process left is removed."""
+    """A Unix socket at the path, for owner and group, and its inode. The socket of a killed process is removed."""
     sock = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
     try:
         sock.setblocking(False)
@@ -144,7 +144,7 @@ def _bound_to_path(path: str) -> tuple[socket.socket, int]:
 
 
 def _remove_left_over(path: str) -> None:
-    """Remove a socket that nobody listens on; leave everything else for ``bind`` to complain about."""
+    """Remove a socket file on which no process listens; anything else remains, and ``bind`` reports it."""
     try:
         if not stat.S_ISSOCK(Path(path).lstat().st_mode):
             return

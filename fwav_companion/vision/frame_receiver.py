@@ -1,4 +1,4 @@
-"""SHELL: whom every source of frames tells, and the clocks by which it says when they came."""
+"""SHELL: receiver shared by all detection sources: stamps arrivals and parses frames."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from fwav_companion.vision.wall_clock import ClockStep, WallClock
 from fwav_companion.vision.wire import parse_frame
 
 CLOCKS_APART_NS = 200_000
-"""A reading of both clocks that took longer was interrupted, and is taken again."""
+"""A reading of both clocks that took longer was interrupted, and is repeated."""
 
 
 def read_clocks() -> tuple[HostNs, int]:
-    """The host's clock and the wall clock at one instant, nanoseconds."""
+    """The host clock and the wall clock at one instant, nanoseconds."""
     for _ in range(5):
         before = time.monotonic_ns()
         unix_ns = time.time_ns()
@@ -28,16 +28,16 @@ def read_clocks() -> tuple[HostNs, int]:
 
 
 class FrameReceiver(msgspec.Struct, frozen=True):
-    """One daemon's; it may have several sources."""
+    """Receiver of one daemon, shared by its sources."""
 
     on_frame: Callable[[Frame | NoFrame], None]
     on_step: Callable[[ClockStep], None]
-    """The wall clock was set."""
+    """Called when the wall clock was set."""
     wall_clock: WallClock
     clocks: Callable[[], tuple[HostNs, int]] = read_clocks
 
     def arrival(self) -> HostNs:
-        """Now, when something came; a wall clock that was set meanwhile is told."""
+        """The host instant of an arrival, now. Calls ``on_step`` if the wall clock was set since the last one."""
         arrival_ns, unix_ns = self.clocks()
         step = self.wall_clock.observe(arrival_ns, unix_ns)
         if step is not None:
@@ -45,5 +45,5 @@ class FrameReceiver(msgspec.Struct, frozen=True):
         return arrival_ns
 
     def hear(self, data: bytes, arrival_ns: HostNs) -> None:
-        """A frame in the wire format, or what is none."""
+        """Parse a datagram and pass on the frame, or the reason why it is not one."""
         self.on_frame(parse_frame(data, arrival_ns, self.wall_clock))

@@ -1,11 +1,13 @@
-"""What a camera hands on: one picture with its stamp, and the two contracts of this side of the room.
+"""Pictures with their stamps, and the protocols of sources and detectors.
 
-Loaded in the vision process alone: the daemon has no picture in it, and no numpy.
+Only the vision process loads this module: the daemon handles neither pictures nor numpy.
 """
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
+from math import isfinite, nan
 from typing import Any, Protocol
 
 import numpy as np
@@ -16,15 +18,17 @@ from fwav_companion.errors import CompanionError
 Pixels = NDArray[np.uint8]
 """(height, width) grey levels, or (height, width, 3) in OpenCV's order blue, green, red."""
 Found = dict[str, Any]
-"""One detection as the wire has it: u, v, sigma, label, box, id, corners."""
+"""One detection in the wire format: u, v, sigma, label, box, id, corners."""
+
+STAMPS = ("time_unix", "time_monotonic", "time_boot")
 
 
 class SourceLostError(CompanionError):
-    """The source is not there, or no longer: it is opened again after a while."""
+    """The source does not exist, or was lost; the worker opens it again later."""
 
 
 class SourceEndedError(CompanionError):
-    """The source has shown everything it had."""
+    """The source has delivered its last picture."""
 
 
 @dataclass(frozen=True)
@@ -39,27 +43,67 @@ class Picture:
 
 
 class Source(Protocol):
-    """Something that delivers pictures; made open, used until it raises, then closed."""
+    """An open source of pictures, used until it raises, then closed."""
 
     def read(self, timeout_s: float) -> Picture | None:
-        """The next picture; None where none comes in time. Raises SourceLostError or SourceEndedError."""
+        """The next picture; None if none comes in time. Raises SourceLostError or SourceEndedError."""
 
     def close(self) -> None:
-        """Let go of it; never raises."""
+        """Release the source; never raises."""
 
 
 class Detector(Protocol):
-    """Something that finds targets in a picture."""
+    """Finds targets in a picture."""
 
     def detect(self, pixels: Pixels) -> list[Found]:
-        """What was found, in the picture's own pixels; (0, 0) is the centre of its first pixel."""
+        """The detections, in the picture's own pixels; (0, 0) is the centre of its first pixel."""
 
 
 def grey(pixels: Pixels) -> Pixels:
-    """Grey levels of a picture of either form."""
+    """Grey levels of a grey or colour picture."""
     if pixels.ndim == 2:
         return pixels
     import cv2
 
     converted: Pixels = cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY)
     return converted
+
+
+def parse_line(line: bytes | str, what: str) -> dict[str, Any]:
+    """The JSON object that describes a picture in a pipe or a folder. SourceLostError if the line is not an object."""
+    try:
+        described = json.loads(line)
+    except (ValueError, RecursionError):
+        described = None
+    if not isinstance(described, dict):
+        raise SourceLostError(f"{what}: not a JSON object")
+    return described
+
+
+def stamp_of(described: dict[str, Any], what: str) -> dict[str, float]:
+    """The stamp of a picture by its description. SourceLostError unless there is exactly one."""
+    stamps = {name: _number(described[name]) for name in STAMPS if isinstance(described.get(name), int | float)}
+    if len(stamps) != 1 or not all(map(isfinite, stamps.values())):
+        raise SourceLostError(f"{what}: accepted: exactly one of {', '.join(STAMPS)}")
+    return stamps
+
+
+def number_of(described: dict[str, Any]) -> int | None:
+    """The optional ``frame``."""
+    number = described.get("frame")
+    return number if isinstance(number, int) and not isinstance(number, bool) else None
+
+
+def exposure_of(described: dict[str, Any]) -> float | None:
+    """The optional ``exposure_s``."""
+    exposure_s = described.get("exposure_s")
+    seconds = _number(exposure_s) if isinstance(exposure_s, int | float) else nan
+    return seconds if isfinite(seconds) else None
+
+
+def _number(value: float) -> float:
+    """The value as a float; NaN for one of JSON's unbounded integers that is too large."""
+    try:
+        return float(value)
+    except OverflowError:
+        return nan

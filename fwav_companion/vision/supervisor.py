@@ -1,4 +1,4 @@
-"""SHELL: keeps the vision process running: starts it, hears it, and starts another where it dies or hangs."""
+"""SHELL: keeps the vision process running: starts it, receives its frames, and replaces it when it dies or hangs."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ from fwav_companion.vision.task import VisionState, VisionTask
 
 FIRST_RETRY_S, LONGEST_RETRY_S = 1.0, 30.0
 LIVED_LONG_S = 60.0
-"""A process that lived so long is started again at once as if it were the first."""
+"""After a life of this duration the delays until the next start are short again."""
 SILENCE_S = 15.0
-"""The process tells something every two seconds; a slow board needs ten to load OpenCV."""
+"""The process sends something every two seconds; a slow board needs ten to load OpenCV."""
 LOOK_S = 0.5
-"""How often silence is looked for."""
+"""Interval of the checks for silence."""
 REAP_S = 0.2
-"""A killed process ends in a moment, or hangs in the kernel and is left behind."""
+"""A killed process ends within milliseconds, or hangs in the kernel and is abandoned."""
 ENVIRONMENT = {"OPENCV_LOG_LEVEL": "ERROR", "OPENCV_FFMPEG_LOGLEVEL": "-8"}
-"""FFmpeg says the same at every try: what is wrong is told once, by us. -8 is its AV_LOG_QUIET."""
+"""FFmpeg repeats its messages at every attempt; the daemon reports a failure once. -8 is FFmpeg's AV_LOG_QUIET."""
 _STATE = b'{"vision":'
 
 Started = tuple[subprocess.Popen[bytes], socket.socket]
 
 
 class VisionProcess:
-    """From a running loop: ``start`` once, ``close`` once. Nothing here blocks."""
+    """The supervised process. ``start`` and ``close`` are called once each, from a running loop; nothing blocks."""
 
     def __init__(
         self,
@@ -47,7 +47,7 @@ class VisionProcess:
         ears: FrameReceiver,
         on_state: Callable[[bool, str], None],
     ) -> None:
-        """``on_state`` tells once whether pictures come, and why not."""
+        """``on_state`` is called with whether pictures come, and why not, at each change."""
         self._command = [sys.executable, "-m", "fwav_companion.vision.worker"]
         self._task_json = msgspec.json.encode(task).decode()
         self._ears = ears
@@ -61,11 +61,11 @@ class VisionProcess:
         self._supervision: asyncio.Task[None] | None = None
 
     def start(self) -> None:
-        """Begin."""
+        """Start the process and its supervision."""
         self._supervision = asyncio.get_running_loop().create_task(self._stay_up(), name="vision")
 
     def close(self) -> None:
-        """End it at once; no callback follows."""
+        """End the process at once; no callback follows."""
         if self._supervision is not None:
             self._supervision.cancel()
         started = self._let_go()
@@ -73,7 +73,7 @@ class VisionProcess:
             _end(started, 0.0)
 
     def status(self) -> dict[str, Any]:
-        """For the status file."""
+        """Entries of the status file."""
         pid = self._started[0].pid if self._started is not None else None
         return {"works": bool(self._works), "why": self._why, "pid": pid, "deaths": self._deaths}
 
@@ -94,7 +94,7 @@ class VisionProcess:
             retry_s = min(2.0 * retry_s, LONGEST_RETRY_S)
 
     async def _lived(self, started: Started) -> str:
-        """From its start to its end; how it ended."""
+        """Serve one process from its start to its end; how it ended."""
         self._started = started
         self._ended.clear()
         self._heard_s = time.monotonic()
@@ -158,7 +158,7 @@ class VisionProcess:
             self._on_state(works, why)
 
     def _let_go(self) -> Started | None:
-        """Hear no more of the process, if there is one."""
+        """Stop receiving from the process, and return it if there is one."""
         started, self._started = self._started, None
         if started is not None:
             asyncio.get_running_loop().remove_reader(started[1])
@@ -166,7 +166,7 @@ class VisionProcess:
 
 
 def _end(started: Started, patience_s: float) -> int | None:
-    """The process's exit status, after patience by force; None where even that leaves it in the kernel."""
+    """End the process, by force after ``patience_s``; its exit status, or None if it hangs in the kernel."""
     process, sock = started
     sock.close()
     if patience_s:

@@ -1,7 +1,8 @@
-"""Stamps of this board's clocks to host instants. PURE: both clocks are read by the shell and handed in.
+"""Converts stamps of this board's clocks to host instants. PURE: the shell reads both clocks and passes them in.
 
-CLOCK_REALTIME and CLOCK_MONOTONIC are disciplined alike, so their difference is constant until somebody steps the wall
-clock (NTP's first fix after boot, a user). A stamp that may be from before a step cannot be placed, and is refused.
+CLOCK_REALTIME and CLOCK_MONOTONIC are disciplined alike, so their difference is constant until the wall clock is
+stepped (by NTP's first fix after boot, or by a user). A stamp that may be from before a step is rejected, since its
+host instant is not known.
 """
 
 from __future__ import annotations
@@ -15,50 +16,50 @@ from fwav_companion.geometry.stamps import NS_PER_S, HostNs, host_from_seconds, 
 from fwav_companion.types import NoFrame, Reason
 
 SMALLEST_STEP_NS = 1_000_000
-"""1 ms: reading two clocks one after the other differs by up to tens of microseconds on a busy slow board; what is
-smaller than this is followed without a word, as it moves a capture by less than any camera knows it."""
+"""1 ms. Two readings one after the other differ by up to tens of microseconds on a busy slow board. Smaller steps are
+followed without a report: they move a capture by less than any camera knows it."""
 LONGEST_WAY_NS = NS_PER_S // 2
-"""Frames are taken up to half a second after their capture: so long may a stamp from before a step still arrive."""
+"""Frames are accepted up to half a second after their capture: a stamp from before a step may arrive for that long."""
 STEPS_KEPT = 8
-"""More steps than this within half a second are not followed: each frame is then compared with the newest ones."""
+"""Number of steps with which each frame is compared; older ones within half a second are ignored."""
 
 
 class StampClocks(Protocol):
-    """Places stamps on the host's clock, live or in a recording."""
+    """Converts stamps to the host clock, live or in a recording."""
 
     def host_from_unix(self, unix_s: float, arrival_ns: HostNs | None) -> HostNs | NoFrame:
-        """The host instant of a ``time_unix`` in a frame that arrived then."""
+        """The host instant of a frame's ``time_unix``, by its arrival."""
 
     def host_from_monotonic(self, monotonic_s: float) -> HostNs | NoFrame:
         """The host instant of a ``time_monotonic``."""
 
 
 class ClockStep(msgspec.Struct, frozen=True):
-    """The wall clock was set."""
+    """A step of the wall clock."""
 
     seen_ns: HostNs
-    """When it was first seen stepped; it stepped at some time before, after the observation before."""
+    """First observation after the step, which was between the previous observation and this one."""
     before_ns: int
-    """unix - host until then."""
+    """unix - host before the step."""
     after_ns: int
-    """unix - host since."""
+    """unix - host after the step."""
 
     @property
     def size_s(self) -> float:
-        """How far it went, seconds; positive: forward."""
+        """Size of the step, seconds; positive: forward."""
         return (self.after_ns - self.before_ns) * 1e-9
 
 
 class WallClock:
-    """The live board: ``unix = host + unix_minus_host``, watched for steps."""
+    """The wall clock of a live board, ``unix = host + unix_minus_host``, with detection of steps."""
 
     def __init__(self, host_ns: HostNs, unix_ns: int) -> None:
-        """Both clocks, read at one instant."""
+        """Both clocks at one instant."""
         self.unix_minus_host_ns = unix_ns - host_ns
         self._steps: deque[ClockStep] = deque(maxlen=STEPS_KEPT)
 
     def observe(self, host_ns: HostNs, unix_ns: int) -> ClockStep | None:
-        """Both clocks, read at one instant; the step if the wall clock was set since the last time."""
+        """Observe both clocks at one instant; the step if the wall clock was set since the last observation."""
         before, self.unix_minus_host_ns = self.unix_minus_host_ns, unix_ns - host_ns
         if abs(self.unix_minus_host_ns - before) < SMALLEST_STEP_NS:
             return None
@@ -67,7 +68,7 @@ class WallClock:
         return step
 
     def host_from_unix(self, unix_s: float, arrival_ns: HostNs | None) -> HostNs | NoFrame:
-        """The host instant, by the clocks as observed last; ACROSS_CLOCK_STEP where it may precede a step."""
+        """The host instant by the last observation of the clocks; ACROSS_CLOCK_STEP if it may precede a step."""
         unix_ns = host_from_seconds(unix_s)
         host_ns = whole_microseconds(unix_ns - self.unix_minus_host_ns)
         for step in self._steps:
@@ -76,12 +77,12 @@ class WallClock:
         return host_ns
 
     def host_from_monotonic(self, monotonic_s: float) -> HostNs | NoFrame:
-        """The same clock as the host's."""
+        """The same instant: CLOCK_MONOTONIC is the host clock."""
         return host_from_seconds(monotonic_s)
 
 
 def _may_precede(step: ClockStep, unix_ns: int, host_ns: int, arrival_ns: HostNs | None) -> bool:
-    """Whether a stamp that reads ``host_ns`` by the clock of now may have been made before the step."""
+    """Whether a stamp that is ``host_ns`` by the present clock may have been taken before the step."""
     if host_ns < step.seen_ns:
         return True
     if arrival_ns is None or arrival_ns - step.seen_ns > LONGEST_WAY_NS:
@@ -91,15 +92,15 @@ def _may_precede(step: ClockStep, unix_ns: int, host_ns: int, arrival_ns: HostNs
 
 
 class RecordingClock:
-    """A recording: ``time_unix`` lies a fixed offset from its host clock, and nothing places the board's monotonic."""
+    """Clocks of a recording: ``time_unix`` has a fixed offset from its host clock; CLOCK_MONOTONIC is unknown."""
 
     def __init__(self, unix_minus_host_ns: int = 0) -> None:
         self._unix_minus_host_ns = unix_minus_host_ns
 
     def host_from_unix(self, unix_s: float, arrival_ns: HostNs | None) -> HostNs | NoFrame:  # noqa: ARG002
-        """The stamp on the recording's own host clock."""
+        """The stamp on the recording's host clock."""
         return HostNs(host_from_seconds(unix_s) - self._unix_minus_host_ns)
 
     def host_from_monotonic(self, monotonic_s: float) -> HostNs | NoFrame:  # noqa: ARG002
-        """NO_MONOTONIC_MAP."""
+        """Always NO_MONOTONIC_MAP."""
         return NoFrame(Reason.NO_MONOTONIC_MAP)

@@ -1,8 +1,8 @@
-"""The form of detections on the wire and in recordings: one JSON object a frame. PURE, and closed to every surprise.
+"""The format of detections on the wire and in recordings: one JSON object per frame. PURE.
 
-Whatever the bytes are, :func:`parse_frame` gives a Frame or says why not. A pixel that is not a finite number becomes
-NaN and such a sigma 0, whatever the sender's JSON made of it (``NaN``, ``null``, ``1e999``); pairing refuses that one
-detection under ``not_finite`` and the rest of the frame stands. Everywhere else such a number refuses the frame.
+For any bytes :func:`parse_frame` gives a Frame, or the reason why they are not one. A pixel that is not a finite number
+becomes NaN and such a sigma becomes 0, in whatever notation the sender wrote it (``NaN``, ``null``, ``1e999``): pairing
+then rejects that one detection with ``not_finite`` and keeps the others. Elsewhere such a number rejects the frame.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from fwav_companion.types import Corners, Detection, Frame, NoFrame, Reason, Sta
 from fwav_companion.vision.wall_clock import StampClocks
 
 MAX_DETECTIONS = 256
-"""A frame; the contract's."""
+"""Per frame; part of the interface contract."""
 MAX_LABEL = 256
-"""Characters: a label is kept with its track."""
+"""Characters; each track stores its label."""
 LATEST_UNIX_S = 1e11
 """The year 5138. Today's milliseconds are 1.8e12, microseconds 1.8e15, nanoseconds 1.8e18."""
 LATEST_MONOTONIC_S = 1e9
@@ -31,7 +31,7 @@ LATEST_MONOTONIC_S = 1e9
 LATEST_BOOT_S = 1e8
 """Three years without a reboot of the autopilot. Nanoseconds are beyond after 0.1 s, microseconds after 100 s."""
 LONGEST_EXPOSURE_S = 10.0
-"""libcamera tells microseconds: its shortest exposures are beyond this."""
+"""libcamera gives microseconds: its shortest exposures are above this."""
 
 Int64: TypeAlias = Annotated[int, Meta(ge=-(2**63), le=2**63 - 1)]
 Pixels: TypeAlias = Annotated[int, Meta(ge=1, le=1_000_000)]
@@ -39,7 +39,7 @@ Label: TypeAlias = Annotated[str, Meta(max_length=MAX_LABEL)]
 
 
 class WireDetection(msgspec.Struct, gc=False):
-    """One element of ``detections``, as sent."""
+    """One element of ``detections`` as sent."""
 
     u: float | None
     v: float | None
@@ -49,11 +49,11 @@ class WireDetection(msgspec.Struct, gc=False):
     box: tuple[float, float, float, float] | None = None
     id: Int64 | None = None
     corners: Any = None
-    """Where they are not the four of a marker, another program's field of that name, and ignored as such."""
+    """The four of a marker. Any other value is another program's field of that name, and ignored."""
 
 
 class WireFrame(msgspec.Struct):
-    """One object, as sent; unknown fields are ignored."""
+    """One frame as sent; unknown fields are ignored."""
 
     detections: list[WireDetection]
     time_unix: float | None = None
@@ -66,7 +66,7 @@ class WireFrame(msgspec.Struct):
 
 
 class _RecordedFrame(msgspec.Struct, omit_defaults=True, kw_only=True):
-    """One line of a recording: the same names, in the order people read them."""
+    """One line of a recording, with the same names in reading order."""
 
     time_unix: float | None = None
     time_boot: float | None = None
@@ -93,7 +93,7 @@ _encoder = msgspec.json.Encoder()
 
 
 def parse_frame(data: bytes | str, arrival_ns: HostNs | None, clocks: StampClocks) -> Frame | NoFrame:
-    """One datagram that arrived then, or one line of a recording (``arrival_ns`` None: ``received_unix`` tells it)."""
+    """The frame in a datagram, or in a line of a recording (``arrival_ns`` None: the line's ``received_unix``)."""
     wire = _decode(data)
     if isinstance(wire, NoFrame):
         return wire
@@ -121,7 +121,7 @@ def parse_frame(data: bytes | str, arrival_ns: HostNs | None, clocks: StampClock
 def encode_frame(frame: Frame, unix_offset_ns: int) -> bytes:
     """The frame as one line of a recording, on the recording's clock: ``time_unix = host + unix_offset``.
 
-    A stamp of the autopilot's clock stays one: it is placed when the recording is read, as it was live.
+    A stamp of the autopilot's clock is not converted: a replay does that as the live service did.
     """
     on_host = frame.stamp_clock is StampClock.HOST
     line = _RecordedFrame(
@@ -150,18 +150,18 @@ def _decode(data: bytes | str) -> WireFrame | NoFrame:
 
 
 def _decode_leniently(data: bytes | str) -> WireFrame | NoFrame:
-    """JSON as Python's own ``json`` writes and reads it, with NaN and infinities: most detectors are in Python."""
+    """Decode JSON as Python's ``json`` writes it, with NaN and infinities: most detectors are in Python."""
     try:
         wire = msgspec.convert(json.loads(data), WireFrame)
         for detection in wire.detections:
-            (detection.label or "").encode()  # half a surrogate pair could never be written again
+            (detection.label or "").encode()  # half a surrogate pair could not be recorded
     except (ValueError, RecursionError) as error:
         return NoFrame(Reason.MALFORMED, str(error)[:100])
     return wire
 
 
 def _refusal(wire: WireFrame) -> NoFrame | None:
-    """Why the frame as a whole is not usable, if it is not."""
+    """Why the whole frame is rejected; None if it is not."""
     if len(wire.detections) > MAX_DETECTIONS:
         return NoFrame(Reason.TOO_MANY_DETECTIONS, f"{len(wire.detections)}, accepted: {MAX_DETECTIONS}")
     if not all(map(isfinite, _numbers(wire))):
@@ -175,7 +175,7 @@ def _refusal(wire: WireFrame) -> NoFrame | None:
 
 
 def _numbers(wire: WireFrame) -> Iterator[float]:
-    """All numbers that must be finite for the frame to mean anything."""
+    """All numbers that must be finite for the frame to be usable."""
     for number in (wire.time_unix, wire.time_monotonic, wire.time_boot, wire.received_unix, wire.exposure_s):
         if number is not None:
             yield number
@@ -187,8 +187,8 @@ def _numbers(wire: WireFrame) -> Iterator[float]:
 
 
 def _stamp(wire: WireFrame, arrival_ns: HostNs | None, clocks: StampClocks) -> tuple[int, StampClock] | NoFrame:
-    """The one stamp, on the clock that pairing takes it on."""
-    told = [
+    """The one stamp and its clock, host or boot."""
+    given = [
         (name, seconds, latest)
         for name, seconds, latest in (
             ("time_unix", wire.time_unix, LATEST_UNIX_S),
@@ -197,9 +197,9 @@ def _stamp(wire: WireFrame, arrival_ns: HostNs | None, clocks: StampClocks) -> t
         )
         if seconds is not None
     ]
-    if len(told) != 1:
-        return NoFrame(Reason.NO_TIME, ", ".join(name for name, _, _ in told) or "none of the three")
-    name, seconds, latest = told[0]
+    if len(given) != 1:
+        return NoFrame(Reason.NO_TIME, ", ".join(name for name, _, _ in given) or "none of the three")
+    name, seconds, latest = given[0]
     if seconds < 0.0:
         return NoFrame(Reason.MALFORMED, f"{name} {seconds:g}")
     if seconds > latest:
@@ -213,7 +213,7 @@ def _stamp(wire: WireFrame, arrival_ns: HostNs | None, clocks: StampClocks) -> t
 
 
 def _is_other_unit(value: float, now_s: float) -> bool:
-    """Whether the value is no instant of the last second in seconds, but one in a smaller unit."""
+    """Whether the value lies in the future as seconds, but within a second of now in a smaller unit."""
     return value > now_s + 1.0 and any(abs(value / per_s - now_s) < 1.0 for per_s in (1e3, 1e6, 1e9))
 
 
@@ -230,9 +230,9 @@ def _detection(wire: WireDetection) -> Detection:
     )
 
 
-def _corners(told: Any) -> Corners | None:
+def _corners(value: Any) -> Corners | None:
     try:
-        corners = msgspec.convert(told, Corners)
+        corners = msgspec.convert(value, Corners)
     except msgspec.ValidationError:
         return None
     return corners if all(map(isfinite, chain.from_iterable(corners))) else None
@@ -254,5 +254,5 @@ def _finite_or_zero(value: float | None) -> float:
 
 
 def _seconds(instant_ns: int) -> float:
-    """Whole microseconds as seconds: read back and rounded to microseconds it is the same instant until 2255."""
+    """The instant in seconds, whole microseconds: rounded to microseconds it reads back exactly until 2255."""
     return (instant_ns // 1000) / 1e6

@@ -1,7 +1,7 @@
-"""``python -m fwav_companion.vision.worker FD TASK``: cameras and detectors, in a process of their own.
+"""``python -m fwav_companion.vision.worker FD TASK``: a camera and a detector in a process of their own.
 
-What it finds goes back over the inherited socket as detections travel from anywhere else; in between it tells how it
-fares. A camera that hangs hangs here and not in the daemon, which then ends this process and starts another.
+It sends detections over the inherited socket in the wire format, and its state in between. A camera that hangs blocks
+this process and not the daemon, which then ends it and starts another.
 """
 
 from __future__ import annotations
@@ -16,26 +16,26 @@ from contextlib import closing
 import cv2
 import msgspec
 
-from fwav_companion.vision.detectors.make import make_detector
+from fwav_companion.vision.detectors import make_detector
 from fwav_companion.vision.images import Detector, Picture, SourceEndedError, SourceLostError
-from fwav_companion.vision.sources.make import open_source
+from fwav_companion.vision.sources import open_source
 from fwav_companion.vision.task import VisionState, VisionTask
 from fwav_companion.vision.wire import MAX_DETECTIONS
 
 SIGN_OF_LIFE_S = 2.0
-"""Something is told at least this often while nothing hangs."""
+"""Longest time between two messages while nothing hangs."""
 RETRY_S = 1.0
-"""A source that is not there is looked for this often: a camera may be plugged in late."""
+"""Interval of attempts to open a missing source: a camera may be plugged in late."""
 
 _encode = msgspec.json.Encoder().encode
 
 
 def main() -> None:
-    """Until the daemon closes its end."""
+    """Detect until the daemon closes its end of the socket."""
     daemon = socket.socket(fileno=int(sys.argv[1]))
     task = msgspec.json.decode(sys.argv[2], type=VisionTask)
     threading.Thread(target=_end_with, args=(daemon,), daemon=True).start()
-    cv2.setNumThreads(1)  # one core of a small board for pictures, the rest for flying
+    cv2.setNumThreads(1)  # one core of a small board for pictures, the others for the flight
     detector = make_detector(task)
     while True:
         try:
@@ -50,7 +50,7 @@ def main() -> None:
 
 
 def frame_bytes(picture: Picture, detector: Detector) -> bytes:
-    """A picture as its detections travel."""
+    """The detections of a picture in the wire format."""
     height, width = picture.pixels.shape[:2]
     frame = {**picture.stamp, "size": [width, height], "detections": detector.detect(picture.pixels)[:MAX_DETECTIONS]}
     if picture.number is not None:
@@ -61,7 +61,7 @@ def frame_bytes(picture: Picture, detector: Detector) -> bytes:
 
 
 def _look(daemon: socket.socket, text: str, detector: Detector) -> None:
-    """Until the source is lost or ends."""
+    """Detect until the source is lost or ends."""
     with closing(open_source(text)) as source:
         while True:
             picture = source.read(SIGN_OF_LIFE_S)
@@ -76,7 +76,7 @@ def _tell(daemon: socket.socket, state: VisionState) -> None:
 
 
 def _end_with(daemon: socket.socket) -> None:
-    """The daemon never says anything: a read ends when the daemon does, however it ended."""
+    """End this process with the daemon: the daemon sends nothing, so a read returns when it has ended in any way."""
     try:
         daemon.recv(1)
     finally:

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from vision_pictures import tag_picture
 
+from fwav_companion.vision.detectors import make_detector
 from fwav_companion.vision.detectors.color import ColorDetector
-from fwav_companion.vision.detectors.make import make_detector
 from fwav_companion.vision.detectors.markers import ARUCO_DICTIONARIES, apriltags, aruco
 from fwav_companion.vision.task import VisionTask
 

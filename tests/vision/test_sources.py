@@ -10,8 +10,8 @@ import pytest
 from vision_pictures import pipe_bytes
 
 from fwav_companion.vision.images import SourceEndedError, SourceLostError
+from fwav_companion.vision.sources import open_source
 from fwav_companion.vision.sources.folder import FolderSource
-from fwav_companion.vision.sources.make import open_source
 from fwav_companion.vision.sources.pipe import PipeSource
 
 GREY = np.arange(12 * 16, dtype=np.uint8).reshape(12, 16)
@@ -56,14 +56,14 @@ def test_pictures_come_through_a_pipe_in_pieces(pipe: Writer):
     assert (second.pixels == COLOURED).all()
     assert (second.stamp, second.number, second.exposure_s) == ({"time_boot": 1.0}, None, None)
     pipe.close()
-    with pytest.raises(SourceLostError, match="gone"):
+    with pytest.raises(SourceLostError, match="closed it"):
         pipe.source.read(0.0)
 
 
 @pytest.mark.parametrize(
     ("data", "told"),
     [
-        (b"x" * 5000, "no line of JSON"),
+        (b"x" * 5000, "without its line of JSON"),
         (b"[1]\n", "not a JSON object"),
         (b"{\n", "not a JSON object"),
         (b'{"size": [4, 4], "format": "mjpeg"}\n', "gray8 or bgr8"),
@@ -105,7 +105,7 @@ def test_a_folder_is_followed_as_it_grows(tmp_path: Path, caplog: pytest.LogCapt
     print('{"file": "1.png", "time_unix": 1' + "0" * 400 + "}", file=lines)
     print(shoot(2), file=lines, flush=True)
     assert source.read(5.0).number == 2, "what is damaged keeps nothing behind it away"
-    assert caplog.text.count("no picture that can be read: passed over") == 1
+    assert caplog.text.count("not a readable picture: skipped") == 1
     (tmp_path / "stamps.jsonl").unlink()
     with pytest.raises(SourceLostError, match="removed"):
         source.read(0.0)
@@ -146,7 +146,7 @@ def test_a_video_plays_to_its_end(tmp_path: Path):
     ("text", "told"),
     [
         ("/nowhere/at/all", "No such file"),
-        ("/dev/video977", "not there"),
+        ("/dev/video977", "it does not exist"),
         ("libcamera:0", "picamera2"),
         ("/dev/null", "cannot be opened"),
         ("libcamera:x", "accepted: libcamera:0 | "),
@@ -159,5 +159,5 @@ def test_what_is_not_there_is_lost_and_not_a_crash(text: str, told: str):
 
 
 def test_a_folder_without_stamps_says_what_is_missing(tmp_path: Path):
-    with pytest.raises(SourceLostError, match=r"stamps\.jsonl: No such file .* a line a picture: \{"):
+    with pytest.raises(SourceLostError, match=r"stamps\.jsonl: No such file .* a line per picture: \{"):
         open_source(str(tmp_path))

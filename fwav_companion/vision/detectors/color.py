@@ -1,4 +1,4 @@
-"""Blobs of one strong colour: a panel, a buoy, a jacket. Grey pictures have none."""
+"""Detects blobs of one strong colour: a panel, a buoy, a jacket. Grey pictures have none."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from fwav_companion.vision.images import Found, Pixels
 
 HUE_HALF_WIDTH_DEG = 15.0
 LEAST_SATURATION, LEAST_VALUE = 110, 60
-"""Of 255: grass, soil and concrete lie below."""
+"""Of 255; grass, soil and concrete are below."""
 LEAST_AREA_PX = 16
 MOST_BLOBS = 32
 SIGMA_OF_SIZE = 0.1
-"""A blob's middle is not its target's: one sigma as a share of the blob's size."""
+"""One sigma as a share of the blob's size: the blob's centre is not exactly the target's."""
 
 
 class ColorDetector:
-    """The largest blobs of a hue."""
+    """Detector of the largest blobs of a hue."""
 
     def __init__(self, hue_deg: float) -> None:
         """``hue_deg``: 0 red, 60 yellow, 120 green, 240 blue."""
         self._hue = hue_deg % 360.0 / 2.0
 
     def detect(self, pixels: Pixels) -> list[Found]:
-        """Each at its centre of mass."""
+        """The blobs, each at its centre of mass."""
         if pixels.ndim == 2:
             return []
         hue, saturation, value = cv2.split(cv2.cvtColor(pixels, cv2.COLOR_BGR2HSV))

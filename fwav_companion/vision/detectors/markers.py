@@ -1,4 +1,4 @@
-"""AprilTags of the family 36h11, and ArUco markers, by OpenCV; their places with an uncertainty that knows of blur."""
+"""Detects AprilTags 36h11 and ArUco markers with OpenCV, with an uncertainty that depends on motion blur."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ ARUCO_DICTIONARIES: Final = {
     for count in (50, 100, 250, 1000)
 }
 SHARP_SIGMA_PX = 0.22
-"""Of a centre in a sharp picture, an axis: corners refined to some tenths, and a fisheye's bend of the diagonals.
+"""Sigma of a centre in a sharp picture, one axis: corners refined to some tenths, and diagonals bent by a fisheye.
 Measured on rendered tags of 30 to 100 px: 0.20 px."""
 SIGMA_OF_WIDTH = 0.13
-"""What the excess width of an edge adds, an axis. Measured where motion blurs by 0.5 to 1, 1 to 1.5, and 1.5 to 3
+"""Contribution of an edge's excess width, one axis. Measured where motion blurs by 0.5 to 1, 1 to 1.5, and 1.5 to 3
 modules of a tag: 0.3 to 0.5, 0.5 to 0.75, and 1.0 px."""
 SHARP_WIDTH_PX = 2.5
-"""Of an edge that is as sharp as a lens and a sensor leave it."""
+"""Width of an edge that only lens and sensor blur."""
 PROFILES = 5
-"""Across each side."""
+"""Number of profiles across each side."""
 
 
 class MarkerDetector:
-    """Markers of one OpenCV dictionary."""
+    """Detector of the markers of one OpenCV dictionary."""
 
     def __init__(self, dictionary: int, label: str, modules: int) -> None:
-        """``modules``: along a side of the black square."""
+        """``modules``: number along a side of the black square."""
         detector = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(dictionary))
         parameters = detector.getDetectorParameters()
         parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
@@ -42,7 +42,7 @@ class MarkerDetector:
         self._modules = modules
 
     def detect(self, pixels: Pixels) -> list[Found]:
-        """Every marker, at the crossing of its diagonals."""
+        """The markers, each at the crossing of its diagonals."""
         picture = grey(pixels)
         quads, ids, _ = self._detector.detectMarkers(picture)
         if ids is None:
@@ -73,17 +73,17 @@ class MarkerDetector:
 
 
 def apriltags() -> MarkerDetector:
-    """The family 36h11."""
+    """Detector of the family 36h11."""
     return MarkerDetector(cv2.aruco.DICT_APRILTAG_36h11, "tag36h11", 8)
 
 
 def aruco(dictionary: str) -> MarkerDetector:
-    """One of ARUCO_DICTIONARIES."""
+    """Detector of one of ARUCO_DICTIONARIES."""
     return MarkerDetector(ARUCO_DICTIONARIES[dictionary], "aruco", int(dictionary[0]) + 2)
 
 
 def crossing_of_diagonals(quad: NDArray[np.float32]) -> tuple[float, float] | None:
-    """Where the marker's centre is seen: perspective keeps lines, not middles. None for a quad without an inside."""
+    """Pixel of the marker's centre: perspective preserves lines, not midpoints. None for a quad without area."""
     a, b, c, d = quad.astype(float)
     first, second, between = c - a, d - b, b - a
     cross = first[0] * second[1] - first[1] * second[0]
@@ -95,7 +95,7 @@ def crossing_of_diagonals(quad: NDArray[np.float32]) -> tuple[float, float] | No
 
 
 def edge_width(picture: Pixels, quad: NDArray[np.float32], modules: int) -> float:
-    """Pixels over which the outer edge goes from black to white, on the side where motion blurs it most."""
+    """Width in pixels of the outer edge from black to white, on the side that motion blurs most."""
     centre = quad.mean(axis=0)
     widths = []
     for corner, following in zip(quad, np.roll(quad, -1, axis=0), strict=True):
@@ -108,7 +108,7 @@ def edge_width(picture: Pixels, quad: NDArray[np.float32], modules: int) -> floa
         offsets = np.arange(-reach, reach + 0.25, 0.5, dtype=np.float32)
         starts = corner + np.linspace(0.25, 0.75, PROFILES, dtype=np.float32)[:, None] * along
         places = starts[:, None, :] + offsets[None, :, None] * out
-        # One profile a side: the mean of several, so that noise and grass do not sharpen it.
+        # The mean of several profiles per side, so that noise and grass do not sharpen it.
         x, y = places[..., 0].astype(np.float32), places[..., 1].astype(np.float32)
         profile = cv2.remap(picture, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).astype(float).mean(axis=0)
         steps = np.abs(np.diff(profile)) / 0.5

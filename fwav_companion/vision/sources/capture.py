@@ -1,8 +1,8 @@
-"""What OpenCV opens itself: USB cameras, RTSP streams, video files.
+"""Sources that OpenCV opens: USB cameras, RTSP streams, video files.
 
-A USB camera's driver stamps each frame on CLOCK_MONOTONIC, which OpenCV hands on. A stream tells no time of capture at
-all: its frames are stamped as they come, and [camera] time_offset_s is for the delay. A file is played at its own pace
-as if it were flown now.
+A USB camera's driver stamps each frame on CLOCK_MONOTONIC, and OpenCV passes the stamp on. A stream does not carry
+capture times: its frames are stamped on arrival, and [camera] time_offset_s covers the delay. A file is played at its
+own rate, as if it were live.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ import cv2
 from fwav_companion.vision.images import Picture, Pixels, SourceEndedError, SourceLostError
 
 LIKELY_AGE_S = 1.0
-"""A driver's stamp that is older than this, or from the future, is on another clock."""
+"""A driver's stamp that is older, or in the future, is on another clock."""
 STREAM_OPTIONS = "rtsp_transport;tcp|timeout;5000000|fflags;nobuffer"
-"""For FFmpeg: whole frames rather than fast ones, five seconds of patience."""
+"""FFmpeg options: complete frames rather than fast ones, and a timeout of five seconds."""
 
 
 class _Capture:
@@ -31,7 +31,7 @@ class _Capture:
         self._number = -1
 
     def close(self) -> None:
-        """Let go of it."""
+        """Release the source."""
         self._capture.release()
 
     def _next(self) -> Pixels | None:
@@ -41,20 +41,21 @@ class _Capture:
 
 
 class DeviceSource(_Capture):
-    """/dev/videoN."""
+    """A camera at /dev/videoN."""
 
     def __init__(self, path: str) -> None:
         if not os.access(path, os.R_OK):
-            raise SourceLostError(f"{path}: {'no permission to read it' if Path(path).exists() else 'not there'}")
+            why = "no permission to read it" if Path(path).exists() else "it does not exist"
+            raise SourceLostError(f"{path}: {why}")
         opened = cv2.VideoCapture(path, cv2.CAP_V4L2)
         opened.set(cv2.CAP_PROP_BUFFERSIZE, 1)
         super().__init__(path, opened)
 
-    def read(self, timeout_s: float) -> Picture:  # noqa: ARG002  # the driver's own ten seconds
+    def read(self, timeout_s: float) -> Picture:  # noqa: ARG002  # the driver has its own, ten seconds
         """The next frame."""
         pixels = self._next()
         if pixels is None:
-            raise SourceLostError(f"{self._name}: no picture comes any more")
+            raise SourceLostError(f"{self._name}: the camera stopped sending pictures")
         now_s = time.monotonic()
         stamped_s = self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
         likely = now_s - LIKELY_AGE_S < stamped_s <= now_s
@@ -62,14 +63,14 @@ class DeviceSource(_Capture):
 
 
 class StreamSource(_Capture):
-    """rtsp://."""
+    """An RTSP stream."""
 
     def __init__(self, url: str) -> None:
         os.environ.setdefault("OPENCV_FFMPEG_CAPTURE_OPTIONS", STREAM_OPTIONS)
         super().__init__(url, cv2.VideoCapture(url, cv2.CAP_FFMPEG))
 
-    def read(self, timeout_s: float) -> Picture:  # noqa: ARG002  # FFmpeg has its own patience
-        """The next frame, stamped as it comes."""
+    def read(self, timeout_s: float) -> Picture:  # noqa: ARG002  # FFmpeg has its own
+        """The next frame, stamped on arrival."""
         pixels = self._next()
         if pixels is None:
             raise SourceLostError(f"{self._name}: the stream ended")
@@ -77,14 +78,14 @@ class StreamSource(_Capture):
 
 
 class VideoSource(_Capture):
-    """A file."""
+    """A video file."""
 
     def __init__(self, path: str) -> None:
         super().__init__(path, cv2.VideoCapture(path))
         self._started_s = time.monotonic()
 
-    def read(self, timeout_s: float) -> Picture:  # noqa: ARG002  # a file never keeps one waiting
-        """The next frame, when it is due."""
+    def read(self, timeout_s: float) -> Picture:  # noqa: ARG002  # a file does not block
+        """The next frame, at its due time."""
         pixels = self._next()
         if pixels is None:
             raise SourceEndedError(f"{self._name}: played to its end")

@@ -1,8 +1,8 @@
-"""A folder of pictures that some other program fills, and its ``stamps.jsonl``: one line a picture, in order.
+"""A folder of pictures that another program fills, with ``stamps.jsonl``: one line per picture, in order.
 
-``{"file": "000017.png", "time_monotonic": 1234.567890, "frame": 17, "exposure_s": 0.004}``. A picture is written before
-its line; the file of lines is followed as it grows, and begun anew where it was replaced. A line that is none, or whose
-picture cannot be read, is passed over: those behind it may be whole.
+``{"file": "000017.png", "time_monotonic": 1234.567890, "frame": 17, "exposure_s": 0.004}``. The program writes a
+picture before its line. The file of lines is followed as it grows, and reopened if it was replaced. A malformed line,
+or one whose picture cannot be read, is skipped: later ones may be good.
 """
 
 from __future__ import annotations
@@ -15,31 +15,30 @@ from typing import BinaryIO
 
 import cv2
 
-from fwav_companion.vision.images import Picture, Pixels, SourceLostError
-from fwav_companion.vision.sources.stamps import exposure_of, number_of, parse_line, stamp_of
+from fwav_companion.vision.images import Picture, Pixels, SourceLostError, exposure_of, number_of, parse_line, stamp_of
 
 _log = logging.getLogger(__name__)
 STAMPS_FILE = "stamps.jsonl"
 LOOK_S = 0.02
-"""A folder does not tell of new files: how often it is looked at."""
+"""Interval of the checks for new lines."""
 
 
 class FolderSource:
-    """Follows the lines."""
+    """Follows the lines of a folder."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         try:
             self._lines: BinaryIO = (folder / STAMPS_FILE).open("rb")
         except OSError as error:
-            needed = 'a folder needs it, with a line a picture: {"file": "0.png", "time_unix": 1790000001.25}'
+            needed = 'a folder needs it, with a line per picture: {"file": "0.png", "time_unix": 1790000001.25}'
             raise SourceLostError(f"{folder / STAMPS_FILE}: {error.strerror}; {needed}") from None
         self._inode = os.fstat(self._lines.fileno()).st_ino
         self._begun = b""
         self._complained = False
 
     def read(self, timeout_s: float) -> Picture | None:
-        """The picture of the next line that has one."""
+        """The picture of the next good line."""
         deadline = time.monotonic() + timeout_s
         while True:
             line = self._line()
@@ -54,26 +53,27 @@ class FolderSource:
                 time.sleep(LOOK_S)
 
     def _picture(self, line: bytes) -> Picture | None:
-        """Of one line; None where it is of no use, which is told once."""
+        """The picture of one line; None if the line is not usable, which is logged once."""
         try:
             return self._read(line)
         except SourceLostError as error:
             if not self._complained:
                 self._complained = True
-                _log.warning("%s: passed over, as others like it will be", error)
+                _log.warning("%s: skipped; further ones are skipped without a message", error)
             return None
 
     def _read(self, line: bytes) -> Picture:
         what = str(self._folder / STAMPS_FILE)
-        told = parse_line(line, what)
-        return Picture(self._pixels(told.get("file")), stamp_of(told, what), number_of(told), exposure_of(told))
+        described = parse_line(line, what)
+        pixels = self._pixels(described.get("file"))
+        return Picture(pixels, stamp_of(described, what), number_of(described), exposure_of(described))
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file of lines."""
         self._lines.close()
 
     def _line(self) -> bytes | None:
-        """The next line that is whole."""
+        """The next complete line."""
         self._begun += self._lines.readline()
         if not self._begun.endswith(b"\n"):
             return None
@@ -81,15 +81,15 @@ class FolderSource:
         return line
 
     def _pixels(self, name: object) -> Pixels:
-        path = self._folder / Path(str(name)).name  # whatever a line says, nothing outside of the folder is opened
+        path = self._folder / Path(str(name)).name  # no line can name a file outside of the folder
         pixels = cv2.imread(str(path), cv2.IMREAD_COLOR) if path.is_file() else None
         if pixels is None:
-            raise SourceLostError(f"{path}: no picture that can be read")
+            raise SourceLostError(f"{path}: not a readable picture")
         read: Pixels = pixels
         return read
 
     def _replaced(self) -> bool:
-        """By another file, or by nothing: written anew from its beginning."""
+        """Whether the file of lines was removed, replaced or truncated."""
         try:
             now = (self._folder / STAMPS_FILE).stat()
         except OSError:

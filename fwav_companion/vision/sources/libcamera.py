@@ -1,6 +1,6 @@
-"""``libcamera:N``: a Raspberry Pi's camera through picamera2, which comes with the system, not from a registry.
+"""``libcamera:N``: a Raspberry Pi's camera through picamera2, which the operating system brings, not PyPI.
 
-SensorTimestamp is when the first row had been read, on CLOCK_MONOTONIC: that is ``stamp = "row0_end"``.
+SensorTimestamp is the end of the first row's readout, on CLOCK_MONOTONIC: that is ``stamp = "row0_end"``.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ class LibcameraSource:
 
     def __init__(self, number: int) -> None:
         if find_spec("picamera2") is None:
-            raise SourceLostError("picamera2 is not there: sudo apt install python3-picamera2, in a venv that sees it")
+            install = "sudo apt install python3-picamera2, in an environment made with --system-site-packages"
+            raise SourceLostError(f"picamera2 is not installed: {install}")
         try:
             camera: Any = import_module("picamera2").Picamera2(number)
             camera.configure(camera.create_video_configuration(main={"size": SIZE, "format": "YUV420"}))
@@ -29,22 +30,22 @@ class LibcameraSource:
         self._camera = camera
         self._number = -1
 
-    def read(self, timeout_s: float) -> Picture:  # noqa: ARG002  # a camera that hangs is noticed by the daemon
+    def read(self, timeout_s: float) -> Picture:  # noqa: ARG002  # the daemon notices a camera that hangs
         """The next frame."""
         try:
             request = self._camera.capture_request()
         except (RuntimeError, OSError) as error:
             raise SourceLostError(f"the camera stopped: {error}") from None
         try:
-            told = request.get_metadata()
+            metadata = request.get_metadata()
             planes = request.make_array("main")
         finally:
             request.release()
         self._number += 1
-        pixels = planes[: SIZE[1], : SIZE[0]].copy()  # the first plane is the grey levels
-        exposure_s = told["ExposureTime"] / 1e6 if "ExposureTime" in told else None
-        return Picture(pixels, {"time_monotonic": told["SensorTimestamp"] / 1e9}, self._number, exposure_s)
+        pixels = planes[: SIZE[1], : SIZE[0]].copy()  # the first plane has the grey levels
+        exposure_s = metadata["ExposureTime"] / 1e6 if "ExposureTime" in metadata else None
+        return Picture(pixels, {"time_monotonic": metadata["SensorTimestamp"] / 1e9}, self._number, exposure_s)
 
     def close(self) -> None:
-        """Let go of the camera."""
+        """Release the camera."""
         self._camera.close()

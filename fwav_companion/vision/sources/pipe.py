@@ -1,7 +1,7 @@
-"""A named pipe of pictures. Each is a line of JSON and then its bytes, row by row.
+"""A named pipe of pictures. Each picture is a line of JSON, then its bytes, row by row.
 
-The line tells ``size`` [width, height], ``format`` (gray8 or bgr8), one stamp, perhaps ``frame`` and ``exposure_s``.
-Whoever writes may come and go; a picture that was begun and not ended is lost, and the pipe is opened anew.
+The line has ``size`` [width, height], ``format`` (gray8 or bgr8), one stamp, and optionally ``frame`` and
+``exposure_s``. The writer may come and go: an incomplete picture is lost, and the pipe is reopened.
 """
 
 from __future__ import annotations
@@ -16,19 +16,18 @@ from typing import Any
 
 import numpy as np
 
-from fwav_companion.vision.images import Picture, SourceLostError
-from fwav_companion.vision.sources.stamps import exposure_of, number_of, parse_line, stamp_of
+from fwav_companion.vision.images import Picture, SourceLostError, exposure_of, number_of, parse_line, stamp_of
 
 CHANNELS = {"gray8": 1, "bgr8": 3}
 LONGEST_LINE = 4096
 MOST_PIXELS = 1 << 26
-"""64 megapixels: no camera of a small vehicle has more."""
+"""64 megapixels: cameras of small vehicles have fewer."""
 PIPE_BYTES = 1 << 20
-"""Asked of the kernel, so that a writer is not held up by every 64 KiB."""
+"""Requested from the kernel, so that a writer does not wait every 64 KiB."""
 
 
 class PipeSource:
-    """The reading end."""
+    """The reading end of a pipe."""
 
     def __init__(self, path: Path) -> None:
         try:
@@ -41,7 +40,7 @@ class PipeSource:
         self._buffer = bytearray()
 
     def read(self, timeout_s: float) -> Picture | None:
-        """The next picture that is whole."""
+        """The next complete picture."""
         deadline = time.monotonic() + timeout_s
         while (picture := self._taken()) is None:
             if not self._more(deadline - time.monotonic()):
@@ -49,11 +48,11 @@ class PipeSource:
         return picture
 
     def close(self) -> None:
-        """Let go of the pipe."""
+        """Close the pipe."""
         os.close(self._file)
 
     def _more(self, timeout_s: float) -> bool:
-        """Wait for bytes; False where none came."""
+        """Wait for bytes; False if none came in time."""
         poll = select.poll()
         poll.register(self._file, select.POLLIN)
         events = poll.poll(max(0.0, timeout_s) * 1e3)
@@ -61,19 +60,19 @@ class PipeSource:
             return False
         data = os.read(self._file, PIPE_BYTES) if events[0][1] & select.POLLIN else b""
         if not data:
-            raise SourceLostError(f"{self._path}: whoever wrote pictures into it has gone")
+            raise SourceLostError(f"{self._path}: the program that wrote pictures has closed it")
         self._buffer += data
         return True
 
     def _taken(self) -> Picture | None:
-        """The first whole picture of the buffer, taken out of it."""
+        """The first complete picture, removed from the buffer; None if there is none."""
         end = self._buffer.find(b"\n", 0, LONGEST_LINE)
         if end < 0:
             if len(self._buffer) >= LONGEST_LINE:
-                raise SourceLostError(f"{self._path}: no line of JSON before the picture")
+                raise SourceLostError(f"{self._path}: a picture without its line of JSON")
             return None
-        told = parse_line(bytes(self._buffer[:end]), str(self._path))
-        width, height, channels = self._form(told)
+        described = parse_line(bytes(self._buffer[:end]), str(self._path))
+        width, height, channels = self._form(described)
         length = width * height * channels
         if len(self._buffer) < end + 1 + length:
             return None
@@ -81,11 +80,11 @@ class PipeSource:
         del self._buffer[: end + 1 + length]
         shape = (height, width) if channels == 1 else (height, width, channels)
         pixels = np.frombuffer(data, np.uint8).reshape(shape)
-        return Picture(pixels, stamp_of(told, str(self._path)), number_of(told), exposure_of(told))
+        return Picture(pixels, stamp_of(described, str(self._path)), number_of(described), exposure_of(described))
 
-    def _form(self, told: dict[str, Any]) -> tuple[int, int, int]:
-        """Width, height, channels."""
-        size, channels = told.get("size"), CHANNELS.get(str(told.get("format")))
+    def _form(self, described: dict[str, Any]) -> tuple[int, int, int]:
+        """Width, height and channels of a described picture."""
+        size, channels = described.get("size"), CHANNELS.get(str(described.get("format")))
         if (
             channels is None
             or not isinstance(size, list)
