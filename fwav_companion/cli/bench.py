@@ -1,4 +1,4 @@
-"""``fwav-companion bench``: the project's benchmarks, as ratios against what else there is."""
+"""``fwav-companion bench``: runs the project's benchmarks, as ratios to other implementations."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from argparse import _SubParsersAction
 
 FOLDER = Path("tests", "benchmarks")
-"""They stand beside the code that they compare with, in a checkout; an installed package has neither."""
+"""Folder of the benchmarks in a checkout; an installed package does not have them."""
 
 
 def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -27,13 +27,15 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
         epilog="example:\n  git clone ... && cd fwav-companion && pip install '.[test]' && fwav-companion bench",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--only", metavar="NAME", action="append", default=[], help="one of them; may be repeated")
+    parser.add_argument(
+        "--only", metavar="NAME", action="append", default=[], help="run this benchmark; may be repeated"
+    )
     parser.add_argument("--json", action="store_true", help="end with the figures as one JSON object")
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Each in turn; 1 if a budget was missed."""
+    """Run each benchmark in turn; 1 if one misses its budget."""
     figures = []
     try:
         for name, measure in _chosen(arguments.only):
@@ -44,8 +46,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise UserError(f"bench: {error.name} is not installed; accepted: pip install '.[test]'") from None
     ok = all(figure.ok for figure in figures)
     if arguments.json:
-        told = [{**figure._asdict(), "ok": figure.ok} for figure in figures]
-        print(json.dumps({"ok": ok, "figures": told}))
+        objects = [{**figure._asdict(), "ok": figure.ok} for figure in figures]
+        print(json.dumps({"ok": ok, "figures": objects}))
     return 0 if ok else 1
 
 
@@ -62,16 +64,16 @@ def _chosen(only: list[str]) -> Iterator[tuple[str, Callable[[], Any]]]:
 
 
 def _checkout() -> Path:
-    """The nearest folder that holds the benchmarks: from here upward, else where this package lies."""
+    """The nearest folder with the benchmarks, upward from the working directory, otherwise from this package."""
     here, package = Path.cwd(), Path(__file__).resolve()
     for folder in (here, *here.parents, *package.parents):
         if (folder / FOLDER / "everything.py").is_file():
             return folder
-    raise UserError(f"bench: no {FOLDER} here: accepted: a checkout of the project, in which the benchmarks are kept")
+    raise UserError(f"bench: no {FOLDER} here; accepted: a checkout of the project, which has the benchmarks")
 
 
 def _measured(name: str, measure: Callable[[], Any]) -> Any:
-    """With a word on a terminal about what is being done: nobody waits gladly for half a minute of nothing."""
+    """Run one benchmark, with its name on a terminal, since it may take half a minute."""
     if not sys.stderr.isatty():
         return measure()
     from rich.console import Console

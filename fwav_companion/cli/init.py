@@ -1,4 +1,4 @@
-"""``fwav-companion init``: a configuration to begin with."""
+"""``fwav-companion init``: writes a configuration to start from."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
     """Register the command."""
     parser = subparsers.add_parser(
         "init",
-        description="Writes fwav-companion.toml, which shows every default, and camera.yaml, the paper's camera.",
+        description="Writes fwav-companion.toml with every default, and camera.yaml, the paper's camera.",
         epilog="example:\n  fwav-companion init ~/flight && fwav-companion run --config ~/flight/fwav-companion.toml",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -30,21 +30,21 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Write both files, or, where one stands there already, none."""
+    """Write both files, or neither if one exists."""
     targets = [Path(arguments.directory) / name for name in TEMPLATES]
     try:
         for target in targets:
             if target.exists():
-                raise InputFileError(f"{target}: stands there already; accepted: a folder without one")
+                raise InputFileError(f"{target}: it exists already; accepted: a folder without it")
         made_folder(targets[0].parent)
         with ExitStack() as both:
             for target in targets:
                 file = both.enter_context(whole(target))
                 file.write(template(target.name).encode())
-                file.flush()  # a disk that is full shows here, while neither has its name
+                file.flush()  # a full disk fails here, before either has its name
     except OSError as error:
         raise InputFileError(f"{error.filename}: {error.strerror}; accepted: a folder to write to") from None
-    print(f"wrote {targets[0]} and {targets[1]}; next: set the [[link]] and [camera] of the first")
+    print(f"wrote {targets[0]} and {targets[1]}; next: set [[link]] and [camera] in the first")
     return 0
 
 

@@ -1,6 +1,6 @@
-"""``fwav-companion COMMAND``: finds the command, and turns errors into one line and an exit status.
+"""``fwav-companion COMMAND``: runs the command, and turns errors into one line and an exit status.
 
-0: done. 1: it ran and the result is bad. 2: wrong usage, configuration or input file.
+0: done. 1: the command ran and the result is bad. 2: wrong usage, configuration or input file.
 """
 
 from __future__ import annotations
@@ -20,37 +20,37 @@ from fwav_companion.errors import UserError
 
 EXIT_BAD, EXIT_USAGE = 1, 2
 EXIT_INTERRUPTED = 130
-"""128 + SIGINT, as shells have it."""
+"""128 + SIGINT, as in shells."""
 EXIT_PIPE_CLOSED = 141
 """128 + SIGPIPE."""
 
 
 class CommandModule(NamedTuple):
-    """A row of the table. Its module is imported only when it is called: ``run`` carries no other command's needs."""
+    """A row of the table. A module is imported only for its own command, so ``run`` does not load those of others."""
 
     name: str
     help: str
 
     @property
     def module(self) -> str:
-        """Has ``add_parser(subparsers)``, which sets ``run``: a function from the arguments to the exit status."""
+        """Module with ``add_parser(subparsers)``, which sets ``run``: a function from the arguments to the status."""
         return f"fwav_companion.cli.{self.name}"
 
 
 COMMANDS = (
     CommandModule("run", "the daemon: links, detections in, targets out"),
-    CommandModule("demo", "the main job with nothing attached, against the mock autopilot"),
+    CommandModule("demo", "a flight with nothing attached, against the mock autopilot"),
     CommandModule("replay", "the same pipeline over a recording"),
     CommandModule("paper", "the paper's experiment, its table and figures"),
-    CommandModule("calibrate", "fit a camera from pictures of a board"),
-    CommandModule("check", "a doctor: what every link and stream delivers, and what to change"),
+    CommandModule("calibrate", "fit a camera to pictures of a board"),
+    CommandModule("check", "what every link and stream delivers, and what to change"),
     CommandModule("init", "write a commented configuration and the paper's camera file"),
     CommandModule("bench", "the project's benchmarks, as ratios"),
 )
 
 
 class OneLineParser(argparse.ArgumentParser):
-    """Says what is wrong in one line, as every other error of a user's is said."""
+    """Reports wrong arguments in one line, like every other user error."""
 
     def error(self, message: str) -> NoReturn:
         """UserError instead of a usage text and an exit."""
@@ -58,21 +58,21 @@ class OneLineParser(argparse.ArgumentParser):
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command; its exit status. A user's mistake is one line on stderr, never a traceback."""
+    """Run one command and return its exit status. A user error is one line on stderr, never a traceback."""
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # a terminal without a degree sign gets a question mark
     try:
         try:
             return _run(sys.argv[1:] if argv is None else argv)
         finally:
-            if sys.stdout is not None:  # whoever started us may have closed it
+            if sys.stdout is not None:  # the parent process may have closed it
                 sys.stdout.flush()
     except UserError as error:
         print(f"fwav-companion: {' '.join(str(error).splitlines())}", file=sys.stderr)  # a name may have several lines
         return EXIT_USAGE
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED
-    except BrokenPipeError:  # whoever read our output has seen enough
+    except BrokenPipeError:  # the reader of the output has closed it
         _let_go_of_stdout()
         return EXIT_PIPE_CLOSED
     except OSError as error:
@@ -84,7 +84,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _let_go_of_stdout() -> None:
-    """The interpreter must not flush into it again."""
+    """Redirect stdout to the null device, so that the interpreter does not flush into it again."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
@@ -95,10 +95,10 @@ def _run(argv: Sequence[str]) -> int:
 
 
 def _parser(argv: Sequence[str]) -> argparse.ArgumentParser:
-    """All commands that are installed, by name; of the one that is called, its arguments too."""
+    """The parser: all installed commands by name, and the arguments of the called one."""
     parser = OneLineParser(
         prog="fwav-companion",
-        description="Camera detections become ground positions with honest uncertainty, told in MAVLink.",
+        description="Turns camera detections into ground positions with honest uncertainty, sent as MAVLink.",
         epilog="example:\n  fwav-companion init && fwav-companion run --config fwav-companion.toml",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

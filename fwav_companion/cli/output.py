@@ -1,4 +1,4 @@
-"""Where a command's output goes: to a file that is whole or not there, or to stdout."""
+"""Output of a command: a file that is written completely or not at all, or stdout."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from fwav_companion.on_disk import whole
 
 
 def is_stdout(name: str) -> bool:
-    """Whether ``--out`` asks for stdout. Opened anew by its path, a file there would be overwritten by what is said."""
+    """Whether ``--out`` names stdout. Opening it again by its path would let messages overwrite the output."""
     return name in ("-", "/dev/stdout")
 
 
 @contextmanager
 def written(name: str) -> Iterator[BinaryIO]:
-    """What to write to. InputFileError where a file cannot be; what goes wrong with stdout is told by ``main``."""
+    """A file or stdout to write to. InputFileError if the file cannot be written; ``main`` reports errors of stdout."""
     if is_stdout(name):
         if sys.stdout is None:
             raise UserError(f"{name}: stdout is closed; accepted: a file, or an open stdout")
@@ -29,7 +29,7 @@ def written(name: str) -> Iterator[BinaryIO]:
     try:
         with whole(Path(name)) as file:
             yield file
-    except BrokenPipeError:  # whoever read it has seen enough
+    except BrokenPipeError:  # the reader has closed it
         raise
     except OSError as error:
-        raise InputFileError(f"{name}: {error.strerror}; accepted: a file that can be written") from None
+        raise InputFileError(f"{name}: {error.strerror}; accepted: a writable file") from None

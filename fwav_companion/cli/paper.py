@@ -1,4 +1,4 @@
-"""``fwav-companion paper``: the paper's experiment, its Table I beside ours, and its figures."""
+"""``fwav-companion paper``: repeats the paper's experiment, and compares its Table I and its figures."""
 
 from __future__ import annotations
 
@@ -18,18 +18,20 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
     """Register the command."""
     parser = subparsers.add_parser(
         "paper",
-        description="Repeats the paper's experiment from its constants and says what holds of its Table I.",
+        description="Repeats the paper's experiment from its constants and says which results of Table I hold.",
         epilog="example:\n  fwav-companion paper --out paper-out --seed 1",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--out", metavar="DIR", type=Path, default="paper-out", help="for figures; default: paper-out")
-    parser.add_argument("--seed", type=seed, default=1, help="of all noise; default: 1")
-    parser.add_argument("--json", action="store_true", help="ends with one JSON object")
+    parser.add_argument(
+        "--out", metavar="DIR", type=Path, default="paper-out", help="folder for the figures; default: paper-out"
+    )
+    parser.add_argument("--seed", type=seed, default=1, help="seed of all noise; default: 1")
+    parser.add_argument("--json", action="store_true", help="end with the result as one JSON object")
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Compute, print, draw."""
+    """Compute, print and draw; the exit status."""
     with as_by_ctrl_c():
         return _repeated(arguments)
 
@@ -46,7 +48,7 @@ def _repeated(arguments: argparse.Namespace) -> int:
     try:
         for path in draw_figures(arguments.out, arguments.seed, comparison):
             print(f"wrote {path}")
-    finally:  # the numbers need neither matplotlib nor a folder
+    finally:  # the numbers need neither matplotlib nor the folder
         if arguments.json:
             print(json.dumps(as_object(comparison, arguments.seed, RUNS)))
     return 0

@@ -1,4 +1,4 @@
-"""Long work on a terminal: a bar on stderr that goes away; nothing in a pipe."""
+"""Progress of long work: a transient bar on stderr if it is a terminal, otherwise nothing."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def steps(told: str, total: int) -> Iterator[Callable[[], None]]:
-    """Call what it yields after every step."""
+def steps(name: str, total: int) -> Iterator[Callable[[], None]]:
+    """A context that yields a function to call after each step."""
     if not sys.stderr.isatty():
         yield lambda: None
         return
@@ -24,13 +24,13 @@ def steps(told: str, total: int) -> Iterator[Callable[[], None]]:
     from rich.progress import Progress
 
     with Progress(console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task(told, total=total)
+        task = progress.add_task(name, total=total)
         yield lambda: progress.advance(task)
 
 
 @contextmanager
 def replays(recording: Recording) -> Iterator[Watched]:
-    """Hand what it yields a replay's name and its lines: the same lines come back, and a bar follows their time."""
+    """A context that yields a function from a replay's name and lines to the same lines, with a bar by their time."""
     if not sys.stderr.isatty() or not recording.messages:
         yield lambda _name, lines: lines
         return

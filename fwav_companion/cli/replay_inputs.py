@@ -1,4 +1,4 @@
-"""What the command line of a replay gives: read whole before anything is written, and what is damaged told."""
+"""Reads all inputs of a replay before anything is written, and reports their damage."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ from fwav_companion.service.configured_files import load_calibration, load_eleva
 from fwav_companion.tracking.filters.base import Filter
 
 MOST_TOLD = 10
-"""Damaged places of one file that are told one by one."""
+"""Largest number of damaged places of one file that are reported individually."""
 
 
 class ReplayInputs(msgspec.Struct, frozen=True, kw_only=True):
-    """All that a replay needs."""
+    """Inputs of a replay."""
 
     config: Config
     exports: Sequence[Export]
@@ -43,7 +43,7 @@ class ReplayInputs(msgspec.Struct, frozen=True, kw_only=True):
     own_filter: Filter | None
 
     def lines(self, *, sightings: bool) -> Iterator[Line]:
-        """The replay that was asked for."""
+        """The lines of the requested replay."""
         return replay(
             self.recording,
             self.config,
@@ -55,12 +55,12 @@ class ReplayInputs(msgspec.Struct, frozen=True, kw_only=True):
         )
 
     def again(self, config: Config) -> Iterator[Line]:
-        """The same recording, tracked in the way of another configuration."""
+        """The lines of a replay of the same recording with another configuration."""
         return replay(self.recording, config, self.calibration, elevation=self.elevation)
 
 
 def read_replay_inputs(arguments: argparse.Namespace) -> ReplayInputs:
-    """ConfigError, InputFileError: the first thing that is wrong."""
+    """The inputs that the command line names. ConfigError or InputFileError for the first that is wrong."""
     config = load(arguments.config, arguments.set)
     exports = [export_for(Path(name)) for name in arguments.export]
     _spare_what_is_read(arguments, config)
@@ -81,7 +81,7 @@ def read_replay_inputs(arguments: argparse.Namespace) -> ReplayInputs:
 
 
 def _spare_what_is_read(arguments: argparse.Namespace, config: Config) -> None:
-    """Nothing is written over a flight that cannot be flown again. InputFileError."""
+    """Check that no output would overwrite an input, or another output. InputFileError."""
     used = {Path(name): f"--{option}" for option in ("telemetry", "detections") for name in getattr(arguments, option)}
     used |= {Path(arguments.config): "--config", config.calibration_path: "--config"}
     if arguments.truth is not None:
@@ -90,7 +90,7 @@ def _spare_what_is_read(arguments: argparse.Namespace, config: Config) -> None:
     for name in (name for name in outputs if not is_stdout(name)):
         by = next((option for path, option in used.items() if _is_same(Path(name), path)), None)
         if by is not None:
-            raise InputFileError(f"{name}: {by} has this file already, which would be lost; accepted: another one")
+            raise InputFileError(f"{name}: {by} names this file, which would be lost; accepted: another one")
         used[Path(name)] = "--out"
 
 
@@ -99,7 +99,7 @@ def _is_same(one: Path, other: Path) -> bool:
         return True
     try:
         return one.is_file() and other.is_file() and one.samefile(other)
-    except OSError:  # a name that is too long is nobody's
+    except OSError:  # a name that is too long is not a file
         return False
 
 
@@ -110,23 +110,23 @@ def _recording(arguments: argparse.Namespace, config: Config) -> Recording:
 
 
 def _require_a_frame(arguments: argparse.Namespace, recording: Recording) -> None:
-    """An empty file is a flight in which no camera looked; one in which no line is a frame is another file."""
+    """Reject a detections file none of whose lines is a frame; an empty one is a flight without a camera."""
     skipped = recording.skipped_lines
     if skipped and len(skipped) == len(recording.frames):
-        told = f"line {skipped[0].number} is no frame ({skipped[0].why}), and no other line is"
-        accepted = "accepted: detections, one JSON object a line"
-        raise InputFileError(f"{' + '.join(arguments.detections)}: {told}; {accepted}")
+        damage = f"line {skipped[0].number} is not a frame ({skipped[0].why}), and no other line is"
+        accepted = "accepted: detections, one JSON object per line"
+        raise InputFileError(f"{' + '.join(arguments.detections)}: {damage}; {accepted}")
 
 
 def _telemetry(names: Sequence[str], own: frozenset[int]) -> TelemetryRead:
-    """One file of any kind, or the parts of one .tlog in their order."""
+    """The telemetry of one file of any kind, or of the parts of one .tlog in order."""
     if len(names) == 1:
         return load_telemetry(Path(names[0]), own)
     return read_telemetry(b"".join(load_tlog(Path(name)) for name in names))
 
 
 def _tell_damage(arguments: argparse.Namespace, recording: Recording) -> None:
-    """What was skipped, with offsets: counted through all parts where there are several."""
+    """Report what was skipped, with offsets; several parts are counted as one file."""
     telemetry, detections = " + ".join(arguments.telemetry), " + ".join(arguments.detections)
     for note in recording.notes:
         print(f"{telemetry}: {note}", file=sys.stderr)
@@ -135,7 +135,7 @@ def _tell_damage(arguments: argparse.Namespace, recording: Recording) -> None:
         for skipped in recording.skipped
     )
     _tell_first(
-        f"{detections}: line {skipped.number} at offset {skipped.offset} is no frame: {skipped.why}"
+        f"{detections}: line {skipped.number} at offset {skipped.offset} is not a frame: {skipped.why}"
         for skipped in recording.skipped_lines
     )
 
@@ -152,11 +152,11 @@ def _content(name: str) -> bytes:
     try:
         return content(Path(name))
     except OSError as error:
-        raise InputFileError(f"{name}: {error.strerror}; accepted: detections, one JSON object a line") from None
+        raise InputFileError(f"{name}: {error.strerror}; accepted: detections, one JSON object per line") from None
 
 
 def read_truth(name: str | None) -> list[TruthPoint]:
-    """Of a file that may not have been named. InputFileError."""
+    """The points of a truth file; empty without a name. InputFileError."""
     if name is None:
         return []
     try:

@@ -1,4 +1,4 @@
-"""``fwav-companion run``: the daemon."""
+"""``fwav-companion run``: runs the daemon."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
     """Register the command."""
     parser = subparsers.add_parser(
         "run",
-        description="Runs until SIGTERM or SIGINT. What is not there yet (a link, an address) is tried again.",
+        description="Runs until SIGTERM or SIGINT. A link or address that does not exist yet is retried.",
         epilog="example:\n  fwav-companion run --config fwav-companion.toml",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -24,7 +24,7 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Check everything that a user can get wrong, then serve."""
+    """Check the configuration and its files, then serve."""
     from fwav_companion.service.lean import leave_the_rest_alone, spare_memory
 
     spare_memory()  # before anything large is imported

@@ -1,11 +1,11 @@
-"""What argparse takes for a seed."""
+"""The argparse type of a seed."""
 
 from __future__ import annotations
 
 import argparse
 
 MOST_DIGITS = 18
-"""So many fit into 64 bits."""
+"""The most digits that fit into 64 bits for every number."""
 
 
 def seed(text: str) -> int:

@@ -1,4 +1,4 @@
-"""How a command ends that was told to, by whatever signal: with its folders and processes cleared away."""
+"""Makes SIGTERM and SIGHUP end a command like Ctrl-C, so that it removes its folders and processes."""
 
 from __future__ import annotations
 
@@ -8,25 +8,25 @@ from contextlib import contextmanager
 from types import FrameType
 
 SIGNALS = (signal.SIGTERM, signal.SIGHUP)
-"""Of a service manager, and of a terminal that closes."""
+"""From a service manager, and from a terminal that closes."""
 
 
 @contextmanager
 def as_by_ctrl_c() -> Iterator[None]:
-    """Inside, these signals end the command as SIGINT does. Who had one ignored (nohup) goes on ignoring it."""
+    """A context in which these signals act as SIGINT does. An ignored signal (nohup) remains ignored."""
     before = {number: signal.getsignal(number) for number in SIGNALS}
-    heeded = {number: handler for number, handler in before.items() if handler is not signal.SIG_IGN}
-    for number in heeded:
+    replaced = {number: handler for number, handler in before.items() if handler is not signal.SIG_IGN}
+    for number in replaced:
         signal.signal(number, _interrupt)
     try:
         yield
     finally:
-        for number, handler in heeded.items():
+        for number, handler in replaced.items():
             signal.signal(number, handler)
 
 
 def _interrupt(_number: int, _frame: FrameType | None) -> None:
-    """As a real SIGINT: an event loop cancels what it runs, and all else sees a KeyboardInterrupt."""
-    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as a shell has it for what a script starts by ``&``
+    """Raise SIGINT: an event loop then cancels its task, and other code sees a KeyboardInterrupt."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in a process that a script starts with ``&``
         raise KeyboardInterrupt
     signal.raise_signal(signal.SIGINT)

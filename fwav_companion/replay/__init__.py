@@ -1,6 +1,7 @@
-"""A recording through the same pipeline that flew. Pure: telemetry and detections in, lines of a targets file out.
+"""PURE: replays a recording through the pipeline of the service: telemetry and detections in, target lines out.
 
-Reading order: ``telemetry``, ``recorded``, ``driver``.
+``telemetry`` decodes a .tlog or an autopilot's log into messages; ``recorded`` joins them with the detections on one
+clock; ``driver`` feeds both to the pipeline in order of time.
 """
 
 from fwav_companion.replay.driver import replay

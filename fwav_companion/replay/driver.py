@@ -1,4 +1,4 @@
-"""A recording through the same pipeline that flew, as fast as it goes. Pure: a recording in, lines out."""
+"""Feeds a recording to the pipeline of the service, as fast as possible. PURE: a recording in, lines out."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def replay(
 ) -> Iterator[Line]:
     """The lines of a targets file, header first, summary last. With truth the summary has ``errors``.
 
-    ``own_filter`` follows targets in the place of [tracking] filter.
+    ``own_filter`` replaces the filter of [tracking] filter.
     """
     pipeline = make_pipeline(
         _config_for(recording, config),
@@ -60,7 +60,7 @@ def replay(
 
 
 def _config_for(recording: Recording, config: Config) -> Config:
-    """A log's attitudes are not delayed by their sending."""
+    """The configuration; without an attitude stamp delay if attitude stamps are exact, as in an autopilot's log."""
     if not recording.exact_stamps or config.uncertainty.attitude_stamp_delay_s != "auto":
         return config
     uncertainty = msgspec.structs.replace(config.uncertainty, attitude_stamp_delay_s=0.0)
@@ -68,7 +68,7 @@ def _config_for(recording: Recording, config: Config) -> Config:
 
 
 def _drive(pipeline: Pipeline, recording: Recording, own: frozenset[int]) -> Iterator[None]:
-    """Every event at its time, telemetry before frames where times are equal; yields after each."""
+    """Process each event at its time, telemetry before frames at equal times; yields after each."""
     untold: deque[Frame] = deque()
     now = HostNs(0)
     for now, _, event in merge(_messages(recording), _frames(recording, pipeline, untold), key=_by_time):
@@ -104,7 +104,7 @@ def _messages(recording: Recording) -> Iterator[_Event]:
 
 
 def _frames(recording: Recording, pipeline: Pipeline, untold: deque[Frame]) -> Iterator[_Event]:
-    """Frames by arrival. Those on the autopilot's clock that do not tell theirs are left in ``untold``."""
+    """Frames by arrival. Frames on the autopilot's clock without an arrival time are appended to ``untold``."""
     events: list[_Event] = []
     last_ns = HostNs(0)
     near = _near(recording)
@@ -127,8 +127,9 @@ def _frames(recording: Recording, pipeline: Pipeline, untold: deque[Frame]) -> I
 
 
 def _near(recording: Recording) -> Callable[[HostNs], HostNs]:
-    """An instant, no further from the telemetry than a minute: what came beyond is of no use whenever it came, and a
-    damaged digit must not make a replay run through years.
+    """A function that limits an instant to a minute before and after the telemetry.
+
+    Frames beyond are useless whenever they came, and a damaged digit must not make a replay run through years.
     """
     ends_us = (recording.messages[0][0], recording.messages[-1][0]) if recording.messages else (0, 0)
     first_ns, last_ns = (unix_us * NS_PER_US - recording.unix_offset_ns for unix_us in ends_us)
@@ -136,7 +137,7 @@ def _near(recording: Recording) -> Callable[[HostNs], HostNs]:
 
 
 def _arrived(untold: deque[Frame], pipeline: Pipeline, now: HostNs) -> Iterator[Frame]:
-    """Take out the frames whose last row had been captured by now."""
+    """Remove and yield the frames whose last row was captured by now."""
     while untold:
         arrival_ns = pipeline.assumed_arrival(untold[0])
         if arrival_ns is None or arrival_ns > now:

@@ -1,6 +1,6 @@
-"""A recorded flight: its telemetry and the lines of its detections (JSON), on one clock. Pure.
+"""Joins telemetry and detections (JSON lines) of a recorded flight on one clock. PURE.
 
-A line that is no frame is skipped and told with its place.
+A line that is not a frame is skipped and reported with its position.
 """
 
 from __future__ import annotations
@@ -21,42 +21,42 @@ from fwav_companion.vision.wire import parse_frame
 
 
 class SkippedLine(msgspec.Struct, frozen=True):
-    """A line of the detections that is none."""
+    """A line of the detections that is not a frame."""
 
     number: int
-    """From 1."""
+    """Line number, from 1."""
     offset: int
-    """Of its first byte in the file."""
+    """Offset of its first byte in the file."""
     why: str
 
 
 class Recording(msgspec.Struct, frozen=True):
-    """A flight as it was recorded, on the clock of its telemetry's stamps."""
+    """A recorded flight, on the clock of its telemetry's timestamps."""
 
     messages: Sequence[Timed]
-    """In file order with times that never go back."""
+    """In file order, with times that never decrease."""
     frames: Sequence[Frame | NoFrame | Refused | RecordingEnd]
-    """The detections' lines, in file order."""
+    """The lines of the detections, in file order."""
     unix_offset_ns: int
-    """Unix minus host, by the recording's own TIMESYNC requests; 0 where there are none: host time is Unix time."""
+    """Unix minus host, by the companion's recorded TIMESYNC requests; 0 without any: host time is then Unix time."""
     own_system: int | None
-    """The system id that we speak with in it; None: nothing tells."""
+    """System id of the recording companion; None if unknown."""
     kept: KeptCalibration | None = None
-    """What self-calibration knew from the start."""
+    """Self-calibration of an earlier flight with which the recording began."""
     skipped: Sequence[SkippedBytes] = ()
     """Damaged stretches of the telemetry."""
     skipped_lines: Sequence[SkippedLine] = ()
-    """Lines of the detections that are no frames."""
+    """Lines of the detections that are not frames."""
     notes: Sequence[str] = ()
-    """What a user should know."""
+    """Warnings to the user."""
     exact_stamps: bool = False
-    """Attitudes are stamped where they are made, not where they are sent."""
+    """Whether attitudes are stamped at sampling, not at transmission."""
 
 
 def read_recording(telemetry: bytes, detections: bytes, own: frozenset[int], system: int = 0) -> Recording:
-    """Of a .tlog's content. ``own``: our component ids, whose TIMESYNC requests tell the host's clock.
+    """A recording from a .tlog's content. ``own``: component ids whose TIMESYNC requests carry the host clock.
 
-    ``system``: the configured system id; 0 takes the first autopilot's, whom we would have adopted.
+    ``system``: the configured system id; 0 takes that of the first autopilot, which the service would have adopted.
     """
     return join(read_telemetry(telemetry), detections, own, system)
 
@@ -102,7 +102,7 @@ def _frames(
 def _kept(event: BeganWith) -> KeptCalibration | None:
     try:
         kept = msgspec.convert(event.calibration, KeptCalibration)
-    except msgspec.ValidationError:  # of another version: the replay learns it anew
+    except msgspec.ValidationError:  # of another version: the replay estimates it again
         return None
     return kept if kept.is_sound else None
 
@@ -119,12 +119,12 @@ def _first_autopilot(messages: Sequence[Timed]) -> int | None:
 
 
 def is_own(message: Message, own: frozenset[int], own_system: int | None) -> bool:
-    """Whether we ourselves sent it: another vehicle's companion has our component id too."""
+    """Whether the recording companion sent the message: another vehicle's companion may have the same component id."""
     return message.component in own and own_system in (None, message.system)
 
 
 def _unix_offset_ns(messages: Sequence[Timed], own: frozenset[int], own_system: int | None) -> int:
-    """Our requests carry the host's clock in whole microseconds, and below them a nonce."""
+    """Unix minus host by the first TIMESYNC request, which has the host clock in microseconds, with a nonce below."""
     for unix_us, message in messages:
         if message.name == "TIMESYNC" and message.fields.tc1 == 0 and is_own(message, own, own_system):
             host_us: int = message.fields.ts1 // NS_PER_US

@@ -1,6 +1,6 @@
-"""From a recording's telemetry to messages in order: a .tlog, or the log of an autopilot, .bin and .ulg. Pure.
+"""Decodes a recording's telemetry, a .tlog or an autopilot's log (.bin, .ulg), into messages in order. PURE.
 
-What is damaged is skipped and told with its place.
+Damage is skipped and reported with its position.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from fwav_companion.recording.tlog import SkippedBytes, read_tlog
 from fwav_companion.types import Message
 
 AUTOPILOT_SYSTEM = AUTOPILOT_COMPONENT = 1
-"""As whom a log speaks: it has no MAVLink ids."""
+"""Sender ids for the messages of a log, which has no MAVLink ids."""
 
 Timed = tuple[int, Message]
 """(Unix microseconds, message)."""
@@ -30,20 +30,20 @@ class TelemetryRead(msgspec.Struct, frozen=True):
     """The telemetry of a recording."""
 
     messages: Sequence[Timed]
-    """In file order with times that never go back."""
+    """In file order, with times that never decrease."""
     skipped: Sequence[SkippedBytes] = ()
     """Damaged stretches."""
     notes: Sequence[str] = ()
-    """What a user should know."""
+    """Warnings to the user."""
     exact_stamps: bool = False
-    """Attitudes are stamped where they are made, not where they are sent."""
+    """Whether attitudes are stamped at sampling, not at transmission."""
 
 
 def read_telemetry(data: bytes) -> TelemetryRead:
-    """Of a .tlog's content."""
+    """The telemetry in a .tlog's content."""
     records, skipped, notes = on_one_clock(read_tlog(data))
     if not data:
-        notes = [*notes, "nothing is in it"]
+        notes = [*notes, "it is empty"]
     messages: list[Timed] = []
     scanner, latest_us = Scanner(datagrams=True), 0
     for record in records:
@@ -55,10 +55,10 @@ def read_telemetry(data: bytes) -> TelemetryRead:
 def of_log(
     name: str, log: FlightLog, own: frozenset[int], skipped: Sequence[SkippedBytes], notes: Sequence[str]
 ) -> TelemetryRead:
-    """Of an autopilot's own log, as the messages that its autopilot would have sent. InputFileError by its ``name``."""
+    """An autopilot's own log, as the messages that the autopilot would have sent. InputFileError with ``name``."""
     if not log.attitudes:
         raise InputFileError(
-            f"{name}: no attitude in it that can be read; accepted: a log of a whole flight, with {log.attitude_source}"
+            f"{name}: it has no readable attitude; accepted: a log of a whole flight, with {log.attitude_source}"
             + (", as ArduPilot writes it since 2015" if log.autopilot == "ardupilot" else "")
         )
     scanner, offset_us, unfit = Scanner(datagrams=True), log.unix_minus_boot_us, 0
@@ -74,12 +74,12 @@ def of_log(
             continue
         messages.extend((boot_us + offset_us, message) for message in _decoded(scanner, frame))
     start, end = longest_stretch([unix_us for unix_us, _ in messages])
-    told = [*notes, *log.complaints()]
+    notes = [*notes, *log.complaints()]
     if end - start < len(messages):
-        told.append(f"{len(messages) - end + start} messages are an hour or more from the others and were left out")
+        notes.append(f"{len(messages) - end + start} messages are an hour or more from the others and were left out")
     if unfit:
-        told.append(f"{unfit} samples are beyond any vehicle and were left out")
-    return TelemetryRead(messages[start:end], skipped, told, exact_stamps=True)
+        notes.append(f"{unfit} samples have impossible values and were left out")
+    return TelemetryRead(messages[start:end], skipped, notes, exact_stamps=True)
 
 
 def _decoded(scanner: Scanner, data: bytes) -> Iterator[Message]:

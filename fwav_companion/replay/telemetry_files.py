@@ -1,4 +1,4 @@
-"""SHELL: the telemetry of a recording, told apart by its content: .tlog, ArduPilot .bin, PX4 .ulg."""
+"""SHELL: reads the telemetry of a recording and recognizes its kind by content: .tlog, ArduPilot .bin, PX4 .ulg."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from fwav_companion.recording.ulog import is_ulog, read_ulog
 from fwav_companion.replay.telemetry import TelemetryRead, of_log, read_telemetry
 
 HEAD_BYTES = 256
-"""Of a telemetry file: they tell its kind."""
+"""Leading bytes of a telemetry file that identify its kind."""
 DATAFLASH_AS_TEXT = b"FMT, 128, 89, FMT"
-"""How ArduPilot's own log begins where a tool turned it into text; older ones with a line or two before."""
+"""Beginning of an ArduPilot log that a tool converted to text; older ones have a line or two before."""
 
 ACCEPTED = "accepted: a .tlog, .bin or .ulg recording"
 
 
 def load_telemetry(path: Path, own: frozenset[int]) -> TelemetryRead:
-    """A telemetry file of any of the three kinds, told apart by its content. InputFileError."""
+    """The telemetry in a file of any of the three kinds. InputFileError."""
     try:
         with opened(path) as file:
             head = file.read(HEAD_BYTES)
@@ -34,7 +34,7 @@ def load_telemetry(path: Path, own: frozenset[int]) -> TelemetryRead:
     if is_dataflash(head):
         return _ardupilot_log(path, own)
     if DATAFLASH_AS_TEXT in head:
-        raise InputFileError(f"{path}: an ArduPilot log as text; accepted: the .bin that it was made from")
+        raise InputFileError(f"{path}: an ArduPilot log as text; accepted: the .bin from which it was made")
     return read_telemetry(load_tlog(path))
 
 

@@ -1,4 +1,4 @@
-"""SHELL: the filter that a researcher named as ``module:Class``, for replays."""
+"""SHELL: loads a user's filter class, configured as ``module:Class``, for replays."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from fwav_companion.tracking.filters.base import Filter
 
 
 def load_own_filter(config: Config) -> Filter | None:
-    """An instance of the class; None where [tracking] filter names one of ours. ConfigError where it cannot be had."""
+    """An instance of the configured class; None for a built-in filter. ConfigError if it cannot be loaded."""
     if not config.tracking.is_own_filter:
         return None
     where = f'{config.file}: [tracking] filter = "{config.tracking.filter}"'
@@ -22,10 +22,10 @@ def load_own_filter(config: Config) -> Filter | None:
         sys.path.insert(0, here)
     try:
         made = getattr(import_module(module_name), class_name)(config.priors)
-    except Exception as error:  # whatever the user's module does when it is imported
-        said = " ".join(str(error).split())
+    except Exception as error:  # the user's module may raise anything
+        message = " ".join(str(error).split())
         raise ConfigError(
-            f"{where}: {type(error).__name__}: {said}; accepted: module:Class, made with the configuration's priors"
+            f"{where}: {type(error).__name__}: {message}; accepted: module:Class, made with the configuration's priors"
         ) from error
     if not callable(getattr(made, "started", None)):
         raise ConfigError(f"{where}: it has no method started(fix); accepted: a class like tracking.base.Filter")

@@ -1,4 +1,4 @@
-"""SHELL: the files that a configuration names: camera, elevation, and what is kept beside a recording."""
+"""SHELL: reads the files that a configuration names: camera, elevation, and the copies for a recording."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from fwav_companion.localization import ElevationTile
 from fwav_companion.on_disk import content, opened
 
 LARGEST_BYTES = 1 << 20
-"""A calibration has some hundred bytes; what has a megabyte is another file."""
+"""A calibration has some hundred bytes; a file of a megabyte is not one."""
 
 
 def load_calibration(config: Config) -> Calibration:
-    """Its content. ConfigError where none is named, InputFileError where it cannot be read or is no camera file."""
+    """The camera file's content. ConfigError if none is configured, InputFileError if it cannot be read or parsed."""
     path = config.calibration_path
     try:
         with opened(path) as file:
@@ -29,22 +29,20 @@ def load_calibration(config: Config) -> Calibration:
 
 
 def load_elevation(config: Config) -> tuple[ElevationTile, ...]:
-    """What [ground] terrain names, where the ground is terrain. InputFileError for a file that is none."""
+    """The tiles of [ground] terrain; empty for other ground models. InputFileError if a file is malformed."""
     if config.ground.model != "terrain" or not config.ground.terrain:
         return ()
-    from fwav_companion.service.elevation_files import (
-        read_elevation,  # here: GeoTIFF needs a library that few boards carry
-    )
+    from fwav_companion.service.elevation_files import read_elevation  # lazily: few boards need it
 
     return read_elevation([config.resolve(path) for path in config.ground.terrain])
 
 
 def recording_companions(config: Config) -> dict[str, bytes]:
-    """The configuration and its camera file as they are now, by the names under which a recording keeps them."""
+    """The present configuration and camera file, by the names under which a recording stores them."""
     if not config.record.directory:
         return {}
     paths = [Path(config.file), *([config.calibration_path] if config.localizes else [])]
     try:
         return {path.name: content(path) for path in paths}
     except OSError as error:
-        raise InputFileError(f"{error.filename}: {error.strerror}; accepted: a file that can be read") from None
+        raise InputFileError(f"{error.filename}: {error.strerror}; accepted: a readable file") from None

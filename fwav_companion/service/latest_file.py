@@ -1,4 +1,4 @@
-"""SHELL: small files whose newest content counts, written in a thread of their own; readers never see half of one."""
+"""SHELL: rewrites small files with their newest content, in a thread of its own. Readers never see a partial file."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ STATUS_NAME = "status.json"
 
 
 def status_paths(configured: str, environment: Mapping[str, str] = os.environ) -> list[Path]:
-    """Where the status file may lie, in order: as configured, else in a runtime directory."""
+    """Candidate paths of the status file, in order: the configured one, otherwise in a runtime directory."""
     if configured:
         return [Path(configured)]
     folders = [Path("/run/fwav-companion")]
@@ -25,7 +25,7 @@ def status_paths(configured: str, environment: Mapping[str, str] = os.environ) -
 
 
 def state_path(configured: Path | None, name: str, environment: Mapping[str, str] = os.environ) -> Path | None:
-    """A file in the state directory; None where there is none, and nothing is kept."""
+    """A file in the state directory; None if there is no such directory, so that nothing is stored."""
     if configured is not None:
         return configured / name
     folder = environment.get("STATE_DIRECTORY", "").partition(":")[0]
@@ -33,10 +33,10 @@ def state_path(configured: Path | None, name: str, environment: Mapping[str, str
 
 
 class LatestFile:
-    """Writes the newest content to the first path that may be written; where none may, that is told once."""
+    """Writes the newest content to the first writable path; a failure of all paths is reported once."""
 
     def __init__(self, paths: Sequence[Path], on_failure: Callable[[str], None], *, outlives_us: bool) -> None:
-        """``on_failure`` is called from the thread. ``outlives_us``: brought to the disk, and left there at the end."""
+        """``on_failure`` is called from the thread. ``outlives_us``: sync the file, and do not remove it at the end."""
         self._paths = paths
         self._on_failure = on_failure
         self._outlives_us = outlives_us
@@ -44,20 +44,20 @@ class LatestFile:
         self._changed = threading.Event()
         self._told = False
         self._stopping = False
-        # A daemon thread: a file system that hangs must not hold up the end of the process.
+        # A daemon thread: a file system that hangs must not delay the end of the process.
         self._thread = threading.Thread(target=self._run, name="latest file", daemon=True)
 
     def start(self) -> None:
-        """Begin."""
+        """Start the thread."""
         self._thread.start()
 
     def write(self, content: bytes) -> None:
-        """Have this written; what still waits is replaced."""
+        """Queue the content; it replaces content that still waits."""
         self._newest = content
         self._changed.set()
 
     def close(self, timeout_s: float) -> None:
-        """Write what waits, or remove the file if it is about nobody now."""
+        """Write the waiting content, or remove a file that describes only a running process."""
         self._stopping = True
         self._changed.set()
         if self._thread.is_alive():
@@ -77,7 +77,7 @@ class LatestFile:
             written.unlink(missing_ok=True)
 
     def _write(self, content: bytes) -> Path | None:
-        """Where it was written."""
+        """Write the content; the path, or None if every path failed."""
         why = "no directory for it"
         for path in self._paths:
             try:

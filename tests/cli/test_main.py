@@ -125,7 +125,7 @@ def test_init_writes_what_can_be_loaded_and_overwrites_nothing(tmp_path: Path):
     again = run("init", str(folder))
     assert again.returncode == 2
     assert again.stderr == (
-        f"fwav-companion: {folder}/fwav-companion.toml: stands there already; accepted: a folder without one\n"
+        f"fwav-companion: {folder}/fwav-companion.toml: it exists already; accepted: a folder without it\n"
     )
     assert (folder / "fwav-companion.toml").read_text() == "mine"
 

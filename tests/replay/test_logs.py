@@ -170,8 +170,8 @@ def of_2014():
 @pytest.mark.parametrize(
     ("name", "content", "said"),
     [
-        ("empty.bin", bytes(usual(DataFlash()).data), "no attitude in it that can be read"),
-        ("empty.ulg", ulog({}), "no attitude in it that can be read"),
+        ("empty.bin", bytes(usual(DataFlash()).data), "it has no readable attitude"),
+        ("empty.ulg", ulog({}), "it has no readable attitude"),
         ("2014.bin", of_2014(), "as ArduPilot writes it since 2015"),
         ("text.log", b"ArduCopter V3.1\n\nFMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format\n", "as text"),
     ],

@@ -159,7 +159,7 @@ def test_monotonic_stamps_of_a_recording_are_refused_by_name(flown):
         (lambda folder: (folder / "detections.jsonl").unlink(), "detections.jsonl: No such file"),
         (
             lambda folder: (folder / "detections.jsonl").write_bytes(b"\n{}\nx\n"),
-            "detections.jsonl: line 2 is no frame (",
+            "detections.jsonl: line 2 is not a frame (",
         ),
         (lambda folder: (folder / "camera.yaml").unlink(), "camera.yaml"),
         (lambda folder: (folder / "camera.yaml").write_text("model: pinhole\n"), "camera.yaml: "),

@@ -89,7 +89,7 @@ def test_lines_that_are_none_are_told_with_their_place_and_the_rest_is_used(site
     site.detections = b"".join([*lines[:3], b'{"time_unix": 17', b"\n", *lines[3:]])
     done = site.replay()
     assert done.returncode == 0
-    assert f"detections.jsonl: line 4 at offset {offset} is no frame" in done.stderr
+    assert f"detections.jsonl: line 4 at offset {offset} is not a frame" in done.stderr
     summary = json.loads(site.targets().splitlines()[-1])
     assert summary["dropped"]["malformed"] == 1
     assert summary["fixes"] == site.flown.companion.lines[-1]["fixes"]
@@ -99,7 +99,7 @@ def test_nothing_recorded_is_no_answer_and_said(site):
     """A recording that was killed at once has empty files."""
     site.telemetry = site.detections = b""
     done = site.replay()
-    assert (done.returncode, done.stderr) == (0, "telemetry.tlog: nothing is in it\n")
+    assert (done.returncode, done.stderr) == (0, "telemetry.tlog: it is empty\n")
     assert json.loads(site.targets().splitlines()[-1])["fixes"] == 0
 
 
@@ -172,9 +172,7 @@ def test_an_output_in_a_ring_of_links_is_one_line_and_exit_2(site):
     (site.folder / "ring").symlink_to("ring")
     done = site.replay("--out", "ring")
     assert done.returncode == 2
-    assert done.stderr == (
-        "fwav-companion: ring: Too many levels of symbolic links; accepted: a file that can be written\n"
-    )
+    assert done.stderr == ("fwav-companion: ring: Too many levels of symbolic links; accepted: a writable file\n")
 
 
 def test_damaged_telemetry_is_told_with_its_place(site):
@@ -201,7 +199,7 @@ def test_a_part_that_breaks_off_costs_its_own_last_line_alone(site):
     site.write("a.jsonl", detections[: line_end - 9])
     site.write("b.jsonl", detections[line_end:])
     done = site.replay(detections=("a.jsonl", "b.jsonl"))
-    assert (done.returncode, done.stderr.count("is no frame")) == (0, 1), done.stderr
+    assert (done.returncode, done.stderr.count("is not a frame")) == (0, 1), done.stderr
     summary = json.loads(site.targets().splitlines()[-1])
     assert summary["frames"] == site.flown.companion.lines[-1]["frames"] - 1
 
@@ -227,7 +225,7 @@ def test_what_a_replay_reads_it_does_not_write_over(site, words, option):
     before = {path.name: path.read_bytes() for path in site.folder.iterdir()} | {"telemetry.tlog": site.telemetry}
     done = site.replay(*words)
     assert done.returncode == 2
-    assert f"{words[1]}: {option} has this file already" in done.stderr
+    assert f"{words[1]}: {option} names this file" in done.stderr
     assert {path.name: path.read_bytes() for path in site.folder.iterdir()} == before
 
 

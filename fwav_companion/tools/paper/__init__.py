@@ -1,1 +1,4 @@
-"""The paper's experiment, repeated from its own constants; numpy, matplotlib for figures. Never the daemon's."""
+"""PURE: repeats the paper's experiment from its own constants, with numpy, and matplotlib for figures.
+
+The daemon never loads this package.
+"""

@@ -1,4 +1,4 @@
-"""Table I beside what its own constants give, over many runs; and where the error of one fix comes from."""
+"""Compares the paper's Table I with what its own constants give over many runs, and the error sources of one fix."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ RUNS = 2000
 STEPS = 4
 STATED_PX, MORE_PX = 4.0, 200.0
 FLAP_HZ, FLAP = 5.0, radians(5.0)
-"""Of the pitch: what a bird of this size does."""
+"""Frequency and amplitude of the pitch, as of a bird of this size."""
 
 
 class Quantity(msgspec.Struct, frozen=True):
@@ -35,13 +35,13 @@ class Quantity(msgspec.Struct, frozen=True):
 
     median: float
     median_sigma: float
-    """One sigma of the median itself: of how it would scatter from seed to seed."""
+    """One sigma of the median itself, between seeds."""
     low: float
-    """5 of 100 runs lie below."""
+    """5th percentile of the runs."""
     high: float
-    """5 of 100 runs lie above."""
+    """95th percentile of the runs."""
     one_run: float
-    """Of the first run: what a reader who repeats the experiment once may get."""
+    """Value of the first run: what a single repetition of the experiment may give."""
 
 
 class ComparisonRow(msgspec.Struct, frozen=True):
@@ -53,7 +53,7 @@ class ComparisonRow(msgspec.Struct, frozen=True):
     mean_y: Quantity
     var_y: Quantity
     refused: int
-    """Samples of all runs that met no ground."""
+    """Number of samples of all runs whose ray did not meet the ground."""
 
 
 TABLE_I = {
@@ -63,23 +63,23 @@ TABLE_I = {
 
 
 class PaperComparison(msgspec.Struct, frozen=True):
-    """All that the command tells."""
+    """Result of the command."""
 
     rows: tuple[ComparisonRow, ...]
     variance_ratio: float
-    """Of the filter's output once it has settled against its input, measured."""
+    """Variance of the filter's output, once settled, by that of its input, measured."""
     variance_ratio_theory: float
-    """Alpha / (2 - alpha)."""
+    """The same ratio in theory: alpha / (2 - alpha)."""
     start_ratio: float
-    """Of the filtered mean to the unfiltered one, from the start at 0 alone, in theory."""
+    """Filtered mean by unfiltered mean in theory, from the start at 0 alone."""
     rms_by_source_m: dict[str, tuple[float, float]]
-    """(X, Y) of one fix, each cause alone."""
+    """RMS error (X, Y) of one fix from each cause alone."""
 
 
 def compare(seed: int, runs: int = RUNS, on_step: Callable[[], None] = lambda: None) -> PaperComparison:
     """The whole experiment; the same seed gives the same numbers. ``on_step`` is called :data:`STEPS` times.
 
-    Every noise is drawn once, and scaled: rows differ by what their names say and by nothing else.
+    Every noise is drawn once and scaled, so that rows differ only by what their names say.
     """
     stated, one_mm, more = (drawn_samples(seed, px, runs, on_step) for px in (STATED_PX, ONE_MM_PX, MORE_PX))
     rng = np.random.default_rng((seed, 1))
@@ -108,14 +108,14 @@ def compare(seed: int, runs: int = RUNS, on_step: Callable[[], None] = lambda: N
 
 
 def drawn_samples(seed: int, pixel_px: float, runs: int = RUNS, on_step: Callable[[], None] = lambda: None) -> Floats:
-    """(runs, 90, 2) of the comparison, and of the figures, which show the first run."""
+    """(runs, 90, 2) samples of the comparison; the figures show the first run."""
     samples = located_samples(np.random.default_rng(seed), runs, Noise(pixel_px=pixel_px))
     on_step()
     return samples
 
 
 def _row(name: str, output: Floats) -> ComparisonRow:
-    """Of (runs, 90, 2)."""
+    """The row of a (runs, 90, 2) output."""
     means, variances = np.nanmean(output, axis=1), np.nanvar(output, axis=1)
     return ComparisonRow(
         name,
@@ -150,18 +150,18 @@ def _rms_by_source(rng: np.random.Generator) -> dict[str, tuple[float, float]]:
 
 
 def flapping_pitch(at_s: Floats) -> Floats:
-    """The body's pitch, radians: 37 degrees on the mean."""
+    """Pitch of the body, radians; its mean is 37 degrees."""
     return BETA + FLAP * np.sin(2.0 * pi * FLAP_HZ * at_s)
 
 
 def stale_fixes(age_s: Floats, rng: np.random.Generator) -> Floats:
-    """(N, 2) fixes of the target, noise-free but for an attitude that is that much older than the picture."""
+    """(N, 2) fixes of the target without noise, with an attitude that is ``age_s`` older than the picture."""
     at_s = rng.uniform(0.0, 1.0 / FLAP_HZ, age_s.shape)
-    true, told = flapping_pitch(at_s), flapping_pitch(at_s - age_s)
+    true, old = flapping_pitch(at_s), flapping_pitch(at_s - age_s)
     (x, y), c, s = TARGET_M, np.cos(true), np.sin(true)
     points = np.stack([c * x - s * HEIGHT_M, np.full_like(c, y), s * x + c * HEIGHT_M], axis=-1)
     pixels = np.array([LENS.pixel_from_camera_point((a, b, d)) for a, b, d in points.tolist()])
-    return ground_points(pixels, told, np.full_like(told, HEIGHT_M))
+    return ground_points(pixels, old, np.full_like(old, HEIGHT_M))
 
 
 def _rms(points: Floats) -> tuple[float, float]:

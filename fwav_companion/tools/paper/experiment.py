@@ -1,4 +1,4 @@
-"""The paper's simulation: one target, 90 samples with its noise, located by its equations.
+"""The paper's simulation: one target and 90 samples with the paper's noise, located by its equations.
 
 "Vision-Based Target Localization for a Flapping-Wing Aerial Vehicle" (Dong, Fu, Zhang, He), section IV. Axes are the
 paper's own: X forward, Y to the left, metres from the point below the camera; ``localization.paper_axes`` maps them to
@@ -26,7 +26,7 @@ SAMPLES = 90
 ALPHA = 0.125
 ONE_MM_PX = 188.0
 LENS = KannalaBrandt((3.55, 0.03, 0.0, 0.0, 0.0), (188.0, 188.0), (320.0, 240.0), (20_000, 20_000))
-"""The paper's camera without the edge of its frame: noise of a millimetre throws many of its pixels out of 640 x 480,
+"""The paper's camera without the limits of its frame: noise of a millimetre puts many pixels outside of 640 x 480,
 and the paper does not say that it left those out."""
 
 
@@ -39,7 +39,7 @@ class Noise(msgspec.Struct, frozen=True):
 
 
 def ground_points(pixels: Floats, beta: Floats, height_m: Floats) -> Floats:
-    """(..., 2) X and Y in metres of (..., 2) pixels; NaN at and above the horizon, where the paper's tangent lies."""
+    """(..., 2) X and Y in metres of (..., 2) pixels; NaN at and above the horizon, where the tangent is wrong."""
     rays, _ = camera_rays_from_pixels(LENS, pixels.reshape(-1, 2))
     forward, left, axis = np.moveaxis(rays.reshape(*pixels.shape[:-1], 3), -1, 0)
     c, s = np.cos(beta), np.sin(beta)
@@ -50,16 +50,16 @@ def ground_points(pixels: Floats, beta: Floats, height_m: Floats) -> Floats:
 
 
 def target_pixel(beta: float = BETA) -> tuple[float, float]:
-    """Where the paper's camera, tilted by beta, sees the target."""
+    """The target's pixel in the paper's camera, tilted by beta."""
     (x, y), c, s = TARGET_M, cos(beta), sin(beta)
     found = LENS.pixel_from_camera_point((c * x - s * HEIGHT_M, y, s * x + c * HEIGHT_M))
     if not isinstance(found, tuple):
-        raise ValueError("the target lies outside the lens")
+        raise ValueError("the target is outside the lens")
     return found
 
 
 def located_samples(rng: np.random.Generator, runs: int, noise: Noise) -> Floats:
-    """(runs, 90, 2) X and Y: the paper's experiment, ``runs`` times over."""
+    """(runs, 90, 2) X and Y: the paper's experiment, repeated ``runs`` times."""
     shape = (runs, SAMPLES)
     pixels = np.array(target_pixel()) + noise.pixel_px * rng.standard_normal((*shape, 2))
     beta = BETA + radians(noise.beta_deg) * rng.standard_normal(shape)
@@ -69,7 +69,7 @@ def located_samples(rng: np.random.Generator, runs: int, noise: Noise) -> Floats
 def filtered(samples: Floats, start: Floats | float) -> Floats:
     """The paper's filter as written: u_k = alpha x_(k-1) + (1 - alpha) u_(k-1) along axis 1, u_0 = ``start``.
 
-    A sample that was refused is left out: the output stays.
+    A rejected sample (NaN) leaves the output unchanged.
     """
     output = np.empty_like(samples)
     u = np.broadcast_to(np.asarray(start, dtype=np.float64), samples[:, 0].shape).copy()
@@ -81,7 +81,7 @@ def filtered(samples: Floats, start: Floats | float) -> Floats:
 
 
 def averaged(samples: Floats) -> Floats:
-    """A Kalman filter of a target that stands still: with samples of one covariance, the mean of all so far."""
+    """A Kalman filter of a stationary target: with samples of equal covariance, the mean of all samples so far."""
     seen = ~np.isnan(samples)
     count = np.maximum(np.cumsum(seen, axis=1), 1)
     means: Floats = np.cumsum(np.where(seen, samples, 0.0), axis=1) / count

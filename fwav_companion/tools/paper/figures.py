@@ -1,4 +1,4 @@
-"""The paper's three figures, and one that it does not have: where the error of a fix comes from."""
+"""Draws the paper's three figures and a fourth one, the error sources of a fix."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fwav_companion.tools.paper.comparison import STATED_PX, PaperComparison, dr
 from fwav_companion.tools.paper.experiment import ONE_MM_PX, TARGET_M, filtered
 
 TOLD_HZ = 25.0
-"""At ten, the same phase of every other stroke is told: a body that does not move."""
+"""Rate of attitudes. At 10 Hz every other stroke would be sampled at the same phase: a body that does not move."""
 
 
 def draw_figures(folder: Path, seed: int, comparison: PaperComparison) -> list[Path]:
@@ -38,20 +38,20 @@ def draw_figures(folder: Path, seed: int, comparison: PaperComparison) -> list[P
 
 
 def _pitch(plt: Any, path: Path) -> Path:
-    """What a flapping body does, what the latest attitude tells of it, and what the paper's noise takes in."""
+    """Pitch of a flapping body, the latest attitude of it, and the range of the paper's noise."""
     at_s = np.linspace(0.0, 1.0, 800)
-    told = np.degrees(flapping_pitch(np.floor(at_s * TOLD_HZ) / TOLD_HZ))
+    latest = np.degrees(flapping_pitch(np.floor(at_s * TOLD_HZ) / TOLD_HZ))
     figure, axes = plt.subplots(figsize=(9, 3.5), layout="constrained")
     axes.axhspan(36.8, 37.2, color="tab:green", alpha=0.4, label="the paper's simulation: 37° ± two of its 0.1°")
     axes.plot(at_s, np.degrees(flapping_pitch(at_s)), color="tab:blue", label="the body, 5 strokes a second")
-    axes.step(at_s, told, color="tab:red", linewidth=1, label=f"the latest of {TOLD_HZ:.0f} attitudes a second")
+    axes.step(at_s, latest, color="tab:red", linewidth=1, label=f"the latest of {TOLD_HZ:.0f} attitudes a second")
     axes.set(title="Pitch of the flapping body: 37° on the mean", xlabel="time, s", ylabel="pitch, °", ylim=(30, 48))
     axes.legend(fontsize="small", loc="upper right", ncols=3)
     return _saved(plt, figure, path)
 
 
 def _coordinate(plt: Any, path: Path, axis: int, seed: int) -> Path:
-    """The table's first run with the noise that the paper states, and with the one that gives its Table I."""
+    """The first run with the noise that the paper states, and with the noise that gives its Table I."""
     name = "XY"[axis]
     figure, both = plt.subplots(1, 2, figsize=(11, 3.5), layout="constrained")
     for axes, pixel_px in zip(both, (STATED_PX, ONE_MM_PX), strict=True):
@@ -68,7 +68,7 @@ def _coordinate(plt: Any, path: Path, axis: int, seed: int) -> Path:
 
 
 def _where_the_error_goes(plt: Any, path: Path, comparison: PaperComparison) -> Path:
-    """Each cause alone, the largest first, with its numbers: the scale is logarithmic."""
+    """Each cause alone, the largest first, with numbers, since the scale is logarithmic."""
     names = sorted(comparison.rms_by_source_m, key=lambda name: -max(comparison.rms_by_source_m[name]))
     x, y = (np.array([comparison.rms_by_source_m[name][axis] for name in names]) for axis in (0, 1))
     figure, axes = plt.subplots(figsize=(9, 4), layout="constrained")

@@ -1,4 +1,4 @@
-"""The comparison in words and as one object."""
+"""The comparison as text and as one JSON object."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ WIDTH, COLUMN = 52, 19
 
 
 def as_object(comparison: PaperComparison, seed: int, runs: int) -> dict[str, Any]:
-    """For --json."""
+    """The object for --json."""
     return {"seed": seed, "runs": runs, "table_i": TABLE_I, **msgspec.to_builtins(comparison)}
 
 
 def as_text(comparison: PaperComparison, seed: int, runs: int) -> str:
-    """A table and what to make of it."""
+    """A table and the conclusions from it."""
     return "\n".join((*_table(comparison, seed, runs), "", *_sources(comparison), "", *_conclusions(comparison)))
 
 
@@ -49,7 +49,7 @@ def _sources(comparison: PaperComparison) -> Iterator[str]:
 
 def _conclusions(comparison: PaperComparison) -> Iterator[str]:
     refused = sum(row.refused for row in comparison.rows)
-    yield "What holds: the geometry. Without noise the target is found; with the stated noise a fix is good to 0.2 m."
+    yield "What holds: the geometry. Without noise the fix is exact; with the stated noise it is good to 0.2 m."
     yield (
         f"What holds: the filter's noise ratio, alpha / (2 - alpha) = {comparison.variance_ratio_theory:.4f}; measured "
         f"{comparison.variance_ratio:.4f}, Table I has 0.066 for X."
@@ -65,4 +65,4 @@ def _conclusions(comparison: PaperComparison) -> Iterator[str]:
     yield "What is left out: a flapping body. Along the flight an attitude that is up to 20 ms old costs more than all"
     yield "  the stated noise; it is periodic and biased, and no averaging removes it. Pair pictures and attitudes in"
     yield "  time first."
-    yield f"Rays at or above the horizon have no ground: {refused} samples were refused, never given a number."
+    yield f"Rays at or above the horizon do not meet the ground: {refused} samples were rejected."
