@@ -89,8 +89,6 @@ class Reason(StrEnum):
     """No frame could look for longer than a track is kept."""
     ORIGIN_SET = "origin_set"
     """A position came after all, and the world's origin with it."""
-    AUTOPILOT_REBOOTED = "autopilot_rebooted"
-    """The autopilot restarted: its clock and frame are new."""
     REPLACED = "replaced"
     """Two tracks turned out to be one target; the one that was confirmed later ended."""
     TOO_MANY_TRACKS = "too_many_tracks"
