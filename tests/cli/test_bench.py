@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from frozen import hold, keys
 
 from fwav_companion.cli.main import main
 
@@ -27,6 +28,7 @@ def test_figures_end_in_one_json_object_and_a_missed_budget_in_exit_1(monkeypatc
     assert told["ok"] is (status == 0)
     assert [figure["ok"] for figure in told["figures"]] == [True, status == 0]
     assert told["figures"][0]["ratio"] == 3.0
+    hold("bench", keys([told], "bench"))
 
 
 def test_good_frames_lost_beside_corrupted_ones_are_none(monkeypatch, capsys):

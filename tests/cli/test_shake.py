@@ -6,6 +6,7 @@ import socket
 import time
 
 import pytest
+from frozen import hold, keys
 
 from fwav_companion.cli.main import main
 
@@ -17,6 +18,7 @@ def test_a_new_user_finds_a_late_camera_and_its_crooked_mount(site):
         mock.wait_for("sitl-mock ready")
         status, said, told = site.check(*SHAKE, timeout_s=90)
     assert (status, told["ok"], told["mistakes"], told["not_shown"]) == (0, True, [], []), said
+    hold("shake", keys([told], "shake"))
     assert told["delay"]["time_offset_s"] == pytest.approx(0.035, abs=0.003)
     assert told["mount"]["correction_deg"][:2] == pytest.approx([0.5, 1.0], abs=0.3)
     assert told["mount"]["correction_deg"][2] == pytest.approx(2.0, abs=4.0 * told["mount"]["sigma_deg"][2])

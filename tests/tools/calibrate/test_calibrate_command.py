@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 from drawn_boards import PAPER, half_size
+from frozen import hold, keys
 
 from fwav_companion.camera import parse_calibration
 from fwav_companion.cli.calibrate_output import failed
@@ -61,6 +62,10 @@ def test_it_says_of_what_and_how_good(calibrated, chess_folder):
     assert len(told["pictures"]) == len(list(chess_folder.iterdir()))
     assert len(used) == len([row for row in told["pictures"] if row["corners"]]) >= 7
     assert all(row["why"] == "board not seen" for row in told["pictures"] if not row["used"])
+
+
+def test_the_keys_for_scripts(calibrated):
+    hold("calibrate", keys([calibrated[-1]], "calibrate"))
 
 
 def test_it_draws_how_good(calibrated):

@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
+from frozen import hold, keys
 
 from fwav_companion.tools.demo.alone import alone_in
 
@@ -40,6 +41,7 @@ def test_tags_are_found_told_to_the_ground_and_reported(tmp_path: Path):
     assert done.returncode == 0, done.stdout + done.stderr
     result = json.loads(done.stdout.splitlines()[-1])
     assert result["ok"] is True
+    hold("demo", keys([result], "demo"))
     assert result["targets"]
     for target in result["targets"]:
         assert target["found"]

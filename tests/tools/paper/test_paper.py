@@ -5,6 +5,7 @@ import sys
 
 import numpy as np
 import pytest
+from frozen import hold, keys
 
 from fwav_companion.cli.main import main
 from fwav_companion.tools.paper.comparison import compare
@@ -88,6 +89,7 @@ def test_the_command_prints_the_table_draws_four_figures_and_ends_with_json(tmp_
     told = json.loads(text.splitlines()[-1])
     assert told["seed"] == 3
     assert len(told["rows"]) == 9
+    hold("paper", keys([told], "paper", tables={"paper.table_i", "paper.rms_by_source_m"}))
     assert "Table I, unfiltered" in text
     assert sorted(p.name for p in (tmp_path / "figures").iterdir()) == [
         "error-sources.png",

@@ -1,0 +1,101 @@
+"""The status file of a service that flies with the mock, and what `check --json` says beside it and without it."""
+
+from __future__ import annotations
+
+import json
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from frozen import FREEZING, differences, frozen, hold, keys
+from sites import Site
+
+TABLES = {"status.links", "status.traffic[].peers[].rates_hz"}
+"""Objects whose keys are names of links and messages."""
+PATIENCE_S = 60.0
+FREEZING_S = 20.0
+"""Long enough for every part of the service to have something to report."""
+OLD_FORM = {"code", "level", "where", "what", "do"}
+"""Keys of a finding before its form changes; delete this afterwards."""
+
+
+@pytest.fixture
+def site(tmp_path):
+    site = Site(tmp_path)
+    yield site
+    site.close()
+
+
+def paths(statuses: Iterable[Any]) -> set[str]:
+    """Every key; whether its value is null or a number depends on the moment. A flight's own part is held elsewhere."""
+    of_flights = {fact.partition(":")[0] for fact in frozen("status_of_flights")}
+    facts = keys(statuses, "status", tables=TABLES, opaque=of_flights - {"status"})
+    return {fact.partition(":")[0].replace("?", "") for fact in facts}
+
+
+def watched(file: Path) -> set[str]:
+    """The keys that the status file shows, until none is missing or patience is over."""
+    seen: set[str] = set()
+    deadline = time.monotonic() + (FREEZING_S if FREEZING else PATIENCE_S)
+    while time.monotonic() < deadline:
+        if file.exists():
+            seen |= paths([json.loads(file.read_text())])
+        if not FREEZING and not any(line.startswith("vanished") for line in differences("status", seen)):
+            break
+        time.sleep(0.1)
+    return seen
+
+
+def check(folder: Path, *words: str) -> dict[str, Any]:
+    command = [sys.executable, "-m", "fwav_companion", "check", "--config", "fwav-companion.toml", "--json", *words]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=folder, timeout=120)
+    told: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    assert done.returncode == (0 if told["ok"] else 1)
+    return told
+
+
+def add_links_and_a_camera(site: Site) -> None:
+    """One link of each further kind, whether it comes up or not, and a camera that shows nothing."""
+    urls = (
+        f"tcpin://127.0.0.1:{free_tcp_port()}",
+        f"tcpout://127.0.0.1:{free_tcp_port()}",
+        "serial:///dev/absent:9600",
+    )
+    links = "".join(f'[[link]]\nname = "{url[:6]}"\nurl = "{url}"\nrole = "gcs"\n' for url in urls)
+    site.replace("[rates]", f'{links}[vision]\nsource = "pictures"\ndetector = "color"\n[rates]')
+
+
+def free_tcp_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+@pytest.mark.timeout(180)
+def test_the_status_file_and_check_beside_the_service(site: Site):
+    site.replace("self_calibration = false", "self_calibration = true")
+    site.replace("landing_target = false", "landing_target = true")
+    site.replace('landing_label = ""', 'landing_label = "target"')
+    add_links_and_a_camera(site)
+    with site.service() as service, site.mock("--scenario", "unbiased", seconds=2 * PATIENCE_S):
+        hold("status", watched(site.folder / "status.json"))
+        told = check(site.folder)
+        assert service.stop() == 0
+    hold("check", keys([told | {"findings": []}], "check", opaque={"check.status"}))
+
+
+def test_a_finding(site: Site):
+    """Its form changes once, for all findings: keys that are always there, one that may be, and the levels."""
+    findings = check(site.folder, "--seconds", "0.5")["findings"]
+    assert "nothing_heard" in [finding["code"] for finding in findings]
+    for finding in findings:
+        if set(finding) == OLD_FORM:
+            continue
+        assert set(finding) - {"where", "follows"} == {"level", "code", "problem", "fix"}
+        assert finding["level"] in ("ERROR", "WARNING", "NOTE")
