@@ -1,6 +1,6 @@
 """WGS84 and the tangent plane against pymap3d: everywhere, the antimeridian and high latitudes included."""
 
-from math import cos, degrees, hypot, radians
+from math import cos, degrees, hypot, radians, sin
 
 import pymap3d
 import pytest
@@ -29,6 +29,14 @@ def test_earth_centred_coordinates(place):
     )
     found = geodetic_from_ecef(*ecef_from_geodetic(radians(lat), radians(lon), height))
     assert (degrees(found[0]), found[2]) == pytest.approx((lat, height), abs=1e-8)
+
+
+@pytest.mark.parametrize("height_m", [-400.0, 9000.0, 1e5])
+def test_a_latitude_comes_back_to_rounding_error(height_m):
+    """One step of Bowring's leaves 1e-13 rad at 9 km of height."""
+    for k in range(-89, 90):
+        lat = radians(k + 0.3)
+        assert geodetic_from_ecef(*ecef_from_geodetic(lat, 1.0, height_m))[0] == pytest.approx(lat, rel=0, abs=1e-15)
 
 
 @places
@@ -62,6 +70,22 @@ def test_round_trip_anywhere(lat, lon, height, north, east):
     plane = TangentPlane(Geodetic.from_degrees(lat, lon, height))
     ned = (north, east, -3.0)
     assert plane.ned_from_geodetic(plane.geodetic_from_ned(ned)) == pytest.approx(ned, abs=1e-3)
+
+
+@places
+@pytest.mark.parametrize("azimuth_deg", [20.0, 160.0, 245.0])
+@pytest.mark.parametrize(
+    ("distance_m", "steps"), [(1e4, 2), (1e5, 3), (3e5, 4)], ids=["2 steps: 10 km", "3: 100 km", "4: 300 km"]
+)
+def test_every_step_of_the_inverse_counts(place, azimuth_deg, distance_m, steps):
+    """A step leaves (distance / earth radius) squared of the error, so each distance is right to 1 um by its own last
+    step: with one less 10 km are off by 80 um, 100 km by 10 um, 300 km by 3 um."""
+    lat, lon, height = place
+    plane = TangentPlane(Geodetic.from_degrees(lat, lon, height))
+    ned = (distance_m * cos(radians(azimuth_deg)), distance_m * sin(radians(azimuth_deg)), 0.0)
+    found = plane.geodetic_from_ned(ned)
+    n, e, _ = pymap3d.geodetic2ned(found.lat_deg, found.lon_deg, height, lat, lon, height)
+    assert (n, e) == pytest.approx(ned[:2], abs=1e-6), f"{steps} steps are not enough"
 
 
 def test_a_step_across_the_antimeridian_is_a_small_one():
