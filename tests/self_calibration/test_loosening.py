@@ -3,11 +3,13 @@
 import msgspec
 import numpy as np
 import pytest
+from scipy.stats import chi2
 from simulated_flight import Flight, priors
 from simulated_world import World
 
 from fwav_companion.pipeline.self_calibration_notices import SelfCalibrationNotices
 from fwav_companion.self_calibration import CalibrationStatus, KeptCalibration, SharedParameter
+from fwav_companion.self_calibration.assessment import assessed
 from fwav_companion.self_calibration.joint_filter import joint_of
 from fwav_companion.self_calibration.pixel_measurement import COMMON_COUNT
 from fwav_companion.self_calibration.prior_inflation import PriorInflation, prior_inflations
@@ -23,8 +25,14 @@ USED = np.flatnonzero(SIGMAS)
 def informed(truth, sigmas, seed=4, measurements=40):
     """What a batch fit makes of made-up measurements of everything together, about as sharp as the usual priors."""
     rng = np.random.default_rng(seed)
-    rows = rng.normal(0.0, 1.0 / SIGMAS[USED], (measurements, len(USED)))
-    seen = rows @ np.array(truth)[USED] + rng.normal(0.0, 1.0, measurements)
+    rows = np.zeros((measurements, COMMON_COUNT))
+    rows[:, USED] = rng.normal(0.0, 1.0 / SIGMAS[USED], (measurements, len(USED)))
+    return fitted(rows, rows @ np.array(truth) + rng.normal(0.0, 1.0, measurements), sigmas)
+
+
+def fitted(rows, seen, sigmas):
+    """The batch fit of measurements ``seen`` by their rows, each of one sigma of 1, with these priors."""
+    rows = rows[:, USED]
     cov, mean = np.zeros((COMMON_COUNT, COMMON_COUNT)), np.zeros(COMMON_COUNT)
     cov[np.ix_(USED, USED)] = np.linalg.inv(np.diag(np.array(sigmas)[USED] ** -2.0) + rows.T @ rows)
     mean[USED] = cov[np.ix_(USED, USED)] @ rows.T @ seen
@@ -53,6 +61,40 @@ def test_what_the_flight_says_alone_is_what_it_says_without_the_prior():
     assert found[SharedParameter.MOUNT_Z] == pytest.approx(expected.mean[SharedParameter.MOUNT_Z], rel=0.05)
 
 
+def found_as(mean, sigma):
+    """A joint estimate that found the height so, and of everything else what was configured."""
+    blank = joint_of(priors(), tuple(SIGMAS), MEANS, MEANS)
+    means, cov = np.zeros(COMMON_COUNT), np.diag(SIGMAS**2)
+    means[SharedParameter.HEIGHT], cov[SharedParameter.HEIGHT, SharedParameter.HEIGHT] = mean, sigma**2
+    return msgspec.structs.replace(blank, mean=tuple(means.tolist()), cov=tuple(map(tuple, cov.tolist())))
+
+
+@pytest.mark.parametrize(
+    ("found_m", "found_sigma_m", "denied"),
+    [(2.5, 0.1, True), (2.3, 0.1, False), (3.5, 0.4, False), (3.7, 0.4, True), (50.0, 0.5, False)],
+)
+def test_prior_and_estimate_may_differ_by_four_times_the_sum_of_their_sigmas(found_m, found_sigma_m, denied):
+    """How the errors of the two are correlated is not known: the sum bounds it. The prior is 0.5 m; where the estimate
+    is no sharper, the flight has shown nothing."""
+    unknowns = [each.unknown for each in prior_inflations(found_as(found_m, found_sigma_m), MEANS, tuple(SIGMAS))]
+    assert unknowns == [SharedParameter.HEIGHT] * denied
+
+
+def test_an_unknown_that_a_wrong_prior_bent_is_judged_without_that_prior():
+    """The flight measures the sum of mount and height well, and the height alone as badly as its prior states it. A
+    height of 30 sigma, held near 0, then shows as a mount off by 13; with the height's prior widened the mount is right.
+    """
+    both = [SharedParameter.MOUNT_Y, SharedParameter.HEIGHT]
+    rows = np.zeros((2, COMMON_COUNT))
+    rows[0, both] = 30.0 / SIGMAS[both]
+    rows[1, SharedParameter.HEIGHT] = 1.0 / SIGMAS[SharedParameter.HEIGHT]
+    truth = np.zeros(COMMON_COUNT)
+    truth[SharedParameter.HEIGHT] = 30.0 * SIGMAS[SharedParameter.HEIGHT]
+    joint = fitted(rows, rows @ truth, SIGMAS)
+    assert joint.mean[SharedParameter.MOUNT_Y] > 8.0 * SIGMAS[SharedParameter.MOUNT_Y]
+    assert [each.unknown for each in prior_inflations(joint, MEANS, tuple(SIGMAS))] == [SharedParameter.HEIGHT]
+
+
 def test_a_prior_that_is_right_is_hardly_ever_denied():
     rng, denied = np.random.default_rng(9), 0
     for seed in range(2000):
@@ -69,6 +111,36 @@ def flown(flight, kept=None):
             if track.confirmed_host_ns is not None and (best is None or track.id == best.id):
                 best = track
     return best, tracker.calibration
+
+
+@pytest.mark.parametrize("height_m", [1.5, -1.5])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_filter_that_rests_on_a_denied_prior_is_not_believed_though_it_claims_more(seed, height_m):
+    """The target's own filter takes the height for known to 0.2 m, so it claims half of the true error."""
+    biases = np.zeros(BIAS_COUNT)
+    biases[Bias.TIME_OFFSET], biases[Bias.HEIGHT] = 0.035, height_m
+    sharp = {f"mount_{axis}": np.radians(0.2) for axis in "xyz"}
+    told = priors(height=0.2, heading=np.radians(0.5), **sharp)
+    track, report = flown(Flight(seed=seed, seconds=30, biases=biases, priors=told))
+    assert [each.unknown for each in report.denied] == [SharedParameter.HEIGHT]
+    error = np.subtract(track.position_ned[:2], TARGET)
+    assert error @ np.linalg.solve(np.array(track.cov)[:2, :2], error) < chi2.ppf(0.99, 2)
+
+
+def test_targets_stand_by_the_same_joint_estimate_where_they_were_judged():
+    """Between two judgements the newest estimate is read under the last one's, with its wider priors."""
+    biases = np.zeros(BIAS_COUNT)
+    biases[Bias.TIME_OFFSET], biases[Bias.HEIGHT] = 0.035, 1.5
+    flight = Flight(seed=4, seconds=30, biases=biases, priors=priors(height=0.2))
+    world = World(flight)
+    tracker = make_tracker(TrackingOptions(self_calibration=True), flight.priors, world.state_at)
+    for view in world.frames():
+        tracker.on_frame(view)
+    calibrator = tracker.snapshot().calibrator
+    joint, means = calibrator.passes.served.joint, calibrator.shop.means
+    verdict = assessed(joint, means, calibrator.shop.sigmas, various=True)
+    assert verdict.denied
+    assert verdict.about(joint, means).places() == verdict.places()
 
 
 @pytest.mark.parametrize(("height_m", "mount_y_deg"), [(1.5, 0.0), (-2.5, 1.0), (0.0, 6.0)])
@@ -110,7 +182,7 @@ def test_each_denied_prior_is_told_by_the_key_that_states_it():
         assert key in notice.text
 
 
-@pytest.mark.parametrize(("kept_s", "kept_deg"), [(0.020, -1.0), (0.010, -1.0), (0.035, 1.5)])
+@pytest.mark.parametrize(("kept_s", "kept_deg"), [(0.020, -1.0), (0.010, -1.0), (0.035, 1.5), (0.035, 0.0)])
 def test_a_camera_that_was_moved_since_an_earlier_flight_is_calibrated_anew(kept_s, kept_deg):
     biases = np.zeros(BIAS_COUNT)
     biases[Bias.TIME_OFFSET], biases[Bias.MOUNT_Y] = 0.035, np.radians(1.0)
@@ -130,13 +202,18 @@ def test_a_camera_that_was_moved_since_an_earlier_flight_is_calibrated_anew(kept
     assert NoticeCode.CALIBRATION_DROPPED in [each.code for each in news.notices(report)]
 
 
-def test_a_camera_that_was_not_moved_keeps_its_calibration():
+@pytest.mark.parametrize("height_m", [0.0, 1.5])
+def test_a_camera_that_was_not_moved_keeps_its_calibration(height_m):
+    """Also where home was set 1.5 m off: a height is no part of what is kept, and speaks against none of it."""
     biases = np.zeros(BIAS_COUNT)
     biases[Bias.TIME_OFFSET], biases[Bias.MOUNT_Y] = 0.035, np.radians(1.0)
+    biases[Bias.HEIGHT] = height_m
     kept = KeptCalibration(
         time_offset_s=0.0355,
         time_offset_sigma_s=5e-4,
         mount=(0.001, -np.radians(1.0), 0.02),
         mount_sigma=(1e-3, 1e-3, 0.03),
     )
-    assert not flown(Flight(seed=3, seconds=45, biases=biases), kept)[1].replaced
+    _, report = flown(Flight(seed=3, seconds=45, biases=biases, priors=priors(height=0.2)), kept)
+    assert not report.replaced
+    assert bool(report.denied) is bool(height_m)
