@@ -97,6 +97,25 @@ def test_a_tilted_beam_turns_with_the_vehicle(beam, relative):
     assert jacobian[rotations] == pytest.approx(expected[rotations], rel=1e-5, abs=1e-6)
 
 
+@pytest.mark.parametrize("relative", [False, True])
+def test_a_gimbals_error_turns_the_ray_but_not_the_beam(relative):
+    """The rangefinder is on the body: what errs in the gimbal's attitude leaves the measured height as it is, and roll
+    and pitch of the gimbal then move the point as its mount does, the other way round."""
+    scene = Scene(
+        roll_deg=6.0, pitch_deg=20.0, beam=(0.0, 0.0, 1.0), relative=relative, row_fraction=0.0, on_gimbal=True
+    )
+    localizer = Localizer(RangefinderGround(0.05), PRIORS, min_height_m=0.5)
+
+    fix = localizer.locate(scene.sighting())
+    assert fix.ground == "rangefinder"
+    assert fix.position_ned == pytest.approx(scene.truth(), abs=1e-9)
+    jacobian, expected = np.array(fix.bias_jacobian), differences(localizer, scene)
+    rotations = [Bias.ROLL, Bias.PITCH, Bias.HEADING, Bias.MOUNT_X, Bias.MOUNT_Y, Bias.MOUNT_Z]
+    assert jacobian[rotations] == pytest.approx(expected[rotations], rel=1e-5, abs=1e-6)
+    on_body = localizer.locate(replace(scene, on_gimbal=False).sighting())
+    assert abs(np.array(on_body.bias_jacobian) - jacobian)[[Bias.ROLL, Bias.PITCH]].max() > 1.0
+
+
 @pytest.mark.parametrize("name", ["ahead and turned", "relative", "low"])
 def test_noise_and_total_agree_with_monte_carlo(name):
     """Errors small enough to be linear; drawn, flown and located one by one. 5 % is 3.9 sigma of 3000 draws."""
@@ -148,6 +167,18 @@ def test_the_total_is_the_sum_of_its_named_parts(scene):
     assert np.linalg.eigvalsh(np.array(fix.cov)).min() > 0.0
     assert np.linalg.eigvalsh(np.array(fix.noise_cov)).min() > 0.0
     assert fix.bias_jacobian[Bias.TERRAIN] == (0.0, 0.0, 0.0), "terrain_m counts only for an elevation model"
+
+
+@pytest.mark.parametrize("on_gimbal", [False, True])
+@pytest.mark.parametrize("relative", [False, True])
+def test_the_total_by_a_rangefinder_is_the_sum_of_its_named_parts(relative, on_gimbal):
+    """There a turn of the vehicle moves the point otherwise than a turn of the mount."""
+    scene = Scene(roll_deg=6.0, pitch_deg=20.0, beam=(0.6, 0.0, 0.8), relative=relative, on_gimbal=on_gimbal)
+    fix = Localizer(RangefinderGround(0.05), PRIORS, min_height_m=0.5).locate(scene.sighting())
+    assert fix.ground == "rangefinder"
+    jacobian, level = np.array(fix.bias_jacobian), np.diag([0.0, 0.0, fix.level_sigma_m**2])
+    biases = jacobian.T @ np.diag(np.square(PRIORS.bias_sigmas)) @ jacobian
+    assert np.array(fix.cov) == pytest.approx(np.array(fix.noise_cov) + biases + level, rel=1e-9, abs=1e-12)
 
 
 def test_each_line_of_the_budget_is_its_own_cause():

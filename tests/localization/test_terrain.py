@@ -12,6 +12,9 @@ from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.localization import Datum, ElevationModel, Localizer, TerrainGround
 from fwav_companion.types import Bias, NoFix, Reason
 
+QUIET = {"bridging_sigma": 0.0, "time_noise_s": 0.0, "position_sigma_m": 0.0}
+"""Nothing fresh in a sighting."""
+
 
 class TestGround:
     level = ElevationModel([tile(lambda *_: 500.0)])
@@ -55,6 +58,50 @@ class TestGround:
             assert fix.bias_jacobian[bias] == pytest.approx(found, rel=2e-3, abs=2e-2), bias.name
         up, down = (self.locate(self.raised(self.slope, h), scene.sighting()).position_ned for h in (0.5, -0.5))
         assert fix.bias_jacobian[Bias.TERRAIN] == pytest.approx(np.subtract(up, down), rel=1e-3, abs=1e-3)
+
+    @pytest.mark.parametrize("source", ["files", "report"])
+    def test_the_elevation_models_own_error_is_in_the_total_and_never_in_the_noise(self, source):
+        """Of all errors only the model's is left, 4 m: a ground h too high moves the point toward the camera by h times
+        the target's distance over the height, north and east, and up by h. So do its fixes, with h drawn."""
+        alone = msgspec.structs.replace(
+            PRIORS,
+            attitude_noise=0.0,
+            position_noise_m=0.0,
+            height_noise_m=0.0,
+            bias_sigmas=tuple(4.0 if bias is Bias.TERRAIN else 0.0 for bias in Bias),
+        )
+        scene = Scene(vehicle=(0.0, 0.0), pixel_sigma=(0.0, 0.0), **QUIET)
+        per_metre = np.array([-scene.target[0], -scene.target[1], -40.0]) / 40.0
+
+        def fix_over(raised_m):
+            sighting = scene.sighting()
+            if source == "files":
+                ground = self.raised(self.level, raised_m)
+            else:
+                ground = TerrainGround(None, Datum.EGM96)
+                state = msgspec.structs.replace(sighting.state, terrain_height_m=40.0 - raised_m)
+                sighting = msgspec.structs.replace(sighting, state=state)
+            return Localizer(ground, alone, min_height_m=0.5).locate(sighting)
+
+        fix = fix_over(0.0)
+        expected = 16.0 * np.outer(per_metre, per_metre)
+        assert np.array(fix.cov) == pytest.approx(expected, rel=2e-3)
+        assert np.array(fix.relative_cov) == pytest.approx(expected, rel=2e-3)
+        assert np.array(fix.noise_cov) == pytest.approx(np.zeros((3, 3)), abs=1e-12)
+        assert np.subtract(fix_over(0.5).position_ned, fix.position_ned)[:2] == pytest.approx(
+            0.5 * per_metre[:2], rel=1e-2
+        )
+
+    def test_the_total_over_terrain_is_the_sum_of_its_named_parts(self):
+        """Every bias counts once, with its column and its prior."""
+        for ground in (self.ground(self.level), self.ground(self.slope)):
+            fix = self.locate(ground, Scene(vehicle=(0.0, 0.0)).sighting())
+            jacobian = np.array(fix.bias_jacobian)
+            biases = jacobian.T @ np.diag(np.square(PRIORS.bias_sigmas)) @ jacobian
+            assert np.array(fix.cov) == pytest.approx(np.array(fix.noise_cov) + biases, rel=1e-9)
+            place = jacobian[[Bias.POSITION_NORTH, Bias.POSITION_EAST]]
+            of_place = (1.0 + PRIORS.position_noise_m**2 + 0.05**2) * place.T @ place
+            assert np.array(fix.relative_cov) == pytest.approx(np.array(fix.cov) - of_place, rel=1e-9, abs=1e-9)
 
     def raised(self, model, by_m) -> TerrainGround:
         ground = self.ground(model)

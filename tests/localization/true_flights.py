@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fwav_companion.camera import KannalaBrandt
-from fwav_companion.types import Bias, Detection, ErrorPriors, RangeSample, Sighting, VehicleState
+from fwav_companion.types import Bias, Detection, ErrorPriors, GimbalAt, RangeSample, Sighting, VehicleState
 
 LENS = KannalaBrandt((1.0, 0.02, -0.003), (200.0, 201.0), (400.0, 398.0), (800, 800))
 DOWNWARD_CAMERA = Rotation.from_matrix([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
@@ -30,6 +30,12 @@ STEPS = np.array([1e-5] * 8 + [1e-3] * 4)
 
 def tuples(matrix):
     return tuple(tuple(float(x) for x in row) for row in matrix)
+
+
+def quaternion(rotation: Rotation):
+    """(w, x, y, z)."""
+    x, y, z, w = rotation.as_quat().tolist()
+    return (w, x, y, z)
 
 
 @dataclass
@@ -63,6 +69,8 @@ class Scene:
     position_sigma_m: float = 0.05
     vehicle: tuple[float, float] = (100.0, -50.0)
     beam: tuple[float, float, float] | None = None
+    on_gimbal: bool = False
+    """A gimbal carries the camera, level as the body happens to be; what errs in attitude is the gimbal's own."""
 
     def truth(self) -> np.ndarray:
         """The target in the world of the answer."""
@@ -89,10 +97,10 @@ class Scene:
         place = np.array([*self.vehicle, -self.height_m]) + late * np.array(self.velocity)
         place[:2] += bias[[Bias.POSITION_NORTH, Bias.POSITION_EAST]] + noise.place
         place[2] -= bias[Bias.HEIGHT] + noise.height
-        x, y, z, w = told.as_quat()
+        body = self._attitude(late) if self.on_gimbal else told
         state = VehicleState(
             boot_ns=0,
-            ned_from_body=(float(w), float(x), float(y), float(z)),
+            ned_from_body=quaternion(body),
             rates=self.rates,
             attitude_sigma=self.bridging_sigma,
             gap_s=0.004,
@@ -101,6 +109,7 @@ class Scene:
             position_sigma_m=self.position_sigma_m,
             height_above_home_m=-float(place[2]),
             range=self._reading(late),
+            gimbal=GimbalAt(quaternion(told), self.rates, self.bridging_sigma, 0.004) if self.on_gimbal else None,
         )
         return Sighting(
             frame=1,

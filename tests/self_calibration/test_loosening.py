@@ -82,7 +82,7 @@ def test_prior_and_estimate_may_differ_by_four_times_the_sum_of_their_sigmas(fou
 
 def test_an_unknown_that_a_wrong_prior_bent_is_judged_without_that_prior():
     """The flight measures the sum of mount and height well, and the height alone as badly as its prior states it. A
-    height of 30 sigma, held near 0, then shows as a mount off by 13; with the height's prior widened the mount is right.
+    height of 30 sigma, held near 0, then shows as a mount off by 13; with that prior widened the mount is right.
     """
     both = [SharedParameter.MOUNT_Y, SharedParameter.HEIGHT]
     rows = np.zeros((2, COMMON_COUNT))
