@@ -49,6 +49,18 @@ def test_a_rate_that_falls_without_anybody_seen_is_asked_for_again_and_told():
     assert NoticeCode.RATE_FELL in [notice.code for notice in them.rates.notices()]
 
 
+@pytest.mark.parametrize(("left", "fell"), [(0.78, False), (0.62, True)])
+@pytest.mark.parametrize("name", ["ATTITUDE_QUATERNION", "GLOBAL_POSITION_INT"])
+def test_a_rate_fell_where_less_than_70_percent_of_it_is_left(name, left, fell):
+    """A radio that loses one in five is no reason to accuse anybody; half a rate is."""
+    them = peer().start().run(20)
+    them.rates.notices()
+    them.set_rate(name, left * (100.0 if name == "ATTITUDE_QUATERNION" else 10.0))
+    them.gives_hz = left * 100.0  # what is asked for again is granted, and comes no faster
+    them.run(12)
+    assert any(f"{name} fell from" in notice.text for notice in them.rates.notices()) is fell
+
+
 def test_a_ground_station_that_shares_the_link_is_presumed_to_have_taken_a_rate():
     """It spoke to the autopilot out of our sight; its heartbeat shows that it is there."""
     them = peer().start().run(18)

@@ -43,6 +43,30 @@ def test_a_single_sight_ends_as_never_confirmed():
     ]
 
 
+def told_by(pattern, fps=10):
+    """State and reason of the first track after each frame; a letter of the pattern: s it is seen, . it is not."""
+    tracker = make_tracker(TrackingOptions(), NO_BIAS)
+    told = [fed(tracker, k / fps, 1 / fps, fps=fps, seen=letter == "s")[0] for k, letter in enumerate(pattern)]
+    return [(tracks[0].state, tracks[0].reason) if tracks and tracks[0].id == 1 else None for tracks in told]
+
+
+@pytest.mark.parametrize(
+    ("pattern", "state", "reason"),
+    [
+        ("s.s.s.s.s", TrackState.CONFIRMED, None),
+        ("s..s..s.ss", TrackState.CONFIRMED, None),
+        ("s..s..s.s", TrackState.TENTATIVE, None),
+        ("s..s..s.s.", TrackState.DROPPED, Reason.NEVER_CONFIRMED),
+        ("s.......", None, None),
+    ],
+)
+def test_five_of_ten_looks_confirm_it_and_four_do_not(pattern, state, reason):
+    """A detector that sees a target in every second frame shows it five times in ten; clutter is hardly ever there four
+    times. Nor is it dropped earlier, but after three looks in a row that saw nothing."""
+    last = told_by(pattern)[-1]
+    assert last == (None if state is None else (state, reason))
+
+
 def test_looks_that_see_nothing_end_it_after_three_seconds():
     told = fed(confirmed(), 1.0, 5.0, seen=False)
     ends = [(round(k / 10, 1), t.reason) for k, tracks in enumerate(told) for t in tracks if t.reason]

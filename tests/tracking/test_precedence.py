@@ -1,11 +1,14 @@
 """A believed track comes before a newborn, but not where the newborn is much the likelier."""
 
 import numpy as np
+import pytest
 from handmade import a_fix, a_view
 from simulated_flight import Flight, priors
 from simulated_world import World
 
 from fwav_companion.tracking import TrackingOptions, make_tracker
+from fwav_companion.tracking.association import Candidate, associate
+from fwav_companion.types.tracks import Surprise
 
 NO_BIAS = priors(time_offset=0, heading=0, mount_x=0, mount_y=0, mount_z=0)
 
@@ -21,6 +24,27 @@ def test_a_believed_track_does_not_wander_to_a_target_that_was_seen_first_by_a_n
             if track.id == 1 and track.fix is not None:
                 nearest.add(int(np.hypot(*(np.array(targets) - track.fix.position_ned[:2]).T).argmin()))
     assert nearest == {1}
+
+
+class Expecting:
+    """A track's state that expects the one fix there is with this squared distance and logarithm of the spread."""
+
+    def __init__(self, distance2, spread):
+        self._surprise = Surprise(distance2, spread)
+
+    def surprise(self, _fix):
+        return self._surprise
+
+
+@pytest.mark.parametrize(("ratio", "takes"), [(40.0, "believed"), (70.0, "newborn")])
+@pytest.mark.parametrize("spread", [-4.0, 3.0])
+def test_a_newborn_takes_a_known_targets_fix_where_it_is_more_than_55_times_as_likely(ratio, takes, spread):
+    """The density of a fix at distance d with spread s is exp(-(d^2 + s) / 2) but for a factor that both have. Equally
+    spread, the newborn is that many times as likely where its squared distance is less by 2 log(ratio)."""
+    newborn = Candidate("target", Expecting(1.0, spread), None, believed=False)
+    believed = Candidate("target", Expecting(1.0 + 2.0 * np.log(ratio), spread), None)
+    ((taker, (fix, _)),) = associate([believed, newborn], [a_fix(0.0, (4, 3, 0), label="target")]).items()
+    assert (["believed", "newborn"][taker], fix) == (takes, 0)
 
 
 def test_a_newborn_does_not_take_a_known_targets_fix():
