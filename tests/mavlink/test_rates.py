@@ -33,6 +33,14 @@ def test_what_is_granted_and_comes_is_not_asked_for_again():
     assert them.asks_for("GLOBAL_POSITION_INT") == [10.0]
 
 
+@pytest.mark.parametrize(("comes_hz", "again"), [(90.0, False), (80.0, True)])
+def test_a_rate_that_is_granted_and_comes_at_less_than_85_percent_is_asked_for_again(comes_hz, again):
+    them = peer()
+    them.gives_hz = comes_hz
+    them.start().run(30)
+    assert (len(them.asks_for("ATTITUDE_QUATERNION")) > 1) is again
+
+
 def test_plain_attitude_is_slow_once_the_quaternion_flows():
     them = peer().start().run(10)
     assert them.asks_for("ATTITUDE") == [4.0]

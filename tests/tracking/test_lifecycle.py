@@ -54,7 +54,7 @@ def told_by(pattern, fps=10):
     ("pattern", "state", "reason"),
     [
         ("s.s.s.s.s", TrackState.CONFIRMED, None),
-        ("s..s..s.ss", TrackState.CONFIRMED, None),
+        ("s..s.s.s.s", TrackState.CONFIRMED, None),
         ("s..s..s.s", TrackState.TENTATIVE, None),
         ("s..s..s.s.", TrackState.DROPPED, Reason.NEVER_CONFIRMED),
         ("s.......", None, None),
