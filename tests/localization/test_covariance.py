@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 from scipy.stats import chi2
-from true_flights import PRIORS, STEPS, Scene
+from true_flights import PRIORS, STEPS, Noise, Scene
 
 from fwav_companion.localization import FixedGround, HomeGround, Localizer, RangefinderGround
 from fwav_companion.types import BIAS_COUNT, Bias, GroundFix, NoFix, Reason
@@ -137,6 +137,58 @@ def test_noise_and_total_agree_with_monte_carlo(name):
         scale = np.sqrt(np.outer(np.diag(claimed), np.diag(claimed)))
         assert np.abs(found - claimed).max() <= 0.07 * scale.max()
         assert np.sqrt(np.diag(found) / np.diag(claimed)) == pytest.approx([1.0, 1.0], abs=0.05)
+
+
+FRESH = {
+    "pixel": (np.eye(2), 1e-3),
+    "attitude": (np.eye(3), 1e-6),
+    "bridging": (np.eye(3), 1e-6),
+    "place": (np.eye(2), 1e-4),
+    "height": (np.ones(1), 1e-4),
+    "time_s": (np.ones(1), 1e-6),
+}
+"""Every fresh error: its components, and steps for differences."""
+
+
+@pytest.mark.parametrize("ground", ["home", "rangefinder"])
+@every_scene
+def test_the_noise_is_the_sum_of_what_each_fresh_error_does(scene, ground):
+    """Each moves the point as differences of the simulation say, with its own sigma; horizontally. A reading of 0.05 m
+    replaces the height, so that neither its noise nor the age of the position has a part in it."""
+    scene = replace(scene, position_sigma_m=0.3, beam=(0.0, 0.0, 1.0))
+    by_reading = ground == "rangefinder"
+    localizer = Localizer(RangefinderGround(0.05) if by_reading else HomeGround(), PRIORS, min_height_m=0.5)
+    age_m = scene.position_sigma_m
+    sigmas = {
+        "pixel": scene.pixel_sigma,
+        "attitude": (PRIORS.attitude_noise,) * 3,
+        "bridging": (scene.bridging_sigma,) * 3,
+        "place": (0.0,) * 2 if scene.relative else (np.hypot(PRIORS.position_noise_m, age_m),) * 2,
+        "height": (0.0 if by_reading else np.hypot(PRIORS.height_noise_m, age_m),),
+        "time_s": (scene.time_noise_s,),
+    }
+    expected = np.zeros((2, 2))
+    for name, (units, step) in FRESH.items():
+        for unit, sigma in zip(units, sigmas[name], strict=True):
+            ahead, behind = (
+                localizer.locate(scene.sighting(None, Noise(**{name: sign * step * unit}))).position_ned[:2]
+                for sign in (1.0, -1.0)
+            )
+            column = sigma * np.subtract(ahead, behind) / (2.0 * step)
+            expected += np.outer(column, column)
+    fix = localizer.locate(scene.sighting())
+    assert fix.ground == ground
+    if by_reading:
+        ahead, behind = (localizer.locate(read_as(scene.sighting(), d)).position_ned[:2] for d in (1e-4, -1e-4))
+        column = 0.05 * np.subtract(ahead, behind) / 2e-4
+        expected += np.outer(column, column)
+    assert np.array(fix.noise_cov)[:2, :2] == pytest.approx(expected, rel=1e-4, abs=1e-9)
+
+
+def read_as(sighting, by_m: float):
+    """The same with a reading that is so much longer."""
+    reading = msgspec.structs.replace(sighting.state.range, distance_m=sighting.state.range.distance_m + by_m)
+    return msgspec.structs.replace(sighting, state=msgspec.structs.replace(sighting.state, range=reading))
 
 
 def scaled_priors(factor: float):
