@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 import pytest
 from scipy.stats import binom, chi2
-from true_flights import PRIORS, Noise, Scene
+from true_flights import PRIORS, Scene
 
 from fwav_companion.localization import Datum, HomeGround, Localizer, RangefinderGround, TerrainGround
 from fwav_companion.types import BIAS_COUNT, Bias, ErrorPriors, GroundFix, Sighting
