@@ -182,6 +182,8 @@ def test_the_noise_is_the_sum_of_what_each_fresh_error_does(scene, ground):
         ahead, behind = (localizer.locate(read_as(scene.sighting(), d)).position_ned[:2] for d in (1e-4, -1e-4))
         column = 0.05 * np.subtract(ahead, behind) / 2e-4
         expected += np.outer(column, column)
+    else:
+        assert fix.noise_cov[2] == pytest.approx((0.0, 0.0, PRIORS.height_noise_m**2)), "the ground is that uneven"
     assert np.array(fix.noise_cov)[:2, :2] == pytest.approx(expected, rel=1e-4, abs=1e-9)
 
 
