@@ -1,5 +1,5 @@
-"""Frames, rotations, the earth and clocks as types. Pure; scalar ``math`` only: the job is one detection at a time.
+"""Vectors, rotations, WGS84 and clocks as types. Pure, and scalar ``math`` only: the work is one detection at a time.
 
-Conventions (the whole list is in ARCHITECTURE.md): body FRD, camera RDF (x right, y down, z forward), world local NED;
-quaternions are (w, x, y, z), Hamilton, and ``b_from_a`` maps coordinates in frame a to coordinates in frame b.
+Conventions (ARCHITECTURE.md has the whole list): body FRD, camera RDF (x right, y down, z forward), world local NED.
+Quaternions are (w, x, y, z), Hamilton; ``b_from_a`` maps coordinates in frame a to coordinates in frame b.
 """

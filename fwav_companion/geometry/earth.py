@@ -1,4 +1,4 @@
-"""WGS84 and the local world: horizontal by geodetic-to-NED at the origin's height, down by altitude."""
+"""WGS84 and the local world: north and east by geodetic-to-NED at the origin's height, down by altitude."""
 
 from __future__ import annotations
 
@@ -11,24 +11,27 @@ from fwav_companion.geometry.vectors import Vector3
 SEMI_MAJOR_M = 6378137.0
 FLATTENING = 1.0 / 298.257223563
 ECCENTRICITY2 = FLATTENING * (2.0 - FLATTENING)
-"""NIMA TR8350.2, the defining and derived constants of WGS84."""
+"""Defining and derived constants of WGS84 (NIMA TR8350.2)."""
 NEAR_ENOUGH_M = 1e-6
-"""What is left after such a step is less than rounding."""
+"""Length of a fixed-point step after which the remaining error is below rounding: the next step is 4e5 times shorter
+at 10 km."""
+MOST_STEPS = 4
+"""Fixed-point steps that reach 1 um: two to 10 km from the origin, three to 100 km, four to 300 km."""
 
 
 class Geodetic(msgspec.Struct, frozen=True):
-    """A place on the earth."""
+    """A place on the earth by latitude, longitude and altitude."""
 
     lat: float
     """Latitude, radians."""
     lon: float
     """Longitude, radians, in [-pi, pi)."""
     alt_amsl_m: float
-    """Above mean sea level, metres: the autopilot's own geoid."""
+    """Altitude above mean sea level by the autopilot's own geoid, metres."""
 
     @classmethod
     def from_degrees(cls, lat_deg: float, lon_deg: float, alt_amsl_m: float) -> Geodetic:
-        """From degrees, as files and people have it."""
+        """The place at this latitude and longitude, degrees."""
         return cls(radians(lat_deg), radians(lon_deg), alt_amsl_m)
 
     @property
@@ -43,14 +46,14 @@ class Geodetic(msgspec.Struct, frozen=True):
 
 
 def ecef_from_geodetic(lat: float, lon: float, height_m: float) -> Vector3:
-    """Earth-centred coordinates, metres, of a point at ellipsoid height ``height_m``."""
+    """Earth-centred, earth-fixed coordinates of a point at the ellipsoid height ``height_m``, metres."""
     n = SEMI_MAJOR_M / sqrt(1.0 - ECCENTRICITY2 * sin(lat) ** 2)
     r = (n + height_m) * cos(lat)
     return (r * cos(lon), r * sin(lon), (n * (1.0 - ECCENTRICITY2) + height_m) * sin(lat))
 
 
 class TangentPlane:
-    """Local NED about an origin that never moves."""
+    """The local NED frame about an origin that never moves."""
 
     __slots__ = ("_cos_lat", "_cos_lon", "_origin_ecef", "_sin_lat", "_sin_lon", "origin")
 
@@ -61,7 +64,7 @@ class TangentPlane:
         self._origin_ecef = ecef_from_geodetic(origin.lat, origin.lon, origin.alt_amsl_m)
 
     def ned_from_geodetic(self, place: Geodetic) -> Vector3:
-        """(north, east, down), metres. The point's own altitude does not enter north and east."""
+        """(north, east, down) of a place, metres; its altitude does not enter north and east."""
         x, y, z = ecef_from_geodetic(place.lat, place.lon, self.origin.alt_amsl_m)
         x0, y0, z0 = self._origin_ecef
         x, y, z = x - x0, y - y0, z - z0
@@ -73,15 +76,16 @@ class TangentPlane:
         )
 
     def geodetic_from_ned(self, ned: Vector3) -> Geodetic:
-        """The inverse of :meth:`ned_from_geodetic`, to well below a millimetre within 10 km.
+        """The place at (north, east, down): the inverse of :meth:`ned_from_geodetic`, to 1 um within 300 km.
 
-        The point on the ellipsoid of height origin.alt with these north and east is found by fixed point on the one
-        unknown, the component along the origin's vertical; each step leaves (distance / earth radius) squared of it.
+        The point with these north and east at the origin's ellipsoid height has one unknown, its depth below the
+        tangent plane. A fixed-point iteration solves for it; each step reduces the error by the factor (distance /
+        earth radius) squared.
         """
         north, east, down = ned
         below = (north * north + east * east) / (2.0 * SEMI_MAJOR_M)
         lat = lon = 0.0
-        for _ in range(4):
+        for _ in range(MOST_STEPS):
             lat, lon, height_m = self._geodetic_at(north, east, below)
             rise = height_m - self.origin.alt_amsl_m
             below += rise
@@ -100,7 +104,11 @@ class TangentPlane:
 
 
 def geodetic_from_ecef(x: float, y: float, z: float) -> tuple[float, float, float]:
-    """(latitude, longitude, ellipsoid height) by Bowring's parametric latitude, iterated to rounding error."""
+    """(latitude, longitude, ellipsoid height) by Bowring's parametric latitude (Bowring 1976).
+
+    One iteration leaves 0.7 um at 9 km of height, two leave rounding error at any height; the third settles the last
+    bit of nearly every latitude.
+    """
     semi_minor_m = SEMI_MAJOR_M * (1.0 - FLATTENING)
     second_eccentricity2 = ECCENTRICITY2 / (1.0 - ECCENTRICITY2)
     p = hypot(x, y)

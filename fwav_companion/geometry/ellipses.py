@@ -1,4 +1,4 @@
-"""What a horizontal covariance claims: the radius of the circle that holds a given share, exact for any ellipse."""
+"""Probability circles of a horizontal covariance, exact for every ellipse."""
 
 from __future__ import annotations
 
@@ -7,15 +7,16 @@ from math import atan2, cos, exp, isfinite, log, nan, pi, sin, sqrt
 from fwav_companion.geometry.vectors import Matrix3
 
 ANGLES = 48
-"""Of a quarter turn: the mean over them is exact to 1e-6 of the share for axes of 1 to 100, and better for rounder."""
+"""Directions in a quarter turn over which the probability is averaged: exact to 1e-6 for axes of 1 to 100."""
 HALVINGS = 60
+"""Bisections of the radius: to rounding error."""
 RADII_95 = (1.9600, 1.9625, 1.9704, 1.9842, 2.0051, 2.0359, 2.0813, 2.1460, 2.2303, 2.3318, 2.4477)
 """Radius of the 95 % circle over the larger semi-axis, for ratios of the axes of 0, 0.1, ... 1 (:func:`circle_radius`).
 Linear interpolation between them is within 0.12 %."""
 
 
 def semi_axes(cov: Matrix3) -> tuple[float, float, float]:
-    """(larger, smaller, bearing of the larger from north): one sigma of the horizontal ellipse, metres and radians."""
+    """(larger, smaller, bearing of the larger from north) of the one-sigma horizontal ellipse, metres and radians."""
     nn, ne, ee = cov[0][0], cov[0][1], cov[1][1]
     mean, half = 0.5 * (nn + ee), 0.5 * (nn - ee)
     reach = sqrt(half * half + ne * ne)
@@ -23,10 +24,10 @@ def semi_axes(cov: Matrix3) -> tuple[float, float, float]:
 
 
 def share_within(radius_m: float, larger_m: float, smaller_m: float) -> float:
-    """The probability that a centred Gaussian with these semi-axes lies within the radius.
+    """The probability that a centred Gaussian with these one-sigma semi-axes lies within the radius.
 
-    In coordinates in which the Gaussian is round its direction is uniform and its length Rayleigh's: for each direction
-    the share is elementary, and the mean over directions is the answer.
+    In whitened coordinates the direction is uniform and the length has a Rayleigh distribution. The probability is
+    elementary for each direction; the result is its mean over all directions.
     """
     if larger_m <= 0.0:
         return 1.0
@@ -39,7 +40,7 @@ def share_within(radius_m: float, larger_m: float, smaller_m: float) -> float:
 
 
 def circle_radius(cov: Matrix3, share: float) -> float:
-    """Metres: the circle about the estimate that holds the target with this probability."""
+    """The radius of the circle about the estimate that holds the target with the probability ``share``, metres."""
     larger, smaller, _ = semi_axes(cov)
     low, high = 0.0, larger * sqrt(-2.0 * log(1.0 - share))
     for _ in range(HALVINGS):

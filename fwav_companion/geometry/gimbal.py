@@ -1,8 +1,8 @@
-"""GIMBAL_DEVICE_ATTITUDE_STATUS: from its quaternion and flags to the gimbal's attitude in NED.
+"""The gimbal's attitude in NED from the quaternion and the flags of GIMBAL_DEVICE_ATTITUDE_STATUS.
 
-The quaternion is levelled to the horizon already: its roll and pitch count from the earth, and the vehicle's must not
-be applied to them again. Only where its yaw counts from depends on flags. Source: MAVLink common.xml, message 285, and
-the gimbal protocol's page.
+The quaternion is levelled to the horizon: its roll and pitch count from the earth, so the vehicle's roll and pitch must
+not be applied again. Its yaw counts from north or from the vehicle's heading, by the flags. Source: MAVLink common.xml,
+message 285, and the page of the gimbal protocol.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from fwav_companion.geometry.vectors import Matrix3, Vector3, cross, transform
 
 
 class GimbalFlags(IntFlag):
-    """GIMBAL_DEVICE_FLAGS, those that say where yaw counts from."""
+    """The flags of GIMBAL_DEVICE_FLAGS that define the zero of yaw."""
 
     YAW_LOCK = 16
     YAW_IN_VEHICLE_FRAME = 32
@@ -23,11 +23,11 @@ class GimbalFlags(IntFlag):
 
 
 def ned_from_gimbal(q: Quaternion, flags: int, ned_from_body: Matrix3, delta_yaw: float) -> Quaternion | None:
-    """The gimbal's attitude in NED; None where the message contradicts itself or holds no rotation.
+    """The gimbal's attitude in NED; None where the flags contradict each other or the quaternion is not a rotation.
 
-    ``q``: as sent, (w, x, y, z). ``ned_from_body``: the vehicle's attitude at that instant; only its heading is used.
-    ``delta_yaw``: of the message, how far the vehicle-yaw frame is turned from north, which the gimbal may know better
-    than we; not finite where it is not told. It must be ignored where neither frame flag is set.
+    ``q``: quaternion as sent, (w, x, y, z). ``ned_from_body``: attitude of the vehicle at that instant, of which only
+    the heading is used. ``delta_yaw``: field of the message, yaw of the vehicle frame from north, radians; not finite
+    where the gimbal does not know it. It must be ignored where neither frame flag is set.
     """
     if not all(map(isfinite, q)) or not any(q):
         return None
@@ -37,23 +37,23 @@ def ned_from_gimbal(q: Quaternion, flags: int, ned_from_body: Matrix3, delta_yaw
         return None
     if in_earth or (not in_vehicle and flags & GimbalFlags.YAW_LOCK):
         return normalized(q)
-    if in_vehicle and isfinite(delta_yaw) and delta_yaw != 0.0:  # 0: also what a sender without the field sends
+    if in_vehicle and isfinite(delta_yaw) and delta_yaw != 0.0:  # a sender without the field sends 0
         return normalized(multiply((cos(0.5 * delta_yaw), 0.0, 0.0, sin(0.5 * delta_yaw)), q))
     return normalized(multiply(heading_only(ned_from_body), q))
 
 
 def counts_from_north(flags: int, delta_yaw: float) -> bool:
-    """Whether the message alone tells the gimbal's yaw from north; else it counts from the vehicle's heading."""
+    """Whether the message alone defines the gimbal's yaw from north; else the vehicle's heading is needed."""
     if flags & GimbalFlags.YAW_IN_VEHICLE_FRAME:
         return isfinite(delta_yaw) and delta_yaw != 0.0
     return bool(flags & (GimbalFlags.YAW_IN_EARTH_FRAME | GimbalFlags.YAW_LOCK))
 
 
 def heading_only(ned_from_body: Matrix3) -> Quaternion:
-    """The vehicle's attitude with roll and pitch taken out: a turn about down alone."""
+    """The rotation about down by the vehicle's heading: its attitude without roll and pitch."""
     forward_north, forward_east = ned_from_body[0][0], ned_from_body[1][0]
     length = (forward_north**2 + forward_east**2) ** 0.5
-    if length < 1e-9:  # the nose points straight up or down: the belly tells the heading
+    if length < 1e-9:  # the nose points straight up or down: the belly defines the heading
         sign = 1.0 if ned_from_body[2][0] < 0.0 else -1.0
         forward_north, forward_east = sign * ned_from_body[0][2], sign * ned_from_body[1][2]
         length = (forward_north**2 + forward_east**2) ** 0.5
@@ -62,7 +62,7 @@ def heading_only(ned_from_body: Matrix3) -> Quaternion:
 
 
 def heading_rate(ned_from_body: Matrix3, rates: Vector3) -> float:
-    """How fast the vehicle's heading turns, rad/s about down; ``rates``: of the body, its own axes."""
+    """The rate of the vehicle's heading about down, rad/s; ``rates``: angular velocity of the body, body axes."""
     nose = (ned_from_body[0][0], ned_from_body[1][0], ned_from_body[2][0])
     north, east, _ = cross(transform(ned_from_body, rates), nose)
     length2 = nose[0] ** 2 + nose[1] ** 2

@@ -1,10 +1,9 @@
-"""Camera mounts: from the configuration's angles to ``body_from_camera`` and back."""
+"""Camera mounts: the rotation ``body_from_camera`` from the configured angles, and the angles of such a rotation."""
 
 from __future__ import annotations
 
-from math import asin, atan2
-
 from fwav_companion.geometry.rotations import (
+    euler_from_matrix,
     exp,
     matrix_from_quaternion,
     quaternion_from_euler,
@@ -12,34 +11,29 @@ from fwav_companion.geometry.rotations import (
 from fwav_companion.geometry.vectors import Matrix3, Vector3, multiply, transform, transpose
 
 BODY_FROM_FORWARD_CAMERA: Matrix3 = ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
-"""A camera (x right, y down, z forward) that looks along body x, its image's right at the body's right."""
+"""Rotation of a camera (x right, y down, z forward) that looks along body x, image right = body right."""
 
 
 def body_from_camera_from_euler(roll: float, pitch: float, yaw: float) -> Matrix3:
-    """Rz(yaw) Ry(pitch) Rx(roll) of the forward-looking camera; pitch = -90° looks down, image top to the nose."""
+    """The mount Rz(yaw) Ry(pitch) Rx(roll) of the forward-looking camera, radians.
+
+    pitch = -90° looks straight down with the image top toward the nose: the MAVLink gimbal convention.
+    """
     return multiply(matrix_from_quaternion(quaternion_from_euler(roll, pitch, yaw)), BODY_FROM_FORWARD_CAMERA)
 
 
 def euler_from_body_from_camera(body_from_camera: Matrix3) -> tuple[float, float, float]:
-    """(roll, pitch, yaw) that give this mount. Straight down or up leaves roll and yaw inseparable: roll is then 0."""
-    rotation = multiply(body_from_camera, transpose(BODY_FROM_FORWARD_CAMERA))
-    sin_pitch = max(-1.0, min(1.0, -rotation[2][0]))
-    if abs(sin_pitch) > 1.0 - 1e-12:
-        return (0.0, asin(sin_pitch), atan2(-rotation[0][1], rotation[1][1]))
-    return (
-        atan2(rotation[2][1], rotation[2][2]),
-        asin(sin_pitch),
-        atan2(rotation[1][0], rotation[0][0]),
-    )
+    """(roll, pitch, yaw) of the mount, radians; roll is 0 for a camera that looks straight down or up."""
+    return euler_from_matrix(multiply(body_from_camera, transpose(BODY_FROM_FORWARD_CAMERA)))
 
 
 def corrected_mount(body_from_camera: Matrix3, correction: Vector3) -> Matrix3:
-    """Exp(correction) body_from_camera: a rotation vector in body axes, radians."""
+    """The mount Exp(correction) body_from_camera; ``correction`` is a rotation vector in body axes, radians."""
     return multiply(matrix_from_quaternion(exp(correction)), body_from_camera)
 
 
 def describe_mount(body_from_camera: Matrix3) -> str:
-    """Where the optical axis and the image's top point, in words, for logs and ``check``."""
+    """The directions of the optical axis and of the image's top in words, for logs and ``check``."""
     axis = transform(body_from_camera, (0.0, 0.0, 1.0))
     top = transform(body_from_camera, (0.0, -1.0, 0.0))
     return f"camera looks {_direction(axis)}, image top toward {_direction(top)}"

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from math import asin, atan2, copysign, cos, pi, sin, sqrt
+from math import asin, atan2, cos, sin, sqrt
 from typing import TypeAlias
 
 from fwav_companion.geometry.vectors import Matrix3, Vector3
 
 Quaternion: TypeAlias = tuple[float, float, float, float]
 
-IDENTITY_QUATERNION: Quaternion = (1.0, 0.0, 0.0, 0.0)
+VERTICAL = 1.0 - 1e-12
+"""Absolute sine of the pitch above which roll and yaw are not separable: 1.4e-6 rad from vertical."""
 
 
 def quaternion_from_euler(roll: float, pitch: float, yaw: float) -> Quaternion:
-    """Rz(yaw) Ry(pitch) Rx(roll), the aerospace order: ``ned_from_body`` of MAVLink's ATTITUDE."""
+    """The rotation Rz(yaw) Ry(pitch) Rx(roll), the aerospace order: ``ned_from_body`` of MAVLink's ATTITUDE."""
     cr, sr = cos(0.5 * roll), sin(0.5 * roll)
     cp, sp = cos(0.5 * pitch), sin(0.5 * pitch)
     cy, sy = cos(0.5 * yaw), sin(0.5 * yaw)
@@ -26,20 +27,20 @@ def quaternion_from_euler(roll: float, pitch: float, yaw: float) -> Quaternion:
 
 
 def euler_from_quaternion(q: Quaternion) -> tuple[float, float, float]:
-    """(roll, pitch, yaw) of a unit quaternion; at pitch = ±90° roll is taken as 0."""
-    w, x, y, z = q
-    sin_pitch = 2.0 * (w * y - z * x)
-    if abs(sin_pitch) >= 1.0 - 1e-15:
-        return (0.0, copysign(pi / 2, sin_pitch), -copysign(2.0, sin_pitch) * atan2(x, w))
-    return (
-        atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)),
-        asin(sin_pitch),
-        atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)),
-    )
+    """(roll, pitch, yaw) of a unit quaternion, as :func:`euler_from_matrix`."""
+    return euler_from_matrix(matrix_from_quaternion(q))
+
+
+def euler_from_matrix(m: Matrix3) -> tuple[float, float, float]:
+    """(roll, pitch, yaw) of the rotation matrix Rz(yaw) Ry(pitch) Rx(roll); at pitch = ±90° roll is taken as 0."""
+    sin_pitch = max(-1.0, min(1.0, -m[2][0]))
+    if abs(sin_pitch) > VERTICAL:
+        return (0.0, asin(sin_pitch), atan2(-m[0][1], m[1][1]))
+    return (atan2(m[2][1], m[2][2]), asin(sin_pitch), atan2(m[1][0], m[0][0]))
 
 
 def multiply(a: Quaternion, b: Quaternion) -> Quaternion:
-    """The Hamilton product: c_from_a is c_from_b times b_from_a."""
+    """The Hamilton product a b: c_from_a is c_from_b times b_from_a."""
     aw, ax, ay, az = a
     bw, bx, by, bz = b
     return (
@@ -51,12 +52,12 @@ def multiply(a: Quaternion, b: Quaternion) -> Quaternion:
 
 
 def conjugate(q: Quaternion) -> Quaternion:
-    """The inverse rotation."""
+    """The conjugate of q, which is the inverse rotation of a unit quaternion."""
     return (q[0], -q[1], -q[2], -q[3])
 
 
 def normalized(q: Quaternion) -> Quaternion:
-    """Q / |q|; ZeroDivisionError for the zero quaternion, which is no rotation."""
+    """The unit quaternion q / |q|; ZeroDivisionError for the zero quaternion, which is not a rotation."""
     w, x, y, z = q
     s = 1.0 / sqrt(w * w + x * x + y * y + z * z)
     return (w * s, x * s, y * s, z * s)
@@ -77,7 +78,10 @@ def matrix_from_quaternion(q: Quaternion) -> Matrix3:
 
 
 def quaternion_from_matrix(m: Matrix3) -> Quaternion:
-    """The unit quaternion (w >= 0) of a rotation matrix, by its largest component, so never badly conditioned."""
+    """The unit quaternion (w >= 0) of a rotation matrix.
+
+    The largest component is computed first (Shepperd's method), so every rotation is well conditioned.
+    """
     (a, b, c), (d, e, f), (g, h, i) = m
     squares = (1.0 + a + e + i, 1.0 + a - e - i, 1.0 - a + e - i, 1.0 - a - e + i)
     largest = max(range(4), key=squares.__getitem__)
@@ -94,7 +98,7 @@ def quaternion_from_matrix(m: Matrix3) -> Quaternion:
 
 
 def rotate(q: Quaternion, v: Vector3) -> Vector3:
-    """The vector v of frame a in frame b, for q = b_from_a."""
+    """The vector v of frame a in coordinates of frame b, for q = b_from_a."""
     w, x, y, z = q
     vx, vy, vz = v
     tx, ty, tz = 2.0 * (y * vz - z * vy), 2.0 * (z * vx - x * vz), 2.0 * (x * vy - y * vx)
@@ -106,7 +110,7 @@ def rotate(q: Quaternion, v: Vector3) -> Vector3:
 
 
 def exp(rotation_vector: Vector3) -> Quaternion:
-    """The rotation by |rotation_vector| radians about it."""
+    """The unit quaternion of a rotation vector, radians: the exponential map of SO(3)."""
     x, y, z = rotation_vector
     angle2 = x * x + y * y + z * z
     if angle2 < 1e-8:  # below 1e-4 rad the next term of the series is under 1e-17
@@ -118,7 +122,7 @@ def exp(rotation_vector: Vector3) -> Quaternion:
 
 
 def log(q: Quaternion) -> Vector3:
-    """The rotation vector of a unit quaternion, at most pi long: the shorter way round."""
+    """The rotation vector of a unit quaternion, radians, at most pi long: the logarithm on SO(3)."""
     w, x, y, z = q if q[0] >= 0.0 else (-q[0], -q[1], -q[2], -q[3])
     sine = sqrt(x * x + y * y + z * z)
     s = 2.0 * atan2(sine, w) / sine if sine > 1e-9 else 2.0 / w
@@ -126,5 +130,5 @@ def log(q: Quaternion) -> Vector3:
 
 
 def difference(q_to: Quaternion, q_from: Quaternion) -> Vector3:
-    """The rotation vector, in the body frame of ``q_from``, that carries it to ``q_to``: log(q_from^-1 q_to)."""
+    """The rotation vector from ``q_from`` to ``q_to`` in the body frame of ``q_from``: log(q_from^-1 q_to)."""
     return log(multiply(conjugate(q_from), q_to))

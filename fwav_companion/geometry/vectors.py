@@ -1,4 +1,4 @@
-"""Three-vectors and 3x3 matrices as plain tuples: for single points several times faster than arrays."""
+"""Three-vectors and 3x3 matrices as plain tuples: for single points several times as fast as arrays."""
 
 from __future__ import annotations
 
@@ -15,42 +15,42 @@ ZERO33: Matrix3 = (ZERO3, ZERO3, ZERO3)
 
 
 def add(a: Vector3, b: Vector3) -> Vector3:
-    """A + b."""
+    """The sum a + b."""
     return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
 
 
 def subtract(a: Vector3, b: Vector3) -> Vector3:
-    """A - b."""
+    """The difference a - b."""
     return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
 
 
 def scale(a: Vector3, s: float) -> Vector3:
-    """S a."""
+    """The vector a times the number s."""
     return (a[0] * s, a[1] * s, a[2] * s)
 
 
 def dot(a: Vector3, b: Vector3) -> float:
-    """Inner product."""
+    """The inner product of a and b."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def cross(a: Vector3, b: Vector3) -> Vector3:
-    """A x b."""
+    """The cross product a x b."""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
 def norm(a: Vector3) -> float:
-    """Euclidean length."""
+    """The Euclidean length of a."""
     return sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
 
 
 def unit(a: Vector3) -> Vector3:
-    """A / |a|; ZeroDivisionError for the zero vector, which has no direction."""
+    """The unit vector a / |a|; ZeroDivisionError for the zero vector, which has no direction."""
     return scale(a, 1.0 / norm(a))
 
 
 def transform(m: Matrix3, v: Vector3) -> Vector3:
-    """M v."""
+    """The product of the matrix m and the vector v."""
     r0, r1, r2 = m
     x, y, z = v
     return (
@@ -61,13 +61,13 @@ def transform(m: Matrix3, v: Vector3) -> Vector3:
 
 
 def transpose(m: Matrix3) -> Matrix3:
-    """The transpose; for a rotation its inverse."""
+    """The transpose of m; for a rotation matrix it is the inverse."""
     (a, b, c), (d, e, f), (g, h, i) = m
     return ((a, d, g), (b, e, h), (c, f, i))
 
 
 def multiply(a: Matrix3, b: Matrix3) -> Matrix3:
-    """A b."""
+    """The matrix product of a and b."""
     c0, c1, c2 = transpose(b)
     r0, r1, r2 = a
     return (
@@ -78,17 +78,17 @@ def multiply(a: Matrix3, b: Matrix3) -> Matrix3:
 
 
 def add_matrices(a: Matrix3, b: Matrix3) -> Matrix3:
-    """A + b."""
+    """The sum of the matrices a and b."""
     return (add(a[0], b[0]), add(a[1], b[1]), add(a[2], b[2]))
 
 
 def outer(a: Vector3, b: Vector3) -> Matrix3:
-    """A b^T."""
+    """The outer product a b^T."""
     return (scale(b, a[0]), scale(b, a[1]), scale(b, a[2]))
 
 
 def larger_semi_axis(m: Matrix3) -> float:
-    """One sigma along the longer axis of the horizontal (north, east) ellipse of covariance m, in metres."""
+    """One sigma along the longer axis of the horizontal (north, east) error ellipse of the covariance m, metres."""
     nn, ne, ee = m[0][0], m[0][1], m[1][1]
     mean, half = 0.5 * (nn + ee), 0.5 * (nn - ee)
     return sqrt(max(0.0, mean + sqrt(half * half + ne * ne)))

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
-from fwav_companion.geometry.rotations import IDENTITY_QUATERNION
 from fwav_companion.geometry.stamps import BootNs, HostNs
 from fwav_companion.telemetry.attitude.history import AttitudeAt
 from fwav_companion.telemetry.clock.clock import Clock
@@ -16,7 +15,8 @@ from fwav_companion.types import GimbalAt, Message, Reason
 
 Fields = namedtuple("Fields", "time_boot_ms flags q delta_yaw gimbal_device_id")
 EARTH = 64
-LEVEL = AttitudeAt(IDENTITY_QUATERNION, (0.0, 0.0, 0.0), 0.0, 0.0)
+NO_TURN = (1.0, 0.0, 0.0, 0.0)
+LEVEL = AttitudeAt(NO_TURN, (0.0, 0.0, 0.0), 0.0, 0.0)
 BOOT_S, GIMBAL_S = 30.0, 700.0
 """What the clocks show at the host's zero."""
 
@@ -118,7 +118,7 @@ def test_a_hole_is_not_bridged():
         fields(5.1, (nan,) * 4),
         fields(5.1, (0.0,) * 4),
         fields(5.1, (2.0, 0.0, 0.0, 0.0)),
-        fields(5.1, IDENTITY_QUATERNION, flags=32 | 64),
+        fields(5.1, NO_TURN, flags=32 | 64),
     ],
 )
 def test_what_holds_no_attitude_is_counted_and_changes_nothing(broken):
@@ -141,10 +141,10 @@ def test_the_vehicles_heading_turns_a_gimbal_that_follows_it_but_not_one_that_co
 def test_a_flood_is_kept_within_bounds_and_a_restart_begins_anew():
     gimbal = Gimbal(154)
     for k in range(3000):
-        gimbal.on_message(fields(0.005 * k, IDENTITY_QUATERNION), HostNs(round(5e6 * k)))
+        gimbal.on_message(fields(0.005 * k, NO_TURN), HostNs(round(5e6 * k)))
     assert len(gimbal._looks) <= 512
     for k in range(4):
-        restarted = Fields(k * 200, EARTH, IDENTITY_QUATERNION, nan, 0)
+        restarted = Fields(k * 200, EARTH, NO_TURN, nan, 0)
         gimbal.on_message(restarted, HostNs(round((16.0 + 0.2 * k) * 1e9)))
     assert len(gimbal._looks) <= 2
 
