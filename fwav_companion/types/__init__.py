@@ -1,6 +1,7 @@
-"""The nouns that the rooms hand to one another: frozen, typed, each field with its unit and frame.
+"""The types that pass between the rooms: frozen, each field with its unit and frame.
 
-``msgspec.Struct`` rather than dataclasses: built several times as fast, which counts at 300 detections a second.
+``msgspec.Struct`` instead of dataclasses: construction is several times as fast, which counts at 300 detections a
+second.
 """
 
 from fwav_companion.types.board import BoardReport, LinkLoad

@@ -1,4 +1,4 @@
-"""How the board itself is doing."""
+"""Load and health of the companion computer."""
 
 from __future__ import annotations
 
@@ -6,22 +6,22 @@ import msgspec
 
 
 class LinkLoad(msgspec.Struct, frozen=True):
-    """What one link carries."""
+    """Traffic of one link."""
 
     serial: bool
-    """A serial line; else a network."""
+    """Whether the link is a serial line; else it is a network."""
     sent_kib_s: float
     received_kib_s: float
 
 
 class BoardReport(msgspec.Struct, frozen=True, kw_only=True):
-    """The computer that we run on, over the last seconds. None, or nothing, where it does not tell."""
+    """State of the companion computer over the last seconds; None or empty where the system does not report it."""
 
     cpu: tuple[float, ...] = ()
-    """How busy each core was, 0 to 1."""
+    """Load of each core, 0 to 1."""
     ram_used_mib: int | None = None
     ram_total_mib: int | None = None
     core_celsius: float | None = None
     links: tuple[LinkLoad, ...] = ()
     utc_minus_host_s: float | None = None
-    """By the wall clock, where something keeps it synchronised; for times that leave the board."""
+    """UTC minus host clock by a synchronised wall clock, seconds; used for times that leave the board."""

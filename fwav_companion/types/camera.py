@@ -1,4 +1,4 @@
-"""Images' contents: frames, detections, rays; and what a lens model must answer."""
+"""Contents of images: frames, detections and rays, and the protocol of a lens model."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.types.reasons import Reason
 
 Pixel: TypeAlias = tuple[float, float]
-"""(u, v); (0, 0) is the centre of the top left pixel."""
+"""Pixel coordinates (u, v); (0, 0) is the centre of the top left pixel."""
 Corners: TypeAlias = tuple[Pixel, Pixel, Pixel, Pixel]
-"""Of a marker's black square: top left, top right, bottom right, bottom left of its own picture, as it was printed."""
+"""Corners of a marker's black square: top left, top right, bottom right, bottom left of the marker as printed."""
 
 
 class StampClock(StrEnum):
@@ -25,60 +25,62 @@ class StampClock(StrEnum):
 
 
 class Detection(msgspec.Struct, frozen=True, gc=False):
-    """One thing seen in one frame, in the pixels of the calibration."""
+    """One detected object in one frame, in pixels of the calibration."""
 
     u: float
-    """Pixels, right; 0 is the centre of the leftmost column."""
+    """Column, pixels to the right; 0 is the centre of the leftmost column."""
     v: float
-    """Pixels, down; 0 is the centre of the topmost row."""
+    """Row, pixels down; 0 is the centre of the topmost row."""
     sigma: tuple[float, float] | None = None
     """One sigma of u and v, pixels; None: [uncertainty] pixel_noise_px."""
     label: str = ""
     score: float | None = None
     box: tuple[float, float, float, float] | None = None
-    """Left, top, right, bottom, pixels."""
+    """Bounding box: left, top, right, bottom, pixels."""
     detector_id: int | None = None
-    """The detector's own track id."""
+    """Track id of the detector."""
     corners: Corners | None = None
-    """Of a marker; None for everything else."""
+    """Corners of a marker; None for other objects."""
 
 
 class Frame(msgspec.Struct, frozen=True):
-    """One image that was looked at, with what was seen in it, which may be nothing."""
+    """One decoded frame, possibly without detections."""
 
     number: int | None
+    """Frame number of the source; None where it sends none."""
     stamp_ns: int
-    """What the source stamped, on :attr:`stamp_clock`, nanoseconds."""
+    """Stamp of the source on :attr:`stamp_clock`, nanoseconds."""
     stamp_clock: StampClock
     arrival_ns: HostNs | None
-    """When it reached this host, whole microseconds; None in a recording that does not tell."""
+    """Arrival at this host, whole microseconds; None in a recording without ``received_unix``."""
     detections: tuple[Detection, ...]
     size: tuple[int, int] | None = None
-    """Width, height in pixels of the image the detections are told in; None: the calibration's."""
+    """Width and height of the image that the detections refer to, pixels; None: those of the calibration."""
     exposure_s: float | None = None
+    """Exposure time, seconds; None where the source does not report it."""
 
 
 class NoFrame(msgspec.Struct, frozen=True):
-    """A datagram or a line that is no usable frame."""
+    """The reason why a datagram or a line was rejected."""
 
     reason: Reason
     detail: str = ""
 
 
 class NoRay(msgspec.Struct, frozen=True):
-    """The lens does not see there."""
+    """The reason why a pixel has no ray, or a point no pixel."""
 
     reason: Reason = Reason.OUTSIDE_LENS
 
 
 class Ray(msgspec.Struct, frozen=True, gc=False):
-    """A unit ray in the camera frame with its derivatives by the pixel."""
+    """A unit ray in the camera frame with its derivatives with respect to the pixel."""
 
     direction: Vector3
     d_du: Vector3
-    """Per pixel."""
+    """d(direction)/du, per pixel."""
     d_dv: Vector3
-    """Per pixel."""
+    """d(direction)/dv, per pixel."""
 
 
 class Projection(msgspec.Struct, frozen=True, gc=False):
@@ -92,24 +94,24 @@ class Projection(msgspec.Struct, frozen=True, gc=False):
 
 
 class Lens(Protocol):
-    """A camera's inner geometry. Both directions agree about where it is valid."""
+    """The intrinsic geometry of a camera; projection and back-projection have the same range of validity."""
 
     @property
     def image_size(self) -> tuple[int, int]:
-        """Width, height in pixels."""
+        """Width and height of the image, pixels."""
 
     @property
     def max_angle(self) -> float:
         """The largest valid angle from the optical axis, radians."""
 
     def camera_ray_from_pixel(self, u: float, v: float) -> Vector3 | NoRay:
-        """The unit ray in the camera frame (x right, y down, z forward)."""
+        """The unit ray of a pixel in the camera frame (x right, y down, z forward)."""
 
     def camera_ray_and_derivatives_from_pixel(self, u: float, v: float) -> Ray | NoRay:
-        """The same with its derivatives."""
+        """The unit ray of a pixel with its derivatives."""
 
     def pixel_from_camera_point(self, point: Vector3) -> tuple[float, float] | NoRay:
-        """(u, v) of a point of any length in the camera frame; it may lie outside the image."""
+        """The pixel (u, v) of a point in the camera frame, of any length; the pixel may lie outside the image."""
 
     def projection_from_camera_point(self, point: Vector3) -> Projection | NoRay:
         """The same with its derivatives."""

@@ -1,4 +1,4 @@
-"""What somebody asks of us by MAV_CMD, and what is answered."""
+"""Commands (MAV_CMD) to our components, and their answers."""
 
 from __future__ import annotations
 
@@ -10,37 +10,37 @@ from fwav_companion.types.messages import Outgoing
 
 
 class CommandResult(IntEnum):
-    """The values of MAV_RESULT that we answer."""
+    """Result codes of MAV_RESULT."""
 
     ACCEPTED = 0
     DENIED = 2
-    """Known, but its parameters are not valid."""
+    """The command is known, its parameters are not valid."""
     UNSUPPORTED = 3
     FAILED = 4
-    """Valid, but it cannot be done."""
+    """The command is valid and could not be executed."""
 
 
 class Command(msgspec.Struct, frozen=True, kw_only=True):
-    """A COMMAND_LONG or COMMAND_INT that concerns one of our components."""
+    """A COMMAND_LONG or COMMAND_INT that addresses one of our components."""
 
     number: int
-    """MAV_CMD."""
+    """Command number, MAV_CMD."""
     params: tuple[float, float, float, float, float, float, float]
-    """param1 to param7 as they came: not finite is possible. A COMMAND_INT's x and y are the fifth and sixth."""
+    """param1 to param7 as received, possibly not finite; x and y of a COMMAND_INT are the fifth and sixth."""
     system: int
-    """The sender's."""
+    """System id of the sender."""
     component: int
-    """The sender's."""
+    """Component id of the sender."""
     link: str
-    """Where it came in."""
+    """Name of the link on which the command arrived."""
     to_component: int
-    """The component of ours that is asked."""
+    """Component id of the addressed component of ours."""
     broadcast: bool = False
-    """It was addressed to everybody, not to us by name."""
+    """Whether the command was addressed to all systems or components."""
 
 
 class CommandAnswer(msgspec.Struct, frozen=True):
-    """The result for the COMMAND_ACK, and the messages that follow it."""
+    """The result for the COMMAND_ACK and the messages that follow it."""
 
     result: CommandResult
     messages: tuple[Outgoing, ...] = ()

@@ -1,4 +1,4 @@
-"""A detection placed in time and on the vehicle, and the ground point it gives."""
+"""Sightings (detections with the state of the vehicle at their capture), ground fixes, and their error model."""
 
 from __future__ import annotations
 
@@ -14,64 +14,65 @@ from fwav_companion.types.telemetry import VehicleState
 
 
 class Bias(IntEnum):
-    """Errors that many fixes share, in the order of every bias vector of this package."""
+    """Errors that are common to many fixes, in the order of every bias vector of this package."""
 
     ROLL = 0
-    """Of the autopilot, rotation about body x, rad. On a gimbal: of its own attitude, about its own x."""
+    """Rotation error of the autopilot's attitude about body x, rad; with a gimbal, of its attitude about its x."""
     PITCH = 1
-    """Of the autopilot, rotation about body y, rad. On a gimbal: of its own attitude, about its own y."""
+    """Rotation error of the autopilot's attitude about body y, rad; with a gimbal, of its attitude about its y."""
     HEADING = 2
-    """Of the autopilot, rotation about down, rad."""
+    """Rotation error of the autopilot's attitude about down, rad."""
     MOUNT_X = 3
-    """Rotation vector of the mount, body axes, rad. On a gimbal: of the camera on it, its axes."""
+    """Rotation vector of the mount error, body axes, rad; with a gimbal, its axes."""
     MOUNT_Y = 4
     MOUNT_Z = 5
     TIME_OFFSET = 6
-    """Of the camera's stamps, s; positive: they come later than configured."""
+    """Error of the time offset of the camera's stamps, s; positive: stamps come later than configured."""
     READOUT = 7
-    """Of the seconds from first row to last."""
+    """Error of the readout time from the first row to the last, s."""
     HEIGHT = 8
-    """Camera above ground, m."""
+    """Error of the camera's height above ground, m."""
     POSITION_NORTH = 9
-    """Of the vehicle, m; wanders with its own time constant."""
+    """Position error of the vehicle, m: a first-order Gauss-Markov process with a time constant of its own."""
     POSITION_EAST = 10
     TERRAIN = 11
-    """Of the ground under the target, m up; common to fixes of one place."""
+    """Error of the terrain height at the target, m up; common to the fixes of one place."""
 
 
 BIAS_COUNT = len(Bias)
 
 
 class ErrorPriors(msgspec.Struct, frozen=True, kw_only=True):
-    """[uncertainty] in radians, metres and seconds: one sigma each."""
+    """One sigma of every error of [uncertainty], in radians, metres and seconds."""
 
     pixel_noise_px: float
     attitude_noise: float
     position_noise_m: float
     height_noise_m: float
     bias_sigmas: tuple[float, ...]
-    """By :class:`Bias`."""
+    """One sigma of each :class:`Bias`."""
     position_bias_time_s: float
+    """Time constant of the position bias, seconds."""
 
     def sigma(self, bias: Bias) -> float:
-        """One sigma of this bias, in its unit."""
+        """One sigma of one bias, in its unit."""
         return self.bias_sigmas[bias]
 
 
 class Unpaired(msgspec.Struct, frozen=True):
-    """The detection could not be placed in time or on the vehicle."""
+    """The reason why a detection has no vehicle state at its capture."""
 
     reason: Reason
     gap_s: float | None = None
 
 
 class Sighting(msgspec.Struct, frozen=True, gc=False):
-    """A detection with the vehicle's state at the instant its own row was exposed."""
+    """A detection with the state of the vehicle at the instant at which its row was exposed."""
 
     frame: int
-    """The frame's number, its own or counted."""
+    """Frame number, of the source or counted."""
     index: int
-    """Of the detection in its frame."""
+    """Index of the detection in its frame."""
     frame_host_ns: HostNs
     """Capture of row 0, host clock."""
     host_ns: HostNs
@@ -81,20 +82,20 @@ class Sighting(msgspec.Struct, frozen=True, gc=False):
     pixel_sigma: tuple[float, float]
     """One sigma of u and v, pixels."""
     row_fraction: float
-    """d(capture)/d(Bias.READOUT): how far down the readout the detection's row lies, 0 to 1; times the frame interval
-    over 1/30 s where the readout is unknown, since the bias's prior is that of 30 frames/s."""
+    """d(capture)/d(Bias.READOUT): position of the detection's row in the readout, 0 to 1. Where the readout is unknown
+    it is multiplied by the frame interval over 1/30 s, because the prior of the bias is that of 30 frames/s."""
     time_noise_s: float
-    """One sigma of the capture's instant on the autopilot's clock that is fresh in this frame."""
+    """One sigma of the capture on the autopilot clock, independent in every frame, seconds."""
     state: VehicleState
     body_from_camera: Matrix3
-    """Of a camera on a gimbal: in the gimbal's axes."""
+    """Mount in use; ``body`` is the gimbal for a camera on a gimbal."""
     ned_from_camera: Matrix3
     camera_ned: Vector3
-    """The camera's centre, metres, local NED; in a relative world (0, 0, 0): the localizer knows the height."""
+    """Camera position in local NED, metres; in a relative world (0, 0, 0), and the localizer adds the height."""
     camera_height_above_home_m: float | None
-    """By the autopilot's relative altitude and the lever arm; None where nothing tells it."""
+    """Camera height above home by relative altitude and lever arm, metres; None where it is not known."""
     relative: bool
-    """There is no global position: the world is the point on the ground below the camera, down = 0 there."""
+    """Whether there is no global position: the origin is then the point on the ground below the camera, down = 0."""
 
     @property
     def boot_ns(self) -> BootNs:
@@ -103,7 +104,7 @@ class Sighting(msgspec.Struct, frozen=True, gc=False):
 
 
 class ErrorBudget(msgspec.Struct, frozen=True, gc=False):
-    """One sigma of the horizontal position by cause: sqrt of the trace of each cause's horizontal covariance, m."""
+    """One sigma of the horizontal position by cause, m: square root of the trace of each cause's covariance."""
 
     pixel: float
     attitude: float
@@ -116,27 +117,33 @@ class ErrorBudget(msgspec.Struct, frozen=True, gc=False):
 
 
 class NoFix(msgspec.Struct, frozen=True):
-    """The sighting meets no ground that can be told."""
+    """The reason why a sighting gives no ground fix."""
 
     reason: Reason
 
 
 class GroundFix(msgspec.Struct, frozen=True, gc=False):
-    """Where the ray of one sighting meets the ground, with everything a tracker needs to weigh it."""
+    """Intersection of one sighting's ray with the ground, and its error model: noise and biases apart.
+
+    In numpy, with J of the bias columns, S of the squared prior sigmas and L = diag(0, 0, level_sigma_m^2)::
+
+        cov = noise_cov + J @ S @ J.T + L
+    """
 
     sighting: Sighting
     position_ned: Vector3
+    """Position in local NED, metres."""
     noise_cov: Matrix3
-    """Of errors fresh in this sample, m^2, NED."""
+    """Covariance of the errors that are independent in every fix, NED, m^2."""
     bias_jacobian: tuple[Vector3, ...]
-    """d(position_ned)/d(bias), one column a :class:`Bias`: estimate minus truth per unit of error."""
+    """d(position_ned)/d(bias), one column for each :class:`Bias`: estimate minus truth per unit of error."""
     cov: Matrix3
-    """Total: noise and all biases, m^2, NED."""
+    """Total covariance: noise and all biases, NED, m^2."""
     relative_cov: Matrix3
-    """The same without the vehicle's own position: of the target relative to the vehicle."""
+    """Covariance of the target relative to the vehicle, NED, m^2: without the error of the vehicle's position."""
     budget: ErrorBudget
     ground: str
-    """The ground model that answered: home, fixed, rangefinder, terrain."""
+    """Ground model of the intersection: home, fixed, rangefinder or terrain."""
     level_sigma_m: float = 0.0
-    """One sigma of the ground's own level, down, which no bias tells. Its square is in ``cov`` and ``relative_cov`` but
-    not in ``noise_cov``: it is the same in every fix, so no number of fixes averages it away."""
+    """One sigma of the ground's level, down, metres. It is not among the biases. Its square is part of ``cov``
+    and ``relative_cov``, not of ``noise_cov``: the error is the same in every fix and does not average out."""

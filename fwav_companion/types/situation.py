@@ -1,4 +1,4 @@
-"""Who the autopilot is, and what publishing must know of the moment."""
+"""The adopted autopilot, and the state of the vehicle at the moment of publishing."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fwav_companion.types.telemetry import ClockEstimate, VehicleState
 
 
 class AutopilotKind(StrEnum):
-    """By HEARTBEAT.autopilot."""
+    """Firmware of the autopilot, by HEARTBEAT.autopilot."""
 
     ARDUPILOT = "ardupilot"
     PX4 = "px4"
@@ -22,35 +22,35 @@ class AutopilotKind(StrEnum):
 
 
 class Autopilot(msgspec.Struct, frozen=True):
-    """The one autopilot that was adopted."""
+    """The adopted autopilot."""
 
     system: int
     component: int
     kind: AutopilotKind
     vehicle_type: int
-    """MAV_TYPE of its heartbeat."""
+    """MAV_TYPE of the heartbeat."""
     armed: bool
     link: str
-    """Where it was heard last."""
+    """Name of the link on which the last heartbeat arrived."""
 
 
 class Situation(msgspec.Struct, frozen=True, kw_only=True):
-    """The moment at which something is published."""
+    """State of vehicle and clocks at the moment of publishing."""
 
     now_ns: HostNs
     autopilot: Autopilot | None
     plane: TangentPlane | None
-    """None without a global position."""
+    """Local tangent plane; None without a global position."""
     vehicle: VehicleState | None
-    """The newest usable state; its instant is in it."""
+    """Newest usable state of the vehicle."""
     at_capture: VehicleState | None = None
-    """At the capture of the frame that is published."""
+    """State of the vehicle at the capture of the published frame."""
     local_position_ned: Vector3 | None = None
-    """The autopilot's own LOCAL_POSITION_NED at that capture: another frame than ours."""
+    """LOCAL_POSITION_NED of the autopilot at that capture, metres, in its own local frame."""
     clock: ClockEstimate | None = None
     undulation_m: float | None = None
-    """Geoid above ellipsoid, by GPS_RAW_INT's own alt_ellipsoid - alt."""
+    """Geoid height above the ellipsoid, metres, by alt_ellipsoid - alt of GPS_RAW_INT."""
     utc_minus_host_s: float | None = None
-    """From SYSTEM_TIME, else from a wall clock that is synchronised; None while neither tells UTC."""
+    """UTC minus host clock, seconds, by SYSTEM_TIME, else by a synchronised wall clock; None without either."""
     board: BoardReport | None = None
-    """How our own board was doing lately; None until it has been looked at."""
+    """Latest report of the companion computer; None before the first."""

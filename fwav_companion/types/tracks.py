@@ -1,4 +1,4 @@
-"""A target as the tracker sees it after one frame."""
+"""Tracks as the tracker reports them after one frame, and the processed frame that it takes."""
 
 from __future__ import annotations
 
@@ -15,25 +15,27 @@ from fwav_companion.types.sightings import GroundFix, Sighting
 
 
 class TrackState(StrEnum):
-    """The life of a track."""
+    """Life-cycle state of a track."""
 
     TENTATIVE = "tentative"
-    """Seen, not often enough to be believed."""
+    """Initiated, not yet confirmed."""
     CONFIRMED = "confirmed"
-    """Believed, and seen lately."""
+    """Confirmed, and updated recently."""
     COASTING = "coasting"
-    """Believed, not seen now: predicted."""
+    """Confirmed, not updated recently: predicted."""
     DROPPED = "dropped"
-    """Over; told once, with its reason."""
+    """Deleted; reported once, with the reason."""
 
 
 class Innovation(msgspec.Struct, frozen=True, gc=False):
-    """A fix against where its target was believed just before."""
+    """Innovation of a fix: fix minus the target's predicted position."""
 
     north_m: float
+    """North component, metres."""
     east_m: float
+    """East component, metres."""
     distance2: float
-    """Normalised square, with all that the two share and do not share: 2 on the mean where every claim is right."""
+    """Normalised innovation squared (NIS), 2 dof, shared errors included: mean 2 where every covariance is right."""
 
 
 class Surprise(msgspec.Struct, frozen=True, gc=False):
@@ -50,51 +52,58 @@ OUT_OF_SIGHT = Surprise(inf, 0.0)
 
 
 class Track(msgspec.Struct, frozen=True, kw_only=True):
-    """One target after one frame. A new object every frame; nobody else changes it."""
+    """One target after one frame; immutable, a new object every frame."""
 
     id: int
-    """Counted from 1, never reused."""
+    """Track number, counted from 1, never reused."""
     label: str
     state: TrackState
     reason: Reason | None = None
-    """Of DROPPED."""
+    """Reason of deletion; None unless DROPPED."""
     replaced_by: int | None = None
-    """The track that is the same target; of one that ended as REPLACED."""
+    """Id of the senior track of the same target; None unless merged into it (REPLACED)."""
     replaces: tuple[int, ...] = ()
-    """Ended tracks that turned out to be this one: the last few, as long as it lives."""
+    """Ids of the latest tracks that were merged into this one."""
     host_ns: HostNs
-    """Capture of the frame's row 0."""
+    """Capture of the frame's row 0, host clock."""
     boot_ns: BootNs
-    """The same on the autopilot's clock."""
+    """Capture of the frame's row 0, autopilot clock."""
     frame: int
+    """Frame number."""
     position_ned: Vector3
+    """Position in local NED, metres."""
     cov: Matrix3
-    """Every source of error, m^2, NED."""
+    """Total covariance of the position, NED, m^2."""
     relative_cov: Matrix3
-    """Without the vehicle's own position."""
+    """Covariance of the position relative to the vehicle, NED, m^2: without the error of the vehicle's position."""
     velocity_ned: Vector3 | None = None
+    """Velocity in NED, m/s; None for a filter without velocity."""
     velocity_cov: Matrix3 | None = None
+    """Covariance of the velocity, NED, (m/s)^2."""
     fix: GroundFix | None = None
-    """Of this frame alone."""
+    """Fix of this frame; None where the frame brought none."""
     innovation: Innovation | None = None
-    """Of that fix; None for a first one, and where nobody asked for it."""
+    """Innovation of that fix; None for the first fix, and where innovations are not requested."""
     first_host_ns: HostNs
-    """Capture of the first frame that saw it."""
+    """Capture of the first frame with a fix, host clock."""
     confirmed_host_ns: HostNs | None = None
+    """Capture of the frame that confirmed the track, host clock."""
     last_seen_host_ns: HostNs
+    """Capture of the last frame with a fix, host clock."""
     last_pixel: tuple[float, float] | None = None
-    """Where it was last seen in the image."""
+    """Pixel (u, v) of the last fix."""
 
 
 class FrameView(msgspec.Struct, frozen=True):
-    """One processed frame, as the tracker takes it."""
+    """One processed frame: the input of the tracker."""
 
     frame: int
     host_ns: HostNs
-    """Capture of row 0."""
+    """Capture of row 0, host clock."""
     boot_ns: BootNs
+    """Capture of row 0, autopilot clock."""
     fixes: tuple[GroundFix, ...]
     could_see: Callable[[Vector3], bool]
-    """Whether a target at this place, NED, would have been inside the image and the lens's range."""
+    """Whether a target at this position, NED, would lie inside the image and the valid range of the lens."""
     unplaced: tuple[Sighting, ...] = ()
-    """What was seen and is no fix: too shallow, say."""
+    """Sightings without a fix, as too shallow ones."""
