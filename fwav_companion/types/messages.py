@@ -1,4 +1,4 @@
-"""What crosses the wire, decoded and to be encoded."""
+"""MAVLink messages, received and to be sent, and notices for people."""
 
 from __future__ import annotations
 
@@ -10,34 +10,34 @@ import msgspec
 
 
 class Message(msgspec.Struct, frozen=True, gc=False):
-    """A MAVLink message that arrived, or that a recording holds."""
+    """A decoded MAVLink message, received or recorded."""
 
     name: str
-    """Its MAVLink name, as ATTITUDE."""
+    """MAVLink name, as ATTITUDE."""
     system: int
-    """The sender's system id."""
+    """System id of the sender."""
     component: int
-    """The sender's component id."""
+    """Component id of the sender."""
     link: str
-    """The name of the link it came over; "" in a recording."""
+    """Name of the link on which it arrived; "" in a recording."""
     fields: Any
-    """A record with the definition's fields as attributes, in its order, that iterates as a tuple; arrays as tuples,
-    text as str."""
+    """Record with the fields of the definition as attributes, in its order; iterates as a tuple. Arrays are tuples,
+    text is str."""
     signed: bool = False
-    """It carried a signature that was verified."""
+    """Whether it carried a signature that was verified."""
 
 
 class Destination(StrEnum):
-    """Whom an outgoing message is meant for; the links follow from it."""
+    """Destination of an outgoing message; it determines the links."""
 
     AUTOPILOT = "autopilot"
-    """The adopted autopilot, over the links it was heard on."""
+    """The adopted autopilot, on the links where it was received."""
     GROUND = "ground"
-    """Ground stations: every gcs link, and through the autopilot's link while none is heard on a gcs link."""
+    """Ground stations: every gcs link, and the autopilot's link while no station is received on a gcs link."""
     GROUND_LINKS = "ground_links"
-    """Every gcs link, never the autopilot's."""
+    """Every gcs link, not the autopilot's link."""
     EVERYONE = "everyone"
-    """All links: heartbeats."""
+    """All links, for heartbeats."""
     REPLY = "reply"
     """The one link in :attr:`Outgoing.link`."""
 
