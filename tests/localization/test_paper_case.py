@@ -3,6 +3,13 @@
 from math import atan2, cos, hypot, pi, radians, sin, tan
 
 import pytest
+from paper_axes import (
+    camera_ray_from_paper,
+    ned_from_paper_point,
+    paper_from_camera_ray,
+    paper_point_from_ned,
+    pixel_from_paper_pixel,
+)
 from true_flights import PRIORS
 
 from fwav_companion.camera import KannalaBrandt
@@ -10,13 +17,6 @@ from fwav_companion.geometry.mounts import body_from_camera_from_euler
 from fwav_companion.geometry.rotations import matrix_from_quaternion, quaternion_from_euler
 from fwav_companion.geometry.vectors import multiply
 from fwav_companion.localization import FixedGround, HomeGround, Localizer
-from fwav_companion.localization.paper_axes import (
-    camera_ray_from_paper,
-    ned_from_paper_point,
-    paper_from_camera_ray,
-    paper_point_from_ned,
-    pixel_from_paper_pixel,
-)
 from fwav_companion.types import Detection, Sighting, VehicleState
 
 LENS = KannalaBrandt((3.55, 0.03, 0.0, 0.0, 0.0), (188.0, 188.0), (320.0, 240.0), (640, 480))

@@ -1,8 +1,8 @@
 """The paper's simulation: one target and 90 samples with the paper's noise, located by its equations.
 
 "Vision-Based Target Localization for a Flapping-Wing Aerial Vehicle" (Dong, Fu, Zhang, He), section IV. Axes are the
-paper's own: X forward, Y to the left, metres from the point below the camera; ``localization.paper_axes`` maps them to
-ours.
+paper's own: X forward, Y to the left, metres from the point below the camera. They are left-handed with Z down; the
+tests of localization map them to the axes of this package (paper_axes).
 """
 
 from __future__ import annotations
