@@ -1,8 +1,11 @@
-"""A sighting and a ground give a point on the ground with its covariance, or a named refusal. Pure."""
+"""Sightings to ground fixes: the intersection of a ray with the ground, its covariance and error budget. Pure.
+
+:class:`Localizer` intersects the ray of a sighting with one :class:`Ground` and propagates every error of the sighting
+to the point. The result is a fix with noise and biases apart, or a named refusal.
+"""
 
 from fwav_companion.localization.elevation import ElevationModel, ElevationTile
-from fwav_companion.localization.flat_grounds import FixedGround, HomeGround
-from fwav_companion.localization.ground import Ground, Intersection
+from fwav_companion.localization.ground import FixedGround, Ground, HomeGround, Intersection
 from fwav_companion.localization.localizer import Localizer
 from fwav_companion.localization.rangefinder_ground import RangefinderGround
 from fwav_companion.localization.terrain_ground import Datum, TerrainGround

@@ -1,4 +1,7 @@
-"""What a ground must answer: where a ray meets it, and how an error of height moves that point."""
+"""The protocol of a ground model, its intersection with a ray, and the level grounds.
+
+A level ground is the horizontal surface at home's altitude, or one at a configured height below the camera.
+"""
 
 from __future__ import annotations
 
@@ -13,55 +16,120 @@ from fwav_companion.types import NoFix, Reason, Sighting
 LEVEL_NORMAL: Vector3 = (0.0, 0.0, 1.0)
 
 LEAST_DESCENT = 1e-6
-"""Of a unit ray, downward: below it there is no ground in any sense, and the division would tell a place anyway."""
+"""Down component of a unit ray below which the ray does not meet a level ground."""
 
 
 class Intersection(msgspec.Struct, frozen=True, gc=False):
-    """A ray has met the ground."""
+    """The intersection of a ray with the ground."""
 
     camera_ned: Vector3
-    """The ray's start in the world of the answer; in a relative world (0, 0, -height)."""
+    """Start of the ray in the world of the fix, NED, metres; in a relative world (0, 0, -height)."""
     distance_m: float
-    """Along the unit ray."""
+    """Distance along the unit ray, metres."""
     height_m: float
-    """The camera above the ground right below it."""
+    """Height of the camera above the ground right below it, metres."""
     ground: str
-    """Who answered: home, fixed, rangefinder, terrain."""
+    """Name of the ground model: home, fixed, rangefinder or terrain."""
     normal: Vector3 = LEVEL_NORMAL
     """Unit normal of the ground at the point, NED, downward."""
     carried: bool = False
-    """The ground is told by its distance from the camera, so its level shares the camera's errors."""
+    """Whether the ground is known by its distance from the camera; its level then shares the camera's errors."""
     surveyed: bool = False
-    """The ground is an elevation model, whose own error is Bias.TERRAIN."""
+    """Whether the ground is an elevation model, whose error is Bias.TERRAIN."""
     height_noise_m: float | None = None
-    """One sigma of the height, fresh in this sample; None: [uncertainty] height_noise_m."""
+    """One sigma of the height, independent in every fix, metres; None: [uncertainty] height_noise_m."""
     height_by_rotation: Vector3 = ZERO3
-    """d(height)/d(rotation vector of the vehicle, NED), m/rad: where the height was measured along a tilted beam."""
+    """d(height)/d(rotation vector of the vehicle, NED), m/rad; not zero for a height along a tilted beam."""
 
 
 class Ground(Protocol):
     """A model of the ground."""
 
     def meet(self, sighting: Sighting, direction: Vector3) -> Intersection | NoFix:
-        """Where the ray from the sighting's camera along ``direction``, a unit vector in NED, meets the ground."""
+        """The intersection of the ground with the ray from the sighting's camera along ``direction``, a unit vector in
+        NED.
+        """
 
     def home_moved(self, home_down_m: float) -> None:
-        """The home surface lies ``home_down_m`` below the world's origin from now on."""
+        """Set the home surface to ``home_down_m`` below the world's origin, metres."""
 
     def placed(self, plane: TangentPlane, take_off: Geodetic, undulation_m: float | None) -> str:
-        """The world has its origin, or the take-off place or the undulation is known better; what to tell, or ""."""
+        """Set the world's origin, the take-off place and the geoid undulation; the notice for people, or ""."""
 
     def status(self) -> dict[str, Any]:
-        """For the status file: the model by name, and what it does about the ground."""
+        """Name and state of the model, for the status file."""
 
 
 def camera_above_flat(sighting: Sighting, height_m: float) -> Vector3:
-    """The camera in the world of the answer: as told, or in a relative world right above the point below it."""
+    """The camera position in the world of the fix, NED: as paired, in a relative world right above the origin."""
     return (0.0, 0.0, -height_m) if sighting.relative else sighting.camera_ned
 
 
 def flat_distance(direction: Vector3, height_m: float) -> float | NoFix:
-    """How far along a unit ray a level surface lies that is ``height_m`` below its start."""
+    """The distance along a unit ray to the level surface ``height_m`` below its start, metres."""
     if not direction[2] > LEAST_DESCENT:
         return NoFix(Reason.ABOVE_HORIZON)
     return height_m / direction[2]
+
+
+class HomeGround:
+    """The level surface at home's altitude: the take-off ground, until the autopilot moves home."""
+
+    def __init__(self) -> None:
+        self.home_down_m = 0.0
+        """Depth of the surface below the world's origin, metres."""
+
+    def home_moved(self, home_down_m: float) -> None:
+        """Set the depth of the surface."""
+        self.home_down_m = home_down_m
+
+    def placed(self, plane: TangentPlane, take_off: Geodetic, undulation_m: float | None) -> str:  # noqa: ARG002
+        """Do nothing: the surface does not depend on the origin."""
+        return ""
+
+    def meet(self, sighting: Sighting, direction: Vector3) -> Intersection | NoFix:
+        """The intersection by the camera's altitude, in a relative world by its height above home."""
+        height_m = self.height_m(sighting)
+        if height_m is None:
+            return NoFix(Reason.NO_HEIGHT)
+        distance_m = flat_distance(direction, height_m)
+        if isinstance(distance_m, NoFix):
+            return distance_m
+        return Intersection(camera_above_flat(sighting, height_m), distance_m, height_m, "home")
+
+    def status(self) -> dict[str, Any]:
+        """Name of the model and depth of the surface."""
+        return {"model": "home", "home_down_m": self.home_down_m}
+
+    def height_m(self, sighting: Sighting) -> float | None:
+        """The height of the camera above the surface, metres; None where it is not known."""
+        if sighting.relative:
+            return sighting.camera_height_above_home_m
+        return self.home_down_m - sighting.camera_ned[2]
+
+
+class FixedGround:
+    """The level surface at a configured height below the camera."""
+
+    def __init__(self, height_m: float) -> None:
+        self._height_m = height_m
+
+    def home_moved(self, home_down_m: float) -> None:
+        """Do nothing: the surface does not depend on home."""
+
+    def placed(self, plane: TangentPlane, take_off: Geodetic, undulation_m: float | None) -> str:  # noqa: ARG002
+        """Do nothing: the surface does not depend on the origin."""
+        return ""
+
+    def status(self) -> dict[str, Any]:
+        """Name of the model and height of the camera above the surface."""
+        return {"model": "fixed", "height_m": self._height_m}
+
+    def meet(self, sighting: Sighting, direction: Vector3) -> Intersection | NoFix:
+        """The intersection at the configured height; the autopilot's height is not used."""
+        distance_m = flat_distance(direction, self._height_m)
+        if isinstance(distance_m, NoFix):
+            return distance_m
+        return Intersection(
+            camera_above_flat(sighting, self._height_m), distance_m, self._height_m, "fixed", carried=True
+        )

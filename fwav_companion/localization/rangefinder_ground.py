@@ -1,4 +1,4 @@
-"""The ground by the rangefinder: level, at the height its beam measures; the home surface where it tells nothing."""
+"""The level ground at the height that the rangefinder measures; the home surface where it has no reading."""
 
 from __future__ import annotations
 
@@ -10,39 +10,39 @@ from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.rotations import exp, multiply, rotate
 from fwav_companion.geometry.stamps import s_from_ns
 from fwav_companion.geometry.vectors import Vector3, norm, scale
-from fwav_companion.localization.flat_grounds import HomeGround
-from fwav_companion.localization.ground import Intersection, camera_above_flat, flat_distance
+from fwav_companion.localization.ground import HomeGround, Intersection, camera_above_flat, flat_distance
 from fwav_companion.types import NoFix, RangeSample, Reason, Sighting
 
 LEAST_PLUMB = 0.5
-"""Of the beam, downward: at 60 degrees of tilt it measures the ground of another place."""
+"""Down component of the beam, a unit vector: beyond 60 degrees of tilt it measures the ground at another place."""
 OLDEST_S = 0.3
-"""Between reading and capture. A vehicle that sinks at 2 m/s has moved by 0.6 m then."""
+"""Age of a reading at the capture, seconds: a vehicle that sinks at 2 m/s has moved by 0.6 m then."""
 TURN_DOUBT = 0.5
-"""Of the turn by the rates between reading and capture: flapping does not keep them."""
+"""One sigma of the turn between reading and capture, as a part of that turn: flapping does not keep the rates."""
 
 
 class RangefinderGround:
-    """A level surface below the camera, at the rangefinder's height corrected for tilt."""
+    """The level surface at the rangefinder's height below the camera, corrected for tilt."""
 
     def __init__(self, height_noise_m: float) -> None:
-        """``height_noise_m``: one sigma of a reading that tells none itself."""
+        """``height_noise_m``: one sigma of a reading without a sigma of its own."""
         self._noise_m = height_noise_m
         self._home = HomeGround()
         self.fallback: Reason | None = None
-        """Why the last sighting met the home surface instead; None: it did not."""
+        """Reason why the last ray was intersected with the home surface; None where it was not."""
         self.fallbacks: Counter[Reason] = Counter()
+        """Number of rays intersected with the home surface, by reason."""
 
     def home_moved(self, home_down_m: float) -> None:
-        """Of the fallback."""
+        """Set the depth of the home surface, which stands in for missing readings."""
         self._home.home_moved(home_down_m)
 
     def placed(self, plane: TangentPlane, take_off: Geodetic, undulation_m: float | None) -> str:
-        """Nothing depends on it."""
+        """Do nothing: the surface does not depend on the origin."""
         return self._home.placed(plane, take_off, undulation_m)
 
     def meet(self, sighting: Sighting, direction: Vector3) -> Intersection | NoFix:
-        """By the reading, if there is one of this moment that looks down; else as home does."""
+        """The intersection by a fresh reading whose beam points down; else with the home surface."""
         reading = sighting.state.range
         age_s = 0.0 if reading is None else s_from_ns(reading.boot_ns - sighting.state.boot_ns)
         if reading is None or abs(age_s) > OLDEST_S:
@@ -54,7 +54,7 @@ class RangefinderGround:
         return self._meet_reading(reading, beam, age_s, sighting, direction)
 
     def status(self) -> dict[str, Any]:
-        """Why the home surface stands in for the reading now, and how often it did for which reason."""
+        """Name of the model, reason for the home surface now, and counts of these reasons."""
         return {
             "model": "rangefinder",
             "fallback": None if self.fallback is None else self.fallback.value,
@@ -90,6 +90,6 @@ class RangefinderGround:
 
 
 def _beam_ned(reading: RangeSample, sighting: Sighting, age_s: float) -> Vector3:
-    """The beam when the reading was made, by the attitude at the capture and the rates."""
+    """The unit vector along the beam at the reading, NED, by attitude and rates at the capture."""
     q = multiply(sighting.state.ned_from_body, exp(scale(sighting.state.rates, age_s)))
     return rotate(q, reading.beam_in_body)
