@@ -1,4 +1,4 @@
-"""Elevation models: tiles of samples, bilinear between them, with voids and seams, whatever file they come from."""
+"""Elevation models: tiles of height samples, bilinear between samples, with voids and seams, of any file format."""
 
 from __future__ import annotations
 
@@ -8,36 +8,38 @@ from math import floor, isnan, nan
 import msgspec
 
 NEAREST_SAMPLE = 0.26
-"""Of a step: a neighbour's sample that stands in for one of ours at a seam lies on the same lattice, or nearly."""
+"""Largest distance, in steps, of a neighbouring tile's sample that replaces a missing sample at a seam."""
 
 EDGE = 1e-6
-"""Of a step, 30 um: rounding keeps no place on a model's own edge out of it."""
+"""Margin of a tile, in steps (30 um of 30 m): rounding does not exclude places on the edge."""
 
 
 class ElevationTile(msgspec.Struct, frozen=True):
-    """A lattice of heights in degrees of latitude and longitude. Rows run southward, columns eastward."""
+    """A lattice of heights over latitude and longitude, degrees; rows run southward, columns eastward."""
 
     north_deg: float
-    """Latitude of the first row's samples themselves: half a step inside the edge of a PixelIsArea file."""
+    """Latitude of the samples of the first row; of a PixelIsArea file half a step inside its edge."""
     west_deg: float
-    """Longitude of the first column's samples."""
+    """Longitude of the samples of the first column."""
     lat_step_deg: float
-    """Positive."""
+    """Latitude between rows, positive."""
     lon_step_deg: float
+    """Longitude between columns, positive."""
     rows: int
     columns: int
     height_m: Callable[[int, int], float]
-    """Of (row, column) inside the tile; NaN is a void."""
+    """Height of the sample at (row, column), metres; NaN is a void."""
     name: str
+    """Name of the file."""
 
     def row_column(self, lat_deg: float, lon_deg: float) -> tuple[float, float]:
-        """Where a place lies on the lattice, as fractions; right across the antimeridian too."""
+        """Fractional (row, column) of a place, also across the antimeridian."""
         east = (lon_deg - self.west_deg + 180.0) % 360.0 - 180.0
         return (self.north_deg - lat_deg) / self.lat_step_deg, east / self.lon_step_deg
 
 
 class Cell(msgspec.Struct, frozen=True, gc=False):
-    """Four neighbouring samples and the bilinear surface between them."""
+    """The bilinear surface between four neighbouring samples."""
 
     north_deg: float
     west_deg: float
@@ -49,37 +51,37 @@ class Cell(msgspec.Struct, frozen=True, gc=False):
     south_east_m: float
 
     def fractions(self, lat_deg: float, lon_deg: float) -> tuple[float, float]:
-        """(southward, eastward), each 0 to 1 inside."""
+        """Fractional (south, east) of a place from the north-west corner, 0 to 1 inside the cell."""
         east = (lon_deg - self.west_deg + 180.0) % 360.0 - 180.0
         return (self.north_deg - lat_deg) / self.lat_step_deg, east / self.lon_step_deg
 
     def polynomial(self) -> tuple[float, float, float, float]:
-        """(a, b, c, d) of the height a + b south + c east + d south east."""
+        """The coefficients (a, b, c, d) of the height a + b south + c east + d south east."""
         a = self.north_west_m
         b, c = self.south_west_m - a, self.north_east_m - a
         return (a, b, c, self.south_east_m - a - b - c)
 
     def height_m(self, lat_deg: float, lon_deg: float) -> float:
-        """Bilinear."""
+        """The bilinear height at a place, metres."""
         south, east = self.fractions(lat_deg, lon_deg)
         a, b, c, d = self.polynomial()
         return a + b * south + (c + d * south) * east
 
 
 class ElevationModel:
-    """Tiles side by side, as one surface."""
+    """Adjacent tiles as one surface."""
 
     def __init__(self, tiles: Sequence[ElevationTile]) -> None:
         self._tiles = tuple(tiles)
 
     def height_m(self, lat_deg: float, lon_deg: float) -> float:
-        """As the files have it; NaN outside and where a void takes part."""
+        """The height at a place in the datum of the files, metres; NaN outside and in cells with a void."""
         cell = self.cell_at(lat_deg, lon_deg)
         return nan if cell is None else cell.height_m(lat_deg, lon_deg)
 
     def cell_at(self, lat_deg: float, lon_deg: float) -> Cell | None:
-        """The cell that holds a place; None outside and where one of its samples is a void."""
-        for reach in (0, 1):  # inside a tile first; then in the gap between neighbours that share no samples
+        """The cell that contains a place; None outside and where one of its samples is a void."""
+        for reach in (0, 1):  # first inside a tile, then in the gap between tiles without shared samples
             margin = reach + EDGE
             for tile in self._tiles:
                 row, column = tile.row_column(lat_deg, lon_deg)

@@ -1,8 +1,8 @@
-"""Where a ray first meets an elevation model: cell by cell, exactly in each, so that no ridge is stepped over.
+"""The first intersection of a ray with an elevation model: cell by cell and exact in each cell.
 
-In one cell a straight ray's height above the bilinear surface is a quadratic of the way along it; its first root is the
-answer, however narrow the ridge. Heights run along the ray as the flat world of the answers has them: the earth's
-curvature, 0.08 m at 1 km, is left out there and here alike.
+In one cell the height of a straight ray above the bilinear surface is a quadratic in the distance along the ray. The
+first root is the intersection, so the search does not step over narrow ridges. Heights along the ray are those of the
+flat local world: the earth's curvature, 0.08 m at 1 km, is neglected here as in the fix.
 """
 
 from __future__ import annotations
@@ -16,20 +16,22 @@ from fwav_companion.geometry.vectors import Vector3, add, scale
 from fwav_companion.localization.elevation import Cell, ElevationModel
 
 PIECE_M = 200.0
-"""Of the ray between places whose latitude and longitude are exact; straight between them to 1 mm."""
+"""Length of the pieces of the ray, metres; latitude and longitude are exact at their ends, linear between to 1 mm."""
 MOST_PIECES = 50
-"""10 km: farther away no ray of a small vehicle tells anything."""
+"""Pieces of one ray: 10 km, farther than a small vehicle locates targets."""
 MOST_CELLS = 4096
-"""Of one ray, 10 ms on a desktop: 10 km over samples 30 m apart cross 500."""
+"""Cells of one ray, 10 ms on a desktop; 10 km over samples 30 m apart cross 500."""
 NUDGE = 1e-9
-"""Of a piece, 0.2 um: into the next cell."""
+"""Step into the next cell, as a part of a piece: 0.2 um."""
 
 
 class Hit(msgspec.Struct, frozen=True, gc=False):
     """The first point of the ray on the surface."""
 
     distance_m: float
+    """Distance along the ray, metres."""
     cell: Cell
+    """Cell of the point."""
     lat_deg: float
     lon_deg: float
 
@@ -43,7 +45,10 @@ class _RayPlace(msgspec.Struct, frozen=True, gc=False):
 def first_hit(
     model: ElevationModel, plane: TangentPlane, start_ned: Vector3, direction: Vector3, raised_m: float
 ) -> Hit | None:
-    """Where a unit ray meets the model raised by ``raised_m``; None: it leaves it or meets a void before the ground."""
+    """The intersection of a unit ray with the model raised by ``raised_m``.
+
+    None where the ray leaves the model or meets a void before it meets the ground.
+    """
     here, cells = _place(plane, start_ned, raised_m), 0
     for piece in range(MOST_PIECES):
         there = _place(plane, add(start_ned, scale(direction, (piece + 1) * PIECE_M)), raised_m)
@@ -63,16 +68,18 @@ def first_hit(
 
 
 def _place(plane: TangentPlane, ned: Vector3, raised_m: float) -> _RayPlace:
-    """With the height as the model counts it."""
+    """A point of the ray by latitude, longitude and height in the datum of the model."""
     place = plane.geodetic_from_ned(ned)
     return _RayPlace(degrees(place.lat), degrees(place.lon), place.alt_amsl_m - raised_m)
 
 
 def _unwrapped(lon_deg: float, near_deg: float) -> float:
+    """The longitude plus a multiple of 360 degrees, within 180 degrees of ``near_deg``."""
     return lon_deg - 360.0 * floor((lon_deg - near_deg + 180.0) / 360.0)
 
 
 def _between(here: _RayPlace, there: _RayPlace, part: float) -> tuple[float, float]:
+    """(latitude, longitude) at a part of the way from ``here`` to ``there``, degrees."""
     return (
         here.lat_deg + part * (there.lat_deg - here.lat_deg),
         here.lon_deg + part * (there.lon_deg - here.lon_deg),
@@ -80,7 +87,7 @@ def _between(here: _RayPlace, there: _RayPlace, part: float) -> tuple[float, flo
 
 
 def _cross(cell: Cell, here: _RayPlace, there: _RayPlace, at: float) -> tuple[float | None, float]:
-    """(where on the piece the ray meets the cell's surface, where it leaves the cell), as parts of the piece."""
+    """(intersection with the cell's surface or None, exit from the cell), as parts of the piece."""
     south, east = cell.fractions(here.lat_deg, here.lon_deg)
     by_south = -(there.lat_deg - here.lat_deg) / cell.lat_step_deg
     by_east = (there.lon_deg - here.lon_deg) / cell.lon_step_deg
@@ -94,14 +101,14 @@ def _cross(cell: Cell, here: _RayPlace, there: _RayPlace, at: float) -> tuple[fl
 
 
 def _leaves(start: float, speed: float) -> float:
-    """When start + speed t leaves [0, 1] for good."""
+    """The t at which start + speed t leaves [0, 1]."""
     if speed == 0.0:
         return 1.0
     return ((1.0 if speed > 0.0 else 0.0) - start) / speed
 
 
 def _first_descent(p: float, q: float, r: float, at: float, end: float) -> float | None:
-    """The first t in [at, end] where p + q t + r t^2 is not above zero."""
+    """The first t in [at, end] with p + q t + r t^2 <= 0, without cancellation; None where there is none."""
     if p + at * (q + at * r) <= 0.0:
         return at
     if r == 0.0:

@@ -1,4 +1,4 @@
-"""The ground by an elevation model, or by the autopilot's own TERRAIN_REPORT where there is no model."""
+"""The ground by an elevation model, or by the autopilot's TERRAIN_REPORT where there is no model."""
 
 from __future__ import annotations
 
@@ -14,36 +14,36 @@ from fwav_companion.localization.ray_search import Hit, first_hit
 from fwav_companion.types import NoFix, Reason, Sighting
 
 MOST_SHIFT_M = 30.0
-"""ArduPilot's TERRAIN_OFS_MAX. A model that is off by more at the take-off has another datum than configured."""
+"""Largest shift of a model, metres: ArduPilot's TERRAIN_OFS_MAX. More means a datum other than the configured one."""
 
 
 class Datum(StrEnum):
-    """What a file's heights count from; the file does not say it."""
+    """Vertical datum of an elevation file; the file does not state it."""
 
     EGM96 = "egm96"
     EGM2008 = "egm2008"
-    """Against EGM96 mostly under 1 m apart: the shift to the take-off height takes that in."""
+    """Mostly within 1 m of EGM96; the shift to the take-off height absorbs the difference."""
     ELLIPSOID = "ellipsoid"
 
 
 class TerrainGround:
-    """An elevation model, shifted to the take-off height."""
+    """The surface of an elevation model, shifted to the take-off height."""
 
     def __init__(self, model: ElevationModel | None, datum: Datum) -> None:
-        """``model`` None: only TERRAIN_REPORT tells the ground."""
+        """``model`` None: the ground is by TERRAIN_REPORT only."""
         self._model = model
         self._datum = datum
         self._plane: TangentPlane | None = None
         self._trouble: Reason | None = Reason.NO_POSITION
         self.shift_m = 0.0
-        """How much the model was raised to agree with the take-off height."""
+        """Shift of the model to the take-off height, metres up."""
         self._raised_m = 0.0
 
     def home_moved(self, home_down_m: float) -> None:
-        """The model stays where the take-off put it."""
+        """Do nothing: the model keeps its shift to the take-off height."""
 
     def placed(self, plane: TangentPlane, take_off: Geodetic, undulation_m: float | None) -> str:
-        """Shifts the model to the ground at the take-off place, which need not be the origin; says what was done."""
+        """Shift the model to the ground at the take-off place, which need not be the origin; the notice for people."""
         self._plane, self._trouble = plane, None
         if self._model is None:
             return "terrain: no elevation files; the ground is the autopilot's TERRAIN_REPORT"
@@ -71,7 +71,7 @@ class TerrainGround:
         return f"terrain: datum {self._datum}, shifted by {shift_m:+.1f} m to the take-off height"
 
     def meet(self, sighting: Sighting, direction: Vector3) -> Intersection | NoFix:
-        """On the model; without one, on a level at the autopilot's height above terrain."""
+        """The intersection with the model; without a model, with a level at the autopilot's height above terrain."""
         if self._model is None or sighting.relative:
             return self._meet_report(sighting, direction)
         if self._plane is None or self._trouble is not None:
@@ -79,7 +79,7 @@ class TerrainGround:
         return self._meet_model(self._model, self._plane, sighting, direction)
 
     def status(self) -> dict[str, Any]:
-        """How the model was placed, or why it gives no fixes."""
+        """Name, source, datum and shift of the model, and the reason why it gives no fixes."""
         return {
             "model": "terrain",
             "source": "TERRAIN_REPORT" if self._model is None else "files",
@@ -111,7 +111,7 @@ class TerrainGround:
             return NoFix(Reason.NO_HEIGHT)
         camera, vehicle = sighting.camera_height_above_home_m, sighting.state.height_above_home_m
         if camera is not None and vehicle is not None:
-            height_m += camera - vehicle  # the camera's place on the vehicle
+            height_m += camera - vehicle  # the lever arm of the camera
         distance_m = flat_distance(direction, height_m)
         if isinstance(distance_m, NoFix):
             return distance_m
@@ -119,7 +119,11 @@ class TerrainGround:
 
 
 def _normal(hit: Hit) -> Vector3:
-    """Of the surface at the point, NED, downward: down = -height(north, east)."""
+    """The unit normal of the surface at the point, NED, downward.
+
+    The surface is down = -height(north, east), so the normal is (dh/dnorth, dh/deast, 1), normalised. The steps of the
+    lattice are converted to metres by the radii of curvature in the meridian and the prime vertical.
+    """
     south, east = hit.cell.fractions(hit.lat_deg, hit.lon_deg)
     _, b, c, d = hit.cell.polynomial()
     lat = radians(hit.lat_deg)
