@@ -1,10 +1,17 @@
-"""From columns of derivatives and the configured sigmas to covariances and the error budget.
+"""Covariances and error budget of a fix from the columns of its Jacobian and the configured sigmas.
 
-What is vertical needs a word. On a level ground the target's ``down`` is the ground's own level: an error of the
-camera's height moves the point along the ground, not up or down. What the level itself is worth, nothing tells but the
-height's own sigmas: the ground may be uneven by the noise and lie wrong by the bias. So ``down`` gets both variances,
-uncorrelated with north and east, the second one never averaged (:attr:`GroundFix.level_sigma_m`). An elevation model
-has its own bias for that.
+In numpy, with the columns N and variances q of the noise, and the columns B and variances b of the biases::
+
+    noise_cov    = N @ diag(q) @ N.T + diag(0, 0, level_noise**2)
+    cov          = noise_cov + B @ diag(b) @ B.T + diag(0, 0, level_sigma**2)
+    relative_cov = cov without the columns of the vehicle's position, noise and bias
+
+tests/benchmarks/naive_fix.py has them in this form, and tests/localization compare them with differences and draws.
+
+Vertical errors: on level ground ``down`` is the level of the ground. An error of the camera's height moves the point
+along the ground, not up or down. The only known sigmas of the level itself are those of the height: the ground may be
+uneven by the noise and wrong by the bias. So ``down`` gets both variances, uncorrelated with north and east; the second
+one does not average out (:attr:`GroundFix.level_sigma_m`). An elevation model has a bias of its own instead.
 """
 
 from __future__ import annotations
@@ -20,11 +27,11 @@ from fwav_companion.localization.propagation import ALONG, Propagation
 from fwav_companion.types import Bias, ErrorBudget, ErrorPriors, Sighting
 
 Terms: TypeAlias = tuple[tuple[Vector3, float], ...]
-"""Columns with the variance of their error."""
+"""Columns of the Jacobian with the variance of their error."""
 
 
 class BiasVariances(msgspec.Struct, frozen=True, gc=False):
-    """Squares of [uncertainty]'s biases, by name: a name is found three times as fast as a place by an enumeration."""
+    """Variances of the biases, by name: attribute access is three times as fast as an index by an enumeration."""
 
     roll: float
     pitch: float
@@ -41,29 +48,33 @@ class BiasVariances(msgspec.Struct, frozen=True, gc=False):
 
 
 def bias_variances(priors: ErrorPriors) -> BiasVariances:
-    """Of the configuration."""
+    """The variances of the configured biases."""
     return BiasVariances(*(priors.sigma(bias) ** 2 for bias in Bias))
 
 
 class NoiseVariances(msgspec.Struct, frozen=True, gc=False):
-    """Of one sighting, fresh in it."""
+    """Variances of the errors of one sighting that are independent in every sighting."""
 
     pixel_u: float
     pixel_v: float
     attitude: float
-    """Of roll, pitch and heading, by the configuration, rad^2."""
+    """Variance of roll, of pitch and of heading by the configuration, rad^2."""
     bridging: float
-    """Of rotation about any axis, by interpolation, rad^2."""
+    """Variance of the rotation about each axis by interpolation, rad^2."""
     height: float
+    """Variance of the camera's height, m^2."""
     level: float
+    """Variance of the ground's level, m^2."""
     time: float
+    """Variance of the capture on the autopilot clock, s^2."""
     place: float
+    """Variance of the vehicle's position, each axis, m^2."""
     readout_share: float
-    """Square of d(capture)/d(readout): of the readout's variance, how much is the capture's."""
+    """Square of d(capture)/d(readout): the part of the readout's variance in the capture's."""
 
 
 class Weights(msgspec.Struct, frozen=True, gc=False):
-    """The covariances of a fix, m^2, NED, and its budget."""
+    """Covariances of a fix, NED, m^2, and its error budget."""
 
     noise_cov: Matrix3
     cov: Matrix3
@@ -73,27 +84,27 @@ class Weights(msgspec.Struct, frozen=True, gc=False):
 
 
 def noise_variances(sighting: Sighting, meeting: Intersection, priors: ErrorPriors) -> NoiseVariances:
-    """What the configuration and the sighting itself say."""
+    """The noise variances by the configuration and by the sighting."""
     state, (sigma_u, sigma_v) = sighting.state, sighting.pixel_sigma
     age_variance = state.position_sigma_m**2
     height_noise_m = priors.height_noise_m if meeting.height_noise_m is None else meeting.height_noise_m
     return NoiseVariances(
-        sigma_u * sigma_u,
-        sigma_v * sigma_v,
-        priors.attitude_noise**2,
-        state.carrier_sigma**2,
-        height_noise_m**2 + (0.0 if meeting.carried else age_variance),
-        priors.height_noise_m**2,
-        sighting.time_noise_s**2,
-        priors.position_noise_m**2 + age_variance,
-        sighting.row_fraction**2,
+        pixel_u=sigma_u * sigma_u,
+        pixel_v=sigma_v * sigma_v,
+        attitude=priors.attitude_noise**2,
+        bridging=state.carrier_sigma**2,
+        height=height_noise_m**2 + (0.0 if meeting.carried else age_variance),
+        level=priors.height_noise_m**2,
+        time=sighting.time_noise_s**2,
+        place=priors.position_noise_m**2 + age_variance,
+        readout_share=sighting.row_fraction**2,
     )
 
 
 def fix_covariance(
     propagation: Propagation, noise: NoiseVariances, bias: BiasVariances, meeting: Intersection
 ) -> Weights:
-    """Everything that is claimed about one fix."""
+    """Covariances and error budget of one fix."""
     covariance = _covariance if meeting.surveyed or meeting.carried else _level_covariance
     of_noise, of_biases = _terms(propagation, noise, bias, meeting)
     place_noise, place_bias = _of_place(propagation, noise, bias)
@@ -101,18 +112,18 @@ def fix_covariance(
     level_variance = 0.0 if meeting.surveyed else bias.height
     relative_cov = _raised(add_matrices(fresh, covariance(of_biases)), level_variance)
     return Weights(
-        add_matrices(fresh, place_noise),
-        add_matrices(relative_cov, add_matrices(place_noise, place_bias)),
-        relative_cov,
-        _budget(propagation, noise, bias, (place_noise, place_bias)),
-        sqrt(level_variance),
+        noise_cov=add_matrices(fresh, place_noise),
+        cov=add_matrices(relative_cov, add_matrices(place_noise, place_bias)),
+        relative_cov=relative_cov,
+        budget=_budget(propagation, noise, bias, (place_noise, place_bias)),
+        level_sigma_m=sqrt(level_variance),
     )
 
 
 def _terms(
     propagation: Propagation, noise: NoiseVariances, bias: BiasVariances, meeting: Intersection
 ) -> tuple[Terms, Terms]:
-    """Of noise and of biases, all but the vehicle's place. What moves the point alike is one term."""
+    """The terms of noise and of biases without the vehicle's position; errors with the same column are one term."""
     roll, pitch, heading, mount_x, mount_y, mount_z, time, _, height, _, _, terrain = propagation.biases
     attitude = noise.attitude + noise.bridging
     of_noise = (
@@ -133,7 +144,7 @@ def _terms(
         (time, bias.time_offset + noise.readout_share * bias.readout),
         (height, bias.height),
     )
-    if meeting.height_by_rotation is not ZERO3:  # the vehicle's turn moves the point otherwise than the mount's
+    if meeting.height_by_rotation is not ZERO3:  # attitude and mount then have different columns
         turns = ((mount_x, bias.mount_x), (mount_y, bias.mount_y), (roll, bias.roll), (pitch, bias.pitch))
         of_biases = (*turns, *of_biases[2:])
     if meeting.surveyed:
@@ -142,7 +153,7 @@ def _terms(
 
 
 def _of_place(propagation: Propagation, noise: NoiseVariances, bias: BiasVariances) -> tuple[Matrix3, Matrix3]:
-    """Noise and bias of the vehicle's place; on level ground the point moves as the vehicle does."""
+    """The covariances by noise and by bias of the vehicle's position; on level ground the point moves with it."""
     *_, north, east, _ = propagation.biases
     if (north, east) == ALONG:
         return _diagonal(noise.place, noise.place), _diagonal(bias.north, bias.east)
@@ -157,7 +168,7 @@ def _diagonal(nn: float, ee: float) -> Matrix3:
 
 
 def _covariance(terms: Terms) -> Matrix3:
-    """The sum of variance times column column^T."""
+    """The sum of variance times column column^T over the terms."""
     nn = ne = nd = ee = ed = dd = 0.0
     for (n, e, d), variance in terms:
         wn, we = variance * n, variance * e
@@ -171,7 +182,7 @@ def _covariance(terms: Terms) -> Matrix3:
 
 
 def _level_covariance(terms: Terms) -> Matrix3:
-    """The same where nothing moves the point up or down: twice as fast, and the way of nearly every fix."""
+    """The same for columns without a down component: twice as fast, and the case of nearly every fix."""
     nn = ne = ee = 0.0
     for (n, e, _), variance in terms:
         w = variance * n
@@ -182,7 +193,7 @@ def _level_covariance(terms: Terms) -> Matrix3:
 
 
 def _raised(cov: Matrix3, variance: float) -> Matrix3:
-    """With more variance of down."""
+    """The covariance with ``variance`` added to the variance of down."""
     north, east, (dn, de, dd) = cov
     return (north, east, (dn, de, dd + variance))
 
@@ -209,5 +220,5 @@ def _budget(
 
 
 def _flat(column: Vector3) -> float:
-    """The square of a column's horizontal length."""
+    """The squared horizontal length of a column."""
     return column[0] * column[0] + column[1] * column[1]

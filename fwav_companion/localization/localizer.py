@@ -1,4 +1,4 @@
-"""From a sighting to a point on the ground that says how certain it is and why."""
+"""Ground fixes: the intersection of a sighting's ray with the ground, its covariance and its error budget."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from fwav_companion.localization.propagation import Propagation, propagate
 from fwav_companion.types import ErrorPriors, GroundFix, NoFix, Reason, Sighting
 
 LARGEST_STRETCH = 0.15
-"""One sigma of the ray's relative length by all angles together, beyond which a fix is refused as too shallow.
+"""Largest one sigma of the ray's relative length by all angle errors; beyond it a fix is refused as too shallow.
 
-With k this number the error is e (1 - k z + ...) for a normal z, instead of e: the mean lies off by at most k sigma
-along the ray, and the mean normalised square is 1 + 3 k^2, at most 7 % too large. So the bias of convexity is bounded
-by 0.15 of the claimed sigma, and a claimed 90 % ellipse still holds 88 %. With 1.2 degrees of angle in all, that is a
-descent of 8 degrees below the horizon."""
+Let k be this number. The error is then e (1 - k z + ...) for a normal z, instead of e. Its mean is off by at most k
+sigma along the ray, and its mean normalised square is 1 + 3 k^2, at most 7 % too large. So the bias by curvature is
+bounded by 0.15 of the claimed sigma, and a claimed 90 % ellipse still contains 88 %. For 1.2 degrees of angle error in
+all, the bound is a descent of 8 degrees below the horizon."""
 
 LEAST_TILT = 1e-3
-"""Of the ray against the ground's normal, radians: so near to it no ridge hides behind another."""
+"""Angle of the ray to the ground's normal, radians, below which no ridge can hide another."""
 
 
 class Localizer:
-    """Meets rays with one ground. Nothing is remembered but what the ground itself keeps."""
+    """Localizer over one ground model; without state but that of the ground."""
 
     def __init__(self, ground: Ground, priors: ErrorPriors, *, min_height_m: float) -> None:
         self.ground = ground
@@ -34,18 +34,18 @@ class Localizer:
         self._bias = bias_variances(priors)
 
     def home_moved(self, home_down_m: float) -> None:
-        """The home surface lies ``home_down_m`` below the world's origin from now on."""
+        """Set the home surface to ``home_down_m`` below the world's origin, metres."""
         self.ground.home_moved(home_down_m)
 
     def placed(self, plane: TangentPlane, take_off: Geodetic, undulation_m: float | None) -> str:
-        """The world has its origin, or the take-off place or the undulation is known better; what to tell, or ""."""
+        """Set the world's origin, the take-off place and the geoid undulation; the notice for people, or ""."""
         return self.ground.placed(plane, take_off, undulation_m)
 
     def locate(self, sighting: Sighting) -> GroundFix | NoFix:
-        """Where the sighting's ray meets the ground; in a relative world from the point below the camera."""
+        """The ground fix of a sighting, in a relative world about the point below the camera; or the reason why not."""
         try:
             answer = self._located(sighting)
-        except (OverflowError, ValueError, ZeroDivisionError):  # telemetry that is finite but beyond all reason
+        except (OverflowError, ValueError, ZeroDivisionError):  # finite but absurd telemetry
             return NoFix(Reason.NOT_FINITE)
         if isinstance(answer, GroundFix) and not _is_finite(answer):
             return NoFix(Reason.NOT_FINITE)
@@ -67,19 +67,19 @@ class Localizer:
             return NoFix(Reason.TOO_SHALLOW)
         weights = fix_covariance(propagation, noise, self._bias, meeting)
         return GroundFix(
-            sighting,
-            _point(meeting, direction),
-            weights.noise_cov,
-            propagation.biases,
-            weights.cov,
-            weights.relative_cov,
-            weights.budget,
-            meeting.ground,
-            weights.level_sigma_m,
+            sighting=sighting,
+            position_ned=_point(meeting, direction),
+            noise_cov=weights.noise_cov,
+            bias_jacobian=propagation.biases,
+            cov=weights.cov,
+            relative_cov=weights.relative_cov,
+            budget=weights.budget,
+            ground=meeting.ground,
+            level_sigma_m=weights.level_sigma_m,
         )
 
     def _stretch_variance(self, propagation: Propagation, noise: NoiseVariances) -> float:
-        """Of the ray's relative length, by everything that turns the ray."""
+        """The variance of the ray's relative length by every error that turns the ray."""
         bias, stretch = self._bias, propagation.stretch
         x, y, z = (s * s for s in stretch.body)
         u, v = stretch.pixel
@@ -97,7 +97,8 @@ class Localizer:
     def _is_smooth(self, sighting: Sighting, direction: Vector3, meeting: Intersection, stretch: float) -> bool:
         """Whether rays two sigma steeper and shallower meet the ground where a plane would, to one sigma.
 
-        They do not where a ridge or a step lies between: the error then has two humps, and no ellipse tells it.
+        They do not where a ridge or a step lies between. The error then has two modes, and an ellipse cannot describe
+        it.
         """
         axis = cross(direction, meeting.normal)
         tilt = norm(axis) / dot(meeting.normal, direction)
@@ -115,12 +116,12 @@ class Localizer:
 
 
 def _point(meeting: Intersection, direction: Vector3) -> Vector3:
-    """Where the ray ends; on level ground exactly at its level."""
+    """The end of the ray, NED; on level ground exactly at its level."""
     north, east, down = add(meeting.camera_ned, scale(direction, meeting.distance_m))
     return (north, east, meeting.camera_ned[2] + meeting.height_m if meeting.normal is LEVEL_NORMAL else down)
 
 
 def _is_finite(fix: GroundFix) -> bool:
-    """An infinity or a NaN anywhere in the columns makes a sum of squares that is none."""
+    """Whether position and variances are finite; an infinity or NaN in a column makes its variances so."""
     (north, east, down), (nn, _, _), (_, ee, _), (_, _, dd) = fix.position_ned, *fix.cov
     return isfinite(north + east + down + nn + ee + dd)

@@ -1,14 +1,22 @@
-"""How every error of a sighting moves the point where its ray meets the ground: columns of derivatives.
+"""Derivatives of the ground point with respect to every error of a sighting: columns of its Jacobian.
 
-A point is p = c + s d: the camera, the distance, the unit ray. With n the ground's normal and m = n / (n . d), a change
-x of the ray moves it by s (x - (m . x) d), and a change y of the camera by y - (m . y) d: along the ray, back to the
-surface. A small rotation w of what carries the ray changes it by w x d, and the distance by the fraction w . (d x m).
+The point is p = c + s d with the camera c, the distance s and the unit ray d. Let n be the ground's normal and
+m = n / (n . d). A change x of the ray moves the point by s (x - (m . x) d), a change y of the camera by y - (m . y) d:
+the second term is the way along the ray back to the surface. A small rotation w of the carrier changes the ray by
+w x d, and the distance by the fraction w . (d x m). In numpy, with P = I - outer(d, m)::
 
-On level ground nothing moves a point up or down, and the columns say so exactly, not to rounding: filters take them
-for what they are.
+    by_ray      = s * P                       # d(point)/d(ray)
+    by_place    = P                           # d(point)/d(camera)
+    by_rotation = s * P @ -skew(d)            # d(point)/d(rotation vector of the carrier, NED)
+    time        = by_rotation @ ned_from_carrier @ rates + P @ velocity
 
-Left out: that the camera's centre turns with the vehicle about its own point of reference. A lever of 0.3 m and one
-degree are 5 mm.
+tests/benchmarks/naive_fix.py has the whole fix in this form.
+
+On level ground no error moves the point up or down. The columns are then exactly zero, not zero to rounding, because
+filters use that.
+
+Neglected: the camera turns with the vehicle about the vehicle's reference point. A lever of 0.3 m and 1 degree make
+5 mm.
 """
 
 from __future__ import annotations
@@ -39,46 +47,46 @@ ALONG: Columns = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 
 
 class RangeSensitivity(msgspec.Struct, frozen=True, gc=False):
-    """The relative change of the ray's length per unit of each error that turns the ray: all that is not linear."""
+    """Relative change of the ray's length per unit of each error that turns the ray: the nonlinearity of the fix."""
 
     body: Vector3
-    """Per radian about the axes of the body, or of the gimbal that carries the camera."""
+    """Change per radian about the axes of the body, or of the gimbal that carries the camera."""
     heading: float
-    """Per radian about down."""
+    """Change per radian about down."""
     pixel: tuple[float, float]
-    """Per pixel of u and v."""
+    """Change per pixel of u and of v."""
     time: float
-    """Per second."""
+    """Change per second."""
 
 
 class Propagation(msgspec.Struct, frozen=True, gc=False):
-    """Derivatives of the point, NED, by every error: estimate minus truth per unit."""
+    """Derivatives of the point, NED, with respect to every error: estimate minus truth per unit."""
 
     pixel_u: Vector3
-    """Per pixel."""
+    """d(point)/du, metres per pixel."""
     pixel_v: Vector3
+    """d(point)/dv, metres per pixel."""
     biases: Columns
-    """By :class:`Bias`."""
+    """One column for each :class:`Bias`."""
     stretch: RangeSensitivity
 
 
 def propagate(sighting: Sighting, direction: Vector3, meeting: Intersection) -> Propagation:
-    """The columns at the meeting of the unit ray ``direction``, NED, with the ground."""
+    """The derivatives at the intersection of the unit ray ``direction``, NED, with the ground."""
     m = scale(meeting.normal, 1.0 / dot(meeting.normal, direction))
-    deeper = scale(direction, m[2])  # a metre more between the camera and the ground's level
+    deeper = scale(direction, m[2])  # d(point)/d(height of the camera above the ground)
     turned = cross(direction, m)
     by_rotation = _by_rotation(direction, turned, meeting)
     body_axes = transpose(matrix_from_quaternion(sighting.state.ned_from_carrier))
     x_axis, y_axis, z_axis = body_axes
     roll, pitch, yaw = transform(by_rotation, x_axis), transform(by_rotation, y_axis), transform(by_rotation, z_axis)
     heading = (by_rotation[0][2], by_rotation[1][2], by_rotation[2][2])
-    # The true mount is Exp(bias) times the configured one, so the estimate is turned the other way.
+    # The true mount is Exp(bias) times the configured one, so the estimate turns the other way.
     mount_x, mount_y, mount_z = scale(roll, -1.0), scale(pitch, -1.0), scale(yaw, -1.0)
     height = _by_height(sighting, meeting, deeper)
     lift = meeting.height_by_rotation
-    if (
-        lift is not ZERO3 and sighting.state.gimbal is None
-    ):  # a beam turns with the vehicle, and the height changes with it
+    # A beam on the body turns with the body, and the measured height changes; a gimbal's attitude does not turn it.
+    if lift is not ZERO3 and sighting.state.gimbal is None:
         roll, pitch, yaw = (
             add(turn, scale(height, dot(axis, lift))) for turn, axis in zip((roll, pitch, yaw), body_axes, strict=True)
         )
@@ -101,7 +109,10 @@ def propagate(sighting: Sighting, direction: Vector3, meeting: Intersection) -> 
 
 
 def _by_rotation(d: Vector3, turned: Vector3, meeting: Intersection) -> Matrix3:
-    """D(point)/d(rotation vector, NED) of the ray; on level ground no rotation moves the point up or down."""
+    """The derivative s P (-skew(d)) of the point with respect to a rotation vector of the ray, NED.
+
+    On level ground the down row is exactly zero.
+    """
     (x, y, z), (tx, ty, tz), s = d, turned, meeting.distance_m
     return (
         (s * (-x * tx), s * (z - x * ty), s * (-y - x * tz)),
@@ -111,17 +122,17 @@ def _by_rotation(d: Vector3, turned: Vector3, meeting: Intersection) -> Matrix3:
 
 
 def _by_ray(x: Vector3, d: Vector3, meeting: Intersection, m: Vector3) -> tuple[Vector3, float]:
-    """The point's change with a change x of the ray, and the stretch that comes with it."""
+    """(s P x, relative change of the distance): the derivatives along a change x of the ray."""
     along, s = m[0] * x[0] + m[1] * x[1] + m[2] * x[2], meeting.distance_m
     return (s * (x[0] - along * d[0]), s * (x[1] - along * d[1]), s * (x[2] - along * d[2])), -along
 
 
 def _by_time(sighting: Sighting, d: Vector3, meeting: Intersection, m: Vector3, turns: Columns) -> Vector3:
-    """The point's change with a second of the vehicle's motion. A velocity that is not told counts as none."""
+    """The derivative of the point with respect to time by rates and velocity; an unknown velocity counts as zero."""
     (p, q, r), velocity = sighting.state.carrier_rates, sighting.state.velocity_ned
     (x0, x1, x2), (y0, y1, y2), (z0, z1, z2) = turns
     north, east, down = velocity or ZERO3
-    if sighting.relative:  # the world goes along with the vehicle; only its height changes
+    if sighting.relative:  # the world moves with the vehicle; only its height changes
         north, east, down = 0.0, 0.0, 0.0 if meeting.carried else down
     along = 0.0 if meeting.carried else m[0] * north + m[1] * east + m[2] * down
     level = meeting.normal is LEVEL_NORMAL and not meeting.carried
@@ -133,14 +144,18 @@ def _by_time(sighting: Sighting, d: Vector3, meeting: Intersection, m: Vector3, 
 
 
 def _by_height(sighting: Sighting, meeting: Intersection, deeper: Vector3) -> Vector3:
-    """A metre too much between camera and ground: the camera is told too high, unless the ground is told from it."""
+    """The derivative of the point with respect to the camera's height above the ground.
+
+    The point moves along the ray. Unless the ground is known by its distance from the camera, a height error is an
+    error of the camera's altitude, so the camera itself is 1 m too high for each metre.
+    """
     if meeting.carried and not sighting.relative:
         return deeper
     return (deeper[0], deeper[1], 0.0 if meeting.normal is LEVEL_NORMAL else deeper[2] - 1.0)
 
 
 def _by_place(sighting: Sighting, d: Vector3, meeting: Intersection, m: Vector3) -> Columns:
-    """On level ground the point goes where the vehicle goes; in a relative world the vehicle has no place."""
+    """The derivatives P[:, :2] with respect to the vehicle's north and east position; zero in a relative world."""
     if sighting.relative:
         return NOWHERE
     if meeting.normal is LEVEL_NORMAL:

@@ -34,7 +34,7 @@ class RangefinderGround:
         """Number of rays intersected with the home surface, by reason."""
 
     def home_moved(self, home_down_m: float) -> None:
-        """Set the depth of the home surface, which stands in for missing readings."""
+        """Set the depth of the home surface, which replaces missing readings."""
         self._home.home_moved(home_down_m)
 
     def placed(self, plane: TangentPlane, take_off: Geodetic, undulation_m: float | None) -> str:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 from true_flights import PRIORS, STEPS, Noise, Scene
 
@@ -60,6 +61,28 @@ def test_every_bias_moves_the_answer_as_its_column_says(scene):
     localizer = home()
     fix = localizer.locate(scene.sighting())
     assert np.array(fix.bias_jacobian) == pytest.approx(differences(localizer, scene), rel=1e-5, abs=1e-6)
+
+
+@every_scene
+def test_the_columns_are_their_numpy_form(scene):
+    """The readable form in the docstring of localization's propagation, on level ground."""
+    sighting = scene.sighting()
+    ned_from_camera = np.array(sighting.ned_from_camera)
+    d = ned_from_camera @ sighting.ray.direction
+    s, m = scene.height_m / d[2], np.array([0.0, 0.0, 1.0 / d[2]])
+    skew = np.array([[0.0, -d[2], d[1]], [d[2], 0.0, -d[0]], [-d[1], d[0], 0.0]])
+    P = np.eye(3) - np.outer(d, m)
+    by_rotation = s * P @ -skew
+    w, *xyz = sighting.state.ned_from_body
+    ned_from_body = Rotation.from_quat([*xyz, w]).as_matrix()
+    velocity = np.array(scene.velocity) * ([0.0, 0.0, 1.0] if scene.relative else 1.0)
+
+    columns = np.array(home().locate(sighting).bias_jacobian).T
+    assert columns[:, :2] == pytest.approx((by_rotation @ ned_from_body)[:, :2], abs=1e-9)
+    assert columns[:, Bias.HEADING] == pytest.approx(by_rotation[:, 2], abs=1e-9)
+    assert columns[:, 3:6] == pytest.approx(-by_rotation @ ned_from_body, abs=1e-9)
+    assert columns[:, 6] == pytest.approx(by_rotation @ ned_from_body @ scene.rates + P @ velocity, abs=1e-9)
+    assert columns[:, 9:11] == pytest.approx(0.0 * P[:, :2] if scene.relative else P[:, :2], abs=1e-9)
 
 
 @every_scene
