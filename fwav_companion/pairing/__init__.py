@@ -1,9 +1,14 @@
-"""Detections placed in time and on the vehicle. PURE: telemetry is handed in behind a small protocol."""
+"""Detections to sightings: the capture time of each detection's row, and the vehicle's state at that time. Pure.
 
-from fwav_companion.pairing.pairer import PairedFrame, Pairer, RefusedFrame
+:class:`WaitingFrames` holds a frame until attitudes after its capture have arrived. :class:`Pairer` then converts it to
+a :class:`PairedFrame` or refuses it. Telemetry is passed in behind the protocol :class:`VehicleSource`.
+"""
+
+from fwav_companion.pairing.paired_frame import CameraView, PairedFrame, RefusedFrame, sees_nothing
+from fwav_companion.pairing.pairer import Pairer
+from fwav_companion.pairing.placement import scaling_from_size
 from fwav_companion.pairing.protocols import VehicleSource
 from fwav_companion.pairing.timing import CameraTiming, StampRule
-from fwav_companion.pairing.view import CameraView, sees_nothing
 from fwav_companion.pairing.waiting import WaitingFrames
 
 __all__ = [
@@ -15,5 +20,6 @@ __all__ = [
     "StampRule",
     "VehicleSource",
     "WaitingFrames",
+    "scaling_from_size",
     "sees_nothing",
 ]

@@ -1,4 +1,4 @@
-"""Detection + vehicle -> Sighting, or the reason why not."""
+"""Pairing: a detection and the vehicle's state at the capture of its row make a sighting, or a named refusal."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import msgspec
 from fwav_companion.geometry.rotations import matrix_from_quaternion
 from fwav_companion.geometry.stamps import BootNs, HostNs
 from fwav_companion.geometry.vectors import ZERO3, Matrix3, Vector3, add, multiply, transform
-from fwav_companion.pairing.placement import FramePlacer, both_clocks
+from fwav_companion.pairing.paired_frame import CameraView, PairedFrame, RefusedFrame
+from fwav_companion.pairing.placement import FramePlacer, Placement, both_clocks
 from fwav_companion.pairing.protocols import TwoClocks, VehicleSource
 from fwav_companion.pairing.timing import CameraTiming, RowClock
-from fwav_companion.pairing.view import CameraView
 from fwav_companion.types import (
     Detection,
     Frame,
@@ -28,50 +28,29 @@ from fwav_companion.types import (
 )
 
 
-class PairedFrame(msgspec.Struct, frozen=True):
-    """One frame that was placed in time."""
-
-    number: int
-    """Its own, or counted."""
-    host_ns: HostNs
-    """Capture of row 0, host clock."""
-    boot_ns: BootNs
-    """The same on the autopilot's."""
-    state: VehicleState | Unpaired
-    """The vehicle then."""
-    view: CameraView | None
-    """The camera then; None where it could not be placed. In a relative world it stands on the height above home,
-    where that is known; whoever knows the height better replaces it."""
-    sightings: tuple[Sighting, ...]
-    refused: tuple[tuple[int, Reason, float | None], ...]
-    """Of the other detections: index, reason, and the gap to the nearest attitude in seconds where it is known."""
-
-
-class CapturedRow(msgspec.Struct, frozen=True, gc=False):
-    """One detection's row in time."""
+class CapturedRow(msgspec.Struct, frozen=True, gc=False, kw_only=True):
+    """The row of one detection in time."""
 
     frame: int
+    """Frame number."""
     index: int
-    """Of the detection in its frame."""
+    """Index of the detection in its frame."""
     first_host_ns: HostNs
-    """Capture of row 0."""
+    """Capture of row 0, host clock."""
+    first_boot_ns: BootNs
+    """Capture of row 0, autopilot clock."""
     since_first_ns: int
-    """Until this row's."""
-
-
-class RefusedFrame(msgspec.Struct, frozen=True):
-    """A frame that is refused whole."""
-
-    number: int | None
-    reason: Reason
-    detections: int
-    """How many it held."""
+    """Time from the capture of row 0 to that of this row."""
+    fraction: float
+    """d(capture)/d(Bias.READOUT), as :attr:`Sighting.row_fraction`."""
+    clock_sigma_s: float
+    """One sigma of the clock offset that the stamp needed, seconds."""
 
 
 class Pairer:
-    """Places every detection of a frame at the instant its own row was exposed.
+    """Pairs every detection of a frame with the vehicle at the instant at which its row was exposed.
 
-    What frames have shown (duplicates, their rate) is remembered by the :class:`FramePlacer`; the rest is handed in.
+    :class:`FramePlacer` keeps the history of frames (duplicates, frame rate); the rest is passed in.
     """
 
     def __init__(
@@ -97,67 +76,78 @@ class Pairer:
 
     @property
     def time_offset_s(self) -> float:
-        """How late stamps are taken to come."""
+        """The time offset of the stamps in use, seconds; positive: stamps come late."""
         return self._rows.time_offset_s
 
     @property
     def readout_s(self) -> float:
-        """In use now: as configured, or half the median frame interval."""
+        """The readout time in use, seconds: as configured, else half the median frame interval."""
         return self._rows.readout_s
 
     @property
     def readout_sigma_s(self) -> float:
-        """One sigma of it, one bias through a flight; 0 where it is configured."""
+        """One sigma of the readout time, one bias through a flight, seconds; 0 where it is configured."""
         return self._rows.readout_sigma_s
 
-    def recalibrate(self, body_from_camera: Matrix3, time_offset_s: float) -> None:
-        """Take what self-calibration found, for frames from now on."""
-        self.body_from_camera = body_from_camera
-        self._rows.set_time_offset(time_offset_s)
-
     def attitude_needed_until(self, frame: Frame, clock: TwoClocks) -> BootNs | None:
-        """What attitudes should reach before the frame is paired (:meth:`FramePlacer.needs_until`)."""
+        """The autopilot instant that attitudes should reach before pairing (:meth:`FramePlacer.needs_until`)."""
         return self._frames.attitude_needed_until(frame, clock)
 
     def assumed_arrival(self, frame: Frame, clock: TwoClocks) -> HostNs | Unpaired:
-        """When a recorded frame came that does not tell (:meth:`FramePlacer.arrival_untold`)."""
+        """Assumed arrival time of a recorded frame without ``received_unix`` (:meth:`FramePlacer.arrival_untold`)."""
         return self._frames.assumed_arrival(frame, clock)
 
     def pair(self, frame: Frame, vehicle: VehicleSource) -> PairedFrame | RefusedFrame:
-        """Place the frame and everything seen in it."""
+        """The frame on both clocks with its sightings, or the reason why it is refused."""
         placed = self._frames.place(frame, vehicle.clock)
         if isinstance(placed, Reason):
             return RefusedFrame(frame.number, placed, len(frame.detections))
-        timing, host_ns, boot_ns = placed.timing, placed.host_ns, placed.boot_ns
         number = self._last_number = self._last_number + 1 if frame.number is None else frame.number
-        clock_sigma_s = 0.0 if frame.stamp_clock is StampClock.BOOT else vehicle.clock.estimate(host_ns).sigma_s
-        state = vehicle.state_at(boot_ns)
+        clock_sigma_s = 0.0 if frame.stamp_clock is StampClock.BOOT else vehicle.clock.estimate(placed.host_ns).sigma_s
+        state = vehicle.state_at(placed.boot_ns)
         view = None if isinstance(state, Unpaired) else self._outlook(state, relative=vehicle.world.relative)
         sightings: list[Sighting] = []
         refused: list[tuple[int, Reason, float | None]] = []
-        by_readout = self._rows.readout_scale
         for index, raw in enumerate(frame.detections):
             detection = placed.scaling.detection(raw)
-            seen = self._look(detection)
-            if isinstance(seen, Reason):
-                refused.append((index, seen, None))
+            ray = self._look(detection)
+            if isinstance(ray, Reason):
+                refused.append((index, ray, None))
                 continue
-            row = CapturedRow(number, index, host_ns, timing.capture_ns(detection.v) - timing.first_row_ns)
-            told = self._sighting(
-                row, boot_ns, by_readout * timing.row_fraction(detection.v), detection, seen, clock_sigma_s, vehicle
-            )
-            if isinstance(told, Unpaired):
-                refused.append((index, told.reason, told.gap_s))
+            row = self._row(placed, detection.v, number=number, index=index, clock_sigma_s=clock_sigma_s)
+            sighting = self._sighting(row, detection, ray, vehicle)
+            if isinstance(sighting, Unpaired):
+                refused.append((index, sighting.reason, sighting.gap_s))
             else:
-                sightings.append(told)
-        return PairedFrame(number, host_ns, boot_ns, state, view, tuple(sightings), tuple(refused))
+                sightings.append(sighting)
+        return PairedFrame(
+            number=number,
+            host_ns=placed.host_ns,
+            boot_ns=placed.boot_ns,
+            state=state,
+            view=view,
+            sightings=tuple(sightings),
+            refused=tuple(refused),
+        )
+
+    def _row(self, placed: Placement, v: float, *, number: int, index: int, clock_sigma_s: float) -> CapturedRow:
+        timing = placed.timing
+        return CapturedRow(
+            frame=number,
+            index=index,
+            first_host_ns=placed.host_ns,
+            first_boot_ns=placed.boot_ns,
+            since_first_ns=timing.capture_ns(v) - timing.first_row_ns,
+            fraction=self._rows.readout_scale * timing.row_fraction(v),
+            clock_sigma_s=clock_sigma_s,
+        )
 
     def look_at(
-        self, u: float, v: float, sigma_px: float | None, host_ns: HostNs, vehicle: VehicleSource
+        self, u: float, v: float, *, sigma_px: float | None, host_ns: HostNs, vehicle: VehicleSource
     ) -> Sighting | Unpaired:
-        """The ground ray under a pixel at this host instant, whatever its row: what an operator's click means.
+        """The sighting of a pixel at this host instant, for an operator's click; the row is not considered.
 
-        ``sigma_px`` None: as sharp as a detection that brings no sigma of its own.
+        ``sigma_px`` None: the sigma of a detection that brings none.
         """
         detection = Detection(u=u, v=v, sigma=None if sigma_px is None else (sigma_px, sigma_px))
         ray = self._ray(detection)
@@ -166,21 +156,22 @@ class Pairer:
         both = both_clocks(host_ns, StampClock.HOST, vehicle.clock)
         if isinstance(both, Unpaired):
             return both
-        clock_sigma_s = vehicle.clock.estimate(host_ns).sigma_s
-        return self._sighting(CapturedRow(-1, 0, host_ns, 0), both[1], 0.5, detection, ray, clock_sigma_s, vehicle)
+        row = CapturedRow(
+            frame=-1,
+            index=0,
+            first_host_ns=host_ns,
+            first_boot_ns=both[1],
+            since_first_ns=0,
+            fraction=0.5,
+            clock_sigma_s=vehicle.clock.estimate(host_ns).sigma_s,
+        )
+        return self._sighting(row, detection, ray, vehicle)
 
     def _sighting(
-        self,
-        row: CapturedRow,
-        boot_ns: BootNs,
-        row_fraction: float,
-        detection: Detection,
-        ray: Ray,
-        clock_sigma_s: float,
-        vehicle: VehicleSource,
+        self, row: CapturedRow, detection: Detection, ray: Ray, vehicle: VehicleSource
     ) -> Sighting | Unpaired:
-        """The detection with the vehicle as it was when the row was exposed; ``boot_ns`` is that of row 0."""
-        at = vehicle.state_at(BootNs(boot_ns + row.since_first_ns))
+        """The detection with the state of the vehicle at the capture of its row, or the reason why not."""
+        at = vehicle.state_at(BootNs(row.first_boot_ns + row.since_first_ns))
         if isinstance(at, Unpaired):
             return at
         if isinstance(at.gimbal, Reason):
@@ -196,8 +187,8 @@ class Pairer:
             detection=detection,
             ray=ray,
             pixel_sigma=detection.sigma or self._pixel_sigma,
-            row_fraction=row_fraction,
-            time_noise_s=hypot(clock_sigma_s, at.stamp_sigma_s),
+            row_fraction=row.fraction,
+            time_noise_s=hypot(row.clock_sigma_s, at.stamp_sigma_s),
             state=at,
             body_from_camera=self.body_from_camera,
             ned_from_camera=seen_from.ned_from_camera,
@@ -207,7 +198,7 @@ class Pairer:
         )
 
     def _look(self, detection: Detection) -> Ray | Reason:
-        """The ray of a detection, or why it is refused whatever the vehicle did."""
+        """The ray of a detection, or the reason for its refusal; independent of the vehicle."""
         if not _finite(detection):
             return Reason.NOT_FINITE
         if detection.score is not None and not detection.score >= self._min_score:
@@ -224,7 +215,7 @@ class Pairer:
         return ray.reason if isinstance(ray, NoRay) else ray
 
     def _view(self, state: VehicleState, *, relative: bool | None) -> CameraView | None:
-        """The camera at this state; None where its place is expected and not known, or its gimbal's attitude is not."""
+        """The camera at this state; None where an expected position or the gimbal's attitude is not known."""
         if isinstance(state.gimbal, Reason):
             return None
         ned_from_camera = multiply(matrix_from_quaternion(state.ned_from_carrier), self.body_from_camera)
@@ -236,7 +227,7 @@ class Pairer:
         return CameraView(self.lens, ned_from_camera, add(state.position_ned, arm_ned))
 
     def _outlook(self, state: VehicleState, *, relative: bool | None) -> CameraView | None:
-        """The camera in the world that tracks live in: a relative one has its zero on the ground below the camera."""
+        """The camera in the frame of the tracks: a relative world has its origin on the ground below the camera."""
         view = self._view(state, relative=relative)
         if view is None or not relative:
             return view

@@ -1,4 +1,7 @@
-"""A frame placed in time, or refused whole: too late, from the future, seen before, of another camera."""
+"""Frames in time and in the pixels of the calibration, or refused as a whole.
+
+A frame is refused if it is too late, from the future, a duplicate, or of another aspect ratio than the calibration.
+"""
 
 from __future__ import annotations
 
@@ -6,46 +9,100 @@ import msgspec
 
 from fwav_companion.geometry.stamps import BootNs, HostNs
 from fwav_companion.pairing.protocols import TwoClocks
-from fwav_companion.pairing.scaling import Scaling, scaling_from_size
 from fwav_companion.pairing.timing import FrameTiming, RowClock
-from fwav_companion.types import Frame, Reason, StampClock, Unpaired
+from fwav_companion.types import Corners, Detection, Frame, Reason, StampClock, Unpaired
 
 MOST_DETECTIONS = 256
-"""In one frame."""
+"""Detections in one frame."""
 FUTURE_SLACK_NS = 5_000_000
 FUTURE_SIGMAS = 3.0
-"""A capture may lie so far after the arrival: what clocks and stamps leave open."""
+"""Largest time of a capture after the arrival: a fixed part, and sigmas of the clock."""
 LATEST_NS = 500_000_000
-"""The reorder window: older than this at its arrival, a frame has nowhere to go."""
+"""The reorder window: the age of a frame at its arrival beyond which it cannot be inserted."""
 FRAMES_REMEMBERED = 256
-"""For telling duplicates: half a second of any camera."""
+"""Frames kept to detect duplicates: half a second of any camera."""
+
+
+class Scaling(msgspec.Struct, frozen=True, gc=False):
+    """Scale from the pixels of a frame to those of the calibration; pixel centres are integers, the edge is -0.5."""
+
+    horizontal: float
+    """Calibration pixels per frame pixel, horizontally."""
+    vertical: float
+    """Calibration pixels per frame pixel, vertically."""
+
+    def detection(self, raw: Detection) -> Detection:
+        """The detection in pixels of the calibration."""
+        if self.horizontal == self.vertical == 1.0:
+            return raw
+        h, v = self.horizontal, self.vertical
+        box = raw.box
+        return Detection(
+            u=_scaled(raw.u, h),
+            v=_scaled(raw.v, v),
+            sigma=None if raw.sigma is None else (raw.sigma[0] * h, raw.sigma[1] * v),
+            label=raw.label,
+            score=raw.score,
+            box=None
+            if box is None
+            else (_scaled(box[0], h), _scaled(box[1], v), _scaled(box[2], h), _scaled(box[3], v)),
+            detector_id=raw.detector_id,
+            corners=None if raw.corners is None else self._corners(raw.corners),
+        )
+
+    def _corners(self, raw: Corners) -> Corners:
+        first, second, third, fourth = ((_scaled(u, self.horizontal), _scaled(v, self.vertical)) for u, v in raw)
+        return (first, second, third, fourth)
+
+
+def scaling_from_size(size: tuple[int, int] | None, calibrated: tuple[int, int]) -> Scaling | Reason:
+    """The scale from a frame's image size to the calibration's.
+
+    WRONG_SIZE where the aspect ratios differ by more than the rounding to whole pixels.
+    """
+    if size is None or size == calibrated:
+        return Scaling(1.0, 1.0)
+    width, height = size
+    if width <= 0 or height <= 0:
+        return Reason.WRONG_SIZE
+    horizontal, vertical = calibrated[0] / width, calibrated[1] / height
+    if abs(height - calibrated[1] / horizontal) >= 1.0 and abs(width - calibrated[0] / vertical) >= 1.0:
+        return Reason.WRONG_SIZE
+    return Scaling(horizontal, vertical)
+
+
+def _scaled(pixel: float, scale: float) -> float:
+    return scale * (pixel + 0.5) - 0.5
 
 
 class Placement(msgspec.Struct, frozen=True, gc=False):
-    """Where a frame's rows lie in time."""
+    """The rows of a frame in time, and its scale to the calibration."""
 
     timing: FrameTiming
+    """Capture of each row, clock of the stamp."""
     scaling: Scaling
+    """Scale to the pixels of the calibration."""
     host_ns: HostNs
     """Capture of row 0, host clock."""
     boot_ns: BootNs
-    """The same on the autopilot's."""
+    """Capture of row 0, autopilot clock."""
 
 
 class FramePlacer:
-    """Places frames. It remembers those that it has seen, and has an unknown readout learned from their rate."""
+    """Places frames in time. It keeps their identities and lets the row clock learn the frame rate."""
 
     __slots__ = ("_image_size", "_rows", "_seen")
 
     def __init__(self, image_size: tuple[int, int], rows: RowClock) -> None:
-        """``image_size``: of the calibration."""
+        """``image_size``: image size of the calibration."""
         self._image_size = image_size
         self._rows = rows
         self._seen: dict[tuple[object, ...], None] = {}
 
     def attitude_needed_until(self, frame: Frame, clock: TwoClocks) -> BootNs | None:
-        """The autopilot's instant of the latest row in which something was seen, and of row 0, which attitudes should
-        reach; None where it is not known. What was exposed later than that holds nothing up.
+        """The latest capture of row 0 and of the rows with detections, autopilot clock; None where it is not known.
+
+        Attitudes should reach this instant before the frame is paired. Rows without detections are not waited for.
         """
         timing, height = self._timing_of(frame), self._image_size[1]
         scale = 1.0 if frame.size is None else height / max(1, frame.size[1])
@@ -57,14 +114,14 @@ class FramePlacer:
         return None if isinstance(boot_ns, Unpaired) else boot_ns
 
     def assumed_arrival(self, frame: Frame, clock: TwoClocks) -> HostNs | Unpaired:
-        """When a recorded frame without an arrival is taken to have come: its last capture, or its stamp if later."""
+        """Assumed arrival of a recorded frame without ``received_unix``: its last capture, or its stamp if later."""
         latest_ns = max(self._timing_of(frame).latest_ns, frame.stamp_ns)
         if frame.stamp_clock is StampClock.BOOT:
             return clock.host_from_boot(BootNs(latest_ns))
         return HostNs(latest_ns)
 
     def place(self, frame: Frame, clock: TwoClocks) -> Placement | Reason:
-        """The frame's rows in time, or why it is refused whole."""
+        """The placement of a frame, or the reason why it is refused as a whole."""
         if len(frame.detections) > MOST_DETECTIONS:
             return Reason.TOO_MANY_DETECTIONS
         scaling = scaling_from_size(frame.size, self._image_size)
@@ -92,9 +149,9 @@ class FramePlacer:
         return self._rows.place(frame.stamp_ns, frame.exposure_s, self._image_size[1])
 
 
-def both_clocks(instant_ns: int, told_on: StampClock, clock: TwoClocks) -> tuple[HostNs, BootNs] | Unpaired:
-    """An instant on the host's clock and on the autopilot's; or why there is no telling."""
-    if told_on is StampClock.BOOT:
+def both_clocks(instant_ns: int, stamp_clock: StampClock, clock: TwoClocks) -> tuple[HostNs, BootNs] | Unpaired:
+    """An instant of ``stamp_clock`` on both clocks, or the reason why the other clock is not known."""
+    if stamp_clock is StampClock.BOOT:
         host_ns = clock.host_from_boot(BootNs(instant_ns))
         return host_ns if isinstance(host_ns, Unpaired) else (host_ns, BootNs(instant_ns))
     boot_ns = clock.boot_from_host(HostNs(instant_ns))
@@ -102,15 +159,16 @@ def both_clocks(instant_ns: int, told_on: StampClock, clock: TwoClocks) -> tuple
 
 
 def _untimely(capture_ns: HostNs, arrival_ns: HostNs, clock: TwoClocks) -> Reason | None:
+    """FROM_THE_FUTURE, TOO_LATE, or None for a capture at a plausible time before the arrival."""
     early_ns = capture_ns - arrival_ns
-    if early_ns > FUTURE_SLACK_NS:  # hardly ever: the clock is asked only then
+    if early_ns > FUTURE_SLACK_NS:  # rare: the clock is evaluated only then
         sigma_ns = clock.estimate(arrival_ns).sigma_s * 1e9
         return Reason.FROM_THE_FUTURE if early_ns > FUTURE_SLACK_NS + FUTURE_SIGMAS * sigma_ns else None
     return Reason.TOO_LATE if -early_ns > LATEST_NS else None
 
 
 def _identity(frame: Frame) -> tuple[object, ...]:
-    """What a second copy of this frame would have in common with it: unnumbered ones, also what was seen."""
+    """The key by which a duplicate is detected: number and stamp, without a number the detections instead."""
     if frame.number is not None:
         return (frame.number, frame.stamp_clock, frame.stamp_ns)
     return (frame.stamp_clock, frame.stamp_ns, frame.detections)

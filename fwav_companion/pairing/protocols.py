@@ -1,4 +1,4 @@
-"""What pairing asks of telemetry; the pipeline hands it in."""
+"""Protocols of the telemetry that pairing uses; the pipeline passes telemetry in."""
 
 from __future__ import annotations
 
@@ -9,39 +9,39 @@ from fwav_companion.types import ClockEstimate, Unpaired, VehicleState
 
 
 class TwoClocks(Protocol):
-    """Host time and autopilot time in terms of one another."""
+    """The conversion between host clock and autopilot clock."""
 
     def host_from_boot(self, boot_ns: BootNs) -> HostNs | Unpaired:
-        """The host's instant, or NO_CLOCK."""
+        """The host instant of an autopilot instant, or NO_CLOCK."""
 
     def boot_from_host(self, host_ns: HostNs) -> BootNs | Unpaired:
-        """The autopilot's instant, or NO_CLOCK."""
+        """The autopilot instant of a host instant, or NO_CLOCK."""
 
     def estimate(self, now: HostNs) -> ClockEstimate:
-        """How well they are known."""
+        """The estimate of the clock offset with its uncertainty."""
 
 
 class LocalWorld(Protocol):
-    """Where positions are told."""
+    """The local frame of positions."""
 
     @property
     def relative(self) -> bool | None:
-        """Targets are relative to the point below the camera; None while that is not decided."""
+        """Whether targets are relative to the point below the camera; None while that is undecided."""
 
 
 class VehicleSource(Protocol):
-    """A vehicle that can be asked where it was."""
+    """The vehicle's states over time."""
 
     @property
     def clock(self) -> TwoClocks:
-        """Its clock."""
+        """The clocks of host and autopilot."""
 
     @property
     def world(self) -> LocalWorld:
-        """Its world."""
+        """The local frame of the vehicle's positions."""
 
     def state_at(self, boot_ns: BootNs) -> VehicleState | Unpaired:
-        """The vehicle at this instant, or why that is not known."""
+        """The state of the vehicle at this instant, or the reason why it is not known."""
 
     def ready_for(self, boot_ns: BootNs) -> bool:
-        """Waiting longer makes the state at this instant no better."""
+        """Whether waiting longer cannot improve the state at this instant."""

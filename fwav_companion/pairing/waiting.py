@@ -1,4 +1,4 @@
-"""Frames that wait, bounded, for the attitudes after their capture, so that these are interpolated."""
+"""The queue of frames that wait for attitudes after their capture, so that attitudes are interpolated. Bounded."""
 
 from __future__ import annotations
 
@@ -9,26 +9,27 @@ from fwav_companion.pairing.protocols import VehicleSource
 from fwav_companion.types import Frame
 
 LEAST_PATIENCE_NS = 150_000_000
-"""After its coming: three attitudes at 25 Hz, the slowest stream that carries flapping, and the way they travel."""
+"""Least wait after the arrival: three attitudes at 25 Hz, the slowest stream that resolves flapping, and transport."""
 LONGEST_WAIT_NS = 400_000_000
-"""After its coming: one attitude at 4 Hz, which is what a ground station asks for, and the way it travels."""
+"""Longest wait after the arrival: one attitude at 4 Hz, the usual request of a ground station, and transport."""
 LONGEST_AGE_NS = 430_000_000
-"""Of what was seen, unless that cuts the patience: half a second after its capture a frame's lines are written."""
+"""Longest wait after the capture, unless that is below the least wait: lines are written 0.5 s after the capture."""
 MOST_WAITING = 64
-"""150 ms of a camera at 400 frames/s, 400 ms of one at 160; of more, the oldest goes on at once."""
+"""Frames in the queue: 150 ms at 400 frames/s, 400 ms at 160; a further frame releases the oldest at once."""
 
 
 class Waiting(msgspec.Struct, frozen=True):
-    """A frame and what it waits for."""
+    """A frame in the queue."""
 
     frame: Frame
     until_boot_ns: BootNs | None
-    """The attitudes must reach beyond this instant; None: there is nothing to wait for."""
+    """Autopilot instant that attitudes should reach; None: the frame need not wait."""
     deadline_ns: HostNs
+    """Host instant of its release at the latest."""
 
 
 class WaitingFrames:
-    """First come, first served among those that are ready."""
+    """The queue; frames that are ready leave it in the order of their arrival."""
 
     __slots__ = ("_frames",)
 
@@ -39,19 +40,20 @@ class WaitingFrames:
         return len(self._frames)
 
     def put(self, frame: Frame, until_boot_ns: BootNs | None, until_ns: HostNs, now: HostNs) -> None:
-        """A frame arrived, with the instant that attitudes should reach on both clocks; ask :meth:`take_ready` at once,
-        it may not have to wait.
+        """Add a frame with the instant that attitudes should reach, on both clocks.
+
+        Call :meth:`take_ready` afterwards: the frame may be ready at once.
         """
         deadline = max(now + LEAST_PATIENCE_NS, min(now + LONGEST_WAIT_NS, until_ns + LONGEST_AGE_NS))
         self._frames.append(Waiting(frame, until_boot_ns, HostNs(deadline)))
 
     @property
     def wake_at(self) -> HostNs | None:
-        """When the first one has waited long enough."""
+        """The next deadline; None for an empty queue."""
         return min(entry.deadline_ns for entry in self._frames) if self._frames else None
 
     def take_ready(self, now: HostNs, vehicle: VehicleSource) -> list[Frame]:
-        """Those that need not, or may not, wait any longer, in the order they came."""
+        """Remove and return the frames whose attitudes are complete or whose deadline has passed, in their order."""
         if not self._frames:
             return []
         crowd = len(self._frames) - MOST_WAITING

@@ -105,7 +105,7 @@ class CameraPipeline:
 
     def locate(self, u: float, v: float, sigma_px: float, host_ns: HostNs) -> GroundFix | None:
         """The ground at a pixel of a picture taken then; None where it is unknown."""
-        sighting = self._pairer.look_at(u, v, sigma_px, host_ns, self._telemetry)
+        sighting = self._pairer.look_at(u, v, sigma_px=sigma_px, host_ns=host_ns, vehicle=self._telemetry)
         fix = self._localizer.locate(sighting) if isinstance(sighting, Sighting) else None
         return fix if isinstance(fix, GroundFix) else None
 

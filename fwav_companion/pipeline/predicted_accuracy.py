@@ -64,7 +64,7 @@ def _look_down(pairer: Pairer, telemetry: Telemetry) -> Sighting | Reason:
     pixels = [middle] if isinstance(below, NoRay) else [below, middle]
     reason = Reason.OUTSIDE_LENS
     for u, v in pixels:
-        sighting = pairer.look_at(u, v, None, host_ns, telemetry)
+        sighting = pairer.look_at(u, v, sigma_px=None, host_ns=host_ns, vehicle=telemetry)
         if isinstance(sighting, Sighting):
             return sighting
         reason = sighting.reason

@@ -1,6 +1,6 @@
 """Detections on the vehicle: each at the instant of its own row, or refused by name."""
 
-from math import inf, nan, pi
+from math import inf, nan
 
 import numpy as np
 import pytest
@@ -235,15 +235,6 @@ def test_what_the_camera_could_see():
     assert not view.could_see((100.0, 50.0, -20.0))  # above it
     assert not view.could_see((100.0, 62.0, 0.0))  # beside the image
     assert not view.could_see((107.9, 50.0, 0.0))
-
-
-def test_a_correction_holds_from_the_next_frame_on():
-    one = pairer(timing=CameraTiming(readout_s=0.0))
-    other_mount = tuple(tuple(row) for row in Rotation.from_euler("z", pi).as_matrix())
-    one.recalibrate(other_mount, 0.02)
-    paired = whole(one.pair(frame(CENTRE), StillVehicle()))
-    assert paired.boot_ns == 4980 * MS
-    assert paired.sightings[0].body_from_camera == other_mount
 
 
 def test_the_lens_of_these_tests_is_one():

@@ -16,8 +16,7 @@ from fwav_companion.camera import Calibration
 from fwav_companion.config import Config
 from fwav_companion.geometry.rotations import Quaternion, euler_from_quaternion
 from fwav_companion.geometry.stamps import BootNs, host_from_seconds
-from fwav_companion.pairing import Pairer, RefusedFrame
-from fwav_companion.pairing.scaling import scaling_from_size
+from fwav_companion.pairing import Pairer, RefusedFrame, scaling_from_size
 from fwav_companion.pipeline.pipeline_factory import make_pairer
 from fwav_companion.telemetry import Telemetry
 from fwav_companion.tools.doctor.listening import quiet
