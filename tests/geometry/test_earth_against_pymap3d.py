@@ -33,7 +33,7 @@ def test_earth_centred_coordinates(place):
 
 @pytest.mark.parametrize("height_m", [-400.0, 9000.0, 1e5])
 def test_a_latitude_comes_back_to_rounding_error(height_m):
-    """One step of Bowring's leaves 1e-13 rad at 9 km of height."""
+    """One iteration of Bowring's formula leaves 1e-13 rad at 9 km of height."""
     for k in range(-89, 90):
         lat = radians(k + 0.3)
         assert geodetic_from_ecef(*ecef_from_geodetic(lat, 1.0, height_m))[0] == pytest.approx(lat, rel=0, abs=1e-15)
@@ -78,8 +78,8 @@ def test_round_trip_anywhere(lat, lon, height, north, east):
     ("distance_m", "steps"), [(1e4, 2), (1e5, 3), (3e5, 4)], ids=["2 steps: 10 km", "3: 100 km", "4: 300 km"]
 )
 def test_every_step_of_the_inverse_counts(place, azimuth_deg, distance_m, steps):
-    """A step leaves (distance / earth radius) squared of the error, so each distance is right to 1 um by its own last
-    step: with one less 10 km are off by 80 um, 100 km by 10 um, 300 km by 3 um."""
+    """A step reduces the error by the factor (distance / earth radius)^2. With one step less the error is 80 um at
+    10 km, 10 um at 100 km and 3 um at 300 km."""
     lat, lon, height = place
     plane = TangentPlane(Geodetic.from_degrees(lat, lon, height))
     ned = (distance_m * cos(radians(azimuth_deg)), distance_m * sin(radians(azimuth_deg)), 0.0)

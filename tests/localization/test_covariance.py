@@ -65,7 +65,7 @@ def test_every_bias_moves_the_answer_as_its_column_says(scene):
 
 @every_scene
 def test_the_columns_are_their_numpy_form(scene):
-    """The readable form in the docstring of localization's propagation, on level ground."""
+    """The numpy form in the docstring of localization.propagation, evaluated on level ground."""
     sighting = scene.sighting()
     ned_from_camera = np.array(sighting.ned_from_camera)
     d = ned_from_camera @ sighting.ray.direction
@@ -122,8 +122,7 @@ def test_a_tilted_beam_turns_with_the_vehicle(beam, relative):
 
 @pytest.mark.parametrize("relative", [False, True])
 def test_a_gimbals_error_turns_the_ray_but_not_the_beam(relative):
-    """The rangefinder is on the body: what errs in the gimbal's attitude leaves the measured height as it is, and roll
-    and pitch of the gimbal then move the point as its mount does, the other way round."""
+    """The rangefinder is fixed to the body, so an attitude error of the gimbal does not change the measured height."""
     scene = Scene(
         roll_deg=6.0, pitch_deg=20.0, beam=(0.0, 0.0, 1.0), relative=relative, row_fraction=0.0, on_gimbal=True
     )
@@ -170,14 +169,14 @@ FRESH = {
     "height": (np.ones(1), 1e-4),
     "time_s": (np.ones(1), 1e-6),
 }
-"""Every fresh error: its components, and steps for differences."""
+"""Independent errors of a sighting: their components, and the steps for differences."""
 
 
 @pytest.mark.parametrize("ground", ["home", "rangefinder"])
 @every_scene
 def test_the_noise_is_the_sum_of_what_each_fresh_error_does(scene, ground):
-    """Each moves the point as differences of the simulation say, with its own sigma; horizontally. A reading of 0.05 m
-    replaces the height, so that neither its noise nor the age of the position has a part in it."""
+    """Horizontally, by differences of the simulation. A rangefinder reading with a sigma of 0.05 m replaces the height:
+    the noise of the height and the age of the position then have no effect."""
     scene = replace(scene, position_sigma_m=0.3, beam=(0.0, 0.0, 1.0))
     by_reading = ground == "rangefinder"
     localizer = Localizer(RangefinderGround(0.05) if by_reading else HomeGround(), PRIORS, min_height_m=0.5)
@@ -211,7 +210,7 @@ def test_the_noise_is_the_sum_of_what_each_fresh_error_does(scene, ground):
 
 
 def read_as(sighting, by_m: float):
-    """The same with a reading that is so much longer."""
+    """The sighting with a rangefinder reading longer by ``by_m``."""
     reading = msgspec.structs.replace(sighting.state.range, distance_m=sighting.state.range.distance_m + by_m)
     return msgspec.structs.replace(sighting, state=msgspec.structs.replace(sighting.state, range=reading))
 
@@ -249,7 +248,7 @@ def test_the_total_is_the_sum_of_its_named_parts(scene):
 @pytest.mark.parametrize("on_gimbal", [False, True])
 @pytest.mark.parametrize("relative", [False, True])
 def test_the_total_by_a_rangefinder_is_the_sum_of_its_named_parts(relative, on_gimbal):
-    """There a turn of the vehicle moves the point otherwise than a turn of the mount."""
+    """With a beam on the body, attitude and mount have different columns."""
     scene = Scene(roll_deg=6.0, pitch_deg=20.0, beam=(0.6, 0.0, 0.8), relative=relative, on_gimbal=on_gimbal)
     fix = Localizer(RangefinderGround(0.05), PRIORS, min_height_m=0.5).locate(scene.sighting())
     assert fix.ground == "rangefinder"

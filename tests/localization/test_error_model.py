@@ -1,8 +1,8 @@
-"""Every term of the error model is needed: a claim without it holds fewer truths than it says.
+"""Coverage of the error model: dropping any one of its terms lowers coverage below its bound.
 
-One flight a draw: biases and noise from the priors, one fix, its error against its claim. In each case one source of
-error is made the largest; the claim that knows of all sources holds 95 % of the truths within two-sided bounds of
-99.9 %, and the claim that leaves out this one falls below the lower bound.
+Each draw is one flight with one fix, its biases and noise drawn from the priors. In each case one source of error is
+made the largest. The 95 % ellipse of the full model must contain the truth within two-sided 99.9 % bounds; the ellipse
+of the model without this source must fall below the lower bound.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from fwav_companion.localization import Datum, HomeGround, Localizer, Rangefinde
 from fwav_companion.types import BIAS_COUNT, Bias, ErrorPriors, GroundFix, Sighting
 
 LARGEST_M = 0.3
-"""Horizontal error by the source in question, one sigma: three times all others together. All errors are small enough
-to be linear: 1 m by the mount's turn about the optical axis would be 10 degrees here, and curved."""
+"""Horizontal error by the source in question, one sigma, metres: three times all others together. All errors are small
+enough to be linear: 1 m by the mount's rotation about the optical axis would be 10 degrees, which is not."""
 SMALL = 0.03
-"""Of the usual sigmas: the other sources."""
+"""Factor of the usual sigmas for the other sources."""
 LEVEL = 0.95
 SQUARE = chi2.ppf(LEVEL, 2)
 SCENE = Scene(
@@ -36,7 +36,7 @@ TERRAIN_M = 0.03
 
 @dataclass
 class Errors:
-    """One sigma of everything that errs; the truth is drawn by one of these, a claim is made by another."""
+    """One sigma of each source; the truth is drawn with one of these, the model claims another."""
 
     priors: ErrorPriors
     scene: Scene = field(default_factory=lambda: SCENE)
@@ -74,14 +74,14 @@ def rangefinder(errors: Errors) -> Localizer:
 
 
 def terrain(errors: Errors) -> Localizer:
-    """By the autopilot's report of the terrain."""
+    """A localizer on the terrain that the autopilot reports."""
     priors = errors.of_bias(Bias.TERRAIN, errors.terrain_m).priors
     return Localizer(TerrainGround(None, Datum.EGM96), priors, min_height_m=0.5)
 
 
 @dataclass
 class Source:
-    """A source of error: ``of(errors, sigma)`` gives it this sigma; ``ground`` is what it errs over."""
+    """A source of error: ``of(errors, sigma)`` sets its sigma, ``ground`` makes the localizer."""
 
     of: Callable[[Errors, float], Errors]
     ground: Callable[[Errors], Localizer] = home
@@ -109,7 +109,7 @@ SOURCES = {
 
 
 def drawn(errors: Errors, rng: np.random.Generator) -> Sighting:
-    """What reaches the localizer on one flight."""
+    """The sighting of one flight."""
     sighting = errors.scene.sighting(*errors.scene.draw(rng, errors.priors))
     reading = sighting.state.range
     off_m = rng.normal() * errors.range_m
@@ -122,7 +122,7 @@ def drawn(errors: Errors, rng: np.random.Generator) -> Sighting:
 
 
 def claimed_by(errors: Errors, sighting: Sighting) -> Sighting:
-    """The same sighting with the sigmas that the claim knows of."""
+    """The same sighting with the sigmas of the claim."""
     scene = errors.scene
     state = msgspec.structs.replace(
         sighting.state, attitude_sigma=scene.bridging_sigma, position_sigma_m=scene.position_sigma_m
@@ -133,7 +133,7 @@ def claimed_by(errors: Errors, sighting: Sighting) -> Sighting:
 
 
 def largest(source: Source) -> Errors:
-    """The usual errors with this source raised until its own horizontal error is what it should be."""
+    """The usual errors with this source scaled to a horizontal error of LARGEST_M."""
     nothing = Errors(
         msgspec.structs.replace(
             PRIORS, attitude_noise=0.0, position_noise_m=0.0, height_noise_m=0.0, bias_sigmas=(0.0,) * BIAS_COUNT
@@ -150,7 +150,7 @@ def largest(source: Source) -> Errors:
 
 
 def held(source: Source, flights: int) -> tuple[int, int]:
-    """How many truths lie within the 95 % ellipse of the full claim, and of the one that leaves out the source."""
+    """The number of truths in the 95 % ellipse of the full model, and of the model without the source."""
     errors, rng = largest(source), np.random.default_rng(17)
     less = source.of(errors, 0.0)
     full, lean = source.ground(errors), source.ground(less)
@@ -173,11 +173,11 @@ def check(source: Source, flights: int) -> None:
 
 
 @pytest.mark.parametrize("source", SOURCES.values(), ids=SOURCES)
-def test_without_any_one_term_fewer_truths_are_held_than_claimed(source):
+def test_dropping_any_one_term_lowers_coverage_below_its_bound(source):
     check(source, 300)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("source", SOURCES.values(), ids=SOURCES)
-def test_over_many_flights_every_claim_holds_as_many_truths_as_it_says(source):
+def test_dropping_any_one_term_lowers_coverage_below_its_bound_over_many_flights(source):
     check(source, 2000)

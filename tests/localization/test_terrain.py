@@ -13,7 +13,7 @@ from fwav_companion.localization import Datum, ElevationModel, Localizer, Terrai
 from fwav_companion.types import Bias, NoFix, Reason
 
 QUIET = {"bridging_sigma": 0.0, "time_noise_s": 0.0, "position_sigma_m": 0.0}
-"""Nothing fresh in a sighting."""
+"""A sighting without independent errors."""
 
 
 class TestGround:
@@ -61,8 +61,8 @@ class TestGround:
 
     @pytest.mark.parametrize("source", ["files", "report"])
     def test_the_elevation_models_own_error_is_in_the_total_and_never_in_the_noise(self, source):
-        """Of all errors only the model's is left, 4 m: a ground h too high moves the point toward the camera by h times
-        the target's distance over the height, north and east, and up by h. So do its fixes, with h drawn."""
+        """Only the model errs, by 4 m. A ground that is h too high moves the point toward the camera by h times the
+        target's horizontal distance over the height, and up by h."""
         alone = msgspec.structs.replace(
             PRIORS,
             attitude_noise=0.0,
@@ -93,7 +93,7 @@ class TestGround:
         )
 
     def test_the_total_over_terrain_is_the_sum_of_its_named_parts(self):
-        """Every bias counts once, with its column and its prior."""
+        """Every bias is one term: its column and its prior."""
         for ground in (self.ground(self.level), self.ground(self.slope)):
             fix = self.locate(ground, Scene(vehicle=(0.0, 0.0)).sighting())
             jacobian = np.array(fix.bias_jacobian)

@@ -1,4 +1,4 @@
-"""How shallow a ray may be: every error that turns it counts by how much it changes the ray's length."""
+"""The bound of shallow rays: every error that turns the ray counts by the change of the ray's length."""
 
 from dataclasses import replace
 
@@ -12,7 +12,7 @@ from fwav_companion.localization import Datum, ElevationModel, HomeGround, Local
 from fwav_companion.types import BIAS_COUNT, Bias, GroundFix, NoFix, Reason
 
 MOST = 0.15
-"""One sigma of the ray's length, of the length itself: beyond it a fix is refused."""
+"""Largest one sigma of the ray's relative length of a fix."""
 NOTHING = msgspec.structs.replace(
     PRIORS, attitude_noise=0.0, position_noise_m=0.0, height_noise_m=0.0, bias_sigmas=(0.0,) * BIAS_COUNT
 )
@@ -25,14 +25,14 @@ def home():
 
 
 def slope():
-    """Falls by 0.4 to the east: a turn about down then changes the length as well."""
+    """A slope of 0.4 down to the east, on which a rotation about down changes the ray's length."""
     ground = TerrainGround(ElevationModel([tile(lambda _, j: 500.0 - 0.4 * 20.86 * (j - 60))]), Datum.EGM96)
     ground.placed(PLANE, PLANE.origin, None)
     return ground
 
 
 def length_m(ground, bias=None, noise=None):
-    """Of the ray from where the camera is taken to be to where the fix is."""
+    """The length of the ray from the camera to the fix, metres."""
     sighting = SCENE.sighting(bias, noise)
     return np.linalg.norm(np.subtract(locate(ground, sighting, NOTHING).position_ned, sighting.camera_ned))
 
@@ -52,7 +52,7 @@ def bias_of(bias):
 
 
 def noise_of(step, scene_key=None, prior_key=None, **of):
-    """``of``: what of the Noise is one unit of it; ``scene_key`` or ``prior_key``: who claims its sigma."""
+    """``of``: one unit of the error as Noise; ``scene_key`` or ``prior_key``: where its sigma is claimed."""
 
     def errors(size):
         return None, Noise(**{name: size * np.asarray(unit, dtype=float) for name, unit in of.items()})
@@ -78,8 +78,8 @@ SOURCES = {
 
 @pytest.mark.parametrize("source", SOURCES)
 def test_each_error_that_turns_the_ray_counts(source):
-    """Alone, with a sigma that changes the ray's length by 2 % less or more than is allowed: known from the lengths of
-    rays that err by a little."""
+    """One error alone, with a sigma 2 % below and 2 % above the bound; the change of the ray's length is by differences
+    of the simulation."""
     make_ground, errors, claims, step = SOURCES[source]
     ground = make_ground()
     ahead, behind = (length_m(ground, *errors(sign * step)) for sign in (1.0, -1.0))
@@ -92,7 +92,7 @@ def test_each_error_that_turns_the_ray_counts(source):
 
 @pytest.mark.parametrize(("where", "axes"), [("attitude_noise", 2), ("bridging_sigma", 3)])
 def test_noise_about_several_axes_counts_about_each(where, axes):
-    """Of roll and pitch, and on level ground not of heading; of bridging about all three axes of the body."""
+    """Attitude noise turns the ray about roll and pitch on level ground, interpolation noise about all body axes."""
     ground, shares = home(), []
     for axis in np.eye(3)[:axes]:
         ahead, behind = (length_m(ground, None, Noise(bridging=sign * 1e-5 * axis)) for sign in (1.0, -1.0))
@@ -108,8 +108,8 @@ def test_noise_about_several_axes_counts_about_each(where, axes):
 
 @pytest.mark.parametrize(("descent_deg", "found"), [(8.2, True), (7.7, False)])
 def test_a_ray_is_too_shallow_where_its_length_is_known_to_less_than_15_percent(descent_deg, found):
-    """Turning a ray of length height / sin(descent) by 1.2 degrees lengthens it by 1.2 degrees / tan(descent), which is
-    0.15 at a descent of 7.95 degrees. Nothing but the mount's pitch errs here."""
+    """A rotation by 1.2 degrees lengthens a ray of length height / sin(descent) by 1.2 degrees / tan(descent), which is
+    0.15 at a descent of 7.95 degrees. Only the mount's pitch errs."""
     mount_y = tuple(np.radians(1.2) if bias is Bias.MOUNT_Y else 0.0 for bias in Bias)
     alone = msgspec.structs.replace(NOTHING, bias_sigmas=mount_y)
     still = (0.0, 0.0, 0.0)

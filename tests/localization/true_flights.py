@@ -70,7 +70,7 @@ class Scene:
     vehicle: tuple[float, float] = (100.0, -50.0)
     beam: tuple[float, float, float] | None = None
     on_gimbal: bool = False
-    """A gimbal carries the camera, level as the body happens to be; what errs in attitude is the gimbal's own."""
+    """Whether a gimbal with the attitude of the body carries the camera; attitude errors are then the gimbal's."""
 
     def truth(self) -> np.ndarray:
         """The target in the world of the answer."""

@@ -52,7 +52,7 @@ def test_a_rate_that_falls_without_anybody_seen_is_asked_for_again_and_told():
 @pytest.mark.parametrize(("left", "fell"), [(0.78, False), (0.62, True)])
 @pytest.mark.parametrize("name", ["ATTITUDE_QUATERNION", "GLOBAL_POSITION_INT"])
 def test_a_rate_fell_where_less_than_70_percent_of_it_is_left(name, left, fell):
-    """A radio that loses one in five is no reason to accuse anybody; half a rate is."""
+    """A radio that loses one message in five changes no rate."""
     them = peer().start().run(20)
     them.rates.notices()
     them.set_rate(name, left * (100.0 if name == "ATTITUDE_QUATERNION" else 10.0))

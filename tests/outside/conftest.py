@@ -1,4 +1,4 @@
-"""What these tests share stands beside them."""
+"""Makes the helper modules of this folder importable."""
 
 import sys
 from pathlib import Path

@@ -1,7 +1,7 @@
-"""Flights with the mock that make the service say and write everything it has: the one place here that knows how.
+"""Flights with the mock that produce every line, message and status of the pipeline: the adapter of these tests.
 
-Time is invented, so that each flight says the same in every run; what is observed is the lines of its targets file, the
-detections of its recording, and the MAVLink messages that it gave out.
+Time is invented, so each flight gives the same outputs in every run: the lines of its targets file, the detections of
+its recording, and its MAVLink messages.
 """
 
 from __future__ import annotations
@@ -52,13 +52,13 @@ ASKED: tuple[tuple[int, tuple[float, ...]], ...] = (
     (2010, ()),
     (400, (1,)),
 )
-"""Commands as ground stations send them: (MAV_CMD, parameters)."""
+"""Commands of ground stations: (MAV_CMD, parameters)."""
 TO_COMPONENTS = (100, 191)
 FIRST_COMMAND_FRAME, FRAMES_BETWEEN = 200, 3
 
 
 class Observed(Companion):
-    """The service without sockets, asked by a ground station for everything that it may be asked for."""
+    """The service without sockets, with a ground station that sends every command."""
 
     def __init__(self, *words: Any, alter: Callable[[int, dict[str, Any]], dict[str, Any]], **how: Any) -> None:
         super().__init__(*words, **how)
@@ -115,7 +115,7 @@ def _flown(
 
 
 def _two_that_are_one(number: int, frame: dict[str, Any]) -> dict[str, Any]:
-    """A detector that sees one target double for some seconds, and then in one place."""
+    """A detector that reports one target twice for some seconds, and then once."""
     if number > 0 and number < 240:
         frame["detections"] = [
             {**seen, "u": seen["u"] + shift} for seen in frame["detections"] for shift in (-25.0, 25.0)
@@ -125,7 +125,7 @@ def _two_that_are_one(number: int, frame: dict[str, Any]) -> dict[str, Any]:
 
 @cache
 def flights() -> tuple[Observed, ...]:
-    """Between them they show every line, key and message there is."""
+    """All flights; together they show every line, key and message."""
     return (
         _flown("default", 20.0, (*LANDING, *SHOWN)),
         _flown("px4", 8.0, LANDING),
@@ -146,13 +146,13 @@ def flights() -> tuple[Observed, ...]:
 
 
 def target_lines() -> Iterator[dict[str, Any]]:
-    """Every line of every flight's targets file, as a reader of the file has it."""
+    """Every line of every flight's targets file, decoded."""
     for flight in flights():
         yield from map(json.loads, flight.targets_file().splitlines())
 
 
 def statuses() -> list[dict[str, Any]]:
-    """What each flight gives to the status file at its end."""
+    """The part of the status file that comes from the pipeline, at the end of each flight."""
     return [json.loads(msgspec.json.encode(flight.pipeline.status(flight.now))) for flight in flights()]
 
 

@@ -15,11 +15,11 @@ RELAY = '[[link]]\nname = "a"\nurl = "udpin://127.0.0.1:PORT"\nrole = "autopilot
 
 
 class ParsedError(Exception):
-    """Carries the parser that a command line meets."""
+    """Carries the argument parser of a command line."""
 
 
 def parser_of(monkeypatch, words: list[str]) -> argparse.ArgumentParser:
-    """The parser of the program, complete for the command that is named."""
+    """The parser of the program, with the arguments of the named command."""
 
     def caught(self: argparse.ArgumentParser, *_: object) -> None:
         raise ParsedError(self)
@@ -38,7 +38,7 @@ def commands_of(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentP
 
 
 def facts_of(command: str, parser: argparse.ArgumentParser) -> Iterator[str]:
-    """``command --option``, how many values it takes, what else is accepted, what it is by default."""
+    """One line for each option: number of values, choices, whether it is required or repeated, default."""
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
             continue

@@ -1,4 +1,4 @@
-"""Every key of the configuration with its default and what it accepts, and the rules between keys."""
+"""Every configuration key with its default and accepted values, and the rules between keys."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from fwav_companion.__main__ import main
 from fwav_companion.config import Config
 
 OURS = {"file"}
-"""Fields of the typed value that are no keys: the path of the file itself."""
+"""Fields of the typed value that are not keys: the path of the file itself."""
 
 
 def limits(kind: Any) -> str:
-    """As ``number >= 0 <= 1``, ``list of text``, ``"auto" | "none"``."""
+    """The accepted values in words, as ``number >= 0 <= 1``, ``list of text``, ``"auto" | "none"``."""
     match kind:
         case inspect.Metadata(type=inner):
             return limits(inner)
@@ -47,7 +47,7 @@ def limits(kind: Any) -> str:
 
 
 def inner_table(kind: Any) -> tuple[Any, str]:
-    """The struct behind a table, an optional table or a list of tables, and what follows its name."""
+    """(struct of a table, an optional table or a list of tables, suffix of its name); (None, "") for a plain key."""
     match kind:
         case inspect.Metadata(type=inner):
             return inner_table(inner)
@@ -82,7 +82,7 @@ def test_every_key_with_its_default_and_what_it_accepts():
 
 
 def test_the_file_of_init_has_every_key_and_only_those(tmp_path):
-    """Keys that it shows in a comment count: they are what a user uncomments."""
+    """Keys in comments count, because users uncomment them."""
     assert main(["init", str(tmp_path)]) == 0
     text = (tmp_path / "fwav-companion.toml").read_text()
     shown = tomllib.loads(re.sub(r"^# (?=(\[+\w+\]+|\w+ = ))", "", text, flags=re.MULTILINE))
@@ -118,7 +118,7 @@ RULES = {
     "the camera component's own id": (RELAY + "[vehicle]\ncomponent_id = 100\n", "component_id"),
     "a gimbal and a mount that looks down": (RELAY + "[camera.mount]\ngimbal_device_id = 1\n", "pitch_deg"),
 }
-"""What is wrong: the configuration, and what the error names."""
+"""Broken rules: the configuration, and the text that the error must contain."""
 
 
 @pytest.mark.parametrize("rule", RULES)

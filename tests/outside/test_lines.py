@@ -1,4 +1,4 @@
-"""Every key of the files that a flight writes: targets, detections, its part of the status."""
+"""Every key of the files of a flight: targets, detections, and its part of the status."""
 
 from flights import detection_lines, dropped_for, flights, statuses, target_lines
 from frozen import hold, keys
@@ -46,12 +46,12 @@ def test_the_lines_of_recorded_detections():
 
 
 def test_what_a_flight_gives_to_the_status_file():
-    """With the kinds of values, by every ground and a gimbal; tests/outside/test_live.py has the service's own part."""
+    """Keys and kinds of values, for every ground model and a gimbal; test_live.py has the service's own part."""
     hold("status_of_flights", keys(statuses(), "status", tables=STATUS_TABLES))
 
 
 def test_the_fields_of_a_detectors_frame():
-    """Each is read, for its absence or a wrong value gives a reason; any other field is ignored."""
+    """The reason for which a frame is refused if one field is missing or wrong; unknown fields are ignored."""
     seen = {"u": 1.5, "v": 2.5, "sigma": 4.0, "label": "a", "score": 0.5, "box": [0.0, 0.0, 3.0, 3.0], "id": 7}
     frame = {"time_monotonic": 999.5, "frame": 37, "size": [640, 480], "exposure_s": 0.004, "detections": [seen]}
     assert dropped_for(frame) == ""

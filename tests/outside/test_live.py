@@ -1,4 +1,4 @@
-"""The status file of a service that flies with the mock, and what `check --json` says beside it and without it."""
+"""The status file of a service that flies with the mock, and `check --json` with and without that service."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ TABLES = {"status.links", "status.traffic[].peers[].rates_hz"}
 """Objects whose keys are names of links and messages."""
 PATIENCE_S = 60.0
 FREEZING_S = 20.0
-"""Long enough for every part of the service to have something to report."""
+"""Time in which every part of the service reports something, when the files are written again."""
 OLD_FORM = {"code", "level", "where", "what", "do"}
 """Keys of a finding before its form changes; delete this afterwards."""
 
@@ -32,14 +32,14 @@ def site(tmp_path):
 
 
 def paths(statuses: Iterable[Any]) -> set[str]:
-    """Every key; whether its value is null or a number depends on the moment. A flight's own part is held elsewhere."""
+    """The paths of all keys without kinds, which depend on the moment; the flight's own part is held elsewhere."""
     of_flights = {fact.partition(":")[0] for fact in frozen("status_of_flights")}
     facts = keys(statuses, "status", tables=TABLES, opaque=of_flights - {"status"})
     return {fact.partition(":")[0].replace("?", "") for fact in facts}
 
 
 def watched(file: Path) -> set[str]:
-    """The keys that the status file shows, until none is missing or patience is over."""
+    """The paths that the status file shows until none is missing, or until the time is over."""
     seen: set[str] = set()
     deadline = time.monotonic() + (FREEZING_S if FREEZING else PATIENCE_S)
     while time.monotonic() < deadline:
@@ -60,7 +60,7 @@ def check(folder: Path, *words: str) -> dict[str, Any]:
 
 
 def add_links_and_a_camera(site: Site) -> None:
-    """One link of each further kind, whether it comes up or not, and a camera that shows nothing."""
+    """Add one link of each further kind, connected or not, and a camera without pictures."""
     urls = (
         f"tcpin://127.0.0.1:{free_tcp_port()}",
         f"tcpout://127.0.0.1:{free_tcp_port()}",
@@ -91,7 +91,7 @@ def test_the_status_file_and_check_beside_the_service(site: Site):
 
 
 def test_a_finding(site: Site):
-    """Its form changes once, for all findings: keys that are always there, one that may be, and the levels."""
+    """The keys that every finding has, those that it may have, and the levels."""
     findings = check(site.folder, "--seconds", "0.5")["findings"]
     assert "nothing_heard" in [finding["code"] for finding in findings]
     for finding in findings:

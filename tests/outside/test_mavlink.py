@@ -11,7 +11,7 @@ from frozen import hold
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 NAMING = {"COMMAND_LONG": ("command", "param1"), "PARAM_REQUEST_READ": ("param_id",), "NAMED_VALUE_FLOAT": ("name",)}
-"""Messages whose contents are names: of a request, of a parameter, of a value."""
+"""Messages with fields that name a request, a parameter or a value."""
 HEADER_OF_COMMANDS = ("command", "target_system", "target_component")
 
 
@@ -20,7 +20,7 @@ def sent() -> list[Any]:
 
 
 def value_facts(message: str, field: str, values: list[Any]) -> set[str]:
-    """The values of an enumeration; elsewhere whether a field is always NaN or always 0, which means unused."""
+    """The values of an enumeration; for other fields whether they are always NaN or always 0, which means unused."""
     if all(isinstance(value, float) and isnan(value) for value in values):
         return {" = NaN"}
     if all(value == 0 for value in values):

@@ -1,9 +1,10 @@
-"""Names that files, the status and `check` give: reasons, states, finding codes."""
+"""Names in files, in the status and in `check`: reasons, states, finding codes."""
 
 from __future__ import annotations
 
 import ast
 from enum import StrEnum
+from inspect import getfile
 from pathlib import Path
 
 from frozen import hold
@@ -13,7 +14,7 @@ from fwav_companion.mavlink.client.rate_stream import StreamState
 from fwav_companion.mavlink.client.timesync import NotTaken
 from fwav_companion.publishing.landing import Withheld
 from fwav_companion.self_calibration.assessment import CalibrationStatus
-from fwav_companion.tools import doctor
+from fwav_companion.tools.doctor.finding import Finding
 from fwav_companion.types import ClockStatus, HeightSource, Reason, TrackState
 
 NAMES: dict[str, type[StrEnum]] = {
@@ -34,16 +35,16 @@ def test_reasons_and_states():
 
 
 def test_the_codes_of_findings():
-    """Those that a finding is made with, and the reasons that the doctor names: such a finding bears its reason."""
-    trees = [ast.parse(path.read_text()) for path in Path(doctor.__file__).parent.rglob("*.py")]
+    """The codes of all findings that the doctor makes; a finding about refusals has the name of its reason."""
+    trees = [ast.parse(path.read_text()) for path in Path(getfile(Finding)).parent.rglob("*.py")]
     hold("findings", {code for tree in trees for node in ast.walk(tree) for code in codes_of(node)})
 
 
 def codes_of(node: ast.AST) -> list[str]:
     """The constant ``code`` of a call of ``Finding``, by position or by name; the value of a ``Reason.NAME``."""
-    if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "Reason":
+    if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == Reason.__name__:
         return [Reason[node.attr].value]
-    if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "Finding"):
+    if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == Finding.__name__):
         return []
     given = [*node.args[:1], *(keyword.value for keyword in node.keywords if keyword.arg == "code")]
     constants = (each for code in given for each in ast.walk(code) if isinstance(each, ast.Constant))

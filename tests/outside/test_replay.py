@@ -1,4 +1,4 @@
-"""`replay --json` as scripts have it: a recorded flight of the mock, with the truth beside it."""
+"""The object of `replay --json` over a recorded flight of the mock with its truth."""
 
 from __future__ import annotations
 

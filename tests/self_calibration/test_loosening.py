@@ -31,7 +31,7 @@ def informed(truth, sigmas, seed=4, measurements=40):
 
 
 def fitted(rows, seen, sigmas):
-    """The batch fit of measurements ``seen`` by their rows, each of one sigma of 1, with these priors."""
+    """The batch least-squares fit of the measurements ``seen`` with unit sigma, and these priors."""
     rows = rows[:, USED]
     cov, mean = np.zeros((COMMON_COUNT, COMMON_COUNT)), np.zeros(COMMON_COUNT)
     cov[np.ix_(USED, USED)] = np.linalg.inv(np.diag(np.array(sigmas)[USED] ** -2.0) + rows.T @ rows)
@@ -62,7 +62,7 @@ def test_what_the_flight_says_alone_is_what_it_says_without_the_prior():
 
 
 def found_as(mean, sigma):
-    """A joint estimate that found the height so, and of everything else what was configured."""
+    """A joint estimate with this height and sigma; all other unknowns are at their priors."""
     blank = joint_of(priors(), tuple(SIGMAS), MEANS, MEANS)
     means, cov = np.zeros(COMMON_COUNT), np.diag(SIGMAS**2)
     means[SharedParameter.HEIGHT], cov[SharedParameter.HEIGHT, SharedParameter.HEIGHT] = mean, sigma**2
@@ -74,15 +74,15 @@ def found_as(mean, sigma):
     [(2.5, 0.1, True), (2.3, 0.1, False), (3.5, 0.4, False), (3.7, 0.4, True), (50.0, 0.5, False)],
 )
 def test_prior_and_estimate_may_differ_by_four_times_the_sum_of_their_sigmas(found_m, found_sigma_m, denied):
-    """How the errors of the two are correlated is not known: the sum bounds it. The prior is 0.5 m; where the estimate
-    is no sharper, the flight has shown nothing."""
+    """The correlation of the two errors is not known, so the sum of their sigmas bounds the difference. The prior is
+    0.5 m; an estimate that is not sharper has learned nothing."""
     unknowns = [each.unknown for each in prior_inflations(found_as(found_m, found_sigma_m), MEANS, tuple(SIGMAS))]
     assert unknowns == [SharedParameter.HEIGHT] * denied
 
 
 def test_an_unknown_that_a_wrong_prior_bent_is_judged_without_that_prior():
-    """The flight measures the sum of mount and height well, and the height alone as badly as its prior states it. A
-    height of 30 sigma, held near 0, then shows as a mount off by 13; with that prior widened the mount is right.
+    """The flight measures the sum of mount and height well, and the height alone with the sigma of its prior. A height
+    of 30 sigma that is held near 0 appears as a mount error of 13 sigma; with the prior widened the mount is right.
     """
     both = [SharedParameter.MOUNT_Y, SharedParameter.HEIGHT]
     rows = np.zeros((2, COMMON_COUNT))
@@ -116,7 +116,7 @@ def flown(flight, kept=None):
 @pytest.mark.parametrize("height_m", [1.5, -1.5])
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_filter_that_rests_on_a_denied_prior_is_not_believed_though_it_claims_more(seed, height_m):
-    """The target's own filter takes the height for known to 0.2 m, so it claims half of the true error."""
+    """The target's own filter assumes a height known to 0.2 m, so it claims half of the true error."""
     biases = np.zeros(BIAS_COUNT)
     biases[Bias.TIME_OFFSET], biases[Bias.HEIGHT] = 0.035, height_m
     sharp = {f"mount_{axis}": np.radians(0.2) for axis in "xyz"}
@@ -128,7 +128,7 @@ def test_a_filter_that_rests_on_a_denied_prior_is_not_believed_though_it_claims_
 
 
 def test_targets_stand_by_the_same_joint_estimate_where_they_were_judged():
-    """Between two judgements the newest estimate is read under the last one's, with its wider priors."""
+    """Between two assessments the newest estimate is evaluated with the wider priors of the last one."""
     biases = np.zeros(BIAS_COUNT)
     biases[Bias.TIME_OFFSET], biases[Bias.HEIGHT] = 0.035, 1.5
     flight = Flight(seed=4, seconds=30, biases=biases, priors=priors(height=0.2))
@@ -204,7 +204,7 @@ def test_a_camera_that_was_moved_since_an_earlier_flight_is_calibrated_anew(kept
 
 @pytest.mark.parametrize("height_m", [0.0, 1.5])
 def test_a_camera_that_was_not_moved_keeps_its_calibration(height_m):
-    """Also where home was set 1.5 m off: a height is no part of what is kept, and speaks against none of it."""
+    """Also where home was set 1.5 m off: the kept calibration contains no height."""
     biases = np.zeros(BIAS_COUNT)
     biases[Bias.TIME_OFFSET], biases[Bias.MOUNT_Y] = 0.035, np.radians(1.0)
     biases[Bias.HEIGHT] = height_m

@@ -44,7 +44,7 @@ def test_a_single_sight_ends_as_never_confirmed():
 
 
 def told_by(pattern, fps=10):
-    """State and reason of the first track after each frame; a letter of the pattern: s it is seen, . it is not."""
+    """State and reason of the first track after each frame; in the pattern s is a detection, . is none."""
     tracker = make_tracker(TrackingOptions(), NO_BIAS)
     told = [fed(tracker, k / fps, 1 / fps, fps=fps, seen=letter == "s")[0] for k, letter in enumerate(pattern)]
     return [(tracks[0].state, tracks[0].reason) if tracks and tracks[0].id == 1 else None for tracks in told]
@@ -61,8 +61,8 @@ def told_by(pattern, fps=10):
     ],
 )
 def test_five_of_ten_looks_confirm_it_and_four_do_not(pattern, state, reason):
-    """A detector that sees a target in every second frame shows it five times in ten; clutter is hardly ever there four
-    times. Nor is it dropped earlier, but after three looks in a row that saw nothing."""
+    """A detector with a miss rate of one half shows a target five times in ten frames. Before the tenth frame a
+    tentative track is deleted only after three misses in a row."""
     last = told_by(pattern)[-1]
     assert last == (None if state is None else (state, reason))
 

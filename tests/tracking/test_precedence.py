@@ -27,7 +27,7 @@ def test_a_believed_track_does_not_wander_to_a_target_that_was_seen_first_by_a_n
 
 
 class Expecting:
-    """A track's state that expects the one fix there is with this squared distance and logarithm of the spread."""
+    """A predicted track for which every fix has this squared distance and this logarithm of the spread."""
 
     def __init__(self, distance2, spread):
         self._surprise = Surprise(distance2, spread)
@@ -39,8 +39,8 @@ class Expecting:
 @pytest.mark.parametrize(("ratio", "takes"), [(40.0, "believed"), (70.0, "newborn")])
 @pytest.mark.parametrize("spread", [-4.0, 3.0])
 def test_a_newborn_takes_a_known_targets_fix_where_it_is_more_than_55_times_as_likely(ratio, takes, spread):
-    """The density of a fix at distance d with spread s is exp(-(d^2 + s) / 2) but for a factor that both have. Equally
-    spread, the newborn is that many times as likely where its squared distance is less by 2 log(ratio)."""
+    """The likelihood of a fix at distance d with spread s is exp(-(d^2 + s) / 2) but for a common factor. With equal
+    spread the newborn is ``ratio`` times as likely if its squared distance is smaller by 2 log(ratio)."""
     newborn = Candidate("target", Expecting(1.0, spread), None, believed=False)
     believed = Candidate("target", Expecting(1.0 + 2.0 * np.log(ratio), spread), None)
     ((taker, (fix, _)),) = associate([believed, newborn], [a_fix(0.0, (4, 3, 0), label="target")]).items()
