@@ -2,7 +2,6 @@
 
 from fwav_companion.camera.brown_conrady import BrownConrady
 from fwav_companion.camera.calibration import Calibration, parse_calibration
-from fwav_companion.camera.image_changes import cropped, resized
 from fwav_companion.camera.kannala_brandt import KannalaBrandt
 
-__all__ = ["BrownConrady", "Calibration", "KannalaBrandt", "cropped", "parse_calibration", "resized"]
+__all__ = ["BrownConrady", "Calibration", "KannalaBrandt", "parse_calibration"]

@@ -8,7 +8,6 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from fwav_companion.camera.brown_conrady import BrownConrady
 from fwav_companion.camera.kannala_brandt import KannalaBrandt
 from fwav_companion.types import Lens, NoRay
 
@@ -35,16 +34,6 @@ def camera_rays_from_pixels(lens: Lens, pixels: Floats) -> tuple[Floats, Flags]:
     else:
         _one_by_one(lens, pixels, rays, valid)
     return rays, valid
-
-
-def pixels_from_camera_points(lens: Lens, points: Floats) -> tuple[Floats, Flags]:
-    """(N, 2) pixels of (N, 3) points of any length in the camera frame, NaN outside the lens; (N,) whether inside."""
-    points = np.asarray(points, dtype=np.float64).reshape(-1, 3)
-    if isinstance(lens, KannalaBrandt):
-        return _fisheye_pixels(lens, points)
-    if isinstance(lens, BrownConrady):
-        return _pinhole_pixels(lens, points)
-    raise TypeError(f"no batch projection of a {type(lens).__name__}")
 
 
 @lru_cache(maxsize=4)
@@ -124,37 +113,6 @@ def _radius_and_slope(lens: KannalaBrandt, theta: Floats) -> tuple[Floats, Float
         theta * (k1 + t * (k2 + t * (k3 + t * (k4 + t * k5)))),
         k1 + t * (3.0 * k2 + t * (5.0 * k3 + t * (7.0 * k4 + t * 9.0 * k5))),
     )
-
-
-def _fisheye_pixels(lens: KannalaBrandt, points: Floats) -> tuple[Floats, Flags]:
-    x, y, z = points.T
-    across = np.hypot(x, y)
-    theta = np.arctan2(across, z)
-    length = np.hypot(across, z)
-    seen = (theta <= lens.largest_angle) & (length > 0.0) & (length < np.inf) & ((across > 0.0) | (z > 0.0))
-    r, _ = _radius_and_slope(lens, theta)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        s = np.where(across > 0.0, r / across, 0.0)
-        u = lens.principal_point[0] + lens.pixels_per_mm[0] * s * (x + lens.skew * y)
-        v = lens.principal_point[1] + lens.pixels_per_mm[1] * s * y
-    pixels = np.stack([u, v], axis=1)
-    pixels[~seen] = np.nan
-    return pixels, seen
-
-
-def _pinhole_pixels(lens: BrownConrady, points: Floats) -> tuple[Floats, Flags]:
-    k1, k2, p1, p2, k3, k4, k5, k6 = lens.distortion
-    z = points[:, 2]
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        x, y = points[:, 0] / z, points[:, 1] / z
-        q = x * x + y * y
-        seen = (z > 0.0) & (z < np.inf) & (q <= lens.largest_tangent**2)
-        g = (1.0 + q * (k1 + q * (k2 + q * k3))) / (1.0 + q * (k4 + q * (k5 + q * k6)))
-        x, y = g * x + 2.0 * p1 * x * y + p2 * (q + 2.0 * x * x), g * y + p1 * (q + 2.0 * y * y) + 2.0 * p2 * x * y
-    u = lens.principal_point[0] + lens.focal[0] * (x + lens.skew * y)
-    pixels = np.stack([u, lens.principal_point[1] + lens.focal[1] * y], axis=1)
-    pixels[~seen] = np.nan
-    return pixels, seen
 
 
 def _one_by_one(lens: Lens, pixels: Floats, rays: Floats, valid: Flags) -> None:

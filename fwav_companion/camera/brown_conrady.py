@@ -14,7 +14,7 @@ from math import atan, cos, hypot, inf, isfinite, pi, radians, sin, sqrt, tan
 from typing import TypeAlias
 
 from fwav_companion.geometry.vectors import Vector3, add, scale
-from fwav_companion.types import NoRay, Projection, Ray
+from fwav_companion.types import NoRay, Ray
 
 Jacobian: TypeAlias = tuple[float, float, float, float]
 """dx'/dx, dx'/dy, dy'/dx, dy'/dy."""
@@ -200,15 +200,3 @@ class BrownConrady:
             self.principal_point[0] + self.focal[0] * (x + self.skew * y),
             self.principal_point[1] + self.focal[1] * y,
         )
-
-    def projection_from_camera_point(self, point: Vector3) -> Projection | NoRay:
-        """The pixel with its derivatives by the point."""
-        pixel = self.pixel_from_camera_point(point)
-        if isinstance(pixel, NoRay):
-            return pixel
-        x, y, z = point[0] / point[2], point[1] / point[2], point[2]
-        _, (a, b, c, d) = self._distorted(x, y)
-        dx = (a / z, b / z, -(a * x + b * y) / z)
-        dy = (c / z, d / z, -(c * x + d * y) / z)
-        du = scale(add(dx, scale(dy, self.skew)), self.focal[0])
-        return Projection(*pixel, du, scale(dy, self.focal[1]))

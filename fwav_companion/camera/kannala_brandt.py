@@ -15,7 +15,7 @@ from math import atan2, cos, hypot, inf, isfinite, pi, sin, sqrt
 from fwav_companion.camera.polynomials import first_not_positive
 from fwav_companion.camera.radial_inverse import Piece, angle_from_radius, radius_and_slope, ray_table
 from fwav_companion.geometry.vectors import Vector3, add, scale
-from fwav_companion.types import NoRay, Projection, Ray
+from fwav_companion.types import NoRay, Ray
 
 LEAST_SLOPE = 1e-6
 """Of r'(theta) against its value on the axis, where the range ends. Nearer to the fold than that (some 1e-6 rad) the
@@ -162,25 +162,3 @@ class KannalaBrandt:
         s = r / across
         (u0, v0), (m_u, m_v) = self.principal_point, self.pixels_per_mm
         return (u0 + m_u * s * (x + self.skew * y), v0 + m_v * s * y)
-
-    def projection_from_camera_point(self, point: Vector3) -> Projection | NoRay:
-        """The pixel with its derivatives by the point."""
-        pixel = self.pixel_from_camera_point(point)
-        if isinstance(pixel, NoRay):
-            return pixel
-        x, y, z = point
-        m_u, m_v = self.pixels_per_mm
-        across = hypot(x, y)
-        if across == 0.0:
-            s = self.k_mm[0] / z
-            return Projection(*pixel, (m_u * s, m_u * self.skew * s, 0.0), (0.0, m_v * s, 0.0))
-        r, slope = radius_and_slope(self.k_mm, atan2(across, z))
-        n2 = across * across + z * z
-        s = r / across
-        ds_outward = (slope * z / n2 - s) / across
-        cx, cy = x / across, y / across
-        ds = (ds_outward * cx, ds_outward * cy, -slope / n2)
-        dx = (s + x * ds[0], x * ds[1], x * ds[2])
-        dy = (y * ds[0], s + y * ds[1], y * ds[2])
-        du = add(scale(dx, m_u), scale(dy, m_u * self.skew))
-        return Projection(*pixel, du, scale(dy, m_v))

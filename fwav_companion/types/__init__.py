@@ -13,7 +13,6 @@ from fwav_companion.types.camera import (
     NoFrame,
     NoRay,
     Pixel,
-    Projection,
     Ray,
     StampClock,
 )
@@ -79,7 +78,6 @@ __all__ = [
     "Outgoing",
     "Pixel",
     "PositionSample",
-    "Projection",
     "RangeSample",
     "Ray",
     "Reason",

@@ -83,16 +83,6 @@ class Ray(msgspec.Struct, frozen=True, gc=False):
     """d(direction)/dv, per pixel."""
 
 
-class Projection(msgspec.Struct, frozen=True, gc=False):
-    """Where a point of the camera frame appears, with the derivatives of its pixel by the point."""
-
-    u: float
-    v: float
-    du: Vector3
-    """d(u)/d(point), pixels per unit of the point's length."""
-    dv: Vector3
-
-
 class Lens(Protocol):
     """The intrinsic geometry of a camera; projection and back-projection have the same range of validity."""
 
@@ -112,6 +102,3 @@ class Lens(Protocol):
 
     def pixel_from_camera_point(self, point: Vector3) -> tuple[float, float] | NoRay:
         """The pixel (u, v) of a point in the camera frame, of any length; the pixel may lie outside the image."""
-
-    def projection_from_camera_point(self, point: Vector3) -> Projection | NoRay:
-        """The same with its derivatives."""
