@@ -1,4 +1,9 @@
-"""Lens models and calibration files' content. Pure; numpy only in ``batch`` and ``fitting``."""
+"""Lens models, and the content of calibration files. PURE.
+
+A lens maps pixels to unit rays in the camera frame and back: ``KannalaBrandt`` for fisheyes, ``BrownConrady`` for
+pinholes. ``parse_calibration`` reads the camera files of this project, Kalibr, ROS, camodocal and OpenCV. numpy is
+loaded only by ``batch`` (many pixels at once) and ``fitting`` (a lens from pictures of a board).
+"""
 
 from fwav_companion.camera.brown_conrady import BrownConrady
 from fwav_companion.camera.calibration import Calibration, parse_calibration

@@ -1,4 +1,4 @@
-"""Many pixels at once, with numpy: for images, calibration and reports. The daemon never imports this."""
+"""Rays of many pixels at once, with numpy, for images, lens fits and reports. The daemon never imports this."""
 
 from __future__ import annotations
 
@@ -15,19 +15,20 @@ Floats: TypeAlias = NDArray[np.float64]
 Flags: TypeAlias = NDArray[np.bool_]
 
 CHUNK = 8192
-"""Pixels whose intermediate results stay in a core's cache: twice as fast as a million at once."""
+"""Pixels per chunk: intermediate results stay in a core's cache, twice as fast as a million pixels at once."""
 
 NODES, MOST_STEPS = 4096, 16
-"""At the very fold a Newton step only halves the error: from one node's distance, 5e-4, sixteen reach 1e-8 rad."""
+"""Nodes of the starting table, and Newton steps. Exactly at the fold a step only halves the error: from one node's
+distance, 5e-4 rad, sixteen steps reach 1e-8 rad."""
 
 
 def camera_rays_from_pixels(lens: Lens, pixels: Floats) -> tuple[Floats, Flags]:
-    """(N, 3) unit rays in the camera frame of (N, 2) pixels, NaN where the lens does not see; (N,) whether it does."""
+    """The (N, 3) unit rays of (N, 2) pixels in the camera frame, NaN beyond the valid range; (N,) flags of validity."""
     pixels = np.ascontiguousarray(pixels, dtype=np.float64).reshape(-1, 2)
     rays = np.empty((len(pixels), 3))
     valid = np.ones(len(pixels), dtype=np.bool_)
     if isinstance(lens, KannalaBrandt):
-        with np.errstate(over="ignore", invalid="ignore"):  # pixels that are none
+        with np.errstate(over="ignore", invalid="ignore"):  # pixels that are not finite
             for start in range(0, len(pixels), CHUNK):
                 part = slice(start, start + CHUNK)
                 _fisheye_rays(lens, pixels[part], rays[part], valid[part])
@@ -38,12 +39,12 @@ def camera_rays_from_pixels(lens: Lens, pixels: Floats) -> tuple[Floats, Flags]:
 
 @lru_cache(maxsize=4)
 def _coefficients(lens: KannalaBrandt) -> Floats:
-    """(8, pieces) of the lens's table."""
+    """The coefficients of the lens's ray table, (8, pieces)."""
     return np.ascontiguousarray(np.array(lens.ray_table.pieces, dtype=np.float64).reshape(-1, 8).T)
 
 
 def _fisheye_rays(lens: KannalaBrandt, pixels: Floats, rays: Floats, valid: Flags) -> None:
-    """By the table where it reaches; one chunk, written in place: every temporary counts here."""
+    """Write the rays of one chunk in place, by the ray table where it has pieces. Each temporary array costs time."""
     s0, s1, s2, s3, c0, c1, c2, c3 = _coefficients(lens)
     per_u, per_v = (1.0 / (m * lens.ray_table.unit) for m in lens.pixels_per_mm)
     y = pixels[:, 1] - lens.principal_point[1]
@@ -79,13 +80,13 @@ def _fisheye_rays(lens: KannalaBrandt, pixels: Floats, rays: Floats, valid: Flag
 
 @lru_cache(maxsize=4)
 def _nodes(lens: KannalaBrandt) -> tuple[Floats, Floats]:
-    """Angles over the whole range and their radii."""
+    """Angles over the valid range, and their radii."""
     theta = np.linspace(0.0, lens.largest_angle, NODES)
     return theta, _radius_and_slope(lens, theta)[0]
 
 
 def _solved_rays(lens: KannalaBrandt, x: Floats, y: Floats) -> tuple[Floats, Flags]:
-    """By Newton between two nodes: what the table does not hold, near a fold."""
+    """The rays of pixels beyond the ray table, near a fold, by Newton between two nodes; and their flags."""
     radius = np.hypot(x, y)
     seen = radius <= lens.largest_radius
     x, y, goal = np.where(seen, x, 0.0), np.where(seen, y, 0.0), np.where(seen, radius, 0.0)
@@ -116,7 +117,7 @@ def _radius_and_slope(lens: KannalaBrandt, theta: Floats) -> tuple[Floats, Float
 
 
 def _one_by_one(lens: Lens, pixels: Floats, rays: Floats, valid: Flags) -> None:
-    """A pinhole's pixels: some 10 us each, and nobody has asked for a million yet."""
+    """Write the rays of a pinhole's pixels one by one: some 10 us each, no caller has a million of them."""
     for i, (u, v) in enumerate(pixels.tolist()):
         ray = lens.camera_ray_from_pixel(u, v)
         valid[i] = not isinstance(ray, NoRay)

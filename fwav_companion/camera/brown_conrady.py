@@ -1,10 +1,10 @@
-"""The pinhole with Brown-Conrady distortion: ROS's and OpenCV's plumb_bob and rational_polynomial.
+"""The pinhole with Brown-Conrady distortion (Brown 1966): ROS's and OpenCV's plumb_bob and rational_polynomial.
 
     x = X/Z,  y = Y/Z,  q = x^2 + y^2,  g = (1 + k1 q + k2 q^2 + k3 q^3) / (1 + k4 q + k5 q^2 + k6 q^3)
     x' = g x + 2 p1 x y + p2 (q + 2 x^2),   y' = g y + p1 (q + 2 y^2) + 2 p2 x y
     u = fx (x' + skew y') + cx,   v = fy y' + cy
 
-Such a polynomial folds back on itself somewhere; a pixel then has two rays, and only the one inside the fold is true.
+Such a polynomial folds back on itself at some angle. A pixel then has two rays; only the one inside the fold is true.
 """
 
 from __future__ import annotations
@@ -17,25 +17,26 @@ from fwav_companion.geometry.vectors import Vector3, add, scale
 from fwav_companion.types import NoRay, Ray
 
 Jacobian: TypeAlias = tuple[float, float, float, float]
-"""dx'/dx, dx'/dy, dy'/dx, dy'/dy."""
+"""Derivatives dx'/dx, dx'/dy, dy'/dx, dy'/dy."""
 Trial: TypeAlias = tuple[float, float, float, tuple[float, float], Jacobian]
-"""x, y, how far their image misses, that as a vector, and the Jacobian there."""
+"""Tangents x and y, the residual's length, the residual, and the Jacobian at (x, y)."""
 
 MOST_STEPS = 60
 STEEPEST_ANGLE = radians(89.0)
-"""A pinhole ends before 90 degrees; at 89 a pixel of 1000 px focal length is 2e-5 degrees."""
+"""Limit of the valid range, radians: a pinhole ends before 90 deg; at 89 deg and f = 1000 px a pixel is 2e-5 deg."""
 FOLD_STEPS, FOLD_DIRECTIONS = 178, 16
-"""The fold is looked for at every half degree, in 16 directions: tangential terms are small and smooth."""
+"""The search for the fold tests every half degree in 16 directions: tangential terms are small and smooth."""
 LEAST_DETERMINANT = 1e-6
-"""Nearer to the fold the rounding of a pixel alone moves the ray by more than 1e-9 rad."""
+"""Determinant at which the valid range ends. Nearer to the fold the rounding of a pixel alone moves the ray by more
+than 1e-9 rad."""
 BORDER_SAMPLES = 8
-"""Of each side of the image, in the search for the pixel that is farthest from the axis."""
+"""Pixels tested on each side of the image in the search for the pixel that is farthest from the axis."""
 SLACK = 1e-9
-"""Of a radius: rays and pixels on the very edge are in, so that both directions agree about it."""
+"""Relative margin of the largest radius: rays and pixels exactly on the edge are valid in both directions."""
 
 
 class BrownConrady:
-    """A pinhole lens with radial and tangential distortion. Immutable."""
+    """An immutable pinhole lens with radial and tangential distortion."""
 
     __slots__ = ("distortion", "focal", "image_size", "largest_tangent", "max_angle", "principal_point", "skew")
 
@@ -45,13 +46,14 @@ class BrownConrady:
         principal_point: tuple[float, float],
         distortion: Sequence[float],
         image_size: tuple[int, int],
+        *,
         max_angle: float | None = None,
         skew: float = 0.0,
     ) -> None:
         """``distortion``: k1, k2, p1, p2[, k3[, k4, k5, k6]], as OpenCV orders them. ``skew``: K[0][1] / K[0][0].
 
         The valid range ends at the first of: ``max_angle`` (radians), the farthest pixel of the image, the fold, and
-        89 degrees. ValueError names what makes the numbers no lens.
+        89 degrees. ValueError names the number that no lens can have.
         """
         k1, k2, p1, p2, k3, k4, k5, k6 = (*map(float, distortion), *(0.0,) * (8 - len(distortion)))
         self.focal = focal
@@ -70,7 +72,7 @@ class BrownConrady:
         self.largest_tangent = tan(self.max_angle) * (1.0 + SLACK)
 
     def _fold(self) -> float:
-        """The angle from the axis where the distortion first stops being one to one, radians."""
+        """The smallest angle from the axis where the distortion stops being one to one, radians."""
         return min(self._fold_along(2.0 * pi * i / FOLD_DIRECTIONS) for i in range(FOLD_DIRECTIONS))
 
     def _fold_along(self, direction: float) -> float:
@@ -93,7 +95,7 @@ class BrownConrady:
         return low
 
     def _image_circle(self) -> float:
-        """The largest angle of any pixel on the image's border, radians; infinite where one has no ray."""
+        """The largest angle of any pixel on the image's border, radians; infinite if one of them has no ray."""
         largest = 0.0
         width, height = self.image_size
         for i in range(BORDER_SAMPLES + 1):
@@ -110,7 +112,7 @@ class BrownConrady:
         q = x * x + y * y
         above = 1.0 + q * (k1 + q * (k2 + q * k3))
         below = 1.0 + q * (k4 + q * (k5 + q * k6))
-        if below <= 0.0:  # beyond a pole: nothing there is one to one
+        if below <= 0.0:  # beyond a pole the map is not one to one
             return (inf, inf), (0.0, 0.0, 0.0, 0.0)
         g = above / below
         g_q = (k1 + q * (2.0 * k2 + q * 3.0 * k3) - g * (k4 + q * (2.0 * k5 + q * 3.0 * k6))) / below
@@ -127,7 +129,7 @@ class BrownConrady:
         )
 
     def _tangents_from_pixel(self, u: float, v: float) -> tuple[float, float] | NoRay:
-        """(X/Z, Y/Z) inside the limit, by Newton."""
+        """The tangents (X/Z, Y/Z) of a pixel, by a damped Newton iteration; NoRay beyond the valid range."""
         goal_y = (v - self.principal_point[1]) / self.focal[1]
         goal_x = (u - self.principal_point[0]) / self.focal[0] - self.skew * goal_y
         radius = hypot(goal_x, goal_y)
@@ -151,7 +153,7 @@ class BrownConrady:
         return (x, y, hypot(*missing), missing, jacobian)
 
     def _closer(self, goal_x: float, goal_y: float, trial: Trial) -> Trial | None:
-        """A Newton step, halved until it helps and stays inside the fold; None: nothing is closer."""
+        """The Newton step, halved until the residual falls and the point is inside the fold; None if no step does."""
         x, y, error, (miss_x, miss_y), (a, b, c, d) = trial
         determinant = a * d - b * c
         if determinant <= 0.0 or error == 0.0:
@@ -165,7 +167,7 @@ class BrownConrady:
         return None
 
     def camera_ray_from_pixel(self, u: float, v: float) -> Vector3 | NoRay:
-        """The unit ray in the camera frame; NoRay beyond the valid range, and for what is not finite."""
+        """The unit ray in the camera frame; NoRay beyond the valid range, and for a pixel that is not finite."""
         tangents = self._tangents_from_pixel(u, v)
         if isinstance(tangents, NoRay):
             return tangents
@@ -174,7 +176,7 @@ class BrownConrady:
         return (x * n, y * n, n)
 
     def camera_ray_and_derivatives_from_pixel(self, u: float, v: float) -> Ray | NoRay:
-        """The unit ray with its derivatives by u and by v."""
+        """The unit ray with its derivatives by u and v; NoRay beyond the valid range."""
         tangents = self._tangents_from_pixel(u, v)
         if isinstance(tangents, NoRay):
             return tangents
@@ -191,7 +193,7 @@ class BrownConrady:
         return Ray((x * n, y * n, n), d_du, d_dv)
 
     def pixel_from_camera_point(self, point: Vector3) -> tuple[float, float] | NoRay:
-        """(u, v) of a point of any length; NoRay beyond the valid range and for what is not finite."""
+        """The pixel of a point at any distance; NoRay beyond the valid range, and if the point is not finite."""
         x, y, z = point
         if not (0.0 < z < inf and hypot(x, y) <= self.largest_tangent * z):
             return NoRay()

@@ -1,15 +1,16 @@
-"""Calibration files of five kinds, told apart by their content and never by guess."""
+"""Calibration files of five kinds, distinguished by their content, and the project's own kind read here."""
 
 from __future__ import annotations
 
 import re
+from math import radians
 from typing import Any
 
 import msgspec
 
 from fwav_companion.camera import tool_files
 from fwav_companion.camera.fields import Fields
-from fwav_companion.camera.native import MODEL, native_lens
+from fwav_companion.camera.kannala_brandt import KannalaBrandt
 from fwav_companion.errors import InputFileError
 from fwav_companion.geometry.vectors import Matrix3
 from fwav_companion.types import Lens
@@ -17,37 +18,40 @@ from fwav_companion.types import Lens
 LONGEST_FILE_CHARACTERS = 1_000_000
 """A camchain of eight cameras has 6000."""
 ACCEPTED = (
-    "a file with model: kannala_brandt, a Kalibr camchain, a ROS camera_info, a camodocal file, or an OpenCV "
-    "FileStorage with a model: beside its matrices"
+    "accepted: a file with model: kannala_brandt, a Kalibr camchain, a ROS camera_info, a camodocal file, or an OpenCV "
+    "FileStorage with a model: line beside its matrices"
 )
+NATIVE_MODEL = "kannala_brandt"
+NATIVE_KEYS = ("model", "image_size", "k_mm", "pixels_per_mm", "principal_point", "max_angle_deg")
 
 
 class Calibration(msgspec.Struct, frozen=True):
-    """What a calibration file says."""
+    """The content of a calibration file."""
 
     lens: Lens
+    """Lens model with its valid range."""
     time_offset_s: float | None = None
-    """By the sign of [camera] time_offset_s: positive where stamps come late. None: the file does not say."""
+    """Delay of the stamps with the sign of [camera] time_offset_s, seconds; None where the file has no delay."""
     body_from_camera: Matrix3 | None = None
-    """None: the file does not say, or not in body axes."""
+    """Mount rotation from the camera to body FRD; None where the file has no mount in body axes."""
     note: str = ""
-    """What was left out, for the log."""
+    """What of the file was not used, for the log."""
 
     @property
     def image_size(self) -> tuple[int, int]:
-        """Width, height in pixels."""
+        """Width and height, pixels."""
         return self.lens.image_size
 
 
 def parse_calibration(text: str, name: str, *, imu_is_frd: bool = False) -> Calibration:
-    """The calibration in ``text``; ``name`` is the file's, for complaints. InputFileError says what is wrong.
+    """The calibration in ``text`` of the file ``name``. InputFileError names the key, what stood there and the fix.
 
-    ``imu_is_frd``: the user says that the IMU of a Kalibr file has the body's axes, as ``imu_axes: FRD`` in it would.
+    ``imu_is_frd``: the IMU of a Kalibr file has the body's axes, as ``imu_axes: FRD`` in the file says as well.
     """
     fields = Fields(_document(text, name), name)
     try:
         return _read(fields, imu_is_frd)
-    except ValueError as error:  # numbers that are each in order but together no lens
+    except ValueError as error:  # each number is valid, but together they are not a lens
         raise InputFileError(f"{name}: {error}") from error
 
 
@@ -60,11 +64,33 @@ def _read(fields: Fields, imu_is_frd: bool) -> Calibration:
         return Calibration(tool_files.ros_lens(fields))
     if any(key in fields for key in tool_files.OPENCV_MATRIX_KEYS):
         return Calibration(tool_files.opencv_lens(fields))
-    if "model" in fields and fields.text("model") != MODEL:
-        raise fields.refusal("model", f"{MODEL}, or another model's name beside OpenCV's matrices")
+    if "model" in fields and fields.text("model") != NATIVE_MODEL:
+        raise fields.refusal("model", f"{NATIVE_MODEL}, or another model's name beside OpenCV's matrices")
     if "model" in fields:
-        return Calibration(native_lens(fields))
-    raise InputFileError(f"{fields.name}: the keys {', '.join(list(fields)[:6])} stand there; {ACCEPTED} is accepted")
+        return Calibration(_native_lens(fields))
+    raise InputFileError(f"{fields.name}: its keys are {', '.join(list(fields)[:6])}; {ACCEPTED}")
+
+
+def _native_lens(fields: Fields) -> KannalaBrandt:
+    """The lens of the project's own file: the paper's constants by their names."""
+    for key in fields:
+        if key not in NATIVE_KEYS:
+            raise fields.refusal(key, f"only {', '.join(NATIVE_KEYS)}")
+    image_size = fields.size("image_size")
+    k_mm = fields.numbers("k_mm", 1, 2, 3, 4, 5)
+    if k_mm[0] <= 0.0:
+        raise fields.refusal("k_mm", "a positive first coefficient")
+    m_u, m_v = fields.numbers("pixels_per_mm", 2)
+    if min(m_u, m_v) <= 0.0:
+        raise fields.refusal("pixels_per_mm", "two positive numbers")
+    u0, v0 = fields.numbers("principal_point", 2)
+    tool_files.require_inside(fields, "principal_point", (u0, v0), image_size)
+    max_angle = None
+    if "max_angle_deg" in fields:
+        max_angle = radians(fields.positive("max_angle_deg"))
+        if max_angle > radians(180.0):
+            raise fields.refusal("max_angle_deg", "an angle from the optical axis of at most 180 degrees")
+    return KannalaBrandt(k_mm, (m_u, m_v), (u0, v0), image_size, max_angle=max_angle)
 
 
 def _kalibr(fields: Fields, imu_is_frd: bool) -> Calibration:
@@ -72,23 +98,25 @@ def _kalibr(fields: Fields, imu_is_frd: bool) -> Calibration:
     for place in (fields, camera):
         if "imu_axes" in place:
             if place.text("imu_axes") != "FRD":
-                raise place.refusal("imu_axes", "FRD (x forward, y right, z down) or no such key")
+                raise place.refusal("imu_axes", "FRD (x forward, y right, z down), or no such key")
             imu_is_frd = True
-    told = "T_cam_imu" in camera
+    has_mount = "T_cam_imu" in camera
     return Calibration(
         tool_files.kalibr_lens(camera),
         tool_files.kalibr_time_offset_s(camera),
-        tool_files.kalibr_mount(camera) if told and imu_is_frd else None,
-        "" if imu_is_frd or not told else "T_cam_imu is not used: add imu_axes: FRD if its IMU has the body's axes",
+        tool_files.kalibr_mount(camera) if has_mount and imu_is_frd else None,
+        ""
+        if imu_is_frd or not has_mount
+        else "T_cam_imu is not used: add imu_axes: FRD if its IMU has the body's axes",
     )
 
 
 def _document(text: str, name: str) -> dict[str, Any]:
-    """The keys and values of YAML or JSON, with OpenCV's dialect of both; nothing in it is ever executed."""
+    """The keys and values of YAML or JSON, with OpenCV's dialect of both; nothing in the file is ever executed."""
     import yaml  # here: a relay without a camera never needs it
 
     class Loader(yaml.SafeLoader):
-        """OpenCV's matrices are mappings with a tag."""
+        """A safe loader that reads OpenCV's matrices: mappings with a tag."""
 
     def plain_mapping(loader: Loader, node: yaml.MappingNode) -> dict[Any, Any]:
         return loader.construct_mapping(node, deep=True)
@@ -96,13 +124,13 @@ def _document(text: str, name: str) -> dict[str, Any]:
     for tag in ("opencv-matrix", "opencv-nd-matrix"):
         Loader.add_constructor(f"tag:yaml.org,2002:{tag}", plain_mapping)
     if len(text) > LONGEST_FILE_CHARACTERS:
-        raise InputFileError(f"{name}: {len(text)} characters stand there; {ACCEPTED} is accepted")
-    if text.startswith("%YAML"):  # OpenCV's own spelling of the directive is no YAML
+        raise InputFileError(f"{name}: {len(text)} characters; {ACCEPTED}")
+    if text.startswith("%YAML"):  # OpenCV spells the directive in a way that YAML does not accept
         text = text.partition("\n")[2]
     try:
         document = yaml.load(text, Loader=Loader)  # noqa: S506 - a SafeLoader
     except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise InputFileError(f"{name}: {' '.join(str(error).split())[:200]}; {ACCEPTED} is accepted") from error
+        raise InputFileError(f"{name}: {' '.join(str(error).split())[:200]}; {ACCEPTED}") from error
     if not isinstance(document, dict) or not all(isinstance(key, str) for key in document):
-        raise InputFileError(f"{name}: no keys and values stand there; {ACCEPTED} is accepted")
+        raise InputFileError(f"{name}: no keys and values in it; {ACCEPTED}")
     return document

@@ -1,4 +1,4 @@
-"""A calibration file's content as typed fields; every complaint names file, key, what stood there, what is accepted."""
+"""The content of a calibration file as typed fields. Each error names file, key, what stood there, and the fix."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from typing import Any
 from fwav_companion.errors import InputFileError
 
 BARE_EXPONENT = re.compile(r"[-+]?[0-9]+(\.[0-9]*)?[eE][-+]?[0-9]+")
-"""1e-05 is a number everywhere but in YAML 1.1, and C++ programs write it so."""
+"""1e-05 is a number everywhere but in YAML 1.1, and C++ programs write numbers this way."""
 
 
 class Fields:
-    """One mapping of a file, read key by key."""
+    """One mapping of a calibration file, read key by key."""
 
     __slots__ = ("_mapping", "_path", "name")
 
@@ -31,40 +31,40 @@ class Fields:
         return iter(self._mapping)
 
     def refusal(self, key: str, accepted: str) -> InputFileError:
-        """The complaint about this key."""
-        stood = reprlib.repr(self._mapping[key]) if key in self._mapping else "nothing"
-        return InputFileError(f"{self.name}: {self._path}{key}: {stood} stands there; {accepted} is accepted")
+        """The error of this key: what stood there, and what is accepted."""
+        found = f" = {reprlib.repr(self._mapping[key])}:" if key in self._mapping else ": missing;"
+        return InputFileError(f"{self.name}: {self._path}{key}{found} accepted: {accepted}")
 
     def below(self, key: str) -> Fields:
-        """The mapping under a key."""
+        """The mapping under this key."""
         found = self._mapping.get(key)
         if not isinstance(found, Mapping):
             raise self.refusal(key, "a mapping of keys")
         return Fields(found, self.name, f"{self._path}{key}.")
 
     def text(self, key: str) -> str:
-        """A word."""
+        """The text under this key."""
         found = self._mapping.get(key)
         if not isinstance(found, str):
             raise self.refusal(key, "a word")
         return found
 
     def number(self, key: str) -> float:
-        """A finite number."""
+        """The finite number under this key."""
         found = _finite(self._mapping.get(key))
         if found is None:
             raise self.refusal(key, "a finite number")
         return found
 
     def positive(self, key: str) -> float:
-        """A finite number above zero."""
+        """The finite number above zero under this key."""
         found = self.number(key)
         if found <= 0.0:
             raise self.refusal(key, "a positive number")
         return found
 
     def numbers(self, key: str, *counts: int) -> tuple[float, ...]:
-        """A list of finite numbers, as many as one of ``counts``; a matrix's rows are read one after another."""
+        """The list of finite numbers under this key, its length one of ``counts``; a matrix is read row by row."""
         found = self._mapping.get(key)
         if isinstance(found, Mapping) and "data" in found:
             found = found["data"]
@@ -75,14 +75,14 @@ class Fields:
         return good
 
     def size(self, key: str) -> tuple[int, int]:
-        """Width and height in whole pixels."""
+        """The width and height under this key, whole pixels."""
         width, height = self.numbers(key, 2)
         if not (_is_pixels(width) and _is_pixels(height)):
             raise self.refusal(key, "[width, height] in whole pixels")
         return int(width), int(height)
 
     def whole_pixels(self, key: str) -> int:
-        """One side of an image."""
+        """The side of an image under this key, whole pixels."""
         found = self.number(key)
         if not _is_pixels(found):
             raise self.refusal(key, "a number of whole pixels")

@@ -1,10 +1,10 @@
-"""The fisheye model of Kannala and Brandt: the paper's, and by an exact map OpenCV's, Kalibr's and ROS's equidistant.
+"""The fisheye model of Kannala and Brandt (2006); by an exact map also OpenCV's, Kalibr's and ROS's equidistant model.
 
     theta = atan2(hypot(x, y), z)          from the optical axis; atan would mirror what lies beyond 90 degrees
     r(theta) = k1 theta + k2 theta^3 + k3 theta^5 + k4 theta^7 + k5 theta^9          millimetres on the sensor
     u = u0 + m_u (r cos(phi) + skew r sin(phi)),   v = v0 + m_v r sin(phi),   phi = atan2(y, x)
 
-Only the products m k mean anything: two calibrations with unlike k1 can be the same lens.
+Only the products m k matter: two calibrations with different k1 can be the same lens.
 """
 
 from __future__ import annotations
@@ -12,20 +12,25 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import atan2, cos, hypot, inf, isfinite, pi, sin, sqrt
 
-from fwav_companion.camera.polynomials import first_not_positive
-from fwav_companion.camera.radial_inverse import Piece, angle_from_radius, radius_and_slope, ray_table
+from fwav_companion.camera.radial_polynomial import (
+    RayPiece,
+    angle_from_radius,
+    first_not_positive,
+    radius_and_slope,
+    ray_table,
+)
 from fwav_companion.geometry.vectors import Vector3, add, scale
 from fwav_companion.types import NoRay, Ray
 
 LEAST_SLOPE = 1e-6
-"""Of r'(theta) against its value on the axis, where the range ends. Nearer to the fold than that (some 1e-6 rad) the
+"""Ratio of r'(theta) to its value on the axis at which the valid range ends. Nearer to the fold (some 1e-6 rad) the
 rounding of a pixel alone moves the angle by more than 1e-9 rad."""
 SLACK = 1e-9
-"""Radians, and of a radius: rays and pixels on the very edge are in, so that both directions agree about it."""
+"""Margin of the largest angle, radians: rays and pixels exactly on the edge are valid in both directions."""
 
 
 class KannalaBrandt:
-    """A lens whose radius is an odd polynomial of the angle. Immutable."""
+    """An immutable lens whose image radius is an odd polynomial of the angle from the optical axis."""
 
     __slots__ = (
         "_table",
@@ -46,13 +51,14 @@ class KannalaBrandt:
         pixels_per_mm: tuple[float, float],
         principal_point: tuple[float, float],
         image_size: tuple[int, int],
+        *,
         max_angle: float | None = None,
         skew: float = 0.0,
     ) -> None:
         """``max_angle``: configured limit, radians from the axis. ``skew``: OpenCV's alpha, K[0][1] / K[0][0].
 
-        The valid range ends at the first of: ``max_angle``, the farthest corner of the image, where r' stops being
-        positive, and 180 degrees. ValueError names what makes the numbers no lens.
+        The valid range ends at the first of: ``max_angle``, the farthest corner of the image, the angle where r' stops
+        being positive, and 180 degrees. ValueError names the number that no lens can have.
         """
         k1, k2, k3, k4, k5 = (*map(float, k_mm), *(0.0,) * (5 - len(k_mm)))
         self.k_mm = (k1, k2, k3, k4, k5)
@@ -86,8 +92,8 @@ class KannalaBrandt:
         circle = angle_from_radius(k, corner, steady) if corner < largest_radius else inf
         return min(configured, circle, steady)
 
-    def _quick_table(self) -> tuple[float, float, float, float, tuple[Piece, ...]]:
-        """What the quick way needs, at hand in one tuple. A skewed lens, a rare thing, goes the other way."""
+    def _quick_table(self) -> tuple[float, float, float, float, tuple[RayPiece, ...]]:
+        """The numbers of the table look-up in one tuple. A skewed lens, which is rare, has no pieces and is solved."""
         table = self.ray_table
         (u0, v0), (m_u, m_v) = self.principal_point, self.pixels_per_mm
         pieces = table.pieces if self.skew == 0.0 else ()
@@ -102,20 +108,20 @@ class KannalaBrandt:
         return (u - self.principal_point[0]) / self.pixels_per_mm[0] - self.skew * y, y
 
     def camera_ray_from_pixel(self, u: float, v: float) -> Vector3 | NoRay:
-        """The unit ray in the camera frame; NoRay beyond the valid range, and for what is not finite."""
+        """The unit ray in the camera frame; NoRay beyond the valid range, and for a pixel that is not finite."""
         u0, v0, per_u, per_v, pieces = self._table
         x = (u - u0) * per_u
         y = (v - v0) * per_v
         rho2 = x * x + y * y
         try:
             s0, s1, s2, s3, c0, c1, c2, c3 = pieces[int(rho2)]
-        except (IndexError, ValueError, OverflowError):  # beyond the table, or no number
+        except (IndexError, ValueError, OverflowError):  # beyond the table, or not finite
             return self._solved_ray(u, v)
         s = s0 + rho2 * (s1 + rho2 * (s2 + rho2 * s3))
         return (x * s, y * s, c0 + rho2 * (c1 + rho2 * (c2 + rho2 * c3)))
 
     def _solved_ray(self, u: float, v: float) -> Vector3 | NoRay:
-        """The same by Newton, and the refusals: for what the table does not hold."""
+        """The unit ray by Newton's method where the table has no piece; NoRay beyond the valid range."""
         x, y = self._sensor_from_pixel(u, v)
         r = hypot(x, y)
         if not r <= self.largest_radius:
@@ -127,7 +133,7 @@ class KannalaBrandt:
         return (x * s, y * s, cos(theta))
 
     def camera_ray_and_derivatives_from_pixel(self, u: float, v: float) -> Ray | NoRay:
-        """The unit ray with its derivatives by u and by v."""
+        """The unit ray with its derivatives by u and v; NoRay beyond the valid range."""
         ray = self.camera_ray_from_pixel(u, v)
         if isinstance(ray, NoRay):
             return ray
@@ -148,7 +154,7 @@ class KannalaBrandt:
         return Ray(ray, scale(d_dx, mm_u), scale(add(d_dy, scale(d_dx, -skew)), mm_v))
 
     def pixel_from_camera_point(self, point: Vector3) -> tuple[float, float] | NoRay:
-        """(u, v) of a point of any length; NoRay beyond the valid range, at the centre, and for what is not finite."""
+        """The pixel of a point at any distance; NoRay beyond the valid range, at the origin, and if not finite."""
         x, y, z = point
         across = hypot(x, y)
         if not 0.0 < hypot(across, z) < inf:

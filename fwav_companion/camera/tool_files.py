@@ -1,11 +1,17 @@
-"""The calibration files of other tools: Kalibr, ROS, camodocal, OpenCV."""
+"""The calibration files of other tools: Kalibr, ROS, camodocal, OpenCV, by exact maps between their models.
+
+OpenCV's fisheye, Kalibr's and ROS's equidistant and camodocal's KANNALA_BRANDT are one model with k1 = 1: the focal
+lengths take the place of pixels per millimetre, and their four coefficients are the paper's k2 to k5 over its k1.
+"""
 
 from __future__ import annotations
 
 import re
 
+import msgspec
+
+from fwav_companion.camera.brown_conrady import BrownConrady
 from fwav_companion.camera.fields import Fields
-from fwav_companion.camera.intrinsics import CameraMatrix, camera_matrix, checked, distorted_lens
 from fwav_companion.camera.kannala_brandt import KannalaBrandt
 from fwav_companion.geometry.rotations import matrix_from_quaternion, quaternion_from_matrix
 from fwav_companion.geometry.vectors import IDENTITY3, Matrix3, multiply, transpose
@@ -14,36 +20,52 @@ from fwav_companion.types import Lens
 OPENCV_MATRIX_KEYS = ("camera_matrix", "K", "cameraMatrix", "Camera_Matrix")
 OPENCV_DISTORTION_KEYS = ("distortion_coefficients", "D", "distCoeffs", "dist_coeffs", "Distortion_Coefficients")
 SIZE_KEYS = (("image_width", "image_height"), ("width", "height"), ("image_Width", "image_Height"))
+FISHEYE_NAMES = ("equidistant", "fisheye")
+PINHOLE_COUNTS = {"plumb_bob": (4, 5), "rational_polynomial": (8,), "radtan": (4,), "none": (0,)}
+"""Number of coefficients by model name. Kalibr's radtan is a plumb_bob of four."""
+
+
+class CameraMatrix(msgspec.Struct, frozen=True):
+    """The linear part of a pinhole or fisheye model, which every tool's file contains."""
+
+    focal: tuple[float, float]
+    """Focal lengths along u and v, pixels (a radian, of a fisheye)."""
+    principal_point: tuple[float, float]
+    """Pixel of the optical axis."""
+    image_size: tuple[int, int]
+    """Width and height, pixels."""
+    skew: float = 0.0
+    """K[0][1] / K[0][0]."""
 
 
 def kalibr_camera(fields: Fields) -> Fields:
-    """The one camera of a camchain."""
+    """The only camera of a Kalibr camchain; a chain of several is refused."""
     cameras = [key for key in fields if re.fullmatch(r"cam\d+", key)]
     if len(cameras) > 1:
-        raise fields.refusal(
-            cameras[1], f"a chain of one camera: leave only the one that flies of {', '.join(cameras)}"
-        )
+        raise fields.refusal(cameras[1], f"one camera: keep only the one that flies of {', '.join(cameras)}")
     return fields.below(cameras[0]) if cameras else fields
 
 
 def kalibr_lens(fields: Fields) -> Lens:
-    """Of a pinhole with its distortion model; omni, ds and eucm are other projections."""
+    """The lens of a Kalibr pinhole with its distortion model; omni, ds and eucm are other projections."""
     if fields.text("camera_model") != "pinhole":
-        raise fields.refusal("camera_model", "pinhole with distortion_model equidistant or radtan")
+        raise fields.refusal("camera_model", "pinhole, with distortion_model equidistant or radtan")
     fu, fv, pu, pv = fields.numbers("intrinsics", 4)
     if min(fu, fv) <= 0.0:
         raise fields.refusal("intrinsics", "[fu, fv, pu, pv] with positive fu and fv")
-    matrix = CameraMatrix((fu, fv), (pu, pv), fields.size("resolution"))
-    return distorted_lens(fields, "distortion_model", "distortion_coeffs", checked(fields, "intrinsics", matrix))
+    size = fields.size("resolution")
+    require_inside(fields, "intrinsics", (pu, pv), size)
+    matrix = CameraMatrix((fu, fv), (pu, pv), size)
+    return _distorted_lens(fields, "distortion_model", "distortion_coeffs", matrix)
 
 
 def kalibr_time_offset_s(fields: Fields) -> float | None:
-    """Of stamps that come late: Kalibr's t_imu = t_cam + shift has the other sign."""
+    """The delay of the stamps; Kalibr's t_imu = t_cam + shift has the opposite sign. None where the file has none."""
     return -fields.number("timeshift_cam_imu") if "timeshift_cam_imu" in fields else None
 
 
 def kalibr_mount(fields: Fields) -> Matrix3:
-    """body_from_camera, where the IMU's axes are the body's: T_cam_imu maps them into the camera's."""
+    """The rotation body_from_camera of T_cam_imu, which maps IMU axes into the camera's; IMU axes are the body's."""
     t = fields.numbers("T_cam_imu", 16)
     camera_from_imu: Matrix3 = ((t[0], t[1], t[2]), (t[4], t[5], t[6]), (t[8], t[9], t[10]))
     product = multiply(camera_from_imu, transpose(camera_from_imu))
@@ -55,36 +77,65 @@ def kalibr_mount(fields: Fields) -> Matrix3:
 
 
 def ros_lens(fields: Fields) -> Lens:
-    """Of a camera_info, as a file or as a message: raw pixels, so its projection matrix has no part in it."""
+    """The lens of a ROS camera_info, as a file or as a message. Its projection matrix is for rectified pixels only."""
     size = _image_size(fields)
     _refuse_part_of_sensor(fields, size)
-    matrix = camera_matrix(fields, _first(fields, ("camera_matrix", "K", "k")), size)
+    matrix = _camera_matrix(fields, _first(fields, ("camera_matrix", "K", "k")), size)
     coefficients = _first(fields, ("distortion_coefficients", "D", "d"))
-    return distorted_lens(fields, "distortion_model", coefficients, matrix)
+    return _distorted_lens(fields, "distortion_model", coefficients, matrix)
 
 
 def camodocal_lens(fields: Fields) -> Lens:
-    """Its k2 to k5 are OpenCV's k1 to k4, its mu and mv pixels a radian: k1 is 1."""
+    """The lens of a camodocal file: its k2 to k5 are OpenCV's k1 to k4, its mu and mv pixels a radian; k1 is 1."""
     size = _image_size(fields)
     if fields.text("model_type") == "KANNALA_BRANDT":
         numbers = fields.below("projection_parameters")
         focal = (numbers.positive("mu"), numbers.positive("mv"))
         centre = (numbers.number("u0"), numbers.number("v0"))
-        checked(numbers, "u0", CameraMatrix(focal, centre, size))
+        require_inside(numbers, "u0", centre, size)
         k = (1.0, *(numbers.number(key) for key in ("k2", "k3", "k4", "k5")))
         return KannalaBrandt(k, focal, centre, size)
     raise fields.refusal("model_type", "KANNALA_BRANDT")
 
 
 def opencv_lens(fields: Fields) -> Lens:
-    """Of matrices that name no model themselves: four numbers fit a fisheye and a pinhole alike."""
+    """The lens of OpenCV matrices with a model's name: the four numbers alone fit a fisheye and a pinhole alike."""
     if "model" not in fields:
         raise fields.refusal(
             "model",
-            "a model: line of fisheye, plumb_bob or rational_polynomial beside the matrices, which do not say it,",
+            "a model: line of fisheye, plumb_bob or rational_polynomial beside the matrices, which do not name it",
         )
-    matrix = camera_matrix(fields, _first(fields, OPENCV_MATRIX_KEYS), _image_size(fields))
-    return distorted_lens(fields, "model", _first(fields, OPENCV_DISTORTION_KEYS), matrix)
+    matrix = _camera_matrix(fields, _first(fields, OPENCV_MATRIX_KEYS), _image_size(fields))
+    return _distorted_lens(fields, "model", _first(fields, OPENCV_DISTORTION_KEYS), matrix)
+
+
+def require_inside(fields: Fields, key: str, pixel: tuple[float, float], image_size: tuple[int, int]) -> None:
+    """Refuse a principal point outside the image: it is of another image, or in other units."""
+    (u, v), (width, height) = pixel, image_size
+    if not (-0.5 <= u <= width - 0.5 and -0.5 <= v <= height - 0.5):
+        raise fields.refusal(key, f"a principal point inside the image of {width} x {height} pixels")
+
+
+def _camera_matrix(fields: Fields, key: str, image_size: tuple[int, int]) -> CameraMatrix:
+    """The camera matrix of nine numbers, row by row."""
+    fx, fxy, cx, zero, fy, cy, *last = fields.numbers(key, 9)
+    if fx <= 0.0 or fy <= 0.0 or zero or last != [0.0, 0.0, 1.0]:
+        raise fields.refusal(key, "[fx, skew, cx, 0, fy, cy, 0, 0, 1] with positive fx and fy")
+    require_inside(fields, key, (cx, cy), image_size)
+    return CameraMatrix((fx, fy), (cx, cy), image_size, fxy / fx)
+
+
+def _distorted_lens(fields: Fields, model_key: str, coefficients_key: str, matrix: CameraMatrix) -> Lens:
+    """The lens of the model that ``model_key`` names, with the numbers under ``coefficients_key``."""
+    model = fields.text(model_key).lower()
+    if model in FISHEYE_NAMES:
+        d = fields.numbers(coefficients_key, 4)
+        return KannalaBrandt((1.0, *d), matrix.focal, matrix.principal_point, matrix.image_size, skew=matrix.skew)
+    if model in PINHOLE_COUNTS:
+        d = fields.numbers(coefficients_key, *PINHOLE_COUNTS[model])
+        d = (*d, *(0.0,) * (4 - len(d)))
+        return BrownConrady(matrix.focal, matrix.principal_point, d, matrix.image_size, skew=matrix.skew)
+    raise fields.refusal(model_key, ", ".join((*FISHEYE_NAMES, *PINHOLE_COUNTS)))
 
 
 def _image_size(fields: Fields) -> tuple[int, int]:
@@ -102,10 +153,10 @@ def _first(fields: Fields, keys: tuple[str, ...]) -> str:
 
 
 def _refuse_part_of_sensor(fields: Fields, size: tuple[int, int]) -> None:
-    """Binning and a region of interest change the pixels without changing the numbers."""
+    """Refuse binning and a region of interest: they change the pixels and leave the numbers as they are."""
     for key in ("binning_x", "binning_y"):
         if key in fields and fields.number(key) not in (0.0, 1.0):
-            raise fields.refusal(key, "0 or 1: a calibration of the pixels as they come,")
+            raise fields.refusal(key, "0 or 1: a calibration of the pixels as they come")
     if "roi" in fields:
         roi = fields.below("roi")
         for key, whole in (("x_offset", 0), ("y_offset", 0), ("width", size[0]), ("height", size[1])):

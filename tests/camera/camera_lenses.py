@@ -9,7 +9,7 @@ from fwav_companion.camera import BrownConrady, KannalaBrandt
 PAPER = KannalaBrandt((3.55, 0.03, 0.0, 0.0, 0.0), (188.0, 188.0), (320.0, 240.0), (640, 480))
 LENSES = {
     "paper": PAPER,
-    "limited": KannalaBrandt((1.0, 0.02), (300.0, 301.0), (500.0, 510.0), (1000, 1000), radians(75.0)),
+    "limited": KannalaBrandt((1.0, 0.02), (300.0, 301.0), (500.0, 510.0), (1000, 1000), max_angle=radians(75.0)),
     "beyond 90 degrees": KannalaBrandt((1.0, 0.02, -0.004, 0.0008), (300.0, 301.0), (512.3, 510.2), (1200, 1200)),
     "folds inside the image": KannalaBrandt((1.0, -0.1), (600.0, 600.0), (700.3, 690.2), (1400, 1400)),
     "skewed": KannalaBrandt((1.0, 0.03, 0.001), (400.0, 402.0), (330.0, 235.0), (640, 480), skew=-0.002),

@@ -7,7 +7,7 @@ import pytest
 from camera_lenses import LENSES
 
 from fwav_companion.camera import KannalaBrandt
-from fwav_companion.camera.polynomials import first_not_positive
+from fwav_companion.camera.radial_polynomial import first_not_positive
 
 FISHEYES = {name: lens for name, lens in LENSES.items() if isinstance(lens, KannalaBrandt) and not lens.skew}
 
@@ -79,4 +79,4 @@ def test_the_gauge_of_millimetres_does_not_matter():
 )
 def test_numbers_that_are_no_lens_are_refused(k, per_mm, angle):
     with pytest.raises(ValueError, match="must"):
-        KannalaBrandt(k, per_mm, (5.0, 5.0), (10, 10), angle)
+        KannalaBrandt(k, per_mm, (5.0, 5.0), (10, 10), max_angle=angle)
