@@ -7,6 +7,11 @@ from typing import Literal
 import msgspec
 
 
+def dictionary_key(name: str) -> str:
+    """A marker dictionary's or tag family's name in lower case without OpenCV's prefix: 4x4_50 for DICT_4X4_50."""
+    return name.strip().lower().removeprefix("dict_")
+
+
 class VisionTask(msgspec.Struct, frozen=True):
     """A source and a detector."""
 

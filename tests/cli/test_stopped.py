@@ -38,8 +38,8 @@ def savefig(_figure, file, **_how):
 Figure.savefig = savefig
 """
 BEFORE_THE_PICTURES = """
-from fwav_companion.tools.calibrate.boards import spec
-spec.parse_board = lambda _text: stop()
+from fwav_companion.tools.calibrate import board_spec
+board_spec.parse_board = lambda _text: stop()
 """
 
 

@@ -1,7 +1,8 @@
-"""What the command line names, as grey pictures of one size: files, folders of them, a video.
+"""The files, folders or the video of the command line, as grey pictures of one size.
 
-Pictures come as the sensor has them: a turn that a phone or camera only notes in the file (EXIF) is not carried out,
-since the frames of the flight will not be turned either.
+Pictures come as the sensor has them. A rotation that a phone or camera only notes in the file (EXIF) is not applied,
+because the frames of the flight will not be rotated either. Of a video the sharpest frames are taken: its frames follow
+one another closely, and a moving hand blurs most of them.
 """
 
 from __future__ import annotations
@@ -18,83 +19,124 @@ import numpy as np
 
 from fwav_companion.errors import InputFileError
 from fwav_companion.on_disk import content, opened
-from fwav_companion.tools.calibrate.boards.finder import Grey
-from fwav_companion.tools.calibrate.video import frame_count, sharpest
+from fwav_companion.tools.calibrate.board_finders import Grey
 
 ACCEPTED: Final = "accepted: pictures, a folder of them, or a video"
 SUFFIXES: Final = {".bmp", ".jpeg", ".jpg", ".jp2", ".pgm", ".png", ".ppm", ".tif", ".tiff", ".webp"}
-"""By which a folder's pictures are known from what else lies there. A file that is named may be called anything."""
+"""Suffixes of a folder's pictures. A file that is named may have any suffix."""
 JPEG, JPEG_SCAN, JPEG_END = b"\xff\xd8", b"\xff\xda", b"\xff\xd9"
-"""Markers (ITU-T T.81, table B.1); compressed data never holds them."""
+"""Markers (ITU-T T.81, table B.1); compressed data never contains them."""
 MOST_PICTURES: Final = 200
-"""More show nothing new, and each takes a good part of a second."""
+"""More pictures add little, and each takes a good part of a second."""
+VIDEO_PIECES: Final = 60
+"""Pieces of a video, each of which gives its sharpest frame: in a minute's video one a second."""
 
-Look: TypeAlias = Callable[[], Grey]
+ReadPicture: TypeAlias = Callable[[], Grey]
+"""Reads a picture. InputFileError where it is unreadable."""
 Watched: TypeAlias = Callable[[str, int], AbstractContextManager[Callable[[], None]]]
-"""Of work with so many steps: what is to be called after each."""
+"""Progress of work with a number of steps: gives the function to call after each step."""
 
 
-class Shot(msgspec.Struct, frozen=True):
+class CalibrationPicture(msgspec.Struct, frozen=True):
     """One picture, not yet read."""
 
     name: str
-    """For people: the file, or the video and the frame's number."""
-    look: Look
-    """InputFileError where it cannot be read."""
+    """File, or video and frame number."""
+    read: ReadPicture
+    """Reads the picture."""
 
 
-def silence() -> None:
-    """Libraries' own complaints would stand between the lines: what cannot be read is told once, by us."""
+def silence_opencv() -> None:
+    """Suppress the libraries' own messages: an unreadable picture is reported once, by this command."""
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
 
 
-def shots(names: Sequence[str], watched: Watched) -> tuple[list[Shot], str]:
-    """Each once, in the order given, a folder's by name; and what was left out, in words.
+def pictures_of(names: Sequence[str], watched: Watched) -> tuple[list[CalibrationPicture], str]:
+    """The pictures, each once, in the order given and a folder's by name; and a line about those left out, or "".
 
-    InputFileError for what is not there or no picture.
+    InputFileError where a name is missing or is not a picture.
     """
     files = list(dict.fromkeys(file for name in names for file in _files(Path(name))))
     videos = [file for file in files if not cv2.haveImageReader(str(file))]
     if not videos:
         taken = _evenly(files, MOST_PICTURES)
-        left_out = f"of {len(files)} pictures {len(taken)} are looked at, evenly" if len(taken) < len(files) else ""
-        return [Shot(str(file), _reader(file)) for file in taken], left_out
+        left_out = f"{len(taken)} of {len(files)} pictures are used, evenly spaced" if len(taken) < len(files) else ""
+        return [CalibrationPicture(str(file), _reader(file)) for file in taken], left_out
     if len(files) > 1:
-        raise InputFileError(f"{videos[0]}: no picture that can be read; {ACCEPTED}, alone")
+        raise InputFileError(f"{videos[0]}: not a readable picture; {ACCEPTED}, alone")
     return _from_video(videos[0], watched)
 
 
-def _from_video(video: Path, watched: Watched) -> tuple[list[Shot], str]:
-    count = frame_count(video)
-    with watched("reading the video", count) as on_frame:
-        sharp, frames = sharpest(video, count, on_frame)
-    if not sharp:
-        raise InputFileError(f"{video}: no picture or video that can be read; {ACCEPTED}")
-    taken = [Shot(f"{video}, frame {number}", _held(grey)) for number, grey in sharp]
-    left_out = f"of {frames} frames the sharpest of each of {len(taken)} pieces is looked at"
-    return taken, left_out if len(taken) < frames else ""
-
-
-def _held(grey: Grey) -> Look:
-    return lambda: grey
-
-
-def same_size(taken: Sequence[Shot], show: Callable[[Shot, Grey], None]) -> tuple[int, int]:
-    """Show each picture once; width and height of all. InputFileError where one is of another size."""
+def same_size(
+    pictures: Sequence[CalibrationPicture], show: Callable[[CalibrationPicture, Grey], None]
+) -> tuple[int, int]:
+    """Width and height of all pictures, each handed once to ``show``. InputFileError where one has another size."""
     size: tuple[int, int] | None = None
-    for shot in taken:
-        grey = shot.look()
+    for picture in pictures:
+        grey = picture.read()
         height, width = grey.shape
         if size is None:
             size = (width, height)
         elif size != (width, height):
-            wanted = f"{size[0]} x {size[1]} as {taken[0].name}"
-            raise InputFileError(f"{shot.name}: {width} x {height} pixels; accepted: {wanted}, all of one camera mode")
-        show(shot, grey)
+            wanted = f"{size[0]} x {size[1]} as {pictures[0].name}"
+            raise InputFileError(
+                f"{picture.name}: {width} x {height} pixels; accepted: {wanted}, all of one camera mode"
+            )
+        show(picture, grey)
     if size is None:
         raise InputFileError(f"no picture; {ACCEPTED}")
     return size
+
+
+def sharpest_frames(video: Path, count: int, on_frame: Callable[[], None]) -> tuple[list[tuple[int, Grey]], int]:
+    """The (number, frame) with the sharpest edges of each piece of ``count`` frames; and the number of frames read."""
+    best: dict[int, tuple[float, int, Grey]] = {}
+    frames = 0
+    for number, grey in enumerate(_frames(video)):
+        piece = min(number * VIDEO_PIECES // count, VIDEO_PIECES - 1)
+        sharpness = float(cv2.Laplacian(grey, cv2.CV_64F).var())
+        if piece not in best or sharpness > best[piece][0]:
+            best[piece] = (sharpness, number, grey)
+        frames = number + 1
+        on_frame()
+    return [(number, grey) for _, number, grey in best.values()], frames
+
+
+def _from_video(video: Path, watched: Watched) -> tuple[list[CalibrationPicture], str]:
+    count = _frame_count(video)
+    with watched("reading the video", count) as on_frame:
+        sharp, frames = sharpest_frames(video, count, on_frame)
+    if not sharp:
+        raise InputFileError(f"{video}: not a readable picture or video; {ACCEPTED}")
+    taken = [CalibrationPicture(f"{video}, frame {number}", _held(grey)) for number, grey in sharp]
+    left_out = f"{len(taken)} of {frames} frames are used, the sharpest of each piece of the video"
+    return taken, left_out if len(taken) < frames else ""
+
+
+def _frame_count(video: Path) -> int:
+    """The number of frames by the file's header, at least one; some headers are wrong."""
+    capture = cv2.VideoCapture(str(video))
+    count = capture.get(cv2.CAP_PROP_FRAME_COUNT)
+    capture.release()
+    return int(count) if 1.0 <= count < 1e9 else 1
+
+
+def _frames(video: Path) -> Iterator[Grey]:
+    capture = cv2.VideoCapture(str(video))
+    capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0.0)
+    try:
+        while True:
+            ok, pixels = capture.read()
+            if not ok:
+                return
+            yield np.asarray(pixels if pixels.ndim == 2 else cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
+    finally:
+        capture.release()
+
+
+def _held(grey: Grey) -> ReadPicture:
+    return lambda: grey
 
 
 def _files(path: Path) -> Iterator[Path]:
@@ -111,22 +153,22 @@ def _files(path: Path) -> Iterator[Path]:
     yield from inside
 
 
-def _reader(file: Path) -> Look:
-    def look() -> Grey:
+def _reader(file: Path) -> ReadPicture:
+    def read() -> Grey:
         try:
             data = content(file)
         except OSError as error:
             raise InputFileError(f"{file}: {error.strerror}; {ACCEPTED}") from None
         grey = None if _is_cut_short(data) else _decoded(data)
         if grey is None:
-            raise InputFileError(f"{file}: a picture that is damaged, or too large; {ACCEPTED}")
+            raise InputFileError(f"{file}: a damaged picture, or one too large; {ACCEPTED}")
         return grey
 
-    return look
+    return read
 
 
 def _decoded(data: bytes) -> Grey | None:
-    """None where it is no picture. Decoders write what they think into stderr itself, so that is shut meanwhile."""
+    """The grey picture; None where the data is not one. stderr is closed meanwhile: decoders write to it themselves."""
     stderr = os.dup(2)
     with Path(os.devnull).open("wb") as nowhere:
         os.dup2(nowhere.fileno(), 2)
@@ -141,12 +183,12 @@ def _decoded(data: bytes) -> Grey | None:
 
 
 def _is_cut_short(data: bytes) -> bool:
-    """A JPEG whose last scan has no end: its decoder would fill the rest with grey, and say so in lines of its own."""
+    """Whether a JPEG's last scan has no end: its decoder would fill the rest with grey, and print a warning."""
     return data.startswith(JPEG) and data.rfind(JPEG_END) < data.rfind(JPEG_SCAN)
 
 
 def _evenly(files: list[Path], most: int) -> list[Path]:
-    """At most so many, the first and the last among them."""
+    """At most ``most`` files, evenly spaced, the first and the last among them."""
     if len(files) <= most:
         return files
     return [files[round(i * (len(files) - 1) / (most - 1))] for i in range(most)]

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 
+import cv2
 import numpy as np
 
 
@@ -151,3 +152,26 @@ def views(lens, rng, count, *, reach, share, noise=0.1, board=(7, 5, 0.03)):
                 (f"{i:02d}.png", points[inside, :2], pixels[inside] + rng.normal(0.0, noise, (inside.sum(), 2)))
             )
     return made
+
+
+def charuco_sheet(legacy=False, down=5, across=7, dictionary=cv2.aruco.DICT_4X4_50):
+    """A ChArUco board as printed: 60 pixels a square, with a white border of half a square."""
+    size = (across, down)
+    drawn = cv2.aruco.CharucoBoard(size, 0.03, 0.022, cv2.aruco.getPredefinedDictionary(dictionary))
+    drawn.setLegacyPattern(legacy)
+    return np.pad(drawn.generateImage((across * 60, down * 60)), 30, constant_values=255)
+
+
+def aprilgrid_sheet(across, down, side, gap, *, up, turned, family=cv2.aruco.DICT_APRILTAG_36h11):
+    """Tags with squares between their corners; rows counted upwards as Kalibr does, or downwards; each tag turned."""
+    dictionary, step = cv2.aruco.getPredefinedDictionary(family), side + gap
+    sheet = np.full((down * step + gap, across * step + gap), 255, np.uint8)
+    for number in range(across * down):
+        row, column = divmod(number, across)
+        top, left = gap + (down - 1 - row if up else row) * step, gap + column * step
+        tag = cv2.aruco.generateImageMarker(dictionary, number, side)
+        sheet[top : top + side, left : left + side] = np.rot90(tag, turned)
+    for row in range(down + 1):
+        for column in range(across + 1):
+            sheet[row * step : row * step + gap, column * step : column * step + gap] = 0
+    return np.pad(sheet, gap, constant_values=255)

@@ -3,12 +3,22 @@
 import cv2
 import numpy as np
 import pytest
-from drawn_boards import PAPER, WIDE, chess_grey, chess_points, picture, poses, printed_grey, turn
+from drawn_boards import (
+    PAPER,
+    WIDE,
+    aprilgrid_sheet,
+    charuco_sheet,
+    chess_grey,
+    chess_points,
+    picture,
+    poses,
+    printed_grey,
+    turn,
+)
 
 from fwav_companion.errors import UserError
-from fwav_companion.tools.calibrate.boards.finder import SMALLEST_PX
-from fwav_companion.tools.calibrate.boards.make import finder_of
-from fwav_companion.tools.calibrate.boards.spec import EXAMPLES, Board, parse_board
+from fwav_companion.tools.calibrate.board_finders import SMALLEST_PX, finder_of
+from fwav_companion.tools.calibrate.board_spec import EXAMPLES, CalibrationBoard, parse_board
 
 AHEAD = turn([0.2, 0.1, 1.0], 0.23)
 """Lines along the rows of pixels would be drawn as exactly as two samples a pixel are."""
@@ -16,8 +26,9 @@ AHEAD = turn([0.2, 0.1, 1.0], 0.23)
 
 def test_the_words_of_the_help():
     chess, charuco, grid = (parse_board(EXAMPLES[kind]) for kind in ("chessboard", "charuco", "aprilgrid"))
-    assert chess == Board("chessboard:9x6:25mm", "chessboard", 9, 6, 0.025)
-    assert charuco == Board("charuco:7x5:30mm:22mm:DICT_4X4_50", "charuco", 7, 5, 0.03, 0.022, "DICT_4X4_50")
+    assert chess == CalibrationBoard("chessboard:9x6:25mm", "chessboard", 9, 6, side_m=0.025)
+    assert (charuco.across, charuco.down, charuco.side_m, charuco.second_m) == (7, 5, 0.03, 0.022)
+    assert charuco.dictionary == "DICT_4X4_50"
     assert (grid.across, grid.down, grid.side_m, grid.second_m) == (6, 6, 0.088, 0.0264)
 
 
@@ -84,12 +95,6 @@ def test_a_large_picture_is_searched_small_and_measured_whole():
     assert np.abs((found[1] + 0.5) / 4.0 - 0.5 - small[1]).max() < 0.25
 
 
-def charuco_sheet(legacy=False, down=5):
-    drawn = cv2.aruco.CharucoBoard((7, down), 0.03, 0.022, cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50))
-    drawn.setLegacyPattern(legacy)
-    return np.pad(drawn.generateImage((7 * 60, down * 60)), 30, constant_values=255)
-
-
 @pytest.mark.parametrize(
     ("legacy", "down"), [(False, 5), (False, 6), (True, 6)], ids=["odd", "even", "even, old layout"]
 )
@@ -103,21 +108,6 @@ def test_a_charuco_board_may_go_over_the_edge(legacy, down):
         assert found is not None
         assert fewest <= len(found[0]) <= most
         assert miss_px(PAPER, pose, found, np.array([0.105, 0.015 * down])) < 0.15
-
-
-def aprilgrid_sheet(across, down, side, gap, *, up, turned):
-    """Tags with squares between their corners; rows counted upwards as Kalibr does, or downwards; each tag turned."""
-    dictionary, step = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11), side + gap
-    sheet = np.full((down * step + gap, across * step + gap), 255, np.uint8)
-    for number in range(across * down):
-        row, column = divmod(number, across)
-        top, left = gap + (down - 1 - row if up else row) * step, gap + column * step
-        tag = cv2.aruco.generateImageMarker(dictionary, number, side)
-        sheet[top : top + side, left : left + side] = np.rot90(tag, turned)
-    for row in range(down + 1):
-        for column in range(across + 1):
-            sheet[row * step : row * step + gap, column * step : column * step + gap] = 0
-    return np.pad(sheet, gap, constant_values=255)
 
 
 @pytest.mark.parametrize(("up", "turned"), [(True, 0), (True, 2), (False, 1)])

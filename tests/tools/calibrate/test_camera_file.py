@@ -6,24 +6,23 @@ import yaml
 from drawn_boards import PAPER, WIDE, views
 
 from fwav_companion.camera import parse_calibration
-from fwav_companion.tools.calibrate.lens_fit.comparison import rays_apart
-from fwav_companion.tools.calibrate.lens_fit.corners import View
-from fwav_companion.tools.calibrate.lens_fit.fit import fit_lens
-from fwav_companion.tools.calibrate.lens_fit.projection import project
-from fwav_companion.tools.calibrate.lens_fit.writing import camera_file, limit_deg
+from fwav_companion.tools.calibrate.calibration_summary import camera_file
+from fwav_companion.tools.calibrate.lens_comparison import lens_difference
+from fwav_companion.tools.calibrate.lens_fit.lens_fit import fit_lens
+from fwav_companion.tools.calibrate.lens_fit.reprojection import BoardView, project
 
 
 @pytest.fixture(scope="module", params=[(PAPER, 0.42, 0.35), (WIDE, 1.45, 0.7)], ids=["the paper's", "200 degrees"])
 def fitted(request):
     lens, reach, share = request.param
-    seen = [View(*view) for view in views(lens, np.random.default_rng(1), 16, reach=reach, share=share)]
+    seen = [BoardView(*view) for view in views(lens, np.random.default_rng(1), 16, reach=reach, share=share)]
     return fit_lens(seen, lens.size)
 
 
 def test_it_comes_back_to_a_millionth_of_a_pixel(fitted):
     lens = parse_calibration(camera_file(fitted, ["a line", ""]), "camera.yaml").lens
     assert lens.image_size == fitted.image_size
-    for angle in np.linspace(0.0, 0.999 * np.radians(limit_deg(fitted)), 7):
+    for angle in np.linspace(0.0, 0.999 * np.radians(fitted.valid_deg), 7):
         for phi in (0.0, 1.0, 4.0):
             ray = (np.sin(angle) * np.cos(phi), np.sin(angle) * np.sin(phi), np.cos(angle))
             pixel, _, _ = project(fitted.lens, np.array([ray]))
@@ -32,8 +31,8 @@ def test_it_comes_back_to_a_millionth_of_a_pixel(fitted):
 
 def test_it_ends_where_the_fit_does(fitted):
     lens = parse_calibration(camera_file(fitted, []), "camera.yaml").lens
-    assert np.degrees(lens.max_angle) == pytest.approx(limit_deg(fitted), abs=0.011)
-    assert limit_deg(fitted) <= np.degrees(fitted.claim.supported)
+    assert np.degrees(lens.max_angle) == pytest.approx(fitted.valid_deg, abs=0.011)
+    assert fitted.valid_deg <= np.degrees(fitted.accuracy.supported)
 
 
 def test_any_reader_of_yaml_gets_numbers(fitted):
@@ -49,8 +48,8 @@ def test_lenses_are_compared_by_their_rays():
     """A principal point that is 3 px off turns all rays by about 3 / 667 rad, which a turn of the camera takes back."""
     text = "model: kannala_brandt\nimage_size: [640, 480]\nk_mm: [1.0]\npixels_per_mm: [667.0, 667.0]\n"
     one, off = (parse_calibration(f"{text}principal_point: [{u}, 240.0]\n", "it").lens for u in (320.0, 323.0))
-    assert rays_apart(one, one).rms == 0.0
-    between = rays_apart(one, off)
+    assert lens_difference(one, one).rms == 0.0
+    between = lens_difference(one, off)
     assert between.rms == pytest.approx(3.0 / 667.0, rel=0.05)
     assert between.largest >= between.rms
-    assert between.rms_beside_turn < 0.1 * between.rms
+    assert between.rms_without_rotation < 0.1 * between.rms

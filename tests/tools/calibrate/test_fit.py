@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from drawn_boards import NARROW, PAPER, WIDE, views
 
-from fwav_companion.tools.calibrate.lens_fit.corners import View
-from fwav_companion.tools.calibrate.lens_fit.fit import Fitted, fit_lens
-from fwav_companion.tools.calibrate.lens_fit.projection import RADIAL, project
+from fwav_companion.tools.calibrate.lens_fit.lens_fit import FittedLens, fit_lens
+from fwav_companion.tools.calibrate.lens_fit.reprojection import RADIAL, BoardView, project
 
 LENSES = {
     "the paper's": (PAPER, {"reach": 0.42, "share": 0.35}, 2),
@@ -16,9 +15,9 @@ LENSES = {
 
 
 def fit(lens, seed=1, count=16, **where):
-    seen = [View(*view) for view in views(lens, np.random.default_rng(seed), count, **where)]
+    seen = [BoardView(*view) for view in views(lens, np.random.default_rng(seed), count, **where)]
     result = fit_lens(seen, lens.size)
-    assert isinstance(result, Fitted), result
+    assert isinstance(result, FittedLens), result
     return result
 
 
@@ -35,7 +34,7 @@ def ray_errors(lens, fitted, angles):
 def test_without_noise_the_lens_comes_back(name):
     lens, where, _ = LENSES[name]
     fitted = fit(lens, noise=0.0, **where)
-    assert np.abs(ray_errors(lens, fitted, np.linspace(0.01, fitted.claim.reached, 9))).max() < 1e-3
+    assert np.abs(ray_errors(lens, fitted, np.linspace(0.01, fitted.accuracy.reached, 9))).max() < 1e-3
     assert fitted.noise_px < 1e-4
     assert not fitted.dropped
 
@@ -49,16 +48,16 @@ def test_with_noise_it_comes_back_within_its_claim(name):
     assert fitted.coefficients in {coefficients, coefficients + 1}  # one in twenty too many
     if fitted.coefficients >= len(lens.c):
         error = fitted.lens - truth
-        assert error @ np.linalg.solve(fitted.claim.covariance, error) < 26.1  # 99.9 % of chi2 with 8
-    miss = np.degrees(np.abs(ray_errors(lens, fitted, np.array([0.5 * fitted.claim.reached]))).max() / lens.c[0])
-    sigma = np.degrees(fitted.ray_sigmas(np.array([0.5 * fitted.claim.reached]))[0][0])
+        assert error @ np.linalg.solve(fitted.accuracy.covariance, error) < 26.1  # 99.9 % of chi2 with 8
+    miss = np.degrees(np.abs(ray_errors(lens, fitted, np.array([0.5 * fitted.accuracy.reached]))).max() / lens.c[0])
+    sigma = np.degrees(fitted.ray_sigmas(np.array([0.5 * fitted.accuracy.reached]))[0][0])
     assert miss < 3.5 * sigma
     assert sigma < 0.3
 
 
 def test_a_200_degree_lens_is_found_beyond_90():
     fitted = fit(WIDE, count=24, **LENSES["a fisheye of 200 degrees"][1])
-    assert 95.0 < np.degrees(fitted.claim.reached) <= np.degrees(fitted.claim.supported) < 103.0
+    assert 95.0 < np.degrees(fitted.accuracy.reached) <= np.degrees(fitted.accuracy.supported) < 103.0
 
 
 def test_narrow_pictures_support_few_coefficients_however_many_the_lens_has():
@@ -66,8 +65,8 @@ def test_narrow_pictures_support_few_coefficients_however_many_the_lens_has():
     lens, where, _ = LENSES["a fisheye of 200 degrees"]
     fitted = fit(lens, **{**where, "reach": 0.2, "share": 0.4})
     assert fitted.coefficients <= 2
-    assert np.degrees(fitted.claim.reached) < 40.0
-    assert np.degrees(fitted.claim.supported) < 75.0
+    assert np.degrees(fitted.accuracy.reached) < 40.0
+    assert np.degrees(fitted.accuracy.supported) < 75.0
 
 
 def test_what_lies_beyond_the_corners_is_claimed_no_better_than_it_is():
@@ -75,8 +74,8 @@ def test_what_lies_beyond_the_corners_is_claimed_no_better_than_it_is():
     lens, where, _ = LENSES["a fisheye of 200 degrees"]
     for seed in range(4):
         fitted = fit(lens, seed, **{**where, "reach": 0.8})
-        assert fitted.claim.supported > fitted.claim.reached
-        beyond = np.linspace(fitted.claim.reached, fitted.claim.supported, 5)
+        assert fitted.accuracy.supported > fitted.accuracy.reached
+        beyond = np.linspace(fitted.accuracy.reached, fitted.accuracy.supported, 5)
         assert np.abs(ray_errors(lens, fitted, beyond)).max() < 4.0
 
 

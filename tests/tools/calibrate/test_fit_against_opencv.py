@@ -5,18 +5,23 @@ import numpy as np
 import pytest
 from drawn_boards import WIDE, views
 
-from fwav_companion.tools.calibrate.lens_fit.adjustment import adjusted, residuals
-from fwav_companion.tools.calibrate.lens_fit.corners import State, View, gather
-from fwav_companion.tools.calibrate.lens_fit.projection import project
-from fwav_companion.tools.calibrate.lens_fit.starting import first_state, with_coefficients
+from fwav_companion.tools.calibrate.lens_fit.bundle_adjustment import adjusted, residuals
+from fwav_companion.tools.calibrate.lens_fit.initial_estimate import initial_estimate
+from fwav_companion.tools.calibrate.lens_fit.reprojection import (
+    BoardView,
+    LensAndPoses,
+    concatenated,
+    project,
+    with_coefficients,
+)
 
 
 @pytest.fixture(scope="module")
 def both():
     """Our state of five coefficients, OpenCV's as the same numbers, and the corners."""
-    seen = [View(*view) for view in views(WIDE, np.random.default_rng(4), 14, reach=0.9, share=0.7)]
-    corners = gather(seen)
-    state = first_state(corners, WIDE.size)
+    seen = [BoardView(*view) for view in views(WIDE, np.random.default_rng(4), 14, reach=0.9, share=0.7)]
+    corners = concatenated(seen)
+    state = initial_estimate(corners, WIDE.size)
     for count in range(2, 6):
         state = adjusted(corners, with_coefficients(state, count), np.ones(len(corners.pixels)), 60)
     flags = cv2.CALIB_RECOMPUTE_EXTRINSIC | cv2.CALIB_FIX_SKEW
@@ -28,7 +33,7 @@ def both():
     rms, K, D, turns, places = cv2.fisheye.calibrate(board, pixels, WIDE.size, K, D, flags=flags, criteria=stop)
     focal = K[0, 0]
     lens = np.array([K[0, 2], K[1, 2], K[1, 1] / focal, focal, *(focal * D.ravel())])
-    theirs = State(
+    theirs = LensAndPoses(
         lens,
         np.array([cv2.Rodrigues(turn)[0] for turn in turns]),
         np.array([np.ravel(place) for place in places]),

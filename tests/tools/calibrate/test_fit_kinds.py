@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 from drawn_boards import TrueLens, views
 
-from fwav_companion.tools.calibrate.lens_fit.adjustment import adjusted, residuals
-from fwav_companion.tools.calibrate.lens_fit.corners import State, View, gather
-from fwav_companion.tools.calibrate.lens_fit.fit import Fitted, fit_lens
-from fwav_companion.tools.calibrate.lens_fit.mirrored import with_better_poses
-from fwav_companion.tools.calibrate.lens_fit.starting import first_state
+from fwav_companion.tools.calibrate.lens_fit.bundle_adjustment import adjusted, residuals, with_flips_resolved
+from fwav_companion.tools.calibrate.lens_fit.initial_estimate import initial_estimate
+from fwav_companion.tools.calibrate.lens_fit.lens_fit import FittedLens, fit_lens
+from fwav_companion.tools.calibrate.lens_fit.reprojection import BoardView, LensAndPoses, concatenated
 
 KINDS = {
     "f theta": (1.0,),
@@ -39,9 +38,9 @@ def lens_of(kind, half_deg, size=(640, 480), off=0.04):
 @pytest.mark.parametrize(("kind", "half_deg"), [(kind, deg) for kind in KINDS for deg in HALF_ANGLES_DEG[kind]])
 def test_it_is_found(kind, half_deg):
     lens, half = lens_of(kind, half_deg)
-    seen = [View(*view) for view in views(lens, np.random.default_rng(8), 16, reach=0.8 * half, share=0.8 * half)]
+    seen = [BoardView(*view) for view in views(lens, np.random.default_rng(8), 16, reach=0.8 * half, share=0.8 * half)]
     fitted = fit_lens(seen, lens.size)
-    assert isinstance(fitted, Fitted)
+    assert isinstance(fitted, FittedLens)
     assert not fitted.dropped
     assert fitted.noise_px == pytest.approx(0.1, rel=0.15)
     assert fitted.lens[3] == pytest.approx(lens.c[0], abs=4.0 * fitted.sigma(3))
@@ -49,25 +48,29 @@ def test_it_is_found(kind, half_deg):
 
 def mirrored(state, board, i):
     """Board i turned by half a turn about the line of sight and back about its own normal: its other pose."""
-    turns = state.turns.copy()
-    middle = state.places[i] + turns[i][:, :2] @ board.mean(axis=0)
+    turns = state.rotations.copy()
+    middle = state.positions[i] + turns[i][:, :2] @ board.mean(axis=0)
     sight = middle / np.linalg.norm(middle)
     turns[i] = (2.0 * np.outer(sight, sight) - np.eye(3)) @ turns[i] @ np.diag([-1.0, -1.0, 1.0])
-    return State(state.lens, turns, state.places)
+    return LensAndPoses(state.lens, turns, state.positions)
 
 
 def test_a_board_that_is_taken_for_its_mirror_image_is_turned_back():
     """The search alone leaves some as they are."""
     lens, half = lens_of("f sin(theta)", 60.0)
-    seen = [View(*view) for view in views(lens, np.random.default_rng(8), 10, reach=0.7 * half, share=0.15, noise=0.0)]
-    corners = gather(seen)
+    seen = [
+        BoardView(*view) for view in views(lens, np.random.default_rng(8), 10, reach=0.7 * half, share=0.15, noise=0.0)
+    ]
+    corners = concatenated(seen)
     ones = np.ones(len(corners.pixels))
-    state = first_state(corners, lens.size)
-    state = adjusted(corners, State(np.array([*lens.centre, lens.aspect, *lens.c]), state.turns, state.places), ones)
+    state = initial_estimate(corners, lens.size)
+    state = adjusted(
+        corners, LensAndPoses(np.array([*lens.centre, lens.aspect, *lens.c]), state.rotations, state.positions), ones
+    )
     assert np.abs(residuals(corners, state)).max() < 0.01
     stayed = 0
     for i, view in enumerate(seen):
         wrong = mirrored(state, view.board, i)
         stayed += bool(np.abs(residuals(corners, adjusted(corners, wrong, ones))).max() > 0.1)
-        assert np.abs(residuals(corners, with_better_poses(corners, wrong))).max() < 0.01
+        assert np.abs(residuals(corners, with_flips_resolved(corners, wrong))).max() < 0.01
     assert stayed >= 3

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from drawn_boards import PAPER, WIDE, views
 
-from fwav_companion.tools.calibrate.lens_fit.choice import chosen_fit
-from fwav_companion.tools.calibrate.lens_fit.claims import claim
-from fwav_companion.tools.calibrate.lens_fit.corners import View, gather
-from fwav_companion.tools.calibrate.lens_fit.outliers import sound_views
+from fwav_companion.tools.calibrate.lens_fit.lens_accuracy import lens_accuracy
+from fwav_companion.tools.calibrate.lens_fit.outliers import consistent_views
+from fwav_companion.tools.calibrate.lens_fit.polynomial_order import select_order
+from fwav_companion.tools.calibrate.lens_fit.reprojection import BoardView, concatenated
 
 DRAWS = 25
 NOISE_PX = 0.1
@@ -19,15 +19,15 @@ LENSES = {"the paper's": (PAPER, 0.4, 0.35), "200 degrees": (WIDE, 1.3, 0.8)}
 def claims(lens, reach, share, spoil):
     """For each draw: its normalised square, how many numbers were fitted, and the claim."""
     rng = np.random.default_rng(11)
-    clean = [View(*view) for view in views(lens, rng, 10, reach=reach, share=share, noise=0.0, board=(6, 4, 0.04))]
-    start = sound_views(clean, lens.size).state
+    clean = [BoardView(*view) for view in views(lens, rng, 10, reach=reach, share=share, noise=0.0, board=(6, 4, 0.04))]
+    start = consistent_views(clean, lens.size).state
     for _ in range(DRAWS):
-        corners = gather([View(view.name, view.board, spoil(view.pixels, rng)) for view in clean])
-        fit = chosen_fit(corners, start)
-        claimed = claim(corners, fit)
+        corners = concatenated([BoardView(view.name, view.board, spoil(view.pixels, rng)) for view in clean])
+        fit = select_order(corners, start)
+        claimed = lens_accuracy(corners, fit.state, fit.variance)
         truth = np.array([*lens.centre, lens.aspect, *lens.c, 0.0, 0.0, 0.0])[: len(fit.state.lens)]
         error = fit.state.lens - truth
-        yield error @ np.linalg.solve(claimed.covariance, error), len(truth), claimed.disagreement
+        yield error @ np.linalg.solve(claimed.covariance, error), len(truth), claimed.inflation
 
 
 def noise(pixels, rng):

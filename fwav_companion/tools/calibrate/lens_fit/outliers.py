@@ -1,7 +1,7 @@
-"""Corners and pictures that do not belong, found under the most flexible lens: its own misfit throws out nothing.
+"""Outlier rejection: corners and pictures that disagree with the others are removed before the final fit.
 
-A corner that a finder put elsewhere misses by many times what the others do; a board that moved, bent or was misread
-misses in many corners at once.
+The judge is the most flexible lens, so that the misfit of a short polynomial removes nothing. A corner that a detector
+misplaced has a residual many times the usual one. A board that moved, bent or was misread has many such corners.
 """
 
 from __future__ import annotations
@@ -12,106 +12,112 @@ from typing import Final
 import msgspec
 import numpy as np
 
-from fwav_companion.tools.calibrate.lens_fit.adjustment import adjusted, residuals
-from fwav_companion.tools.calibrate.lens_fit.corners import Corners, Flags, State, View, gather
-from fwav_companion.tools.calibrate.lens_fit.mirrored import with_better_poses
-from fwav_companion.tools.calibrate.lens_fit.starting import first_state, soft_weights, with_coefficients
+from fwav_companion.tools.calibrate.lens_fit.bundle_adjustment import adjusted, residuals, with_flips_resolved
+from fwav_companion.tools.calibrate.lens_fit.initial_estimate import initial_estimate, robust_weights
+from fwav_companion.tools.calibrate.lens_fit.reprojection import (
+    BoardCorners,
+    BoardView,
+    Flags,
+    LensAndPoses,
+    concatenated,
+    with_coefficients,
+)
 
 MOST_COEFFICIENTS: Final = 5
 FEWEST_CORNERS: Final = 6
-"""A board of four has as many numbers as it stands at: it tells nothing."""
-OFF: Final = 5.0
+"""Fewest corners of a view: four corners have as many coordinates as board pose and plane have parameters."""
+CORNER_LIMIT: Final = 5.0
 """Sigmas of one axis: of a thousand good corners one in 270 sets loses one (exp(-12.5) = 4e-6)."""
-ROUGH: Final = 3.0
-"""A picture that misses by so many times what the typical one does."""
-MOST_OFF: Final = 0.3
-"""Of a picture's corners: where more are off, none is believed."""
+VIEW_LIMIT: Final = 3.0
+"""Ratio of a view's median residual to the usual one, beyond which the view is dropped."""
+MOST_OUTLIERS: Final = 0.3
+"""Share of a view's corners that may be outliers; beyond it the view is dropped."""
 FINEST_PX: Final = 1e-6
-"""No picture shows corners better: where they do not miss at all, nothing may be divided by that."""
+"""Smallest usual residual, pixels: a floor against division by zero where the corners fit exactly."""
 ROUNDS: Final = 6
-"""Of throwing out and fitting again; the second is mostly the last."""
-RMS_OF_MEDIAN: Final = 0.8493
-"""The sigma of one axis by the median distance of two: 1 / sqrt(2 ln 2)."""
+"""Most rounds of removal and refit; usually the second is the last."""
+SIGMA_OF_MEDIAN: Final = 0.8493
+"""Sigma of one axis over the median length of a two-dimensional residual: 1 / sqrt(2 ln 2)."""
 STEPS: Final = 15
-"""Of one fit among several that lead to the answer."""
+"""Adjustment steps of an intermediate fit."""
 
 
-class Dropped(msgspec.Struct, frozen=True):
-    """A picture that is not used."""
+class DroppedView(msgspec.Struct, frozen=True):
+    """A picture with a board that the fit does not use."""
 
     name: str
+    """Name of the picture."""
     why: str
+    """Reason, for the table of pictures."""
     rms_px: float
-    """By which its corners miss, an axis, under a fit without it or nearly so."""
+    """Residual RMS of one axis under a fit (nearly) without this view, pixels."""
 
 
-class Sound(msgspec.Struct, frozen=True, eq=False):
-    """What is left."""
+class ConsistentViews(msgspec.Struct, frozen=True, eq=False):
+    """The views that agree with one lens, and the views and corners that were removed."""
 
-    views: tuple[View, ...]
-    """Without the corners that were thrown out."""
-    state: State
-    """Of as many coefficients as there may be."""
-    dropped: tuple[Dropped, ...]
+    views: tuple[BoardView, ...]
+    """The remaining views, without the removed corners."""
+    state: LensAndPoses
+    """Fit to these views with the most coefficients."""
+    dropped: tuple[DroppedView, ...]
+    """The removed views."""
     corners_out: dict[str, int]
-    """By picture, of those that are used."""
+    """Number of removed corners, by the name of a remaining view."""
 
 
-def sound_views(views: Sequence[View], size: tuple[int, int]) -> Sound:
+def consistent_views(views: Sequence[BoardView], image_size: tuple[int, int]) -> ConsistentViews:
     """The views that agree with one lens; they may be fewer than a fit needs."""
-    corners = gather(views)
-    state = _flexible(corners, first_state(corners, size))
-    dropped: list[Dropped] = []
+    corners = concatenated(views)
+    state = _flexible_fit(corners, initial_estimate(corners, image_size))
+    dropped: list[DroppedView] = []
     kept = list(range(len(views)))
     for _ in range(ROUNDS):
-        off, bad = _judged(corners, state, kept)
-        dropped += [Dropped(views[i].name, *told) for i, told in bad.items()]
+        off, bad = _outliers(corners, state, kept)
+        dropped += [DroppedView(views[i].name, *why_and_rms) for i, why_and_rms in bad.items()]
         kept = [i for i in kept if i not in bad]
         if not kept:
             break
         before, state = state, _refitted(corners, state, kept, off)
         if not bad and np.allclose(before.lens, state.lens, rtol=1e-6, atol=1e-3):
             break
-    return _sound(views, corners, state, kept, off, dropped)
+    inliers = {i: ~off[corners.view == i] for i in kept}
+    return ConsistentViews(
+        views=tuple(BoardView(views[i].name, views[i].board[of], views[i].pixels[of]) for i, of in inliers.items()),
+        state=LensAndPoses(state.lens, state.rotations[kept], state.positions[kept]),
+        dropped=tuple(dropped),
+        corners_out={views[i].name: int((~of).sum()) for i, of in inliers.items() if not of.all()},
+    )
 
 
-def _sound(
-    views: Sequence[View], corners: Corners, state: State, kept: list[int], off: Flags, dropped: list[Dropped]
-) -> Sound:
-    fine = [~off[corners.view == i] for i in kept]
-    left = [
-        View(views[i].name, views[i].board[good], views[i].pixels[good]) for i, good in zip(kept, fine, strict=True)
-    ]
-    out = {views[i].name: int((~good).sum()) for i, good in zip(kept, fine, strict=True) if not good.all()}
-    return Sound(tuple(left), State(state.lens, state.turns[kept], state.places[kept]), tuple(dropped), out)
-
-
-def _flexible(corners: Corners, state: State) -> State:
-    """All coefficients, one after the other, while corners far off have little pull."""
+def _flexible_fit(corners: BoardCorners, state: LensAndPoses) -> LensAndPoses:
+    """The robust fit with the most coefficients, added one by one, and with flipped board poses resolved."""
     for count in range(2, MOST_COEFFICIENTS + 1):
         wider = with_coefficients(state, count)
-        state = adjusted(corners, wider, soft_weights(corners, wider), STEPS)
-    state = with_better_poses(corners, state)
-    return adjusted(corners, state, soft_weights(corners, state), STEPS)
+        state = adjusted(corners, wider, robust_weights(corners, wider), STEPS)
+    state = with_flips_resolved(corners, state)
+    return adjusted(corners, state, robust_weights(corners, state), STEPS)
 
 
-def _judged(corners: Corners, state: State, kept: Sequence[int]) -> tuple[Flags, dict[int, tuple[str, float]]]:
-    """(M,) the corners that are off; the views that are, with why and by how much."""
+def _outliers(
+    corners: BoardCorners, state: LensAndPoses, kept: Sequence[int]
+) -> tuple[Flags, dict[int, tuple[str, float]]]:
+    """The outlier flag of each corner, (M,); and by view to drop, the reason and the RMS of one axis in pixels."""
     miss = np.linalg.norm(residuals(corners, state), axis=1)
-    typical = RMS_OF_MEDIAN * np.array([np.median(miss[corners.view == i]) for i in range(len(corners.starts))])
+    typical = SIGMA_OF_MEDIAN * np.array([np.median(miss[corners.view == i]) for i in range(len(corners.starts))])
     usual = max(FINEST_PX, float(np.median(typical[kept])))
-    off = miss > OFF * np.maximum(usual, typical)[corners.view]
+    off = miss > CORNER_LIMIT * np.maximum(usual, typical)[corners.view]
     bad: dict[int, tuple[str, float]] = {}
     for i in kept:
         of_view, rms = off[corners.view == i], float(np.sqrt((miss[corners.view == i] ** 2).mean() / 2.0))
-        if typical[i] > ROUGH * usual:
-            bad[i] = (f"its corners miss by {typical[i] / usual:.0f} times what is usual", rms)
-        elif of_view.mean() > MOST_OFF or (~of_view).sum() < FEWEST_CORNERS:
-            bad[i] = (f"{of_view.sum()} of its {len(of_view)} corners are off", rms)
+        if typical[i] > VIEW_LIMIT * usual:
+            bad[i] = (f"its reprojection error is {typical[i] / usual:.0f} times the usual one", rms)
+        elif of_view.mean() > MOST_OUTLIERS or (~of_view).sum() < FEWEST_CORNERS:
+            bad[i] = (f"{of_view.sum()} of its {len(of_view)} corners are outliers", rms)
     return off, bad
 
 
-def _refitted(corners: Corners, state: State, kept: Sequence[int], off: Flags) -> State:
-    """On what is kept. A view that is not keeps a trace of weight, so that its own board can still be placed."""
-    believed = np.isin(corners.view, kept) & ~off
-    return adjusted(corners, state, np.where(believed, 1.0, 1e-9 * ~off + 1e-12), STEPS)
+def _refitted(corners: BoardCorners, state: LensAndPoses, kept: Sequence[int], off: Flags) -> LensAndPoses:
+    """The fit to the remaining views. A dropped view keeps a trace of weight, so that its pose stays determined."""
+    inlier = np.isin(corners.view, kept) & ~off
+    return adjusted(corners, state, np.where(inlier, 1.0, 1e-9 * ~off + 1e-12), STEPS)

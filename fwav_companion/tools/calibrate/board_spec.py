@@ -1,10 +1,10 @@
-"""The words after ``--board``, and the places that they mean.
+"""The argument of ``--board``, parsed.
 
     chessboard:9x6:25mm                       inner corners across x down, side of a square
     charuco:7x5:30mm:22mm:DICT_4X4_50         squares across x down, side of a square, side of a marker, dictionary
     aprilgrid:6x6:88mm:26.4mm                 tags across x down, side of a tag, gap between tags (Kalibr's)
 
-A grid of circles is none of them: under a fisheye the middle of a circle's image is not the image of its middle.
+A grid of circles is not supported: through a fisheye, the centre of a circle's image is not the image of its centre.
 """
 
 from __future__ import annotations
@@ -23,30 +23,39 @@ EXAMPLES: Final = {
 }
 METRES: Final = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 FEWEST, MOST = 2, 60
-"""Along a side; of a chessboard three at the least, since OpenCV looks for no fewer."""
+"""Limits of a count along a side. A chessboard has at least three: OpenCV searches for no fewer."""
 LARGEST_M: Final = 10.0
 
 
-class Board(msgspec.Struct, frozen=True):
-    """A printed board."""
+class CalibrationBoard(msgspec.Struct, frozen=True):
+    """A printed calibration board."""
 
     text: str
-    """As it was given."""
+    """Argument of --board."""
     kind: str
-    """A key of EXAMPLES."""
+    """Key of EXAMPLES."""
     across: int
+    """Columns: inner corners of a chessboard, squares of a ChArUco board, tags of an AprilGrid."""
     down: int
-    """Inner corners of a chessboard, squares of a charuco board, tags of an aprilgrid."""
+    """Rows, counted likewise."""
     side_m: float
-    """Of a square, or of a tag."""
+    """Side of a square or of a tag, metres."""
     second_m: float = 0.0
-    """The side of a charuco board's marker, or the gap between tags."""
+    """Side of a ChArUco board's marker, or gap between tags, metres."""
     dictionary: str = ""
-    """OpenCV's name, of a charuco board."""
+    """Marker dictionary of a ChArUco board as the user wrote it, with or without OpenCV's DICT_."""
+
+    def swapped(self) -> CalibrationBoard:
+        """The board with columns and rows exchanged."""
+        across, down = self.down, self.across
+        text = self.text.replace(f":{self.across}x{self.down}:", f":{across}x{down}:", 1)
+        return CalibrationBoard(
+            text, self.kind, across, down, side_m=self.side_m, second_m=self.second_m, dictionary=self.dictionary
+        )
 
 
-def parse_board(text: str) -> Board:
-    """UserError says what stood there and what is accepted."""
+def parse_board(text: str) -> CalibrationBoard:
+    """The board that ``text`` describes. UserError names what stood there and what is accepted."""
     kind, *words = text.split(":")
     if kind not in EXAMPLES:
         raise _refused(text, ", ".join(EXAMPLES.values()))
@@ -57,7 +66,8 @@ def parse_board(text: str) -> Board:
     second = rest[0] if rest else 0.0
     if kind == "charuco" and not second < side:
         raise _refused(text, f"markers that are smaller than their squares, as {EXAMPLES[kind]}")
-    return Board(text, kind, across, down, side, second, words[3].upper() if kind == "charuco" else "")
+    dictionary = words[3] if kind == "charuco" else ""
+    return CalibrationBoard(text, kind, across, down, side_m=side, second_m=second, dictionary=dictionary)
 
 
 def _counts(text: str, kind: str, word: str) -> tuple[int, int]:

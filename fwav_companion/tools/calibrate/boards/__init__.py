@@ -1,1 +1,0 @@
-"""Printed boards: what they are (``spec``), and a finder for each kind."""
