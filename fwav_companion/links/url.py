@@ -20,8 +20,17 @@ TCP_KINDS = ("tcpin", "tcpout")
 PYMAVLINK_KINDS = {"tcp": "tcpout", "tcpin": "tcpin", "udp": "udpin"} | {kind: kind for kind in UDP_KINDS}
 """Kinds of pymavlink's ``KIND:HOST:PORT`` notation, where a bare ``udp`` listens."""
 
+MEANT_KINDS = {
+    "udp": "udpin:// (listens) or udpout:// (sends)",
+    "tcp": "tcpout:// (connects) or tcpin:// (listens)",
+    "serial_flowcontrol": "serial://",
+} | {kind: f"{kind}://" for kind in (*UDP_KINDS, *TCP_KINDS, "serial")}
+"""Kinds that the user may mean by MAVSDK's and other notations, by the notation in lower case."""
+
 BAUD_LIMITS = (300, 12_000_000)
 """From the slowest radio in use to the fastest USB bridge (FT232H), bits per second."""
+USB_IDS = re.compile(r"(?:0x)?([0-9a-fA-F]{1,4}):(?:0x)?([0-9a-fA-F]{1,4})")
+"""VID:PID in hexadecimal."""
 LONGEST_NAME = 253
 """Characters of a host name."""
 UNIX_PATH_BYTES = 107
@@ -97,7 +106,7 @@ def parse_link_url(text: str) -> LinkUrl:
         return _parse_serial(rest)
     if scheme in UDP_KINDS or scheme in TCP_KINDS:
         return _parse_network(scheme, rest)
-    raise UrlError(f'"{scheme}://" is not a kind of link; accepted: {LINK_FORMS}')
+    raise UrlError(f'"{scheme}://" is not a kind of link; {_did_you_mean(scheme)}accepted: {LINK_FORMS}')
 
 
 def parse_detections_url(text: str) -> UdpUrl | UnixUrl:
@@ -108,7 +117,7 @@ def parse_detections_url(text: str) -> UdpUrl | UnixUrl:
         url = parse_link_url(text)
         if isinstance(url, UdpUrl):
             return url
-    raise UrlError(f"accepted: {DETECTIONS_FORMS}")
+    raise UrlError(f"{'did you mean udpin://? ' if _is_kind(text, 'udp') else ''}accepted: {DETECTIONS_FORMS}")
 
 
 def parse_cot_url(text: str) -> UdpUrl | TcpUrl:
@@ -117,7 +126,7 @@ def parse_cot_url(text: str) -> UdpUrl | TcpUrl:
         url = parse_link_url(text)
         if not isinstance(url, SerialUrl):
             return url
-    raise UrlError(f"accepted: {COT_FORMS}")
+    raise UrlError(f"{'did you mean udpout://? ' if _is_kind(text, 'udp') else ''}accepted: {COT_FORMS}")
 
 
 def host_and_port(host: str, port: int) -> str:
@@ -125,10 +134,22 @@ def host_and_port(host: str, port: int) -> str:
     return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
 
+def _did_you_mean(scheme: str) -> str:
+    meant = MEANT_KINDS.get(scheme.lower())
+    return "" if meant is None else f"did you mean {meant}? "
+
+
+def _is_kind(text: str, kind: str) -> bool:
+    """Whether the text begins with this kind of URL, as MAVSDK writes it."""
+    return text.lower().startswith(f"{kind}:")
+
+
 def _parse_pymavlink(text: str) -> LinkUrl:
     """A URL from ``udpin:host:port``, ``tcp:host:port`` or ``/dev/ttyX,baud``."""
     if text.startswith("/"):
-        device, _, baud = text.partition(",")
+        device, separator, baud = text.partition(",")
+        if not separator:
+            raise UrlError(f"{_no_baud(text)} accepted: {SERIAL_FORMS}")
         return SerialUrl(device=device, baud=_baud(baud))
     kind, _, rest = text.partition(":")
     if kind not in PYMAVLINK_KINDS:
@@ -138,16 +159,24 @@ def _parse_pymavlink(text: str) -> LinkUrl:
 
 def _parse_serial(rest: str) -> SerialUrl:
     where, separator, baud = rest.rpartition(":")
-    if not separator:
-        raise UrlError(f"it has no baud rate; accepted: {SERIAL_FORMS}")
+    if not separator or USB_IDS.fullmatch(rest):
+        raise UrlError(f"{_no_baud(rest)} accepted: {SERIAL_FORMS}")
     if where.startswith("/"):
         if where.endswith("/"):
             raise UrlError(f"it does not name a device; accepted: {SERIAL_FORMS}")
         return SerialUrl(device=where, baud=_baud(baud))
-    ids = re.fullmatch(r"(?:0x)?([0-9a-fA-F]{1,4}):(?:0x)?([0-9a-fA-F]{1,4})", where)
+    ids = USB_IDS.fullmatch(where)
     if ids is None:
         raise UrlError(f'"{where}" is neither an absolute path nor VID:PID in hexadecimal; accepted: {SERIAL_FORMS}')
     return SerialUrl(vendor_id=int(ids[1], 16), product_id=int(ids[2], 16), baud=_baud(baud))
+
+
+def _no_baud(where: str) -> str:
+    """The error of a device without a baud rate, or with one but without ``serial://``."""
+    device, _, baud = where.rpartition(":")
+    if device.startswith("/") and baud.isdigit():
+        return f"did you mean serial://{device}:{baud}?"
+    return f"it has no baud rate; did you mean serial://{where}:57600 or :921600?"
 
 
 def _parse_network(kind: str, rest: str) -> UdpUrl | TcpUrl:
