@@ -1,11 +1,12 @@
-"""The configuration file: one frozen value, each key with its default, unit and meaning beside it.
+"""The configuration file: one frozen value, each key with its default, unit and meaning next to it.
 
-:func:`parse` is pure, :func:`load` opens the file. Files and their keys have the user's units (degrees); what rooms
-need in radians is a property here.
+:func:`parse` is pure, :func:`load` opens the file. The file has the user's units (degrees); a property gives what rooms
+need in radians. A table of one room is that room's options struct: [publish], [tracking] and [vision] are declared in
+their rooms. :mod:`fwav_companion.config.room_options` makes the options that several tables give.
 """
 
-from fwav_companion.config.document import Config
-from fwav_companion.config.estimation import READOUT_SIGMA_UNKNOWN_S, GroundConfig, TrackingConfig, UncertaintyConfig
+from fwav_companion.config.document import Config, RecordConfig, StateConfig, StatusConfig
+from fwav_companion.config.estimation import READOUT_SIGMA_UNKNOWN_S, GroundConfig, UncertaintyConfig
 from fwav_companion.config.files import load, load_signing_key
 from fwav_companion.config.inputs import (
     CameraConfig,
@@ -16,9 +17,7 @@ from fwav_companion.config.inputs import (
     SigningConfig,
     StampRule,
     VehicleConfig,
-    VisionConfig,
 )
-from fwav_companion.config.outputs import PublishConfig, RecordConfig, StateConfig, StatusConfig
 from fwav_companion.config.reading import parse
 
 __all__ = [
@@ -29,17 +28,14 @@ __all__ = [
     "GroundConfig",
     "LinkConfig",
     "MountConfig",
-    "PublishConfig",
     "RatesConfig",
     "RecordConfig",
     "SigningConfig",
     "StampRule",
     "StateConfig",
     "StatusConfig",
-    "TrackingConfig",
     "UncertaintyConfig",
     "VehicleConfig",
-    "VisionConfig",
     "load",
     "load_signing_key",
     "parse",

@@ -1,55 +1,89 @@
-"""The whole file as one frozen value."""
+"""The whole configuration as one frozen value."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import msgspec
+from msgspec import Meta
 
-from fwav_companion.config.estimation import GroundConfig, TrackingConfig, UncertaintyConfig
+from fwav_companion.config.estimation import GroundConfig, UncertaintyConfig
 from fwav_companion.config.inputs import (
     CameraConfig,
     DetectionsConfig,
     LinkConfig,
+    NotNegative,
     RatesConfig,
-    Section,
     SigningConfig,
     VehicleConfig,
-    VisionConfig,
 )
-from fwav_companion.config.outputs import PublishConfig, RecordConfig, StateConfig, StatusConfig
 from fwav_companion.errors import ConfigError
+from fwav_companion.links.url import TcpUrl, UdpUrl, parse_cot_url
+from fwav_companion.publishing.options import PublishTable
+from fwav_companion.tracking.options import TrackingOptions
 from fwav_companion.types import ErrorPriors
+from fwav_companion.vision.task import VisionTask
 
 
-class Document(Section, frozen=True):
-    """The tables of the file, by their names."""
+class RecordConfig(msgspec.Struct, frozen=True, kw_only=True):
+    """[record]: the recording of a flight."""
+
+    directory: str = ""
+    """Path of the recordings; "": nothing is recorded."""
+    when: Literal["always", "armed"] = "always"
+    """Whether recording waits for arming."""
+    sync_s: Annotated[float, Meta(gt=0, le=3600)] = 1.0
+    """Interval of writing to the disk, seconds: a power cut loses at most this."""
+    max_used_mb: NotNegative = 4096.0
+    """Size of all recordings together, 10^6 bytes: about a day of flight. 0: no limit."""
+    min_free_mb: NotNegative = 200.0
+    """Space that stays free on the disk, 10^6 bytes: for the system's logs, its updates and a login."""
+    remove_oldest: bool = False
+    """Whether the oldest recordings make room for new ones; else recording stops there, and reports it."""
+
+
+class StateConfig(msgspec.Struct, frozen=True, kw_only=True):
+    """[state]: what is kept between flights."""
+
+    directory: str = ""
+    """Path; "": $STATE_DIRECTORY, and where that is unset nothing is kept."""
+
+
+class StatusConfig(msgspec.Struct, frozen=True, kw_only=True):
+    """[status]: the file that ``check`` and scripts read."""
+
+    file: str = ""
+    """Path; "": status.json in the first runtime directory that may be written."""
+
+
+class Document(msgspec.Struct, frozen=True, kw_only=True):
+    """The tables of the file, by their names. A table of one room is that room's options."""
 
     vehicle: VehicleConfig = VehicleConfig()
-    """Whom we fly with."""
+    """Identity in the MAVLink network."""
     link: tuple[LinkConfig, ...] = ()
-    """The ways in and out, in the file's order."""
+    """MAVLink connections, in the file's order."""
     signing: SigningConfig | None = None
-    """None: unsigned is accepted, and sent."""
+    """Message signing; None: unsigned frames are accepted and sent."""
     rates: RatesConfig = RatesConfig()
-    """What is asked of the autopilot."""
+    """Rates requested of the autopilot."""
     camera: CameraConfig = CameraConfig()
-    """The lens, its timing and its mount."""
+    """Lens, timing and mount."""
     detections: DetectionsConfig = DetectionsConfig()
     """Pixels from another process."""
-    vision: VisionConfig | None = None
-    """None: no camera is opened."""
+    vision: VisionTask | None = None
+    """The service's own camera; None: no camera is opened."""
     ground: GroundConfig = GroundConfig()
-    """What rays are intersected with."""
+    """Surface that rays are intersected with."""
     uncertainty: UncertaintyConfig = UncertaintyConfig()
-    """One sigma of everything that is not known."""
-    tracking: TrackingConfig = TrackingConfig()
+    """One sigma of every error."""
+    tracking: TrackingOptions = TrackingOptions()
     """How fixes become targets."""
-    publish: PublishConfig = PublishConfig()
-    """Which target is told to whom."""
+    publish: PublishTable = PublishTable()
+    """Which target is reported to which receivers."""
     record: RecordConfig = RecordConfig()
-    """What a flight leaves behind."""
+    """The recording of a flight."""
     state: StateConfig = StateConfig()
     """What is kept between flights."""
     status: StatusConfig = StatusConfig()
@@ -57,25 +91,30 @@ class Document(Section, frozen=True):
 
 
 class Config(Document, frozen=True, kw_only=True):
-    """A file that was read and found good."""
+    """A configuration file that was read and found valid."""
 
     file: str
-    """Its path, as the user named it: errors begin with it, and relative paths count from its folder."""
+    """Path of the file, as the user named it. Errors begin with it, and relative paths count from its folder."""
 
     def resolve(self, path: str) -> Path:
-        """A path of the file's, relative to the file."""
+        """A path of the file, relative to the file."""
         return Path(self.file).parent / path
 
     @property
     def calibration_path(self) -> Path:
-        """The camera file. ConfigError where none is named: pixels cannot be localized."""
+        """The path of the camera file. ConfigError where the file names none: pixels cannot be localized."""
         if not self.camera.calibration:
             raise ConfigError(f"{self.file}: [camera] calibration: missing; accepted: the path of a camera file")
         return self.resolve(self.camera.calibration)
 
     @property
+    def cot_url(self) -> TcpUrl | UdpUrl | None:
+        """The parsed URL of [publish] cot; None where Cursor on Target is not sent."""
+        return parse_cot_url(self.publish.cot) if self.publish.cot else None
+
+    @property
     def priors(self) -> ErrorPriors:
-        """[uncertainty] in SI, the readout's among them."""
+        """[uncertainty] in radians, metres and seconds, with the prior of the readout."""
         return self.uncertainty.priors(
             readout_known=self.camera.known_readout_s is not None, surveyed=self.ground.model == "terrain"
         )
@@ -86,7 +125,7 @@ class Config(Document, frozen=True, kw_only=True):
         return bool(self.detections.url) or self.vision is not None
 
     def require_links(self) -> None:
-        """ConfigError unless there is a way to an autopilot: what ``run`` needs and ``replay`` does not."""
+        """ConfigError unless a link leads to an autopilot: ``run`` needs one, ``replay`` does not."""
         if not any(link.role == "autopilot" for link in self.link):
             raise ConfigError(
                 f'{self.file}: [[link]]: none has role "autopilot"; accepted: at least one, '
@@ -94,7 +133,7 @@ class Config(Document, frozen=True, kw_only=True):
             )
 
     def as_builtins(self) -> dict[str, Any]:
-        """Every key with its value, for a recording's header: the same wherever the file lies."""
+        """Every key with its value, for a recording's header; independent of the file's path."""
         tree: dict[str, Any] = msgspec.to_builtins(self)
         del tree["file"]
         return tree

@@ -1,4 +1,4 @@
-"""The thin part that opens files: the configuration, and the signing key it names."""
+"""SHELL: opens the configuration file, and the signing key that it names."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fwav_companion.on_disk import opened
 
 KEY_BYTES = 32
 LARGEST_FILE_BYTES = 1 << 20
-"""A configuration has a few kilobytes; what has a megabyte is another file."""
+"""A configuration has a few kilobytes; a file of a megabyte is another file."""
 
 
 def load(path: str | Path, overrides: Iterable[str] = ()) -> Config:
@@ -23,7 +23,7 @@ def load(path: str | Path, overrides: Iterable[str] = ()) -> Config:
             data = file.read(LARGEST_FILE_BYTES + 1)
         if len(data) > LARGEST_FILE_BYTES:
             raise ConfigError(f"{path}: longer than {LARGEST_FILE_BYTES} bytes; accepted: a configuration in TOML")
-        text = data.decode().removeprefix("\ufeff")  # an editor's; it would be part of the first line
+        text = data.decode().removeprefix("\ufeff")  # an editor's mark; it would be part of the first line
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror}; accepted: a configuration, as `init` writes one") from None
     except UnicodeDecodeError as error:
@@ -32,7 +32,7 @@ def load(path: str | Path, overrides: Iterable[str] = ()) -> Config:
 
 
 def load_signing_key(config: Config) -> bytes | None:
-    """The 32 bytes that [signing] names; None where nothing is signed. ConfigError unless only its owner may read."""
+    """The 32 bytes of [signing] key_file; None without [signing]. ConfigError unless only its owner may read it."""
     if config.signing is None:
         return None
     path = config.resolve(config.signing.key_file)
@@ -44,7 +44,7 @@ def load_signing_key(config: Config) -> bytes | None:
     except OSError as error:
         raise ConfigError(f"{where}: {error.strerror}; accepted: a file of {KEY_BYTES} bytes, mode 0600") from None
     if mode & 0o077:
-        raise ConfigError(f"{where}: mode {mode:04o} lets others at it; accepted: mode 0600 (chmod 600)")
+        raise ConfigError(f"{where}: mode {mode:04o}, readable by other users; accepted: mode 0600 (chmod 600)")
     if len(key) != KEY_BYTES:
         size = f"{len(key)} bytes" if len(key) < KEY_BYTES else f"more than {KEY_BYTES} bytes"
         raise ConfigError(f"{where}: {size}; accepted: {KEY_BYTES} bytes (head -c {KEY_BYTES} /dev/urandom)")

@@ -1,4 +1,4 @@
-"""TOML text to a Config. Every error is one line: file, key, what stood there, what is accepted."""
+"""TOML text to a Config. Every error is one line: file, key or line, what stood there, what is accepted."""
 
 from __future__ import annotations
 
@@ -6,23 +6,44 @@ import math
 import re
 import tomllib
 import typing
-from collections.abc import Iterable, Iterator
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, Final
 
 import msgspec
 
-from fwav_companion.config.accepted import accepted_text
 from fwav_companion.config.document import Config, Document
-from fwav_companion.config.inputs import Section
+from fwav_companion.config.key_errors import (
+    KeyPath,
+    accepted_text,
+    hints_of,
+    key_and_value,
+    printable,
+    shortened,
+    spelling_hint,
+    table_of,
+    unknown_key,
+)
 from fwav_companion.config.rules import Complaint, broken_rules
-from fwav_companion.config.sections import hints_of, section_of, unknown_key
-from fwav_companion.config.wording import KeyPath, key_and_value, printable, shortened
 from fwav_companion.errors import ConfigError
+from fwav_companion.vision.task import dictionary_key
 
 Tree = dict[str, Any]
 
 LARGEST_NUMBER = 1e9
-"""Of whatever unit: nothing about a vehicle is larger, and a fourth power of it is a number still."""
+"""Largest number in any unit: no quantity of a vehicle is larger, and its fourth power is still finite."""
+OTHER_SPELLINGS: Final[dict[tuple[str, str], Callable[[str], str]]] = {("vision", "aruco_dictionary"): dictionary_key}
+"""Tables and keys that accept several spellings, with the function that gives the first."""
+ASSIGNMENT: Final = re.compile(r"\s*([\w.\"-]+)\s*=\s*(.*?)\s*(?:#.*)?")
+"""A line of a key, "=", a value and perhaps a comment."""
+CORRECTIONS: Final = (
+    (re.compile(r"true|yes|on", re.IGNORECASE), "true", "true or false, in lower case"),
+    (re.compile(r"false|no|off", re.IGNORECASE), "false", "true or false, in lower case"),
+    (re.compile(r"([-+]?[0-9]+),([0-9]+)"), r"\1.\2", "a decimal point"),
+    (re.compile(r"([-+]?)(\.[0-9]+)"), r"\g<1>0\2", "a digit before the point"),
+    (re.compile(r"([-+]?[0-9]+\.)"), r"\g<1>0", "a digit after the point"),
+    (re.compile(r"(?![-+0-9.]+$)([^\s\"'\[\]{}=,][^\"'\[\]{}=,]*)"), r'"\1"', "a text in quotes"),
+)
+"""Values that TOML does not accept, what the user meant, and why."""
 
 
 def parse(text: str, name: str, overrides: Iterable[str] = ()) -> Config:
@@ -35,12 +56,13 @@ def parse(text: str, name: str, overrides: Iterable[str] = ()) -> Config:
         by_override = any(path[: len(key)] == key for key in overridden)
         raise ConfigError(f"{'--set' if by_override else name}: {key_and_value(tree, path)}: {what}")
 
-    for complaint in _form_errors(tree, Document, ()):
+    respelled = _respelled(tree)
+    for complaint in _form_errors(respelled, Document, ()):
         fail(complaint)
-    document = msgspec.convert(tree, Document)
+    document = msgspec.convert(respelled, Document)
     for complaint in broken_rules(document):
         fail(complaint)
-    return Config(**{field: getattr(document, field) for field in Document.__struct_fields__}, file=name)
+    return Config(**msgspec.structs.asdict(document), file=name)
 
 
 def _toml(text: str, name: str) -> Tree:
@@ -48,22 +70,46 @@ def _toml(text: str, name: str) -> Tree:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ConfigError(f"{name}: {_toml_error(text, str(error))}") from None
-    except (RecursionError, ValueError) as error:  # nested without end; a number of thousands of digits
+    except (RecursionError, ValueError) as error:  # endless nesting; a number of thousands of digits
         raise ConfigError(f"{name}: not readable as TOML ({type(error).__name__}); accepted: TOML 1.0") from None
 
 
 def _toml_error(text: str, message: str) -> str:
-    """The parser tells the line by its number; the user wants to see it as well."""
+    """The error with the line itself, which the parser only numbers, and with a correction where one is known."""
     lines = text.splitlines()
     numbered = re.search(r"at line (\d+)", message)
     if numbered is None or int(numbered[1]) > len(lines):
         return f"{printable(message)}; accepted: TOML 1.0"
     line = lines[int(numbered[1]) - 1].strip()
-    return f"line {numbered[1]}: {shortened(line)}: {printable(message)}; accepted: TOML 1.0"
+    correction = corrected(line)
+    what = f"accepted: {printable(correction)}" if correction else f"{printable(message)}; accepted: TOML 1.0"
+    return f"line {numbered[1]}: {shortened(line)}: {what}"
+
+
+def corrected(line: str) -> str:
+    """The assignment as TOML accepts it, with the reason, where quotes, case or a decimal point are wrong; else ""."""
+    assignment = ASSIGNMENT.fullmatch(line)
+    if assignment is None:
+        return ""
+    key, value = assignment[1], assignment[2]
+    for pattern, replacement, reason in CORRECTIONS:
+        if pattern.fullmatch(value):
+            return f"{key} = {pattern.sub(replacement, value)} ({reason})"
+    return ""
+
+
+def _respelled(tree: Tree) -> Tree:
+    """The tree with the first spelling of each text. Errors show the user's own, which stays in ``tree``."""
+    respelled = dict(tree)
+    for (table, key), first in OTHER_SPELLINGS.items():
+        keys = respelled.get(table)
+        if isinstance(keys, dict) and isinstance(keys.get(key), str):
+            respelled[table] = {**keys, key: first(keys[key])}
+    return respelled
 
 
 def _override(tree: Tree, setting: str) -> KeyPath:
-    """Lay ``dotted.key=value`` over the tree; the path it set. A bare word is taken as text, as shells eat quotes."""
+    """The path of the key after laying ``dotted.key=value`` over the tree. A bare word is a text: shells eat quotes."""
     key, separator, value = setting.partition("=")
     path = tuple(key.strip().split("."))
     if not separator or not all(re.fullmatch(r"[A-Za-z0-9_-]+", part) for part in path):
@@ -72,9 +118,8 @@ def _override(tree: Tree, setting: str) -> KeyPath:
     for depth, part in enumerate(path[:-1], start=1):
         table = table.setdefault(part, {})
         if not isinstance(table, dict):
-            raise ConfigError(
-                f"--set: {shortened(setting)}: {'.'.join(path[:depth])} is no table; accepted: one of its"
-            )
+            name = ".".join(path[:depth])
+            raise ConfigError(f"--set: {shortened(setting)}: {name} is not a table; accepted: a key of a table")
     table[path[-1]] = _override_value(value.strip(), setting)
     return path
 
@@ -83,21 +128,22 @@ def _override_value(value: str, setting: str) -> Any:
     try:
         parsed = tomllib.loads(f"value = {value}")
     except (tomllib.TOMLDecodeError, ValueError, RecursionError):
-        parsed = {"value": value} if re.fullmatch(r"[A-Za-z0-9_./:\[\]-]+", value) else {}
+        is_word = re.fullmatch(r"[A-Za-z0-9_./:\[\]-]+|[-+]?[0-9]+,[0-9]+", value) is not None
+        parsed = {"value": value} if is_word else {}
     if parsed.keys() != {"value"}:
-        raise ConfigError(f"--set: {shortened(setting)}: no TOML value; accepted: KEY=VALUE, as ground.height_m=1.5")
+        raise ConfigError(f"--set: {shortened(setting)}: accepted: KEY=VALUE with a TOML value, as ground.height_m=1.5")
     return parsed["value"]
 
 
-def _form_errors(tree: object, form: type[Section], path: KeyPath) -> Iterator[Complaint]:
-    """What in the tree has not the form of this section, in the tree's order."""
+def _form_errors(tree: object, form: type[msgspec.Struct], path: KeyPath) -> Iterator[Complaint]:
+    """The errors of form in this table, in the file's order: unknown keys, wrong values, missing keys."""
     if not isinstance(tree, dict):
         yield path, "accepted: a table"
         return
     hints = hints_of(form)
     for key, value in tree.items():
         if key not in hints:
-            yield (*path, key), unknown_key(key, form)
+            yield (*path, key), unknown_key(key, form, Document)
         else:
             yield from _value_errors(value, hints[key], (*path, key))
     for field in msgspec.structs.fields(form):
@@ -106,35 +152,36 @@ def _form_errors(tree: object, form: type[Section], path: KeyPath) -> Iterator[C
 
 
 def _value_errors(value: object, hint: Any, path: KeyPath) -> Iterator[Complaint]:
-    section = section_of(hint)
-    if section is None:
+    table = table_of(hint)
+    if table is None:
         yield from _leaf_errors(value, hint, path)
     elif typing.get_origin(hint) is not tuple:
-        yield from _form_errors(value, section, path)
+        yield from _form_errors(value, table, path)
     elif not isinstance(value, list):
         yield path, f"accepted: tables, each headed [[{path[-1]}]]"
     else:
         for index, element in enumerate(value):
-            yield from _form_errors(element, section, (*path, index))
+            yield from _form_errors(element, table, (*path, index))
 
 
 def _leaf_errors(value: object, hint: Any, path: KeyPath) -> Iterator[Complaint]:
-    if why := _why_no_key_takes(value):
+    if why := _refused_by_every_key(value):
         yield path, f"{why}; accepted: {accepted_text(hint)}"
         return
     try:
         msgspec.convert(value, hint)
     except msgspec.ValidationError:
-        yield path, f"accepted: {accepted_text(hint)}"
+        spelling = spelling_hint(value, hint)
+        yield path, f"accepted: {accepted_text(hint)}{f'; {spelling}' if spelling else ''}"
 
 
-def _why_no_key_takes(value: object) -> str:
-    """Why not, whatever its type asks; "" where nothing of this kind is wrong."""
+def _refused_by_every_key(value: object) -> str:
+    """Why no key accepts the value, whatever its type; "" where a key may."""
     if isinstance(value, float) and not math.isfinite(value):
         return "not finite"
     if isinstance(value, int | float) and abs(value) > LARGEST_NUMBER:
         return f"beyond {LARGEST_NUMBER:g}"
     if isinstance(value, str) and "\0" in value:
-        return "a zero byte in it"
+        return "contains a zero byte"
     inside = value if isinstance(value, list) else value.values() if isinstance(value, dict) else ()
-    return next(filter(None, map(_why_no_key_takes, inside)), "")
+    return next(filter(None, map(_refused_by_every_key, inside)), "")

@@ -1,14 +1,15 @@
-"""What no single key can tell: rules between keys. Each names the key to change."""
+"""The rules between keys, which no single key can check. Each error names the key to change."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from typing import Final
 
 from fwav_companion.config.document import Document
 from fwav_companion.config.inputs import MountConfig
 from fwav_companion.links.url import UrlError, parse_cot_url, parse_detections_url, parse_link_url
 
-CAMERA_COMPONENT_ID = 100
+CAMERA_COMPONENT_ID: Final = 100
 """MAV_COMP_ID_CAMERA: the second component of this service, where camera_tracking is on."""
 
 Complaint = tuple[tuple[str | int, ...], str]
@@ -16,7 +17,7 @@ Complaint = tuple[tuple[str | int, ...], str]
 
 
 def broken_rules(document: Document) -> Iterator[Complaint]:
-    """Every rule between keys that the document breaks, in the file's order."""
+    """Each rule between keys that the document breaks, in the file's order."""
     yield from _urls(document)
     yield from _links(document)
     yield from _vehicle_and_camera(document)
@@ -43,7 +44,7 @@ def _links(document: Document) -> Iterator[Complaint]:
     names = [link.name for link in document.link]
     for index, name in enumerate(names):
         if name in names[:index]:
-            yield ("link", index, "name"), "another [[link]] has this name already; accepted: one of its own"
+            yield ("link", index, "name"), "another [[link]] has this name; accepted: a name of its own"
     if document.signing is None:
         return
     for index, name in enumerate(document.signing.accept_unsigned):
@@ -57,7 +58,8 @@ def _vehicle_and_camera(document: Document) -> Iterator[Complaint]:
             ("vehicle", "component_id"),
             f"{CAMERA_COMPONENT_ID} is the camera component's while [publish] camera_tracking is on; accepted: another",
         )
-    if document.camera.mount.gimbal_device_id and document.camera.mount.pitch_deg == MountConfig().pitch_deg:
+    mount = document.camera.mount
+    if mount.gimbal_device_id and mount.pitch_deg == MountConfig().pitch_deg:
         yield (
             ("camera", "mount", "pitch_deg"),
             "on a gimbal the angles count from its own axes; accepted: 0.0 for a camera that looks where it does",
@@ -74,7 +76,7 @@ def _ground_and_publish(document: Document) -> Iterator[Complaint]:
     if document.ground.terrain and not document.ground.terrain_datum:
         yield (
             ("ground", "terrain_datum"),
-            "missing, while [ground] terrain names files, which do not say it; accepted: egm96, egm2008, ellipsoid",
+            "missing, while [ground] terrain names files, which do not contain it; accepted: egm96, egm2008, ellipsoid",
         )
     if document.publish.landing_target and not document.publish.landing_label:
         yield (

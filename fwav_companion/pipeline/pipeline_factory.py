@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
-
-import msgspec
 
 from fwav_companion import __version__
 from fwav_companion.camera import Calibration
 from fwav_companion.config import Config, MountConfig
-from fwav_companion.errors import ConfigError
+from fwav_companion.config.room_options import (
+    camera_timing,
+    publish_options,
+    telemetry_options,
+    tracking_options,
+    version_numbers,
+)
+from fwav_companion.config.rules import CAMERA_COMPONENT_ID
 from fwav_companion.localization import (
     Datum,
     ElevationModel,
@@ -27,23 +31,18 @@ from fwav_companion.mavlink.client.identity import Identity
 from fwav_companion.mavlink.client.rates import Rates
 from fwav_companion.mavlink.client.subscriptions import default_subscriptions
 from fwav_companion.mavlink.client.timesync import Timesync
-from fwav_companion.pairing import CameraTiming, Pairer, StampRule
+from fwav_companion.pairing import Pairer
 from fwav_companion.pipeline.camera_pipeline import CameraPipeline
 from fwav_companion.pipeline.components import Components
 from fwav_companion.pipeline.pipeline import Pipeline
 from fwav_companion.pipeline.target_log import TargetLog
-from fwav_companion.publishing.camera_information import horizontal_fov_deg
 from fwav_companion.publishing.ground_messages import ONBOARD_COMPUTER_STATUS, requested_board_status
-from fwav_companion.publishing.options import PublishOptions
 from fwav_companion.publishing.publisher import Publisher
 from fwav_companion.self_calibration import KeptCalibration
-from fwav_companion.telemetry import Telemetry, TelemetryOptions
+from fwav_companion.telemetry import Telemetry
 from fwav_companion.telemetry.gimbal import LAST_NON_MAVLINK_DEVICE
-from fwav_companion.tracking import Reorder, TrackingOptions, make_tracker, tracker_with
+from fwav_companion.tracking import Reorder, make_tracker, tracker_with
 from fwav_companion.tracking.filters.base import Filter
-
-CAMERA_COMPONENT = 100
-"""MAV_COMP_ID_CAMERA."""
 
 WANTED = frozenset(
     {
@@ -80,12 +79,12 @@ def make_pipeline(
     """
     ledger = TargetLog(__version__, config.as_builtins(), unix_offset_ns, written=written)
     component, has_camera = config.vehicle.component_id, config.publish.camera_tracking and calibration is not None
-    telemetry = Telemetry(_telemetry_options(config, attitudes_kept_s))
+    telemetry = Telemetry(telemetry_options(config, attitudes_kept_s))
     sight = None
     if calibration is not None:
         localizer = Localizer(_ground(config, elevation), config.priors, min_height_m=config.ground.min_height_m)
         if own_filter is None:
-            tracker = make_tracker(_tracking_options(config), config.priors, telemetry.state_at, kept)
+            tracker = make_tracker(tracking_options(config), config.priors, telemetry.state_at, kept)
         else:
             self_calibration = config.tracking.self_calibration
             tracker = tracker_with(
@@ -97,18 +96,18 @@ def make_pipeline(
             telemetry, make_pairer(config, calibration), localizer, reorder, ledger, sightings=sightings
         )
     publisher = Publisher(
-        _publish_options(config, calibration, unit),
+        publish_options(config, calibration, unit),
         locate=None if sight is None else sight.locate,
         state_at=telemetry.state_at,
     )
     handlers: dict[int, Handler | None] = {component: None}
     if has_camera:
-        handlers[CAMERA_COMPONENT] = publisher.on_command
-    commands = Commands(handlers, require_signed=config.signing is not None, version=_version_numbers())
+        handlers[CAMERA_COMPONENT_ID] = publisher.on_command
+    commands = Commands(handlers, require_signed=config.signing is not None, version=version_numbers())
     commands.system = config.vehicle.system_id
     commands.provide(component, ONBOARD_COMPUTER_STATUS, "ONBOARD_COMPUTER_STATUS", requested_board_status)
     rooms = Components(
-        identity=Identity(config.vehicle.system_id, component, CAMERA_COMPONENT if has_camera else None),
+        identity=Identity(config.vehicle.system_id, component, CAMERA_COMPONENT_ID if has_camera else None),
         timesync=Timesync(component),
         rates=Rates(
             default_subscriptions(config.rates.attitude, config.rates.position) | _wanted_by(config),
@@ -124,8 +123,8 @@ def make_pipeline(
 
 
 def own_components(config: Config) -> frozenset[int]:
-    """Our component ids."""
-    return frozenset({config.vehicle.component_id, CAMERA_COMPONENT})
+    """The component ids that we speak as."""
+    return frozenset({config.vehicle.component_id, CAMERA_COMPONENT_ID})
 
 
 def make_pairer(config: Config, calibration: Calibration) -> Pairer:
@@ -137,21 +136,11 @@ def make_pairer(config: Config, calibration: Calibration) -> Pairer:
         lens=calibration.lens,
         body_from_camera=by_file or camera.mount.body_from_camera,
         lever_arm_m=camera.mount.lever_arm_m,
-        timing=CameraTiming(
-            time_offset_s=camera.time_offset_s or calibration.time_offset_s or 0.0,
-            readout_s=camera.known_readout_s,
-            stamp_rule=StampRule(camera.stamp_rule(libcamera_on_raspberry_pi=_on_libcamera(config))),
-            exposure_s=camera.exposure_s,
-        ),
+        timing=camera_timing(config, calibration),
         pixel_noise_px=config.uncertainty.pixel_noise_px,
         min_score=config.detections.min_score,
         labels=config.detections.labels,
     )
-
-
-def _on_libcamera(config: Config) -> bool:
-    """Whether the source is libcamera by picamera2, which exists only on a Raspberry Pi."""
-    return config.vision is not None and config.vision.source.startswith("libcamera:")
 
 
 def _ground(config: Config, elevation: Sequence[ElevationTile]) -> Ground:
@@ -174,56 +163,3 @@ def _wanted_by(config: Config) -> dict[str, float]:
     if 0 < config.camera.mount.gimbal_device_id <= LAST_NON_MAVLINK_DEVICE:
         wanted["GIMBAL_DEVICE_ATTITUDE_STATUS"] = config.rates.position
     return wanted
-
-
-def _telemetry_options(config: Config, attitudes_kept_s: float | None) -> TelemetryOptions:
-    vehicle = config.vehicle
-    options = TelemetryOptions(
-        position=vehicle.position,
-        attitude_message=vehicle.attitude_message,
-        position_delay_s=vehicle.position_delay_s,
-        attitude_stamp_delay_s=config.uncertainty.attitude_stamp_delay_s,
-        gimbal_device_id=config.camera.mount.gimbal_device_id,
-    )
-    if attitudes_kept_s is None:
-        return options
-    return msgspec.structs.replace(options, attitudes_kept_s=attitudes_kept_s)
-
-
-def _tracking_options(config: Config) -> TrackingOptions:
-    tracking = config.tracking
-    if tracking.is_own_filter:
-        raise ConfigError(
-            f'{config.file}: [tracking] filter = "{tracking.filter}": only `replay` takes a filter of one\'s own; '
-            'accepted: "kalman" | "lowpass"'
-        )
-    return TrackingOptions(
-        filter="lowpass" if tracking.filter == "lowpass" else "kalman",
-        alpha=tracking.alpha,
-        alpha_rate_hz=tracking.alpha_rate_hz,
-        motion=tracking.motion,
-        self_calibration=tracking.self_calibration,
-    )
-
-
-def _publish_options(config: Config, calibration: Calibration | None, unit: str) -> PublishOptions:
-    publish = config.publish
-    shared: dict[str, Any] = {
-        name: getattr(publish, name) for name in PublishOptions.__struct_fields__ if name in publish.__struct_fields__
-    }
-    return PublishOptions(
-        **shared | {"cot": bool(publish.cot)},
-        image_size=(0, 0) if calibration is None else calibration.image_size,
-        hfov_deg=0.0 if calibration is None else horizontal_fov_deg(calibration.lens),
-        gimbal_device_id=config.camera.mount.gimbal_device_id,
-        camera_position_m=config.camera.mount.lever_arm_m,
-        companion_component=config.vehicle.component_id,
-        camera_component=CAMERA_COMPONENT,
-        version=_version_numbers(),
-        unit=unit,
-    )
-
-
-def _version_numbers() -> tuple[int, int, int]:
-    major, minor, patch = (int(part) for part in __version__.split(".")[:3])
-    return (major, minor, patch)

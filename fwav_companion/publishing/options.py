@@ -1,46 +1,71 @@
-"""Options of publishing: [publish] of the configuration in SI units, the camera, and our ids."""
+"""The options of the publisher: the [publish] table of the configuration, and the facts of this installation."""
 
 from __future__ import annotations
 
+from typing import Annotated, Literal
+
 import msgspec
+from msgspec import Meta
 
 from fwav_companion.geometry.vectors import ZERO3, Vector3
 
 
-class PublishOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """Options with the configuration's defaults."""
-
-    select: str = "best"
-    """``best``: the oldest confirmed track; ``operator``: only what was clicked."""
-    label: str = ""
-    """Only tracks of this label are selected; "": any."""
-    rate_hz: float = 10.0
-    camera_tracking: bool = True
-    landing_target: bool = False
-    landing_label: str = ""
-    landing_max_sigma_m: float = 0.5
-    statustext: bool = True
-    named_values: bool = True
-    adsb: bool = False
-    cot: bool = False
-    cot_type: str = "a-u-G"
-    cot_callsign: str = ""
-    cot_rate_hz: float = 1.0
-    cot_stale_s: float = 10.0
-    video_uri: str = ""
-    video_delay_s: float = 0.3
-
-    image_size: tuple[int, int] = (0, 0)
-    """Width, height of the calibration, pixels; (0, 0) without a camera."""
+    """Width and height of the calibration, pixels; (0, 0) without a camera."""
     hfov_deg: float = 0.0
     """Horizontal field of view by the calibration, degrees; 0: unknown."""
     gimbal_device_id: int = 0
-    """Of the gimbal that carries the camera, as [camera.mount] has it; 0: none."""
+    """Gimbal that carries the camera, as [camera.mount] has it; 0: none."""
     camera_position_m: Vector3 = ZERO3
-    """[camera.mount] position_m, body FRD: without a global position targets are relative to the camera."""
+    """Camera position in body FRD, metres. Without a global position targets are relative to the camera."""
+
+    select: Literal["best", "operator"] = "best"
+    """``best``: the oldest confirmed track; ``operator``: only the track that the operator clicked."""
+    label: str = ""
+    """Label of the tracks that may be selected; "": any."""
+    rate_hz: Annotated[float, Meta(gt=0, le=100)] = 10.0
+    """Rate of the tracking messages, hertz."""
+    camera_tracking: bool = True
+    """Whether the camera component with its tracking messages is on."""
+    landing_target: bool = False
+    """Whether LANDING_TARGET steers the autopilot's landing."""
+    landing_label: str = ""
+    """Label of the landing target, required with landing_target: its oldest confirmed track is sent."""
+    landing_max_sigma_m: Annotated[float, Meta(gt=0)] = 0.5
+    """Largest sigma of the landing target relative to the vehicle, larger semi-axis, metres, at which it is sent."""
+    statustext: bool = True
+    """Whether texts are sent: target found, target lost, trouble, ready."""
+    named_values: bool = True
+    """Whether NAMED_VALUE_FLOAT is sent, for Mission Planner's quick view."""
+    adsb: bool = False
+    """Whether ADSB_VEHICLE is sent as a map marker, on gcs links only."""
+    cot: str = ""
+    """URL to which Cursor on Target is sent, for example udpout://239.2.3.1:6969; "": it is not sent."""
+    cot_type: Annotated[str, Meta(pattern=r"^[a-z](-[A-Za-z0-9]+)+$", description="a CoT type, as a-u-G")] = "a-u-G"
+    """Type of the Cursor on Target event."""
+    cot_callsign: str = ""
+    """Name of the target on the map; "": its label and number."""
+    cot_rate_hz: Annotated[float, Meta(gt=0, le=10)] = 1.0
+    """Rate of Cursor on Target, hertz."""
+    cot_stale_s: Annotated[float, Meta(gt=0)] = 10.0
+    """Validity of a Cursor on Target event, seconds."""
+    video_uri: str = ""
+    """Video stream reported to ground stations, so that they offer tracking on the picture; "": no stream."""
+    video_delay_s: Annotated[float, Meta(ge=0, le=30)] = 0.3
+    """Delay of the picture that the operator clicks, seconds."""
+
+
+class PublishOptions(PublishTable, frozen=True, kw_only=True):
+    """The [publish] table, and what the publisher must know of this installation."""
+
+    image_size: tuple[int, int] = (0, 0)
+    """Width and height of the calibration, pixels; (0, 0) without a camera."""
+    camera_position_m: Vector3 = ZERO3
+    """Camera position in body FRD, metres. Without a global position targets are relative to the camera."""
     companion_component: int = 191
+    """MAVLink component id of this service."""
     camera_component: int = 100
+    """MAVLink component id of its camera."""
     version: tuple[int, int, int] = (0, 0, 0)
-    """Version of this package, sent as the camera's firmware version."""
+    """Version of this package: the camera's firmware version."""
     unit: str = ""
-    """Permanent name of this board: the uid of Cursor on Target is the same after a restart."""
+    """Permanent name of this board, the start of its machine id: Cursor on Target's uid outlives a restart by it."""

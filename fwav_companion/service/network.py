@@ -6,12 +6,12 @@ from collections.abc import Callable, Mapping, Sequence
 from difflib import get_close_matches
 
 from fwav_companion.config import Config
+from fwav_companion.config.room_options import link_policies, signing_policy
 from fwav_companion.errors import ConfigError, EncodeError
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.links.base import Link
-from fwav_companion.links.url import UdpUrl
 from fwav_companion.mavlink.router.coalescing import coalesced
-from fwav_companion.mavlink.router.node import LinkPolicy, Node, SigningPolicy
+from fwav_companion.mavlink.router.node import Node
 from fwav_companion.mavlink.wire.definitions import BY_NAME
 from fwav_companion.pipeline.pipeline_factory import WANTED, own_components
 from fwav_companion.service.journal import Journal
@@ -24,21 +24,8 @@ def make_node(config: Config, signing_key: bytes | None, signing_timestamp: int)
     ConfigError where a link's max_rate_hz names an unknown message.
     """
     _require_message_names(config)
-    policies = [
-        LinkPolicy(
-            name=link.name,
-            role=link.role,
-            max_rate_hz=link.max_rate_hz,
-            forward_rate_requests=link.forward_rate_requests,
-            datagrams=isinstance(link.parsed_url, UdpUrl),
-        )
-        for link in config.link
-    ]
-    signing = None
-    if signing_key is not None and config.signing is not None:
-        accept_unsigned = frozenset(config.signing.accept_unsigned)
-        signing = SigningPolicy(key=signing_key, timestamp=signing_timestamp, accept_unsigned=accept_unsigned)
-    return Node(policies, WANTED, components=sorted(own_components(config)), signing=signing)
+    signing = signing_policy(config, signing_key, signing_timestamp)
+    return Node(link_policies(config), WANTED, components=sorted(own_components(config)), signing=signing)
 
 
 def _require_message_names(config: Config) -> None:

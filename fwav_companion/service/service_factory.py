@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from importlib.util import find_spec
 
+import msgspec
+
 from fwav_companion.config import Config
+from fwav_companion.config.room_options import recording_plan
 from fwav_companion.errors import ConfigError
 from fwav_companion.links.base import Link, OnState
 from fwav_companion.links.reconnect import make_link
 from fwav_companion.links.url import UdpUrl
 from fwav_companion.pipeline.pipeline import Pipeline
-from fwav_companion.recording.folder import BYTES_PER_MB, RecordingPlan, SpacePolicy
 from fwav_companion.recording.recorder import Recorder
 from fwav_companion.vision.detections_in import DetectionsIn
 from fwav_companion.vision.frame_receiver import FrameReceiver
@@ -20,8 +22,8 @@ from fwav_companion.vision.task import VisionTask
 
 
 def make_map_link(config: Config, on_state: OnState) -> Link | None:
-    """Link of Cursor on Target."""
-    url = config.publish.parsed_cot
+    """Where Cursor on Target goes."""
+    url = config.cot_url
     return None if url is None else make_link("cot", url, _ignore_bytes, on_state)
 
 
@@ -51,29 +53,16 @@ def make_vision_task(config: Config) -> VisionTask | None:
     if find_spec("cv2") is None:
         raise ConfigError(f"{config.file}: [vision]: OpenCV is missing; accepted: pip install opencv-python-headless")
     is_path = not vision.source.startswith(("libcamera:", "/dev/", "rtsp://", "rtsps://"))
-    return VisionTask(
-        source=str(config.resolve(vision.source)) if is_path else vision.source,
-        detector=vision.detector,
-        aruco_dictionary=vision.aruco_dictionary,
-        color_hue_deg=vision.color_hue_deg,
-    )
+    return msgspec.structs.replace(vision, source=str(config.resolve(vision.source))) if is_path else vision
 
 
 def make_recorder(
     config: Config, beside: Mapping[str, bytes], pipeline: Pipeline, on_failure: Callable[[str], None]
 ) -> Recorder | None:
-    """Recorder of the flight. ``beside``: further files of the recording, by name."""
-    record = config.record
-    if not record.directory:
+    """What is kept of the flight. ``beside``: files that lie with it, by name."""
+    plan = recording_plan(config, beside)
+    if plan is None:
         return None
-    space = SpacePolicy(
-        most_used_bytes=round(record.max_used_mb * BYTES_PER_MB),
-        least_free_bytes=round(record.min_free_mb * BYTES_PER_MB),
-        remove_oldest=record.remove_oldest,
-    )
-    plan = RecordingPlan(
-        directory=config.resolve(record.directory), when=record.when, sync_s=record.sync_s, space=space, beside=beside
-    )
     return Recorder(plan, on_failure, header=pipeline.header, summary=pipeline.summary)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 
@@ -25,13 +25,13 @@ from fwav_companion.types import AttitudeSample, ClockExchange, Message, Unpaire
 class TelemetryOptions(msgspec.Struct, frozen=True, kw_only=True):
     """Options of the vehicle and its stamps."""
 
-    position: str = "auto"
-    """auto | none."""
-    attitude_message: str = "auto"
-    """auto | ATTITUDE | ATTITUDE_QUATERNION."""
+    position: Literal["auto", "none"] = "auto"
+    """``none``: targets are relative to the point below the camera."""
+    attitude_message: Literal["auto", "ATTITUDE", "ATTITUDE_QUATERNION"] = "auto"
+    """Message that is used; ``auto``: ATTITUDE_QUATERNION once it is heard, ATTITUDE before or if it is refused."""
     position_delay_s: float = 0.0
     """Age of a position at its stamp, seconds."""
-    attitude_stamp_delay_s: float | str = "auto"
+    attitude_stamp_delay_s: Literal["auto"] | float = "auto"
     """Largest age of an attitude at its stamp, seconds, or auto."""
     attitudes_kept_s: float = KEPT_NS / NS_PER_S
     """Seconds for which attitudes are stored: what late frames need, or a whole experiment."""

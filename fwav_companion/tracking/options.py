@@ -1,24 +1,34 @@
-"""What [tracking] of the configuration says, in SI units."""
+"""The options of the tracker: the [tracking] table of the configuration."""
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import msgspec
+from msgspec import Meta
 
 
 class TrackingOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """How targets are followed."""
+    """[tracking]: how fixes become targets."""
 
-    filter: Literal["kalman", "lowpass"] = "kalman"
-    alpha: float = 0.125
-    """Of lowpass: the share of a new fix after 1 / alpha_rate_hz seconds."""
-    alpha_rate_hz: float = 30.0
-    """0: the paper's recursion, one step a frame, one sample late."""
+    filter: Annotated[
+        str, Meta(pattern=r"^(kalman|lowpass|[A-Za-z_][\w.]*:[A-Za-z_]\w*)$", description='"kalman" | "lowpass"')
+    ] = "kalman"
+    """Filter of one target; ``lowpass`` is the paper's. Only ``replay`` accepts a user's filter, ``module:Class``."""
+    alpha: Annotated[float, Meta(gt=0, le=1)] = 0.125
+    """Share of a new fix in the low-pass after 1 / alpha_rate_hz seconds."""
+    alpha_rate_hz: Annotated[float, Meta(ge=0)] = 30.0
+    """Rate to which alpha refers, hertz; 0: the paper's recursion, one step a frame, one sample late."""
     motion: Literal["static", "moving"] = "static"
-    """Whether targets stand or move at nearly constant velocity."""
+    """Motion of the targets: at rest, or at nearly constant velocity."""
     self_calibration: bool = False
-    """Estimate the camera's time offset and mount, and the height, from targets that are seen again and again.
+    """Whether time offset, mount and height are estimated in flight, from static targets that are seen again and again.
 
-    It corrects the tracks of standing targets. Beside lowpass, or where targets may move, it is told and not applied.
+    The tracks of static targets are corrected by it. With ``lowpass``, a user's own filter or ``moving`` the result is
+    reported and kept, and not applied to the tracks.
     """
+
+    @property
+    def is_own_filter(self) -> bool:
+        """Whether ``filter`` names a class of the user's."""
+        return ":" in self.filter

@@ -8,8 +8,9 @@ import msgspec
 import pytest
 
 from fwav_companion.cli.init import template
-from fwav_companion.config import Config, LinkConfig, SigningConfig, VisionConfig, parse
+from fwav_companion.config import Config, LinkConfig, SigningConfig, parse
 from fwav_companion.config.document import Document
+from fwav_companion.vision.task import VisionTask
 
 TEXT = template("fwav-companion.toml")
 CHANGED = {"camera.calibration": "camera.yaml"}
@@ -71,12 +72,12 @@ def test_what_is_commented_out_is_right_too():
     text = comments_taken_off()
     config: Config = parse(text, "f.toml")
     assert config.signing == SigningConfig()
-    assert config.vision == VisionConfig()
+    assert config.vision == VisionTask()
     last = config.link[-1]
     assert last == LinkConfig(name=last.name, url=last.url, role=last.role, max_rate_hz={"ATTITUDE": 4.0})
     shown = tomllib.loads(text)
     assert set(shown["signing"]) == set(SigningConfig.__struct_fields__)
-    assert set(shown["vision"]) == set(VisionConfig.__struct_fields__)
+    assert set(shown["vision"]) == set(VisionTask.__struct_fields__)
     assert set(shown["link"][-1]) == set(LinkConfig.__struct_fields__)
 
 

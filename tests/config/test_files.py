@@ -66,8 +66,8 @@ def test_a_key_of_32_bytes_for_its_owner_alone(tmp_path: Path):
         (None, 0o600, "No such file or directory; accepted: a file of 32 bytes, mode 0600"),
         (b"x" * 31, 0o600, "31 bytes; accepted: 32 bytes"),
         (b"x" * 33, 0o600, "more than 32 bytes; accepted: 32 bytes"),
-        (b"x" * 32, 0o640, "mode 0640 lets others at it; accepted: mode 0600"),
-        (b"x" * 32, 0o604, "mode 0604 lets others at it; accepted: mode 0600"),
+        (b"x" * 32, 0o640, "mode 0640, readable by other users; accepted: mode 0600"),
+        (b"x" * 32, 0o604, "mode 0604, readable by other users; accepted: mode 0600"),
     ],
 )
 def test_a_key_that_is_none(tmp_path: Path, data: bytes | None, mode: int, expected: str):

@@ -55,7 +55,7 @@ FAULTS = {
     "not finite": ("[ground]\nheight_m = nan\n", "[ground] height_m = nan: not finite; accepted: a number, above 0"),
     "beyond all": ("[ground]\nheight_m = 1e200\n", "[ground] height_m = 1e+200: beyond 1e+09; accepted: a number, above 0"),
     "of many digits": (f"[ground]\nheight_m = 1{'0' * 400}\n", f"[ground] height_m = 1{'0' * 76}...: beyond 1e+09; accepted: a number, above 0"),
-    "a zero byte": ('[camera]\ncalibration = "a\\u0000b"\n', "[camera] calibration = \"a?b\": a zero byte in it; accepted: a text"),
+    "a zero byte": ('[camera]\ncalibration = "a\\u0000b"\n', "[camera] calibration = \"a?b\": contains a zero byte; accepted: a text"),
     "nothing known": (
         "[uncertainty]\nheight_noise_m = 1e6\n",
         "[uncertainty] height_noise_m = 1000000.0: accepted: a number from 0 to 10000",
@@ -67,14 +67,33 @@ FAULTS = {
     "no table": ("vehicle = 3\n", "vehicle = 3: accepted: a table"),
     "no list of tables": ("link = 3\n", "link = 3: accepted: tables, each headed [[link]]"),
     "not TOML": ("[vehicle]\nsystem_id = = 1\n", 'line 2: "system_id = = 1": Invalid value (at line 2, column 13); accepted: TOML 1.0'),
+    "quotes": (LINK.replace('"autopilot"', "gcs"), 'line 4: "role = gcs": accepted: role = "gcs" (a text in quotes)'),
+    "quotes of a URL": ("[[link]]\nurl = udpin://0.0.0.0:14550 # all\n", 'line 2: "url = udpin://0.0.0.0:14550 # all": accepted: url = "udpin://0.0.0.0:14550" (a text in quotes)'),
+    "quotes of a device": ("[[link]]\nurl = /dev/ttyAMA0\n", 'line 2: "url = /dev/ttyAMA0": accepted: url = "/dev/ttyAMA0" (a text in quotes)'),
+    "quotes of two words": ("[publish]\nlabel = landing pad\n", 'line 2: "label = landing pad": accepted: label = "landing pad" (a text in quotes)'),
+    "a capital": ("[tracking]\nself_calibration = True\n", 'line 2: "self_calibration = True": accepted: self_calibration = true (true or false, in lower case)'),
+    "no for false": ("[publish]\nadsb = No\n", 'line 2: "adsb = No": accepted: adsb = false (true or false, in lower case)'),
+    "a decimal comma": ("[camera]\nreadout_s = 0,0174  # s\n", 'line 2: "readout_s = 0,0174  # s": accepted: readout_s = 0.0174 (a decimal point)'),
+    "no digit before the point": ("[ground]\nheight_m = -.5\n", 'line 2: "height_m = -.5": accepted: height_m = -0.5 (a digit before the point)'),
+    "no digit after the point": ("[ground]\nheight_m = 5.\n", 'line 2: "height_m = 5.": accepted: height_m = 5.0 (a digit after the point)'),
+    "nothing known of the line": ("[ground]\nheight_m = 05\n", 'line 2: "height_m = 05": Expected newline or end of document after a statement (at line 2, column 13); accepted: TOML 1.0'),
+    "a boolean in quotes": ('[publish]\nadsb = "True"\n', '[publish] adsb = "True": accepted: true | false; write true in lower case, without quotes'),
+    "a number in quotes": ('[ground]\nheight_m = "0,5"\n', '[ground] height_m = "0,5": accepted: a number, above 0; write 0.5 with a decimal point, without quotes'),
+    "a number for unknown": ('[camera]\nreadout_s = "0.0174"\n', '[camera] readout_s = "0.0174": accepted: "unknown" | a number from -1 to 1; write 0.0174, without quotes'),
+    "MAVSDK's udp": (BASE.replace("udpin://127.0.0.1:14550", "udp://:14540"), '[[link]] 1 "a" url = "udp://:14540": "udp://" is not a kind of link; did you mean udpin:// (listens) or udpout:// (sends)? accepted: serial:///dev/NAME:BAUD | serial://VID:PID:BAUD | udpin:// | udpout:// | udpbcast:// | tcpin:// | tcpout://HOST:PORT'),
+    "MAVSDK's tcp": (BASE.replace("udpin://127.0.0.1:14550", "tcp://10.0.0.2:5760"), '[[link]] 1 "a" url = "tcp://10.0.0.2:5760": "tcp://" is not a kind of link; did you mean tcpout:// (connects) or tcpin:// (listens)? accepted: serial:///dev/NAME:BAUD | serial://VID:PID:BAUD | udpin:// | udpout:// | udpbcast:// | tcpin:// | tcpout://HOST:PORT'),
+    "no baud rate": (BASE.replace("udpin://127.0.0.1:14550", "/dev/ttyAMA0"), '[[link]] 1 "a" url = "/dev/ttyAMA0": it has no baud rate; did you mean serial:///dev/ttyAMA0:57600 or :921600? accepted: serial:///dev/NAME:BAUD | serial://VID:PID:BAUD'),
+    "detections by udp": (f'{BASE}[detections]\nurl = "udp://:14601"\n', '[detections] url = "udp://:14601": did you mean udpin://? accepted: udpin://HOST:PORT | unix:///PATH'),
+    "CoT by udp": (f'{BASE}[publish]\ncot = "udp://239.2.3.1:6969"\n', '[publish] cot = "udp://239.2.3.1:6969": did you mean udpout://? accepted: udpout://HOST:PORT | udpbcast://HOST:PORT | tcpout://HOST:PORT'),
+    "a dictionary": (f'{BASE}[vision]\naruco_dictionary = "4x5_50"\n', '[vision] aruco_dictionary = "4x5_50": accepted: "4x4_50" ... "7x7_1000": 4x4, 5x5, 6x6, 7x7 with 50, 100, 250, 1000 markers'),
     "url": (BASE.replace("udpin://127.0.0.1:14550", "udpin://:14550"), '[[link]] 1 "a" url = "udpin://:14550": it does not name a host; accepted: udpin://HOST:PORT (127.0.0.1 for this board alone, 0.0.0.0 for every network)'),
-    "two links of one name": (BASE + LINK, '[[link]] 2 "a" name = "a": another [[link]] has this name already; accepted: one of its own'),
+    "two links of one name": (BASE + LINK, '[[link]] 2 "a" name = "a": another [[link]] has this name; accepted: a name of its own'),
     "unsigned on no link": (f'{BASE}[signing]\naccept_unsigned = ["a", "b"]\n', '[signing] accept_unsigned[1] = "b": no [[link]] has this name; accepted: a'),
     "the camera's component": (f"{BASE}[vehicle]\ncomponent_id = 100\n", "[vehicle] component_id = 100: 100 is the camera component's while [publish] camera_tracking is on; accepted: another"),
     "landing on anything": (f"{BASE}[publish]\nlanding_target = true\n", "[publish] landing_label: missing, while [publish] landing_target is on; accepted: the label of the target to land on"),
     "no camera file": (LINK, '[camera] calibration: missing, while [detections] url brings pixels; accepted: the path of a camera file (for a relay alone: [detections] url = "")'),
     "no camera file for our own camera": ('[vision]\n[detections]\nurl = ""\n', '[camera] calibration: missing, while [vision] opens a camera; accepted: the path of a camera file (for a relay alone: [detections] url = "")'),
-    "terrain of an untold datum": (f'{BASE}[ground]\nmodel = "terrain"\nterrain = ["a.hgt"]\n', "[ground] terrain_datum: missing, while [ground] terrain names files, which do not say it; accepted: egm96, egm2008, ellipsoid"),
+    "terrain of an untold datum": (f'{BASE}[ground]\nmodel = "terrain"\nterrain = ["a.hgt"]\n', "[ground] terrain_datum: missing, while [ground] terrain names files, which do not contain it; accepted: egm96, egm2008, ellipsoid"),
     "detections over TCP": (f'{BASE}[detections]\nurl = "tcpin://127.0.0.1:5"\n', '[detections] url = "tcpin://127.0.0.1:5": accepted: udpin://HOST:PORT | unix:///PATH'),
     "CoT to a file": (f'{BASE}[publish]\ncot = "events.xml"\n', '[publish] cot = "events.xml": accepted: udpout://HOST:PORT | udpbcast://HOST:PORT | tcpout://HOST:PORT'),
     "a key that breaks the line": ('"a\\nb" = 1\n', "a?b = 1: unknown key; accepted tables: vehicle, link, signing, rates, camera, detections, vision, ground, uncertainty, tracking, publish, record, state, status"),
@@ -110,15 +129,27 @@ def test_settings_are_laid_over_the_file():
     assert config.camera.calibration == "camera.yaml"
 
 
+@pytest.mark.parametrize("text", ["4x4_50", "DICT_4X4_50", "dict_4x4_50", "Dict_4X4_50"])
+def test_a_dictionary_may_be_written_as_opencv_has_it(text: str):
+    config = parse(f'{BASE}[vision]\naruco_dictionary = "{text}"\n', "f.toml")
+    assert config.vision is not None
+    assert config.vision.aruco_dictionary == "4x4_50"
+    by_setting = parse(f"{BASE}[vision]\n", "f.toml", [f"vision.aruco_dictionary={text}"])
+    assert by_setting == config
+
+
 @pytest.mark.parametrize(
     ("setting", "expected"),
     [
         ("tracking.filtre=lowpass", '--set: [tracking] filtre = "lowpass": unknown key; did you mean "filter"?'),
         ("tracking.filter=mean", '--set: [tracking] filter = "mean": accepted: "kalman" | "lowpass"'),
+        ("tracking.self_calibration=True", '--set: [tracking] self_calibration = "True": accepted: true | false; write true in lower case, without quotes'),
+        ("camera.readout_s=0,0174", '--set: [camera] readout_s = "0,0174": accepted: "unknown" | a number from -1 to 1; write 0.0174 with a decimal point, without quotes'),
+        ("vision.aruco_dictionary=DICT_8X8_50", '--set: [vision] aruco_dictionary = "DICT_8X8_50": accepted: "4x4_50" ... "7x7_1000": 4x4, 5x5, 6x6, 7x7 with 50, 100, 250, 1000 markers'),
         ("rates.attitude", '--set: "rates.attitude": accepted: KEY=VALUE, as tracking.filter=lowpass'),
         ("=3", '--set: "=3": accepted: KEY=VALUE, as tracking.filter=lowpass'),
-        ("rates.attitude=1\nx=3", '--set: "rates.attitude=1?x=3": no TOML value; accepted: KEY=VALUE, as ground.height_m=1.5'),
-        ("link.url=udpin://127.0.0.1:1", '--set: "link.url=udpin://127.0.0.1:1": link is no table; accepted: one of its'),
+        ("rates.attitude=1\nx=3", '--set: "rates.attitude=1?x=3": accepted: KEY=VALUE with a TOML value, as ground.height_m=1.5'),
+        ("link.url=udpin://127.0.0.1:1", '--set: "link.url=udpin://127.0.0.1:1": link is not a table; accepted: a key of a table'),
     ],
 )  # fmt: skip
 def test_a_wrong_setting_is_told_as_one(setting: str, expected: str):
