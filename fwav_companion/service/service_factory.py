@@ -13,6 +13,7 @@ from fwav_companion.errors import ConfigError
 from fwav_companion.links.base import Link, OnState
 from fwav_companion.links.reconnect import make_link
 from fwav_companion.links.url import UdpUrl
+from fwav_companion.mount_points import missing_mount_above
 from fwav_companion.pipeline.pipeline import Pipeline
 from fwav_companion.recording.recorder import Recorder
 from fwav_companion.vision.detections_in import DetectionsIn
@@ -63,6 +64,12 @@ def make_recorder(
     plan = recording_plan(config, beside)
     if plan is None:
         return None
+    missing = missing_mount_above(plan.directory.absolute())
+    if missing is not None:
+        on_failure(
+            f"[record] directory = {config.record.directory}: {missing}: recordings go to the disk of the system. "
+            f"Mount {missing.point}, or name another directory"
+        )
     return Recorder(plan, on_failure, header=pipeline.header, summary=pipeline.summary)
 
 

@@ -11,6 +11,7 @@ from typing import Final
 
 from fwav_companion.config import Config
 from fwav_companion.links.url import SerialUrl
+from fwav_companion.mount_points import missing_mount
 from fwav_companion.service.latest_file import state_path
 from fwav_companion.tools.doctor.evidence import Board, Device, Folder, Power
 from fwav_companion.tools.doctor.holders import holders
@@ -85,6 +86,9 @@ class Probe:
             read_only="ro" in options,
             file_system=file_system,
             free_bytes=free_bytes,
+            missing_mount=missing_mount(
+                path.resolve(), self._tree.text("/proc/self/mountinfo"), self._tree.text("/etc/fstab")
+            ),
         )
 
     def _mount(self, path: Path) -> tuple[str, list[str]]:

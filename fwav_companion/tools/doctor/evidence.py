@@ -10,6 +10,7 @@ import msgspec
 from fwav_companion.camera import Calibration
 from fwav_companion.config import Config
 from fwav_companion.localization import ElevationTile
+from fwav_companion.mount_points import MissingMount
 
 
 class SerialPort(msgspec.Struct, frozen=True, kw_only=True):
@@ -48,6 +49,8 @@ class Folder(msgspec.Struct, frozen=True, kw_only=True):
     file_system: str
     """Its type, as ext4 or tmpfs; "" where that cannot be told."""
     free_bytes: int | None
+    missing_mount: MissingMount | None = None
+    """Mount point above the directory that is not mounted."""
 
 
 class Device(msgspec.Struct, frozen=True):

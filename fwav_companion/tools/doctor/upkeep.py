@@ -33,6 +33,12 @@ def _key(evidence: Evidence) -> Iterator[Finding]:
 
 
 def _folder(evidence: Evidence, folder: Folder) -> Iterator[Finding]:
+    if folder.missing_mount is not None:
+        yield Finding(
+            "not_mounted", Level.HARMS, folder.key,
+            f"{folder.path}: {folder.missing_mount}: what is written goes to the disk of the system",
+            f"sudo mount {folder.missing_mount.point}, with RequiresMountsFor= in the unit, or another directory",
+        )  # fmt: skip
     if folder.read_only or not folder.writable:
         why = (
             "its file system is mounted read-only" if folder.read_only else f"{evidence.board.user} may not write there"

@@ -35,6 +35,8 @@ class Pi:
         self.text, self.throttled, self.denied = TEXT, "throttled=0x0\n", set()
         self.put("/proc/cmdline", "console=tty1 root=/dev/mmcblk0p2 rootwait\n")
         self.put("/proc/device-tree/model", "Raspberry Pi Zero 2 W Rev 1.0\0")
+        self.put("/proc/self/mountinfo", "21 1 179:2 / / rw,noatime - ext4 /dev/mmcblk0p2 rw\n")
+        self.put("/etc/fstab", "PARTUUID=1-02 / ext4 defaults,noatime 0 1\n")
         self.put("/proc/mounts", "/dev/mmcblk0p2 / ext4 rw,noatime 0 0\ntmpfs /run tmpfs rw 0 0\n")
         self.put("/sys/class/hwmon/hwmon1/name", "rpi_volt\n")
         self.put("/sys/class/hwmon/hwmon1/in0_lcrit_alarm", "0\n")
@@ -204,6 +206,15 @@ def plug_in(pi, ids):
     pi.put(str(device.relative_to(pi.root) / "1-1:1.0/uevent"), "")
     pi.link("/sys/class/tty/ttyACM0/device", device / "1-1:1.0")
     pi.put("/dev/ttyACM0", "")
+
+
+def test_a_recording_directory_below_a_disk_that_is_not_mounted_is_named_with_the_disk(pi):
+    pi.put("/etc/fstab", f"/dev/sda1 {pi.home}/records ext4 nofail 0 2\n")
+    (finding,) = pi.findings()
+    assert codes([finding]) == ["not_mounted"]
+    assert f"nothing is mounted at {pi.home}/records (/dev/sda1 in /etc/fstab)" in str(finding)
+    pi.put("/proc/self/mountinfo", f"21 1 179:2 / / rw - ext4 a rw\n40 21 8:1 / {pi.home}/records rw - ext4 b rw\n")
+    assert pi.found() == []
 
 
 def test_a_port_by_its_usb_ids_is_found_or_named_with_what_is_there(pi):
