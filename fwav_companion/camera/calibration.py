@@ -19,7 +19,7 @@ LONGEST_FILE_CHARACTERS = 1_000_000
 """A camchain of eight cameras has 6000."""
 ACCEPTED = (
     "accepted: a file with model: kannala_brandt, a Kalibr camchain, a ROS camera_info, a camodocal file, or an OpenCV "
-    "FileStorage with a model: line beside its matrices"
+    "FileStorage with a model: line next to its matrices"
 )
 NATIVE_MODEL = "kannala_brandt"
 NATIVE_KEYS = ("model", "image_size", "k_mm", "pixels_per_mm", "principal_point", "max_angle_deg")
@@ -44,9 +44,9 @@ class Calibration(msgspec.Struct, frozen=True):
 
 
 def parse_calibration(text: str, name: str, *, imu_is_frd: bool = False) -> Calibration:
-    """The calibration in ``text`` of the file ``name``. InputFileError names the key, what stood there and the fix.
+    """The calibration in ``text`` of the file ``name``. InputFileError names the key, its value and the fix.
 
-    ``imu_is_frd``: the IMU of a Kalibr file has the body's axes, as ``imu_axes: FRD`` in the file says as well.
+    ``imu_is_frd``: the IMU of a Kalibr file has the body's axes; ``imu_axes: FRD`` in the file has the same effect.
     """
     fields = Fields(_document(text, name), name)
     try:
@@ -65,7 +65,7 @@ def _read(fields: Fields, imu_is_frd: bool) -> Calibration:
     if any(key in fields for key in tool_files.OPENCV_MATRIX_KEYS):
         return Calibration(tool_files.opencv_lens(fields))
     if "model" in fields and fields.text("model") != NATIVE_MODEL:
-        raise fields.refusal("model", f"{NATIVE_MODEL}, or another model's name beside OpenCV's matrices")
+        raise fields.refusal("model", f"{NATIVE_MODEL}, or another model's name next to OpenCV's matrices")
     if "model" in fields:
         return Calibration(_native_lens(fields))
     raise InputFileError(f"{fields.name}: its keys are {', '.join(list(fields)[:6])}; {ACCEPTED}")

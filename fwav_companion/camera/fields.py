@@ -1,4 +1,4 @@
-"""The content of a calibration file as typed fields. Each error names file, key, what stood there, and the fix."""
+"""The content of a calibration file as typed fields. Each error names file, key, value, and the fix."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Fields:
         return iter(self._mapping)
 
     def refusal(self, key: str, accepted: str) -> InputFileError:
-        """The error of this key: what stood there, and what is accepted."""
+        """The error of this key: its value, and what is accepted."""
         found = f" = {reprlib.repr(self._mapping[key])}:" if key in self._mapping else ": missing;"
         return InputFileError(f"{self.name}: {self._path}{key}{found} accepted: {accepted}")
 

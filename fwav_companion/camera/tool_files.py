@@ -103,7 +103,7 @@ def opencv_lens(fields: Fields) -> Lens:
     if "model" not in fields:
         raise fields.refusal(
             "model",
-            "a model: line of fisheye, plumb_bob or rational_polynomial beside the matrices, which do not name it",
+            "a model: line of fisheye, plumb_bob or rational_polynomial next to the matrices, which do not name it",
         )
     matrix = _camera_matrix(fields, _first(fields, OPENCV_MATRIX_KEYS), _image_size(fields))
     return _distorted_lens(fields, "model", _first(fields, OPENCV_DISTORTION_KEYS), matrix)

@@ -128,7 +128,7 @@ class Config(Document, frozen=True, kw_only=True):
         """ConfigError unless a link leads to an autopilot: ``run`` needs one, ``replay`` does not."""
         if not any(link.role == "autopilot" for link in self.link):
             raise ConfigError(
-                f'{self.file}: [[link]]: none has role "autopilot"; accepted: at least one, '
+                f'{self.file}: [[link]]: no link has role = "autopilot"; accepted: at least one, '
                 'as url = "serial:///dev/serial0:921600"'
             )
 

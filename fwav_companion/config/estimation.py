@@ -14,7 +14,7 @@ from fwav_companion.types import BIAS_COUNT, Bias, ErrorPriors
 SigmaDeg: TypeAlias = Annotated[float, Meta(ge=0, le=180)]
 SigmaM: TypeAlias = Annotated[float, Meta(ge=0, le=10_000)]
 SigmaPx: TypeAlias = Annotated[float, Meta(gt=0, le=10_000)]
-"""Sigmas up to those of complete ignorance. 1e9 beside centimetres is no longer a covariance in 64-bit floats."""
+"""Sigmas up to those of complete ignorance. With 1e9 and centimetres together, 64-bit floats hold no covariance."""
 
 READOUT_SIGMA_UNKNOWN_S = 1.0 / 30.0 / sqrt(12.0)
 """One sigma of an unknown readout before the frame interval is known: uniform over [0, interval] at 30 frames/s, the

@@ -1,4 +1,4 @@
-"""TOML text to a Config. Every error is one line: file, key or line, what stood there, what is accepted."""
+"""TOML text to a Config. Every error is one line: file, key or line, its value, what is accepted."""
 
 from __future__ import annotations
 

@@ -115,7 +115,7 @@ def test_what_one_command_needs_and_another_does_not():
     relay = parse(RELAY, "f.toml")
     with pytest.raises(ConfigError, match=r"f.toml: \[camera\] calibration: missing"):
         _ = relay.calibration_path
-    with pytest.raises(ConfigError, match=r'f.toml: \[\[link\]\]: none has role "autopilot"'):
+    with pytest.raises(ConfigError, match=r'f.toml: \[\[link\]\]: no link has role = "autopilot"'):
         relay.require_links()
     parse(RELAY + AUTOPILOT, "f.toml").require_links()
 

@@ -55,7 +55,7 @@ class CalibrationBoard(msgspec.Struct, frozen=True):
 
 
 def parse_board(text: str) -> CalibrationBoard:
-    """The board that ``text`` describes. UserError names what stood there and what is accepted."""
+    """The board that ``text`` describes. UserError names the text and what is accepted."""
     kind, *words = text.split(":")
     if kind not in EXAMPLES:
         raise _refused(text, ", ".join(EXAMPLES.values()))

@@ -31,7 +31,9 @@ def draw_calibration(folder: Path, title: str, fitted: FittedLens, rows: list[Pi
         mpl.use("Agg")
         from matplotlib import pyplot as plt
     except ImportError as error:
-        raise UserError("--report needs matplotlib: pip install 'fwav-companion[demo]'") from error
+        raise UserError(
+            "--report: matplotlib is not installed; accepted: pip install 'fwav-companion[demo]'"
+        ) from error
     figure, axes = plt.subplots(2, 3, figsize=(18, 10), layout="constrained")
     figure.suptitle(title)
     for panel, place in zip(

@@ -1,4 +1,4 @@
-"""Why the board was not found in a picture. Each reason rests on something that is seen in the picture."""
+"""Why the board was not found in a picture. Each reason has its evidence in the picture."""
 
 from __future__ import annotations
 

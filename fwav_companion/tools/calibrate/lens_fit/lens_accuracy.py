@@ -46,7 +46,7 @@ its rays erred by up to 9 px, at that of two (74 degrees) by 3."""
 WORST_RAY: Final = np.radians(1.0)
 """Largest sigma of a valid ray without the common rotation, radians: 2 % of the height above ground."""
 OUTERMOST: Final = 5
-"""The angle that corners reach is that of the fifth corner from outside: one alone is no support."""
+"""The angle that corners reach is that of the fifth corner from outside: a single corner supports no angle."""
 GRID: Final = np.radians(0.5)
 """Step of the search for the valid angle, radians."""
 SINGULAR: Final = 1e-13

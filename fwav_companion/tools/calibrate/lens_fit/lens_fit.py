@@ -1,4 +1,4 @@
-"""From the board corners in pictures to a lens with its accuracy, or the reason why there is no lens."""
+"""The lens fit: from board corners in pictures to a lens with its accuracy, or to the reason for its failure."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ from fwav_companion.tools.calibrate.lens_fit.reprojection import (
 )
 
 FEWEST_VIEWS: Final = 5
-"""Besides its own pose, a board gives two equations on a pinhole (Zhang 2000), and a lens has five parameters or more:
-at least three boards, and two more by which the others can be judged."""
+"""A board gives two equations on a pinhole beyond its own pose (Zhang 2000), and a lens has five parameters or more: at
+least three boards, and two more by which the others can be judged."""
 LEAST_TILT: Final = radians(10.0)
 """Least angle between the two most different boards: parallel boards leave the focal length free, in any number."""
 MOST_NOISE_PX: Final = 2.0
@@ -48,7 +48,7 @@ LARGE_PX: Final = 1280
 
 
 class FitFailure(Enum):
-    """Reason why there is no lens."""
+    """Reason why the fit failed."""
 
     TOO_FEW_VIEWS = "too few pictures"
     SAME_TILT = "all boards are parallel"

@@ -35,7 +35,7 @@ class SelectedFit(msgspec.Struct, frozen=True, eq=False):
 
 
 def select_order(corners: BoardCorners, state: LensAndPoses) -> SelectedFit:
-    """The first of the fits with one to five coefficients that none of the longer ones improves by GAIN or more."""
+    """The first of the fits with one to five coefficients that no longer fit improves by GAIN or more."""
     weights = np.ones(len(corners.pixels))
     counts = range(1, MOST_COEFFICIENTS + 1)
     fits = [adjusted(corners, _shortened(corners, state, count), weights) for count in counts]
