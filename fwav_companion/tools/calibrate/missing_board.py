@@ -62,6 +62,7 @@ class MissingReason(Enum):
     OTHER_KIND = "another kind of board"
     OTHER_COUNT = "other count"
     CUT_OFF = "cut off"
+    IN_PART = "seen in part"
     TOO_SMALL = "too small"
     BLURRED = "blurred"
     NOT_SEEN = "board not seen"
@@ -125,12 +126,14 @@ class BoardDiagnosis:
         if sorted(seen) == sorted(wanted):
             return MissingBoard(MissingReason.CUT_OFF, "its outer squares must be in the picture too")
         part = next((each for each in (seen, seen[::-1]) if each[0] <= wanted[0] and each[1] <= wanted[1]), None)
-        if part is not None and _exceeds(grid, picture):
-            counts = f"{part[0]}x{part[1]} of its {wanted[0]}x{wanted[1]} inner corners are in the picture"
+        if part is None:
+            columns, rows = sorted(seen, reverse=wanted[0] >= wanted[1])
+            counts = f"{columns}x{rows} inner corners are seen, --board has {wanted[0]}x{wanted[1]}"
+            return MissingBoard(MissingReason.OTHER_COUNT, counts)
+        counts = f"{part[0]}x{part[1]} of its {wanted[0]}x{wanted[1]} inner corners are in the picture"
+        if _exceeds(grid, picture):
             return MissingBoard(MissingReason.CUT_OFF, counts)
-        columns, rows = sorted(seen, reverse=wanted[0] >= wanted[1])
-        advice = "inner corners are counted, not squares; or a part of it is covered"
-        return MissingBoard(MissingReason.OTHER_COUNT, f"{columns}x{rows} inner corners are seen ({advice})")
+        return MissingBoard(MissingReason.IN_PART, f"{counts}: the rest is covered, or --board counts squares")
 
     def _marker_reasons(self, picture: Grey) -> Iterator[MissingBoard]:
         """The reasons of a board with markers, the likeliest first."""

@@ -189,7 +189,10 @@ def test_a_dropped_picture_that_is_blurred_is_called_so():
 
 def test_a_wrong_count_is_told_with_the_right_one(chess_folder, tmp_path, capsys):
     assert calibrate(chess_folder / "00.png", tmp_path / "camera.yaml", board="chessboard:8x6:25mm") == 2
-    assert "other count: 7x5 inner corners are seen (inner corners are counted, not squares" in capsys.readouterr().err
+    assert (
+        "seen in part: 7x5 of its 8x6 inner corners are in the picture: the rest is covered, or --board counts squares"
+        in capsys.readouterr().err
+    )
 
 
 @pytest.mark.parametrize(

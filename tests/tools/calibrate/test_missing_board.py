@@ -40,7 +40,7 @@ def moved(seen, pixels):
 FAULTS = {
     "chessboard, cut off": (CHESS, lambda: chess([-0.15, 0.0, 0.45]), "cut off: 7x6 of its 9x6 inner corners"),
     "chessboard, far": (CHESS, lambda: chess([0.0, 0.0, 5.0]), "too small: its squares are about 3 px wide; 10 are"),
-    "chessboard, squares": ("chessboard:10x7:25mm", lambda: chess([0, 0, 0.5]), "other count: 9x6 inner corners are"),
+    "chessboard, squares": ("chessboard:10x7:25mm", lambda: chess([0, 0, 0.5]), "seen in part: 9x6 of its 10x7"),
     "chessboard, motion": (CHESS, lambda: moved(chess([0.0, 0.0, 0.5]), 61), "blurred: its edges are"),
     "chessboard is a charuco": (CHESS, charuco, "another kind of board: markers of DICT_4X4_50 are seen"),
     "charuco, defocused": (CHARUCO, lambda: cv2.GaussianBlur(charuco(), (0, 0), 4.0), "blurred: its edges are 8 px"),
@@ -96,11 +96,11 @@ def test_the_reason_is_named(name, tmp_path, monkeypatch, capsys):
     [
         (9, 6, 100, "cut off: its outer squares must be in the picture too"),
         (6, 9, 100, "cut off: its outer squares must be in the picture too"),
-        (6, 5, 100, "other count: 6x5 inner corners are seen"),
+        (6, 5, 100, "seen in part: 6x5 of its 9x6 inner corners are in the picture: the rest is covered, or --board"),
         (6, 5, 20, "cut off: 6x5 of its 9x6 inner corners are in the picture"),
         (5, 6, 20, "cut off: 5x6 of its 9x6 inner corners are in the picture"),
         (4, 7, 20, "cut off: 7x4 of its 9x6 inner corners are in the picture"),
-        (8, 10, 20, "other count: 10x8 inner corners are seen"),
+        (8, 10, 20, "other count: 10x8 inner corners are seen, --board has 9x6"),
     ],
 )
 def test_what_part_of_a_chessboard_is_seen(columns, rows, left, expected, monkeypatch):

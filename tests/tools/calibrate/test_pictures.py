@@ -192,5 +192,5 @@ def test_copies_of_a_view_count_once(chess_folder, tmp_path):
 def test_squares_counted_for_corners_are_hinted_at(chess_folder, counted):
     looked = find_board(pictures([str(chess_folder)])[:2], parse_board(f"chessboard:{counted}:25mm"), lambda: None)
     assert not looked.views
-    assert "other count: 7x5 inner corners are seen" in looked.reasons
+    assert f"seen in part: 7x5 of its {counted} inner corners are in the picture" in looked.reasons
     assert looked.reasons.endswith("(2 of 2)")
