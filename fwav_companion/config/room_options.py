@@ -20,8 +20,7 @@ from fwav_companion.mavlink.router.node import LinkPolicy, SigningPolicy
 from fwav_companion.pairing import CameraTiming, StampRule
 from fwav_companion.publishing.camera_information import horizontal_fov_deg
 from fwav_companion.publishing.options import PublishOptions
-from fwav_companion.recording.folder import RecordingPlan
-from fwav_companion.recording.space import BYTES_PER_MB, SpacePolicy
+from fwav_companion.recording.folder import BYTES_PER_MB, RecordingPlan, SpacePolicy
 from fwav_companion.telemetry import TelemetryOptions
 from fwav_companion.tracking import TrackingOptions
 

@@ -10,13 +10,8 @@ from msgspec import Meta
 from fwav_companion.geometry.vectors import ZERO3, Vector3
 
 
-    """Width and height of the calibration, pixels; (0, 0) without a camera."""
-    hfov_deg: float = 0.0
-    """Horizontal field of view by the calibration, degrees; 0: unknown."""
-    gimbal_device_id: int = 0
-    """Gimbal that carries the camera, as [camera.mount] has it; 0: none."""
-    camera_position_m: Vector3 = ZERO3
-    """Camera position in body FRD, metres. Without a global position targets are relative to the camera."""
+class PublishTable(msgspec.Struct, frozen=True, kw_only=True):
+    """[publish]: which target is reported to which receivers."""
 
     select: Literal["best", "operator"] = "best"
     """``best``: the oldest confirmed track; ``operator``: only the track that the operator clicked."""
@@ -59,6 +54,10 @@ class PublishOptions(PublishTable, frozen=True, kw_only=True):
 
     image_size: tuple[int, int] = (0, 0)
     """Width and height of the calibration, pixels; (0, 0) without a camera."""
+    hfov_deg: float = 0.0
+    """Horizontal field of view by the calibration, degrees; 0: unknown."""
+    gimbal_device_id: int = 0
+    """Gimbal that carries the camera, as [camera.mount] has it; 0: no gimbal."""
     camera_position_m: Vector3 = ZERO3
     """Camera position in body FRD, metres. Without a global position targets are relative to the camera."""
     companion_component: int = 191
