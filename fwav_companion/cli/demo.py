@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
-    from fwav_companion.tools.demo.flight import Demonstration, Outcome
-    from fwav_companion.tools.demo.setting import Setting
+    from fwav_companion.tools.demo.flight import Demonstration, DemoResult
+    from fwav_companion.tools.demo.flight_setup import FlightSetup
 
 SECONDS = (3.0, 3600.0)
 SCENARIOS = ("demo", "demo_blur")
@@ -29,56 +29,61 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
     """Register the command."""
     parser = subparsers.add_parser(
         "demo",
-        description="A mock flapping-wing vehicle flies over AprilTags; its camera's pictures are rendered, and the "
-        "service finds the tags, tells a ground station where they are and how sure it is. All on this machine. The "
-        "report adds a second flight, in invented time: a late camera on a crooked mount, which finds both out.",
+        description="Runs the service with a mock flapping-wing vehicle, all on this machine. The mock flies over "
+        "AprilTags and renders the camera's pictures. The service finds the tags and sends their latitude, longitude "
+        "and accuracy to a ground station. The report adds a second flight in simulated time, on which the service "
+        "finds the delay of its camera and the rotation of its mount.",
         epilog="example:\n  fwav-companion demo --seed 7 && xdg-open demo-out/report.html",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
     add("--seconds", type=float, default=30.0, help="length of the flight; default %(default)g")
-    add("--seed", type=seed, default=1, help="of everything that is wrong with the vehicle; default %(default)d")
-    add("--out", metavar="DIR", default="demo-out", help="recording and report.html; default %(default)s")
-    add("--scenario", choices=SCENARIOS, default=SCENARIOS[0], help="demo_blur: an exposure so long that mostly the "
-        "moments of low rate leave a tag readable")  # fmt: skip
+    add("--seed", type=seed, default=1, help="draws the errors of the vehicle; default %(default)d")
+    add(
+        "--out", metavar="DIR", default="demo-out", help="folder for the recording and report.html; default %(default)s"
+    )
+    add("--scenario", choices=SCENARIOS, default=SCENARIOS[0], help="demo_blur: a long exposure; tags are readable "
+        "mostly while the body turns slowly")  # fmt: skip
     add("--json", action="store_true", help="end with the result as one JSON object")
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """0: every target found, each within what was claimed; 1: not so."""
+    """Exit status 0: every target found, each within its claimed 99.9 % radius; 1: not."""
     if not SECONDS[0] <= arguments.seconds <= SECONDS[1]:
         raise UserError(f"--seconds {arguments.seconds:g}: accepted: {SECONDS[0]:g} to {SECONDS[1]:g}")
     for module, package in (("cv2", "fwav-companion[demo]"), ("sitl_mock", "fwav-companion[demo]")):
         if find_spec(module) is None:
             raise UserError(f"demo: {module} is not installed; accepted: pip install '{package}'")
-    from fwav_companion.tools.demo.alone import alone_in
     from fwav_companion.tools.demo.flight import Demonstration
-    from fwav_companion.tools.demo.setting import Setting
-    from fwav_companion.tools.demo.table import LiveTable, UnpipedConsole, show_outcome
+    from fwav_companion.tools.demo.flight_setup import FlightSetup
+    from fwav_companion.tools.demo.live_table import LiveTable, UnpipedConsole, show_result
+    from fwav_companion.tools.demo.processes import locked_folder
 
     out = Path(realpath(arguments.out))
     console = UnpipedConsole()
-    setting = Setting(arguments.seed, arguments.seconds, arguments.scenario)
-    demonstration = Demonstration(setting, out)
-    with as_by_ctrl_c(), alone_in(out):
+    setup = FlightSetup(arguments.seed, arguments.seconds, arguments.scenario)
+    demonstration = Demonstration(setup, out)
+    with as_by_ctrl_c(), locked_folder(out):
         with LiveTable(console, arguments.seconds) as table:
-            outcome = demonstration.fly(table.watch)
-        report = _report(console, demonstration, setting, out, outcome)
-    show_outcome(console, outcome, report)
+            result = demonstration.fly(table.watch)
+        report = _report(console, demonstration, setup, out=out, result=result)
+    show_result(console, result, report)
     if arguments.json:
-        print(json.dumps(outcome.as_json()))
-    return 1 if outcome.troubles else 0
+        print(json.dumps(result.as_json()))
+    return 1 if result.troubles else 0
 
 
 def _report(
-    console: Console, demonstration: Demonstration, setting: Setting, out: Path, outcome: Outcome
-) -> tuple[Path, str] | None:
-    """Where it was written, and what the second flight showed; None where there is nothing to tell."""
-    from fwav_companion.tools.demo.table import working
-    from fwav_companion.tools.demo.telling import write_report
+    console: Console, demonstration: Demonstration, setup: FlightSetup, *, out: Path, result: DemoResult
+) -> tuple[Path, list[str]] | None:
+    """The report's path and its results as sentences; None without a recording."""
+    from fwav_companion.tools.demo.demo_report import write_report
+    from fwav_companion.tools.demo.live_table import report_progress
 
-    if outcome.recording is None:
+    if result.recording is None:
         return None
-    with working(console) as told:
-        return write_report(setting, demonstration.flight_arguments, out, outcome.recording, told)
+    with report_progress(console) as progress:
+        return write_report(
+            setup, demonstration.flight_arguments, out=out, recording=result.recording, progress=progress
+        )

@@ -1,4 +1,4 @@
-"""``fwav-companion replay``: the pipeline over a recording."""
+"""``fwav-companion replay``: runs a recording through the pipeline."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
     """Register the command."""
     parser = subparsers.add_parser(
         "replay",
-        description="Puts recorded telemetry and detections through the same pipeline as `run`, as fast as it goes.",
+        description="Runs recorded telemetry and detections through the same pipeline as `run`, at full speed.",
         epilog=(
             "example:\n  fwav-companion replay --telemetry telemetry.tlog --detections detections.jsonl \\\n"
             "      --config fwav-companion.toml --out targets.jsonl --export targets.kml"
@@ -33,28 +33,30 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
     )
     add = parser.add_argument
     add("--telemetry", metavar="F.tlog", nargs="+",
-        help="the MAVLink recording, in parts if it has several; or an ArduPilot .bin or a PX4 .ulg log")  # fmt: skip
-    add("--detections", metavar="D.jsonl", nargs="+", help="one JSON object a frame; in parts too")
+        help="the MAVLink recording, in one or more parts; or an ArduPilot .bin or a PX4 .ulg log")  # fmt: skip
+    add("--detections", metavar="D.jsonl", nargs="+", help="one JSON object per frame, in one or more parts")
     add("--config", metavar="FILE", help="the configuration, as `init` writes one")
-    add("--out", metavar="T.jsonl", help="where the targets go; - for stdout: all else is then said on stderr")
-    add("--truth", metavar="T", help="CSV or JSONL with label and place: adds errors to the summary")
-    add("--sightings", action="store_true", help="a line for every detection, used or not")
+    add("--out", metavar="T.jsonl", help="the targets file to write; - for stdout: other output then goes to stderr")
+    add("--truth", metavar="T", help="true targets, CSV or JSONL with label and place: adds errors to the summary")
+    add("--sightings", action="store_true", help="write a line for every detection, used or not")
     add("--set", metavar="KEY=VALUE", action="append", default=[],
-        help="a configuration key, as tracking.filter=lowpass; filters of your own: module:Class")  # fmt: skip
+        help="a configuration key, as tracking.filter=lowpass; a filter of your own: module:Class")  # fmt: skip
     add("--export", metavar="FILE", action="append", default=[],
-        help="the targets for other tools, by the name's end: .geojson, .kml or .csv; may be repeated")  # fmt: skip
-    add("--report", metavar="DIR", help="a folder for report.html: where everything is, how sure, and what limited it")
+        help="targets for other tools, by suffix: .geojson, .kml or .csv; may be repeated")  # fmt: skip
+    add(
+        "--report", metavar="DIR", help="a folder for report.html: targets on a map, their accuracy, and what limits it"
+    )
     add("--alone", action="store_true",
-        help="a report of this configuration's answers only; by default it also draws what the paper's filter and the "
-        "tracker without and with self-calibration make of the recording, a replay each")  # fmt: skip
+        help="a report of this configuration only; by default it also shows the paper's filter and the tracker without "
+        "and with self-calibration, with one more replay for each")  # fmt: skip
     add("--compare", metavar=("A.jsonl", "B.jsonl"), nargs=2,
-        help="no replay: two targets files side by side, as compare.html in the --report folder")  # fmt: skip
+        help="no replay: compares two targets files, as compare.html in the --report folder")  # fmt: skip
     add("--json", action="store_true", help="end with the summary as one JSON object")
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Read everything, then write line by line."""
+    """Read all input, then write line by line."""
     with as_by_ctrl_c():
         if arguments.compare:
             return _compare(arguments)
@@ -83,7 +85,7 @@ def _compare(arguments: argparse.Namespace) -> int:
 def _replay(arguments: argparse.Namespace) -> int:
     from fwav_companion.cli.progress import replays
     from fwav_companion.cli.replay_inputs import read_replay_inputs
-    from fwav_companion.tools.report.writer import ReportWriter, other_ways
+    from fwav_companion.tools.report.writer import ReportWriter, other_variants
 
     given = read_replay_inputs(arguments)
     report = None if arguments.report is None else ReportWriter()
@@ -95,31 +97,38 @@ def _replay(arguments: argparse.Namespace) -> int:
         summary, mistakes = _write_all(arguments.out, lines, given.exports)
         others = []
         if report is not None and not arguments.alone:
-            others = other_ways(given.config, lambda name, chosen: watched(name, given.again(chosen)))
-    said = sys.stderr if is_stdout(arguments.out) else sys.stdout
+            others = other_variants(given.config, lambda name, chosen: watched(name, given.again(chosen)))
+    stream = sys.stderr if is_stdout(arguments.out) else sys.stdout
     if report is not None:
-        title, notes = _title(Path(arguments.telemetry[0])), given.recording.notes
-        print(report.write(Path(arguments.report), title, given.config, others, given.truth, notes), file=said)
+        path = report.write(
+            Path(arguments.report),
+            _title(Path(arguments.telemetry[0])),
+            config=given.config,
+            others=others,
+            truth=given.truth,
+            notes=given.recording.notes,
+        )
+        print(path, file=stream)
     for mistake in mistakes:
         print(f"camera mount: {mistake}", file=sys.stderr)
     if not arguments.json:
-        _tell(summary, said)
+        _print_summary(summary, stream)
     elif not is_stdout(arguments.out):  # there it is the last line already
         print(json.dumps(summary))
     return 0
 
 
 def _title(telemetry: Path) -> str:
-    """What tells one flight from another: of those that we record, the folder."""
+    """A name of the flight: the folder of our own recordings, else the file."""
     from fwav_companion.recording.folder import TELEMETRY
 
     return telemetry.resolve().parent.name if telemetry.name == TELEMETRY else telemetry.stem
 
 
 def _write_all(out: str, lines: Iterator[Line], exports: Sequence[Export]) -> tuple[Line, list[str]]:
-    """The targets file and its exports. The summary, and what self-calibration named as grossly wrong."""
+    """Write the targets file and its exports. Returns the summary and the gross mistakes of the mount."""
     mistakes: set[str] = set()
-    summary = _write(out, _suspected(_exported(lines, exports), mistakes))
+    summary = _write(out, _with_mistakes(_exported(lines, exports), mistakes))
     for export in exports:
         with written(str(export.path)) as file:
             file.write(export.content())
@@ -127,15 +136,15 @@ def _write_all(out: str, lines: Iterator[Line], exports: Sequence[Export]) -> tu
 
 
 def _exported(lines: Iterator[Line], exports: Sequence[Export]) -> Iterator[Line]:
-    """The same lines; each export has seen them too."""
+    """The same lines, each also added to every export."""
     for line in lines:
         for export in exports:
             export.add(line)
         yield line
 
 
-def _suspected(lines: Iterator[Line], mistakes: set[str]) -> Iterator[Line]:
-    """The same lines; what self-calibration named as grossly wrong is gathered."""
+def _with_mistakes(lines: Iterator[Line], mistakes: set[str]) -> Iterator[Line]:
+    """The same lines; gross mistakes of the mount that self-calibration named are added to ``mistakes``."""
     for line in lines:
         if "mistake" in line:
             mistakes.add(line["mistake"])
@@ -143,7 +152,7 @@ def _suspected(lines: Iterator[Line], mistakes: set[str]) -> Iterator[Line]:
 
 
 def _write(out: str, lines: Iterator[Line]) -> Line:
-    """Write all lines; the last one, which is the summary."""
+    """Write all lines and return the last one, the summary."""
     from fwav_companion.recording.lines import encode_line
 
     last: Line = {}
@@ -153,10 +162,12 @@ def _write(out: str, lines: Iterator[Line]) -> Line:
     return last
 
 
-def _tell(summary: Line, stream: TextIO) -> None:
+def _print_summary(summary: Line, stream: TextIO) -> None:
+    from fwav_companion.recording.labels import display_name
+
     print(f"{summary['frames']} frames, {summary['detections']} detections, {summary['fixes']} fixes", file=stream)
     for reason, count in summary["dropped"].items():
         print(f"  not used: {count} {reason}", file=stream)
     for error in summary.get("errors", ()):
-        said = f"final {error['final_m']:.3f} m, rms {error['rms_m']:.3f} m" if error["found"] else "not found"
-        print(f"  {error['label'] or 'target'}: {said}", file=stream)
+        result = f"final {error['final_m']:.3f} m, rms {error['rms_m']:.3f} m" if error["found"] else "not found"
+        print(f"  {display_name(error['label'])}: {result}", file=stream)

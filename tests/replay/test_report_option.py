@@ -14,7 +14,7 @@ import pytest
 from flying import CAMERA, LINK, fly
 from lxml import html
 
-from fwav_companion.tools.report.depths import BEYOND_95, EXPECTED, innovations
+from fwav_companion.tools.report.diagnostics import EXPECTED_NIS, NIS_95, innovations
 from sitl_mock import scenario
 
 CONFIG = LINK + '[camera]\ncalibration = "camera.yaml"\n'
@@ -56,7 +56,7 @@ def test_a_report_says_where_how_surely_and_why(site):
     assert "out/here/report.html" in done.stdout
     page = read(site / "out/here/report.html")
     text = page.text_content()
-    for words in ("Why not better?", "Do the sightings agree", "The best round trip", "true error"):
+    for words in ("What limits the accuracy", "Do the sightings agree", "The shortest round trip", "error on the map"):
         assert words in text
     assert len(page.findall(".//svg")) >= 6
     assert b'"type":"sighting"' not in (site / "t.jsonl").read_bytes()
@@ -113,10 +113,10 @@ def test_normalised_squares_are_about_two_where_nothing_is_worse_than_configured
     """Of one flight whose errors were drawn from its configuration."""
     assert replay(site, "--out", "s.jsonl", "--sightings").returncode == 0
     lines = [json.loads(line) for line in (site / "s.jsonl").read_text().splitlines()]
-    squares = [each.squared for each in innovations(lines, 0.0)]
+    squares = [each.nis for each in innovations(lines, 0.0)]
     assert len(squares) > 100
-    assert EXPECTED / 4.0 < np.mean(squares) < EXPECTED * 1.5
-    assert np.mean(np.array(squares) > BEYOND_95) < 0.15
+    assert EXPECTED_NIS / 4.0 < np.mean(squares) < EXPECTED_NIS * 1.5
+    assert np.mean(np.array(squares) > NIS_95) < 0.15
 
 
 def test_innovations_are_told_where_sightings_are_and_nowhere_else(site):
@@ -133,8 +133,9 @@ def test_two_filters_side_by_side(site):
     assert done.returncode == 0, done.stderr
     text = read(site / "out/compare.html").text_content()
     assert 'tracking.filter: "kalman" | "lowpass"' in text
-    assert "A claimed 95 %" in text
-    assert "B true error" in text
+    assert "A (kalman) claimed 95 %" in text
+    assert "B (lowpass) true error" in text
+    assert text.strip().startswith("tracking.filter: kalman compared with lowpass")
 
 
 @pytest.mark.parametrize(

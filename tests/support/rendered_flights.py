@@ -17,7 +17,7 @@ from flying import Companion
 
 from fwav_companion.config import parse
 from fwav_companion.geometry.ellipses import circle_radius
-from fwav_companion.tools.demo.setting import Setting
+from fwav_companion.tools.demo.flight_setup import FlightSetup
 from fwav_companion.vision.detectors.markers import apriltags
 from sitl_mock.arguments import add_flight_arguments, options_from
 from sitl_mock.render import Eye
@@ -55,7 +55,7 @@ class RenderedCompanion(Companion):
 
 def fly_rendered(seed: int, seconds: float = 30.0, settings: Sequence[str] = (), **setting: Any):
     """(companion, mock) after a whole demonstration flight."""
-    chosen = Setting(seed, seconds, **setting)
+    chosen = FlightSetup(seed, seconds, **setting)
     text = chosen.config_text(14540, 14550)
     parser = argparse.ArgumentParser()
     add_flight_arguments(parser)

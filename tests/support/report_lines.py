@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from html.parser import HTMLParser
 from typing import Any
 
+from fwav_companion.tools.report.sighting_statistics import CAUSES
+
 Line = dict[str, Any]
 BEGUN = 1_790_000_000.0
 
@@ -45,6 +47,34 @@ def calibration(at_s: float, delay_s: float, delay_sigma_s: float, mount: Sequen
     return {"type": "calibration", "time_unix": BEGUN + at_s, "mount_deg": mount, "mount_sigma_deg": [sigma] * 3} | told
 
 
+def sighting(at_s: float = 1.0, budget: Line | None = None, **other: Any) -> Line:
+    """A used detection from 10 m above the origin."""
+    return {
+        "type": "sighting",
+        "frame": round(at_s * 10),
+        "reason": None,
+        "gap_s": 0.001,
+        "time_boot": at_s,
+        "camera_ned": [0.0, 0.0, -10.0],
+        "ground_ned": [0.0, 0.0, 0.0],
+        "budget": None if budget is None else dict.fromkeys(CAUSES, 0.0) | budget,
+    } | other
+
+
+def clock(at_s: float, offset_s: float, sigma_s: float = 1e-5, **other: Any) -> Line:
+    """The offset host minus autopilot at one time."""
+    return {
+        "type": "clock",
+        "time_monotonic": at_s,
+        "time_boot": at_s - offset_s,
+        "host_from_autopilot_s": offset_s,
+        "sigma_s": sigma_s,
+        "bound_s": 1e-3,
+        "round_trip_s": 2e-3,
+        "status": "settled",
+    } | other
+
+
 def summary(**other: Any) -> Line:
     return {"type": "summary", "frames": 10, "detections": 5, "fixes": 5, "dropped": {}} | other
 
@@ -79,7 +109,7 @@ class Markup(HTMLParser):
         assert self._open.pop() == tag
 
     def handle_data(self, data: str) -> None:
-        self.texts.append(data)
+        self.texts.append(data.replace("\u00a0", " "))
 
     @property
     def text(self) -> str:

@@ -1,4 +1,4 @@
-"""One demonstration: starts everything, watches it until the flight is over, and says what came of it."""
+"""One demonstration: starts its processes, watches them until the flight is over, and returns the result."""
 
 from __future__ import annotations
 
@@ -16,49 +16,53 @@ import msgspec
 
 from fwav_companion.config import parse
 from fwav_companion.errors import InputFileError
-from fwav_companion.tools.demo.children import Child
-from fwav_companion.tools.demo.following import GrowingLines, newest_object
+from fwav_companion.tools.demo.flight_setup import CAMERA_FILE, CONFIG_FILE, PIPE, FlightSetup
 from fwav_companion.tools.demo.ground_station import GroundStation
-from fwav_companion.tools.demo.scoreboard import Score, Scoreboard
-from fwav_companion.tools.demo.setting import CAMERA_FILE, CONFIG_FILE, PIPE, Setting
+from fwav_companion.tools.demo.processes import ChildProcess, GrowingLines, newest_object
+from fwav_companion.tools.demo.scoreboard import Scoreboard, TargetScore
 
 COMES_UP_S = 30.0
-"""A slow board's Python needs some seconds."""
+"""Longest start-up time of the service, seconds: Python on a slow board needs several."""
 BEFORE_FLIGHT_S = 3.0
-"""The ground is painted before the camera can look at it."""
+"""Time before the flight in which the mock camera renders the ground, seconds."""
 STEP_S = 0.2
+"""Period of the watch loop, seconds."""
 SETTLES_S = 1.2
-"""After the last picture: half a second until its lines are settled, and what a busy machine adds."""
+"""Time after the last picture until its lines are written, seconds: the reorder window and a margin."""
 PATH_HZ = 10.0
-"""How often the mock tells where the vehicle is, for the map."""
+"""Rate of the true positions of the vehicle, for the map."""
 MOCK_MODULE, EYE_MODULE = "sitl_mock", "sitl_mock.eye"
 
 
-class Moment(msgspec.Struct, frozen=True):
-    """What a watcher may show."""
+class FlightProgress(msgspec.Struct, frozen=True):
+    """The state of the flight at one time."""
 
     flown_s: float
-    """Negative: before the start."""
-    scores: list[Score]
+    """Time since the start, seconds; negative before it."""
+    scores: list[TargetScore]
     status: dict[str, Any]
     """The service's status file."""
     rates_hz: dict[str, float]
-    """Of what the ground station hears from the companion."""
+    """Rates of the companion's messages at the ground station, by name."""
     place: dict[str, float] | None
+    """The selected target at the ground station."""
     texts: list[str]
     clock: dict[str, Any] | None
+    """The newest clock line."""
     pictures: int
     pictures_left_out: int
+    """Pictures that a busy machine skipped."""
 
 
-class Outcome(msgspec.Struct, frozen=True):
-    """What came of it."""
+class DemoResult(msgspec.Struct, frozen=True):
+    """The result of a demonstration."""
 
-    scores: list[Score]
+    scores: list[TargetScore]
     troubles: list[str]
-    """Empty: all is well."""
+    """Reasons for exit status 1; empty: success."""
     recording: Path | None
     heard: dict[str, int]
+    """Number of the companion's messages at the ground station, by name."""
     texts: list[str]
 
     def as_json(self) -> dict[str, Any]:
@@ -78,10 +82,10 @@ class Outcome(msgspec.Struct, frozen=True):
 
 
 class Demonstration:
-    """In a folder of its own."""
+    """One flight with its processes, in a folder of its own."""
 
-    def __init__(self, setting: Setting, out: Path) -> None:
-        self._setting, self._out = setting, out
+    def __init__(self, setup: FlightSetup, out: Path) -> None:
+        self._setup, self._out = setup, out
         self._board = Scoreboard()
         self._start_ns = 0
         self._recording: Path | None = None
@@ -93,11 +97,11 @@ class Demonstration:
 
     @property
     def flight_arguments(self) -> list[str]:
-        """What the mock was told, to ask it for the same flight again."""
+        """Arguments of the mock, to repeat the same flight."""
         return self._flight_arguments
 
-    def fly(self, watch: Callable[[Moment], None]) -> Outcome:
-        """The whole flight in real time, in a folder that is there; ``watch`` is called a few times a second."""
+    def fly(self, watch: Callable[[FlightProgress], None]) -> DemoResult:
+        """Fly in real time and return the result; the folder must exist. ``watch`` is called five times a second."""
         with ExitStack() as stack:
             ground = stack.enter_context(GroundStation())
             self._prepare(ground.port)
@@ -113,16 +117,14 @@ class Demonstration:
         troubles += [score.trouble for score in scores if score.trouble]
         if not troubles and not any(score.due or score.found for score in scores):
             troubles.append("no tag was in view for long enough: fly longer, as --seconds 30")
-        return Outcome(scores, troubles, self._recording, dict(ground.heard), list(ground.texts))
-
-    # Before the flight.
+        return DemoResult(scores, troubles, self._recording, dict(ground.heard), list(ground.texts))
 
     def _prepare(self, ground_port: int) -> None:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
             free.bind(("127.0.0.1", 0))
             self._port = free.getsockname()[1]
-        text = self._setting.config_text(self._port, ground_port)
-        self._flight_arguments = self._setting.mock_arguments(parse(text, CONFIG_FILE))
+        text = self._setup.config_text(self._port, ground_port)
+        self._flight_arguments = self._setup.mock_arguments(parse(text, CONFIG_FILE))
         try:
             for name in ("truth.jsonl", "pictures.jsonl", "status.json"):
                 (self._out / name).unlink(missing_ok=True)
@@ -137,17 +139,17 @@ class Demonstration:
 
     def _make_pipe(self, path: Path) -> None:
         if path.exists() and not stat.S_ISFIFO(path.stat().st_mode):
-            raise InputFileError(f"{path}: stands there already; accepted: a folder without it")
+            raise InputFileError(f"{path}: exists and is not a pipe; accepted: a folder without it")
         path.unlink(missing_ok=True)
         os.mkfifo(path, 0o600)
 
-    def _child(self, stack: ExitStack, told: str, module: str, arguments: list[str]) -> Child:
-        child = Child(told, module, arguments, self._out / f"{told.rpartition(' ')[2]}.log", self._out)
+    def _child(self, stack: ExitStack, name: str, module: str, arguments: list[str]) -> ChildProcess:
+        child = ChildProcess(name, module, arguments, self._out / f"{name.rpartition(' ')[2]}.log")
         stack.callback(child.stop)
         return child
 
-    def _comes_up(self, service: Child) -> str | None:
-        """None as soon as the service tells its status."""
+    def _comes_up(self, service: ChildProcess) -> str | None:
+        """Wait for the service's status file; the trouble if it does not come."""
         deadline = time.monotonic() + COMES_UP_S
         while time.monotonic() < deadline:
             if newest_object(self._out / "status.json").get("pid") == service.pid:
@@ -157,43 +159,42 @@ class Demonstration:
             time.sleep(STEP_S)
         return f"the service did not come up within {COMES_UP_S:.0f} s"
 
-    # In flight.
-
     def _watch_flight(
-        self, stack: ExitStack, service: Child, ground: GroundStation, watch: Callable[[Moment], None]
+        self, stack: ExitStack, service: ChildProcess, ground: GroundStation, watch: Callable[[FlightProgress], None]
     ) -> str | None:
-        """Until it is over; what went wrong, if anything did."""
+        """Start the mock and watch until the flight is over; the trouble if there is one."""
         self._start_ns = time.monotonic_ns() + round(BEFORE_FLIGHT_S * 1e9)
         both = [*self._flight_arguments, f"--start-ns={self._start_ns}"]
         link = [f"--connect=udpout:127.0.0.1:{self._port}", "--truth=truth.jsonl", "--truth-csv=truth.csv"]
         truth = f"--set=truth_hz={PATH_HZ}"
         autopilot = self._child(stack, "the mock autopilot", MOCK_MODULE, [*both, *link, truth])
         camera = self._child(stack, "the mock camera", EYE_MODULE, [*both, f"--pipe={PIPE}", "--truth=pictures.jsonl"])
-        while (flown_s := self._flown_s()) < self._setting.seconds + SETTLES_S:
+        while (flown_s := self._flown_s()) < self._setup.seconds + SETTLES_S:
             ground.listen()
             self._read()
             status = newest_object(self._out / "status.json")
-            watch(self._moment(flown_s, status, ground))
+            watch(self._progress(flown_s, status, ground))
             trouble = self._trouble([service, autopilot, camera], status)
             if trouble is not None:
                 return f"{trouble}, {max(0.0, flown_s):.1f} s into the flight"
             time.sleep(STEP_S)
         return None
 
-    def _trouble(self, children: list[Child], status: dict[str, Any]) -> str | None:
+    def _trouble(self, children: list[ChildProcess], status: dict[str, Any]) -> str | None:
+        """A process that failed or ended early, or a service that cannot record or see; None if all is well."""
         for child in children:
             trouble = child.trouble()
             if trouble is not None:
                 return trouble
         if not children[0].runs:
             return "the service ended"
-        if self._flown_s() < self._setting.seconds - 1.0:
+        if self._flown_s() < self._setup.seconds - 1.0:
             gone = next((child for child in children[1:] if not child.runs), None)
             if gone is not None:
-                return f"{gone.told} ended before the flight did"
+                return f"{gone.name} ended before the flight did"
         recording = str(status.get("recording") or "")
         if recording.startswith("recording stopped"):
-            return f"the service can keep nothing: {recording}"
+            return f"the service cannot record: {recording}"
         vision = status.get("vision") or {}
         if vision.get("deaths"):
             return f"the vision process ended and the service started another ({vision.get('why') or 'now it works'})"
@@ -203,7 +204,7 @@ class Demonstration:
         return (time.monotonic_ns() - self._start_ns) * 1e-9
 
     def _read(self) -> None:
-        """What all the others wrote."""
+        """Take the new lines of all files."""
         if self._targets is None:
             self._recording = self._recording_folder()
             self._targets = None if self._recording is None else GrowingLines(self._recording / "targets.jsonl")
@@ -213,21 +214,21 @@ class Demonstration:
         self._board.take_pictures(self._pictures.new())
 
     def _recording_folder(self) -> Path | None:
-        told = newest_object(self._out / "status.json").get("recording")
-        folder = self._out / str(told) if told else None
+        name = newest_object(self._out / "status.json").get("recording")
+        folder = self._out / str(name) if name else None
         return folder if folder is not None and folder.is_dir() else None
 
-    def _moment(self, flown_s: float, status: dict[str, Any], ground: GroundStation) -> Moment:
-        return Moment(
-            flown_s,
-            self._board.scores(),
-            status,
-            ground.rates_hz(),
-            ground.place,
-            list(ground.texts),
-            dict(self._board.clock) if self._board.clock else None,
-            self._board.pictures[True],
-            self._board.pictures[False],
+    def _progress(self, flown_s: float, status: dict[str, Any], ground: GroundStation) -> FlightProgress:
+        return FlightProgress(
+            flown_s=flown_s,
+            scores=self._board.scores(),
+            status=status,
+            rates_hz=ground.rates_hz(),
+            place=ground.place,
+            texts=list(ground.texts),
+            clock=dict(self._board.clock) if self._board.clock else None,
+            pictures=self._board.pictures[True],
+            pictures_left_out=self._board.pictures[False],
         )
 
 

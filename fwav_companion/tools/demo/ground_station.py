@@ -1,4 +1,4 @@
-"""What a ground station would hear: MAVLink off a UDP socket, decoded; and its own heartbeat, so that it is one."""
+"""A ground station of the demonstration: receives MAVLink over UDP, decodes it, and sends its own heartbeat."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from fwav_companion.types import Message
 
 COMPANION, CAMERA = 191, 100
 SYSTEM, COMPONENT = 255, 190
-"""As ground stations call themselves."""
+"""System and component id that ground stations use."""
 HEARTBEAT = {
     "type": 6,  # MAV_TYPE_GCS
     "autopilot": 8,  # MAV_AUTOPILOT_INVALID
@@ -24,11 +24,12 @@ HEARTBEAT = {
     "mavlink_version": 3,
 }
 RATES_OVER_S = 3.0
+"""Time over which message rates are counted, seconds."""
 TEXTS_KEPT = 200
 
 
 class GroundStation:
-    """Listens on a port of loopback."""
+    """A ground station on a free port of loopback."""
 
     def __init__(self) -> None:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -39,11 +40,11 @@ class GroundStation:
         self._beat_s = 0.0
         self._recent: deque[tuple[float, str]] = deque(maxlen=5000)
         self.heard: Counter[str] = Counter()
-        """Messages of the companion and its camera, by name."""
+        """Number of messages from the companion and its camera component, by name."""
         self.relayed = 0
-        """Messages of the autopilot that came through the companion."""
+        """Number of the autopilot's messages that the companion relayed."""
         self.place: dict[str, float] | None = None
-        """Of the selected target, by the newest CAMERA_TRACKING_GEO_STATUS: lat, lon, alt_amsl, h_acc."""
+        """The selected target in the newest CAMERA_TRACKING_GEO_STATUS: lat, lon, alt_amsl, h_acc."""
         self.texts: deque[str] = deque(maxlen=TEXTS_KEPT)
 
     def __enter__(self) -> Self:
@@ -56,18 +57,18 @@ class GroundStation:
 
     @property
     def port(self) -> int:
-        """To which the companion sends."""
+        """The port to which the companion sends."""
         port: int = self._socket.getsockname()[1]
         return port
 
     def listen(self) -> None:
-        """Take everything that has come."""
+        """Take every datagram that has arrived."""
         while True:
             try:
                 data, sender = self._socket.recvfrom(65536)
             except BlockingIOError:
                 return
-            except OSError:  # an answer of ours found nobody: the companion has gone
+            except OSError:  # the companion has ended: our last heartbeat was refused
                 continue
             self._beat(sender)
             for frame in self._scanner.feed(data):
@@ -75,7 +76,7 @@ class GroundStation:
                     self._take(decode(frame))
 
     def rates_hz(self) -> dict[str, float]:
-        """Of what the companion said over the last seconds."""
+        """Rates of the companion's messages over the last seconds, by name."""
         since_s = time.monotonic() - RATES_OVER_S
         counts = Counter(name for at_s, name in self._recent if at_s >= since_s)
         return {name: count / RATES_OVER_S for name, count in counts.items()}
@@ -98,6 +99,7 @@ class GroundStation:
             self.texts.append(fields.text)
 
     def _beat(self, to: tuple[str, int]) -> None:
+        """Send the heartbeat once a second."""
         now_s = time.monotonic()
         if now_s - self._beat_s >= 1.0:
             self._beat_s = now_s

@@ -1,4 +1,4 @@
-"""What was found against what is true. Pure: lines of the recording in, one judgement a target out."""
+"""Comparison of the targets with the truth while they fly: lines of the recording in, a score per target out. Pure."""
 
 from __future__ import annotations
 
@@ -11,25 +11,28 @@ import msgspec
 
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.ellipses import circle_radius
+from fwav_companion.recording.labels import display_name
 
 DUE_FRAMES = 10
-"""A tag that was in so many delivered pictures, whole and readable, has to be found."""
-BELIEVED = ("confirmed", "coasting")
+"""Delivered pictures with the whole tag, readable, after which the service must have found it."""
+CONFIRMED_STATES = ("confirmed", "coasting")
 
 
-class Score(msgspec.Struct, frozen=True):
-    """One target."""
+class TargetScore(msgspec.Struct, frozen=True):
+    """One target against its truth."""
 
     label: str
     state: str
-    """Of its newest line; "" before there was one."""
+    """State of the newest line; "" before the first line."""
     north: float
     east: float
     found: bool
-    """It was confirmed at some time."""
+    """Whether it was confirmed at any time."""
     error_m: float | None
     claimed95_m: float | None
+    """Claimed radius, 95 %, metres."""
     claimed999_m: float | None
+    """Claimed radius, 99.9 %, metres."""
     usable_frames: int
 
     @property
@@ -38,37 +41,42 @@ class Score(msgspec.Struct, frozen=True):
         return int(self.label.rpartition(":")[2])
 
     @property
+    def name(self) -> str:
+        """The target's name for people."""
+        return display_name(self.label)
+
+    @property
     def due(self) -> bool:
-        """It could have been found."""
+        """Whether enough pictures showed the tag."""
         return self.usable_frames >= DUE_FRAMES
 
     @property
     def trouble(self) -> str | None:
-        """What is wrong with this answer."""
+        """Why this result fails the demonstration; None if it does not."""
         if not self.found:
-            return f"tag {self.id} was readable in {self.usable_frames} pictures and not found" if self.due else None
+            missed = f"{self.name} was readable in {self.usable_frames} pictures and was not found"
+            return missed if self.due else None
         if self.error_m is not None and self.claimed999_m is not None and self.error_m > self.claimed999_m:
-            claim = f"claimed within {self.claimed999_m:.2f} m (99.9 %)"
-            return f"tag {self.id} is off by {self.error_m:.2f} m, {claim}"
+            return f"{self.name} has an error of {self.error_m:.2f} m, claimed: {self.claimed999_m:.2f} m (99.9 %)"
         return None
 
 
 class Scoreboard:
-    """Fed with the service's lines and the mock's truth as they are written."""
+    """Collects lines of the service and the mock while they are written, and scores each target."""
 
     def __init__(self) -> None:
         self._truth: dict[str, Geodetic] = {}
         self._plane: TangentPlane | None = None
         self._newest: dict[str, Mapping[str, Any]] = {}
-        self._believed: dict[str, Mapping[str, Any]] = {}
+        self._confirmed: dict[str, Mapping[str, Any]] = {}
         self._usable: Counter[str] = Counter()
         self.clock: Mapping[str, Any] | None = None
         """The newest clock line."""
         self.pictures = Counter({True: 0, False: 0})
-        """Delivered, and left out by a busy camera."""
+        """Number of pictures delivered (True) and skipped by a busy machine (False)."""
 
     def take_targets(self, lines: Iterable[Mapping[str, Any]]) -> None:
-        """Lines of the service's recording."""
+        """Add lines of the service's recording."""
         for line in lines:
             match line["type"]:
                 case "header" | "origin" if line["origin"] is not None:
@@ -76,13 +84,13 @@ class Scoreboard:
                     self._plane = TangentPlane(Geodetic.from_degrees(place["lat"], place["lon"], place["alt_amsl"]))
                 case "target":
                     self._newest[line["label"]] = line
-                    if line["state"] in BELIEVED:
-                        self._believed[line["label"]] = line
+                    if line["state"] in CONFIRMED_STATES:
+                        self._confirmed[line["label"]] = line
                 case "clock":
                     self.clock = line
 
     def take_truth(self, lines: Iterable[Mapping[str, Any]]) -> None:
-        """Lines of the mock."""
+        """Add lines of the mock autopilot."""
         for line in lines:
             if line["type"] == "header":
                 for target in line["targets"]:
@@ -90,32 +98,32 @@ class Scoreboard:
                     self._truth[target["label"]] = place
 
     def take_pictures(self, lines: Iterable[Mapping[str, Any]]) -> None:
-        """Lines of the mock's camera."""
+        """Add lines of the mock camera."""
         for line in lines:
             self.pictures[line["delivered"]] += 1
             if line["delivered"]:
                 self._usable.update(f"tag36h11:{tag['tag_id']}" for tag in line["tags"] if tag["usable"])
 
-    def scores(self) -> list[Score]:
-        """Every target there is, by its number."""
+    def scores(self) -> list[TargetScore]:
+        """The score of each true target, by the tag's number."""
         return sorted((self._score(label) for label in self._truth), key=lambda score: score.id)
 
-    def _score(self, label: str) -> Score:
-        line = self._believed.get(label) or self._newest.get(label)
+    def _score(self, label: str) -> TargetScore:
+        line = self._confirmed.get(label) or self._newest.get(label)
         if line is None:
-            return Score(label, "", 0.0, 0.0, False, None, None, None, self._usable[label])
-        found, error_m = label in self._believed, None
+            return TargetScore(label, "", 0.0, 0.0, False, None, None, None, self._usable[label])
+        error_m = None
         if self._plane is not None:
             true = self._plane.ned_from_geodetic(self._truth[label])
             error_m = hypot(line["north"] - true[0], line["east"] - true[1])
-        return Score(
-            label,
-            self._newest[label]["state"],
-            line["north"],
-            line["east"],
-            found,
-            error_m,
-            circle_radius(line["cov"], 0.95),
-            circle_radius(line["cov"], 0.999),
-            self._usable[label],
+        return TargetScore(
+            label=label,
+            state=self._newest[label]["state"],
+            north=line["north"],
+            east=line["east"],
+            found=label in self._confirmed,
+            error_m=error_m,
+            claimed95_m=circle_radius(line["cov"], 0.95),
+            claimed999_m=circle_radius(line["cov"], 0.999),
+            usable_frames=self._usable[label],
         )

@@ -1,26 +1,47 @@
-"""report.html: one file that tells a flight to somebody who was not there. Pure: lines of a recording in, HTML out."""
+"""The report of a flight: ``report.html`` and ``compare.html`` as self-contained pages. Pure: lines in, HTML out.
 
-from fwav_companion.tools.report.courses import Replayed
-from fwav_companion.tools.report.learning import learning
-from fwav_companion.tools.report.page import Chapter, page
-from fwav_companion.tools.report.story import PictureShown, Planted, Story, tell
-from fwav_companion.tools.report.three_ways import three_ways
-from fwav_companion.tools.report.ways import CALIBRATED, PAPER, PLAIN, WAYS, Way, way_of
+Reading order: ``flight_data`` gathers a replay's lines into :class:`FlightData` (``target_series`` and
+``series_matching`` decide which track is which target), ``page`` orders the sections, and each ``*_section`` draws one.
+"""
+
+from fwav_companion.tools.report.calibration_section import calibration_section
+from fwav_companion.tools.report.comparison import comparison
+from fwav_companion.tools.report.diagnostics import diagnostics
+from fwav_companion.tools.report.flight_data import CameraPicture, FlightData, PlantedErrors, flight_data
+from fwav_companion.tools.report.page import SecondFlight, page
+from fwav_companion.tools.report.summary_section import SecondResult
+from fwav_companion.tools.report.target_series import ReplayedLines
+from fwav_companion.tools.report.targets_file import read_lines
+from fwav_companion.tools.report.tracking_variants import (
+    CALIBRATED,
+    PAPER,
+    PLAIN,
+    VARIANTS,
+    TrackingVariant,
+    variant_of,
+)
+from fwav_companion.tools.report.true_vehicle_path import TrueVehiclePath
+from fwav_companion.tools.report.variants_section import variants_section
 
 __all__ = [
     "CALIBRATED",
     "PAPER",
     "PLAIN",
-    "WAYS",
-    "Chapter",
-    "PictureShown",
-    "Planted",
-    "Replayed",
-    "Story",
-    "Way",
-    "learning",
+    "VARIANTS",
+    "CameraPicture",
+    "FlightData",
+    "PlantedErrors",
+    "ReplayedLines",
+    "SecondFlight",
+    "SecondResult",
+    "TrackingVariant",
+    "TrueVehiclePath",
+    "calibration_section",
+    "comparison",
+    "diagnostics",
+    "flight_data",
     "page",
-    "tell",
-    "three_ways",
-    "way_of",
+    "read_lines",
+    "variant_of",
+    "variants_section",
 ]

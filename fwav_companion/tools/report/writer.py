@@ -1,4 +1,4 @@
-"""SHELL: report.html of a replay, and compare.html of two."""
+"""SHELL: writes report.html of a replay, and compare.html of two targets files."""
 
 from __future__ import annotations
 
@@ -12,33 +12,45 @@ from fwav_companion.errors import InputFileError
 from fwav_companion.on_disk import made_folder, opened, whole
 from fwav_companion.recording.lines import Line
 from fwav_companion.recording.truth import TruthPoint
-from fwav_companion.tools.report import WAYS, Replayed, Story, page, tell, way_of
-from fwav_companion.tools.report.comparison import comparison
-from fwav_companion.tools.report.depths import depths
-from fwav_companion.tools.report.intake import read_lines
+from fwav_companion.tools.report import (
+    VARIANTS,
+    FlightData,
+    ReplayedLines,
+    comparison,
+    diagnostics,
+    flight_data,
+    page,
+    read_lines,
+    variant_of,
+)
+from fwav_companion.tools.report.comparison import ConfigDifference
 
-OF_OTHERS = ("target", "calibration")
-"""The lines of another way that a report draws."""
+VARIANT_LINES = ("target", "calibration")
+"""Types of the lines that a report draws of another variant."""
 
 
-def other_ways(config: Config, again: Callable[[str, Config], Iterator[Line]]) -> list[Replayed]:
-    """The recording tracked in each way that the configuration is not. ``again``: a replay, by its name."""
-    ours = way_of(config)
+def other_variants(config: Config, replayed: Callable[[str, Config], Iterator[Line]]) -> list[ReplayedLines]:
+    """The recording in each variant that the configuration is not; ``replayed(name, config)`` runs one replay."""
+    own = variant_of(config)
+    others = [variant for variant in VARIANTS if variant.kind != own.kind]
     return [
-        Replayed(way.name, way.kind, [line for line in again(way.name, way.of(config)) if line["type"] in OF_OTHERS])
-        for way in WAYS
-        if way.kind != ours.kind
+        ReplayedLines(
+            other.name,
+            other.kind,
+            [line for line in replayed(other.name, other.applied_to(config)) if line["type"] in VARIANT_LINES],
+        )
+        for other in others
     ]
 
 
 class ReportWriter:
-    """Sees the lines of a replay go by, sightings and all, and tells them afterwards."""
+    """Keeps the lines of a replay, with sightings, and writes the report after the last line."""
 
     def __init__(self) -> None:
         self._lines: list[Line] = []
 
     def watched(self, lines: Iterator[Line], *, sightings: bool) -> Iterator[Line]:
-        """The same lines; what is said of sightings only where it was asked for."""
+        """The same lines; sighting lines and innovations only with ``sightings``."""
         for line in lines:
             self._lines.append(line)
             if sightings:
@@ -50,35 +62,44 @@ class ReportWriter:
         self,
         folder: Path,
         title: str,
+        *,
         config: Config,
-        others: Sequence[Replayed],
+        others: Sequence[ReplayedLines],
         truth: Sequence[TruthPoint],
         notes: Sequence[str],
     ) -> Path:
-        """Where the report was written. InputFileError where it cannot be."""
-        story = tell(self._lines, title=title, way=way_of(config), others=others, truth=truth, notes=notes)
-        return _write(folder / "report.html", page(story, depths(self._lines)))
+        """The path of the report that was written. InputFileError where the folder cannot be written."""
+        flight = flight_data(
+            self._lines, title=title, variant=variant_of(config), others=others, truth=truth, notes=notes
+        )
+        return _write(folder / "report.html", page(flight, diagnostics(self._lines)))
 
 
 def write_comparison(folder: Path, first: Path, second: Path, truth: Sequence[TruthPoint]) -> Path:
-    """Two targets files side by side. InputFileError where one cannot be read."""
+    """The path of the page that compares two targets files. InputFileError where a file cannot be read."""
     (ours, our_damage), (theirs, their_damage) = _targets(first), _targets(second)
-    stories: tuple[Story, Story] = (
-        tell(ours, title=first.name, truth=truth, others=[Replayed("B", "own", theirs)]),
-        tell(theirs, title=second.name, truth=truth, others=[Replayed("A", "own", ours)]),
+    flights: tuple[FlightData, FlightData] = (
+        flight_data(ours, title=first.name, truth=truth, others=[ReplayedLines("B", "own", theirs)]),
+        flight_data(theirs, title=second.name, truth=truth, others=[ReplayedLines("A", "own", ours)]),
     )
-    changed = _differences(ours[0]["config"], theirs[0]["config"])
-    title = f"{first.stem} beside {second.stem}"
     notes = [
         f"{path.name}: {damaged} damaged lines were left out."
         for path, damaged in ((first, our_damage), (second, their_damage))
         if damaged
     ]
-    return _write(folder / "compare.html", comparison(title, (first.name, second.name), stories, changed, notes))
+    differences = _differences(ours[0]["config"], theirs[0]["config"])
+    return _write(folder / "compare.html", comparison(_names(first, second), flights, differences, notes))
+
+
+def _names(first: Path, second: Path) -> tuple[str, str]:
+    """File names, with their folders where the names alone are equal."""
+    if first.name != second.name:
+        return first.name, second.name
+    return str(first), str(second)
 
 
 def _targets(path: Path) -> tuple[list[Line], int]:
-    """The lines that are whole, the header first, and how many were not."""
+    """The whole lines, the header first, and the number of damaged lines."""
     accepted = "accepted: a targets file, as `replay --out` writes one"
     try:
         with opened(path) as file:
@@ -86,21 +107,21 @@ def _targets(path: Path) -> tuple[list[Line], int]:
     except OSError as error:
         raise InputFileError(f"{path}: {error.strerror}; {accepted}") from None
     if not lines or lines[0].get("type") != "header":
-        left_out = f" ({damaged} lines are no JSON objects of such a file)" if damaged else ""
-        raise InputFileError(f"{path}: its first line is no header{left_out}; {accepted}")
+        left_out = f" ({damaged} lines are not lines of such a file)" if damaged else ""
+        raise InputFileError(f"{path}: its first line is not a header{left_out}; {accepted}")
     return lines, damaged
 
 
-def _differences(ours: Mapping[str, Any], theirs: Mapping[str, Any], prefix: str = "") -> list[str]:
-    """``tracking.filter: kalman | lowpass``, key by key."""
-    told = []
+def _differences(ours: Mapping[str, Any], theirs: Mapping[str, Any], prefix: str = "") -> list[ConfigDifference]:
+    """Each configuration key with different values, as ``tracking.filter``; values are JSON."""
+    found = []
     for key in sorted({*ours, *theirs}):
         a, b = ours.get(key), theirs.get(key)
         if isinstance(a, dict) and isinstance(b, dict):
-            told += _differences(a, b, f"{prefix}{key}.")
+            found += _differences(a, b, f"{prefix}{key}.")
         elif a != b:
-            told.append(f"{prefix}{key}: {json.dumps(a)} | {json.dumps(b)}")
-    return told
+            found.append(ConfigDifference(f"{prefix}{key}", json.dumps(a), json.dumps(b)))
+    return found
 
 
 def _write(path: Path, text: str) -> Path:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -11,7 +12,7 @@ from pathlib import Path
 import pytest
 from frozen import hold, keys
 
-from fwav_companion.tools.demo.alone import alone_in
+from fwav_companion.tools.demo.processes import locked_folder
 
 COMMAND = [sys.executable, "-m", "fwav_companion", "demo"]
 
@@ -48,7 +49,8 @@ def test_tags_are_found_told_to_the_ground_and_reported(tmp_path: Path):
         assert target["error_m"] < 2.0 * target["claimed95_m"]
     assert "received 0 target positions" not in done.stdout
     assert "█" not in done.stdout  # no progress bar in a pipe
-    assert "a camera 35 ms late on a crooked mount, ended off by: the paper's filter" in done.stdout
+    assert "a camera 35 ms late on a crooked mount. Final errors: the paper's filter" in done.stdout
+    assert re.search(r"From \d+ m above the ground the median error is [\d.]+ c?m relative to the vehicle", done.stdout)
     html = (tmp_path / "out" / "report.html").read_text()
     assert "way-calibrated" in html
     assert "data:image/jpeg" in html
@@ -80,10 +82,10 @@ def test_a_camera_that_is_killed_ends_it_with_a_clear_word(tmp_path: Path):
 
 def test_a_second_one_in_the_same_folder_is_refused(tmp_path: Path):
     command = [*COMMAND, "--seconds", "3", "--out", str(tmp_path)]
-    with alone_in(tmp_path):
+    with locked_folder(tmp_path):
         done = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert (done.returncode, list(tmp_path.iterdir())) == (2, [])
-    assert f"{tmp_path}: another demonstration flies in it" in done.stderr
+    assert f"{tmp_path}: another demonstration uses it" in done.stderr
     assert len(done.stderr.splitlines()) == 1
 
 
@@ -94,7 +96,7 @@ def test_a_recording_that_cannot_be_kept_is_named_at_once(tmp_path: Path):
         [*COMMAND, "--seconds", "30", "--out", str(tmp_path)], capture_output=True, text=True, timeout=60
     )
     assert done.returncode == 1
-    assert "the service can keep nothing: recording stopped: " in done.stderr
+    assert "the service cannot record: recording stopped: " in done.stderr
 
 
 @pytest.mark.parametrize(

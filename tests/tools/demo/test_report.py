@@ -5,8 +5,19 @@ from html.parser import HTMLParser
 
 import pytest
 
+from fwav_companion.recording.labels import display_name
 from fwav_companion.recording.truth import TruthPoint
-from fwav_companion.tools.report import CALIBRATED, PAPER, Chapter, PictureShown, Replayed, page, tell
+from fwav_companion.tools.report import (
+    CALIBRATED,
+    PAPER,
+    CameraPicture,
+    ReplayedLines,
+    SecondFlight,
+    SecondResult,
+    TrueVehiclePath,
+    flight_data,
+    page,
+)
 
 VOID = {"meta", "br", "img", "link", "input", "hr"}
 
@@ -47,47 +58,50 @@ def checked(html: str) -> str:
 def story(flight):
     companion, mock = flight
     truth = [TruthPoint(target.label, None, target.at(0.0), None) for target in mock.scene]
-    picture = PictureShown(b"\xff\xd8", (640, 480), 50, [{"u": 10.0, "v": 20.0, "label": "tag36h11:7", "sigma": 0.5}])
-    return tell(
+    picture = CameraPicture(b"\xff\xd8", (640, 480), 50, [{"u": 10.0, "v": 20.0, "label": "tag36h11:7", "sigma": 0.5}])
+    return flight_data(
         companion.lines, title="A flight", truth=truth, picture=picture,
-        true_path=[(0.0, 0.0), (50.0, -20.0)], hidden={"compass off by": "+1°"}, notes=["again"],
+        true_path=TrueVehiclePath([0.0, 99.0], [(0.0, 0.0, -9.0), (50.0, -20.0, -9.0)]),
+        hidden={"compass off by": "+1°"}, notes=["again"],
     )  # fmt: skip
 
 
 def test_the_page_is_whole_and_needs_nothing_from_elsewhere(story):
     html = checked(page(story))
-    for said in ("A flight", "tag 7", "tag 11", "compass off by", "GNSS", "Error over", "no clock", "data:image/jpeg"):
-        assert said in html
-    charts = sum(bool(course.instants) for course in story.courses)
+    for words in ("A flight", "tag 7", "tag 11", "compass off by", "GNSS", "Error over", "data:image/jpeg"):
+        assert words in html
+    charts = sum(bool(course.points) for course in story.targets)
     assert charts >= 2
     assert html.count("<svg") == charts + 4  # and the map, the picture, the clock, the gaps
 
 
 def test_another_flight_stands_in_a_chapter_of_its_own(story):
-    html = checked(page(story, chapter=Chapter(["<section><h2>Another flight</h2></section>"], "It ended <well>.")))
-    assert html.index("It ended &lt;well&gt;.") < html.index("Where everything is") < html.index("Another flight")
+    result = SecondResult("It ended <well>.", ("0.6 cm", "its <error>"))
+    html = checked(page(story, second=SecondFlight(["<section><h2>Another flight</h2></section>"], result)))
+    assert "<b>0.6 cm</b><span>its &lt;error&gt;</span>" in html
+    assert html.index("It ended &lt;well&gt;.") < html.index("View from above") < html.index("Another flight")
     assert html.index("Another flight") < html.index("Error over time")
 
 
 def test_in_three_ways_each_target_has_one_chart_more(story, flight):
     companion, mock = flight
     truth = [TruthPoint(target.label, None, target.at(0.0), None) for target in mock.scene]
-    others = [Replayed(way.name, way.kind, companion.lines) for way in (PAPER, CALIBRATED)]
-    html = checked(page(tell(companion.lines, title="Three", truth=truth, others=others)))
-    found = sum(course.found for course in story.courses)
+    others = [ReplayedLines(way.name, way.kind, companion.lines) for way in (PAPER, CALIBRATED)]
+    html = checked(page(flight_data(companion.lines, title="Three", truth=truth, others=others)))
+    found = sum(course.found for course in story.targets)
     assert html.count('class="way way-paper"') >= found
-    assert html.count("How far from the truth: tag ") == found
+    assert html.count("Distance from the truth: tag ") == found
 
 
 def test_the_errors_are_against_the_truth(story, flight):
     companion, mock = flight
-    courses = {course.label: course for course in story.courses}
+    courses = {course.name: course for course in story.targets}
     assert len(courses) == 5
-    assert sum(bool(course.instants) for course in story.courses) >= 2
+    assert sum(bool(course.points) for course in story.targets) >= 2
     for target in mock.scene:
-        course = courses[target.label]
+        course = courses[display_name(target.label)]
         assert course.true_ned == pytest.approx(target.at(0.0)[:2])
-        for line, instant in zip(companion.targets(target.label)[-1:], course.instants[-1:], strict=True):
+        for line, instant in zip(companion.targets(target.label)[-1:], course.points[-1:], strict=True):
             true = target.at(0.0)
             expected = ((line["north"] - true[0]) ** 2 + (line["east"] - true[1]) ** 2) ** 0.5
             assert instant.error_m == pytest.approx(expected)
@@ -95,21 +109,21 @@ def test_the_errors_are_against_the_truth(story, flight):
 
 def test_without_a_truth_a_picture_or_a_world_there_is_still_a_page(flight):
     companion, _ = flight
-    html = checked(page(tell(companion.lines, title="As flown")))
-    assert "true error" not in html.split("<table>")[0]
+    html = checked(page(flight_data(companion.lines, title="As flown")))
+    assert "error on the map" not in html
     relative = [{**companion.lines[0], "origin": None}, *companion.lines[1:]]
-    checked(page(tell(relative, title="Relative")))
+    checked(page(flight_data(relative, title="Relative")))
 
 
 def test_a_flight_that_saw_nothing_is_told_too(flight):
     header = flight[0].lines[0]
     summary = {"type": "summary", "frames": 0, "detections": 0, "fixes": 0, "dropped": {}}
-    html = checked(page(tell([header, summary], title="Nothing")))
-    assert "Nothing was dropped" in html
+    html = checked(page(flight_data([header, summary], title="Nothing")))
+    assert "Frames: 0 read, 0 refused." in html
 
 
 def test_what_a_recording_says_is_text_and_never_markup(flight):
     evil = '"><script>alert(1)</script>'
     lines = [{**line, "label": evil} if line["type"] == "target" else line for line in flight[0].lines]
-    picture = PictureShown(b"", (640, 480), 1, [{"u": 1.0, "v": 2.0, "label": evil, "box": [0, 0, 9, 9]}])
-    checked(page(tell(lines, title=evil, picture=picture, hidden={evil: evil}, notes=[evil])))
+    picture = CameraPicture(b"", (640, 480), 1, [{"u": 1.0, "v": 2.0, "label": evil, "box": [0, 0, 9, 9]}])
+    checked(page(flight_data(lines, title=evil, picture=picture, hidden={evil: evil}, notes=[evil])))

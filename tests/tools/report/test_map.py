@@ -4,8 +4,8 @@ import re
 
 from report_lines import header, summary, target
 
-from fwav_companion.tools.report import tell
-from fwav_companion.tools.report.map import MAP_SIZE, flight_map
+from fwav_companion.tools.report import flight_data
+from fwav_companion.tools.report.map_drawing import MAP_SIZE, flight_map
 
 WIDE_LETTER = 9.0
 """Of 13 px, bold."""
@@ -16,7 +16,7 @@ def test_names_stay_on_the_map():
         header(),
         *(target(0.0, 0.0, east, track=track, label="somebody") for track, east in enumerate((-9, 0, 9))),
     ]
-    drawn = flight_map(tell([*lines, summary()], title=""))
+    drawn = flight_map(flight_data([*lines, summary()], title=""))
     names = re.findall(r'<text class="label" x="([\d.]+)" y="[\d.]+" text-anchor="(\w+)">([^<]+)<', drawn)
     assert len(names) == 3
     for x, anchor, name in names:

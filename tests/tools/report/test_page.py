@@ -1,64 +1,131 @@
-"""The whole page: closed in itself, whatever a recording says is text, and every number in a drawing is one."""
+"""The whole page: self-contained, every statement with 95 %, and text from a recording is never markup."""
 
 import re
 
 import pytest
-from report_lines import Markup, approach, calibration, header, summary, target
+from report_lines import Markup, approach, calibration, clock, header, sighting, summary, target
 
 from fwav_companion.recording.truth import TruthPoint
-from fwav_companion.tools.report import CALIBRATED, PictureShown, Planted, Replayed, page, tell
-from fwav_companion.tools.report.comparison import comparison
-from fwav_companion.tools.report.depths import depths
-from fwav_companion.tools.report.story import CAUSES
+from fwav_companion.tools.report import (
+    CALIBRATED,
+    PAPER,
+    CameraPicture,
+    PlantedErrors,
+    ReplayedLines,
+    comparison,
+    diagnostics,
+    flight_data,
+    page,
+)
+from fwav_companion.tools.report.comparison import ConfigDifference
+from fwav_companion.tools.report.page_elements import STYLE
+from fwav_companion.tools.report.sighting_statistics import CAUSES, FRAME_REASONS
+from fwav_companion.tools.report.wording import REASONS
+from fwav_companion.types import Reason
 
 EVIL = "</title></svg><script src=//x>&\"'"
 ORIGIN = {"lat": 48.0, "lon": 11.0, "alt_amsl": 500.0}
 DRAWN = ("points", "x", "y", "x1", "x2", "y1", "y2", "cx", "cy", "r", "width", "height", "viewBox")
 
 
-def flight(label="mark", status="time", reason="no_clock"):
-    """A bit of everything that a recording can hold."""
+def lines_of(label="mark", status="time", reason="no_clock", **head):
+    """A recording with a bit of everything."""
     fix = {"north": 100.2, "east": -50.1, "cov": []}
+    yield header(origin=ORIGIN, **head)
     for second in range(20):
-        yield target(float(second), 100.0 + 0.1 * second, -50.0, label=label, fix=fix, lat=48.0, lon=11.0) | {
+        at_s = float(second)
+        yield target(at_s, 100.0 + 0.1 * second, -50.0, label=label, fix=fix, lat=48.0, lon=11.0) | {
             "innovation": {"north": 0.2, "east": -0.1, "distance2": 0.1 * second}
         }
-        yield {"type": "sighting", "frame": second * 10, "reason": None, "gap_s": 0.002 * second, "time_boot": second,
-               "budget": dict.fromkeys(CAUSES, 0.1), "camera_ned": [0.0, second, -10.0]}  # fmt: skip
-        yield {"type": "clock", "time_monotonic": float(second), "host_from_autopilot_s": 1e-6 * second,
-               "sigma_s": 1e-4, "bound_s": 1e-3, "round_trip_s": 2e-3, "status": "good"}  # fmt: skip
-        yield calibration(float(second), 0.001 * second, 0.002, [0.1, 0.2, 0.3], 0.1) | {"status": status}
+        yield sighting(at_s, dict.fromkeys(CAUSES, 0.1), gap_s=0.002 * second, camera_ned=[0.0, at_s, -10.0])
+        yield clock(at_s, 600.0 + 1e-6 * second, 1e-4)
+        yield calibration(at_s, 0.001 * second, 0.002, [0.1, 0.2, 0.3], 0.1) | {"status": status}
     yield summary(dropped={reason: 3})
 
 
-def story_of(lines, **other):
+def flight_of(lines, **other):
     truth = [TruthPoint(line["label"], None, (100.0, -50.0, 0.0), None) for line in lines if line["type"] == "target"]
-    return tell(lines, title="T", way=CALIBRATED, truth=truth[:1], **other)
+    return flight_data(lines, title="T", variant=CALIBRATED, truth=truth[:1], **other)
 
 
 def numbers_of(html: str) -> list[str]:
-    return [
-        told for _, each in Markup(html).elements for name in DRAWN for told in re.split("[ ,]", each.get(name, ""))
-    ]
+    found = Markup(html).elements
+    return [number for _, each in found for name in DRAWN for number in re.split("[ ,]", each.get(name, ""))]
 
 
 def test_everything_is_in_one_file():
-    lines = [header(origin=ORIGIN), *flight()]
-    html = page(story_of(lines), depths(lines))
+    lines = [*lines_of()]
+    html = page(flight_of(lines), diagnostics(lines))
     assert not re.search(r"""(src|href)\s*=|url\(|@import|https?:""", html)
-    assert html.count("<svg") == 1 + 1 + 4 + 2 + 2 + 2  # map, error, learned, timing, innovations, clock
-    for heading in ("Where everything is", "Why not better?", "What it learned", "Innovations", "The best round trip"):
-        assert heading in Markup(html).text
+    assert html.count("<svg") == 1 + 1 + 4 + 2 + 2 + 2  # map, error, calibration, timing, innovations, clock
+    text = Markup(html).text
+    for heading in ("Map", "What limits the accuracy", "Self-calibration", "Innovations", "The shortest round trip"):
+        assert heading in text
+
+
+def test_every_uncertainty_is_one_of_95_percent_and_says_so():
+    lines = [*lines_of()]
+    seen = CameraPicture(b"", (640, 480), 1, [{"u": 1.0, "v": 2.0, "label": "mark", "sigma": 0.5}])
+    others = [ReplayedLines(PAPER.name, "paper", approach([1.0]))]
+    flight = flight_of(lines, others=others, picture=seen, planted=PlantedErrors(0.0, [0.0, 0.0, 0.0]))
+    html = page(flight, diagnostics(lines)).replace(STYLE, "")
+    text = Markup(html).text
+    assert "sigma" not in text.lower()
+    shares = {share for each in Markup(html).texts for share in re.findall(r"(\d+) %", each)}
+    assert shares == {"95", "5", "0"}  # 5 % of the innovations are expected beyond, 0 % were
+    assert "at (1.0, 2.0) px, ± 1.0 px (95 %)" in text
+    assert text.count("(95 %)") >= 8
+
+
+def test_frames_and_detections_are_counted_apart():
+    lines = [header(), *approach([1.0]), *[sighting()] * 161]
+    counts = summary(frames=342, detections=161, fixes=161, dropped={"no_clock": 19})
+    text = Markup(page(flight_of([*lines, counts]))).text
+    expected = "Frames: 342 read, 19 refused. Detections: 161 made, 161 placed on the ground, 0 not placed."
+    assert expected in text
+    assert "framesno clock19" in text
+
+
+def test_detections_of_a_refused_frame_and_refused_detections_are_told_apart():
+    """Three detections in one frame without a clock; two detections above the horizon, each in its own frame."""
+    refused = [sighting(reason=reason) for reason in ("no_clock",) * 3 + ("above_horizon",) * 2]
+    counts = summary(frames=9, detections=12, fixes=7, dropped={"no_clock": 1, "above_horizon": 2})
+    text = Markup(page(flight_of([header(), *approach([1.0]), *[sighting()] * 7, *refused, counts]))).text
+    assert "Frames: 9 read, 1 refused. Detections: 12 made, 7 placed on the ground, 5 not placed." in text
+    assert "framesno clock1" in text
+    assert "detectionsabove horizon2" in text
+
+
+@pytest.mark.parametrize(("with_sightings", "kind"), [(2, "detections"), (0, "frames"), (5, "frames")])
+def test_a_reason_of_both_is_one_of_detections_where_each_has_its_line(with_sightings, kind):
+    lines = [header(), *approach([1.0]), sighting(), *[sighting(reason="not_finite")] * with_sightings]
+    text = Markup(page(flight_of([*lines, summary(dropped={"not_finite": 2})]))).text
+    assert f"{kind}not finite2" in text
+
+
+def test_each_reason_is_of_frames_of_detections_or_of_tracks():
+    """A new reason needs its place in FRAME_REASONS, or in one of these."""
+    detections = {
+        "not_finite", "outside_image", "low_score", "other_label", "no_attitude", "stale_attitude", "attitude_gap",
+        "before_history", "no_gimbal", "stale_gimbal", "no_position", "outside_lens", "above_horizon", "too_shallow",
+        "too_low", "no_height", "no_range", "range_tilted", "beyond_terrain", "terrain_unfit",
+    }  # fmt: skip
+    tracks = {"never_confirmed", "not_seen", "not_seen_long", "origin_set", "autopilot_rebooted", "replaced",
+              "too_many_tracks"}  # fmt: skip
+    assert {reason.value for reason in Reason} - tracks == detections | FRAME_REASONS
+    assert not detections & FRAME_REASONS
+    assert {*REASONS} == detections | FRAME_REASONS  # each is explained
 
 
 def test_whatever_a_recording_says_is_text():
-    lines = [header(origin=ORIGIN, version=EVIL), *flight(label=EVIL, status=EVIL, reason=EVIL)]
-    seen = PictureShown(b"", (640, 480), 1, [{"u": 1.0, "v": 2.0, "label": EVIL, "box": [0, 0, 9, 9]}])
-    others = [Replayed(EVIL, "own", approach([1.0], label=EVIL))]
-    story = story_of(
-        lines, others=others, hidden={EVIL: EVIL}, notes=[EVIL], picture=seen, planted=Planted(0.0, [0, 0, 0])
+    lines = [*lines_of(label=EVIL, status=EVIL, reason=EVIL, version=EVIL)]
+    seen = CameraPicture(b"", (640, 480), 1, [{"u": 1.0, "v": 2.0, "label": EVIL, "box": [0, 0, 9, 9]}])
+    others = [ReplayedLines(EVIL, "own", approach([1.0], label=EVIL))]
+    flight = flight_of(
+        lines, others=others, hidden={EVIL: EVIL}, notes=[EVIL], picture=seen, planted=PlantedErrors(0.0, [0, 0, 0])
     )
-    for html in (page(story, depths(lines)), comparison(EVIL, (EVIL, EVIL), (story, story), [EVIL])):
+    different = ConfigDifference(EVIL, EVIL, EVIL)
+    for html in (page(flight, diagnostics(lines)), comparison((EVIL, EVIL), (flight, flight), [different], [EVIL])):
         assert "<script" not in html
         assert "</title></svg>" not in html
         assert EVIL in Markup(html).text
@@ -68,14 +135,14 @@ def test_whatever_a_recording_says_is_text():
 @pytest.mark.parametrize("count", [1, 2, 40])
 def test_every_number_in_a_drawing_is_one(sigma_m, count):
     lines = [header(origin=ORIGIN), *approach([0.0] * count, sigma_m), summary()]
-    others = [Replayed("another", "paper", approach([1e-7] * count, sigma_m))]
-    html = page(story_of(lines, others=others), depths(lines))
-    for told in numbers_of(html):
-        assert told in ("", "100%") or abs(float(told)) < 1e5
+    others = [ReplayedLines("another", "paper", approach([1e-7] * count, sigma_m))]
+    html = page(flight_of(lines, others=others), diagnostics(lines))
+    for number in numbers_of(html):
+        assert number in ("", "100%") or abs(float(number)) < 1e5
 
 
 def test_a_light_page_and_a_dark_one_name_every_colour():
-    html = page(story_of([header(), *flight()]))
+    html = page(flight_of([*lines_of()]))
     style = html.partition("<style>")[2].partition("</style>")[0]
     light, dark = style.split("prefers-color-scheme:dark")
     for name in set(re.findall(r"var\((--\w+)\)", style)):
@@ -84,10 +151,10 @@ def test_a_light_page_and_a_dark_one_name_every_colour():
 
 
 def test_innovations_are_drawn_north_and_east():
-    told = [{"north": 0.5 if second % 2 else -0.5, "east": -0.25, "distance2": 1.0} for second in range(60)]
-    lines = [target(float(second), 100.0, -50.0) | {"innovation": each} for second, each in enumerate(told)]
+    drawn_m = [{"north": 0.5 if second % 2 else -0.5, "east": -0.25, "distance2": 1.0} for second in range(60)]
+    lines = [target(float(second), 100.0, -50.0) | {"innovation": each} for second, each in enumerate(drawn_m)]
     lines = [header(), *lines, summary()]
-    drawn = Markup(depths(lines)[0])
+    drawn = Markup(diagnostics(lines)[0])
     north, east = ([float(each["cy"]) for each in drawn.of(kind)] for kind in ("fix", "east"))
     north = north[:60]  # the rest are their squares
     assert len(north) == len(east) == 60

@@ -1,0 +1,228 @@
+"""The data of one flight that a report draws: targets, path, error budget, clock, calibration and counts. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain
+from typing import Any
+
+import msgspec
+
+from fwav_companion.geometry.earth import Geodetic, TangentPlane
+from fwav_companion.recording.lines import Line, line_unix_s
+from fwav_companion.recording.truth import TruthPoint
+from fwav_companion.tools.report.sighting_statistics import (
+    budget95_m,
+    estimated_path,
+    height_m,
+    refused_detections,
+    refused_frames,
+)
+from fwav_companion.tools.report.target_series import ReplayedLines, TargetSeries, target_series
+from fwav_companion.tools.report.tracking_variants import PLAIN, TrackingVariant
+from fwav_companion.tools.report.true_vehicle_path import (
+    HorizontalError,
+    TrueVehiclePath,
+    mean_position_error,
+    position_errors,
+)
+from fwav_companion.tools.report.wording import SIGMAS_95
+
+
+class ClockSample(msgspec.Struct, frozen=True):
+    """Uncertainty of the offset between the autopilot's clock and the host clock."""
+
+    at_s: float
+    error95_s: float
+    """Half width of the 95 % interval, seconds; at most the hard bound."""
+    bound_s: float
+    """Hard bound, seconds."""
+
+
+class CalibrationSample(msgspec.Struct, frozen=True):
+    """The state of self-calibration at one time."""
+
+    at_s: float
+    time_offset_s: float
+    time_offset_sigma_s: float
+    mount_deg: Sequence[float]
+    """Mount correction, a rotation vector about the body axes x, y, z, degrees."""
+    mount_sigma_deg: Sequence[float]
+    status: str
+    mistake: str
+    """A gross mistake of the mount; empty: not one was found."""
+
+
+class PlantedErrors(msgspec.Struct, frozen=True):
+    """True camera errors of a mock flight, unknown to the service."""
+
+    time_offset_s: float
+    mount_deg: Sequence[float]
+
+
+class CameraPicture(msgspec.Struct, frozen=True):
+    """One picture of the camera and the detections in it."""
+
+    jpeg: bytes
+    size: tuple[int, int]
+    frame: int
+    detections: Sequence[Mapping[str, Any]]
+    """Detections in the wire format."""
+
+
+class FlightData(msgspec.Struct, frozen=True, kw_only=True):
+    """One flight."""
+
+    title: str
+    start_unix: float
+    """Unix time of the first line, seconds; times in this structure count from it."""
+    seconds: float
+    """Time from the first line to the last."""
+    version: str
+    origin: Geodetic | None
+    targets: list[TargetSeries]
+    variant: TrackingVariant
+    """The variant that made the estimates."""
+    path: list[list[tuple[float, float]]]
+    """Parts of the vehicle's path, north and east, metres: the true path where it is known, else the estimated one."""
+    path_is_true: bool
+    gaps_s: list[float]
+    """Time from each used detection to the nearest attitude, seconds."""
+    height_m: float | None
+    """Median height of the camera above the ground at the used sightings, metres; None without a position."""
+    position_error_m: HorizontalError | None
+    """Mean error of the vehicle's position at the used sightings, metres: it is common to all targets. None where the
+    truth is not known."""
+    budget95_m: dict[str, float]
+    """Radius that holds 95 % of one sighting's errors from each cause, metres."""
+    clock: list[ClockSample]
+    frames: int
+    detections: int
+    fixes: int
+    """Detections that were placed on the ground."""
+    refused_frames: dict[str, int]
+    """Number of whole frames that were refused, by reason."""
+    refused_detections: dict[str, int]
+    """Number of detections, in frames that were not refused, that were not placed on the ground, by reason."""
+    picture: CameraPicture | None
+    hidden: dict[str, str]
+    """True errors of the vehicle that the service did not know, where they are known."""
+    notes: list[str]
+    moving: bool
+    """Whether the tracker assumed that targets move."""
+    calibration: list[CalibrationSample]
+    """Self-calibration of this replay, else of another variant of the same recording."""
+    calibrated_by: str
+    """Name of that other variant; empty: this replay."""
+    planted: PlantedErrors | None
+
+    @property
+    def has_truth(self) -> bool:
+        """Whether the truth of any target is known."""
+        return any(target.true_ned is not None for target in self.targets)
+
+    @property
+    def ghosts(self) -> int:
+        """Number of confirmed tracks without a true target of their own."""
+        return sum(target.ghost for target in self.targets)
+
+    @property
+    def mistake(self) -> str:
+        """The last gross mistake of the mount that self-calibration named; empty without one."""
+        return next((sample.mistake for sample in reversed(self.calibration) if sample.mistake), "")
+
+
+def flight_data(
+    lines: Sequence[Line],
+    *,
+    title: str,
+    truth: Sequence[TruthPoint] = (),
+    variant: TrackingVariant = PLAIN,
+    others: Sequence[ReplayedLines] = (),
+    planted: PlantedErrors | None = None,
+    true_path: TrueVehiclePath | None = None,
+    picture: CameraPicture | None = None,
+    hidden: Mapping[str, str] | None = None,
+    notes: Iterable[str] = (),
+) -> FlightData:
+    """The flight in the lines of a replay with sightings; ``others``: the recording tracked in other variants."""
+    header = lines[0]
+    summary = lines[-1] if lines[-1]["type"] == "summary" else {}
+    dropped = summary.get("dropped", {})
+    sightings = [line for line in lines if line["type"] == "sighting"]
+    place = next((line["origin"] for line in lines if line["type"] in ("header", "origin") and line["origin"]), None)
+    origin = Geodetic.from_degrees(place["lat"], place["lon"], place["alt_amsl"]) if place else None
+    plane = TangentPlane(origin) if origin else None
+    start, end = _span([*lines, *chain.from_iterable(other.lines for other in others)], header["unix_offset_s"])
+    used = [line for line in sightings if line["reason"] is None]
+    errors = {} if true_path is None else position_errors(lines, true_path)
+    calibration, calibrated_by = _calibration([ReplayedLines("", variant.kind, lines), *others], start)
+    return FlightData(
+        title=title,
+        start_unix=start,
+        seconds=end - start,
+        version=header["version"],
+        origin=origin,
+        targets=target_series(lines, others=others, truth=truth, plane=plane, start_unix=start, position_errors=errors),
+        variant=variant,
+        path=estimated_path(used) if true_path is None else [[(n, e) for n, e, _ in true_path.positions_ned]],
+        path_is_true=true_path is not None,
+        gaps_s=[line["gap_s"] for line in used if line["gap_s"] is not None],
+        height_m=height_m(used) if origin else None,
+        position_error_m=mean_position_error(errors),
+        budget95_m=budget95_m(used),
+        clock=_clock(lines, header["unix_offset_s"] - start),
+        frames=summary.get("frames", 0),
+        detections=summary.get("detections", 0),
+        fixes=summary.get("fixes", 0),
+        refused_frames=refused_frames(sightings, dropped),
+        refused_detections=refused_detections(sightings, dropped),
+        picture=picture,
+        hidden=dict(hidden or {}),
+        notes=list(notes),
+        moving=header["config"].get("tracking", {}).get("motion") == "moving",
+        calibration=calibration,
+        calibrated_by=calibrated_by,
+        planted=planted,
+    )
+
+
+def _span(lines: Sequence[Line], unix_offset_s: float) -> tuple[float, float]:
+    """Unix times of the first and the last line with a time."""
+    kinds = ("target", "clock", "calibration")
+    found = (line_unix_s(line, unix_offset_s) for line in lines if line["type"] in kinds)
+    times = [at_s for at_s in found if at_s is not None]
+    return (min(times), max(times)) if times else (0.0, 0.0)
+
+
+def _clock(lines: Sequence[Line], start_from_monotonic_s: float) -> list[ClockSample]:
+    return [
+        ClockSample(
+            at_s=line["time_monotonic"] + start_from_monotonic_s,
+            error95_s=min(SIGMAS_95 * line["sigma_s"], line["bound_s"]),
+            bound_s=line["bound_s"],
+        )
+        for line in lines
+        if line["type"] == "clock"
+    ]
+
+
+def _calibration(replays: Sequence[ReplayedLines], start: float) -> tuple[list[CalibrationSample], str]:
+    """Self-calibration of the first replay that has it, and that replay's name."""
+    for replay in replays:
+        lines = [line for line in replay.lines if line["type"] == "calibration"]
+        if lines:
+            return [_calibration_sample(line, start) for line in lines], replay.name
+    return [], ""
+
+
+def _calibration_sample(line: Line, start: float) -> CalibrationSample:
+    return CalibrationSample(
+        at_s=line["time_unix"] - start,
+        time_offset_s=line["time_offset_s"],
+        time_offset_sigma_s=line["time_offset_sigma_s"],
+        mount_deg=line["mount_deg"],
+        mount_sigma_deg=line["mount_sigma_deg"],
+        status=line["status"],
+        mistake=line.get("mistake", ""),
+    )

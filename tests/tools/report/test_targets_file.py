@@ -1,0 +1,66 @@
+"""Targets files from a user: whole, cut off, of another kind, or made to break a reader."""
+
+import json
+
+import pytest
+from report_lines import approach, calibration, header, summary, target
+
+from fwav_companion.errors import InputFileError
+from fwav_companion.tools.report.targets_file import read_lines
+from fwav_companion.tools.report.writer import write_comparison
+
+WHOLE = [header(), *approach([1.0, 0.5, 0.2]), calibration(3.0, 0.01, 0.001, [0.0, 0.1, 0.2], 0.1), summary()]
+
+
+def file_of(folder, name, lines, end=b""):
+    (folder / name).write_bytes(b"".join(json.dumps(line).encode() + b"\n" for line in lines) + end)
+    return folder / name
+
+
+def test_a_file_that_a_power_cut_left_is_read_to_its_last_whole_line(tmp_path):
+    whole = file_of(tmp_path, "whole.jsonl", WHOLE)
+    cut = file_of(tmp_path, "cut.jsonl", WHOLE[:3], b'{"type":"target","time_un')
+    html = write_comparison(tmp_path, whole, cut, []).read_text()
+    assert "cut.jsonl: 1 damaged lines were left out." in html
+    assert "whole.jsonl: " not in html.partition("<table>")[0].replace("A: whole.jsonl", "")
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        {"north": "far"}, {"cov": [[1.0]]}, {"cov": None}, {"fix": 5}, {"track": "x"}, {"label": None}, {"state": []},
+        {"time_unix": None}, {"north": 1e300}, {"north": True},
+    ],
+    ids=str,
+)  # fmt: skip
+def test_a_line_that_is_no_target_is_left_out_and_counted(damage, tmp_path):
+    lines = [*WHOLE[:2], target(1.0, 100.0, -50.0) | damage, *WHOLE[2:]]
+    read, damaged = read_lines([json.dumps(line).encode() for line in lines])
+    assert (len(read), damaged) == (len(WHOLE), 1)
+    path = file_of(tmp_path, "t.jsonl", lines)
+    assert "nan" not in write_comparison(tmp_path, path, path, []).read_text()
+
+
+@pytest.mark.parametrize("key", sorted({*target(0.0, 0.0, 0.0)} - {"type", "lat", "lon", "down"}))
+def test_nothing_that_a_report_needs_may_be_missing(key):
+    line = target(0.0, 0.0, 0.0)
+    del line[key]
+    assert read_lines([json.dumps(line).encode()]) == ([], 1)
+
+
+def test_a_kind_of_line_that_is_not_known_is_no_damage():
+    assert read_lines([b'{"type":"home","down":1.0}', b"", b"\n"]) == ([{"type": "home", "down": 1.0}], 0)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"\xff\xfe\x00", b"[]\n", b"null\n", b'{"type":"summary"}\n', b'{"type":"header","config":' + b"[" * 100_000],
+    ids=range(6),
+)
+def test_another_kind_of_file_is_refused_in_one_line(content, tmp_path):
+    (tmp_path / "other.jsonl").write_bytes(content)
+    whole = file_of(tmp_path, "whole.jsonl", WHOLE)
+    with pytest.raises(InputFileError) as refused:
+        write_comparison(tmp_path, whole, tmp_path / "other.jsonl", [])
+    assert "other.jsonl: its first line is not a header" in str(refused.value)
+    assert "\n" not in str(refused.value)
