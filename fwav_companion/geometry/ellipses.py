@@ -13,6 +13,8 @@ HALVINGS = 60
 RADII_95 = (1.9600, 1.9625, 1.9704, 1.9842, 2.0051, 2.0359, 2.0813, 2.1460, 2.2303, 2.3318, 2.4477)
 """Radius of the 95 % circle over the larger semi-axis, for ratios of the axes of 0, 0.1, ... 1 (:func:`circle_radius`).
 Linear interpolation between them is within 0.12 %."""
+OUTLINE_CORNERS = 48
+"""Corners of an ellipse's polygon: not visible at any zoom of a map."""
 
 
 def semi_axes(cov: Matrix3) -> tuple[float, float, float]:
@@ -21,6 +23,23 @@ def semi_axes(cov: Matrix3) -> tuple[float, float, float]:
     mean, half = 0.5 * (nn + ee), 0.5 * (nn - ee)
     reach = sqrt(half * half + ne * ne)
     return sqrt(max(0.0, mean + reach)), sqrt(max(0.0, mean - reach)), 0.5 * atan2(2.0 * ne, nn - ee)
+
+
+def ellipse_outline(north: float, east: float, cov: Matrix3, share: float) -> list[tuple[float, float]]:
+    """(north, east) of the corners of the ellipse that holds the target with this probability, clockwise, open.
+
+    Semi-axes: sqrt(-2 ln(1 - share)) sigmas, the chi-square quantile with 2 degrees of freedom.
+    """
+    larger, smaller, bearing = semi_axes(cov)
+    scale = sqrt(-2.0 * log(1.0 - share))
+    corners = []
+    for corner in range(OUTLINE_CORNERS):
+        angle = 2.0 * pi * corner / OUTLINE_CORNERS
+        along, across = scale * larger * cos(angle), scale * smaller * sin(angle)
+        corners.append(
+            (north + along * cos(bearing) - across * sin(bearing), east + along * sin(bearing) + across * cos(bearing))
+        )
+    return corners
 
 
 def share_within(radius_m: float, larger_m: float, smaller_m: float) -> float:

@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import math
+import re
 from pathlib import PurePath
 
 import geojson
@@ -19,7 +20,7 @@ from lxml import etree
 
 from fwav_companion.errors import InputFileError
 from fwav_companion.recording.exports import export_for
-from fwav_companion.recording.exports.base import ellipse_from_cov
+from fwav_companion.recording.exports.base import ellipse95
 
 ORIGIN = {"lat": 48.1372, "lon": 11.5756, "alt_amsl": 519.0}
 COV = [[4.0, 1.2, 0.0], [1.2, 1.0, 0.0], [0.0, 0.0, 0.25]]
@@ -57,14 +58,14 @@ def test_geojson_is_valid_and_says_where_and_how_sure():
     assert point["properties"]["label"] == NAME
     assert len(read["features"][4]["geometry"]["coordinates"]) == 5
     ring = np.array([to_ned(corner)[:2] for corner in outline["geometry"]["coordinates"][0]]) - (41.0, -25.0)
-    assert is_the_90_percent_ellipse(ring)
+    assert is_the_95_percent_ellipse(ring)
     assert signed_area(ring[:, ::-1]) > 0.0, "RFC 7946: outer rings run counter-clockwise"
 
 
-def is_the_90_percent_ellipse(ring):
+def is_the_95_percent_ellipse(ring):
     """(N, 2) north and east from the target, m: every corner on it, by the chi-square with two degrees of freedom."""
     squares = np.einsum("ij,jk,ik->i", ring, np.linalg.inv(np.array(COV)[:2, :2]), ring)
-    return np.allclose(squares, -2.0 * math.log(0.1), rtol=1e-3)
+    return np.allclose(squares, -2.0 * math.log(0.05), rtol=1e-3)
 
 
 def to_ned(coordinates):
@@ -85,15 +86,16 @@ def test_kml_is_read_by_others_with_its_ellipse():
     assert [mark.geometry.geom_type for mark in marks] == ["Point", "Polygon", "Point", "Polygon", "LineString"]
     pin, outline = marks[:2]
     assert (pin.geometry.y, pin.geometry.x) == pytest.approx((target()["lat"], target()["lon"]), abs=1e-12)
-    assert pin.name == 'Mrs. <Müller> & "son"? 1'
-    assert "one sigma" in pin.description
+    assert pin.name == 'Mrs. <Müller> & "son"? #1'
+    assert "confirmed; within 4.20 m (95 %); semi-axes of the 95 % ellipse 5.15 m and 1.86 m" in pin.description
+    assert outline.name == f"{pin.name}: 95 % ellipse"
     assert outline.geometry.exterior.coords[0] == outline.geometry.exterior.coords[-1]
     assert pin.times is not None
     ring = np.array([to_ned(corner)[:2] for corner in outline.geometry.exterior.coords]) - (40.0, -25.0)
-    assert is_the_90_percent_ellipse(ring)
+    assert is_the_95_percent_ellipse(ring)
     farthest = ring[np.argmax(np.hypot(*ring.T))]
     values, axes = np.linalg.eigh(np.array(COV)[:2, :2])
-    assert np.hypot(*farthest) == pytest.approx(math.sqrt(-2.0 * math.log(0.1) * values[1]), rel=5e-3)
+    assert np.hypot(*farthest) == pytest.approx(math.sqrt(-2.0 * math.log(0.05) * values[1]), rel=5e-3)
     assert abs(farthest @ axes[:, 1]) == pytest.approx(np.hypot(*farthest), rel=5e-3), "turned as the covariance is"
 
 
@@ -112,7 +114,37 @@ def test_ellipses_keep_their_shape_everywhere(monkeypatch, origin):
     monkeypatch.setitem(globals(), "ORIGIN", place)
     for feature in json.loads(exported(".geojson", target()))["features"][1:]:
         ring = np.array([to_ned(corner)[:2] for corner in feature["geometry"]["coordinates"][0]]) - (40.0, -25.0)
-        assert is_the_90_percent_ellipse(ring)
+        assert is_the_95_percent_ellipse(ring)
+
+
+def tags(*numbered_labels):
+    return [target(track, label=label) for track, label in numbered_labels]
+
+
+def test_tags_have_the_names_of_the_report():
+    lines = tags((4, "tag36h11:19"), (5, "person"), (9, "person"))
+    expected = ["tag 19", "person #5", "person #9"]
+    features = json.loads(exported(".geojson", *lines))["features"]
+    assert [each["properties"]["name"] for each in features if each["properties"]["what"] == "target"] == expected
+    assert features[0]["properties"]["label"] == "tag36h11:19"
+    folders = etree.fromstring(exported(".kml", *lines)).iterfind(".//{*}Folder")
+    assert [folder.findtext("{*}name") for folder in folders] == expected
+    rows = list(csv.DictReader(io.StringIO(exported(".csv", *lines).decode())))
+    assert [row["target"] for row in rows] == ["tag 19", "person", "person"]
+    assert rows[0]["label"] == "tag36h11:19"
+
+
+def test_two_families_with_one_number_keep_their_labels():
+    features = json.loads(exported(".geojson", *tags((1, "tag36h11:3"), (2, "tag16h5:3"))))["features"]
+    assert {each["properties"]["name"] for each in features} == {"tag36h11:3", "tag16h5:3"}
+
+
+@pytest.mark.parametrize("suffix", [".geojson", ".kml", ".csv"])
+def test_every_uncertainty_is_named_and_of_95_percent(suffix):
+    content = exported(suffix, target()).decode()
+    assert "sigma" not in content
+    assert not re.search(r"90 ?%|90_", content)
+    assert re.search(r"95 %|95_", content)
 
 
 def test_csv_has_a_row_a_line():
@@ -125,8 +157,9 @@ def test_csv_has_a_row_a_line():
     assert rows[2]["label"] == "'=1+1"
     assert float(rows[0]["lat"]) == target()["lat"]
     values = np.linalg.eigvalsh(np.array(COV)[:2, :2])
-    told = (float(rows[0]["sigma_minor_m"]), float(rows[0]["sigma_major_m"]))
-    assert told == pytest.approx(tuple(np.sqrt(values)))
+    semi_axes = (float(rows[0]["ellipse95_minor_m"]), float(rows[0]["ellipse95_major_m"]))
+    assert semi_axes == pytest.approx(tuple(np.sqrt(-2.0 * math.log(0.05) * values)))
+    assert float(rows[0]["down95_m"]) == pytest.approx(1.96 * 0.5)
     assert rows[0]["utc"] == "2026-09-21T14:13:20.000Z"
 
 
@@ -153,7 +186,7 @@ def test_the_ellipse_is_the_one_of_its_covariance(a, b, bearing_deg):
     c, s = math.cos(math.radians(bearing_deg)), math.sin(math.radians(bearing_deg))
     nn, ee = major**2 * c * c + minor**2 * s * s, major**2 * s * s + minor**2 * c * c
     ne = (major**2 - minor**2) * c * s
-    ellipse = ellipse_from_cov([[nn, ne, 0], [ne, ee, 0], [0, 0, 0]])
-    assert (ellipse.major_m, ellipse.minor_m) == pytest.approx((major, minor), rel=1e-6, abs=1e-4)
+    ellipse, scale = ellipse95([[nn, ne, 0], [ne, ee, 0], [0, 0, 0]]), math.sqrt(-2.0 * math.log(0.05))
+    assert (ellipse.major_m, ellipse.minor_m) == pytest.approx((scale * major, scale * minor), rel=1e-6, abs=1e-4)
     if major > 1.01 * minor:
         assert math.cos(2 * math.radians(ellipse.bearing_deg - bearing_deg)) == pytest.approx(1.0, abs=1e-6)

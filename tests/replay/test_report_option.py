@@ -131,7 +131,7 @@ def test_two_filters_side_by_side(site):
     command += ["--report", "out", "--truth", "truth.csv"]
     done = subprocess.run(command, capture_output=True, text=True, cwd=site, timeout=60)
     assert done.returncode == 0, done.stderr
-    text = read(site / "out/compare.html").text_content()
+    text = read(site / "out/compare.html").text_content().replace("\u00a0", " ")
     assert 'tracking.filter: "kalman" | "lowpass"' in text
     assert "A (kalman) claimed 95 %" in text
     assert "B (lowpass) true error" in text

@@ -1,4 +1,7 @@
-"""The targets of a flight for other people's tools: GeoJSON, KML, CSV. Pure: lines in, a file's bytes out."""
+"""Exports of a flight's targets for other tools: GeoJSON, KML, CSV. Pure: lines in, the bytes of a file out.
+
+Names are those of the report ("tag 19"), and every uncertainty is a 95 % one.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,7 @@ from pathlib import PurePath
 
 from fwav_companion.errors import InputFileError
 from fwav_companion.recording.exports.base import Export
-from fwav_companion.recording.exports.comma_separated import CsvExport
+from fwav_companion.recording.exports.csv_table import CsvExport
 from fwav_companion.recording.exports.geojson import GeoJsonExport
 from fwav_companion.recording.exports.kml import KmlExport
 
@@ -16,8 +19,9 @@ _BY_SUFFIX: dict[str, type[Export]] = {".geojson": GeoJsonExport, ".kml": KmlExp
 
 
 def export_for(path: PurePath) -> Export:
-    """The export that the file's name asks for. InputFileError names what is accepted."""
+    """The export in the format of the file's suffix. InputFileError names what is accepted."""
     form = _BY_SUFFIX.get(path.suffix.lower())
     if form is None:
-        raise InputFileError(f"{path}: {path.suffix or 'no suffix'} stands there; accepted: {', '.join(_BY_SUFFIX)}")
+        suffix = f"suffix {path.suffix}" if path.suffix else "no suffix"
+        raise InputFileError(f"{path}: {suffix}; accepted: {', '.join(_BY_SUFFIX)}")
     return form(path)

@@ -1,4 +1,4 @@
-"""GeoJSON (RFC 7946): a point a target, its 90 % ellipse, and the path of what moves."""
+"""GeoJSON (RFC 7946): for each target a point, its 95 % ellipse, and its path if it moves."""
 
 from __future__ import annotations
 
@@ -7,35 +7,36 @@ from typing import Any
 
 import msgspec
 
-from fwav_companion.recording.exports.base import MapExport, TargetTrack, ellipse_from_cov, utc_text
+from fwav_companion.geometry.ellipses import circle_radius
+from fwav_companion.recording.exports.base import SHARE, ExportedTrack, MapExport, ellipse95, utc_text
 from fwav_companion.recording.lines import Line
 
 
 class GeoJsonExport(MapExport):
-    """Heights are properties: RFC 7946 has ellipsoid heights, and ours are above mean sea level."""
+    """One FeatureCollection. Heights are properties: RFC 7946 has ellipsoid heights, ours are above mean sea level."""
 
     def content(self) -> bytes:
-        """One FeatureCollection."""
-        features = [feature for number, track in self.tracks() for feature in self._features(number, track)]
+        """The file after the last line."""
+        features = [feature for name, number, track in self.tracks() for feature in self._features(name, number, track)]
         return msgspec.json.format(msgspec.json.encode({"type": "FeatureCollection", "features": features}), indent=1)
 
-    def _features(self, number: int, track: TargetTrack) -> Iterator[Line]:
-        last = track.last
-        # A target without a global position has no geometry; its place from below the camera is in its properties.
+    def _features(self, name: str, number: int, track: ExportedTrack) -> Iterator[Line]:
+        last, known = track.last, {"name": name, "track": number}
+        # A target without a global position has no geometry; its place from the point below the camera is a property.
         point = None if last["lat"] is None else {"type": "Point", "coordinates": [last["lon"], last["lat"]]}
-        yield _feature(point, {"track": number, "what": "target", **_properties(last)})
+        yield _feature(point, {**known, "what": "target", **_properties(last)})
         outline = self.outline(last)
         if outline:
-            shape = {"type": "Polygon", "coordinates": [_places(outline)]}
-            yield _feature(shape, {"track": number, "what": "holds the target with 90 % probability"})
+            shape = {"type": "Polygon", "coordinates": [_coordinates(outline)]}
+            yield _feature(shape, {**known, "what": "holds the target with 95 % probability"})
         if len(track.path) > 1:
-            way = {"type": "LineString", "coordinates": _places(track.path)}
-            yield _feature(way, {"track": number, "what": "path"})
+            path = {"type": "LineString", "coordinates": _coordinates(track.path)}
+            yield _feature(path, {**known, "what": "path"})
 
 
-def _places(points: Iterable[tuple[float, float]]) -> list[tuple[float, float]]:
+def _coordinates(points: Iterable[tuple[float, float]]) -> list[list[float]]:
     """Longitude first."""
-    return [(lon, lat) for lat, lon in points]
+    return [[lon, lat] for lat, lon in points]
 
 
 def _feature(geometry: Line | None, properties: Line) -> Line:
@@ -43,7 +44,7 @@ def _feature(geometry: Line | None, properties: Line) -> Line:
 
 
 def _properties(line: Line) -> dict[str, Any]:
-    ellipse = ellipse_from_cov(line["cov"])
+    ellipse = ellipse95(line["cov"])
     return {
         "label": line["label"],
         "state": line["state"],
@@ -52,7 +53,8 @@ def _properties(line: Line) -> dict[str, Any]:
         "north": line["north"],
         "east": line["east"],
         "down": line["down"],
-        "sigma_major_m": ellipse.major_m,
-        "sigma_minor_m": ellipse.minor_m,
-        "sigma_bearing_deg": ellipse.bearing_deg,
+        "radius95_m": circle_radius(line["cov"], SHARE),
+        "ellipse95_major_m": ellipse.major_m,
+        "ellipse95_minor_m": ellipse.minor_m,
+        "ellipse95_bearing_deg": ellipse.bearing_deg,
     }

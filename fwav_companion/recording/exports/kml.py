@@ -1,37 +1,37 @@
-"""KML 2.2 for Google Earth: a pin a target, its 90 % ellipse on the ground, and the path of what moves."""
+"""KML 2.2 for Google Earth: for each target a pin, its 95 % ellipse on the ground, and its path if it moves."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
-from fwav_companion.recording.exports.base import MapExport, TargetTrack, ellipse_from_cov, utc_text
+from fwav_companion.geometry.ellipses import circle_radius
+from fwav_companion.recording.exports.base import SHARE, ExportedTrack, MapExport, ellipse95, utc_text
 from fwav_companion.recording.lines import Line
 
 NAMESPACE = "http://www.opengis.net/kml/2.2"
 LINE_COLOUR, FILL_COLOUR = "ff0000ff", "400000ff"
-"""Red, opaque and a quarter: KML has alpha, blue, green, red."""
+"""Red, opaque and a quarter opaque; KML's order is alpha, blue, green, red."""
 
 
 class KmlExport(MapExport):
-    """Targets without a global position cannot be drawn, and are left out."""
+    """One KML document. Targets without a global position cannot be drawn and are left out."""
 
     def content(self) -> bytes:
-        """One document."""
+        """The file after the last line."""
         root = Element("kml", xmlns=NAMESPACE)
         document = SubElement(root, "Document")
         _text(document, "name", "fwav-companion targets")
         _style(document)
-        for number, track in self.tracks():
+        for name, _, track in self.tracks():
             if track.last["lat"] is not None:
-                self._folder(document, number, track)
+                self._folder(document, _printable(name), track)
         indent(root)
         text: str = tostring(root, encoding="unicode")
         return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}\n'.encode()
 
-    def _folder(self, document: Element, number: int, track: TargetTrack) -> None:
+    def _folder(self, document: Element, name: str, track: ExportedTrack) -> None:
         last = track.last
-        name = _printable(f"{last['label'] or 'target'} {number}")
         folder = SubElement(document, "Folder")
         _text(folder, "name", name)
         pin = _placemark(folder, name)
@@ -42,11 +42,11 @@ class KmlExport(MapExport):
         _coordinates(SubElement(pin, "Point"), [(last["lat"], last["lon"])])
         outline = self.outline(last)
         if outline:
-            polygon = SubElement(_placemark(folder, "90 %", styled=True), "Polygon")
+            polygon = SubElement(_placemark(folder, f"{name}: 95 % ellipse", styled=True), "Polygon")
             ring = SubElement(SubElement(polygon, "outerBoundaryIs"), "LinearRing")
             _coordinates(ring, outline)
         if len(track.path) > 1:
-            _coordinates(SubElement(_placemark(folder, "path", styled=True), "LineString"), track.path)
+            _coordinates(SubElement(_placemark(folder, f"{name}: path", styled=True), "LineString"), track.path)
 
 
 def _placemark(folder: Element, name: str, *, styled: bool = False) -> Element:
@@ -66,15 +66,16 @@ def _style(document: Element) -> None:
 
 
 def _description(line: Line) -> str:
-    ellipse = ellipse_from_cov(line["cov"])
+    ellipse = ellipse95(line["cov"])
     return (
-        f"{line['state']}; one sigma {ellipse.major_m:.2f} m by {ellipse.minor_m:.2f} m, the longer axis to "
-        f"{ellipse.bearing_deg:.0f} deg; {line['alt_amsl']:.1f} m AMSL"
+        f"{line['state']}; within {circle_radius(line['cov'], SHARE):.2f} m (95 %); semi-axes of the 95 % ellipse "
+        f"{ellipse.major_m:.2f} m and {ellipse.minor_m:.2f} m, the longer one to {ellipse.bearing_deg:.0f} deg; "
+        f"{line['alt_amsl']:.1f} m AMSL"
     )
 
 
 def _coordinates(parent: Element, places: Iterable[tuple[float, float]]) -> None:
-    """Longitude first; without a height they lie on the ground as Google Earth has it."""
+    """Add the places, longitude first; without a height Google Earth puts them on its ground."""
     _text(parent, "coordinates", " ".join(f"{lon!r},{lat!r}" for lat, lon in places))
 
 
@@ -83,5 +84,5 @@ def _text(parent: Element, name: str, text: str) -> None:
 
 
 def _printable(text: str) -> str:
-    """Labels are a detector's: XML 1.0 forbids most control characters, escaped or not."""
+    """The text with "?" for control characters: labels come from a detector, and XML 1.0 forbids most of them."""
     return "".join(c if c.isprintable() else "?" for c in text)

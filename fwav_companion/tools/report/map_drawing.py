@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import cos, pi, sin, sqrt
 
-from fwav_companion.geometry.ellipses import semi_axes
-from fwav_companion.geometry.vectors import Matrix3
+from fwav_companion.geometry.ellipses import ellipse_outline
 from fwav_companion.tools.report.drawing import (
     Point,
     circle,
@@ -23,10 +21,6 @@ from fwav_companion.tools.report.flight_data import FlightData
 from fwav_companion.tools.report.target_series import TargetSeries
 from fwav_companion.tools.report.wording import length
 
-ELLIPSE_95 = sqrt(5.991464547107979)
-"""Semi-axes of the 95 % ellipse in sigmas: square root of the chi-square quantile, 2 degrees of freedom."""
-CORNERS = 48
-"""Corners of an ellipse's polygon."""
 MOST_POINTS = 600
 MAP_SIZE = 480.0
 """Width and height of the map in SVG units."""
@@ -96,7 +90,7 @@ def _target(target: TargetSeries, at: Callable[[Point], Point]) -> list[str]:
     last = target.last
     if last and target.cov:
         place = at((last.north, last.east))
-        parts.append(polygon(map(at, ellipse95(last.north, last.east, target.cov)), "ellipse"))
+        parts.append(polygon(map(at, ellipse_outline(last.north, last.east, target.cov, 0.95)), "ellipse"))
         error = f", error {length(last.error_m)}" if last.error_m is not None else ""
         parts.append(circle(place, 4, "estimate", f"{target.title}: within {length(last.radius95_m)} (95 %){error}"))
         parts.append(_name(place, target.title))
@@ -120,16 +114,3 @@ def _scale_bar(scale: float) -> list[str]:
         text(((start + end) / 2, 36), f"{length_m:g} m", "name", "middle"),
         text((16, 26), "N ↑", "name"),
     ]  # fmt: skip
-
-
-def ellipse95(north: float, east: float, cov: Matrix3) -> list[Point]:
-    """Points (north, east) of the ellipse that holds the target with 95 %."""
-    larger, smaller, bearing = semi_axes(cov)
-    outline = []
-    for corner in range(CORNERS):
-        angle = 2.0 * pi * corner / CORNERS
-        along, across = ELLIPSE_95 * larger * cos(angle), ELLIPSE_95 * smaller * sin(angle)
-        outline.append(
-            (north + along * cos(bearing) - across * sin(bearing), east + along * sin(bearing) + across * cos(bearing))
-        )
-    return outline

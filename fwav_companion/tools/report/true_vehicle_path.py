@@ -36,8 +36,7 @@ class TrueVehiclePath(msgspec.Struct, frozen=True):
 def position_errors(lines: Iterable[Line], path: TrueVehiclePath) -> dict[int, list[HorizontalError]]:
     """Errors of the estimated position at the used sightings, by frame.
 
-    The camera's position is used as the vehicle's: the mock vehicle of the demonstration has its camera at the reference
-    point.
+    The camera's position is used as the vehicle's: the demonstration's mock has its camera at the reference point.
     """
     errors: dict[int, list[HorizontalError]] = {}
     for line in lines:

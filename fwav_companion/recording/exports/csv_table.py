@@ -1,4 +1,4 @@
-"""CSV for spreadsheets and notebooks: a row for every line of every target."""
+"""CSV for spreadsheets and notebooks: one row per target line."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ import io
 from pathlib import PurePath
 from typing import Any
 
-from fwav_companion.recording.exports.base import Export, ellipse_from_cov, utc_text
+from fwav_companion.recording.exports.base import Export, ellipse95, utc_text
+from fwav_companion.recording.labels import display_name
 from fwav_companion.recording.lines import Line
 
 COPIED = (
@@ -25,13 +26,17 @@ COPIED = (
     "alt_amsl",
 )
 COLUMNS = (
-    *("utc", *COPIED, "reason", "sigma_major_m", "sigma_minor_m", "sigma_bearing_deg", "sigma_down_m"),
+    *("utc", "target", *COPIED, "reason"),
+    *("ellipse95_major_m", "ellipse95_minor_m", "ellipse95_bearing_deg", "down95_m"),
     *("vel_north", "vel_east", "vel_down", "fix_north", "fix_east", "fix_down"),
 )
+"""``ellipse95``: semi-axes of the ellipse that holds the target with 95 %; ``down95_m``: half the 95 % interval."""
+SIGMAS_95 = 1.96
+"""Half width of the 95 % interval of one normal variable, in sigmas."""
 
 
 class CsvExport(Export):
-    """What is null is an empty field."""
+    """The table; null is an empty field."""
 
     def __init__(self, path: PurePath) -> None:
         super().__init__(path)
@@ -40,7 +45,7 @@ class CsvExport(Export):
         self._writer.writerow(COLUMNS)
 
     def add(self, line: Line) -> None:
-        """A row, if it is a target's."""
+        """Add a row for a target line."""
         if line["type"] == "target":
             self._writer.writerow(_row(line))
 
@@ -50,20 +55,21 @@ class CsvExport(Export):
 
 
 def _row(line: Line) -> list[Any]:
-    ellipse, fix = ellipse_from_cov(line["cov"]), line["fix"]
+    ellipse, fix = ellipse95(line["cov"]), line["fix"]
     return [
         utc_text(line["time_unix"]),
+        _harmless(display_name(line["label"])),
         *(_harmless(line[name]) for name in COPIED),
         line.get("reason"),
         ellipse.major_m,
         ellipse.minor_m,
         ellipse.bearing_deg,
-        max(0.0, line["cov"][2][2]) ** 0.5,
+        SIGMAS_95 * max(0.0, line["cov"][2][2]) ** 0.5,
         *(line["vel"] or (None, None, None)),
         *((fix["north"], fix["east"], fix["down"]) if fix else (None, None, None)),
     ]
 
 
 def _harmless(value: Any) -> Any:
-    """A label is a detector's: a spreadsheet would run what begins as a formula does."""
+    """The value with a leading quote where a spreadsheet would run it as a formula: labels come from a detector."""
     return f"'{value}" if isinstance(value, str) and value[:1] in ("=", "+", "-", "@", "\t", "\r") else value
