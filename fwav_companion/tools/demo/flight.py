@@ -6,7 +6,7 @@ import os
 import socket
 import stat
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from importlib.resources import files
 from pathlib import Path
@@ -66,7 +66,7 @@ class DemoResult(msgspec.Struct, frozen=True):
     texts: list[str]
 
     def as_json(self) -> dict[str, Any]:
-        """The object that ``--json`` prints."""
+        """The object that ``--json`` prints; a tag that was not in view for long enough is not in it."""
         shown = [score for score in self.scores if score.due or score.found]
         targets = [
             {
@@ -78,7 +78,8 @@ class DemoResult(msgspec.Struct, frozen=True):
             }
             for score in shown
         ]
-        return {"ok": not self.troubles, "targets": targets, "troubles": self.troubles}
+        ghosts = sum(score.ghosts for score in self.scores)
+        return {"ok": not self.troubles, "targets": targets, "ghosts": ghosts, "troubles": self.troubles}
 
 
 class Demonstration:
@@ -112,11 +113,8 @@ class Demonstration:
             service.stop()
             ground.listen()
             self._read()
-        troubles = [trouble] if trouble else []
         scores = self._board.scores()
-        troubles += [score.trouble for score in scores if score.trouble]
-        if not troubles and not any(score.due or score.found for score in scores):
-            troubles.append("no tag was in view for long enough: fly longer, as --seconds 30")
+        troubles = [*([trouble] if trouble else []), *troubles_of(scores)]
         return DemoResult(scores, troubles, self._recording, dict(ground.heard), list(ground.texts))
 
     def _prepare(self, ground_port: int) -> None:
@@ -230,6 +228,13 @@ class Demonstration:
             pictures=self._board.pictures[True],
             pictures_left_out=self._board.pictures[False],
         )
+
+
+def troubles_of(scores: Sequence[TargetScore]) -> list[str]:
+    """Reasons why these scores fail the demonstration: a target was not found, or is beyond its own 99.9 % claim."""
+    if not any(score.due or score.found for score in scores):
+        return ["no tag was in view for long enough: fly longer, as --seconds 30"]
+    return [score.trouble for score in scores if score.trouble]
 
 
 def _rounded(value: float | None) -> float | None:

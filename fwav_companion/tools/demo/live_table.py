@@ -110,7 +110,8 @@ def show_result(console: Console, result: DemoResult, report: tuple[Path, Sequen
     if found:
         unseen = sum(not score.found and not score.due for score in result.scores)
         note = f" ({unseen} not readable for long enough)" if unseen else ""
-        tags = f"{len(found)} of {len(result.scores)} tags found{note}"
+        ghosts = sum(score.ghosts for score in result.scores)
+        tags = f"{len(found)} of {len(result.scores)} tags found{note}{f', {ghosts} ghosts' if ghosts else ''}"
         console.print(f"{tags}; {inside} of {len(found)} inside their claimed 95 % radius.", soft_wrap=True)
     sent = result.heard.get("CAMERA_TRACKING_GEO_STATUS", 0)
     received = f"The ground station received {sent} target positions (CAMERA_TRACKING_GEO_STATUS) over MAVLink."

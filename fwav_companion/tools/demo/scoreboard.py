@@ -34,6 +34,8 @@ class TargetScore(msgspec.Struct, frozen=True):
     claimed999_m: float | None
     """Claimed radius, 99.9 %, metres."""
     usable_frames: int
+    ghosts: int = 0
+    """Number of further confirmed tracks with this label at the end: a tag is one target."""
 
     @property
     def id(self) -> int:
@@ -68,7 +70,10 @@ class Scoreboard:
         self._truth: dict[str, Geodetic] = {}
         self._plane: TangentPlane | None = None
         self._newest: dict[str, Mapping[str, Any]] = {}
-        self._confirmed: dict[str, Mapping[str, Any]] = {}
+        self._confirmed: dict[str, dict[int, Mapping[str, Any]]] = {}
+        """The last confirmed line of each track, by label."""
+        self._dropped: set[int] = set()
+        """Track numbers."""
         self._usable: Counter[str] = Counter()
         self.clock: Mapping[str, Any] | None = None
         """The newest clock line."""
@@ -85,7 +90,9 @@ class Scoreboard:
                 case "target":
                     self._newest[line["label"]] = line
                     if line["state"] in CONFIRMED_STATES:
-                        self._confirmed[line["label"]] = line
+                        self._confirmed.setdefault(line["label"], {})[line["track"]] = line
+                    elif line["state"] == "dropped":
+                        self._dropped.add(line["track"])
                 case "clock":
                     self.clock = line
 
@@ -109,21 +116,30 @@ class Scoreboard:
         return sorted((self._score(label) for label in self._truth), key=lambda score: score.id)
 
     def _score(self, label: str) -> TargetScore:
-        line = self._confirmed.get(label) or self._newest.get(label)
-        if line is None:
+        if label not in self._newest:
             return TargetScore(label, "", 0.0, 0.0, False, None, None, None, self._usable[label])
-        error_m = None
-        if self._plane is not None:
-            true = self._plane.ned_from_geodetic(self._truth[label])
-            error_m = hypot(line["north"] - true[0], line["east"] - true[1])
+        tracks = self._confirmed.get(label, {})
+        alive = [line for track, line in tracks.items() if track not in self._dropped]
+        candidates = alive or list(tracks.values())[-1:] or [self._newest[label]]
+        # Of several tracks the nearest one is the target, the others are ghosts.
+        scored = [(line, self._error_m(label, line)) for line in candidates]
+        line, error_m = min(scored, key=lambda pair: pair[1] or 0.0)
         return TargetScore(
             label=label,
             state=self._newest[label]["state"],
             north=line["north"],
             east=line["east"],
-            found=label in self._confirmed,
+            found=bool(tracks),
             error_m=error_m,
             claimed95_m=circle_radius(line["cov"], 0.95),
             claimed999_m=circle_radius(line["cov"], 0.999),
             usable_frames=self._usable[label],
+            ghosts=max(0, len(alive) - 1),
         )
+
+    def _error_m(self, label: str, line: Mapping[str, Any]) -> float | None:
+        """Horizontal error of a line, metres; None before the origin is known."""
+        if self._plane is None:
+            return None
+        true = self._plane.ned_from_geodetic(self._truth[label])
+        return hypot(line["north"] - true[0], line["east"] - true[1])
