@@ -62,16 +62,16 @@ def test_a_report_says_where_how_surely_and_why(site):
     assert b'"type":"sighting"' not in (site / "t.jsonl").read_bytes()
 
 
-def test_a_report_draws_the_other_ways_unless_it_is_to_be_alone(site):
+def test_a_report_draws_the_other_variants_unless_it_is_to_be_alone(site):
     settings = ("--set", "tracking.self_calibration=true", "--truth", "truth.csv")
     assert replay(site, "--out", "t.jsonl", "--report", "three", *settings).returncode == 0
     page = read(site / "three/report.html")
     for kind, name in (("paper", "the paper's filter"), ("plain", "without self-calibration"), ("calibrated", "with")):
-        assert page.find_class(f"way-{kind}")
+        assert page.find_class(f"variant-{kind}")
         assert name in page.text_content()
     assert replay(site, "--out", "u.jsonl", "--report", "one", "--alone", *settings).returncode == 0
     alone = read(site / "one/report.html")
-    assert not alone.find_class("way-paper")
+    assert not alone.find_class("variant-paper")
     assert "the paper's filter" not in alone.text_content()
     assert (site / "t.jsonl").read_bytes() == (site / "u.jsonl").read_bytes()
 
@@ -103,9 +103,9 @@ def test_a_report_changes_nothing_in_what_is_said(site):
 
 
 def test_a_report_holds_the_innovations_that_were_told():
-    told = {"north": 0.25, "east": -0.5, "distance2": 3.5}
+    innovation = {"north": 0.25, "east": -0.5, "distance2": 3.5}
     line = {"type": "target", "state": "confirmed", "time_unix": 12.0}
-    lines = [line, line | {"innovation": told}, line | {"state": "tentative", "innovation": told}]
+    lines = [line, line | {"innovation": innovation}, line | {"state": "tentative", "innovation": innovation}]
     assert [msgspec.structs.astuple(each) for each in innovations(lines, 10.0)] == [(2.0, 0.25, -0.5, 3.5)]
 
 
@@ -139,7 +139,7 @@ def test_two_filters_side_by_side(site):
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "expected"),
     [
         (["--compare", "absent.jsonl", "flight.toml", "--report", "out"], "absent.jsonl: No such file"),
         (["--compare", "flight.toml", "flight.toml", "--report", "out"], "flight.toml: "),
@@ -147,9 +147,9 @@ def test_two_filters_side_by_side(site):
         (["--out", "x.jsonl"], "--telemetry, --detections, --config"),
     ],
 )
-def test_what_is_missing_is_one_line_and_exit_2(site, words, said):
+def test_what_is_missing_is_one_line_and_exit_2(site, words, expected):
     command = [sys.executable, "-m", "fwav_companion", "replay", *words]
     done = subprocess.run(command, capture_output=True, text=True, cwd=site, timeout=60)
     assert done.returncode == 2
-    assert said in done.stderr
+    assert expected in done.stderr
     assert done.stderr.count("\n") == 1

@@ -1,7 +1,7 @@
-# ruff: noqa: T201  # a program that tells its figures, and a module of the tests
+# ruff: noqa: T201  # a program that prints figures, and a module of the tests
 """The demonstration's flight in invented time: the same pictures, detector and pipeline, as fast as it goes.
 
-``python tests/support/rendered_flights.py --seeds 20`` prints what twenty demonstrations would have said.
+``python tests/support/rendered_flights.py --seeds 20`` prints the results of twenty demonstrations.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class TagResult(NamedTuple):
 
 
 class RenderedCompanion(Companion):
-    """A companion that looks at rendered pictures instead of being told pixels."""
+    """A companion that detects tags in rendered pictures."""
 
     def __init__(self, simulation: Simulation, text: str, settings: Sequence[str] = ()) -> None:
         super().__init__(settings, unix_minus_host_s=simulation.unix_minus_host_s, text=text, sightings=True)
@@ -94,10 +94,10 @@ def main() -> None:
     for seed in range(chosen.first, chosen.first + chosen.seeds):
         flown = list(results(*fly_rendered(seed, chosen.seconds, chosen.set, scenario=chosen.scenario)))
         everything += flown
-        told = "  ".join(
+        line = "  ".join(
             f"{each.label[9:]}:{each.usable_frames} {each.error_m:.2f}/{each.claimed95_m:.2f}" for each in flown
         )
-        print(f"seed {seed:2}  {told}", flush=True)
+        print(f"seed {seed:2}  {line}", flush=True)
     due = [each for each in everything if each.usable_frames >= DUE_FRAMES]
     found = [each for each in everything if each.found]
     rms_m = sqrt(sum(each.error_m**2 for each in found) / len(found))

@@ -43,8 +43,13 @@ def target(at_s: float, north: float, east: float, sigma_m: float = 1.0, **other
 
 
 def calibration(at_s: float, delay_s: float, delay_sigma_s: float, mount: Sequence[float], sigma: float) -> Line:
-    told = {"time_offset_s": delay_s, "time_offset_sigma_s": delay_sigma_s, "status": "calibrated"}
-    return {"type": "calibration", "time_unix": BEGUN + at_s, "mount_deg": mount, "mount_sigma_deg": [sigma] * 3} | told
+    values = {"time_offset_s": delay_s, "time_offset_sigma_s": delay_sigma_s, "status": "calibrated"}
+    return {
+        "type": "calibration",
+        "time_unix": BEGUN + at_s,
+        "mount_deg": mount,
+        "mount_sigma_deg": [sigma] * 3,
+    } | values
 
 
 def sighting(at_s: float = 1.0, budget: Line | None = None, **other: Any) -> Line:

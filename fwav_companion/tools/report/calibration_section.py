@@ -97,7 +97,7 @@ def quantity_chart(quantity: CalibratedQuantity) -> str:
     if quantity.true is not None:
         parts.append(line(axes.at(axes.x[0], quantity.true), axes.at(axes.x[1], quantity.true), "planted"))
     values = thinned([(t, value) for t, value, _ in points], MOST_POINTS)
-    parts.append(polyline((axes.at(*point) for point in values), "way way-calibrated"))
+    parts.append(polyline((axes.at(*point) for point in values), "variant variant-calibrated"))
     return drawing(*axes.size, parts, f"{quantity.name} over time")
 
 

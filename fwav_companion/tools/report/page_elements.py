@@ -99,10 +99,10 @@ stroke-linejoin:round}
 .bar{stroke:var(--soft);stroke-width:1.4}
 .claim{fill:var(--claim);stroke:none}.claim-edge{fill:none;stroke:var(--ours);stroke-width:1;stroke-dasharray:3 3}
 .ours{fill:none;stroke:var(--ours);stroke-width:2.2;stroke-linejoin:round}
-.way{fill:none;stroke-width:2.2;stroke-linejoin:round}.claimed{fill:none;stroke-width:1.3;stroke-dasharray:4 4;
+.variant{fill:none;stroke-width:2.2;stroke-linejoin:round}.claimed{fill:none;stroke-width:1.3;stroke-dasharray:4 4;
 opacity:.8}
-.way-paper{stroke:var(--other)}.way-plain{stroke:var(--plain)}.way-calibrated{stroke:var(--ours)}
-.way.way-plain{stroke-width:4;opacity:.65}.way-own{stroke:var(--good)}
+.variant-paper{stroke:var(--other)}.variant-plain{stroke:var(--plain)}.variant-calibrated{stroke:var(--ours)}
+.variant.variant-plain{stroke-width:4;opacity:.65}.variant-own{stroke:var(--good)}
 .planted{stroke:var(--truth);stroke-width:1.5;stroke-dasharray:7 4}
 .bound{fill:none;stroke:var(--bound);stroke-width:1.4;stroke-dasharray:4 3}
 .bar-fill{fill:var(--ours);opacity:.8}

@@ -69,9 +69,9 @@ def variants_chart(variants: Sequence[VariantSeries], seconds: float, name: str)
     parts = axes.elements("seconds", "distance from the truth" if errors else "radius of the circle")
     for variant in variants:
         claimed = [(point.at_s, point.radius95_m) for point in variant.points]
-        parts += strokes(axes, claimed, f"{'claimed' if errors else 'way'} way-{variant.kind}")
+        parts += strokes(axes, claimed, f"{'claimed' if errors else 'variant'} variant-{variant.kind}")
     for variant in variants:
-        parts += strokes(axes, errors_of(variant.points), f"way way-{variant.kind}")
+        parts += strokes(axes, errors_of(variant.points), f"variant variant-{variant.kind}")
     return drawing(*axes.size, parts, f"{'Error' if errors else 'Claim'} of {name} over time, by filter")
 
 

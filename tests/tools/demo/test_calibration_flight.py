@@ -1,4 +1,4 @@
-"""The report's second flight: what is planted is found, and drawn beside those who do not look for it."""
+"""The second flight of the report: self-calibration finds the planted errors, and two variants without it do not."""
 
 import argparse
 import re
@@ -15,10 +15,10 @@ from sitl_mock.draws import draw
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory):
-    """(sections, what was said meanwhile, the folder)."""
-    out, said = tmp_path_factory.mktemp("out"), []
-    chapter = calibration_flight.second_flight(out, 1, said.append)
-    return chapter.sections, [*said, chapter.result.sentence], out / calibration_flight.FOLDER
+    """(sections, names of the steps and the result, the folder)."""
+    out, steps = tmp_path_factory.mktemp("out"), []
+    chapter = calibration_flight.second_flight(out, 1, steps.append)
+    return chapter.sections, [*steps, chapter.result.sentence], out / calibration_flight.FOLDER
 
 
 def test_only_the_camera_is_wrong_and_nobody_is_told():
@@ -37,9 +37,11 @@ def test_only_the_camera_is_wrong_and_nobody_is_told():
     assert (*wrong, drawn.position_sigma_m, drawn.readout_s) == (0.0,) * 6
 
 
-def test_the_three_ways_end_in_the_order_of_what_they_know(flown):
-    (ways, _), _, _ = flown
-    rows = re.findall(r"<tr><td>([^<]*)</td><td>([\d.]+) m</td><td class=\"\w+\">([\d.]+) m</td></tr>", unescape(ways))
+def test_the_three_variants_end_in_the_order_of_what_they_know(flown):
+    (variants, _), _, _ = flown
+    rows = re.findall(
+        r"<tr><td>([^<]*)</td><td>([\d.]+) m</td><td class=\"\w+\">([\d.]+) m</td></tr>", unescape(variants)
+    )
     claims = {name: float(claim) for name, claim, _ in rows}
     errors = {name: float(error) for name, _, error in rows}
     names = ["the paper's filter", "the tracker without self-calibration", "the tracker with self-calibration"]
@@ -59,13 +61,13 @@ def test_calibration_finds_its_values(flown):
 
 
 def test_what_is_done_is_told_and_the_recording_is_kept(flown):
-    _, said, folder = flown
-    assert len(said) == 5
-    assert said[-1].startswith(
+    _, steps, folder = flown
+    assert len(steps) == 5
+    assert steps[-1].startswith(
         "A second flight has an exact position, but a camera 35 ms late on a crooked mount. Final errors: the paper's "
         "filter "
     )
-    assert len(re.findall(r" [\d.]+ c?m[,.]", said[-1])) == 3
+    assert len(re.findall(r" [\d.]+ c?m[,.]", steps[-1])) == 3
     kept = {"telemetry.tlog", "detections.jsonl", "truth.csv", "fwav-companion.toml", "camera.yaml"}
     assert kept <= {path.name for path in folder.iterdir()}
 

@@ -52,7 +52,7 @@ def test_tags_are_found_told_to_the_ground_and_reported(tmp_path: Path):
     assert "a camera 35 ms late on a crooked mount. Final errors: the paper's filter" in done.stdout
     assert re.search(r"From \d+ m above the ground the median error is [\d.]+ c?m relative to the vehicle", done.stdout)
     html = (tmp_path / "out" / "report.html").read_text()
-    assert "way-calibrated" in html
+    assert "variant-calibrated" in html
     assert "data:image/jpeg" in html
     (recording,) = (tmp_path / "out" / "recording").iterdir()
     assert {"telemetry.tlog", "detections.jsonl", "targets.jsonl", "camera.yaml"} <= {
@@ -68,11 +68,11 @@ def test_a_camera_that_is_killed_ends_it_with_a_clear_word(tmp_path: Path):
     wait_for(lambda: pictures.exists() and pictures.stat().st_size > 0)
     others = children_of(demo.pid)
     os.kill(others["sitl_mock.eye"], signal.SIGKILL)
-    said, complained = demo.communicate(timeout=30)
+    output, complained = demo.communicate(timeout=30)
     assert demo.returncode == 1
     assert "the mock camera" in complained
     assert "SIGKILL" in complained
-    result = json.loads(said.splitlines()[-1])
+    result = json.loads(output.splitlines()[-1])
     assert result["ok"] is False
     assert "SIGKILL" in result["troubles"][0]
     for pid in others.values():
@@ -100,7 +100,7 @@ def test_a_recording_that_cannot_be_kept_is_named_at_once(tmp_path: Path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "expected"),
     [
         (["--seconds", "1"], "--seconds 1: accepted: 3 to 3600"),
         (["--out", "/proc/nowhere"], "accepted: a folder to write to"),
@@ -108,8 +108,8 @@ def test_a_recording_that_cannot_be_kept_is_named_at_once(tmp_path: Path):
         (["--seed", "-1"], "-1: accepted: a whole number from 0"),
     ],
 )
-def test_a_wrong_use_is_one_line(arguments: list[str], told: str):
+def test_a_wrong_use_is_one_line(arguments: list[str], expected: str):
     done = subprocess.run([*COMMAND, *arguments], capture_output=True, text=True, timeout=60)
     assert done.returncode == 2
-    assert told in done.stderr
+    assert expected in done.stderr
     assert len(done.stderr.splitlines()) == 1

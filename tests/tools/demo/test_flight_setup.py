@@ -1,4 +1,4 @@
-"""What the service is told and what the mock draws from are the same numbers."""
+"""The service's configuration and the mock's priors are the same numbers."""
 
 import argparse
 

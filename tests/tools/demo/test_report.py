@@ -1,4 +1,4 @@
-"""The page: complete, closed in itself, and not to be broken by what a recording says."""
+"""The page of a rendered flight: complete, self-contained, and never broken by text of a recording."""
 
 import re
 from html.parser import HTMLParser
@@ -55,7 +55,7 @@ def checked(html: str) -> str:
 
 
 @pytest.fixture(scope="module")
-def story(flight):
+def drawn(flight):
     companion, mock = flight
     truth = [TruthPoint(target.label, None, target.at(0.0), None) for target in mock.scene]
     picture = CameraPicture(b"\xff\xd8", (640, 480), 50, [{"u": 10.0, "v": 20.0, "label": "tag36h11:7", "sigma": 0.5}])
@@ -66,45 +66,45 @@ def story(flight):
     )  # fmt: skip
 
 
-def test_the_page_is_whole_and_needs_nothing_from_elsewhere(story):
-    html = checked(page(story))
+def test_the_page_is_whole_and_needs_nothing_from_elsewhere(drawn):
+    html = checked(page(drawn))
     for words in ("A flight", "tag 7", "tag 11", "compass off by", "GNSS", "Error over", "data:image/jpeg"):
         assert words in html
-    charts = sum(bool(course.points) for course in story.targets)
+    charts = sum(bool(each.points) for each in drawn.targets)
     assert charts >= 2
     assert html.count("<svg") == charts + 4  # and the map, the picture, the clock, the gaps
 
 
-def test_another_flight_stands_in_a_chapter_of_its_own(story):
+def test_another_flight_has_a_chapter_of_its_own(drawn):
     result = SecondResult("It ended <well>.", ("0.6 cm", "its <error>"))
-    html = checked(page(story, second=SecondFlight(["<section><h2>Another flight</h2></section>"], result)))
+    html = checked(page(drawn, second=SecondFlight(["<section><h2>Another flight</h2></section>"], result)))
     assert "<b>0.6 cm</b><span>its &lt;error&gt;</span>" in html
     assert html.index("It ended &lt;well&gt;.") < html.index("View from above") < html.index("Another flight")
     assert html.index("Another flight") < html.index("Error over time")
 
 
-def test_in_three_ways_each_target_has_one_chart_more(story, flight):
+def test_in_three_variants_each_target_has_one_chart_more(drawn, flight):
     companion, mock = flight
     truth = [TruthPoint(target.label, None, target.at(0.0), None) for target in mock.scene]
-    others = [ReplayedLines(way.name, way.kind, companion.lines) for way in (PAPER, CALIBRATED)]
+    others = [ReplayedLines(each.name, each.kind, companion.lines) for each in (PAPER, CALIBRATED)]
     html = checked(page(flight_data(companion.lines, title="Three", truth=truth, others=others)))
-    found = sum(course.found for course in story.targets)
-    assert html.count('class="way way-paper"') >= found
+    found = sum(each.found for each in drawn.targets)
+    assert html.count('class="variant variant-paper"') >= found
     assert html.count("Distance from the truth: tag ") == found
 
 
-def test_the_errors_are_against_the_truth(story, flight):
+def test_the_errors_are_against_the_truth(drawn, flight):
     companion, mock = flight
-    courses = {course.name: course for course in story.targets}
-    assert len(courses) == 5
-    assert sum(bool(course.points) for course in story.targets) >= 2
+    series = {each.name: each for each in drawn.targets}
+    assert len(series) == 5
+    assert sum(bool(each.points) for each in drawn.targets) >= 2
     for target in mock.scene:
-        course = courses[display_name(target.label)]
-        assert course.true_ned == pytest.approx(target.at(0.0)[:2])
-        for line, instant in zip(companion.targets(target.label)[-1:], course.points[-1:], strict=True):
+        one = series[display_name(target.label)]
+        assert one.true_ned == pytest.approx(target.at(0.0)[:2])
+        for line, point in zip(companion.targets(target.label)[-1:], one.points[-1:], strict=True):
             true = target.at(0.0)
             expected = ((line["north"] - true[0]) ** 2 + (line["east"] - true[1]) ** 2) ** 0.5
-            assert instant.error_m == pytest.approx(expected)
+            assert point.error_m == pytest.approx(expected)
 
 
 def test_without_a_truth_a_picture_or_a_world_there_is_still_a_page(flight):
@@ -115,14 +115,14 @@ def test_without_a_truth_a_picture_or_a_world_there_is_still_a_page(flight):
     checked(page(flight_data(relative, title="Relative")))
 
 
-def test_a_flight_that_saw_nothing_is_told_too(flight):
+def test_a_flight_that_saw_nothing_has_a_page(flight):
     header = flight[0].lines[0]
     summary = {"type": "summary", "frames": 0, "detections": 0, "fixes": 0, "dropped": {}}
     html = checked(page(flight_data([header, summary], title="Nothing")))
     assert "Frames: 0 read, 0 refused." in html
 
 
-def test_what_a_recording_says_is_text_and_never_markup(flight):
+def test_text_of_a_recording_is_never_markup(flight):
     evil = '"><script>alert(1)</script>'
     lines = [{**line, "label": evil} if line["type"] == "target" else line for line in flight[0].lines]
     picture = CameraPicture(b"", (640, 480), 1, [{"u": 1.0, "v": 2.0, "label": evil, "box": [0, 0, 9, 9]}])

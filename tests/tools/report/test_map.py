@@ -14,7 +14,7 @@ WIDE_LETTER = 9.0
 def test_names_stay_on_the_map():
     lines = [
         header(),
-        *(target(0.0, 0.0, east, track=track, label="somebody") for track, east in enumerate((-9, 0, 9))),
+        *(target(0.0, 0.0, east, track=track, label="pedestrian") for track, east in enumerate((-9, 0, 9))),
     ]
     drawn = flight_map(flight_data([*lines, summary()], title=""))
     names = re.findall(r'<text class="label" x="([\d.]+)" y="[\d.]+" text-anchor="(\w+)">([^<]+)<', drawn)

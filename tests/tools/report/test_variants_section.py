@@ -1,4 +1,4 @@
-"""The same recording in several ways: what is drawn and told is what the lines say."""
+"""One recording in several variants: charts and tables have the numbers of the lines."""
 
 from itertools import pairwise
 
@@ -33,11 +33,11 @@ def drawn(truth=TRUTH, paper=(1.0, 1.0, ENDS_M["paper"]), label="mark"):
     )
 
 
-def test_each_way_is_a_line_that_ends_at_its_error():
+def test_each_variant_is_a_line_that_ends_at_its_error():
     page = Markup(drawn())
     ends = {}
     for kind in ENDS_M:
-        (solid,), (dashed,) = page.of(f"way way-{kind}"), page.of(f"claimed way-{kind}")
+        (solid,), (dashed,) = page.of(f"variant variant-{kind}"), page.of(f"claimed variant-{kind}")
         assert len(points(solid)) == len(points(dashed)) == 3
         ends[kind] = points(solid)[-1][1]
     # Ten times less is a rung down, each rung as high as the other.
@@ -48,7 +48,7 @@ def test_each_way_is_a_line_that_ends_at_its_error():
 
 def test_the_table_tells_claims_and_errors_the_simplest_first():
     text = Markup(drawn()).text
-    row = [f"{way.name}{sigma_m * 5.991464547**0.5:.{digits}f} m" for way, sigma_m, digits in
+    row = [f"{variant.name}{sigma_m * 5.991464547**0.5:.{digits}f} m" for variant, sigma_m, digits in
            ((PAPER, 0.9, 2), (PLAIN, 0.3, 2), (CALIBRATED, 0.02, 3))]  # fmt: skip
     at = [text.index(f"{start}{error}") for start, error in zip(row, ("1.00 m", "0.10 m", "0.010 m"), strict=True)]
     assert at == sorted(at)
@@ -67,14 +67,14 @@ def test_without_a_truth_they_are_compared_with_one_another():
     assert "true error" not in page.text
     assert "0.90 m" in page.text  # from 0.1 to 1.0 m north
     assert "0.090 m" in page.text
-    assert len(page.of("way way-paper")) == 1
-    assert page.of("claimed way-paper") == []
+    assert len(page.of("variant variant-paper")) == 1
+    assert page.of("claimed variant-paper") == []
 
 
-def test_a_way_that_never_found_it_says_so():
+def test_a_variant_that_never_found_it_says_so():
     page = Markup(drawn(paper=()))
     assert f"{PAPER.name}not found" in page.text
-    assert page.of("way way-paper") == []
+    assert page.of("variant variant-paper") == []
 
 
 def test_one_frame_is_a_dot():
@@ -82,7 +82,7 @@ def test_one_frame_is_a_dot():
     page = Markup(
         variants_section(flight_data([header(), *approach([0.2]), summary()], title="", truth=TRUTH, others=others))
     )
-    assert [tag for tag, each in page.elements if each.get("class") == "way way-paper"] == ["circle"]
+    assert [tag for tag, each in page.elements if each.get("class") == "variant variant-paper"] == ["circle"]
 
 
 def test_an_exact_answer_stays_on_the_paper():
@@ -95,7 +95,7 @@ def test_an_exact_answer_stays_on_the_paper():
     Markup(html)
 
 
-def test_one_way_alone_is_no_comparison():
+def test_one_variant_alone_is_no_comparison():
     assert variants_section(flight_data([header(), *approach([1.0]), summary()], title="", truth=TRUTH)) == ""
     assert variants_section(flight_data([header(), summary()], title="")) == ""
 
@@ -117,10 +117,10 @@ def test_what_a_label_says_is_text():
         (["tracking.filter=mine:Filter"], "own"),
     ],
 )
-def test_a_configuration_knows_which_way_it_is(settings, kind):
+def test_a_configuration_is_one_of_the_variants(settings, kind):
     config = parse("", "flight.toml", ["camera.calibration=camera.yaml", *settings])
-    way = variant_of(config)
-    assert way.kind == kind
+    variant = variant_of(config)
+    assert variant.kind == kind
     for other in (PAPER, PLAIN, CALIBRATED):
         assert variant_of(other.applied_to(config)) == other
         assert other.applied_to(config).tracking.motion == config.tracking.motion
@@ -136,13 +136,13 @@ def test_decades_are_equally_high_and_nothing_leaves_them():
 
 
 @pytest.mark.parametrize(
-    ("metres", "said"), [(0.001, "1 mm"), (0.01, "1 cm"), (0.1, "10 cm"), (1.0, "1 m"), (10.0, "10 m")]
+    ("metres", "expected"), [(0.001, "1 mm"), (0.01, "1 cm"), (0.1, "10 cm"), (1.0, "1 m"), (10.0, "10 m")]
 )
-def test_a_tick_has_the_unit_that_a_person_would_use(metres, said):
-    assert tick_length(metres) == said
+def test_a_tick_has_the_unit_that_a_person_would_use(metres, expected):
+    assert tick_length(metres) == expected
 
 
-@pytest.mark.parametrize(("top_m", "said"), [(9.0, ["1 m", "2 m", "5 m"]), (90.0, ["1 m", "10 m"])])
-def test_a_short_axis_has_more_numbers_on_it(top_m, said):
+@pytest.mark.parametrize(("top_m", "expected"), [(9.0, ["1 m", "2 m", "5 m"]), (90.0, ["1 m", "10 m"])])
+def test_a_short_axis_has_more_numbers_on_it(top_m, expected):
     axes = LogAxes((0.0, 1.0), (1.0, top_m), (100.0, 100.0)).elements("x", "y")
-    assert [each for each in Markup("".join(axes)).texts if each.endswith(" m")] == said
+    assert [each for each in Markup("".join(axes)).texts if each.endswith(" m")] == expected
