@@ -33,6 +33,13 @@ def test_the_drift_is_fitted_to_the_settled_clock_alone():
         assert abs(float(drift) - 15.0) < float(width) < 2.0
 
 
+def test_an_estimate_of_an_unsettled_clock_does_not_count_however_certain_it_says_to_be():
+    lines = [clock(-1.0, 600.0015, 1e-5, status="settling"), *settled()]
+    drift, width = clock_drift(settled_clock(lines))
+    assert abs(drift - DRIFT) < width
+    assert settled_clock(lines) == settled()
+
+
 def test_an_estimate_that_is_less_certain_counts_less():
     lines = settled()
     lines[0] = clock(0.0, 600.0005, 1e-3)

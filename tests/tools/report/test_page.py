@@ -87,12 +87,13 @@ def test_frames_and_detections_are_counted_apart():
 
 
 def test_detections_of_a_refused_frame_and_refused_detections_are_told_apart():
-    """Three detections in one frame without a clock; two detections above the horizon, each in its own frame."""
-    refused = [sighting(reason=reason) for reason in ("no_clock",) * 3 + ("above_horizon",) * 2]
-    counts = summary(frames=9, detections=12, fixes=7, dropped={"no_clock": 1, "above_horizon": 2})
+    """Refused: a frame of three detections, two frames of one each; and two detections above the horizon."""
+    refused = [sighting(reason=reason) for reason in ("no_clock",) * 3 + ("too_late", "above_horizon") * 2]
+    counts = summary(frames=9, detections=14, fixes=7, dropped={"no_clock": 1, "too_late": 2, "above_horizon": 2})
     text = Markup(page(flight_of([header(), *approach([1.0]), *[sighting()] * 7, *refused, counts]))).text
-    assert "Frames: 9 read, 1 refused. Detections: 12 made, 7 placed on the ground, 5 not placed." in text
+    assert "Frames: 9 read, 3 refused. Detections: 14 made, 7 placed on the ground, 7 not placed." in text
     assert "framesno clock1" in text
+    assert "framestoo late2" in text
     assert "detectionsabove horizon2" in text
 
 
