@@ -6,7 +6,7 @@ import os
 import socket
 import stat
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from importlib.resources import files
 from pathlib import Path
@@ -29,6 +29,8 @@ STEP_S = 0.2
 """Period of the watch loop, seconds."""
 SETTLES_S = 1.2
 """Time after the last picture until its lines are written, seconds: the reorder window and a margin."""
+MOST_SKIPPED = 0.2
+"""Share of skipped pictures above which a busy machine is named as a possible cause of a failure."""
 PATH_HZ = 10.0
 """Rate of the true positions of the vehicle, for the map."""
 MOCK_MODULE, EYE_MODULE = "sitl_mock", "sitl_mock.eye"
@@ -114,7 +116,7 @@ class Demonstration:
             ground.listen()
             self._read()
         scores = self._board.scores()
-        troubles = [*([trouble] if trouble else []), *troubles_of(scores)]
+        troubles = [*([trouble] if trouble else []), *troubles_of(scores, self._board.pictures)]
         return DemoResult(scores, troubles, self._recording, dict(ground.heard), list(ground.texts))
 
     def _prepare(self, ground_port: int) -> None:
@@ -230,11 +232,18 @@ class Demonstration:
         )
 
 
-def troubles_of(scores: Sequence[TargetScore]) -> list[str]:
-    """Reasons why these scores fail the demonstration: a target was not found, or is beyond its own 99.9 % claim."""
+def troubles_of(scores: Sequence[TargetScore], pictures: Mapping[bool, int]) -> list[str]:
+    """Reasons why these scores fail the demonstration: a target was not found, or is beyond its own 99.9 % claim.
+
+    ``pictures``: number of pictures that were delivered (True) and skipped (False).
+    """
+    found = [score.trouble for score in scores if score.trouble]
     if not any(score.due or score.found for score in scores):
-        return ["no tag was in view for long enough: fly longer, as --seconds 30"]
-    return [score.trouble for score in scores if score.trouble]
+        found = ["no tag was in view for long enough: fly longer, as --seconds 30"]
+    skipped, total = pictures[False], sum(pictures.values())
+    if found and skipped > MOST_SKIPPED * total:
+        found.append(f"a busy machine skipped {skipped} of {total} pictures: try again when it has less to do")
+    return found
 
 
 def _rounded(value: float | None) -> float | None:

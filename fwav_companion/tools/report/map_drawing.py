@@ -91,6 +91,8 @@ def _target(target: TargetSeries, at: Callable[[Point], Point]) -> list[str]:
     if last and target.cov:
         place = at((last.north, last.east))
         parts.append(polygon(map(at, ellipse_outline(last.north, last.east, target.cov, 0.95)), "ellipse"))
+        if target.relative_ned is not None:
+            parts.append(circle(at(target.relative_ned), 3.5, "relative", "estimate without the error of the GNSS"))
         error = f", error {length(last.error_m)}" if last.error_m is not None else ""
         parts.append(circle(place, 4, "estimate", f"{target.title}: within {length(last.radius95_m)} (95 %){error}"))
         parts.append(_name(place, target.title))

@@ -48,6 +48,8 @@ def _key(flight: FlightData) -> str:
         entries.append(("fix", "dot", "one sighting on the ground"))
     if any(target.last for target in flight.targets):
         entries += [("estimate", "dot", "estimate"), ("ellipse", "area", "95 % ellipse")]
+    if any(target.relative_ned for target in flight.targets):
+        entries.append(("relative", "dot", "estimate without the GNSS error"))
     if any(target.true_ned for target in flight.targets):
         entries.append(("truth", "cross", "truth"))
     return key(entries)

@@ -81,9 +81,8 @@ class TargetSeries(msgspec.Struct, frozen=True, kw_only=True):
     """Whether the track is confirmed, truths are known, and not one of them is its own."""
     true_ned: tuple[float, float] | None
     """True north and east at the end, metres."""
-    relative_error_m: float | None
-    """Final error without the mean error of the vehicle's position while the target was seen, metres; None where that
-    is not known."""
+    position_error_m: HorizontalError | None
+    """Mean error of the vehicle's position while the target was seen, metres; None where it is not known."""
     place: tuple[float, float] | None
     """Latitude and longitude of the final estimate, degrees."""
     variants: list[VariantSeries]
@@ -92,6 +91,21 @@ class TargetSeries(msgspec.Struct, frozen=True, kw_only=True):
     def last(self) -> SeriesPoint | None:
         """The final estimate."""
         return self.points[-1] if self.points else None
+
+    @property
+    def relative_ned(self) -> tuple[float, float] | None:
+        """North and east of the final estimate without the error of the vehicle's position, metres."""
+        if self.last is None or self.position_error_m is None:
+            return None
+        return self.last.north - self.position_error_m[0], self.last.east - self.position_error_m[1]
+
+    @property
+    def relative_error_m(self) -> float | None:
+        """Final error relative to the vehicle, metres; None where it is not known."""
+        relative_ned = self.relative_ned
+        if relative_ned is None or self.true_ned is None:
+            return None
+        return hypot(relative_ned[0] - self.true_ned[0], relative_ned[1] - self.true_ned[1])
 
     @property
     def title(self) -> str:
@@ -229,7 +243,7 @@ def _series(
         for line in target.lines if line["fix"]
     ]  # fmt: skip
     last = shown[-1] if shown else None
-    true_ned = reference.true_ned(truth, last["time_unix"] if last else reference.start_unix)
+    frames = [line["frame"] for line in target.lines if line["fix"]]
     ghost = bool(target.confirmed) and own is None and reference.has_truth
     return TargetSeries(
         name=target.name,
@@ -238,29 +252,16 @@ def _series(
         cov=last["cov"] if last else None,
         found=bool(target.confirmed) and not ghost,
         ghost=ghost,
-        true_ned=true_ned,
-        relative_error_m=_relative_error_m(target, true_ned, reference.position_errors),
+        true_ned=reference.true_ned(truth, last["time_unix"] if last else reference.start_unix),
+        position_error_m=mean_position_error(reference.position_errors, frames),
         place=(last["lat"], last["lon"]) if last and last.get("lat") is not None else None,
         variants=[VariantSeries(other.name, other.kind, reference.points(lines, truth)) for other, lines in variants],
     )
 
 
-def _relative_error_m(
-    target: GroupedLines,
-    true_ned: tuple[float, float] | None,
-    position_errors: Mapping[int, Sequence[HorizontalError]],
-) -> float | None:
-    frames = [line["frame"] for line in target.lines if line["fix"]]
-    common = mean_position_error(position_errors, frames)
-    if common is None or true_ned is None:
-        return None
-    last = target.shown[-1]
-    return hypot(last["north"] - true_ned[0] - common[0], last["east"] - true_ned[1] - common[1])
-
-
 def _never_seen(name: str, true_ned: tuple[float, float]) -> TargetSeries:
     return TargetSeries(
-        name=name, points=[], fixes=[], cov=None, found=False, ghost=False, true_ned=true_ned, relative_error_m=None,
+        name=name, points=[], fixes=[], cov=None, found=False, ghost=False, true_ned=true_ned, position_error_m=None,
         place=None, variants=[],
     )  # fmt: skip
 

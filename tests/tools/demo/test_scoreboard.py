@@ -96,7 +96,7 @@ def test_a_tag_that_was_lost_and_found_again_is_no_ghost(board: Scoreboard):
 def run_demo(monkeypatch, capsys, board, out):
     """(exit status, JSON object) of the command, whose flight gives these scores."""
     scores = board.scores()
-    result = DemoResult(scores, troubles_of(scores), None, {}, [])
+    result = DemoResult(scores, troubles_of(scores, board.pictures), None, {}, [])
     monkeypatch.setattr(Demonstration, "fly", lambda *_: result)
     status = main(["demo", "--json", "--out", str(out)])
     return status, json.loads(capsys.readouterr().out.splitlines()[-1])
@@ -132,3 +132,14 @@ def test_an_error_beyond_the_claimed_999_promille_ends_with_status_1(
 def test_a_flight_without_a_readable_tag_ends_with_status_1(board, monkeypatch, capsys, tmp_path):
     status, printed = run_demo(monkeypatch, capsys, board, tmp_path)
     assert (status, printed["ok"], printed["targets"]) == (1, False, [])
+
+
+@pytest.mark.parametrize(("skipped", "named"), [(2, False), (9, True)])
+def test_a_busy_machine_is_named_where_a_target_was_missed(board, skipped, named):
+    board.take_pictures(pictures(3, 20) + pictures(3, skipped, delivered=False))
+    first, *more = troubles_of(board.scores(), board.pictures)
+    assert "tag 3 was readable in 20 pictures and was not found" in first
+    expected = f"a busy machine skipped {skipped} of {20 + skipped} pictures: try again when it has less to do"
+    assert more == [expected] * named
+    board.take_targets([target(3, 0.0, 0.0)])
+    assert troubles_of(board.scores(), board.pictures) == []

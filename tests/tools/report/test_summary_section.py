@@ -82,6 +82,7 @@ def test_the_height_and_the_common_error_are_named_and_taken_off():
     assert "1.50 merror relative to the vehicle, median" in text
     assert "6.03 merror on the map, with GNSS, median" in text  # between 5.66 and 6.40
     assert "error relative to the vehicle" in page(flight)
+    assert len(Markup(page(flight)).of("relative")) == 2  # on the map
     alone = text_of(flight_of(header(origin=ORIGIN), *sightings, *lines, summary(), truth=truth))
     assert "relative to the vehicle" not in alone
     assert "own position (GNSS), 3.46 m (95 %). It is one error, common to all targets" in alone
