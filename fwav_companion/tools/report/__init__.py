@@ -1,6 +1,6 @@
 """The report of a flight: ``report.html`` and ``compare.html`` as self-contained pages. Pure: lines in, HTML out.
 
-Reading order: ``flight_data`` gathers a replay's lines into :class:`FlightData` (``target_series`` and
+Reading order: ``flight_data`` gathers a replay's lines into :class:`FlightData` (``series_builder`` and
 ``series_matching`` decide which track is which target), ``page`` orders the sections, and each ``*_section`` draws one.
 """
 

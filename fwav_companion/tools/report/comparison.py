@@ -18,6 +18,8 @@ from fwav_companion.tools.report.wording import length, table_length
 
 MOST_KEYS_NAMED = 3
 """Most configuration keys that the headline names."""
+EQUAL_M = 5e-5
+"""Distance below which two estimates are called equal, metres."""
 LONGEST_VALUE = 24
 """Most characters of a value in a headline and in column heads."""
 
@@ -102,12 +104,13 @@ def _effects(flights: Pair) -> list[str]:
     apart_m = median(hypot(a.north - b.north, a.east - b.east) for a, b in both)
     of = "" if len(both) == 1 else f" (median of {len(both)} targets)"
     claims = [length(median(point.radius95_m for point in side)) for side in zip(*both, strict=True)]
-    said = [f"Final estimates are {length(apart_m)} apart{of}; claimed radius (95 %): A {claims[0]}, B {claims[1]}."]
+    apart = f"{length(apart_m)} apart" if apart_m >= EQUAL_M else "equal"
+    sentences = [f"Final estimates are {apart}{of}; claimed radius (95 %): A {claims[0]}, B {claims[1]}."]
     known = [(a.error_m, b.error_m) for a, b in both if a.error_m is not None and b.error_m is not None]
     if known:
         errors = [length(median(side)) for side in zip(*known, strict=True)]
-        said.append(f"True error: A {errors[0]}, B {errors[1]}.")
-    return said
+        sentences.append(f"True error: A {errors[0]}, B {errors[1]}.")
+    return sentences
 
 
 def _maps(sides: tuple[str, str], names: tuple[str, str], flights: Pair) -> str:

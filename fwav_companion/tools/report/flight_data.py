@@ -11,6 +11,7 @@ import msgspec
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.recording.lines import Line, line_unix_s
 from fwav_companion.recording.truth import TruthPoint
+from fwav_companion.tools.report.series_builder import target_series
 from fwav_companion.tools.report.sighting_statistics import (
     budget95_m,
     estimated_path,
@@ -18,7 +19,7 @@ from fwav_companion.tools.report.sighting_statistics import (
     refused_detections,
     refused_frames,
 )
-from fwav_companion.tools.report.target_series import ReplayedLines, TargetSeries, target_series
+from fwav_companion.tools.report.target_series import ReplayedLines, TargetSeries
 from fwav_companion.tools.report.tracking_variants import PLAIN, TrackingVariant
 from fwav_companion.tools.report.true_vehicle_path import (
     HorizontalError,

@@ -79,7 +79,9 @@ def test_the_headline_names_the_settings_that_differ(differences, expected):
 
 def test_the_headline_names_another_difference_where_the_settings_are_equal():
     ours = lines_of([(1, "a")], 0.1)
-    assert headline(comparison(NAMES, flights_of(ours, ours), [])) == "No difference"
+    same = comparison(NAMES, flights_of(ours, ours), [])
+    assert headline(same) == "No difference"
+    assert "Final estimates are equal;" in Markup(same).text
     moved = lines_of([(1, "a")], 0.5)
     expected = "Same recording, same configuration, different results"
     assert headline(comparison(NAMES, flights_of(ours, moved), [])) == expected
