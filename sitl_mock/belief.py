@@ -24,6 +24,7 @@ class Belief:
         self.gimbal = Gimbal(options, biases, flight)
         self._noise = Random(f"{seed}/noise")
         wander = SmoothWander if options.autopilot.position_wander == "smooth" else Wander
+        self._gyro_noise = Random(f"{seed}/gyro")
         self._wander = tuple(
             wander(biases.position_sigma_m, priors.position_bias_time_s, Random(f"{seed}/wander/{axis}"))
             for axis in ("north", "east")
@@ -44,7 +45,7 @@ class Belief:
         euler = self._flight.at(flight_s).euler
         believed = tuple(a + radians(e + self._fresh(noise)) for a, e in zip(euler, errors, strict=True))
         signs = tuple(-1.0 if axis in self._o.autopilot.reversed_axes else 1.0 for axis in ("roll", "pitch", "yaw"))
-        return _signed(signs, believed), _signed(signs, self._gyro.rates(flight_s))
+        return _signed(signs, believed), _signed(signs, self._rates(flight_s))
 
     def position(self, flight_s: float) -> tuple[Place, Vector]:
         """(place, NED velocity) as the estimator has them, with its delay, wander, bias and noise."""
@@ -80,6 +81,14 @@ class Belief:
         if cosine <= 0.05:
             return 1e3
         return max(0.0, -state.position[2] / cosine + self._fresh(0.03))
+
+    def _rates(self, flight_s: float) -> Vector:
+        sigma = radians(self._o.autopilot.gyro_noise_deg_s)
+        p, q, r = self._gyro.rates(flight_s)
+        if not sigma:
+            return (p, q, r)
+        x, y, z = (self._gyro_noise.gauss(0.0, sigma) for _ in range(3))
+        return (p + x, q + y, r + z)
 
     def _fresh(self, sigma: float) -> float:
         return self._noise.gauss(0.0, sigma) if sigma else 0.0

@@ -137,9 +137,20 @@ class AutopilotOptions:
     """FLIGHT_OPTIONS; bit 8 leaves the trim on."""
     gyro_filter_hz: float = 20.0
     """INS_GYRO_FILTER, two poles, behind which the body rates come; 0: none."""
+    gyro_noise_deg_s: NotNegative = 0.0
+    """One sigma of a sent body rate, each axis."""
     precland_lag_s: float = 0.02
     """PLND_LAG."""
     precland_enabled: bool = True
+    """PLND_ENABLED."""
+    precland_yaw_align_cdeg: float = 0.0
+    """PLND_YAW_ALIGN, as a parameter alone: the mock's landing does not turn by it. So are the next three."""
+    precland_orient: int = 25
+    """PLND_ORIENT; 25: down."""
+    precland_camera_m: Triple = (0.0, 0.0, 0.0)
+    """PLND_CAM_POS_X, _Y, _Z."""
+    precland_offset_cm: tuple[float, float] = (0.0, 0.0)
+    """PLND_LAND_OFS_X, _Y."""
     reversed_axes: tuple[Literal["roll", "pitch", "yaw"], ...] = ()
     """Those that attitudes and rates tell with the other sign."""
     has_quaternion: bool = True

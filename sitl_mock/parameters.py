@@ -68,5 +68,9 @@ def _values(o: AutopilotOptions) -> dict[str, float]:
         "PLND_ENABLED": int(o.precland_enabled),
         "PLND_TYPE": 1,
         "PLND_LAG": float(o.precland_lag_s),
+        "PLND_YAW_ALIGN": float(o.precland_yaw_align_cdeg),
+        "PLND_ORIENT": o.precland_orient,
+        **{f"PLND_CAM_POS_{axis}": float(m) for axis, m in zip("XYZ", o.precland_camera_m, strict=True)},
+        **{f"PLND_LAND_OFS_{axis}": float(cm) for axis, cm in zip("XY", o.precland_offset_cm, strict=True)},
         "RNGFND1_TYPE": int(o.rangefinder),
     }

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import inf
+from math import asin, degrees, inf
 from typing import Any
 
 import msgspec
 
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
-from fwav_companion.geometry.stamps import NS_PER_S, HostNs, s_from_ns
-from fwav_companion.geometry.vectors import Vector3
+from fwav_companion.geometry.rotations import matrix_from_quaternion
+from fwav_companion.geometry.stamps import HostNs, NS_PER_S, s_from_ns
+from fwav_companion.geometry.vectors import Vector3, multiply
 from fwav_companion.localization import Localizer
 from fwav_companion.pairing import PairedFrame, Pairer, RefusedFrame, WaitingFrames, sees_nothing
+from fwav_companion.pipeline.fix_agreement import FixAgreement
+from fwav_companion.pipeline.frame_census import FrameCensus
 from fwav_companion.pipeline.predicted_accuracy import PredictedAccuracy, predicted_accuracy_below
 from fwav_companion.pipeline.self_calibration_notices import SelfCalibrationNotices
 from fwav_companion.pipeline.target_log import TargetLog
@@ -20,7 +23,18 @@ from fwav_companion.recording.lines import Line, sighting_line
 from fwav_companion.self_calibration import CalibrationReport
 from fwav_companion.telemetry import RateMeter, Telemetry
 from fwav_companion.tracking import Reorder, Settled
-from fwav_companion.types import Frame, FrameView, GroundFix, NoFix, NoFrame, Reason, Sighting, Track, VehicleState
+from fwav_companion.types import (
+    Frame,
+    FrameView,
+    GroundFix,
+    NoFix,
+    NoFrame,
+    Reason,
+    Sighting,
+    Track,
+    Unpaired,
+    VehicleState,
+)
 
 LONG_AFTER_NS = 60 * NS_PER_S
 """Longer than every wait and window."""
@@ -48,8 +62,9 @@ class CameraPipeline:
         ledger: TargetLog,
         *,
         sightings: bool,
+        agreement: FixAgreement,
     ) -> None:
-        """``sightings``: write a line for every detection, used or not."""
+        """``sightings``: write a line for every detection, used or not. ``agreement``: of fixes, for the status."""
         self._telemetry = telemetry
         self._pairer = pairer
         self._localizer = localizer
@@ -57,6 +72,8 @@ class CameraPipeline:
         self.calibration_news = SelfCalibrationNotices(pairer.body_from_camera, pairer.time_offset_s)
         self._ledger = ledger
         self._sightings = sightings
+        self._agreement = agreement
+        self._census = FrameCensus()
         self._waiting = WaitingFrames()
         self._last_view: FrameView | None = None
         self._dropped: list[Settled] = []
@@ -80,6 +97,7 @@ class CameraPipeline:
         self._last_frame_ns = now
         self._ledger.detections += len(frame.detections)
         clock = self._telemetry.clock
+        self._census.add(frame, clock)
         until = self._pairer.attitude_needed_until(frame, clock)
         until_ns = None if until is None else clock.host_from_boot(until)
         self._waiting.put(frame, until, until_ns if isinstance(until_ns, int) else now, now)
@@ -118,8 +136,22 @@ class CameraPipeline:
         return inf if self._last_frame_ns is None else s_from_ns(now - self._last_frame_ns)
 
     def status(self) -> dict[str, Any]:
-        """Part of the status file: the ground, and why the newest frame was refused."""
-        return {"ground": self._localizer.ground.status(), "refused": self.refused and self.refused.value}
+        """Part of the status file: the ground, the content of frames, and why the newest one was refused."""
+        return {
+            "ground": self._localizer.ground.status(),
+            "refused": self.refused and self.refused.value,
+            "axis_elevation_deg": self._axis_elevation_deg(),
+            "heard": self._census.status(),
+            "agreement": self._agreement.status(),
+        }
+
+    def _axis_elevation_deg(self) -> float | None:
+        """Elevation of the optical axis above the horizon now, degrees; None while the attitude is not known."""
+        state = self._telemetry.newest_state()
+        if isinstance(state, Unpaired) or isinstance(state.gimbal, Reason):
+            return None
+        ned_from_camera = multiply(matrix_from_quaternion(state.ned_from_carrier), self._pairer.body_from_camera)
+        return degrees(asin(max(-1.0, min(1.0, -ned_from_camera[2][2]))))
 
     def expected(self) -> PredictedAccuracy | Reason:
         """Accuracy of a fix straight below at this moment, or the reason why there would be no fix."""
@@ -169,6 +201,7 @@ class CameraPipeline:
                 sighting for sighting, fix in zip(paired.sightings, located, strict=True) if isinstance(fix, NoFix)
             ),
         )
+        self._agreement.add(view.fixes, view.host_ns)
         tracks = self._reorder.put(view, now)
         self._count(paired, located)
         if isinstance(tracks, NoFrame):

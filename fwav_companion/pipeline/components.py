@@ -7,7 +7,7 @@ from typing import Any
 
 import msgspec
 
-from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.mavlink.client.commands import Commands
 from fwav_companion.mavlink.client.identity import Identity
 from fwav_companion.mavlink.client.rates import Rates
@@ -34,6 +34,8 @@ class Components:
     publisher: Publisher
     sight: CameraPipeline | None
     """None in a relay without a camera."""
+    adopted_ns: HostNs | None = None
+    """Instant of the adoption of the autopilot."""
     board: BoardReport | None = None
     """The newest report of the board's load."""
 
@@ -91,6 +93,7 @@ class Components:
         return {
             "autopilot": msgspec.to_builtins(self.identity.autopilot),
             "autopilot_lost": self.identity.autopilot_lost,
+            "adopted_s": None if self.adopted_ns is None else s_from_ns(now - self.adopted_ns),
             "clock": msgspec.to_builtins(self.telemetry.clock.estimate(now)),
             "timesync": self.timesync.status(),
             "rates": self.rates.status(),

@@ -51,6 +51,7 @@ class EventHandlers:
         """Handle an autopilot that was adopted, armed, lost, or is back."""
         for event in events:
             if isinstance(event, Adopted):
+                self._rooms.adopted_ns = now
                 self._rooms.timesync.adopt(event.autopilot, now)
                 self._rooms.rates.adopt(event.autopilot, now)
             self._outlet.notify(notice_text(event), now)

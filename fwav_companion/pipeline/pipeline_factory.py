@@ -34,6 +34,7 @@ from fwav_companion.mavlink.client.timesync import Timesync
 from fwav_companion.pairing import Pairer
 from fwav_companion.pipeline.camera_pipeline import CameraPipeline
 from fwav_companion.pipeline.components import Components
+from fwav_companion.pipeline.fix_agreement import FixAgreement
 from fwav_companion.pipeline.pipeline import Pipeline
 from fwav_companion.pipeline.target_log import TargetLog
 from fwav_companion.publishing.ground_messages import ONBOARD_COMPUTER_STATUS, requested_board_status
@@ -93,7 +94,13 @@ def make_pipeline(
         tracker.tells_innovations = sightings
         reorder = Reorder(tracker)
         sight = CameraPipeline(
-            telemetry, make_pairer(config, calibration), localizer, reorder, ledger, sightings=sightings
+            telemetry,
+            make_pairer(config, calibration),
+            localizer,
+            reorder,
+            ledger,
+            sightings=sightings,
+            agreement=FixAgreement(config.priors),
         )
     publisher = Publisher(
         publish_options(config, calibration, unit),

@@ -44,6 +44,7 @@ class StatusReport:
         self._pipeline = pipeline
         self._sayings = sayings
         self._came, self._came_ns = 0, HostNs(0)
+        self._started_ns = clock.now()
 
     def frame_came(self, now: HostNs) -> None:
         """Count a frame from another process or from our own camera."""
@@ -58,6 +59,7 @@ class StatusReport:
             "config_path": str(Path(self._config.file).absolute()),
             "time_unix": self._clock.unix_us(now) / 1e6,
             "time_monotonic": now / NS_PER_S,
+            "up_s": (now - self._started_ns) / NS_PER_S,
             "internal_faults": self._sayings.faults,
             "links": {name: link.status() for name, link in self._links.items()},
             "traffic": msgspec.to_builtins(self._node.statistics(now)),

@@ -14,8 +14,14 @@ SELDOM = {"HOME_POSITION": 242, "GPS_GLOBAL_ORIGIN": 49}
 """Name -> id of what is sent once and may have been sent before we listened."""
 SELDOM_PAUSE_NS = 10 * NS_PER_S
 """They do not exist before the first position, and a refusal then means nothing later."""
-PARAMETERS = ("SCHED_LOOP_RATE", "PTCH_TRIM_DEG", "TRIM_PITCH_CD", "FLIGHT_OPTIONS", "PLND_LAG")
-"""ArduPilot's: how stale its attitudes are, what its ATTITUDE is turned by, and how late it takes a landing target."""
+LANDING_PARAMETERS = (
+    *("PLND_LAG", "PLND_ENABLED", "PLND_TYPE", "PLND_YAW_ALIGN", "PLND_ORIENT"),
+    *("PLND_CAM_POS_X", "PLND_CAM_POS_Y", "PLND_CAM_POS_Z", "PLND_LAND_OFS_X", "PLND_LAND_OFS_Y"),
+)
+"""ArduPilot's AC_PrecLand: whether it takes LANDING_TARGET, how late, and what it adds to it. ``check`` reads them."""
+PARAMETERS = ("SCHED_LOOP_RATE", "PTCH_TRIM_DEG", "TRIM_PITCH_CD", "FLIGHT_OPTIONS", *LANDING_PARAMETERS)
+"""ArduPilot's: the age of its attitudes, what its ATTITUDE is turned by, and precision landing. Fourteen requests at
+once fit its queue of 20 (GCS_Param.cpp)."""
 PARAMETER_PAUSE_NS = NS_PER_S
 PARAMETER_ROUNDS = 3
 """Three times: a copter has no PTCH_TRIM_DEG, and says nothing when asked for it."""

@@ -11,6 +11,8 @@ from fwav_companion.mavlink.client.rate_search import ArrivalMeter, RateSearch
 FIRST_PAUSE_NS = 4 * NS_PER_S
 LONGEST_PAUSE_NS = 60 * NS_PER_S
 """Between asking again for a rate that does not come: doubled each time."""
+UNDONE_KEPT_NS = 60 * NS_PER_S
+"""Ground stations that ask for other rates repeat it within 30 s: later, the last one has stopped."""
 REACHED = 0.85
 FALLEN = 0.7
 """Of the rate that was granted, or that came before."""
@@ -35,6 +37,7 @@ class RateStream:
         "_asked_ns",
         "_pause_ns",
         "_plateau_hz",
+        "_undone_ns",
         "meter",
         "name",
         "next_ask_ns",
@@ -48,7 +51,8 @@ class RateStream:
         self.name = name
         self.meter = ArrivalMeter()
         self.undone_by: str | None = None
-        """Who last took the rate away, as far as anybody was seen to."""
+        """The last cause of a lost rate: a station's ids, or a reboot; None after UNDONE_KEPT_NS without another."""
+        self._undone_ns = HostNs(0)
         self._asked_ns: HostNs | None = None
         self.want(wanted_hz, HostNs(0))
 
@@ -60,6 +64,10 @@ class RateStream:
         self.next_ask_ns: HostNs | None = now
         self._plateau_hz: float | None = None
         self._pause_ns = FIRST_PAUSE_NS
+
+    def undone(self, by: str, now: HostNs) -> None:
+        """Note the cause of a lost rate."""
+        self.undone_by, self._undone_ns = by, now
 
     def hold_back(self) -> None:
         """Do not ask for it."""
@@ -112,6 +120,8 @@ class RateStream:
 
     def judge(self, now: HostNs) -> float | None:
         """Compare the window that just ended with what was agreed. Returns the rate it fell from, if it fell."""
+        if now - self._undone_ns >= UNDONE_KEPT_NS:
+            self.undone_by = None
         hz, before_hz = self.meter.hz, self._plateau_hz
         if hz is None or self.state not in {StreamState.GRANTED, StreamState.UNANSWERED}:
             return None

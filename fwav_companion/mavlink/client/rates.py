@@ -66,7 +66,7 @@ class Rates:
     def ask_again(self, why: str, now: HostNs) -> None:
         """Over there everything is forgotten: a reboot, or a link that was gone. Refusals are put to the test too."""
         for stream in self._streams.values():
-            stream.undone_by = why
+            stream.undone(why, now)
         self._begin(now)
 
     def on_message(self, message: Message, now: HostNs) -> None:
@@ -98,7 +98,7 @@ class Rates:
         self._now = now
         for stream in self._streams.values():
             if stream.state is StreamState.GRANTED:
-                stream.undone_by = who
+                stream.undone(who, now)
             stream.ask_soon(now, PASSED_PAUSE_NS)
         self.wake_at = self._next_due()
 
@@ -153,7 +153,7 @@ class Rates:
     def _blame(self, stream: RateStream, fell_from_hz: float, now: HostNs) -> None:
         if now - self._heard_ns > SILENT_NS:
             return
-        stream.undone_by = self._takers.to_blame(self._autopilot, now)
+        stream.undone(self._takers.to_blame(self._autopilot, now), now)
         self._tell(
             NoticeCode.RATE_FELL,
             Severity.WARNING,

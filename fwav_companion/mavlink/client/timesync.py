@@ -81,6 +81,7 @@ class Timesync:
         """When the next request is due; None while no autopilot is adopted."""
         self.ignored: dict[NotTaken, int] = dict.fromkeys(NotTaken, 0)
         self.exchanges = 0
+        self._requests = 0
 
     def adopt(self, autopilot: Autopilot, now: HostNs) -> None:
         """Speak with this autopilot from now on, under its system id."""
@@ -89,6 +90,7 @@ class Timesync:
 
     def restart(self, now: HostNs) -> None:
         """The autopilot's clock is new (adopted, or rebooted): forget the requests in flight, and settle again."""
+        self._requests = 0
         self._outstanding.clear()
         self._round_trips_ns.clear()
         self._jitter_ns = 0.0
@@ -130,6 +132,7 @@ class Timesync:
                 break
             del self._outstanding[oldest]
         self._outstanding[ts1] = now
+        self._requests += 1
 
     def on_message(self, message: Message, now: HostNs) -> TimesyncResult:
         """Take an answer or a request that arrived at ``now``."""
@@ -141,6 +144,7 @@ class Timesync:
         """For the status file: the round trips to the autopilot, of the last exchanges."""
         trips = self._round_trips_ns
         return {
+            "requests": self._requests,
             "exchanges": self.exchanges,
             "round_trip_s": trips[-1] / NS_PER_S if trips else None,
             "least_round_trip_s": min(trips) / NS_PER_S if trips else None,

@@ -74,6 +74,8 @@ class Port:
         self.refused_signatures = 0
         """Frames whose signature was not genuine."""
         self.refused_unsigned = 0
+        self.signed_unverified = 0
+        """Signed frames for us, where no key is configured."""
         self.ground_station_ns: HostNs | None = None
         """When a ground station's heartbeat was last heard here."""
 

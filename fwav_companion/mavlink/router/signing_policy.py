@@ -53,6 +53,7 @@ class Keyring:
     def judge(self, port: Port, frame: RawFrame, now: HostNs) -> Trust:
         """A frame of a known id that is meant for us or for all."""
         if self._verifier is None:
+            port.signed_unverified += frame.signed
             return Trust.UNSIGNED
         if frame.signed:
             verdict = self._verifier.verify(frame.data, frame.system, frame.component, now)

@@ -51,6 +51,8 @@ class LinkStatistics(msgspec.Struct, frozen=True):
     thinned: int
     refused_signatures: int
     refused_unsigned: int
+    signed_unverified: int
+    """Signed frames for us that no key of ours could check."""
     ground_station: bool
     peers: list[PeerStatistics]
 
@@ -95,6 +97,7 @@ class StatisticsTaker:
             thinned=port.thinned,
             refused_signatures=port.refused_signatures,
             refused_unsigned=port.refused_unsigned,
+            signed_unverified=port.signed_unverified,
             ground_station=port.hears_ground_station(now),
             peers=[self._of_peer((port.name, sender), peer, now) for sender, peer in sorted(port.peers.items())],
         )

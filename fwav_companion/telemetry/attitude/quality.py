@@ -53,8 +53,11 @@ an eighth."""
 HOPELESS = 0.25
 """Share of the squared swing: leave-one-out errors this large do not shrink by the known ratio."""
 TOO_SLOW = 0.1
-"""Share of the rates' mean square that the attitudes leave unexplained: above it the stream does not show the
-motion."""
+"""Of the rates' mean square left unexplained by the attitudes' course: then the stream does not show the motion."""
+STILL = 0.03
+"""rad/s, RMS of the rates as sent, all axes together (1.7 deg/s). Below it the vehicle stands still: what is left
+unexplained is noise of the gyros (0.1 deg/s), or a step of the attitude alone, as when an EKF aligns its yaw. A motion
+of 15 Hz that fits below it has an amplitude of 0.5 mrad: 5 mm from 10 m."""
 
 
 class Method(StrEnum):
@@ -170,10 +173,17 @@ class AttitudeQuality:
         return self._method_errors().instant_sigma_s if self.settled else 0.0
 
     @property
+    def still(self) -> bool:
+        """Rates are sent, and show no motion."""
+        return 0.0 < self.rates.sent_rms < STILL and not self.alternates
+
+    @property
     def too_slow(self) -> bool:
-        """Whether the rates show motion that the attitudes do not: it is faster than they are sampled."""
-        unexplained = self.rates.disagreement
-        return self.alternates or unexplained * unexplained > TOO_SLOW * self.rates.sent_rms**2
+        """The rates show motion that the attitudes do not show: it is faster than they come."""
+        if self.alternates:
+            return True
+        unexplained, sent = self.rates.disagreement, self.rates.sent_rms
+        return sent >= STILL and unexplained * unexplained > TOO_SLOW * sent * sent
 
     def sigma(self, interval_s: float, method: Method) -> float:
         """One sigma of interpolating over an interval of this width, rad about each axis."""
@@ -208,7 +218,7 @@ class AttitudeQuality:
         return {
             "interpolation": self.method.value,
             "interpolation_sigma": self.sigma(self._spacing, self.method) if self.settled else None,
-            "motion_hz": self.frequency / (2.0 * pi),
+            "motion_hz": 0.0 if self.still else self.frequency / (2.0 * pi),
             "motion_swing": self.swing,
             "too_slow_for_motion": self.too_slow,
             "rates_agree": self.rates.usable,
