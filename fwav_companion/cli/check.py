@@ -1,4 +1,4 @@
-"""``fwav-companion check``: the doctor."""
+"""``fwav-companion check``: what every link and stream delivers, what is wrong, and what to change."""
 
 from __future__ import annotations
 
@@ -21,10 +21,12 @@ if TYPE_CHECKING:
     from fwav_companion.config import Config
     from fwav_companion.tools.doctor.evidence import Files
     from fwav_companion.tools.doctor.finding import Finding
+    from fwav_companion.tools.doctor.gathering import HeardStatus
+    from fwav_companion.tools.doctor.run_status import RunStatus
 
 SECONDS = 12.0
-"""Three to know the autopilot, two to settle the clock, the rest to measure the rates that were then asked for."""
-EXIT_STOPS = 1
+"""Four until the autopilot is adopted, two to settle the clock, the rest to measure the rates that are requested."""
+EXIT_ERROR = 1
 
 
 def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -32,16 +34,18 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
     parser = subparsers.add_parser(
         "check",
         description=(
-            "Says what every link and stream delivers and what to change, the most important first. Beside a `run` it "
-            "reads that one's status; else it opens what the configuration names, and steers and records nothing."
+            "Reports what every link and stream delivers and what to change, the most important first. If a `run` is "
+            "active it reads its status file; else it opens what the configuration names, and steers and records "
+            "nothing. Exit status 1: an ERROR was found, the service does not do its work."
         ),
         epilog=(
             "examples:\n"
             "  fwav-companion check --config fwav-companion.toml\n"
             "  fwav-companion check --config fwav-companion.toml --shake --tag-size 0.16\n\n"
             "--shake: lay a printed tag (AprilTag 36h11, or what [vision] names) on level ground, hold the vehicle\n"
-            "half a metre to a metre above it so that the camera sees it, and do as you are told: shake it for 10 s,\n"
-            "turn it by 90 deg, shake it for 10 s more. It says the camera's delay and mount, and the lines to paste."
+            "half a metre to a metre above it so that the camera sees it, and follow the instructions: shake it for\n"
+            "10 s, turn it by 90 deg, shake it for 10 s more. It prints the camera's delay and mount, and the lines\n"
+            "to paste into the configuration."
         ),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -49,22 +53,24 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
     parser.add_argument(
         "--seconds",
         type=_number(0.1, 3600.0, "seconds"),
-        help=f"how long to listen where nothing runs, default {SECONDS:g}; with --shake, how long to wait for vehicle "
+        help=f"seconds to listen if no `run` is active, default {SECONDS:g}; with --shake, seconds to wait for vehicle "
         f"and tag, default {WAIT_S:g}",
     )
-    parser.add_argument("--shake", action="store_true", help="find the camera's delay and mount over a printed tag")
+    parser.add_argument("--shake", action="store_true", help="find the camera's delay and mount with a printed tag")
     parser.add_argument(
         "--tag-size",
         metavar="M",
         type=_number(0.01, 10.0, "metres"),
         help="with --shake: the side of the tag's black square, metres",
     )
-    parser.add_argument("--json", action="store_true", help="end with everything as one JSON object")
+    parser.add_argument(
+        "--json", action="store_true", help="end with everything as one JSON object: ok, how, findings, status"
+    )
     parser.set_defaults(run=run)
 
 
 def _number(low: float, high: float, unit: str) -> Callable[[str], float]:
-    """What argparse takes for a number between two."""
+    """Return the argparse type of a number between two limits."""
 
     def number(text: str) -> float:
         try:
@@ -79,7 +85,7 @@ def _number(low: float, high: float, unit: str) -> Callable[[str], float]:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Look, listen, judge, tell; or have the vehicle shaken."""
+    """Gather the evidence, judge it and print the report; or guide a shake session."""
     with as_by_ctrl_c():
         if arguments.shake or arguments.tag_size is not None:
             return _shaken(arguments)
@@ -91,11 +97,10 @@ def _checked(arguments: argparse.Namespace) -> int:
     from fwav_companion.config import load
     from fwav_companion.tools.doctor.board import Probe
     from fwav_companion.tools.doctor.evidence import Evidence
-    from fwav_companion.tools.doctor.examine import examine
-    from fwav_companion.tools.doctor.files import load_files
-    from fwav_companion.tools.doctor.finding import Level
-    from fwav_companion.tools.doctor.listening import running_status
-    from fwav_companion.tools.doctor.telling import told
+    from fwav_companion.tools.doctor.examination import examine
+    from fwav_companion.tools.doctor.finding import Level, worst
+    from fwav_companion.tools.doctor.gathering import load_files, running_status
+    from fwav_companion.tools.doctor.report_text import report_lines
 
     config = load(arguments.config)
     config.require_links()
@@ -105,15 +110,15 @@ def _checked(arguments: argparse.Namespace) -> int:
     if status is None:
         how = f"listened for {seconds:g} s"
         status = _listened(config, files, key, seconds)
-    board = Probe().board(config, _taken(status))
-    evidence = Evidence(config=config, board=board, files=files, status=status)
+    board = Probe().board(config, _unopened(status.typed))
+    evidence = Evidence(config=config, board=board, files=files, status=status.typed)
     findings = examine(evidence)
-    for line in told(evidence, findings, how):
+    for line in report_lines(evidence, findings, how):
         print(line)
-    ok = all(finding.level is not Level.STOPS for finding in findings)
+    ok = worst(findings) is not Level.ERROR
     if arguments.json:
-        print(json.dumps(_object(ok, how, findings, status)))
-    return 0 if ok else EXIT_STOPS
+        print(json.dumps(_object(ok, how, findings, status.written)))
+    return 0 if ok else EXIT_ERROR
 
 
 def _shaken(arguments: argparse.Namespace) -> int:
@@ -129,8 +134,8 @@ def _shaken(arguments: argparse.Namespace) -> int:
     return run_shake(config, arguments.tag_size, wait_s, as_json=arguments.json)
 
 
-def _listened(config: Config, files: Files, key: bytes | None, seconds: float) -> Mapping[str, Any]:
-    from fwav_companion.tools.doctor.listening import listen
+def _listened(config: Config, files: Files, key: bytes | None, seconds: float) -> HeardStatus:
+    from fwav_companion.tools.doctor.gathering import listen
 
     done = threading.Event()
     bar = threading.Thread(target=_progress, args=(seconds, done), daemon=True)
@@ -155,13 +160,13 @@ def _progress(seconds: float, done: threading.Event) -> None:
             progress.advance(task, step_s)
 
 
-def _taken(status: Mapping[str, Any]) -> dict[str, str]:
-    """Why links, and the port of the detections, are not open."""
-    links = status.get("links") or {}
-    taken = {name: str(link.get("why") or "") for name, link in links.items() if link.get("state") == "down"}
-    return taken | {"detections": str((status.get("intake") or {}).get("why") or "")}
+def _unopened(status: RunStatus) -> dict[str, str]:
+    """Return why links, and the port of the detections, are not open, by their names."""
+    links = {name: link.why for name, link in status.links.items() if link.state == "down"}
+    return links | {"detections": status.intake.why}
 
 
 def _object(ok: bool, how: str, findings: list[Finding], status: Mapping[str, Any]) -> dict[str, Any]:
-    listed = [{name: str(getattr(finding, name)) for name in finding.__struct_fields__} for finding in findings]
-    return {"ok": ok, "how": how, "findings": listed, "status": status}
+    from msgspec import to_builtins
+
+    return {"ok": ok, "how": how, "findings": to_builtins(findings), "status": status}

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
     from fwav_companion.config import Config
-    from fwav_companion.tools.doctor.witness import Shown
+    from fwav_companion.tools.doctor.shake_session import ShakeResult
     from fwav_companion.tools.shake.instructions import Instruction
 
 WAIT_S = 30.0
@@ -25,14 +25,14 @@ def run_shake(config: Config, tag_size_m: float, wait_s: float, *, as_json: bool
     """Instruct the user, record the session, print the estimate; the exit status."""
     from fwav_companion.config import load_signing_key
     from fwav_companion.service.configured_files import load_calibration
-    from fwav_companion.tools.doctor.listening import running_status
-    from fwav_companion.tools.doctor.witness import shake
+    from fwav_companion.tools.doctor.gathering import running_status
+    from fwav_companion.tools.doctor.shake_session import shake
 
     _require_fixed_camera(config)
     calibration, key = load_calibration(config), load_signing_key(config)
     status = running_status(config)
     if status is not None:
-        holder = f"a `run` (pid {status['pid']}) has the links and the camera"
+        holder = f"a `run` (pid {status.typed.pid}) has the links and the camera"
         return _failed(f"{holder}: stop it (systemctl stop fwav-companion), then shake", as_json=as_json)
     with InstructionDisplay() as display:
         shown = shake(config, calibration, key, tag_size_m, wait_s, display.show)
@@ -45,7 +45,7 @@ def _require_fixed_camera(config: Config) -> None:
         raise ConfigError(f"{config.file}: [camera.mount] gimbal_device_id: a gimbal undoes the shaking; {accepted}")
 
 
-def _print_estimate(config: Config, shown: Shown, *, as_json: bool) -> int:
+def _print_estimate(config: Config, shown: ShakeResult, *, as_json: bool) -> int:
     if shown.shaking is None:
         return _failed(shown.advice.text, as_json=as_json)
     from fwav_companion.tools.shake.estimate import estimate

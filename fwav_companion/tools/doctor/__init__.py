@@ -1,6 +1,9 @@
-"""What is wrong with a set-up, and what to change. ``board`` probes (with ``serial_ports``, ``holders``, ``tree``),
-``listening`` listens; the rest is pure judgement.
+"""``check``: what is wrong with a set-up, and what to change.
 
-Reading order: ``finding``, ``evidence``, then one module a topic: ``ports``, ``autopilot``, ``clock``, ``camera`` (with
-``refusals``), ``upkeep``; ``examine`` joins them.
+SHELL: ``board`` (with ``board_files``) reads the operating system, ``gathering`` reads the configured files and the
+service's status, ``shake_session`` runs ``check --shake``. The rest judges what they found and does no I/O.
+
+Reading order: ``finding``, ``evidence``, ``run_status``; one module a topic (``link_findings``, ``autopilot_findings``,
+``landing_findings``, ``camera_findings``, ``detection_findings``, ``board_findings``); ``causes`` lists what follows
+from what, ``examination`` joins them, ``report_text`` prints.
 """

@@ -1,4 +1,4 @@
-"""SHELL: what the operating system tells of ports, disks, groups and supply. Reads only; every probe may fail alone."""
+"""SHELL: probes serial devices, disks, cameras and supply. Reads only; every probe may fail alone."""
 
 from __future__ import annotations
 
@@ -13,18 +13,21 @@ from fwav_companion.config import Config
 from fwav_companion.links.url import SerialUrl
 from fwav_companion.mount_points import missing_mount
 from fwav_companion.service.latest_file import state_path
-from fwav_companion.tools.doctor.evidence import Board, Device, Folder, Power
-from fwav_companion.tools.doctor.holders import holders
-from fwav_companion.tools.doctor.serial_ports import Access, SerialPorts
-from fwav_companion.tools.doctor.tree import Tree, group_of, is_there, text_of
+from fwav_companion.tools.doctor.board_files import BoardFiles, group_of, is_there, port_holders, text_of
+from fwav_companion.tools.doctor.evidence import Board, Device, Folder, Power, SerialPort
 
 VCGENCMD_S: Final = 2.0
 UNDERVOLTAGE_NOW, THROTTLED_NOW, UNDERVOLTAGE_SEEN = 1 << 0, 1 << 2, 1 << 16
 """Bits of get_throttled (Raspberry Pi documentation, vcgencmd)."""
+GLOBS: Final = ("ttyAMA*", "ttyS[0-9]*", "ttyUSB*", "ttyACM*", "serial[0-9]*", "ttyTHS*")
+USB_LEVELS: Final = 4
+"""From a tty up to the USB device with the ids: port, interface, device, and one more for a hub."""
+
+Access = Callable[[Path, int], bool]
 
 
 def vcgencmd() -> str:
-    """``throttled=0x50005`` on a Raspberry Pi with its tools; "" elsewhere."""
+    """Return ``throttled=0x50005`` on a Raspberry Pi with its tools; "" elsewhere."""
     try:
         done = subprocess.run(["vcgencmd", "get_throttled"], capture_output=True, text=True, timeout=VCGENCMD_S)  # noqa: S607
     except (OSError, subprocess.SubprocessError):
@@ -33,7 +36,7 @@ def vcgencmd() -> str:
 
 
 class Probe:
-    """Looks at one board: this one, or a tree of files that looks like one."""
+    """Probes one board: this one, or a folder of files that imitates one."""
 
     def __init__(
         self,
@@ -43,14 +46,14 @@ class Probe:
         throttled: Callable[[], str] = vcgencmd,
         environment: Mapping[str, str] = os.environ,
     ) -> None:
-        self._tree = Tree(root)
+        self._files = BoardFiles(root)
         self._may = may
         self._throttled = throttled
         self._environment = environment
 
     def board(self, config: Config, taken: Mapping[str, str]) -> Board:
-        """``taken``: why a link (or ``detections``) could not be opened, by name: its holder is looked for."""
-        serial = SerialPorts(self._tree, self._may)
+        """Return the state of the board. ``taken``: why a link (or ``detections``) could not be opened, by name."""
+        serial = SerialDevices(self._files, self._may)
         urls = {link.name: link.parsed_url for link in config.link}
         return Board(
             user=_user(),
@@ -58,7 +61,7 @@ class Probe:
             folders=list(self._folders(config)),
             cameras=list(self._cameras(config)),
             power=self._power(),
-            holders=holders(self._tree, urls | {"detections": config.detections.parsed_url}, taken),
+            holders=port_holders(self._files, urls | {"detections": config.detections.parsed_url}, taken),
         )
 
     # Disks.
@@ -87,14 +90,14 @@ class Probe:
             file_system=file_system,
             free_bytes=free_bytes,
             missing_mount=missing_mount(
-                path.resolve(), self._tree.text("/proc/self/mountinfo"), self._tree.text("/etc/fstab")
+                path.resolve(), self._files.text("/proc/self/mountinfo"), self._files.text("/etc/fstab")
             ),
         )
 
     def _mount(self, path: Path) -> tuple[str, list[str]]:
-        """Type and options of the file system that a path is on: the longest mount point above it, the last of two."""
+        """Return type and options of the file system of a path: the longest mount point above it, the last of two."""
         best, found = -1, ("", [""])
-        for line in self._tree.text("/proc/mounts").splitlines():
+        for line in self._files.text("/proc/mounts").splitlines():
             words = line.split()
             if len(words) < 4:
                 continue
@@ -110,29 +113,101 @@ class Probe:
         if source.startswith("/dev/"):
             yield self._camera(source)
         elif source.startswith("libcamera:"):
-            media = sorted(self._tree.at("/dev").glob("media[0-9]*"))
+            media = sorted(self._files.at("/dev").glob("media[0-9]*"))
             yield self._camera(f"/dev/{media[0].name}" if media else "/dev/media0")
 
     def _camera(self, device: str) -> Device:
-        path = self._tree.at(device)
+        path = self._files.at(device)
         exists = is_there(path)
         return Device(device, exists, exists and self._may(path, os.R_OK | os.W_OK), group_of(path) if exists else "")
 
     def _power(self) -> Power:
         low_now = None
-        for sensor in self._tree.listed("/sys/class/hwmon"):
+        for sensor in self._files.listed("/sys/class/hwmon"):
             if text_of(sensor / "name") == "rpi_volt":
                 low_now = text_of(sensor / "in0_lcrit_alarm") == "1"
-        told = (
-            self._tree.text("/sys/devices/platform/soc/soc:firmware/get_throttled")
+        reported = (
+            self._files.text("/sys/devices/platform/soc/soc:firmware/get_throttled")
             or self._throttled().partition("=")[2]
         )
         try:
-            bits = int(told.strip(), 16)
+            bits = int(reported.strip(), 16)
         except ValueError:
             return Power(low_now=low_now)
         low_now = bool(low_now) or bool(bits & UNDERVOLTAGE_NOW)
         return Power(low_now, bool(bits & UNDERVOLTAGE_SEEN), bool(bits & THROTTLED_NOW))
+
+
+class SerialDevices:
+    """The serial devices of one board, with what else may use them."""
+
+    def __init__(self, files: BoardFiles, may: Access) -> None:
+        self._files = files
+        self._may = may
+
+    def of(self, link: str, url: SerialUrl) -> SerialPort:
+        """Return the device of one link, found by its path or its USB ids."""
+        device = url.device or self._by_usb_ids(url.vendor_id, url.product_id)
+        called = device or f"USB {url.vendor_id:04x}:{url.product_id:04x}"
+        path = self._files.at(device)
+        if not device or not is_there(path):
+            return SerialPort(link=link, device=called, baud=url.baud, exists=False, others=tuple(self._others()))
+        name = path.resolve().name
+        return SerialPort(
+            link=link,
+            device=called,
+            baud=url.baud,
+            exists=True,
+            name=name,
+            allowed=self._may(path, os.R_OK | os.W_OK),
+            group=group_of(path),
+            console=self._console(name),
+            bluetooth=self._bluetooth(name),
+            mini_uart=name == "ttyS0" and self._is_raspberry_pi,
+        )
+
+    def _others(self) -> Iterator[str]:
+        """Yield the devices that are present, with the ids that a URL may name."""
+        for name in sorted({each.name for glob in GLOBS for each in self._files.at("/dev").glob(glob)}):
+            ids = self._usb_ids(name)
+            yield f"/dev/{name} ({ids})" if ids else f"/dev/{name}"
+
+    def _by_usb_ids(self, vendor_id: int, product_id: int) -> str:
+        wanted = f"{vendor_id:04x}:{product_id:04x}"
+        ttys = (each.name for each in self._files.listed("/sys/class/tty"))
+        return next((f"/dev/{name}" for name in ttys if self._usb_ids(name) == wanted), "")
+
+    def _usb_ids(self, name: str) -> str:
+        device = self._files.at(f"/sys/class/tty/{name}/device").resolve()
+        for folder in (device, *device.parents)[:USB_LEVELS]:
+            vendor, product = text_of(folder / "idVendor"), text_of(folder / "idProduct")
+            if vendor and product:
+                return f"{vendor}:{product}"
+        return ""
+
+    @property
+    def _is_raspberry_pi(self) -> bool:
+        return "Raspberry Pi" in self._files.text("/proc/device-tree/model")
+
+    def _console(self, name: str) -> str:
+        for word in self._files.text("/proc/cmdline").split():
+            if word.startswith("console=") and self._resolved(word.removeprefix("console=").partition(",")[0]) == name:
+                return f"{word} in /proc/cmdline"
+        if name in self._files.text("/sys/class/tty/console/active").split():
+            return "/sys/class/tty/console/active"
+        return ""
+
+    def _bluetooth(self, name: str) -> str:
+        if self._is_raspberry_pi and is_there(self._files.at("/dev/serial1")) and self._resolved("serial1") == name:
+            return "it is /dev/serial1"
+        uart = self._files.at(f"/sys/class/tty/{name}/device")
+        for adapter in self._files.listed("/sys/class/bluetooth"):
+            if is_there(uart) and adapter.resolve().is_relative_to(uart.resolve()):
+                return f"it carries {adapter.name}"
+        return ""
+
+    def _resolved(self, device: str) -> str:
+        return self._files.at(f"/dev/{device}").resolve().name
 
 
 def _user() -> str:

@@ -1,9 +1,8 @@
-"""What the doctor judges by: the board, the files, and what the service hears. Nouns, and how to ask the status."""
+"""The evidence that findings are derived from: board, configured files, and the service's status."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import msgspec
 
@@ -11,43 +10,44 @@ from fwav_companion.camera import Calibration
 from fwav_companion.config import Config
 from fwav_companion.localization import ElevationTile
 from fwav_companion.mount_points import MissingMount
+from fwav_companion.tools.doctor.run_status import RunStatus
 
 
 class SerialPort(msgspec.Struct, frozen=True, kw_only=True):
-    """The device of a serial link, as the board has it."""
+    """The device of a serial link, as the operating system reports it."""
 
     link: str
     device: str
-    """As configured, or what its USB ids found, or those."""
+    """Path as configured, or found by its USB ids; the ids where nothing was found."""
     baud: int
     exists: bool
     name: str = ""
-    """Of the device itself, behind symbolic links: ttyAMA0."""
+    """Name of the device itself, behind symbolic links: ttyAMA0."""
     allowed: bool = True
-    """We may read and write it."""
+    """Whether this user may read and write the device."""
     group: str = ""
-    """That may."""
+    """Group of the device file."""
     console: str = ""
-    """Where it says that the kernel's console is there; "" where it is not."""
+    """Where the kernel's console is configured on this device; "" if it is not."""
     bluetooth: str = ""
-    """Where it says that Bluetooth is there."""
+    """Why Bluetooth is known to use this device; "" if it does not."""
     mini_uart: bool = False
-    """A Raspberry Pi's second one, whose speed follows the core's clock."""
+    """Whether it is a Raspberry Pi's second UART, whose baud rate follows the core clock."""
     others: tuple[str, ...] = ()
-    """Serial devices that are there."""
+    """Serial devices that are present, where this one is missing."""
 
 
 class Folder(msgspec.Struct, frozen=True, kw_only=True):
-    """A directory that is to be written."""
+    """A directory that the service writes to."""
 
     key: str
-    """Of the configuration."""
+    """Configuration key that names it."""
     path: str
     writable: bool
     read_only: bool
-    """The file system is mounted so."""
+    """Whether its file system is mounted read-only."""
     file_system: str
-    """Its type, as ext4 or tmpfs; "" where that cannot be told."""
+    """File system type, as ext4 or tmpfs; "" if unknown."""
     free_bytes: int | None
     missing_mount: MissingMount | None = None
     """Mount point above the directory that is not mounted."""
@@ -63,7 +63,7 @@ class Device(msgspec.Struct, frozen=True):
 
 
 class Power(msgspec.Struct, frozen=True):
-    """What the board's supply monitor says; None where there is none."""
+    """State of the board's supply; None where the board has no monitor."""
 
     low_now: bool | None = None
     low_since_boot: bool | None = None
@@ -71,7 +71,7 @@ class Power(msgspec.Struct, frozen=True):
 
 
 class Board(msgspec.Struct, frozen=True, kw_only=True):
-    """What the operating system tells."""
+    """What the operating system reports."""
 
     user: str = ""
     ports: Sequence[SerialPort] = ()
@@ -79,11 +79,11 @@ class Board(msgspec.Struct, frozen=True, kw_only=True):
     cameras: Sequence[Device] = ()
     power: Power = Power()
     holders: Mapping[str, str] = {}
-    """Who has the port of a link (or of ``detections``) that we could not have: "mavproxy.py (pid 812)"."""
+    """Process that occupies the port of a link (or of ``detections``), by the link's name: "mavproxy.py (pid 812)"."""
 
 
 class Files(msgspec.Struct, frozen=True, kw_only=True):
-    """What the configuration names, or why it cannot be had."""
+    """The files that the configuration names, or why they cannot be read."""
 
     calibration: Calibration | None = None
     calibration_error: str = ""
@@ -93,37 +93,10 @@ class Files(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Evidence(msgspec.Struct, frozen=True, kw_only=True):
-    """All of it."""
+    """All evidence of one `check`."""
 
     config: Config
     board: Board
     files: Files
-    status: Mapping[str, Any]
-    """As the status file has it; empty where the service could not even be listened with."""
-
-    def ask(self, *path: str) -> Any:
-        """A value of the status; None where it says nothing."""
-        value: Any = self.status
-        for key in path:
-            if not isinstance(value, Mapping) or key not in value:
-                return None
-            value = value[key]
-        return value
-
-    def number(self, *path: str) -> float:
-        """A number of the status; 0 where it says none."""
-        value = self.ask(*path)
-        return float(value) if isinstance(value, int | float) else 0.0
-
-    def traffic(self, link: str) -> Mapping[str, Any]:
-        """What a link carried."""
-        for each in self.ask("traffic") or ():
-            if isinstance(each, Mapping) and each.get("name") == link:
-                return each
-        return {}
-
-    @property
-    def autopilot(self) -> Mapping[str, Any] | None:
-        """The adopted one."""
-        found = self.ask("autopilot")
-        return found if isinstance(found, Mapping) else None
+    status: RunStatus | None
+    """The service's status; None where the service was not listened with."""

@@ -1,40 +1,53 @@
-"""One thing that is wrong, how much it matters, and what to do about it."""
+"""A finding: what is wrong, how much it matters, and what to change."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from enum import StrEnum
 
 import msgspec
 
 
 class Level(StrEnum):
-    """How much it matters, the worst first."""
+    """Severity of a finding, the worst first."""
 
-    STOPS = "stops"
-    """The service cannot do its work: no fix can come of this."""
-    HARMS = "harms"
-    """It works, and is worse or less sure than it could be."""
-    MINDS = "minds"
-    """It works; something is worth knowing."""
+    ERROR = "ERROR"
+    """The service does not do its work: `check` ends with exit status 1."""
+    WARNING = "WARNING"
+    """The service works, less accurately or less reliably than it could."""
+    NOTE = "NOTE"
+    """The service works; the user should know this."""
 
 
 ORDER = tuple(Level)
 
 
 class Finding(msgspec.Struct, frozen=True):
-    """One line of the doctor's."""
+    """One entry of the report."""
 
     code: str
-    """Its name, for scripts and tests: what is wrong, never where."""
+    """Stable name for scripts and tests: the kind of fault, without its place."""
     level: Level
     where: str
-    """The link, file, key or thing that it is about."""
-    what: str
-    do: str
-    """What to change, so that it can be copied."""
+    """The link, file, key or part concerned."""
+    problem: str
+    fix: str
+    """What to change, in a form that can be copied."""
+    consequences: tuple[Finding, ...] = ()
+    """Findings that follow from this one and end with it."""
+
+    def walk(self) -> Iterator[Finding]:
+        """Yield the finding, then its consequences, depth first."""
+        yield self
+        for consequence in self.consequences:
+            yield from consequence.walk()
 
 
-def in_order(findings: Iterable[Finding]) -> list[Finding]:
-    """By importance; within a level as they were found, which is from the wire to the target."""
+def worst(findings: Iterable[Finding]) -> Level:
+    """Return the most severe level of the findings; NOTE for none."""
+    return min((finding.level for finding in findings), key=ORDER.index, default=Level.NOTE)
+
+
+def by_level(findings: Iterable[Finding]) -> list[Finding]:
+    """Return the findings sorted by level; within a level their order, from the wire to the target, is kept."""
     return sorted(findings, key=lambda finding: ORDER.index(finding.level))

@@ -1,4 +1,4 @@
-"""The service without sockets, in invented time, with its place in the network: what `check` would have heard."""
+"""The service without sockets, in invented time, as a node of the network: what `check` would hear."""
 
 from __future__ import annotations
 
@@ -15,8 +15,9 @@ from fwav_companion.geometry.stamps import HostNs, whole_microseconds
 from fwav_companion.pipeline.pipeline_factory import make_pipeline
 from fwav_companion.service.network import make_node
 from fwav_companion.tools.doctor.evidence import Board, Evidence, Files
-from fwav_companion.tools.doctor.examine import examine
+from fwav_companion.tools.doctor.examination import examine
 from fwav_companion.tools.doctor.finding import Finding
+from fwav_companion.tools.doctor.run_status import run_status
 from fwav_companion.vision.wall_clock import WallClock
 from fwav_companion.vision.wire import parse_frame
 from sitl_mock import Options, simulate
@@ -30,7 +31,7 @@ Wire = Callable[[bytes, int], list[bytes]]
 
 
 class Hearing:
-    """Flies with the mock for some seconds."""
+    """Runs against the mock for some seconds."""
 
     def __init__(
         self,
@@ -41,15 +42,19 @@ class Hearing:
         on_the_way_in: Callable[[bytes], bytes] = lambda data: data,
         frame: Callable[[dict[str, Any]], dict[str, Any]] = lambda frame: frame,
         crossed: bool = False,
+        ignored: bool = False,
     ) -> None:
-        """``on_the_way_in`` and ``frame`` are faults of the wire and of the detector; ``crossed``: RX on our own TX."""
+        """``on_the_way_in`` and ``frame`` are faults of the wire and of the detector; ``crossed``: RX on our own TX;
+        ``ignored``: the autopilot drops what is sent to it.
+        """
         self.config = parse(text, "flight.toml", settings)
         self.calibration = parse_calibration(CAMERA, "camera.yaml")
         self._pipeline = make_pipeline(self.config, self.calibration, unix_offset_ns=0, live=True)
         self._node = make_node(self.config, key, 0)
         self._wall_clock = WallClock(HostNs(0), 0)
-        self._on_the_way_in, self._frame, self._crossed = on_the_way_in, frame, crossed
+        self._on_the_way_in, self._frame, self._crossed, self._ignored = on_the_way_in, frame, crossed, ignored
         self._now = HostNs(0)
+        self._started_ns: HostNs | None = None
         self._came, self._came_ns = 0, HostNs(0)
 
     @property
@@ -84,10 +89,11 @@ class Hearing:
         return self._flushed(now)
 
     def status(self) -> dict[str, Any]:
-        """As the service writes it."""
+        """The status as the service writes it."""
         now = self._now
         age_s = (now - self._came_ns) / 1e9 if self._came else None
         status = {
+            "up_s": (now - (self._started_ns or 0)) / 1e9,
             "links": {link.name: {"state": "up", "why": ""} for link in self.config.link},
             "traffic": msgspec.to_builtins(self._node.statistics(now)),
             "intake": {"came": self._came, "age_s": age_s, "why": ""},
@@ -98,6 +104,7 @@ class Hearing:
 
     def _instant(self, now_ns: int) -> HostNs:
         self._now = HostNs(max(whole_microseconds(now_ns), self._now + 1000))
+        self._started_ns = self._now if self._started_ns is None else self._started_ns
         return self._now
 
     def _flushed(self, now: HostNs) -> list[bytes]:
@@ -111,33 +118,50 @@ class Hearing:
         if self._crossed:
             for frame in frames:
                 self._node.receive("autopilot", frame, now)
-        return frames
+        return [] if self._ignored else frames
+
+
+def flown(options: Options, settings: Sequence[str] = (), *, seconds: float = SECONDS, **how: Any) -> Hearing:
+    """The service after some seconds with the mock."""
+    hearing = Hearing(settings, **how)
+    for _ in simulate(options.but({"seconds": seconds})).drive(hearing):
+        pass
+    return hearing
 
 
 def heard(options: Options, settings: Sequence[str] = (), **how: Any) -> Evidence:
-    """What is known after some seconds with the mock."""
-    hearing = Hearing(settings, **how)
-    mock = simulate(options.but({"seconds": SECONDS}))
-    for _ in mock.drive(hearing):
-        pass
+    """The evidence after some seconds with the mock."""
+    return evidence_of(flown(options, settings, **how))
+
+
+def silent(text: str = TEXT) -> Evidence:
+    """The evidence after some seconds in which nothing arrives."""
+    hearing = Hearing(text=text)
+    for second in range(round(SECONDS)):
+        hearing.on_wake(second * 10**9)
     return evidence_of(hearing)
 
 
 def evidence_of(hearing: Hearing, board: Board | None = None) -> Evidence:
-    """With a healthy board and a camera file."""
+    """The evidence with a healthy board and a camera file."""
     return Evidence(
         config=hearing.config,
         board=board or Board(user="pilot"),
         files=Files(calibration=hearing.calibration),
-        status=hearing.status(),
+        status=run_status(hearing.status()),
     )
 
 
 def codes(findings: Sequence[Finding]) -> list[str]:
-    """Their names, in their order."""
+    """The codes of the root findings, in their order."""
     return [finding.code for finding in findings]
 
 
+def consequences(finding: Finding) -> set[str]:
+    """The codes of everything that follows from a finding."""
+    return {each.code for each in finding.walk()} - {finding.code}
+
+
 def found(evidence: Evidence) -> list[str]:
-    """What the doctor names."""
+    """The codes of what `check` reports, without consequences."""
     return codes(examine(evidence))

@@ -1,17 +1,20 @@
-"""Faults planted in the mock, on its wire and in its detector, each named by what the service hears; none where all is
-well. In invented time."""
+"""Faults planted in the mock, on its wire and in its detector: `check` names each, and nothing in a healthy set-up.
+
+In invented time.
+"""
 
 import random
 
 import msgspec
 import pytest
-from hearing import TEXT, Hearing, codes, evidence_of, found, heard
+from hearing import TEXT, Hearing, codes, evidence_of, flown, found, heard, silent
 from mavlink_wire import Wire
 
 from fwav_companion.config import parse
 from fwav_companion.localization import ElevationTile
-from fwav_companion.tools.doctor.examine import examine
+from fwav_companion.tools.doctor.examination import examine
 from fwav_companion.tools.doctor.finding import Level
+from fwav_companion.tools.doctor.run_status import run_status
 from sitl_mock import scenario, simulate
 
 HEALTHY = scenario("unbiased").but({"seed": 3})
@@ -44,7 +47,7 @@ VEHICLES = {
 def test_a_fault_of_the_vehicle_is_named(code):
     findings = examine(heard(HEALTHY.but(VEHICLES[code])))
     assert code in codes(findings)
-    assert all(finding.what and finding.do for finding in findings)
+    assert all(finding.problem and finding.fix for finding in findings)
 
 
 def nanoseconds(frame):
@@ -62,10 +65,10 @@ DETECTORS = {
 
 
 @pytest.mark.parametrize("code", DETECTORS)
-def test_a_fault_of_the_detector_is_named_and_stops(code):
+def test_a_fault_of_the_detector_is_an_error(code):
     findings = examine(heard(HEALTHY, frame=DETECTORS[code]))
     assert codes(findings) == [code]
-    assert findings[0].level is Level.STOPS
+    assert findings[0].level is Level.ERROR
 
 
 def test_a_wrong_baud_rate_is_named():
@@ -74,7 +77,7 @@ def test_a_wrong_baud_rate_is_named():
 
 
 def test_silence_is_named():
-    assert found(evidence_of(Hearing())) == ["nothing_heard", "no_detections"]
+    assert found(silent()) == ["nothing_heard", "no_detections"]
 
 
 def test_an_echo_of_our_own_bytes_is_named():
@@ -97,8 +100,8 @@ def test_a_link_with_a_ground_station_alone_is_named():
     assert "no_autopilot" in found(evidence_of(hearing))
 
 
-def test_who_undoes_the_rates_is_named():
-    """A ground station on our own link asks for 2 Hz each second, as MAVProxy and Mission Planner do."""
+def test_the_station_that_takes_the_rates_away_is_named():
+    """A ground station on our own link requests 2 Hz each second, as MAVProxy and Mission Planner do."""
     text = TEXT.replace('role = "gcs"', 'role = "gcs"\nforward_rate_requests = true')
     hearing, station = Hearing(text=text), Wire(255, 190)
     mock = simulate(HEALTHY.but({"seconds": 13.0}))
@@ -110,7 +113,7 @@ def test_who_undoes_the_rates_is_named():
             for frame in frames:
                 mock.on_bytes(frame, now_ns)
     findings = {finding.code: finding for finding in examine(evidence_of(hearing))}
-    assert "255/190 on ground" in findings["rates_undone"].what
+    assert "255/190 on ground" in findings["rates_undone"].problem
 
 
 @pytest.mark.parametrize(("north_deg", "covered"), [(49.0, True), (48.0, False)])
@@ -121,21 +124,22 @@ def test_a_place_that_no_elevation_file_reaches_is_named(north_deg, covered):
     files = msgspec.structs.replace(evidence.files, elevation=(tile,))
     evidence = msgspec.structs.replace(evidence, config=parse(TEXT + ground, "flight.toml"), files=files)
     assert found(evidence) == ([] if covered else ["terrain_coverage"])
-    assert covered or "N48E011.hgt" in examine(evidence)[0].do
+    assert covered or "N48E011.hgt" in examine(evidence)[0].fix
 
 
-def test_what_stops_comes_first():
+def test_errors_come_first():
     findings = examine(heard(HEALTHY.but({"autopilot.loop_rate_hz": 50.0, "camera.enabled": False})))
     levels = [finding.level for finding in findings]
-    assert levels[0] is Level.STOPS
+    assert levels[0] is Level.ERROR
     assert levels == sorted(levels, key=list(Level).index)
-    assert {Level.STOPS, Level.HARMS} <= set(levels)
+    assert {Level.ERROR, Level.WARNING} <= set(levels)
 
 
-def test_a_status_of_another_version_breaks_nothing():
+def test_a_status_that_lacks_any_part_breaks_nothing():
+    written = flown(HEALTHY).status()
     evidence = heard(HEALTHY)
-    for key in list(evidence.status):
-        without = {name: value for name, value in evidence.status.items() if name != key}
-        examine(msgspec.structs.replace(evidence, status=without))
-    examine(msgspec.structs.replace(evidence, status=dict.fromkeys(evidence.status)))
-    examine(msgspec.structs.replace(evidence, status={}))
+    for key in list(written):
+        without = {name: value for name, value in written.items() if name != key}
+        examine(msgspec.structs.replace(evidence, status=run_status(without)))
+    for status in (run_status(dict.fromkeys(written)), run_status({}), None):
+        examine(msgspec.structs.replace(evidence, status=status))

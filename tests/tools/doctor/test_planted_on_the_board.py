@@ -10,9 +10,9 @@ from hearing import AUTOPILOT, codes
 from fwav_companion.config import parse
 from fwav_companion.tools.doctor.board import Probe
 from fwav_companion.tools.doctor.evidence import Evidence
-from fwav_companion.tools.doctor.examine import examine
-from fwav_companion.tools.doctor.files import load_files
+from fwav_companion.tools.doctor.examination import examine
 from fwav_companion.tools.doctor.finding import Finding
+from fwav_companion.tools.doctor.gathering import load_files
 
 TEXT = AUTOPILOT.replace("udpin://127.0.0.1:14540", "serial:///dev/serial0:921600") + (
     '[camera]\ncalibration = "camera.yaml"\n[vision]\nsource = "/dev/video0"\n'
@@ -76,7 +76,7 @@ class Pi:
         probe = Probe(self.root, may=self._may, throttled=lambda: self.throttled, environment={})
         files, _ = load_files(config)
         board = probe.board(config, {})
-        return examine(Evidence(config=config, board=board, files=files, status={}))
+        return examine(Evidence(config=config, board=board, files=files, status=None))
 
     def _may(self, path: Path, _mode: int) -> bool:
         return path.name not in self.denied
@@ -225,8 +225,8 @@ def test_a_port_by_its_usb_ids_is_found_or_named_with_what_is_there(pi):
     assert pi.found() == ["port_permission"]
     plug_in(pi, "26ac:0011")
     (missing,) = pi.findings()
-    assert (missing.code, "USB 1209:5740" in missing.what) == ("port_missing", True)
-    assert "/dev/ttyACM0 (26ac:0011)" in missing.what
+    assert (missing.code, "USB 1209:5740" in missing.problem) == ("port_missing", True)
+    assert "/dev/ttyACM0 (26ac:0011)" in missing.problem
 
 
 def test_a_folder_that_we_may_not_even_look_at_breaks_nothing(pi):

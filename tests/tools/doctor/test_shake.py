@@ -11,7 +11,7 @@ from flying import Companion
 
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.pipeline.pipeline_factory import make_pipeline
-from fwav_companion.tools.doctor.witness import KEPT_S, MOST_FRAMES, MOST_TAGS, ShakeWitness
+from fwav_companion.tools.doctor.shake_session import KEPT_S, MOST_FRAMES, MOST_TAGS, ShakeSession
 from fwav_companion.tools.shake.estimate import estimate
 from fwav_companion.tools.shake.instructions import Instruction, ShakePhase
 from fwav_companion.types import Detection, Frame, StampClock
@@ -22,17 +22,17 @@ HAND = scenario("shake").but({"seed": 3, "draw_biases": False})
 
 
 class Watched(Companion):
-    """The service with a witness, who looks at it five times a second."""
+    """The service with a session, who looks at it five times a second."""
 
     def __init__(self) -> None:
         super().__init__()
         self.pipeline = make_pipeline(self.config, None, unix_offset_ns=0, live=True, attitudes_kept_s=KEPT_S)
         self.advices: list[Instruction] = []
-        self.witness = ShakeWitness(self.config, self.calibration, 12.0, self.advices.append, lambda: self._now * 1e-9)
+        self.session = ShakeSession(self.config, self.calibration, 12.0, self.advices.append, lambda: self._now * 1e-9)
         self._look_ns = 0
 
     def on_frame(self, frame: Mapping[str, Any], now_ns: int) -> list[bytes]:
-        self.witness.on_frame(parse_frame(json.dumps(frame), HostNs(now_ns), self.wall_clock))
+        self.session.on_frame(parse_frame(json.dumps(frame), HostNs(now_ns), self.wall_clock))
         return super().on_frame(frame, now_ns)
 
     def is_over(self, now_ns: int) -> bool:
@@ -40,7 +40,7 @@ class Watched(Companion):
             return False
         self._look_ns = now_ns + 200_000_000
         up = {"links": {"autopilot": {"state": "up", "why": ""}}, "intake": {"why": ""}, "vision": None}
-        return self.witness.enough({**up, **self.pipeline.status(self._now)}, self.pipeline.telemetry)
+        return self.session.enough({**up, **self.pipeline.status(self._now)}, self.pipeline.telemetry)
 
 
 @cache
@@ -51,7 +51,7 @@ def watched(*differences):
     for now_ns, _ in mock.drive(watcher):
         if watcher.is_over(now_ns):
             break
-    return watcher, watcher.witness.shown(0.16)
+    return watcher, watcher.session.result(0.16)
 
 
 def shaken(*differences):
@@ -122,6 +122,6 @@ def test_what_is_kept_is_bounded_in_frames_and_in_what_stands_in_them():
     people = (Detection(9.0, 9.0, label="person"),) * 200
     crowded = Frame(None, 0, StampClock.HOST, HostNs(0), people + tags)
     for _ in range(MOST_FRAMES + 10):
-        watcher.witness.on_frame(crowded)
-    assert len(watcher.witness.frames) == MOST_FRAMES
-    assert watcher.witness.frames[-1].detections == tags[:MOST_TAGS]
+        watcher.session.on_frame(crowded)
+    assert len(watcher.session.frames) == MOST_FRAMES
+    assert watcher.session.frames[-1].detections == tags[:MOST_TAGS]

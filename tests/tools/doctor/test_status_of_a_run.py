@@ -11,7 +11,7 @@ import pytest
 from hearing import TEXT
 
 from fwav_companion.config import load
-from fwav_companion.tools.doctor.listening import running_status
+from fwav_companion.tools.doctor.gathering import running_status
 
 
 @pytest.fixture
@@ -27,7 +27,7 @@ def put(config, **changes):
 
 def test_that_of_a_service_that_runs(site):
     put(site)
-    assert running_status(site)["frames"] == 7
+    assert running_status(site).typed.frames == 7
 
 
 def test_that_of_another_users_service(site, monkeypatch):
@@ -36,7 +36,7 @@ def test_that_of_another_users_service(site, monkeypatch):
 
     monkeypatch.setattr(os, "kill", not_ours)
     put(site)
-    assert running_status(site)["frames"] == 7
+    assert running_status(site).typed.frames == 7
     put(site, config_path="/etc/fwav-companion/another.toml")
     assert running_status(site) is None
 

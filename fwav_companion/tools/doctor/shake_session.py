@@ -1,4 +1,4 @@
-"""SHELL: what the service hears while a vehicle is shaken over a tag, kept, and made into what an estimate needs."""
+"""SHELL: ``check --shake``: runs the service while a vehicle is shaken over a tag, and keeps what an estimate needs."""
 
 from __future__ import annotations
 
@@ -19,39 +19,40 @@ from fwav_companion.geometry.stamps import BootNs, host_from_seconds
 from fwav_companion.pairing import Pairer, RefusedFrame, scaling_from_size
 from fwav_companion.pipeline.pipeline_factory import make_pairer
 from fwav_companion.telemetry import Telemetry
-from fwav_companion.tools.doctor.listening import quiet
+from fwav_companion.tools.doctor.gathering import quiet
+from fwav_companion.tools.doctor.run_status import RunStatus, run_status
 from fwav_companion.tools.shake.estimate import ShakeData
 from fwav_companion.tools.shake.instructions import Instruction, Instructor, ShakeInputs, ShakePhase
 from fwav_companion.tools.shake.observations import TagObservation
 from fwav_companion.types import Corners, Detection, Frame, NoFrame, Reason, Unpaired
 
 KEPT_S: Final = 120.0
-"""Attitudes: longer than anybody shakes."""
+"""Of attitudes: longer than a person shakes."""
 MOST_FRAMES: Final = 12_000
 """A minute at 200 frames/s."""
 MOST_TAGS: Final = 8
-"""Kept of a frame, of the 256 detections that it may bring: a sheet of them. 80 MB at the very most."""
+"""Kept of a frame, of the 256 detections that it may bring: a sheet of them. 80 MB at most."""
 GOOD_CLOCK_S: Final = 0.003
-"""One sigma of the autopilot's clock with which it may begin: it grows better meanwhile."""
+"""One sigma of the autopilot's clock with which the session may begin: it improves meanwhile."""
 
 Tag = tuple[str, int | None]
-"""The label and the detector's id: what tells one tag from another."""
+"""Label and detector's id: together they identify a tag."""
 
 
-class Shown(msgspec.Struct, frozen=True):
+class ShakeResult(msgspec.Struct, frozen=True):
     """How the session ended."""
 
     advice: Instruction
     shaking: ShakeData | None
-    """None where it never began."""
+    """None where the session never began."""
     refused: Mapping[Reason, int]
     """Frames that could not be placed in time."""
     time_offset_s: float = 0.0
-    """As configured: what is found comes on top."""
+    """As configured: the estimate is added to it."""
 
 
-class ShakeWitness:
-    """Keeps the frames that count, and tells the person what to do."""
+class ShakeSession:
+    """Keeps the frames that count, and guides the person."""
 
     def __init__(
         self,
@@ -61,17 +62,17 @@ class ShakeWitness:
         show: Callable[[Instruction], None],
         now_s: Callable[[], float] = time.monotonic,
     ) -> None:
-        """``now_s``: of CLOCK_MONOTONIC, as the service has it."""
+        """``now_s``: CLOCK_MONOTONIC in seconds, as the service uses it."""
         self._config, self._calibration, self._show, self._now_s = config, calibration, show, now_s
         self._guide = Instructor(wait_s)
         self.frames: list[Frame] = []
-        """What counts so far, with nothing in it but tags."""
+        """Frames kept so far, reduced to their tags."""
         self._came = self._tags = 0
         self._telemetry: Telemetry | None = None
         self.advice = Instruction(ShakePhase.WAITING, "")
 
     def on_frame(self, frame: Frame | NoFrame) -> None:
-        """Of any source."""
+        """Take a frame of any source."""
         self._came += 1
         if isinstance(frame, NoFrame):
             return
@@ -83,37 +84,39 @@ class ShakeWitness:
             self.frames.append(msgspec.structs.replace(frame, detections=tags[:MOST_TAGS]))
 
     def enough(self, status: Mapping[str, Any], telemetry: Telemetry) -> bool:
-        """Whether it is over; the person is told how far it is."""
+        """Show the person the next step; return whether the session is over."""
         self._telemetry = telemetry
-        self.advice = self._guide.instruct(self._moment(status, telemetry))
+        self.advice = self._guide.instruct(
+            self._moment(run_status(msgspec.to_builtins(status)) or RunStatus(), telemetry)
+        )
         self._show(self.advice)
         return self.advice.phase in (ShakePhase.DONE, ShakePhase.FAILED)
 
-    def shown(self, tag_size_m: float) -> Shown:
-        """All of it, as the clock is known now."""
+    def result(self, tag_size_m: float) -> ShakeResult:
+        """Return everything that an estimate needs, by the clock as it is known now."""
         if self._telemetry is None or self.advice.phase is not ShakePhase.DONE:
-            return Shown(self.advice, None, {})
+            return ShakeResult(self.advice, None, {})
         pairer = make_pairer(self._config, self._calibration)
         views, refused = self._views(pairer, self._telemetry)
         shaking = self._shaking(pairer, self._telemetry, views, tag_size_m)
-        return Shown(self.advice, shaking, refused, pairer.time_offset_s)
+        return ShakeResult(self.advice, shaking, refused, pairer.time_offset_s)
 
-    def _moment(self, status: Mapping[str, Any], telemetry: Telemetry) -> ShakeInputs:
-        clock, now_s = status["clock"], self._now_s()
+    def _moment(self, status: RunStatus, telemetry: Telemetry) -> ShakeInputs:
+        sigma_s, now_s = status.clock.sigma_s, self._now_s()
         state = telemetry.newest_state()
         return ShakeInputs(
             now_s=now_s,
             closed=_closed(status, self._config),
-            autopilot=status["autopilot"] is not None,
+            autopilot=status.autopilot is not None,
             attitude_hz=telemetry.attitude_hz(host_from_seconds(now_s)),
-            clock_known=clock["sigma_s"] is not None and clock["sigma_s"] <= GOOD_CLOCK_S,
+            clock_known=sigma_s is not None and sigma_s <= GOOD_CLOCK_S,
             frames=self._came,
             tags=self._tags,
             attitude=None if isinstance(state, Unpaired) else euler_from_quaternion(state.ned_from_body),
         )
 
     def _views(self, pairer: Pairer, telemetry: Telemetry) -> tuple[list[TagObservation], Counter[Reason]]:
-        """The one tag that was seen most, placed in time."""
+        """Return the views of the tag that was seen most, placed in time."""
         seen = Counter(_tag(detection) for frame in self.frames for detection in frame.detections)
         wanted = seen.most_common(1)[0][0] if seen else None
         views: list[TagObservation] = []
@@ -157,21 +160,21 @@ def shake(
     tag_size_m: float,
     wait_s: float,
     show: Callable[[Instruction], None],
-) -> Shown:
-    """Run the service itself, quietly, until the person has shaken it enough; what it heard."""
+) -> ShakeResult:
+    """Run the service quietly until the vehicle was shaken enough; return what was heard."""
     from fwav_companion.service.daemon import Service
 
     logging.getLogger("fwav_companion").addHandler(logging.NullHandler())
-    witness = ShakeWitness(config, calibration, wait_s, show)
+    session = ShakeSession(config, calibration, wait_s, show)
 
     async def attend() -> None:
         service = Service(
             quiet(config), calibration, signing_key, elevation=(), beside_recording={}, attitudes_kept_s=KEPT_S
         )
-        await service.attend(witness)
+        await service.attend(session)
 
     asyncio.run(attend())
-    return witness.shown(tag_size_m)
+    return session.result(tag_size_m)
 
 
 def _attitude_of(telemetry: Telemetry) -> Callable[[BootNs], Quaternion | None]:
@@ -182,18 +185,16 @@ def _attitude_of(telemetry: Telemetry) -> Callable[[BootNs], Quaternion | None]:
     return attitude_at
 
 
-def _closed(status: Mapping[str, Any], config: Config) -> str:
-    """The first way in that could not be opened."""
+def _closed(status: RunStatus, config: Config) -> str:
+    """Return the first input that could not be opened, with the reason; "" if all are open."""
     for link in config.link:
-        told = status["links"][link.name]
-        if link.role == "autopilot" and told["state"] == "down" and told.get("why"):
-            return f"link {link.name} ({link.url}): {told['why']}; does another program have it?"
-    why = status["intake"]["why"]
-    if why:
-        return f"detections ({config.detections.url}): {why}; does another program have it?"
-    vision = status["vision"]
-    if vision is not None and vision["why"]:
-        return f"camera ({config.vision.source if config.vision else ''}): {vision['why']}"
+        report = status.link(link.name)
+        if link.role == "autopilot" and report.state == "down" and report.why:
+            return f"link {link.name} ({link.url}): {report.why}; does another program use it?"
+    if status.intake.why:
+        return f"detections ({config.detections.url}): {status.intake.why}; does another program use it?"
+    if status.vision is not None and status.vision.why:
+        return f"camera ({config.vision.source if config.vision else ''}): {status.vision.why}"
     return ""
 
 
@@ -202,7 +203,7 @@ def _tag(detection: Detection) -> Tag:
 
 
 def _corners(frame: Frame, wanted: Tag | None, image_size: tuple[int, int]) -> Corners | None:
-    """Of the wanted tag, in the pixels of the calibration; None where it is not there, or twice."""
+    """Return the corners of the wanted tag in the calibration's pixels; None where it is absent or seen twice."""
     scaling = scaling_from_size(frame.size, image_size)
     there = [each for each in frame.detections if each.corners is not None and _tag(each) == wanted]
     if len(there) != 1 or isinstance(scaling, Reason):

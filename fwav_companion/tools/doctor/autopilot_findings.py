@@ -1,0 +1,215 @@
+"""The autopilot: is it there, does it send what is requested, how good is its clock, do its parameters fit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Final
+
+from fwav_companion.links.url import SerialUrl
+from fwav_companion.tools.doctor.evidence import Evidence
+from fwav_companion.tools.doctor.finding import Finding, Level
+from fwav_companion.tools.doctor.run_status import ADOPTION_S, MEASURED_S, REQUESTS, RunStatus, StreamReport
+
+ATTITUDES: Final = ("ATTITUDE_QUATERNION", "ATTITUDE")
+REACHED: Final = 0.85
+"""Of the wanted rate: an autopilot's scheduler rounds, and a second's count is off by one."""
+TOLERABLE_MOTION_HZ: Final = 10.0
+"""Attitudes a wing beat that the wanted rate is made of: "ten times the flapping, at least"."""
+LOOP_SHARE: Final = 0.8
+"""Of SCHED_LOOP_RATE: ArduPilot refuses a shorter interval."""
+SMALL_TRIM_DEG: Final = 0.1
+"""The attitude noise that a configuration has by default."""
+TRIM_STAYS_ON: Final = 1 << 8
+"""FLIGHT_OPTIONS bit 8 (ArduPlane): the pitch in ATTITUDE keeps the trim, and is then the true pitch."""
+SWING_MATTERS, SWING_UNKNOWN = 0.01, 0.5
+"""rad: below the first a vehicle needs no fast attitudes; at the second the stream does not show the swing."""
+LONG_ROUND_TRIP_S: Final = 0.05
+"""The bound on the clock is half of it: at 5 Hz and 5 deg of flapping 25 ms are 3 deg."""
+POOR_SIGMA_S: Final = 0.005
+LOOPBACK: Final = ("localhost", "::1")
+REBOOTED: Final = "reboot"
+"""In ``undone_by``: the rate was lost with a restart, and no other program took it."""
+
+
+def autopilot_findings(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
+    """Yield everything about the autopilot."""
+    if status.autopilot is None:
+        if status.up_s >= ADOPTION_S:
+            yield from _not_adopted(evidence, status)
+        return
+    where = f"autopilot {status.autopilot.system}"
+    if status.autopilot_lost:
+        yield Finding(
+            "autopilot_lost", Level.ERROR, where, "its heartbeats stopped", "check its power and the link to it"
+        )
+    yield from _attitude(evidence, status, where)
+    yield from _parameters(evidence, status, where)
+    yield from _position(evidence, status, where)
+    yield from _clock(evidence, status)
+
+
+def _not_adopted(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
+    heard = [
+        peer
+        for link in evidence.config.link
+        for peer in status.traffic_of(link.name).peers
+        if link.role == "autopilot"
+    ]  # fmt: skip
+    systems = sorted({peer.system for peer in heard if peer.component == 1})
+    configured, numbers = evidence.config.vehicle.system_id, ", ".join(map(str, systems))
+    if len(systems) > 1 and configured == 0:
+        yield Finding(
+            "several_autopilots", Level.ERROR, "[vehicle] system_id",
+            f"autopilots {numbers} are heard: none is adopted",
+            f"set [vehicle] system_id to yours: {' or '.join(map(str, systems))}",
+        )  # fmt: skip
+    elif configured and systems and configured not in systems:
+        yield Finding(
+            "other_autopilot", Level.ERROR, "[vehicle] system_id",
+            f"autopilot {numbers} is heard, and {configured} is configured",
+            f"set [vehicle] system_id = {systems[0]}, or 0 to adopt the one that is heard",
+        )  # fmt: skip
+    elif heard:
+        yield Finding(
+            "no_autopilot", Level.ERROR, "autopilot",
+            "MAVLink arrives without an autopilot's heartbeat, from "
+            + ", ".join(f"{peer.system}/{peer.component}" for peer in heard[:5]),
+            "check that this is the vehicle's own link and not a ground station's",
+        )  # fmt: skip
+
+
+def _attitude(evidence: Evidence, status: RunStatus, where: str) -> Iterator[Finding]:
+    telemetry, source = status.telemetry, status.telemetry.attitude_source
+    if not any(telemetry.rates_hz.get(name) for name in ATTITUDES):
+        if status.adopted_s >= MEASURED_S:
+            yield Finding(
+                "no_attitude", Level.ERROR, where, "neither ATTITUDE nor ATTITUDE_QUATERNION arrives",
+                "let the autopilot accept MAV_CMD_SET_MESSAGE_INTERVAL from this service, or set SRn_EXTRA1",
+            )  # fmt: skip
+        return
+    wanted_hz, measured_hz = evidence.config.rates.attitude, measured_attitude_hz(status)
+    undone_by = next((stream.undone_by for stream in status.rates.values() if _is_undone(stream)), "")
+    if undone_by and measured_hz is not None:
+        level = Level.WARNING if measured_hz < REACHED * wanted_hz else Level.NOTE
+        yield Finding(
+            "rates_undone", level, "rates",
+            f"{undone_by} requests other rates: {source} at {measured_hz:.0f} of {wanted_hz:.0f} Hz",
+            "forward_rate_requests = false on its [[link]]; in MAVProxy set streamrate -1, in Mission Planner rates -1",
+        )  # fmt: skip
+    elif measured_hz is not None and measured_hz < REACHED * wanted_hz:
+        yield _slow(evidence, status, measured_hz)
+    if telemetry.too_slow_for_motion and status.adopted_s >= MEASURED_S:
+        rate_hz = max(wanted_hz, TOLERABLE_MOTION_HZ * telemetry.motion_hz)
+        source_hz = telemetry.rates_hz.get(source, 0.0)
+        yield Finding(
+            "too_slow_for_motion", Level.WARNING, where,
+            f"{source} at {source_hz:.0f} Hz does not show motion of {telemetry.motion_hz:.1f} Hz",
+            f"[rates] attitude = {rate_hz:.0f}, on a link that carries it",
+        )  # fmt: skip
+
+
+def measured_attitude_hz(status: RunStatus) -> float | None:
+    """Return the rate of attitudes over a full window since it was granted; None while there was none.
+
+    A station that takes the rate away each second restarts that window: then what arrives counts.
+    """
+    source = status.telemetry.attitude_source
+    stream = status.rates.get(source)
+    if stream is not None and (stream.measured_hz is not None or status.adopted_s < MEASURED_S):
+        return stream.measured_hz
+    return status.telemetry.rates_hz.get(source, 0.0)
+
+
+def _is_undone(stream: StreamReport) -> bool:
+    return bool(stream.undone_by) and REBOOTED not in stream.undone_by
+
+
+def _slow(evidence: Evidence, status: RunStatus, measured_hz: float) -> Finding:
+    source, wanted_hz = status.telemetry.attitude_source, evidence.config.rates.attitude
+    swing = status.telemetry.motion_swing
+    granted_hz = status.rates.get(source, StreamReport()).asked_hz
+    refused = granted_hz is not None and granted_hz < REACHED * wanted_hz
+    return Finding(
+        "attitude_slow",
+        Level.WARNING,
+        "rates",
+        f"{source} arrives at {measured_hz:.0f} Hz, {wanted_hz:.0f} Hz were requested"
+        + (f" and {granted_hz:.0f} Hz granted" if refused else "")
+        + (f"; the vehicle swings by {57.3 * swing:.1f} deg" if SWING_MATTERS < swing < SWING_UNKNOWN else ""),
+        "a faster link, fewer other streams on it, SCHED_LOOP_RATE on ArduPilot, the link's mode (Onboard) on PX4",
+    )
+
+
+def _parameters(evidence: Evidence, status: RunStatus, where: str) -> Iterator[Finding]:
+    parameters, wanted_hz = status.parameters, evidence.config.rates.attitude
+    loop_hz = parameters.get("SCHED_LOOP_RATE")
+    if loop_hz is not None and LOOP_SHARE * loop_hz < wanted_hz:
+        yield Finding(
+            "loop_rate", Level.WARNING, where,
+            f"SCHED_LOOP_RATE {loop_hz:.0f} allows at most {LOOP_SHARE * loop_hz:.0f} of {wanted_hz:.0f} Hz",
+            f"set SCHED_LOOP_RATE to {50.0 * -(-wanted_hz / LOOP_SHARE // 50.0):.0f}, or [rates] attitude lower",
+        )  # fmt: skip
+    trim_deg, stays_on = _trim_deg(parameters), int(parameters.get("FLIGHT_OPTIONS", 0.0)) & TRIM_STAYS_ON
+    if status.telemetry.attitude_source == "ATTITUDE" and abs(trim_deg) > SMALL_TRIM_DEG and not stays_on:
+        removed = bool(status.telemetry.pitch_trim_undone_deg)
+        yield Finding(
+            "pitch_trim", Level.NOTE if removed else Level.WARNING, where,
+            f"ATTITUDE is turned by the pitch trim of {trim_deg:.1f} deg, and ATTITUDE_QUATERNION does not arrive"
+            + (": this service adds the trim again" if removed else ""),
+            '[vehicle] attitude_message = "ATTITUDE_QUATERNION"; or set FLIGHT_OPTIONS bit 8, or the trim to 0',
+        )  # fmt: skip
+
+
+def _trim_deg(parameters: Mapping[str, float]) -> float:
+    return parameters.get("PTCH_TRIM_DEG", parameters.get("TRIM_PITCH_CD", 0.0) / 100.0)
+
+
+def _position(evidence: Evidence, status: RunStatus, where: str) -> Iterator[Finding]:
+    relative = status.telemetry.relative_world
+    if evidence.config.vehicle.position != "auto" or status.origin is not None:
+        return
+    if relative or status.adopted_s >= MEASURED_S:
+        yield Finding(
+            "no_position", Level.WARNING, where,
+            "no global position came: targets are relative to the vehicle" if relative else "no global position yet",
+            'wait for GPS before take-off; [vehicle] position = "none" where there is none on purpose',
+        )  # fmt: skip
+
+
+def _clock(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
+    clock, timesync = status.clock, status.timesync
+    asked = timesync.requests >= REQUESTS
+    if clock.status == "unknown" and asked:
+        yield Finding(
+            "no_clock", Level.ERROR, "clock", "nothing that the autopilot sends holds its time",
+            "let it answer TIMESYNC (every ArduPilot and PX4 does), on a link that works both ways: check TX",
+        )  # fmt: skip
+    elif clock.status == "arrivals" and asked:
+        yield Finding(
+            "timesync_unanswered", Level.WARNING, "clock",
+            "the autopilot does not answer TIMESYNC: its clock is known by arrivals alone, late by the link's delay",
+            "check that what this service sends reaches it (on a wire our TX on its RX)",
+        )  # fmt: skip
+    elif clock.sigma_s is not None and clock.sigma_s > POOR_SIGMA_S and timesync.exchanges >= REQUESTS:
+        yield Finding(
+            "clock_unsettled", Level.WARNING, "clock",
+            f"the autopilot's clock is known to {1e3 * clock.sigma_s:.1f} ms (one sigma)",
+            f"check again in ten seconds; if it stays so, the delay varies: {_varying_delay_fix(evidence, status)}",
+        )  # fmt: skip
+    if clock.round_trip_s is not None and clock.round_trip_s > LONG_ROUND_TRIP_S:
+        yield Finding(
+            "long_round_trip", Level.WARNING, "clock",
+            f"the best round trip to the autopilot takes {1e3 * clock.round_trip_s:.0f} ms",
+            "a faster or emptier link: the clock can be wrong by half of it",
+        )  # fmt: skip
+
+
+def _varying_delay_fix(evidence: Evidence, status: RunStatus) -> str:
+    """Return what to change, by the link that the autopilot is heard on."""
+    name = status.autopilot.link if status.autopilot is not None else ""
+    url = next((link.parsed_url for link in evidence.config.link if link.name == name), None)
+    if isinstance(url, SerialUrl):
+        return "fewer streams on the link, or a higher baud rate"
+    if url is not None and (url.host in LOOPBACK or url.host.startswith("127.")):
+        return "check the load of this computer"
+    return "a wire instead of a radio"

@@ -1,0 +1,116 @@
+"""The board, its disk and supply, its cameras, and the service's own health."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+from fwav_companion.tools.doctor.evidence import Evidence, Folder
+from fwav_companion.tools.doctor.finding import Finding, Level
+from fwav_companion.tools.doctor.run_status import RunStatus
+
+VOLATILE: Final = frozenset({"tmpfs", "ramfs", "overlay", "squashfs"})
+"""File systems whose new content is lost with the power; overlay is how boards mount a read-only root."""
+MB: Final = 1_000_000
+
+
+def board_findings(evidence: Evidence) -> Iterator[Finding]:
+    """Yield what the operating system and the key file show."""
+    yield from _key(evidence)
+    for folder in evidence.board.folders:
+        yield from _folder(evidence, folder)
+    yield from _state(evidence)
+    yield from _power(evidence)
+    yield from _cameras(evidence)
+
+
+def service_findings(_evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
+    """Yield what the service reports of itself."""
+    if status.internal_faults:
+        yield Finding(
+            "internal_fault", Level.WARNING, "service", f"internal errors of the service: {status.internal_faults}",
+            "its log (journalctl -u fwav-companion) has the first one whole: please report it",
+        )  # fmt: skip
+    if status.recording.startswith("recording stopped"):
+        yield Finding(
+            "recording_stopped", Level.WARNING, "[record] directory", status.recording,
+            "check the disk, then restart the service: it records again from then on",
+        )  # fmt: skip
+
+
+def _key(evidence: Evidence) -> Iterator[Finding]:
+    if evidence.files.key_error:
+        yield Finding(
+            "signing_key", Level.ERROR, "[signing] key_file", evidence.files.key_error,
+            "head -c 32 /dev/urandom > signing.key; chmod 600 signing.key; the same key in the autopilot",
+        )  # fmt: skip
+
+
+def _folder(evidence: Evidence, folder: Folder) -> Iterator[Finding]:
+    if folder.missing_mount is not None:
+        yield Finding(
+            "not_mounted", Level.WARNING, folder.key,
+            f"{folder.path}: {folder.missing_mount}: what is written goes to the disk of the system",
+            f"sudo mount {folder.missing_mount.point}, with RequiresMountsFor= in the unit, or another directory",
+        )  # fmt: skip
+    if folder.read_only:
+        yield Finding(
+            "read_only", Level.WARNING, folder.key, f"{folder.path}: its file system is mounted read-only",
+            "sudo mount -o remount,rw, or another directory",
+        )  # fmt: skip
+    elif not folder.writable:
+        yield Finding(
+            "read_only", Level.WARNING, folder.key, f"{folder.path}: {evidence.board.user} may not write there",
+            f"sudo chown {evidence.board.user} {folder.path}, or another directory",
+        )  # fmt: skip
+    elif folder.file_system in VOLATILE:
+        yield Finding(
+            "volatile", Level.WARNING, folder.key,
+            f"{folder.path} is on {folder.file_system}: its content is lost with the power",
+            "a directory on the card or a disk",
+        )  # fmt: skip
+    least = evidence.config.record.min_free_mb * MB
+    if folder.key.startswith("[record]") and folder.free_bytes is not None and folder.free_bytes < least:
+        yield Finding(
+            "disk_full", Level.WARNING, folder.key,
+            f"{folder.free_bytes // MB} MB are free, {least / MB:.0f} MB must stay free: nothing will be recorded",
+            "remove old recordings, or [record] remove_oldest = true",
+        )  # fmt: skip
+
+
+def _state(evidence: Evidence) -> Iterator[Finding]:
+    wanted = evidence.config.signing is not None or evidence.config.tracking.self_calibration
+    if wanted and not any(folder.key.startswith("[state]") for folder in evidence.board.folders):
+        yield Finding(
+            "no_state", Level.NOTE, "[state] directory",
+            "nothing is kept between flights: neither the calibration nor the signing time",
+            "[state] directory, or StateDirectory= in the unit",
+        )  # fmt: skip
+
+
+def _power(evidence: Evidence) -> Iterator[Finding]:
+    power = evidence.board.power
+    if power.low_now or power.low_since_boot:
+        when = "now" if power.low_now else "since boot"
+        yield Finding(
+            "undervoltage", Level.WARNING, "supply",
+            f"the board's supply voltage is too low ({when}): the board slows down, and may restart",
+            "a stronger 5 V regulator, thicker and shorter wires",
+        )  # fmt: skip
+    elif power.throttled_now:
+        yield Finding("throttled", Level.WARNING, "board", "the processor is slowed down by heat", "cool the board")
+
+
+def _cameras(evidence: Evidence) -> Iterator[Finding]:
+    for device in evidence.board.cameras:
+        if not device.exists:
+            yield Finding(
+                "camera_missing", Level.ERROR, "[vision] source", f"{device.path} does not exist",
+                "connect the camera; v4l2-ctl --list-devices or rpicam-hello --list-cameras lists what is present",
+            )  # fmt: skip
+        elif not device.allowed:
+            yield Finding(
+                "camera_permission", Level.ERROR, "[vision] source",
+                f"{evidence.board.user or 'this user'} may not open {device.path}",
+                f"sudo usermod -aG {device.group or 'video'} {evidence.board.user}, then log in again",
+            )  # fmt: skip

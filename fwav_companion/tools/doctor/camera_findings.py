@@ -1,0 +1,119 @@
+"""The camera: its calibration, elevation models, and the stream of its detections."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+from fwav_companion.tools.doctor.evidence import Evidence
+from fwav_companion.tools.doctor.finding import Finding, Level
+from fwav_companion.tools.doctor.run_status import RunStatus
+from fwav_companion.types import NoRay
+
+STALE_S: Final = 2.0
+"""Without a frame. The slowest cameras in use give five a second."""
+FIRST_FRAME_S: Final = 2.0
+"""After its start the service may wait this long for the first frame."""
+
+
+def file_findings(evidence: Evidence) -> Iterator[Finding]:
+    """Yield what is wrong with the camera's files; nothing for a relay."""
+    if not evidence.config.localizes:
+        return
+    if evidence.files.calibration_error:
+        yield Finding(
+            "calibration", Level.ERROR, "[camera] calibration", evidence.files.calibration_error,
+            "`fwav-companion calibrate` makes one; `init` writes the paper's camera as an example",
+        )  # fmt: skip
+        return
+    yield from _narrow(evidence)
+    if evidence.files.elevation_error:
+        yield Finding(
+            "terrain_file",
+            Level.ERROR,
+            "[ground] terrain",
+            evidence.files.elevation_error,
+            "name files that can be read",
+        )
+
+
+def camera_findings(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
+    """Yield what is wrong with the stream of frames, and with the terrain at the vehicle's place."""
+    if not evidence.config.localizes or evidence.files.calibration_error:
+        return
+    yield from _terrain(evidence, status)
+    yield from _stream(evidence, status)
+
+
+def _narrow(evidence: Evidence) -> Iterator[Finding]:
+    """Pixels beyond the valid angle are refused: the user should know before the flight."""
+    calibration = evidence.files.calibration
+    if calibration is None:
+        return
+    width, height = calibration.image_size
+    edges = [(0.0, (height - 1) / 2.0), (width - 1.0, (height - 1) / 2.0)]
+    if any(isinstance(calibration.lens.camera_ray_from_pixel(u, v), NoRay) for u, v in edges):
+        angle_deg = 57.29578 * calibration.lens.max_angle
+        yield Finding(
+            "narrow_calibration", Level.NOTE, "[camera] calibration",
+            f"it is valid to {angle_deg:.0f} deg from the axis: detections at the image's sides are refused",
+            "calibrate with the board at the image's sides too, if that matters",
+        )  # fmt: skip
+
+
+def _terrain(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
+    origin = status.origin
+    if evidence.files.elevation_error or evidence.config.ground.model != "terrain" or origin is None:
+        return
+    inside = (tile.row_column(origin.lat, origin.lon) for tile in evidence.files.elevation)
+    sizes = ((tile.rows - 1, tile.columns - 1) for tile in evidence.files.elevation)
+    covered = any(
+        0 <= row <= last and 0 <= column <= end for (row, column), (last, end) in zip(inside, sizes, strict=True)
+    )
+    if not covered:
+        yield Finding(
+            "terrain_coverage", Level.ERROR, "[ground] terrain",
+            f"no file covers the vehicle's position {origin.lat:.4f}, {origin.lon:.4f}",
+            f"add the file of that place, as {_hgt_name(origin.lat, origin.lon)}",
+        )  # fmt: skip
+
+
+def _hgt_name(lat: float, lon: float) -> str:
+    south, west = int(lat // 1), int(lon // 1)
+    return f"{'N' if south >= 0 else 'S'}{abs(south):02d}{'E' if west >= 0 else 'W'}{abs(west):03d}.hgt"
+
+
+def _stream(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
+    config, intake = evidence.config, status.intake
+    where = config.detections.url or (config.vision.source if config.vision else "")
+    if status.vision is not None and not status.vision.works:
+        if status.vision.why or status.up_s >= FIRST_FRAME_S:
+            yield Finding(
+                "no_camera", Level.ERROR, "[vision] source",
+                f"no pictures of {where}: {status.vision.why or 'the camera is still silent'}",
+                "check that the camera is connected and its name right: libcamera:0 | /dev/video0",
+            )  # fmt: skip
+    elif intake.why:
+        yield _deaf(evidence, where, intake.why)
+    elif not intake.came:
+        if status.up_s >= FIRST_FRAME_S:
+            yield Finding(
+                "no_detections", Level.ERROR, "[detections] url", f"no frame arrived on {where}",
+                "start the detector; it sends one JSON object a frame there, also for frames that show nothing",
+            )  # fmt: skip
+    elif intake.age_s is not None and intake.age_s > STALE_S:
+        yield Finding(
+            "stale_detections", Level.ERROR, "[detections] url", f"the last frame arrived {intake.age_s:.0f} s ago",
+            "check whether the detector still runs",
+        )  # fmt: skip
+
+
+def _deaf(evidence: Evidence, where: str, why: str) -> Finding:
+    holder = evidence.board.holders.get("detections", "")
+    taken = holder or "in use" in why
+    return Finding(
+        "detections_port", Level.ERROR, "[detections] url",
+        f"{where} cannot be listened on: {why}" + (f" (in use by {holder})" if holder else ""),
+        "end that program, or use another address on both sides" if taken else
+        "use an address of this board, as 127.0.0.1 or 0.0.0.0, or unix:///PATH in a folder that it may write to",
+    )  # fmt: skip

@@ -1,0 +1,61 @@
+"""Joins the topics: evidence in, findings with their consequences out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from fwav_companion.tools.doctor.autopilot_findings import autopilot_findings, measured_attitude_hz
+from fwav_companion.tools.doctor.board_findings import board_findings, service_findings
+from fwav_companion.tools.doctor.camera_findings import camera_findings, file_findings
+from fwav_companion.tools.doctor.causes import nested
+from fwav_companion.tools.doctor.detection_findings import detection_findings
+from fwav_companion.tools.doctor.evidence import Evidence
+from fwav_companion.tools.doctor.finding import Finding, Level
+from fwav_companion.tools.doctor.landing_findings import landing_findings
+from fwav_companion.tools.doctor.link_findings import link_findings, port_findings
+from fwav_companion.tools.doctor.run_status import ADOPTION_S, MEASURED_S, REQUESTS, RunStatus
+
+FROM_FILES = (port_findings, file_findings, board_findings)
+FROM_STATUS = (
+    link_findings,
+    autopilot_findings,
+    camera_findings,
+    detection_findings,
+    landing_findings,
+    service_findings,
+)
+
+
+def examine(evidence: Evidence) -> list[Finding]:
+    """Return the root findings, the worst first, each with what follows from it."""
+    findings = [finding for topic in FROM_FILES for finding in topic(evidence)]
+    if evidence.status is not None:
+        findings += [finding for topic in FROM_STATUS for finding in topic(evidence, evidence.status)]
+        findings += _not_judged(evidence.status)
+    return nested(findings, evidence)
+
+
+def _not_judged(status: RunStatus) -> Iterator[Finding]:
+    """What the time of listening was too short for is neither good nor bad."""
+    missing = list(_unmeasured(status))
+    if missing:
+        yield Finding(
+            "too_short", Level.NOTE, "check",
+            f"{status.up_s:.0f} s of listening are too short to judge: {', '.join(missing)}",
+            "check again with --seconds 12; of a service that runs: in ten seconds",
+        )  # fmt: skip
+
+
+def _unmeasured(status: RunStatus) -> Iterator[str]:
+    if status.autopilot is None:
+        if status.up_s < ADOPTION_S:
+            yield "the autopilot"
+        return
+    if status.autopilot_lost or status.up_s == float("inf"):
+        return
+    if measured_attitude_hz(status) is None:
+        yield "the rate of attitudes"
+    if max(status.timesync.exchanges, status.timesync.requests) < REQUESTS:
+        yield "the clock"
+    if status.origin is None and status.adopted_s < MEASURED_S:
+        yield "the position"

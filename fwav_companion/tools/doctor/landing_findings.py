@@ -1,0 +1,117 @@
+"""LANDING_TARGET: does the autopilot use it, does it turn or move what this service sends, is the target ever seen.
+
+ArduPilot's AC_PrecLand assumes a camera's line of sight: it turns the vector by PLND_YAW_ALIGN and PLND_ORIENT, adds
+PLND_CAM_POS in the attitude of the measurement and takes its horizontal part off again in the newest one, and adds
+PLND_LAND_OFS. This service sends the vector from the vehicle to the target in body FRD: nothing is left to be turned.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from math import fmod, hypot
+from typing import Final
+
+from fwav_companion.tools.doctor.evidence import Evidence
+from fwav_companion.tools.doctor.finding import Finding, Level
+from fwav_companion.tools.doctor.run_status import RunStatus
+
+WHERE: Final = "[publish] landing_target"
+MAVLINK_TYPE: Final = 1
+"""PLND_TYPE: a companion computer that sends LANDING_TARGET."""
+ROTATION_DOWN: Final = 25
+"""PLND_ORIENT, ROTATION_PITCH_270: the one that AC_PrecLand does not turn by; the default."""
+FULL_TURN_CDEG: Final = 36_000.0
+SMALL_M: Final = 0.005
+FRAMES: Final = 20
+"""Frames without the landing label before it is missed."""
+
+
+def landing_findings(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
+    """Yield everything about LANDING_TARGET, where it is switched on."""
+    if not evidence.config.publish.landing_target:
+        return
+    if status.autopilot is not None and status.autopilot.kind == "ardupilot":
+        yield from _disabled(status.parameters)
+        yield from _turned(status.parameters)
+        yield from _moved(status.parameters)
+    yield from _label(evidence, status)
+
+
+def _disabled(parameters: Mapping[str, float]) -> Iterator[Finding]:
+    enabled, kind = parameters.get("PLND_ENABLED"), parameters.get("PLND_TYPE", MAVLINK_TYPE)
+    if enabled == 0:
+        yield Finding(
+            "landing_disabled", Level.ERROR, WHERE, "the autopilot ignores LANDING_TARGET: PLND_ENABLED is 0",
+            "set PLND_ENABLED to 1 and PLND_TYPE to 1, and reboot the autopilot",
+        )  # fmt: skip
+    elif kind != MAVLINK_TYPE:
+        yield Finding(
+            "landing_disabled", Level.ERROR, WHERE, f"the autopilot ignores LANDING_TARGET: PLND_TYPE is {kind:.0f}",
+            "set PLND_TYPE to 1, and reboot the autopilot",
+        )  # fmt: skip
+
+
+def _turned(parameters: Mapping[str, float]) -> Iterator[Finding]:
+    yaw_cdeg, orient = parameters.get("PLND_YAW_ALIGN", 0.0), parameters.get("PLND_ORIENT", ROTATION_DOWN)
+    turns = []
+    if fmod(yaw_cdeg, FULL_TURN_CDEG):
+        turns.append(f"PLND_YAW_ALIGN = {yaw_cdeg:.0f} (by {yaw_cdeg / 100.0:.0f} deg)")
+    if orient != ROTATION_DOWN:
+        turns.append(f"PLND_ORIENT = {orient:.0f}")
+    if turns:
+        yield Finding(
+            "landing_turned", Level.ERROR, WHERE,
+            f"the autopilot turns our vector once more, and flies away from the target: {', '.join(turns)}",
+            f"set PLND_YAW_ALIGN to 0 and PLND_ORIENT to {ROTATION_DOWN}; [camera.mount] holds how the camera looks",
+        )  # fmt: skip
+
+
+def _moved(parameters: Mapping[str, float]) -> Iterator[Finding]:
+    x, y, z = (parameters.get(f"PLND_CAM_POS_{axis}", 0.0) for axis in "XYZ")
+    if max(abs(x), abs(y), abs(z)) > SMALL_M:
+        yield Finding(
+            "landing_camera_offset", Level.WARNING, WHERE,
+            f"the autopilot adds PLND_CAM_POS ({x:g}, {y:g}, {z:g}) m to our vector, which counts from the vehicle "
+            f"already: wrong by up to {hypot(x, y, z):.2f} m while the vehicle tilts or turns",
+            "set PLND_CAM_POS_X, _Y and _Z to 0; [camera.mount] position_m holds where the camera is",
+        )  # fmt: skip
+    forward_m, right_m = (parameters.get(f"PLND_LAND_OFS_{axis}", 0.0) / 100.0 for axis in "XY")
+    if hypot(forward_m, right_m) > SMALL_M:
+        yield Finding(
+            "landing_offset", Level.NOTE, WHERE,
+            f"with PLND_LAND_OFS_X, _Y = {100.0 * forward_m:g}, {100.0 * right_m:g} cm the vehicle's position lands "
+            f"{_aside(forward_m, right_m)} the target: the point {_aside(-forward_m, -right_m)} it lands on the target",
+            "set PLND_LAND_OFS_X and _Y to 0, unless that is intended",
+        )  # fmt: skip
+
+
+def _aside(forward_m: float, right_m: float) -> str:
+    """Return a horizontal offset in words: "0.10 m ahead of and 0.05 m left of"."""
+    parts = []
+    if abs(forward_m) > SMALL_M:
+        parts.append(f"{abs(forward_m):.2f} m {'ahead of' if forward_m > 0.0 else 'behind'}")
+    if abs(right_m) > SMALL_M:
+        parts.append(f"{abs(right_m):.2f} m {'right of' if right_m > 0.0 else 'left of'}")
+    return " and ".join(parts)
+
+
+def _label(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
+    wanted, taken, heard = evidence.config.publish.landing_label, evidence.config.detections.labels, status.sight.heard
+    if taken and wanted not in taken:
+        yield Finding(
+            "landing_label", Level.ERROR, "[publish] landing_label",
+            f'"{wanted}" is not among [detections] labels: such detections are not used',
+            f'add "{wanted}" to [detections] labels',
+        )  # fmt: skip
+    elif status.frames >= FRAMES and wanted not in heard.labels:
+        yield Finding(
+            "landing_label", Level.WARNING if heard.labels else Level.NOTE, "[publish] landing_label",
+            f'no detection labelled "{wanted}" came; heard: {labels_heard(status)}',
+            "show the camera the landing target, or set landing_label to what the detector calls it",
+        )  # fmt: skip
+
+
+def labels_heard(status: RunStatus) -> str:
+    """Return the labels of all detections so far, as "pad" (12), "person" (3)."""
+    labels = sorted(status.sight.heard.labels.items(), key=lambda item: -item[1])
+    return ", ".join(f'"{label}" ({count})' for label, count in labels) or "no detection"

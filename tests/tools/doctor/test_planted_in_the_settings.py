@@ -1,0 +1,191 @@
+"""Settings that make every fix or every landing wrong, here and in the autopilot: each is named with what was heard."""
+
+import msgspec
+import pytest
+from hearing import codes, consequences, evidence_of, flown, found, heard
+
+from fwav_companion.tools.doctor.examination import examine
+from fwav_companion.tools.doctor.finding import Level
+from sitl_mock import scenario
+
+HEALTHY = scenario("unbiased").but({"seed": 3})
+NADIR = scenario("nadir").but({"seed": 3})
+LANDING = ["publish.landing_target=true", "publish.landing_label=target"]
+
+
+# Filters.
+
+
+def test_labels_that_filter_everything_are_an_error_that_names_what_was_heard():
+    (finding,) = examine(heard(HEALTHY, ['detections.labels=["boat"]']))
+    assert (finding.code, finding.level) == ("other_label", Level.ERROR)
+    assert '"boat"' in finding.problem
+    assert '"target"' in finding.problem
+
+
+def test_a_score_that_filters_everything_is_an_error_that_names_the_best():
+    (finding,) = examine(heard(HEALTHY, ["detections.min_score=2.0"]))
+    assert (finding.code, finding.level) == ("low_score", Level.ERROR)
+    assert "the best scored 0." in finding.problem
+
+
+@pytest.mark.parametrize(("every", "expected"), [(1, []), (5, [Level.NOTE])])
+def test_a_filter_that_passes_something_is_a_note_at_most(every, expected):
+    count = 0
+
+    def labelled(frame):
+        nonlocal count
+        count += 1
+        label = "target" if count % every == 0 else "tree"
+        return frame | {"detections": [each | {"label": label} for each in frame["detections"]]}
+
+    findings = examine(heard(HEALTHY, ['detections.labels=["target"]'], frame=labelled))
+    assert [finding.level for finding in findings] == expected
+
+
+# The mount.
+
+
+@pytest.mark.parametrize("flight", [HEALTHY, NADIR], ids=["pitched", "level"])
+def test_radians_for_degrees_are_an_error_that_names_the_angle(flight):
+    (finding,) = examine(heard(flight, ["camera.mount.pitch_deg=-1.5708"]))
+    assert (finding.code, finding.level) == ("mount_in_radians", Level.ERROR)
+    assert "pitch_deg = -1.5708" in finding.problem
+    assert finding.fix == "write degrees: pitch_deg = -90.0"
+    assert consequences(finding) == {"above_horizon"}
+
+
+@pytest.mark.parametrize(
+    "angles", [(0.0, -90.0, 0.0), (0.0, 0.0, 0.0), (1.6, -88.3, 0.4), (0.0, -45.0, 1.5708), (1.0, -2.5, 3.0)]
+)
+def test_degrees_are_not_taken_for_radians(angles):
+    settings = [
+        f"camera.mount.{axis}_deg={angle}" for axis, angle in zip(("roll", "pitch", "yaw"), angles, strict=True)
+    ]
+    assert "mount_in_radians" not in found(evidence_of(flown(HEALTHY, settings, seconds=1.0)))
+
+
+@pytest.mark.parametrize("pitch_deg", [60.0, 75.0, 5.0])
+def test_a_mount_that_looks_at_the_sky_is_an_error_that_names_what_was_heard(pitch_deg):
+    (finding,) = examine(heard(HEALTHY, [f"camera.mount.pitch_deg={pitch_deg}"]))
+    assert (finding.code, finding.level) == ("above_horizon", Level.ERROR)
+    assert "above the horizon" in finding.problem
+    assert " detections look " in finding.problem
+
+
+@pytest.mark.parametrize(("pitch_deg", "level"), [(90.0, Level.ERROR), (0.0, Level.WARNING)])
+def test_a_mount_that_looks_at_the_sky_is_named_without_a_detection(pitch_deg, level):
+    """At pitch 37 deg a camera that looks ahead sees sky alone; level, it would see ground."""
+    empty = {"camera.missed": 1.0, "camera.clutter": 0.0}
+    (finding,) = examine(heard(HEALTHY.but(empty), [f"camera.mount.pitch_deg={pitch_deg}"]))
+    assert (finding.code, finding.level) == ("above_horizon", level)
+    assert "no part of the image" in finding.problem
+
+
+@pytest.mark.parametrize("yaw_deg", [90.0, 180.0, -90.0])
+@pytest.mark.parametrize("name", ["unbiased", "nadir", "figure_eight"])
+def test_a_mount_turned_by_a_right_angle_is_an_error_that_names_the_turn(name, yaw_deg):
+    (finding,) = examine(heard(scenario(name).but({"seed": 3}), [f"camera.mount.yaw_deg={yaw_deg}"]))
+    assert (finding.code, finding.level) == ("fixes_disagree", Level.ERROR)
+    assert "yaw_deg = 0:" in finding.fix
+
+
+def test_fixes_that_disagree_for_another_reason_are_a_warning():
+    """A gimbal that nobody configured swings the camera."""
+    findings = examine(heard(scenario("figure_eight").but({"seed": 3}), ["camera.mount.yaw_deg=45.0"]))
+    assert [(each.code, each.level) for each in findings] == [("fixes_disagree", Level.WARNING)]
+    assert "check --shake" in findings[0].fix
+
+
+@pytest.mark.parametrize(
+    "name", ["default", "hover", "nadir", "figure_eight", "outliers", "blur", "gnss_wander", "walker"]
+)
+@pytest.mark.parametrize("seed", [4, 5])
+def test_fixes_within_their_claims_agree(name, seed):
+    """Biases are drawn from the configured priors."""
+    assert "fixes_disagree" not in found(heard(scenario(name).but({"seed": seed})))
+
+
+# Frames whose stamps grow old.
+
+
+def test_stamps_that_grow_old_are_named_before_frames_are_refused():
+    late = 0.0
+
+    def queued(frame):
+        nonlocal late
+        late += 0.0005
+        return frame | {"time_monotonic": frame["time_monotonic"] - late}
+
+    (finding,) = examine(heard(HEALTHY, frame=queued))
+    assert (finding.code, finding.level) == ("stamps_grow_old", Level.WARNING)
+    assert "later and later" in finding.problem
+
+
+def test_stamps_that_are_always_old_do_not_grow():
+    def slow(frame):
+        return frame | {"time_monotonic": frame["time_monotonic"] - 0.3}
+
+    assert "stamps_grow_old" not in found(heard(HEALTHY.but({"camera.latency_jitter_s": 0.05}), frame=slow))
+
+
+# Landing.
+
+PARAMETERS = {
+    "landing_disabled": ({"autopilot.precland_enabled": False}, Level.ERROR, "PLND_ENABLED is 0"),
+    "landing_turned": ({"autopilot.precland_yaw_align_cdeg": 9000.0}, Level.ERROR, "PLND_YAW_ALIGN = 9000 (by 90 deg)"),
+    "landing_camera_offset": ({"autopilot.precland_camera_m": (0.1, 0.0, 0.0)}, Level.WARNING, "(0.1, 0, 0) m"),
+    "landing_offset": (
+        {"autopilot.precland_offset_cm": (10.0, -5.0)},
+        Level.NOTE,
+        "the point 0.10 m behind and 0.05 m right of it lands on the target",
+    ),
+}
+
+
+@pytest.mark.parametrize("code", PARAMETERS)
+def test_a_parameter_that_spoils_the_landing_is_named_where_we_steer_it(code):
+    differences, level, said = PARAMETERS[code]
+    evidence = heard(HEALTHY.but(differences))
+    assert found(evidence) == [], "LANDING_TARGET is off"
+    steering = msgspec.structs.replace(evidence, config=steered(evidence))
+    (finding,) = examine(steering)
+    assert (finding.code, finding.level) == (code, level)
+    assert said in finding.problem
+
+
+def steered(evidence):
+    publish = msgspec.structs.replace(evidence.config.publish, landing_target=True, landing_label="target")
+    return msgspec.structs.replace(evidence.config, publish=publish)
+
+
+@pytest.mark.parametrize(
+    ("difference", "said"),
+    [({"autopilot.precland_orient": 0}, "PLND_ORIENT = 0"), ({"autopilot.precland_yaw_align_cdeg": 36000.0}, "")],
+)
+def test_every_turn_of_our_vector_counts_and_a_whole_one_does_not(difference, said):
+    findings = examine(heard(HEALTHY.but(difference), LANDING))
+    assert codes(findings) == (["landing_turned"] if said else [])
+    assert all(said in finding.problem for finding in findings)
+
+
+def test_px4_has_none_of_these_parameters():
+    assert found(heard(scenario("px4").but({"seed": 3}), LANDING)) == []
+
+
+def test_a_landing_label_that_never_comes_is_named_with_what_came():
+    (finding,) = examine(heard(HEALTHY, [LANDING[0], "publish.landing_label=pad"]))
+    assert (finding.code, finding.level) == ("landing_label", Level.WARNING)
+    assert '"pad"' in finding.problem
+    assert '"target" (' in finding.problem
+
+
+def test_a_landing_label_is_only_noted_while_nothing_at_all_is_seen():
+    empty = {"camera.missed": 1.0, "camera.clutter": 0.0}
+    (finding,) = examine(heard(HEALTHY.but(empty), LANDING))
+    assert (finding.code, finding.level) == ("landing_label", Level.NOTE)
+
+
+def test_a_landing_label_that_our_own_filter_removes_is_an_error():
+    (finding,) = examine(heard(HEALTHY, [LANDING[0], "publish.landing_label=pad", 'detections.labels=["target"]']))
+    assert (finding.code, finding.level) == ("landing_label", Level.ERROR)
