@@ -1,16 +1,16 @@
 """Agreement of the fixes of one target from frame to frame: a wrong mount moves them by metres while it flies. Pure.
 
 Two fixes of a target that stands differ by their noise and by what their biases do not share. The normalised square of
-that difference (2 degrees of freedom) exceeds 13.8 once in a thousand; where many pairs do, an error is larger than
+that difference (2 degrees of freedom) exceeds 5.99 once in twenty pairs; where many pairs do, an error is larger than
 [uncertainty] says. A label (with the detector's id, if it sends one) counts where it occurs once in a frame, so that
-two targets are not taken for one.
+two targets are not taken for one; the share and the median bear false detections in frames without the target.
 """
 
 from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Sequence
-from math import cos, exp, hypot, inf, pi, sin, sqrt
+from math import cos, exp, hypot, inf, pi, sin
 from statistics import median
 from typing import Any, TypeAlias
 
@@ -25,14 +25,14 @@ KEPT = 60
 MOST_TARGETS = 8
 LONGEST_NS = 8_000_000_000
 """Age of the oldest one that counts: a receiver's position wanders little meanwhile."""
-FEWEST = 20
+FEWEST = 30
 """Fewer say nothing."""
-APART = 13.8
-"""Chi-square of two degrees of freedom at 99.9 %."""
+APART = 5.99
+"""Chi-square of two degrees of freedom at 95 %."""
 QUARTER_TURNS = (90.0, 180.0, -90.0)
 """Of the mount about the body's down axis, degrees: the usual mistakes."""
-MANY_APART = 0.2
-"""Of the fixes. Seen with the mock: at most 0.1 in healthy flights, 0.3 and more with a mount turned by 90 deg."""
+MANY_APART = 0.4
+"""Of the fixes. Seen with the mock: at most 0.3 in healthy flights, 0.45 and more with a mount turned by 90 deg."""
 MENDED = 0.5
 """A quarter turn that brings the spread below this share of itself is the likely mistake."""
 
@@ -42,7 +42,7 @@ Target: TypeAlias = tuple[str, int | None]
 
 
 class FixAgreement:
-    """Keeps fixes of the last seconds; compares them when it is asked."""
+    """Keeps the fixes of the last seconds; :meth:`status` compares them."""
 
     def __init__(self, priors: ErrorPriors) -> None:
         self._variances = tuple(priors.sigma(bias) ** 2 for bias in Bias)
@@ -55,14 +55,18 @@ class FixAgreement:
         if not fixes or abs(host_ns - self._last_ns) < STEP_NS:
             return
         self._last_ns = host_ns
-        occurring = Counter(_target(fix) for fix in fixes)
-        for fix in fixes:
-            target = _target(fix)
-            if occurring[target] == 1 and not fix.sighting.relative:
-                self._of(target).append(fix)
+        targets = [_target(fix) for fix in fixes]
+        occurring = Counter(targets)
+        alone = [
+            (target, fix)
+            for target, fix in zip(targets, fixes, strict=True)
+            if occurring[target] == 1 and not fix.sighting.relative
+        ]
+        for target, fix in alone[:MOST_TARGETS]:
+            self._of(target).append(fix)
 
     def _of(self, target: Target) -> deque[GroundFix]:
-        """The fixes of one target, as the newest; the one that was not seen for longest makes room."""
+        """Return the kept fixes of one target, now the newest; the target that was seen longest ago makes room."""
         kept = self._kept.pop(target, None)
         if kept is None:
             kept = deque(maxlen=KEPT)
@@ -72,7 +76,7 @@ class FixAgreement:
         return kept
 
     def status(self) -> dict[str, Any]:
-        """For the status file: how many fixes were compared, which share disagrees, and by how much."""
+        """Return how many fixes were compared, which share disagrees, and by how much, for the status file."""
         fixes = max((self._recent(kept) for kept in self._kept.values()), key=len, default=[])
         if len(fixes) < FEWEST:
             return {"compared": 0, "apart": 0.0, "apart_m": 0.0, "turn_deg": None, "label": ""}
@@ -84,7 +88,7 @@ class FixAgreement:
         return {
             "compared": len(apart),
             "apart": share,
-            "apart_m": sqrt(sum(_distance(point, middle) ** 2 for point in points) / len(points)),
+            "apart_m": median(_distance(point, middle) for point in points),
             "turn_deg": _quarter_turn(fixes, points) if share > MANY_APART else None,
             "label": fixes[0].sighting.detection.label,
         }
@@ -93,7 +97,7 @@ class FixAgreement:
         return [fix for fix in kept if self._last_ns - fix.sighting.frame_host_ns <= LONGEST_NS]
 
     def _normalised(self, a: GroundFix, b: GroundFix) -> float:
-        """The squared horizontal difference, in units of its covariance."""
+        """Return the normalised square of the horizontal difference of two fixes."""
         variance_m2, time_s = self._wander
         apart_s = abs(a.sighting.host_ns - b.sighting.host_ns) * 1e-9
         wandered = 2.0 * variance_m2 * (1.0 - exp(-apart_s / time_s))
@@ -113,14 +117,14 @@ class FixAgreement:
 
 
 def _quarter_turn(fixes: Sequence[GroundFix], points: Sequence[Horizontal]) -> float | None:
-    """The turn of the mount, degrees, with which the same pixels would agree; None where no quarter turn does."""
+    """Return the turn of the mount, degrees, with which the same pixels agree; None if no quarter turn does."""
     spreads = {turn: _spread(_turned(fixes, turn)) for turn in QUARTER_TURNS}
     best = min(spreads, key=spreads.__getitem__)
     return best if spreads[best] < MENDED * _spread(points) else None
 
 
 def _turned(fixes: Sequence[GroundFix], turn_deg: float) -> list[Horizontal]:
-    """Where the rays meet the level of their fixes with the mount turned about the body's down axis."""
+    """Return where the rays meet the level of their fixes with the mount turned about the body's down axis."""
     c, s = cos(turn_deg * pi / 180.0), sin(turn_deg * pi / 180.0)
     about_down: Matrix3 = ((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0))
     points = []
@@ -136,7 +140,7 @@ def _turned(fixes: Sequence[GroundFix], turn_deg: float) -> list[Horizontal]:
 
 
 def _spread(points: Sequence[Horizontal]) -> float:
-    """The median distance from the middle; inf for too few points."""
+    """Return the median distance from the middle; inf for too few points."""
     if len(points) < FEWEST:
         return inf
     middle = _middle(points)

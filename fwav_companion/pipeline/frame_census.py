@@ -1,4 +1,4 @@
-"""What frames bring, whatever becomes of it: labels, the best score, and the age of their stamps at arrival. Pure."""
+"""Census of all frames, used or refused: labels, the best score, and the age of the stamps at arrival. Pure."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from fwav_companion.telemetry.clock.clock import Clock
 from fwav_companion.types import Frame, StampClock
 
 MOST_LABELS = 16
-"""Enough for a message to a person; a detector may invent any number."""
+"""Enough for a line of text; a detector may send any number."""
 WINDOW_NS = 2 * NS_PER_S
 WINDOWS = 6
-"""The least age of each: jitter only adds to it, and twelve seconds show a queue that grows."""
+"""The least age of each is kept: jitter only adds to it, and twelve seconds show a queue that grows."""
 
 
 class FrameCensus:
@@ -38,7 +38,7 @@ class FrameCensus:
             self._add_age(frame, frame.arrival_ns, clock)
 
     def status(self) -> dict[str, Any]:
-        """For the status file."""
+        """Return the census for the status file; ages of the finished windows, the oldest first."""
         return {
             "labels": dict(self._labels),
             "best_score": self._best_score,

@@ -1,4 +1,4 @@
-"""`check` as a user runs it: alone, beside a `run`, on a port that somebody has, on a line at the wrong speed."""
+"""`check` as a user runs it: alone, beside a `run`, on a port in use, on a line at the wrong baud rate."""
 
 import os
 import pty
@@ -15,6 +15,10 @@ from fwav_companion.cli.main import main
 
 def codes(told):
     return [finding["code"] for finding in told["findings"]]
+
+
+def levels(told):
+    return {finding["code"]: finding["level"] for finding in told["findings"]}
 
 
 def test_alone_with_a_healthy_vehicle(site):
@@ -36,17 +40,58 @@ def test_beside_a_run_it_reads_the_status_and_opens_nothing(site):
     assert (status, codes(told)) == (0, []), said
 
 
-def test_a_port_that_somebody_has_is_named_with_its_holder(site):
+def test_too_short_a_time_judges_nothing(site):
+    """The mock is there first: what is measured depends on our time of listening alone."""
+    with site.mock("--scenario", "unbiased") as mock:
+        mock.wait_for("ready")
+        status, said, told = site.check("--seconds", "4")
+    assert (status, levels(told)) == (0, {"too_short": "NOTE"}), said
+
+
+def test_settings_that_spoil_every_fix_and_the_landing_are_errors(site):
+    """A mount turned by 90 deg, and an autopilot that takes no LANDING_TARGET and never sees the label."""
+    site.replace("yaw_deg = 0.0", "yaw_deg = 90.0")
+    site.replace("landing_target = false", "landing_target = true")
+    site.replace('landing_label = ""', 'landing_label = "pad"')
+    settings = ("autopilot.precland_enabled=false", "autopilot.precland_yaw_align_cdeg=9000")
+    with site.mock("--scenario", "unbiased", *(word for text in settings for word in ("--set", text))):
+        status, said, told = site.check("--seconds", "12")
+    expected = {"fixes_disagree": "ERROR", "landing_disabled": "ERROR", "landing_label": "WARNING"}
+    assert (status, levels(told)) == (1, expected), said
+    (disabled,) = [finding for finding in told["findings"] if finding["code"] == "landing_disabled"]
+    assert set(disabled) == {"code", "level", "where", "problem", "fix", "consequences"}
+    assert [each["code"] for each in disabled["consequences"]] == ["landing_turned"]
+    assert "ERROR    [publish] landing_target: " + disabled["problem"] in said
+    assert "follows: [publish] landing_target: " + disabled["consequences"][0]["problem"] in said
+    assert "yaw_deg = 0:" in said
+
+
+def test_an_autopilot_that_dies_beside_a_run_is_one_finding(site):
+    with site.service() as service, site.mock("--scenario", "unbiased") as mock:
+        service.wait_for("origin ")
+        assert mock.stop() == 0
+        for _ in range(round(STARTING_S / 0.1)):
+            if site.status()["autopilot_lost"]:
+                break
+            threading.Event().wait(0.1)
+        status, said, told = site.check()
+        assert service.stop() == 0
+    errors = [finding for finding in told["findings"] if finding["code"] != "stale_detections"]
+    assert (status, [finding["code"] for finding in errors]) == (1, ["autopilot_lost"]), said
+    assert errors[0]["consequences"]
+
+
+def test_a_port_in_use_is_named_with_its_holder(site):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as holder:
         holder.bind(("127.0.0.1", site.autopilot_port))
         status, said, told = site.check("--seconds", "1")
     assert status == 1
     (taken,) = [finding for finding in told["findings"] if finding["code"] == "port_taken"]
-    assert f"(pid {os.getpid()})" in taken["what"]
-    assert taken["what"] in said
+    assert f"(pid {os.getpid()})" in taken["problem"]
+    assert taken["problem"] in said
 
 
-def test_a_serial_line_at_the_wrong_speed_is_named(site):
+def test_a_serial_line_at_the_wrong_baud_rate_is_named(site):
     ours, theirs = pty.openpty()
     site.replace(f"udpin://127.0.0.1:{site.autopilot_port}", f"serial://{os.ttyname(theirs)}:57600")
     noise, over = random.Random(2), threading.Event()

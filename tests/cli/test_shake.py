@@ -55,7 +55,7 @@ def test_a_port_that_somebody_has_is_named(site, capsys):
         assert main([*words, "--seconds", "1"]) == 1
     said = capsys.readouterr().out
     assert "in use" in said
-    assert "does another program have it?" in said
+    assert "does another program use it?" in said
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,9 @@
 """The attitude between samples, against closed-form motions through scipy's Rotation and its own interpolations."""
 
-from math import pi
+from math import pi, radians
 
 import flapping
+import msgspec
 import numpy as np
 import pytest
 from flapping import errors_and_claims, flying, nodding, rms
@@ -99,6 +100,16 @@ def test_attitudes_at_the_turning_points_alone_show_it_without_any_rate():
     samples = flapping.stream(lambda t: motion(t + (np.pi / 2.0 - 0.3) / (10.0 * np.pi)), 10, 10.0, filter_hz=None)
     assert max(np.linalg.norm(sample.rates) for sample in samples[20:]) < 0.01
     assert flapping.history_of(samples).check.instant_sigma_s == pytest.approx(0.1 / np.sqrt(12.0), rel=0.01)
+
+
+def test_a_still_vehicle_shows_no_motion_whose_ekf_aligns_its_yaw():
+    """The attitude steps by 30 deg in 10 ms, and the gyros send noise of 0.1 deg/s: no rate shows the step."""
+    rng = np.random.default_rng(1)
+    stepping = flapping.stream(lambda t: (0.0, 0.0, radians(30.0) * (t > 3.0)), 100, 8.0)
+    samples = [msgspec.structs.replace(each, rates=tuple(rng.normal(0.0, radians(0.1), 3))) for each in stepping]
+    check = flapping.history_of(samples).check
+    assert check.too_slow, "the attitudes do step"
+    assert (check.status()["too_slow_for_motion"], check.status()["motion_hz"]) == (False, 0.0)
 
 
 @pytest.mark.parametrize("hz", [13, 15, 25, 50, 100])

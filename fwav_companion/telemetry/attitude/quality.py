@@ -57,7 +57,8 @@ TOO_SLOW = 0.1
 STILL = 0.03
 """rad/s, RMS of the rates as sent, all axes together (1.7 deg/s). Below it the vehicle stands still: what is left
 unexplained is noise of the gyros (0.1 deg/s), or a step of the attitude alone, as when an EKF aligns its yaw. A motion
-of 15 Hz that fits below it has an amplitude of 0.5 mrad: 5 mm from 10 m."""
+of 15 Hz that fits below it has an amplitude of 0.5 mrad: 5 mm from 10 m. Interpolation and its sigma do not
+depend on it: at such rates an error of the instant moves nothing."""
 
 
 class Method(StrEnum):
@@ -179,11 +180,9 @@ class AttitudeQuality:
 
     @property
     def too_slow(self) -> bool:
-        """The rates show motion that the attitudes do not show: it is faster than they come."""
-        if self.alternates:
-            return True
-        unexplained, sent = self.rates.disagreement, self.rates.sent_rms
-        return sent >= STILL and unexplained * unexplained > TOO_SLOW * sent * sent
+        """The rates tell of motion that the attitudes do not show: it is faster than they come."""
+        unexplained = self.rates.disagreement
+        return self.alternates or unexplained * unexplained > TOO_SLOW * self.rates.sent_rms**2
 
     def sigma(self, interval_s: float, method: Method) -> float:
         """One sigma of interpolating over an interval of this width, rad about each axis."""
@@ -220,7 +219,7 @@ class AttitudeQuality:
             "interpolation_sigma": self.sigma(self._spacing, self.method) if self.settled else None,
             "motion_hz": 0.0 if self.still else self.frequency / (2.0 * pi),
             "motion_swing": self.swing,
-            "too_slow_for_motion": self.too_slow,
+            "too_slow_for_motion": self.too_slow and not self.still,
             "rates_agree": self.rates.usable,
             "rates_lag_s": lag_s if self.rates.usable else None,
             "rates_gain": gain if self.rates.usable else None,

@@ -155,9 +155,9 @@ class AgreementReport(StatusPart, frozen=True, kw_only=True):
 
     compared: int = 0
     apart: float = 0.0
-    """Share that disagrees beyond 99.9 % of what [uncertainty] allows."""
+    """Share that disagrees beyond 95 % of what [uncertainty] allows."""
     apart_m: float = 0.0
-    """RMS distance from their middle."""
+    """Median distance from their middle."""
     turn_deg: float | None = None
     """Turn of the mount about the body's down axis with which they agree."""
     label: str = ""

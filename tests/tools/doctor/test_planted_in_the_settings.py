@@ -91,19 +91,36 @@ def test_a_mount_turned_by_a_right_angle_is_an_error_that_names_the_turn(name, y
 
 
 def test_fixes_that_disagree_for_another_reason_are_a_warning():
-    """A gimbal that nobody configured swings the camera."""
+    """A mount turned by 45 deg: no right angle mends it."""
     findings = examine(heard(scenario("figure_eight").but({"seed": 3}), ["camera.mount.yaw_deg=45.0"]))
     assert [(each.code, each.level) for each in findings] == [("fixes_disagree", Level.WARNING)]
     assert "check --shake" in findings[0].fix
 
 
 @pytest.mark.parametrize(
-    "name", ["default", "hover", "nadir", "figure_eight", "outliers", "blur", "gnss_wander", "walker"]
+    "name", ["default", "hover", "nadir", "figure_eight", "outliers", "blur", "gnss_wander", "racetrack"]
 )
-@pytest.mark.parametrize("seed", [4, 5])
+@pytest.mark.parametrize("seed", [4, 13])
 def test_fixes_within_their_claims_agree(name, seed):
-    """Biases are drawn from the configured priors."""
-    assert "fixes_disagree" not in found(heard(scenario(name).but({"seed": seed})))
+    """Biases are drawn from the configured priors; racetrack 13 has false detections while the target is not in view."""
+    assert "fixes_disagree" not in found(heard(scenario(name).but({"seed": seed}), seconds=16.0))
+
+
+@pytest.mark.parametrize(("motion", "expected"), [("static", ["fixes_disagree"]), ("moving", [])])
+def test_a_target_that_moves_is_named_where_it_is_configured_to_stand(motion, expected):
+    walker = scenario("walker").but({"seed": 2})
+    findings = examine(heard(walker, [f"tracking.motion={motion}"], seconds=16.0))
+    assert codes(findings) == expected
+    assert all('motion = "moving"' in finding.fix for finding in findings)
+
+
+def test_a_receiver_that_wanders_as_configured_leaves_fixes_in_agreement():
+    wander = {"position_bias_m": 4.0, "position_bias_time_s": 5.0}
+    flight = scenario("hover").but({"seed": 4} | {f"priors.{name}": value for name, value in wander.items()})
+    settings = [f"uncertainty.{name}={value}" for name, value in wander.items()]
+    evidence = heard(flight, settings)
+    assert evidence.status.sight.agreement.apart_m > 0.8
+    assert found(evidence) == []
 
 
 # Frames whose stamps grow old.
