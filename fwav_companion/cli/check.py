@@ -142,7 +142,7 @@ def _listened(config: Config, files: Files, key: bytes | None, seconds: float) -
     if sys.stderr.isatty():
         bar.start()
     try:
-        return listen(config, files.calibration, key, tuple(files.elevation), seconds)
+        return listen(config, files, key, seconds)
     finally:
         done.set()
         if bar.is_alive():

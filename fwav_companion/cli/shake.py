@@ -35,7 +35,7 @@ def run_shake(config: Config, tag_size_m: float, wait_s: float, *, as_json: bool
         holder = f"a `run` (pid {status.typed.pid}) has the links and the camera"
         return _failed(f"{holder}: stop it (systemctl stop fwav-companion), then shake", as_json=as_json)
     with InstructionDisplay() as display:
-        shown = shake(config, calibration, key, tag_size_m, wait_s, display.show)
+        shown = shake(config, calibration, key, tag_size_m=tag_size_m, wait_s=wait_s, show=display.show)
     return _print_estimate(config, shown, as_json=as_json)
 
 

@@ -1,6 +1,6 @@
 """Agreement of the fixes of one target from frame to frame: a wrong mount moves them by metres while it flies. Pure.
 
-Two fixes of a target that stands differ by their noise and by what their biases do not share. The normalised square of
+Two fixes of a target at rest differ by their noise and by what their biases do not share. The normalised square of
 that difference (2 degrees of freedom) exceeds 5.99 once in twenty pairs; where many pairs do, an error is larger than
 [uncertainty] says. A label (with the detector's id, if it sends one) counts where it occurs once in a frame, so that
 two targets are not taken for one; the share and the median bear false detections in frames without the target.

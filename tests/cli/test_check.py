@@ -1,4 +1,4 @@
-"""`check` as a user runs it: alone, beside a `run`, on a port in use, on a line at the wrong baud rate."""
+"""`check` as a user runs it: alone, while a `run` is active, on a port in use, on a line at the wrong baud rate."""
 
 import os
 import pty
@@ -13,18 +13,18 @@ from processes import STARTING_S, process
 from fwav_companion.cli.main import main
 
 
-def codes(told):
-    return [finding["code"] for finding in told["findings"]]
+def codes(report):
+    return [finding["code"] for finding in report["findings"]]
 
 
-def levels(told):
-    return {finding["code"]: finding["level"] for finding in told["findings"]}
+def levels(report):
+    return {finding["code"]: finding["level"] for finding in report["findings"]}
 
 
 def test_alone_with_a_healthy_vehicle(site):
     with site.mock("--scenario", "unbiased"):
-        status, said, told = site.check("--seconds", "11.0")
-    assert (status, codes(told), told["ok"]) == (0, [], True), said
+        status, said, report = site.check("--seconds", "11.0")
+    assert (status, codes(report), report["ok"]) == (0, [], True), said
     assert "all is well" in said
     assert "ATTITUDE_QUATERNION" in said
     assert not (site.folder / "status.json").exists()
@@ -34,18 +34,18 @@ def test_beside_a_run_it_reads_the_status_and_opens_nothing(site):
     with site.service() as service, site.mock("--scenario", "unbiased"):
         service.wait_for("origin ")
         threading.Event().wait(6.0)  # the rates that were asked for are measured
-        status, said, told = site.check("--seconds", "600.0")
+        status, said, report = site.check("--seconds", "600.0")
         assert service.stop() == 0
-    assert told["how"].startswith("by the status")
-    assert (status, codes(told)) == (0, []), said
+    assert report["how"].startswith("by the status")
+    assert (status, codes(report)) == (0, []), said
 
 
 def test_too_short_a_time_judges_nothing(site):
     """The mock is there first: what is measured depends on our time of listening alone."""
     with site.mock("--scenario", "unbiased") as mock:
         mock.wait_for("ready")
-        status, said, told = site.check("--seconds", "4")
-    assert (status, levels(told)) == (0, {"too_short": "NOTE"}), said
+        status, said, report = site.check("--seconds", "4")
+    assert (status, levels(report)) == (0, {"too_short": "NOTE"}), said
 
 
 def test_settings_that_spoil_every_fix_and_the_landing_are_errors(site):
@@ -55,10 +55,10 @@ def test_settings_that_spoil_every_fix_and_the_landing_are_errors(site):
     site.replace('landing_label = ""', 'landing_label = "pad"')
     settings = ("autopilot.precland_enabled=false", "autopilot.precland_yaw_align_cdeg=9000")
     with site.mock("--scenario", "unbiased", *(word for text in settings for word in ("--set", text))):
-        status, said, told = site.check("--seconds", "12")
+        status, said, report = site.check("--seconds", "12")
     expected = {"fixes_disagree": "ERROR", "landing_disabled": "ERROR", "landing_label": "WARNING"}
-    assert (status, levels(told)) == (1, expected), said
-    (disabled,) = [finding for finding in told["findings"] if finding["code"] == "landing_disabled"]
+    assert (status, levels(report)) == (1, expected), said
+    (disabled,) = [finding for finding in report["findings"] if finding["code"] == "landing_disabled"]
     assert set(disabled) == {"code", "level", "where", "problem", "fix", "consequences"}
     assert [each["code"] for each in disabled["consequences"]] == ["landing_turned"]
     assert "ERROR    [publish] landing_target: " + disabled["problem"] in said
@@ -74,9 +74,9 @@ def test_an_autopilot_that_dies_beside_a_run_is_one_finding(site):
             if site.status()["autopilot_lost"]:
                 break
             threading.Event().wait(0.1)
-        status, said, told = site.check()
+        status, said, report = site.check()
         assert service.stop() == 0
-    errors = [finding for finding in told["findings"] if finding["code"] != "stale_detections"]
+    errors = [finding for finding in report["findings"] if finding["code"] != "stale_detections"]
     assert (status, [finding["code"] for finding in errors]) == (1, ["autopilot_lost"]), said
     assert errors[0]["consequences"]
 
@@ -84,9 +84,9 @@ def test_an_autopilot_that_dies_beside_a_run_is_one_finding(site):
 def test_a_port_in_use_is_named_with_its_holder(site):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as holder:
         holder.bind(("127.0.0.1", site.autopilot_port))
-        status, said, told = site.check("--seconds", "1")
+        status, said, report = site.check("--seconds", "1")
     assert status == 1
-    (taken,) = [finding for finding in told["findings"] if finding["code"] == "port_taken"]
+    (taken,) = [finding for finding in report["findings"] if finding["code"] == "port_taken"]
     assert f"(pid {os.getpid()})" in taken["problem"]
     assert taken["problem"] in said
 
@@ -103,14 +103,14 @@ def test_a_serial_line_at_the_wrong_baud_rate_is_named(site):
     speaker = threading.Thread(target=speak)
     speaker.start()
     try:
-        status, said, told = site.check("--seconds", "2.0")
+        status, said, report = site.check("--seconds", "2.0")
     finally:
         over.set()
         speaker.join()
         os.close(ours)
         os.close(theirs)
     assert status == 1
-    assert codes(told)[0] == "garbage"
+    assert codes(report)[0] == "garbage"
     assert "baud" in said
 
 

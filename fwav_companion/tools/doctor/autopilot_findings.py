@@ -40,7 +40,11 @@ def autopilot_findings(evidence: Evidence, status: RunStatus) -> Iterator[Findin
     where = f"autopilot {status.autopilot.system}"
     if status.autopilot_lost:
         yield Finding(
-            "autopilot_lost", Level.ERROR, where, "its heartbeats stopped", "check its power and the link to it"
+            "autopilot_lost",
+            Level.ERROR,
+            where,
+            problem="its heartbeats stopped",
+            fix="check its power and the link to it",
         )
     yield from _attitude(evidence, status, where)
     yield from _parameters(evidence, status, where)
@@ -50,32 +54,35 @@ def autopilot_findings(evidence: Evidence, status: RunStatus) -> Iterator[Findin
 
 def _not_adopted(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
     heard = [
-        peer
-        for link in evidence.config.link
-        for peer in status.traffic_of(link.name).peers
-        if link.role == "autopilot"
-    ]  # fmt: skip
+        peer for link in evidence.config.link for peer in status.traffic_of(link.name).peers if link.role == "autopilot"
+    ]
     systems = sorted({peer.system for peer in heard if peer.component == 1})
     configured, numbers = evidence.config.vehicle.system_id, ", ".join(map(str, systems))
     if len(systems) > 1 and configured == 0:
         yield Finding(
-            "several_autopilots", Level.ERROR, "[vehicle] system_id",
-            f"autopilots {numbers} are heard: none is adopted",
-            f"set [vehicle] system_id to yours: {' or '.join(map(str, systems))}",
-        )  # fmt: skip
+            "several_autopilots",
+            Level.ERROR,
+            "[vehicle] system_id",
+            problem=f"autopilots {numbers} are heard: none is adopted",
+            fix=f"set [vehicle] system_id to yours: {' or '.join(map(str, systems))}",
+        )
     elif configured and systems and configured not in systems:
         yield Finding(
-            "other_autopilot", Level.ERROR, "[vehicle] system_id",
-            f"autopilot {numbers} is heard, and {configured} is configured",
-            f"set [vehicle] system_id = {systems[0]}, or 0 to adopt the one that is heard",
-        )  # fmt: skip
+            "other_autopilot",
+            Level.ERROR,
+            "[vehicle] system_id",
+            problem=f"autopilot {numbers} is heard, and {configured} is configured",
+            fix=f"set [vehicle] system_id = {systems[0]}, or 0 to adopt the one that is heard",
+        )
     elif heard:
         yield Finding(
-            "no_autopilot", Level.ERROR, "autopilot",
-            "MAVLink arrives without an autopilot's heartbeat, from "
+            "no_autopilot",
+            Level.ERROR,
+            "autopilot",
+            problem="MAVLink arrives without an autopilot's heartbeat, from "
             + ", ".join(f"{peer.system}/{peer.component}" for peer in heard[:5]),
-            "check that this is the vehicle's own link and not a ground station's",
-        )  # fmt: skip
+            fix="check that this is the vehicle's own link and not a ground station's",
+        )
 
 
 def _attitude(evidence: Evidence, status: RunStatus, where: str) -> Iterator[Finding]:
@@ -83,29 +90,36 @@ def _attitude(evidence: Evidence, status: RunStatus, where: str) -> Iterator[Fin
     if not any(telemetry.rates_hz.get(name) for name in ATTITUDES):
         if status.adopted_s >= MEASURED_S:
             yield Finding(
-                "no_attitude", Level.ERROR, where, "neither ATTITUDE nor ATTITUDE_QUATERNION arrives",
-                "let the autopilot accept MAV_CMD_SET_MESSAGE_INTERVAL from this service, or set SRn_EXTRA1",
-            )  # fmt: skip
+                "no_attitude",
+                Level.ERROR,
+                where,
+                problem="neither ATTITUDE nor ATTITUDE_QUATERNION arrives",
+                fix="let the autopilot accept MAV_CMD_SET_MESSAGE_INTERVAL from this service, or set SRn_EXTRA1",
+            )
         return
     wanted_hz, measured_hz = evidence.config.rates.attitude, measured_attitude_hz(status)
     undone_by = next((stream.undone_by for stream in status.rates.values() if _is_undone(stream)), "")
     if undone_by and measured_hz is not None:
         level = Level.WARNING if measured_hz < REACHED * wanted_hz else Level.NOTE
         yield Finding(
-            "rates_undone", level, "rates",
-            f"{undone_by} requests other rates: {source} at {measured_hz:.0f} of {wanted_hz:.0f} Hz",
-            "forward_rate_requests = false on its [[link]]; in MAVProxy set streamrate -1, in Mission Planner rates -1",
-        )  # fmt: skip
+            "rates_undone",
+            level,
+            "rates",
+            problem=f"{undone_by} requests other rates: {source} at {measured_hz:.0f} of {wanted_hz:.0f} Hz",
+            fix="forward_rate_requests = false on its [[link]]; MAVProxy: set streamrate -1; Mission Planner: rates -1",
+        )
     elif measured_hz is not None and measured_hz < REACHED * wanted_hz:
         yield _slow(evidence, status, measured_hz)
     if telemetry.too_slow_for_motion and status.adopted_s >= MEASURED_S:
         rate_hz = max(wanted_hz, TOLERABLE_MOTION_HZ * telemetry.motion_hz)
         source_hz = telemetry.rates_hz.get(source, 0.0)
         yield Finding(
-            "too_slow_for_motion", Level.WARNING, where,
-            f"{source} at {source_hz:.0f} Hz does not show motion of {telemetry.motion_hz:.1f} Hz",
-            f"[rates] attitude = {rate_hz:.0f}, on a link that carries it",
-        )  # fmt: skip
+            "too_slow_for_motion",
+            Level.WARNING,
+            where,
+            problem=f"{source} at {source_hz:.0f} Hz does not show motion of {telemetry.motion_hz:.1f} Hz",
+            fix=f"[rates] attitude = {rate_hz:.0f}, on a link that carries it",
+        )
 
 
 def measured_attitude_hz(status: RunStatus) -> float | None:
@@ -133,10 +147,10 @@ def _slow(evidence: Evidence, status: RunStatus, measured_hz: float) -> Finding:
         "attitude_slow",
         Level.WARNING,
         "rates",
-        f"{source} arrives at {measured_hz:.0f} Hz, {wanted_hz:.0f} Hz were requested"
+        problem=f"{source} arrives at {measured_hz:.0f} Hz, {wanted_hz:.0f} Hz were requested"
         + (f" and {granted_hz:.0f} Hz granted" if refused else "")
         + (f"; the vehicle swings by {57.3 * swing:.1f} deg" if SWING_MATTERS < swing < SWING_UNKNOWN else ""),
-        "a faster link, fewer other streams on it, SCHED_LOOP_RATE on ArduPilot, the link's mode (Onboard) on PX4",
+        fix="a faster link, fewer other streams on it, SCHED_LOOP_RATE on ArduPilot, the link's mode (Onboard) on PX4",
     )
 
 
@@ -145,19 +159,23 @@ def _parameters(evidence: Evidence, status: RunStatus, where: str) -> Iterator[F
     loop_hz = parameters.get("SCHED_LOOP_RATE")
     if loop_hz is not None and LOOP_SHARE * loop_hz < wanted_hz:
         yield Finding(
-            "loop_rate", Level.WARNING, where,
-            f"SCHED_LOOP_RATE {loop_hz:.0f} allows at most {LOOP_SHARE * loop_hz:.0f} of {wanted_hz:.0f} Hz",
-            f"set SCHED_LOOP_RATE to {50.0 * -(-wanted_hz / LOOP_SHARE // 50.0):.0f}, or [rates] attitude lower",
-        )  # fmt: skip
+            "loop_rate",
+            Level.WARNING,
+            where,
+            problem=f"SCHED_LOOP_RATE {loop_hz:.0f} allows at most {LOOP_SHARE * loop_hz:.0f} of {wanted_hz:.0f} Hz",
+            fix=f"set SCHED_LOOP_RATE to {50.0 * -(-wanted_hz / LOOP_SHARE // 50.0):.0f}, or [rates] attitude lower",
+        )
     trim_deg, stays_on = _trim_deg(parameters), int(parameters.get("FLIGHT_OPTIONS", 0.0)) & TRIM_STAYS_ON
     if status.telemetry.attitude_source == "ATTITUDE" and abs(trim_deg) > SMALL_TRIM_DEG and not stays_on:
         removed = bool(status.telemetry.pitch_trim_undone_deg)
         yield Finding(
-            "pitch_trim", Level.NOTE if removed else Level.WARNING, where,
-            f"ATTITUDE is turned by the pitch trim of {trim_deg:.1f} deg, and ATTITUDE_QUATERNION does not arrive"
+            "pitch_trim",
+            Level.NOTE if removed else Level.WARNING,
+            where,
+            problem=f"ATTITUDE lacks the pitch trim of {trim_deg:.1f} deg, and ATTITUDE_QUATERNION does not arrive"
             + (": this service adds the trim again" if removed else ""),
-            '[vehicle] attitude_message = "ATTITUDE_QUATERNION"; or set FLIGHT_OPTIONS bit 8, or the trim to 0',
-        )  # fmt: skip
+            fix='[vehicle] attitude_message = "ATTITUDE_QUATERNION"; or set FLIGHT_OPTIONS bit 8, or the trim to 0',
+        )
 
 
 def _trim_deg(parameters: Mapping[str, float]) -> float:
@@ -170,10 +188,14 @@ def _position(evidence: Evidence, status: RunStatus, where: str) -> Iterator[Fin
         return
     if relative or status.adopted_s >= MEASURED_S:
         yield Finding(
-            "no_position", Level.WARNING, where,
-            "no global position came: targets are relative to the vehicle" if relative else "no global position yet",
-            'wait for GPS before take-off; [vehicle] position = "none" where there is none on purpose',
-        )  # fmt: skip
+            "no_position",
+            Level.WARNING,
+            where,
+            problem="no global position came: targets are relative to the vehicle"
+            if relative
+            else "no global position yet",
+            fix='wait for GPS before take-off; [vehicle] position = "none" where there is none on purpose',
+        )
 
 
 def _clock(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
@@ -181,27 +203,36 @@ def _clock(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
     asked = timesync.requests >= REQUESTS
     if clock.status == "unknown" and asked:
         yield Finding(
-            "no_clock", Level.ERROR, "clock", "nothing that the autopilot sends holds its time",
-            "let it answer TIMESYNC (every ArduPilot and PX4 does), on a link that works both ways: check TX",
-        )  # fmt: skip
+            "no_clock",
+            Level.ERROR,
+            "clock",
+            problem="nothing that the autopilot sends holds its time",
+            fix="let it answer TIMESYNC (every ArduPilot and PX4 does), on a link that works both ways: check TX",
+        )
     elif clock.status == "arrivals" and asked:
         yield Finding(
-            "timesync_unanswered", Level.WARNING, "clock",
-            "the autopilot does not answer TIMESYNC: its clock is known by arrivals alone, late by the link's delay",
-            "check that what this service sends reaches it (on a wire our TX on its RX)",
-        )  # fmt: skip
+            "timesync_unanswered",
+            Level.WARNING,
+            "clock",
+            problem="the autopilot does not answer TIMESYNC: its clock is known by arrivals, late by the link's delay",
+            fix="check that what this service sends reaches it (on a wire our TX on its RX)",
+        )
     elif clock.sigma_s is not None and clock.sigma_s > POOR_SIGMA_S and timesync.exchanges >= REQUESTS:
         yield Finding(
-            "clock_unsettled", Level.WARNING, "clock",
-            f"the autopilot's clock is known to {1e3 * clock.sigma_s:.1f} ms (one sigma)",
-            f"check again in ten seconds; if it stays so, the delay varies: {_varying_delay_fix(evidence, status)}",
-        )  # fmt: skip
+            "clock_unsettled",
+            Level.WARNING,
+            "clock",
+            problem=f"the autopilot's clock is known to {1e3 * clock.sigma_s:.1f} ms (one sigma)",
+            fix=f"check again in ten seconds; if it stays so, the delay varies: {_varying_delay_fix(evidence, status)}",
+        )
     if clock.round_trip_s is not None and clock.round_trip_s > LONG_ROUND_TRIP_S:
         yield Finding(
-            "long_round_trip", Level.WARNING, "clock",
-            f"the best round trip to the autopilot takes {1e3 * clock.round_trip_s:.0f} ms",
-            "a faster or emptier link: the clock can be wrong by half of it",
-        )  # fmt: skip
+            "long_round_trip",
+            Level.WARNING,
+            "clock",
+            problem=f"the best round trip to the autopilot takes {1e3 * clock.round_trip_s:.0f} ms",
+            fix="a faster or emptier link: the clock can be wrong by half of it",
+        )
 
 
 def _varying_delay_fix(evidence: Evidence, status: RunStatus) -> str:

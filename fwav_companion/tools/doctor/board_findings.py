@@ -28,22 +28,31 @@ def service_findings(_evidence: Evidence, status: RunStatus) -> Iterator[Finding
     """Yield what the service reports of itself."""
     if status.internal_faults:
         yield Finding(
-            "internal_fault", Level.WARNING, "service", f"internal errors of the service: {status.internal_faults}",
-            "its log (journalctl -u fwav-companion) has the first one whole: please report it",
-        )  # fmt: skip
+            "internal_fault",
+            Level.WARNING,
+            "service",
+            problem=f"internal errors of the service: {status.internal_faults}",
+            fix="its log (journalctl -u fwav-companion) has the first one whole: please report it",
+        )
     if status.recording.startswith("recording stopped"):
         yield Finding(
-            "recording_stopped", Level.WARNING, "[record] directory", status.recording,
-            "check the disk, then restart the service: it records again from then on",
-        )  # fmt: skip
+            "recording_stopped",
+            Level.WARNING,
+            "[record] directory",
+            problem=status.recording,
+            fix="check the disk, then restart the service: it records again from then on",
+        )
 
 
 def _key(evidence: Evidence) -> Iterator[Finding]:
     if evidence.files.key_error:
         yield Finding(
-            "signing_key", Level.ERROR, "[signing] key_file", evidence.files.key_error,
-            "head -c 32 /dev/urandom > signing.key; chmod 600 signing.key; the same key in the autopilot",
-        )  # fmt: skip
+            "signing_key",
+            Level.ERROR,
+            "[signing] key_file",
+            problem=evidence.files.key_error,
+            fix="head -c 32 /dev/urandom > signing.key; chmod 600 signing.key; the same key in the autopilot",
+        )
 
 
 def _folder(evidence: Evidence, folder: Folder) -> Iterator[Finding]:
@@ -55,37 +64,49 @@ def _folder(evidence: Evidence, folder: Folder) -> Iterator[Finding]:
         )  # fmt: skip
     if folder.read_only:
         yield Finding(
-            "read_only", Level.WARNING, folder.key, f"{folder.path}: its file system is mounted read-only",
-            "sudo mount -o remount,rw, or another directory",
-        )  # fmt: skip
+            "read_only",
+            Level.WARNING,
+            folder.key,
+            problem=f"{folder.path}: its file system is mounted read-only",
+            fix="sudo mount -o remount,rw, or another directory",
+        )
     elif not folder.writable:
         yield Finding(
-            "read_only", Level.WARNING, folder.key, f"{folder.path}: {evidence.board.user} may not write there",
-            f"sudo chown {evidence.board.user} {folder.path}, or another directory",
-        )  # fmt: skip
+            "read_only",
+            Level.WARNING,
+            folder.key,
+            problem=f"{folder.path}: {evidence.board.user} may not write there",
+            fix=f"sudo chown {evidence.board.user} {folder.path}, or another directory",
+        )
     elif folder.file_system in VOLATILE:
         yield Finding(
-            "volatile", Level.WARNING, folder.key,
-            f"{folder.path} is on {folder.file_system}: its content is lost with the power",
-            "a directory on the card or a disk",
-        )  # fmt: skip
+            "volatile",
+            Level.WARNING,
+            folder.key,
+            problem=f"{folder.path} is on {folder.file_system}: its content is lost with the power",
+            fix="a directory on the card or a disk",
+        )
     least = evidence.config.record.min_free_mb * MB
     if folder.key.startswith("[record]") and folder.free_bytes is not None and folder.free_bytes < least:
         yield Finding(
-            "disk_full", Level.WARNING, folder.key,
-            f"{folder.free_bytes // MB} MB are free, {least / MB:.0f} MB must stay free: nothing will be recorded",
-            "remove old recordings, or [record] remove_oldest = true",
-        )  # fmt: skip
+            "disk_full",
+            Level.WARNING,
+            folder.key,
+            problem=f"{folder.free_bytes // MB} MB are free, {least / MB:.0f} MB must stay free: nothing is recorded",
+            fix="remove old recordings, or [record] remove_oldest = true",
+        )
 
 
 def _state(evidence: Evidence) -> Iterator[Finding]:
     wanted = evidence.config.signing is not None or evidence.config.tracking.self_calibration
     if wanted and not any(folder.key.startswith("[state]") for folder in evidence.board.folders):
         yield Finding(
-            "no_state", Level.NOTE, "[state] directory",
-            "nothing is kept between flights: neither the calibration nor the signing time",
-            "[state] directory, or StateDirectory= in the unit",
-        )  # fmt: skip
+            "no_state",
+            Level.NOTE,
+            "[state] directory",
+            problem="nothing is kept between flights: neither the calibration nor the signing time",
+            fix="[state] directory, or StateDirectory= in the unit",
+        )
 
 
 def _power(evidence: Evidence) -> Iterator[Finding]:
@@ -93,24 +114,33 @@ def _power(evidence: Evidence) -> Iterator[Finding]:
     if power.low_now or power.low_since_boot:
         when = "now" if power.low_now else "since boot"
         yield Finding(
-            "undervoltage", Level.WARNING, "supply",
-            f"the board's supply voltage is too low ({when}): the board slows down, and may restart",
-            "a stronger 5 V regulator, thicker and shorter wires",
-        )  # fmt: skip
+            "undervoltage",
+            Level.WARNING,
+            "supply",
+            problem=f"the board's supply voltage is too low ({when}): the board slows down, and may restart",
+            fix="a stronger 5 V regulator, thicker and shorter wires",
+        )
     elif power.throttled_now:
-        yield Finding("throttled", Level.WARNING, "board", "the processor is slowed down by heat", "cool the board")
+        yield Finding(
+            "throttled", Level.WARNING, "board", problem="the processor is slowed down by heat", fix="cool the board"
+        )
 
 
 def _cameras(evidence: Evidence) -> Iterator[Finding]:
     for device in evidence.board.cameras:
         if not device.exists:
             yield Finding(
-                "camera_missing", Level.ERROR, "[vision] source", f"{device.path} does not exist",
-                "connect the camera; v4l2-ctl --list-devices or rpicam-hello --list-cameras lists what is present",
-            )  # fmt: skip
+                "camera_missing",
+                Level.ERROR,
+                "[vision] source",
+                problem=f"{device.path} does not exist",
+                fix="connect the camera; v4l2-ctl --list-devices or rpicam-hello --list-cameras lists what is present",
+            )
         elif not device.allowed:
             yield Finding(
-                "camera_permission", Level.ERROR, "[vision] source",
-                f"{evidence.board.user or 'this user'} may not open {device.path}",
-                f"sudo usermod -aG {device.group or 'video'} {evidence.board.user}, then log in again",
-            )  # fmt: skip
+                "camera_permission",
+                Level.ERROR,
+                "[vision] source",
+                problem=f"{evidence.board.user or 'this user'} may not open {device.path}",
+                fix=f"sudo usermod -aG {device.group or 'video'} {evidence.board.user}, then log in again",
+            )

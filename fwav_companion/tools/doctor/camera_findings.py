@@ -22,9 +22,12 @@ def file_findings(evidence: Evidence) -> Iterator[Finding]:
         return
     if evidence.files.calibration_error:
         yield Finding(
-            "calibration", Level.ERROR, "[camera] calibration", evidence.files.calibration_error,
-            "`fwav-companion calibrate` makes one; `init` writes the paper's camera as an example",
-        )  # fmt: skip
+            "calibration",
+            Level.ERROR,
+            "[camera] calibration",
+            problem=evidence.files.calibration_error,
+            fix="`fwav-companion calibrate` makes one; `init` writes the paper's camera as an example",
+        )
         return
     yield from _narrow(evidence)
     if evidence.files.elevation_error:
@@ -32,8 +35,8 @@ def file_findings(evidence: Evidence) -> Iterator[Finding]:
             "terrain_file",
             Level.ERROR,
             "[ground] terrain",
-            evidence.files.elevation_error,
-            "name files that can be read",
+            problem=evidence.files.elevation_error,
+            fix="name files that can be read",
         )
 
 
@@ -55,10 +58,12 @@ def _narrow(evidence: Evidence) -> Iterator[Finding]:
     if any(isinstance(calibration.lens.camera_ray_from_pixel(u, v), NoRay) for u, v in edges):
         angle_deg = 57.29578 * calibration.lens.max_angle
         yield Finding(
-            "narrow_calibration", Level.NOTE, "[camera] calibration",
-            f"it is valid to {angle_deg:.0f} deg from the axis: detections at the image's sides are refused",
-            "calibrate with the board at the image's sides too, if that matters",
-        )  # fmt: skip
+            "narrow_calibration",
+            Level.NOTE,
+            "[camera] calibration",
+            problem=f"it is valid to {angle_deg:.0f} deg from the axis: detections at the image's sides are refused",
+            fix="calibrate with the board at the image's sides too, if that matters",
+        )
 
 
 def _terrain(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
@@ -72,10 +77,12 @@ def _terrain(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
     )
     if not covered:
         yield Finding(
-            "terrain_coverage", Level.ERROR, "[ground] terrain",
-            f"no file covers the vehicle's position {origin.lat:.4f}, {origin.lon:.4f}",
-            f"add the file of that place, as {_hgt_name(origin.lat, origin.lon)}",
-        )  # fmt: skip
+            "terrain_coverage",
+            Level.ERROR,
+            "[ground] terrain",
+            problem=f"no file covers the vehicle's position {origin.lat:.4f}, {origin.lon:.4f}",
+            fix=f"add the file of that place, as {_hgt_name(origin.lat, origin.lon)}",
+        )
 
 
 def _hgt_name(lat: float, lon: float) -> str:
@@ -89,31 +96,42 @@ def _stream(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
     if status.vision is not None and not status.vision.works:
         if status.vision.why or status.up_s >= FIRST_FRAME_S:
             yield Finding(
-                "no_camera", Level.ERROR, "[vision] source",
-                f"no pictures of {where}: {status.vision.why or 'the camera is still silent'}",
-                "check that the camera is connected and its name right: libcamera:0 | /dev/video0",
-            )  # fmt: skip
+                "no_camera",
+                Level.ERROR,
+                "[vision] source",
+                problem=f"no pictures of {where}: {status.vision.why or 'the camera is still silent'}",
+                fix="check that the camera is connected and its name right: libcamera:0 | /dev/video0",
+            )
     elif intake.why:
         yield _deaf(evidence, where, intake.why)
     elif not intake.came:
         if status.up_s >= FIRST_FRAME_S:
             yield Finding(
-                "no_detections", Level.ERROR, "[detections] url", f"no frame arrived on {where}",
-                "start the detector; it sends one JSON object a frame there, also for frames that show nothing",
-            )  # fmt: skip
+                "no_detections",
+                Level.ERROR,
+                "[detections] url",
+                problem=f"no frame arrived on {where}",
+                fix="start the detector; it sends one JSON object a frame there, also for frames that show nothing",
+            )
     elif intake.age_s is not None and intake.age_s > STALE_S:
         yield Finding(
-            "stale_detections", Level.ERROR, "[detections] url", f"the last frame arrived {intake.age_s:.0f} s ago",
-            "check whether the detector still runs",
-        )  # fmt: skip
+            "stale_detections",
+            Level.ERROR,
+            "[detections] url",
+            problem=f"the last frame arrived {intake.age_s:.0f} s ago",
+            fix="check whether the detector still runs",
+        )
 
 
 def _deaf(evidence: Evidence, where: str, why: str) -> Finding:
     holder = evidence.board.holders.get("detections", "")
     taken = holder or "in use" in why
     return Finding(
-        "detections_port", Level.ERROR, "[detections] url",
-        f"{where} cannot be listened on: {why}" + (f" (in use by {holder})" if holder else ""),
-        "end that program, or use another address on both sides" if taken else
-        "use an address of this board, as 127.0.0.1 or 0.0.0.0, or unix:///PATH in a folder that it may write to",
-    )  # fmt: skip
+        "detections_port",
+        Level.ERROR,
+        "[detections] url",
+        problem=f"{where} cannot be listened on: {why}" + (f" (in use by {holder})" if holder else ""),
+        fix="end that program, or use another address on both sides"
+        if taken
+        else "use an address of this board, as 127.0.0.1 or 0.0.0.0, or unix:///PATH in a folder that it may write to",
+    )

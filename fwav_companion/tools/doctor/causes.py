@@ -36,7 +36,6 @@ CAUSES: Final[Mapping[str, frozenset[str]]] = {
     "link_down": UNHEARD,
     "nothing_heard": UNHEARD,
     "garbage": UNHEARD | {"loss"},
-    "echo": frozenset({"no_autopilot"}),
     "wrong_signature": UNHEARD | UNDELIVERED,
     "unsigned": UNHEARD | UNDELIVERED,
     "no_signing_key": UNDELIVERED,

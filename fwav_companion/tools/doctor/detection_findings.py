@@ -1,10 +1,9 @@
-"""Detections: why they are not used, whether the mount fits them, and whether their fixes agree."""
+"""Detections: why frames and detections are not used."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from itertools import pairwise
-from math import asin, degrees, pi
 from typing import Final
 
 from fwav_companion.tools.doctor.evidence import Evidence
@@ -20,91 +19,96 @@ FEW: Final = 5
 """Frames or detections: fewer refusals are not a pattern."""
 PASSED: Final = 0.01
 """Of the detections: a filter that passes fewer passes nothing."""
-APART: Final = 0.4
-"""Of the fixes beyond 95 % of [uncertainty]: at most 0.3 in the mock's healthy flights, at least 0.45 with a mount
-turned by 90 deg."""
-APART_M: Final = 0.8
-"""Median: fixes that swing by a metre to each side."""
 OLDER_S: Final = 0.02
 """Growth of the least age over the windows: more than jitter leaves in a minimum of sixty frames."""
-RADIAN_STEP_DEG, RADIAN_TOLERANCE_DEG = 15.0, 0.05
-"""An angle typed in radians is mostly a multiple of 15 deg, with four digits."""
 
 FRAME_REFUSALS: Final[Mapping[Reason, tuple[Level, str, str]]] = {
     Reason.MALFORMED: (
-        Level.ERROR, "are not JSON of the documented form",
+        Level.ERROR,
+        "are not JSON of the documented form",
         "one JSON object a datagram, with detections: []",
     ),
     Reason.NO_TIME: (
-        Level.ERROR, "do not hold exactly one time",
+        Level.ERROR,
+        "do not hold exactly one time",
         "one of time_unix, time_monotonic, time_boot: when the picture was taken",
     ),
     Reason.WRONG_UNITS: (
-        Level.ERROR, "have stamps in other units than seconds",
+        Level.ERROR,
+        "have stamps in other units than seconds",
         "divide: nanoseconds by 1e9 (libcamera's SensorTimestamp), microseconds by 1e6",
     ),
     Reason.WRONG_SIZE: (
-        Level.ERROR, "are of another shape than the calibration",
+        Level.ERROR,
+        "are of another shape than the calibration",
         "calibrate at the shape (width : height) that the detector sees, or send the right size",
     ),
     Reason.FROM_THE_FUTURE: (
-        Level.ERROR, "have stamps later than their arrival",
+        Level.ERROR,
+        "have stamps later than their arrival",
         "stamp with this board's own clock; a detector on another computer: time_boot or NTP",
     ),
     Reason.ACROSS_CLOCK_STEP: (
-        Level.WARNING, "were stamped across a step of the wall clock",
+        Level.WARNING,
+        "were stamped across a step of the wall clock",
         "stamp with time_monotonic: it is never stepped",
     ),
     Reason.TOO_LATE: (
-        Level.ERROR, "arrived more than 0.5 s after their capture",
+        Level.ERROR,
+        "arrived more than 0.5 s after their capture",
         "a faster detector or a smaller image; check that the stamp is that of the capture",
     ),
-}  # fmt: skip
+}
 """Why whole frames are refused: level, what they are or do, and what to change."""
 DETECTION_REFUSALS: Final[Mapping[Reason, tuple[Level, str, str]]] = {
     Reason.NOT_FINITE: (Level.ERROR, "hold NaN or infinity", "send only finite numbers"),
     Reason.STALE_ATTITUDE: (
-        Level.WARNING, "had no attitude near their capture", "see the findings about rates and loss"
+        Level.WARNING,
+        "had no attitude near their capture",
+        "see the findings about rates and loss",
     ),
     Reason.OUTSIDE_IMAGE: (
-        Level.WARNING, "lie outside the image", "u and v are pixels of the picture whose size is sent"
+        Level.WARNING,
+        "lie outside the image",
+        "u and v are pixels of the picture whose size is sent",
     ),
     Reason.OUTSIDE_LENS: (
-        Level.WARNING, "lie beyond the angle for which the lens is calibrated",
+        Level.WARNING,
+        "lie beyond the angle for which the lens is calibrated",
         "calibrate with the board in the image's corners too, or raise max_angle_deg where the fit is known to hold",
     ),
     Reason.BEYOND_TERRAIN: (
-        Level.WARNING, "look beyond the elevation model",
+        Level.WARNING,
+        "look beyond the elevation model",
         "add the neighbouring files to [ground] terrain",
     ),
     Reason.TERRAIN_UNFIT: (
-        Level.ERROR, "meet an elevation model that disagrees with the take-off height",
+        Level.ERROR,
+        "meet an elevation model that disagrees with the take-off height",
         "[ground] terrain_datum: the datum of the files' heights",
     ),
     Reason.NO_RANGE: (
-        Level.WARNING, "had no rangefinder reading at their capture",
+        Level.WARNING,
+        "had no rangefinder reading at their capture",
         "check that DISTANCE_SENSOR arrives, and that the rangefinder looks down",
     ),
-}  # fmt: skip
+}
 """The same of single detections."""
 FILTERS: Final = (Reason.LOW_SCORE, Reason.OTHER_LABEL)
 SKYWARD: Final = (Reason.ABOVE_HORIZON, Reason.TOO_SHALLOW)
 
 
 def detection_findings(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
-    """Yield everything about detections; nothing for a relay."""
+    """Yield why frames and detections are not used; nothing for a relay."""
     if not evidence.config.localizes or evidence.files.calibration is None:
         return
     yield from _refused(FRAME_REFUSALS, status, max(status.intake.came, status.frames), "frames")
     yield from _growing_age(status)
-    yield from _refused(DETECTION_REFUSALS, status, _judged(status), "detections")
+    yield from _refused(DETECTION_REFUSALS, status, judged_detections(status), "detections")
     yield from _filtered(evidence, status)
-    yield from _radians(evidence)
-    yield from _above_horizon(evidence, status)
-    yield from _disagreeing(evidence, status)
 
 
-def _judged(status: RunStatus) -> int:
+def judged_detections(status: RunStatus) -> int:
     """Return how many detections were used or refused for a reason of their own, start-up apart."""
     return status.fixes + status.refused(*DETECTION_REFUSALS, *FILTERS, *SKYWARD)
 
@@ -117,7 +121,7 @@ def _refused(
         if count >= FEW and count > SHARE * came:
             most = count > MOST * came
             text = f"{count} of {max(came, count)} {things} {problem}"
-            yield Finding(reason.value, level if most else Level.WARNING, "detections", text, fix)
+            yield Finding(reason.value, level if most else Level.WARNING, "detections", problem=text, fix=fix)
 
 
 def _growing_age(status: RunStatus) -> Iterator[Finding]:
@@ -126,108 +130,36 @@ def _growing_age(status: RunStatus) -> Iterator[Finding]:
     if len(ages_s) < 3 or ages_s[-1] - ages_s[0] < OLDER_S or any(b <= a for a, b in pairwise(ages_s)):
         return
     yield Finding(
-        "stamps_grow_old", Level.WARNING, "detections",
-        f"frames arrive later and later after their stamps: {ages_s[0]:.2f} s, then {ages_s[-1]:.2f} s",
-        "let the detector drop frames instead of queueing them (smaller image, lower fps); on another computer, its "
-        "clock runs at another rate: NTP, or time_boot",
-    )  # fmt: skip
+        "stamps_grow_old",
+        Level.WARNING,
+        "detections",
+        problem=f"frames arrive later and later after their stamps: {ages_s[0]:.2f} s, then {ages_s[-1]:.2f} s",
+        fix="let the detector drop frames instead of queueing them (smaller image, lower fps); on another computer "
+        "its clock runs at another rate: NTP, or time_boot",
+    )
 
 
 def _filtered(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
     """A filter that passes nothing is an error; one that removes most is noted."""
-    judged, low, other = _judged(status), status.refused(Reason.LOW_SCORE), status.refused(Reason.OTHER_LABEL)
+    judged, low, other = judged_detections(status), status.refused(Reason.LOW_SCORE), status.refused(Reason.OTHER_LABEL)
     level = Level.ERROR if judged - low - other <= PASSED * judged else Level.NOTE
     least = MOST * judged if level is Level.NOTE else SHARE * judged
     detections, best = evidence.config.detections, status.sight.heard.best_score
     if low >= FEW and low > least:
         yield Finding(
-            Reason.LOW_SCORE.value, level, "[detections] min_score",
-            f"{low} of {judged} detections score below min_score = {detections.min_score:g}"
+            Reason.LOW_SCORE.value,
+            level,
+            "[detections] min_score",
+            problem=f"{low} of {judged} detections score below min_score = {detections.min_score:g}"
             + ("" if best is None else f"; the best scored {best:.2f}"),
-            "lower min_score" if best is None or level is Level.NOTE else f"set min_score below {best:.2f}",
-        )  # fmt: skip
+            fix="lower min_score" if best is None or level is Level.NOTE else f"set min_score below {best:.2f}",
+        )
     if other >= FEW and other > least:
         labels = ", ".join(f'"{label}"' for label in detections.labels)
         yield Finding(
-            Reason.OTHER_LABEL.value, level, "[detections] labels",
-            f"{other} of {judged} detections are not labelled {labels}; heard: {labels_heard(status)}",
-            "add the label that is wanted, or set labels = [] for all",
-        )  # fmt: skip
-
-
-def _radians(evidence: Evidence) -> Iterator[Finding]:
-    mount = evidence.config.camera.mount
-    if not _in_radians(mount.angles):
-        return
-    named = dict(zip(("roll_deg", "pitch_deg", "yaw_deg"), mount.angles, strict=True))
-    yield Finding(
-        "mount_in_radians", Level.ERROR, "[camera.mount]",
-        ", ".join(f"{name} = {angle:g}" for name, angle in named.items() if angle)
-        + f": these look like radians; as degrees the camera looks {_horizon(_level_elevation_deg(evidence))}",
-        "write degrees: " + ", ".join(f"{name} = {degrees(angle):.1f}" for name, angle in named.items() if angle),
-    )  # fmt: skip
-
-
-def _in_radians(angles: tuple[float, float, float]) -> bool:
-    """Return whether all angles are within a turn in radians, and one is a multiple of 15 deg in radians."""
-    if any(abs(angle) > 2.0 * pi for angle in angles):
-        return False
-    return any(
-        abs(degrees(angle) - RADIAN_STEP_DEG * round(degrees(angle) / RADIAN_STEP_DEG)) < RADIAN_TOLERANCE_DEG
-        for angle in angles
-        if angle
-    )
-
-
-def _above_horizon(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
-    mount, elevation_deg = evidence.config.camera.mount, status.sight.axis_elevation_deg
-    lost, judged = status.refused(*SKYWARD), _judged(status)
-    angles = ", ".join(f"{angle:g}" for angle in mount.angles)
-    looks = _horizon(_level_elevation_deg(evidence) if elevation_deg is None else elevation_deg)
-    if lost >= FEW and lost > SHARE * judged:
-        problem = f"{lost} of {judged} detections look above the horizon or too flat to meet the ground"
-        level = Level.ERROR if lost > MOST * judged else Level.WARNING
-    elif not judged and elevation_deg is not None and _sees_no_ground(evidence, elevation_deg):
-        problem = "no part of the image shows ground"
-        level = Level.ERROR if _sees_no_ground(evidence, _level_elevation_deg(evidence)) else Level.WARNING
-    else:
-        return
-    yield Finding(
-        Reason.ABOVE_HORIZON.value, level, "[camera.mount]",
-        f"{problem}: by roll, pitch, yaw = {angles} deg the camera looks {looks}",
-        "correct [camera.mount]: pitch_deg = -90 looks straight down, image top to the nose",
-    )  # fmt: skip
-
-
-def _horizon(elevation_deg: float) -> str:
-    return f"{abs(elevation_deg):.0f} deg {'above' if elevation_deg > 0.0 else 'below'} the horizon"
-
-
-def _level_elevation_deg(evidence: Evidence) -> float:
-    """Return the elevation of the optical axis while the vehicle is level."""
-    return -degrees(asin(max(-1.0, min(1.0, evidence.config.camera.mount.body_from_camera[2][2]))))
-
-
-def _sees_no_ground(evidence: Evidence, elevation_deg: float) -> bool:
-    calibration = evidence.files.calibration
-    return calibration is not None and elevation_deg > degrees(calibration.lens.max_angle)
-
-
-def _disagreeing(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
-    agreement, mount = status.sight.agreement, evidence.config.camera.mount
-    turn_deg = agreement.turn_deg
-    moving = evidence.config.tracking.motion == "moving"
-    if agreement.apart < APART or agreement.apart_m < APART_M or (moving and turn_deg is None):
-        return
-    thing = f'"{agreement.label}"' if agreement.label else "one target"
-    problem = f"fixes of {thing} disagree by {agreement.apart_m:.1f} m (median): more than [uncertainty] allows"
-    if turn_deg is None:
-        fix = (
-            "`check --shake` finds the camera's mount and delay; [camera.mount] gimbal_device_id for a gimbal; "
-            'if the target moves, [tracking] motion = "moving"'
+            Reason.OTHER_LABEL.value,
+            level,
+            "[detections] labels",
+            problem=f"{other} of {judged} detections are not labelled {labels}; heard: {labels_heard(status)}",
+            fix="add the label that is wanted, or set labels = [] for all",
         )
-        yield Finding("fixes_disagree", Level.WARNING, "[camera.mount]", problem, fix)
-    else:
-        yaw_deg = (mount.yaw_deg + turn_deg + 180.0) % 360.0 - 180.0
-        fix = f"set yaw_deg = {yaw_deg:g}: with it they agree; `check --shake` proves the mount"
-        yield Finding("fixes_disagree", Level.ERROR, "[camera.mount]", problem, fix)

@@ -13,6 +13,7 @@ from fwav_companion.tools.doctor.evidence import Evidence
 from fwav_companion.tools.doctor.finding import Finding, Level
 from fwav_companion.tools.doctor.landing_findings import landing_findings
 from fwav_companion.tools.doctor.link_findings import link_findings, port_findings
+from fwav_companion.tools.doctor.mount_findings import mount_findings
 from fwav_companion.tools.doctor.run_status import ADOPTION_S, MEASURED_S, REQUESTS, RunStatus
 
 FROM_FILES = (port_findings, file_findings, board_findings)
@@ -21,6 +22,7 @@ FROM_STATUS = (
     autopilot_findings,
     camera_findings,
     detection_findings,
+    mount_findings,
     landing_findings,
     service_findings,
 )
@@ -40,10 +42,12 @@ def _not_judged(status: RunStatus) -> Iterator[Finding]:
     missing = list(_unmeasured(status))
     if missing:
         yield Finding(
-            "too_short", Level.NOTE, "check",
-            f"{status.up_s:.0f} s of listening are too short to judge: {', '.join(missing)}",
-            "check again with --seconds 12; of a service that runs: in ten seconds",
-        )  # fmt: skip
+            "too_short",
+            Level.NOTE,
+            "check",
+            problem=f"{status.up_s:.0f} s of listening are too short to judge: {', '.join(missing)}",
+            fix="check again with --seconds 12; of a service that runs: in ten seconds",
+        )
 
 
 def _unmeasured(status: RunStatus) -> Iterator[str]:

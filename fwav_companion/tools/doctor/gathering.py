@@ -93,20 +93,14 @@ def _lives(pid: int) -> bool:
     return True
 
 
-def listen(
-    config: Config,
-    calibration: Calibration | None,
-    signing_key: bytes | None,
-    elevation: tuple[ElevationTile, ...],
-    seconds: float,
-) -> HeardStatus:
+def listen(config: Config, files: Files, signing_key: bytes | None, seconds: float) -> HeardStatus:
     """Run the service quietly for some seconds and return its status: it requests rates and time, and sends no more."""
     from fwav_companion.service.daemon import Service
 
     logging.getLogger("fwav_companion").addHandler(logging.NullHandler())
 
     async def hear() -> Mapping[str, Any]:
-        service = Service(quiet(config), calibration, signing_key, elevation=elevation, beside_recording={})
+        service = Service(quiet(config), files.calibration, signing_key, elevation=files.elevation, beside_recording={})
         return await service.listen(seconds)
 
     status = asyncio.run(hear())

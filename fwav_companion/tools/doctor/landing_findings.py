@@ -41,14 +41,20 @@ def _disabled(parameters: Mapping[str, float]) -> Iterator[Finding]:
     enabled, kind = parameters.get("PLND_ENABLED"), parameters.get("PLND_TYPE", MAVLINK_TYPE)
     if enabled == 0:
         yield Finding(
-            "landing_disabled", Level.ERROR, WHERE, "the autopilot ignores LANDING_TARGET: PLND_ENABLED is 0",
-            "set PLND_ENABLED to 1 and PLND_TYPE to 1, and reboot the autopilot",
-        )  # fmt: skip
+            "landing_disabled",
+            Level.ERROR,
+            WHERE,
+            problem="the autopilot ignores LANDING_TARGET: PLND_ENABLED is 0",
+            fix="set PLND_ENABLED to 1 and PLND_TYPE to 1, and reboot the autopilot",
+        )
     elif kind != MAVLINK_TYPE:
         yield Finding(
-            "landing_disabled", Level.ERROR, WHERE, f"the autopilot ignores LANDING_TARGET: PLND_TYPE is {kind:.0f}",
-            "set PLND_TYPE to 1, and reboot the autopilot",
-        )  # fmt: skip
+            "landing_disabled",
+            Level.ERROR,
+            WHERE,
+            problem=f"the autopilot ignores LANDING_TARGET: PLND_TYPE is {kind:.0f}",
+            fix="set PLND_TYPE to 1, and reboot the autopilot",
+        )
 
 
 def _turned(parameters: Mapping[str, float]) -> Iterator[Finding]:
@@ -60,29 +66,35 @@ def _turned(parameters: Mapping[str, float]) -> Iterator[Finding]:
         turns.append(f"PLND_ORIENT = {orient:.0f}")
     if turns:
         yield Finding(
-            "landing_turned", Level.ERROR, WHERE,
-            f"the autopilot turns our vector once more, and flies away from the target: {', '.join(turns)}",
-            f"set PLND_YAW_ALIGN to 0 and PLND_ORIENT to {ROTATION_DOWN}; [camera.mount] holds how the camera looks",
-        )  # fmt: skip
+            "landing_turned",
+            Level.ERROR,
+            WHERE,
+            problem=f"the autopilot turns our vector once more, and flies away from the target: {', '.join(turns)}",
+            fix=f"set PLND_YAW_ALIGN to 0 and PLND_ORIENT to {ROTATION_DOWN}; the mount is in [camera.mount]",
+        )
 
 
 def _moved(parameters: Mapping[str, float]) -> Iterator[Finding]:
     x, y, z = (parameters.get(f"PLND_CAM_POS_{axis}", 0.0) for axis in "XYZ")
     if max(abs(x), abs(y), abs(z)) > SMALL_M:
         yield Finding(
-            "landing_camera_offset", Level.WARNING, WHERE,
-            f"the autopilot adds PLND_CAM_POS ({x:g}, {y:g}, {z:g}) m to our vector, which counts from the vehicle "
-            f"already: wrong by up to {hypot(x, y, z):.2f} m while the vehicle tilts or turns",
-            "set PLND_CAM_POS_X, _Y and _Z to 0; [camera.mount] position_m holds where the camera is",
-        )  # fmt: skip
+            "landing_camera_offset",
+            Level.WARNING,
+            WHERE,
+            problem=f"the autopilot adds PLND_CAM_POS ({x:g}, {y:g}, {z:g}) m to our vector, which already counts from "
+            f"the vehicle: wrong by up to {hypot(x, y, z):.2f} m while the vehicle tilts or turns",
+            fix="set PLND_CAM_POS_X, _Y and _Z to 0; [camera.mount] position_m holds where the camera is",
+        )
     forward_m, right_m = (parameters.get(f"PLND_LAND_OFS_{axis}", 0.0) / 100.0 for axis in "XY")
     if hypot(forward_m, right_m) > SMALL_M:
         yield Finding(
-            "landing_offset", Level.NOTE, WHERE,
-            f"with PLND_LAND_OFS_X, _Y = {100.0 * forward_m:g}, {100.0 * right_m:g} cm the vehicle's position lands "
+            "landing_offset",
+            Level.NOTE,
+            WHERE,
+            problem=f"with PLND_LAND_OFS_X, _Y = {100.0 * forward_m:g}, {100.0 * right_m:g} cm the vehicle lands "
             f"{_aside(forward_m, right_m)} the target: the point {_aside(-forward_m, -right_m)} it lands on the target",
-            "set PLND_LAND_OFS_X and _Y to 0, unless that is intended",
-        )  # fmt: skip
+            fix="set PLND_LAND_OFS_X and _Y to 0, unless that is intended",
+        )
 
 
 def _aside(forward_m: float, right_m: float) -> str:
@@ -99,16 +111,20 @@ def _label(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
     wanted, taken, heard = evidence.config.publish.landing_label, evidence.config.detections.labels, status.sight.heard
     if taken and wanted not in taken:
         yield Finding(
-            "landing_label", Level.ERROR, "[publish] landing_label",
-            f'"{wanted}" is not among [detections] labels: such detections are not used',
-            f'add "{wanted}" to [detections] labels',
-        )  # fmt: skip
+            "landing_label",
+            Level.ERROR,
+            "[publish] landing_label",
+            problem=f'"{wanted}" is not among [detections] labels: such detections are not used',
+            fix=f'add "{wanted}" to [detections] labels',
+        )
     elif status.frames >= FRAMES and wanted not in heard.labels:
         yield Finding(
-            "landing_label", Level.WARNING if heard.labels else Level.NOTE, "[publish] landing_label",
-            f'no detection labelled "{wanted}" came; heard: {labels_heard(status)}',
-            "show the camera the landing target, or set landing_label to what the detector calls it",
-        )  # fmt: skip
+            "landing_label",
+            Level.WARNING if heard.labels else Level.NOTE,
+            "[publish] landing_label",
+            problem=f'no detection labelled "{wanted}" came; heard: {labels_heard(status)}',
+            fix="show the camera the landing target, or set landing_label to what the detector calls it",
+        )
 
 
 def labels_heard(status: RunStatus) -> str:

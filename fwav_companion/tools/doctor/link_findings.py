@@ -75,31 +75,44 @@ def _serial(port: SerialPort, user: str) -> Iterator[Finding]:
     if not port.exists:
         there = f"; present: {', '.join(port.others)}" if port.others else "; no serial device is present"
         yield Finding(
-            "port_missing", Level.ERROR, where, f"{port.device} does not exist{there}",
-            "plug it in, or set [[link]] url to one that is; on a Raspberry Pi, enable_uart=1 in config.txt",
-        )  # fmt: skip
+            "port_missing",
+            Level.ERROR,
+            where,
+            problem=f"{port.device} does not exist{there}",
+            fix="plug it in, or set [[link]] url to one that is; on a Raspberry Pi, enable_uart=1 in config.txt",
+        )
     elif not port.allowed:
         yield Finding(
-            "port_permission", Level.ERROR, where,
-            f"{user or 'this user'} may not read and write {port.device}",
-            f"sudo usermod -aG {port.group or 'dialout'} {user or '$USER'}, then log in again",
-        )  # fmt: skip
+            "port_permission",
+            Level.ERROR,
+            where,
+            problem=f"{user or 'this user'} may not read and write {port.device}",
+            fix=f"sudo usermod -aG {port.group or 'dialout'} {user or '$USER'}, then log in again",
+        )
     if port.console:
         yield Finding(
-            "serial_console", Level.ERROR, where, f"the kernel's console uses {port.device} ({port.console})",
-            f"remove console={port.name} from cmdline.txt (raspi-config: serial login shell off), and reboot",
-        )  # fmt: skip
+            "serial_console",
+            Level.ERROR,
+            where,
+            problem=f"the kernel's console uses {port.device} ({port.console})",
+            fix=f"remove console={port.name} from cmdline.txt (raspi-config: serial login shell off), and reboot",
+        )
     if port.bluetooth:
         yield Finding(
-            "bluetooth_on_port", Level.ERROR, where, f"Bluetooth uses {port.device} ({port.bluetooth})",
-            "dtoverlay=disable-bt in config.txt, sudo systemctl disable hciuart, reboot",
-        )  # fmt: skip
+            "bluetooth_on_port",
+            Level.ERROR,
+            where,
+            problem=f"Bluetooth uses {port.device} ({port.bluetooth})",
+            fix="dtoverlay=disable-bt in config.txt, sudo systemctl disable hciuart, reboot",
+        )
     elif port.mini_uart and port.baud > 115_200:
         yield Finding(
-            "mini_uart", Level.WARNING, where,
-            f"{port.device} is the mini UART: its speed follows the core clock, and it loses bytes at {port.baud} baud",
-            "dtoverlay=disable-bt in config.txt gives serial0 the full UART",
-        )  # fmt: skip
+            "mini_uart",
+            Level.WARNING,
+            where,
+            problem=f"{port.device} is the mini UART: its speed follows the core clock; {port.baud} baud loses bytes",
+            fix="dtoverlay=disable-bt in config.txt gives serial0 the full UART",
+        )
 
 
 def _down(evidence: Evidence, link: LinkConfig, why: str) -> Finding:
@@ -108,10 +121,18 @@ def _down(evidence: Evidence, link: LinkConfig, why: str) -> Finding:
     if "in use" in why or "busy" in why or holder:
         by = f" by {holder}" if holder else ""
         return Finding(
-            "port_taken", level, where, f"{link.url} is in use{by} ({why})", "end that program, or use another port"
+            "port_taken",
+            level,
+            where,
+            problem=f"{link.url} is in use{by} ({why})",
+            fix="end that program, or use another port",
         )
     return Finding(
-        "link_down", level, where, f"{link.url}: {why}", "check that the other end runs and the URL is right"
+        "link_down",
+        level,
+        where,
+        problem=f"{link.url}: {why}",
+        fix="check that the other end runs and the URL is right",
     )
 
 
@@ -120,15 +141,18 @@ def _received(evidence: Evidence, status: RunStatus, link: LinkConfig) -> Iterat
     if traffic.bytes_in == 0:
         if status.up_s >= LISTENED_S:
             fix = _silent_fix(link.parsed_url)
-            yield Finding("nothing_heard", Level.ERROR, where, f"{link.url} received no byte", fix)
+            yield Finding("nothing_heard", Level.ERROR, where, problem=f"{link.url} received no byte", fix=fix)
         return
     if traffic.skipped_bytes > max(GARBAGE_BYTES, GARBAGE_SHARE * traffic.bytes_in):
         yield _garbage(link, traffic)
     if traffic.echoes > 0:
         yield Finding(
-            "echo", Level.WARNING, where, f"{traffic.echoes} of this service's own frames came back",
-            "a crossed wire (RX to our own TX), or a router that sends back: take it out of the loop",
-        )  # fmt: skip
+            "echo",
+            Level.WARNING,
+            where,
+            problem=f"{traffic.echoes} of this service's own frames came back",
+            fix="a crossed wire (RX to our own TX), or a router that sends back: take it out of the loop",
+        )
     yield from _loss(status, link, traffic)
     yield from _signatures(evidence, status, link)
 
@@ -146,7 +170,7 @@ def _garbage(link: LinkConfig, traffic: TrafficReport) -> Finding:
     )
     level = Level.WARNING if traffic.peers else Level.ERROR
     problem = f"{share} % of {traffic.bytes_in} bytes are not MAVLink"
-    return Finding("garbage", level, f"link {link.name}", problem, fix)
+    return Finding("garbage", level, f"link {link.name}", problem=problem, fix=fix)
 
 
 def _loss(status: RunStatus, link: LinkConfig, traffic: TrafficReport) -> Iterator[Finding]:
@@ -159,7 +183,7 @@ def _loss(status: RunStatus, link: LinkConfig, traffic: TrafficReport) -> Iterat
         loss = judged_loss(status, link, peer)
         if loss is not None and loss > LOSS and peer.received >= LOSS_FRAMES:
             problem = f"{100.0 * loss:.1f} % of the autopilot's frames are lost"
-            yield Finding("loss", Level.WARNING, f"link {link.name}", problem, fix)
+            yield Finding("loss", Level.WARNING, f"link {link.name}", problem=problem, fix=fix)
 
 
 def _signatures(evidence: Evidence, status: RunStatus, link: LinkConfig) -> Iterator[Finding]:
@@ -168,19 +192,25 @@ def _signatures(evidence: Evidence, status: RunStatus, link: LinkConfig) -> Iter
     unanswered = status.timesync.exchanges == 0 and status.timesync.requests >= REQUESTS
     if traffic.refused_signatures > 0:
         yield Finding(
-            "wrong_signature", level, where,
-            f"{traffic.refused_signatures} frames are signed with another key, or with a clock far behind",
-            "give the autopilot and [signing] key_file the same key; check that both know the time",
-        )  # fmt: skip
+            "wrong_signature",
+            level,
+            where,
+            problem=f"{traffic.refused_signatures} frames are signed with another key, or with a clock far behind",
+            fix="give the autopilot and [signing] key_file the same key; check that both know the time",
+        )
     elif traffic.refused_unsigned > 0:
         yield Finding(
-            "unsigned", level, where,
-            f"{traffic.refused_unsigned} unsigned frames were not believed, since [signing] is set",
-            f'set the key in the autopilot, or [signing] accept_unsigned = ["{link.name}"] where the wire is trusted',
-        )  # fmt: skip
+            "unsigned",
+            level,
+            where,
+            problem=f"{traffic.refused_unsigned} unsigned frames were not believed, since [signing] is set",
+            fix=f'set the key in the autopilot, or [signing] accept_unsigned = ["{link.name}"] on a trusted wire',
+        )
     elif traffic.signed_unverified > 0 and evidence.config.signing is None and unanswered:
         yield Finding(
-            "no_signing_key", Level.WARNING, where,
-            "the autopilot signs its frames, and no key is configured: it ignores what this service sends",
-            "set [signing] key_file to the autopilot's key",
-        )  # fmt: skip
+            "no_signing_key",
+            Level.WARNING,
+            where,
+            problem="the autopilot signs its frames, and no key is configured: it ignores what this service sends",
+            fix="set [signing] key_file to the autopilot's key",
+        )

@@ -58,6 +58,7 @@ class ShakeSession:
         self,
         config: Config,
         calibration: Calibration,
+        *,
         wait_s: float,
         show: Callable[[Instruction], None],
         now_s: Callable[[], float] = time.monotonic,
@@ -157,6 +158,7 @@ def shake(
     config: Config,
     calibration: Calibration,
     signing_key: bytes | None,
+    *,
     tag_size_m: float,
     wait_s: float,
     show: Callable[[Instruction], None],
@@ -165,7 +167,7 @@ def shake(
     from fwav_companion.service.daemon import Service
 
     logging.getLogger("fwav_companion").addHandler(logging.NullHandler())
-    session = ShakeSession(config, calibration, wait_s, show)
+    session = ShakeSession(config, calibration, wait_s=wait_s, show=show)
 
     async def attend() -> None:
         service = Service(

@@ -44,8 +44,8 @@ class Hearing:
         crossed: bool = False,
         ignored: bool = False,
     ) -> None:
-        """``on_the_way_in`` and ``frame`` are faults of the wire and of the detector; ``crossed``: RX on our own TX;
-        ``ignored``: the autopilot drops what is sent to it.
+        """``on_the_way_in`` and ``frame`` are faults of the wire and of the detector; ``crossed``: our RX is wired to
+        our own TX; ``ignored``: the autopilot drops what this service sends.
         """
         self.config = parse(text, "flight.toml", settings)
         self.calibration = parse_calibration(CAMERA, "camera.yaml")

@@ -36,7 +36,7 @@ def written(hearing):
 
 
 def altered(status, path, value):
-    """The same with another value at that path."""
+    """A copy of the status with another value at that path."""
     key, *rest = path
     inside = status.get(key) if isinstance(status.get(key), Mapping) else {}
     return {**status, key: altered(inside, rest, value) if rest else value}

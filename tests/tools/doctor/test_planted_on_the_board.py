@@ -1,4 +1,4 @@
-"""Faults planted in trees of files that look like a board, each named; none on a healthy one."""
+"""Faults planted in folders of files that imitate a board: `check` names each, and nothing on a healthy board."""
 
 import subprocess
 import sys
@@ -28,7 +28,7 @@ principal_point: [320.0, 240.0]
 
 
 class Pi:
-    """A Raspberry Pi that is set up well, until a test spoils it."""
+    """A healthy Raspberry Pi; each test plants one fault."""
 
     def __init__(self, folder: Path) -> None:
         self.root, self.home = folder / "root", folder / "home"
@@ -103,11 +103,11 @@ PUT = {
     "mounted read only": ("/proc/mounts", "/dev/mmcblk0p2 / ext4 ro,noatime 0 0\n", "read_only"),
     "root in memory": ("/proc/mounts", "/dev/mmcblk0p2 / ext4 rw 0 0\noverlay / overlay rw 0 0\n", "volatile"),
 }
-"""Files of the board that say what is wrong, what they say, and the name that it has."""
+"""File of the board, its content, and the code of the finding."""
 
 
 @pytest.mark.parametrize("fault", PUT)
-def test_what_a_file_of_the_board_says_is_named_and_nothing_else(pi, fault):
+def test_a_fault_in_a_file_of_the_board_is_named_and_no_other(pi, fault):
     path, text, code = PUT[fault]
     pi.put(path, text)
     assert set(pi.found()) == {code}
@@ -229,7 +229,7 @@ def test_a_port_by_its_usb_ids_is_found_or_named_with_what_is_there(pi):
     assert "/dev/ttyACM0 (26ac:0011)" in missing.problem
 
 
-def test_a_folder_that_we_may_not_even_look_at_breaks_nothing(pi):
+def test_a_folder_that_may_not_be_looked_at_breaks_nothing(pi):
     pi.text = pi.text.replace('directory = "records"', f'directory = "/{"x" * 300}"')
     assert pi.found() in ([], ["read_only"])
 
@@ -238,12 +238,12 @@ def test_a_folder_that_we_may_not_even_look_at_breaks_nothing(pi):
     ("denied", "code"),
     [("serial0", "port_permission"), ("video0", "camera_permission"), ("records", "read_only"), ("state", "read_only")],
 )
-def test_what_we_may_not_open_is_named(pi, denied, code):
+def test_a_file_that_may_not_be_opened_is_named(pi, denied, code):
     pi.denied.add(denied)
     assert pi.found() == [code]
 
 
-def test_who_has_a_port_is_found_by_its_socket():
+def test_the_holder_of_a_port_is_found_by_its_socket():
     code = (
         "import socket; s = socket.socket(type=socket.SOCK_DGRAM); s.bind(('127.0.0.1', 0))\n"
         "print(s.getsockname()[1], flush=True); input()"
@@ -258,6 +258,6 @@ def test_who_has_a_port_is_found_by_its_socket():
         holder.communicate("\n")
 
 
-def test_this_very_machine_can_be_probed(tmp_path):
+def test_this_machine_can_be_probed(tmp_path):
     (tmp_path / "camera.yaml").write_text(CAMERA)
     Probe().board(parse(TEXT, str(tmp_path / "flight.toml")), {"autopilot": "busy", "detections": "in use"})

@@ -1,4 +1,4 @@
-"""A vehicle in the mock's hands, in invented time: what was planted is found by what the service hears, or named."""
+"""`check --shake` with the mock in invented time: planted delays and mounts are found, and mistakes are named."""
 
 import json
 from collections.abc import Mapping
@@ -22,13 +22,15 @@ HAND = scenario("shake").but({"seed": 3, "draw_biases": False})
 
 
 class Watched(Companion):
-    """The service with a session, who looks at it five times a second."""
+    """The service with a session that looks at it five times a second."""
 
     def __init__(self) -> None:
         super().__init__()
         self.pipeline = make_pipeline(self.config, None, unix_offset_ns=0, live=True, attitudes_kept_s=KEPT_S)
         self.advices: list[Instruction] = []
-        self.session = ShakeSession(self.config, self.calibration, 12.0, self.advices.append, lambda: self._now * 1e-9)
+        self.session = ShakeSession(
+            self.config, self.calibration, wait_s=12.0, show=self.advices.append, now_s=lambda: self._now * 1e-9
+        )
         self._look_ns = 0
 
     def on_frame(self, frame: Mapping[str, Any], now_ns: int) -> list[bytes]:
@@ -45,7 +47,7 @@ class Watched(Companion):
 
 @cache
 def watched(*differences):
-    """One session with the mock that differs so from a healthy one."""
+    """One session with the mock, with these differences from a healthy one."""
     mock = simulate(HAND.but({"seconds": 60.0, **dict(differences)}))
     watcher = Watched()
     for now_ns, _ in mock.drive(watcher):
@@ -60,8 +62,7 @@ def shaken(*differences):
 
 
 def test_a_late_camera_and_a_crooked_mount_are_found():
-    """Behind a rolling shutter that nobody configured; and the rates come behind two poles at 20 Hz, which is
-    sqrt(2) / (2 pi f) late at rest."""
+    """The shutter rolls, unconfigured; the rates pass two poles at 20 Hz: sqrt(2) / (2 pi f) late at low frequency."""
     found = shaken(("biases.time_offset_s", 0.035), ("biases.mount_deg", (0.5, 1.0, 2.0)), ("camera.readout_s", 0.02))
     assert (found.sign_errors, found.not_shown) == ((), ())
     assert found.delay.value == pytest.approx(0.035, abs=0.003)
@@ -84,7 +85,7 @@ def test_a_planted_mistake_is_named(name):
     assert [error.name for error in shaken(PLANTED[name]).sign_errors] == [name]
 
 
-def test_never_turned_is_said():
+def test_a_missing_turn_is_reported():
     watcher, shown = watched(("flight.quarter_turn_s", 0.0))
     assert any("turn it by 90 deg" in advice.text for advice in watcher.advices)
     found = estimate(shown.shaking)
@@ -92,7 +93,7 @@ def test_never_turned_is_said():
     assert "never turned" in found.not_shown[-1]
 
 
-def test_never_shaken_is_said():
+def test_missing_shaking_is_reported():
     still = {"shake_deg": (0.0, 0.0, 0.0), "flapping_pitch_deg": 0.0, "flapping_roll_deg": 0.0, "wander_deg": 0.0}
     found = shaken(*((f"flight.{name}", value) for name, value in still.items()))
     assert (found.delay, found.mount) == (None, None)
@@ -107,15 +108,15 @@ MISSING = {
 
 
 @pytest.mark.parametrize("words", MISSING)
-def test_what_never_comes_is_named(words):
+def test_an_input_that_never_comes_is_named(words):
     _, shown = watched(MISSING[words])
     assert shown.shaking is None
     assert shown.advice.phase is ShakePhase.FAILED
     assert words in shown.advice.text
 
 
-def test_what_is_kept_is_bounded_in_frames_and_in_what_stands_in_them():
-    """A detector may bring 256 detections a frame, and somebody may forget that it runs."""
+def test_kept_frames_are_bounded_in_number_and_in_tags():
+    """A detector may send 256 detections a frame, and the user may forget that the session runs."""
     watcher, _ = watched(("flight.quarter_turn_s", 0.0))
     four = ((1.0, 1.0), (2.0, 1.0), (2.0, 2.0), (1.0, 2.0))
     tags = tuple(Detection(1.5, 1.5, label=f"tag{number}", corners=four) for number in range(MOST_TAGS + 4))

@@ -1,4 +1,4 @@
-"""Which status file `check` believes: a fresh one, of a process that lives, with this configuration; whosever it is."""
+"""`check` believes a status file that is fresh, of a living process of any user, and of this configuration."""
 
 import json
 import os
@@ -25,12 +25,12 @@ def put(config, **changes):
     Path(config.status.file).write_text(json.dumps(status | changes))
 
 
-def test_that_of_a_service_that_runs(site):
+def test_the_status_of_a_running_service_is_read(site):
     put(site)
     assert running_status(site).typed.frames == 7
 
 
-def test_that_of_another_users_service(site, monkeypatch):
+def test_the_status_of_another_users_service_is_read(site, monkeypatch):
     def not_ours(_pid, _signal):
         raise PermissionError
 
@@ -41,7 +41,7 @@ def test_that_of_another_users_service(site, monkeypatch):
     assert running_status(site) is None
 
 
-def test_none_of_one_that_ended_or_hangs_or_flies_something_else(site):
+def test_a_status_of_an_ended_or_hanging_or_other_service_is_not_read(site):
     with subprocess.Popen([sys.executable, "-c", ""]) as ended:
         ended.wait()
     for changes in (
@@ -54,7 +54,7 @@ def test_none_of_one_that_ended_or_hangs_or_flies_something_else(site):
         assert running_status(site) is None, changes
 
 
-def test_none_that_we_may_not_read(site, monkeypatch):
+def test_an_unreadable_status_is_not_read(site, monkeypatch):
     def denied(_path, _mode):
         raise PermissionError(13, "Permission denied")
 
@@ -64,7 +64,7 @@ def test_none_that_we_may_not_read(site, monkeypatch):
 
 
 @pytest.mark.parametrize("content", ["", "[]", "null", '{"pid": 1e30}', "\0" * 9, "[" * 100_000])
-def test_none_that_is_no_status(site, content):
+def test_other_content_is_not_read(site, content):
     Path(site.status.file).write_text(content)
     assert running_status(site) is None
     put(site, pid=10**30)
@@ -74,7 +74,7 @@ def test_none_that_is_no_status(site, content):
 
 
 @pytest.mark.timeout(10)
-def test_none_that_is_no_file(site):
+def test_a_pipe_or_a_ring_of_links_is_not_read(site):
     os.mkfifo(site.status.file)
     assert running_status(site) is None
     Path(site.status.file).unlink()
@@ -82,7 +82,7 @@ def test_none_that_is_no_file(site):
     assert running_status(site) is None
 
 
-def test_none_of_a_configuration_in_a_ring_of_links(site, tmp_path):
+def test_a_configuration_in_a_ring_of_links_is_not_ours(site, tmp_path):
     (tmp_path / "ring").symlink_to("ring")
     put(site, config_path=str(tmp_path / "ring"))
     assert running_status(site) is None

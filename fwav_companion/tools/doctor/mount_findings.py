@@ -1,0 +1,112 @@
+"""The camera's mount: is it in degrees, does the camera see ground, do the fixes of one target agree."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import asin, degrees, pi
+from typing import Final
+
+from fwav_companion.tools.doctor.detection_findings import FEW, MOST, SHARE, SKYWARD, judged_detections
+from fwav_companion.tools.doctor.evidence import Evidence
+from fwav_companion.tools.doctor.finding import Finding, Level
+from fwav_companion.tools.doctor.run_status import RunStatus
+from fwav_companion.types import Reason
+
+APART: Final = 0.4
+"""Of the fixes beyond 95 % of [uncertainty]: at most 0.3 in the mock's healthy flights, at least 0.45 with a mount
+turned by 90 deg."""
+APART_M: Final = 0.8
+"""Median: fixes that swing by a metre to each side."""
+RADIAN_STEP_DEG, RADIAN_TOLERANCE_DEG = 15.0, 0.05
+"""An angle typed in radians is mostly a multiple of 15 deg, with four digits."""
+
+
+def mount_findings(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
+    """Yield everything about the mount; nothing for a relay."""
+    if not evidence.config.localizes or evidence.files.calibration is None:
+        return
+    yield from _radians(evidence)
+    yield from _above_horizon(evidence, status)
+    yield from _disagreeing(evidence, status)
+
+
+def _radians(evidence: Evidence) -> Iterator[Finding]:
+    mount = evidence.config.camera.mount
+    if not _in_radians(mount.angles):
+        return
+    named = dict(zip(("roll_deg", "pitch_deg", "yaw_deg"), mount.angles, strict=True))
+    yield Finding(
+        "mount_in_radians",
+        Level.ERROR,
+        "[camera.mount]",
+        problem=", ".join(f"{name} = {angle:g}" for name, angle in named.items() if angle)
+        + f": these look like radians; as degrees the camera looks {_horizon(_level_elevation_deg(evidence))}",
+        fix="write degrees: " + ", ".join(f"{name} = {degrees(angle):.1f}" for name, angle in named.items() if angle),
+    )
+
+
+def _in_radians(angles: tuple[float, float, float]) -> bool:
+    """Return whether all angles are within a turn in radians, and one is a multiple of 15 deg in radians."""
+    if any(abs(angle) > 2.0 * pi for angle in angles):
+        return False
+    return any(
+        abs(degrees(angle) - RADIAN_STEP_DEG * round(degrees(angle) / RADIAN_STEP_DEG)) < RADIAN_TOLERANCE_DEG
+        for angle in angles
+        if angle
+    )
+
+
+def _above_horizon(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
+    mount, elevation_deg = evidence.config.camera.mount, status.sight.axis_elevation_deg
+    lost, judged = status.refused(*SKYWARD), judged_detections(status)
+    angles = ", ".join(f"{angle:g}" for angle in mount.angles)
+    looks = _horizon(_level_elevation_deg(evidence) if elevation_deg is None else elevation_deg)
+    if lost >= FEW and lost > SHARE * judged:
+        problem = f"{lost} of {judged} detections look above the horizon or too flat to meet the ground"
+        level = Level.ERROR if lost > MOST * judged else Level.WARNING
+    elif not judged and elevation_deg is not None and _sees_no_ground(evidence, elevation_deg):
+        problem = "no part of the image shows ground"
+        level = Level.ERROR if _sees_no_ground(evidence, _level_elevation_deg(evidence)) else Level.WARNING
+    else:
+        return
+    yield Finding(
+        Reason.ABOVE_HORIZON.value,
+        level,
+        "[camera.mount]",
+        problem=f"{problem}: by roll, pitch, yaw = {angles} deg the camera looks {looks}",
+        fix="correct [camera.mount]: pitch_deg = -90 looks straight down, image top to the nose",
+    )
+
+
+def _horizon(elevation_deg: float) -> str:
+    return f"{abs(elevation_deg):.0f} deg {'above' if elevation_deg > 0.0 else 'below'} the horizon"
+
+
+def _level_elevation_deg(evidence: Evidence) -> float:
+    """Return the elevation of the optical axis while the vehicle is level."""
+    return -degrees(asin(max(-1.0, min(1.0, evidence.config.camera.mount.body_from_camera[2][2]))))
+
+
+def _sees_no_ground(evidence: Evidence, elevation_deg: float) -> bool:
+    calibration = evidence.files.calibration
+    return calibration is not None and elevation_deg > degrees(calibration.lens.max_angle)
+
+
+def _disagreeing(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
+    agreement, mount = status.sight.agreement, evidence.config.camera.mount
+    turn_deg = agreement.turn_deg
+    moving = evidence.config.tracking.motion == "moving"
+    if agreement.apart < APART or agreement.apart_m < APART_M or (moving and turn_deg is None):
+        return
+    thing = f'"{agreement.label}"' if agreement.label else "one target"
+    problem = f"fixes of {thing} disagree by {agreement.apart_m:.1f} m (median): more than [uncertainty] allows"
+    if turn_deg is None:
+        fix = (
+            "`check --shake` finds the camera's mount and delay; [camera.mount] gimbal_device_id for a gimbal; "
+            'if the target moves, [tracking] motion = "moving"'
+        )
+        yield Finding("fixes_disagree", Level.WARNING, "[camera.mount]", problem=problem, fix=fix)
+    else:
+        yaw_deg = (mount.yaw_deg + turn_deg + 180.0) % 360.0 - 180.0
+        fix = f"set yaw_deg = {yaw_deg:g}: with it they agree; `check --shake` proves the mount"
+        yield Finding("fixes_disagree", Level.ERROR, "[camera.mount]", problem=problem, fix=fix)
