@@ -40,7 +40,7 @@ CAUSES: Final[Mapping[str, frozenset[str]]] = {
     "unsigned": UNHEARD | UNDELIVERED,
     "no_signing_key": UNDELIVERED,
     "loss": SLOW | CLOCK,
-    "autopilot_lost": UNHEARD - {"no_autopilot", "autopilot_lost"} | {"rates_undone", "loss"},
+    "autopilot_lost": UNHEARD - {"no_autopilot", "autopilot_lost"} | {"rates_undone"},
     "no_attitude": frozenset({"stale_attitude"}),
     "loop_rate": SLOW,
     "rates_undone": SLOW,
@@ -56,10 +56,9 @@ CAUSES: Final[Mapping[str, frozenset[str]]] = {
     "stale_detections": frozenset({"landing_label"}),
     "malformed": UNUSED,
     "no_time": UNUSED,
-    "stamps_grow_old": frozenset({"too_late"}),
+    "stamps_grow_old": frozenset({"too_late", "fixes_disagree"}),
     "mount_in_radians": frozenset({"above_horizon", "fixes_disagree"}),
     "above_horizon": frozenset({"fixes_disagree"}),
-    "landing_disabled": frozenset({"landing_turned", "landing_camera_offset", "landing_offset"}),
 }
 """By the code of a finding: the codes of those that follow from it."""
 

@@ -65,7 +65,7 @@ DETECTION_REFUSALS: Final[Mapping[Reason, tuple[Level, str, str]]] = {
     Reason.STALE_ATTITUDE: (
         Level.WARNING,
         "had no attitude near their capture",
-        "see the findings about rates and loss",
+        "see the findings about rates and loss; gaps of the link and reboots of the autopilot do the same",
     ),
     Reason.OUTSIDE_IMAGE: (
         Level.WARNING,
