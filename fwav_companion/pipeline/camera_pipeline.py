@@ -10,7 +10,7 @@ import msgspec
 
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.rotations import matrix_from_quaternion
-from fwav_companion.geometry.stamps import HostNs, NS_PER_S, s_from_ns
+from fwav_companion.geometry.stamps import NS_PER_S, HostNs, s_from_ns
 from fwav_companion.geometry.vectors import Vector3, multiply
 from fwav_companion.localization import Localizer
 from fwav_companion.pairing import PairedFrame, Pairer, RefusedFrame, WaitingFrames, sees_nothing

@@ -53,7 +53,8 @@ an eighth."""
 HOPELESS = 0.25
 """Share of the squared swing: leave-one-out errors this large do not shrink by the known ratio."""
 TOO_SLOW = 0.1
-"""Of the rates' mean square left unexplained by the attitudes' course: then the stream does not show the motion."""
+"""Share of the rates' mean square that the attitudes leave unexplained: above it the stream does not show the
+motion."""
 STILL = 0.03
 """rad/s, RMS of the rates as sent, all axes together (1.7 deg/s). Below it the vehicle stands still: what is left
 unexplained is noise of the gyros (0.1 deg/s), or a step of the attitude alone, as when an EKF aligns its yaw. A motion
@@ -175,12 +176,12 @@ class AttitudeQuality:
 
     @property
     def still(self) -> bool:
-        """Rates are sent, and show no motion."""
+        """Whether rates are sent, and show no motion."""
         return 0.0 < self.rates.sent_rms < STILL and not self.alternates
 
     @property
     def too_slow(self) -> bool:
-        """The rates tell of motion that the attitudes do not show: it is faster than they come."""
+        """Whether the rates show motion that the attitudes do not: it is faster than they are sampled."""
         unexplained = self.rates.disagreement
         return self.alternates or unexplained * unexplained > TOO_SLOW * self.rates.sent_rms**2
 
