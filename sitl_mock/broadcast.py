@@ -43,6 +43,7 @@ class Broadcast:
 
     def start(self, at_ns: int) -> None:
         """Every stream at its default rate, each with a phase of its own."""
+        self.streams.boot()
         for name, rate_hz in self.streams.defaults_hz.items():
             if not self.knows(name):
                 continue

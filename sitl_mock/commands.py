@@ -9,7 +9,6 @@ from sitl_mock.broadcast import Broadcast
 from sitl_mock.codec import NAMES, NUMBERS, Heard
 from sitl_mock.options import AutopilotOptions
 from sitl_mock.radio import Radio
-from sitl_mock.streams import GROUPS
 
 ACCEPTED, DENIED, UNSUPPORTED, FAILED = 0, 2, 3, 4
 REBOOT, ARM, GET_INTERVAL, SET_INTERVAL, REQUEST_MESSAGE = 246, 400, 510, 511, 512
@@ -60,11 +59,10 @@ class Commands:
 
     def data_stream(self, heard: Heard, now_ns: int) -> None:
         """REQUEST_DATA_STREAM: a group of messages at one rate."""
-        group = heard.fields["req_stream_id"]
+        streams = self._broadcast.streams
         rate_hz = float(heard.fields["req_message_rate"]) if heard.fields["start_stop"] else 0.0
-        names = [name for members in GROUPS.values() for name in members] if group == 0 else GROUPS.get(group, ())
-        for name in names:
-            self._broadcast.set_rate(name, min(rate_hz, self._broadcast.streams.ceiling_hz), now_ns)
+        for name, hz in streams.request_group(heard.fields["req_stream_id"], min(rate_hz, streams.ceiling_hz)).items():
+            self._broadcast.set_rate(name, hz, now_ns)
 
     def _set_interval(self, number: float, interval_us: float, now_ns: int) -> int:
         name = NAMES.get(int(number), "")
@@ -74,9 +72,11 @@ class Commands:
         if not self._broadcast.knows(name):
             self._radio.tell(WARNING, f"No ap_message for mavlink id ({int(number)})", now_ns)
             return DENIED
-        rate_hz = 1e6 / min(interval_us, LONGEST_INTERVAL_US) if interval_us > 0.0 else 0.0
+        rate_hz: float | None = 1e6 / min(interval_us, LONGEST_INTERVAL_US) if interval_us > 0.0 else 0.0
         if interval_us == 0.0:
-            rate_hz = streams.defaults_hz.get(name, 0.0)
+            rate_hz = streams.default_hz(name)
+        if rate_hz is None:
+            return FAILED
         if rate_hz > streams.ceiling_hz * (1.0 + 1e-9):
             return DENIED
         self._broadcast.set_rate(name, rate_hz, now_ns)
@@ -85,11 +85,8 @@ class Commands:
     def _get_interval(self, number: float, _param2: float, now_ns: int) -> int:
         name = NAMES.get(int(number), "")
         known = self._broadcast.knows(name)
-        interval_ns = self._broadcast.streams.interval_ns(name)
-        fields = {
-            "message_id": int(number) % 65536,
-            "interval_us": (interval_ns // 1000 or -1) if known else 0,
-        }
+        interval_us = self._broadcast.streams.reported_interval_us(name) if known else 0
+        fields = {"message_id": int(number) % 65536, "interval_us": interval_us}
         self._radio.say("MESSAGE_INTERVAL", fields, now_ns)
         return ACCEPTED
 

@@ -156,8 +156,16 @@ class AutopilotOptions:
     has_quaternion: bool = True
     """Whether ATTITUDE_QUATERNION can be had."""
     knows_set_message_interval: bool = True
+    streams: Literal["", "arducopter", "arduplane", "px4_normal", "px4_onboard"] = ""
+    """What is sent before anyone asks, and how it is asked for: see :mod:`sitl_mock.streams`."""
+    group_rates_hz: dict[int, float] = field(default_factory=dict)
+    """SRn_* by MAV_DATA_STREAM, where ``streams`` is ArduPilot's."""
     rates_hz: dict[str, float] = field(default_factory=dict)
     """Streams that run from the start, beside or instead of the defaults."""
+    more_parameters: Annotated[int, Meta(ge=0, le=5000)] = 0
+    """Beside those that this mock lives by: a real autopilot has about a thousand."""
+    parameter_interval_s: Positive = 0.02
+    """Between two values of a list."""
     true_ceiling_hz: float = 0.0
     """What is really sent where more was acknowledged (PX4 does that); 0: what was acknowledged."""
     sends_timesync: bool = True

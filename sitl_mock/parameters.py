@@ -12,16 +12,16 @@ from sitl_mock.options import AutopilotOptions
 from sitl_mock.radio import Radio
 
 INT32, REAL32 = 6, 9
-LISTING_NS = 20_000_000
-"""Between two values of a list."""
 
 
 class Parameters:
     """Name to value; setting one takes effect at the next reboot where the autopilot's would, so: never here."""
 
-    def __init__(self, options: AutopilotOptions, agenda: Agenda, radio: Radio) -> None:
+    def __init__(self, options: AutopilotOptions, agenda: Agenda, radio: Radio, more: dict[str, float]) -> None:
+        """``more``: parameters beside the usual ones."""
         self._agenda, self._radio = agenda, radio
-        self.values = _values(options)
+        self._listing_ns = round(options.parameter_interval_s * 1e9)
+        self.values = {**_values(options), **more}
 
     def read(self, heard: Heard, now_ns: int) -> None:
         """PARAM_REQUEST_READ by name, or by index where that is not negative."""
@@ -35,7 +35,7 @@ class Parameters:
     def list(self, _heard: Heard, now_ns: int) -> None:
         """PARAM_REQUEST_LIST: all of them, paced."""
         for number, name in enumerate(self.values):
-            self._agenda.at(now_ns + number * LISTING_NS, partial(self._tell, name))
+            self._agenda.at(now_ns + number * self._listing_ns, partial(self._tell, name))
 
     def set(self, heard: Heard, now_ns: int) -> None:
         """PARAM_SET: what is known is changed and told."""

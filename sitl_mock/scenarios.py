@@ -223,6 +223,19 @@ SCENARIOS: dict[str, tuple[str, dict[str, Any]]] = {
         "LANDING_TARGET by the rules of ArduPilot 4.1",
         {"autopilot.landing_consumer": "ardupilot_old"},
     ),
+    "arducopter": (
+        "streams nothing but its heartbeat until it is asked, as ArduCopter with SRn_* at 0",
+        {"autopilot.streams": "arducopter", "autopilot.pitch_trim_deg": 0.0},
+    ),
+    "arduplane": ("streams every group at 1 Hz, as ArduPlane does", {"autopilot.streams": "arduplane"}),
+    "px4_normal": (
+        "PX4 with the streams of MAV_n_MODE Normal, as for a radio",
+        {"autopilot.firmware": "px4", "autopilot.pitch_trim_deg": 0.0, "autopilot.streams": "px4_normal"},
+    ),
+    "px4_onboard": (
+        "PX4 with the streams of MAV_n_MODE Onboard, as for a companion computer",
+        {"autopilot.firmware": "px4", "autopilot.pitch_trim_deg": 0.0, "autopilot.streams": "px4_onboard"},
+    ),
     "px4": (
         "PX4: ALTITUDE, its own sphere, its own LANDING_TARGET",
         {"autopilot.firmware": "px4", "autopilot.pitch_trim_deg": 0.0},

@@ -1,4 +1,16 @@
-"""Which message is sent how often: defaults, asked intervals, and the old groups of REQUEST_DATA_STREAM."""
+"""Which message is sent how often: defaults, asked intervals, and the groups of REQUEST_DATA_STREAM.
+
+``autopilot.streams`` chooses what the autopilot sends before anyone asks:
+
+- "": a mixture that suits most flights of this mock, and no real autopilot's;
+- ``arducopter``: nothing but its heartbeat, since SRn_* (MAVn_* from 4.7 on) are 0 on a copter;
+- ``arduplane``: every group at 1 Hz;
+- ``px4_normal``, ``px4_onboard``: PX4's MAV_n_MODE Normal and Onboard.
+
+Sources: ArduPilot 4.7, libraries/GCS_MAVLink/GCS_MAVLink_Parameters.cpp (groups and their default rates) and
+GCS_Common.cpp (set_message_interval, handle_request_data_stream); PX4 1.14, src/modules/mavlink/mavlink_main.cpp
+(configure_streams_to_default) and mavlink_receiver.cpp.
+"""
 
 from __future__ import annotations
 
@@ -33,16 +45,82 @@ PX4_HZ = {
     "GPS_GLOBAL_ORIGIN": 0.5,
     "DISTANCE_SENSOR": 5.0,
 }
-GROUPS = {
-    1: ("RAW_IMU",),
-    2: ("SYS_STATUS", "GPS_RAW_INT"),
-    3: ("SERVO_OUTPUT_RAW",),
-    6: ("GLOBAL_POSITION_INT", "LOCAL_POSITION_NED"),
-    10: ("ATTITUDE",),
-    11: ("VFR_HUD",),
-    12: ("SYSTEM_TIME", "DISTANCE_SENSOR"),
+PX4_NORMAL_HZ = {
+    "HEARTBEAT": 1.0,
+    "ALTITUDE": 1.0,
+    "ATTITUDE": 15.0,
+    "ATTITUDE_TARGET": 2.0,
+    "BATTERY_STATUS": 0.5,
+    "DISTANCE_SENSOR": 0.5,
+    "ESTIMATOR_STATUS": 0.5,
+    "EXTENDED_SYS_STATE": 1.0,
+    "GLOBAL_POSITION_INT": 5.0,
+    "GPS_GLOBAL_ORIGIN": 0.1,
+    "GPS_RAW_INT": 1.0,
+    "HOME_POSITION": 0.5,
+    "LOCAL_POSITION_NED": 1.0,
+    "NAV_CONTROLLER_OUTPUT": 1.0,
+    "POSITION_TARGET_GLOBAL_INT": 1.0,
+    "RC_CHANNELS": 5.0,
+    "SERVO_OUTPUT_RAW": 1.0,
+    "SYS_STATUS": 1.0,
+    "VFR_HUD": 4.0,
+    "VIBRATION": 0.1,
+    "WIND_COV": 0.5,
 }
-"""MAV_DATA_STREAM and what ArduPilot puts into it; 0 is all of them."""
+PX4_ONBOARD_HZ = {
+    "HEARTBEAT": 1.0,
+    "HIGHRES_IMU": 50.0,
+    "LOCAL_POSITION_NED": 30.0,
+    "ATTITUDE": 100.0,
+    "ALTITUDE": 10.0,
+    "DISTANCE_SENSOR": 10.0,
+    "ODOMETRY": 30.0,
+    "ATTITUDE_QUATERNION": 50.0,
+    "ATTITUDE_TARGET": 10.0,
+    "BATTERY_STATUS": 0.5,
+    "ESTIMATOR_STATUS": 1.0,
+    "EXTENDED_SYS_STATE": 5.0,
+    "GLOBAL_POSITION_INT": 50.0,
+    "GPS_GLOBAL_ORIGIN": 1.0,
+    "GPS_RAW_INT": 5.0,
+    "HOME_POSITION": 0.5,
+    "NAV_CONTROLLER_OUTPUT": 10.0,
+    "POSITION_TARGET_GLOBAL_INT": 10.0,
+    "RC_CHANNELS": 20.0,
+    "SERVO_OUTPUT_RAW": 10.0,
+    "SYS_STATUS": 5.0,
+    "SYSTEM_TIME": 1.0,
+    "VFR_HUD": 10.0,
+    "VIBRATION": 0.5,
+    "WIND_COV": 10.0,
+}
+PX4_UNLIMITED = frozenset({"GPS_RAW_INT"})
+"""In Onboard mode: sent whenever the receiver has something new (here five times a second), with interval -1."""
+GROUPS = {
+    1: ("RAW_IMU", "SCALED_IMU2", "SCALED_PRESSURE"),
+    2: (
+        "SYS_STATUS", "GPS_RAW_INT", "POWER_STATUS", "MEMINFO", "MISSION_CURRENT", "NAV_CONTROLLER_OUTPUT",
+        "POSITION_TARGET_GLOBAL_INT",
+    ),
+    3: ("SERVO_OUTPUT_RAW", "RC_CHANNELS"),
+    6: ("GLOBAL_POSITION_INT", "LOCAL_POSITION_NED"),
+    10: ("ATTITUDE", "AHRS2"),
+    11: ("VFR_HUD",),
+    12: ("SYSTEM_TIME", "DISTANCE_SENSOR", "AHRS", "WIND", "BATTERY_STATUS", "EKF_STATUS_REPORT", "VIBRATION",
+         "GIMBAL_DEVICE_ATTITUDE_STATUS"),
+}  # fmt: skip
+"""MAV_DATA_STREAM and what ArduPilot puts into it, as far as this mock has it; 0 is all of them."""
+GROUP_PARAMETERS = {
+    1: "SR1_RAW_SENS",
+    2: "SR1_EXT_STAT",
+    3: "SR1_RC_CHAN",
+    4: "SR1_RAW_CTRL",
+    6: "SR1_POSITION",
+    10: "SR1_EXTRA1",
+    11: "SR1_EXTRA2",
+    12: "SR1_EXTRA3",
+}
 CEILING = 0.8
 """Of SCHED_LOOP_RATE: beyond it ArduPilot refuses an interval."""
 
@@ -52,8 +130,10 @@ class Streams:
 
     def __init__(self, options: AutopilotOptions) -> None:
         self._o = options
-        usual = PX4_HZ if options.firmware == "px4" else ARDUPILOT_HZ
-        self.defaults_hz = {**usual, **options.rates_hz}
+        self._is_px4 = options.firmware == "px4"
+        by_vehicle_hz = 1.0 if options.streams == "arduplane" else 0.0
+        self._group_hz = self._booted_hz = dict.fromkeys(GROUPS, by_vehicle_hz) | options.group_rates_hz
+        self.defaults_hz = self._defaults()
         self.rates_hz = dict(self.defaults_hz)
         self.generation: dict[str, int] = {}
 
@@ -61,6 +141,10 @@ class Streams:
     def ceiling_hz(self) -> float:
         """The highest rate that is accepted."""
         return CEILING * self._o.loop_rate_hz
+
+    def boot(self) -> None:
+        """Groups have the rates of their parameters again, which a copter does not keep when a station asks."""
+        self._group_hz = dict(self._booted_hz)
 
     def set_rate(self, name: str, rate_hz: float) -> int:
         """Asks for a rate (0 stops it); the generation that its sendings belong to from now on."""
@@ -74,3 +158,44 @@ class Streams:
         if self._o.true_ceiling_hz:
             rate_hz = min(rate_hz, self._o.true_ceiling_hz)
         return round(1e9 / rate_hz) if rate_hz > 0.0 else 0
+
+    def reported_interval_us(self, name: str) -> int:
+        """MESSAGE_INTERVAL.interval_us. Of a stopped stream ArduPilot says -1 and PX4 0; -1 is PX4's "unlimited"."""
+        if self._is_px4:
+            unlimited = self._o.streams == "px4_onboard" and name in PX4_UNLIMITED
+            if unlimited and self.rates_hz.get(name) == self.defaults_hz[name]:
+                return -1
+            return self.interval_ns(name) // 1000
+        return self.interval_ns(name) // 1000 or -1
+
+    def default_hz(self, name: str) -> float | None:
+        """The rate of an interval of 0. None: ArduPilot has no default for a message of no group, and refuses."""
+        if self._is_px4 or not self._o.streams:
+            return self.defaults_hz.get(name, 0.0)
+        if name in self.defaults_hz:
+            return self.defaults_hz[name]
+        return next((self._group_hz[number] for number, names in GROUPS.items() if name in names), None)
+
+    def request_group(self, number: int, rate_hz: float) -> dict[str, float]:
+        """The new rate of each message that a REQUEST_DATA_STREAM names; empty on PX4, which ignores it."""
+        if self._is_px4 and self._o.streams:
+            return {}
+        chosen = {number: GROUPS[number]} if number in GROUPS else GROUPS if number == 0 else {}
+        for each in chosen:
+            self._group_hz[each] = rate_hz
+        return {name: rate_hz for names in chosen.values() for name in names}
+
+    def parameters(self) -> dict[str, float]:
+        """SRn_* of the link, where the autopilot has them."""
+        if self._is_px4 or not self._o.streams:
+            return {}
+        return {GROUP_PARAMETERS[number]: int(hz) for number, hz in self._group_hz.items()}
+
+    def _defaults(self) -> dict[str, float]:
+        if self._o.streams in {"arducopter", "arduplane"}:
+            by_group = {name: self._group_hz[number] for number, names in GROUPS.items() for name in names}
+            return {"HEARTBEAT": 1.0, **{name: hz for name, hz in by_group.items() if hz}, **self._o.rates_hz}
+        usual = {"px4_normal": PX4_NORMAL_HZ, "px4_onboard": PX4_ONBOARD_HZ}.get(self._o.streams)
+        if usual is None:
+            usual = PX4_HZ if self._is_px4 else ARDUPILOT_HZ
+        return {**usual, **self._o.rates_hz}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from math import atan2, degrees, hypot, nan, pi, radians
 from random import Random
 from typing import Any
@@ -15,6 +16,7 @@ from sitl_mock.gimbal import MESSAGE as GIMBAL
 from sitl_mock.options import Options
 from sitl_mock.rotation import Vector, quaternion_from_euler
 from sitl_mock.standing import autopilot_version, heartbeat, sys_status
+from sitl_mock.station_messages import STATION_MESSAGES, Maker
 
 Fields = dict[str, Any]
 TRIM_STAYS_BIT = 1 << 8
@@ -54,6 +56,8 @@ class Telemetry:
             self._makers["ALTITUDE"] = self._altitude
         if 0 < options.gimbal.device_id <= BEHIND_AUTOPILOT:
             self._makers[GIMBAL] = self._gimbal_attitude
+        if self._a.streams:
+            self._makers |= {name: partial(self._for_stations, maker) for name, maker in STATION_MESSAGES.items()}
         if not self._a.has_quaternion:
             del self._makers["ATTITUDE_QUATERNION"]
 
@@ -243,6 +247,9 @@ class Telemetry:
             "approach_z": 0.0,
             "time_usec": self._boot_us(host_ns),
         }
+
+    def _for_stations(self, maker: Maker, host_ns: int) -> Fields:
+        return maker(self._boot_us(host_ns), self.flight_s(host_ns))
 
     def _gimbal_attitude(self, host_ns: int) -> Fields:
         return self._belief.gimbal.fields(self.flight_s(host_ns), self._boot_ms(host_ns))

@@ -139,7 +139,9 @@ class MockVehicle:
 
     def _table(self) -> dict[str, Handler]:
         autopilot = self._o.autopilot
-        parameters = Parameters(autopilot, self._agenda, self._radio)
+        more = self._broadcast.streams.parameters()
+        more |= {f"MORE_{number}": float(number) for number in range(autopilot.more_parameters)}
+        parameters = Parameters(autopilot, self._agenda, self._radio, more)
         commands = Commands(autopilot, self._broadcast, self._radio, self._arm, self._reboot_soon)
         return {
             "TIMESYNC": self._hear_timesync,

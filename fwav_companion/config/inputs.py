@@ -10,7 +10,7 @@ from msgspec import Meta
 
 from fwav_companion.geometry.mounts import body_from_camera_from_euler
 from fwav_companion.geometry.vectors import Matrix3, Vector3
-from fwav_companion.links.url import LinkUrl, UdpUrl, UnixUrl, parse_detections_url, parse_link_url
+from fwav_companion.links.url import LinkUrl, SerialUrl, UdpUrl, UnixUrl, parse_detections_url, parse_link_url
 
 Positive: TypeAlias = Annotated[float, Meta(gt=0)]
 NotNegative: TypeAlias = Annotated[float, Meta(ge=0)]
@@ -18,6 +18,11 @@ AngleDeg: TypeAlias = Annotated[float, Meta(ge=-360, le=360)]
 MessageName: TypeAlias = Annotated[str, Meta(pattern=r"^[A-Z][A-Z0-9_]*$", description="a message name, as ATTITUDE")]
 LinkName: TypeAlias = Annotated[str, Meta(min_length=1, max_length=64)]
 StampRule: TypeAlias = Literal["row0_mid", "row0_start", "row0_end"]
+
+SERIAL_SHARE = 0.7
+"""Of a serial line's bytes that may leave by it where the file does not say: the rest is for bursts."""
+BITS_A_BYTE = 10
+"""On a serial line: a start bit, eight bits, a stop bit."""
 
 
 class VehicleConfig(msgspec.Struct, frozen=True, kw_only=True):
@@ -46,13 +51,29 @@ class LinkConfig(msgspec.Struct, frozen=True, kw_only=True):
     """Kind of peer at the other end."""
     max_rate_hz: dict[MessageName, Positive] = {}
     """Largest rate at which a message leaves by this link, by message name, hertz."""
-    forward_rate_requests: bool = False
-    """Whether a ground station's REQUEST_DATA_STREAM passes on from this link."""
+    forward_rate_requests: Literal["merge"] | bool = "merge"
+    """Handling of a station's requests for message rates. ``merge``: they pass, our own higher rates follow, and each
+    link gets what was asked for on it; true: they pass unchanged; false: they stop here."""
+    max_bytes_per_s: NotNegative = 0.0
+    """Largest number of bytes a second that leave by this link; 0: 70 % of the baud rate on serial, else no limit."""
 
     @property
     def parsed_url(self) -> LinkUrl:
         """The parsed URL; it was checked when the file was read."""
         return parse_link_url(self.url)
+
+    @property
+    def merges_rate_requests(self) -> bool:
+        """Requests for message rates that come by this link are merged with ours."""
+        return self.forward_rate_requests == "merge" and self.role != "autopilot"
+
+    @property
+    def byte_budget(self) -> float:
+        """Bytes a second that may leave by this link; 0: no limit."""
+        url = self.parsed_url
+        if self.max_bytes_per_s > 0.0 or not isinstance(url, SerialUrl):
+            return self.max_bytes_per_s
+        return SERIAL_SHARE * url.baud / BITS_A_BYTE
 
 
 class SigningConfig(msgspec.Struct, frozen=True, kw_only=True):

@@ -6,9 +6,12 @@ due earlier, at the time it was due: so the load of the machine does not change 
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
+from fwav_companion.mavlink.rate_messages import OwnStreams
+from fwav_companion.mavlink.router.node import PassedRequest
 from fwav_companion.pipeline.components import Components
 from fwav_companion.pipeline.event_handlers import EventHandlers
 from fwav_companion.pipeline.output_buffer import OutputBuffer, Outputs
@@ -71,10 +74,23 @@ class Pipeline:
         if message.name == "TIMESYNC" and message.fields.tc1 == 0:
             self._rooms.timesync.on_sent(message.fields.ts1, now)
 
-    def on_rate_request_passed(self, who: str, now: HostNs) -> None:
-        """Handle a request for other message rates that was forwarded to the autopilot."""
-        self._rooms.rates.on_rate_request_passed(who, now)
+    def on_rate_requests(
+        self, passed: Sequence[PassedRequest], demanded: Mapping[int, float], now: HostNs
+    ) -> list[Outgoing]:
+        """Handle requests for message rates that were forwarded; returns our messages for the same write.
+
+        ``demanded``: highest rate that stations want, hertz by message id.
+        """
+        rates = self._rooms.rates
+        for one in passed:
+            if not one.merged:
+                rates.on_rate_request_passed(one.request.who, now)
         self._due_is_known = False
+        return rates.on_merged_requests([one.request for one in passed if one.merged], demanded, now)
+
+    def stations_want(self, demanded: Mapping[int, float]) -> None:
+        """The highest rate that stations want, hertz by message id; it changes when they fall silent too."""
+        self._rooms.rates.stations_want(demanded)
 
     def on_frame(self, frame: Frame | NoFrame, now: HostNs) -> None:
         """Handle a decoded frame (possibly without detections), or the reason why a datagram was rejected."""
@@ -173,6 +189,11 @@ class Pipeline:
     def system(self) -> int:
         """Our MAVLink system id."""
         return self._rooms.identity.system
+
+    @property
+    def own_streams(self) -> OwnStreams:
+        """The messages that we ask of the autopilot."""
+        return self._rooms.rates.own_streams
 
     @property
     def telemetry(self) -> Telemetry:

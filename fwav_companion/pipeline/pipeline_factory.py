@@ -50,7 +50,7 @@ WANTED = frozenset(
         "HEARTBEAT", "TIMESYNC", "PING", "COMMAND_LONG", "COMMAND_INT", "COMMAND_ACK",
         "ATTITUDE", "ATTITUDE_QUATERNION", "GLOBAL_POSITION_INT", "LOCAL_POSITION_NED", "ALTITUDE", "VFR_HUD",
         "GPS_RAW_INT", "GPS_GLOBAL_ORIGIN", "HOME_POSITION", "DISTANCE_SENSOR", "TERRAIN_REPORT", "SYSTEM_TIME",
-        "GIMBAL_DEVICE_ATTITUDE_STATUS", "PARAM_VALUE", "STATUSTEXT",
+        "GIMBAL_DEVICE_ATTITUDE_STATUS", "PARAM_VALUE", "STATUSTEXT", "MESSAGE_INTERVAL",
     }
 )  # fmt: skip
 """Messages that a room uses; no other is decoded."""
@@ -120,6 +120,7 @@ def make_pipeline(
             default_subscriptions(config.rates.attitude, config.rates.position) | _wanted_by(config),
             attitude_message=config.vehicle.attitude_message,
             component=component,
+            merges_requests=any(link.merges_rate_requests for link in config.link),
         ),
         commands=commands,
         telemetry=telemetry,

@@ -15,7 +15,7 @@ from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.links.reconnect import make_link
 from fwav_companion.links.url import SerialUrl
 from fwav_companion.localization import ElevationTile
-from fwav_companion.mavlink.router.node import Received
+from fwav_companion.mavlink.router.node import PassedRequest, Received
 from fwav_companion.pipeline.pipeline_factory import make_pipeline
 from fwav_companion.service.board import BoardWatch, board_name, wall_clock_is_synchronised
 from fwav_companion.service.calibration_store import CalibrationStore
@@ -28,7 +28,7 @@ from fwav_companion.service.signing_store import SigningStore
 from fwav_companion.service.status import StatusReport, SystemdNotifier
 from fwav_companion.service.timer import NET_NS, HostClock, PipelineTimer
 from fwav_companion.telemetry import Telemetry
-from fwav_companion.types import Frame, NoFrame
+from fwav_companion.types import Frame, NoFrame, Outgoing
 from fwav_companion.vision.frame_receiver import FrameReceiver
 
 FILE_STOP_S = 0.4
@@ -174,19 +174,21 @@ class Service:
         self._take(self._node.receive(link, data, now), now)
 
     def _take(self, received: Received, now: HostNs) -> None:
-        for name, data in received.forwards:
-            self._links[name].send(data)
+        followed = self._follow(received.rate_requests, now) if received.rate_requests else ()
+        self._outbox.forward(received.forwards, followed, now)
         self._journal.received(received.frames, now)
-        if not received.messages and not received.rate_request:
+        if not received.messages and not received.rate_requests:
             if self._node.wake_at is not None:  # an incomplete frame waits, and may get no further byte
                 self._arm(now)
             return
         self._heard(now)
         for message in received.messages:
             self._pipeline.on_message(message, now)
-        if received.rate_request:
-            self._pipeline.on_rate_request_passed(received.rate_request, now)
         self._flush(now)
+
+    def _follow(self, passed: Sequence[PassedRequest], now: HostNs) -> Sequence[Outgoing]:
+        """What we ask behind stations' requests for message rates: in the write that carries these."""
+        return self._pipeline.on_rate_requests(passed, self._node.demanded, now)
 
     def _on_frame(self, frame: Frame | NoFrame) -> None:
         now = frame.arrival_ns if isinstance(frame, Frame) and frame.arrival_ns is not None else self._clock.now()
@@ -226,6 +228,7 @@ class Service:
         if self._ticks % BOARD_TICKS == 0:
             self._look_at_board(now)
         self._ticks += 1
+        self._pipeline.stations_want(self._node.demanded)
         self._signing.tick(self._node.signing_clock)
         self._calibrations.tick(self._pipeline.calibration_to_keep)
 
@@ -244,6 +247,7 @@ class Service:
         if self._pipeline.has_outputs:  # most messages make none
             outputs = self._pipeline.take()
             self._node.adopt(self._pipeline.system)
+            self._node.share(self._pipeline.own_streams)
             self._outbox.send(outputs.messages, outputs.datagrams, now)
             self._journal.found(outputs.lines, now)
             self._sayings.noticed(outputs.notices)

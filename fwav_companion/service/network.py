@@ -59,6 +59,20 @@ class Outbox:
 
     def send(self, messages: Sequence[Outgoing], datagrams: Sequence[bytes], now: HostNs) -> None:
         """Send all messages in order. A message that cannot be encoded is an internal fault; the others are sent."""
+        for name, data in coalesced(self._frames(messages, now)):
+            self._links[name].send(data)
+        if self._map_link is not None:
+            for datagram in datagrams:
+                self._map_link.send(datagram)
+
+    def forward(self, forwards: Sequence[tuple[str, bytes]], followed: Sequence[Outgoing], now: HostNs) -> None:
+        """Send frames of others as they came, and our messages that follow them, in one write for each link."""
+        if followed:
+            forwards = coalesced([*forwards, *self._frames(followed, now)])
+        for name, data in forwards:
+            self._links[name].send(data)
+
+    def _frames(self, messages: Sequence[Outgoing], now: HostNs) -> list[tuple[str, bytes]]:
         sends: list[tuple[str, bytes]] = []
         for message in messages:
             try:
@@ -69,8 +83,4 @@ class Outbox:
             sends += frames
             if frames:
                 self._journal.sent(frames[0][1], now)
-        for name, data in coalesced(sends):
-            self._links[name].send(data)
-        if self._map_link is not None:
-            for datagram in datagrams:
-                self._map_link.send(datagram)
+        return sends

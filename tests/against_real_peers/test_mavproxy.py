@@ -21,12 +21,12 @@ def site(tmp_path: Path):
     return site
 
 
-def station(site: Site, mavproxy: tuple[str, str], *target: str) -> Process:
+def station(site: Site, mavproxy: tuple[str, str], *target: str, streamrate: int = -1) -> Process:
     return process(
         f"--master=udpin:127.0.0.1:{site.ground.port}",
         *target,
         "--default-modules=link,cmdlong,misc,output",
-        *("--logfile=station.tlog", f"--state-basedir={site.folder}", "--streamrate=-1"),
+        *("--logfile=station.tlog", f"--state-basedir={site.folder}", f"--streamrate={streamrate}"),
         folder=site.folder,
         program=mavproxy,
     )
@@ -70,7 +70,7 @@ def test_mavproxy_sees_the_vehicle_and_the_target_and_is_obeyed(site: Site, mavp
                 peer.tell(f"long {line}")
                 peer.wait_for(rf"COMMAND_ACK {{command : {number}, result : {result},", SECONDS_S)
             peer.tell("status")  # its counters of all messages, whoever sent them
-            peer.wait_for(r"\d+: ATTITUDE_QUATERNION {", SECONDS_S)
+            peer.wait_for(r"\d+: ATTITUDE {", SECONDS_S)  # the quaternion is only ours, and stays here
             wait_until_logged(site, ("CAMERA_INFORMATION", 100))
             peer.stop(signal.SIGINT)
         assert service.stop() == 0
@@ -105,6 +105,29 @@ def test_mavproxy_prints_our_texts_once_it_listens_to_every_component(site: Site
             peer.wait_for("AP: autopilot lost: ", SECONDS_S)
             peer.stop(signal.SIGINT)
         assert service.stop() == 0
+
+
+@pytest.mark.timeout(400)
+def test_mavproxy_gets_its_streams_of_an_autopilot_that_sends_nothing_by_itself(site: Site, mavproxy: tuple[str, str]):
+    """It asks for all groups at 4 Hz, again every 15 s; our own rates stay where they are."""
+    shown = ("SYS_STATUS", "VFR_HUD", "BATTERY_STATUS", "RC_CHANNELS", "EKF_STATUS_REPORT", "GPS_RAW_INT", "ATTITUDE")
+    with site.service() as service, site.mock("--scenario", "arducopter", seconds=240.0) as mock:
+        service.wait_for("link ground is up")
+        with station(site, mavproxy, streamrate=4) as peer:
+            peer.wait_for(r"Detected vehicle 1:1 on link 0", SECONDS_S)
+            service.wait_for(r"255/\d+ on ground asks the autopilot for message rates: merged with ours", SECONDS_S)
+            for name in shown:
+                wait_until_logged(site, (name, 1))
+            time.sleep(16.0)  # until it has asked once more
+            peer.stop(signal.SIGINT)
+        rates = site.status()["rates"]
+        assert service.stop() == 0
+        assert mock.stop() == 0
+    names = {message.get_type() for message in heard(site) if message.get_srcComponent() == 1}
+    assert names >= set(shown)
+    assert "ATTITUDE_QUATERNION" not in names
+    assert rates["ATTITUDE_QUATERNION"]["measured_hz"] > 85.0
+    assert rates["ATTITUDE_QUATERNION"]["undone_by"] is None
 
 
 def read_by_us(site: Site) -> list[tuple[int, bytes]]:

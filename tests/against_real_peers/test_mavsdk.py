@@ -1,7 +1,9 @@
 """MAVSDK as the ground station: a decoder that shares no line with pymavlink, nor with us."""
 
 import json
+import re
 import sys
+import time
 from collections import defaultdict
 from math import cos, radians
 from pathlib import Path
@@ -68,7 +70,8 @@ def test_mavsdk_sees_the_vehicle_and_the_target_and_is_obeyed(site: Site):
         (18, 8, 4),
         (30, 8, 4),
     ]
-    assert messages["ATTITUDE_QUATERNION", 1], "nothing was relayed"
+    assert messages["ATTITUDE", 1], "nothing was relayed"
+    assert not messages["ATTITUDE_QUATERNION", 1], "only the service asked for it"
     _is_the_target(messages["CAMERA_TRACKING_GEO_STATUS", 100][-1], site.truth()[0]["targets"][0])
     image = messages["CAMERA_TRACKING_IMAGE_STATUS", 100][0]
     assert (image["tracking_status"], image["target_data"]) == (1, 4)
@@ -104,6 +107,47 @@ def test_mavsdks_camera_plugin_finds_the_camera_its_stream_and_its_storage(site:
         "size": [640, 480],
         "fov_deg": pytest.approx(55.0),
     }
+
+
+@pytest.mark.timeout(300)
+def test_mavsdk_gets_the_streams_that_it_asks_of_an_autopilot_that_sends_nothing_by_itself(site: Site):
+    """By SET_MESSAGE_INTERVAL, which the autopilot answers; the service only merges."""
+    wanted = {"SYS_STATUS": 1, "VFR_HUD": 74, "BATTERY_STATUS": 147, "RC_CHANNELS": 65, "EKF_STATUS_REPORT": 193}
+    with site.service() as service, site.mock("--scenario", "arducopter", seconds=120.0) as mock:
+        service.wait_for("origin 48")  # positions come, at our rate
+        with station(site) as peer:
+            peer.wait_for(r'"system": true', SECONDS_S)
+            for name, number in wanted.items():
+                peer.tell(command(1, 511, float(number), 200_000.0))
+                answers = peer.said.count('"command": 511')
+                wait_for_count(peer, '"command": 511', answers + 1)
+                wait_for_count(peer, f'"name": "{name}"', 10)
+            rate = measured(site, "ATTITUDE_QUATERNION", 85.0)
+            peer.stop()
+        assert service.stop() == 0
+        assert mock.stop() == 0
+    messages = heard(peer.said)
+    assert [line for line in peer.said.splitlines() if '"refused"' in line] == []
+    assert messages["BATTERY_STATUS", 1][-1]["battery_remaining"] == 82
+    assert not messages["ATTITUDE_QUATERNION", 1]
+    assert not messages["GLOBAL_POSITION_INT", 1], "only the service asked for it"
+    assert rate["undone_by"] is None
+
+
+def measured(site: Site, name: str, least_hz: float) -> dict[str, Any]:
+    """What the service says of a rate of its own, once it measures as much."""
+    deadline = time.monotonic() + SECONDS_S
+    while time.monotonic() < deadline:
+        rate: dict[str, Any] = site.status()["rates"].get(name) or {}
+        if (rate.get("measured_hz") or 0.0) > least_hz:
+            return rate
+        time.sleep(0.2)
+    pytest.fail(f"{name} did not come at {least_hz} Hz")
+
+
+def wait_for_count(peer: Process, text: str, count: int) -> None:
+    """Until it has said this so often, answers and messages alike being lines of their own."""
+    peer.wait_for(rf"(?s)(?:{re.escape(text)}.*?){{{count}}}", SECONDS_S)
 
 
 def _is_the_target(geo: dict[str, Any], true: dict[str, float]) -> None:

@@ -66,7 +66,8 @@ def _cpu_s() -> float:
 
 def _relay(own: int, peer: int, result: multiprocessing.Queue[float], count: int) -> None:
     """Our own relay in a process of its own; its CPU after the first burst, until all are through."""
-    node = Node([LinkPolicy("in", "autopilot", datagrams=True), LinkPolicy("out", "gcs", datagrams=True)], wanted=[])
+    out = LinkPolicy("out", "gcs", forward_rate_requests=True, datagrams=True)
+    node = Node([LinkPolicy("in", "autopilot", datagrams=True), out], wanted=[])
     seen = 0
     start = 0.0
     done = asyncio.Event()

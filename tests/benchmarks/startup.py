@@ -41,10 +41,11 @@ def _daemon(folder: Path, station: socket.socket) -> float:
 
 
 def relay_configuration(station_port: int, autopilot_port: int = 0) -> str:
-    """Links alone."""
+    """Links alone. Everything is relayed: merging requests would leave out what only the service asked for."""
     return (
         f'[[link]]\nname = "autopilot"\nurl = "udpin://127.0.0.1:{autopilot_port or 24597}"\nrole = "autopilot"\n'
         f'[[link]]\nname = "ground"\nurl = "udpout://127.0.0.1:{station_port}"\nrole = "gcs"\n'
+        "forward_rate_requests = true\n"
         '[detections]\nurl = ""\n[status]\nfile = "status.json"\n'
     )
 

@@ -39,6 +39,28 @@ def test_values_are_taken_as_they_stand():
     assert config.signing.key_file == "signing.key"
 
 
+@pytest.mark.parametrize(
+    ("url", "keys", "bytes_per_s"),
+    [
+        ("udpin://127.0.0.1:14550", "", 0.0),
+        ("udpin://127.0.0.1:14550", "max_bytes_per_s = 4000", 4000.0),
+        ("serial:///dev/ttyUSB0:57600", "", 4032.0),
+        ("serial:///dev/ttyUSB0:57600", "max_bytes_per_s = 1500", 1500.0),
+        ("serial://0403:6001:115200", "", 8064.0),
+    ],
+)
+def test_a_links_budget_is_seventy_percent_of_a_serial_line_where_the_file_says_nothing(url, keys, bytes_per_s):
+    config = parse(f'[detections]\nurl = ""\n[[link]]\nname = "a"\nurl = "{url}"\nrole = "gcs"\n{keys}\n', "f.toml")
+    assert config.link[0].byte_budget == pytest.approx(bytes_per_s)
+
+
+def test_requests_for_rates_are_merged_on_ground_links_where_the_file_says_nothing():
+    ground = '[[link]]\nname = "g{0}"\nurl = "udpin://127.0.0.1:1455{0}"\nrole = "gcs"\n'
+    text = f"{BASE}{ground.format(1)}{ground.format(2)}forward_rate_requests = true\n"
+    config = parse(text, "f.toml")
+    assert [link.merges_rate_requests for link in config.link] == [False, True, False]
+
+
 # What stands in the file, and the whole of the line it gives.
 FAULTS = {
     "near key": (f"{BASE}[publish]\nrate_h = 3\n", '[publish] rate_h = 3: unknown key; did you mean "rate_hz"?'),
@@ -63,6 +85,9 @@ FAULTS = {
     "infinite in a list": ("[camera.mount]\nposition_m = [0, 0, inf]\n", "[camera.mount] position_m = [0, 0, inf]: not finite; accepted: a list of 3: each a number"),
     "too short": ("[camera.mount]\nposition_m = [0, 0]\n", "[camera.mount] position_m = [0, 0]: accepted: a list of 3: each a number"),
     "number or word": ('[camera]\nreadout_s = "fast"\n', '[camera] readout_s = "fast": accepted: "unknown" | a number from -1 to 1'),
+    "neither merged nor passed nor stopped": (LINK + 'forward_rate_requests = "merg"\n', '[[link]] 1 "a" forward_rate_requests = "merg": accepted: "merge" | true | false'),
+    "a number for a choice": (LINK + "forward_rate_requests = 1\n", '[[link]] 1 "a" forward_rate_requests = 1: accepted: "merge" | true | false'),
+    "less than no bytes": (LINK + "max_bytes_per_s = -1\n", '[[link]] 1 "a" max_bytes_per_s = -1: accepted: a number, 0 or more'),
     "rate of a message": (LINK + "max_rate_hz = { ATTITUDE = 0 }\n", "[[link]] 1 \"a\" max_rate_hz = {'ATTITUDE': 0}: accepted: a table, each key a message name, as ATTITUDE, each value a number, above 0"),
     "no table": ("vehicle = 3\n", "vehicle = 3: accepted: a table"),
     "no list of tables": ("link = 3\n", "link = 3: accepted: tables, each headed [[link]]"),

@@ -14,6 +14,7 @@ STEP = 2 * MS
 Ack = namedtuple("Ack", "command result progress result_param2 target_system target_component")
 Param = namedtuple("Param", "param_id param_value param_type param_count param_index")
 Empty = namedtuple("Empty", "")
+Interval = namedtuple("Interval", "message_id interval_us")
 NAMES = {number: name for name, number in MESSAGE_IDS.items()}
 STREAM_MEMBERS = {10: {"ATTITUDE"}, 6: {"GLOBAL_POSITION_INT", "LOCAL_POSITION_NED"}, 2: {"GPS_RAW_INT"}}
 
@@ -31,6 +32,8 @@ class Peer:
         self.denied, self.result = set(), None
         self.intervals_ns, self.next_ns = {}, {}
         self.parameters = {"SCHED_LOOP_RATE": 400.0}
+        self.defaults_hz = {}
+        """What it sends by itself; a message that is not in here has no default that it could be reset to."""
         self.sent, self.asked, self.replies = [], [], []
         self.acknowledges, self.now = True, T0
 
@@ -60,7 +63,11 @@ class Peer:
     def take(self, out):
         self.sent.append((self.now, out))
         fields = out.fields
-        if out.name == "COMMAND_LONG" and fields["command"] == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
+        if out.name == "COMMAND_LONG" and fields["command"] == mavlink.MAV_CMD_GET_MESSAGE_INTERVAL:
+            self.tell_interval(int(fields["param1"]))
+        elif self.is_set_interval(out) and fields["param2"] <= 0.0:
+            self.reset(NAMES.get(int(fields["param1"]), ""), fields["param2"])
+        elif self.is_set_interval(out) and int(fields["param1"]) in NAMES:
             name, interval_us = NAMES[int(fields["param1"])], fields["param2"]
             self.asked.append((name, 1e6 / interval_us))
             result = self.result if self.result is not None else self.grant(name, interval_us)
@@ -72,6 +79,29 @@ class Peer:
         elif out.name == "PARAM_REQUEST_READ" and fields["param_id"] in self.parameters:
             value = self.parameters[fields["param_id"]]
             self.replies.append(Message("PARAM_VALUE", 1, 1, "fc", Param(fields["param_id"], value, 9, 900, 0)))
+
+    def is_set_interval(self, out):
+        return out.name == "COMMAND_LONG" and out.fields["command"] == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
+
+    def tell_interval(self, number):
+        """Of a stopped stream ArduPilot says -1 and PX4 0."""
+        interval_ns = self.intervals_ns.get(NAMES[number])
+        stopped = 0 if self.kind is AutopilotKind.PX4 else -1
+        reply = Interval(number, interval_ns // 1000 if interval_ns else stopped)
+        if self.acknowledges:
+            self.replies.append(Message("MESSAGE_INTERVAL", 1, 1, "fc", reply))
+            self.replies.append(Message("COMMAND_ACK", 1, 1, "fc", Ack(510, 0, 0, 0, 1, 191)))
+
+    def reset(self, name, interval_us):
+        """A stop, or the default, which not every message has."""
+        hz = 0.0 if interval_us < 0.0 else self.defaults_hz.get(name)
+        if hz is not None:
+            self.intervals_ns.pop(name, None)
+            if hz:
+                self.set_rate(name, hz)
+        if self.acknowledges:
+            result = mavlink.MAV_RESULT_FAILED if hz is None else mavlink.MAV_RESULT_ACCEPTED
+            self.replies.append(Message("COMMAND_ACK", 1, 1, "fc", Ack(511, result, 0, 0, 1, 191)))
 
     def grant(self, name, interval_us):
         if name in self.denied:
@@ -98,8 +128,9 @@ class Peer:
         return [hz for asked, hz in self.asked if asked == name]
 
 
-def peer(attitude_message="auto", kind=AutopilotKind.ARDUPILOT, attitude_hz=100):
-    return Peer(Rates(default_subscriptions(attitude_hz, 10), attitude_message=attitude_message), kind)
+def peer(attitude_message="auto", kind=AutopilotKind.ARDUPILOT, attitude_hz=100, merges_requests=False):
+    wanted = default_subscriptions(attitude_hz, 10)
+    return Peer(Rates(wanted, attitude_message=attitude_message, merges_requests=merges_requests), kind)
 
 
 def status(them, name):

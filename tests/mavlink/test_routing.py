@@ -12,6 +12,7 @@ from fwav_companion.mavlink.router.peers import MAX_PEERS, SILENT_NS
 AUTOPILOT = LinkPolicy("autopilot", "autopilot")
 SECOND = LinkPolicy("second", "autopilot")
 GROUND = LinkPolicy("ground", "gcs")
+ARM, GET_MESSAGE_INTERVAL, SET_MESSAGE_INTERVAL, REQUEST_MESSAGE = 400, 510, 511, 512
 TABLET = LinkPolicy("tablet", "gcs")
 
 
@@ -146,29 +147,51 @@ def test_radio_status_and_adsb_never_reach_an_autopilot() -> None:
     assert net.links_of("autopilot", Wire(1, 1).frame("ADSB_VEHICLE", *adsb)) == ["ground", "tablet"]
 
 
-def test_a_ground_stations_request_for_streams_stops_here() -> None:
-    net = Net()
+STOPS = LinkPolicy("ground", "gcs", forward_rate_requests=False)
+
+
+def test_a_ground_stations_request_for_streams_stops_where_the_link_stops_them() -> None:
+    """It was the default before requests were merged."""
+    net = Net(AUTOPILOT, STOPS, TABLET)
     _, ground = vehicle_and_ground(net)
     request = ground.frame("REQUEST_DATA_STREAM", 1, 1, 0, 4, 1)
     assert net.links_of("ground", request) == []
     assert net.node.statistics(net.now)[1].stopped == 1
 
 
-def test_a_request_for_streams_that_passes_is_told() -> None:
-    net = Net(AUTOPILOT, LinkPolicy("ground", "gcs", forward_rate_requests=True))
+def test_a_link_that_stops_rate_requests_stops_intervals_too_and_nothing_else() -> None:
+    net = Net(AUTOPILOT, STOPS, TABLET)
     _, ground = vehicle_and_ground(net)
-    received = net.node.receive("ground", ground.frame("REQUEST_DATA_STREAM", 1, 1, 0, 4, 1), net.now)
-    assert [name for name, _ in received.forwards] == ["autopilot"]
-    assert received.rate_request == "255/190 on ground"
+    assert net.links_of("ground", ground.command(1, 1, SET_MESSAGE_INTERVAL)) == []
+    assert net.node.statistics(net.now)[1].stopped == 1
+    for other in (ARM, REQUEST_MESSAGE, GET_MESSAGE_INTERVAL):
+        assert net.links_of("ground", ground.command(1, 1, other)) == ["autopilot"]
+    net.feed("tablet", Wire(1, 154).heartbeat())
+    assert net.links_of("ground", ground.command(1, 154, SET_MESSAGE_INTERVAL)) == ["tablet"]
 
 
-def test_a_message_interval_that_passes_is_told_and_other_commands_are_not() -> None:
+@pytest.mark.parametrize(("setting", "merged"), [(True, False), ("merge", True)])
+def test_a_request_for_streams_passes_unchanged_and_is_reported(setting, merged) -> None:
+    net = Net(AUTOPILOT, LinkPolicy("ground", "gcs", forward_rate_requests=setting))
+    _, ground = vehicle_and_ground(net)
+    frame = ground.frame("REQUEST_DATA_STREAM", 1, 1, 0, 4, 1)
+    received = net.node.receive("ground", frame, net.now)
+    assert received.forwards == [("autopilot", frame)]
+    assert [(one.request.who, one.merged) for one in received.rate_requests] == [("255/190 on ground", merged)]
+
+
+def test_a_message_interval_that_passes_is_reported_and_other_commands_are_not() -> None:
     net = Net()
     _, ground = vehicle_and_ground(net)
-    assert net.node.receive("ground", ground.command(1, 1, 511), net.now).rate_request == "255/190 on ground"
-    assert net.node.receive("ground", ground.command(1, 1, 400), net.now).rate_request == ""
-    by_int = ground.frame("COMMAND_INT", 1, 1, 0, 511, 0, 0, 1.0, 2.0, 3.0, 4.0, 5, 6, 7.0)
-    assert net.node.receive("ground", by_int, net.now).rate_request == "255/190 on ground"
+
+    def reported(frame: bytes) -> list[str]:
+        return [one.request.who for one in net.node.receive("ground", frame, net.now).rate_requests]
+
+    assert reported(ground.command(1, 1, SET_MESSAGE_INTERVAL)) == ["255/190 on ground"]
+    assert reported(ground.command(1, 1, ARM)) == []
+    by_int = ground.frame("COMMAND_INT", 1, 1, 0, SET_MESSAGE_INTERVAL, 0, 0, 1.0, 2.0, 3.0, 4.0, 5, 6, 7.0)
+    assert reported(by_int) == ["255/190 on ground"]
+    assert reported(ground.frame("MESSAGE_INTERVAL", 30, 250_000)) == ["255/190 on ground"]
 
 
 def test_our_own_frames_that_come_back_are_counted_and_dropped() -> None:

@@ -8,6 +8,8 @@ from flying import Companion, Flight, fly
 from mavlink_wire import Wire
 
 from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.mavlink.rate_messages import RateRequest
+from fwav_companion.mavlink.router.node import PassedRequest
 from fwav_companion.types import NoticeCode
 from sitl_mock import TargetOptions, scenario, simulate
 
@@ -207,8 +209,14 @@ def test_the_next_due_time_is_always_the_one_that_the_rooms_tell():
     companion = Watched(unix_minus_host_s=mock.unix_minus_host_s)
     for _ in mock.drive(companion):
         pass
-    companion.pipeline.on_rate_request_passed("255/190", HostNs(mock.end_ns))
-    companion._flushed(HostNs(mock.end_ns))
+    request = RateRequest(
+        system=255, component=190, link="ground", target_system=1, target_component=1, rates={31: 4.0}
+    )
+    for merged in (False, True):
+        passed = [PassedRequest(request, merged)]
+        followed = companion.pipeline.on_rate_requests(passed, {31: 4.0}, HostNs(mock.end_ns))
+        assert bool(followed) is merged, "ours follow at once where requests are merged"
+        companion._flushed(HostNs(mock.end_ns))
     companion.pipeline.on_internal_fault(HostNs(mock.end_ns))
     companion._flushed(HostNs(mock.end_ns))
 

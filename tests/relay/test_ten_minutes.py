@@ -29,10 +29,12 @@ def relayed(node: Node, events: list[Event]) -> Iterator[tuple[str, bytes]]:
 
 
 def node_of(links: tuple[str, ...], *, datagrams: bool) -> Node:
-    node = Node(
-        [LinkPolicy(link, "autopilot" if link in VEHICLE_LINKS else "gcs", datagrams=datagrams) for link in links],
-        wanted=(),
-    )
+    """Without merging requests for rates, which thins attitudes: what is judged here is the routing alone."""
+    roles = {link: "autopilot" if link in VEHICLE_LINKS else "gcs" for link in links}
+    policies = [
+        LinkPolicy(link, role, forward_rate_requests=False, datagrams=datagrams) for link, role in roles.items()
+    ]
+    node = Node(policies, wanted=())
     node.adopt(1)
     return node
 

@@ -111,11 +111,14 @@ WIRES: dict[str, Send] = {
 
 @pytest.fixture(params=PAIRS, ids=lambda pair: f"{pair[0]} to {pair[1]}")
 def relay(request, tmp_path: Path) -> Iterator[tuple[Process, Peer, Peer]]:
-    """The daemon, and the far ends of its two links."""
+    """The daemon, and the far ends of its two links. Nothing is thinned or held back: frames come here faster than any
+    serial line carries them.
+    """
     vehicle, station = (peer_of(kind) for kind in request.param)
+    unthinned = "forward_rate_requests = true\nmax_bytes_per_s = 1e8"
     (tmp_path / "relay.toml").write_text(
-        f'[vehicle]\nsystem_id = 1\n[[link]]\nname = "a"\nurl = "{vehicle.url}"\nrole = "autopilot"\n'
-        f'[[link]]\nname = "g"\nurl = "{station.url}"\nrole = "gcs"\n'
+        f'[vehicle]\nsystem_id = 1\n[[link]]\nname = "a"\nurl = "{vehicle.url}"\nrole = "autopilot"\n{unthinned}\n'
+        f'[[link]]\nname = "g"\nurl = "{station.url}"\nrole = "gcs"\n{unthinned}\n'
         f'[detections]\nurl = ""\n[status]\nfile = "{tmp_path}/status.json"\n'
     )
     with process("fwav_companion", "run", "--config", "relay.toml", folder=tmp_path) as service:

@@ -123,6 +123,87 @@ def test_data_streams_override_intervals(companion):
     assert 5 <= np.sum(times > 2.01) <= 6
 
 
+def names_between(run, from_s, to_s):
+    """Messages a second of the autopilot."""
+    names = [h.name for now, h in run.heard if from_s <= (now * 1e-9 - 1000.0) < to_s and h.component == 1]
+    return {name: names.count(name) / (to_s - from_s) for name in names}
+
+
+def request_group(run, at_s, number, rate_hz, start=1):
+    fields = {"req_stream_id": number, "req_message_rate": rate_hz, "start_stop": start}
+    return run.at(at_s, "REQUEST_DATA_STREAM", target_system=1, target_component=1, **fields)
+
+
+def test_arducopter_streams_nothing_before_it_is_asked_and_then_by_groups(companion):
+    run = request_group(companion("arducopter", seconds=9.0, **{"autopilot.arms_at_s": None}), 3.0, 0, 4)
+    request_group(run, 6.0, 2, 0, start=0).fly()
+    assert set(names_between(run, 0.0, 3.0)) <= {"HEARTBEAT", "TIMESYNC"}
+    asked = names_between(run, 3.5, 6.0)
+    for name in ("SYS_STATUS", "VFR_HUD", "BATTERY_STATUS", "RC_CHANNELS", "EKF_STATUS_REPORT", "ATTITUDE"):
+        assert asked[name] == pytest.approx(4.0, abs=0.5), name
+    assert "ATTITUDE_QUATERNION" not in asked, "it is in no group"
+    after = names_between(run, 6.5, 9.0)
+    assert "SYS_STATUS" not in after
+    assert after["VFR_HUD"] == pytest.approx(4.0, abs=0.5)
+
+
+def test_ardupilots_default_interval_is_its_groups_rate_and_some_messages_have_none(companion):
+    run = companion("arducopter", seconds=8.0, **{"autopilot.group_rates_hz": {6: 3.0}})
+    run.ask_rate(1.0, "GLOBAL_POSITION_INT", 20.0).command(2.0, 511, 33, 0).command(2.1, 510, 33)
+    request_group(run, 3.0, 10, 5).ask_rate(3.1, "ATTITUDE", 50.0).command(3.2, 511, 30, 0).command(3.3, 510, 30)
+    run.command(4.0, 511, 31, 0).command(4.1, 510, 31).fly()
+    told = [(f["message_id"], f["interval_us"]) for f in run.of("MESSAGE_INTERVAL")]
+    assert told == [(33, pytest.approx(333_333, abs=1)), (30, 200_000), (31, -1)]
+    assert acks(run) == [(511, 0), (511, 0), (510, 0), (511, 0), (511, 0), (510, 0), (511, 4), (510, 0)]
+    assert run.flight.vehicle.rates_hz["GLOBAL_POSITION_INT"] == 3.0
+
+
+def test_arduplane_streams_each_group_once_a_second_and_lists_the_rates(companion):
+    run = companion("arduplane", seconds=9.0)
+    run.at(2.0, "PARAM_REQUEST_LIST", target_system=1, target_component=1).fly()
+    rates = names_between(run, 1.0, 9.0)
+    assert {rates[name] for name in ("SYS_STATUS", "ATTITUDE", "RAW_IMU", "VFR_HUD", "VIBRATION")} <= {1.0, 1.125}
+    told = {f["param_id"]: f["param_value"] for f in run.of("PARAM_VALUE")}
+    assert told["SR1_EXTRA1"] == 1.0
+
+
+def test_a_copter_forgets_a_stations_groups_at_a_reboot(companion):
+    run = companion("arducopter", seconds=9.0, **{"others.reboots_at_s": (4.0,)})
+    request_group(run, 1.0, 0, 4).fly()
+    assert names_between(run, 2.0, 4.0)["VFR_HUD"] == pytest.approx(4.0, abs=0.6)
+    assert "VFR_HUD" not in names_between(run, 6.0, 9.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "rates"),
+    [
+        ("px4_normal", {"ATTITUDE": 15.0, "VFR_HUD": 4.0, "RC_CHANNELS": 5.0, "SYS_STATUS": 1.0}),
+        ("px4_onboard", {"ATTITUDE": 100.0, "ATTITUDE_QUATERNION": 50.0, "HIGHRES_IMU": 50.0, "ODOMETRY": 30.0}),
+    ],
+)
+def test_px4_streams_by_its_mode_and_ignores_groups(companion, name, rates):
+    run = request_group(companion(name, seconds=6.0), 1.0, 0, 2).fly()
+    heard = names_between(run, 2.0, 6.0)
+    assert {each: heard[each] for each in rates} == pytest.approx(rates, rel=0.1)
+    assert ("ATTITUDE_QUATERNION" in heard) is (name == "px4_onboard")
+
+
+def test_px4_says_minus_one_of_an_unlimited_stream_and_zero_of_a_stopped_one(companion):
+    run = companion("px4_onboard", seconds=4.0).command(1.0, 510, 24).command(1.1, 511, 30, -1).command(1.2, 510, 30)
+    run.command(1.3, 511, 30, 0).command(1.4, 510, 30).fly()
+    told = [(f["message_id"], f["interval_us"]) for f in run.of("MESSAGE_INTERVAL")]
+    assert told == [(24, -1), (30, 0), (30, 10_000)]
+
+
+def test_more_parameters_are_listed_at_their_pace(companion):
+    changes = {"autopilot.more_parameters": 200, "autopilot.parameter_interval_s": 0.002}
+    run = companion("arducopter", seconds=3.0, **changes)
+    run.at(1.0, "PARAM_REQUEST_LIST", target_system=1, target_component=1).fly()
+    told = run.of("PARAM_VALUE")
+    assert {f["param_id"] for f in told} >= {f"MORE_{number}" for number in range(200)}
+    assert max(run.times_of("PARAM_VALUE")) * 1e-9 - 1001.0 < 0.5
+
+
 def test_a_thief_takes_the_rates(companion):
     run = (
         companion("gcs_thief", seconds=4.0, **{"others.rates_stolen_every_s": 2.0})

@@ -5,15 +5,20 @@ Which of the streams is due to be asked for, and at what rate, the streams know;
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs
+from fwav_companion.mavlink.ack_order import AckOrder
+from fwav_companion.mavlink.client.attitude_sharing import PLAIN, QUATERNION
 from fwav_companion.mavlink.client.rate_stream import RateStream, StreamState
 from fwav_companion.mavlink.client.requests import command, request
 from fwav_companion.mavlink.client.subscriptions import DATA_STREAMS, MESSAGE_IDS
+from fwav_companion.mavlink.own_rates import OwnRates
+from fwav_companion.mavlink.rate_merging import ROUNDING, FollowUp
+from fwav_companion.mavlink.stream_groups import group_of
 from fwav_companion.mavlink.wire import enums
 from fwav_companion.types.messages import Message, Outgoing
 from fwav_companion.types.situation import Autopilot
@@ -23,6 +28,8 @@ MAX_TRIES = 4
 GROUP_PAUSE_NS = NS_PER_S
 """One REQUEST_DATA_STREAM serves every message of its group that is due within so long."""
 MAX_STREAM_RATE = 0xFFFF
+ATTITUDES = frozenset({PLAIN, QUATERNION})
+INTERVAL_COMMANDS = frozenset({enums.MAV_CMD_SET_MESSAGE_INTERVAL, enums.MAV_CMD_GET_MESSAGE_INTERVAL})
 
 
 class Answer(msgspec.Struct, frozen=True):
@@ -35,7 +42,7 @@ class Answer(msgspec.Struct, frozen=True):
 
 
 class _Question(msgspec.Struct):
-    """The one SET_MESSAGE_INTERVAL in flight: an acknowledgement does not say which message it is about."""
+    """The one SET_MESSAGE_INTERVAL whose answer decides what is asked next."""
 
     stream: RateStream
     interval_us: int
@@ -46,11 +53,17 @@ class _Question(msgspec.Struct):
 class RateRequests:
     """Puts to one autopilot what its streams are due to ask."""
 
-    def __init__(self, component: int):
+    def __init__(self, component: int, own_rates: OwnRates):
         self._component = component
+        self._own_rates = own_rates
         self._autopilot: Autopilot | None = None
         self._streams: Mapping[str, RateStream] = {}
         self._in_flight: _Question | None = None
+        self._acks: AckOrder[_Question] = AckOrder(ACK_TIMEOUT_NS)
+        self.demanded: Mapping[int, float] = {}
+        """The highest rate that a station wants, hertz, by message id: asked for behind ours where it is higher."""
+        self._lowered: set[str] = set()
+        """Messages that the autopilot sends faster by itself than we ask for: they get that rate back."""
         self._command_unknown = False
         self._command_known = False
         self._groups_asked_ns: dict[int, HostNs] = {}
@@ -58,6 +71,8 @@ class RateRequests:
     @property
     def wake_at(self) -> HostNs | None:
         """When something is to be asked next."""
+        if self._lowered:
+            return HostNs(0)
         if self._in_flight is not None:
             return self._in_flight.deadline_ns
         due = (stream.next_ask_ns for stream in self._streams.values())
@@ -67,6 +82,9 @@ class RateRequests:
         """Nothing is known of this autopilot. ``streams``: in the order in which they are asked for."""
         self._autopilot, self._streams = autopilot, streams
         self._in_flight = None
+        self._acks.clear()
+        self._lowered.clear()
+        self._own_rates.begin(autopilot.kind)
         self._command_unknown = self._command_known = False
         self._groups_asked_ns.clear()
 
@@ -74,16 +92,35 @@ class RateRequests:
         """Repeat the question in flight if its answer is overdue, or put the next one."""
         if self._autopilot is None:
             return []
+        lowered = [(MESSAGE_IDS[name], self._own_rates.hz(name)) for name in sorted(self._lowered)]
+        self._lowered.clear()
+        raised = self._restore(self._autopilot, lowered, now)
         if self._in_flight is not None:
-            return self._repeat(self._autopilot, self._in_flight, now)
-        return self._next(self._autopilot, now)
+            return raised + self._repeat(self._autopilot, self._in_flight, now)
+        return raised + self._next(self._autopilot, now)
+
+    def on_own_rate(self, name: str) -> None:
+        """It is known at which rate the autopilot sends this message by itself: ours does not lower it."""
+        stream = self._streams.get(name)
+        if stream is not None and name not in ATTITUDES and self._own_rates.hz(name) > ROUNDING * stream.wanted_hz:
+            self._lowered.add(name)
+
+    def rate_kept_hz(self, stream: RateStream) -> float:
+        """The rate at which the autopilot is to send a message whatever stations ask for: ours, or its own if higher.
+
+        Of attitude it is ours: plain ATTITUDE is asked for slowly on purpose while the quaternion flows. inf: the
+        autopilot's default, which its interval does not tell.
+        """
+        ours_hz = 1e6 / stream.interval_us
+        return ours_hz if stream.name in ATTITUDES else max(ours_hz, self._own_rates.hz(stream.name))
 
     def on_ack(self, ack: Message, now: HostNs) -> Answer | None:
         """Hand a COMMAND_ACK of the autopilot to the stream it is about; None where it settles nothing."""
-        fields, question = ack.fields, self._in_flight
-        if fields.command != enums.MAV_CMD_SET_MESSAGE_INTERVAL or question is None or not self._is_for_us(fields):
+        fields = ack.fields
+        if not self._is_for_us(fields) or fields.result == enums.MAV_RESULT_IN_PROGRESS:
             return None
-        if fields.result == enums.MAV_RESULT_IN_PROGRESS:
+        question = self._acks.acknowledged(fields.command, now) if fields.command in INTERVAL_COMMANDS else None
+        if question is None or question is not self._in_flight:
             return None
         self._in_flight = None
         stream = question.stream
@@ -108,7 +145,7 @@ class RateRequests:
                     return self._ask_by_group(autopilot, stream, now)
                 question = _Question(stream, stream.interval_us, 1, HostNs(now + ACK_TIMEOUT_NS))
                 self._in_flight = question
-                return [self._set_message_interval(autopilot, question)]
+                return self._put(autopilot, question, now)
         return []
 
     def _repeat(self, autopilot: Autopilot, question: _Question, now: HostNs) -> list[Outgoing]:
@@ -117,7 +154,7 @@ class RateRequests:
         if question.tries < MAX_TRIES:
             question.tries += 1
             question.deadline_ns = HostNs(now + ACK_TIMEOUT_NS)
-            return [self._set_message_interval(autopilot, question)]
+            return self._put(autopilot, question, now)
         self._in_flight = None
         if question.stream.state is not StreamState.HELD_BACK:
             question.stream.state = StreamState.UNANSWERED
@@ -134,19 +171,57 @@ class RateRequests:
         self._groups_asked_ns[number] = now
         members = [one for one in self._streams.values() if DATA_STREAMS.get(one.name, number) == number]
         rate_hz = max(one.wanted_hz for one in members if one.state is not StreamState.HELD_BACK)
+        demanded_hz = max(self.demanded.get(MESSAGE_IDS[one.name], 0.0) for one in members)
+        return [self._request_group(autopilot, number, max(rate_hz, demanded_hz))]
+
+    def _put(self, autopilot: Autopilot, question: _Question, now: HostNs) -> list[Outgoing]:
+        """The question; before it what the autopilot does by itself, behind it what it or a station wants beyond it."""
+        number, interval_us = MESSAGE_IDS[question.stream.name], question.interval_us
+        asked = []
+        for learning, param1, param2 in self._own_rates.questions(question.stream.name):
+            asked.append(command(autopilot, self._component, learning, param1, param2))
+            self._acks.sent(learning, None, now)
+        set_interval = enums.MAV_CMD_SET_MESSAGE_INTERVAL
+        confirmation = question.tries - 1
+        asked.append(command(autopilot, self._component, set_interval, number, interval_us, confirmation=confirmation))
+        self._acks.sent(set_interval, question, now)
+        asked_hz = 1e6 / interval_us
+        for hz in (self.rate_kept_hz(question.stream), self.demanded.get(number, 0.0)):
+            if hz > ROUNDING * asked_hz:
+                asked += self._restore(autopilot, [(number, hz)], now)
+                asked_hz = hz
+        return asked
+
+    def follow(self, what: FollowUp, now: HostNs) -> list[Outgoing]:
+        """Ask at once for rates that a station's request has just lowered. The measuring shows what comes of it."""
+        if self._autopilot is None:
+            return []
+        autopilot = self._autopilot
+        groups = [self._request_group(autopilot, number, hz) for number, hz in what.groups.items()]
+        if not self._command_unknown:
+            return groups + self._restore(autopilot, what.messages, now)
+        lowered: dict[int, float] = {}
+        for msgid, hz in what.messages:
+            number = group_of(msgid)
+            if number is not None:
+                lowered[number] = max(hz, lowered.get(number, 0.0))
+        return groups + [self._request_group(autopilot, number, hz) for number, hz in lowered.items()]
+
+    def _restore(self, autopilot: Autopilot, rates: Sequence[tuple[int, float]], now: HostNs) -> list[Outgoing]:
+        """Intervals for (message id, hertz), whose acknowledgements do not matter. Of an infinite rate it is 0, the
+        autopilot's default.
+        """
+        set_interval = enums.MAV_CMD_SET_MESSAGE_INTERVAL
+        asked = []
+        for number, hz in rates:
+            asked.append(command(autopilot, self._component, set_interval, number, round(1e6 / hz)))
+            self._acks.sent(set_interval, None, now)
+        return asked
+
+    def _request_group(self, autopilot: Autopilot, number: int, rate_hz: float) -> Outgoing:
         rate = min(round(rate_hz) or 1, MAX_STREAM_RATE)
         fields = {"req_stream_id": number, "req_message_rate": rate, "start_stop": 1}
-        return [request(autopilot, self._component, "REQUEST_DATA_STREAM", fields)]
-
-    def _set_message_interval(self, autopilot: Autopilot, question: _Question) -> Outgoing:
-        return command(
-            autopilot,
-            self._component,
-            enums.MAV_CMD_SET_MESSAGE_INTERVAL,
-            MESSAGE_IDS[question.stream.name],
-            question.interval_us,
-            confirmation=question.tries - 1,
-        )
+        return request(autopilot, self._component, "REQUEST_DATA_STREAM", fields)
 
     def _is_for_us(self, ack: Any) -> bool:
         """By the extension fields, which older autopilots leave 0."""

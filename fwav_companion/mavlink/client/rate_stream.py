@@ -125,7 +125,8 @@ class RateStream:
         hz, before_hz = self.meter.hz, self._plateau_hz
         if hz is None or self.state not in {StreamState.GRANTED, StreamState.UNANSWERED}:
             return None
-        if before_hz is not None and hz < FALLEN * before_hz:
+        if before_hz is not None and hz < min(FALLEN * before_hz, REACHED * self.granted_hz):
+            # More than was granted came at a station's request, and ends with it.
             self._plateau_hz = None
             self.ask_soon(now, FIRST_PAUSE_NS)
             return before_hz

@@ -1,13 +1,14 @@
 """The message rates that we ask of the autopilot: asked for, measured, and asked for again.
 
 An acknowledgement is not believed (PX4 acknowledged 50 Hz and gave 18): what counts is what arrives. A rate is asked
-for again after a reboot, at once when somebody's request for other rates went over our link, and when it falls.
+for again after a reboot, when it falls, and at once when another's request for rates went over our link: in the same
+write, and only where ours is higher, where the link of that request merges them.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import isfinite
 from typing import Any
 
@@ -18,6 +19,9 @@ from fwav_companion.mavlink.client.rate_competitors import RateCompetitors
 from fwav_companion.mavlink.client.rate_requests import RateRequests
 from fwav_companion.mavlink.client.rate_stream import RateStream, StreamState
 from fwav_companion.mavlink.client.subscriptions import MESSAGE_IDS, ONLY_PX4
+from fwav_companion.mavlink.own_rates import OwnRates
+from fwav_companion.mavlink.rate_merging import follow_up
+from fwav_companion.mavlink.rate_messages import OwnStreams, RateRequest
 from fwav_companion.types.messages import Message, Notice, NoticeCode, Outgoing, Severity
 from fwav_companion.types.situation import Autopilot, AutopilotKind
 
@@ -27,22 +31,39 @@ SILENT_NS = 600 * NS_PER_MS
 leave at least a few messages a second: then it is the link that fell, and nobody took them."""
 PASSED_PAUSE_NS = NS_PER_S // 2
 MAX_NOTICES = 32
+MAX_NAMED = 32
+"""Stations whose first request is worth a line in the log."""
+NOT_ASKED = frozenset({StreamState.HELD_BACK, StreamState.DENIED})
 
 
 class Rates:
     """Feed it every message, and its own wakes; send what it hands back."""
 
-    def __init__(self, wanted: Mapping[str, float], *, attitude_message: str = "auto", component: int = 191):
+    def __init__(
+        self,
+        wanted: Mapping[str, float],
+        *,
+        attitude_message: str = "auto",
+        component: int = 191,
+        merges_requests: bool = False,
+    ):
+        """``merges_requests``: some link merges stations' requests with ours, so that what the autopilot sends by
+        itself has to be known.
+        """
         self._wanted = {name: hz for name, hz in wanted.items() if name in MESSAGE_IDS and isfinite(hz) and hz > 0.0}
         self._attitudes = AttitudeSharing(attitude_message, self.wanted_attitude_hz)
         self._autopilot: Autopilot | None = None
         self._streams: dict[str, RateStream] = {}
         self._now = self._heard_ns = HostNs(0)
         self._check_ns = HostNs(0)
-        self._questions = RateRequests(component)
+        self._own_rates = OwnRates(enabled=merges_requests)
+        self._questions = RateRequests(component, self._own_rates)
         self._inquiries = OneShotRequests(component)
         self._takers = RateCompetitors()
         self._notices: deque[Notice] = deque(maxlen=MAX_NOTICES)
+        self._named: set[str] = set()
+        self.own_streams = OwnStreams(0, 1, {})
+        """What we ask of the adopted autopilot, and what it would send without that."""
         self.wake_at: HostNs | None = None
         """When :meth:`on_wake` is due next; None while no autopilot is adopted."""
 
@@ -82,6 +103,13 @@ class Rates:
         if message.name == "COMMAND_ACK":
             self._on_ack(message, now)
             self.wake_at = self._next_due()
+            self._share()
+        elif message.name == "MESSAGE_INTERVAL":
+            name = self._own_rates.on_interval(message)
+            if name:
+                self._questions.on_own_rate(name)
+                self.wake_at = self._next_due()
+                self._share()
         else:
             self._inquiries.on_message(message)
 
@@ -102,6 +130,34 @@ class Rates:
             stream.ask_soon(now, PASSED_PAUSE_NS)
         self.wake_at = self._next_due()
 
+    def stations_want(self, demanded: Mapping[int, float]) -> None:
+        """Take the highest rate, hertz by message id, that stations on merging links want: ours never lower it."""
+        self._questions.demanded = demanded
+
+    def on_merged_requests(
+        self, requests: Sequence[RateRequest], demanded: Mapping[int, float], now: HostNs
+    ) -> list[Outgoing]:
+        """What follows stations' requests in the same write. ``demanded``: the highest rates that stations want."""
+        self.stations_want(demanded)
+        autopilot = self._autopilot
+        if autopilot is None:
+            return []
+        followed = []
+        for request in requests:
+            if request.reaches(autopilot.system, autopilot.component):
+                self._name(request)
+                heeds_groups = autopilot.kind is not AutopilotKind.PX4
+                if request.by_group and heeds_groups:
+                    self._own_rates.on_group(request.rates)
+                what = follow_up(request, self._kept_hz(), demanded, heeds_groups=heeds_groups)
+                followed += self._questions.follow(what, now)
+        self._share()
+        return followed
+
+    def _kept_hz(self) -> dict[int, float]:
+        asked = [(name, stream) for name, stream in self._streams.items() if stream.state not in NOT_ASKED]
+        return {MESSAGE_IDS[name]: self._questions.rate_kept_hz(stream) for name, stream in asked}
+
     def on_wake(self, now: HostNs) -> list[Outgoing]:
         """What is to be asked now."""
         if self._autopilot is None:
@@ -112,6 +168,7 @@ class Rates:
             self._check(now)
         asked = [*self._questions.on_wake(now), *self._inquiries.on_wake(now)]
         self.wake_at = self._next_due()
+        self._share()
         return asked
 
     def notices(self) -> list[Notice]:
@@ -124,6 +181,24 @@ class Rates:
         """By message: wanted_hz, asked_hz, measured_hz, state, undone_by."""
         return {name: stream.status() for name, stream in self._streams.items()}
 
+    def _share(self) -> None:
+        if self._autopilot is not None:
+            by_itself_hz = {
+                MESSAGE_IDS[name]: self._own_rates.hz(name)
+                for name, stream in self._streams.items()
+                if stream.state not in NOT_ASKED
+            }
+            self.own_streams = OwnStreams(self._autopilot.system, self._autopilot.component, by_itself_hz)
+
+    def _name(self, request: RateRequest) -> None:
+        if request.who not in self._named and len(self._named) < MAX_NAMED:
+            self._named.add(request.who)
+            self._tell(
+                NoticeCode.RATES_TAKEN,
+                Severity.INFO,
+                f"{request.who} asks the autopilot for message rates: merged with ours",
+            )
+
     def _begin(self, now: HostNs) -> None:
         self._now = now
         for stream in self._streams.values():
@@ -135,6 +210,7 @@ class Rates:
             self._questions.begin(self._autopilot, self._streams)
             self._inquiries.begin(self._autopilot, now)
             self.wake_at = self._next_due()
+            self._share()
 
     def _next_due(self) -> HostNs:
         """Worked out when it changes: it is asked for with every message that comes."""

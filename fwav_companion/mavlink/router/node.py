@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Final
 
 import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_MS, HostNs
+from fwav_companion.mavlink.merged_rates import Why
+from fwav_companion.mavlink.rate_messages import OwnStreams, RateRequest, rate_request
 from fwav_companion.mavlink.router.coalescing import coalesced
 from fwav_companion.mavlink.router.duplicates import Duplicates
 from fwav_companion.mavlink.router.peers import UNKNOWN, Peer, PeerStream
-from fwav_companion.mavlink.router.routing import COMMANDS, REQUEST_DATA_STREAM, SETUP_SIGNING, LinkPolicy, Port, Router
+from fwav_companion.mavlink.router.routing import RADIO_REPORTS, SETUP_SIGNING, TIMESYNC, LinkPolicy, Port, Router
 from fwav_companion.mavlink.router.sending import Sender
 from fwav_companion.mavlink.router.signing_policy import Keyring, SigningPolicy, Trust
 from fwav_companion.mavlink.router.statistics import LinkStatistics, StatisticsTaker
@@ -31,10 +33,19 @@ _HEARTBEAT: Final = BY_NAME["HEARTBEAT"]
 _SYSTEM_TIME: Final = BY_NAME["SYSTEM_TIME"]
 _TYPE_OFFSET: Final = _HEARTBEAT.fields["type"].offset
 _BOOT_OFFSET: Final = _SYSTEM_TIME.fields["time_boot_ms"].offset
-_COMMAND_OFFSET: Final = BY_NAME["COMMAND_LONG"].fields["command"].offset
-"""COMMAND_INT has it at the same place."""
+_TC1_OFFSET: Final = BY_NAME["TIMESYNC"].fields["tc1"].offset
+_TS1_OFFSET: Final = BY_NAME["TIMESYNC"].fields["ts1"].offset
+_TXBUF_OFFSET: Final = BY_NAME["RADIO_STATUS"].fields["txbuf"].offset
+"""RADIO has it at the same place."""
 _MAV_TYPE_GCS: Final = constant("MAV_TYPE_GCS")
-_SET_MESSAGE_INTERVAL: Final = constant("MAV_CMD_SET_MESSAGE_INTERVAL")
+
+
+class PassedRequest(msgspec.Struct, frozen=True):
+    """A request for message rates that goes on to an autopilot."""
+
+    request: RateRequest
+    merged: bool
+    """Our own rates are to follow it in the same write, where they are higher."""
 
 
 class Received(msgspec.Struct):
@@ -47,8 +58,8 @@ class Received(msgspec.Struct):
     frames: Sequence[RawFrame] = ()
     """All that were taken, for a recording: no duplicates, no echoes of ours, nothing that was refused for its
     signature, and no SETUP_SIGNING, which carries a key."""
-    rate_request: str = ""
-    """Who asked for other message rates in a frame that goes on to an autopilot: it may undo ours."""
+    rate_requests: Sequence[PassedRequest] = ()
+    """Those in frames that go on to an autopilot: they may lower rates of ours."""
 
 
 class Node:
@@ -64,7 +75,7 @@ class Node:
     ) -> None:
         """``wanted``: names of the messages to decode. ``components``: ours. Links are up until told otherwise."""
         self._wanted = frozenset(BY_NAME[name].msgid for name in wanted)
-        self._watched = self._wanted | {_HEARTBEAT.msgid, _SYSTEM_TIME.msgid}
+        self._watched = self._wanted | {_HEARTBEAT.msgid, _SYSTEM_TIME.msgid} | RADIO_REPORTS
         self._keyring = Keyring(signing)
         self._router = Router(links, UNADOPTED_SYSTEM, frozenset(components))
         self._sender = Sender(self._router, self._keyring)
@@ -72,6 +83,7 @@ class Node:
         self._ports = {port.name: port for port in self._router.ports}
         self._duplicates = Duplicates()
         self._settle_ns: dict[str, HostNs] = {}
+        self._release_ns: dict[str, HostNs] = {}
 
     @property
     def system(self) -> int:
@@ -86,6 +98,15 @@ class Node:
     def adopt(self, system: int) -> None:
         """Speak with the vehicle's system id from now on."""
         self._router.adopt(system)
+
+    def share(self, own: OwnStreams) -> None:
+        """Which messages this service asked of the autopilot: links that merge requests do not get them for that."""
+        self._router.share(own)
+
+    @property
+    def demanded(self) -> Mapping[int, float]:
+        """The highest rate, hertz, that stations on merging links asked of the autopilot, by message id."""
+        return self._router.merged.demanded
 
     def link_up(self, link: str) -> None:
         """The link is connected, perhaps to somebody else than before."""
@@ -105,16 +126,23 @@ class Node:
             self._settle_ns[link] = HostNs(now + QUIET_NS)
         elif self._settle_ns:
             self._settle_ns.pop(link, None)
+        if self._release_ns:
+            self._release(received, now)
         return received
 
     @property
     def wake_at(self) -> HostNs | None:
         """When :meth:`on_wake` is due; None while nothing waits, which is nearly always."""
-        return min(self._settle_ns.values(), default=None)
+        if not self._settle_ns and not self._release_ns:
+            return None
+        return min([*self._settle_ns.values(), *self._release_ns.values()], default=None)
 
     def on_wake(self, now: HostNs) -> Received:
-        """A stream has been quiet: what may be a frame of an unknown id and waits for what follows, is one."""
+        """A stream has been quiet: what may be a frame of an unknown id and waits for what follows, is one. Frames
+        that a slow link did not take may leave by now.
+        """
         received = Received([], [])
+        self._release(received, now)
         for link in [link for link, due in self._settle_ns.items() if due <= now]:
             del self._settle_ns[link]
             port = self._ports[link]
@@ -122,7 +150,7 @@ class Node:
             received.messages += settled.messages
             received.forwards += settled.forwards
             received.frames = [*received.frames, *settled.frames]
-            received.rate_request = settled.rate_request or received.rate_request
+            received.rate_requests = [*received.rate_requests, *settled.rate_requests]
         return received
 
     def encode(self, outgoing: Outgoing, now: HostNs) -> list[tuple[str, bytes]]:
@@ -139,6 +167,16 @@ class Node:
     def statistics(self, now: HostNs) -> list[LinkStatistics]:
         """What each link carried and lost; rates are those since the last call."""
         return self._statistics.take(now)
+
+    def _release(self, received: Received, now: HostNs) -> None:
+        """Frames of transfers that a slow link could not take at once."""
+        for name in list(self._release_ns):
+            limiter = self._ports[name].limiter
+            received.forwards += coalesced([(name, data) for data in limiter.release(now)])
+            if limiter.holds_any:
+                self._release_ns[name] = limiter.release_at(now)
+            else:
+                del self._release_ns[name]
 
     def _take(self, port: Port, frames: Sequence[RawFrame], now: HostNs) -> Received:
         """The relay's hot path: for most frames a few look-ups, worked out when the tables last changed."""
@@ -208,15 +246,39 @@ class Node:
         outs = self._router.route_of(port, frame, stream)
         if msgid == SETUP_SIGNING:
             received.frames = _without(received.frames, [frame])
-        if msgid == REQUEST_DATA_STREAM and not port.forwards_rate_requests:
-            port.stopped += 1
+        request = rate_request(frame, port.name) if stream.asks_rates else None
+        if request is not None:
+            outs = self._admit(port, request, outs, received, now)
+        key, size = (msgid, sender, frame.instance), len(frame.data)
+        only_ours = msgid == TIMESYNC and self._answers_us(frame)
         for out in outs:
-            if not out.thinner.passes(msgid, sender, frame.instance, now):
-                out.thinned += 1
-                continue
-            received.forwards.append((out.name, frame.data))
-            if stream.asks_rates and out.is_autopilot and _asks_rates(frame):
-                received.rate_request = f"{frame.system}/{frame.component} on {port.name}"
+            if only_ours and out.merges_rate_requests:
+                out.limiter.refuse(key, Why.ONLY_OURS)
+            elif out.limiter.holds(msgid, frame.data, now):
+                self._release_ns[out.name] = out.limiter.release_at(now)
+            elif out.limiter.passes(key, size, now):
+                received.forwards.append((out.name, frame.data))
+
+    def _answers_us(self, frame: RawFrame) -> bool:
+        """A TIMESYNC that answers our request: to anyone else's clock filter it would be a wrong answer."""
+        payload = frame.payload  # without its trailing zeros
+        asked = payload[_TS1_OFFSET : _TS1_OFFSET + 8].ljust(8, b"\0")
+        answered = any(payload[_TC1_OFFSET : _TC1_OFFSET + 8])
+        return answered and int.from_bytes(asked, "little", signed=True) in self._sender.timesyncs
+
+    def _admit(
+        self, port: Port, request: RateRequest, outs: tuple[Port, ...], received: Received, now: HostNs
+    ) -> tuple[Port, ...]:
+        """The links that a request for message rates goes on to; it is noted where it reaches an autopilot."""
+        if request.once is None and not port.forwards_rate_requests:
+            port.stopped += request.by_group or any(out.is_autopilot for out in outs)
+            return tuple(out for out in outs if not out.is_autopilot)
+        if any(out.is_autopilot for out in outs):
+            self._router.note(request, now)
+            if request.once is None:
+                passed = PassedRequest(request, merged=port.merges_rate_requests)
+                received.rate_requests = [*received.rate_requests, passed]
+        return outs
 
     def _read(self, port: Port, frame: RawFrame, stream: PeerStream, received: Received, now: HostNs) -> bool:
         """A message that somebody here watches, if it is meant for us. False where it may not be believed."""
@@ -229,8 +291,12 @@ class Node:
         trust = self._keyring.judge(port, frame, now)
         if trust is Trust.NONE:
             return False
-        if msgid == _HEARTBEAT.msgid and frame.payload_byte(_TYPE_OFFSET) == _MAV_TYPE_GCS:
-            port.ground_station_ns = now
+        if msgid == _HEARTBEAT.msgid:
+            self._router.merged.heard(port.name, frame.system << 8 | frame.component, now)
+            if frame.payload_byte(_TYPE_OFFSET) == _MAV_TYPE_GCS:
+                port.ground_station_ns = now
+        elif msgid in RADIO_REPORTS:
+            self._router.on_radio(port, frame.payload_byte(_TXBUF_OFFSET), now)
         if msgid in self._wanted:
             received.messages.append(decode(frame, port.name, signed=trust is Trust.SIGNED))
         return True
@@ -239,10 +305,3 @@ class Node:
 def _without(frames: Sequence[RawFrame], dropped: Sequence[RawFrame]) -> Sequence[RawFrame]:
     gone = {id(frame) for frame in dropped}
     return [frame for frame in frames if id(frame) not in gone]
-
-
-def _asks_rates(frame: RawFrame) -> bool:
-    if frame.msgid not in COMMANDS:
-        return True
-    command = frame.payload[_COMMAND_OFFSET : _COMMAND_OFFSET + 2]
-    return int.from_bytes(command, "little") == _SET_MESSAGE_INTERVAL

@@ -1,46 +1,44 @@
-"""Fewer messages on the way out of a slow link: at most so many a second of those that the configuration names."""
+"""Fewer messages on the way out of a slow link: at most a given number a second of each stream."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import inf
 from typing import Final
 
 from fwav_companion.geometry.stamps import HostNs, ns_from_s
 from fwav_companion.mavlink.wire.definitions import BY_NAME
 
 _PAUSE: Final = 2
-"""Intervals without a frame after which the grid begins anew. One may be jitter of a source that is hardly faster."""
+"""Intervals without a frame after which the grid begins again. One may be jitter of a source that is hardly faster."""
 MAX_STREAMS: Final = 1024
-"""Of (message, sender, instance) on one link; when there are more, all begin anew and each passes once."""
+"""Of (message, sender, instance) on one link; when there are more, all begin again and each passes once."""
 
 
 class RateLimiter:
-    """Which messages may leave by one link now. What is not named always may."""
+    """Decides which messages may leave by one link now. What has no highest rate always may."""
 
     def __init__(self, max_rate_hz: Mapping[str, float]) -> None:
         """``max_rate_hz`` by message name; 0 lets none pass. Names that the dialect does not have limit nothing."""
-        self._interval_ns = {
-            BY_NAME[name].msgid: ns_from_s(1.0 / rate) if rate > 0.0 else None
-            for name, rate in max_rate_hz.items()
-            if name in BY_NAME
-        }
+        self.max_rate_hz = {BY_NAME[name].msgid: rate for name, rate in max_rate_hz.items() if name in BY_NAME}
+        """By message id."""
         self._due_ns: dict[tuple[int, int, int], int] = {}
 
     def limits(self, msgid: int) -> bool:
-        """The message is one of those that are thinned."""
-        return msgid in self._interval_ns
+        """The configuration gives the message a highest rate."""
+        return msgid in self.max_rate_hz
 
-    def passes(self, msgid: int, sender: int, instance: int, now: HostNs) -> bool:
-        """Each sender, and each instance (the second battery), has the rate for itself.
+    def passes(self, msgid: int, sender: int, instance: int, now: HostNs, *, at_most_hz: float = inf) -> bool:
+        """Whether a frame may leave, at the configured rate or at ``at_most_hz``, whichever is lower.
 
-        Instants lie on a grid of whole intervals as long as frames keep coming, so the mean rate is kept exactly
-        whatever the jitter; after a pause the grid begins anew.
+        Each sender, and each instance (the second battery), has the rate for itself. Instants lie on a grid of whole
+        intervals as long as frames keep coming, so the mean rate is kept exactly whatever the jitter; after a pause
+        the grid begins again.
         """
-        if msgid not in self._interval_ns:
-            return True
-        interval = self._interval_ns[msgid]
-        if interval is None:
-            return False
+        hz = min(at_most_hz, self.max_rate_hz.get(msgid, inf))
+        if hz <= 0.0 or hz == inf:
+            return hz > 0.0
+        interval = ns_from_s(1.0 / hz)
         stream = (msgid, sender, instance)
         due = self._due_ns.get(stream)
         if due is None and len(self._due_ns) >= MAX_STREAMS:

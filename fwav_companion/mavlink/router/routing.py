@@ -6,7 +6,8 @@
 3. Never back to the link it came by, nor to one where its sender was heard itself: it would be an echo.
 4. Never SETUP_SIGNING, which carries a key. RADIO, RADIO_STATUS (an autopilot takes them for its own radio's) and
    ADSB_VEHICLE (it flies around it) never to an autopilot's link.
-5. A ground station's REQUEST_DATA_STREAM stops here, unless its link forwards them: it would undo our own rates.
+5. A station's request for message rates reaches the autopilot, unless its link stops them (``forward_rate_requests``).
+   Where the link merges them, our own rates follow (:mod:`~fwav_companion.mavlink.merged_rates`).
 
 What was heard is forgotten when the link goes down, when it has been silent, and for a whole system when its clock
 (SYSTEM_TIME) goes back. Frames are handed on byte for byte; unknown ids name nobody and so go everywhere.
@@ -20,18 +21,26 @@ from typing import Final, Literal
 import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
+from fwav_companion.mavlink.link_limiter import LinkLimiter
+from fwav_companion.mavlink.merged_rates import MergedRates
+from fwav_companion.mavlink.rate_messages import (
+    MESSAGE_INTERVAL,
+    RATE_REQUESTS,
+    REQUEST_DATA_STREAM,
+    OwnStreams,
+    RateRequest,
+)
 from fwav_companion.mavlink.router.peers import MAX_PEERS, SILENT_NS, UNKNOWN, Peer, PeerStream
-from fwav_companion.mavlink.router.rate_limiter import RateLimiter
 from fwav_companion.mavlink.wire.definitions import BY_NAME
 from fwav_companion.mavlink.wire.frames import RawFrame
 from fwav_companion.mavlink.wire.scanner import Scanner
 
 SETUP_SIGNING: Final = BY_NAME["SETUP_SIGNING"].msgid
-NOT_TO_AUTOPILOTS: Final = frozenset(BY_NAME[name].msgid for name in ("RADIO", "RADIO_STATUS", "ADSB_VEHICLE"))
-REQUEST_DATA_STREAM: Final = BY_NAME["REQUEST_DATA_STREAM"].msgid
-COMMANDS: Final = frozenset(BY_NAME[name].msgid for name in ("COMMAND_LONG", "COMMAND_INT"))
+RADIO_REPORTS: Final = frozenset(BY_NAME[name].msgid for name in ("RADIO", "RADIO_STATUS"))
+NOT_TO_AUTOPILOTS: Final = RADIO_REPORTS | {BY_NAME["ADSB_VEHICLE"].msgid}
 GROUND_STATION_NS: Final = 5 * NS_PER_S
 """A ground station that missed five heartbeats is not there (MAVLink guide, heartbeat)."""
+TIMESYNC: Final = BY_NAME["TIMESYNC"].msgid
 _SWEEP_NS: Final = 5 * NS_PER_S
 _MAX_TARGETS: Final = 256
 """Destinations remembered for one message of one sender; more are worked out anew. A stranger names any it likes."""
@@ -44,8 +53,11 @@ class LinkPolicy(msgspec.Struct, frozen=True):
     role: Literal["autopilot", "gcs"]
     max_rate_hz: Mapping[str, float] = {}
     """By message name: thinned on the way out of this link."""
-    forward_rate_requests: bool = False
-    """A REQUEST_DATA_STREAM that comes by this gcs link goes on to the autopilot."""
+    forward_rate_requests: Literal["merge"] | bool = "merge"
+    """A request for message rates that comes by this link: goes on to the autopilot and is merged with ours, goes on
+    as it is, or stops here. On an autopilot's link all go on as they are."""
+    max_bytes_per_s: float = 0.0
+    """Bytes a second that telemetry leaves room for on the way out of this link; 0: no limit."""
     datagrams: bool = False
     """It carries datagrams, which begin and end with a frame as a rule."""
 
@@ -57,8 +69,11 @@ class Port:
         self.index = index
         self.name = policy.name
         self.is_autopilot = policy.role == "autopilot"
-        self.forwards_rate_requests = policy.forward_rate_requests or self.is_autopilot
-        self.thinner = RateLimiter(policy.max_rate_hz)
+        self.merges_rate_requests = policy.forward_rate_requests == "merge" and not self.is_autopilot
+        self.forwards_rate_requests = bool(policy.forward_rate_requests) or self.is_autopilot
+        self.limiter = LinkLimiter(
+            policy.max_rate_hz, max_bytes_per_s=policy.max_bytes_per_s, to_autopilot=self.is_autopilot
+        )
         self.scanner = Scanner(datagrams=policy.datagrams)
         self.up = True
         self.peers: dict[int, Peer] = {}
@@ -69,8 +84,6 @@ class Port:
         """Frames of our own that came back."""
         self.stopped = 0
         """Requests for rates that were not forwarded."""
-        self.thinned = 0
-        """Frames that did not leave by this link because of its max_rate_hz."""
         self.refused_signatures = 0
         """Frames whose signature was not genuine."""
         self.refused_unsigned = 0
@@ -97,6 +110,7 @@ class Router:
         self.components = components
         self.version = 0
         """Grows with every change of the tables: what was worked out before holds no more."""
+        self.merged = MergedRates([port.name for port in self.ports if port.merges_rate_requests])
         self._sweep_ns: HostNs | None = None
 
     def adopt(self, system: int) -> None:
@@ -108,12 +122,38 @@ class Router:
         for port in self.ports:
             for component in self.components:
                 port.peers.pop(system << 8 | component, None)
+        self.merged.refresh(system)
+        self._apply_caps()
+
+    def share(self, own: OwnStreams) -> None:
+        """Take which messages this service asked of the autopilot."""
+        if self.merged.share(own, self.system):
+            self._apply_caps()
+
+    def note(self, request: RateRequest, now: HostNs) -> None:
+        """Take a station's request for rates, where its link merges them."""
+        if self.merged.note(request, self.system, now):
+            self._apply_caps()
+
+    def on_radio(self, port: Port, txbuf: int, now: HostNs) -> None:
+        """The radio behind a link reports how much of its send buffer is free, percent."""
+        self.version += port.limiter.on_radio(txbuf, now)
+
+    def _apply_caps(self) -> None:
+        own = self.merged.own
+        sender = (own.system or self.system) << 8 | own.component
+        for port in self.ports:
+            link = self.merged.links.get(port.name)
+            if link is not None:
+                port.limiter.merge(link.caps, sender, link.asked)
+        self.version += 1
 
     def set_up(self, port: Port, up: bool) -> None:
         """A link came up or went down: nobody is behind it until they speak."""
         port.up = up
         port.peers.clear()
         port.scanner.reset()
+        port.limiter.disconnect()
         port.ground_station_ns = None
         self.version += 1
 
@@ -165,18 +205,21 @@ class Router:
             for sender in silent:
                 del port.peers[sender]
             self.version += bool(silent)
+        if self.merged.expire(self.system, now):
+            self._apply_caps()
 
     def plan(self, port: Port, frame: RawFrame, stream: PeerStream) -> None:
         """Work out where the frames of one message of one sender go, until the tables change."""
         msgid = UNKNOWN if frame.definition is None else frame.msgid
         stream.plan = self.version
         stream.routes.clear()
-        stream.asks_rates = msgid == REQUEST_DATA_STREAM or msgid in COMMANDS
-        if stream.targeted:
+        stream.asks_rates = msgid in RATE_REQUESTS and not (msgid == MESSAGE_INTERVAL and port.is_autopilot)
+        if stream.targeted or stream.asks_rates or msgid == TIMESYNC:
             stream.direct = None
             return
         outs = self.route(port, frame, 0, 0)
-        thinned = any(out.thinner.limits(msgid) for out in outs)
+        sender = frame.system << 8 | frame.component
+        thinned = any(out.limiter.limits(msgid, sender) for out in outs)
         stream.direct = None if thinned else tuple(out.name for out in outs)
 
     def route(self, port: Port, frame: RawFrame, target_system: int, target_component: int) -> tuple[Port, ...]:

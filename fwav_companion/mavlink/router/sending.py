@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+from collections import deque
+from typing import Final
+
 from fwav_companion.errors import EncodeError
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.mavlink.router.routing import Port, Router
 from fwav_companion.mavlink.router.signing_policy import Keyring
 from fwav_companion.mavlink.wire.codec import frame, pack
-from fwav_companion.mavlink.wire.frames import FLAG_SIGNED
+from fwav_companion.mavlink.wire.definitions import BY_NAME
+from fwav_companion.mavlink.wire.frames import CHECKSUM_LENGTH, FLAG_SIGNED, HEADER_V2, SIGNATURE_LENGTH
 from fwav_companion.types import Destination, Outgoing
+
+TIMESYNC: Final = BY_NAME["TIMESYNC"].msgid
+MAX_TIMESYNCS: Final = 64
+"""Six seconds of requests at 10 Hz: longer than any answer takes that is of use."""
 
 
 class Sender:
@@ -21,16 +29,20 @@ class Sender:
     def __init__(self, router: Router, keyring: Keyring) -> None:
         self._router = router
         self._sequences: dict[tuple[str, int], int] = {}
+        self.timesyncs: deque[int] = deque(maxlen=MAX_TIMESYNCS)
+        """ts1 of our newest TIMESYNC messages: answers to our requests repeat it."""
         self._signers = {port.name: keyring.signer(port) for port in router.ports}
 
     def encode(self, outgoing: Outgoing, now: HostNs) -> list[tuple[str, bytes]]:
         """(link, frame) for every link. EncodeError if there is no such message, field or link."""
         definition, payload = pack(outgoing.name, outgoing.fields)
         system, component = self._router.system, outgoing.component
+        stream = (definition.msgid, system << 8 | component, definition.instance(payload))
+        if definition.msgid == TIMESYNC:
+            self.timesyncs.append(int(outgoing.fields["ts1"]))
         frames = []
         for port in self._ports_to(outgoing, now):
-            if not port.thinner.passes(definition.msgid, system << 8 | component, 0, now):
-                port.thinned += 1
+            if not port.limiter.passes(stream, self._size(port, payload), now):
                 continue
             seq = self._sequences.get((port.name, component), 0)
             self._sequences[port.name, component] = (seq + 1) & 0xFF
@@ -41,6 +53,10 @@ class Sender:
                 unsigned = frame(definition, payload, system, component, seq, FLAG_SIGNED)
                 frames.append((port.name, signer.sign(unsigned, now)))
         return frames
+
+    def _size(self, port: Port, payload: bytes) -> int:
+        signature = 0 if self._signers[port.name] is None else SIGNATURE_LENGTH
+        return HEADER_V2 + len(payload) + CHECKSUM_LENGTH + signature
 
     def _ports_to(self, outgoing: Outgoing, now: HostNs) -> list[Port]:
         ports = [port for port in self._router.ports if port.up]

@@ -8,12 +8,11 @@ from typing import Final
 import msgspec
 
 from fwav_companion.geometry.stamps import HostNs
-from fwav_companion.mavlink.router.routing import Port
+from fwav_companion.mavlink.router.routing import RADIO_REPORTS, Port
 from fwav_companion.mavlink.wire.definitions import BY_NAME
 from fwav_companion.mavlink.wire.frames import RawFrame
 from fwav_companion.mavlink.wire.signing import Signature, Signer, SigningClock, Verifier
 
-_RADIO_STATUS: Final = BY_NAME["RADIO_STATUS"].msgid
 _ANSWERS: Final = frozenset({BY_NAME["COMMAND_ACK"].msgid})
 """Messages that name their receiver and yet ask nothing of it: taken unsigned where telemetry is."""
 
@@ -68,7 +67,7 @@ class Keyring:
 
     def _accepts_unsigned(self, port: Port, frame: RawFrame) -> bool:
         """A radio cannot sign. What asks something of us must be signed, by whatever link it comes."""
-        if frame.msgid == _RADIO_STATUS:
+        if frame.msgid in RADIO_REPORTS:
             return True
         asks = frame.definition is None or frame.definition.target_system_offset >= 0
         telemetry = not asks or frame.msgid in _ANSWERS

@@ -7,6 +7,7 @@ from typing import Final
 import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_MS, HostNs, s_from_ns
+from fwav_companion.mavlink.link_limiter import LinkThinning
 from fwav_companion.mavlink.router.peers import UNKNOWN, Peer
 from fwav_companion.mavlink.router.routing import Port, Router
 
@@ -54,6 +55,7 @@ class LinkStatistics(msgspec.Struct, frozen=True):
     signed_unverified: int
     """Signed frames for us that no key of ours could check."""
     ground_station: bool
+    thinning: LinkThinning
     peers: list[PeerStatistics]
 
 
@@ -94,11 +96,12 @@ class StatisticsTaker:
             duplicates=port.duplicates,
             echoes=port.echoes,
             stopped=port.stopped,
-            thinned=port.thinned,
+            thinned=port.limiter.thinned,
             refused_signatures=port.refused_signatures,
             refused_unsigned=port.refused_unsigned,
             signed_unverified=port.signed_unverified,
             ground_station=port.hears_ground_station(now),
+            thinning=port.limiter.status(),
             peers=[self._of_peer((port.name, sender), peer, now) for sender, peer in sorted(port.peers.items())],
         )
 

@@ -27,6 +27,9 @@ from fwav_companion.mavlink.wire.payloads import (
     complaint,
 )
 
+INSTANCE_FIELDS: Final = {"ADSB_VEHICLE": "ICAO_address", "AIS_VESSEL": "MMSI"}
+"""Fields that tell apart streams of one message and that the dialect does not mark as such: one aircraft, one ship."""
+
 
 class Definition:
     """One message: how its payload is laid out, and what seeds its checksum.
@@ -79,11 +82,22 @@ class Definition:
         """Where the payload names the component it is meant for; -1 where it does not."""
         return self._offset("target_component")
 
+    def instance(self, payload: bytes) -> int:
+        """Which of several streams of this message a payload belongs to, as of the second battery; 0 without any.
+
+        A payload may have lost its trailing zeros.
+        """
+        start, length = self._instance_span
+        return int.from_bytes(payload[start : start + length], "little") if length else 0
+
     @cached_property
-    def instance_offset(self) -> int:
-        """Where one byte tells apart streams of this message, as of two batteries; -1 without one."""
-        name = self._source.instance_field
-        return self.fields[name].offset if name and self.fields[name].type in ("uint8_t", "int8_t") else -1
+    def _instance_span(self) -> tuple[int, int]:
+        """Offset and length of the field that tells apart streams of this message; length 0 without one."""
+        name = self._source.instance_field or INSTANCE_FIELDS.get(self.name)
+        if not name:
+            return 0, 0
+        field = self.fields[name]
+        return field.offset, calcsize(f"<{max(1, field.array_length)}{FORMAT_OF_TYPE[field.type]}")
 
     def _offset(self, name: str) -> int:
         return self.fields[name].offset if name in self.field_names else -1

@@ -16,6 +16,7 @@ FLAG_SIGNED: Final = 0x01
 SIGNATURE_LENGTH: Final = 13
 HEADER_V1: Final = 6
 HEADER_V2: Final = 10
+CHECKSUM_LENGTH: Final = 2
 
 checksum: Final[Callable[[bytes], int]] = crc16.mcrf4xx
 """CRC-16/MCRF4XX, which MAVLink's documentation calls X.25."""
@@ -102,7 +103,7 @@ class RawFrame(msgspec.Struct, frozen=True, gc=False):
     @property
     def instance(self) -> int:
         """Which of several streams of this message it belongs to, as of the second battery; 0 where it has but one."""
-        return self.payload_byte(self.definition.instance_offset if self.definition else -1)
+        return self.definition.instance(self.payload) if self.definition else 0
 
     def payload_byte(self, offset: int) -> int:
         """The byte of the payload at an offset; 0 where it was left out, or for offset -1."""

@@ -8,9 +8,14 @@ from __future__ import annotations
 
 from typing import Final
 
-from fwav_companion.mavlink.wire.frames import FLAG_SIGNED, MARKER_V2, SIGNATURE_LENGTH, RawFrame, checksum
-
-_CHECKSUM_LENGTH: Final = 2
+from fwav_companion.mavlink.wire.frames import (
+    CHECKSUM_LENGTH,
+    FLAG_SIGNED,
+    MARKER_V2,
+    SIGNATURE_LENGTH,
+    RawFrame,
+    checksum,
+)
 
 
 def unsigned(frame: RawFrame) -> bytes:
@@ -22,11 +27,11 @@ def without_signature(data: bytes) -> bytes:
     """A whole frame as if it had never been signed. Of unknown ids too: see :func:`_seed_byte`."""
     if data[0] != MARKER_V2 or data[2] != FLAG_SIGNED:
         return data
-    body_end = len(data) - SIGNATURE_LENGTH - _CHECKSUM_LENGTH
-    told = int.from_bytes(data[body_end : body_end + _CHECKSUM_LENGTH], "little")
+    body_end = len(data) - SIGNATURE_LENGTH - CHECKSUM_LENGTH
+    told = int.from_bytes(data[body_end : body_end + CHECKSUM_LENGTH], "little")
     seed = _seed_byte(checksum(data[1:body_end]), told)
     plain = data[1:2] + b"\0" + data[3:body_end]
-    return data[:1] + plain + checksum(plain + seed).to_bytes(_CHECKSUM_LENGTH, "little")
+    return data[:1] + plain + checksum(plain + seed).to_bytes(CHECKSUM_LENGTH, "little")
 
 
 def _seed_byte(before: int, told: int) -> bytes:

@@ -18,6 +18,7 @@ from fwav_companion.tools.doctor.evidence import Board, Evidence, Files
 from fwav_companion.tools.doctor.examination import examine
 from fwav_companion.tools.doctor.finding import Finding
 from fwav_companion.tools.doctor.run_status import run_status
+from fwav_companion.types import Outgoing
 from fwav_companion.vision.wall_clock import WallClock
 from fwav_companion.vision.wire import parse_frame
 from sitl_mock import Options, simulate
@@ -77,9 +78,9 @@ class Hearing:
         received = self._node.receive(link, data, now)
         for message in received.messages:
             self._pipeline.on_message(message, now)
-        if received.rate_request:
-            self._pipeline.on_rate_request_passed(received.rate_request, now)
-        return [*(frame for name, frame in received.forwards if name == "autopilot"), *self._flushed(now)]
+        followed = self._pipeline.on_rate_requests(received.rate_requests, self._node.demanded, now)
+        passed = [frame for name, frame in received.forwards if name == "autopilot"]
+        return [*passed, *self._to_autopilot(followed, now), *self._flushed(now)]
 
     def on_frame(self, frame: Mapping[str, Any], now_ns: int) -> list[bytes]:
         now = self._instant(now_ns)
@@ -109,16 +110,17 @@ class Hearing:
 
     def _flushed(self, now: HostNs) -> list[bytes]:
         self._node.adopt(self._pipeline.system)
-        frames = [
-            frame
-            for outgoing in self._pipeline.take().messages
-            for name, frame in self._node.encode(outgoing, now)
-            if name == "autopilot"
-        ]
+        self._node.share(self._pipeline.own_streams)
+        frames = self._to_autopilot(self._pipeline.take().messages, now)
         if self._crossed:
             for frame in frames:
                 self._node.receive("autopilot", frame, now)
         return [] if self._ignored else frames
+
+    def _to_autopilot(self, messages: Sequence[Outgoing], now: HostNs) -> list[bytes]:
+        return [
+            frame for outgoing in messages for name, frame in self._node.encode(outgoing, now) if name == "autopilot"
+        ]
 
 
 def flown(options: Options, settings: Sequence[str] = (), *, seconds: float = SECONDS, **how: Any) -> Hearing:

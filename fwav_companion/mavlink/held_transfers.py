@@ -1,0 +1,73 @@
+"""Transfers that come faster than a link carries: kept in order, and let go as the link's budget allows.
+
+An autopilot paces a parameter list or a log by its own link to us: ArduPilot gives it 30 % of that link's bandwidth
+(GCS_Param.cpp, queued_param_send), 27 kB/s at 921 600 baud. A radio behind us takes a fifth of that. Nothing of a
+transfer is thinned, so it is held back here instead of in a buffer that overflows.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Final
+
+from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.mavlink.byte_budget import ByteBudget
+from fwav_companion.mavlink.wire.definitions import BY_NAME
+
+TRANSFERS: Final = frozenset(
+    BY_NAME[name].msgid
+    for name in (
+        "PARAM_VALUE", "PARAM_EXT_VALUE", "LOG_ENTRY", "LOG_DATA", "LOGGING_DATA", "LOGGING_DATA_ACKED",
+        "FILE_TRANSFER_PROTOCOL", "ENCAPSULATED_DATA",
+    )
+)  # fmt: skip
+"""Ids of messages of which hundreds follow each other."""
+SHARE: Final = 0.6
+"""Of the budget that transfers take at most: telemetry goes on, thinned, while one runs."""
+MAX_HELD_BYTES: Final = 65_536
+"""Of one link: a list of 1700 parameters of 37 bytes. Of more, the newest is lost, and is asked for again by its
+receiver; no transfer that outruns its link for longer can be kept whole."""
+
+
+class HeldTransfers:
+    """The frames of one link that wait."""
+
+    def __init__(self) -> None:
+        self._frames: deque[bytes] = deque()
+        self._bytes = 0
+        self._budget = ByteBudget()
+
+    def __bool__(self) -> bool:
+        """Some wait."""
+        return bool(self._frames)
+
+    def takes(self, data: bytes, bytes_per_s: float, now: HostNs) -> bool:
+        """Keep a frame if it may not leave now. False: it may, at once."""
+        self._budget.fill(SHARE * bytes_per_s, now)
+        if not self._frames and self._budget.is_free:
+            self._budget.spend(len(data))
+            return False
+        if self._bytes + len(data) <= MAX_HELD_BYTES:
+            self._frames.append(data)
+            self._bytes += len(data)
+        return True
+
+    def release(self, bytes_per_s: float | None, now: HostNs) -> list[bytes]:
+        """The frames that may leave now, in order; all of them where there is no budget any more."""
+        if bytes_per_s is not None:
+            self._budget.fill(SHARE * bytes_per_s, now)
+        released = []
+        while self._frames and (bytes_per_s is None or self._budget.is_free):
+            released.append(self._frames.popleft())
+            self._bytes -= len(released[-1])
+            self._budget.spend(len(released[-1]))
+        return released
+
+    def release_at(self, bytes_per_s: float | None, now: HostNs) -> HostNs:
+        """When :meth:`release` has something."""
+        return now if bytes_per_s is None else self._budget.free_at(SHARE * bytes_per_s, now)
+
+    def clear(self) -> None:
+        """Forget what waits."""
+        self._frames.clear()
+        self._bytes = 0

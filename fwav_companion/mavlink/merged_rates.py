@@ -1,0 +1,150 @@
+"""How often each message of the autopilot leaves by each link, where stations' requests are merged with ours.
+
+The autopilot sends every message at the highest rate that any of us asked for. Each link then gets what its own
+stations would get without us:
+
+1. a message that a station there asked for: at that rate, of several stations at the highest;
+2. a message that we asked for and no station there: at the rate that the autopilot has for it by itself, or that a
+   station on another link asked for; where neither is, it does not go there;
+3. every other message passes;
+4. attitude that no station there asked for: 4 Hz at most.
+
+QGroundControl ignores ATTITUDE for good once it has seen one ATTITUDE_QUATERNION, so the latter goes only where a
+station asked for it, and where the autopilot sends it by itself; a request on another link does not open the way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from enum import StrEnum
+from math import inf
+from typing import Final
+
+import msgspec
+
+from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.mavlink.asked_rates import AskedRates
+from fwav_companion.mavlink.never_thinned import is_telemetry
+from fwav_companion.mavlink.rate_messages import OwnStreams, RateRequest
+from fwav_companion.mavlink.wire.definitions import BY_NAME
+
+QUATERNION_ID: Final = BY_NAME["ATTITUDE_QUATERNION"].msgid
+ATTITUDE_IDS: Final = frozenset({BY_NAME["ATTITUDE"].msgid, QUATERNION_ID})
+UNASKED_ATTITUDE_HZ: Final = 4.0
+"""Enough for a horizon on a display."""
+AUTOPILOT_COMPONENT: Final = 1
+"""MAV_COMP_ID_AUTOPILOT1: taken for the autopilot's until one is adopted."""
+
+
+class Why(StrEnum):
+    """Reason why fewer messages leave by a link than came."""
+
+    MAX_RATE = "max_rate_hz"
+    """The link's configuration names the message."""
+    ASKED = "asked"
+    """A station on the link asked for this rate."""
+    STOPPED = "stopped"
+    """A station on the link asked for a stop."""
+    ONLY_OURS = "only_ours"
+    """Only this service asked for the message."""
+    OWN_RATE = "own_rate"
+    """Only this service asked for more than the autopilot sends by itself, or than other links asked for."""
+    ATTITUDE = "attitude"
+    """No station on the link asked for attitude."""
+    BYTES = "max_bytes_per_s"
+    """The link's budget of bytes is used up."""
+    RADIO = "radio_status"
+    """The radio's send buffer fills."""
+
+
+class Cap(msgspec.Struct, frozen=True):
+    """The highest rate of one message on one link, hertz; 0: it does not leave there."""
+
+    hz: float
+    why: Why
+
+
+class MergedLink(msgspec.Struct):
+    """One link whose requests are merged."""
+
+    asked: AskedRates
+    caps: dict[int, Cap]
+    """By message id, of the adopted autopilot's messages."""
+
+
+class MergedRates:
+    """The tables of all links whose requests are merged, by link name."""
+
+    def __init__(self, links: Sequence[str]) -> None:
+        self.links = {name: MergedLink(AskedRates(), {}) for name in links}
+        self.own = OwnStreams(0, AUTOPILOT_COMPONENT, {})
+        self.demanded: Mapping[int, float] = {}
+        """The highest rate that any station asked of the autopilot, hertz, by message id."""
+
+    def share(self, own: OwnStreams, system: int) -> bool:
+        """Take what this service asked for. ``system``: ours. True: caps may differ from before."""
+        if own == self.own or not self.links:
+            return False
+        self.own = own
+        self.refresh(system)
+        return True
+
+    def note(self, request: RateRequest, system: int, now: HostNs) -> bool:
+        """Take a station's request. True: caps may differ from before."""
+        link = self.links.get(request.link)
+        component = self.own.component
+        if link is None or not request.reaches(request.target_system, component):
+            return False
+        changed = link.asked.note(request, now)
+        if changed:
+            self._refresh(request.rates, system)
+        return changed
+
+    def heard(self, link: str, sender: int, now: HostNs) -> None:
+        """A heartbeat of (system << 8 | component) came by a link."""
+        if link in self.links:
+            self.links[link].asked.heard(sender, now)
+
+    def expire(self, system: int, now: HostNs) -> bool:
+        """Drop stations that fell silent. True: caps may differ from before."""
+        fell_silent = [link.asked.expire(now) for link in self.links.values()]
+        if any(fell_silent):
+            self.refresh(system)
+        return any(fell_silent)
+
+    def refresh(self, system: int) -> None:
+        """Compute every cap again."""
+        asked = {msgid for link in self.links.values() for msgid in link.asked.asked_ids(system)}
+        self.demanded = {}
+        for link in self.links.values():
+            link.caps = {}
+        self._refresh(self.own.by_itself_hz.keys() | asked | ATTITUDE_IDS, system)
+
+    def _refresh(self, msgids: Iterable[int], system: int) -> None:
+        """Compute the caps of these messages; what was worked out before is not changed but replaced."""
+        demanded = dict(self.demanded)
+        for link in self.links.values():
+            link.caps = dict(link.caps)
+        for msgid in msgids:
+            asked = {name: link.asked.asked_hz(system, msgid) for name, link in self.links.items()}
+            demanded[msgid] = max((hz for hz in asked.values() if hz is not None), default=0.0)
+            for name, link in self.links.items():
+                elsewhere = [hz for other, hz in asked.items() if other != name and hz is not None]
+                cap = self._cap(msgid, asked[name], max(elsewhere, default=0.0))
+                if cap is not None and is_telemetry(msgid):
+                    link.caps[msgid] = cap
+                else:
+                    link.caps.pop(msgid, None)
+        self.demanded = {msgid: hz for msgid, hz in demanded.items() if hz > 0.0}
+
+    def _cap(self, msgid: int, asked_hz: float | None, elsewhere_hz: float) -> Cap | None:
+        if asked_hz is not None:
+            return Cap(asked_hz, Why.ASKED if asked_hz > 0.0 else Why.STOPPED)
+        by_itself_hz = self.own.by_itself_hz.get(msgid)
+        if by_itself_hz is not None and msgid != QUATERNION_ID:
+            by_itself_hz = max(by_itself_hz, elsewhere_hz)
+        if by_itself_hz == 0.0:
+            return Cap(0.0, Why.ONLY_OURS)
+        if msgid in ATTITUDE_IDS:
+            return Cap(min(by_itself_hz or inf, UNASKED_ATTITUDE_HZ), Why.ATTITUDE)
+        return None if by_itself_hz in {None, inf} else Cap(by_itself_hz, Why.OWN_RATE)

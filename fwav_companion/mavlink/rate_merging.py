@@ -1,0 +1,64 @@
+"""What follows a station's request for message rates, so that it lowers no rate that anyone else asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import msgspec
+
+from fwav_companion.mavlink.rate_messages import RateRequest
+from fwav_companion.mavlink.stream_groups import GROUPS, group_ids
+
+ROUNDING = 1.001
+"""Rates closer than this are one: intervals are whole microseconds on the wire, whole milliseconds in autopilots."""
+
+
+class FollowUp(msgspec.Struct, frozen=True):
+    """Rates to ask for behind a request, hertz: first the groups, then the messages."""
+
+    groups: Mapping[int, float]
+    """By MAV_DATA_STREAM."""
+    messages: Sequence[tuple[int, float]]
+    """(message id, hertz), in this order: ours before a station's higher one, which the autopilot may refuse."""
+
+
+def follow_up(
+    request: RateRequest, ours_hz: Mapping[int, float], demanded_hz: Mapping[int, float], *, heeds_groups: bool
+) -> FollowUp:
+    """The rates that are higher than what the request leaves, for every message that it names.
+
+    ``ours_hz``: what this service wants; ``demanded_hz``: the highest that stations want, this request included.
+    ``heeds_groups``: the autopilot acts on REQUEST_DATA_STREAM. Where it does not, a request by group leaves our
+    messages at our rate, and the station's rate follows where it is higher.
+    """
+    if request.by_group and not heeds_groups:
+        left_hz = {msgid: ours_hz[msgid] for msgid in request.rates if msgid in ours_hz}
+    else:
+        left_hz = {msgid: hz or 0.0 for msgid, hz in request.rates.items()}
+    groups = _whole_groups(left_hz, demanded_hz) if request.by_group and heeds_groups else {}
+    left_hz |= {msgid: hz for number, hz in groups.items() for msgid in group_ids(number)}
+    ours = {msgid: hz for msgid in left_hz if _is_higher(hz := ours_hz.get(msgid, 0.0), left_hz[msgid])}
+    left_hz |= ours
+    theirs = {msgid: hz for msgid in left_hz if _is_higher(hz := demanded_hz.get(msgid, 0.0), left_hz[msgid])}
+    return FollowUp(groups, [*ours.items(), *theirs.items()])
+
+
+def _whole_groups(left_hz: Mapping[int, float], demanded_hz: Mapping[int, float]) -> dict[int, float]:
+    """Groups of which every message is demanded at one rate, higher than the request leaves: one message asks for all.
+
+    So it is where another station asked by group too.
+    """
+    groups = {}
+    for number in GROUPS:
+        members = group_ids(number)
+        if not members <= left_hz.keys():
+            continue
+        rates_hz = {demanded_hz.get(msgid, 0.0) for msgid in members}
+        hz = rates_hz.pop()
+        if not rates_hz and _is_higher(hz, max(left_hz[msgid] for msgid in members)):
+            groups[number] = hz
+    return groups
+
+
+def _is_higher(hz: float, than_hz: float) -> bool:
+    return hz > ROUNDING * than_hz

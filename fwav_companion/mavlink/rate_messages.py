@@ -1,0 +1,112 @@
+"""Who asked for which message rates: a station's request, read from its frame, and what this service asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import isfinite
+from typing import Any, Final
+
+import msgspec
+
+from fwav_companion.mavlink.stream_groups import group_ids
+from fwav_companion.mavlink.wire import enums
+from fwav_companion.mavlink.wire.definitions import BY_NAME
+from fwav_companion.mavlink.wire.frames import RawFrame
+
+REQUEST_DATA_STREAM: Final = BY_NAME["REQUEST_DATA_STREAM"].msgid
+MESSAGE_INTERVAL: Final = BY_NAME["MESSAGE_INTERVAL"].msgid
+COMMANDS: Final = frozenset(BY_NAME[name].msgid for name in ("COMMAND_LONG", "COMMAND_INT"))
+RATE_REQUESTS: Final = COMMANDS | {REQUEST_DATA_STREAM, MESSAGE_INTERVAL}
+"""Ids of the messages that may ask for a rate."""
+HIGHEST_HZ: Final = 1000.0
+"""ArduPilot takes intervals below a millisecond for one (GCS_Common.cpp, set_message_interval)."""
+HIGHEST_ID: Final = 0xFFFFFF
+START: Final = 1
+"""REQUEST_DATA_STREAM.start_stop; 0 stops."""
+
+
+class RateRequest(msgspec.Struct, frozen=True, kw_only=True):
+    """What one frame asks of the component that it names."""
+
+    system: int
+    """System id of the sender."""
+    component: int
+    """Component id of the sender."""
+    link: str
+    """Name of the link by which it came."""
+    target_system: int
+    """0: every system."""
+    target_component: int
+    """0: every component."""
+    rates: Mapping[int, float | None] = {}
+    """Rate by message id, hertz. 0: stop. None: the receiver's own default."""
+    by_group: bool = False
+    """It is a REQUEST_DATA_STREAM: what it names is a group of ArduPilot's."""
+    once: int | None = None
+    """Id of a message that is wanted a single time (REQUEST_MESSAGE)."""
+
+    @property
+    def who(self) -> str:
+        """Sender and link, as a log has them: ``255/190 on ground``."""
+        return f"{self.system}/{self.component} on {self.link}"
+
+    @property
+    def sender(self) -> int:
+        """``system << 8 | component``."""
+        return self.system << 8 | self.component
+
+    def reaches(self, system: int, component: int) -> bool:
+        """It names this component, or every one."""
+        return self.target_system in {0, system} and self.target_component in {0, component}
+
+
+class OwnStreams(msgspec.Struct, frozen=True):
+    """The messages that this service asked of the adopted autopilot."""
+
+    system: int
+    component: int
+    by_itself_hz: Mapping[int, float]
+    """By message id: the rate at which the autopilot sends it without our request, hertz; 0: not at all; inf: as it
+    comes up."""
+
+
+def rate_request(frame: RawFrame, link: str) -> RateRequest | None:
+    """The request that a frame carries; None for any other frame, and for one that asks for nothing definite."""
+    if frame.definition is None or frame.msgid not in RATE_REQUESTS:
+        return None
+    fields = frame.definition.unpack(frame.data)
+    asked = _asked(frame.msgid, fields)
+    if asked is None:
+        return None
+    return RateRequest(
+        system=frame.system,
+        component=frame.component,
+        link=link,
+        target_system=frame.target_system,
+        target_component=frame.target_component,
+        **asked,
+    )
+
+
+def _asked(msgid: int, fields: Any) -> dict[str, Any] | None:
+    if msgid == REQUEST_DATA_STREAM:
+        if fields.start_stop > START:
+            return None  # as ArduPilot does
+        hz = min(float(fields.req_message_rate), HIGHEST_HZ) if fields.start_stop else 0.0
+        return {"rates": dict.fromkeys(group_ids(fields.req_stream_id), hz), "by_group": True}
+    if msgid == MESSAGE_INTERVAL:
+        return {"rates": {fields.message_id: _hz(fields.interval_us)}}
+    if not (isfinite(fields.param1) and 0 <= fields.param1 <= HIGHEST_ID):
+        return None
+    if fields.command == enums.MAV_CMD_SET_MESSAGE_INTERVAL and isfinite(fields.param2):
+        return {"rates": {int(fields.param1): _hz(fields.param2)}}
+    if fields.command == enums.MAV_CMD_REQUEST_MESSAGE:
+        return {"once": int(fields.param1)}
+    return None
+
+
+def _hz(interval_us: float) -> float | None:
+    """common.xml, SET_MESSAGE_INTERVAL: -1 disables, 0 requests the default rate."""
+    if interval_us == 0:
+        return None
+    return 0.0 if interval_us < 0 else min(1e6 / interval_us, HIGHEST_HZ)
