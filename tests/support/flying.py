@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from math import hypot
 from typing import Any
 
+from kept import kept
+
 from fwav_companion.camera import parse_calibration
 from fwav_companion.config import parse
 from fwav_companion.geometry.stamps import HostNs, whole_microseconds
@@ -122,6 +124,13 @@ class Companion:
                 ]
         return texts
 
+    def __getstate__(self) -> dict[str, Any]:
+        """All but the scanner, which holds compiled structs: what it has not yet scanned is lost."""
+        return {name: value for name, value in vars(self).items() if name != "_scanner"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state, _scanner=Scanner())
+
     def targets(self, label: str | None = None) -> list[Line]:
         """All target lines, of one label or of all."""
         return [each for each in self.lines if each["type"] == "target" and label in (None, each["label"])]
@@ -155,6 +164,10 @@ class Companion:
         return frames
 
 
+UNKEPT = ("vehicle", "_waiting", "_order")
+"""Parts of the mock that only fly it: a kept flight lacks them."""
+
+
 @dataclass
 class Flight:
     """What is left of a flight."""
@@ -162,6 +175,15 @@ class Flight:
     companion: Companion
     mock: Simulation
     options: Options
+
+    def __getstate__(self) -> dict[str, Any]:
+        mock = {name: value for name, value in vars(self.mock).items() if name not in UNKEPT}
+        return {**vars(self), "mock": mock}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        mock = object.__new__(Simulation)
+        vars(mock).update(state["mock"])
+        vars(self).update(state, mock=mock)
 
     def final(self, label: str = "target") -> Line:
         """The last line of the confirmed track of this label that was seen most."""
@@ -177,6 +199,15 @@ class Flight:
 
 
 def fly(options: Options, settings: Sequence[str] = (), **how: Any) -> Flight:
+    """The flight of these options, settings and ``how`` of :class:`Companion`.
+
+    It is flown once in a run of the tests; every caller gets a copy of its own.
+    """
+    key = repr(("fly", options, tuple(settings), sorted(how.items())))
+    return kept(key, lambda: _flown(options, settings, **how))
+
+
+def _flown(options: Options, settings: Sequence[str], **how: Any) -> Flight:
     """The whole flight, as fast as it goes."""
     mock = simulate(options)
     steps = [(mock.start_host_ns + round(at_s * 1e9), size_s) for at_s, size_s in options.camera.wall_steps]

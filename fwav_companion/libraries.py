@@ -1,0 +1,40 @@
+"""SHELL: one line for the user where a library is missing, with the command that installs it.
+
+`pip install .` brings every library but those of the extras. On 32-bit Arm it leaves out those that have no wheel there.
+"""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+
+from fwav_companion.errors import UserError
+
+EXTRAS = {"matplotlib": "demo", "pyulog": "ulog", "rasterio": "terrain"}
+"""The extra of this project that installs a library, by the library's import name."""
+DEBIAN = {"cv2": "python3-opencv", "numpy": "python3-numpy", "scipy": "python3-scipy"}
+"""The Debian package of a library that has no wheel for 32-bit Arm, by its import name."""
+
+
+def require(purpose: str, *modules: str) -> None:
+    """Check that these modules are installed; UserError with the command that installs those that are not."""
+    missing = [module for module in modules if find_spec(module) is None]
+    if missing:
+        raise UserError(f"{purpose}: {advice(*missing)}")
+
+
+def is_known(module: str) -> bool:
+    """Whether the module belongs to a library that an installation may lack."""
+    return module.partition(".")[0] in EXTRAS | DEBIAN
+
+
+def advice(*missing: str) -> str:
+    """One line: the libraries of these modules, and the commands that install them."""
+    names = sorted({module.partition(".")[0] for module in missing})
+    verb = "is" if len(names) == 1 else "are"
+    extras = sorted({EXTRAS[name] for name in names if name in EXTRAS})
+    wanted = f"'.[{','.join(extras)}]'" if extras else "."
+    line = f"{' and '.join(names)} {verb} not installed; run pip install {wanted} in the project's folder"
+    packages = " ".join(DEBIAN[name] for name in names if name in DEBIAN)
+    if packages:
+        line += f" (32-bit Arm: sudo apt install {packages}, for an environment made with --system-site-packages)"
+    return line
