@@ -1,6 +1,6 @@
 """SHELL: one line for the user where a library is missing, with the command that installs it.
 
-`pip install .` brings every library but those of the extras. On 32-bit Arm it leaves out those that have no wheel there.
+`pip install .` brings every library but those of the extras. On 32-bit Arm it leaves out those without a wheel there.
 """
 
 from __future__ import annotations

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import argparse
 import os
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fwav_companion.cli.signals import as_by_ctrl_c
-from fwav_companion.errors import InputFileError, UserError
+from fwav_companion.errors import InputFileError
+from fwav_companion.libraries import require
 
 if TYPE_CHECKING:
     from argparse import _SubParsersAction
@@ -62,9 +62,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _calibrated(arguments: argparse.Namespace) -> int:
-    for module, extra in (("cv2", "vision"), *([("matplotlib", "demo")] if arguments.report else [])):
-        if find_spec(module) is None:
-            raise UserError(f"calibrate: {module} is not installed; accepted: pip install 'fwav-companion[{extra}]'")
+    require("calibrate", "numpy", "cv2")
+    if arguments.report:
+        require("calibrate --report", "matplotlib")
     from fwav_companion.cli.calibrate_output import report_failure, report_lens, show_pictures
     from fwav_companion.cli.progress import steps
     from fwav_companion.tools.calibrate.board_spec import parse_board

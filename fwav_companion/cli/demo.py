@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-from importlib.util import find_spec
 from os.path import realpath
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING
 from fwav_companion.cli.seed import seed
 from fwav_companion.cli.signals import as_by_ctrl_c
 from fwav_companion.errors import UserError
+from fwav_companion.libraries import require
 
 if TYPE_CHECKING:
     from argparse import _SubParsersAction
@@ -52,9 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Exit status 0: every target found, each within its claimed 99.9 % radius; 1: not."""
     if not SECONDS[0] <= arguments.seconds <= SECONDS[1]:
         raise UserError(f"--seconds {arguments.seconds:g}: accepted: {SECONDS[0]:g} to {SECONDS[1]:g}")
-    for module, package in (("cv2", "fwav-companion[demo]"), ("sitl_mock", "fwav-companion[demo]")):
-        if find_spec(module) is None:
-            raise UserError(f"demo: {module} is not installed; accepted: pip install '{package}'")
+    require("demo", "numpy", "cv2", "sitl_mock")
     from fwav_companion.tools.demo.flight import Demonstration
     from fwav_companion.tools.demo.flight_setup import FlightSetup
     from fwav_companion.tools.demo.live_table import LiveTable, UnpipedConsole, show_result

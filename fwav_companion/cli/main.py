@@ -17,6 +17,7 @@ from typing import NamedTuple, NoReturn
 
 from fwav_companion import __version__
 from fwav_companion.errors import UserError
+from fwav_companion.libraries import advice, is_known
 
 EXIT_BAD, EXIT_USAGE = 1, 2
 EXIT_INTERRUPTED = 130
@@ -68,8 +69,11 @@ def main(argv: Sequence[str] | None = None) -> int:
             if sys.stdout is not None:  # the parent process may have closed it
                 sys.stdout.flush()
     except UserError as error:
-        print(f"fwav-companion: {' '.join(str(error).splitlines())}", file=sys.stderr)  # a name may have several lines
-        return EXIT_USAGE
+        return _usage_error(str(error))
+    except ModuleNotFoundError as error:
+        if error.name is None or not is_known(error.name):
+            raise
+        return _usage_error(advice(error.name))
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED
     except BrokenPipeError:  # the reader of the output has closed it
@@ -81,6 +85,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         _let_go_of_stdout()
         print(f"fwav-companion: {error.filename or 'output'}: {error.strerror}", file=sys.stderr)
         return EXIT_BAD
+
+
+def _usage_error(text: str) -> int:
+    print(f"fwav-companion: {' '.join(text.splitlines())}", file=sys.stderr)  # a name may have several lines
+    return EXIT_USAGE
 
 
 def _let_go_of_stdout() -> None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from fwav_companion.cli.seed import seed
 from fwav_companion.cli.signals import as_by_ctrl_c
+from fwav_companion.libraries import require
 
 if TYPE_CHECKING:
     from argparse import _SubParsersAction
@@ -37,6 +38,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _repeated(arguments: argparse.Namespace) -> int:
+    require("paper", "numpy")
     from fwav_companion.cli.progress import steps
     from fwav_companion.tools.paper.comparison import RUNS, STEPS, compare
     from fwav_companion.tools.paper.figures import draw_figures

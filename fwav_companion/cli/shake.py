@@ -8,6 +8,7 @@ from math import degrees
 from typing import TYPE_CHECKING
 
 from fwav_companion.errors import ConfigError
+from fwav_companion.libraries import require
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
@@ -23,6 +24,7 @@ EXIT_UNUSABLE = 1
 
 def run_shake(config: Config, tag_size_m: float, wait_s: float, *, as_json: bool) -> int:
     """Instruct the user, record the session, print the estimate; the exit status."""
+    require("check --shake", "numpy", "scipy", "cv2")
     from fwav_companion.config import load_signing_key
     from fwav_companion.service.configured_files import load_calibration
     from fwav_companion.tools.doctor.gathering import running_status

@@ -12,6 +12,7 @@ from typing import Any, Final
 from fwav_companion.errors import InputFileError
 from fwav_companion.geometry.rotations import normalized
 from fwav_companion.geometry.vectors import Vector3
+from fwav_companion.libraries import require
 from fwav_companion.on_disk import content
 from fwav_companion.recording.flight_log import (
     FlightLog,
@@ -47,14 +48,11 @@ def read_ulog(path: Path) -> tuple[FlightLog, list[SkippedBytes], bool]:
     """The log's content, its end if that is not a whole message, and whether pyulog met damage before it.
 
     PX4 writes a SYNC message every half second since v1.10, by which pyulog finds its way behind damage; it does not
-    give the place. InputFileError where the log cannot be read, or where pyulog is not installed.
+    give the place. UserError where the log cannot be read, or where pyulog is not installed.
     """
-    try:
-        from pyulog import ULog
-    except ImportError as error:
-        raise InputFileError(
-            f"{path}: reading it needs pyulog, which is not installed; pip install 'fwav-companion[ulog]'"
-        ) from error
+    require(f"{path}: a PX4 log", "pyulog")
+    from pyulog import ULog
+
     try:
         file = _ForwardFile(content(path))
     except OSError as error:

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from fwav_companion.errors import InputFileError
+from fwav_companion.libraries import require
 from fwav_companion.localization import ElevationTile
 from fwav_companion.on_disk import opened
 
@@ -76,14 +77,11 @@ def _hgt_heights(content: mmap.mmap, side: int) -> Callable[[int, int], float]:
 
 
 def _read_geotiff(path: Path) -> ElevationTile:
-    try:
-        import rasterio
-        from rasterio.errors import RasterioError
-        from rasterio.vrt import WarpedVRT
-    except ImportError as error:
-        raise InputFileError(
-            f"{path}: reading it needs rasterio, which is not installed; pip install 'fwav-companion[terrain]', or .hgt"
-        ) from error
+    require(f"{path}: a GeoTIFF (.hgt needs no library)", "rasterio")
+    import rasterio
+    from rasterio.errors import RasterioError
+    from rasterio.vrt import WarpedVRT
+
     try:
         with rasterio.Env(GTIFF_POINT_GEO_IGNORE="FALSE"), rasterio.open(path) as source:
             if source.crs is None:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from importlib.util import find_spec
 
 import msgspec
 
 from fwav_companion.config import Config
 from fwav_companion.config.room_options import recording_plan
 from fwav_companion.errors import ConfigError
+from fwav_companion.libraries import require
 from fwav_companion.links.base import Link, OnState
 from fwav_companion.links.reconnect import make_link
 from fwav_companion.links.url import UdpUrl
@@ -44,15 +44,14 @@ def make_vision(config: Config, ears: FrameReceiver, on_state: Callable[[bool, s
 
 
 def make_vision_task(config: Config) -> VisionTask | None:
-    """Task of the vision process; None without [vision]. ConfigError where this machine cannot do it."""
+    """Task of the vision process; None without [vision]. UserError where this machine cannot do it."""
     vision = config.vision
     if vision is None:
         return None
     if vision.detector == "onnx":
         accepted = "apriltag, aruco, color; another detector sends its pixels to [detections] url"
         raise ConfigError(f'{config.file}: [vision] detector = "onnx": not in this version; accepted: {accepted}')
-    if find_spec("cv2") is None:
-        raise ConfigError(f"{config.file}: [vision]: OpenCV is missing; accepted: pip install opencv-python-headless")
+    require(f"{config.file}: [vision]", "numpy", "cv2")
     is_path = not vision.source.startswith(("libcamera:", "/dev/", "rtsp://", "rtsps://"))
     return msgspec.structs.replace(vision, source=str(config.resolve(vision.source))) if is_path else vision
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from fwav_companion.errors import UserError
+from fwav_companion.libraries import require
 from fwav_companion.on_disk import made_folder, whole
 from fwav_companion.tools.paper.comparison import STATED_PX, PaperComparison, drawn_samples, flapping_pitch
 from fwav_companion.tools.paper.experiment import ONE_MM_PX, TARGET_M, filtered
@@ -18,13 +19,12 @@ TOLD_HZ = 25.0
 
 def draw_figures(folder: Path, seed: int, comparison: PaperComparison) -> list[Path]:
     """The files that were written. UserError: no matplotlib, or the folder cannot be written."""
-    try:
-        import matplotlib as mpl
+    require("the figures", "matplotlib")
+    import matplotlib as mpl
 
-        mpl.use("Agg")
-        from matplotlib import pyplot as plt
-    except ImportError as error:
-        raise UserError("the figures need matplotlib: pip install 'fwav-companion[demo]'") from error
+    mpl.use("Agg")
+    from matplotlib import pyplot as plt
+
     try:
         made_folder(folder)
         return [

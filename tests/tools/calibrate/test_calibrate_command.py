@@ -219,16 +219,6 @@ def test_what_is_wrong_is_one_line(words, said, chess_folder, tmp_path, monkeypa
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize(("missing", "extra"), [("cv2", "vision"), ("matplotlib", "demo")])
-def test_a_library_that_is_missing_is_named_before_the_work(
-    missing, extra, chess_folder, tmp_path, monkeypatch, capsys
-):
-    monkeypatch.setattr("fwav_companion.cli.calibrate.find_spec", lambda name: None if name == missing else name)
-    assert calibrate(chess_folder, tmp_path / "camera.yaml", "--report", str(tmp_path)) == 2
-    said = f"calibrate: {missing} is not installed; accepted: pip install 'fwav-companion[{extra}]'"
-    assert capsys.readouterr().err == f"fwav-companion: {said}\n"
-
-
 def test_the_help_shows_boards_and_an_example(capsys):
     with pytest.raises(SystemExit):
         main(["calibrate", "--help"])

@@ -44,11 +44,15 @@ def test_each_number_shows_its_own_spread(comparison):
             assert 0.0 < quantity.median_sigma < 0.05 * (quantity.high - quantity.low)
 
 
-def test_a_median_scatters_from_seed_to_seed_as_it_says():
-    seeds = [compare(seed, runs=100).rows[5] for seed in range(20, 50)]
+@pytest.mark.parametrize(
+    ("seeds", "low", "high"), [(8, 0.26, 1.93), pytest.param(30, 0.6, 1.4, marks=pytest.mark.slow)]
+)
+def test_a_median_scatters_from_seed_to_seed_as_it_says(seeds, low, high):
+    """Of 8 seeds: the 99.9 % limits of a standard deviation."""
+    rows = [compare(seed, runs=100).rows[5] for seed in range(20, 20 + seeds)]
     for column in OUR_ROWS:
-        told = np.mean([getattr(row, column).median_sigma for row in seeds])
-        assert np.std([getattr(row, column).median for row in seeds]) == pytest.approx(told, rel=0.4)
+        told = np.mean([getattr(row, column).median_sigma for row in rows])
+        assert low * told < np.std([getattr(row, column).median for row in rows], ddof=1) < high * told
 
 
 def test_the_filters_theory(comparison):
@@ -106,7 +110,7 @@ def test_without_matplotlib_the_numbers_come_and_one_line_tells_what_the_figures
     told = capsys.readouterr()
     assert json.loads(told.out.splitlines()[-1])["seed"] == 1
     (line,) = told.err.splitlines()
-    assert "pip install 'fwav-companion[demo]'" in line
+    assert "pip install '.[demo]'" in line
 
 
 @pytest.mark.parametrize("seed", ["-1", "x", "1.5"])

@@ -1,0 +1,104 @@
+"""pyproject.toml against the code: what is imported is declared, and what is declared is imported."""
+
+import ast
+import re
+import sys
+import tomllib
+from collections.abc import Iterator
+from functools import cache
+from importlib.metadata import packages_distributions
+from pathlib import Path
+
+import pytest
+from packaging.markers import default_environment
+from packaging.requirements import Requirement
+
+from fwav_companion.libraries import DEBIAN, EXTRAS
+
+PROJECT = Path(__file__).parents[1]
+OURS = {"fwav_companion", "sitl_mock", "tests"}
+DECLARED = tomllib.loads((PROJECT / "pyproject.toml").read_text())["project"]
+NEED, OPTIONAL = DECLARED["dependencies"], DECLARED["optional-dependencies"]
+RUN_BY_NAME = {"pytest-timeout", "pytest-xdist", "import-linter"}
+"""Plugins and programs of the tests, which no test imports."""
+
+
+def names(requirements: list[str]) -> set[str]:
+    """Distributions, as PyPI normalises their names."""
+    return {normalised(Requirement(each).name) for each in requirements}
+
+
+def normalised(name: str) -> str:
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def imported(path: Path, *, at_start: bool = False) -> Iterator[str]:
+    """Top-level names of other projects' modules. ``at_start``: only those that importing the file loads."""
+    tree = ast.parse(path.read_text())
+    for node in tree.body if at_start else ast.walk(tree):
+        if isinstance(node, ast.Import):
+            modules = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            modules = [node.module or ""]
+        else:
+            continue
+        yield from {module.partition(".")[0] for module in modules} - sys.stdlib_module_names - OURS
+
+
+@cache
+def used(*folders: str, at_start: bool = False) -> frozenset[str]:
+    """Distributions whose modules are imported under these folders."""
+    providers = packages_distributions()
+    own = {path.stem for path in (PROJECT / "tests").rglob("*.py")}
+    modules = {
+        module
+        for folder in folders
+        for path in (PROJECT / folder).rglob("*.py")
+        for module in imported(path, at_start=at_start)
+        if module not in own
+    }
+    return frozenset(normalised(name) for module in modules for name in providers.get(module, [module]))
+
+
+def test_the_package_declares_what_it_imports_and_imports_what_it_declares():
+    extras = names([each for extra in ("demo", "terrain", "ulog") for each in OPTIONAL[extra]])
+    assert used("fwav_companion", "sitl_mock") == names(NEED) | extras
+    assert not names(NEED) & extras
+
+
+def test_what_an_extra_brings_is_imported_only_where_it_is_needed():
+    assert used("fwav_companion", "sitl_mock", at_start=True) <= names(NEED)
+
+
+def test_the_tests_declare_what_only_they_import():
+    own = names(OPTIONAL["test"]) - {"fwav-companion"}
+    assert used("tests") - used("fwav_companion", "sitl_mock") == own - RUN_BY_NAME
+
+
+def test_every_extra_is_known_where_a_missing_library_is_named():
+    """By import names; 'vision' is an empty extra that older install lines name."""
+    providers = packages_distributions()
+    for module, extra in EXTRAS.items():
+        assert {normalised(each) for each in providers[module]} == names(OPTIONAL[extra])
+    assert set(OPTIONAL) == {*EXTRAS.values(), "test", "lint", "vision"}
+    assert OPTIONAL["vision"] == []
+
+
+@pytest.mark.parametrize("machine", ["x86_64", "aarch64", "armv6l", "armv7l", "armv8l"])
+def test_32_bit_arm_is_asked_for_nothing_that_has_no_wheel_there(machine: str):
+    environment = default_environment() | {"platform_machine": machine}
+    left_out = {
+        each.name
+        for each in map(Requirement, NEED)
+        if each.marker is not None and not each.marker.evaluate(environment)
+    }
+    providers = packages_distributions()
+    without_wheel = {name for module in DEBIAN for name in providers[module]}
+    assert left_out == (without_wheel if machine.startswith("armv") else set())
+
+
+def test_no_text_names_the_project_as_if_an_index_had_it():
+    """It is installed from a checkout: pip install '.[demo]'."""
+    files = [*PROJECT.glob("*.md"), *(PROJECT / "systemd").iterdir(), *(PROJECT / "fwav_companion").rglob("*")]
+    for path in (path for path in files if path.suffix in {".md", ".py", ".toml", ".yaml", ".service"}):
+        assert not re.search(r"fwav-companion\[|install fwav-companion\b", path.read_text()), path
