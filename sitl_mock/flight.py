@@ -41,12 +41,13 @@ class Slow:
         ]
 
     def at(self, t: float) -> tuple[float, float]:
-        """(value, rate)."""
-        value = rate = 0.0
-        for size, w, phase in self._terms:
-            value += size * sin(w * t + phase)
-            rate += size * w * cos(w * t + phase)
-        return value, rate
+        """(value, rate). Written out: a gyro asks three thousand times a second."""
+        (a, u, i), (b, v, j), (c, w, k) = self._terms
+        x, y, z = u * t + i, v * t + j, w * t + k
+        return (
+            a * sin(x) + b * sin(y) + c * sin(z),
+            a * u * cos(x) + b * v * cos(y) + c * w * cos(z),
+        )
 
 
 class Flight:
@@ -62,6 +63,9 @@ class Flight:
         self._sway = [Slow(radians(options.wander_deg), rng) for _ in range(3)]
         self._phases = [rng.uniform(0.0, 2.0 * pi) for _ in range(4)]
         self._hand = Hand(options, rng) if options.pattern == "hand" else None
+        self._level = radians(options.roll_deg), radians(options.pitch_deg)
+        self._flap = radians(options.flapping_roll_deg), radians(options.flapping_pitch_deg)
+        self._beat = 2.0 * pi * options.flapping_hz, 2.0 * pi * 0.1, options.flapping_modulation
 
     def at(self, flight_s: float) -> State:
         """The state at an instant."""
@@ -85,18 +89,18 @@ class Flight:
 
     def _stroke(self, t: float) -> tuple[float, float]:
         """Phase of the wings and its rate."""
-        w, slow = 2.0 * pi * self._o.flapping_hz, 2.0 * pi * 0.1
+        w, slow, m = self._beat
         angle = slow * t + self._phases[3]
-        m = self._o.flapping_modulation
         return w * t + self._phases[0] + m * sin(angle), w + m * slow * cos(angle)
 
     def _angles(
         self, t: float, path: Path, stroke: float, stroke_rate: float
     ) -> tuple[float, float, float, float, float, float]:
-        o = self._o
-        (roll, roll_rate), (pitch, pitch_rate), (yaw, yaw_rate) = (slow.at(t) for slow in self._sway)
+        sway_roll, sway_pitch, sway_yaw = self._sway
+        (roll, roll_rate), (pitch, pitch_rate), (yaw, yaw_rate) = sway_roll.at(t), sway_pitch.at(t), sway_yaw.at(t)
         course, course_rate, bank, bank_rate = self._course(t, path)
-        flap_roll, flap_pitch = radians(o.flapping_roll_deg), radians(o.flapping_pitch_deg)
+        level_roll, level_pitch = self._level
+        flap_roll, flap_pitch = self._flap
         if self._hand is not None:
             by_hand = self._hand.angles(t)
             roll, pitch, yaw = roll + by_hand[0][0], pitch + by_hand[1][0], yaw + by_hand[2][0]
@@ -104,9 +108,9 @@ class Flight:
             yaw_rate += by_hand[2][1]
         roll_phase = stroke + self._phases[1]
         return (
-            roll + radians(o.roll_deg) + bank + flap_roll * sin(roll_phase),
+            roll + level_roll + bank + flap_roll * sin(roll_phase),
             roll_rate + bank_rate + flap_roll * stroke_rate * cos(roll_phase),
-            pitch + radians(o.pitch_deg) + flap_pitch * sin(stroke),
+            pitch + level_pitch + flap_pitch * sin(stroke),
             pitch_rate + flap_pitch * stroke_rate * cos(stroke),
             yaw + course,
             yaw_rate + course_rate,

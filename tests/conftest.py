@@ -1,8 +1,7 @@
-"""What every test process of a run shares: repeatable examples, one folder of kept results, a runtime directory each."""
+"""What the test processes of a run share: repeatable examples, a folder of kept results, a runtime directory each."""
 
 from __future__ import annotations
 
-import gc
 import os
 import shutil
 import tempfile
@@ -36,9 +35,3 @@ def pytest_configure(config: pytest.Config) -> None:
     runtime = Path(os.environ[FOLDER]) / f"runtime-{worker}"
     runtime.mkdir(exist_ok=True)
     os.environ["RUNTIME_DIRECTORY"] = str(runtime)
-
-
-def pytest_collection_finish() -> None:
-    """The collector of garbage need not walk thousands of tests again and again."""
-    gc.collect()
-    gc.freeze()

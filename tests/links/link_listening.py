@@ -2,7 +2,6 @@
 
 import asyncio
 import contextlib
-import socket
 from collections.abc import Callable, Coroutine, Iterator
 from typing import Any
 
@@ -74,19 +73,3 @@ def run(story: Coroutine[Any, Any, None]) -> None:
 
     asyncio.run(watched())
     assert errors == []
-
-
-def free_udp_port() -> int:
-    """A port that nobody has on loopback now."""
-    with socket.socket(socket.AF_INET6, socket.SOCK_DGRAM) as sock:
-        sock.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 0)
-        sock.bind(("::", 0))
-        return int(sock.getsockname()[1])
-
-
-def free_tcp_port() -> int:
-    """A port that nobody listens on at loopback now."""
-    with socket.socket(socket.AF_INET6, socket.SOCK_STREAM) as sock:
-        sock.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 0)
-        sock.bind(("::", 0))
-        return int(sock.getsockname()[1])

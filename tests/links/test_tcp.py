@@ -6,7 +6,8 @@ import socket
 from collections.abc import Iterator
 
 import pytest
-from link_listening import Listener, free_tcp_port, run, started, until
+from link_listening import Listener, run, started, until
+from processes import free_port
 
 from fwav_companion.links import tcp
 from fwav_companion.links.tcp import MAX_CLIENTS
@@ -79,7 +80,7 @@ def test_a_server_that_goes_and_comes_back(server: socket.socket):
 
 def test_a_server_that_is_not_there_yet_is_told_once():
     async def story() -> None:
-        listener, port = Listener(), free_tcp_port()
+        listener, port = Listener(), free_port()
         with started(f"tcpout://127.0.0.1:{port}", listener):
             await listener.until_down()
             with listening(port) as late, await accepted(late):
@@ -118,7 +119,7 @@ def test_a_server_that_answers_nothing_is_given_up(monkeypatch: pytest.MonkeyPat
 @pytest.mark.parametrize("host", ["127.0.0.1", "::1"])
 def test_a_server_with_two_clients(host: str):
     async def story() -> None:
-        listener, port = Listener(), free_tcp_port()
+        listener, port = Listener(), free_port()
         url = f"tcpin://[{host}]:{port}" if ":" in host else f"tcpin://{host}:{port}"
         with started(url, listener) as link:
             await listener.until_up()
@@ -145,7 +146,7 @@ def test_a_servers_clients_are_not_mixed_inside_a_frame_and_bounded():
     frame = bytes([0xFE, 9, 0, 1, 1, 0]) + b"payload!!" + b"cc"
 
     async def story() -> None:
-        listener, port = Listener(), free_tcp_port()
+        listener, port = Listener(), free_port()
         with started(f"tcpin://127.0.0.1:{port}", listener) as link:
             await listener.until_up()
             clients = [socket.create_connection(("127.0.0.1", port), 20) for _ in range(MAX_CLIENTS + 1)]
@@ -166,7 +167,7 @@ def test_a_reader_that_stalls_loses_the_oldest_whole_chunks_and_no_more():
     """The peer reads nothing until everything was sent: what it gets then is whole chunks, the newest among them."""
 
     async def story() -> None:
-        listener, port = Listener(), free_tcp_port()
+        listener, port = Listener(), free_port()
         with started(f"tcpin://127.0.0.1:{port}", listener) as link:
             await listener.until_up()
             with socket.socket() as slow:

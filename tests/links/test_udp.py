@@ -6,7 +6,8 @@ import socket
 from collections.abc import Iterator
 
 import pytest
-from link_listening import Listener, free_udp_port, run, started, until
+from link_listening import Listener, run, started, until
+from processes import free_port
 
 from fwav_companion.links.base import Ear, Traffic
 from fwav_companion.links.udp import UdpClient
@@ -33,7 +34,7 @@ async def received(sock: socket.socket) -> bytes:
 @pytest.mark.parametrize("host", ["127.0.0.1", "[::1]"])
 def test_a_server_hears_and_answers_all_it_has_heard(host: str):
     async def story() -> None:
-        listener, port = Listener(), free_udp_port()
+        listener, port = Listener(), free_port()
         family = socket.AF_INET6 if host == "[::1]" else socket.AF_INET
         with (
             started(f"udpin://{host}:{port}", listener) as link,
@@ -59,7 +60,7 @@ def test_a_server_hears_and_answers_all_it_has_heard(host: str):
 
 def test_a_burst_is_drained_whole_and_in_order(peer: socket.socket):
     async def story() -> None:
-        listener, port = Listener(), free_udp_port()
+        listener, port = Listener(), free_port()
         with started(f"udpin://127.0.0.1:{port}", listener):
             await listener.until_up()
             sent = [bytes([i]) * 50 for i in range(200)]
@@ -112,7 +113,7 @@ def test_a_client_speaks_first_and_hears_its_peer_alone(peer: socket.socket):
 
 def test_a_peer_that_is_not_there_yet_costs_nothing_but_the_datagrams():
     async def story() -> None:
-        listener, port = Listener(), free_udp_port()
+        listener, port = Listener(), free_port()
         with started(f"udpout://127.0.0.1:{port}", listener) as link:
             await listener.until_up()
             for _ in range(5):
@@ -228,7 +229,7 @@ def test_frames_of_two_clients_that_send_in_pieces_are_not_mixed():
     frame = bytes([0xFE, 9, 0, 1, 1, 0]) + b"payload!!" + b"cc"
 
     async def story() -> None:
-        listener, port = Listener(), free_udp_port()
+        listener, port = Listener(), free_port()
         with started(f"udpin://127.0.0.1:{port}", listener) as link, peer_socket() as one, peer_socket() as two:
             await listener.until_up()
             one.sendto(frame, ("127.0.0.1", port))

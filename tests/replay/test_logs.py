@@ -2,11 +2,10 @@
 
 import json
 import math
-import subprocess
-import sys
 
 import pytest
 from autopilot_logs import DataFlash, ulog, usual
+from commands import run_command
 from flying import CAMERA, LINK
 
 from sitl_mock import scenario, simulate
@@ -107,12 +106,11 @@ def replayed(folder, telemetry, detections, *more):
     (folder / "flight.toml").write_text(CONFIG)
     (folder / "camera.yaml").write_text(CAMERA)
     (folder / "detections.jsonl").write_text(detections)
-    command = [
-        *(sys.executable, "-m", "fwav_companion", "replay", "--telemetry", str(telemetry), "--json"),
-        *("--detections", str(folder / "detections.jsonl"), "--config", str(folder / "flight.toml")),
-        *("--out", str(folder / "targets.jsonl"), *more),
+    words = [
+        *("replay", "--telemetry", str(telemetry), "--json", "--detections", "detections.jsonl"),
+        *("--config", "flight.toml", "--out", "targets.jsonl", *more),
     ]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=100)
+    done = run_command(*words, folder=folder)
     assert done.returncode == 0, done.stderr
     lines = [json.loads(line) for line in (folder / "targets.jsonl").read_text().splitlines()]
     return done, lines

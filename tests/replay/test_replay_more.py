@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from commands import run_command
 from flying import CAMERA, LINK, Flight, fly
 
 from fwav_companion.cli.main import main
@@ -65,14 +66,21 @@ class Site:
     def write(self, name, content):
         (self.folder / name).write_bytes(content if isinstance(content, bytes) else content.encode())
 
-    def replay(self, *words, telemetry=("telemetry.tlog",), detections=("detections.jsonl",), stdout=subprocess.PIPE):
+    def replay(self, *words, telemetry=("telemetry.tlog",), detections=("detections.jsonl",)):
+        return run_command(*self.words(words, telemetry, detections), folder=self.folder)
+
+    def replay_apart(self, *words, stdout=subprocess.PIPE):
+        """In a process of its own: what a user's filter or the standard output's descriptor does stays there."""
+        command = [sys.executable, "-m", "fwav_companion", *self.words(words)]
+        return subprocess.run(command, stdout=stdout, stderr=subprocess.PIPE, text=True, cwd=self.folder, timeout=120)
+
+    def words(self, words, telemetry=("telemetry.tlog",), detections=("detections.jsonl",)):
         if "telemetry.tlog" in telemetry:
             self.write("telemetry.tlog", self.telemetry)
         if "detections.jsonl" in detections:
             self.write("detections.jsonl", self.detections)
-        command = [sys.executable, "-m", "fwav_companion", "replay", "--telemetry", *telemetry, "--detections"]
-        command += [*detections, "--config", "flight.toml", "--out", "targets.jsonl", *words]
-        return subprocess.run(command, stdout=stdout, stderr=subprocess.PIPE, text=True, cwd=self.folder, timeout=60)
+        files = ["--telemetry", *telemetry, "--detections", *detections, "--config", "flight.toml"]
+        return ["replay", *files, "--out", "targets.jsonl", *words]
 
     def targets(self):
         return (self.folder / "targets.jsonl").read_bytes()
@@ -117,18 +125,18 @@ def test_who_reads_it_may_stop_reading(site):
 @pytest.mark.parametrize("stdout", ["-", "/dev/stdout"])
 def test_targets_on_stdout_are_alone_there(site, stdout):
     told = site.replay().stdout
-    to_a_pipe = site.replay("--out", stdout)
+    to_a_pipe = site.replay_apart("--out", stdout)
     assert (to_a_pipe.returncode, to_a_pipe.stderr) == (0, told)
     assert to_a_pipe.stdout.encode() == site.targets()
     with (site.folder / "file").open("wb") as file:  # which, opened anew, would begin at its first byte again
-        assert site.replay("--out", stdout, "--report", "report", "--alone", stdout=file).returncode == 0
+        assert site.replay_apart("--out", stdout, "--report", "report", "--alone", stdout=file).returncode == 0
     assert (site.folder / "file").read_bytes() == site.targets()
     assert not (site.folder / "-").exists()
 
 
 def test_targets_on_stdout_end_with_the_object_that_json_asks_for(site):
     told = site.replay("--json")
-    done = site.replay("--json", "--out", "-")
+    done = site.replay_apart("--json", "--out", "-")
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.encode() == site.targets()
     assert json.loads(done.stdout.splitlines()[-1]) == json.loads(told.stdout)
@@ -291,7 +299,7 @@ def test_another_vehicles_companion_does_not_set_our_clock(flown):
 
 def test_a_filter_of_ones_own_follows_the_targets(site):
     site.write("mine.py", OWN)
-    done = site.replay("--set", "tracking.filter=mine:Means")
+    done = site.replay_apart("--set", "tracking.filter=mine:Means")
     assert done.returncode == 0, done.stderr
     lines = [json.loads(line) for line in site.targets().splitlines()]
     assert lines[0]["config"]["tracking"]["filter"] == "mine:Means"
@@ -311,7 +319,7 @@ def test_a_filter_of_ones_own_follows_the_targets(site):
 )
 def test_a_filter_that_cannot_be_had_is_one_line_and_exit_2(site, spec, said):
     site.write("mine.py", OWN)
-    done = site.replay("--set", f"tracking.filter={spec}")
+    done = site.replay_apart("--set", f"tracking.filter={spec}")
     assert done.returncode == 2
     assert said in done.stderr
     assert done.stderr.count("\n") == 1

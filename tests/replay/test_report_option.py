@@ -11,6 +11,7 @@ import sys
 import msgspec
 import numpy as np
 import pytest
+from commands import run_command
 from flying import CAMERA, LINK, fly
 from lxml import html
 
@@ -23,7 +24,7 @@ CONFIG = LINK + '[camera]\ncalibration = "camera.yaml"\n'
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
     folder = tmp_path_factory.mktemp("flight")
-    flown = fly(scenario("unbiased").but({"seconds": 20.0, "seed": 8}), ["tracking.self_calibration=true"])
+    flown = fly(scenario("unbiased").but({"seconds": 14.0, "seed": 8}), ["tracking.self_calibration=true"])
     for name, content in (("flight.toml", CONFIG), ("camera.yaml", CAMERA)):
         (folder / name).write_text(content)
     (folder / "telemetry.tlog").write_bytes(flown.companion.tlog)
@@ -37,8 +38,7 @@ def site(tmp_path_factory):
 
 def replay(folder, *words):
     files = ["--telemetry", "telemetry.tlog", "--detections", "detections.jsonl", "--config", "flight.toml"]
-    command = [sys.executable, "-m", "fwav_companion", "replay", *files, *words]
-    return subprocess.run(command, capture_output=True, text=True, cwd=folder, timeout=60)
+    return run_command("replay", *files, *words, folder=folder)
 
 
 def read(path):
@@ -127,9 +127,8 @@ def test_innovations_are_told_where_sightings_are_and_nowhere_else(site):
 def test_two_filters_side_by_side(site):
     assert replay(site, "--out", "kalman.jsonl").returncode == 0
     assert replay(site, "--out", "lowpass.jsonl", "--set", "tracking.filter=lowpass").returncode == 0
-    command = [sys.executable, "-m", "fwav_companion", "replay", "--compare", "kalman.jsonl", "lowpass.jsonl"]
-    command += ["--report", "out", "--truth", "truth.csv"]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=site, timeout=60)
+    files = ["--compare", "kalman.jsonl", "lowpass.jsonl", "--report", "out", "--truth", "truth.csv"]
+    done = run_command("replay", *files, folder=site)
     assert done.returncode == 0, done.stderr
     text = read(site / "out/compare.html").text_content().replace("\u00a0", " ")
     assert 'tracking.filter: "kalman" | "lowpass"' in text
@@ -148,8 +147,7 @@ def test_two_filters_side_by_side(site):
     ],
 )
 def test_what_is_missing_is_one_line_and_exit_2(site, words, expected):
-    command = [sys.executable, "-m", "fwav_companion", "replay", *words]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=site, timeout=60)
+    done = run_command("replay", *words, folder=site)
     assert done.returncode == 2
     assert expected in done.stderr
     assert done.stderr.count("\n") == 1

@@ -6,6 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 import simulated_flight
+from draws import first_of
 from scipy.spatial.transform import Rotation
 from simulated_flight import BODY_FROM_CAMERA, Flight
 from simulated_world import World
@@ -49,7 +50,9 @@ def nominally(state):
     return vehicle_pose(state, 0.0)
 
 
-@pytest.mark.parametrize("vector_deg", [(18, 0, 0), (0, 20, 0), (0, 0, 25), (-20, 25, 10), (0, -45, 0), (30, 30, 30)])
+@pytest.mark.parametrize(
+    "vector_deg", first_of((18, 0, 0), (-20, 25, 10), (0, 20, 0), (0, 0, 25), (0, -45, 0), (30, 30, 30), few=2)
+)
 def test_a_mount_far_off_is_named_as_it_is_and_nothing_is_told_for_sure(vector_deg):
     named, doubted = "", []
     for report, tracks in flown(crooked(vector_deg)):
@@ -81,7 +84,7 @@ def test_a_mount_that_self_calibration_finds_is_not_named(vector_deg):
     assert np.sqrt(tracks[0].cov[0][0]) < 0.1
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", first_of(0, 1, 2))
 def test_who_walks_is_no_crooked_mount(seed):
     angle = 2.0 * seed
     flight = Flight(**LEVEL | {"seconds": 40.0}, seed=seed, velocities=((1.5 * np.cos(angle), 1.5 * np.sin(angle)),))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import random
 import re
 import select
 import signal
@@ -210,9 +211,30 @@ class GroundStation:
         self._socket.close()
 
 
+PORTS = range(10_000, 32_000)
+"""Below those that Linux gives to sockets that name none, so that no such socket takes one in the meantime."""
+_draw = random.SystemRandom()
+_given: set[int] = set()
+
+
 def free_port() -> int:
-    """A UDP port on loopback that nobody has now."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
+    """A port on loopback, free for UDP and TCP, that no other worker of this run and no earlier test gets."""
+    worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw")) % 64
+    while True:
+        port = _draw.randrange(PORTS.start + worker, PORTS.stop, 64)
+        if port not in _given and _is_free(port):
+            _given.add(port)
+            return port
+
+
+def _is_free(port: int) -> bool:
+    family, every = (socket.AF_INET6, "::") if socket.has_dualstack_ipv6() else (socket.AF_INET, "")
+    for kind in (socket.SOCK_DGRAM, socket.SOCK_STREAM):
+        with socket.socket(family, kind) as probe:
+            if family == socket.AF_INET6:
+                probe.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 0)
+            try:
+                probe.bind((every, port))
+            except OSError:
+                return False
+    return True

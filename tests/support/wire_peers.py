@@ -48,11 +48,16 @@ class Peer:
 
     def collect(self, count: int) -> list[bytes]:
         """Foreign frames, until there are so many."""
+        frames = self.wait_for(count)
+        self.came = b""
+        return frames
+
+    def wait_for(self, count: int) -> list[bytes]:
+        """The same, and they are still to be collected."""
         deadline = time.monotonic() + PATIENCE_S
         while len(frames := foreign_frames(self.came)) < count:
             assert time.monotonic() < deadline, f"only {len(frames)} of {count} frames came by {self.url}"
             self.listen(0.1)
-        self.came = b""
         return frames
 
     def listen(self, seconds: float) -> None:
@@ -132,16 +137,14 @@ class TcpPeer(Peer):
     def __init__(self, kind: str) -> None:
         super().__init__()
         self._connection: socket.socket | None = None
-        self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-        self._listener.bind(("127.0.0.1", 0))
-        self._port: int = self._listener.getsockname()[1]
+        self._port = free_port()
         self.url = f"{kind}://127.0.0.1:{self._port}"
+        self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         self._listens = kind == "tcpout"
         if self._listens:
+            self._listener.bind(("127.0.0.1", self._port))
             self._listener.listen()
             self._listener.settimeout(PATIENCE_S)
-        else:
-            self._listener.close()  # the port is the daemon's now
 
     def connect(self) -> None:
         if self._listens:

@@ -34,6 +34,7 @@ def wait_for(true, timeout_s: float = 30.0) -> None:
         time.sleep(0.05)
 
 
+@pytest.mark.slow
 def test_tags_are_found_told_to_the_ground_and_reported(tmp_path: Path):
     done = subprocess.run(
         [*COMMAND, "--seconds", "7", "--seed", "8", "--out", str(tmp_path / "out"), "--json"],
@@ -60,6 +61,7 @@ def test_tags_are_found_told_to_the_ground_and_reported(tmp_path: Path):
     }
 
 
+@pytest.mark.slow
 def test_a_camera_that_is_killed_ends_it_with_a_clear_word(tmp_path: Path):
     out = tmp_path / "out"
     command = [*COMMAND, "--seconds", "30", "--out", str(out), "--json"]

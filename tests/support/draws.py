@@ -1,0 +1,12 @@
+"""Parameters of which the default run takes the first few, and ``-m slow`` the others."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+
+def first_of(*values: Any, few: int = 1) -> list[Any]:
+    """For ``parametrize`` with one name: every value is a draw that shows the same claim."""
+    return [*values[:few], *(pytest.param(value, marks=pytest.mark.slow) for value in values[few:])]
