@@ -72,8 +72,9 @@ def test_without_any_of_them_a_flight_is_served_checked_and_replayed(tmp_path: P
     code = (
         f"import sys\nsys.modules.update(dict.fromkeys({[*DEBIAN, *EXTRAS]!r}))\n"
         "from fwav_companion.cli.main import main\nfrom fwav_companion.config import load\n"
-        "from fwav_companion.service.configured_files import load_calibration\nfrom fwav_companion.service.daemon import Service\n"
-        "import fwav_companion.tools.doctor.examine, fwav_companion.tools.doctor.listening\n"
+        "from fwav_companion.service.configured_files import load_calibration\n"
+        "from fwav_companion.service.daemon import Service\n"
+        "import fwav_companion.tools.doctor.examination, fwav_companion.tools.doctor.gathering\n"
         "config = load('fwav-companion.toml')\n"
         "Service(config, load_calibration(config), None, elevation=(), beside_recording={})\n"
         "words = ['--telemetry', 'telemetry.tlog', '--detections', 'detections.jsonl', '--out', 'targets.jsonl']\n"

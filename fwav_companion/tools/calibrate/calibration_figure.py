@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from fwav_companion.errors import UserError
+from fwav_companion.libraries import require
 from fwav_companion.on_disk import made_folder, whole
 from fwav_companion.tools.calibrate.calibration_summary import PictureRow
 from fwav_companion.tools.calibrate.lens_fit.lens_fit import FittedLens
@@ -25,15 +26,12 @@ OURS, LIMIT, OFF = "tab:blue", "tab:red", "tab:orange"
 
 def draw_calibration(folder: Path, title: str, fitted: FittedLens, rows: list[PictureRow]) -> Path:
     """The path of the figure, after writing it. UserError: matplotlib is missing, or the folder cannot be written."""
-    try:
-        import matplotlib as mpl
+    require("calibrate --report", "matplotlib")
+    import matplotlib as mpl
 
-        mpl.use("Agg")
-        from matplotlib import pyplot as plt
-    except ImportError as error:
-        raise UserError(
-            "--report: matplotlib is not installed; accepted: pip install 'fwav-companion[demo]'"
-        ) from error
+    mpl.use("Agg")
+    from matplotlib import pyplot as plt
+
     figure, axes = plt.subplots(2, 3, figsize=(18, 10), layout="constrained")
     figure.suptitle(title)
     for panel, place in zip(
