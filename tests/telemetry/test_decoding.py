@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
-from told import DEFAULTS, Autopilot, message
+from telemetry_messages import DEFAULTS, Autopilot, message
 
 from fwav_companion.geometry.stamps import BootNs, HostNs
 from fwav_companion.telemetry import Telemetry, decoding

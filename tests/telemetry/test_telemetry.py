@@ -4,7 +4,7 @@ import random
 from math import cos, degrees, pi, radians, sin
 
 import pytest
-from told import WHOLE_MS, Autopilot
+from telemetry_messages import WHOLE_MS, Autopilot
 
 from fwav_companion.geometry.rotations import euler_from_quaternion
 from fwav_companion.geometry.stamps import BootNs

@@ -7,7 +7,7 @@ import random
 
 import flapping
 import pytest
-from told import Autopilot, message
+from telemetry_messages import Autopilot, message
 
 from fwav_companion.geometry.stamps import BootNs, HostNs
 from fwav_companion.types import ClockExchange, Unpaired

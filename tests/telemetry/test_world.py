@@ -4,7 +4,7 @@ from math import degrees
 
 import pymap3d
 import pytest
-from told import Autopilot
+from telemetry_messages import Autopilot
 
 from fwav_companion.geometry.stamps import BootNs
 from fwav_companion.telemetry import HomeMoved, OriginSet, RelativeWorld, TakeOffFound
