@@ -55,7 +55,7 @@ def test_with_a_key_what_we_say_is_signed_and_only_signed_commands_are_done(site
 
         assert site.ground.ask(100, REQUEST_MESSAGE, CAMERA_INFORMATION)[0] == 0
         unsigned_is_refused(site)
-        forged_frame_locks_nobody_out(site)
+        forged_frame_locks_no_sender_out(site)
         traffic = {link["name"]: link for link in wait_for_status(site)["traffic"]}
         assert traffic["ground"]["refused_signatures"] == 2
         assert traffic["ground"]["refused_unsigned"] == 1
@@ -72,7 +72,7 @@ def unsigned_is_refused(site: SignedSite) -> None:
     assert answers == []
 
 
-def forged_frame_locks_nobody_out(site: SignedSite) -> None:
+def forged_frame_locks_no_sender_out(site: SignedSite) -> None:
     """A genuine frame again, and one from the far future with a wrong signature; then genuine ones go on."""
     result, _ = site.ground.ask(100, REQUEST_MESSAGE, CAMERA_INFORMATION)
     assert result == 0
@@ -108,7 +108,7 @@ def test_signing_goes_on_ahead_after_a_restart(site: SignedSite):
     assert json.loads((site.folder / "state/signing.json").read_text()) > max(first)
 
 
-def test_without_a_place_to_keep_it_that_is_told_once(site: SignedSite):
+def test_without_a_place_to_keep_it_that_is_reported_once(site: SignedSite):
     site.replace('directory = "state"', 'directory = ""')
     with process(*RUN, folder=site.folder, STATE_DIRECTORY="") as service:
         service.wait_for("link ground is up")

@@ -74,7 +74,7 @@ def wait_until_it_tracks(site: Site) -> None:
     site.ground.listen(until="CAMERA_TRACKING_GEO_STATUS", count=15)
 
 
-def test_a_recorded_flight_replays_to_what_run_said(site: Site):
+def test_a_recorded_flight_replays_to_the_output_of_run(site: Site):
     with site.service() as service, site.mock("--set", "camera.late_every=7", "--set", "camera.late_by_s=0.2"):
         wait_until_it_tracks(site)
         assert service.stop() == 0

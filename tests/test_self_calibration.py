@@ -67,7 +67,7 @@ def test_the_offered_lines_are_the_corrected_mount(calibrated):
 
 
 @pytest.mark.parametrize("setting", ["tracking.filter=lowpass", "tracking.motion=moving"])
-def test_it_is_told_beside_what_it_does_not_correct(setting):
+def test_it_is_reported_with_what_it_does_not_correct(setting):
     status = Companion((*SETTINGS, setting)).pipeline.status(0)["calibration"]
     assert (status["status"], status["time_offset_sigma_s"]) == ("waiting", 0.05)
 

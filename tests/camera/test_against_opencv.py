@@ -43,7 +43,7 @@ def test_a_fisheyes_pixels_become_the_rays_that_opencv_finds_inside_80_degrees()
         assert FISHEYE.camera_ray_from_pixel(*pixel) == pytest.approx(expected, abs=1e-9)
 
 
-def test_beyond_90_degrees_opencv_tells_another_place_and_we_do_not():
+def test_beyond_90_degrees_opencv_gives_another_place_and_we_do_not():
     """A ray at 100 degrees: OpenCV divides by z, takes the angle for 80 and the other side, and reports no error."""
     ray = (sin(radians(100.0)), 0.0, cos(radians(100.0)))
 

@@ -99,7 +99,7 @@ def test_a_disk_that_is_full_under_the_output_is_one_line(tmp_path: Path):
     assert (done.returncode, done.stderr) == (1, b"fwav-companion: output: No space left on device\n")
 
 
-def test_a_closed_output_is_nobodys_mistake(tmp_path: Path):
+def test_a_closed_output_is_not_an_error(tmp_path: Path):
     command = ["sh", "-c", 'exec "$0" "$@" >&-', sys.executable, "-m", "fwav_companion", "init", str(tmp_path)]
     done = subprocess.run(command, stderr=subprocess.PIPE, timeout=60)
     assert (done.returncode, done.stderr) == (0, b"")
@@ -139,7 +139,7 @@ def test_init_here_by_default_and_all_or_nothing(tmp_path: Path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["camera.yaml", "fwav-companion.toml"]
 
 
-def test_init_where_nobody_can_write(tmp_path: Path):
+def test_init_in_a_folder_without_write_permission(tmp_path: Path):
     (tmp_path / "file").write_text("")
     done = run("init", str(tmp_path / "file"))
     assert done.returncode == 2

@@ -27,7 +27,7 @@ def test_a_new_user_finds_a_late_camera_and_its_crooked_mount(site):
     assert not (site.folder / "status.json").exists()
 
 
-def test_a_detector_that_tells_no_corners_is_named(site):
+def test_a_detector_that_sends_no_corners_is_named(site):
     with site.mock("--scenario", "unbiased") as mock:
         mock.wait_for("sitl-mock ready")
         status, said, told = site.check(*SHAKE, "--seconds", "10")
@@ -48,7 +48,7 @@ def test_beside_a_run_it_says_what_to_do(site, capsys):
     assert f"a `run` (pid {os.getpid()}) has the links" in capsys.readouterr().out
 
 
-def test_a_port_that_somebody_has_is_named(site, capsys):
+def test_a_port_in_use_is_named(site, capsys):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as holder:
         holder.bind(("127.0.0.1", site.autopilot_port))
         words = ["check", "--config", str(site.folder / "fwav-companion.toml"), *SHAKE]

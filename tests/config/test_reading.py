@@ -177,7 +177,7 @@ def test_a_dictionary_may_be_written_as_opencv_has_it(text: str):
         ("link.url=udpin://127.0.0.1:1", '--set: "link.url=udpin://127.0.0.1:1": link is not a table; accepted: a key of a table'),
     ],
 )  # fmt: skip
-def test_a_wrong_setting_is_told_as_one(setting: str, expected: str):
+def test_a_wrong_setting_is_reported_as_one(setting: str, expected: str):
     assert error_of(BASE, setting) == expected
 
 

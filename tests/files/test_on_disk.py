@@ -105,7 +105,7 @@ def test_what_is_broken_off_leaves_all_as_it_was(tmp_path, before, why):
     assert {each.name: each.read_bytes() for each in tmp_path.iterdir()} == ({} if before is None else {"out": before})
 
 
-def test_a_disk_that_is_full_is_told_by_the_name_of_the_file(tmp_path):
+def test_a_full_disk_is_reported_by_the_name_of_the_file(tmp_path):
     full = OSError(28, "No space left on device")
     with pytest.raises(OSError, match="No space"):
         broken_off(tmp_path / "out", full)
@@ -143,7 +143,7 @@ def test_a_pipe_is_written_to_and_stays_one(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["nowhere/out", "file/out", "a" * 300])
-def test_where_nothing_can_stand_it_is_told_by_the_name_that_was_given(tmp_path, name):
+def test_a_path_that_cannot_be_written_is_reported_by_the_given_name(tmp_path, name):
     (tmp_path / "file").write_bytes(b"")
     with pytest.raises(OSError, match=r"out|aaa") as caught, whole(tmp_path / name):
         pass

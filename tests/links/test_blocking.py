@@ -22,7 +22,7 @@ def test_result_error_and_thread():
     run(story())
 
 
-def test_a_result_that_nobody_waits_for_is_undone():
+def test_a_result_without_a_waiting_caller_is_undone():
     go_on, undone = threading.Event(), []
 
     async def story() -> None:

@@ -15,7 +15,7 @@ def test_the_longest_silent_makes_room():
     assert ("10.0.0.2", 99) in clients
 
 
-def test_the_silent_are_forgotten_and_learned_anew():
+def test_silent_clients_are_forgotten_and_learned_again():
     clients = Clients()
     clients.whole_frames("a", b"x", now_s=0.0)
     clients.whole_frames("b", b"x", now_s=1.0)

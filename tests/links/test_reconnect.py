@@ -97,7 +97,7 @@ def test_up_bytes_and_counters():
     told(story)
 
 
-def test_an_outage_is_told_once_and_tried_ever_more_patiently():
+def test_an_outage_is_reported_once_and_retried_at_growing_intervals():
     async def story() -> None:
         s = Story(*[OSError(101, "x")] * 6, LinkError("hangs"))
         s.link.start()
@@ -122,7 +122,7 @@ def test_why_it_is_down_is_the_latest_reason():
     told(story)
 
 
-def test_a_loss_is_told_and_a_new_connection_made():
+def test_a_loss_is_reported_and_a_new_connection_made():
     async def story() -> None:
         s = Story()
         s.link.start()
@@ -161,7 +161,7 @@ def test_only_a_connection_that_held_earns_short_pauses(
     told(story)
 
 
-def test_closed_it_tells_nothing_more():
+def test_a_closed_link_reports_nothing_more():
     async def story() -> None:
         s = Story()
         s.link.start()

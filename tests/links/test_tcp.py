@@ -78,7 +78,7 @@ def test_a_server_that_goes_and_comes_back(server: socket.socket):
     run(story())
 
 
-def test_a_server_that_is_not_there_yet_is_told_once():
+def test_a_server_that_is_not_there_yet_is_reported_once():
     async def story() -> None:
         listener, port = Listener(), free_port()
         with started(f"tcpout://127.0.0.1:{port}", listener):

@@ -88,7 +88,7 @@ class TestRangefinder:
         reading = msgspec.structs.replace(sighting.state.range, **changes)
         return msgspec.structs.replace(sighting, state=msgspec.structs.replace(sighting.state, range=reading))
 
-    def test_it_tells_the_height_where_home_is_wrong(self):
+    def test_it_gives_the_height_where_home_is_wrong(self):
         """The autopilot thinks it is 7 m lower than it is; the beam knows better."""
         sighting = self.with_reading()
         wrong = msgspec.structs.replace(sighting, camera_ned=(100.0, -50.0, -33.0))

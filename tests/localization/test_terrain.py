@@ -157,7 +157,7 @@ class TestGround:
         nowhere = Scene(relative=True).sighting()
         assert self.locate(ground, nowhere) == NoFix(Reason.NO_HEIGHT)
 
-    def test_behind_a_crest_no_ellipse_tells_the_truth(self):
+    def test_behind_a_crest_the_ellipse_does_not_hold_the_truth(self):
         """The ray grazes a wall's top: a little lower it ends there, a little higher far behind."""
         wall_row = 60 - 4
         walled = self.ground(ElevationModel([tile(lambda i, _: 522.0 if i == wall_row else 500.0)]))

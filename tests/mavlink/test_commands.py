@@ -78,7 +78,7 @@ def test_a_handled_command_is_done_and_acknowledged_to_its_sender_over_its_link(
 
 @pytest.mark.parametrize("component", [100, 191])
 @pytest.mark.parametrize("number", [0, 1, 246, 400, 65535])
-def test_what_nobody_handles_is_unsupported(commands, component, number):
+def test_a_command_without_a_handler_is_unsupported(commands, component, number):
     (ack,) = acks(commands.on_message(long(number, (5, component)), situation()))
     assert ack["result"] == mavlink.MAV_RESULT_UNSUPPORTED
 
@@ -102,7 +102,7 @@ def test_a_broadcast_is_acknowledged_only_by_who_handles_it(commands, target):
     assert commands.on_message(long(400, target), situation()) == []
 
 
-def test_nobody_is_answered_before_an_autopilot_is_adopted(commands, camera):
+def test_no_command_is_answered_before_an_autopilot_is_adopted(commands, camera):
     assert commands.on_message(long(), situation(system=0)) == []
     assert commands.on_message(Message("PING", 255, 190, "ground", Ping(1, 1, 0, 0)), situation(system=0)) == []
     commands.system = 5  # the configuration says who we are

@@ -97,7 +97,7 @@ def test_of_several_none_is_adopted_and_it_is_said_once():
     assert identity.system == 1
 
 
-def test_after_all_of_several_fell_silent_listening_begins_anew():
+def test_after_all_of_several_fell_silent_listening_begins_again():
     identity = Identity(0)
     identity.on_message(heartbeat(system=2), T0)
     identity.on_message(heartbeat(system=9), T0)
@@ -144,7 +144,7 @@ def test_lost_after_five_missed_heartbeats_and_back_with_the_next_one():
     assert not identity.autopilot_lost
 
 
-def test_arming_is_told():
+def test_arming_is_reported():
     identity = adopted(Identity(0))
     assert identity.on_message(heartbeat(base_mode=128 | 64), T0 + 4 * S) == (ArmedChanged(True),)
     assert identity.on_message(heartbeat(base_mode=128), T0 + 5 * S) == ()

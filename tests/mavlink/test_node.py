@@ -53,7 +53,7 @@ def test_the_autopilot_is_reached_where_its_system_was_heard() -> None:
     assert destinations(node, Destination.AUTOPILOT) == ["spare"]
 
 
-def test_the_ground_is_reached_through_the_autopilot_while_nobody_is_heard_on_a_ground_link() -> None:
+def test_the_ground_is_reached_through_the_autopilot_while_ground_links_are_silent() -> None:
     node = Node(LINKS, [])
     everyone = ["autopilot", "spare", "ground", "tablet"]
     node.receive("autopilot", Wire(255, 190).heartbeat(dialect.MAV_TYPE_GCS, 8), NOW)  # a radio on the autopilot
@@ -106,7 +106,7 @@ def test_our_own_messages_are_thinned_too() -> None:
     assert sent.count("tablet") == pytest.approx(10, abs=1)
 
 
-def test_mistakes_of_ours_are_told() -> None:
+def test_our_own_errors_are_reported() -> None:
     node = Node(LINKS, [])
     with pytest.raises(EncodeError, match="is to go to link 'radio'; there are autopilot, spare, ground, tablet"):
         node.encode(heartbeat(Destination.REPLY, link="radio"), NOW)

@@ -107,7 +107,7 @@ def timesync(node: Node, now: HostNs, ts1: int) -> None:
 
 
 @pytest.mark.parametrize("ts1", [123_456_789_012, 0xF0_1234, 1])
-def test_the_answer_to_our_timesync_goes_to_nobody_elses_clock_filter(ts1):
+def test_the_answer_to_our_timesync_reaches_no_other_clock_filter(ts1):
     relay = Relay()
     timesync(relay.node, relay.now, ts1)
     assert relay.feed("autopilot", relay.vehicle.frame("TIMESYNC", 777_000, ts1)) == ["plain"]

@@ -141,7 +141,7 @@ def test_parameters_are_read_three_times_at_most_and_from_ardupilot_only():
     assert not [out for _, out in px4.sent if out.name == "PARAM_REQUEST_READ"]
 
 
-def test_nobody_else_counts():
+def test_no_other_component_counts():
     them = peer().start()
     for count in range(500):
         them.rates.on_message(Message("ATTITUDE_QUATERNION", 2, 1, "fc", Empty()), T0 + count * 10 * MS)

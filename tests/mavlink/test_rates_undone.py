@@ -12,7 +12,7 @@ Beat = namedtuple("Beat", "type")
 Command = namedtuple("Command", "command")
 
 
-def test_somebodys_rate_request_is_undone_at_once_and_named():
+def test_a_foreign_rate_request_is_undone_at_once_and_named():
     them = peer().start().run(20)
     before = len(them.asked)
     them.gcs_requests_streams()
@@ -39,7 +39,7 @@ def test_half_a_dozen_requests_in_a_row_are_all_undone_within_a_second():
     assert asked_once <= 3
 
 
-def test_a_rate_that_falls_without_anybody_seen_is_asked_for_again_and_told():
+def test_a_rate_that_falls_without_a_visible_cause_is_requested_again_and_reported():
     them = peer().start().run(20)
     them.gcs_requests_streams()
     them.run(8)
@@ -81,7 +81,7 @@ def test_a_component_whose_command_was_heard_is_named():
     assert status(them, "ATTITUDE_QUATERNION")["undone_by"] == "1/195 on fc"
 
 
-def test_nobody_is_blamed_for_a_link_that_fell_silent():
+def test_no_component_is_blamed_for_a_link_that_fell_silent():
     them = peer().start().run(20)
     them.rates.notices()
     deliver, them.deliver = them.deliver, lambda message: None

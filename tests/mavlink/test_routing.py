@@ -46,7 +46,7 @@ def vehicle_and_ground(net: Net) -> tuple[Wire, Wire]:
     return vehicle, ground
 
 
-def test_what_names_nobody_goes_everywhere_but_back() -> None:
+def test_a_broadcast_goes_everywhere_but_back() -> None:
     net = Net()
     assert net.links_of("autopilot", Wire(1, 1).attitude()) == ["ground", "tablet"]
     assert net.links_of("ground", Wire(255, 190).heartbeat(6, 8)) == ["autopilot", "tablet"]

@@ -155,7 +155,7 @@ def test_our_timestamp_grows_with_host_time() -> None:
     assert clock.timestamp == START + MINUTE + 98
 
 
-def test_streams_are_told_apart_by_link_id_and_component() -> None:
+def test_streams_are_distinguished_by_link_id_and_component() -> None:
     _, verifier, _ = ours()
     wires = [SignedWire(1, 1, link_id=1), SignedWire(1, 1, link_id=2), SignedWire(1, 2, link_id=1)]
     assert [check(verifier, wire.heartbeat()) for wire in wires] == [Signature.GENUINE] * 3

@@ -70,7 +70,7 @@ def test_a_frame_sent_twice_a_round_after_one_of_its_number_was_lost_is_no_late_
     assert (peer.received, peer.lost, peer.late) == (299, 1, 0)
 
 
-def test_a_long_outage_is_counted_as_far_as_the_counter_tells() -> None:
+def test_a_long_outage_is_counted_as_far_as_the_counter_shows() -> None:
     frames = sent(600)
     node = Node([LinkPolicy("a", "autopilot", datagrams=True)], [])
     for i, frame in enumerate(frames):
@@ -112,7 +112,7 @@ def test_rates_by_message_since_the_last_look() -> None:
     assert silent.peers[0].silent_s == pytest.approx(5.0)
 
 
-def test_what_a_link_tells() -> None:
+def test_what_a_link_reports() -> None:
     node = Node([LinkPolicy("a", "autopilot", datagrams=True), LinkPolicy("g", "gcs")], [])
     frame = bytearray(Wire(1, 1).attitude())
     frame[20] ^= 1

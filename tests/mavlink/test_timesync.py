@@ -190,7 +190,7 @@ def test_no_foreign_content_gives_an_exchange_or_an_answer_to_a_stranger(tc1, ts
     assert isinstance(got, Outgoing) == (tc1 == 0 and system == 5)
 
 
-def test_the_status_tells_round_trips_and_how_much_they_vary(sync):
+def test_the_status_shows_round_trips_and_how_much_they_vary(sync):
     assert sync.status()["round_trip_s"] is None
     assert sync.status()["jitter_s"] is None
     round_trips_ms = [4, 12] * 100

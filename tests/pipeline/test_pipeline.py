@@ -37,7 +37,7 @@ def test_the_target_is_found_where_it_is(perfect: Flight):
     assert line["alt_amsl"] == pytest.approx(place.alt_amsl, abs=0.02)
 
 
-def test_a_recording_tells_the_whole_flight_in_order(perfect: Flight):
+def test_a_recording_holds_the_whole_flight_in_order(perfect: Flight):
     lines = perfect.companion.lines
     assert lines[0]["type"] == "header"
     assert lines[0]["schema"] == 1

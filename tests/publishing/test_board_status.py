@@ -18,7 +18,7 @@ def sent(report: BoardReport):
     return message
 
 
-def test_what_is_known_is_told():
+def test_what_is_known_is_sent():
     links = (LinkLoad(True, 3.4, 80.6), LinkLoad(False, 100.2, 0.1))
     message = sent(BoardReport(cpu=(0.126, 1.0), ram_used_mib=120, ram_total_mib=427, core_celsius=-3.6, links=links))
     assert (message.time_usec, message.uptime) == (12_345_678_000, 12_345_678)

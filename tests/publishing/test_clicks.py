@@ -80,7 +80,7 @@ def test_a_click_outside_the_picture_is_invalid(publisher, world, point):
     assert click(publisher, world, world.NOW, *point, (0.6, 0.6), number=2005).result is CommandResult.DENIED
 
 
-def test_between_pictures_the_ground_tells(world):
+def test_between_pictures_the_ground_decides(world):
     asked = []
 
     def locate(u, v, sigma_px, host_ns):

@@ -46,7 +46,7 @@ def test_named_values_of_the_selected_target(world):
     assert max(map(len, got)) <= 10
 
 
-def test_without_a_global_position_the_distance_is_from_above_the_point_that_tracks_are_told_from(world):
+def test_without_a_global_position_the_distance_is_from_above_the_origin_of_the_tracks(world):
     publisher = Publisher(PublishOptions(**QUIET))
     hovering = world.state(position=None, velocity=None, height=12.0)
     got = values(world, publisher.on_tracks((world.track(),), world.situation(plane=None, vehicle=hovering)))
@@ -147,7 +147,7 @@ def seen_again(publisher, world, wakes, **changes):
         ({"utc_minus_host_s": 1e13}, NoticeCode.COT_WITHOUT_UTC),
     ],
 )
-def test_cot_that_would_be_wrong_is_not_sent_and_that_is_told_once(world, changes, reason):
+def test_cot_that_would_be_wrong_is_not_sent_and_that_is_reported_once(world, changes, reason):
     assert cot_event(world.track(), COT, world.situation(**changes)) is reason
     publisher = Publisher(PublishOptions(camera_tracking=False, named_values=False, cot=True))
     list(seen_again(publisher, world, 30, **changes))
@@ -164,7 +164,7 @@ def test_cot_at_its_rate_and_each_datagram_once(world):
     assert publisher.datagrams() == []
 
 
-def test_datagrams_that_nobody_fetches_are_bounded(world):
+def test_datagrams_that_are_not_fetched_are_bounded(world):
     publisher = Publisher(COT)
     list(seen_again(publisher, world, 500))
     assert len(publisher.datagrams()) <= 64
@@ -179,7 +179,7 @@ def test_whatever_people_write_it_stays_xml(world, label, callsign, kind):
 
 
 @pytest.mark.parametrize(("sigma", "expected"), [(nan, 9_999_999.0), (inf, 9_999_999.0), (1e9, 9_999_999.0)])
-def test_cot_accuracy_that_is_unknown_is_told_as_unknown(world, sigma, expected):
+def test_cot_accuracy_that_is_unknown_is_sent_as_unknown(world, sigma, expected):
     vague = world.track(cov=world.diagonal(sigma, sigma, sigma))
     _, point, _ = parsed(cot_event(vague, COT, world.situation()))
     assert (point["ce"], point["le"]) == (expected, expected)

@@ -91,7 +91,7 @@ def test_image_status_of_a_box(publisher, world):
     assert all(isnan(got[name]) for name in ("point_x", "point_y", "radius"))
 
 
-def test_a_predicted_target_has_its_own_bit_and_no_pixel_that_nobody_knows(publisher, world):
+def test_a_predicted_target_has_its_own_bit_and_no_pixel(publisher, world):
     coasting = world.track(state=TrackState.COASTING, with_fix=False)
     image, geo = publisher.on_tracks((coasting,), world.situation())
     assert image.fields["tracking_status"] == geo.fields["tracking_status"] == 1 | 8
@@ -116,7 +116,7 @@ def test_when_the_pictures_stop_the_target_coasts_and_then_there_is_none(publish
     assert seen[14] == []
 
 
-def test_when_no_target_is_left_idle_is_told_three_times_and_then_nothing(publisher, world):
+def test_when_no_target_is_left_idle_is_sent_three_times_and_then_nothing(publisher, world):
     run(publisher, world, 0.5, (1,))
     sent = run(publisher, world, 3.0, (), start=world.NOW + world.S)
     assert [one.fields["tracking_status"] for one in sent] == [0, 0, 0]

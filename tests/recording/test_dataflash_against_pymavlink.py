@@ -88,7 +88,7 @@ def test_a_faster_source_is_taken_where_att_is_slow():
 
 
 @pytest.mark.parametrize(("att_hz", "complains"), [(10.0, True), (100.0, False)])
-def test_attitudes_too_slow_for_the_motion_are_told(att_hz, complains):
+def test_attitudes_too_slow_for_the_motion_are_reported(att_hz, complains):
     log = usual(DataFlash())
     for tick in range(round(20 * att_hz)):
         now_s = 1.0 + tick / att_hz
@@ -100,7 +100,7 @@ def test_attitudes_too_slow_for_the_motion_are_told(att_hz, complains):
     assert not complains or "LOG_BITMASK" in told[0]
 
 
-def test_damage_is_skipped_and_told_with_its_place():
+def test_damage_is_skipped_and_reported_with_its_place():
     data = bytes(flight(1.0).data)
     whole, _ = read_ardupilot_log(data)
     at = data.index(b"\xa3\x95\x46", 5000)

@@ -121,7 +121,7 @@ def test_a_damaged_description_does_not_undo_a_good_one():
     assert skipped == []
 
 
-def test_where_no_filter_tells_a_velocity_the_places_do():
+def test_velocities_come_from_positions_where_no_filter_reports_them():
     log = described(OLD)
     put(log, OLD, "ATT", 1_000_000)
     for step in range(20):

@@ -94,7 +94,7 @@ def test_what_is_written_reaches_the_disk_within_sync_s(tmp_path, monkeypatch):
     assert synced[0].endswith(TARGETS)
 
 
-def test_a_directory_that_cannot_be_made_is_told_once_and_at_once(tmp_path):
+def test_a_directory_that_cannot_be_made_is_reported_once_and_at_once(tmp_path):
     (tmp_path / "file").write_text("")
     told = []
     recorded(tmp_path / "file" / "records", told=told, when="armed")
@@ -124,7 +124,7 @@ def test_what_it_does_or_waits_for_is_said_in_words(tmp_path):
 
 
 @pytest.mark.parametrize("gone", ["folder", "directory"])
-def test_a_recording_that_somebody_removes_is_told_once(tmp_path, gone):
+def test_a_recording_that_is_removed_is_reported_once(tmp_path, gone):
     """A removed file takes bytes as before, and nobody will ever read them."""
     told = []
     recorder = Recorder(plan(tmp_path / "records"), told.append)
@@ -201,7 +201,7 @@ def test_what_waits_for_a_hanging_disk_is_bounded(tmp_path):
     assert "did not take 8 MiB" in told[0]
 
 
-def test_too_little_space_left_is_told_and_makes_no_folder(tmp_path):
+def test_too_little_space_left_is_reported_and_makes_no_folder(tmp_path):
     told = []
     recorded(tmp_path, told=told, space=SpacePolicy(0, 1 << 60, False))
     assert len(told) == 1
@@ -223,7 +223,7 @@ def test_at_the_limit_nothing_is_removed_unless_the_user_said_so(tmp_path):
     assert recordings(tmp_path)[:2] == kept
 
 
-def test_the_oldest_makes_room_where_that_is_allowed_and_each_is_told(tmp_path):
+def test_the_oldest_makes_room_where_that_is_allowed_and_each_is_reported(tmp_path):
     oldest, younger = old_recording(tmp_path, 600), old_recording(tmp_path, 300)
     (tmp_path / "mine").mkdir()
     told = []
@@ -242,7 +242,7 @@ def test_the_recording_under_way_is_never_the_one_that_goes(tmp_path):
     assert current.exists()
 
 
-def test_room_that_somebody_made_meanwhile_is_used(tmp_path):
+def test_room_that_was_made_meanwhile_is_used(tmp_path):
     current, old = old_recording(tmp_path, 100), old_recording(tmp_path, 700)
     room = Space(tmp_path, SpacePolicy(900, 0, False))
     (old / TELEMETRY).unlink()

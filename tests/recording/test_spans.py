@@ -49,7 +49,7 @@ class Site:
                 self.folders[-1].append((step.at_us / S, step.data))
 
 
-def test_always_records_from_the_start_and_begins_anew_with_each_later_arming():
+def test_always_records_from_the_start_and_begins_again_with_each_later_arming():
     site = Site("always", headed=False)
     site.put(0)
     site.put(1, b"header", is_header=True)

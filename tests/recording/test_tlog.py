@@ -54,7 +54,7 @@ def test_pymavlink_reads_what_we_write(tmp_path):
     assert [frame for _, frame in seen] == packed
 
 
-def test_a_damaged_stretch_is_skipped_and_told():
+def test_a_damaged_stretch_is_skipped_and_reported():
     packed = frames(30)
     whole = [tlog_record(START_US + i, frame) for i, frame in enumerate(packed)]
     garbage = b"\x00garbage\xfd\x01" * 5

@@ -112,7 +112,7 @@ def test_no_damage_breaks_a_reader(tmp_path, kind, damage):
 
 
 @pytest.mark.parametrize("kind", WHOLE)
-def test_what_stands_before_a_zeroed_tail_is_read_and_the_tail_is_told(tmp_path, kind):
+def test_the_part_before_a_zeroed_tail_is_read_and_the_tail_is_reported(tmp_path, kind):
     path, data = tmp_path / f"flight.{kind}", WHOLE[kind]
     path.write_bytes(data)
     whole = load_telemetry(path, OWN).messages
@@ -200,7 +200,7 @@ FILLERS = {"zeros": bytes(300), "ones": b"\xff" * 300, "noise": random.Random(4)
 
 
 @pytest.mark.parametrize("filler", FILLERS.values(), ids=FILLERS.keys())
-def test_damage_inside_a_px4_log_costs_about_a_second_and_is_told(tmp_path, filler):
+def test_damage_inside_a_px4_log_costs_about_a_second_and_is_reported(tmp_path, filler):
     """By its SYNC messages, two a second."""
     data, path = bytearray(a_ulg(seconds=120)), tmp_path / "flight.ulg"
     path.write_bytes(data)

@@ -149,7 +149,7 @@ def test_a_log_whose_attitudes_are_too_slow_says_so(tmp_path, flown):
     assert "ATT comes at 10 Hz, which is too slow for this motion" in done.stderr
 
 
-def test_damage_in_a_log_is_told_with_its_offset(tmp_path, flown):
+def test_damage_in_a_log_is_reported_with_its_offset(tmp_path, flown):
     data = bin_log(flown)
     at = data.index(b"\xa3\x95\x46", len(data) // 3)
     (tmp_path / "flight.bin").write_bytes(data[:at] + b"\0" * 7 + data[at:])

@@ -91,7 +91,7 @@ def site(tmp_path, flown):
     return Site(tmp_path, flown)
 
 
-def test_lines_that_are_none_are_told_with_their_place_and_the_rest_is_used(site):
+def test_invalid_lines_are_reported_with_their_place_and_the_rest_is_used(site):
     lines = site.detections.splitlines(keepends=True)
     offset = sum(map(len, lines[:3]))
     site.detections = b"".join([*lines[:3], b'{"time_unix": 17', b"\n", *lines[3:]])
@@ -183,7 +183,7 @@ def test_an_output_in_a_ring_of_links_is_one_line_and_exit_2(site):
     assert done.stderr == ("fwav-companion: ring: Too many levels of symbolic links; accepted: a writable file\n")
 
 
-def test_damaged_telemetry_is_told_with_its_place(site):
+def test_damaged_telemetry_is_reported_with_its_place(site):
     site.telemetry = site.telemetry[:5000] + bytes(40) + site.telemetry[5000:]
     done = site.replay()
     assert done.returncode == 0

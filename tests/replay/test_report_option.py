@@ -102,7 +102,7 @@ def test_a_report_changes_nothing_in_what_is_said(site):
     assert (site / "a.jsonl").read_bytes() == (site / "b.jsonl").read_bytes()
 
 
-def test_a_report_holds_the_innovations_that_were_told():
+def test_a_report_holds_the_innovations_of_the_targets_file():
     innovation = {"north": 0.25, "east": -0.5, "distance2": 3.5}
     line = {"type": "target", "state": "confirmed", "time_unix": 12.0}
     lines = [line, line | {"innovation": innovation}, line | {"state": "tentative", "innovation": innovation}]
@@ -119,7 +119,7 @@ def test_normalised_squares_are_about_two_where_nothing_is_worse_than_configured
     assert np.mean(np.array(squares) > NIS_95) < 0.15
 
 
-def test_innovations_are_told_where_sightings_are_and_nowhere_else(site):
+def test_innovations_are_written_where_sightings_are_and_nowhere_else(site):
     assert replay(site, "--out", "a.jsonl").returncode == 0
     assert b"innovation" not in (site / "a.jsonl").read_bytes()
 

@@ -29,7 +29,7 @@ def errors_m(flight, from_s=4.0):
 
 @pytest.mark.parametrize("device_id", [BEHIND_AUTOPILOT, OWN_COMPONENT])
 @pytest.mark.parametrize("yaw", ["north", "vehicle", "vehicle_and_delta", "old_lock", "old_follow"])
-def test_the_target_is_found_however_the_gimbal_tells_its_yaw(device_id, yaw):
+def test_the_target_is_found_however_the_gimbal_reports_its_yaw(device_id, yaw):
     errors = errors_m(flown(device_id, **{"gimbal.yaw": yaw}))
     assert len(errors) > 80
     most_m = {BEHIND_AUTOPILOT: 0.01, OWN_COMPONENT: 0.03}[device_id]  # a clock by arrivals is a millisecond late

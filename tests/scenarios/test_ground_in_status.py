@@ -13,7 +13,7 @@ def status(companion: Companion):
     return companion.pipeline.status(companion._now)["sight"]["ground"]
 
 
-def test_a_rangefinder_that_is_not_there_is_told_with_its_count():
+def test_a_missing_rangefinder_is_reported_with_its_count():
     settings = ["ground.model=rangefinder"]
     without = status(fly(scenario("default").but({"seconds": 6.0, "autopilot.rangefinder": False}), settings).companion)
     assert without["fallback"] == "no_range"
@@ -23,7 +23,7 @@ def test_a_rangefinder_that_is_not_there_is_told_with_its_count():
 
 
 @pytest.mark.parametrize(("height_m", "trouble"), [(512.0, None), (400.0, "terrain_unfit"), (nan, None)])
-def test_a_models_shift_to_the_take_off_height_is_told(height_m, trouble):
+def test_a_models_shift_to_the_take_off_height_is_reported(height_m, trouble):
     tile = ElevationTile(48.2, 11.5, 0.001, 0.001, 200, 200, lambda row, column: height_m, "made")
     mock = simulate(scenario("unbiased").but({"seconds": 6.0}))
     companion = Companion(

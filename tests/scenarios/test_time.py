@@ -155,7 +155,7 @@ def test_118_what_leaves_the_error_where_it_was(name, differences):
     assert troubled.companion.lines[-1]["fixes"] > 0.7 * calm.companion.lines[-1]["fixes"]
 
 
-def test_119_a_reboot_is_told_and_frames_meanwhile_are_held_back():
+def test_119_a_reboot_is_reported_and_frames_meanwhile_are_held_back():
     flown = seen("rebooting")
     assert flown.companion.codes.count(NoticeCode.AUTOPILOT_REBOOTED) == 1
     assert flown.companion.pipeline.status(flown.mock.end_ns)["telemetry"]["reboots"] == 1
@@ -171,7 +171,7 @@ def test_120_frames_across_a_step_of_the_wall_clock_are_refused_by_name_and_no_o
     assert dropped == calm
 
 
-def test_121_an_unsure_clock_is_told_and_carried_by_the_fixes():
+def test_121_an_uncertain_clock_is_reported_and_in_the_covariance_of_fixes():
     """By arrivals alone sigma is 5 ms; the error is the least delay. The same flight with answers claims less."""
     silent, answered = seen("silent_clock", "sightings"), seen("unbiased", "sightings")
     last = clock_errors(silent)[-1]

@@ -34,7 +34,7 @@ def calibrated(flight):
 
 
 @pytest.mark.parametrize("seed", first_of(2, 5, 7))
-def test_delays_a_beat_apart_are_told_and_not_guessed_between(seed):
+def test_delays_a_beat_apart_are_reported_and_not_guessed_between(seed):
     """A hover at a steady 10 Hz repeats itself every 100 ms, well within the prior; one fits better by luck."""
     report = calibrated(hovering(0.03, 10.0, seed=seed))
     assert report.status is CalibrationStatus.AMBIGUOUS

@@ -63,7 +63,7 @@ def test_noise_does_not_drift():
     assert 1.0 <= drift.factor < 1.5
 
 
-def test_what_wanders_is_told_at_every_length_as_it_is():
+def test_a_wandering_error_has_its_variance_at_every_block_length():
     """The variance of a sum of white noise and a Gauss-Markov process, term by term."""
     rng, time_s, share = np.random.default_rng(2), 3.0, 0.8
     leaning = gauss_markov(rng, 30_000, time_s)[:, None] * np.array([share, 0.0])

@@ -24,7 +24,7 @@ def test_ten_targets_take_turns():
     assert counts == [20] * 10
 
 
-def test_each_is_told_how_long_ago_its_last_was_taken():
+def test_each_measurement_has_the_time_since_the_last_of_its_track():
     for each in taught(3, range(4), 4)[0]:
         assert each[2] == 0.0
     later = taught(12, range(10), 5)[2:]

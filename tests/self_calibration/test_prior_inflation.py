@@ -144,7 +144,7 @@ def test_targets_stand_by_the_same_joint_estimate_where_they_were_judged():
 
 
 @pytest.mark.parametrize(("height_m", "mount_y_deg"), [(1.5, 0.0), (-2.5, 1.0), (0.0, 6.0)])
-def test_a_height_or_a_mount_far_beyond_its_prior_is_found_and_told_and_bends_nothing_else(height_m, mount_y_deg):
+def test_a_height_or_a_mount_far_beyond_its_prior_is_found_and_reported_and_bends_nothing_else(height_m, mount_y_deg):
     biases = np.zeros(BIAS_COUNT)
     biases[Bias.TIME_OFFSET], biases[Bias.HEIGHT] = 0.035, height_m
     biases[[Bias.MOUNT_X, Bias.MOUNT_Y]] = np.radians([0.5, mount_y_deg])
@@ -161,7 +161,7 @@ def test_a_height_or_a_mount_far_beyond_its_prior_is_found_and_told_and_bends_no
     assert NoticeCode.PRIOR_EXCEEDED not in [each.code for each in news.notices(report)]
 
 
-def test_each_denied_prior_is_told_by_the_key_that_states_it():
+def test_each_denied_prior_is_reported_by_the_key_that_states_it():
     _, report = flown(Flight(seed=4, seconds=30, biases=np.zeros(BIAS_COUNT)))
     assert report.status is CalibrationStatus.CALIBRATED
     denied = (
@@ -183,7 +183,7 @@ def test_each_denied_prior_is_told_by_the_key_that_states_it():
 
 
 @pytest.mark.parametrize(("kept_s", "kept_deg"), [(0.020, -1.0), (0.010, -1.0), (0.035, 1.5), (0.035, 0.0)])
-def test_a_camera_that_was_moved_since_an_earlier_flight_is_calibrated_anew(kept_s, kept_deg):
+def test_a_camera_that_was_moved_since_an_earlier_flight_is_calibrated_again(kept_s, kept_deg):
     biases = np.zeros(BIAS_COUNT)
     biases[Bias.TIME_OFFSET], biases[Bias.MOUNT_Y] = 0.035, np.radians(1.0)
     kept = KeptCalibration(

@@ -94,7 +94,7 @@ def test_a_slow_turn_shows_a_delay_beside_what_else_explains_it(seed):
     assert shown(freed) == pytest.approx(delay, rel=0.15)
 
 
-def test_what_is_told_of_places_is_no_motion_of_its_own():
+def test_noise_of_reported_positions_is_not_taken_for_motion():
     """Places with 0.1 m of noise, ten a second, make slopes of 1.4 m/s; between two far apart they make little."""
     level = ((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0)
     before, here, after = (

@@ -57,7 +57,7 @@ def as_joint(mean, cov):
     )
 
 
-def test_told_and_kept_mounts_are_covered_over_drawn_headings():
+def test_reported_and_kept_mounts_are_covered_over_drawn_headings():
     information, down = seen_from_a_flight()
     prior = np.diag([*(s**-2 for s in SIGMAS[:5]), 1e-6, 1e-6])
     cov = np.linalg.inv(information + prior)
@@ -79,7 +79,7 @@ def test_told_and_kept_mounts_are_covered_over_drawn_headings():
     assert np.all(share < 0.95 + 3.3 * np.sqrt(0.95 * 0.05 / FLIGHTS))
 
 
-def test_a_heading_error_is_told_as_the_turn_about_down_that_it_is():
+def test_a_heading_error_is_reported_as_a_rotation_about_down():
     biases = np.zeros(BIAS_COUNT)
     mount, heading = np.radians([0.5, 1.0, 2.0]), np.radians(3.0)
     biases[Bias.TIME_OFFSET], biases[Bias.HEADING] = 0.035, heading

@@ -36,14 +36,14 @@ def test_load_is_what_was_done_since_the_last_look(kernel: Path):
     assert (load.serial, load.sent_kib_s, load.received_kib_s) == (True, 1.0, 10.0)
 
 
-def test_a_board_that_tells_nothing_has_nothing_to_tell(tmp_path: Path):
+def test_a_board_without_readings_reports_nothing(tmp_path: Path):
     watch = BoardWatch({}, proc=tmp_path, sys=tmp_path)
     for second in (1, 2):
         report = watch.report({}, None, HostNs(second * S))
         assert (report.cpu, report.ram_total_mib, report.core_celsius, report.links) == ((), None, None, ())
 
 
-def test_this_machine_is_told_truly():
+def test_this_machine_is_reported_correctly():
     report = BoardWatch({}).report({}, None, HostNs(S))
     assert report.ram_total_mib is not None
     assert report.ram_used_mib is not None

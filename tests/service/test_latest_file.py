@@ -54,7 +54,7 @@ def test_the_first_path_that_may_be_written_is_taken(tmp_path):
     assert told == []
 
 
-def test_where_nothing_can_be_written_it_is_told_once(tmp_path):
+def test_where_nothing_can_be_written_that_is_reported_once(tmp_path):
     (tmp_path / "file").write_text("")
     told: list[str] = []
     told_once = threading.Event()

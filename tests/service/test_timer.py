@@ -118,7 +118,7 @@ def test_when_a_busy_stream_ends_at_once_one_thing_is_late_and_no_more():
     assert all(b - a == daemon.interval_ns for (a, _), (b, _) in pairwise(daemon.done)), "nothing is left out"
 
 
-def test_what_nobody_else_does_is_rung_for_amid_a_busy_stream():
+def test_the_timer_rings_amid_a_busy_stream_for_work_that_no_message_triggers():
     rang: list[int] = []
     daemon = Daemon(NS_PER_S)
     alarm = PipelineTimer(lambda: rang.append(daemon.now), daemon.call_at)

@@ -49,7 +49,7 @@ def test_ready_is_notified_and_a_wrong_configuration_is_not_retried():
     assert float(the("Service.TimeoutStopSec")) >= 2.0, "a clean stop takes up to that"
 
 
-def test_the_watchdog_is_told_in_time():
+def test_the_watchdog_is_notified_in_time():
     environment = {"NOTIFY_SOCKET": "/run/x", "WATCHDOG_USEC": f"{int(the('Service.WatchdogSec')) * 1_000_000}"}
     notifier = SystemdNotifier(environment)
     assert notifier.watchdog_period_s == 5.0

@@ -67,7 +67,7 @@ def test_a_link_that_held_back_five_seconds_is_no_reboot():
     assert [timeline.place(10_000 + 100 * k, HostNs(25 * S)) for k in range(1, 50)][-1] == 14_900 * MS
 
 
-def test_timesync_tells_weeks_that_stamps_wrapped_away():
+def test_timesync_shows_weeks_that_stamps_wrapped_away():
     timeline = BootTimeline()
     full_ns = WRAP_NS + 7 * S
     assert timeline.align(full_ns, HostNs(50 * S)) == full_ns

@@ -73,7 +73,7 @@ def test_005c_the_host_begins_to_slew_on_a_quiet_wire(seed):
     assert all(abs(error_s) < 3.0 * sigma_s for error_s, sigma_s in after)
 
 
-def test_005d_doubt_is_told_so_that_more_is_asked():
+def test_005d_doubt_is_reported_so_that_more_exchanges_follow():
     """Before the change is evident, and over when it is settled."""
     wire = Wire(drift=lambda t: 500e-6 * max(0.0, t - 40.0), seed=2)
     asked = []

@@ -138,7 +138,7 @@ def test_the_vehicles_heading_turns_a_gimbal_that_follows_it_but_not_one_that_co
     assert (Rotation.from_quat([x, y, z, w]).inv() * expected).magnitude() < 1e-9
 
 
-def test_a_flood_is_kept_within_bounds_and_a_restart_begins_anew():
+def test_a_flood_is_kept_within_bounds_and_a_restart_begins_again():
     gimbal = Gimbal(154)
     for k in range(3000):
         gimbal.on_message(fields(0.005 * k, NO_TURN), HostNs(round(5e6 * k)))

@@ -42,7 +42,7 @@ def test_a_hole_that_the_motion_does_not_bear_is_a_gap():
     assert reason(history, 3600) is Reason.ATTITUDE_GAP
 
 
-def test_a_lost_sample_is_bridged_and_told():
+def test_a_lost_sample_is_bridged_and_reported():
     motion = flapping.nodding(5.0)
     samples = [s for s in flapping.stream(motion, 50, 4.0) if s.boot_ns != 3_500_000_000]
     history = flapping.history_of(samples)

@@ -66,7 +66,7 @@ def test_stamps_that_do_not_scatter_are_taken_at_their_word(delay, scatter_ms, l
     assert [event.in_step for event in told] == ([True] if in_step and delay != 0.0025 else [])
 
 
-def test_what_is_left_open_of_stamps_is_told():
+def test_the_uncertainty_of_stamps_is_reported():
     left_open = {}
     for delay in (0.0, 0.0025, 0.02):
         autopilot = Autopilot(attitude_stamp_delay_s=delay)
@@ -182,7 +182,7 @@ def test_a_configured_message_is_the_only_one(wanted):
     assert not isinstance(autopilot.telemetry.state_at(BootNs(550 * MS)), Unpaired)
 
 
-def test_a_reboot_is_told_once_and_everything_of_the_old_clock_is_gone():
+def test_a_reboot_is_reported_once_and_everything_of_the_old_clock_is_gone():
     autopilot = Autopilot()
     autopilot.attitudes(60_000, 62_000)
     autopilot.tell("GLOBAL_POSITION_INT", 61_000)
@@ -329,7 +329,7 @@ def test_utc_by_system_time():
     assert autopilot.telemetry.utc_minus_host_s == pytest.approx(expected, abs=1e-3)
 
 
-def test_status_tells_rates_and_interpolation():
+def test_status_shows_rates_and_interpolation():
     autopilot = Autopilot()
     climbing(autopilot, 6000)
     status = autopilot.telemetry.status(autopilot.host(6000))

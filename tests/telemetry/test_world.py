@@ -30,7 +30,7 @@ def test_the_first_position_is_the_origin_on_the_ground_of_take_off():
     assert autopilot.telemetry.world.plane.origin == told.origin
 
 
-def test_an_origin_told_before_is_taken_with_the_height_of_the_ground():
+def test_an_origin_reported_before_is_taken_with_the_height_of_the_ground():
     autopilot = Autopilot()
     autopilot.tell("GPS_GLOBAL_ORIGIN", 50, latitude=LAT - 1000, longitude=LON + 1000, altitude=123_000)
     autopilot.tell("GLOBAL_POSITION_INT", 100)
@@ -78,7 +78,7 @@ def test_without_a_position_the_world_becomes_relative_ten_seconds_after_the_fir
     assert autopilot.telemetry.wake_at is None
 
 
-def test_a_position_after_all_is_told_as_late():
+def test_a_position_after_all_is_reported_as_late():
     autopilot = Autopilot()
     autopilot.attitudes(1000, 12_000, 100)
     assert kinds(autopilot, RelativeWorld) == [RelativeWorld()]
@@ -111,7 +111,7 @@ def test_home_moves_only_the_home_surface():
     assert autopilot.telemetry.world.plane.origin.alt_amsl_m == pytest.approx(490.0)
 
 
-def test_the_take_off_is_the_first_home_that_was_told_and_until_then_the_origin():
+def test_the_take_off_is_the_first_reported_home_and_until_then_the_origin():
     autopilot = Autopilot()
     autopilot.tell("GLOBAL_POSITION_INT", 100, lat=LAT + 5000)
     world = autopilot.telemetry.world
@@ -124,7 +124,7 @@ def test_the_take_off_is_the_first_home_that_was_told_and_until_then_the_origin(
     assert world.take_off == found.place, "a home that is moved in flight is not where the vehicle took off"
 
 
-def test_a_home_that_was_told_before_the_origin_is_known_from_its_start():
+def test_a_home_reported_before_the_origin_is_known_from_its_start():
     autopilot = Autopilot()
     autopilot.tell("HOME_POSITION", 50, latitude=LAT, altitude=490_000)
     autopilot.tell("GLOBAL_POSITION_INT", 100, lat=LAT + 5000)

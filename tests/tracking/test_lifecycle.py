@@ -107,7 +107,7 @@ def test_a_slow_camera_gives_up_by_looks_not_by_seconds():
     assert [k for k, tracks in enumerate(told) for t in tracks if t.reason] == [14]  # 15 looks at 0.2 s each
 
 
-def test_drop_all_tells_every_track_once_and_uses_no_id_again():
+def test_drop_all_reports_every_track_once_and_uses_no_id_again():
     tracker = confirmed()
     (dropped,) = tracker.drop_all(Reason.ORIGIN_SET, 7, host_ns(1.0), host_ns(1.0))
     assert (dropped.id, dropped.state, dropped.reason) == (1, TrackState.DROPPED, Reason.ORIGIN_SET)

@@ -86,7 +86,7 @@ def test_a_slow_camera_takes_as_many_looks():
 @pytest.mark.parametrize(
     "kinds", [({"label": "car"}, {"label": "person"}), ({"detector_id": 7}, {"detector_id": 8})], ids=["label", "id"]
 )
-def test_what_the_detector_tells_apart_is_two(kinds):
+def test_two_detector_ids_are_two_targets(kinds):
     told = flown(both(*kinds) + one_target(np.random.default_rng(0), 30 * FPS, kinds))
     assert believed(told) == [1, 2]
 

@@ -193,7 +193,7 @@ def test_a_taken_port_is_tried_again(monkeypatch: pytest.MonkeyPatch):
     asyncio.run(story())
 
 
-def test_a_host_that_nobody_knows_is_said_in_words(monkeypatch: pytest.MonkeyPatch):
+def test_an_unknown_host_is_reported_in_words(monkeypatch: pytest.MonkeyPatch):
     def look_up(*_args: object, **_kwargs: object) -> object:
         raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
 

@@ -113,7 +113,7 @@ def test_a_folder_is_followed_as_it_grows(tmp_path: Path, caplog: pytest.LogCapt
     lines.close()
 
 
-def test_lines_that_begin_anew_are_read_anew(tmp_path: Path):
+def test_lines_that_begin_again_are_read_again(tmp_path: Path):
     """A camera program that is started again opens its file for writing, and the file keeps its inode."""
     cv2.imwrite(str(tmp_path / "0.png"), GREY)
     lines, line = tmp_path / "stamps.jsonl", json.dumps({"file": "0.png", "time_unix": 1.0}) + "\n"

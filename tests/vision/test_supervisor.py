@@ -101,7 +101,7 @@ def test_tags_are_found_in_the_process_and_its_death_is_survived(tmp_path: Path,
     assert "SIGKILL" in daemon.states[1][1]
 
 
-def test_a_source_that_is_not_there_is_told_once_and_taken_when_it_comes(tmp_path: Path, quick):
+def test_a_missing_source_is_reported_once_and_taken_when_it_comes(tmp_path: Path, quick):
     path = tmp_path / "frames"
 
     async def watch() -> Daemon:

@@ -30,7 +30,7 @@ def test_reading_jitter_is_no_step_and_is_followed():
 
 
 @pytest.mark.parametrize("size_ns", [3600 * S, 20 * MS, -20 * MS, -3600 * S])
-def test_a_step_is_told_once_with_its_size(size_ns: int):
+def test_a_step_is_reported_once_with_its_size(size_ns: int):
     clock = WallClock(HostNs(0), UNIX)
     step = clock.observe(HostNs(S), UNIX + S + size_ns)
     assert step == ClockStep(HostNs(S), UNIX, UNIX + size_ns)

@@ -159,7 +159,7 @@ def test_a_picture_is_not_overwritten_by_the_camera_made_of_it(chess_folder, tmp
     assert picture.read_bytes() == (chess_folder / "00.png").read_bytes()
 
 
-def test_too_few_pictures_is_told_after_the_table(chess_folder, tmp_path, capsys):
+def test_too_few_pictures_are_reported_after_the_table(chess_folder, tmp_path, capsys):
     assert calibrate(chess_folder / "00.png", tmp_path / "camera.yaml", "--json") == 2
     shown = capsys.readouterr()
     assert "00.png" in shown.out
@@ -187,7 +187,7 @@ def test_a_dropped_picture_that_is_blurred_is_called_so():
     assert row.why == "its reprojection error is 4 times the usual one; blurred: its edges are 9 px wide"
 
 
-def test_a_wrong_count_is_told_with_the_right_one(chess_folder, tmp_path, capsys):
+def test_a_wrong_count_is_reported_with_the_right_one(chess_folder, tmp_path, capsys):
     assert calibrate(chess_folder / "00.png", tmp_path / "camera.yaml", board="chessboard:8x6:25mm") == 2
     assert (
         "seen in part: 7x5 of its 8x6 inner corners are in the picture: the rest is covered, or --board counts squares"

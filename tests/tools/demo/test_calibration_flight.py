@@ -21,7 +21,7 @@ def flown(tmp_path_factory):
     return chapter.sections, [*steps, chapter.result.sentence], out / calibration_flight.FOLDER
 
 
-def test_only_the_camera_is_wrong_and_nobody_is_told():
+def test_only_the_camera_is_wrong_and_the_service_does_not_know():
     config = parse(calibration_flight.CONFIG, "calibration_flight.toml")
     parser = argparse.ArgumentParser()
     add_flight_arguments(parser)
@@ -60,7 +60,7 @@ def test_calibration_finds_its_values(flown):
     assert learned.count('class="planted"') == 4
 
 
-def test_what_is_done_is_told_and_the_recording_is_kept(flown):
+def test_the_steps_are_shown_and_the_recording_is_kept(flown):
     _, steps, folder = flown
     assert len(steps) == 5
     assert steps[-1].startswith(
@@ -72,7 +72,7 @@ def test_what_is_done_is_told_and_the_recording_is_kept(flown):
     assert kept <= {path.name for path in folder.iterdir()}
 
 
-def test_a_flight_that_cannot_be_flown_is_told_in_its_place(tmp_path, monkeypatch):
+def test_a_flight_that_cannot_be_flown_is_reported_in_its_place(tmp_path, monkeypatch):
     monkeypatch.setattr(calibration_flight, "MOCK_MODULE", "no_such_module")
     chapter = calibration_flight.second_flight(tmp_path, 1, lambda _: None)
     assert "could not be flown" in chapter.sections[0]

@@ -35,7 +35,7 @@ def wait_for(true, timeout_s: float = 30.0) -> None:
 
 
 @pytest.mark.slow
-def test_tags_are_found_told_to_the_ground_and_reported(tmp_path: Path):
+def test_tags_are_found_sent_to_the_ground_and_reported(tmp_path: Path):
     done = subprocess.run(
         [*COMMAND, "--seconds", "7", "--seed", "8", "--out", str(tmp_path / "out"), "--json"],
         capture_output=True, text=True, timeout=90,

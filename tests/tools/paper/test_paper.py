@@ -103,7 +103,7 @@ def test_the_command_prints_the_table_draws_four_figures_and_ends_with_json(tmp_
     ]
 
 
-def test_without_matplotlib_the_numbers_come_and_one_line_tells_what_the_figures_need(tmp_path, capsys, monkeypatch):
+def test_without_matplotlib_the_numbers_come_and_one_line_names_what_the_figures_need(tmp_path, capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     assert main(["paper", "--out", str(tmp_path), "--json"]) == 2
 

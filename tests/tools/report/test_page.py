@@ -86,7 +86,7 @@ def test_frames_and_detections_are_counted_apart():
     assert "framesno clock19" in text
 
 
-def test_detections_of_a_refused_frame_and_refused_detections_are_told_apart():
+def test_detections_of_a_refused_frame_and_refused_detections_are_distinguished():
     """Refused: a frame of three detections, two frames of one each; and two detections above the horizon."""
     refused = [sighting(reason=reason) for reason in ("no_clock",) * 3 + ("too_late", "above_horizon") * 2]
     counts = summary(frames=9, detections=14, fixes=7, dropped={"no_clock": 1, "too_late": 2, "above_horizon": 2})

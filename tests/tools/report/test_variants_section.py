@@ -46,7 +46,7 @@ def test_each_variant_is_a_line_that_ends_at_its_error():
     assert ends["calibrated"] - ends["plain"] == pytest.approx(rung, abs=0.02)
 
 
-def test_the_table_tells_claims_and_errors_the_simplest_first():
+def test_the_table_shows_claims_and_errors_the_simplest_first():
     text = Markup(drawn()).text
     row = [f"{variant.name}{sigma_m * 5.991464547**0.5:.{digits}f} m" for variant, sigma_m, digits in
            ((PAPER, 0.9, 2), (PLAIN, 0.3, 2), (CALIBRATED, 0.02, 3))]  # fmt: skip

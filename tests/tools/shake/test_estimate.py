@@ -80,7 +80,7 @@ def test_a_gross_mistake_is_named(name, configured):
 
 @pytest.mark.parametrize("order", [(0, 1, 3, 2), (1, 0, 2, 3), (0, 2, 1, 3)], ids=["as Z", "as S", "as N"])
 @pytest.mark.parametrize("image", [np.eye(2), np.diag([-1, 1])], ids=["", "mirrored"])
-def test_corners_that_are_told_in_rows_are_named(order, image):
+def test_corners_that_are_sent_in_rows_are_named(order, image):
     """Not as a tag that was never seen."""
     shaken = SHORT.but(reorder=order, image=image).found()
     assert [error.name for error in shaken.sign_errors] == ["corners told in another order"]
@@ -102,7 +102,7 @@ def test_an_image_upside_down_comes_with_the_mount_that_rights_it():
     assert shaken.delay.value == pytest.approx(0.035, abs=0.001)
 
 
-def test_how_far_it_was_held_is_told_by_the_size_of_the_tag():
+def test_the_distance_follows_from_the_size_of_the_tag():
     assert SHORT.found().distance_m == pytest.approx(0.9, abs=0.06)
     assert SHORT.found(tag_size_m=0.32).distance_m == pytest.approx(1.8, abs=0.12)
 

@@ -22,7 +22,7 @@ def test_reversed_rates_are_named(signs, names):
     assert rate_lag(HANDS.samples(signs=signs)).reversed_axes == names
 
 
-def test_what_tells_nothing():
+def test_motion_without_information():
     assert rate_lag([]) is None
     assert rate_lag(HANDS.samples()[:50]) is None
     assert rate_lag(HANDS.samples(signs=(0, 0, 0))) is None

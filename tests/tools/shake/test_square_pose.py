@@ -63,7 +63,7 @@ def test_frames_whose_corners_the_lens_does_not_see_are_left_out(poses):
     assert len(seen(turned, outside)) == 50
 
 
-def test_corners_told_the_other_way_round_are_put_in_order(poses):
+def test_corners_sent_the_other_way_round_are_put_in_order(poses):
     turned, middles = poses
     tags = seen(turned @ np.diag([1.0, -1.0, -1.0]), middles)  # a print seen from its back runs the other way
     assert tags.backward
