@@ -47,10 +47,10 @@ def test_an_operator_finds_the_camera_clicks_and_stops(site: Site):
         for ask in ((REQUEST_MESSAGE, 259.0), (REQUEST_CAMERA_INFORMATION, 1.0)):
             result, _ = site.ground.ask(CAMERA, *ask)
             assert result == ACCEPTED
-            (told,) = named("CAMERA_INFORMATION", site.ground.listen(until="CAMERA_INFORMATION"))
-            assert told.get_srcComponent() == CAMERA
-            assert told.flags & (512 | 1024 | 2048) == 512 | 1024 | 2048
-            assert (told.resolution_h, told.resolution_v) == (640, 480)
+            (reported,) = named("CAMERA_INFORMATION", site.ground.listen(until="CAMERA_INFORMATION"))
+            assert reported.get_srcComponent() == CAMERA
+            assert reported.flags & (512 | 1024 | 2048) == 512 | 1024 | 2048
+            assert (reported.resolution_h, reported.resolution_v) == (640, 480)
         stopped_and_clicked(site, seen)
         stopped_and_drawn_around(site, seen)
         nothing_there(site)
@@ -99,9 +99,9 @@ def test_intervals_are_as_asked_for_and_minus_one_stops(site: Site):
         assert rates(site) == {IMAGE: 0.0, GEO: pytest.approx(10.0, abs=2.5)}
         assert site.ground.ask(CAMERA, SET_INTERVAL, 275, 500_000.0)[0] == ACCEPTED
         assert site.ground.ask(CAMERA, SET_INTERVAL, 276, 10.0)[0] == ACCEPTED
-        told = rates(site)
-        assert told[IMAGE] == pytest.approx(2.0, abs=0.6)
-        assert 20.0 < told[GEO] <= 51.0, "10 microseconds are not meant"
+        reported = rates(site)
+        assert reported[IMAGE] == pytest.approx(2.0, abs=0.6)
+        assert 20.0 < reported[GEO] <= 51.0, "10 microseconds are not meant"
         assert site.ground.ask(CAMERA, SET_INTERVAL, 30, 100_000.0)[0] == 2
         assert site.ground.ask(CAMERA, SET_INTERVAL, 275, nan)[0] == 2
         assert service.stop() == 0
@@ -131,8 +131,8 @@ def test_with_the_radio_on_the_autopilot_the_camera_speaks_through_it_seldom(sit
         service.wait_for("link autopilot is up")
         with site.mock("--scenario", "unbiased", seconds=60.0):
             site.ground.listen(until=GEO, count=3)
-            told = tap.rates(CAMERA, (IMAGE, GEO), 4.0)
-            assert told == {IMAGE: pytest.approx(2.0, abs=0.3), GEO: pytest.approx(2.0, abs=0.3)}
+            reported = tap.rates(CAMERA, (IMAGE, GEO), 4.0)
+            assert reported == {IMAGE: pytest.approx(2.0, abs=0.3), GEO: pytest.approx(2.0, abs=0.3)}
             assert "found" in {m.text[:5] for _, m in tap.seen if m.get_type() == "STATUSTEXT"}
             beating = threading.Event()
             beats = threading.Thread(target=beat_until, args=(site, beating))

@@ -39,8 +39,8 @@ def test_a_map_gets_the_target_under_a_name_that_lasts_at_true_utc(site: Site, s
             assert service.stop() == 0
         names.add(event.get("uid"))
     assert len(names) == 1
-    told = datetime.fromisoformat(event.get("time"))
-    assert (told - datetime.now(UTC)).total_seconds() == pytest.approx(AHEAD_S, abs=15.0)
+    reported = datetime.fromisoformat(event.get("time"))
+    assert (reported - datetime.now(UTC)).total_seconds() == pytest.approx(AHEAD_S, abs=15.0)
     assert event.get("stale") > event.get("start") == event.get("time")
     point = event.find("point")
     target = site.truth()[0]["targets"][0]

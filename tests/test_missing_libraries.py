@@ -34,7 +34,7 @@ def refused(done: subprocess.CompletedProcess[str]) -> str:
 
 
 @pytest.mark.parametrize(
-    ("words", "missing", "told"),
+    ("words", "missing", "reported"),
     [
         ("calibrate . --board chessboard:9x6:25mm --out o.yaml", "cv2", "calibrate: cv2 is"),
         ("calibrate . --board chessboard:9x6:25mm --out o.yaml", "numpy", "calibrate: numpy is"),
@@ -54,12 +54,12 @@ def refused(done: subprocess.CompletedProcess[str]) -> str:
         ("run --config c.toml", "cv2", "c.toml: [vision]: cv2 is"),
     ],
 )
-def test_a_command_that_cannot_work_says_what_it_lacks(words: str, missing: str, told: str, tmp_path: Path):
+def test_a_command_that_cannot_work_says_what_it_lacks(words: str, missing: str, reported: str, tmp_path: Path):
     assert main(["init", str(tmp_path)]) == 0
     config = (tmp_path / "fwav-companion.toml").read_text()
     (tmp_path / "c.toml").write_text(config + '[vision]\nsource = "/dev/video0"\n')
     line = refused(without(missing, *words.split(), folder=tmp_path))
-    assert line.startswith(told)
+    assert line.startswith(reported)
     assert "pip install '.[demo]'" in line if missing == "matplotlib" else "run pip install . in" in line
 
 

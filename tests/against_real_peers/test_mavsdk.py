@@ -40,8 +40,8 @@ def heard(said: str) -> dict[tuple[str, int], list[dict[str, Any]]]:
     messages = defaultdict(list)
     for line in said.splitlines():
         if line.startswith('{"name"'):
-            told = json.loads(line)
-            messages[told["name"], told["component"]].append(told["fields"])
+            reported = json.loads(line)
+            messages[reported["name"], reported["component"]].append(reported["fields"])
     return messages
 
 
@@ -96,10 +96,10 @@ def test_mavsdks_camera_plugin_finds_the_camera_its_stream_and_its_storage(site:
         assert service.stop() == 0
         assert mock.stop() == 0
     said = [json.loads(line) for line in peer.said.splitlines() if line.startswith("{")]
-    told = {name: value for line in said[:2] + said[3:] for name, value in line.items()}
-    assert (told["camera"], told["vendor"], told["model"]) == (100, "fwav-companion", "target localization")
-    assert told["size"] == [640, 480]
-    assert (told["mode"], told["storage"], told["video_on"]) == ("VIDEO", "NOT_SUPPORTED", False)
+    reported = {name: value for line in said[:2] + said[3:] for name, value in line.items()}
+    assert (reported["camera"], reported["vendor"], reported["model"]) == (100, "fwav-companion", "target localization")
+    assert reported["size"] == [640, 480]
+    assert (reported["mode"], reported["storage"], reported["video_on"]) == ("VIDEO", "NOT_SUPPORTED", False)
     assert said[2] == {
         "stream": 1,
         "uri": "rtsp://10.0.0.2:8554/live",

@@ -36,13 +36,13 @@ def samples() -> list[AttitudeSample]:
 
 def measure() -> list[Figure]:
     """The ratio of CPU times."""
-    told = samples()
+    reported = samples()
     history = AttitudeHistory()
-    for sample in told:
+    for sample in reported:
         history.insert(sample)
     # Ten detections a frame lie within its readout: the instants come in groups, over the last second.
     instants = [BootNs(1_900_000_000 + 33_000_000 * (k // 10 % 30) + 2_900_000 * (k % 10)) for k in range(INSTANTS)]
-    pairs = [told[t // STEP_NS : t // STEP_NS + 2] for t in instants]
+    pairs = [reported[t // STEP_NS : t // STEP_NS + 2] for t in instants]
 
     def ours() -> None:
         for t in instants:

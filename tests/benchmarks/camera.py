@@ -55,8 +55,8 @@ def fill(folder: Path, seconds: float) -> None:
     number = 0
     with (folder / "stamps.jsonl").open("a") as lines:
         while time.monotonic() < until:
-            told = {"file": f"{number % PICTURES}.png", "time_monotonic": time.monotonic() - 0.01, "frame": number}
-            lines.write(json.dumps(told) + "\n")
+            reported = {"file": f"{number % PICTURES}.png", "time_monotonic": time.monotonic() - 0.01, "frame": number}
+            lines.write(json.dumps(reported) + "\n")
             lines.flush()
             number += 1
             time.sleep(1.0 / HZ)
@@ -102,8 +102,10 @@ def measure() -> list[Figure]:
     if status["detections"] < TAGS * HZ or len(taken[-1][2]) < 2:
         raise AssertionError(f"tags were not seen: {status['detections']} in {status['frames']} pictures")
     pss_mib, rss_mib, each_mib = max(taken)
-    told = f"{' + '.join(each_mib)} MiB; {rss_mib:.0f} if nothing were shared; {status['frames']} pictures, {TAGS} tags"
-    return [Figure("daemon with a camera and AprilTags: PSS of all processes, MiB", pss_mib, 160.0, False, told)]
+    reported = (
+        f"{' + '.join(each_mib)} MiB; {rss_mib:.0f} if nothing were shared; {status['frames']} pictures, {TAGS} tags"
+    )
+    return [Figure("daemon with a camera and AprilTags: PSS of all processes, MiB", pss_mib, 160.0, False, reported)]
 
 
 if __name__ == "__main__":

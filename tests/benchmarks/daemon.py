@@ -68,12 +68,12 @@ live.run(scenario("default").but(changes), live.Plan(sys.argv[1], sys.argv[2]), 
 """Ten of them in the picture, as the row wants it, told so long after a frame's last row."""
 BARE = """
 import asyncio, socket, sys
-heard, told = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
+heard, station = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
 heard.bind(("127.0.0.1", int(sys.argv[1])))
 heard.setblocking(False)
-told.connect(("127.0.0.1", int(sys.argv[2])))
+station.connect(("127.0.0.1", int(sys.argv[2])))
 async def main():
-    asyncio.get_running_loop().add_reader(heard, lambda: told.send(heard.recv(65536)))
+    asyncio.get_running_loop().add_reader(heard, lambda: station.send(heard.recv(65536)))
     await asyncio.Event().wait()
 asyncio.run(main())
 """
@@ -121,7 +121,7 @@ class Between:
         until = time.monotonic() + seconds
         while (left := until - time.monotonic()) > 0.0:
             for ready in select.select(self.sockets[:3], [], [], left)[0]:
-                data, told, _, address = ready.recvmsg(65536, ANCILLARY_BYTES)
+                data, reported, _, address = ready.recvmsg(65536, ANCILLARY_BYTES)
                 if ready is self.frames:
                     stamp = json.loads(data)["time_monotonic"]
                     self.stamps[stamp] = time.time()
@@ -132,7 +132,7 @@ class Between:
                     if self.bare is not None:
                         self.station.sendto(data, self.bare)
                 elif ready is self.daemon:
-                    seconds_came, ns_came = TIMESPEC.unpack(told[0][2])
+                    seconds_came, ns_came = TIMESPEC.unpack(reported[0][2])
                     self._answered(data, seconds_came + ns_came * 1e-9)
                     if self.vehicle is not None:
                         self.mock.sendto(data, self.vehicle)
@@ -142,7 +142,7 @@ class Between:
             if frame.definition is None or frame.definition.name != "LANDING_TARGET":
                 continue
             capture_s = decode(frame, "").fields.time_usec * 1e-6
-            stamp = min(self.stamps, key=lambda told: abs(told - capture_s), default=None)
+            stamp = min(self.stamps, key=lambda reported: abs(reported - capture_s), default=None)
             if stamp is not None and abs(stamp - capture_s) < NEAR_S:
                 self.latencies_s.append(came_unix_s - self.stamps.pop(stamp))
         now_s = time.monotonic()
@@ -181,7 +181,7 @@ def free_port() -> int:
         return port
 
 
-def watch(*, camera: bool = True, calibrates: bool = False, ten_told_after_s: float | None = None) -> Work:
+def watch(*, camera: bool = True, calibrates: bool = False, ten_sent_after_s: float | None = None) -> Work:
     """One flight; over ten targets where it is said how late they are told."""
     autopilot, detections = ("127.0.0.1", free_port()), ("127.0.0.1", free_port())
     with ExitStack() as stack:
@@ -194,8 +194,8 @@ def watch(*, camera: bool = True, calibrates: bool = False, ten_told_after_s: fl
             subprocess.run([sys.executable, "-m", "fwav_companion", "init", "made"], cwd=folder, check=True,
                            stdout=subprocess.DEVNULL)  # fmt: skip
             (folder / "camera.yaml").write_bytes((folder / "made/camera.yaml").read_bytes())
-            told = CONFIGURATION.format(detections=detections[1], calibrates=str(calibrates).lower())
-            text = text.replace('[detections]\nurl = ""\n', told)
+            reported = CONFIGURATION.format(detections=detections[1], calibrates=str(calibrates).lower())
+            text = text.replace('[detections]\nurl = ""\n', reported)
         (folder / "flight.toml").write_text(text)
         daemon = stack.enter_context(child("-m", "fwav_companion", "run", "--config", "flight.toml", folder=folder))
         with suppress(PermissionError):
@@ -203,8 +203,8 @@ def watch(*, camera: bool = True, calibrates: bool = False, ten_told_after_s: fl
         url = f"udpout:127.0.0.1:{between.port(between.mock)}"
         looks = f"127.0.0.1:{between.port(between.frames)}" if camera else ""
         one = ("-m", "sitl_mock", "--connect", url, "--detections", looks, "--seconds", "600")
-        ten = ("-c", TEN_TARGETS, url, looks, str(ten_told_after_s))
-        stack.enter_context(child(*(one if ten_told_after_s is None else ten), folder=folder))
+        ten = ("-c", TEN_TARGETS, url, looks, str(ten_sent_after_s))
+        stack.enter_context(child(*(one if ten_sent_after_s is None else ten), folder=folder))
         watched = [daemon.pid]
         if not camera:
             between.bare = ("127.0.0.1", free_port())
@@ -219,14 +219,14 @@ def watch(*, camera: bool = True, calibrates: bool = False, ten_told_after_s: fl
         return Work(rss_mib(daemon.pid), share, between.latencies_s, sum(bare))
 
 
-def answered(told_after_s: float, name: str) -> Figure:
+def answered(sent_after_s: float, name: str) -> Figure:
     """How soon a detection is answered, of ten in each frame."""
-    latencies_s = watch(ten_told_after_s=told_after_s).latencies_s
+    latencies_s = watch(ten_sent_after_s=sent_after_s).latencies_s
     if len(latencies_s) < MEASURED_S:
         raise AssertionError("no landing target came back")
     cuts_s = quantiles(latencies_s, n=100)
-    told = f"median {cuts_s[49] * 1e3:.2f} ms, of {len(latencies_s)} frames; 10 detections each"
-    return Figure(name, cuts_s[98] * 1e3, 2.0, False, f"{told}, told {told_after_s * 1e3:.0f} ms after the last row")
+    reported = f"median {cuts_s[49] * 1e3:.2f} ms, of {len(latencies_s)} frames; 10 detections each"
+    return Figure(name, cuts_s[98] * 1e3, 2.0, False, f"{reported}, sent {sent_after_s * 1e3:.0f} ms after the row")
 
 
 def measure() -> list[Figure]:
@@ -234,14 +234,14 @@ def measure() -> list[Figure]:
     relay = watch(camera=False)
     plain = watch()
     calibrating = watch(calibrates=True)
-    told = (
+    reported = (
         f"{100.0 * relay.cpu:.1f} % of a core; a bare event loop for the same datagrams {100.0 * relay.bare_cpu:.1f} %"
     )
     beside = "100 Hz attitude, 30 frames/s, one relay"
     return [
         answered(EARLY_S, "detection in to MAVLink out, p99, ms"),
         answered(LATE_S, "the same where no frame waits for attitudes, p99, ms"),
-        Figure("pure relay: memory, MiB", relay.rss_mib, 35.0, False, told),
+        Figure("pure relay: memory, MiB", relay.rss_mib, 35.0, False, reported),
         Figure("daemon without a camera: memory, MiB", plain.rss_mib, 50.0, False, beside),
         Figure("daemon without a camera: % of a core", 100.0 * plain.cpu, 3.0, False, beside),
         Figure("the same with self-calibration: memory, MiB", calibrating.rss_mib, 50.0, False, beside),

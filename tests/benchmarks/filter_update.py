@@ -41,34 +41,34 @@ def fixes() -> list[GroundFix]:
     fix = Localizer(HomeGround(), LEVEL, min_height_m=0.5).locate(a_sighting())
     assert isinstance(fix, GroundFix)
     rng, (north, east, down) = np.random.default_rng(1), fix.position_ned
-    told = []
+    reported = []
     for k, (n, e) in enumerate(rng.normal(0.0, SCATTER_M, (FIXES, 2)).tolist()):
         at = HostNs(k * FRAME_NS)
         sighting = replace(fix.sighting, frame_host_ns=at, host_ns=at)
-        told.append(replace(fix, sighting=sighting, position_ned=(north + n, east + e, down)))
-    return told
+        reported.append(replace(fix, sighting=sighting, position_ned=(north + n, east + e, down)))
+    return reported
 
 
-def believed(told: list[GroundFix], priors: ErrorPriors) -> StaticTargetState:
+def believed(reported: list[GroundFix], priors: ErrorPriors) -> StaticTargetState:
     """By our filter."""
-    belief = StaticKalman(priors).started(told[0])
-    for fix in told[1:]:
+    belief = StaticKalman(priors).started(reported[0])
+    for fix in reported[1:]:
         belief = belief.predicted(fix.sighting.frame_host_ns).updated(fix)
     return belief
 
 
-def plainly_believed(told: list[FixArrays], priors: ErrorPriors) -> PlainFilter:
+def plainly_believed(reported: list[FixArrays], priors: ErrorPriors) -> PlainFilter:
     """The same by filterpy and numpy."""
-    plain = PlainFilter(told[0], priors)
-    for fix in told[1:]:
+    plain = PlainFilter(reported[0], priors)
+    for fix in reported[1:]:
         plain.step(fix)
     return plain
 
 
 def measure() -> list[Figure]:
     """The ratios of CPU times."""
-    told = fixes()
-    arrays = [FixArrays(fix, LEVEL) for fix in told]
+    reported = fixes()
+    arrays = [FixArrays(fix, LEVEL) for fix in reported]
     observed = np.hstack([np.eye(3), arrays[0].shared[:, :SHARED]])
 
     def bare() -> None:
@@ -78,7 +78,9 @@ def measure() -> list[Figure]:
             kalman.predict()
             kalman.update(fix.position)
 
-    ours_s, same_s, bare_s = interleaved(lambda: believed(told, LEVEL), lambda: plainly_believed(arrays, LEVEL), bare)
+    ours_s, same_s, bare_s = interleaved(
+        lambda: believed(reported, LEVEL), lambda: plainly_believed(arrays, LEVEL), bare
+    )
     ours = f"ours {ours_s / FIXES * 1e6:.1f} us"
     return [
         Figure(f"one update of a single-target filter, against {name}", seconds / ours_s, BUDGET, True, detail)

@@ -52,8 +52,8 @@ def _replayed(folder: Path, *, calibrates: bool) -> tuple[float, str]:
     if process.returncode:
         raise RuntimeError(f"replay ended with {process.returncode}")
     lines = map(msgspec.json.decode, (folder / "targets.jsonl").read_bytes().splitlines())
-    told = [line["status"] for line in lines if line["type"] == "calibration"]
-    return used.ru_utime + used.ru_stime, told[-1] if told else "off"
+    reported = [line["status"] for line in lines if line["type"] == "calibration"]
+    return used.ru_utime + used.ru_stime, reported[-1] if reported else "off"
 
 
 def measure() -> list[Figure]:

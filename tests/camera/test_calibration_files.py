@@ -188,13 +188,13 @@ def test_kalibrs_time_shift_has_the_other_sign():
 def test_kalibrs_mount_counts_only_where_the_imu_has_the_bodys_axes():
     plain = parse_calibration(KALIBR, "camchain.yaml")
     marked = parse_calibration(KALIBR + "imu_axes: FRD\n", "camchain.yaml")
-    told = parse_calibration(KALIBR, "camchain.yaml", imu_is_frd=True)
+    reported = parse_calibration(KALIBR, "camchain.yaml", imu_is_frd=True)
 
     assert plain.body_from_camera is None
     assert "imu_axes: FRD" in plain.note
     # camera x = body y, camera y = -body x: a belly camera, image top to the nose
     expected = ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
-    for found in (marked.body_from_camera, told.body_from_camera):
+    for found in (marked.body_from_camera, reported.body_from_camera):
         assert np.array(found) == pytest.approx(np.array(expected), abs=1e-12)
 
 

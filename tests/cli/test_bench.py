@@ -24,11 +24,11 @@ def test_figures_end_in_one_json_object_and_a_missed_budget_in_exit_1(monkeypatc
     assert main(["bench", "--only", "corruption", "--json"]) == status
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "one: 3.00 (at least 2.0) ok; as it should"
-    told = json.loads(lines[-1])
-    assert told["ok"] is (status == 0)
-    assert [figure["ok"] for figure in told["figures"]] == [True, status == 0]
-    assert told["figures"][0]["ratio"] == 3.0
-    hold("bench", keys([told], "bench"))
+    reported = json.loads(lines[-1])
+    assert reported["ok"] is (status == 0)
+    assert [figure["ok"] for figure in reported["figures"]] == [True, status == 0]
+    assert reported["figures"][0]["ratio"] == 3.0
+    hold("bench", keys([reported], "bench"))
 
 
 def test_good_frames_lost_beside_corrupted_ones_are_none(monkeypatch, capsys):

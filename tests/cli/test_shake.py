@@ -16,12 +16,12 @@ SHAKE = ("--shake", "--tag-size", "0.16")
 def test_a_new_user_finds_a_late_camera_and_its_crooked_mount(site):
     with site.mock("--scenario", "shake_late_and_crooked", seconds=90.0) as mock:
         mock.wait_for("sitl-mock ready")
-        status, said, told = site.check(*SHAKE, timeout_s=90)
-    assert (status, told["ok"], told["mistakes"], told["not_shown"]) == (0, True, [], []), said
-    hold("shake", keys([told], "shake"))
-    assert told["delay"]["time_offset_s"] == pytest.approx(0.035, abs=0.003)
-    assert told["mount"]["correction_deg"][:2] == pytest.approx([0.5, 1.0], abs=0.3)
-    assert told["mount"]["correction_deg"][2] == pytest.approx(2.0, abs=4.0 * told["mount"]["sigma_deg"][2])
+        status, said, reported = site.check(*SHAKE, timeout_s=90)
+    assert (status, reported["ok"], reported["mistakes"], reported["not_shown"]) == (0, True, [], []), said
+    hold("shake", keys([reported], "shake"))
+    assert reported["delay"]["time_offset_s"] == pytest.approx(0.035, abs=0.003)
+    assert reported["mount"]["correction_deg"][:2] == pytest.approx([0.5, 1.0], abs=0.3)
+    assert reported["mount"]["correction_deg"][2] == pytest.approx(2.0, abs=4.0 * reported["mount"]["sigma_deg"][2])
     assert "shake it in roll, pitch and a little yaw" in said
     assert "[camera.mount]" in said
     assert not (site.folder / "status.json").exists()
@@ -30,9 +30,9 @@ def test_a_new_user_finds_a_late_camera_and_its_crooked_mount(site):
 def test_a_detector_that_sends_no_corners_is_named(site):
     with site.mock("--scenario", "unbiased") as mock:
         mock.wait_for("sitl-mock ready")
-        status, said, told = site.check(*SHAKE, "--seconds", "10")
+        status, said, reported = site.check(*SHAKE, "--seconds", "10")
     assert status == 1
-    assert "no tag with its four corners" in told["why"], said
+    assert "no tag with its four corners" in reported["why"], said
     assert said.count("\n") < 12
 
 

@@ -72,7 +72,7 @@ class Story:
             await asyncio.sleep(0)
 
 
-def told(story: Callable[[], object]) -> None:
+def run_story(story: Callable[[], object]) -> None:
     asyncio.run(story())
 
 
@@ -94,7 +94,7 @@ def test_up_bytes_and_counters():
         }  # fmt: skip
         s.link.close()
 
-    told(story)
+    run_story(story)
 
 
 def test_an_outage_is_reported_once_and_retried_at_growing_intervals():
@@ -106,7 +106,7 @@ def test_an_outage_is_reported_once_and_retried_at_growing_intervals():
         assert s.pauses == [0.25, 0.5, 1.0, 2.0, LONGEST_DELAY_S, LONGEST_DELAY_S, LONGEST_DELAY_S]
         s.link.close()
 
-    told(story)
+    run_story(story)
 
 
 def test_why_it_is_down_is_the_latest_reason():
@@ -119,7 +119,7 @@ def test_why_it_is_down_is_the_latest_reason():
         assert s.link.status()["why"] == "second"
         s.link.close()
 
-    told(story)
+    run_story(story)
 
 
 def test_a_loss_is_reported_and_a_new_connection_made():
@@ -139,7 +139,7 @@ def test_a_loss_is_reported_and_a_new_connection_made():
         assert s.link.status()["times_up"] == 2
         s.link.close()
 
-    told(story)
+    run_story(story)
 
 
 @pytest.mark.parametrize(("steady_s", "pauses"), [(0.0, [0.25, 0.25, 0.25]), (3600.0, [0.25, 0.5, 1.0])])
@@ -158,7 +158,7 @@ def test_only_a_connection_that_held_earns_short_pauses(
         assert s.pauses == pauses
         s.link.close()
 
-    told(story)
+    run_story(story)
 
 
 def test_a_closed_link_reports_nothing_more():
@@ -176,7 +176,7 @@ def test_a_closed_link_reports_nothing_more():
         assert s.socket.closed == 1
         assert len(s.socket.plugs) == 1
 
-    told(story)
+    run_story(story)
 
 
 def test_closed_while_down_and_before_it_was_started():
@@ -188,7 +188,7 @@ def test_closed_while_down_and_before_it_was_started():
         await s.turns()
         assert s.states == []
 
-    told(story)
+    run_story(story)
 
 
 def test_a_mistake_of_ours_reaches_the_loop():
@@ -200,4 +200,4 @@ def test_a_mistake_of_ours_reaches_the_loop():
         await s.turns()
         assert [error["message"] for error in errors] == ["link a failed"]
 
-    told(story)
+    run_story(story)

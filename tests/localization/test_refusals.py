@@ -94,7 +94,7 @@ class TestRangefinder:
         wrong = msgspec.structs.replace(sighting, camera_ned=(100.0, -50.0, -33.0))
         fix = self.locate(RangefinderGround(0.05), wrong)
         assert fix.position_ned[:2] == pytest.approx(self.scene.truth()[:2], abs=1e-9)
-        assert fix.position_ned[2] == pytest.approx(7.0), "told from the camera, so it shares the camera's error"
+        assert fix.position_ned[2] == pytest.approx(7.0), "measured from the camera, so it shares the camera's error"
 
     def test_it_falls_back_to_home_and_says_why(self):
         ground = RangefinderGround(0.05)
@@ -112,8 +112,8 @@ class TestRangefinder:
     def test_a_good_reading_makes_a_better_fix_than_home(self):
         by_home = self.locate(HomeGround(), self.with_reading()).budget
         by_beam = self.locate(RangefinderGround(0.05), self.with_reading()).budget
-        told = self.locate(RangefinderGround(0.05), self.with_reading(sigma_m=1.0)).budget
-        assert by_beam.height < by_home.height < told.height
+        reported = self.locate(RangefinderGround(0.05), self.with_reading(sigma_m=1.0)).budget
+        assert by_beam.height < by_home.height < reported.height
         assert by_beam.attitude < by_home.attitude, "the beam turns with the camera: the slant is measured"
 
     def test_an_older_reading_of_a_turning_vehicle_is_worth_less(self):

@@ -23,7 +23,7 @@ class TestGround:
 
     def ground(self, model, datum=Datum.EGM96, undulation=None) -> TerrainGround:
         ground = TerrainGround(model, datum)
-        self.told = ground.placed(PLANE, PLANE.origin, undulation)
+        self.notice = ground.placed(PLANE, PLANE.origin, undulation)
         return ground
 
     def locate(self, ground, sighting):
@@ -112,8 +112,8 @@ class TestGround:
         lower = ElevationModel([tile(lambda *_: 488.0)])
         ground = self.ground(lower)
         assert ground.shift_m == pytest.approx(12.0)
-        assert "+12.0 m" in self.told
-        assert "egm96" in self.told
+        assert "+12.0 m" in self.notice
+        assert "egm96" in self.notice
         scene = Scene(vehicle=(0.0, 0.0))
         fix = self.locate(ground, scene.sighting())
         assert fix.position_ned == pytest.approx(scene.truth(), abs=1e-3), "the height too"
@@ -127,7 +127,7 @@ class TestGround:
 
     def test_a_model_of_another_datum_is_not_bent_to_fit(self):
         ground = self.ground(ElevationModel([tile(lambda *_: 547.0)]))  # ellipsoid heights taken for EGM96
-        assert "+47.0 m" in self.told
+        assert "+47.0 m" in self.notice
         answer = self.locate(ground, Scene(vehicle=(0.0, 0.0)).sighting())
         assert answer == NoFix(Reason.TERRAIN_UNFIT)
 
@@ -143,8 +143,8 @@ class TestGround:
     def test_a_take_off_outside_the_model_leaves_it_as_it_is(self):
         far = TerrainGround(self.level, Datum.EGM96)
         away = TangentPlane(Geodetic.from_degrees(10.0, 10.0, 100.0))
-        told = far.placed(away, away.origin, None)
-        assert "outside" in told
+        notice = far.placed(away, away.origin, None)
+        assert "outside" in notice
         assert far.shift_m == 0.0
 
     def test_refusals(self):
@@ -157,7 +157,7 @@ class TestGround:
         nowhere = Scene(relative=True).sighting()
         assert self.locate(ground, nowhere) == NoFix(Reason.NO_HEIGHT)
 
-    def test_behind_a_crest_the_ellipse_does_not_hold_the_truth(self):
+    def test_behind_a_crest_a_fix_is_refused(self):
         """The ray grazes a wall's top: a little lower it ends there, a little higher far behind."""
         wall_row = 60 - 4
         walled = self.ground(ElevationModel([tile(lambda i, _: 522.0 if i == wall_row else 500.0)]))

@@ -89,7 +89,7 @@ class Scene:
 
         late = bias[Bias.TIME_OFFSET] + self.row_fraction * bias[Bias.READOUT] + noise.time_s
         roll, pitch, heading = bias[:3] + noise.attitude
-        told = (
+        reported = (
             Rotation.from_rotvec([0.0, 0.0, heading])
             * self._attitude(late)
             * Rotation.from_rotvec(np.array([roll, pitch, 0.0]) + noise.bridging)
@@ -97,7 +97,7 @@ class Scene:
         place = np.array([*self.vehicle, -self.height_m]) + late * np.array(self.velocity)
         place[:2] += bias[[Bias.POSITION_NORTH, Bias.POSITION_EAST]] + noise.place
         place[2] -= bias[Bias.HEIGHT] + noise.height
-        body = self._attitude(late) if self.on_gimbal else told
+        body = self._attitude(late) if self.on_gimbal else reported
         state = VehicleState(
             boot_ns=0,
             ned_from_body=quaternion(body),
@@ -109,7 +109,7 @@ class Scene:
             position_sigma_m=self.position_sigma_m,
             height_above_home_m=-float(place[2]),
             range=self._reading(late),
-            gimbal=GimbalAt(quaternion(told), self.rates, self.bridging_sigma, 0.004) if self.on_gimbal else None,
+            gimbal=GimbalAt(quaternion(reported), self.rates, self.bridging_sigma, 0.004) if self.on_gimbal else None,
         )
         return Sighting(
             frame=1,
@@ -123,7 +123,7 @@ class Scene:
             time_noise_s=self.time_noise_s,
             state=state,
             body_from_camera=tuples(DOWNWARD_CAMERA.as_matrix()),
-            ned_from_camera=tuples((told * DOWNWARD_CAMERA).as_matrix()),
+            ned_from_camera=tuples((reported * DOWNWARD_CAMERA).as_matrix()),
             camera_ned=(0.0, 0.0, 0.0) if self.relative else tuple(place.tolist()),
             camera_height_above_home_m=-float(place[2]),
             relative=self.relative,

@@ -158,8 +158,8 @@ def test_the_older_request_for_the_version_works_too(commands):
 
 
 def test_a_provided_message_can_be_requested_and_may_have_nothing_to_tell(commands):
-    told = [{"a": 1}, None]
-    commands.provide(191, 390, "ONBOARD_COMPUTER_STATUS", lambda situation: told.pop(0))
+    reported = [{"a": 1}, None]
+    commands.provide(191, 390, "ONBOARD_COMPUTER_STATUS", lambda situation: reported.pop(0))
     ack, message = commands.on_message(long(512, (5, 191), (390.0,)), situation())
     assert (message.name, message.fields, message.to) == ("ONBOARD_COMPUTER_STATUS", {"a": 1}, Destination.REPLY)
     (ack,) = acks(commands.on_message(long(512, (5, 191), (390.0,)), situation()))

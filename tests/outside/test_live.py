@@ -54,9 +54,9 @@ def watched(file: Path) -> set[str]:
 def check(folder: Path, *words: str) -> dict[str, Any]:
     command = [sys.executable, "-m", "fwav_companion", "check", "--config", "fwav-companion.toml", "--json", *words]
     done = subprocess.run(command, capture_output=True, text=True, cwd=folder, timeout=120)
-    told: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
-    assert done.returncode == (0 if told["ok"] else 1)
-    return told
+    reported: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    assert done.returncode == (0 if reported["ok"] else 1)
+    return reported
 
 
 def add_links_and_a_camera(site: Site) -> None:
@@ -85,9 +85,9 @@ def test_the_status_file_and_check_beside_the_service(site: Site):
     add_links_and_a_camera(site)
     with site.service() as service, site.mock("--scenario", "unbiased", seconds=2 * PATIENCE_S):
         hold("status", watched(site.folder / "status.json"))
-        told = check(site.folder)
+        reported = check(site.folder)
         assert service.stop() == 0
-    hold("check", keys([told | {"findings": []}], "check", opaque={"check.status"}))
+    hold("check", keys([reported | {"findings": []}], "check", opaque={"check.status"}))
 
 
 def test_a_finding(site: Site):

@@ -15,14 +15,14 @@ from fwav_companion.types import Detection, Lens, Reason, StampClock, Unpaired
 CENTRE = (320.0, 240.0)
 
 
-def whole(told: PairedFrame | RefusedFrame) -> PairedFrame:
-    assert isinstance(told, PairedFrame), told
-    return told
+def whole(reported: PairedFrame | RefusedFrame) -> PairedFrame:
+    assert isinstance(reported, PairedFrame), reported
+    return reported
 
 
-def refusal(told: PairedFrame | RefusedFrame) -> Reason:
-    assert isinstance(told, RefusedFrame), told
-    return told.reason
+def refusal(reported: PairedFrame | RefusedFrame) -> Reason:
+    assert isinstance(reported, RefusedFrame), reported
+    return reported.reason
 
 
 def test_each_detection_at_its_own_row():
@@ -153,13 +153,13 @@ def test_a_relative_world_needs_no_position():
 )
 def test_refusals_of_a_frame(changed, reason):
     """5 ms and three sigma of 0.5 ms may a capture lie after its arrival; 0.5 s before it."""
-    told = pairer(timing=CameraTiming(readout_s=0.0)).pair(frame(CENTRE, **changed), StillVehicle())
-    assert (told.reason if isinstance(told, RefusedFrame) else None) == reason
+    reported = pairer(timing=CameraTiming(readout_s=0.0)).pair(frame(CENTRE, **changed), StillVehicle())
+    assert (reported.reason if isinstance(reported, RefusedFrame) else None) == reason
 
 
 def test_no_clock():
-    told = pairer().pair(frame(CENTRE, CENTRE), StillVehicle(clock=Clocks(known=False)))
-    assert told == RefusedFrame(None, Reason.NO_CLOCK, 2)
+    reported = pairer().pair(frame(CENTRE, CENTRE), StillVehicle(clock=Clocks(known=False)))
+    assert reported == RefusedFrame(None, Reason.NO_CLOCK, 2)
 
 
 def test_duplicates():
@@ -248,5 +248,5 @@ def test_an_unknown_readout_is_as_doubtful_as_the_frames_are_apart(readout_s, ex
     """At 10 frames/s it lies in [0, 100 ms], three times the 30 frames/s that the bias's prior is made for."""
     ours, vehicle = pairer(timing=CameraTiming(readout_s=readout_s)), StillVehicle()
     for number in range(5):
-        told = whole(ours.pair(frame(CENTRE, boot_ms=4500.0 + number * 100.0), vehicle))
-    assert told.sightings[0].row_fraction == pytest.approx(expected, abs=0.01)
+        reported = whole(ours.pair(frame(CENTRE, boot_ms=4500.0 + number * 100.0), vehicle))
+    assert reported.sightings[0].row_fraction == pytest.approx(expected, abs=0.01)

@@ -48,11 +48,11 @@ def test_the_row_fraction_is_the_derivative_by_the_length_of_the_readout(readout
 
 
 @pytest.mark.parametrize(
-    ("told", "used"), [(None, 0.01), (0.004, 0.004), (float("nan"), 0.01), (-1.0, 0.01), (99.0, 0.01)]
+    ("reported", "used"), [(None, 0.01), (0.004, 0.004), (float("nan"), 0.01), (-1.0, 0.01), (99.0, 0.01)]
 )
-def test_a_frames_own_exposure_goes_first_where_it_is_one(told, used):
+def test_a_frames_own_exposure_goes_first_where_it_is_one(reported, used):
     clock = RowClock(CameraTiming(readout_s=0.0, stamp_rule=StampRule.ROW0_END, exposure_s=0.01))
-    assert clock.place(STAMP, told, 480).first_row_ns == STAMP - round(used * 0.5e9)
+    assert clock.place(STAMP, reported, 480).first_row_ns == STAMP - round(used * 0.5e9)
 
 
 def test_an_unknown_readout_is_half_the_median_interval_and_uniform():

@@ -200,8 +200,8 @@ def test_the_next_due_time_is_always_the_one_that_the_rooms_tell():
     class Watched(Companion):
         def _flushed(self, now: HostNs) -> list[bytes]:
             frames = super()._flushed(now)
-            told = self.pipeline.wake_at
-            assert told == min((due for due in self.pipeline._dues() if due is not None), default=None)
+            reported = self.pipeline.wake_at
+            assert reported == min((due for due in self.pipeline._dues() if due is not None), default=None)
             return frames
 
     options = scenario("default").but({"seconds": 9.0, "seed": 4, "camera.late_every": 7})

@@ -67,8 +67,8 @@ def test_when_the_clicked_one_ends_the_rule_is_back(world, tracks):
     assert not selection.by_click
 
 
-@pytest.mark.parametrize("told", [True, False])
-def test_a_click_goes_on_with_what_the_clicked_one_turned_out_to_be(world, told):
+@pytest.mark.parametrize("reported", [True, False])
+def test_a_click_goes_on_with_what_the_clicked_one_turned_out_to_be(world, reported):
     """Not with the nearest; also where a late frame swallowed the frame that told of its end."""
     clicked = world.track(4, position_ned=(10.0, 0.0, 0.0))
     same = world.track(2, position_ned=(10.9, 0.0, 0.0), confirmed_at=world.NOW - world.S)
@@ -78,5 +78,5 @@ def test_a_click_goes_on_with_what_the_clicked_one_turned_out_to_be(world, told)
     selection.click(4)
     replaced = world.track(4, state=TrackState.DROPPED, reason=Reason.REPLACED, replaced_by=2)
     same = world.track(2, confirmed_at=world.NOW - world.S, replaces=(5, 4))
-    assert chosen(selection, (same, near, *([replaced] if told else []))) == 2
+    assert chosen(selection, (same, near, *([replaced] if reported else []))) == 2
     assert selection.by_click

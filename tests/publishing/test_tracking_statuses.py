@@ -162,9 +162,9 @@ def test_a_station_that_stops_it_stops_it_for_itself(publisher, world):
     now = world.NOW + world.S
     publisher.on_command(command(511, 275.0, 200_000.0), world.situation(now=now))
     publisher.on_command(command(511, 275.0, 500_000.0, sender=(254, 190)), world.situation(now=now))
-    (told,) = publisher.on_command(command(510, 275.0), world.situation(now=now)).messages
-    assert told.fields == {"message_id": 275, "interval_us": 200_000}
+    (reported,) = publisher.on_command(command(510, 275.0), world.situation(now=now)).messages
+    assert reported.fields == {"message_id": 275, "interval_us": 200_000}
     publisher.on_command(command(511, 275.0, -1.0), world.situation(now=now))
     assert len(named(run(publisher, world, 10.0, (1,), start=now), IMAGE)) == pytest.approx(20, abs=1.5)
-    (told,) = publisher.on_command(command(510, 275.0), world.situation(now=now)).messages
-    assert told.fields == {"message_id": 275, "interval_us": 500_000}
+    (reported,) = publisher.on_command(command(510, 275.0), world.situation(now=now)).messages
+    assert reported.fields == {"message_id": 275, "interval_us": 500_000}

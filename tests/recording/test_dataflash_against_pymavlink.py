@@ -95,9 +95,9 @@ def test_attitudes_too_slow_for_the_motion_are_reported(att_hz, complains):
         pitch = 30.0 + 5.0 * math.sin(2 * math.pi * 5.3 * now_s)
         log.put("ATT", round(now_s * 1e6), 0, 0, 0, pitch, 0, 10, 0, 0)
     read, _ = read_ardupilot_log(bytes(log.data))
-    told = [complaint for complaint in read.complaints() if "too slow" in complaint]
-    assert bool(told) == complains
-    assert not complains or "LOG_BITMASK" in told[0]
+    reported = [complaint for complaint in read.complaints() if "too slow" in complaint]
+    assert bool(reported) == complains
+    assert not complains or "LOG_BITMASK" in reported[0]
 
 
 def test_damage_is_skipped_and_reported_with_its_place():

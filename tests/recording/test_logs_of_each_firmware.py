@@ -127,7 +127,7 @@ def test_velocities_come_from_positions_where_no_filter_reports_them():
     for step in range(20):
         put(log, OLD, "POS", 1_000_000 + 100_000 * step, Lat=48.1 + 9e-6 * step, Alt=531.0 + 0.5 * step)
     read, _ = read_ardupilot_log(bytes(log.data))
-    told = [fields for _, name, fields in messages_of(read) if name == "GLOBAL_POSITION_INT"]
-    assert len(told) == 20
-    assert all(each["vx"] == pytest.approx(1000, abs=2) for each in told), "9e-6 deg in 0.1 s are 10 m/s"
-    assert all((each["vy"], each["vz"]) == (0, -500) for each in told)
+    reported = [fields for _, name, fields in messages_of(read) if name == "GLOBAL_POSITION_INT"]
+    assert len(reported) == 20
+    assert all(each["vx"] == pytest.approx(1000, abs=2) for each in reported), "9e-6 deg in 0.1 s are 10 m/s"
+    assert all((each["vy"], each["vz"]) == (0, -500) for each in reported)

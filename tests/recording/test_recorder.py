@@ -31,10 +31,10 @@ def plan(directory, **how):
     return RecordingPlan(**{"directory": directory, "sync_s": 0.05, "space": NO_LIMIT} | how)
 
 
-def recorded(directory, *, told=None, **how):
+def recorded(directory, *, reported=None, **how):
     """A recorder that has been given one record of each kind, and closed."""
-    told = [] if told is None else told
-    recorder = Recorder(plan(directory, **how), told.append)
+    reported = [] if reported is None else reported
+    recorder = Recorder(plan(directory, **how), reported.append)
     recorder.start()
     recorder.telemetry(START_US, b"\xfd\x00")
     recorder.detection(START_US, b'{"a":1}\n')
@@ -96,11 +96,11 @@ def test_what_is_written_reaches_the_disk_within_sync_s(tmp_path, monkeypatch):
 
 def test_a_directory_that_cannot_be_made_is_reported_once_and_at_once(tmp_path):
     (tmp_path / "file").write_text("")
-    told = []
-    recorded(tmp_path / "file" / "records", told=told, when="armed")
-    assert len(told) == 1
-    assert "recording stopped" in told[0]
-    assert str(tmp_path) in told[0]
+    reported = []
+    recorded(tmp_path / "file" / "records", reported=reported, when="armed")
+    assert len(reported) == 1
+    assert "recording stopped" in reported[0]
+    assert str(tmp_path) in reported[0]
 
 
 def test_what_it_does_or_waits_for_is_said_in_words(tmp_path):
@@ -126,8 +126,8 @@ def test_what_it_does_or_waits_for_is_said_in_words(tmp_path):
 @pytest.mark.parametrize("gone", ["folder", "directory"])
 def test_a_recording_that_is_removed_is_reported_once(tmp_path, gone):
     """A removed file takes bytes as before, and nobody will ever read them."""
-    told = []
-    recorder = Recorder(plan(tmp_path / "records"), told.append)
+    reported = []
+    recorder = Recorder(plan(tmp_path / "records"), reported.append)
     recorder.start()
     recorder.telemetry(START_US, b"\xfd\x00")
     while not list((tmp_path / "records").glob(f"*/{TARGETS}")):  # the test's own time limit ends the wait
@@ -137,15 +137,15 @@ def test_a_recording_that_is_removed_is_reported_once(tmp_path, gone):
         recorder.telemetry(START_US, b"\xfd\x00")
         time.sleep(0.01)
     recorder.close(5.0)
-    assert told == [recorder.failure]
-    assert str(tmp_path / "records") in told[0]
+    assert reported == [recorder.failure]
+    assert str(tmp_path / "records") in reported[0]
 
 
 def test_a_disk_without_room_says_so(tmp_path, monkeypatch):
-    told = []
+    reported = []
     monkeypatch.setattr(folder_module.os, "statvfs", lambda _path: SimpleNamespace(f_bavail=0, f_frsize=4096))
-    recorded(tmp_path, told=told)
-    assert told == ["recording stopped: 0.0 MB are free: the disk is full"]
+    recorded(tmp_path, reported=reported)
+    assert reported == ["recording stopped: 0.0 MB are free: the disk is full"]
 
 
 @pytest.mark.parametrize("call", ["fdatasync", "fsync"])
@@ -154,11 +154,11 @@ def test_a_full_disk_stops_the_recording_and_nothing_else(tmp_path, monkeypatch,
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, call, full)
-    told = []
-    recorder = recorded(tmp_path, told=told)
-    assert len(told) == 1
-    assert "No space left on device" in told[0]
-    assert recorder.failure == told[0]
+    reported = []
+    recorder = recorded(tmp_path, reported=reported)
+    assert len(reported) == 1
+    assert "No space left on device" in reported[0]
+    assert recorder.failure == reported[0]
     recorder.telemetry(START_US, b"later")
 
 
@@ -169,9 +169,9 @@ def test_a_recording_goes_on_in_a_new_folder_when_there_is_room_again(tmp_path, 
     monkeypatch.setattr(
         folder_module.os, "statvfs", lambda _path: SimpleNamespace(f_bavail=free_blocks[0], f_frsize=4096)
     )
-    told = []
+    reported = []
     header = {"type": "header"}
-    recorder = Recorder(plan(tmp_path, when=when, retry_s=0.01), told.append, header=lambda: header)
+    recorder = Recorder(plan(tmp_path, when=when, retry_s=0.01), reported.append, header=lambda: header)
     recorder.start()
     recorder.on_armed(True, START_US)
     while recorder.failure is None:  # the test's own time limit ends the waits
@@ -185,27 +185,27 @@ def test_a_recording_goes_on_in_a_new_folder_when_there_is_room_again(tmp_path, 
         time.sleep(0.001)
     recorder.telemetry(START_US + 5, b"\xfd\x01")
     recorder.close(5.0)
-    assert told[0] == "recording stopped: 0.0 MB are free: the disk is full"
-    assert told[1:] == [f"recording continues: there is room again in {tmp_path}"]
+    assert reported[0] == "recording stopped: 0.0 MB are free: the disk is full"
+    assert reported[1:] == [f"recording continues: there is room again in {tmp_path}"]
     folder = recordings(tmp_path)[-1]
     assert (folder / TELEMETRY).read_bytes() == (START_US + 5).to_bytes(8, "big") + b"\xfd\x01"
     assert (folder / TARGETS).read_bytes() == b'{"type":"header"}\n'
 
 
 def test_what_waits_for_a_hanging_disk_is_bounded(tmp_path):
-    told = []
-    recorder = Recorder(plan(tmp_path, sync_s=1000.0), told.append)  # never started: nothing is taken
+    reported = []
+    recorder = Recorder(plan(tmp_path, sync_s=1000.0), reported.append)  # never started: nothing is taken
     for _ in range(100):
         recorder.telemetry(START_US, bytes(1 << 20))
-    assert len(told) == 1
-    assert "did not take 8 MiB" in told[0]
+    assert len(reported) == 1
+    assert "did not take 8 MiB" in reported[0]
 
 
 def test_too_little_space_left_is_reported_and_makes_no_folder(tmp_path):
-    told = []
-    recorded(tmp_path, told=told, space=SpacePolicy(0, 1 << 60, False))
-    assert len(told) == 1
-    assert "[record] min_free_mb" in told[0]
+    reported = []
+    recorded(tmp_path, reported=reported, space=SpacePolicy(0, 1 << 60, False))
+    assert len(reported) == 1
+    assert "[record] min_free_mb" in reported[0]
     assert list(tmp_path.iterdir()) == []
 
 
@@ -217,18 +217,18 @@ def old_recording(directory, size):
 
 def test_at_the_limit_nothing_is_removed_unless_the_user_said_so(tmp_path):
     kept = [old_recording(tmp_path, 600), old_recording(tmp_path, 300)]
-    told = []
-    recorded(tmp_path, told=told, space=SpacePolicy(900, 0, False))
-    assert "[record] max_used_mb" in told[0]
+    reported = []
+    recorded(tmp_path, reported=reported, space=SpacePolicy(900, 0, False))
+    assert "[record] max_used_mb" in reported[0]
     assert recordings(tmp_path)[:2] == kept
 
 
 def test_the_oldest_makes_room_where_that_is_allowed_and_each_is_reported(tmp_path):
     oldest, younger = old_recording(tmp_path, 600), old_recording(tmp_path, 300)
     (tmp_path / "mine").mkdir()
-    told = []
-    recorded(tmp_path, told=told, space=SpacePolicy(920, 0, True))
-    assert [str(oldest) in line for line in told] == [True]
+    reported = []
+    recorded(tmp_path, reported=reported, space=SpacePolicy(920, 0, True))
+    assert [str(oldest) in line for line in reported] == [True]
     assert not oldest.exists()
     assert younger.exists()
     assert (tmp_path / "mine").exists()

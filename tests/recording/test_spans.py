@@ -118,16 +118,16 @@ def test_a_folder_that_is_full_is_followed_by_another():
 
 
 def test_the_folders_are_on_the_disk(tmp_path):
-    told = []
+    reported = []
     plan = RecordingPlan(directory=tmp_path, when="armed", sync_s=0.05, space=SpacePolicy(0, 0, False))
-    recorder = Recorder(plan, told.append, header=lambda: {"type": "header"}, summary=lambda: {"type": "summary"})
+    recorder = Recorder(plan, reported.append, header=lambda: {"type": "header"}, summary=lambda: {"type": "summary"})
     recorder.start()
     for now in range(200):
         recorder.on_armed(now in range(60, 70) or now >= 150, now * S)
         recorder.telemetry(now * S, b"%d" % now)
         recorder.target(now * S, {"type": "target"})
     recorder.close(5.0)
-    assert told == []
+    assert reported == []
     folders = recordings(tmp_path)
     assert len(folders) == 2
     for folder in folders:

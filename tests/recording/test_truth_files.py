@@ -21,9 +21,9 @@ from fwav_companion.recording.truth import parse_truth
     ids=["new-line inside", "deep", "huge", "long", "not finite", "beyond the pole", "round the world", "empty"],
 )
 def test_a_truth_file_of_another_form_is_one_line(text):
-    with pytest.raises(InputFileError, match="accepted: ") as told:
+    with pytest.raises(InputFileError, match="accepted: ") as reported:
         parse_truth(text, "truth")
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(reported.value)
 
 
 @pytest.mark.parametrize(

@@ -22,19 +22,19 @@ def read(tmp_path, **topics):
     return read_ulog(tmp_path / "flight.ulg")
 
 
-def told(log, name):
+def reported(log, name):
     return [fields for _, each, fields in messages_of(log) if each == name]
 
 
 def test_velocities_are_the_estimators_where_it_reports_them(tmp_path):
     log, skipped, damaged = read(tmp_path, vehicle_global_position=PLACES, vehicle_local_position=VELOCITIES)
     assert (skipped, damaged) == ([], False)
-    assert {(each["vx"], each["vy"], each["vz"]) for each in told(log, "GLOBAL_POSITION_INT")} == {(100, -200, 50)}
+    assert {(each["vx"], each["vy"], each["vz"]) for each in reported(log, "GLOBAL_POSITION_INT")} == {(100, -200, 50)}
 
 
 def test_velocities_come_from_positions_where_they_are_not_logged(tmp_path):
     log, _, _ = read(tmp_path, vehicle_global_position=PLACES)
-    assert [each["vx"] for each in told(log, "GLOBAL_POSITION_INT")] == [pytest.approx(1000, abs=2)] * 20
+    assert [each["vx"] for each in reported(log, "GLOBAL_POSITION_INT")] == [pytest.approx(1000, abs=2)] * 20
 
 
 @pytest.mark.parametrize("topic", ["vehicle_gps_position", "sensor_gps"])

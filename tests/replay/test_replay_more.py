@@ -124,9 +124,9 @@ def test_who_reads_it_may_stop_reading(site):
 
 @pytest.mark.parametrize("stdout", ["-", "/dev/stdout"])
 def test_targets_on_stdout_are_alone_there(site, stdout):
-    told = site.replay().stdout
+    reported = site.replay().stdout
     to_a_pipe = site.replay_apart("--out", stdout)
-    assert (to_a_pipe.returncode, to_a_pipe.stderr) == (0, told)
+    assert (to_a_pipe.returncode, to_a_pipe.stderr) == (0, reported)
     assert to_a_pipe.stdout.encode() == site.targets()
     with (site.folder / "file").open("wb") as file:  # which, opened anew, would begin at its first byte again
         assert site.replay_apart("--out", stdout, "--report", "report", "--alone", stdout=file).returncode == 0
@@ -135,16 +135,16 @@ def test_targets_on_stdout_are_alone_there(site, stdout):
 
 
 def test_targets_on_stdout_end_with_the_object_that_json_asks_for(site):
-    told = site.replay("--json")
+    reported = site.replay("--json")
     done = site.replay_apart("--json", "--out", "-")
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.encode() == site.targets()
-    assert json.loads(done.stdout.splitlines()[-1]) == json.loads(told.stdout)
+    assert json.loads(done.stdout.splitlines()[-1]) == json.loads(reported.stdout)
 
 
 def test_a_file_that_is_called_by_a_dash_is_one(site):
-    told = site.replay().stdout
-    assert site.replay("--out", "./-").stdout == told
+    reported = site.replay().stdout
+    assert site.replay("--out", "./-").stdout == reported
     assert (site.folder / "-").read_bytes() == site.targets()
 
 
@@ -169,10 +169,10 @@ def test_what_never_begins_or_never_ends_is_refused(site, monkeypatch, capsys, o
     words = {"--telemetry": "telemetry.tlog", "--detections": "detections.jsonl", "--config": "flight.toml"}
     words |= {"--out": "targets.jsonl", option: kind}
     assert main(["replay", *(word for pair in words.items() for word in pair)]) == 2
-    told = capsys.readouterr().err
-    assert told.startswith(f"fwav-companion: {kind}: {said}")
-    assert "; accepted: " in told
-    assert told.count("\n") == 1
+    reported = capsys.readouterr().err
+    assert reported.startswith(f"fwav-companion: {kind}: {said}")
+    assert "; accepted: " in reported
+    assert reported.count("\n") == 1
     assert not Path("targets.jsonl").exists()
 
 
@@ -272,10 +272,10 @@ def test_at_equal_times_telemetry_comes_before_the_frame(flown):
     times = sorted({unix_us for unix_us, _ in recording.messages})[100:110]
     lines = [json.dumps({"time_unix": at_us / 1e6, "frame": at_us, "detections": []}) for at_us in reversed(times)]
     recording = read_recording(bytes(companion.tlog), "\n".join(lines).encode(), own_components(companion.config))
-    order, told = Order(), [(unix_us, message.name) for unix_us, message in recording.messages]
+    order, reported = Order(), [(unix_us, message.name) for unix_us, message in recording.messages]
     list(_drive(order, recording, own_components(companion.config)))
     expected = []
-    for unix_us, name in told:
+    for unix_us, name in reported:
         if times and unix_us > times[0]:
             expected.append(times.pop(0))
         expected.append(name)

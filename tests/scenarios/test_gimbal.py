@@ -50,9 +50,9 @@ def test_a_gimbal_that_falls_silent_gives_no_fixes_and_says_why():
     silent = flight.options.start_unix_s + 6.0 + 0.35
     assert not [line for line in flight.companion.targets() if line["fix"] and line["time_unix"] > silent]
     assert flight.companion.lines[-1]["dropped"]["stale_gimbal"] > 30
-    told = flight.companion.pipeline.status(flight.companion._now)
-    assert told["telemetry"]["gimbal"]["age_s"] > 2.0
-    assert told["sight"]["refused"] is None
+    reported = flight.companion.pipeline.status(flight.companion._now)
+    assert reported["telemetry"]["gimbal"]["age_s"] > 2.0
+    assert reported["sight"]["refused"] is None
 
 
 def test_another_gimbal_is_not_ours():

@@ -33,6 +33,6 @@ def test_a_models_shift_to_the_take_off_height_is_reported(height_m, trouble):
     )
     for _ in mock.drive(companion):
         pass
-    told = status(companion)
-    assert (told["model"], told["datum"], told["trouble"]) == ("terrain", "egm96", trouble)
-    assert told["shift_m"] == pytest.approx(7.0 if height_m == 512.0 else 0.0, abs=0.5)
+    reported = status(companion)
+    assert (reported["model"], reported["datum"], reported["trouble"]) == ("terrain", "egm96", trouble)
+    assert reported["shift_m"] == pytest.approx(7.0 if height_m == 512.0 else 0.0, abs=0.5)

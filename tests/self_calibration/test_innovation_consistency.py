@@ -37,11 +37,13 @@ def an_innovation(difference, cov=NOISE, by_position=((0.0, 0.0), (0.0, 0.0))):
     )  # fmt: skip
 
 
-def drifted(differences, told=None, first_ns=0, **more):
-    told, drift = told or priors(), InnovationConsistency()
+def drifted(differences, reported=None, first_ns=0, **more):
+    reported, drift = reported or priors(), InnovationConsistency()
     for k, difference in enumerate(differences):
         drift = drift.seen(
-            first_ns + k * STEP_NS, an_innovation(difference, **{name: each[k] for name, each in more.items()}), told
+            first_ns + k * STEP_NS,
+            an_innovation(difference, **{name: each[k] for name, each in more.items()}),
+            reported,
         )
     return drift
 
@@ -57,9 +59,9 @@ def gauss_markov(rng, count, time_s):
 def test_noise_does_not_drift():
     rng = np.random.default_rng(1)
     drift = drifted(rng.standard_normal((8000, 2)) @ ROOT.T)
-    for scale, told in enumerate(drift.told):
-        assert told.weight == pytest.approx(8000 // (BLOCK << scale), abs=1)  # each block of noise tells fully
-        assert abs(told.excess) < 4.0 * np.sqrt(told.weight)  # half a chi square of two has the variance 1
+    for scale, reported in enumerate(drift.told):
+        assert reported.weight == pytest.approx(8000 // (BLOCK << scale), abs=1)  # each block of noise tells fully
+        assert abs(reported.excess) < 4.0 * np.sqrt(reported.weight)  # half a chi square of two has the variance 1
     assert 1.0 <= drift.factor < 1.5
 
 
@@ -68,12 +70,12 @@ def test_a_wandering_error_has_its_variance_at_every_block_length():
     rng, time_s, share = np.random.default_rng(2), 3.0, 0.8
     leaning = gauss_markov(rng, 30_000, time_s)[:, None] * np.array([share, 0.0])
     drift = drifted((rng.standard_normal((30_000, 2)) + leaning) @ ROOT.T)
-    for scale, told in enumerate(drift.told):
+    for scale, reported in enumerate(drift.told):
         n = BLOCK << scale
         lags = np.abs(np.subtract.outer(range(n), range(n))) * STEP_S
         more = 0.5 * share**2 * np.exp(-lags / time_s).sum() / n  # along one of two axes
         blocks = 30_000 / n
-        assert told.excess / told.weight == pytest.approx(more, abs=4.5 * (1.0 + more) / np.sqrt(blocks))
+        assert reported.excess / reported.weight == pytest.approx(more, abs=4.5 * (1.0 + more) / np.sqrt(blocks))
     assert drift.factor == pytest.approx(1.0 + more, rel=0.35)
 
 
@@ -81,7 +83,7 @@ def test_a_wandering_error_has_its_variance_at_every_block_length():
 def test_what_the_vehicles_position_explains_is_no_drift(turning):
     """It wanders by metres, and the target was placed by its mean; the image turns, where whole turns hide the mean."""
     rng, seconds = np.random.default_rng(3), 60.0
-    told = priors(position_north=1.0, position_east=1.0, position_bias_time_s=60.0)
+    reported = priors(position_north=1.0, position_east=1.0, position_bias_time_s=60.0)
     unaware, aware = [], []
     for _ in range(12):
         count = int(seconds / STEP_S)
@@ -92,7 +94,7 @@ def test_what_the_vehicles_position_explains_is_no_drift(turning):
         share = np.array([wandered(k * STEP_S, 60.0) for k in range(count)])
         cov = NOISE + share[:, None, None] * by_position @ by_position.transpose(0, 2, 1)
         seen = np.einsum("kij,kj->ki", by_position, off) + rng.standard_normal((count, 2)) @ ROOT.T
-        aware.append(drifted(seen, told, by_position=by_position, cov=cov).factor)
+        aware.append(drifted(seen, reported, by_position=by_position, cov=cov).factor)
         unaware.append(drifted(seen).factor)
     assert np.mean(aware) < 1.3
     assert min(unaware) > 3.0
@@ -118,10 +120,10 @@ def test_an_autopilot_that_errs_is_expected_to_drift_until_noise_is_seen():
 
 def test_where_the_vehicles_position_hides_all_else_little_is_expected_to_drift():
     """What was taught is uncertain by the position then, and that is in the claim."""
-    told, erring = priors(position_north=1.0, position_east=1.0), drift_of(priors(roll=0.01, pitch=0.01))
+    reported, erring = priors(position_north=1.0, position_east=1.0), drift_of(priors(roll=0.01, pitch=0.01))
     for k in range(600):
-        cov = NOISE + 64.0 * wandered(k * STEP_S, told.position_bias_time_s) * np.eye(2)
-        erring = erring.seen(k * STEP_NS, an_innovation((0.0, 0.0), cov, 8.0 * np.eye(2)), told)
+        cov = NOISE + 64.0 * wandered(k * STEP_S, reported.position_bias_time_s) * np.eye(2)
+        erring = erring.seen(k * STEP_NS, an_innovation((0.0, 0.0), cov, 8.0 * np.eye(2)), reported)
     assert 1.0 < erring.factor < 2.0
 
 

@@ -60,10 +60,10 @@ def test_a_mount_far_off_is_named_as_it_is_and_nothing_is_reported_as_certain(ve
         if report.mistake:
             assert report.status is CalibrationStatus.WAITING
             doubted += tracks
-    told = [float(number) for number in re.findall(r"-?\d+", named)]
+    reported = [float(number) for number in re.findall(r"-?\d+", named)]
     true = Rotation.from_rotvec(np.radians(vector_deg)) * BODY_FROM_CAMERA
-    as_told = Rotation.from_matrix(body_from_camera_from_euler(*np.radians(told[1:])))
-    assert told[0] == pytest.approx(np.linalg.norm(vector_deg), abs=3)
+    as_told = Rotation.from_matrix(body_from_camera_from_euler(*np.radians(reported[1:])))
+    assert reported[0] == pytest.approx(np.linalg.norm(vector_deg), abs=3)
     assert np.degrees((true.inv() * as_told).magnitude()) < 4
 
     assert doubted

@@ -120,8 +120,8 @@ def test_a_filter_that_rests_on_a_denied_prior_is_not_believed_though_it_claims_
     biases = np.zeros(BIAS_COUNT)
     biases[Bias.TIME_OFFSET], biases[Bias.HEIGHT] = 0.035, height_m
     sharp = {f"mount_{axis}": np.radians(0.2) for axis in "xyz"}
-    told = priors(height=0.2, heading=np.radians(0.5), **sharp)
-    track, report = flown(Flight(seed=seed, seconds=30, biases=biases, priors=told))
+    reported = priors(height=0.2, heading=np.radians(0.5), **sharp)
+    track, report = flown(Flight(seed=seed, seconds=30, biases=biases, priors=reported))
     assert [each.unknown for each in report.denied] == [SharedParameter.HEIGHT]
     error = np.subtract(track.position_ned[:2], TARGET)
     assert error @ np.linalg.solve(np.array(track.cov)[:2, :2], error) < chi2.ppf(0.99, 2)
@@ -156,8 +156,8 @@ def test_a_height_or_a_mount_far_beyond_its_prior_is_found_and_reported_and_bend
     assert error @ np.linalg.solve(np.array(track.cov)[:2, :2], error) < 13.8
 
     news = SelfCalibrationNotices(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), 0.0)
-    (told,) = (each.text for each in news.notices(report) if each.code is NoticeCode.PRIOR_EXCEEDED)
-    assert ("height_bias_m" if height_m else "mount_bias_deg") in told
+    (reported,) = (each.text for each in news.notices(report) if each.code is NoticeCode.PRIOR_EXCEEDED)
+    assert ("height_bias_m" if height_m else "mount_bias_deg") in reported
     assert NoticeCode.PRIOR_EXCEEDED not in [each.code for each in news.notices(report)]
 
 
@@ -171,9 +171,9 @@ def test_each_denied_prior_is_reported_by_the_key_that_states_it():
     )
     news = SelfCalibrationNotices(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), 0.0)
     notices = news.notices(msgspec.structs.replace(report, denied=denied))
-    told = [each for each in notices if each.code is NoticeCode.PRIOR_EXCEEDED]
+    reported = [each for each in notices if each.code is NoticeCode.PRIOR_EXCEEDED]
     for notice, figure, key in zip(
-        told,
+        reported,
         ("+50 ms", "-6.0 degrees", "+5.3 m"),
         ("time_offset_sigma_s", "mount_bias_deg", "height_bias_m"),
         strict=True,

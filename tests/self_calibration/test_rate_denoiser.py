@@ -23,7 +23,7 @@ def rolled(roll_rate, seconds: float, seed: int, noise: float = NOISE):
     nothing else; rates and spacing by the room that makes them.
     """
     draws, history, found = np.random.default_rng(seed), AttitudeHistory(), RateDenoiser()
-    roll, told, freed = 0.0, [], []
+    roll, reported, freed = 0.0, [], []
 
     def state_at(t):
         at = history.at(BootNs(int(t * 1e9)))
@@ -35,13 +35,13 @@ def rolled(roll_rate, seconds: float, seed: int, noise: float = NOISE):
         told_roll = Rotation.from_rotvec([roll, 0.0, 0.0]) * Rotation.from_rotvec(noise * draws.normal(size=3))
         q = np.roll(told_roll.as_quat(), 1)
         history.insert(AttitudeSample(BootNs(int(k * SPACING_S * 1e9)), tuple(map(float, q)), (0.0, 0.0, 0.0)))
-        while (t := len(told) / 30.0 + 0.2) < (k - 4) * SPACING_S - 0.15:
+        while (t := len(reported) / 30.0 + 0.2) < (k - 4) * SPACING_S - 0.15:
             state = state_at(t)
             slow = slow_between(state_at(t - 0.15), state_at(t + 0.15))
             found = found.with_state(state, slow, NOISE)
-            told.append(state.rates[0])
+            reported.append(state.rates[0])
             freed.append(found.freed_of_noise(DelayedPoses((vehicle_pose(state, 0.0),)), slow).moments[0].rates[0])
-    return found, np.array(told), np.array(freed)
+    return found, np.array(reported), np.array(freed)
 
 
 def turning(*chosen) -> RateDenoiser:
@@ -84,13 +84,13 @@ def test_a_slow_turn_shows_a_delay_beside_what_else_explains_it(seed):
         return radians(20.0) + radians(4.0) * cos(1.5 * t)
 
     delay, mount = 0.02, radians(1.0)
-    _, told, freed = rolled(banking, 20.0, seed)
-    angle = mount + delay * np.array([banking(k / 30.0 + 0.2) for k in range(len(told))])
+    _, reported, freed = rolled(banking, 20.0, seed)
+    angle = mount + delay * np.array([banking(k / 30.0 + 0.2) for k in range(len(reported))])
 
     def shown(rates):
         return np.linalg.lstsq(np.stack([rates[60:], np.ones(len(rates) - 60)], -1), angle[60:], rcond=None)[0][0]
 
-    assert shown(told) < 0.5 * delay
+    assert shown(reported) < 0.5 * delay
     assert shown(freed) == pytest.approx(delay, rel=0.15)
 
 

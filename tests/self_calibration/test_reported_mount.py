@@ -68,12 +68,12 @@ def test_reported_and_kept_mounts_are_covered_over_drawn_headings():
         mean = cov @ (information @ truth + root @ rng.standard_normal(len(USED)))
         verdict = assessed(as_joint(mean, cov), MEANS, SIGMAS, various=True, down=down)
         assert verdict.status is CalibrationStatus.CALIBRATED
-        told, kept = verdict.told, worth_keeping(verdict)
+        reported, kept = verdict.told, worth_keeping(verdict)
         mount, heading = truth[1:4], truth[4]
         expected = mount - heading * np.array(down)
-        told_in += [abs(told[i][0] - x) < 1.96 * told[i][1] for i, x in zip(MOUNT, expected, strict=True)]
+        told_in += [abs(reported[i][0] - x) < 1.96 * reported[i][1] for i, x in zip(MOUNT, expected, strict=True)]
         kept_in += [abs(m - x) < 1.96 * s for m, x, s in zip(kept.mount, mount, kept.mount_sigma, strict=True)]
-        assert told[SharedParameter.MOUNT_Z][1] < 0.35 * SIGMAS[SharedParameter.MOUNT_Z]
+        assert reported[SharedParameter.MOUNT_Z][1] < 0.35 * SIGMAS[SharedParameter.MOUNT_Z]
     share = np.concatenate([told_in, kept_in]) / FLIGHTS
     assert np.all(share > 0.95 - 3.3 * np.sqrt(0.95 * 0.05 / FLIGHTS))
     assert np.all(share < 0.95 + 3.3 * np.sqrt(0.95 * 0.05 / FLIGHTS))

@@ -78,7 +78,7 @@ def test_a_target_square_to_the_ray_is_no_prediction():
     ray /= np.linalg.norm(ray)
     aside = ray[:2] / np.hypot(*ray[:2])
     square = -glimpse.drop_m * ray[2] / np.hypot(*ray[:2])  # so far along the ray's own azimuth, it is at a right angle
-    told = 0
+    reported = 0
     for short in np.concatenate([[0.0], np.logspace(-9, 1.3, 40)]):
         target = tuple(camera[:2] + (square + short) * aside)
         joint = joint_of(priors(), sigmas, common, common)
@@ -91,11 +91,11 @@ def test_a_target_square_to_the_ray_is_no_prediction():
         )
         seen = joint.innovation(1, glimpse)
         if seen is not None:
-            told += 1
+            reported += 1
             uu, uv, vv = seen.noise
             assert seen.determinant > uu * vv - uv * uv > 0.0
             assert 0.0 <= seen.distance2 < 1e6
-    assert 0 < told < 41
+    assert 0 < reported < 41
 
 
 def test_rows_are_the_differences_of_the_residual():
@@ -110,9 +110,9 @@ def test_rows_are_the_differences_of_the_residual():
                 np.array(predict(glimpse, tuple(target + s * step[9:]), tuple(common + s * step[:9])).residual)
                 for s in (1, -1)
             ]
-            told = [(*c, *t)[i] for c, t in zip(at.by_common, at.by_target, strict=True)]
+            reported = [(*c, *t)[i] for c, t in zip(at.by_common, at.by_target, strict=True)]
             tolerance = 1e-3 * np.abs(at.by_common).max(1)[0] if i in (1, 2, 3) else 1e-3  # third order of the vector
-            assert -(sides[0] - sides[1]) / 2e-6 == pytest.approx(told, rel=1e-4, abs=tolerance)
+            assert -(sides[0] - sides[1]) / 2e-6 == pytest.approx(reported, rel=1e-4, abs=tolerance)
 
 
 def test_the_ground_point_is_where_the_residual_vanishes():
@@ -310,13 +310,13 @@ def test_what_was_learnt_outlives_the_tracks():
     tracker = make_tracker(TrackingOptions(self_calibration=True), flight.priors, world.state_at)
     for view in world.frames():
         tracker.on_frame(view)
-    told, keep = tracker.calibration, tracker.calibration.keep
+    reported, keep = tracker.calibration, tracker.calibration.keep
     tracker.drop_all(Reason.ORIGIN_SET, view.frame, view.host_ns, view.boot_ns)
     report = tracker.calibration
     assert report.time_offset_s == keep.time_offset_s == pytest.approx(0.035, abs=0.003)
     assert report.mount == keep.mount
     assert (
-        report.mount_sigma[2] > 2.0 * told.mount_sigma[2]
+        report.mount_sigma[2] > 2.0 * reported.mount_sigma[2]
     )  # as far as heading and mount are one, another flight's differ
     assert np.all(np.abs(report.mount + PLANTED[3:6]) < 3.0 * np.array(report.mount_sigma))
 

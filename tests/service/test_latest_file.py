@@ -44,28 +44,30 @@ def test_a_file_about_a_process_goes_with_it(tmp_path):
 
 def test_the_first_path_that_may_be_written_is_taken(tmp_path):
     (tmp_path / "file").write_text("")
-    told: list[str] = []
+    reported: list[str] = []
     second = tmp_path / "second" / "status.json"
-    file = LatestFile([tmp_path / "file" / "status.json", second], told.append, outlives_us=True)
+    file = LatestFile([tmp_path / "file" / "status.json", second], reported.append, outlives_us=True)
     file.start()
     file.write(b"{}")
     file.close(5.0)
     assert second.read_bytes() == b"{}"
-    assert told == []
+    assert reported == []
 
 
 def test_where_nothing_can_be_written_that_is_reported_once(tmp_path):
     (tmp_path / "file").write_text("")
-    told: list[str] = []
+    reported: list[str] = []
     told_once = threading.Event()
-    file = LatestFile([tmp_path / "file" / "a.json"], lambda why: (told.append(why), told_once.set()), outlives_us=True)
+    file = LatestFile(
+        [tmp_path / "file" / "a.json"], lambda why: (reported.append(why), told_once.set()), outlives_us=True
+    )
     file.start()
     file.write(b"1")
     assert told_once.wait(10.0)
     file.write(b"2")
     file.close(5.0)
-    assert len(told) == 1
-    assert "Not a directory" in told[0] or "exists" in told[0]
+    assert len(reported) == 1
+    assert "Not a directory" in reported[0] or "exists" in reported[0]
 
 
 def test_where_the_status_may_lie():

@@ -50,8 +50,8 @@ class Tap:
         start = time.monotonic()
         time.sleep(seconds)
         heard = [message for at, message in list(self.seen) if at >= start]
-        told = [message.get_type() for message in heard if message.get_srcComponent() == component]
-        return {name: told.count(name) / seconds for name in names}
+        reported = [message.get_type() for message in heard if message.get_srcComponent() == component]
+        return {name: reported.count(name) / seconds for name in names}
 
     def _run(self) -> None:
         while not self._stop.is_set():

@@ -24,18 +24,18 @@ class Autopilot:
         """``rng``: of the flight's seed; what the camera sees is drawn from it afterwards."""
         self.flight, self.rng = flight, rng
         times = np.arange(-1.0, flight.seconds + 1.0, 1 / flight.attitude_hz)
-        told = self._attitudes(times)
+        reported = self._attitudes(times)
         late = rng.uniform(0, flight.stamp_late_s, len(times)) - flight.stamp_late_s / 2
         if flight.late_by is not None:
             late = np.full(len(times), flight.late_by)
-        self.euler = CubicSpline(times + late, np.unwrap(told.as_euler("ZYX"), axis=0))
+        self.euler = CubicSpline(times + late, np.unwrap(reported.as_euler("ZYX"), axis=0))
         self.euler_rate = self.euler.derivative()
         self.slow = np.arange(-1.0, flight.seconds + 1.1, 0.1)
         self.height_noise = rng.standard_normal(len(self.slow)) * flight.priors.height_noise_m
         self.position_noise = rng.standard_normal((len(self.slow), 2)) * flight.priors.position_noise_m
         self.wander = self._wandering(self.slow)
 
-    def told(self, t):
+    def reported(self, t):
         """Of the camera at the times t: rotation, position, rates, velocity."""
         t = np.asarray(t, float)
         ypr, rate = self.euler(t), self.euler_rate(t)
@@ -53,7 +53,7 @@ class Autopilot:
         t = (boot_ns - BOOT_NS) * 1e-9
         if not -0.9 < t < self.flight.seconds + 0.9:
             return Unpaired(Reason.STALE_ATTITUDE)
-        rotation, position, rates, velocity = self.told([t])
+        rotation, position, rates, velocity = self.reported([t])
         return a_state(boot_ns, rotation.as_quat()[0], rates[0], position[0], velocity[0], *self.stamping)
 
     @property

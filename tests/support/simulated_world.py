@@ -39,11 +39,11 @@ class World:
         stamps = np.arange(0.0, self.flight.seconds, 1 / self.flight.fps)
         stamps = np.round(stamps * 1e6) / 1e6
         seen = self._seen(stamps - self.flight.biases[Bias.TIME_OFFSET])
-        told = self.autopilot.told(stamps)
+        reported = self.autopilot.reported(stamps)
         by_frame = [[] for _ in stamps]
-        for k, fix in self._fixes(stamps, told, seen) if seen else ():
+        for k, fix in self._fixes(stamps, reported, seen) if seen else ():
             by_frame[k].append(fix)
-        rotation, position, _, _ = told
+        rotation, position, _, _ = reported
         return [
             FrameView(
                 frame=k, host_ns=host_ns(t), boot_ns=boot_ns(t), fixes=tuple(by_frame[k]),
@@ -73,10 +73,10 @@ class World:
             seen.append((k, rng.uniform([0, 0], [639, 479]), flight.labels[0]))
         return seen
 
-    def _fixes(self, stamps, told, seen):
+    def _fixes(self, stamps, reported, seen):
         """(index of the frame, fix) of every detection whose ray goes down to the ground."""
         index, uv = np.array([k for k, _, _ in seen]), np.array([uv for _, uv, _ in seen])
-        cast = _Cast([one[index] for one in told], uv)
+        cast = _Cast([one[index] for one in reported], uv)
         jacobian = cast.by_bias()
         noise, total, relative = self._covariances(cast, jacobian)
         for n, (k, _, label) in enumerate(seen):
@@ -127,9 +127,9 @@ class World:
 class _Cast:
     """N pixels cast to the ground from where the autopilot has the camera, and how that moves, by differences."""
 
-    def __init__(self, told, uv) -> None:
+    def __init__(self, reported, uv) -> None:
         """``told``: N rotations, positions, rates and velocities."""
-        self.rotation, self.camera, self.rates, self.velocity = told
+        self.rotation, self.camera, self.rates, self.velocity = reported
         self.uv, self.ray = uv, camera_from_pixel(uv)
         self.d_du = (camera_from_pixel(uv + RIGHT) - camera_from_pixel(uv - RIGHT)) / 0.02
         self.d_dv = (camera_from_pixel(uv + BELOW) - camera_from_pixel(uv - BELOW)) / 0.02

@@ -61,8 +61,8 @@ def test_it_runs_the_installed_command_with_the_installed_configuration():
     assert program == "/opt/fwav-companion/venv/bin/fwav-companion"
     assert arguments == ["run", "--config", "/etc/fwav-companion/fwav-companion.toml"]
     readme = (FOLDER / "README.md").read_text()
-    for told in (readme, (FOLDER.parent / "README.md").read_text()):
-        assert "python3 -m venv /opt/fwav-companion/venv" in told
+    for reported in (readme, (FOLDER.parent / "README.md").read_text()):
+        assert "python3 -m venv /opt/fwav-companion/venv" in reported
     assert re.search(r"install -m 644 systemd/fwav-companion.toml .* /etc/fwav-companion/", readme)
 
 

@@ -11,10 +11,10 @@ MS = 1_000_000
 S = 1000 * MS
 
 
-def after(*told: tuple[int, float]) -> BootTimeline:
+def after(*reported: tuple[int, float]) -> BootTimeline:
     """Having placed (time_boot_ms, arrival in seconds)."""
     timeline = BootTimeline()
-    for boot_ms, arrival_s in told:
+    for boot_ms, arrival_s in reported:
         timeline.place(boot_ms, HostNs(round(arrival_s * 1e9)))
     return timeline
 

@@ -93,9 +93,9 @@ def test_006_reboot():
     """The clock begins anew at 30 s: told once, and right again at once."""
     wire = Wire(up=constant(0.004), down=constant(0.006)).run(30.0)
     wire.boot_start_s = -28.0
-    told = [wire.exchange(33.0 + 0.1 * k) for k in range(20)]
-    assert told.index(True) == 2
-    assert told.count(True) == 1
+    reported = [wire.exchange(33.0 + 0.1 * k) for k in range(20)]
+    assert reported.index(True) == 2
+    assert reported.count(True) == 1
     error_s, estimate = wire.error_s(35.0)
     assert abs(error_s) <= 1.1e-3
     assert estimate.status in {ClockStatus.SETTLING, ClockStatus.SETTLED}

@@ -41,10 +41,10 @@ def test_absurd_quaternions_are_none(bad):
 
 
 def test_positions():
-    told = decoding.position(fields("GLOBAL_POSITION_INT", vx=150, vy=-20, vz=5, relative_alt=-1500))
-    assert told.place.lat_deg == pytest.approx(47.3977420, abs=1e-12)
-    assert told.place.alt_amsl_m == 500.0
-    assert (told.height_above_home_m, told.velocity_ned) == (-1.5, (1.5, -0.2, 0.05))
+    reported = decoding.position(fields("GLOBAL_POSITION_INT", vx=150, vy=-20, vz=5, relative_alt=-1500))
+    assert reported.place.lat_deg == pytest.approx(47.3977420, abs=1e-12)
+    assert reported.place.alt_amsl_m == 500.0
+    assert (reported.height_above_home_m, reported.velocity_ned) == (-1.5, (1.5, -0.2, 0.05))
     nowhere = decoding.position(fields("GLOBAL_POSITION_INT", lat=0, lon=0))
     assert nowhere.place is None
     assert nowhere.height_above_home_m == 10.0

@@ -62,8 +62,8 @@ def test_stamps_that_do_not_scatter_are_taken_at_their_word(delay, scatter_ms, l
         assert pitch_deg(autopilot, asked_ms) == pytest.approx(true_deg, abs=2e-3)
     in_step = scatter_ms == 0.0
     assert autopilot.telemetry.status(autopilot.host(2000.0))["attitude_stamps_in_step"] is in_step
-    told = [event for event in autopilot.events if isinstance(event, StampDelay)]
-    assert [event.in_step for event in told] == ([True] if in_step and delay != 0.0025 else [])
+    reported = [event for event in autopilot.events if isinstance(event, StampDelay)]
+    assert [event.in_step for event in reported] == ([True] if in_step and delay != 0.0025 else [])
 
 
 def test_the_uncertainty_of_stamps_is_reported():
@@ -131,8 +131,8 @@ def test_the_pitch_trim_that_attitude_lacks_is_put_back(vehicle_type, parameters
         autopilot.tell("PARAM_VALUE", 200, param_id=name, param_value=value)
     autopilot.attitudes(200, 400)
     assert pitch_deg(autopilot, 303.0) == pytest.approx(missing_deg, abs=1e-9)
-    told = [event.deg for event in autopilot.events if isinstance(event, PitchTrimUndone)]
-    assert told == ([missing_deg] if missing_deg else [])
+    reported = [event.deg for event in autopilot.events if isinstance(event, PitchTrimUndone)]
+    assert reported == ([missing_deg] if missing_deg else [])
     assert autopilot.telemetry.status(autopilot.host(400.0))["pitch_trim_undone_deg"] == missing_deg
     if missing_deg:
         assert autopilot.telemetry.state_at(BootNs(195 * MS)) == Unpaired(Reason.BEFORE_HISTORY, pytest.approx(5e-3))

@@ -43,8 +43,8 @@ def errors_mm(
             roll, pitch, yaw = motion(of)
             p, q, r = rates[min(len(rates) - 1, int(of * 1e4))]
             fields = {"roll": roll, "pitch": pitch, "yaw": yaw, "rollspeed": p, "pitchspeed": q, "yawspeed": r}
-            told = message("ATTITUDE", time_boot_ms=int(t * 1e3), **fields)
-            autopilot.telemetry.on_message(told, host(arrival))
+            reported = message("ATTITUDE", time_boot_ms=int(t * 1e3), **fields)
+            autopilot.telemetry.on_message(reported, host(arrival))
         elif kind == 1:
             up, down = wire(), wire()
             told_ns = BootNs(round((t + up) * 1e6) * 1000)

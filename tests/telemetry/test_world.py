@@ -19,24 +19,24 @@ def kinds(autopilot: Autopilot, kind: type) -> list:
 def test_the_first_position_is_the_origin_on_the_ground_of_take_off():
     autopilot = Autopilot()
     autopilot.tell("GLOBAL_POSITION_INT", 100, alt=512_300, relative_alt=12_300)
-    (told,) = kinds(autopilot, OriginSet)
-    assert not told.late
-    assert (told.origin.lat_deg, told.origin.lon_deg) == (pytest.approx(LAT * 1e-7), pytest.approx(LON * 1e-7))
-    assert told.origin.alt_amsl_m == pytest.approx(500.0)
+    (reported,) = kinds(autopilot, OriginSet)
+    assert not reported.late
+    assert (reported.origin.lat_deg, reported.origin.lon_deg) == (pytest.approx(LAT * 1e-7), pytest.approx(LON * 1e-7))
+    assert reported.origin.alt_amsl_m == pytest.approx(500.0)
     autopilot.tell("GLOBAL_POSITION_INT", 200, lat=LAT + 5000)
     autopilot.tell("GPS_GLOBAL_ORIGIN", 300)
     autopilot.tell("GLOBAL_POSITION_INT", 400)
     assert len(kinds(autopilot, OriginSet)) == 1
-    assert autopilot.telemetry.world.plane.origin == told.origin
+    assert autopilot.telemetry.world.plane.origin == reported.origin
 
 
 def test_an_origin_reported_before_is_taken_with_the_height_of_the_ground():
     autopilot = Autopilot()
     autopilot.tell("GPS_GLOBAL_ORIGIN", 50, latitude=LAT - 1000, longitude=LON + 1000, altitude=123_000)
     autopilot.tell("GLOBAL_POSITION_INT", 100)
-    (told,) = kinds(autopilot, OriginSet)
-    assert told.origin.lat_deg == pytest.approx((LAT - 1000) * 1e-7)
-    assert told.origin.alt_amsl_m == pytest.approx(490.0)
+    (reported,) = kinds(autopilot, OriginSet)
+    assert reported.origin.lat_deg == pytest.approx((LAT - 1000) * 1e-7)
+    assert reported.origin.alt_amsl_m == pytest.approx(490.0)
 
 
 def test_no_fix_no_origin():

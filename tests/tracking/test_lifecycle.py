@@ -35,19 +35,19 @@ def test_it_is_confirmed_by_five_sights():
 def test_a_single_sight_ends_as_never_confirmed():
     tracker = make_tracker(TrackingOptions(), NO_BIAS)
     fed(tracker, 0.0, 0.1)
-    told = fed(tracker, 0.1, 1.0, seen=False)
-    assert [(t.state, t.reason) for tracks in told for t in tracks] == [
+    reported = fed(tracker, 0.1, 1.0, seen=False)
+    assert [(t.state, t.reason) for tracks in reported for t in tracks] == [
         (TrackState.TENTATIVE, None),
         (TrackState.TENTATIVE, None),
         (TrackState.DROPPED, Reason.NEVER_CONFIRMED),
     ]
 
 
-def told_by(pattern, fps=10):
+def outcomes(pattern, fps=10):
     """State and reason of the first track after each frame; in the pattern s is a detection, . is none."""
     tracker = make_tracker(TrackingOptions(), NO_BIAS)
-    told = [fed(tracker, k / fps, 1 / fps, fps=fps, seen=letter == "s")[0] for k, letter in enumerate(pattern)]
-    return [(tracks[0].state, tracks[0].reason) if tracks and tracks[0].id == 1 else None for tracks in told]
+    reported = [fed(tracker, k / fps, 1 / fps, fps=fps, seen=letter == "s")[0] for k, letter in enumerate(pattern)]
+    return [(tracks[0].state, tracks[0].reason) if tracks and tracks[0].id == 1 else None for tracks in reported]
 
 
 @pytest.mark.parametrize(
@@ -63,23 +63,23 @@ def told_by(pattern, fps=10):
 def test_five_of_ten_looks_confirm_it_and_four_do_not(pattern, state, reason):
     """A detector with a miss rate of one half shows a target five times in ten frames. Before the tenth frame a
     tentative track is deleted only after three misses in a row."""
-    last = told_by(pattern)[-1]
+    last = outcomes(pattern)[-1]
     assert last == (None if state is None else (state, reason))
 
 
 def test_looks_that_see_nothing_end_it_after_three_seconds():
-    told = fed(confirmed(), 1.0, 5.0, seen=False)
-    ends = [(round(k / 10, 1), t.reason) for k, tracks in enumerate(told) for t in tracks if t.reason]
+    reported = fed(confirmed(), 1.0, 5.0, seen=False)
+    ends = [(round(k / 10, 1), t.reason) for k, tracks in enumerate(reported) for t in tracks if t.reason]
     assert ends == [(2.9, Reason.NOT_SEEN)]
-    assert told[0][0].state is TrackState.CONFIRMED
-    assert told[5][0].state is TrackState.COASTING
-    assert told[-1] == ()
+    assert reported[0][0].state is TrackState.CONFIRMED
+    assert reported[5][0].state is TrackState.COASTING
+    assert reported[-1] == ()
 
 
 def test_frames_that_could_not_see_do_not_count():
     tracker = confirmed()
-    told = fed(tracker, 1.0, 60.0, seen=False, looks=False, fps=5)
-    assert told[-1][0].state is TrackState.COASTING
+    reported = fed(tracker, 1.0, 60.0, seen=False, looks=False, fps=5)
+    assert reported[-1][0].state is TrackState.COASTING
     assert fed(tracker, 61.0, 0.1)[0][0].id == 1
 
 
@@ -98,13 +98,13 @@ def test_a_target_that_is_seen_where_no_fix_can_be_had_is_not_given_up(label, be
 
 
 def test_it_is_not_kept_for_ever():
-    told = fed(confirmed(), 1.0, 302.0, seen=False, looks=False, fps=1)
-    assert [t.reason for tracks in told for t in tracks if t.reason] == [Reason.NOT_SEEN_LONG]
+    reported = fed(confirmed(), 1.0, 302.0, seen=False, looks=False, fps=1)
+    assert [t.reason for tracks in reported for t in tracks if t.reason] == [Reason.NOT_SEEN_LONG]
 
 
 def test_a_slow_camera_gives_up_by_looks_not_by_seconds():
-    told = fed(confirmed(), 2.0, 20.0, fps=1, seen=False)
-    assert [k for k, tracks in enumerate(told) for t in tracks if t.reason] == [14]  # 15 looks at 0.2 s each
+    reported = fed(confirmed(), 2.0, 20.0, fps=1, seen=False)
+    assert [k for k, tracks in enumerate(reported) for t in tracks if t.reason] == [14]  # 15 looks at 0.2 s each
 
 
 def test_drop_all_reports_every_track_once_and_uses_no_id_again():
@@ -138,8 +138,8 @@ def test_what_is_remembered_does_not_blind_to_what_is_there():
         tracker.on_frame(a_view(k / 10, *[a_fix(k / 10, (50.0 * i, 3, 0)) for i in range(20)]))
     for k in range(8, 12):  # track 3 alone is still seen for a while
         tracker.on_frame(a_view(k / 10, a_fix(k / 10, (100.0, 3, 0)), sees=False))
-    told = [tracker.on_frame(a_view(k / 10, a_fix(k / 10, (5000.0, 3, 0)), sees=False)) for k in range(20, 30)]
-    dropped = [(t.id, t.reason) for tracks in told for t in tracks if t.state is TrackState.DROPPED]
+    reported = [tracker.on_frame(a_view(k / 10, a_fix(k / 10, (5000.0, 3, 0)), sees=False)) for k in range(20, 30)]
+    dropped = [(t.id, t.reason) for tracks in reported for t in tracks if t.state is TrackState.DROPPED]
     assert dropped == [(1, Reason.TOO_MANY_TRACKS)]
-    (seen,) = (t for t in told[-1] if t.state is TrackState.CONFIRMED)
+    (seen,) = (t for t in reported[-1] if t.state is TrackState.CONFIRMED)
     assert (seen.id, seen.position_ned[0]) == (21, pytest.approx(5000.0, abs=1.0))

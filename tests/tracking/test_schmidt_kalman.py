@@ -60,13 +60,13 @@ def test_a_surprise_is_the_mahalanobis_distance_of_the_difference_and_nothing_ne
         cov = cov[:2, :2] + own.scatter.variance * np.eye(2)
         difference = np.subtract(fix.position, own.position)[:2]
         distance2 = difference @ np.linalg.solve(cov, difference)
-        told = surprise(own, fix, TIMED)
-        if told.distance2 == inf:
+        reported = surprise(own, fix, TIMED)
+        if reported.distance2 == inf:
             far += 1
             assert distance2 > GATE
             continue
-        assert told.distance2 == pytest.approx(distance2, rel=1e-9)
-        assert told.spread == pytest.approx(np.log(np.linalg.det(cov) / np.linalg.det(np.array(fix.noise)[:2, :2])))
+        assert reported.distance2 == pytest.approx(distance2, rel=1e-9)
+        assert reported.spread == pytest.approx(np.log(np.linalg.det(cov) / np.linalg.det(np.array(fix.noise)[:2, :2])))
     assert 60 < far < 240
 
 

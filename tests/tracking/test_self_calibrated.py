@@ -37,8 +37,8 @@ def test_beside_the_papers_filter_it_finds_its_values_and_moves_nothing():
     alone, none = flown(flight, filter="lowpass")
     assert is_found(report)
     assert none is None
-    told = [[(t.id, t.position_ned, t.cov) for t in each] for each in tracks]
-    assert told == [[(t.id, t.position_ned, t.cov) for t in each] for each in alone]
+    reported = [[(t.id, t.position_ned, t.cov) for t in each] for each in tracks]
+    assert reported == [[(t.id, t.position_ned, t.cov) for t in each] for each in alone]
 
 
 def test_where_targets_may_move_it_learns_from_the_one_that_stands():
@@ -74,9 +74,9 @@ def test_a_frame_whose_edge_a_crooked_mount_may_move_did_not_look(crooked, state
     angle = np.radians(1.0 if crooked else 0.1)
     p = priors(mount_x=angle, mount_y=angle, mount_z=angle, heading=0.0, time_offset=0.0)
     tracker = make_tracker(TrackingOptions(self_calibration=True), p)
-    told = ()
+    reported = ()
     for k in range(60):
         fixes = [a_fix(k / 10, (4.0, 3.0, 0.0))] if k < 10 else []
         view = msgspec.structs.replace(a_view(k / 10, *fixes), could_see=lambda place: place[0] < 4.3)
-        told = tracker.on_frame(view) or told
-    assert told[0].state is state
+        reported = tracker.on_frame(view) or reported
+    assert reported[0].state is state

@@ -18,22 +18,22 @@ ONE, OTHER, MIDDLE = (3.6, 3.0), (4.4, 3.0), (4.0, 3.0)
 
 def flown(frames, fps=FPS, sees=True, **options):
     """All tracks after each frame; a frame: where something is seen, and the detection's label and id."""
-    tracker, told = make_tracker(TrackingOptions(**options), NO_BIAS), []
+    tracker, reported = make_tracker(TrackingOptions(**options), NO_BIAS), []
     for k, seen in enumerate(frames):
         fixes = [a_fix(k / fps, (*place, 0.0), **detection) for place, detection in seen]
-        told.append(tracker.on_frame(a_view(k / fps, *fixes, sees=sees)))
-    return told
+        reported.append(tracker.on_frame(a_view(k / fps, *fixes, sees=sees)))
+    return reported
 
 
-def replaced(told):
+def replaced(reported):
     """(id, by whom) of all that ended so."""
-    ends = [track for tracks in told for track in tracks if track.reason is Reason.REPLACED]
+    ends = [track for tracks in reported for track in tracks if track.reason is Reason.REPLACED]
     return [(track.id, track.replaced_by) for track in ends]
 
 
-def believed(told):
+def believed(reported):
     """Ids of the believed tracks after the last frame."""
-    return [track.id for track in told[-1] if track.confirmed_host_ns is not None and track.reason is None]
+    return [track.id for track in reported[-1] if track.confirmed_host_ns is not None and track.reason is None]
 
 
 def scattered(rng, place):
@@ -53,42 +53,42 @@ def one_target(rng, frames, kinds=({}, {})):
 @pytest.mark.parametrize("motion", ["static", "moving"])
 @pytest.mark.parametrize("seed", range(3))
 def test_two_tracks_of_one_target_become_the_senior_one(seed, motion):
-    told = flown(both() + one_target(np.random.default_rng(seed), 12 * FPS), motion=motion)
-    assert replaced(told) == [(2, 1)]
-    (end,) = (k for k, tracks in enumerate(told) if any(track.replaced_by for track in tracks))
+    reported = flown(both() + one_target(np.random.default_rng(seed), 12 * FPS), motion=motion)
+    assert replaced(reported) == [(2, 1)]
+    (end,) = (k for k, tracks in enumerate(reported) if any(track.replaced_by for track in tracks))
     assert end >= 10 + 3 * FPS - 1
-    assert told[end][0].fix is not None, "what was seen goes on with the other one"
-    assert (told[-1][0].id, told[-1][0].replaces) == (1, (2,))
+    assert reported[end][0].fix is not None, "what was seen goes on with the other one"
+    assert (reported[-1][0].id, reported[-1][0].replaces) == (1, (2,))
 
 
 def test_the_one_that_was_confirmed_first_stays():
     """Though the other one was seen before it."""
     seldom, often = (4.6, 3.0), (3.4, 3.0)
     first = [[(seldom, {})], *([(often, {}), *([(seldom, {})] * (k % 2))] for k in range(20))]
-    told = flown([*first, *both(), *one_target(np.random.default_rng(0), 20 * FPS)])
-    assert told[0][0].id == 1
-    assert replaced(told) == [(1, 2)]
+    reported = flown([*first, *both(), *one_target(np.random.default_rng(0), 20 * FPS)])
+    assert reported[0][0].id == 1
+    assert replaced(reported) == [(1, 2)]
 
 
 def test_three_tracks_of_one_target_become_one():
     three = [[*both()[0], ((4.0, 3.6), {})]] * 10
-    told = flown(three + one_target(np.random.default_rng(1), 30 * FPS))
-    assert believed(told) == [1]
-    assert sorted(told[-1][0].replaces) == [2, 3]
+    reported = flown(three + one_target(np.random.default_rng(1), 30 * FPS))
+    assert believed(reported) == [1]
+    assert sorted(reported[-1][0].replaces) == [2, 3]
 
 
 def test_a_slow_camera_takes_as_many_looks():
-    told = flown(both() + one_target(np.random.default_rng(0), 200), fps=1)
-    assert replaced(told) == [(2, 1)]
-    assert sum(len(tracks) == 2 for tracks in told) >= 10 + 60 - 1
+    reported = flown(both() + one_target(np.random.default_rng(0), 200), fps=1)
+    assert replaced(reported) == [(2, 1)]
+    assert sum(len(tracks) == 2 for tracks in reported) >= 10 + 60 - 1
 
 
 @pytest.mark.parametrize(
     "kinds", [({"label": "car"}, {"label": "person"}), ({"detector_id": 7}, {"detector_id": 8})], ids=["label", "id"]
 )
-def test_two_detector_ids_are_two_targets(kinds):
-    told = flown(both(*kinds) + one_target(np.random.default_rng(0), 30 * FPS, kinds))
-    assert believed(told) == [1, 2]
+def test_two_labels_or_detector_ids_are_two_targets(kinds):
+    reported = flown(both(*kinds) + one_target(np.random.default_rng(0), 30 * FPS, kinds))
+    assert believed(reported) == [1, 2]
 
 
 @pytest.mark.parametrize("motion", ["static", "moving"])
@@ -97,14 +97,14 @@ def test_two_targets_that_are_seldom_seen_stay_two(share_fps, motion):
     share, fps = share_fps
     rng = np.random.default_rng(round(100 * share) + fps)
     seen = [[(place, {}) for place in (ONE, OTHER) if rng.random() < share] for _ in range(120 * fps)]
-    told = flown(both() + seen, fps, motion=motion)
-    assert not replaced(told)
+    reported = flown(both() + seen, fps, motion=motion)
+    assert not replaced(reported)
 
 
 @pytest.mark.parametrize("frames", [7, 15, 30, 60])
 def test_two_targets_that_hide_in_turns_stay_two(frames):
-    told = flown(both() + [[((ONE, OTHER)[k // frames % 2], {})] for k in range(40 * FPS)])
-    assert believed(told) == [1, 2]
+    reported = flown(both() + [[((ONE, OTHER)[k // frames % 2], {})] for k in range(40 * FPS)])
+    assert believed(reported) == [1, 2]
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -112,16 +112,16 @@ def test_one_that_left_is_not_seen_rather_than_replaced(seed):
     """Though the frames before had missed both now and then."""
     rng = np.random.default_rng(seed)
     seen = [[(place, {}) for place in (ONE, OTHER) if rng.random() < 0.8] for _ in range(8 * FPS)]
-    told = flown(both() + seen + [[(scattered(rng, ONE), {})] for _ in range(6 * FPS)])
-    assert not replaced(told)
+    reported = flown(both() + seen + [[(scattered(rng, ONE), {})] for _ in range(6 * FPS)])
+    assert not replaced(reported)
 
 
 def test_far_targets_that_take_turns_stay_two():
     far = (30.0, 3.0)
-    told = flown(both(places=(ONE, far)) + [[((ONE, far)[k % 2], {})] for k in range(20 * FPS)])
-    assert believed(told) == [1, 2]
+    reported = flown(both(places=(ONE, far)) + [[((ONE, far)[k % 2], {})] for k in range(20 * FPS)])
+    assert believed(reported) == [1, 2]
 
 
 def test_frames_that_could_not_see_the_other_say_nothing():
-    told = flown(both() + one_target(np.random.default_rng(0), 20 * FPS), sees=False)
-    assert believed(told) == [1, 2]
+    reported = flown(both() + one_target(np.random.default_rng(0), 20 * FPS), sees=False)
+    assert believed(reported) == [1, 2]

@@ -164,7 +164,7 @@ def test_a_folder_that_comes_later_and_a_socket_that_is_deleted(tmp_path: Path, 
     async def story() -> None:
         async with listening(str(path)) as t:
             await asyncio.sleep(0.05)
-            assert t.states == [(False, "No such file or directory")], "told once"
+            assert t.states == [(False, "No such file or directory")], "reported once"
             path.parent.mkdir()
             await t.until(lambda: len(t.states) == 2)
             path.unlink()

@@ -61,7 +61,7 @@ def test_pictures_come_through_a_pipe_in_pieces(pipe: Writer):
 
 
 @pytest.mark.parametrize(
-    ("data", "told"),
+    ("data", "reported"),
     [
         (b"x" * 5000, "without its line of JSON"),
         (b"[1]\n", "not a JSON object"),
@@ -74,9 +74,9 @@ def test_pictures_come_through_a_pipe_in_pieces(pipe: Writer):
         (b'{"size": [1, 1], "format": "gray8", "time_unix": NaN}\nx', "exactly one of"),
     ],
 )
-def test_what_is_no_picture_closes_the_pipe_by_a_clear_word(pipe: Writer, data: bytes, told: str):
+def test_what_is_no_picture_closes_the_pipe_by_a_clear_word(pipe: Writer, data: bytes, reported: str):
     pipe.write(data)
-    with pytest.raises(SourceLostError, match=told):
+    with pytest.raises(SourceLostError, match=reported):
         pipe.source.read(0.0)
     pipe.close()
 
@@ -143,7 +143,7 @@ def test_a_video_plays_to_its_end(tmp_path: Path):
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "reported"),
     [
         ("/nowhere/at/all", "No such file"),
         ("/dev/video977", "it does not exist"),
@@ -153,8 +153,8 @@ def test_a_video_plays_to_its_end(tmp_path: Path):
         ("http:/10.0.0.1/video", "accepted: libcamera:0 | "),
     ],
 )
-def test_what_is_not_there_is_lost_and_not_a_crash(text: str, told: str):
-    with pytest.raises(SourceLostError, match=told):
+def test_what_is_not_there_is_lost_and_not_a_crash(text: str, reported: str):
+    with pytest.raises(SourceLostError, match=reported):
         open_source(text)
 
 

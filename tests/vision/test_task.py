@@ -15,7 +15,7 @@ def config(*vision: str):
 
 
 @pytest.mark.parametrize(
-    ("source", "told"),
+    ("source", "reported"),
     [
         ("frames", "/flights/one/frames"),
         ("../video.avi", "/flights/one/../video.avi"),
@@ -25,8 +25,8 @@ def config(*vision: str):
         ("libcamera:1", "libcamera:1"),
     ],
 )
-def test_paths_are_relative_to_the_file_and_other_sources_are_not(source: str, told: str):
-    assert make_vision_task(config(f'source = "{source}"')) == VisionTask(told)
+def test_paths_are_relative_to_the_file_and_other_sources_are_not(source: str, reported: str):
+    assert make_vision_task(config(f'source = "{source}"')) == VisionTask(reported)
 
 
 def test_a_detectors_settings_go_along():

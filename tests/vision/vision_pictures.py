@@ -40,8 +40,8 @@ def tag_picture(
     return np.clip(picture + noise, 0, 255).astype(np.uint8)
 
 
-def pipe_bytes(picture: np.ndarray, **told) -> bytes:
+def pipe_bytes(picture: np.ndarray, **reported) -> bytes:
     """As a picture travels in a pipe."""
     height, width = picture.shape[:2]
-    header = {"size": [width, height], "format": "gray8" if picture.ndim == 2 else "bgr8", **told}
+    header = {"size": [width, height], "format": "gray8" if picture.ndim == 2 else "bgr8", **reported}
     return json.dumps(header).encode() + b"\n" + picture.tobytes()

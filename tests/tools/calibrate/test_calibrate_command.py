@@ -42,19 +42,19 @@ def calibrated(chess_folder, tmp_path_factory):
 
 
 def test_the_file_is_the_lens_that_drew_the_pictures(calibrated):
-    folder, _, told = calibrated
+    folder, _, reported = calibrated
     lens = parse_calibration((folder / "camera.yaml").read_text(), "camera.yaml").lens
     truth = half_size(PAPER)
     k, middle = [c / truth.c[0] for c in truth.c], list(truth.centre)
     text = f"model: kannala_brandt\nimage_size: [320, 240]\nk_mm: {k}\nprincipal_point: {middle}\n"
     drew = parse_calibration(f"{text}pixels_per_mm: [{truth.c[0]}, {truth.c[0]}]\n", "truth").lens
-    apart, claimed = lens_difference(lens, drew), told["rays"][-1]
+    apart, claimed = lens_difference(lens, drew), reported["rays"][-1]
     assert np.degrees(apart.rms) < 3.0 * claimed["sigma_deg"] < 1.5
     assert np.degrees(apart.rms_without_rotation) < 3.0 * claimed["sigma_mount_known_deg"] < 0.6
 
 
 def test_it_says_of_what_and_how_good(calibrated, chess_folder):
-    folder, said, told = calibrated
+    folder, said, reported = calibrated
     text = (folder / "camera.yaml").read_text()
     for line in (
         "12 pictures of 320 x 240",
@@ -67,29 +67,29 @@ def test_it_says_of_what_and_how_good(calibrated, chess_folder):
         assert line in text
     assert "wrote camera.yaml" in said
     assert "pixel_noise_px" in said
-    assert told["ok"] is True
-    assert told["noise_px"] < 0.15
-    used = [row for row in told["pictures"] if row["used"]]
-    assert len(told["pictures"]) == len(list(chess_folder.iterdir()))
-    assert len(used) == len([row for row in told["pictures"] if row["corners"]]) >= 7
-    assert all(row["why"].startswith("cut off: ") for row in told["pictures"] if not row["used"])
+    assert reported["ok"] is True
+    assert reported["noise_px"] < 0.15
+    used = [row for row in reported["pictures"] if row["used"]]
+    assert len(reported["pictures"]) == len(list(chess_folder.iterdir()))
+    assert len(used) == len([row for row in reported["pictures"] if row["corners"]]) >= 7
+    assert all(row["why"].startswith("cut off: ") for row in reported["pictures"] if not row["used"])
 
 
 def test_it_ends_with_a_verdict(calibrated):
-    folder, said, told = calibrated
+    folder, said, reported = calibrated
     verdict = next(line for line in said.splitlines() if line.startswith("verdict: "))
     assert verdict in (folder / "camera.yaml").read_text()
-    assert verdict.startswith(f"verdict: {told['verdict']}")
-    assert told["verdict"] in ("good", "usable")
-    assert said.splitlines()[-1] in (verdict, *(f"  - {remedy}" for remedy in told["take"]))
-    assert 20.0 < told["usable_deg"] < 35.0
+    assert verdict.startswith(f"verdict: {reported['verdict']}")
+    assert reported["verdict"] in ("good", "usable")
+    assert said.splitlines()[-1] in (verdict, *(f"  - {remedy}" for remedy in reported["take"]))
+    assert 20.0 < reported["usable_deg"] < 35.0
 
 
 def test_the_reprojection_error_is_opencvs(chess_folder, tmp_path, capsys):
     """OpenCV's own calibration of the same pictures by the same model reports the same RMS, to a tenth."""
     assert calibrate(chess_folder, tmp_path / "camera.yaml", "--json") == 0
-    told = json.loads(capsys.readouterr().out.splitlines()[-1])
-    used = [row["name"] for row in told["pictures"] if row["used"]]
+    reported = json.loads(capsys.readouterr().out.splitlines()[-1])
+    used = [row["name"] for row in reported["pictures"] if row["used"]]
     places = np.stack(np.meshgrid(np.arange(7), np.arange(5)), axis=-1).reshape(1, -1, 2) * 0.025
     pixels = [finder_of(parse_board(BOARD)).find(cv2.imread(name, cv2.IMREAD_GRAYSCALE))[1] for name in used]
     board = [np.concatenate([places, np.zeros((1, 35, 1))], axis=2)] * len(used)
@@ -98,7 +98,7 @@ def test_the_reprojection_error_is_opencvs(chess_folder, tmp_path, capsys):
     stop = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 200, 1e-12)
     corners = [each.reshape(1, -1, 2) for each in pixels]
     rms, *_ = cv2.fisheye.calibrate(board, corners, (320, 240), K, D, flags=flags, criteria=stop)
-    assert told["reprojection_rms_px"] == pytest.approx(rms, rel=0.1)
+    assert reported["reprojection_rms_px"] == pytest.approx(rms, rel=0.1)
 
 
 @pytest.mark.parametrize("noise_px", [0.05, 0.9])
@@ -116,11 +116,11 @@ def test_a_poor_calibration_is_written_with_its_verdict_and_ends_with_1(
     monkeypatch.setattr(ChessboardFinder, "find", find)
     status = calibrate(chess_folder, tmp_path / "camera.yaml", "--json")
     shown = capsys.readouterr()
-    told = json.loads(shown.out.splitlines()[-1])
+    reported = json.loads(shown.out.splitlines()[-1])
     poor = noise_px > 0.5
-    assert (status, told["ok"], told["verdict"] == "poor") == (int(poor), not poor, poor)
+    assert (status, reported["ok"], reported["verdict"] == "poor") == (int(poor), not poor, poor)
     assert ("Take these pictures and calibrate again:" in shown.out) == poor
-    assert f"# verdict: {told['verdict']}" in (tmp_path / "camera.yaml").read_text()
+    assert f"# verdict: {reported['verdict']}" in (tmp_path / "camera.yaml").read_text()
     assert shown.err == ""
 
 
@@ -144,8 +144,8 @@ def test_nothing_is_written_over_without_a_word(calibrated, chess_folder, tmp_pa
     assert out.read_text() == "mine"
     old = calibrated[0] / "camera.yaml"
     assert calibrate(chess_folder, out, "--overwrite", "--compare", str(old), "--json") == 0
-    told = json.loads(capsys.readouterr().out.splitlines()[-1])
-    same, unread = told["compared"]
+    reported = json.loads(capsys.readouterr().out.splitlines()[-1])
+    same, unread = reported["compared"]
     assert same["rms_deg"] < 1e-6
     assert "not_compared" in unread
     assert parse_calibration(out.read_text(), "camera.yaml").lens.image_size == (320, 240)

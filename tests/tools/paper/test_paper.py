@@ -51,8 +51,8 @@ def test_a_median_scatters_from_seed_to_seed_as_it_says(seeds, low, high):
     """Of 8 seeds: the 99.9 % limits of a standard deviation."""
     rows = [compare(seed, runs=100).rows[5] for seed in range(20, 20 + seeds)]
     for column in OUR_ROWS:
-        told = np.mean([getattr(row, column).median_sigma for row in rows])
-        assert low * told < np.std([getattr(row, column).median for row in rows], ddof=1) < high * told
+        reported = np.mean([getattr(row, column).median_sigma for row in rows])
+        assert low * reported < np.std([getattr(row, column).median for row in rows], ddof=1) < high * reported
 
 
 def test_the_filters_theory(comparison):
@@ -90,10 +90,10 @@ def test_the_command_prints_the_table_draws_four_figures_and_ends_with_json(tmp_
     assert main(["paper", "--out", str(tmp_path / "figures"), "--seed", "3", "--json"]) == 0
 
     text = capsys.readouterr().out
-    told = json.loads(text.splitlines()[-1])
-    assert told["seed"] == 3
-    assert len(told["rows"]) == 9
-    hold("paper", keys([told], "paper", tables={"paper.table_i", "paper.rms_by_source_m"}))
+    reported = json.loads(text.splitlines()[-1])
+    assert reported["seed"] == 3
+    assert len(reported["rows"]) == 9
+    hold("paper", keys([reported], "paper", tables={"paper.table_i", "paper.rms_by_source_m"}))
     assert "Table I, unfiltered" in text
     assert sorted(p.name for p in (tmp_path / "figures").iterdir()) == [
         "error-sources.png",
@@ -107,9 +107,9 @@ def test_without_matplotlib_the_numbers_come_and_one_line_names_what_the_figures
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     assert main(["paper", "--out", str(tmp_path), "--json"]) == 2
 
-    told = capsys.readouterr()
-    assert json.loads(told.out.splitlines()[-1])["seed"] == 1
-    (line,) = told.err.splitlines()
+    reported = capsys.readouterr()
+    assert json.loads(reported.out.splitlines()[-1])["seed"] == 1
+    (line,) = reported.err.splitlines()
     assert "pip install '.[demo]'" in line
 
 

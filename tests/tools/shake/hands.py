@@ -40,7 +40,7 @@ class Hands:
     configured: Any = field(default_factory=lambda: BELLY)
     image: Any = field(default_factory=lambda: np.eye(2))
     """What becomes of the picture about its middle: turned, mirrored."""
-    told_signs: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    reported_signs: tuple[float, float, float] = (1.0, 1.0, 1.0)
     """Of roll, pitch and yaw, as the autopilot tells them."""
     swing_deg: tuple[float, float, float] = (11.0, 11.0, 4.0)
     flap_deg: float = 2.0
@@ -56,7 +56,7 @@ class Hands:
     corner_px: float = 0.15
     attitude_deg: float = 0.1
     readout_s: float = 0.0
-    told_readout: tuple[float, float] = (0.0, 0.0)
+    assumed_readout: tuple[float, float] = (0.0, 0.0)
     """What the estimate is told of it, and its sigma."""
     spoiled: float = 0.0
     """Share of frames with a corner somewhere else."""
@@ -107,7 +107,7 @@ class Hands:
 
     def shaking(self, **what: Any) -> ShakeData:
         rng = np.random.default_rng(self.seed + 1)
-        readout_s, readout_sigma_s = self.told_readout
+        readout_s, readout_sigma_s = self.assumed_readout
         given = {
             "tags": self._views(rng),
             "attitude_at": self._attitude_at(rng),
@@ -168,7 +168,7 @@ class Hands:
         noise = np.radians(self.attitude_deg) * rng.normal(size=(int((self.seconds + 4.0) * ATTITUDE_HZ), 3))
         step = 1.0 / ATTITUDE_HZ
         times = np.arange(-1.0, self.seconds + 1.0, 0.0025)
-        course = self.angles(times) * np.array(self.told_signs)
+        course = self.angles(times) * np.array(self.reported_signs)
 
         def attitude_at(boot_ns: BootNs) -> tuple[float, float, float, float] | None:
             t = boot_ns * 1e-9 - BOOT_S

@@ -29,8 +29,8 @@ def errors_and_sigmas(hands):
         PLAIN.but(delay_s=-0.012, seconds=24.0),
         PLAIN.but(slope_deg=(0.5, -0.4)),
         PLAIN.but(configured=FORWARD_DOWN),
-        PLAIN.but(readout_s=0.02, told_readout=(0.02, 0.0)),
-        PLAIN.but(readout_s=0.02, told_readout=(1 / 60, 1 / 30 / 12**0.5)),
+        PLAIN.but(readout_s=0.02, assumed_readout=(0.02, 0.0)),
+        PLAIN.but(readout_s=0.02, assumed_readout=(1 / 60, 1 / 30 / 12**0.5)),
         PLAIN.but(spoiled=0.05),
         PLAIN.but(reorder=(0, 3, 2, 1)),
         PLAIN.but(reorder=(2, 3, 0, 1)),
@@ -63,10 +63,10 @@ MISTAKES = {
     "image mirrored left to right": {"image": np.diag([-1, 1])},
     "image mirrored top to bottom": {"image": np.diag([1, -1])},
     "image mirrored and turned by 90 deg": {"image": np.array([[0, 1], [1, 0]])},
-    "roll reversed": {"told_signs": (-1, 1, 1)},
-    "pitch reversed": {"told_signs": (1, -1, 1)},
-    "yaw reversed": {"told_signs": (1, 1, -1)},
-    "roll, pitch and yaw reversed": {"told_signs": (-1, -1, -1)},
+    "roll reversed": {"reported_signs": (-1, 1, 1)},
+    "pitch reversed": {"reported_signs": (1, -1, 1)},
+    "yaw reversed": {"reported_signs": (1, 1, -1)},
+    "roll, pitch and yaw reversed": {"reported_signs": (-1, -1, -1)},
 }
 
 

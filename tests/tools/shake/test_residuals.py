@@ -4,7 +4,7 @@ import pytest
 from hands import Hands, correction_deg
 
 STEADY = Hands(seed=4, corner_px=0.02, attitude_deg=0.0)
-ROWS = STEADY.but(readout_s=0.02, told_readout=(0.02, 0.0))
+ROWS = STEADY.but(readout_s=0.02, assumed_readout=(0.02, 0.0))
 
 
 @pytest.mark.parametrize(
@@ -13,7 +13,7 @@ ROWS = STEADY.but(readout_s=0.02, told_readout=(0.02, 0.0))
         (STEADY, 0.022),
         (STEADY.but(slope_deg=(0.5, -0.4)), 0.022),
         (ROWS, 0.08),
-        (ROWS.but(told_readout=(1 / 60, 1 / 30 / 12**0.5)), 0.08),
+        (ROWS.but(assumed_readout=(1 / 60, 1 / 30 / 12**0.5)), 0.08),
     ],
     ids=["plain", "slope", "rows", "rows unknown"],
 )

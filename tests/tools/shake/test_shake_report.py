@@ -19,13 +19,13 @@ def shaken():
 
 
 def test_the_lines_round_trip(shaken):
-    told = tomllib.loads("\n".join(CONFIGURED.toml_lines(shaken)))
-    mount = told["camera"]["mount"]
+    reported = tomllib.loads("\n".join(CONFIGURED.toml_lines(shaken)))
+    mount = reported["camera"]["mount"]
     angles = (radians(mount[f"{axis}_deg"]) for axis in ("roll", "pitch", "yaw"))
     assert np.allclose(body_from_camera_from_euler(*angles), shaken.body_from_camera, atol=1e-4)
-    assert told["camera"]["time_offset_s"] == pytest.approx(0.01 + shaken.delay.value, abs=6e-5)
-    assert told["uncertainty"]["time_offset_sigma_s"] >= shaken.delay.sigma
-    assert radians(told["uncertainty"]["mount_bias_deg"]) >= max(known.sigma for known in shaken.mount)
+    assert reported["camera"]["time_offset_s"] == pytest.approx(0.01 + shaken.delay.value, abs=6e-5)
+    assert reported["uncertainty"]["time_offset_sigma_s"] >= shaken.delay.sigma
+    assert radians(reported["uncertainty"]["mount_bias_deg"]) >= max(known.sigma for known in shaken.mount)
     assert is_usable(shaken)
 
 
@@ -47,7 +47,7 @@ def test_people_read_it_all(shaken):
 
 
 def test_a_wrong_sign_offers_no_lines_and_its_name():
-    shaken = Hands(seed=5, told_signs=(-1, 1, 1)).found()
+    shaken = Hands(seed=5, reported_signs=(-1, 1, 1)).found()
     assert CONFIGURED.toml_lines(shaken) == []
     assert "1. roll reversed" in list(CONFIGURED.text(shaken))
     assert not is_usable(shaken)
@@ -55,8 +55,8 @@ def test_a_wrong_sign_offers_no_lines_and_its_name():
 
 def test_what_was_not_shown_has_no_lines():
     shaken = Hands(seed=5, turn_deg=0.0).found()
-    told = tomllib.loads("\n".join(CONFIGURED.toml_lines(shaken)))
-    assert set(told) == {"camera", "uncertainty"}
-    assert set(told["camera"]) == {"time_offset_s"}
-    assert set(told["uncertainty"]) == {"time_offset_sigma_s"}
+    reported = tomllib.loads("\n".join(CONFIGURED.toml_lines(shaken)))
+    assert set(reported) == {"camera", "uncertainty"}
+    assert set(reported["camera"]) == {"time_offset_s"}
+    assert set(reported["uncertainty"]) == {"time_offset_sigma_s"}
     assert not is_usable(shaken)
