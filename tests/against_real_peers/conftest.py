@@ -1,4 +1,6 @@
-"""MAVProxy in an environment of its own: it pulls in a gigabyte that a ground station without windows does not need."""
+"""Installs MAVProxy into an environment of its own: its dependencies take a gigabyte that a headless station does not
+need.
+"""
 
 import fcntl
 import os
@@ -10,12 +12,12 @@ from pathlib import Path
 import pytest
 
 PINNED = ("MAVProxy==1.8.75", "pymavlink==2.4.50", "pyserial==3.5", "fastcrc==0.5.0")
-"""What a headless MAVProxy imports, and no more: installed without what else it asks for."""
+"""Packages that a headless MAVProxy imports; installed without their declared dependencies."""
 
 
 @pytest.fixture(scope="session")
 def mavproxy() -> tuple[str, str]:
-    """The command that starts it. Made once, from PyPI, and kept in the user's cache for the next time."""
+    """The command that starts MAVProxy. It is installed once from PyPI and kept in the user's cache."""
     cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "fwav-companion-tests"
     version = f"{sys.version_info.major}.{sys.version_info.minor}"
     home = cache / f"{'-'.join(PINNED)}-python{version}".replace("==", "-")

@@ -1,4 +1,4 @@
-"""MAVSDK's camera plugin as the station: prints what it knows of the vehicle's camera, then stops its tracking.
+"""MAVSDK's camera plugin as a ground station: prints what it knows of the vehicle's camera, then stops its tracking.
 
 A program of its own, as ``mavsdk_station.py``. ``python mavsdk_camera.py udpin://127.0.0.1:14550``
 """

@@ -39,7 +39,7 @@ def on_message(message: MavlinkMessage) -> None:
 
 
 def send(direct: MavlinkDirect, command: dict[str, float]) -> None:
-    """A COMMAND_LONG, and what was answered."""
+    """Send a COMMAND_LONG and print its result."""
     message = MavlinkMessage(
         message_name="COMMAND_LONG",
         system_id=245,

@@ -69,7 +69,7 @@ def test_mavproxy_sees_the_vehicle_and_the_target_and_is_obeyed(site: Site, mavp
                 number = {"CAMERA_STOP_TRACKING": 2010}.get(line, line.split()[0])
                 peer.tell(f"long {line}")
                 peer.wait_for(rf"COMMAND_ACK {{command : {number}, result : {result},", SECONDS_S)
-            peer.tell("status")  # its counters of all messages, whoever sent them
+            peer.tell("status")  # its counters of all messages, from every sender
             peer.wait_for(r"\d+: ATTITUDE {", SECONDS_S)  # the quaternion is only ours, and stays here
             wait_until_logged(site, ("CAMERA_INFORMATION", 100))
             peer.stop(signal.SIGINT)
@@ -93,7 +93,7 @@ def test_mavproxy_sees_the_vehicle_and_the_target_and_is_obeyed(site: Site, mavp
 
 @pytest.mark.timeout(400)
 def test_mavproxy_prints_our_texts_once_it_listens_to_every_component(site: Site, mavproxy: tuple[str, str]):
-    """As the README says: of itself it prints the texts of the autopilot's component alone."""
+    """MAVProxy prints only the texts of the autopilot's component by default, as the README says."""
     with site.service() as service, site.mock("--scenario", "unbiased", seconds=60.0) as mock:
         service.wait_for("link ground is up")
         with station(site, mavproxy) as peer:

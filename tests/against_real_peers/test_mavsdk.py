@@ -135,7 +135,7 @@ def test_mavsdk_gets_the_streams_that_it_asks_of_an_autopilot_that_sends_nothing
 
 
 def measured(site: Site, name: str, least_hz: float) -> dict[str, Any]:
-    """What the service says of a rate of its own, once it measures as much."""
+    """The service's own report of one of its rates, once at least ``least_hz`` is measured."""
     deadline = time.monotonic() + SECONDS_S
     while time.monotonic() < deadline:
         rate: dict[str, Any] = site.status()["rates"].get(name) or {}
@@ -146,7 +146,7 @@ def measured(site: Site, name: str, least_hz: float) -> dict[str, Any]:
 
 
 def wait_for_count(peer: Process, text: str, count: int) -> None:
-    """Until it has said this so often, answers and messages alike being lines of their own."""
+    """Wait until the text was printed ``count`` times; answers and messages are lines of their own."""
     peer.wait_for(rf"(?s)(?:{re.escape(text)}.*?){{{count}}}", SECONDS_S)
 
 

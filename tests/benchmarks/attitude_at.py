@@ -1,7 +1,7 @@
 """The attitude at one instant: ours, in a history of three seconds, against scipy's Slerp between the two neighbours.
 
-Slerp is built and called for each instant, as a detection here and there has it; its rotations come as quaternions, as
-messages bring them. ``python -m tests.benchmarks.attitude_at``
+Slerp is built and called for each instant, as single detections need it; its rotations come as quaternions, as in
+messages. ``python -m tests.benchmarks.attitude_at``
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""The daemon that looks through a camera itself: what all of its processes take, with AprilTags at 640x480.
+"""The daemon with a camera of its own: memory and CPU of all its processes, with AprilTags at 640x480.
 
-A folder stands for the camera, into which a picture comes thirty times a second; the mock flies beside it.
-``python -m tests.benchmarks.camera``
+A folder replaces the camera: a picture is added thirty times a second. The mock flies as a separate process. ``python
+-m tests.benchmarks.camera``
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ detector = "apriltag"
 
 
 def picture(number: int) -> np.ndarray:
-    """Some tags on a floor of noise, elsewhere in each picture."""
+    """A picture with some tags on a noisy floor; their places differ from picture to picture."""
     rng = np.random.default_rng(number)
     pixels = rng.integers(90, 150, (SIZE[1], SIZE[0]), dtype=np.uint8)
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
@@ -50,7 +50,7 @@ def picture(number: int) -> np.ndarray:
 
 
 def fill(folder: Path, seconds: float) -> None:
-    """Tell of a picture each frame interval."""
+    """Print the name of a new picture in each frame interval."""
     until = time.monotonic() + seconds
     number = 0
     with (folder / "stamps.jsonl").open("a") as lines:
@@ -68,7 +68,7 @@ def family(pid: int) -> list[int]:
 
 
 def memory_mib(pid: int, kind: str) -> float:
-    """Of a process: Pss, of which shared pages count by the share, or Rss, of which they count whole."""
+    """Memory of a process: Pss, which counts shared pages by their share, or Rss, which counts them in full."""
     for line in Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines():
         if line.startswith(f"{kind}:"):
             return int(line.split()[1]) / KIB_A_MIB
@@ -76,7 +76,7 @@ def memory_mib(pid: int, kind: str) -> float:
 
 
 def measure() -> list[Figure]:
-    """The most that they took together, looked at once a second."""
+    """The maxima over all processes, sampled once a second."""
     port = free_port()
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))

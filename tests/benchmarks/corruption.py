@@ -1,4 +1,4 @@
-"""Good frames lost beside corrupted ones: none of 10 200 may be, where pymavlink loses some.
+"""Good frames lost next to corrupted ones: 0 of 10 200 allowed, where pymavlink loses some.
 
 ``python -m tests.benchmarks.corruption``
 """
@@ -20,7 +20,7 @@ CHUNK = 256
 
 
 def _stream() -> tuple[bytes, list[bytes]]:
-    """A byte of every twentieth frame is altered."""
+    """(stream, good frames): one byte of every twentieth frame is altered."""
     rng = random.Random(2)
     pieces, good = [], []
     for i, frame in enumerate(frames(GOOD * EVERY // (EVERY - 1) + EVERY)):
@@ -34,7 +34,9 @@ def _stream() -> tuple[bytes, list[bytes]]:
 
 
 def _lost(good: list[bytes], found: list[bytes]) -> int:
-    """Frames are told apart by their bytes, and many heartbeats are equal: they are counted."""
+    """The number of good frames that were not found. Frames are compared by their bytes and counted, because many
+    heartbeats are equal.
+    """
     left: dict[bytes, int] = {}
     for frame in found:
         left[frame] = left.get(frame, 0) + 1

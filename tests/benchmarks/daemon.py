@@ -1,9 +1,9 @@
-"""The daemon at work, as a process of its own beside the mock: memory, CPU, and how soon a detection is answered.
+"""The daemon as a separate process with the mock: memory, CPU, and the latency from a detection to its answer.
 
-The mock sends attitudes at 100 Hz and thirty frames a second; everything is relayed to one ground station. We stand
-between the two: a detection is timed from when it goes to the daemon until the kernel has its LANDING_TARGET, whenever
-we get to read it. The daemon has the priority that its systemd unit gives it, where we may give it.
-``python -m tests.benchmarks.daemon``
+The mock sends attitudes at 100 Hz and thirty frames a second; everything is relayed to one ground station. The
+benchmark sits between the two: a detection is timed from its transmission to the daemon until the kernel receives its
+LANDING_TARGET, independent of when the benchmark reads it. The daemon has the priority of its systemd unit where
+permissions allow it. ``python -m tests.benchmarks.daemon``
 """
 
 from __future__ import annotations
@@ -32,13 +32,14 @@ SETTLING_S = 8.0
 """Adoption, rates and clock, and the first targets confirmed."""
 MEASURED_S = 20.0
 NEAR_S = 0.02
-"""A LANDING_TARGET's capture and its frame's stamp differ by less: by offsets and rows."""
+"""Upper limit of the difference between a LANDING_TARGET's capture and its frame's stamp (offsets and rows),
+seconds."""
 TICKS_A_SECOND = os.sysconf("SC_CLK_TCK")
 NICE = -5
-"""Of the systemd unit."""
+"""Niceness in the systemd unit."""
 SO_TIMESTAMPNS = 35
-"""Linux, asm-generic/socket.h: a datagram comes with the instant at which it came (CLOCK_REALTIME, a struct timespec);
-Python has no name for it."""
+"""Linux, asm-generic/socket.h: a datagram carries its arrival time (CLOCK_REALTIME, a struct timespec); Python has no
+name for the option."""
 TIMESPEC = struct.Struct("@qq")
 ANCILLARY_BYTES = socket.CMSG_SPACE(TIMESPEC.size)
 
@@ -65,7 +66,7 @@ camera = {"camera.missed": 0.0, "camera.clutter": 0.0, "camera.latency_s": float
 changes = {"targets": targets, "seconds": 600.0, **camera}
 live.run(scenario("default").but(changes), live.Plan(sys.argv[1], sys.argv[2]), lambda: False, lambda _: None)
 """
-"""Ten of them in the picture, as the row wants it, told so long after a frame's last row."""
+"""A detector with ten targets in view, which sends each frame at a given delay after its last row."""
 BARE = """
 import asyncio, socket, sys
 heard, station = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
@@ -77,26 +78,31 @@ async def main():
     await asyncio.Event().wait()
 asyncio.run(main())
 """
-"""Passes datagrams on and does nothing else: what being woken costs here, with the caches as others left them."""
+"""A process that only forwards datagrams: the cost of waking up on this machine, with the caches as other processes
+leave them."""
 EARLY_S, LATE_S = 0.03, 0.05
-"""The row wants all that lies between a detection and its answer, with the mock's own detector. A frame that comes so
-early may wait for the second attitude after its capture, which at 100 Hz takes up to 20 ms to be made and a few to
-come; behind a slower one, as of markers on a small board, none waits, and what is timed is our work."""
+"""Delays after the last row, seconds. The benchmark covers everything between a detection and its answer, with the
+mock's own detector. A frame at EARLY_S may wait for the second attitude after its capture, which at 100 Hz takes up
+to 20 ms to be made and a few to arrive; at LATE_S, as with marker detection on a small board, no frame waits, and
+the time is our processing alone."""
 
 
 class Work(NamedTuple):
-    """What the daemon took while it was watched."""
+    """Resources of the daemon during the measurement."""
 
     rss_mib: float
     cpu: float
-    """Of one core."""
+    """Share of one core."""
     latencies_s: list[float]
     bare_cpu: float
-    """What a process took that only passed on the same datagrams of the autopilot; 0.0 where there was none."""
+    """Share of one core of a process that only forwards the same datagrams of the autopilot; 0.0 without such a
+    process."""
 
 
 class Between:
-    """Sockets between the mock and the daemon, and a deaf ground station: a real one is another machine's work."""
+    """Sockets between the mock and the daemon, and a ground station that does not read: a real one is another machine's
+    work.
+    """
 
     def __init__(self) -> None:
         self.sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(4)]
@@ -106,10 +112,10 @@ class Between:
         self.daemon.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
         self.vehicle: tuple[str, int] | None = None
         self.bare: tuple[str, int] | None = None
-        """Who only passes on what the autopilot says, beside the daemon."""
+        """Address of the process that only forwards the autopilot's datagrams, in parallel with the daemon."""
         self.scanner = Scanner(datagrams=True)
         self.stamps: dict[float, float] = {}
-        """When a frame went to the daemon, Unix seconds, by its stamp."""
+        """Transmission times of frames to the daemon, Unix seconds, by their stamps."""
         self.latencies_s: list[float] = []
 
     def port(self, sock: socket.socket) -> int:
@@ -117,7 +123,7 @@ class Between:
         return port
 
     def carry(self, autopilot: tuple[str, int], detections: tuple[str, int], seconds: float) -> None:
-        """Everything both ways for this long."""
+        """Forward everything in both directions for the given time."""
         until = time.monotonic() + seconds
         while (left := until - time.monotonic()) > 0.0:
             for ready in select.select(self.sockets[:3], [], [], left)[0]:
@@ -152,7 +158,7 @@ class Between:
 
 @contextmanager
 def child(*command: str, folder: Path) -> Iterator[subprocess.Popen[bytes]]:
-    """Until the block ends."""
+    """A child process that is killed when the block ends."""
     process = subprocess.Popen(
         [sys.executable, *command], cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
     )
@@ -164,13 +170,13 @@ def child(*command: str, folder: Path) -> Iterator[subprocess.Popen[bytes]]:
 
 
 def cpu_s(pid: int) -> float:
-    """Of a process since its start."""
+    """CPU time of a process since its start, seconds."""
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / TICKS_A_SECOND
 
 
 def rss_mib(pid: int) -> float:
-    """Of a process now."""
+    """Current resident memory of a process, MiB."""
     return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
 
 
@@ -182,7 +188,7 @@ def free_port() -> int:
 
 
 def watch(*, camera: bool = True, calibrates: bool = False, ten_sent_after_s: float | None = None) -> Work:
-    """One flight; over ten targets where it is said how late they are told."""
+    """One flight; with ``ten_sent_after_s``, ten targets whose frames are sent at this delay after the last row."""
     autopilot, detections = ("127.0.0.1", free_port()), ("127.0.0.1", free_port())
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
@@ -220,7 +226,7 @@ def watch(*, camera: bool = True, calibrates: bool = False, ten_sent_after_s: fl
 
 
 def answered(sent_after_s: float, name: str) -> Figure:
-    """How soon a detection is answered, of ten in each frame."""
+    """The 98th percentile of the latency of answers, with ten detections in each frame."""
     latencies_s = watch(ten_sent_after_s=sent_after_s).latencies_s
     if len(latencies_s) < MEASURED_S:
         raise AssertionError("no landing target came back")

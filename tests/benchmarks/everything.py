@@ -28,7 +28,9 @@ BENCHMARKS = (
 
 
 def benchmarks(names: Sequence[str] = BENCHMARKS) -> Iterator[tuple[str, Callable[[], list[Figure]]]]:
-    """Each by its name, imported when its turn comes: one's libraries are no burden on those before it."""
+    """Each benchmark with its name; a module is imported when its turn comes, so its libraries do not affect earlier
+    ones.
+    """
     for name in names:
         yield name, import_module(f"tests.benchmarks.{name}").measure
 

@@ -1,16 +1,16 @@
-"""One fix taken by the filter of a standing target, with all that fixes share, against filterpy.
+"""One update of the static-target filter, with all shared biases, against filterpy.
 
-Twice: against the same answer by filterpy and numpy (``plain_filter``), and against the bare step of filterpy's filter
-with the target's place and the eleven biases of a flight over level ground in one state, all of whose matrices stand.
-``python -m tests.benchmarks.filter_update``
+Two comparisons: with the same estimate by filterpy and numpy (``plain_filter``), and with the bare step of filterpy's
+filter over one state of the target's position and the eleven biases of a flight over level ground, its matrices
+constant. ``python -m tests.benchmarks.filter_update``
 
-Ten times as fast is not to be had in Python. filterpy's step is some twenty calls of numpy, each about a microsecond
-whatever the size of the state. A tenth of that is as many bytecodes as it takes to look at each bias a few times, and
-each has to be scaled, faded, weighed against what the target shares with it already, and blended, north and east: all
-of it written out in one function of scalars still takes 4.3 us. Putting that off (information form, worked out when
-asked) saves nothing: a tracker asks in every frame, to tell whose the next fix is. Compiled by mypyc the same modules
-take two thirds of the time, for a compiler on every board. numpy itself would be 16 MiB of a daemon's memory, and no
-faster at this size than it is there.
+Ten times as fast is not possible in Python. filterpy's step is about twenty calls of numpy, each about a microsecond
+for any size of the state. A tenth of that is the number of bytecodes that reads each bias a few times, and each bias
+has to be scaled, decayed, decorrelated from what the target already shares with it, and updated, north and east: all of
+it in one function of scalars still takes 4.3 us. Delaying the work (information form, evaluated on demand) saves
+nothing: a tracker evaluates the state in every frame to associate the next fix. Compiled by mypyc the same modules take
+two thirds of the time, but every board would need a compiler. numpy itself would add 16 MiB to the daemon's memory, and
+is not faster at this size.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from tests.benchmarks.fix import DEFAULTS, a_sighting
 from tests.benchmarks.plain_filter import FixArrays, PlainFilter
 
 LEVEL = replace(DEFAULTS, bias_sigmas=(*DEFAULTS.bias_sigmas[: Bias.TERRAIN], 0.0))
-"""Of a ground that is no elevation model, as most are."""
+"""Priors over a ground without an elevation model, the usual case."""
 SHARED = sum(sigma > 0.0 for sigma in LEVEL.bias_sigmas)
 FIXES = 300
 FRAME_NS = NS_PER_S // 30
@@ -37,7 +37,7 @@ BUDGET = 10.0
 
 
 def fixes() -> list[GroundFix]:
-    """Of one target, thirty a second, scattered."""
+    """Scattered fixes of one target, thirty a second."""
     fix = Localizer(HomeGround(), LEVEL, min_height_m=0.5).locate(a_sighting())
     assert isinstance(fix, GroundFix)
     rng, (north, east, down) = np.random.default_rng(1), fix.position_ned
@@ -50,7 +50,7 @@ def fixes() -> list[GroundFix]:
 
 
 def believed(reported: list[GroundFix], priors: ErrorPriors) -> StaticTargetState:
-    """By our filter."""
+    """The state after all fixes, by our filter."""
     belief = StaticKalman(priors).started(reported[0])
     for fix in reported[1:]:
         belief = belief.predicted(fix.sighting.frame_host_ns).updated(fix)
@@ -58,7 +58,7 @@ def believed(reported: list[GroundFix], priors: ErrorPriors) -> StaticTargetStat
 
 
 def plainly_believed(reported: list[FixArrays], priors: ErrorPriors) -> PlainFilter:
-    """The same by filterpy and numpy."""
+    """The state after all fixes, by filterpy and numpy."""
     plain = PlainFilter(reported[0], priors)
     for fix in reported[1:]:
         plain.step(fix)

@@ -1,4 +1,4 @@
-"""One fix with its covariance, bias columns and budget, against the naive numpy one that stands beside.
+"""One fix with its covariance, bias columns and budget, against the naive numpy version in ``naive_fix``.
 
 ``python -m tests.benchmarks.fix``
 """
@@ -45,7 +45,7 @@ def a_sighting() -> Sighting:
 
 
 def naive_arguments(sighting: Sighting) -> tuple[object, ...]:
-    """The same as arrays, made beforehand."""
+    """The sighting as arrays, prepared before the measurement."""
     state = sighting.state
     sigmas = {
         "u": sighting.pixel_sigma[0],

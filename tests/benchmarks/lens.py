@@ -19,7 +19,7 @@ CALLS = 20_000
 
 
 def one_ray() -> Figure:
-    """The pixel is at hand as each side wants it: an array for cv2, two numbers for us."""
+    """Time of one pixel, given in the form that each side needs: an array for cv2, two numbers for us."""
     pixel = np.array([[[136.4, 412.8]]])
 
     def theirs() -> None:

@@ -1,8 +1,8 @@
-"""One fix with covariance as one would first write it with numpy: the yardstick of the localizer's speed. Frozen.
+"""One fix with covariance as a plain numpy implementation: the reference for the localizer's speed. Frozen.
 
-Straight from the formulas: matrices are arrays, products are @, a cross product is np.cross, the covariance is
-J S J^T. The inverse of the lens is Newton, its derivative and those of the ray are analytic. No attempt is made to be
-fast or slow. Do not change it: ratios over time mean something only while this stands still.
+It follows the formulas: matrices are arrays, products are @, a cross product is np.cross, the covariance is J S J^T.
+The inverse of the lens is Newton; its derivative and those of the ray are analytic. It is tuned neither for speed nor
+against it. Do not change it: ratios are comparable over time only while this stays the same.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def naive_fix(
     sigmas: dict[str, float],
     bias_sigmas: Array,
 ) -> NaiveFix:
-    """Ray (3,), its derivatives (3, 2) by the pixel; everything else as the localizer has it."""
+    """``ray``: (3,); ``ray_by_pixel``: its derivatives (3, 2) by the pixel; everything else as in the localizer."""
     ned_from_body = rotation_from_quaternion(q_ned_body)
     ned_from_camera = ned_from_body @ body_from_camera
     direction = ned_from_camera @ ray

@@ -1,8 +1,8 @@
-"""The belief about a standing target as one would first write it with filterpy and numpy: a yardstick. Frozen.
+"""The state of a static target as a plain implementation with filterpy and numpy: the reference for speed. Frozen.
 
-filterpy has no filter that considers biases without estimating them, so its :class:`KalmanFilter` holds the place and
-its noise, and what is shared stands beside it in arrays: the same answer as ours by plain matrices. No attempt is made
-to be fast or slow. Do not change it: ratios over time mean something only while this stands still.
+filterpy has no consider filter, so its :class:`KalmanFilter` holds position and noise, and the shared biases are
+separate arrays: the same estimate as ours by plain matrices. It is tuned neither for speed nor against it. Do not
+change it: ratios are comparable over time only while this stays the same.
 """
 
 from __future__ import annotations
@@ -36,7 +36,9 @@ class FixArrays:
 
 
 class PlainFilter:
-    """Place and noise in filterpy's filter; beside it cov(error, biases) and what the wandering ones were before."""
+    """Position and noise in filterpy's filter; in addition cov(error, biases) and the earlier values of the wandering
+    biases.
+    """
 
     def __init__(self, first: FixArrays, priors: ErrorPriors) -> None:
         self.priors = priors

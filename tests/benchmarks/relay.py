@@ -1,6 +1,6 @@
-"""Relaying a frame, UDP to UDP: our links and node in one process against a plain recv/send loop in C, by their CPU.
+"""CPU time of relaying a frame from UDP to UDP: our links and node in one process against a plain recv/send loop in C.
 
-Bursts go in at one socket and are awaited at another, so that nothing is lost and both get the same pattern.
+Bursts enter at one socket and are awaited at another, so no datagram is lost and both relays get the same pattern.
 ``python -m tests.benchmarks.relay``
 """
 
@@ -24,7 +24,7 @@ from tests.benchmarks.figure import Figure
 from tests.benchmarks.standard_stream import frames
 
 BURST = 16
-"""As many as one serial read or one telemetry period brings."""
+"""Datagrams in a burst: as many frames as one serial read or one telemetry period brings."""
 FRAMES = 20_000
 ROUNDS = 5
 
@@ -158,7 +158,7 @@ def _c_loop(program: Path, stream: list[bytes], burst: int) -> float:
 
 
 def measure(burst: int = BURST) -> list[Figure]:
-    """Nothing where there is no C compiler."""
+    """The ratio of CPU times; empty where there is no C compiler."""
     compiler = shutil.which("cc") or shutil.which("gcc")
     if compiler is None:
         return []

@@ -21,7 +21,7 @@ PATIENCE_S = 30.0
 
 
 def _cpu_s(process: subprocess.Popen[bytes]) -> float:
-    """Of a child that has ended, or is about to."""
+    """CPU time of a child that has ended or is about to end, seconds."""
     _, status, used = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
     return used.ru_utime + used.ru_stime
@@ -32,7 +32,7 @@ def _bare() -> float:
 
 
 def _daemon(folder: Path, station: socket.socket) -> float:
-    """Ended without a word as soon as it is heard."""
+    """CPU time of a daemon that is killed as soon as its first heartbeat arrives, seconds."""
     command = [sys.executable, "-m", "fwav_companion", "run", "--config", "relay.toml"]
     process = subprocess.Popen(command, cwd=folder, stderr=subprocess.DEVNULL)
     station.recv(2048)
@@ -41,7 +41,9 @@ def _daemon(folder: Path, station: socket.socket) -> float:
 
 
 def relay_configuration(station_port: int, autopilot_port: int = 0) -> str:
-    """Links alone. Everything is relayed: merging requests would leave out what only the service asked for."""
+    """A configuration with links only. Everything is relayed: merging requests would hold back what only the service
+    requested.
+    """
     return (
         f'[[link]]\nname = "autopilot"\nurl = "udpin://127.0.0.1:{autopilot_port or 24597}"\nrole = "autopilot"\n'
         f'[[link]]\nname = "ground"\nurl = "udpout://127.0.0.1:{station_port}"\nrole = "gcs"\n'
@@ -51,7 +53,7 @@ def relay_configuration(station_port: int, autopilot_port: int = 0) -> str:
 
 
 def measure() -> list[Figure]:
-    """Rounds in turn; compiled files are there from the first one on, which does not count."""
+    """The ratio of CPU times in alternating rounds; the first round, which compiles files, does not count."""
     with tempfile.TemporaryDirectory() as name, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as station:
         station.bind(("127.0.0.1", 0))
         station.settimeout(PATIENCE_S)

@@ -1,8 +1,8 @@
-"""Ten targets at thirty frames a second with self-calibration on: the share of a core that the whole pipeline takes.
+"""Ten targets at thirty frames a second with self-calibration on: the share of one core that the pipeline takes.
 
-A recorded flight of a late camera on a crooked mount is replayed by a process of its own, as ``replay`` runs it: start,
-reading, writing and all. Telemetry with attitudes at 100 Hz, every target in nearly every picture, three metres apart.
-``python -m tests.benchmarks.ten_targets``
+A recorded flight of a camera with a delay and a mount error is replayed by a process of its own, as ``replay`` runs it,
+with start, reading and writing included. Attitudes come at 100 Hz, every target is in nearly every picture, and targets
+are three metres apart. ``python -m tests.benchmarks.ten_targets``
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ self_calibration = {calibrates}
 
 
 def _replayed(folder: Path, *, calibrates: bool) -> tuple[float, str]:
-    """CPU seconds of a replay, and the status that self-calibration came to."""
+    """(CPU seconds of a replay, final status of self-calibration)."""
     (folder / "flight.toml").write_text(
         relay_configuration(24598) + CONFIGURATION.format(calibrates=str(calibrates).lower())
     )
@@ -57,7 +57,7 @@ def _replayed(folder: Path, *, calibrates: bool) -> tuple[float, str]:
 
 
 def measure() -> list[Figure]:
-    """With and without, in turn."""
+    """CPU shares with and without self-calibration, in alternation."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         subprocess.run(

@@ -1,4 +1,4 @@
-"""The inverse against bisection in 60-digit decimals: slow, simple, and nothing of ours in it."""
+"""The inverse lens against bisection in 60-digit decimals, independent of our code."""
 
 from decimal import Decimal, getcontext
 from math import atan2, cos, hypot, pi, sin

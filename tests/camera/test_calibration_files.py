@@ -81,7 +81,7 @@ RAY = (0.31, -0.22, 0.83)
 
 
 def equidistant_pixel(point):
-    """As the three tools' papers write it: d = theta (1 + k1 theta^2 + ...), then the camera matrix."""
+    """The projection of the three tools' papers: d = theta (1 + k1 theta^2 + ...), then the camera matrix."""
     theta, phi = atan2(hypot(point[0], point[1]), point[2]), atan2(point[1], point[0])
     d = theta * (1 + D[0] * theta**2 + D[1] * theta**4 + D[2] * theta**6 + D[3] * theta**8)
     return (K[0, 0] * d * cos(phi) + K[0, 2], K[1, 1] * d * sin(phi) + K[1, 2])
@@ -291,6 +291,6 @@ def test_any_damage_gives_a_lens_or_a_refusal_and_never_a_crash(text, at, put, i
 
 
 def test_yaml_is_loaded_only_for_a_file():
-    """A relay without a camera imports the room and needs no YAML."""
+    """A relay without a camera imports the room without loading YAML."""
     script = "import sys, fwav_companion.camera as c; assert not {'yaml', 'numpy', 'cv2'} & set(sys.modules)"
     subprocess.run([sys.executable, "-c", script], check=True)

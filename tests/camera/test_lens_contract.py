@@ -1,4 +1,4 @@
-"""What every lens promises, whichever its model: one suite for all."""
+"""Properties of every lens model, one suite for all."""
 
 from math import atan2, hypot, inf, nan, pi
 

@@ -10,7 +10,7 @@ from sites import Site
 
 class CheckedSite(Site):
     def check(self, *words, timeout_s=60):
-        """Its exit status, what it said to people, and the JSON of the last line."""
+        """(exit status, text for people, JSON of the last line)."""
         command = [sys.executable, "-m", "fwav_companion", "check", "--config", "fwav-companion.toml", "--json", *words]
         done = subprocess.run(command, capture_output=True, text=True, cwd=self.folder, timeout=timeout_s)
         *said, last = done.stdout.splitlines()

@@ -1,4 +1,4 @@
-"""The command around the benchmarks; what they measure is no test's business: a busy machine is no defect."""
+"""The `bench` command. Measured values are not tested: a busy machine is not a defect."""
 
 import json
 import os
@@ -32,7 +32,7 @@ def test_figures_end_in_one_json_object_and_a_missed_budget_in_exit_1(monkeypatc
 
 
 def test_good_frames_lost_beside_corrupted_ones_are_none(monkeypatch, capsys):
-    """The one figure that hangs on no machine."""
+    """The only figure that does not depend on the machine."""
     monkeypatch.chdir(PROJECT)
     assert main(["bench", "--only", "corruption"]) == 0
     assert capsys.readouterr().out.startswith("good frames lost beside corrupted ones: 0.00")

@@ -33,7 +33,7 @@ def test_alone_with_a_healthy_vehicle(site):
 def test_beside_a_run_it_reads_the_status_and_opens_nothing(site):
     with site.service() as service, site.mock("--scenario", "unbiased"):
         service.wait_for("origin ")
-        threading.Event().wait(6.0)  # the rates that were asked for are measured
+        threading.Event().wait(6.0)  # until the requested rates are measured
         status, said, report = site.check("--seconds", "600.0")
         assert service.stop() == 0
     assert report["how"].startswith("by the status")
@@ -41,7 +41,7 @@ def test_beside_a_run_it_reads_the_status_and_opens_nothing(site):
 
 
 def test_too_short_a_time_judges_nothing(site):
-    """The mock is there first: what is measured depends on our time of listening alone."""
+    """The mock is started first: the measurement depends on the listening time alone."""
     with site.mock("--scenario", "unbiased") as mock:
         mock.wait_for("ready")
         status, said, report = site.check("--seconds", "4")

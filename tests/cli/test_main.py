@@ -1,4 +1,6 @@
-"""The command line itself: exit statuses, one-line errors, and that a command carries no other command's needs."""
+"""The command line: exit statuses, one-line errors, and imports: a command does not load another command's
+libraries.
+"""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""Commands that are told to stop in the midst of their work: nothing half done stands under its final name."""
+"""Commands that are stopped during their work: no unfinished file has its final name."""
 
 import signal
 import subprocess
@@ -12,7 +12,7 @@ from sitl_mock import scenario
 from sitl_mock.recording import record
 
 STOPPED = 130
-"""As by Ctrl-C, whatever signal it was."""
+"""Exit status as after Ctrl-C, for either signal."""
 
 IN_MID_REPLAY = """
 from fwav_companion.cli import replay_inputs as given
@@ -44,7 +44,7 @@ board_spec.parse_board = lambda _text: stop()
 
 
 def stopped(meanwhile, number, *words, cwd, ignored=signal.SIG_DFL):
-    """Its exit status and what it said on stderr, of a command that gets the signal ``meanwhile``."""
+    """(exit status, stderr) of a command that receives the signal ``meanwhile``."""
     code = f"""
 import os, signal, sys
 
@@ -98,7 +98,7 @@ def test_a_calibration_that_is_stopped_ends_as_by_ctrl_c(tmp_path):
 
 
 def test_what_a_script_starts_in_the_background_can_be_stopped_too(tmp_path):
-    """A shell has it ignore SIGINT, and SIGTERM was ignored with it."""
+    """A shell makes background commands ignore SIGINT; SIGTERM must not be ignored with it."""
     words = ["calibrate", "pictures", "--board", "chessboard:9x6:25mm", "--out", "camera.yaml"]
     status, _ = stopped(BEFORE_THE_PICTURES, signal.SIGTERM, *words, cwd=tmp_path, ignored=signal.SIG_IGN)
     assert status == STOPPED

@@ -28,7 +28,7 @@ def flattened(tree: dict[str, object], prefix: str = "") -> dict[str, object]:
 
 
 def builtins_of(value: object) -> Any:
-    """As TOML has it: lists, no tuples."""
+    """The value as TOML types: lists instead of tuples."""
     return msgspec.json.decode(msgspec.json.encode(value))
 
 

@@ -1,4 +1,4 @@
-"""What a configuration that was read gives the rooms."""
+"""Values that a parsed configuration gives to the rooms."""
 
 import ast
 import inspect

@@ -1,4 +1,4 @@
-"""Every error of the configuration: one line with the file, the key, what stood there, and what is accepted."""
+"""Every configuration error: one line with the file, the key, its value, and the accepted values."""
 # ruff: noqa: E501  # tables whose rows hold whole error lines
 
 import pytest
@@ -61,7 +61,7 @@ def test_requests_for_rates_are_merged_on_ground_links_where_the_file_says_nothi
     assert [link.merges_rate_requests for link in config.link] == [False, True, False]
 
 
-# What stands in the file, and the whole of the line it gives.
+# File content: the complete error line that it gives.
 FAULTS = {
     "near key": (f"{BASE}[publish]\nrate_h = 3\n", '[publish] rate_h = 3: unknown key; did you mean "rate_hz"?'),
     "near table": ("[grund]\n", '[grund]: unknown key; did you mean "ground"?'),

@@ -1,4 +1,4 @@
-"""Files that users name: what is none is refused before it is waited for, and what is written is whole or not there."""
+"""Files named by users: an invalid one is refused before any waiting, and an output is complete or absent."""
 
 import os
 import socket
@@ -53,7 +53,7 @@ def test_what_is_no_file_is_not_waited_for(tmp_path, monkeypatch, said):
 
 
 class Huge:
-    """A file that no memory holds."""
+    """A file larger than the memory."""
 
     def __init__(self, path):
         self._file = path.open("rb")
@@ -124,7 +124,7 @@ def test_what_is_replaced_keeps_its_links_and_its_permissions(tmp_path):
 
 
 def test_what_is_protected_stays(tmp_path, monkeypatch):
-    """A new name over it would not ask. (Whoever runs the tests may be root, who may do everything.)"""
+    """Renaming over a protected file would not ask for permission. (Root, who may run the tests, may do everything.)"""
     (tmp_path / "out").write_bytes(b"old")
     monkeypatch.setattr(os, "access", lambda path, _mode: path != tmp_path / "out")
     with pytest.raises(PermissionError, match="out"), whole(tmp_path / "out"):

@@ -1,4 +1,4 @@
-"""Rotations against scipy's, which shares nothing with them."""
+"""Rotations against scipy's independent ones."""
 
 from math import pi
 

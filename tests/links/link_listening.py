@@ -1,4 +1,4 @@
-"""What the tests of links share: a listener that can be waited for, and a loop that must not wait long."""
+"""A listener that tests of links can wait for, and a loop with a short time limit."""
 
 import asyncio
 import contextlib
@@ -14,7 +14,7 @@ PATIENCE_S = 20.0
 
 
 class Listener:
-    """Collects what a link tells."""
+    """Collects the callbacks of a link."""
 
     def __init__(self) -> None:
         self.data = b""
@@ -57,7 +57,7 @@ def started(url: str, listener: Listener) -> Iterator[Link]:
 
 
 async def until(condition: Callable[[], bool]) -> None:
-    """Wait, turn by turn of the loop, for what no callback tells."""
+    """Wait, iteration by iteration of the loop, for a condition that no callback signals."""
     async with asyncio.timeout(PATIENCE_S):
         while not condition():  # noqa: ASYNC110  # no event tells it
             await asyncio.sleep(0.005)

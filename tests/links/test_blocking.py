@@ -1,4 +1,4 @@
-"""Blocking calls in daemon threads: their results, their errors, and that nobody waits for one that hangs."""
+"""Blocking calls in daemon threads: results, errors, and an exit that does not wait for a call that hangs."""
 
 import asyncio
 import subprocess

@@ -1,4 +1,4 @@
-"""Staying connected, with an opener that does as it is told and seconds that are only counted."""
+"""Reconnection, with an opener controlled by the test and simulated seconds."""
 
 import asyncio
 from collections.abc import Callable

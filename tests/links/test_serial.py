@@ -20,7 +20,7 @@ from fwav_companion.links.url import SerialUrl
 
 
 class Port(NamedTuple):
-    """What pyserial would tell of a port."""
+    """A port as pyserial lists it."""
 
     device: str
     vid: int | None = None

@@ -35,7 +35,7 @@ async def accepted(server: socket.socket) -> socket.socket:
 
 
 async def received(sock: socket.socket, size: int) -> bytes:
-    """So many bytes, or fewer at the end of the stream."""
+    """The next ``size`` bytes, or fewer at the end of the stream."""
 
     def read() -> bytes:
         data = b""

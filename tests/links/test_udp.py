@@ -88,7 +88,7 @@ def test_a_server_on_a_taken_port_waits_for_it(peer: socket.socket):
 def test_an_address_that_no_interface_has_yet_is_a_link_that_is_down():
     async def story() -> None:
         listener = Listener()
-        with started("udpin://192.0.2.1:14550", listener):  # TEST-NET-1: nobody's
+        with started("udpin://192.0.2.1:14550", listener):  # TEST-NET-1: assigned to no host
             await listener.until_down()
             assert listener.states == [(False, "Cannot assign requested address")]
 

@@ -1,4 +1,4 @@
-"""Link URLs: every documented form, pymavlink's spellings, and what is said of the rest."""
+"""Link URLs: every documented form, pymavlink's spellings, and the errors for all others."""
 
 import subprocess
 import sys
@@ -101,7 +101,7 @@ def test_no_link(text: str, said: str):
 
 @pytest.mark.parametrize("host", ["ground", "ground.local", "ground.local.", "a" * 63 + ".local", "_x-1"])
 def test_whatever_is_a_name_can_be_looked_up(host: str):
-    """Python itself refuses what is none (by its idna codec), with no OSError."""
+    """Python itself refuses an invalid name (by its idna codec), without an OSError."""
     assert parse_link_url(f"udpout://{host}:14550") == UdpUrl("udpout", host, 14550)
     assert host.encode("idna")
 

@@ -13,7 +13,7 @@ PLANE = TangentPlane(Geodetic.from_degrees(LAT, LON, 500.0))
 
 
 def tile(height, rows=121, columns=121, north=LAT + 60 * STEP, west=LON - 60 * STEP, step=STEP) -> ElevationTile:
-    """Of a function of (row, column)."""
+    """A tile whose heights are a function of (row, column)."""
     return ElevationTile(north, west, step, step, rows, columns, lambda i, j: float(height(i, j)), "made up")
 
 

@@ -47,7 +47,9 @@ def test_without_errors_the_target_is_where_it_is(scene):
 
 
 def test_on_level_ground_the_answer_lies_at_its_level_to_the_bit():
-    """Filters take what does not move for what does not move: 2e-15 m is a height that many fixes seem to agree on."""
+    """Filters must not see a height that is exactly known as noisy: 2e-15 m would be a height on which many fixes
+    agree.
+    """
     rng, localizer = np.random.default_rng(3), home()
     for height_m, north, east in rng.uniform((0.6, -9.0, -9.0), (60.0, 9.0, 9.0), (300, 3)):
         near = (0.2 * height_m * north / 9.0, 0.2 * height_m * east / 9.0)
@@ -87,8 +89,9 @@ def test_the_columns_are_their_numpy_form(scene):
 
 @every_scene
 def test_a_fixed_height_carries_the_ground_along(scene):
-    """The ground is told from the camera: an error of the camera's height has no part in the fix at all, an error of
-    the stated height moves the point along its ray."""
+    """The ground's height is relative to the camera: an error of the camera's height does not affect the fix; an error
+    of the stated height moves the point along its ray.
+    """
     localizer = Localizer(FixedGround(scene.height_m), PRIORS, min_height_m=0.5)
     jacobian = np.array(localizer.locate(scene.sighting()).bias_jacobian)
     expected = differences(localizer, scene)

@@ -1,4 +1,4 @@
-"""No answer is a named refusal, and never a plausible number."""
+"""Every missing answer is a named refusal, never a plausible number."""
 
 from dataclasses import replace
 from math import inf, nan
@@ -15,7 +15,7 @@ from fwav_companion.types import GroundFix, NoFix, RangeSample, Reason
 
 
 def looking(sighting, direction):
-    """The same sighting with another ray, told in NED."""
+    """The same sighting with another ray, given in NED."""
     ray = msgspec.structs.replace(sighting.ray, direction=direction)
     return msgspec.structs.replace(sighting, ray=ray, ned_from_camera=((1, 0, 0), (0, 1, 0), (0, 0, 1)))
 
@@ -59,7 +59,7 @@ def test_the_home_surface_moves_where_the_autopilot_moves_home(relative):
     localizer.home_moved(4.0)  # 4 m lower
     after = localizer.locate(Scene(relative=relative).sighting()).position_ned
 
-    if relative:  # the height above home tells it already
+    if relative:  # the height above home contains it already
         assert after == before
     else:
         vehicle = (100.0, -50.0)
@@ -89,7 +89,7 @@ class TestRangefinder:
         return msgspec.structs.replace(sighting, state=msgspec.structs.replace(sighting.state, range=reading))
 
     def test_it_gives_the_height_where_home_is_wrong(self):
-        """The autopilot thinks it is 7 m lower than it is; the beam knows better."""
+        """The autopilot's height is 7 m too low; the rangefinder measures the true one."""
         sighting = self.with_reading()
         wrong = msgspec.structs.replace(sighting, camera_ned=(100.0, -50.0, -33.0))
         fix = self.locate(RangefinderGround(0.05), wrong)

@@ -1,6 +1,6 @@
-"""One sighting of a known target by a vehicle whose every error is chosen: truth first, then what the autopilot tells.
+"""One sighting of a known target by a vehicle with chosen errors: the truth first, then what the autopilot reports.
 
-numpy and scipy only: nothing of the package's geometry. The lens projects; it has oracles of its own.
+numpy and scipy only, independent of the package's geometry. The lens projects; it has oracles of its own.
 """
 
 from dataclasses import dataclass, field
@@ -25,7 +25,7 @@ PRIORS = ErrorPriors(
     position_bias_time_s=60.0,
 )
 STEPS = np.array([1e-5] * 8 + [1e-3] * 4)
-"""Of differences, by Bias: radians, seconds, metres."""
+"""Steps of the differences, by Bias: radians, seconds, metres."""
 
 
 def tuples(matrix):
@@ -40,7 +40,7 @@ def quaternion(rotation: Rotation):
 
 @dataclass
 class Noise:
-    """Fresh in one sample."""
+    """Independent errors of one sample."""
 
     pixel: np.ndarray = field(default_factory=lambda: np.zeros(2))
     attitude: np.ndarray = field(default_factory=lambda: np.zeros(3))  # roll, pitch, heading
@@ -130,7 +130,7 @@ class Scene:
         )
 
     def draw(self, rng: np.random.Generator, priors: ErrorPriors = PRIORS) -> tuple[np.ndarray, Noise]:
-        """Biases and noise as the configuration says they are."""
+        """Biases and noise drawn from the configured priors."""
         bias = rng.normal(size=len(Bias)) * priors.bias_sigmas
         age = self.position_sigma_m
         return bias, Noise(
@@ -147,7 +147,9 @@ class Scene:
         return q * Rotation.from_rotvec(at_s * np.array(self.rates))
 
     def _reading(self, at_s: float) -> RangeSample | None:
-        """Made at the true instant, along the true beam; told with the time at which we think the capture was."""
+        """The rangefinder reading at the true instant along the true beam, stamped with the assumed time of the
+        capture.
+        """
         if self.beam is None:
             return None
         down = self._attitude(0.0).apply(self.beam)[2]
