@@ -19,7 +19,7 @@ def spoilt(frame: bytes, index: int, value: int) -> bytes:
 
 
 def streams() -> dict[str, list[tuple[bytes, bool]]]:
-    """By name: pieces of a stream, and whether each is a frame that must be found."""
+    """Pieces of each stream by its name, each with whether it is a frame that must be found."""
     rng = random.Random(20260101)
     a, b, one = Wire(1, 1), Wire(255, 190), Wire(2, 1, version=1)
     good = [a.attitude(i) for i in range(4)] + [b.command(1, 1), one.attitude(9), a.heartbeat()]

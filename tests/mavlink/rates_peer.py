@@ -1,4 +1,6 @@
-"""A small autopilot of the tests' own, asked for rates: it grants, refuses, forgets and lies in invented time."""
+"""A small simulated autopilot that receives rate requests: it grants, refuses, forgets and reports wrongly, in invented
+time.
+"""
 
 from collections import namedtuple
 
@@ -24,7 +26,7 @@ def autopilot(kind=AutopilotKind.ARDUPILOT):
 
 
 class Peer:
-    """The other end: intervals by message, a ceiling, refusals, and an answer two milliseconds later."""
+    """The autopilot: intervals by message, a rate limit, refusals, and an answer two milliseconds later."""
 
     def __init__(self, rates, kind=AutopilotKind.ARDUPILOT):
         self.rates, self.kind = rates, kind
@@ -33,7 +35,7 @@ class Peer:
         self.intervals_ns, self.next_ns = {}, {}
         self.parameters = {"SCHED_LOOP_RATE": 400.0}
         self.defaults_hz = {}
-        """What it sends by itself; a message that is not in here has no default that it could be reset to."""
+        """Messages sent by default; a message that is missing here has no default to be reset to."""
         self.sent, self.asked, self.replies = [], [], []
         self.acknowledges, self.now = True, T0
 
@@ -84,7 +86,7 @@ class Peer:
         return out.name == "COMMAND_LONG" and out.fields["command"] == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
 
     def tell_interval(self, number):
-        """Of a stopped stream ArduPilot says -1 and PX4 0."""
+        """Report an interval; for a stopped stream ArduPilot sends -1 and PX4 0."""
         interval_ns = self.intervals_ns.get(NAMES[number])
         stopped = 0 if self.kind is AutopilotKind.PX4 else -1
         reply = Interval(number, interval_ns // 1000 if interval_ns else stopped)
@@ -93,7 +95,7 @@ class Peer:
             self.replies.append(Message("COMMAND_ACK", 1, 1, "fc", Ack(510, 0, 0, 0, 1, 191)))
 
     def reset(self, name, interval_us):
-        """A stop, or the default, which not every message has."""
+        """Set a stop or the default, which not every message has."""
         hz = 0.0 if interval_us < 0.0 else self.defaults_hz.get(name)
         if hz is not None:
             self.intervals_ns.pop(name, None)

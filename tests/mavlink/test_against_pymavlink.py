@@ -46,7 +46,7 @@ def test_encoding_is_byte_identical_and_decoding_gives_the_values_back(message) 
 
 
 def base_length(definition) -> int:
-    """Of the payload without extensions, which MAVLink 1 carries."""
+    """Length of the payload without extensions, as MAVLink 1 carries it."""
     return min((field.offset for field in definition.fields.values() if field.extension), default=definition.length)
 
 
@@ -119,7 +119,7 @@ def test_constants() -> None:
 
 
 def test_constructor_signatures_are_as_the_definitions_read_them() -> None:
-    """Should pymavlink once give a default to a field that is no extension, this says so by name."""
+    """If pymavlink gives a default to a field that is not an extension, this test names it."""
     for message in MESSAGES:
         with_default = [p.name for p in inspect.signature(message.__init__).parameters.values() if p.default != p.empty]
         extensions = [field.name for field in DEFINITIONS[message.id].fields.values() if field.extension]

@@ -1,4 +1,4 @@
-"""What cannot be sent is refused with both sides; whatever arrives is read without a crash."""
+"""Values that cannot be sent are refused with the limits; any input is decoded without a crash."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def test_a_payload_longer_than_we_know_is_read_as_far_as_we_know() -> None:
 
 
 def test_a_signed_frame_cut_short_by_just_the_length_of_a_signature() -> None:
-    """Its length is that of a whole unsigned one: only the header tells."""
+    """Its length is that of a complete unsigned one: only the header shows that it is signed."""
     wire = Wire()
     wire.mav.signing.secret_key = b"k" * 32
     wire.mav.signing.sign_outgoing = True

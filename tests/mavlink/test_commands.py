@@ -1,4 +1,4 @@
-"""Every command is answered once, by whom it was meant for."""
+"""Every command is answered once, by the component that it addresses."""
 
 from collections import namedtuple
 from math import inf, nan
@@ -105,7 +105,7 @@ def test_a_broadcast_is_acknowledged_only_by_who_handles_it(commands, target):
 def test_no_command_is_answered_before_an_autopilot_is_adopted(commands, camera):
     assert commands.on_message(long(), situation(system=0)) == []
     assert commands.on_message(Message("PING", 255, 190, "ground", Ping(1, 1, 0, 0)), situation(system=0)) == []
-    commands.system = 5  # the configuration says who we are
+    commands.system = 5  # the configuration sets our system id
     assert len(commands.on_message(long(), situation(system=0))) == 1
 
 

@@ -1,4 +1,4 @@
-"""Who is adopted, who is not, and when heartbeats leave: with invented heartbeats and invented time."""
+"""Adoption of an autopilot and times of our heartbeats, with invented heartbeats and invented time."""
 
 from collections import namedtuple
 
@@ -90,7 +90,7 @@ def test_of_several_none_is_adopted_and_it_is_said_once():
     identity.on_message(heartbeat(system=2), T0)
     identity.on_message(heartbeat(system=9), T0 + S)
     assert identity.on_wake(T0 + 3 * S) == (SeveralHeard((2, 9)),)
-    for second in range(4, 60):  # only one of them goes on: still nobody is chosen
+    for second in range(4, 60):  # only one of them goes on: still no adoption
         assert identity.on_message(heartbeat(system=2), T0 + second * S) == ()
         assert identity.on_wake(T0 + second * S) == ()
     assert identity.autopilot is None

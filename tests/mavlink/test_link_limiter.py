@@ -1,4 +1,4 @@
-"""A link that is too slow for what is to leave by it: what is thinned, what never is, and that no buffer fills."""
+"""A link that is too slow for its traffic: which messages are thinned, which never are, and that no buffer fills."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def at(seconds: float) -> HostNs:
 
 
 class Traffic:
-    """Streams of given rates and sizes through a limiter, in order of time; what left, by name."""
+    """Streams of given rates and sizes through a limiter, in order of time; keeps what was sent, by name."""
 
     def __init__(self, limiter: LinkLimiter, seed: int = 1) -> None:
         self.limiter = limiter
@@ -52,7 +52,7 @@ class Traffic:
         return sum(size for at_s, _, size in self.left if from_s <= at_s < to_s) / (to_s - from_s)
 
     def largest_backlog(self, drain: float) -> float:
-        """Of a line that drains so many bytes a second."""
+        """The largest backlog of a line that drains ``drain`` bytes a second."""
         backlog = last_s = worst = 0.0
         for at_s, _, size in self.left:
             backlog = max(0.0, backlog - drain * (at_s - last_s)) + size
@@ -116,7 +116,7 @@ def test_a_debt_is_forgotten_after_a_second():
     assert budget.is_free
 
 
-# What is telemetry.
+# Which messages are telemetry.
 
 
 @pytest.mark.parametrize(
@@ -275,7 +275,7 @@ def test_a_link_without_a_budget_holds_nothing():
     assert not LinkLimiter({}).holds(NUMBERS["PARAM_VALUE"], bytes(37), at(0))
 
 
-# A radio's own word.
+# Reports of the radio itself.
 
 
 @pytest.mark.parametrize(("txbuf", "factor"), [(0, 0.5), (19, 0.5), (20, 0.85), (49, 0.85), (50, None), (100, None)])

@@ -1,4 +1,4 @@
-"""Which message of the autopilot leaves by which link how often, case by case."""
+"""Rates of the autopilot's messages on each link, case by case."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def request(rates, link="ground", system=255, target=(1, 1), once=None):
 
 
 class Table:
-    """Two links, and what we asked for."""
+    """Two links, and our own requests."""
 
     def __init__(self, **by_itself_hz):
         self.rates = MergedRates(["ground", "tablet"])
@@ -94,7 +94,7 @@ def test_the_default_interval_takes_a_request_back():
 
 
 def test_a_link_without_a_request_gets_what_another_links_station_asked_for():
-    """As behind any router; only what this service alone asked for is held back."""
+    """The same as with any router; only messages that this service alone requested are held back."""
     table = Table(GLOBAL_POSITION_INT=1.0)
     table.ask(rates={POSITION: 7.0, HUD: 10.0})
     assert table.cap(POSITION, "tablet") == (7.0, "own_rate")

@@ -1,4 +1,4 @@
-"""The node as the service uses it: who gets what we send, what is believed, and a relay that changes no byte."""
+"""The node as the service uses it: destinations of our messages, which senders are trusted, and an unchanged relay."""
 
 from __future__ import annotations
 
@@ -142,7 +142,7 @@ def test_an_unknown_frame_before_a_pause_is_forwarded_when_the_line_is_quiet() -
     assert node.wake_at is None
 
 
-# What is believed.
+# Which messages are trusted.
 
 
 class SignedWire(Wire):
@@ -230,7 +230,7 @@ def test_with_a_key_all_of_ours_is_signed_under_a_link_id_for_each_link() -> Non
     assert node.signing_clock.timestamp == START + 4
 
 
-# The relay changes no byte, whatever the wire.
+# The relay changes no byte on any wire.
 
 Wire_ = Callable[[bytes, random.Random], list[bytes]]
 
@@ -258,7 +258,7 @@ def with_noise(data: bytes, rng: random.Random) -> list[bytes]:
 
 @pytest.mark.parametrize("wire", [whole, byte_by_byte, in_pieces, with_noise])
 def test_every_frame_that_must_pass_passes_once_in_order_and_unchanged(wire: Wire_) -> None:
-    """Two ground stations and a vehicle of two components, five minutes in short, on four links."""
+    """Two ground stations and a vehicle of two components on four links: five minutes of events in compressed time."""
     rng = random.Random(11)
     node = Node(LINKS, ["HEARTBEAT", "ATTITUDE"])
     node.adopt(1)

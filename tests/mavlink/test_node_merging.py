@@ -1,4 +1,4 @@
-"""The node on links that merge requests for message rates: what passes, what is thinned, and what the status says."""
+"""The node on links that merge requests for message rates: which messages pass, which are thinned, and the status."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Relay:
         self.feed("ground", self.ground.heartbeat(dialect.MAV_TYPE_GCS, 8))
 
     def feed(self, link: str, *frames: bytes) -> list[str]:
-        """Where it went, a millisecond later than the last."""
+        """The links that each frame was sent to; frames arrive one millisecond apart."""
         self.now = HostNs(self.now + NS_PER_MS)
         return [name for name, _ in self.node.receive(link, b"".join(frames), self.now).forwards]
 
@@ -42,7 +42,7 @@ class Relay:
         return self.vehicle.frame("ATTITUDE_QUATERNION", 5, 1.0, 0.0, 0.0, 0.0, 0.1, 0.2, 0.3)
 
     def count(self, link: str, seconds: float, hz: float = 100.0) -> int:
-        """Quaternions that go to the link."""
+        """The number of quaternions that are sent to the link."""
         gone = 0
         for _ in range(round(seconds * hz)):
             self.now = HostNs(self.now + round(NS_PER_S / hz) - NS_PER_MS)

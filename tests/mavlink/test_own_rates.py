@@ -1,4 +1,4 @@
-"""Our rates where stations' requests are merged with them: what the autopilot does by itself, and what follows."""
+"""Our rates where stations' requests are merged: the autopilot's default rates, and the requests that follow."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def request(rates, by_group=False, target=(1, 1), system=255):
 
 
 def follow(them, asked, demanded=None):
-    """What follows the request at once; the autopilot has taken both."""
+    """The requests that follow at once, after the autopilot has accepted both."""
     for msgid, hz in asked.rates.items():
         name = {ATTITUDE: "ATTITUDE", QUATERNION: "ATTITUDE_QUATERNION", POSITION: "GLOBAL_POSITION_INT"}.get(msgid)
         if name in them.intervals_ns and hz:
@@ -50,11 +50,11 @@ def follow(them, asked, demanded=None):
     ]
 
 
-# What the autopilot sends by itself.
+# The autopilot's default rates.
 
 
 def test_a_message_is_stopped_reset_and_asked_after_before_its_first_request():
-    """In one go, the request behind them: no round trip is lost."""
+    """All in one write, followed by the request itself: no round trip is lost."""
     them = merging().start()
     commands = [out.fields for out in them.rates.on_wake(them.now) if out.name == "COMMAND_LONG"]
     first = [(fields["command"], fields["param1"], fields["param2"]) for fields in commands[:4]]
@@ -74,7 +74,9 @@ def test_its_own_rates_are_known_before_ours_flow_and_ours_are_granted_as_ever()
 
 
 def test_a_rate_of_an_earlier_run_is_not_taken_for_the_autopilots_own():
-    """It was restarted: the autopilot still sends what it was asked before. No default: a reset is refused."""
+    """The service was restarted: the autopilot still sends at the rate requested before. The message has no default: a
+    reset is refused.
+    """
     them = merging()
     them.defaults_hz = {"GLOBAL_POSITION_INT": 3.0}
     for name, hz in (("ATTITUDE_QUATERNION", 100.0), ("GLOBAL_POSITION_INT", 10.0)):
@@ -144,7 +146,7 @@ def test_a_message_that_is_refused_is_not_ours():
 
 
 def test_a_message_that_the_autopilot_sends_faster_by_itself_stays_as_it_is():
-    """PX4's Onboard mode: others behind us live on its own rates."""
+    """PX4's Onboard mode: other components behind us depend on its default rates."""
     them = merging(kind=AutopilotKind.PX4)
     them.defaults_hz = {"GLOBAL_POSITION_INT": 50.0, "LOCAL_POSITION_NED": 30.0, "DISTANCE_SENSOR": 5.0}
     them.start().run(12)
@@ -173,7 +175,7 @@ def test_plain_attitude_is_slow_all_the_same_while_the_quaternion_flows():
     assert status(them, "ATTITUDE")["measured_hz"] == pytest.approx(4.0, abs=0.5)
 
 
-# What follows a request.
+# Requests that follow a request.
 
 
 def test_our_higher_rates_follow_at_once_and_no_rate_ever_falls():
@@ -214,7 +216,7 @@ def test_a_station_that_asks_for_more_gets_more_and_its_end_is_no_fall():
 
 
 def test_a_rate_that_we_ask_for_again_does_not_lower_a_stations():
-    """A reboot: the station was quicker than we to ask for its 25 Hz."""
+    """After a reboot the station requests its 25 Hz before we do."""
     them = merging().start().run(20)
     follow(them, request({POSITION: 25.0}))
     them.reboot()

@@ -1,4 +1,4 @@
-"""max_rate_hz: the mean rate is kept whatever the jitter, and nothing else is touched."""
+"""max_rate_hz: the mean rate is kept with any jitter, and other messages are not thinned."""
 
 from __future__ import annotations
 

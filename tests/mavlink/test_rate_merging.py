@@ -1,4 +1,6 @@
-"""What follows a station's request, so that it lowers no rate that anyone else wants."""
+"""Requests that follow a station's request, so that it does not lower a rate that another station or the service
+wants.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,7 @@ def group(number, hz):
 
 
 def followed(asked, demanded=None, heeds_groups=True):
-    """``demanded``: by other stations; this request's own rates belong to it."""
+    """The requests that follow. ``demanded``: rates of other stations; this request's own rates belong to it."""
     rates = {msgid: hz for msgid, hz in asked.rates.items() if hz}
     highest = rates | {msgid: max(hz, rates.get(msgid, 0.0)) for msgid, hz in (demanded or {}).items()}
     what = follow_up(asked, OURS, highest, heeds_groups=heeds_groups)

@@ -1,4 +1,4 @@
-"""What is asked for, at which rate, and what is found where that is refused."""
+"""Rate requests, and the rates found where a request is refused."""
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -94,7 +94,9 @@ def test_the_search_ends_within_a_step_of_the_ceiling(ceiling_us):
         (search.on_accepted if search.asking_us >= ceiling_us else search.on_refused)()
     assert ceiling_us <= search.accepted_us <= max(ceiling_us + 1000, 1.03 * ceiling_us)
     assert questions <= 12
-    assert last_us == search.accepted_us  # whatever a refusal did over there, what was accepted is asked for last
+    assert (
+        last_us == search.accepted_us
+    )  # the accepted rate is requested last, because a refusal may have changed the rate
 
 
 def test_a_message_that_is_refused_at_every_rate_is_left_alone_until_a_reboot():

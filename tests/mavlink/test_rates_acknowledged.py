@@ -1,4 +1,4 @@
-"""Acknowledgements that are lost, lie, are not for us, or say that nothing of it is known."""
+"""Acknowledgements that are lost, wrong, addressed to others, or report the request as unsupported."""
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -8,7 +8,7 @@ from fwav_companion.types import AutopilotKind, Message
 
 
 def test_an_acknowledgement_without_the_rate_is_not_believed():
-    """PX4 acknowledged 50 Hz and gave 18.4: it is shown, and asked again with growing patience."""
+    """PX4 acknowledged 50 Hz and sent 18.4: the measured rate is shown, and requested again at growing intervals."""
     them = peer(kind=AutopilotKind.PX4, attitude_hz=50)
     them.gives_hz = 18.4
     them.start().run(200)

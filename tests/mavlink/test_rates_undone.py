@@ -1,4 +1,4 @@
-"""Somebody else changes a rate: it is asked for again, and who did it is told where that was seen."""
+"""Another component changes a rate: it is requested again, and the component is named where its request was seen."""
 
 from collections import namedtuple
 
@@ -56,13 +56,13 @@ def test_a_rate_fell_where_less_than_70_percent_of_it_is_left(name, left, fell):
     them = peer().start().run(20)
     them.rates.notices()
     them.set_rate(name, left * (100.0 if name == "ATTITUDE_QUATERNION" else 10.0))
-    them.gives_hz = left * 100.0  # what is asked for again is granted, and comes no faster
+    them.gives_hz = left * 100.0  # the repeated request is granted, and the rate stays low
     them.run(12)
     assert any(f"{name} fell from" in notice.text for notice in them.rates.notices()) is fell
 
 
 def test_a_ground_station_that_shares_the_link_is_presumed_to_have_taken_a_rate():
-    """It spoke to the autopilot out of our sight; its heartbeat shows that it is there."""
+    """Its request did not pass through us; its heartbeat shows that it is there."""
     them = peer().start().run(18)
     them.deliver(Message("HEARTBEAT", 255, 190, "fc", Beat(mavlink.MAV_TYPE_GCS)))
     them.deliver(Message("HEARTBEAT", 254, 190, "ground", Beat(mavlink.MAV_TYPE_GCS)))  # its requests pass us by

@@ -30,7 +30,7 @@ class Net:
         return received.forwards
 
     def links_of(self, link: str, frame: bytes) -> list[str]:
-        """Where one frame goes; that it goes unchanged is asserted here for all tests."""
+        """The links that one frame is sent to; that it is unchanged is asserted here for all tests."""
         forwards = self.feed(link, frame)
         assert all(data == frame for _, data in forwards)
         return [name for name, _ in forwards]
@@ -151,7 +151,7 @@ STOPS = LinkPolicy("ground", "gcs", forward_rate_requests=False)
 
 
 def test_a_ground_stations_request_for_streams_stops_where_the_link_stops_them() -> None:
-    """It was the default before requests were merged."""
+    """This was the default before requests were merged."""
     net = Net(AUTOPILOT, STOPS, TABLET)
     _, ground = vehicle_and_ground(net)
     request = ground.frame("REQUEST_DATA_STREAM", 1, 1, 0, 4, 1)

@@ -1,4 +1,4 @@
-"""Whatever surrounds them and however they are cut: good frames come out, whole, once, in order."""
+"""Good frames are found complete, once and in order, with any bytes around them and any cuts."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LONGEST = 280
 
 
 def scanned(data: bytes, cuts: list[int] | None = None) -> list[bytes]:
-    """The frames of a stream that is then quiet, cut at the given places."""
+    """The frames of a stream that is then quiet, divided at the given places."""
     scanner = Scanner()
     edges = [0, *sorted(cut % (len(data) + 1) for cut in cuts or []), len(data)]
     frames = [frame for start, end in pairwise(edges) for frame in scanner.feed(data[start:end])]
@@ -125,7 +125,7 @@ def test_every_byte_is_either_in_a_frame_or_counted_or_kept(parts, cuts) -> None
 
 
 def test_no_good_frame_is_lost_beside_a_corrupted_one() -> None:
-    """10 200 good frames beside corrupted ones: a byte altered, lost or added anywhere in every seventh frame."""
+    """10 200 good frames next to corrupted ones: a byte altered, lost or added anywhere in every seventh frame."""
     rng = random.Random(7)
     frames = [unknown_frame(seq=i % 256) if i % 50 == 25 else frame for i, frame in enumerate(good_frames(11_900))]
     stream, wanted = [], []
@@ -274,7 +274,7 @@ RUN = b"\xfe\xe0" * 112 + Wire().attitude()
     "pattern", [b"\xfd", b"\xfe", b"\xfd\x00", b"\xfe\x0d", b"\xfd\x01\x00", b"\xfe\xff\xfd\x00\x00", RUN]
 )
 def test_hostile_patterns_cost_linear_time(pattern) -> None:
-    """Counted, not timed: how many checksums are worked out for a megabyte of the worst."""
+    """Counted, not timed: the number of checksums that are computed for a megabyte of the worst pattern."""
     scanner = Scanner()
     calls = 0
     plain = scanner._frame_at
@@ -309,7 +309,7 @@ def test_any_bytes(data, datagrams) -> None:
 
 
 def test_datagrams_that_were_cut_off_cost_no_other_however_they_are_read_together() -> None:
-    """Several datagrams may come in one reading: a whole one behind a cut one is not given up with it."""
+    """Several datagrams may arrive in one read: a complete one after a truncated one is not discarded with it."""
     rng = random.Random(7)
     for _ in range(200):
         wire = Wire()
@@ -324,5 +324,5 @@ def test_datagrams_that_were_cut_off_cost_no_other_however_they_are_read_togethe
             together = rng.choice((1, 1, 2, 3))
             found += scanner.feed(b"".join(datagrams[:together]))
             del datagrams[:together]
-        # Two pieces may look like a frame of an unknown id, which nobody can check.
+        # Two pieces may look like a frame of an unknown id, whose checksum cannot be verified.
         assert [frame.data for frame in found if frame.known] == whole

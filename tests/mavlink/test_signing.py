@@ -1,4 +1,4 @@
-"""Signatures both ways against pymavlink, and what a forger can and cannot do."""
+"""Signatures in both directions against pymavlink, and the limits of a forger."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ OTHER_KEY = bytes(32)
 NOW = HostNs(5 * NS_PER_S)
 MINUTE = 6_000_000
 START = 40_000_000_000_000
-"""Some day in 2027."""
+"""A day in 2027."""
 
 
 class SignedWire(Wire):

@@ -1,4 +1,4 @@
-"""Losses are those that happened, whatever the order and however the counter wraps."""
+"""Counted losses are the true ones, for any order and any wrap of the counter."""
 
 from __future__ import annotations
 

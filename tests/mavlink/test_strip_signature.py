@@ -1,4 +1,4 @@
-"""What a recording keeps of a signed frame, judged by pymavlink; and which frames it does not keep at all."""
+"""Frames of a recording without their signatures, verified by pymavlink; and frames that are not recorded at all."""
 
 import io
 import random

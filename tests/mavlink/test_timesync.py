@@ -1,4 +1,4 @@
-"""TIMESYNC against a simulated autopilot with its own clock, and against everybody else on the network."""
+"""TIMESYNC against a simulated autopilot with its own clock, and against other components on the network."""
 
 from collections import namedtuple
 
@@ -74,7 +74,7 @@ def test_an_answer_counts_once(sync):
 )
 def test_what_is_not_our_answer_is_ignored_for_its_reason_and_does_not_spoil_ours(sync, answer, reason):
     ts1 = request(sync)
-    if ts1 == T0:  # the nonce may be 0: then this case says nothing about it
+    if ts1 == T0:  # the nonce may be 0: then this case shows nothing
         ts1 = request(sync, sync.wake_at)
     assert sync.on_message(answer(ts1), T0 + 200 * MS) == Ignored(reason)
     assert sync.ignored[reason] == 1

@@ -106,7 +106,7 @@ class StillVehicle:
 
 
 def frame(*pixels: tuple[float, float], boot_ms: float = 5000.0, after_ms: float = 60.0, **changed: Any) -> Frame:
-    """Stamped on the host's clock at this instant of the autopilot's; arrives so much later."""
+    """A frame stamped on the host's clock at this instant of the autopilot's; it arrives ``after_ms`` later."""
     stamp_ns = HOST_FROM_BOOT_NS + round(boot_ms * MS)
     plain = {
         "number": None,

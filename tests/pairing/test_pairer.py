@@ -1,4 +1,4 @@
-"""Detections on the vehicle: each at the instant of its own row, or refused by name."""
+"""Detections paired with the vehicle's state: each at the instant of its own row, or refused by name."""
 
 from math import inf, nan
 
@@ -152,7 +152,7 @@ def test_a_relative_world_needs_no_position():
     ],
 )
 def test_refusals_of_a_frame(changed, reason):
-    """5 ms and three sigma of 0.5 ms may a capture lie after its arrival; 0.5 s before it."""
+    """A capture may lie 5 ms and three sigma of 0.5 ms after its arrival, and 0.5 s before it."""
     reported = pairer(timing=CameraTiming(readout_s=0.0)).pair(frame(CENTRE, **changed), StillVehicle())
     assert (reported.reason if isinstance(reported, RefusedFrame) else None) == reason
 
@@ -166,7 +166,7 @@ def test_duplicates():
     one = pairer()
     assert whole(one.pair(frame(CENTRE, number=7), StillVehicle())).number == 7
     assert refusal(one.pair(frame((1.0, 200.0), number=7), StillVehicle())) is Reason.DUPLICATE_FRAME
-    whole(one.pair(frame(CENTRE, number=7, boot_ms=5040.0), StillVehicle()))  # a restarted source counts anew
+    whole(one.pair(frame(CENTRE, number=7, boot_ms=5040.0), StillVehicle()))  # a restarted source counts from the start
     whole(one.pair(frame(CENTRE, number=8), StillVehicle()))
 
 
@@ -233,7 +233,7 @@ def test_what_the_camera_could_see():
     assert view.could_see((100.0, 50.0, 0.0))
     assert view.pixel_of((102.0, 53.0, 0.0)) == pytest.approx((320.0 + 90.0, 240.0 - 60.0))
     assert not view.could_see((100.0, 50.0, -20.0))  # above it
-    assert not view.could_see((100.0, 62.0, 0.0))  # beside the image
+    assert not view.could_see((100.0, 62.0, 0.0))  # outside the image
     assert not view.could_see((107.9, 50.0, 0.0))
 
 

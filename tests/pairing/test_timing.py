@@ -63,7 +63,7 @@ def test_an_unknown_readout_is_half_the_median_interval_and_uniform():
         stamp += 50 * MS if k % 7 else 150 * MS  # frames are missing now and then
         clock.see(stamp)
         if k % 5 == 0:
-            clock.see(stamp - 120 * MS)  # a late one tells no interval
+            clock.see(stamp - 120 * MS)  # a late one shows no interval
     assert clock.readout_s == pytest.approx(0.025)
     assert clock.readout_sigma_s == pytest.approx(0.05 / 12**0.5)
 

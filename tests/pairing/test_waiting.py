@@ -1,4 +1,4 @@
-"""Frames wait for attitudes, and not for ever."""
+"""Frames wait for attitudes, for a limited time."""
 
 from placing import MS, StillVehicle, frame
 

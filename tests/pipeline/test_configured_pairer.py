@@ -1,4 +1,4 @@
-"""Whose mount and delay count: the configuration's, and a calibration file's where the configuration says nothing."""
+"""Which mount and delay count: the configuration's, and a calibration file's where the configuration has none."""
 
 import numpy as np
 from flying import CAMERA, LINK

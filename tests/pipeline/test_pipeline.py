@@ -23,7 +23,7 @@ def flight(name: str, *settings: str, seconds: float = 16.0, seed: int = 3, **ho
 
 @pytest.fixture(scope="module")
 def perfect() -> Flight:
-    """Nothing is wrong with the vehicle: what is left is our own error."""
+    """A vehicle without errors: the remaining error is our own."""
     return flight("perfect", *GLOBAL_SHUTTER, sightings=True)
 
 
@@ -102,7 +102,7 @@ def test_before_an_autopilot_is_adopted_only_heartbeats_are_said():
     ids=["old ArduPilot", "new ArduPilot", "PX4"],
 )
 def test_each_landing_consumer_takes_every_landing_target_at_its_place(vehicle: dict[str, str]):
-    """The EKF's origin is unlike home, and PX4's frame is on its own sphere: the mock judges by its own rules."""
+    """The EKF's origin differs from home, and PX4's frame is on its own sphere: the mock evaluates by its own rules."""
     options = scenario("perfect").but({"seconds": 16.0, "seed": 5} | vehicle)
     assert options.autopilot.ekf_origin_m != (0.0, 0.0, 0.0)
     flown = fly(options, (*LANDING, *GLOBAL_SHUTTER))
@@ -175,7 +175,7 @@ def test_labels_that_are_not_wanted_are_counted_and_not_followed():
 
 
 def test_advance_always_comes_to_rest():
-    """No room may keep asking for a time that has passed: the pipeline would never come back."""
+    """No component may request a time in the past repeatedly: the pipeline would never return."""
     flown = flight("gcs_thief", seconds=14.0)
     now = HostNs(flown.mock.end_ns)
     flown.companion.on_wake(now)

@@ -1,4 +1,4 @@
-"""What is written, and what is not where nobody takes it."""
+"""Lines of the target log, and the lines that are not made without a reader."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""A camera component, what is asked of it, and what it says over some seconds."""
+"""A camera component, requests to it, and its messages over some seconds."""
 
 from fwav_companion.publishing.options import PublishOptions
 from fwav_companion.types import Command

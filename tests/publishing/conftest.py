@@ -1,4 +1,4 @@
-"""Tracks, moments and a foreign encoder: what the publishing room's tests share."""
+"""Tracks, instants and a foreign encoder: shared by the publishing tests."""
 
 import sys
 from pathlib import Path

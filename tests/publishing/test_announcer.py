@@ -1,4 +1,4 @@
-"""Texts for people: chunks of 50 bytes; targets found, lost, merged; limits of their rate."""
+"""Texts for people: chunks of 50 bytes; targets found, lost, merged; rate limits."""
 
 import pytest
 from hypothesis import given, settings
@@ -99,7 +99,7 @@ def test_a_track_that_vanishes_without_a_word_is_lost_too(world, news):
 
 @pytest.mark.parametrize("shown", [True, False])
 def test_what_turned_out_to_be_another_is_not_lost(world, news, shown):
-    """Nor found once more; also where a late frame swallowed the frame that showed its end."""
+    """Nor is it found again; also where a late frame replaced the frame that showed its end."""
     news.on_tracks((world.track(2, "pad"), world.track(3, "pad")), world.situation())
     replaced = world.track(3, "pad", state=TrackState.DROPPED, reason=Reason.REPLACED, replaced_by=2)
     tracks = (world.track(2, "pad", replaces=(3,)), *([replaced] if shown else []))

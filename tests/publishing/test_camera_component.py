@@ -1,4 +1,4 @@
-"""The camera component: what it says when ground stations ask a camera what it is."""
+"""The camera component: its answers to ground stations that ask for camera information."""
 
 from math import inf, isnan, nan
 
@@ -89,7 +89,7 @@ def described(options, world, *request):
     ],
 )
 def test_the_video_stream_by_its_uri(world, uri, kind, shown, encoding):
-    """common.xml: of RTP over UDP and of MPEG-TS the URI is the port number, and stations prepend the rest."""
+    """common.xml: for RTP over UDP and for MPEG-TS the URI is the port number, and stations prepend the rest."""
     got = described(PublishOptions(image_size=SIZE, hfov_deg=54.6, video_uri=uri), world, 512, 269.0)
     assert (got["uri"], got["type"], got["encoding"]) == (shown, kind, encoding)
     assert (got["stream_id"], got["count"], got["flags"]) == (1, 1, mavlink.VIDEO_STREAM_STATUS_FLAGS_RUNNING)
@@ -104,7 +104,7 @@ def test_the_streams_status_agrees_with_its_information(world):
 
 
 def test_a_storage_that_is_not_the_operators_is_shown_as_not_supported(world):
-    """So that QGroundControl neither repeats its request nor shows a capacity."""
+    """Then QGroundControl neither repeats its request nor shows a capacity."""
     got = described(PublishOptions(image_size=SIZE), world, 525, 0.0, 1.0)
     assert (got["storage_id"], got["storage_count"]) == (1, 1)
     assert got["status"] == mavlink.STORAGE_STATUS_NOT_SUPPORTED
@@ -128,7 +128,9 @@ def test_the_interval_by_both_requests(world, asked):
     ("k1_mm", "max_angle_deg", "expected"), [(3.55, 75.0, 54.9), (3.55, 20.0, 40.0), (1.5, 95.0, 130.0)]
 )
 def test_the_horizontal_field_of_view_is_that_of_the_lens(k1_mm, max_angle_deg, expected):
-    """Of an equidistant lens: width over focal length, both in millimetres; a narrower limit of the lens counts."""
+    """Field of view of an equidistant lens: width over focal length, both in millimetres; a narrower limit of the lens
+    applies.
+    """
     text = (
         f"model: kannala_brandt\nimage_size: [640, 480]\nk_mm: [{k1_mm}, 0.0, 0.0, 0.0, 0.0]\n"
         f"pixels_per_mm: [188.0, 188.0]\nprincipal_point: [300.0, 240.0]\nmax_angle_deg: {max_angle_deg}\n"

@@ -30,7 +30,7 @@ def show(publisher, world, at, *places):
 
 
 def test_a_click_selects_what_was_there_when_the_picture_was_taken(publisher, world):
-    """The two swap places every 100 ms: only the picture of 300 ms ago tells which one was meant."""
+    """The two swap places every 100 ms: only the picture of 300 ms ago shows which one was meant."""
     left, right = ((120.0, 240.0), None), ((520.0, 240.0), None)
     for count in range(10):
         places = (left, right) if count % 2 == 0 else (right, left)

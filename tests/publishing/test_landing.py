@@ -1,4 +1,4 @@
-"""LANDING_TARGET as its readers read it: their published formulas by hand, geometry by scipy."""
+"""LANDING_TARGET as its receivers read it: their published formulas by hand, geometry by scipy."""
 
 from math import cos, inf, nan, radians, sin, tan
 
@@ -57,7 +57,7 @@ def test_the_angles_say_the_same_as_the_vector_by_ardupilots_formula(world, yaw,
     q = world.quaternion(yaw, pitch, roll)
     out = landing.on_tracks((world.track(position_ned=(north, east, 0.0)),), world.situation(vehicle=world.state(q=q)))
     fields = out.fields
-    if fields["z"] < 0.5:  # beside the body, where tangents end
+    if fields["z"] < 0.5:  # next to the body, where tangents end
         return
     los = np.array([-tan(fields["angle_y"]), tan(fields["angle_x"]), 1.0])
     vector = np.array([fields["x"], fields["y"], fields["z"]])
@@ -222,7 +222,7 @@ def test_an_old_attitude_does_not_steer(world, landing):
 
 
 def test_the_bound_does_not_count_the_vehicles_own_position(world, landing):
-    """cov holds it, relative_cov does not."""
+    """cov includes it, relative_cov does not."""
     lost_vehicle = world.track(cov=world.diagonal(30.0, 30.0, 30.0))
     assert landing.on_tracks((lost_vehicle,), world.situation()) is not None
 
@@ -250,7 +250,7 @@ def test_the_oldest_confirmed_is_kept_until_it_is_dropped(world, landing):
 
 @pytest.mark.parametrize("state", [TrackState.CONFIRMED, TrackState.COASTING])
 def test_it_goes_on_with_what_the_chosen_one_turned_out_to_be(world, landing, state):
-    """Though another pad was confirmed before that: the vehicle is on its way down to this one."""
+    """Even if another pad was confirmed before: the vehicle is descending to this one."""
     landing.on_tracks((world.track(7),), world.situation())
     other = world.track(3, at=world.NOW + 1, confirmed_at=world.NOW - 99 * world.S)
     same = world.track(9, at=world.NOW + 1, state=state, replaces=(7,))

@@ -1,4 +1,4 @@
-"""Named values, ADS-B markers and Cursor on Target, each read back by somebody else's reader."""
+"""Named values, ADS-B markers and Cursor on Target, each decoded by an independent reader."""
 
 import xml.etree.ElementTree as ET
 from datetime import UTC, datetime

@@ -59,7 +59,7 @@ def test_every_reason_fits_into_a_text(reason):
 
 
 def test_the_first_obstacle_on_the_datas_path_is_named():
-    """What comes later on the path is its consequence."""
+    """Later obstacles on the path are its consequences."""
     changes: dict = {}
     for change, code in reversed(CASES):
         changes |= change
@@ -76,7 +76,7 @@ def test_a_rate_at_the_limit_does_not_chatter(hz, reported, code):
 
 
 class Flight:
-    """Wakes the reports as the pipeline does; ``course``: changes to a good state, from a second on."""
+    """Wakes the reports as the pipeline does; ``course``: changes to a good state, each from its second on."""
 
     def __init__(self) -> None:
         self.reports = ReadinessReports()

@@ -69,7 +69,9 @@ def test_when_the_clicked_one_ends_the_rule_is_back(world, tracks):
 
 @pytest.mark.parametrize("reported", [True, False])
 def test_a_click_goes_on_with_what_the_clicked_one_turned_out_to_be(world, reported):
-    """Not with the nearest; also where a late frame swallowed the frame that told of its end."""
+    """The selection follows the replacement, not the nearest target; also where a late frame replaced the frame that
+    reported the end.
+    """
     clicked = world.track(4, position_ned=(10.0, 0.0, 0.0))
     same = world.track(2, position_ned=(10.9, 0.0, 0.0), confirmed_at=world.NOW - world.S)
     near = world.track(3, position_ned=(10.1, 0.0, 0.0), confirmed_at=world.NOW - 9 * world.S)

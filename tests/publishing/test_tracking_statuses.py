@@ -1,4 +1,4 @@
-"""The camera component's two statuses: where the target is, field by field, and how often that is told."""
+"""The camera component's two statuses: the target's place, field by field, and the message intervals."""
 
 from math import atan2, isnan, nan
 
@@ -17,7 +17,7 @@ def publisher():
     return Publisher(OPTIONS)
 
 
-# Where the target is.
+# The target's place.
 
 
 def test_geo_status_field_by_field(publisher, world):
@@ -123,7 +123,7 @@ def test_when_no_target_is_left_idle_is_sent_three_times_and_then_nothing(publis
     assert {one.name for one in sent} == {IMAGE}
 
 
-# How often.
+# Intervals.
 
 
 def test_both_statuses_at_the_configured_rate_and_seldom_through_the_autopilots_link(publisher, world):
@@ -149,7 +149,9 @@ def test_the_interval_on_request_where_minus_one_stops_and_zero_is_the_default(p
 
 
 def test_the_default_interval_is_not_one_that_was_asked_for(publisher, world):
-    """Through the autopilot's link it stays seldom; and a station that wants it gets it where another stopped it."""
+    """Through the autopilot's link the rate stays low; a station that requests the message gets it on its own link,
+    even if another stopped it.
+    """
     now = world.NOW + world.S
     publisher.on_command(command(511, 275.0, -1.0, sender=(254, 190)), world.situation(now=now))
     publisher.on_command(command(511, 275.0, 0.0), world.situation(now=now))

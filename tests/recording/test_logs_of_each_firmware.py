@@ -98,7 +98,7 @@ def test_records_of_a_form_that_is_not_known_yet_are_passed_over():
 
 
 def test_half_a_record_before_zeros_is_not_believed():
-    """What a power cut leaves on a card: the file's length is there, its last sectors are not."""
+    """A power cut leaves this on a card: the file has its length, its last sectors are missing."""
     log = described(OLD)
     for step in range(20):
         put(log, OLD, "ATT", 1_000_000 + 20_000 * step)

@@ -1,4 +1,4 @@
-"""The recorder keeps what it is given, within the disk it may use; and a failing disk is told once."""
+"""The recorder writes everything it is given within its disk limits, and reports a failing disk once."""
 
 import os
 import shutil
@@ -32,7 +32,7 @@ def plan(directory, **how):
 
 
 def recorded(directory, *, reported=None, **how):
-    """A recorder that has been given one record of each kind, and closed."""
+    """A closed recorder after one record of each kind."""
     reported = [] if reported is None else reported
     recorder = Recorder(plan(directory, **how), reported.append)
     recorder.start()
@@ -76,7 +76,7 @@ class FrozenTime:
 
 
 def test_what_is_written_reaches_the_disk_within_sync_s(tmp_path, monkeypatch):
-    """Judged by what a power cut would leave: the file's content when fdatasync was called."""
+    """The file's content when fdatasync was called: what a power cut would leave."""
     synced = []
     fdatasync = os.fdatasync
 
@@ -104,7 +104,7 @@ def test_a_directory_that_cannot_be_made_is_reported_once_and_at_once(tmp_path):
 
 
 def test_what_it_does_or_waits_for_is_said_in_words(tmp_path):
-    """The status file said "None"."""
+    """The status file showed "None" before."""
     waits = 'waits for the vehicle to be armed ([record] when = "armed")'
     recorder = Recorder(plan(tmp_path, when="armed"), [].append)
     assert recorder.state == waits
@@ -125,7 +125,7 @@ def test_what_it_does_or_waits_for_is_said_in_words(tmp_path):
 
 @pytest.mark.parametrize("gone", ["folder", "directory"])
 def test_a_recording_that_is_removed_is_reported_once(tmp_path, gone):
-    """A removed file takes bytes as before, and nobody will ever read them."""
+    """A removed file accepts bytes as before, but they can never be read."""
     reported = []
     recorder = Recorder(plan(tmp_path / "records"), reported.append)
     recorder.start()
@@ -164,7 +164,7 @@ def test_a_full_disk_stops_the_recording_and_nothing_else(tmp_path, monkeypatch,
 
 @pytest.mark.parametrize("when", ["always", "armed"])
 def test_a_recording_goes_on_in_a_new_folder_when_there_is_room_again(tmp_path, monkeypatch, when):
-    """A full disk stayed the end of it until the next start, in the midst of a flight."""
+    """A full disk once ended the recording in flight until the next start."""
     free_blocks = [0]
     monkeypatch.setattr(
         folder_module.os, "statvfs", lambda _path: SimpleNamespace(f_bavail=free_blocks[0], f_frsize=4096)
@@ -178,7 +178,7 @@ def test_a_recording_goes_on_in_a_new_folder_when_there_is_room_again(tmp_path, 
         recorder.telemetry(START_US, b"\xfd\x00")
         time.sleep(0.001)
     free_blocks[0] = 1_000
-    time.sleep(0.05)  # room for a second or two is none
+    time.sleep(0.05)  # space for a second or two is not enough
     assert recorder.failure is not None
     free_blocks[0] = 1_000_000
     while recorder.failure is not None:

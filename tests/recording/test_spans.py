@@ -1,4 +1,4 @@
-"""Which folders a flight gets: by arming, by size, and what each of them begins and ends with."""
+"""Folders of a flight: by arming, by size, and the first and last records of each."""
 
 import json
 
@@ -18,7 +18,7 @@ S = 1_000_000
 
 
 class Site:
-    """Spans under observation: folders as lists of (seconds, what)."""
+    """Recording spans under observation: folders as lists of (seconds, record)."""
 
     def __init__(self, when, *, headed=True, most=1 << 30):
         self.headed = headed

@@ -1,4 +1,4 @@
-"""Files of true places that are none: one line that says what is accepted, never a traceback."""
+"""Invalid files of true places: one line with the accepted form, never a traceback."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""PX4's logs, as its versions differ: what a version does not log is not made up."""
+"""PX4's logs of different versions: values that a version does not log are not invented."""
 
 import pytest
 from autopilot_logs import ulog

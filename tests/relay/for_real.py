@@ -1,4 +1,4 @@
-"""The same ten minutes over UDP, through the daemon as a process of its own, at their own pace: to be run by hand.
+"""The same ten minutes over UDP, through the daemon as a process of its own, in real time; to be run by hand.
 
 ``python tests/relay/for_real.py [SECONDS]``
 """
@@ -26,7 +26,7 @@ LATEST_S = 2.0
 
 
 class Peers:
-    """A socket at the far end of each link, and what came out of it that was not the daemon's own."""
+    """A socket at the far end of each link, with the frames received there that are not the daemon's own."""
 
     def __init__(self) -> None:
         self.sockets = {link: socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for link in LINKS}
@@ -59,7 +59,7 @@ def configuration(peers: Peers, ports: dict[str, int]) -> str:
         for link in LINKS
     ]
     link = '[[link]]\nname = "{}"\nurl = "{}"\nrole = "{}"\nforward_rate_requests = false\n'
-    tables = "".join(link.format(*each) for each in links)  # nothing is thinned: what is judged is the routing
+    tables = "".join(link.format(*each) for each in links)  # nothing is thinned: the test is of the routing
     return f'[vehicle]\nsystem_id = 1\n{tables}[detections]\nurl = ""\n[status]\nfile = "status.json"\n'
 
 
@@ -88,10 +88,10 @@ def main(seconds: int) -> int:
 
 
 def run(peers: Peers, ports: dict[str, int], seconds: int) -> dict[str, Counter[bytes]]:
-    """Send every frame at its time; what is due where."""
+    """Send every frame at its time; returns the frames that are due on each link."""
     for link in VEHICLE_LINKS:
         peers.daemon[link] = ("127.0.0.1", ports[link])
-        peers.sockets[link].sendto(b"\0", peers.daemon[link])  # a server answers who has spoken
+        peers.sockets[link].sendto(b"\0", peers.daemon[link])  # a server answers clients that have sent something
     while len(peers.daemon) < len(LINKS):  # stations wait for the daemon's first heartbeat
         time.sleep(0.1)
     due: dict[str, Counter[bytes]] = {link: Counter() for link in LINKS}

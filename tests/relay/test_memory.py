@@ -1,4 +1,4 @@
-"""What a pure relay carries: a board with 512 MB has other things to do."""
+"""The memory of a pure relay: a board has 512 MB in total."""
 
 import socket
 import time

@@ -1,5 +1,5 @@
-"""Two ground stations and a rebooting autopilot on four links for ten minutes, in invented time: not one frame is lost
-that the rules say must pass, none is doubled or changed, and none passes that must not.
+"""Two ground stations and a rebooting autopilot on four links for ten minutes, in invented time: no frame that must
+pass by the rules is lost, doubled or changed, and no frame passes that must not.
 """
 
 from collections import Counter
@@ -29,7 +29,7 @@ def relayed(node: Node, events: list[Event]) -> Iterator[tuple[str, bytes]]:
 
 
 def node_of(links: tuple[str, ...], *, datagrams: bool) -> Node:
-    """Without merging requests for rates, which thins attitudes: what is judged here is the routing alone."""
+    """A node that does not merge rate requests, because merging thins attitudes: the test is of the routing alone."""
     roles = {link: "autopilot" if link in VEHICLE_LINKS else "gcs" for link in links}
     policies = [
         LinkPolicy(link, role, forward_rate_requests=False, datagrams=datagrams) for link, role in roles.items()
@@ -66,7 +66,7 @@ def test_every_frame_that_must_pass_does_and_no_other(ten_minutes: list[Event]):
 
 
 def test_over_streams_ground_stations_get_the_same(ten_minutes: list[Event]):
-    """Where nothing tells the end of a frame of an unknown id, it waits for the next one: only the order may differ."""
+    """A frame of an unknown id waits for the next one where its end is unknown: only the order may differ."""
     due = {link: Counter(event.frame for event in ten_minutes if link in event.to) for link in STATION_LINKS}
     came: dict[str, Counter[bytes]] = {link: Counter() for link in LINKS}
     for link, data in relayed(node_of(LINKS, datagrams=False), ten_minutes):

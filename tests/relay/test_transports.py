@@ -1,4 +1,4 @@
-"""The daemon as a relay between every kind of link, over wires that behave and wires that do not: byte for byte."""
+"""The daemon as a relay between every kind of link, over good and bad wires: byte for byte."""
 
 import random
 from collections.abc import Callable, Iterator
@@ -15,7 +15,7 @@ STATION = (255, 190)
 
 
 def from_vehicle(rng: random.Random) -> list[bytes]:
-    """Known and unknown, signed, both versions, long and short, to all and to the station."""
+    """Frames of a vehicle: known and unknown, signed, both versions, long and short, to all and to the station."""
     plain, old, signed = Wire(1, 1), Wire(1, 2, version=1), Wire(1, 3)
     signed.mav.signing.secret_key = bytes(32)
     signed.mav.signing.sign_outgoing = True
@@ -33,7 +33,7 @@ def from_vehicle(rng: random.Random) -> list[bytes]:
 
 
 def from_station(rng: random.Random) -> list[bytes]:
-    """To all, to the autopilot by name, and to the vehicle as a whole."""
+    """Frames of a station: to all, to the autopilot by name, and to the vehicle as a whole."""
     wire = Wire(*STATION)
     frames = [wire.heartbeat(6, 8)]
     for index in range(20):
@@ -47,21 +47,21 @@ def from_station(rng: random.Random) -> list[bytes]:
 
 
 Send = Callable[[Peer, Peer, list[bytes], random.Random], list[bytes]]
-"""Puts frames on the wire of the first, with an ear at the second; those of them that arrive whole."""
+"""Sends frames from the first peer while the second listens; returns the frames that arrive complete."""
 
 
 def frame_by_frame(near: Peer, far: Peer, frames: list[bytes], _: random.Random) -> list[bytes]:
     for frame in frames:
         near.send(frame)
-        far.listen(0.0005)  # a UDP socket's buffer is no place to wait in
+        far.listen(0.0005)  # a UDP socket's buffer is too small to queue frames
     return frames
 
 
 def byte_by_byte(near: Peer, far: Peer, frames: list[bytes], _: random.Random) -> list[bytes]:
-    """The first few and the last: a datagram a byte is slow.
+    """The first few frames and the last, byte by byte: a datagram a byte is slow.
 
-    Two frames are on the way at most: the socket of a daemon that waits for the processor holds no more. One of an
-    unknown id is known to be whole by the one that follows.
+    At most two frames are in transit: the socket of a daemon that waits for the processor holds no more. A frame of an
+    unknown id is known to be complete by the one that follows.
     """
     few = [*frames[:8], frames[-1]]
     for before, frame in enumerate(few):
@@ -82,10 +82,9 @@ def in_pieces_with_pauses(near: Peer, far: Peer, frames: list[bytes], rng: rando
 
 
 def with_losses_and_errors(near: Peer, far: Peer, frames: list[bytes], rng: random.Random) -> list[bytes]:
-    """Every fourth frame is lost, cut short or changed. Nobody can tell that of unknown ids, so there are none.
+    """Every fourth frame is lost, cut short or changed. Errors in unknown ids cannot be detected, so there are none.
 
-    The last frames are left alone: behind one that was cut short, others wait until as many bytes as it should have had
-    have come.
+    The last frames stay intact: after one that was cut short, others wait until its full length of bytes has arrived.
     """
     known = [frame for frame in frames if frame[7:10] != b"\xef\xcd\xab" or frame[0] == 0xFE]
     whole = []
@@ -115,8 +114,8 @@ WIRES: dict[str, Send] = {
 
 @pytest.fixture(params=PAIRS, ids=lambda pair: f"{pair[0]} to {pair[1]}")
 def relay(request, tmp_path: Path) -> Iterator[tuple[Process, Peer, Peer]]:
-    """The daemon, and the far ends of its two links. Nothing is thinned or held back: frames come here faster than any
-    serial line carries them.
+    """The daemon and the far ends of its two links. Nothing is thinned or held back: frames come here faster than on
+    any serial line.
     """
     vehicle, station = (peer_of(kind) for kind in request.param)
     unthinned = "forward_rate_requests = true\nmax_bytes_per_s = 1e8"
@@ -149,7 +148,7 @@ def test_what_comes_in_goes_out_byte_for_byte(relay: tuple[Process, Peer, Peer])
 
 
 def hello(vehicle: Peer, station: Peer) -> None:
-    """Both sides are heard once: what names them has somewhere to go."""
+    """Each side sends once, so that frames addressed to it have a destination."""
     first = [Wire(1, 1).heartbeat(), Wire(*STATION).heartbeat(6, 8)]
     vehicle.send(first[0])
     assert station.collect(1) == first[:1]

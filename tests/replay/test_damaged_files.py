@@ -1,4 +1,6 @@
-"""Files as cards and power cuts leave them: cut, flipped, zeroed, spliced. What can be is read, and nothing breaks."""
+"""Files as cards and power cuts leave them: cut, flipped, zeroed, spliced. All readable parts are read, without a
+crash.
+"""
 
 import random
 import struct
@@ -83,7 +85,7 @@ def moved(data, draw):
 
 
 def claiming(data, draw):
-    """Lengths beyond everything."""
+    """Data with length fields beyond every limit."""
     for _ in range(10):
         at = draw.randrange(len(data))
         data[at : at + 2] = b"\xff" * len(data[at : at + 2])
@@ -101,7 +103,7 @@ def test_no_damage_breaks_a_reader(tmp_path, kind, damage):
         path.write_bytes(data)
         try:
             read = load_telemetry(path, OWN)
-        except InputFileError:  # told in one line, by name
+        except InputFileError:  # reported in one line, by name
             continue
         times = [unix_us for unix_us, _ in read.messages]
         assert times == sorted(times)
@@ -144,7 +146,7 @@ RECORD = len(a_tlog()) // (SECONDS * HZ)
 
 
 def restamped(shift_us):
-    """The tlog with so many microseconds added to the stamp of each record, by its number."""
+    """The tlog with ``shift_us(number)`` added to the stamp of each record."""
     data = bytearray(WHOLE["tlog"])
     for number, at in enumerate(range(0, len(data), RECORD)):
         stamp_us = int.from_bytes(data[at : at + 8], "big") + shift_us(number)
@@ -154,7 +156,7 @@ def restamped(shift_us):
 
 @pytest.mark.parametrize("bit", [26, 32, 45, 50])
 def test_a_flipped_bit_in_a_stamp_moves_one_message_and_no_other(bit):
-    """From a minute to decades: behind it, time must not stand still nor a replay run through the years."""
+    """By a minute to decades: afterwards time must neither stop nor run through years of replay."""
     whole = read_telemetry(WHOLE["tlog"]).messages
     read = read_telemetry(restamped(lambda number: (1 << bit) * (number == 20)))
     assert read.notes == []
@@ -165,7 +167,7 @@ def test_a_flipped_bit_in_a_stamp_moves_one_message_and_no_other(bit):
 
 @pytest.mark.parametrize(("by_s", "at"), [(3 * 86_400, 20), (-86_400, 20), (56 * 365 * 86_400 - 10**9, 40)])
 def test_a_recorder_whose_clock_was_set_gives_its_longest_part_and_says_where(by_s, at):
-    """As a board without a clock of its own, when it finds the network."""
+    """A board without a battery-backed clock does this when it finds the network."""
     shift_us = by_s * 1_000_000
     read = read_telemetry(restamped(lambda number: shift_us * (number >= at)))
     times = [unix_us for unix_us, _ in read.messages]
@@ -189,7 +191,7 @@ def test_an_arrival_of_another_year_does_not_make_a_replay_run_through_it(receiv
 
 
 def test_times_that_their_neighbours_contradict_are_left_out():
-    steady = list(range(0, 200_000_000, 10_000_000))  # rare ones, ten seconds apart, are as good as any
+    steady = list(range(0, 200_000_000, 10_000_000))  # rare messages, ten seconds apart, are equally valid
     assert timely(steady) == list(range(20))
     assert timely([*steady[:7], 9 * 10**11, *steady[7:]]) == [*range(7), *range(8, 21)]
     assert timely([5, 1, 3]) == [1, 2, 0], "a logger's queues put samples into the file late"
@@ -257,7 +259,7 @@ def test_what_a_crash_appended_does_not_hide_the_flight(tmp_path):
 @pytest.mark.parametrize("filler", [b"\0", b"\xa3\x95", b"\xfd", b"D"])
 @pytest.mark.parametrize("kind", WHOLE)
 def test_a_mebibyte_of_nothing_makes_nothing(tmp_path, kind, filler):
-    """Its time limit is the test's."""
+    """The test's own time limit applies."""
     path, data = tmp_path / f"flight.{kind}", WHOLE[kind]
     path.write_bytes(data)
     whole = load_telemetry(path, OWN).messages

@@ -16,7 +16,7 @@ GPS_MINUS_UTC_S, WEEK_S, EPOCH_S = 18, 604_800, 315_964_800
 
 
 class Flown:
-    """What a flight was, told at 100 Hz on the autopilot's clock."""
+    """A flight's states at 100 Hz on the autopilot's clock."""
 
     def __init__(self):
         options = scenario("unbiased").but({"seconds": SECONDS, "seed": 5, "camera.clutter": 0.0})

@@ -1,4 +1,4 @@
-"""A recording replayed is the flight again, to the byte; and what cannot be read is named."""
+"""A replay reproduces the flight to the byte; unreadable input is named."""
 
 import json
 import os
@@ -19,7 +19,7 @@ CONFIG = LINK + '[camera]\ncalibration = "camera.yaml"\n'
 
 
 def recorded(folder: Path, flown: Flight) -> list[str]:
-    """The flight's files in a folder, and the words that replay them."""
+    """Writes the flight's files to a folder; returns the arguments that replay them."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "flight.toml").write_text(CONFIG)
     (folder / "camera.yaml").write_text(CAMERA)
@@ -190,7 +190,7 @@ def test_a_wrong_file_is_one_line_and_exit_2(tmp_path, flown, change, said):
 
 
 def test_an_elevation_file_is_shifted_to_the_take_off_height_and_used(tmp_path):
-    """A level model 8 m too high: after the shift it is the take-off surface, and targets stand on it."""
+    """A level model 8 m too high: after the shift it is the take-off surface, with the targets on it."""
     flown = fly(scenario("perfect").but({"seconds": 12.0, "seed": 2}), ("camera.readout_s=0.0",))
     words = recorded(tmp_path, flown)
     (tmp_path / "N48E011.hgt").write_bytes((527).to_bytes(2, "big") * 1201 * 1201)

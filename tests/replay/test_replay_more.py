@@ -128,7 +128,7 @@ def test_targets_on_stdout_are_alone_there(site, stdout):
     to_a_pipe = site.replay_apart("--out", stdout)
     assert (to_a_pipe.returncode, to_a_pipe.stderr) == (0, reported)
     assert to_a_pipe.stdout.encode() == site.targets()
-    with (site.folder / "file").open("wb") as file:  # which, opened anew, would begin at its first byte again
+    with (site.folder / "file").open("wb") as file:  # if it were opened again, it would begin at its first byte
         assert site.replay_apart("--out", stdout, "--report", "report", "--alone", stdout=file).returncode == 0
     assert (site.folder / "file").read_bytes() == site.targets()
     assert not (site.folder / "-").exists()
@@ -159,7 +159,7 @@ def test_a_file_that_is_called_by_a_dash_is_one(site):
     ],
 )
 def test_what_never_begins_or_never_ends_is_refused(site, monkeypatch, capsys, option, kind, said):
-    """In this process: an endless one, taken, shall meet the test's limit and not the machine's memory."""
+    """In this process: reading an endless file must reach the test's limit, not the machine's memory."""
     monkeypatch.chdir(site.folder)
     site.write("telemetry.tlog", site.telemetry)
     site.write("detections.jsonl", site.detections)
@@ -226,7 +226,7 @@ def test_a_part_that_breaks_off_costs_its_own_last_line_alone(site):
     ],
 )
 def test_what_a_replay_reads_it_does_not_write_over(site, words, option):
-    """A flight cannot be flown again."""
+    """A recording cannot be made a second time."""
     site.write("truth.csv", "label,north,east,down\ntarget,0,0,0\n")
     site.write("detections.jsonl", site.detections)
     (site.folder / "linked.jsonl").hardlink_to(site.folder / "detections.jsonl")
@@ -245,7 +245,7 @@ def frame_end(data, beyond):
 
 
 class Order:
-    """A pipeline that only notes who comes when."""
+    """A pipeline that only records the order of events."""
 
     def __init__(self):
         self.came = []
@@ -266,7 +266,7 @@ class Order:
 
 
 def test_at_equal_times_telemetry_comes_before_the_frame(flown):
-    """Of frames that tell no arrival: they came at their capture, as far as anybody knows."""
+    """Frames without an arrival time are assumed to arrive at their capture."""
     companion = flown.companion
     recording = read_recording(bytes(companion.tlog), b"", own_components(companion.config))
     times = sorted({unix_us for unix_us, _ in recording.messages})[100:110]

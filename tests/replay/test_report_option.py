@@ -42,7 +42,7 @@ def replay(folder, *words):
 
 
 def read(path):
-    """The page as a browser's parser has it; nothing in it may point elsewhere."""
+    """The page as a browser parses it; nothing in it may refer to another file."""
     text = path.read_text(encoding="utf-8")
     assert not re.search(r"""(src|href)=["'](?!data:|#)|url\((?!data:)|@import""", text)
     return html.fromstring(text)
@@ -110,7 +110,7 @@ def test_a_report_holds_the_innovations_of_the_targets_file():
 
 
 def test_normalised_squares_are_about_two_where_nothing_is_worse_than_configured(site):
-    """Of one flight whose errors were drawn from its configuration."""
+    """Normalised squares of one flight whose errors were drawn from its configuration."""
     assert replay(site, "--out", "s.jsonl", "--sightings").returncode == 0
     lines = [json.loads(line) for line in (site / "s.jsonl").read_text().splitlines()]
     squares = [each.nis for each in innovations(lines, 0.0)]
