@@ -47,8 +47,8 @@ def test_without_errors_the_target_is_where_it_is(scene):
 
 
 def test_on_level_ground_the_answer_lies_at_its_level_to_the_bit():
-    """Filters must not see a height that is exactly known as noisy: 2e-15 m would be a height on which many fixes
-    agree.
+    """Filters treat an exactly constant height as known; a rounding error of 2e-15 m would look like a height on which
+    many fixes agree.
     """
     rng, localizer = np.random.default_rng(3), home()
     for height_m, north, east in rng.uniform((0.6, -9.0, -9.0), (60.0, 9.0, 9.0), (300, 3)):

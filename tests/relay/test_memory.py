@@ -1,4 +1,4 @@
-"""The memory of a pure relay: a board has 512 MB in total."""
+"""Memory of a pure relay, which must leave room for other programs on a board with 512 MB."""
 
 import socket
 import time

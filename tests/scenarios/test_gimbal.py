@@ -1,4 +1,6 @@
-"""A camera on a gimbal, over the wire: the mock turns it by its own geometry, the pipeline has to find the target."""
+"""A camera on a gimbal, over the wire: the mock rotates it by its own geometry, and the pipeline must locate the
+target.
+"""
 
 import pytest
 from flying import fly

@@ -1,4 +1,4 @@
-"""What the ground does is seen in the status: why a rangefinder is not used, how far a model was moved."""
+"""The ground model in the status: why a rangefinder is not used, and the shift of an elevation model."""
 
 from math import nan
 

@@ -1,7 +1,8 @@
-"""What single fixes claim, against the truth of many flights whose biases are drawn from the configured priors.
+"""Claimed covariances of single fixes against the truth of many flights whose biases are drawn from the configured
+priors.
 
-One fix a flight, since a flight's biases are one draw. The bounds are the 99.9 % limits of as many draws: a claim too
-small and a claim too large both fail.
+One fix a flight is used, since a flight's biases are one draw. The bounds are the 99.9 % limits of this number of
+draws: a claim too small and a claim too large both fail.
 """
 
 from functools import partial
@@ -21,11 +22,11 @@ FEW, MANY = 10, 80
 """Flights of each of four kinds: 40 and 320 draws."""
 FIRST_SEED = 5000
 CLEAR = {"camera.clutter": 0.0, "camera.missed": 0.0}
-"""What is not the target is another matter."""
+"""No clutter and no misses: they are tested elsewhere."""
 
 
 def placed(options: Options, rng: Random) -> Options:
-    """The target where the flight will look, or nearly, at some instant."""
+    """The options with the target at or near a place that is in view at a random instant."""
     mock = simulate(options)
     t = rng.uniform(3.5, options.seconds - 0.3)
     state = mock.flight.at(t)
@@ -58,7 +59,7 @@ def fixes_of(mock: Simulation, settings: list[str]) -> tuple[Companion, list[Gro
 
 
 def normalised_square(mock: Simulation, companion: Companion, fix: GroundFix) -> float:
-    """Of the horizontal error; the world's origin is where the companion froze it."""
+    """Normalised square of the horizontal error; the companion fixed the world's origin."""
     origin = companion.pipeline._rooms.telemetry.world.plane.origin
     shift = mock.world.ned(Place(degrees(origin.lat), degrees(origin.lon), origin.alt_amsl_m))
     true = mock.scene[0].at(mock.flight_s(fix.sighting.host_ns))
@@ -68,7 +69,7 @@ def normalised_square(mock: Simulation, companion: Companion, fix: GroundFix) ->
 
 
 def square_of(name: str, seed: int) -> float | None:
-    """The normalised square of one fix at random; None where the flight had no fix."""
+    """The normalised square of one random fix; None where the flight had no fix."""
     rng = Random(f"{name}/{seed}")
     options = scenario(name, Options(seed=seed)).but(
         {"seconds": 6.0, "flight.start_phase_deg": rng.uniform(0.0, 360.0), **CLEAR}
@@ -104,7 +105,7 @@ def test_fixes_are_as_good_as_they_claim(name, flights):
 
 
 def share_inside(flights: int) -> tuple[int, float]:
-    """All draws, and the share of them inside the claimed ellipse of 90 %."""
+    """(number of draws, share of them inside the claimed 90 % ellipse)."""
     together = [square for name in FLOWN for square in squares_of(name, flights)]
     return len(together), sum(square < chi2.ppf(0.9, 2) for square in together) / len(together)
 

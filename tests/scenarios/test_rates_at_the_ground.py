@@ -1,4 +1,6 @@
-"""What ground stations behind the service get, with the mock as ArduCopter and as PX4 stream, in invented time."""
+"""Message rates that ground stations behind the service receive, with the mock streaming as ArduCopter and as PX4, in
+invented time.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,7 @@ from sitl_mock import scenario
 from sitl_mock.codec import Heard, Listener
 
 SHOWN = ("SYS_STATUS", "VFR_HUD", "BATTERY_STATUS", "RC_CHANNELS", "EKF_STATUS_REPORT", "GPS_RAW_INT", "ATTITUDE")
-"""What a station's display lives on."""
+"""Messages that a station's display needs."""
 ALL = 0
 
 
@@ -103,7 +105,7 @@ def test_two_stations_on_one_link_get_the_higher_rate():
 
 
 def test_a_station_that_left_is_forgotten_after_a_minute():
-    """What only it and we had asked for does not go to its link any longer."""
+    """Messages that only this station and we requested are no longer sent to its link."""
     station = Station("ground", silent_from_s=10.0).ask_group(6.0, ALL, 4)
     flown("arducopter", station, seconds=80.0)
     assert station.rates(50.0, 68.0)["GLOBAL_POSITION_INT"] == pytest.approx(4.0, abs=0.2)

@@ -15,12 +15,14 @@ ON_A_RADIO = LINKS.replace("udpout://127.0.0.1:14550", "serial:///dev/ttyUSB0:57
 DRAIN = 5760.0
 """Bytes a second of 57 600 baud."""
 BUFFER_BYTES = 2048
-"""What may wait at the most: less than the send buffer of a SiK radio, and 0.36 s of the line."""
+"""Largest allowed backlog: less than the send buffer of a SiK radio, and 0.36 s of the line."""
 ALL = 0
 
 
 class RadioStation(Station):
-    """A station behind a radio: its buffer drains at a rate of its own, and says how full it is once a second."""
+    """A station behind a radio: its buffer drains at a rate of its own, and its fill level is reported once a
+    second.
+    """
 
     def __init__(self, *, drain: float = DRAIN, size: int = 1_000_000, reports: bool = False) -> None:
         super().__init__("ground")
@@ -97,7 +99,7 @@ def test_the_line_is_used_and_not_wasted():
 
 
 def test_without_the_budget_the_same_line_would_fill():
-    """The simulated line is a real one: what the tests above hold down is there."""
+    """The simulated line is realistic: without the budget it shows the trouble that the tests above prevent."""
     station = RadioStation()
     flown("px4_onboard", station, text=LINKS)
     assert station.largest_backlog() > 100 * BUFFER_BYTES

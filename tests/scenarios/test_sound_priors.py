@@ -1,7 +1,7 @@
-"""Self-calibration where little can be learned: priors that are right are not denied, and nothing gets worse.
+"""Self-calibration with little information: correct priors are not denied, and no estimate gets worse.
 
-An orbit that always faces its target shows neither mount nor height, and the wandering of the vehicle's own position
-looks like both.
+An orbit that always faces its target makes neither mount nor height observable, and the wandering of the vehicle's own
+position resembles both.
 """
 
 import numpy as np

@@ -27,7 +27,7 @@ CALM = {
     "seconds": 23.0,
     "seed": 3,
 }
-"""Noise, but no bias: what is left is the trouble of the scenario."""
+"""Noise without bias: the remaining error is the trouble of the scenario."""
 GLOBAL_SHUTTER = ("camera.readout_s=0.0",)
 SETTLED_S = 20.0
 WRAP_S = 2**32 / 1000.0
@@ -44,7 +44,7 @@ class ClockError(NamedTuple):
 
 
 def clock_errors(flown: Flight) -> list[ClockError]:
-    """A rebooted autopilot had another clock before."""
+    """Errors of the clock's lines after the last reboot: a rebooted autopilot had another clock before."""
     options, mock = flown.options, flown.mock
     boot_ns = round(options.autopilot.boot_at_start_s * 1e9)
     before = BootClock(mock.start_host_ns, boot_ns, options.autopilot.drift_ppm)
@@ -75,7 +75,7 @@ def fly_and_bound(
 
 @cache
 def seen(name: str, *how: str, **differences: Any) -> Flight:
-    """Flights that several tests look at."""
+    """A flight of a scenario; several tests use the same one."""
     return fly_and_bound(name, differences, sightings="sightings" in how)
 
 
@@ -84,7 +84,7 @@ def worst_s(flown: Flight, after_s: float = SETTLED_S) -> float:
 
 
 def miss_m(flown: Flight) -> float:
-    """Of the last estimate, horizontally, wherever the origin came to lie."""
+    """Horizontal error of the last estimate, metres, for any position of the origin."""
     line = flown.final()
     true = flown.mock.world.place(flown.mock.scene[0].at(0.0))
     north = (line["lat"] - true.lat) * 111_200.0
@@ -148,7 +148,7 @@ def test_clock(name, differences, clock_s, target_m):
     ids=["foreign speaker", "reboot", "wall clock", "stamps by the autopilot", "stamps by the wall", "wrapping stamps"],
 )
 def test_118_what_leaves_the_error_where_it_was(name, differences):
-    """Against the same flight without it: estimate and clock stay within what noise drawn anew makes of them."""
+    """Against the same flight without the trouble: estimate and clock stay within the effect of other noise."""
     calm, troubled = seen("unbiased"), seen(name, **differences)
     assert miss_m(troubled) < miss_m(calm) + 0.01
     assert worst_s(troubled) < worst_s(calm) + 0.05 * MS
@@ -211,7 +211,9 @@ PERFECT_CLOCK = {"autopilot.attitude_on_whole_ms": True, "camera.stamp_clock": "
 
 
 def nadir_mm(differences: dict[str, Any], *settings: str) -> float:
-    """RMS on the ground, of the worse axis: where the ray of each sighting meets it, seen from the true place."""
+    """RMS of the worse axis on the ground, mm: where the ray of each sighting meets the ground, seen from the true
+    place.
+    """
     options = scenario("perfect").but({**NADIR, **differences})
     readout_s = f"camera.readout_s={options.camera.readout_s}"
     flown = fly(options, (readout_s, *settings), sightings=True)
@@ -233,13 +235,13 @@ def on_the_ground(flown: Flight, line: dict[str, Any]) -> tuple[float, float]:
 @pytest.mark.parametrize("readout_s", [0.0, 0.03])
 @pytest.mark.parametrize(("hz", "most_mm"), [(100, 0.5), (50, 3.0), (25, 20.0)])
 def test_201_what_pairing_adds_with_a_perfect_clock(hz, most_mm, readout_s):
-    """The stamps keep step with the attitudes, which the attitudes show: nothing has to be configured for it."""
+    """The stamps are synchronous with the attitudes, which the attitudes show: no configuration is needed."""
     assert nadir_mm({**PERFECT_CLOCK, "camera.readout_s": readout_s}, f"rates.attitude={hz}") < most_mm
 
 
 @pytest.mark.parametrize("delay_s", [0.0, 0.001])
 def test_202_the_same_with_the_delay_of_stamps_configured(delay_s):
-    """As none at all, or as one whose mean cancels that of cutting stamps to milliseconds."""
+    """With no delay, and with one whose mean cancels that of cutting stamps to milliseconds."""
     delay = f"uncertainty.attitude_stamp_delay_s={delay_s}"
     assert nadir_mm(PERFECT_CLOCK, "rates.attitude=50", delay) < 3.0
 
@@ -258,7 +260,7 @@ def test_204_attitude_alone_has_its_pitch_trim_put_back(trouble):
 
 
 def test_205_a_stream_too_slow_for_the_motion_says_so_and_carries_it():
-    """Ten attitudes a second of a wing that beats at 5 Hz show nothing of it; the rates that come with them do."""
+    """Ten attitudes a second do not show a wing beat of 5 Hz; the rates that come with them do."""
     options = scenario("perfect").but({**NADIR, "camera.readout_s": 0.0})
     flown = fly(options, (*GLOBAL_SHUTTER, "rates.attitude=10"), sightings=True)
     assert flown.companion.pipeline.status(flown.mock.end_ns)["telemetry"]["too_slow_for_motion"]

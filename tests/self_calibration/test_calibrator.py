@@ -1,4 +1,4 @@
-"""What self-calibration takes of a frame, and of which instants it asks for the vehicle."""
+"""The measurements that self-calibration takes from a frame, and the instants for which it requests vehicle states."""
 
 import msgspec
 import numpy as np
@@ -19,7 +19,7 @@ SIGMAS = (0.005, *np.radians([1.0, 1.0, 1.0, 2.0]), 0.1, 0.0, 0.0, 0.0)
 
 
 def taught(targets):
-    """Glimpses that one frame with so many targets adds, and the instants that were asked for meanwhile."""
+    """(measurements that one frame with this number of targets adds, instants requested meanwhile)."""
     world = World(Flight(seconds=3, shape="hover", height_m=10.0, targets=((4.0, 3.0),), pixel_px=0.5))
     fix = [fix for view in world.frames() for fix in view.fixes][30]
     asked = []
@@ -56,6 +56,6 @@ def test_of_many_targets_a_frame_teaches_by_few(targets, taken):
 
 
 def test_each_fix_is_taken_by_the_vehicle_at_its_own_row():
-    """Rows of a frame are captured one after another, and a wing turns meanwhile."""
+    """Rows of a frame are captured one after another while the vehicle rotates."""
     _, rows = taught(5)
     assert rows >= {1, 2, 3, 4, 5}

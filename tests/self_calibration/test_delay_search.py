@@ -1,4 +1,4 @@
-"""The search for the delay: a steady beat repeats itself, and what repeats itself is not guessed."""
+"""The search for the delay: a steady beat is periodic, and the search does not guess between its periods."""
 
 import msgspec
 import numpy as np
@@ -35,7 +35,7 @@ def calibrated(flight):
 
 @pytest.mark.parametrize("seed", first_of(2, 5, 7))
 def test_delays_a_beat_apart_are_reported_and_not_guessed_between(seed):
-    """A hover at a steady 10 Hz repeats itself every 100 ms, well within the prior; one fits better by luck."""
+    """A hover at a steady 10 Hz repeats itself every 100 ms, well within the prior; one delay fits better by chance."""
     report = calibrated(hovering(0.03, 10.0, seed=seed))
     assert report.status is CalibrationStatus.AMBIGUOUS
     beats = [round((rival - 0.03) / 0.1) for rival in report.rivals]

@@ -1,4 +1,4 @@
-"""What wanders within its prior is told from noise, and nothing is claimed that it takes away."""
+"""Wandering errors within their prior are distinguished from noise, and no claim ignores them."""
 
 import numpy as np
 import pytest
@@ -22,12 +22,12 @@ STEP_NS = 100_000_000
 STEP_S = 0.1
 BLOCK = SHORTEST_NS // STEP_NS
 NOISE = np.array([[9.0, 3.0], [3.0, 5.0]])
-"""Of a pixel, px^2: neither round nor upright."""
+"""Covariance of a pixel, px^2: neither round nor axis-aligned."""
 ROOT = np.linalg.cholesky(NOISE)
 
 
 def an_innovation(difference, cov=NOISE, by_position=((0.0, 0.0), (0.0, 0.0))):
-    """``by_position``: of u and v, pixels per metre north and east."""
+    """``by_position``: derivatives of u and v, pixels per metre north and east."""
     (iuu, iuv), (_, ivv) = np.linalg.inv(cov)
     rows = np.zeros((2, COMMON_COUNT + 2))
     rows[:, [SharedParameter.NORTH, SharedParameter.EAST]] = by_position
@@ -49,7 +49,7 @@ def drifted(differences, reported=None, first_ns=0, **more):
 
 
 def gauss_markov(rng, count, time_s):
-    """Of variance one."""
+    """A Gauss-Markov process with variance one."""
     keep = np.exp(-STEP_S / time_s)
     steps = rng.standard_normal(count) * np.sqrt(1.0 - keep**2)
     steps[0] /= np.sqrt(1.0 - keep**2)
@@ -60,7 +60,7 @@ def test_noise_does_not_drift():
     rng = np.random.default_rng(1)
     drift = drifted(rng.standard_normal((8000, 2)) @ ROOT.T)
     for scale, reported in enumerate(drift.told):
-        assert reported.weight == pytest.approx(8000 // (BLOCK << scale), abs=1)  # each block of noise tells fully
+        assert reported.weight == pytest.approx(8000 // (BLOCK << scale), abs=1)  # each block of noise counts in full
         assert abs(reported.excess) < 4.0 * np.sqrt(reported.weight)  # half a chi square of two has the variance 1
     assert 1.0 <= drift.factor < 1.5
 
@@ -81,7 +81,9 @@ def test_a_wandering_error_has_its_variance_at_every_block_length():
 
 @pytest.mark.parametrize("turning", [0.0, 0.3, np.pi / 4, np.pi / 2])
 def test_what_the_vehicles_position_explains_is_no_drift(turning):
-    """It wanders by metres, and the target was placed by its mean; the image turns, where whole turns hide the mean."""
+    """It wanders by metres, and the target was located by its mean; the image rotates, and over whole turns the mean
+    vanishes.
+    """
     rng, seconds = np.random.default_rng(3), 60.0
     reported = priors(position_north=1.0, position_east=1.0, position_bias_time_s=60.0)
     unaware, aware = [], []
@@ -119,7 +121,7 @@ def test_an_autopilot_that_errs_is_expected_to_drift_until_noise_is_seen():
 
 
 def test_where_the_vehicles_position_hides_all_else_little_is_expected_to_drift():
-    """What was taught is uncertain by the position then, and that is in the claim."""
+    """The estimate is uncertain by the position then, and its claim contains that."""
     reported, erring = priors(position_north=1.0, position_east=1.0), drift_of(priors(roll=0.01, pitch=0.01))
     for k in range(600):
         cov = NOISE + 64.0 * wandered(k * STEP_S, reported.position_bias_time_s) * np.eye(2)

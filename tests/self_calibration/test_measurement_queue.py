@@ -1,4 +1,4 @@
-"""Whose turn it is to teach, and what waits."""
+"""The measurement queue: which tracks are taken next, and which measurements wait."""
 
 from fwav_companion.self_calibration.measurement_queue import DelayedMeasurement, MeasurementQueue, most_taken
 from fwav_companion.self_calibration.pixel_measurement import COMMON_COUNT
@@ -7,7 +7,7 @@ FRAME_NS = 33_000_000
 
 
 def taught(frames, tracks, most, first=()):
-    """What each of so many frames took, with every track seen in each; fixes are told by their track alone."""
+    """Measurements taken from each frame, with every track seen in each; fixes are represented by their track alone."""
     lessons, taken = MeasurementQueue(), []
     for k in range(frames):
         each, lessons = lessons.taken(

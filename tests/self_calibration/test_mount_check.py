@@ -1,4 +1,4 @@
-"""Gross mistakes in the mount: named with the mount that is there, and nothing is told for sure meanwhile."""
+"""Gross errors of the mount: reported with the true mount, and no target is reported as certain meanwhile."""
 
 import re
 
@@ -31,14 +31,14 @@ def _wide_lens(monkeypatch):
 
 
 def crooked(vector_deg, **options):
-    """A flight with a camera that is turned so from the configured mount, a rotation vector in body axes."""
+    """A flight with a camera rotated from the configured mount by this rotation vector in body axes."""
     biases = np.zeros(BIAS_COUNT)
     biases[MOUNT] = -np.radians(vector_deg)
     return Flight(biases=biases, **LEVEL | options)
 
 
 def flown(flight, **options):
-    """(what is told of calibration, believed tracks) after each frame."""
+    """(reported calibration, confirmed tracks) after each frame."""
     world = World(flight)
     tracker = make_tracker(TrackingOptions(self_calibration=True, **options), flight.priors, world.state_at)
     for view in world.frames():
@@ -106,7 +106,7 @@ def test_sights_meet_under_the_mount_that_is_there_and_nowhere_else():
 
 
 def test_sights_are_taken_by_the_delay_that_was_found():
-    """At another one they were of other attitudes: those before it are forgotten, and what was found is not."""
+    """With another delay they belong to other attitudes: earlier sights are forgotten, the result is kept."""
     fixes = [view.fixes for view in World(crooked((20, 0, 0))).frames() if len(view.fixes) == 1]
     suspicion = MountCheck()
     for seen in fixes:

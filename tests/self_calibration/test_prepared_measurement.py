@@ -1,4 +1,4 @@
-"""One glimpse compared with many targets: against dense matrices and numerical derivatives."""
+"""One pixel measurement compared with many targets: against dense matrices and numerical derivatives."""
 
 import msgspec
 import numpy as np
@@ -14,7 +14,7 @@ from fwav_companion.self_calibration.prepared_measurement import compared
 COMMON = (0.003, 0.01, -0.02, 0.015, 0.02, 0.2, 0.0, 0.1, -0.15)
 SIGMAS = (0.004, 0.01, 0.008, 0.02, 0.03, 0.2, 0.0, 0.5, 0.5)
 ELSEWHERE = (0.0,) * COMMON_COUNT
-"""Where the estimate was linearized: no comparison may depend on it."""
+"""The linearization point of the estimate: no comparison may depend on it."""
 TRACKS = (3, 5, 8)
 STEP = 1e-6
 
@@ -26,7 +26,7 @@ def some_glimpses():
 
 
 def joint_with(places, rng):
-    """An estimate of targets whose errors go with one another and with what is common."""
+    """A joint estimate of targets whose errors are correlated with one another and with the shared parameters."""
     size = COMMON_COUNT + places.size
     root = np.diag([*SIGMAS, *[0.3] * places.size]) @ (np.eye(size) + 0.3 * rng.normal(size=(size, size)))
     return msgspec.structs.replace(
@@ -64,7 +64,7 @@ def densely(joint, glimpse, place):
 
 
 def test_near_targets_are_as_surprising_as_dense_matrices_have_it():
-    """A hand's breadth off the rows are still those of where the ray meets the ground."""
+    """Within a hand's breadth the rows are still those of the point where the ray meets the ground."""
     glimpses = some_glimpses()
     assert len(glimpses) > 5
     for seed, glimpse in enumerate(glimpses):
@@ -79,7 +79,7 @@ def test_near_targets_are_as_surprising_as_dense_matrices_have_it():
 
 
 def test_a_far_target_is_as_many_pixels_off_as_geometry_has_it():
-    """With what is known of the estimate made the same for every place, distances go as the squares of pixels."""
+    """With the same covariance of the estimate at every place, distances grow as the squares of pixels."""
     for seed, glimpse in enumerate(some_glimpses()):
         rng = np.random.default_rng(seed)
         joint = joint_with(ground_point(glimpse) + rng.uniform(-6.0, 6.0, (3, 2)), rng)

@@ -1,4 +1,4 @@
-"""Priors that cannot be right are widened, not obeyed; those that can are left alone."""
+"""Priors that cannot be right are widened; possible ones are left unchanged."""
 
 import msgspec
 import numpy as np
@@ -23,7 +23,7 @@ USED = np.flatnonzero(SIGMAS)
 
 
 def informed(truth, sigmas, seed=4, measurements=40):
-    """What a batch fit makes of made-up measurements of everything together, about as sharp as the usual priors."""
+    """A batch fit of invented measurements of everything together, about as accurate as the usual priors."""
     rng = np.random.default_rng(seed)
     rows = np.zeros((measurements, COMMON_COUNT))
     rows[:, USED] = rng.normal(0.0, 1.0 / SIGMAS[USED], (measurements, len(USED)))

@@ -1,4 +1,4 @@
-"""How much of told rates is a body's turning: attitudes with white noise, their slopes, and what is made of them."""
+"""The share of true rotation in reported rates: attitudes with white noise, their slopes, and the denoised rates."""
 
 from math import cos, pi, radians
 
@@ -19,8 +19,8 @@ STILL = VehicleState(BootNs(0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.05), 0.0, 0.0
 
 
 def rolled(roll_rate, seconds: float, seed: int, noise: float = NOISE):
-    """(what was learnt, told and freed roll rates at 30 instants a second) of a body that rolls as chosen and does
-    nothing else; rates and spacing by the room that makes them.
+    """(learned statistics, reported and denoised roll rates) at 30 instants a second, of a body with the chosen roll
+    rate and no other motion; rates and spacing come from the telemetry package.
     """
     draws, history, found = np.random.default_rng(seed), AttitudeHistory(), RateDenoiser()
     roll, reported, freed = 0.0, [], []
@@ -63,7 +63,7 @@ def test_a_beating_wing_turns_and_only_about_its_axis():
 
 
 def test_what_noise_makes_of_slow_turning_is_undone_on_the_mean():
-    """The reliability of a regressor: true mean square over told mean square."""
+    """The reliability of a regressor: true mean square over reported mean square."""
     rate, amplitude = 2.0 * pi * 0.5, radians(4.0)
 
     def slow(t):
@@ -76,8 +76,8 @@ def test_what_noise_makes_of_slow_turning_is_undone_on_the_mean():
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_slow_turn_shows_a_delay_beside_what_else_explains_it(seed):
-    """A delay makes delay times rate of an angle, and the mount a constant one: most of a steady turn is as well the
-    mount's. What is left of the rates is a seventh of their noise, and shows the delay in full all the same.
+    """A delay adds delay times rate to an angle, and the mount adds a constant: most of a steady turn is equally
+    explained by the mount. The rest of the rates is a seventh of their noise, and still shows the delay in full.
     """
 
     def banking(t):
@@ -95,7 +95,9 @@ def test_a_slow_turn_shows_a_delay_beside_what_else_explains_it(seed):
 
 
 def test_noise_of_reported_positions_is_not_taken_for_motion():
-    """Places with 0.1 m of noise, ten a second, make slopes of 1.4 m/s; between two far apart they make little."""
+    """Positions with 0.1 m of noise, ten a second, make slopes of 1.4 m/s; over a longer interval the slopes are
+    small.
+    """
     level = ((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0)
     before, here, after = (
         VehicleState(BootNs(0), *level, (north, 0.0, -10.0), (velocity, 0.0, 0.0), 0.0, None)
@@ -107,7 +109,7 @@ def test_noise_of_reported_positions_is_not_taken_for_motion():
 
 
 def test_a_slope_that_is_noise_has_no_slope_of_its_own():
-    """Acceleration comes from the same rates: over 50 ms that of noise turns a body by half a degree."""
+    """Acceleration comes from the same rates: over 50 ms the noise of it rotates a body by half a degree."""
     still = turning(lambda t: 0.0, 8.0, 1)
     moment = msgspec.structs.replace(vehicle_pose(STILL, 0.0), rates=(0.1, 0.0, 0.0), acceleration=(10.0, 0.0, 0.0))
     freed = still.freed_of_noise(DelayedPoses((moment,)), SmoothedMotion())

@@ -1,4 +1,4 @@
-"""Passes over kept glimpses: what counts toward them, what ends them, and where they lead."""
+"""Passes over kept pixel measurements: which ones count toward a pass, what ends it, and its result."""
 
 import msgspec
 import pytest
@@ -34,7 +34,7 @@ def fed(state, glimpses, shop=None):
 
 
 def test_what_is_kept_of_targets_that_ended_makes_no_passes_and_fills_nothing(glimpses, monkeypatch):
-    """Clutter ends within a second, and comes all the time: it must not cost the true target its passes."""
+    """Clutter tracks end within a second and recur constantly: they must not cost the true target its passes."""
     monkeypatch.setattr(passes, "MOST_KEPT", 30)
     state = Relinearization()
     for k in range(8):

@@ -1,4 +1,4 @@
-"""The mount as it is told and kept: covered by its claims over flights whose heading errs as its prior says."""
+"""The mount as reported and kept: its claims cover the truth over flights whose heading errs as its prior says."""
 
 import msgspec
 import numpy as np
@@ -31,7 +31,7 @@ FLIGHTS = 300
 
 
 def seen_from_a_flight():
-    """(information of the flight's pixels about USED, down in the body on its average)."""
+    """(information of the flight's pixels about USED, mean down direction in the body)."""
     flight = Flight(fps=3)
     world = World(flight)
     fixes = [fix for view in world.frames() for fix in view.fixes]
@@ -98,12 +98,14 @@ def test_a_heading_error_is_reported_as_a_rotation_about_down():
 
 
 def test_what_drifts_is_as_if_measured_with_as_much_more_noise():
-    """The wider claim is the posterior of the same priors and of measurements of so many times the variance."""
+    """The wider claim is the posterior of the same priors and of measurements with their variance times the same
+    factor.
+    """
     information, _ = seen_from_a_flight()
     prior, wider = np.diag([*(s**-2 for s in SIGMAS[:5]), 1e-6, 1e-6]), 5.0
     joint = as_joint(np.zeros(len(USED)), np.linalg.inv(information + prior))
     held = holding(joint, all_but([*MOUNT, SharedParameter.HEADING]), MEANS, SIGMAS, wider)
-    known = np.ix_(range(1, len(USED)), range(1, len(USED)))  # the delay is held
+    known = np.ix_(range(1, len(USED)), range(1, len(USED)))  # the delay is fixed
     expected = np.linalg.inv(prior[known] + information[known] / wider)[:4, :4]
     places = [*MOUNT, SharedParameter.HEADING]
     assert np.array(held.cov(places, doubted=False)) + np.array(held.drifting(places)) == pytest.approx(

@@ -28,11 +28,11 @@ from fwav_companion.types import BIAS_COUNT, Bias, Reason
 PLANTED = np.zeros(BIAS_COUNT)
 PLANTED[Bias.TIME_OFFSET] = 0.035
 PLANTED[[Bias.MOUNT_X, Bias.MOUNT_Y, Bias.MOUNT_Z]] = np.radians([0.5, 1.0, 2.0])
-"""Of the configured mount against the true one: the correction is its opposite."""
+"""Planted mount error, configured against true: the correction is its opposite."""
 
 
 def flown(flight, **options):
-    """(the oldest believed track's last state, the calibration) after a flight."""
+    """(last state of the oldest confirmed track, calibration) after a flight."""
     world, best = World(flight), None
     options = {"self_calibration": True, **options}
     tracker = make_tracker(TrackingOptions(**options), flight.priors, world.state_at)
@@ -55,7 +55,9 @@ def some_glimpses(count=40):
 
 
 def test_what_was_before_the_first_position_is_no_place():
-    """It is not the origin: a camera on the ground under its own targets sees nothing, and the search takes it."""
+    """Before the first position the vehicle's place is unknown, not the origin: a camera on the ground under its own
+    targets sees nothing.
+    """
     world = World(Flight(seconds=3, shape="hover", height_m=10.0, targets=((4.0, 3.0),)))
     nominal = next(fix for view in world.frames() for fix in view.fixes).sighting.state
 
@@ -69,7 +71,7 @@ def test_what_was_before_the_first_position_is_no_place():
 
 
 def test_a_target_square_to_the_ray_is_no_prediction():
-    """Its rows have no bound: whatever is predicted weighs more than rounding leaves of the pixel's own noise."""
+    """Its Jacobian rows are unbounded: the prediction's variance exceeds the rounding of the pixel's own noise."""
     common = (0.0,) * COMMON_COUNT
     sigmas = (0.05, *np.radians([1.0, 1.0, 1.0, 2.0]), 0.0, 0.0, 0.0, 0.0)
     glimpse = min(some_glimpses(10), key=lambda each: abs(each.drop_m))
@@ -77,7 +79,9 @@ def test_a_target_square_to_the_ray_is_no_prediction():
     ray = np.array([point[0] - camera[0], point[1] - camera[1], glimpse.drop_m])
     ray /= np.linalg.norm(ray)
     aside = ray[:2] / np.hypot(*ray[:2])
-    square = -glimpse.drop_m * ray[2] / np.hypot(*ray[:2])  # so far along the ray's own azimuth, it is at a right angle
+    square = (
+        -glimpse.drop_m * ray[2] / np.hypot(*ray[:2])
+    )  # at this distance along the ray's own azimuth it is at a right angle
     reported = 0
     for short in np.concatenate([[0.0], np.logspace(-9, 1.3, 40)]):
         target = tuple(camera[:2] + (square + short) * aside)
@@ -137,7 +141,7 @@ def test_glimpses_between_the_same_two_attitudes_share_their_noise():
 
 
 def test_the_joint_estimate_is_the_batch_fit():
-    """Information added up in numpy, with the same rows at the same point."""
+    """Information added in numpy, with the same rows at the same linearization point."""
     p = priors(time_offset=0.01, height=0.5)
     sigmas = (0.01, 0.0175, 0.0175, 0.0175, 0.035, 0.5, 0.0, 0.0, 0.0)
     glimpses = some_glimpses()
@@ -211,7 +215,9 @@ def test_what_does_not_shake_shows_no_delay():
 
 @pytest.mark.parametrize("seed", first_of(1, 4))
 def test_a_flight_without_flapping_claims_no_more_than_it_shows(seed):
-    """Turns alone show the delay, a tenth as well as flapping does: noise in what is told of them is no turning."""
+    """Turns alone show the delay a tenth as well as flapping does: noise of the reported turns must not count as
+    turning.
+    """
     track, report = flown(Flight(seed=seed, flapping_deg=0.0, biases=PLANTED, seconds=45, fps=15))
     assert report.status is CalibrationStatus.CALIBRATED
     assert abs(report.time_offset_s - 0.035) < 2 * report.time_offset_sigma_s < 0.012
@@ -220,7 +226,9 @@ def test_a_flight_without_flapping_claims_no_more_than_it_shows(seed):
 
 @pytest.mark.parametrize("late_by", [-0.00125, 0.00125])
 def test_attitudes_that_are_all_as_late_are_no_delay_of_the_camera(late_by):
-    """They look like one, and make no target worse: at the very end of what stamps leave open it is still covered."""
+    """They look like a camera delay, and make no target worse: the delay is covered even at the end of what stamps
+    leave open.
+    """
     track, report = flown(Flight(seed=3, biases=PLANTED, late_by=late_by, seconds=45))
     assert report.time_offset_s + late_by == pytest.approx(0.035, abs=0.0008)
     assert abs(report.time_offset_s - 0.035) < 3 * report.time_offset_sigma_s < 0.002
@@ -232,7 +240,7 @@ def test_attitudes_that_are_all_as_late_are_no_delay_of_the_camera(late_by):
     ("open_s", "status"), [(0.01, CalibrationStatus.CALIBRATED), (0.02, CalibrationStatus.WAITING)]
 )
 def test_attitudes_whose_instant_is_open_teach_nothing(open_s, status):
-    """As where two of them are told a beat: any delay fits what they show."""
+    """For example with two attitudes a beat: any delay fits them."""
     flight = Flight(seed=3, biases=PLANTED, late_by=0.0, stamp_late_s=open_s * np.sqrt(12.0), seconds=45)
     track, report = flown(flight)
     assert report.status is status
@@ -337,7 +345,7 @@ def test_one_gross_glimpse_among_the_first_does_not_place_a_target():
 
 @pytest.mark.parametrize(("various", "status"), [(False, CalibrationStatus.TIME), (True, CalibrationStatus.CALIBRATED)])
 def test_a_mount_is_let_go_only_after_various_views(various, status):
-    """However small the algebra says it is: one view from one side shows a mount only through its own errors."""
+    """Even with a small covariance: one view from one side shows a mount only through its own errors."""
     sigmas = (0.05, 0.0175, 0.0175, 0.0175, 0.035, 0.0, 0.0, 0.0, 0.0)
     joint = joint_of(priors(), tuple(s / 100 for s in sigmas), (0.01,) * COMMON_COUNT, (0.0,) * COMMON_COUNT)
     verdict = assessed(joint, (0.0,) * COMMON_COUNT, sigmas, various=various)

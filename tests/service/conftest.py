@@ -1,4 +1,4 @@
-"""A service that is not running: its parts are called by hand."""
+"""A service that is not running: the test calls its parts."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ url = ""
 
 @pytest.fixture
 def service(tmp_path: Path) -> Service:
-    """A relay's."""
+    """The service of a relay."""
     config = tmp_path / "relay.toml"
     config.write_text(LINKS)
     return Service(load(str(config)), None, None, elevation=(), beside_recording={})

@@ -1,4 +1,4 @@
-"""The board as /proc and /sys tell of it, from files made for the test."""
+"""The board as /proc and /sys describe it, from files made for the test."""
 
 import ctypes
 from pathlib import Path

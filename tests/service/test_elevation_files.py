@@ -24,7 +24,7 @@ class TestFiles:
         profile = {"driver": "GTiff", "height": data.shape[0], "width": data.shape[1], "count": 1, "dtype": data.dtype}
         transform = transform or from_origin(8.0, 47.0, STEP, STEP)
         with (
-            rasterio.Env(GTIFF_POINT_GEO_IGNORE="TRUE" if point else "FALSE"),  # the tie point as it is told
+            rasterio.Env(GTIFF_POINT_GEO_IGNORE="TRUE" if point else "FALSE"),  # the tie point as written
             rasterio.open(path, "w", crs=crs, transform=transform, nodata=nodata, **profile) as out,
         ):
             out.write(data, 1)
@@ -52,7 +52,7 @@ class TestFiles:
         assert isnan(read.height_m(3, 3))
 
     def test_a_model_in_metres_is_brought_to_degrees(self, tmp_path):
-        """A drone's own model in UTM: a plane that rises to the east must do so still."""
+        """A drone's own model in UTM: a plane that rises to the east must still do so."""
         columns = np.tile(np.arange(200, dtype=np.float32), (200, 1))
         path = self.write(
             tmp_path / "utm.tif", crs="EPSG:32632", transform=from_origin(460000.0, 5250000.0, 1.0, 1.0), data=columns

@@ -1,4 +1,4 @@
-"""A mistake of our own costs what it concerns: not the messages beside it, and not what is due next."""
+"""An error of our own affects only its own part: neither later messages nor the next due work."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ NOW = HostNs(5 * NS_PER_S)
 
 
 class Wire:
-    """A link that keeps what is sent."""
+    """A link that records what is sent."""
 
     def __init__(self) -> None:
         self.sent = b""
@@ -35,7 +35,7 @@ def value(name: str, number: object) -> Outgoing:
 
 
 def sent_of(messages: Sequence[Outgoing]) -> tuple[list[str], list[str]]:
-    """(names that left, faults that were told)."""
+    """(names sent, faults reported)."""
     wire, faults = Wire(), []
     node = Node([LinkPolicy("ground", "gcs")], wanted=())
     journal = Journal(None, clock=None)
@@ -50,7 +50,8 @@ def test_what_cannot_be_encoded_takes_nothing_with_it():
 
 
 def test_after_a_mistake_in_silence_what_is_due_is_tried_again_soon(service: Service, monkeypatch: pytest.MonkeyPatch):
-    """The alarm that met it had rung, and nothing else would have set it before the next look at the board.
+    """The timer event that met the error had passed, and nothing else would have set the timer before the next board
+    report.
 
     It is not tried again at once either: that would never end.
     """

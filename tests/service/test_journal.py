@@ -1,4 +1,4 @@
-"""What the status file says of a recording."""
+"""The recording's state in the status file."""
 
 from pathlib import Path
 

@@ -1,4 +1,6 @@
-"""Files whose newest content counts: whole or absent, in the first place that takes them, and never in the way."""
+"""Files whose newest content counts: complete or absent, in the first writable place, and without blocking the
+caller.
+"""
 
 import json
 import threading

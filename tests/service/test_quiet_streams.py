@@ -1,4 +1,4 @@
-"""What a stream leaves undecided is rung for, also where nothing came that anybody here reads."""
+"""The timer rings for undecided bytes of a stream, also when no readable message arrives."""
 
 from fwav_companion.geometry.stamps import NS_PER_MS
 from fwav_companion.mavlink.router.node import QUIET_NS
@@ -8,7 +8,7 @@ OF_AN_UNKNOWN_ID = bytes.fromhex("fd 03 00 00 07 09 01 40 42 0f 01 02 03 00 00")
 
 
 class Armed:
-    """An alarm that only remembers by when it is to ring for what nobody else does."""
+    """A timer that only records the deadline of work that no message triggers."""
 
     def __init__(self) -> None:
         self.strict_after_ms: list[float] = []
@@ -19,7 +19,7 @@ class Armed:
 
 
 def test_a_frame_of_an_unknown_id_waits_for_no_other(service: Service):
-    """It is relayed once its stream has been quiet; until then it waited for the next heartbeat of ours."""
+    """It is relayed once its stream has been quiet; before this rule it waited for our next heartbeat."""
     service._alarm = armed = Armed()
     service._on_bytes("autopilot", OF_AN_UNKNOWN_ID)
     assert armed.strict_after_ms == [QUIET_NS / NS_PER_MS]

@@ -1,4 +1,4 @@
-"""The start of the service says where recordings go when their disk is not mounted."""
+"""The log at the start names the place of recordings when their disk is not mounted."""
 
 from pathlib import Path
 

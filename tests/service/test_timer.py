@@ -1,4 +1,4 @@
-"""When the clock wakes the daemon: told by a loop whose time is invented."""
+"""The timer that wakes the daemon, with a loop in invented time."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Handle:
 
 
 class Daemon:
-    """Has something to do at every whole interval; does it when it is woken, by a message or by its alarm."""
+    """Has work at every whole interval; does it when a message or its timer wakes it."""
 
     def __init__(self, interval_ns: int) -> None:
         self.interval_ns = interval_ns
@@ -56,7 +56,7 @@ class Daemon:
             self.due = HostNs(self.due + self.interval_ns)
 
     def run(self, until_s: float, messages_ms: Sequence[int] = ()) -> None:
-        """Messages and rings in order of time."""
+        """Process messages and timer events in order of time."""
         messages = [START_NS + ms * NS_PER_MS for ms in messages_ms]
         until_ns = START_NS + round(until_s * NS_PER_S)
         while True:

@@ -1,4 +1,4 @@
-"""The files for a board, held to what the service does and to what the contract says of it."""
+"""The systemd files of a board against the service's behaviour and its contract."""
 
 import re
 from collections import defaultdict
