@@ -1,4 +1,4 @@
-"""The walls between the rooms, checked where they would be broken: in imports, and in what a process has loaded."""
+"""The boundaries between packages, tested by their imports and by the modules that a process has loaded."""
 
 import ast
 import subprocess

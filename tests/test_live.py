@@ -44,7 +44,7 @@ def test_targets_of_the_mock_reach_a_ground_station(site: Site):
 
 @pytest.mark.timeout(120)
 def test_the_terminal_shows_what_the_ground_station_shows(site: Site):
-    """Found and ready, by name; and no alarm about an attitude that nobody had measured yet."""
+    """Found and ready, by name; and no alarm about an attitude that is not measured yet."""
     with site.service() as service, site.mock("--scenario", "unbiased", "--seed", "2", seconds=60.0):
         heard = site.ground.listen_for(lambda m: m.get_type() == "STATUSTEXT" and m.text.startswith("ready: "))
         service.wait_for("ready: ")
@@ -83,7 +83,7 @@ def test_without_an_autopilot_it_says_in_one_line_what_it_waits_for(site: Site):
 
 @pytest.fixture
 def deaf_port():
-    """A TCP port whose queue is full: connecting to it takes until somebody gives up."""
+    """A TCP port whose queue is full: connecting to it blocks until the caller gives up."""
     with socket.socket() as server:
         server.bind(("127.0.0.1", 0))
         server.listen(0)

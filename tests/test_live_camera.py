@@ -22,7 +22,7 @@ HOVER = (
     *("--set", "flight.flapping_pitch_deg=0.0", "--set", "flight.flapping_roll_deg=0.0"),
     *("--set", "flight.wander_m=0.0", "--set", "flight.wander_deg=0.0"),
 )
-"""So still that a click on the newest picture is one on that of a moment ago too."""
+"""Motion so small that a click on the newest picture is also one on the picture of a moment ago."""
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""What leaves for maps: Cursor on Target over UDP, and ADSB_VEHICLE, which no autopilot may ever get."""
+"""Messages for maps: Cursor on Target over UDP, and ADSB_VEHICLE, which must never reach an autopilot."""
 
 import socket
 import xml.etree.ElementTree as ET
@@ -10,7 +10,7 @@ from autopilot_tap import Tap
 from sites import Site
 
 AHEAD_S = 5_000.0
-"""By so much the autopilot's UTC differs from this machine's wall clock: theirs is the true one."""
+"""Difference between the autopilot's UTC and this machine's wall clock, seconds; the autopilot's is the true one."""
 
 
 @pytest.fixture
@@ -52,7 +52,7 @@ def test_a_map_gets_the_target_under_a_name_that_lasts_at_true_utc(site: Site, s
 
 @pytest.mark.timeout(120)
 def test_a_marker_for_maps_never_reaches_the_autopilot(site: Site):
-    """Though the camera speaks through the autopilot's link, for want of a ground station's heartbeat."""
+    """Even while the camera uses the autopilot's link, because no ground station's heartbeat is heard."""
     site.replace("adsb = false", "adsb = true")
     with site.service() as service, Tap(site.autopilot_port) as tap:
         site.autopilot_port = tap.port

@@ -26,7 +26,7 @@ def site(tmp_path: Path):
 
 
 def attitude_hz(ground: GroundStation, seconds: float = 2.0) -> float:
-    """Of the quaternion, as the ground station gets it."""
+    """Rate of the quaternion at the ground station, Hz."""
     ground.listen_during(0.2)
     names = [message.get_type() for message in ground.listen_during(seconds)]
     return names.count("ATTITUDE_QUATERNION") / seconds
@@ -38,7 +38,7 @@ def ask_for_four_hz(site: Site) -> None:
 
 
 def hear_until_measured(site: Site, name: str, hz: float, within_s: float = 60.0) -> None:
-    """Until the daemon measures the rate that it asked for."""
+    """Wait until the daemon measures the rate that it requested."""
     deadline = time.monotonic() + within_s
     measured = None
     while time.monotonic() < deadline:
@@ -120,7 +120,7 @@ def test_a_rate_for_a_message_that_does_not_exist_is_one_line_and_exit_2(site: S
 
 
 class Radio:
-    """The far end of a 57 600 baud line: reads at once, and keeps what came and when."""
+    """The far end of a 57 600 baud line: reads at once, and keeps the bytes with their times."""
 
     def __init__(self) -> None:
         self._near, far = os.openpty()

@@ -91,7 +91,7 @@ def wait_for_status(site: SignedSite) -> dict:
 
 @pytest.mark.timeout(120)
 def test_signing_goes_on_ahead_after_a_restart(site: SignedSite):
-    """The board's wall clock may have fallen back a day meanwhile: what was kept decides."""
+    """The board's wall clock may have moved back a day meanwhile: the stored timestamp applies."""
     kept = round((time.time() - SIGNING_EPOCH_S) * 1e5) + DAY
     (site.folder / "state").mkdir()
     (site.folder / "state/signing.json").write_text(json.dumps(kept))

@@ -28,7 +28,7 @@ def without(missing: str, *words: str, folder: Path) -> subprocess.CompletedProc
 
 
 def refused(done: subprocess.CompletedProcess[str]) -> str:
-    """The one line."""
+    """The single line on stderr."""
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
     return done.stderr.removeprefix("fwav-companion: ").removesuffix("\n")
 

@@ -12,7 +12,7 @@ from fwav_companion.types import NoticeCode, Reason
 from sitl_mock import scenario, simulate
 
 RADIUS_OF_95 = 2.4477
-"""Of a round distribution, in sigmas: sqrt(-2 ln 0.05)."""
+"""Radius of a circular distribution that holds 95 %, in sigmas: sqrt(-2 ln 0.05)."""
 NOT_READY = {code for code in NoticeCode if code.startswith("not_ready")}
 NOTHING_ELSE = tuple(
     f"uncertainty.{name}={value}"
@@ -207,7 +207,7 @@ def test_every_text_that_leaves_has_a_code():
 
 
 def test_of_several_autopilots_none_is_adopted_and_only_the_log_says_so():
-    """Whoever's system we spoke for, it might be the wrong one: no word leaves but the companion's heartbeat."""
+    """It might be the wrong system whose id we used: only the companion's heartbeat is sent."""
     companion, one, other = Companion(), Wire(1, 1), Wire(2, 1)
     for second in range(1, 12):
         asked = one.frame("PING", 5, 1, 0, 0) + one.command(1, 191)

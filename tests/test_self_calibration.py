@@ -1,4 +1,4 @@
-"""Self-calibration through the whole pipeline: what it finds, what it says, and what the next flight begins with."""
+"""Self-calibration through the whole pipeline: its estimate, its reports, and the start of the next flight."""
 
 from math import radians
 

@@ -1,4 +1,4 @@
-"""Writers of autopilots' own logs, as small as the formats allow: for tests of the readers."""
+"""Minimal writers of autopilots' own log formats, for tests of the readers."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SCALES = {"c": 100, "C": 100, "e": 100, "L": 1e7}
 
 
 class DataFlash:
-    """ArduPilot's .bin: formats are told before their first record."""
+    """ArduPilot's .bin: a format is written before its first record."""
 
     def __init__(self) -> None:
         self.data = bytearray()
@@ -60,11 +60,13 @@ def usual(log: DataFlash) -> DataFlash:
 
 SYNC = bytes.fromhex("2f731320250cbb12")
 SYNC_PERIOD_US = 500_000
-"""PX4 writes one each half a second since v1.10, by which a reader finds its way behind damage."""
+"""PX4 writes a SYNC message every half second since v1.10; a reader resynchronises with it after damage."""
 
 
 def ulog(topics: Mapping[str, tuple[Sequence[tuple[str, str]], Iterable[Sequence[Any]]]]) -> bytes:
-    """PX4's .ulg (ULog file format, docs.px4.io), by topic: (type, field) pairs but the timestamp's, rows with it."""
+    """PX4's .ulg (ULog file format, docs.px4.io), by topic: (type, field) pairs without the timestamp, and rows with
+    it.
+    """
     codes = {"float": "f", "double": "d", "uint64_t": "Q", "uint8_t": "B", "bool": "?"}
     data = bytearray(b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0))
 

@@ -1,4 +1,4 @@
-"""Sits on the line between the mock and the daemon, and sees what goes to the autopilot."""
+"""Forwards messages between the mock and the daemon, and records those to the autopilot."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 
 class Tap:
-    """For as long as the block lasts; the mock is to speak to :attr:`port`."""
+    """Active while the block runs; the mock must connect to :attr:`port`."""
 
     def __init__(self, service_port: int) -> None:
         self.port = free_port()
         self.seen: list[tuple[float, Any]] = []
-        """(when, message): all that went to the autopilot."""
+        """(time, message) of everything sent to the autopilot."""
         self._vehicle = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._vehicle.bind(("127.0.0.1", self.port))
         self._service = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -42,11 +42,11 @@ class Tap:
         self._service.close()
 
     def names(self) -> set[str]:
-        """Of all messages so far."""
+        """Names of all messages so far."""
         return {message.get_type() for _, message in list(self.seen)}
 
     def rates(self, component: int, names: tuple[str, ...], seconds: float) -> dict[str, float]:
-        """How often the component says these from now on."""
+        """Rates at which the component sends these messages from now on, Hz."""
         start = time.monotonic()
         time.sleep(seconds)
         heard = [message for at, message in list(self.seen) if at >= start]
@@ -56,7 +56,7 @@ class Tap:
     def _run(self) -> None:
         while not self._stop.is_set():
             for ready in select.select([self._vehicle, self._service], [], [], 0.1)[0]:
-                # The daemon is not up yet, or no more; and what was told as readable was no more than that.
+                # The daemon may not run yet or no longer, and a socket reported as readable may have nothing to read.
                 with contextlib.suppress(ConnectionRefusedError, BlockingIOError):
                     (self._upward if ready is self._vehicle else self._downward)()
 

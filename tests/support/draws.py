@@ -8,5 +8,5 @@ import pytest
 
 
 def first_of(*values: Any, few: int = 1) -> list[Any]:
-    """For ``parametrize`` with one name: every value is a draw that shows the same claim."""
+    """Values for ``parametrize`` with one name: every value is a draw that tests the same claim."""
     return [*values[:few], *(pytest.param(value, marks=pytest.mark.slow) for value in values[few:])]

@@ -1,4 +1,4 @@
-"""A companion that flies with the mock in invented time: the whole pipeline, no sockets, no clock, no sleep."""
+"""A companion that flies with the mock in invented time: the whole pipeline without sockets, clock or sleep."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ LINK = '[[link]]\nname = "autopilot"\nurl = "udpin://127.0.0.1:14540"\nrole = "a
 
 
 class Companion:
-    """The service without its sockets; keeps what it said and wrote, and a recording as the service makes it."""
+    """The service without its sockets; keeps its outputs and a recording as the service makes it."""
 
     def __init__(
         self,
@@ -49,7 +49,7 @@ class Companion:
         text: str = LINK + '[camera]\ncalibration = "camera.yaml"\n',
         elevation: Sequence[ElevationTile] = (),
     ) -> None:
-        """``wall_steps``: (host ns, seconds) by which somebody sets this board's wall clock. ``text``: TOML."""
+        """``wall_steps``: (host ns, seconds) of steps of this board's wall clock. ``text``: TOML."""
         self.config = parse(text, "flight.toml", settings)
         self.calibration = parse_calibration(CAMERA, "camera.yaml")
         self.unix_offset_ns = round(unix_minus_host_s * 1e6) * 1000
@@ -125,7 +125,7 @@ class Companion:
         return texts
 
     def __getstate__(self) -> dict[str, Any]:
-        """All but the scanner, which holds compiled structs: what it has not yet scanned is lost."""
+        """Everything except the scanner, which holds compiled structs: bytes that it has not yet scanned are lost."""
         return {name: value for name, value in vars(self).items() if name != "_scanner"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -139,7 +139,7 @@ class Companion:
         return b"".join(map(encode_line, self.lines))
 
     def _instant(self, now_ns: int) -> HostNs:
-        """Whole microseconds, each event its own, as the service has it."""
+        """A host instant in whole microseconds, different for each event, as in the service."""
         self._now = HostNs(max(whole_microseconds(now_ns), self._now + 1000))
         return self._now
 
@@ -170,7 +170,7 @@ UNKEPT = ("vehicle", "_waiting", "_order")
 
 @dataclass
 class Flight:
-    """What is left of a flight."""
+    """The outputs and the truth of a flight."""
 
     companion: Companion
     mock: Simulation
@@ -208,7 +208,7 @@ def fly(options: Options, settings: Sequence[str] = (), **how: Any) -> Flight:
 
 
 def _flown(options: Options, settings: Sequence[str], **how: Any) -> Flight:
-    """The whole flight, as fast as it goes."""
+    """The whole flight, as fast as possible."""
     mock = simulate(options)
     steps = [(mock.start_host_ns + round(at_s * 1e9), size_s) for at_s, size_s in options.camera.wall_steps]
     companion = Companion(settings, unix_minus_host_s=mock.unix_minus_host_s, wall_steps=steps, **how)

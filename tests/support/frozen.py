@@ -1,4 +1,4 @@
-"""The frozen outside: one fact a line in tests/outside/NAME.txt, compared with what is observed.
+"""Frozen public behaviour: one fact a line in tests/outside/NAME.txt, compared with what is observed.
 
 A fact that vanished breaks a user's script; a fact that appeared is a new promise. The failure names each by its line.
 If the change is intended, ``FREEZE=1 pytest ...`` writes the files again: review the difference, and note it in

@@ -1,4 +1,4 @@
-"""What the tracker is given, made by hand of plain numbers and arrays: instants, states, fixes and views."""
+"""Inputs of the tracker, made by hand from plain numbers and arrays: instants, states, fixes and views."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ def boot_ns(t):
 
 
 def vector(v):
-    """An array as a noun's vector."""
+    """An array as a vector of the package's types."""
     return tuple(float(x) for x in v)
 
 
 def matrix(a):
-    """An array as a noun's matrix."""
+    """An array as a matrix of the package's types."""
     return tuple(vector(row) for row in a)
 
 
@@ -55,7 +55,7 @@ def a_state(stamp_ns, xyzw, rates, position, velocity, spacing_s=0.0, stamp_sigm
 
 
 def a_fix(t, position, noise=LEVEL, jacobian=None, sigmas=None, **detection):
-    """One fix at t seconds: ``jacobian`` (3, BIAS_COUNT), ``sigmas`` the biases' priors."""
+    """One fix at t seconds; ``jacobian`` is (3, BIAS_COUNT), ``sigmas`` are the biases' priors."""
     jacobian = np.zeros((3, BIAS_COUNT)) if jacobian is None else jacobian
     scaled = jacobian * (np.zeros(BIAS_COUNT) if sigmas is None else np.array(sigmas))
     shares = [np.outer(j, j) for j in scaled.T]

@@ -16,7 +16,7 @@ Made = TypeVar("Made")
 
 
 def kept(key: str, make: Callable[[], Made]) -> Made:
-    """A copy of its own for every caller of what the first caller in this run made under the key."""
+    """A separate copy, for every caller, of what the first caller in this run made under the key."""
     if FOLDER not in os.environ:
         return make()
     path = Path(os.environ[FOLDER]) / hashlib.sha256(key.encode()).hexdigest()

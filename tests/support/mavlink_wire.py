@@ -22,7 +22,7 @@ MESSAGES = sorted(dialect.mavlink_map.values(), key=lambda message: message.id)
 
 
 class Wire:
-    """One component that speaks, with its sequence counter."""
+    """One MAVLink component with its sequence counter."""
 
     def __init__(self, system: int = 1, component: int = 1, *, version: int = 2) -> None:
         self.mav = dialect.MAVLink(io.BytesIO(), srcSystem=system, srcComponent=component)
@@ -49,7 +49,7 @@ class Wire:
 
 
 def parse(data: bytes) -> list[Any]:
-    """What pymavlink makes of some bytes."""
+    """The messages that pymavlink decodes from the bytes."""
     parser = dialect.MAVLink(io.BytesIO())
     parser.robust_parsing = True
     return parser.parse_buffer(data) or []
@@ -65,12 +65,12 @@ def random_values(message: Any, rng: random.Random) -> dict[str, Any]:
 
 
 def pymavlink_arguments(values: dict[str, Any]) -> dict[str, Any]:
-    """The same for pymavlink's constructors, which want bytes for text."""
+    """The values in the form of pymavlink's constructors, which take bytes for text."""
     return {name: value.encode() if isinstance(value, str) else value for name, value in values.items()}
 
 
 def unknown_frame(msgid: int = 0xABCDEF, payload: bytes = b"\x01\x02\x03", *, seq: int = 0, system: int = 1) -> bytes:
-    """A MAVLink 2 frame of an id that no dialect has; nobody can check its checksum."""
+    """A MAVLink 2 frame of an id that no dialect has; its checksum cannot be verified."""
     header = bytes((len(payload), 0, 0, seq, system, 1)) + msgid.to_bytes(3, "little")
     return b"\xfd" + header + payload + b"\x12\x34"
 

@@ -1,6 +1,6 @@
 """The service's relay and pipeline between the mock autopilot and ground stations, in invented time, without sockets.
 
-The stations speak and hear through pymavlink (the mock's codec), so that nothing here judges our codec by itself.
+The stations encode and decode with pymavlink (the mock's codec), so that our codec is not tested by itself.
 """
 
 from __future__ import annotations
@@ -40,14 +40,16 @@ url = ""
 
 
 class Station:
-    """A ground station on one link: beats once a second, asks what it is told to ask, keeps what it hears."""
+    """A ground station on one link: sends a heartbeat once a second and its scheduled requests, and keeps what it
+    receives.
+    """
 
     def __init__(self, link: str, system: int = 255, *, silent_from_s: float = 1e9) -> None:
         self.link = link
         self.heard: list[tuple[float, Heard]] = []
         """(seconds since the start, message)."""
         self.writes: list[tuple[float, bytes]] = []
-        """What the link was handed, a write each."""
+        """Bytes given to the link, one entry for each write."""
         self._speaker = Speaker(system, 190)
         self._listener = Listener()
         self._silent_from_s = silent_from_s
@@ -55,23 +57,23 @@ class Station:
         self._beat_s = 0.2
 
     def at(self, at_s: float, name: str, **fields: Any) -> Station:
-        """Send this message then."""
+        """Schedule this message."""
         self._plan.append((at_s, name, fields))
         return self
 
     def command(self, at_s: float, number: int, *parameters: float) -> Station:
-        """Send a COMMAND_LONG to the autopilot then."""
+        """Schedule a COMMAND_LONG to the autopilot."""
         values = {f"param{i + 1}": float(p) for i, p in enumerate((*parameters, *[0.0] * 7)[:7])}
         return self.at(
             at_s, "COMMAND_LONG", target_system=1, target_component=1, command=number, confirmation=0, **values
         )
 
     def ask(self, at_s: float, name: str, hz: float) -> Station:
-        """Ask for a rate by SET_MESSAGE_INTERVAL then; 0 stops."""
+        """Schedule a rate request by SET_MESSAGE_INTERVAL; 0 stops the message."""
         return self.command(at_s, SET_MESSAGE_INTERVAL, NUMBERS[name], 1e6 / hz if hz else -1.0)
 
     def ask_group(self, at_s: float, group: int, hz: int) -> Station:
-        """Ask for a rate by REQUEST_DATA_STREAM then."""
+        """Schedule a rate request by REQUEST_DATA_STREAM."""
         fields = {"req_stream_id": group, "req_message_rate": hz, "start_stop": 1}
         return self.at(at_s, "REQUEST_DATA_STREAM", target_system=1, target_component=1, **fields)
 
@@ -85,12 +87,12 @@ class Station:
         return [heard.fields for _, heard in self.heard if heard.name == name]
 
     def next_s(self) -> float:
-        """When it says something next."""
+        """The time of its next message."""
         beat_s = self._beat_s if self._beat_s < self._silent_from_s else 1e9
         return min([beat_s, *(at for at, _, _ in self._plan)])
 
     def take_due(self, now_s: float) -> list[bytes]:
-        """What it says by now."""
+        """The messages that are due by now."""
         frames = []
         if self._beat_s <= now_s and self._beat_s < self._silent_from_s:
             beat = {"type": 6, "autopilot": 8, "base_mode": 0, "custom_mode": 0, "system_status": 4}
@@ -101,13 +103,13 @@ class Station:
         return frames + [self._speaker.frame(name, fields) for _, name, fields in due]
 
     def hear(self, data: bytes, now_s: float) -> None:
-        """Bytes that left by its link."""
+        """Receive bytes that were sent to its link."""
         self.writes.append((now_s, data))
         self.heard += [(now_s, heard) for heard in self._listener.feed(data)]
 
 
 class _Link:
-    """Where the service writes: to a station, or into the bytes that go to the autopilot."""
+    """The service's output: to a station, or into the bytes for the autopilot."""
 
     def __init__(self, take: Callable[[bytes], None]) -> None:
         self.send = take
@@ -115,11 +117,11 @@ class _Link:
 
 class _Journal:
     def sent(self, frame: bytes, now: HostNs) -> None:
-        """Nothing is kept."""
+        """Discards sent frames."""
 
 
 class MergedNetwork:
-    """Everything of the service that has no socket: drive it with a flight of the mock."""
+    """All parts of the service that have no socket, driven by a flight of the mock."""
 
     def __init__(self, options: Options, stations: Iterable[Station] = (), *, text: str = LINKS) -> None:
         config = parse(text, "relay.toml")
@@ -137,7 +139,7 @@ class MergedNetwork:
         self._now = HostNs(self.mock.start_host_ns)
 
     def fly(self) -> MergedNetwork:
-        """To the end."""
+        """Fly to the end of the flight."""
         for _ in self.mock.drive(self):
             pass
         return self
@@ -173,7 +175,7 @@ class MergedNetwork:
         return []
 
     def _take(self, received: Received, now: HostNs) -> None:
-        """As the daemon does."""
+        """Handle a received message as the daemon does."""
         followed = self.pipeline.on_rate_requests(received.rate_requests, self.node.demanded, now)
         self._outbox.forward(received.forwards, followed, now)
         for message in received.messages:

@@ -20,17 +20,19 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 STARTING_S = 20.0
-"""A hang, not slowness: these machines are shared."""
+"""Time limit for a start, seconds: it detects a hang, not slowness, because these machines are shared."""
 
 
 def _heeds_signals() -> None:
-    """As from a terminal: what runs the tests may ignore them, as nohup does, and children inherit that."""
+    """Restore default signal handling, as in a terminal: the test runner may ignore signals, as nohup does, and
+    children inherit that.
+    """
     for number in (signal.SIGHUP, signal.SIGINT):
         signal.signal(number, signal.SIG_DFL)
 
 
 class Process:
-    """A child whose words can be waited for, line by line, and that can be spoken to."""
+    """A child process whose output can be awaited line by line, and that takes input."""
 
     def __init__(
         self, *words: str, folder: Path, program: Sequence[str] = (sys.executable, "-m"), **environment: str
@@ -48,17 +50,17 @@ class Process:
 
     @property
     def pid(self) -> int:
-        """Of the child."""
+        """Process id of the child."""
         return self._child.pid
 
     def tell(self, line: str) -> None:
-        """One line on its stdin."""
+        """Write one line to its stdin."""
         assert self._child.stdin is not None
         self._child.stdin.write(line.encode() + b"\n")
         self._child.stdin.flush()
 
     def wait_for(self, pattern: str, within_s: float = STARTING_S) -> re.Match[str]:
-        """The first match in what it has said, which may come later."""
+        """The first match in its output, which is awaited."""
         deadline = time.monotonic() + within_s
         stream = self._child.stdout
         assert stream is not None
@@ -72,18 +74,18 @@ class Process:
         return match
 
     def stop(self, number: int = signal.SIGTERM, within_s: float = 10.0) -> int:
-        """Its exit status after the signal."""
+        """Send the signal; returns the exit status."""
         self._child.send_signal(number)
         return self.end(within_s)
 
     def end(self, within_s: float = 60.0) -> int:
-        """Its exit status, when it has ended by itself."""
+        """The exit status after the process has ended by itself."""
         output, _ = self._child.communicate(timeout=within_s)
         self.said += output.decode(errors="replace")
         return self._child.returncode
 
     def kill(self) -> None:
-        """However the test ended, nothing is left running."""
+        """Kill the process, so that no test leaves it running."""
         if self._child.poll() is None:
             self._child.kill()
         for stream in (self._child.stdin, self._child.stdout):
@@ -94,7 +96,7 @@ class Process:
 
 @contextmanager
 def process(*words: str, folder: Path, **how: Any) -> Iterator[Process]:
-    """A child for as long as the block lasts."""
+    """A child process for the duration of the block."""
     child = Process(*words, folder=folder, **how)
     try:
         yield child
@@ -107,10 +109,10 @@ SIGNING_EPOCH_S = 1_420_070_400
 
 
 class GroundStation:
-    """A UDP socket that a ground station would have, with pymavlink behind it: not our codec."""
+    """The UDP socket of a ground station that encodes and decodes with pymavlink, not with our codec."""
 
     def __init__(self, system: int = 255, key: bytes | None = None) -> None:
-        """``key``: it signs what it says, and believes only what is signed, or what no key was asked of."""
+        """``key``: signs the messages that it sends; received unsigned messages are still accepted."""
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind(("127.0.0.1", 0))
         self._socket.settimeout(0.2)
@@ -157,7 +159,7 @@ class GroundStation:
         return heard
 
     def _next(self) -> dialect.MAVLink_message | None:
-        """One message, though several may come in one datagram; None: nothing came for a while."""
+        """One message, of possibly several in one datagram; None: nothing arrived for a while."""
         if not self._received:
             try:
                 data, self._peer = self._socket.recvfrom(65536)
@@ -167,19 +169,19 @@ class GroundStation:
         return self._received.popleft() if self._received else None
 
     def send(self, message: dialect.MAVLink_message) -> bytes:
-        """To whoever was heard last; the bytes that were sent."""
+        """Send to the last sender; returns the bytes sent."""
         frame = self.packed(message)
         self.send_bytes(frame)
         return frame
 
     def packed(self, message: dialect.MAVLink_message) -> bytes:
-        """The next frame of ours."""
+        """The next frame of this station."""
         frame = bytes(message.pack(self._sender))
         self._sender.seq = (self._sender.seq + 1) % 256
         return frame
 
     def send_bytes(self, data: bytes) -> None:
-        """As they are."""
+        """Send the bytes unchanged."""
         assert self._peer is not None
         self._socket.sendto(data, self._peer)
 
@@ -194,12 +196,12 @@ class GroundStation:
         return frame
 
     def packed_command(self, component: int, number: int, *params: float) -> bytes:
-        """The same, not sent."""
+        """The bytes of a COMMAND_LONG, without sending it."""
         padded = [*params, *[0.0] * (7 - len(params))]
         return self.packed(dialect.MAVLink_command_long_message(1, component, number, 0, *padded))
 
     def ask(self, component: int, number: int, *params: float) -> tuple[int, list[dialect.MAVLink_message]]:
-        """The result of a command, and everything heard until it came."""
+        """(result of a command, every message received until the answer)."""
         self.command(component, number, *params)
         heard = self.listen_for(
             lambda m: m.get_type() == "COMMAND_ACK" and (m.command, m.get_srcComponent()) == (number, component),
@@ -212,7 +214,7 @@ class GroundStation:
 
 
 PORTS = range(10_000, 32_000)
-"""Below those that Linux gives to sockets that name none, so that no such socket takes one in the meantime."""
+"""Ports below the range from which Linux assigns ephemeral ports, so that no such socket takes one in the meantime."""
 _draw = random.SystemRandom()
 _given: set[int] = set()
 

@@ -1,8 +1,8 @@
-"""Ten minutes of a network, written down before anybody relays it: every frame, when and where it comes in, and the
-links that the routing rules send it to.
+"""Ten minutes of a network, written before any relay runs: every frame with its arrival time and link, and the links to
+which the routing rules send it.
 
-Four links: a vehicle speaks over two of them at once, and each loses its own share; it reboots every two minutes. Two
-ground stations have one each. The rules are applied here in a few plain lines of their own (MAVLink guide, routing).
+Four links: a vehicle uses two of them at once, and each loses its own share; it reboots every two minutes. Two ground
+stations have one each. The rules are implemented here in a few plain lines of their own (MAVLink guide, routing).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ LOSS = 0.05
 
 
 class Event(NamedTuple):
-    """One frame comes in by one link."""
+    """One frame that arrives by one link."""
 
     at_ms: int
     link: str
@@ -34,7 +34,7 @@ class Event(NamedTuple):
 
 
 class Rules:
-    """Who was heard where, and so where a frame goes."""
+    """Links by which each component was heard, and so the destinations of a frame."""
 
     def __init__(self) -> None:
         self._heard: dict[str, set[tuple[int, int]]] = {link: set() for link in LINKS}
@@ -43,16 +43,18 @@ class Rules:
         self._heard[link].add(sender)
 
     def forget(self, system: int) -> None:
-        """It rebooted."""
+        """Forget a system that rebooted."""
         for heard in self._heard.values():
             heard -= {sender for sender in heard if sender[0] == system}
 
     def everywhere(self, link: str, sender: tuple[int, int]) -> tuple[str, ...]:
-        """What names nobody goes to every link but those where its sender is."""
+        """Destinations of a broadcast: every link except those of its sender."""
         return tuple(out for out in LINKS if out != link and sender not in self._heard[out])
 
     def where(self, link: str, target: tuple[int, int]) -> tuple[str, ...]:
-        """What names somebody goes where that was heard; without a component, where any of the system was."""
+        """Destinations of an addressed frame: the links where the component was heard; without a component, those of
+        the whole system.
+        """
         system, component = target
         return tuple(
             out
@@ -62,7 +64,7 @@ class Rules:
 
 
 class Vehicle:
-    """Speaks the standard stream, and answers the first station."""
+    """Sends the standard stream, and answers the first station."""
 
     def __init__(self, rng: random.Random) -> None:
         self._rng = rng
@@ -74,7 +76,7 @@ class Vehicle:
         self._booted_ms = at_ms
 
     def speak(self, at_ms: int) -> tuple[bytes, str]:
-        """The frame of this step, and what it is."""
+        """(frame of this step, its kind)."""
         boot_ms, step = at_ms - self._booted_ms, at_ms // STEP_MS
         wire = self._wire
         if step % 100 == 0:
@@ -95,7 +97,7 @@ class Vehicle:
 
 
 class Station:
-    """One ground station: what it sends in each second, by tenths of it."""
+    """One ground station: its messages in each second, by tenths of it."""
 
     def __init__(self, link: str, rng: random.Random) -> None:
         self.link = link
@@ -104,7 +106,7 @@ class Station:
         self._rng = rng
 
     def speak(self, tenth: int) -> tuple[bytes, tuple[int, int] | str] | None:
-        """The frame, and whom it names; a word where a rule of its own applies."""
+        """(frame, its target); a word in place of the target where a special rule applies."""
         wire = self._wire
         match tenth:
             case 0:
@@ -128,7 +130,7 @@ class Station:
 
 
 def story(seconds: int, seed: int = 1) -> Iterator[Event]:
-    """Frame by frame, in the order of time."""
+    """All events in the order of time."""
     rng = random.Random(seed)
     rules, vehicle = Rules(), Vehicle(rng)
     stations = [Station(link, rng) for link in STATION_LINKS]
@@ -148,7 +150,9 @@ def story(seconds: int, seed: int = 1) -> Iterator[Event]:
                     first = "fc1" in (link, lost_by)
                     yield Event(when_ms, link, frame, _from_vehicle(rules, link, what, rebooted) if first else ())
                     if not first and what == "to gs1":
-                        rules.hear(link, VEHICLE)  # it never left by this link: no echo of ours, but a second way
+                        rules.hear(
+                            link, VEHICLE
+                        )  # it was never sent to this link: not an echo of ours but a second path
                     rebooted = rebooted and what != "clock"
         if at_ms % 100 == 0 and 1.0 < in_cycle_s < REBOOT_EVERY_S - REBOOT_TAKES_S - 1.0:
             for station in stations:
@@ -156,7 +160,9 @@ def story(seconds: int, seed: int = 1) -> Iterator[Event]:
 
 
 def _from_vehicle(rules: Rules, link: str, what: str, rebooted: bool) -> tuple[str, ...]:
-    """Of first copies. A second one may be our own frame that came back: nobody is learned from what went there."""
+    """Destinations of a first copy. A second copy may be an echo of our own frame: no sender is learned from a link to
+    which the frame was sent.
+    """
     rules.hear(link, VEHICLE)
     to = rules.where(link, STATIONS["gs1"]) if what == "to gs1" else rules.everywhere(link, VEHICLE)
     if rebooted and what == "clock":

@@ -24,7 +24,7 @@ from sitl_mock.render import Eye
 from sitl_mock.simulate import Simulation
 
 DUE_FRAMES = 10
-"""A tag that was in view for so many usable frames has to be found."""
+"""Number of usable frames in view after which a tag has to be found."""
 
 
 class TagResult(NamedTuple):

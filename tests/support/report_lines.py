@@ -1,4 +1,4 @@
-"""Lines of recordings that never flew: a report is asked about numbers that a test has chosen."""
+"""Lines of recordings without a flight: reports are tested with chosen numbers."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def summary(**other: Any) -> Line:
 
 
 def approach(errors_m: Sequence[float], sigma_m: float = 1.0, **other: Any) -> list[Line]:
-    """A second apart, so far north of (100, -50)."""
+    """Target lines one second apart, each this far north of (100, -50)."""
     return [target(float(at_s), 100.0 + error_m, -50.0, sigma_m, **other) for at_s, error_m in enumerate(errors_m)]
 
 
@@ -118,7 +118,7 @@ class Markup(HTMLParser):
 
     @property
     def text(self) -> str:
-        """All of it."""
+        """All text."""
         return "".join(self.texts)
 
     def of(self, kind: str) -> list[dict[str, str]]:
@@ -127,5 +127,5 @@ class Markup(HTMLParser):
 
 
 def points(line: dict[str, str]) -> list[tuple[float, float]]:
-    """Of a polyline or polygon, in its drawing."""
+    """Points of a polyline or polygon, in its drawing."""
     return [tuple(map(float, point.split(","))) for point in line["points"].split()]  # type: ignore[misc]

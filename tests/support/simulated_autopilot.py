@@ -1,4 +1,4 @@
-"""What the autopilot tells of a simulated flight: its attitudes and positions, with every fault the flight gives them.
+"""The autopilot's report of a simulated flight: attitudes and positions with every error of the flight.
 
 Independent of the package's telemetry: Euler angles through a spline, rates as its derivatives.
 """
@@ -18,10 +18,10 @@ POSITION = [Bias.POSITION_NORTH, Bias.POSITION_EAST]
 
 
 class Autopilot:
-    """A flight as it is told: a history that can be asked for any instant."""
+    """A flight as the autopilot reports it: a history that can be evaluated at any instant."""
 
     def __init__(self, flight: Flight, rng: np.random.Generator) -> None:
-        """``rng``: of the flight's seed; what the camera sees is drawn from it afterwards."""
+        """``rng``: the generator of the flight's seed; the camera's detections are drawn from it afterwards."""
         self.flight, self.rng = flight, rng
         times = np.arange(-1.0, flight.seconds + 1.0, 1 / flight.attitude_hz)
         reported = self._attitudes(times)
@@ -36,7 +36,7 @@ class Autopilot:
         self.wander = self._wandering(self.slow)
 
     def reported(self, t):
-        """Of the camera at the times t: rotation, position, rates, velocity."""
+        """Reported rotation, position, rates and velocity of the camera at the times t."""
         t = np.asarray(t, float)
         ypr, rate = self.euler(t), self.euler_rate(t)
         position, _ = path(self.flight, t)
@@ -49,7 +49,7 @@ class Autopilot:
         return Rotation.from_euler("ZYX", ypr), position, _body_rates(ypr, rate), velocity
 
     def state_at(self, boot_ns):
-        """As telemetry answers."""
+        """The vehicle's state, in the form of telemetry."""
         t = (boot_ns - BOOT_NS) * 1e-9
         if not -0.9 < t < self.flight.seconds + 0.9:
             return Unpaired(Reason.STALE_ATTITUDE)
@@ -58,7 +58,9 @@ class Autopilot:
 
     @property
     def stamping(self):
-        """Seconds between attitudes, and what their stamps leave open, which is told where they are all as late."""
+        """(seconds between attitudes, sigma of their stamps in seconds); the sigma is reported where all are equally
+        late.
+        """
         flight = self.flight
         return 1.0 / flight.attitude_hz, 0.0 if flight.late_by is None else flight.stamp_late_s / np.sqrt(12)
 
@@ -92,7 +94,7 @@ class Autopilot:
 
 
 def _body_rates(ypr, rate):
-    """(N, 3) body axes, of (N, 3) yaw, pitch, roll and how fast each of these changes."""
+    """(N, 3) rates about the body's axes, from (N, 3) yaw, pitch, roll and their derivatives."""
     sp, cp = np.sin(ypr[:, 1]), np.cos(ypr[:, 1])
     sr, cr = np.sin(ypr[:, 2]), np.cos(ypr[:, 2])
     dy, dp, dr = rate.T

@@ -1,7 +1,7 @@
-"""The truth of a simulated flight: what flies where, the fisheye it carries, and what errs by how much.
+"""The truth of a simulated flight: the vehicle's path, its fisheye, and the size of every error.
 
-Independent of the package: numpy and scipy, a lens inverted by iteration. All else follows from what is chosen here:
-``simulated_autopilot`` tells it with its faults, ``simulated_world`` sees it through the camera.
+Independent of the package: numpy and scipy, a lens inverted by iteration. Everything else follows from the values here:
+``simulated_autopilot`` reports the flight with its errors, ``simulated_world`` sees it through the camera.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from fwav_companion.types import BIAS_COUNT, Bias, ErrorPriors
 FOCAL = 3.55 * 188.0
 CUBIC = 0.03 * 188.0
 BODY_FROM_CAMERA = Rotation.from_matrix([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
-"""As configured: looks along body down, image top to the nose."""
+"""Configured mount: the camera looks along body down, image top to the nose."""
 
 
 def priors(**sigmas) -> ErrorPriors:
@@ -35,7 +35,7 @@ def priors(**sigmas) -> ErrorPriors:
 
 @dataclass
 class Flight:
-    """The truth of one flight, and the faults of what is told about it."""
+    """The truth of one flight, and the errors of the reports about it."""
 
     seconds: float = 60.0
     fps: float = 30.0
@@ -47,7 +47,7 @@ class Flight:
     attitude_hz: float = 50.0
     stamp_late_s: float = 0.0025
     late_by: float | None = None
-    """Of the mean lateness of stamps, s: the same of every attitude; None: of each another, evenly."""
+    """Lateness of stamps beyond its mean, the same for every attitude, s; None: drawn for each attitude, uniformly."""
     targets: tuple = ((2.0, 3.0),)
     velocities: tuple = ((0.0, 0.0),)
     labels: tuple = ("",)
@@ -55,15 +55,15 @@ class Flight:
     pixel_px: float = 4.0
     priors: ErrorPriors = field(default_factory=priors)
     biases: np.ndarray = field(default_factory=lambda: np.zeros(BIAS_COUNT))
-    """Truth of each Bias: estimate (configured, told) minus truth for angles, height and position."""
+    """True value of each Bias: estimate (configured, reported) minus truth for angles, height and position."""
     miss: float = 0.0
     clutter: float = 0.0
     gross: float = 0.0
     heading_wander: float = 0.0
-    """One sigma of a Gauss-Markov error of the told heading beside its constant one, rad."""
+    """One sigma of a Gauss-Markov error of the reported heading, in addition to its constant error, rad."""
     heading_wander_s: float = 20.0
     start: tuple = (0.0, 0.0, 0.0)
-    """Of the hover: north, east, heading."""
+    """Start of the hover: north, east, heading."""
 
     def drawn(self, seed: int) -> Flight:
         """The same flight with biases from the priors."""

@@ -1,7 +1,7 @@
-"""A small world for the tracker: what a camera sees of a flight, and the fixes made of it by what the autopilot tells.
+"""A small world for the tracker: detections of a camera in flight, and fixes computed from the autopilot's reports.
 
-Independent of the package's localization: rays cast to flat ground, Jacobians by finite differences.
-Truth is chosen first; what the tracker is given follows from it.
+Independent of the package's localization: rays are intersected with flat ground, Jacobians are finite differences. The
+truth is chosen first; the tracker's input follows from it.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from fwav_companion.types import BIAS_COUNT, Bias, Detection, FrameView, GroundF
 MOUNT = [Bias.MOUNT_X, Bias.MOUNT_Y, Bias.MOUNT_Z]
 RIGHT, BELOW = np.array([0.01, 0]), np.array([0, 0.01])
 STEP = 1e-5
-"""Pixels, and radians, seconds and metres, over which differences are taken."""
+"""Step of the differences: pixels, radians, seconds, metres."""
 FLATTEST = 0.15
-"""Down, of a unit ray: one flatter than this meets the ground too far away for a fix."""
+"""Smallest down component of a unit ray: a flatter ray meets the ground too far away for a fix."""
 
 
 class World:
-    """One flight, told and seen: frames for the tracker, and a history that can be asked."""
+    """One flight, reported and seen: frames for the tracker, and a history of states."""
 
     def __init__(self, flight: Flight) -> None:
         self.flight = flight
@@ -31,11 +31,11 @@ class World:
         self.autopilot = Autopilot(flight, self.rng)
 
     def state_at(self, stamp_ns):
-        """As telemetry answers."""
+        """The vehicle's state, in the form of telemetry."""
         return self.autopilot.state_at(stamp_ns)
 
     def frames(self) -> list[FrameView]:
-        """Everything the camera saw, localized as configured."""
+        """All frames of the camera, localized as configured."""
         stamps = np.arange(0.0, self.flight.seconds, 1 / self.flight.fps)
         stamps = np.round(stamps * 1e6) / 1e6
         seen = self._seen(stamps - self.flight.biases[Bias.TIME_OFFSET])
@@ -89,7 +89,7 @@ class World:
             )  # fmt: skip
 
     def _covariances(self, cast, jacobian):
-        """(N, 3, 3) each: of the noise, of all, and of all but where the vehicle is."""
+        """(N, 3, 3) each: covariance of the noise, of all errors, and of all except the vehicle's position."""
         p, sigmas = self.flight.priors, np.array(self.flight.priors.bias_sigmas)
         noise = sum(_outer(cast.by_pixel(d) * self.flight.pixel_px) for d in (cast.d_du, cast.d_dv))
         for j in (jacobian[:, Bias.ROLL], jacobian[:, Bias.PITCH], cast.by_turn([0, 0, STEP])):
@@ -120,15 +120,15 @@ class World:
 
     @property
     def _late_s(self):
-        """One sigma of how late stamps are, evenly between none and the most."""
+        """One sigma of the lateness of stamps, uniform between none and the most, s."""
         return self.flight.stamp_late_s / np.sqrt(12)
 
 
 class _Cast:
-    """N pixels cast to the ground from where the autopilot has the camera, and how that moves, by differences."""
+    """N pixels projected to the ground from the reported camera poses, with their derivatives by differences."""
 
     def __init__(self, reported, uv) -> None:
-        """``told``: N rotations, positions, rates and velocities."""
+        """``reported``: N rotations, positions, rates and velocities."""
         self.rotation, self.camera, self.rates, self.velocity = reported
         self.uv, self.ray = uv, camera_from_pixel(uv)
         self.d_du = (camera_from_pixel(uv + RIGHT) - camera_from_pixel(uv - RIGHT)) / 0.02
@@ -137,16 +137,16 @@ class _Cast:
         self.position = self._met(self.rotation, self.camera)
 
     def by_pixel(self, d):
-        """By a move of the ray, ``d`` a pixel."""
+        """Derivative by a move of the ray, ``d`` a pixel."""
         return (_on_ground(self.camera, self.ned_from_camera.apply(self.ray + 1e-4 * d)) - self.position) / 1e-4
 
     def by_turn(self, turn):
-        """By a turn of the camera, a rotation vector in body axes."""
+        """Derivative by a rotation of the camera, a rotation vector in body axes."""
         turned = self._met(self.rotation * Rotation.from_rotvec(turn), self.camera)
         return (turned - self.position) / np.linalg.norm(turn)
 
     def by_bias(self):
-        """(N, BIAS_COUNT, 3)."""
+        """(N, BIAS_COUNT, 3) derivatives by each bias."""
         out = np.zeros((len(self.ray), BIAS_COUNT, 3))
         for i, turn in ((Bias.ROLL, [STEP, 0, 0]), (Bias.PITCH, [0, STEP, 0])):
             out[:, i] = self.by_turn(turn)

@@ -1,4 +1,4 @@
-"""A folder with a configuration, a daemon that runs by it, the mock as its vehicle: what end-to-end tests share."""
+"""A folder with a configuration, a daemon that uses it, and the mock as its vehicle: shared by end-to-end tests."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ OURS = {(1, 191), (1, 100)}
 
 
 class Peer:
-    """Sends bytes, and collects what comes; :attr:`url` is what the daemon's configuration says to meet it."""
+    """Sends bytes and collects what arrives; :attr:`url` is the daemon's configured URL for it."""
 
     url: str
 
@@ -26,12 +26,12 @@ class Peer:
         self.came = b""
 
     def meet(self) -> None:
-        """Be known to the daemon, which is up by then: its heartbeat has come."""
+        """Make this peer known to the running daemon, whose heartbeat has arrived."""
         self.connect()
         assert select.select([self.fileno()], [], [], PATIENCE_S)[0], f"no heartbeat by {self.url}"
 
     def connect(self) -> None:
-        """What it takes on this side."""
+        """Connect from this side."""
 
     def send(self, data: bytes) -> None:
         raise NotImplementedError
@@ -40,20 +40,20 @@ class Peer:
         raise NotImplementedError
 
     def take(self) -> bytes:
-        """What is there to be read now."""
+        """The bytes that can be read now."""
         raise NotImplementedError
 
     def close(self) -> None:
         raise NotImplementedError
 
     def collect(self, count: int) -> list[bytes]:
-        """Foreign frames, until there are so many."""
+        """Foreign frames, once ``count`` of them have arrived."""
         frames = self.wait_for(count)
         self.came = b""
         return frames
 
     def wait_for(self, count: int) -> list[bytes]:
-        """The same, and they are still to be collected."""
+        """Wait for ``count`` foreign frames without removing them."""
         deadline = time.monotonic() + PATIENCE_S
         while len(frames := foreign_frames(self.came)) < count:
             assert time.monotonic() < deadline, f"only {len(frames)} of {count} frames came by {self.url}"
@@ -61,7 +61,7 @@ class Peer:
         return frames
 
     def listen(self, seconds: float) -> None:
-        """Take what comes within this time, or the first of it: a line that nobody reads is soon full."""
+        """Read what arrives within this time, or its first part: a line without a reader is soon full."""
         if select.select([self.fileno()], [], [], seconds)[0]:
             self.came += self.take()
 
@@ -115,7 +115,7 @@ class UdpPeer(Peer):
     def send(self, data: bytes) -> None:
         assert self._daemon is not None
         sender = self._socket
-        if self.url.startswith("udpbcast"):  # nobody can send from a broadcast address
+        if self.url.startswith("udpbcast"):  # a broadcast address cannot be a source
             with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
                 sender.sendto(data, self._daemon)
             return
@@ -198,7 +198,7 @@ class SerialPeer(Peer):
 
 
 def peer_of(kind: str) -> Peer:
-    """By the scheme of the daemon's URL."""
+    """The peer for the scheme of the daemon's URL."""
     if kind == "serial":
         return SerialPeer()
     return TcpPeer(kind) if kind.startswith("tcp") else UdpPeer(kind)

@@ -39,7 +39,7 @@ def rotation(motion: Motion, t: float) -> Rotation:
 
 
 def body_rates(motion: Motion, seconds: float, *, filter_hz: float | None) -> np.ndarray:
-    """(n, 3) rad/s every 0.1 ms, behind a two-pole Butterworth low-pass, or as they are."""
+    """(n, 3) rad/s every 0.1 ms, after a two-pole Butterworth low-pass, or unfiltered."""
     times = np.arange(0.0, seconds, FINE_S)
     fine = Rotation.from_euler("ZYX", [motion(t)[::-1] for t in np.append(times, times[-1] + FINE_S) - FINE_S / 2])
     rates = (fine[:-1].inv() * fine[1:]).as_rotvec() / FINE_S
@@ -80,7 +80,7 @@ def angle_error(motion: Motion, boot_ns: int, quaternion: tuple[float, ...]) -> 
 def errors_and_claims(
     motion: Motion, samples: list[AttitudeSample], *, from_s: float, readout_s: float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Errors (n, 3) and claimed sigmas (n,) of frames at 29.7 Hz, each asked when the history is ready for it."""
+    """(errors (n, 3), claimed sigmas (n,)) of frames at 29.7 Hz, each evaluated when the history is ready for it."""
     history, pending, errors, claims = AttitudeHistory(), [], [], []
     next_frame_s = from_s
     for sample in samples:

@@ -1,4 +1,4 @@
-"""Messages of an autopilot as telemetry receives them, with plain defaults: a test states only what it is about."""
+"""Messages of an autopilot as telemetry receives them, with plain defaults: a test states only its differences."""
 
 from types import SimpleNamespace
 from typing import Any
@@ -10,7 +10,8 @@ from fwav_companion.types import Message
 HOST_AT_BOOT = 1_000_000_000_000
 """Nanoseconds on the host's clock when the autopilot's began, where a test does not say otherwise."""
 WHOLE_MS = 0.001
-"""As attitude_stamp_delay_s: its mean undoes the correction for cut stamps, so that stamps are taken as they stand."""
+"""Value of attitude_stamp_delay_s whose mean cancels the correction for cut stamps, so that stamps are used
+unchanged."""
 
 DEFAULTS: dict[str, dict[str, Any]] = {
     "ATTITUDE": dict.fromkeys(("roll", "pitch", "yaw", "rollspeed", "pitchspeed", "yawspeed"), 0.0),
@@ -69,7 +70,7 @@ def message(name: str, **fields: Any) -> Message:
 
 
 class Autopilot:
-    """Tells a Telemetry things at instants of its own clock; they arrive ``delay_ms`` later on the host's."""
+    """Sends messages to a Telemetry at instants of its own clock; they arrive ``delay_ms`` later on the host's."""
 
     def __init__(self, *, host_at_boot: int = HOST_AT_BOOT, delay_ms: float = 0.0, **options: Any) -> None:
         self.telemetry = Telemetry(TelemetryOptions(**{"attitude_stamp_delay_s": WHOLE_MS, **options}))
@@ -81,7 +82,7 @@ class Autopilot:
         return HostNs(self.host_at_boot + round(boot_ms * 1e6))
 
     def tell(self, name: str, boot_ms: float, **fields: Any) -> tuple[Any, ...]:
-        """The events of this message, kept in :attr:`events` too."""
+        """The events of this message, which are also kept in :attr:`events`."""
         if name in STAMPED:
             fields.setdefault("time_boot_ms", int(boot_ms) % 2**32)
         events = self.telemetry.on_message(message(name, **fields), HostNs(self.host(boot_ms) + self.delay_ns))
@@ -89,6 +90,6 @@ class Autopilot:
         return events
 
     def attitudes(self, from_ms: int, until_ms: int, every_ms: int = 10, name: str = "ATTITUDE") -> None:
-        """Level ones, so that there are some."""
+        """Send level attitudes."""
         for boot_ms in range(from_ms, until_ms, every_ms):
             self.tell(name, boot_ms)

@@ -75,8 +75,8 @@ def test_a_stream_too_slow_for_the_motion_says_so(hz, of_motion):
 @pytest.mark.parametrize("phase", first_of(*np.pi / 6.0 * np.array([0, 3, 1, 2, 4, 5, 6]), few=2))
 @pytest.mark.parametrize("beat_hz", [4.8, 5.0, 5.2])
 def test_two_attitudes_a_beat_leave_open_when_it_beats(beat_hz, phase):
-    """Whatever instants they hit: of a wave that is sampled twice, its size and its phase cannot be told apart, be it
-    that attitudes alternate or rates do, and a turn meanwhile hides nothing of it.
+    """For any sampling instants: the amplitude and phase of a wave that is sampled twice a period cannot be separated,
+    whether attitudes or rates alternate, and a simultaneous turn does not hide this.
     """
     motion = flying(beat_hz)
     samples = flapping.stream(lambda t: motion(t + phase / (2.0 * np.pi * beat_hz)), 10, 10.0)

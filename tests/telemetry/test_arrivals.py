@@ -1,4 +1,4 @@
-"""The arrival envelope alone: what a busy machine makes of arrivals must not stop it."""
+"""The arrival envelope alone: it must tolerate the arrival delays of a busy machine."""
 
 from fwav_companion.geometry.stamps import BootNs, HostNs
 from fwav_companion.telemetry.clock.arrivals import ARRIVALS_TO_BEGIN, BUCKET_NS, ArrivalEnvelope
@@ -18,7 +18,7 @@ def test_messages_of_two_seconds_that_came_in_one_datagram_have_one_instant_and_
 
 
 def test_a_link_whose_least_delay_wanders_bounds_nothing_closer_than_its_sigma():
-    """As over a radio that hands on what it gathered, up to seconds late: a real ground station's log."""
+    """From a real ground station's log: a radio that sends collected data up to seconds late."""
     clock = Clock()
     for second, late_ms in enumerate((20, 1000, 700, 5, 300, 1400, 600, 90, 400, 800, 1200, 30)):
         for k in range(4):

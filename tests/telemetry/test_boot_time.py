@@ -12,7 +12,7 @@ S = 1000 * MS
 
 
 def after(*reported: tuple[int, float]) -> BootTimeline:
-    """Having placed (time_boot_ms, arrival in seconds)."""
+    """A timeline that has placed (time_boot_ms, arrival in seconds)."""
     timeline = BootTimeline()
     for boot_ms, arrival_s in reported:
         timeline.place(boot_ms, HostNs(round(arrival_s * 1e9)))
@@ -41,7 +41,7 @@ def test_a_reboot_takes_three_stamps_in_agreement():
 
 
 def test_a_reboot_after_weeks_is_no_jump_ahead():
-    """30 days back is 19.7 days ahead, modulo a wrap."""
+    """30 days back equals 19.7 days ahead, modulo a wrap."""
     thirty_days_ms = 30 * 86_400_000
     timeline = after((thirty_days_ms, 10.0))
     assert [timeline.place(1000 + k, HostNs(20 * S + k * MS)) for k in range(3)][2] == Restarted(1002 * MS)

@@ -1,4 +1,4 @@
-"""The clock's troubles, numbered. Each states what the wire does, and the bound that then holds.
+"""The clock's troubles, numbered. Each states what happens on the wire, and the bound that then holds.
 
 In all of them the hard bound is checked every second of the run (``Wire.run``).
 """
@@ -90,7 +90,7 @@ def test_005d_doubt_is_reported_so_that_more_exchanges_follow():
 
 
 def test_006_reboot():
-    """The clock begins anew at 30 s: told once, and right again at once."""
+    """The clock starts again at 30 s: reported once, and correct again at once."""
     wire = Wire(up=constant(0.004), down=constant(0.006)).run(30.0)
     wire.boot_start_s = -28.0
     reported = [wire.exchange(33.0 + 0.1 * k) for k in range(20)]
@@ -102,7 +102,7 @@ def test_006_reboot():
 
 
 def test_007_a_foreign_answer_never_enters():
-    """Single exchanges with somebody else's clock among ours change nothing, not by a nanosecond."""
+    """Single exchanges with a foreign clock among ours change nothing, not by a nanosecond."""
     ours, spoiled = (Wire(up=constant(0.004), down=constant(0.006)) for _ in range(2))
     for k in range(200):
         for wire in (ours, spoiled):

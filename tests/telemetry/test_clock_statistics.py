@@ -1,4 +1,6 @@
-"""What the clock claims, from both sides: over many seeds its 95 % interval holds the truth 90 to 98 times in 100."""
+"""The clock's claims, tested from both sides: over many seeds its 95 % interval holds the truth 90 to 98 times in
+100.
+"""
 
 from math import sqrt
 
@@ -11,7 +13,7 @@ def gaussian(rng) -> float:
 
 
 def final_errors(delay: Delay, *, seconds: float, seeds: int, hz: float = 10.0) -> list[tuple[float, float]]:
-    """(error, claimed sigma) after so many seconds, by seed."""
+    """(error, claimed sigma) after this number of seconds, by seed."""
     ends = []
     for seed in range(seeds):
         wire = Wire(up=delay, down=delay, drift=lambda t: 20e-6 * t, seed=seed)

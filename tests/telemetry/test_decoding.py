@@ -1,4 +1,4 @@
-"""From messages to samples: against scipy where there is arithmetic, and nothing absurd gets through."""
+"""From messages to samples: arithmetic against scipy, and absurd values are refused."""
 
 from math import inf, nan, pi
 from types import SimpleNamespace

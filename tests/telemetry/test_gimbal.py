@@ -1,4 +1,4 @@
-"""A gimbal's attitudes between its messages, by scipy; and what its messages may not do."""
+"""A gimbal's attitudes between its messages, by scipy; and the limits of its messages."""
 
 from collections import namedtuple
 from math import nan
@@ -18,7 +18,7 @@ EARTH = 64
 NO_TURN = (1.0, 0.0, 0.0, 0.0)
 LEVEL = AttitudeAt(NO_TURN, (0.0, 0.0, 0.0), 0.0, 0.0)
 BOOT_S, GIMBAL_S = 30.0, 700.0
-"""What the clocks show at the host's zero."""
+"""Readings of the clocks at the host's zero."""
 
 
 def fields(t_s, q, flags=EARTH, delta_yaw=nan, device_id=0):
@@ -82,7 +82,7 @@ def test_doubt_grows_with_the_motion_the_gap_and_the_doubt_about_the_clock():
 
 
 def test_motion_that_the_messages_do_not_show_is_not_taken_for_smooth():
-    """Three swings a second, told five times a second."""
+    """Three swings a second, reported five times a second."""
 
     def shaking(t_s):
         return Rotation.from_euler("ZYX", [0.0, -60.0 + 2.0 * np.sin(2 * np.pi * 3.1 * t_s), 0.0], degrees=True)

@@ -1,4 +1,4 @@
-"""What the history keeps, takes in any order, and refuses by name."""
+"""Samples that the history keeps, takes in any order, and refuses by name."""
 
 import random
 from itertools import pairwise
@@ -61,7 +61,7 @@ def test_any_order_gives_the_same_course():
     for k, sample in enumerate(shuffled):
         other.insert(sample)
         if k % 5 == 0 and k > 20:
-            other.at(BootNs(sample.boot_ns - 30 * MS))  # what was worked out before must not stay when a sample comes
+            other.at(BootNs(sample.boot_ns - 30 * MS))  # a cached interpolation must not stay when a sample arrives
     for boot_ns in range(600 * MS, 2300 * MS, 7 * MS):
         assert other.at(BootNs(boot_ns)).ned_from_body == one.at(BootNs(boot_ns)).ned_from_body
 
@@ -116,7 +116,7 @@ def test_a_hovering_body_claims_little_whatever_the_noise():
 
 @pytest.mark.parametrize("hz", [10, 15, 25, 100])
 def test_the_first_attitudes_claim_what_their_own_rates_contradict(hz):
-    """Before the stream was checked: seven samples of a wing that beats at 5 Hz, few of which show it."""
+    """Before the stream is checked: seven samples of a 5 Hz wing beat, few of which show it."""
     motion = flapping.nodding(5.0)
     samples = flapping.stream(motion, hz, 1.0, filter_hz=None)[:6]
     history = flapping.history_of(samples)

@@ -1,4 +1,4 @@
-"""The room as a whole: what it is told, and what can then be asked."""
+"""The telemetry package as a whole: its inputs and its answers."""
 
 import random
 from math import cos, degrees, pi, radians, sin
@@ -99,7 +99,7 @@ def test_the_delay_of_stamps_follows_the_autopilot(name, fields, delay_s):
     assert [e.delay_s for e in autopilot.events if isinstance(e, StampDelay)] == (
         [delay_s] if delay_s != 0.0025 else []
     )
-    # what is kept moved along: no step in the history
+    # the kept samples moved with it: no step in the history
     assert pitch_deg(autopilot, 303.0) == pytest.approx((303.0 - 0.5 + delay_s * 500.0) / 1000.0, abs=1e-7)
 
 
@@ -123,7 +123,7 @@ def test_a_configured_delay_is_not_overruled():
     ids=["flapping wing", "older name", "stays on by option", "quadplane", "nonsense", "copter"],
 )
 def test_the_pitch_trim_that_attitude_lacks_is_put_back(vehicle_type, parameters, missing_deg):
-    """Once it is known; what was taken without it is forgotten, and no course leads across the step."""
+    """Once it is known, samples taken without it are forgotten, and no interpolation crosses the step."""
     autopilot = Autopilot()
     autopilot.tell("HEARTBEAT", 0, type=vehicle_type)
     autopilot.attitudes(0, 200)
@@ -147,7 +147,7 @@ def test_a_quaternion_knows_no_trim():
 
 
 def test_quaternions_are_preferred_and_the_change_leaves_no_step():
-    """ATTITUDE carries a trim of 37 degrees; none of it may be interpolated with."""
+    """ATTITUDE carries a trim of 37 degrees; no interpolation may mix it with quaternions."""
     autopilot = Autopilot()
     for boot_ms in range(0, 500, 10):
         autopilot.tell("ATTITUDE", boot_ms, pitch=radians(-37.0))
@@ -249,7 +249,7 @@ def test_a_session_that_begins_after_the_wrap():
 
 
 def test_positions_between_and_beyond():
-    """A course of constant acceleration is followed exactly between samples, and by its velocity beyond."""
+    """A path of constant acceleration is followed exactly between samples, and by its velocity beyond."""
     autopilot = Autopilot()
     for boot_ms in range(0, 1100, 100):
         autopilot.attitudes(boot_ms, boot_ms + 100)

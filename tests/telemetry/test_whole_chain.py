@@ -1,6 +1,6 @@
-"""From a camera's stamp to the vehicle's attitude, through all that stands between: clocks, the wire, cut stamps.
+"""From a camera's stamp to the vehicle's attitude, through the whole chain: clocks, the wire, cut stamps.
 
-What a target straight below would be off by, from 10 m, where the body nods by 5 degrees at 5 Hz.
+The error of a target straight below, from 10 m, while the body nods by 5 degrees at 5 Hz.
 """
 
 import random
@@ -19,7 +19,7 @@ HEIGHT_MM = 10_000.0
 def errors_mm(
     *, hz: int, delay_s: float, jitter_s: float, seconds: float = 40.0, from_s: float = 21.0, drift: float = 50e-6
 ) -> list[float]:
-    """Along the pitch axis, of frames at 20 Hz after ``from_s``."""
+    """Errors along the pitch axis, of frames at 20 Hz after ``from_s``."""
     rng = random.Random(11)
     motion = flapping.nodding(5.0)
     rates = flapping.body_rates(motion, seconds, filter_hz=20.0)
@@ -31,8 +31,8 @@ def errors_mm(
     def wire() -> float:
         return 0.002 + rng.expovariate(1.0 / jitter_s)
 
-    # (when it is known, which kind it is, when it was): attitudes, exchanges, frames
-    sent = [k / hz + rng.uniform(0.0, 0.0025) for k in range(int(seconds * hz) - 1)]  # when the loop comes to it
+    # (time at which it is known, kind, time of the event): attitudes, exchanges, frames
+    sent = [k / hz + rng.uniform(0.0, 0.0025) for k in range(int(seconds * hz) - 1)]  # when the loop processes it
     arrivals = [(t + wire(), 0, t) for t in sent]
     arrivals += [(0.1 * k + 0.2, 1, 0.1 * k) for k in range(int(seconds * 10) - 3)]
     arrivals += [(0.05 * k + 0.15, 2, 0.05 * k + rng.uniform(0.0, 0.04)) for k in range(int(seconds * 20) - 5)]

@@ -1,4 +1,4 @@
-"""Where the origin lies, when, and that it never moves. The oracle of geodesy is pymap3d."""
+"""Place and time of the origin, which never moves. The oracle of geodesy is pymap3d."""
 
 from math import degrees
 

@@ -1,4 +1,4 @@
-"""Exchanges and arrivals between two clocks over a wire, in invented time: truth first, then what a Clock is shown."""
+"""Exchanges and arrivals between two clocks over a wire, in invented time: truth first, then the input of a Clock."""
 
 import random
 from collections.abc import Callable
@@ -28,12 +28,12 @@ TEN_MS = exponential(0.010)
 
 @dataclass
 class Wire:
-    """Everything that a scenario may state; it states only its difference from this."""
+    """All parameters of a scenario; a scenario states only its differences from these."""
 
     up: Delay = TEN_MS
     down: Delay = TEN_MS
     drift: Callable[[float], float] = lambda _t: 0.0
-    """Seconds by which the autopilot's clock has fallen behind after so many."""
+    """Seconds by which the autopilot's clock has fallen behind after this time in seconds."""
     boot_start_s: float = 300.0
     requests_hz: Callable[[float], float] = lambda _t: 10.0
     seed: int = 1
@@ -54,7 +54,7 @@ class Wire:
         return HOST_START_NS + (self.drift(t) - self.boot_start_s) * 1e9
 
     def exchange(self, t: float) -> bool:
-        """A request leaves at t. Whether the clock says that it began anew."""
+        """Send a request at t; returns whether the clock was restarted."""
         up, down = self.up(self.rng), self.down(self.rng)
         return self.clock.on_exchange(ClockExchange(self.host(t), self.host(t + up + down), self.boot(t + up)))
 
@@ -68,14 +68,14 @@ class Wire:
         return (estimate.host_from_autopilot_ns - self.true_offset_ns(t)) * 1e-9, estimate
 
     def run(self, until_s: float, *, from_s: float = 0.0) -> "Wire":
-        """Requests at their rate; the error is noted each whole second, and the bound must hold there."""
+        """Send requests at their rate; each whole second the error is recorded and the bound must hold."""
         t, noted = from_s, int(from_s)
         while t < until_s:
             self.exchange(t)
             t += 1.0 / self.requests_hz(t)
             if t >= noted + 1:
                 noted += 1
-                # What is known of an exchange is known at its end.
+                # The result of an exchange is known at its end.
                 error_s, estimate = self.error_s(t + 0.2)
                 assert abs(error_s) <= estimate.bound_s, (t, error_s, estimate)
                 self.errors.append((t, error_s, estimate))
