@@ -24,7 +24,7 @@ BENCHMARKS = (
     "daemon",
     "camera",
 )
-"""Modules beside this one, each with ``measure() -> list[Figure]``."""
+"""Modules of this package, each with ``measure() -> list[Figure]``."""
 
 
 def benchmarks(names: Sequence[str] = BENCHMARKS) -> Iterator[tuple[str, Callable[[], list[Figure]]]]:

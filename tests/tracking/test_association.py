@@ -1,4 +1,4 @@
-"""Which fix is which target's: labels, the detector's own ids, shared errors, several targets in clutter."""
+"""Association of fixes with targets: labels, the detector's own ids, shared errors, several targets in clutter."""
 
 from collections import defaultdict
 
@@ -30,7 +30,7 @@ def test_labels_are_kept_apart_though_they_stand_together():
 
 
 def test_the_detectors_ids_decide_where_places_do_not():
-    """Two targets 0.3 m apart with 0.2 m of noise, told apart by the detector only."""
+    """Two targets 0.3 m apart with 0.2 m of noise, distinguished by the detector only."""
     rng, tracker = np.random.default_rng(1), make_tracker(TrackingOptions(), NO_BIAS)
     seen = defaultdict(set)
     for k in range(60):

@@ -1,4 +1,4 @@
-"""A believed track comes before a newborn, but not where the newborn is much the likelier."""
+"""A confirmed track has priority over a new one, except where the new one is far more likely."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,9 @@ NO_BIAS = priors(time_offset=0, heading=0, mount_x=0, mount_y=0, mount_z=0)
 
 
 def test_a_believed_track_does_not_wander_to_a_target_that_was_seen_first_by_a_newborn():
-    """With this seed it comes back for a second look when the other, 4 m away, is in the image alone."""
+    """With this seed a new track returns for a second detection when the other target, 4 m away, is in the image
+    alone.
+    """
     targets = ((2.0, 3.0), (6.0, 3.0), (4.0, 6.46))
     still = {"targets": targets, "velocities": ((0.0, 0.0),) * 3, "labels": ("",) * 3}
     flight = Flight(seed=11, miss=0.1, clutter=0.1, **still)
@@ -40,7 +42,8 @@ class Expecting:
 @pytest.mark.parametrize("spread", [-4.0, 3.0])
 def test_a_newborn_takes_a_known_targets_fix_where_it_is_more_than_55_times_as_likely(ratio, takes, spread):
     """The likelihood of a fix at distance d with spread s is exp(-(d^2 + s) / 2) but for a common factor. With equal
-    spread the newborn is ``ratio`` times as likely if its squared distance is smaller by 2 log(ratio)."""
+    spread the new track is ``ratio`` times as likely if its squared distance is smaller by 2 log(ratio).
+    """
     newborn = Candidate("target", Expecting(1.0, spread), None, believed=False)
     believed = Candidate("target", Expecting(1.0 + 2.0 * np.log(ratio), spread), None)
     ((taker, (fix, _)),) = associate([believed, newborn], [a_fix(0.0, (4, 3, 0), label="target")]).items()
@@ -48,8 +51,9 @@ def test_a_newborn_takes_a_known_targets_fix_where_it_is_more_than_55_times_as_l
 
 
 def test_a_newborn_does_not_take_a_known_targets_fix():
-    """A gross detection 0.5 m beside it, of 0.2 m of noise, begins a track; the target's fixes stay its own, also one
-    that happens to lie nearer to the newborn."""
+    """A gross detection 0.5 m from the target, with 0.2 m of noise, begins a track; the target's fixes stay its own,
+    also one that happens to be nearer to the new track.
+    """
     tracker = make_tracker(TrackingOptions(), NO_BIAS)
     for k in range(20):
         tracks = tracker.on_frame(a_view(k / 10, a_fix(k / 10, (4.0, 3.0, 0.0))))

@@ -1,4 +1,4 @@
-"""The life of a track: what confirms it, what ends it, and what speaks against it."""
+"""The life of a track: confirmation, deletion, and missed detections."""
 
 import numpy as np
 import pytest
@@ -87,7 +87,9 @@ def test_frames_that_could_not_see_do_not_count():
     ("label", "beside_m", "lives"), [("target", 1.0, True), ("target", 6.0, False), ("person", 0.0, False)]
 )
 def test_a_target_that_is_seen_where_no_fix_can_be_had_is_not_given_up(label, beside_m, lives):
-    """Too shallow, say. What was seen in another direction, or of another kind, is no excuse."""
+    """For example a ray that is too shallow. A detection in another direction, or of another kind, does not keep the
+    track alive.
+    """
     tracker = confirmed(label="target")
     toward = np.array([4.0 - beside_m, 3.0, 10.0]) / np.linalg.norm([4.0 - beside_m, 3.0, 10.0])
     sighting = a_fix(1.0, (4, 3, 0), label=label).sighting
@@ -104,7 +106,9 @@ def test_it_is_not_kept_for_ever():
 
 def test_a_slow_camera_gives_up_by_looks_not_by_seconds():
     reported = fed(confirmed(), 2.0, 20.0, fps=1, seen=False)
-    assert [k for k, tracks in enumerate(reported) for t in tracks if t.reason] == [14]  # 15 looks at 0.2 s each
+    assert [k for k, tracks in enumerate(reported) for t in tracks if t.reason] == [
+        14
+    ]  # 15 missed detections 0.2 s apart
 
 
 def test_drop_all_reports_every_track_once_and_uses_no_id_again():
@@ -132,7 +136,7 @@ def test_a_full_table_of_believed_tracks_takes_no_newcomer():
 
 
 def test_what_is_remembered_does_not_blind_to_what_is_there():
-    """Twenty that were believed and are out of sight: a new one takes the place of the one unseen the longest."""
+    """With twenty confirmed tracks out of sight, a new track replaces the one unseen the longest."""
     tracker = make_tracker(TrackingOptions(), NO_BIAS)
     for k in range(8):
         tracker.on_frame(a_view(k / 10, *[a_fix(k / 10, (50.0 * i, 3, 0)) for i in range(20)]))

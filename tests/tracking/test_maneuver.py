@@ -1,4 +1,4 @@
-"""Of the running mean: what noise and a beat make of it, and what a turn does."""
+"""The running mean of the manoeuvre detector: under noise, under a wing beat, and in a turn."""
 
 import numpy as np
 import pytest

@@ -11,7 +11,9 @@ from fwav_companion.types import BIAS_COUNT, Bias
 
 @pytest.mark.parametrize(("level", "wander_s"), [(True, 60.0), (False, 1e12)])
 def test_a_belief_is_what_filterpy_and_numpy_make_of_the_same_fixes(level, wander_s):
-    """What was forgotten of a wandering position is kept horizontal only: on a slope it is compared with none."""
+    """The decay of a wandering position is kept horizontal only: on a slope it is compared with a filter without
+    decay.
+    """
     from tests.benchmarks.plain_filter import FixArrays, PlainFilter
 
     rng = np.random.default_rng(12)

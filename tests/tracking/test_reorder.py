@@ -1,4 +1,4 @@
-"""Frames out of order: what a late one leaves, what is settled when, and what is refused."""
+"""Frames out of order: the effect of a late one, when a result is settled, and which frames are refused."""
 
 import numpy as np
 from handmade import a_fix, a_view, host_ns

@@ -1,4 +1,4 @@
-"""The algebra of estimates against numpy's, with every bias in one plain state."""
+"""The Schmidt-Kalman update against numpy's, with every bias in one plain state."""
 
 from math import inf
 
@@ -11,7 +11,7 @@ from fwav_companion.tracking.filters.gates import GATE
 from fwav_companion.tracking.filters.schmidt_kalman import PointEstimate, kalman_gain, surprise, update
 
 COUNT, WANDERING, TIMED = 7, 5, 2
-"""Biases; the last two wander."""
+"""Number of biases, index of the first wandering one (the last two wander), index of the time offset."""
 
 
 def rows(rng, *, level):
@@ -44,7 +44,7 @@ def grown(forgotten):
 
 
 def covariance(estimate):
-    """Of (error, biases): the plain way."""
+    """Covariance of (error, biases), as one plain matrix."""
     shared = np.array(estimate.shared)
     own = np.array(estimate.noise) + grown(estimate.forgotten) + shared @ shared.T
     return np.block([[own, shared], [shared.T, np.eye(COUNT)]])
@@ -84,7 +84,7 @@ def test_a_blend_is_the_plain_joint_covariance(level):
         expected = moved @ covariance(own) @ moved.T
         expected[:3, :3] += k @ r @ k.T
         assert np.array(new.shared) == pytest.approx(expected[:3, 3:], abs=1e-12)
-        # What the wandering biases did before is kept track of horizontally.
+        # The earlier values of the wandering biases are tracked horizontally only.
         assert np.array(new.cov)[:2, :2] == pytest.approx(expected[:2, :2], abs=1e-12)
         if level:
             assert np.array(new.cov) == pytest.approx(expected[:3, :3], abs=1e-12)

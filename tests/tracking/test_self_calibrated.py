@@ -1,4 +1,4 @@
-"""Self-calibration beside filters that it does not correct: the paper's, and that of targets which may move."""
+"""Self-calibration together with filters that it does not correct: the paper's, and that of targets which may move."""
 
 import msgspec
 import numpy as np
@@ -18,7 +18,7 @@ PLANTED[[Bias.MOUNT_X, Bias.MOUNT_Y, Bias.MOUNT_Z]] = np.radians([0.5, 1.0, 2.0]
 
 
 def flown(flight, **options):
-    """(the tracks of each frame, the calibration)."""
+    """(tracks of each frame, calibration)."""
     world = World(flight)
     tracker = make_tracker(TrackingOptions(**options), flight.priors, world.state_at)
     return [tracker.on_frame(view) for view in world.frames()], tracker.calibration
@@ -70,7 +70,7 @@ def test_beside_a_filter_of_ones_own_it_finds_its_values_and_moves_nothing():
 
 @pytest.mark.parametrize(("crooked", "state"), [(True, TrackState.COASTING), (False, TrackState.DROPPED)])
 def test_a_frame_whose_edge_a_crooked_mount_may_move_did_not_look(crooked, state):
-    """The target stands 0.3 m inside the image, 11 m away; a mount 1.5 degrees off moves it by as much."""
+    """The target is 0.3 m inside the image, 11 m away; a mount error of 1.5 degrees moves it by the same distance."""
     angle = np.radians(1.0 if crooked else 0.1)
     p = priors(mount_x=angle, mount_y=angle, mount_z=angle, heading=0.0, time_offset=0.0)
     tracker = make_tracker(TrackingOptions(self_calibration=True), p)

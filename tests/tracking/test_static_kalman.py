@@ -26,7 +26,9 @@ def some_cov(rng):
 def test_it_is_the_batch_weighted_mean():
     rng = np.random.default_rng(5)
     covs = [some_cov(rng) for _ in range(60)]
-    samples = [rng.multivariate_normal((4000.0, -3000.0, 0.0), cov) for cov in covs]  # so far off, no azimuth turns
+    samples = [
+        rng.multivariate_normal((4000.0, -3000.0, 0.0), cov) for cov in covs
+    ]  # at this distance the azimuth does not change
     weights = [np.linalg.inv(cov[:2, :2]) for cov in covs]
     total = np.linalg.inv(sum(weights))
     mean = total @ sum(w @ x[:2] for w, x in zip(weights, samples, strict=True))
@@ -41,7 +43,7 @@ def test_it_is_the_batch_weighted_mean():
 
 @pytest.mark.parametrize("make", [StaticKalman, MovingKalman])
 def test_sights_that_are_sure_across_do_not_draw_the_target_nearer(make):
-    """Each noise is told along its own line of sight, which it has turned: all those lines meet at the camera."""
+    """Each noise is given along its own line of sight, which it has rotated: all those lines meet at the camera."""
     rng, count = np.random.default_rng(8), 2000
     along, across = 0.43, 0.08
     belief, distances = None, []

@@ -1,4 +1,4 @@
-"""Two tracks of one target become one; two targets stay two, however near they are and however seldom seen."""
+"""Two tracks of one target become one; two targets stay two at any distance and any detection rate."""
 
 import numpy as np
 import pytest
@@ -13,11 +13,11 @@ NO_BIAS = priors(time_offset=0, heading=0, mount_x=0, mount_y=0, mount_z=0)
 FPS = 30
 NOISE_M = 0.2
 ONE, OTHER, MIDDLE = (3.6, 3.0), (4.4, 3.0), (4.0, 3.0)
-"""Nearer to each other than single fixes of one target are at times."""
+"""Two places closer together than single fixes of one target sometimes are."""
 
 
 def flown(frames, fps=FPS, sees=True, **options):
-    """All tracks after each frame; a frame: where something is seen, and the detection's label and id."""
+    """All tracks after each frame; a frame is a list of (place, the detection's label and id)."""
     tracker, reported = make_tracker(TrackingOptions(**options), NO_BIAS), []
     for k, seen in enumerate(frames):
         fixes = [a_fix(k / fps, (*place, 0.0), **detection) for place, detection in seen]
@@ -26,13 +26,13 @@ def flown(frames, fps=FPS, sees=True, **options):
 
 
 def replaced(reported):
-    """(id, by whom) of all that ended so."""
+    """(id, id of the replacement) of all replaced tracks."""
     ends = [track for tracks in reported for track in tracks if track.reason is Reason.REPLACED]
     return [(track.id, track.replaced_by) for track in ends]
 
 
 def believed(reported):
-    """Ids of the believed tracks after the last frame."""
+    """Ids of the confirmed tracks after the last frame."""
     return [track.id for track in reported[-1] if track.confirmed_host_ns is not None and track.reason is None]
 
 
@@ -41,12 +41,12 @@ def scattered(rng, place):
 
 
 def both(one=None, other=None, frames=10, places=(ONE, OTHER)):
-    """Frames that show two; ``one``, ``other``: their detections' labels and ids."""
+    """Frames that show two targets; ``one``, ``other``: their detections' labels and ids."""
     return [[(places[0], one or {}), (places[1], other or {})]] * frames
 
 
 def one_target(rng, frames, kinds=({}, {})):
-    """One detection a frame, between the two; now and then by another name."""
+    """One detection a frame, between the two places; the name alternates between ``kinds``."""
     return [[(scattered(rng, MIDDLE), kinds[k % 2])] for k in range(frames)]
 
 
@@ -62,7 +62,7 @@ def test_two_tracks_of_one_target_become_the_senior_one(seed, motion):
 
 
 def test_the_one_that_was_confirmed_first_stays():
-    """Though the other one was seen before it."""
+    """The track confirmed first stays, even if the other one was seen before it."""
     seldom, often = (4.6, 3.0), (3.4, 3.0)
     first = [[(seldom, {})], *([(often, {}), *([(seldom, {})] * (k % 2))] for k in range(20))]
     reported = flown([*first, *both(), *one_target(np.random.default_rng(0), 20 * FPS)])
@@ -109,7 +109,7 @@ def test_two_targets_that_hide_in_turns_stay_two(frames):
 
 @pytest.mark.parametrize("seed", range(5))
 def test_one_that_left_is_not_seen_rather_than_replaced(seed):
-    """Though the frames before had missed both now and then."""
+    """A target that left is reported as not seen, even if earlier frames missed both at times."""
     rng = np.random.default_rng(seed)
     seen = [[(place, {}) for place in (ONE, OTHER) if rng.random() < 0.8] for _ in range(8 * FPS)]
     reported = flown(both() + seen + [[(scattered(rng, ONE), {})] for _ in range(6 * FPS)])

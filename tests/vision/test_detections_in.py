@@ -1,4 +1,4 @@
-"""The intake over real sockets, both clocks in the test's hands."""
+"""The intake over real sockets, with both clocks controlled by the test."""
 
 import asyncio
 import json
@@ -22,7 +22,7 @@ PATIENCE_S = 20.0
 
 
 class Intake:
-    """An intake, what it told, and its two clocks."""
+    """An intake, its events, and its two clocks."""
 
     def __init__(self, endpoint: Endpoint) -> None:
         self.now = HostNs(500_000_000_000)
@@ -46,7 +46,7 @@ class Intake:
 
 @asynccontextmanager
 async def listening(endpoint: Endpoint) -> AsyncIterator[Intake]:
-    """One that has told for the first time whether it listens, and is closed in the end."""
+    """An intake that has reported for the first time whether it listens; closed at the end."""
     t = Intake(endpoint)
     t.intake.start()
     try:

@@ -1,4 +1,4 @@
-"""Sources: what comes, what is refused by a clear word, what ends."""
+"""Picture sources: what arrives, what is refused with a clear reason, and what ends."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""The vision process as the daemon has it: found tags come; death, silence and absence are survived and told once."""
+"""The vision process under the daemon: tags arrive; a crash, silence or absence is survived and reported once."""
 
 import asyncio
 import os
@@ -20,7 +20,7 @@ from fwav_companion.vision.wall_clock import WallClock
 
 
 class Daemon:
-    """Keeps what the vision process says."""
+    """Keeps the output of the vision process."""
 
     def __init__(self, task: VisionTask) -> None:
         self.frames: list[Frame] = []
@@ -45,7 +45,7 @@ class Daemon:
 
 
 def feed(path: Path, pictures: list[bytes], go_on: threading.Event) -> threading.Thread:
-    """Writes pictures into a named pipe from another thread, and leaves it when told."""
+    """Writes pictures into a named pipe from another thread, and closes it when signalled."""
 
     def write() -> None:
         with path.open("wb") as file:
@@ -108,7 +108,7 @@ def test_a_missing_source_is_reported_once_and_taken_when_it_comes(tmp_path: Pat
         daemon = Daemon(VisionTask(str(path)))
         daemon.process.start()
         await daemon.until(lambda: bool(daemon.states))
-        await asyncio.sleep(2.5)  # it looks again several times, and says nothing new
+        await asyncio.sleep(2.5)  # it checks again several times, and reports nothing new
         assert len(daemon.states) == 1
         os.mkfifo(path)
         leave = threading.Event()
@@ -189,7 +189,7 @@ def test_the_process_ends_with_a_daemon_that_was_killed(tmp_path: Path):
             state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
         except (ProcessLookupError, FileNotFoundError):
             return
-        if state == "Z":  # ended; whoever adopts orphans here has not looked yet
+        if state == "Z":  # ended; the process that adopts orphans has not collected it yet
             return
         threading.Event().wait(0.05)
     pytest.fail("the vision process outlived its daemon")

@@ -1,4 +1,4 @@
-"""From [vision] to what its process is told; and what a stamp then marks."""
+"""The parameters of the vision process from [vision], and the meaning of its stamps."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""The wire format of detections: what is understood, what is refused and why, and that no bytes break it."""
+"""The wire format of detections: accepted lines, refused lines with the reason, and that no bytes break it."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""Lets these tests import their helpers by their own names; pictures that several of them look at are drawn once."""
+"""Makes the helpers in this folder importable; pictures that several tests use are drawn once."""
 
 import sys
 from pathlib import Path

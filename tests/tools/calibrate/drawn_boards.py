@@ -1,4 +1,4 @@
-"""Boards as a fisheye sees them, by this file's own mathematics: the truth that `calibrate` is asked for.
+"""Boards as a fisheye sees them, by independent mathematics: the truth for the tests of `calibrate`.
 
 Nothing of the project is used here. A lens is r = c1 t + c2 t^3 + ... in pixels; its inverse is read off a fine table.
 """
@@ -72,7 +72,7 @@ def chess_grey(columns, rows, square_m):
 
 
 def printed_grey(image, width_m):
-    """The same of a printed picture: ``width_m`` wide, about its middle."""
+    """Grey levels of a printed picture as a function: ``width_m`` wide, about its middle."""
     rows, columns = image.shape
     per_m = columns / width_m
 

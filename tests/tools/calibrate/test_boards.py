@@ -1,4 +1,4 @@
-"""What is printed: the words for it, and finding it in pictures that the tests draw themselves."""
+"""Board specifications, and finding the boards in pictures that the tests draw."""
 
 import cv2
 import numpy as np
@@ -21,7 +21,8 @@ from fwav_companion.tools.calibrate.board_finders import SMALLEST_PX, finder_of
 from fwav_companion.tools.calibrate.board_spec import EXAMPLES, CalibrationBoard, parse_board
 
 AHEAD = turn([0.2, 0.1, 1.0], 0.23)
-"""Lines along the rows of pixels would be drawn as exactly as two samples a pixel are."""
+"""Rotation off the pixel grid: lines along the rows of pixels would be drawn only as exactly as two samples a pixel
+allow."""
 
 
 def test_the_words_of_the_help():

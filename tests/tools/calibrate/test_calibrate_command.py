@@ -31,7 +31,7 @@ def calibrate(folder, out, *words, board=BOARD):
 
 @pytest.fixture(scope="module")
 def calibrated(chess_folder, tmp_path_factory):
-    """The command in a shell of its own: what it printed, and the folder that it left."""
+    """(printed output, output folder) of the command in a shell of its own."""
     folder = tmp_path_factory.mktemp("calibrated")
     words = ["--board", BOARD, "--out", "camera.yaml", "--report", "report", "--json"]
     command = [sys.executable, "-m", "fwav_companion", "calibrate", str(chess_folder), *words]
@@ -105,7 +105,7 @@ def test_the_reprojection_error_is_opencvs(chess_folder, tmp_path, capsys):
 def test_a_poor_calibration_is_written_with_its_verdict_and_ends_with_1(
     noise_px, chess_folder, tmp_path, monkeypatch, capsys
 ):
-    """As if the finder put every corner ``noise_px`` elsewhere."""
+    """Displace every corner of the finder by ``noise_px``."""
     rng = np.random.default_rng(4)
 
     def find(finder, picture):

@@ -1,4 +1,4 @@
-"""A calibration's verdict: what is weak, which pictures to take, and nothing of a good one."""
+"""A calibration's verdict: its weaknesses, the pictures to take, and no remarks on a good one."""
 
 from dataclasses import dataclass
 
@@ -119,7 +119,7 @@ def test_boards_that_are_hardly_tilted():
 
 
 def test_corners_that_miss_by_much():
-    """And where rays are a degree unsure, near to where this lens folds, the file ends."""
+    """Where rays are a degree uncertain, near the fold of this lens, the file ends."""
     result = fitted(noise=1.2)
     grade, findings, lines = judged(result)
     assert grade is Grade.POOR
@@ -146,7 +146,7 @@ def test_sheets_that_bend_from_picture_to_picture():
 
 
 def test_a_print_that_was_scaled_one_way():
-    """By two percent, and held upright in every picture: pixels seem to be no squares."""
+    """By two percent, upright in every picture: pixels seem not to be square."""
     grade, findings, _ = judged(fitted(TrueLens(WIDE.c, WIDE.centre, WIDE.size, 1.02, WIDE.sees)))
     assert "2.0 % off square" in findings
     assert grade is Grade.POOR

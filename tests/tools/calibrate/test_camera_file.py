@@ -1,4 +1,4 @@
-"""What is written is what was fitted: read back by the project's own reader, and by plain YAML."""
+"""The written file holds the fitted lens: read back by the project's own reader, and by plain YAML."""
 
 import numpy as np
 import pytest

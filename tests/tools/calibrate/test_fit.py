@@ -1,4 +1,4 @@
-"""The fit, asked for a lens that was chosen: corners by the tests' own projection, noise added."""
+"""The fit of a chosen lens: corners by the tests' own projection, noise added."""
 
 import numpy as np
 import pytest
@@ -61,7 +61,7 @@ def test_a_200_degree_lens_is_found_beyond_90():
 
 
 def test_narrow_pictures_support_few_coefficients_however_many_the_lens_has():
-    """Of a 200 degree lens only the middle is shown."""
+    """Only the middle of a 200 degree lens is shown."""
     lens, where, _ = LENSES["a fisheye of 200 degrees"]
     fitted = fit(lens, **{**where, "reach": 0.2, "share": 0.4})
     assert fitted.coefficients <= 2

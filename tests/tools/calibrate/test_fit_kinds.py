@@ -16,7 +16,7 @@ KINDS = {
     "2 f sin(theta / 2)": (1.0, -1 / 24, 1 / 1920, -1 / 322560),
     "f sin(theta)": (1.0, -1 / 6, 1 / 120, -1 / 5040),
 }
-"""By their series."""
+"""Lenses by their series."""
 HALF_ANGLES_DEG = {
     "f theta": (9.0, 100.0),
     "f tan(theta)": (6.0, 36.0),

@@ -12,7 +12,7 @@ from fwav_companion.tools.calibrate.lens_fit.reprojection import BoardView, conc
 DRAWS = [10, pytest.param(25, marks=pytest.mark.slow)]
 NOISE_PX = 0.1
 TIMES = 3.29
-"""99.9 % of a normal number lie so many sigmas from its mean, to both sides."""
+"""99.9 % of a normal variable lie within this number of sigmas of its mean."""
 LENSES = {"the paper's": (PAPER, 0.4, 0.35), "200 degrees": (WIDE, 1.3, 0.8)}
 
 
@@ -35,7 +35,7 @@ def noise(pixels, rng):
 
 
 def bent(pixels, rng):
-    """The same bend in all corners of a picture, another in each: a sheet that is not flat."""
+    """The pixels with one bend for all corners of a picture, different in each picture: a sheet that is not flat."""
     x, y = ((pixels - pixels.mean(axis=0)) / pixels.std()).T
     return noise(pixels, rng) + NOISE_PX * (np.outer(x * y, rng.normal(size=2)) + np.outer(x * x, rng.normal(size=2)))
 

@@ -115,7 +115,7 @@ def test_a_board_of_the_wrong_shape_is_refused():
 
 
 def test_the_same_blur_is_more_pixels_wide_in_a_larger_picture():
-    """3 px are refused of 640 pixels, and no reason of 3840."""
+    """3 px are refused in 640 pixels, and accepted in 3840."""
     times = 6
     seen = good(24, noise=0.5)
     large = [with_pixels(view, (view.pixels + 0.5) * times - 0.5) for view in seen]

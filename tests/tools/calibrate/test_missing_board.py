@@ -112,7 +112,7 @@ def test_what_part_of_a_chessboard_is_seen(columns, rows, left, expected, monkey
 
 
 def test_the_correction_of_one_picture_is_kept_for_the_others():
-    """Of more pictures than are searched thoroughly, all name the dictionary."""
+    """If there are more pictures than are searched thoroughly, all of them name the dictionary."""
     diagnosis = BoardDiagnosis(parse_board(CHARUCO))
     seen = charuco(dictionary=cv2.aruco.DICT_6X6_250)
     reasons = {diagnosis.reason(seen).reason for _ in range(MOST_DIAGNOSED + 3)}

@@ -87,7 +87,7 @@ def test_a_turn_that_is_only_noted_in_the_file_is_not_carried_out(tmp_path):
 
 @pytest.fixture
 def video(tmp_path):
-    """Of each three frames the second is sharp."""
+    """A video in which the second of each three frames is sharp."""
     path = tmp_path / "board.avi"
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 30.0, (64, 48))
     rng = np.random.default_rng(1)
@@ -137,7 +137,7 @@ def test_what_is_not_there_or_no_picture(tmp_path, video):
 
 
 def png_of_size(width, height):
-    """Its header says so; hardly any pixels follow."""
+    """A PNG whose header claims this size, with hardly any pixels."""
     chunks = [
         (b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 0, 0, 0, 0)),
         (b"IDAT", zlib.compress(bytes(100))),

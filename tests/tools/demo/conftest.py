@@ -1,4 +1,4 @@
-"""One flight in invented time, whose pictures were rendered and looked at, for all tests that want one."""
+"""One flight in invented time with rendered pictures and detections, shared by the tests."""
 
 import pytest
 from rendered_flights import fly_rendered

@@ -92,7 +92,7 @@ def test_a_second_one_in_the_same_folder_is_refused(tmp_path: Path):
 
 
 def test_a_recording_that_cannot_be_kept_is_named_at_once(tmp_path: Path):
-    """And not as tags that were not seen."""
+    """It is not reported as tags that were not seen."""
     (tmp_path / "recording").write_text("no folder")
     done = subprocess.run(
         [*COMMAND, "--seconds", "30", "--out", str(tmp_path)], capture_output=True, text=True, timeout=60

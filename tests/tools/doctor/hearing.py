@@ -1,4 +1,4 @@
-"""The service without sockets, in invented time, as a node of the network: what `check` would hear."""
+"""The service without sockets, in invented time, as a node of the network: the messages that `check` would receive."""
 
 from __future__ import annotations
 

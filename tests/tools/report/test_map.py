@@ -1,4 +1,4 @@
-"""The map holds all that it shows, names too."""
+"""The map contains everything that it shows, with names."""
 
 import re
 
@@ -8,7 +8,7 @@ from fwav_companion.tools.report import flight_data
 from fwav_companion.tools.report.map_drawing import MAP_SIZE, flight_map
 
 WIDE_LETTER = 9.0
-"""Of 13 px, bold."""
+"""Width of a wide letter, 13 px bold."""
 
 
 def test_names_stay_on_the_map():

@@ -29,7 +29,7 @@ DRAWN = ("points", "x", "y", "x1", "x2", "y1", "y2", "cx", "cy", "r", "width", "
 
 
 def lines_of(label="mark", status="time", reason="no_clock", **head):
-    """A recording with a bit of everything."""
+    """A recording that contains every kind of line."""
     fix = {"north": 100.2, "east": -50.1, "cov": []}
     yield header(origin=ORIGIN, **head)
     for second in range(20):

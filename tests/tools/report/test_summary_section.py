@@ -1,4 +1,4 @@
-"""The first screen: places, accuracy, what limits it, ghosts apart; and the words where nothing was found."""
+"""The first screen: places, accuracy, its main limit, ghosts apart; and the text where nothing was found."""
 
 import pytest
 from report_lines import Markup, approach, calibration, header, sighting, summary, target

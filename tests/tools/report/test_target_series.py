@@ -1,4 +1,4 @@
-"""Which lines are about one target, what it was off by, and what another filter made of the same one."""
+"""Grouping of lines by target, their errors, and the lines of another filter for the same target."""
 
 import pytest
 from report_lines import BEGUN, approach, header, summary, target

@@ -40,7 +40,7 @@ def test_each_variant_is_a_line_that_ends_at_its_error():
         (solid,), (dashed,) = page.of(f"variant variant-{kind}"), page.of(f"claimed variant-{kind}")
         assert len(points(solid)) == len(points(dashed)) == 3
         ends[kind] = points(solid)[-1][1]
-    # Ten times less is a rung down, each rung as high as the other.
+    # A tenth of the error is one rung lower; all rungs have the same height.
     rung = ends["plain"] - ends["paper"]
     assert rung > 30.0
     assert ends["calibrated"] - ends["plain"] == pytest.approx(rung, abs=0.02)

@@ -1,4 +1,4 @@
-"""What this folder's tests share lies beside them."""
+"""Makes the helpers in this folder importable."""
 
 import sys
 from pathlib import Path

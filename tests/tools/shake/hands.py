@@ -1,4 +1,4 @@
-"""A vehicle that is shaken over a tag, with the truth known: by numpy and scipy, the fisheye's formula written out."""
+"""A vehicle that is shaken over a tag, with known truth: by numpy and scipy, with the fisheye's formula written out."""
 
 from __future__ import annotations
 
@@ -25,43 +25,43 @@ BELLY = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 FORWARD_DOWN = Rotation.from_euler("y", -40.0, degrees=True).as_matrix() @ np.array(
     [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
 )
-"""One that looks 40 degrees below the nose."""
+"""body_from_camera of a camera that looks 40 degrees below the nose."""
 BOOT_S = 100.0
 ATTITUDE_HZ = 100.0
 
 
 @dataclass(frozen=True)
 class Hands:
-    """What is planted; degrees."""
+    """The planted errors and the motion; angles in degrees."""
 
     seed: int = 0
     delay_s: float = 0.035
     mount_deg: tuple[float, float, float] = (0.5, 1.0, 2.0)
     configured: Any = field(default_factory=lambda: BELLY)
     image: Any = field(default_factory=lambda: np.eye(2))
-    """What becomes of the picture about its middle: turned, mirrored."""
+    """Transformation of the picture about its middle: rotation, mirror image."""
     reported_signs: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    """Of roll, pitch and yaw, as the autopilot tells them."""
+    """Signs of roll, pitch and yaw as the autopilot reports them."""
     swing_deg: tuple[float, float, float] = (11.0, 11.0, 4.0)
     flap_deg: float = 2.0
     rhythm_hz: float | None = None
-    """None: none."""
+    """Frequency of a rhythmic swing about roll alone, Hz; None: swings about all axes without a common rhythm."""
     turn_deg: float = 90.0
     seconds: float = 20.0
     height_m: float = 0.9
     tilt_deg: float = 0.0
-    """Pitch about which it is shaken."""
+    """Mean pitch of the motion."""
     tag_m: float = 0.16
     slope_deg: tuple[float, float] = (0.0, 0.0)
     corner_px: float = 0.15
     attitude_deg: float = 0.1
     readout_s: float = 0.0
     assumed_readout: tuple[float, float] = (0.0, 0.0)
-    """What the estimate is told of it, and its sigma."""
+    """Readout time that the estimate assumes, and its sigma, seconds."""
     spoiled: float = 0.0
-    """Share of frames with a corner somewhere else."""
+    """Share of frames with one corner displaced."""
     reorder: tuple[int, ...] = (0, 1, 2, 3)
-    """How the detector orders the corners."""
+    """Order in which the detector reports the corners."""
 
     def but(self, **what: Any) -> Hands:
         return replace(self, **what)
@@ -90,7 +90,7 @@ class Hands:
         return turned.reshape(*angles.shape[:-1], 3, 3)
 
     def place(self, t: Any) -> Any:
-        """Of the camera from the tag's middle, NED; it is held so that it looks at the tag."""
+        """Camera position relative to the tag's middle, NED; the camera is aimed at the tag."""
         rng = np.random.default_rng(self.seed + 7)
         hz, phases = rng.uniform(0.2, 0.8, 3), rng.uniform(0.0, 6.28, 3)
         drift = 0.04 * np.sin(2 * np.pi * np.multiply.outer(np.asarray(t), hz) + phases)
@@ -103,7 +103,7 @@ class Hands:
     def body_from_camera(self) -> Any:
         return Rotation.from_rotvec(np.radians(self.mount_deg)).as_matrix() @ self.configured
 
-    # What is seen and told.
+    # Detections and reports.
 
     def shaking(self, **what: Any) -> ShakeData:
         rng = np.random.default_rng(self.seed + 1)
@@ -129,7 +129,7 @@ class Hands:
     def samples(
         self, lag_s: float = 0.011, signs: tuple[float, float, float] = (1.0, 1.0, 1.0)
     ) -> list[AttitudeSample]:
-        """Attitudes with rates that come late by nothing but a delay."""
+        """Attitudes with rates that are late by a pure delay."""
         rng = np.random.default_rng(self.seed + 2)
         t = np.arange(0.0, self.seconds, 1.0 / ATTITUDE_HZ) + rng.uniform(0.0, 0.002, int(self.seconds * ATTITUDE_HZ))
         noise = Rotation.from_rotvec(np.radians(self.attitude_deg) * rng.normal(size=(len(t), 3))).as_matrix()
@@ -164,7 +164,7 @@ class Hands:
         ]
 
     def _attitude_at(self, rng: Any) -> Any:
-        """The truth with noise that is new a hundred times a second, and straight in between."""
+        """The true attitude with noise that is drawn a hundred times a second and interpolated linearly."""
         noise = np.radians(self.attitude_deg) * rng.normal(size=(int((self.seconds + 4.0) * ATTITUDE_HZ), 3))
         step = 1.0 / ATTITUDE_HZ
         times = np.arange(-1.0, self.seconds + 1.0, 0.0025)
@@ -206,5 +206,5 @@ def _quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, fl
 
 
 def correction_deg(shaken: ShakeEstimate) -> Any:
-    """Of the mount, about the body's axes."""
+    """Estimated correction of the mount about the body's axes, degrees."""
     return np.degrees([known.value for known in shaken.mount])

@@ -1,4 +1,4 @@
-"""Planted delays, mounts and mistakes, found by shaking; and what is not shown, said to be so."""
+"""Planted delays, mounts and mistakes, found by shaking; values that are not observable are reported as such."""
 
 import msgspec
 import numpy as np
@@ -13,7 +13,7 @@ QUARTER = np.array([[0, -1], [1, 0]])
 
 
 def errors_and_sigmas(hands):
-    """Of delay (ms) and mount (deg, each axis)."""
+    """(errors, sigmas) of delay (ms) and mount (deg, each axis)."""
     shaken = hands.found()
     assert (shaken.sign_errors, shaken.not_shown) == ((), ())
     errors = [1e3 * (shaken.delay.value - hands.delay_s), *(correction_deg(shaken) - hands.mount_deg)]
@@ -50,7 +50,9 @@ def test_delay_and_mount_are_found(hands):
     [(4, 0.47, 1.61, 11 / 16), pytest.param(12, 0.4, 1.4, 0.85, marks=pytest.mark.slow)],
 )
 def test_sigmas_are_neither_too_small_nor_too_large(sessions, low, high, inside):
-    """Four values a session. Of 16: the 99.9 % limits of their root mean square, and of how many lie within 1.96."""
+    """Four values a session. For 16 values: the 99.9 % limits of their root mean square, and of the number within
+    1.96.
+    """
     both = [errors_and_sigmas(Hands(seed=seed)) for seed in range(20, 20 + sessions)]
     normed = np.array([errors / sigmas for errors, sigmas in both])
     assert low < np.sqrt((normed**2).mean()) < high
@@ -81,7 +83,7 @@ def test_a_gross_mistake_is_named(name, configured):
 @pytest.mark.parametrize("order", [(0, 1, 3, 2), (1, 0, 2, 3), (0, 2, 1, 3)], ids=["as Z", "as S", "as N"])
 @pytest.mark.parametrize("image", [np.eye(2), np.diag([-1, 1])], ids=["", "mirrored"])
 def test_corners_that_are_sent_in_rows_are_named(order, image):
-    """Not as a tag that was never seen."""
+    """They are not reported as a tag that was never seen."""
     shaken = SHORT.but(reorder=order, image=image).found()
     assert [error.name for error in shaken.sign_errors] == ["corners told in another order"]
     assert (shaken.delay, shaken.mount) == (None, None)
@@ -89,7 +91,7 @@ def test_corners_that_are_sent_in_rows_are_named(order, image):
 
 
 def test_a_reversed_pitch_is_not_called_a_mirror_where_nothing_turns_about_the_third_axis():
-    """There the two turn alike; the order of the corners tells them apart."""
+    """The two rotate alike in that case; the order of the corners distinguishes them."""
     flat = SHORT.but(swing_deg=(11.0, 11.0, 0.0), turn_deg=0.0)
     for name in ("pitch reversed", "image mirrored left to right"):
         assert [error.name for error in flat.but(**MISTAKES[name]).found().sign_errors] == [name]
@@ -162,7 +164,7 @@ def test_four_corners_that_are_no_square_are_left_out(spoilt):
 
 
 def test_of_two_frames_at_one_instant_the_first_counts():
-    """Nobody moves from one to the other in no time."""
+    """No hand moves from one pose to the other in no time."""
     views = PLAIN.shaking().tags
     again = msgspec.structs.replace(views[300], boot_ns=views[299].boot_ns)
     assert PLAIN.found(tags=[*views[:300], again, *views[301:]]) == PLAIN.found(tags=[*views[:300], *views[301:]])

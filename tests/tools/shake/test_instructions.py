@@ -1,4 +1,4 @@
-"""What the person is told, second by second."""
+"""The instructions to the person, second by second."""
 
 from math import cos, degrees, pi, sin
 
@@ -10,7 +10,7 @@ READY = {"autopilot": True, "attitude_hz": 100.0, "clock_known": True, "frames":
 
 
 class Session:
-    """Some seconds with a person who does this or that."""
+    """Some seconds of a session with a person who moves as chosen."""
 
     def __init__(self, wait_s=10.0):
         self.guide, self.now_s, self.tags = Instructor(wait_s), 0.0, 0

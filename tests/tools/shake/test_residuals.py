@@ -1,4 +1,6 @@
-"""What the model of the corners holds leaves nothing in them: with hardly any noise, as little is left."""
+"""Residuals of the corners contain only noise if the model describes the motion: with hardly any noise they are as
+small.
+"""
 
 import pytest
 from hands import Hands, correction_deg
@@ -18,9 +20,9 @@ ROWS = STEADY.but(readout_s=0.02, assumed_readout=(0.02, 0.0))
     ids=["plain", "slope", "rows", "rows unknown"],
 )
 def test_what_is_modelled_leaves_only_the_corners_noise(hands, most_px):
-    """Not modelled, the slope leaves 0.065 px, and the hand's own speed from row to row 0.155.
+    """Without modelling, the slope leaves 0.065 px, and the hand's own speed from row to row 0.155.
 
-    Behind rows something stays: that speed is only known as it is over a third of a second.
+    With a readout a residual remains: that speed is only known as its mean over a third of a second.
     """
     shaken = hands.found()
     assert shaken.pixel_sigma < most_px

@@ -1,4 +1,4 @@
-"""The lines to paste mean what was found, and are not offered where something else must be put right first."""
+"""The lines to paste express the estimate, and are not offered where another fault must be corrected first."""
 
 import tomllib
 from math import radians
@@ -30,7 +30,7 @@ def test_the_lines_round_trip(shaken):
 
 
 def test_near_the_vertical_it_is_said_why_roll_and_yaw_are_large(shaken):
-    """A mount that is off by a degree is told as roll 30, yaw -28."""
+    """A mount that is off by a degree is reported as roll 30, yaw -28."""
     assert any("what counts is their sum" in line for line in CONFIGURED.toml_lines(shaken))
     forward = Hands(seed=5, configured=FORWARD_DOWN).found()
     assert not any("#" in line for line in CONFIGURED.toml_lines(forward))
