@@ -93,5 +93,5 @@ def test_a_finding(site: Site):
     findings = check(site.folder, "--seconds", "3")["findings"]
     assert "nothing_heard" in [finding["code"] for finding in findings]
     for finding in findings:
-        assert set(finding) - {"where", "follows"} == {"level", "code", "problem", "fix"}
+        assert set(finding) - {"where", "consequences"} == {"level", "code", "problem", "fix"}
         assert finding["level"] in ("ERROR", "WARNING", "NOTE")
