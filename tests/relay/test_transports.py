@@ -57,17 +57,23 @@ def frame_by_frame(near: Peer, far: Peer, frames: list[bytes], _: random.Random)
     return frames
 
 
+def is_unknown(frame: bytes) -> bool:
+    return frame[0] == 0xFD and frame[7:10] == b"\xef\xcd\xab"
+
+
 def byte_by_byte(near: Peer, far: Peer, frames: list[bytes], _: random.Random) -> list[bytes]:
     """The first few and the last: a datagram a byte is slow.
 
-    Two frames are on the way at most: the socket of a daemon that waits for the processor holds no more. One of an
-    unknown id is known to be whole by the one that follows.
+    One frame is on the way at a time: the socket of a daemon that waits for the processor holds 277 datagrams. One of
+    an unknown id leaves when the next begins.
     """
     few = [*frames[:8], frames[-1]]
     for before, frame in enumerate(few):
-        for byte in frame:
+        far.wait_for(before - (before > 0 and is_unknown(few[before - 1])))
+        for index, byte in enumerate(frame):
             near.send(bytes((byte,)))
-        far.wait_for(before)
+            if index % 32 == 0:
+                far.listen(0.001)
     return few
 
 
@@ -87,7 +93,7 @@ def with_losses_and_errors(near: Peer, far: Peer, frames: list[bytes], rng: rand
     The last frames are left alone: behind one that was cut short, others wait until as many bytes as it should have had
     have come.
     """
-    known = [frame for frame in frames if frame[7:10] != b"\xef\xcd\xab" or frame[0] == 0xFE]
+    known = [frame for frame in frames if not is_unknown(frame)]
     whole = []
     for index, frame in enumerate(known):
         fate = index // 4 % 3 if index % 4 == 2 and index < len(known) - 8 else None
