@@ -26,7 +26,7 @@ from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.mavlink.asked_rates import AskedRates
 from fwav_companion.mavlink.byte_budget import ByteBudget, RadioBackoff
 from fwav_companion.mavlink.held_transfers import TRANSFERS, HeldTransfers
-from fwav_companion.mavlink.link_load import LinkLoad, StreamKey, common_rate
+from fwav_companion.mavlink.link_load import LoadMeter, StreamKey, common_rate
 from fwav_companion.mavlink.merged_rates import Cap, Why
 from fwav_companion.mavlink.never_thinned import is_telemetry
 from fwav_companion.mavlink.router.rate_limiter import RateLimiter
@@ -85,7 +85,7 @@ class LinkLimiter:
         self._asked: AskedRates | None = None
         self._budget = ByteBudget()
         self._radio = RadioBackoff()
-        self._load = LinkLoad()
+        self._load = LoadMeter()
         self._common_hz = inf
         self._held = HeldTransfers()
         self._reasons: dict[tuple[int, Why], int] = {}

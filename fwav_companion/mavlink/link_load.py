@@ -28,7 +28,7 @@ class _Count(msgspec.Struct):
     cap_hz: float = inf
 
 
-class LinkLoad:
+class LoadMeter:
     """Bytes of the window that runs, and rates of the last full one."""
 
     def __init__(self) -> None:
