@@ -42,7 +42,7 @@ class HeldTransfers:
         return bool(self._frames)
 
     def takes(self, data: bytes, bytes_per_s: float, now: HostNs) -> bool:
-        """Queue a frame that may not leave now; it is lost if the queue is full. Returns False if it may leave at once."""
+        """Queue a frame, or lose it if the queue is full. Returns False if the frame may leave at once."""
         self._budget.fill(SHARE * bytes_per_s, now)
         if not self._frames and self._budget.is_free:
             self._budget.spend(len(data))

@@ -146,9 +146,7 @@ class LinkLimiter:
         self._drop(stream, why)
 
     def holds(self, msgid: int, data: bytes, now: HostNs) -> bool:
-        """Queue a transfer frame that is too fast for the link, until :meth:`release`. Returns whether it was
-        queued.
-        """
+        """Queue a transfer frame that is too fast for the link. Returns False if it is not held back."""
         limit = self._bytes_per_s
         return limit is not None and msgid in TRANSFERS and self._held.takes(data, limit, now)
 

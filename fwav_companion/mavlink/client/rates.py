@@ -1,8 +1,8 @@
-"""The message rates that we ask of the autopilot: asked for, measured, and asked for again.
+"""Requests message rates from the autopilot, measures them, and requests them again when they fall.
 
-An acknowledgement is not believed (PX4 acknowledged 50 Hz and gave 18): what counts is what arrives. A rate is asked
-for again after a reboot, when it falls, and at once when another's request for rates went over our link: in the same
-write, and only where ours is higher, where the link of that request merges them.
+An acknowledgement is not proof (PX4 acknowledged 50 Hz and sent 18): the measured rate counts. A rate is requested
+again after a reboot, when it falls, and at once when a station's rate request passed over our link. If the link of that
+request merges requests, ours follows in the same write, and only where it is higher.
 """
 
 from __future__ import annotations
@@ -27,17 +27,20 @@ from fwav_companion.types.situation import Autopilot, AutopilotKind
 
 CHECK_NS = NS_PER_S
 SILENT_NS = 600 * NS_PER_MS
-"""A window is told to have fallen when 0.6 s of it are missing. Nothing at all for so long, when rates that were taken
-leave at least a few messages a second: then it is the link that fell, and nobody took them."""
+"""Silence of the autopilot that distinguishes a lost link from lost rates. A fall is detected when 0.6 s of a window
+are missing; a station's request leaves at least a few messages a second, so silence of this length means that the
+link failed."""
 PASSED_PAUSE_NS = NS_PER_S // 2
 MAX_NOTICES = 32
 MAX_NAMED = 32
-"""Stations whose first request is worth a line in the log."""
+"""Stations whose first request is logged."""
 NOT_ASKED = frozenset({StreamState.HELD_BACK, StreamState.DENIED})
 
 
 class Rates:
-    """Feed it every message, and its own wakes; send what it hands back."""
+    """Requests and supervises the wanted message rates: pass in every message and each wake, send the returned
+    messages.
+    """
 
     def __init__(
         self,
@@ -47,8 +50,8 @@ class Rates:
         component: int = 191,
         merges_requests: bool = False,
     ):
-        """``merges_requests``: some link merges stations' requests with ours, so that what the autopilot sends by
-        itself has to be known.
+        """Start without an autopilot. ``merges_requests``: a link merges stations' requests with ours, so the
+        autopilot's own rates must be known.
         """
         self._wanted = {name: hz for name, hz in wanted.items() if name in MESSAGE_IDS and isfinite(hz) and hz > 0.0}
         self._attitudes = AttitudeSharing(attitude_message, self.wanted_attitude_hz)
@@ -63,35 +66,37 @@ class Rates:
         self._notices: deque[Notice] = deque(maxlen=MAX_NOTICES)
         self._named: set[str] = set()
         self.own_streams = OwnStreams(0, 1, {})
-        """What we ask of the adopted autopilot, and what it would send without that."""
+        """Our requests to the adopted autopilot, and its own rates without them."""
         self.wake_at: HostNs | None = None
-        """When :meth:`on_wake` is due next; None while no autopilot is adopted."""
+        """Time at which :meth:`on_wake` is due; None while no autopilot is adopted."""
 
     @property
     def wanted_attitude_hz(self) -> float:
-        """By the configuration."""
+        """Configured rate of ATTITUDE, hertz."""
         return self._wanted.get("ATTITUDE", 0.0)
 
     @property
     def parameters(self) -> dict[str, float]:
-        """What the autopilot told of the parameters that matter here."""
+        """Values of the requested parameters that the autopilot has reported."""
         return self._inquiries.parameters
 
     def adopt(self, autopilot: Autopilot, now: HostNs) -> None:
-        """Ask this autopilot from now on."""
+        """Send requests to this autopilot from now on."""
         self._autopilot = autopilot
         names = [name for name in self._wanted if name not in ONLY_PX4 or autopilot.kind is not AutopilotKind.ARDUPILOT]
         self._streams = {name: RateStream(name, self._wanted[name]) for name in names}
         self._begin(now)
 
     def ask_again(self, why: str, now: HostNs) -> None:
-        """Over there everything is forgotten: a reboot, or a link that was gone. Refusals are put to the test too."""
+        """Start over after a reboot or a lost link: the autopilot has forgotten every rate. Refused rates are tried
+        again.
+        """
         for stream in self._streams.values():
             stream.undone(why, now)
         self._begin(now)
 
     def on_message(self, message: Message, now: HostNs) -> None:
-        """Count arrivals of our autopilot; take its acknowledgements and parameters."""
+        """Count arrivals from our autopilot; take its acknowledgements, intervals and parameters."""
         if not self._is_from_autopilot(message):
             if self._autopilot is not None:
                 self._takers.on_message(message, self._autopilot, now)
@@ -114,9 +119,10 @@ class Rates:
             self._inquiries.on_message(message)
 
     def on_rate_request_passed(self, who: str, now: HostNs) -> None:
-        """Somebody's REQUEST_DATA_STREAM or SET_MESSAGE_INTERVAL went to the autopilot over our link: ask at once.
+        """Take that a station's REQUEST_DATA_STREAM or SET_MESSAGE_INTERVAL passed over our link: request again at
+        once.
 
-        The next one within half a second is answered when that is over: ground stations send half a dozen in a row.
+        Further ones within half a second are answered after it: ground stations send half a dozen in a row.
         """
         if self._autopilot is None:
             return
@@ -137,7 +143,9 @@ class Rates:
     def on_merged_requests(
         self, requests: Sequence[RateRequest], demanded: Mapping[int, float], now: HostNs
     ) -> list[Outgoing]:
-        """What follows stations' requests in the same write. ``demanded``: the highest rates that stations want."""
+        """Return the requests that follow stations' requests in the same write. ``demanded``: as in
+        :meth:`stations_want`.
+        """
         self.stations_want(demanded)
         autopilot = self._autopilot
         if autopilot is None:
@@ -159,7 +167,7 @@ class Rates:
         return {MESSAGE_IDS[name]: self._questions.rate_kept_hz(stream) for name, stream in asked}
 
     def on_wake(self, now: HostNs) -> list[Outgoing]:
-        """What is to be asked now."""
+        """Return the requests that are due."""
         if self._autopilot is None:
             return []
         self._now = now
@@ -172,13 +180,13 @@ class Rates:
         return asked
 
     def notices(self) -> list[Notice]:
-        """What is worth a line in the log, since the last call."""
+        """Return the log notices since the last call."""
         told = list(self._notices)
         self._notices.clear()
         return told
 
     def status(self) -> dict[str, Any]:
-        """By message: wanted_hz, asked_hz, measured_hz, state, undone_by."""
+        """Return by message: wanted_hz, asked_hz, measured_hz, state, undone_by."""
         return {name: stream.status() for name, stream in self._streams.items()}
 
     def _share(self) -> None:
@@ -213,12 +221,14 @@ class Rates:
             self._share()
 
     def _next_due(self) -> HostNs:
-        """Worked out when it changes: it is asked for with every message that comes."""
+        """Return the next due time. It is kept and recomputed on changes only, because every arriving message reads
+        it.
+        """
         due = (self._check_ns, self._inquiries.wake_at, self._questions.wake_at)
         return max(min(when for when in due if when is not None), self._now)
 
     def _check(self, now: HostNs) -> None:
-        """Measure, and draw the consequences."""
+        """Measure the rates, and act on those that fell."""
         for stream in self._streams.values():
             if stream.meter.roll(now, stream.granted_hz):
                 fell_from_hz = stream.judge(now)
@@ -259,7 +269,7 @@ class Rates:
             )
 
     def _fall_back(self, now: HostNs) -> None:
-        """The command itself is unknown over there: REQUEST_DATA_STREAM is what is left."""
+        """Request by REQUEST_DATA_STREAM: the autopilot does not know the newer command."""
         text = "the autopilot does not know SET_MESSAGE_INTERVAL: asking by REQUEST_DATA_STREAM"
         self._tell(NoticeCode.INTERVALS_UNKNOWN, Severity.INFO, text)
         for stream in self._streams.values():
