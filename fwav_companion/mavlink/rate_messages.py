@@ -46,7 +46,7 @@ class RateRequest(msgspec.Struct, frozen=True, kw_only=True):
     """Id of a message that is requested a single time (REQUEST_MESSAGE)."""
 
     @property
-    def who(self) -> str:
+    def requester(self) -> str:
         """Sender and link in the form of the log: ``255/190 on ground``."""
         return f"{self.system}/{self.component} on {self.link}"
 

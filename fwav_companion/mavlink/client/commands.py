@@ -143,16 +143,16 @@ class Commands:
 
     def _autopilot_version(self, _situation: Situation) -> Mapping[str, Any]:
         major, minor, patch = self._version
-        nobody = (0,) * 8
+        unused = (0,) * 8
         return {
             "capabilities": CAPABILITIES,
             "flight_sw_version": (major & 0xFF) << 24 | (minor & 0xFF) << 16 | (patch & 0xFF) << 8,
             "middleware_sw_version": 0,
             "os_sw_version": 0,
             "board_version": 0,
-            "flight_custom_version": nobody,
-            "middleware_custom_version": nobody,
-            "os_custom_version": nobody,
+            "flight_custom_version": unused,
+            "middleware_custom_version": unused,
+            "os_custom_version": unused,
             "vendor_id": 0,
             "product_id": 0,
             "uid": 0,

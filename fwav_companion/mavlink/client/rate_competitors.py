@@ -13,7 +13,7 @@ PRESENT_NS = 15 * NS_PER_S
 """Time after a ground station's last heartbeat for which it counts as present."""
 MOST_STATIONS = 8
 COMMANDS = frozenset({"COMMAND_LONG", "COMMAND_INT"})
-NOBODY = "nobody seen"
+NO_STATION = "nobody seen"
 
 
 class RateCompetitors:
@@ -29,30 +29,30 @@ class RateCompetitors:
         self._seen: tuple[str, HostNs] | None = None
         self._stations: dict[tuple[int, int], HostNs] = {}
 
-    def saw(self, who: str, now: HostNs) -> bool:
+    def saw(self, sender: str, now: HostNs) -> bool:
         """Note a station's rate request to the autopilot. Returns True unless the last one was from the same station,
         lately.
         """
-        before, self._seen = self._seen, (who, now)
-        return before is None or before[0] != who or now - before[1] > BLAME_NS
+        before, self._seen = self._seen, (sender, now)
+        return before is None or before[0] != sender or now - before[1] > BLAME_NS
 
     def on_message(self, message: Message, autopilot: Autopilot, now: HostNs) -> None:
         """Take a message of another component on the autopilot's link."""
-        who = (message.system, message.component)
-        if message.link != autopilot.link or who == (autopilot.system, autopilot.component):
+        sender = (message.system, message.component)
+        if message.link != autopilot.link or sender == (autopilot.system, autopilot.component):
             return
         if message.name == "HEARTBEAT" and message.fields.type == enums.MAV_TYPE_GCS:
-            if who in self._stations or len(self._stations) < MOST_STATIONS:
-                self._stations[who] = now
+            if sender in self._stations or len(self._stations) < MOST_STATIONS:
+                self._stations[sender] = now
         elif message.name in COMMANDS and message.fields.command == enums.MAV_CMD_SET_MESSAGE_INTERVAL:
-            self.saw(f"{who[0]}/{who[1]} on {message.link}", now)
+            self.saw(f"{sender[0]}/{sender[1]} on {message.link}", now)
 
     def to_blame(self, autopilot: Autopilot | None, now: HostNs) -> str:
         """Return the station whose request was seen, or else the stations that are present and presumed."""
         if self._seen is not None and now - self._seen[1] <= BLAME_NS:
             return self._seen[0]
-        present = [who for who, heard_ns in self._stations.items() if now - heard_ns <= PRESENT_NS]
+        present = [sender for sender, heard_ns in self._stations.items() if now - heard_ns <= PRESENT_NS]
         if not present or autopilot is None:
-            return NOBODY
+            return NO_STATION
         names = ", ".join(f"{system}/{component}" for system, component in sorted(present))
         return f"presumably the ground station {names} on {autopilot.link}"

@@ -60,9 +60,9 @@ class Rates:
         self._now = self._heard_ns = HostNs(0)
         self._check_ns = HostNs(0)
         self._own_rates = OwnRates(enabled=merges_requests)
-        self._questions = RateRequests(component, self._own_rates)
-        self._inquiries = OneShotRequests(component)
-        self._takers = RateCompetitors()
+        self._requests = RateRequests(component, self._own_rates)
+        self._one_shots = OneShotRequests(component)
+        self._competitors = RateCompetitors()
         self._notices: deque[Notice] = deque(maxlen=MAX_NOTICES)
         self._named: set[str] = set()
         self.own_streams = OwnStreams(0, 1, {})
@@ -78,7 +78,7 @@ class Rates:
     @property
     def parameters(self) -> dict[str, float]:
         """Values of the requested parameters that the autopilot has reported."""
-        return self._inquiries.parameters
+        return self._one_shots.parameters
 
     def adopt(self, autopilot: Autopilot, now: HostNs) -> None:
         """Send requests to this autopilot from now on."""
@@ -99,7 +99,7 @@ class Rates:
         """Count arrivals from our autopilot; take its acknowledgements, intervals and parameters."""
         if not self._is_from_autopilot(message):
             if self._autopilot is not None:
-                self._takers.on_message(message, self._autopilot, now)
+                self._competitors.on_message(message, self._autopilot, now)
             return
         self._now = self._heard_ns = now
         stream = self._streams.get(message.name)
@@ -112,13 +112,13 @@ class Rates:
         elif message.name == "MESSAGE_INTERVAL":
             name = self._own_rates.on_interval(message)
             if name:
-                self._questions.on_own_rate(name)
+                self._requests.on_own_rate(name)
                 self.wake_at = self._next_due()
                 self._share()
         else:
-            self._inquiries.on_message(message)
+            self._one_shots.on_message(message)
 
-    def on_rate_request_passed(self, who: str, now: HostNs) -> None:
+    def on_rate_request_passed(self, requester: str, now: HostNs) -> None:
         """Take that a station's REQUEST_DATA_STREAM or SET_MESSAGE_INTERVAL passed over our link: request again at
         once.
 
@@ -126,19 +126,19 @@ class Rates:
         """
         if self._autopilot is None:
             return
-        if self._takers.saw(who, now):
-            text = f"{who} asks the autopilot for other message rates over our link: asked again"
-            self._tell(NoticeCode.RATES_TAKEN, Severity.INFO, text)
+        if self._competitors.saw(requester, now):
+            text = f"{requester} asks the autopilot for other message rates over our link: asked again"
+            self._notify(NoticeCode.RATES_TAKEN, Severity.INFO, text)
         self._now = now
         for stream in self._streams.values():
             if stream.state is StreamState.GRANTED:
-                stream.undone(who, now)
+                stream.undone(requester, now)
             stream.ask_soon(now, PASSED_PAUSE_NS)
         self.wake_at = self._next_due()
 
     def stations_want(self, demanded: Mapping[int, float]) -> None:
         """Take the highest rate, hertz by message id, that stations on merging links want: ours never lower it."""
-        self._questions.demanded = demanded
+        self._requests.demanded = demanded
 
     def on_merged_requests(
         self, requests: Sequence[RateRequest], demanded: Mapping[int, float], now: HostNs
@@ -158,13 +158,13 @@ class Rates:
                 if request.by_group and heeds_groups:
                     self._own_rates.on_group(request.rates)
                 what = follow_up(request, self._kept_hz(), demanded, heeds_groups=heeds_groups)
-                followed += self._questions.follow(what, now)
+                followed += self._requests.follow(what, now)
         self._share()
         return followed
 
     def _kept_hz(self) -> dict[int, float]:
         asked = [(name, stream) for name, stream in self._streams.items() if stream.state not in NOT_ASKED]
-        return {MESSAGE_IDS[name]: self._questions.rate_kept_hz(stream) for name, stream in asked}
+        return {MESSAGE_IDS[name]: self._requests.rate_kept_hz(stream) for name, stream in asked}
 
     def on_wake(self, now: HostNs) -> list[Outgoing]:
         """Return the requests that are due."""
@@ -174,16 +174,16 @@ class Rates:
         if now >= self._check_ns:
             self._check_ns = HostNs(now + CHECK_NS)
             self._check(now)
-        asked = [*self._questions.on_wake(now), *self._inquiries.on_wake(now)]
+        asked = [*self._requests.on_wake(now), *self._one_shots.on_wake(now)]
         self.wake_at = self._next_due()
         self._share()
         return asked
 
     def notices(self) -> list[Notice]:
         """Return the log notices since the last call."""
-        told = list(self._notices)
+        notices = list(self._notices)
         self._notices.clear()
-        return told
+        return notices
 
     def status(self) -> dict[str, Any]:
         """Return by message: wanted_hz, asked_hz, measured_hz, state, undone_by."""
@@ -199,12 +199,12 @@ class Rates:
             self.own_streams = OwnStreams(self._autopilot.system, self._autopilot.component, by_itself_hz)
 
     def _name(self, request: RateRequest) -> None:
-        if request.who not in self._named and len(self._named) < MAX_NAMED:
-            self._named.add(request.who)
-            self._tell(
+        if request.requester not in self._named and len(self._named) < MAX_NAMED:
+            self._named.add(request.requester)
+            self._notify(
                 NoticeCode.RATES_TAKEN,
                 Severity.INFO,
-                f"{request.who} asks the autopilot for message rates: merged with ours",
+                f"{request.requester} asks the autopilot for message rates: merged with ours",
             )
 
     def _begin(self, now: HostNs) -> None:
@@ -215,8 +215,8 @@ class Rates:
         self._attitudes.begin(self._streams)
         self._check_ns = HostNs(now + CHECK_NS)
         if self._autopilot is not None:
-            self._questions.begin(self._autopilot, self._streams)
-            self._inquiries.begin(self._autopilot, now)
+            self._requests.begin(self._autopilot, self._streams)
+            self._one_shots.begin(self._autopilot, now)
             self.wake_at = self._next_due()
             self._share()
 
@@ -224,7 +224,7 @@ class Rates:
         """Return the next due time. It is kept and recomputed on changes only, because every arriving message reads
         it.
         """
-        due = (self._check_ns, self._inquiries.wake_at, self._questions.wake_at)
+        due = (self._check_ns, self._one_shots.wake_at, self._requests.wake_at)
         return max(min(when for when in due if when is not None), self._now)
 
     def _check(self, now: HostNs) -> None:
@@ -239,8 +239,8 @@ class Rates:
     def _blame(self, stream: RateStream, fell_from_hz: float, now: HostNs) -> None:
         if now - self._heard_ns > SILENT_NS:
             return
-        stream.undone(self._takers.to_blame(self._autopilot, now), now)
-        self._tell(
+        stream.undone(self._competitors.to_blame(self._autopilot, now), now)
+        self._notify(
             NoticeCode.RATE_FELL,
             Severity.WARNING,
             f"{stream.name} fell from {fell_from_hz:.1f} to {stream.meter.hz or 0.0:.1f} Hz"
@@ -248,20 +248,20 @@ class Rates:
         )
 
     def _on_ack(self, message: Message, now: HostNs) -> None:
-        answer = self._questions.on_ack(message, now)
+        answer = self._requests.on_ack(message, now)
         if answer is None:
             return
         if answer.command_unknown:
             self._fall_back(now)
         else:
-            self._tell_outcome(answer.stream)
+            self._notify_outcome(answer.stream)
 
-    def _tell_outcome(self, stream: RateStream) -> None:
+    def _notify_outcome(self, stream: RateStream) -> None:
         if stream.state is StreamState.DENIED:
             text = f"the autopilot does not send {stream.name}: refused at every rate"
-            self._tell(NoticeCode.MESSAGE_REFUSED, Severity.INFO, text)
+            self._notify(NoticeCode.MESSAGE_REFUSED, Severity.INFO, text)
         elif stream.state is StreamState.GRANTED and stream.granted_hz < 0.99 * stream.wanted_hz:
-            self._tell(
+            self._notify(
                 NoticeCode.RATE_REFUSED,
                 Severity.WARNING,
                 f"{stream.name} at {stream.wanted_hz:g} Hz is refused: the highest accepted rate is"
@@ -271,7 +271,7 @@ class Rates:
     def _fall_back(self, now: HostNs) -> None:
         """Request by REQUEST_DATA_STREAM: the autopilot does not know the newer command."""
         text = "the autopilot does not know SET_MESSAGE_INTERVAL: asking by REQUEST_DATA_STREAM"
-        self._tell(NoticeCode.INTERVALS_UNKNOWN, Severity.INFO, text)
+        self._notify(NoticeCode.INTERVALS_UNKNOWN, Severity.INFO, text)
         for stream in self._streams.values():
             stream.want(self._wanted[stream.name], now)
         self._attitudes.fall_back(self._streams)
@@ -280,5 +280,5 @@ class Rates:
         autopilot = self._autopilot
         return autopilot is not None and message.system == autopilot.system and message.component == autopilot.component
 
-    def _tell(self, code: NoticeCode, severity: Severity, text: str) -> None:
+    def _notify(self, code: NoticeCode, severity: Severity, text: str) -> None:
         self._notices.append(Notice(code, severity, text))
