@@ -100,7 +100,7 @@ class RateRequests:
         return raised + self._next(self._autopilot, now)
 
     def on_own_rate(self, name: str) -> None:
-        """Take that the autopilot's own rate of this message is known: our request must not lower it."""
+        """Note that the autopilot's own rate of this message is known: our request must not lower it."""
         stream = self._streams.get(name)
         if stream is not None and name not in ATTITUDES and self._own_rates.hz(name) > ROUNDING * stream.wanted_hz:
             self._lowered.add(name)

@@ -43,14 +43,14 @@ class RateSearch:
         """Whether every interval was refused."""
 
     def on_accepted(self) -> None:
-        """Take that the requested interval was accepted."""
+        """Note that the requested interval was accepted."""
         if self.asking_us is None:
             return
         self.accepted_us = self.asking_us
         self.asking_us = self._between(self.accepted_us)
 
     def on_refused(self) -> None:
-        """Take that the requested interval was refused."""
+        """Note that the requested interval was refused."""
         if self.asking_us is None:
             return
         self._refused_us = max(self._refused_us, self.asking_us)

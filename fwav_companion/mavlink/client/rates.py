@@ -119,7 +119,7 @@ class Rates:
             self._one_shots.on_message(message)
 
     def on_rate_request_passed(self, requester: str, now: HostNs) -> None:
-        """Take that a station's REQUEST_DATA_STREAM or SET_MESSAGE_INTERVAL passed over our link: request again at
+        """Note that a station's REQUEST_DATA_STREAM or SET_MESSAGE_INTERVAL passed over our link: request again at
         once.
 
         Further ones within half a second are answered after it: ground stations send half a dozen in a row.

@@ -151,7 +151,7 @@ class Router:
         self.version += 1
 
     def set_up(self, port: Port, up: bool) -> None:
-        """Take that a link went up or down: its peers are unknown until they are heard."""
+        """Note that a link went up or down: its peers are unknown until they are heard."""
         port.up = up
         port.peers.clear()
         port.scanner.reset()
