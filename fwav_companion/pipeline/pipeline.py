@@ -88,7 +88,7 @@ class Pipeline:
         rates = self._components.rates
         for one in passed:
             if not one.merged:
-                rates.on_rate_request_passed(one.request.who, now)
+                rates.on_rate_request_passed(one.request.requester, now)
         self._due_is_known = False
         return rates.on_merged_requests([one.request for one in passed if one.merged], demanded, now)
 
