@@ -1,8 +1,9 @@
-"""A mock autopilot, camera and world: a second opinion on everything that the companion computes, not a mirror of it.
+"""Mock autopilot, camera and world: an independent check of everything that the companion computes.
 
-It never imports the companion, and is never imported by it. Geometry, flight, lens, clocks and consumers are its own.
+It never imports the companion, and the companion never imports it. Geometry, flight, lens, clocks and consumers are
+its own implementations.
 
-In invented time, without sockets, as fast as it goes::
+In simulated time, without sockets, as fast as it can be computed::
 
     from sitl_mock import FrameTruth, VehicleTruth, scenario, simulate
 
@@ -11,34 +12,34 @@ In invented time, without sockets, as fast as it goes::
     for host_ns, what in flight:                    # in order of arrival
         if isinstance(what, bytes):                 # MAVLink from the autopilot (usually one whole frame)
             for reply in companion.on_bytes(what, host_ns):
-                flight.on_bytes(reply, host_ns)     # TIMESYNC, rate requests, LANDING_TARGET: answered in later events
+                flight.on_bytes(reply, host_ns)     # TIMESYNC, rate requests, LANDING_TARGET: answers are later events
         elif isinstance(what, dict):                # detections of one frame, by the contract's section 5
             companion.on_frame(what, host_ns)
-        elif isinstance(what, FrameTruth):          # just before its frame: which detection is which target
+        elif isinstance(what, FrameTruth):          # just before its frame: the target of each detection
             ...
-        elif isinstance(what, VehicleTruth):        # options.truth_hz times a second, 0 by default
+        elif isinstance(what, VehicleTruth):        # at options.truth_hz, 0 by default
             ...
 
-A companion with timers is better driven, so that each wakes at its own instant (``Peer``: ``wake_at``, ``on_wake``,
-``on_bytes``, ``on_frame``, each handing back the bytes it sends)::
+``drive`` runs a companion with timers, each at its own instant (``Peer``: ``wake_at``, and ``on_wake``, ``on_bytes``,
+``on_frame``, which return the bytes to send)::
 
     for host_ns, what in flight.drive(peer):
         ...
 
-Afterwards, or at any instant::
+Available afterwards, or at any instant::
 
-    flight.biases                                   # what was drawn: mount_deg, time_offset_s, heading_deg, ...
+    flight.biases                                   # drawn errors: mount_deg, time_offset_s, heading_deg, ...
     flight.state_at(host_ns)                        # position NED, velocity, euler, body rates: exact
-    flight.clock.boot_ns(host_ns)                   # the autopilot's clock
+    flight.clock.boot_ns(host_ns)                   # the autopilot's boot clock
     flight.world.place(ned), flight.world.ned(place)  # NED about the take-off-ground origin (options.origin)
-    flight.scene[0].at(flight.flight_s(host_ns))    # where a target is, in that NED
-    flight.vehicle.precland.accepted, .refused      # what the autopilot made of LANDING_TARGET
+    flight.scene[0].at(flight.flight_s(host_ns))    # position of a target in that NED
+    flight.vehicle.precland.accepted, .refused      # results of LANDING_TARGET
     flight.vehicle.belief.home(armed=True), flight.vehicle.belief.projection.origin
 
-``scenario("perfect")`` has neither noise nor bias; ``unbiased`` has noise alone. ``autopilot.rates_hz`` starts streams
-without being asked: ``{"ATTITUDE_QUATERNION": 100.0, "GLOBAL_POSITION_INT": 10.0}``.
+``scenario("perfect")`` has neither noise nor bias; ``unbiased`` has noise only. ``autopilot.rates_hz`` starts streams
+without a request: ``{"ATTITUDE_QUATERNION": 100.0, "GLOBAL_POSITION_INT": 10.0}``.
 
-Live, as a second process: ``sitl-mock --connect udpout:127.0.0.1:14540 --detections 127.0.0.1:14601 --seconds 20``.
+Live, as a separate process: ``sitl-mock --connect udpout:127.0.0.1:14540 --detections 127.0.0.1:14601 --seconds 20``.
 """
 
 from sitl_mock.camera import FrameTruth

@@ -1,4 +1,4 @@
-"""``sitl-mock``: the mock autopilot by hand, as a second process."""
+"""``sitl-mock``: the mock autopilot as a separate process, started by hand."""
 
 from __future__ import annotations
 
@@ -11,18 +11,20 @@ from sitl_mock import live, recording
 from sitl_mock.arguments import (
     LONGEST_S,
     MISTAKES,
-    SCENARIOS_TOLD,
+    SCENARIO_LIST,
     OneLineParser,
     add_flight_arguments,
     instant_ns,
+    message_for_user,
     options_from,
-    told,
 )
 from sitl_mock.options import Options
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """0 at the end of the flight or when told to stop; 2 for what cannot be understood or opened."""
+    """Exit status: 0 at the end of the flight or after a stop signal; 2 for invalid arguments or an output that cannot
+    be opened.
+    """
     chosen = _parser().parse_args(arguments)
     try:
         options = options_from(chosen, None if chosen.record else LONGEST_S)
@@ -32,7 +34,7 @@ def main(arguments: list[str] | None = None) -> int:
         else:
             _fly(options, chosen)
     except MISTAKES as error:
-        print(f"sitl-mock: {told(error)}", file=sys.stderr)  # noqa: T201
+        print(f"sitl-mock: {message_for_user(error)}", file=sys.stderr)  # noqa: T201
         return 2
     return 0
 
@@ -52,27 +54,37 @@ def _say(text: str) -> None:
 def _parser() -> argparse.ArgumentParser:
     parser = OneLineParser(
         prog="sitl-mock",
-        description="A mock autopilot with a camera: MAVLink on a link, detections as datagrams, the truth in a file.",
-        epilog=f"{SCENARIOS_TOLD}\n\nexample:\n  sitl-mock --connect udpout:127.0.0.1:14540 "
+        description="Mock autopilot with a camera: MAVLink over a link, detections as datagrams, the truth in a file.",
+        epilog=f"{SCENARIO_LIST}\n\nexample:\n  sitl-mock --connect udpout:127.0.0.1:14540 "
         "--detections 127.0.0.1:14601 --scenario late_camera --set flight.height_m=10 --truth truth.jsonl",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
     add("--connect", metavar="URL", default="udpout:127.0.0.1:14540", help="udpout|udpin|tcpin|tcpout:HOST:PORT, "
         "serial:/dev/NAME, or pty; default %(default)s")  # fmt: skip
-    add("--detections", metavar="ADDRESS", default="", help="HOST:PORT or unix:PATH; none by default")
-    add("--detections-file", metavar="FILE", default="", help="the same as lines of a .jsonl")
+    add(
+        "--detections",
+        metavar="ADDRESS",
+        default="",
+        help="send detections to HOST:PORT or unix:PATH; default: not sent",
+    )
+    add("--detections-file", metavar="FILE", default="", help="write detections to a .jsonl file")
     add_flight_arguments(parser)
     add(
         "--start-ns",
         type=instant_ns,
         default=0,
-        help="begin when the host's monotonic clock shows this; default: at once",
+        help="start of the flight on the host's monotonic clock, nanoseconds; default: now",
     )
-    add("--truth", metavar="FILE", default="", help="biases, targets, frames, landing results (.jsonl); "
-        "with --set truth_hz=50 the vehicle too")  # fmt: skip
-    add("--truth-csv", metavar="FILE", default="", help="label, lat, lon, alt_amsl, time_unix")
-    add("--record", metavar="DIR", default="", help="no link: the whole flight into files, as fast as it goes")
+    add("--truth", metavar="FILE", default="", help="write biases, targets, frames, landing results (.jsonl); "
+        "with --set truth_hz=50 also the vehicle")  # fmt: skip
+    add("--truth-csv", metavar="FILE", default="", help="write target positions: label, lat, lon, alt_amsl, time_unix")
+    add(
+        "--record",
+        metavar="DIR",
+        default="",
+        help="write the whole flight to files, as fast as it can be computed, without a link",
+    )
     return parser
 
 

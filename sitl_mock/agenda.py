@@ -1,4 +1,4 @@
-"""What is to happen when: a heap of actions, done in order of time and then of asking."""
+"""Event queue: a heap of actions, run in order of time, then of scheduling."""
 
 from __future__ import annotations
 
@@ -7,27 +7,27 @@ from heapq import heappop, heappush
 from itertools import count
 
 Action = Callable[[int], None]
-"""Called with the instant for which it was asked, however late the caller is."""
+"""Action, called with the instant for which it was scheduled, however late the caller is."""
 
 
 class Agenda:
-    """Pure: ``wake_at`` says when, ``run(now)`` does what is due."""
+    """Pure event queue: ``wake_at`` is the next due instant, ``run(now)`` runs the actions that are due."""
 
     def __init__(self) -> None:
         self._heap: list[tuple[int, int, Action]] = []
         self._order = count()
 
     def at(self, host_ns: int, action: Action) -> None:
-        """Do it then."""
+        """Schedules an action at an instant."""
         heappush(self._heap, (host_ns, next(self._order), action))
 
     @property
     def wake_at(self) -> int | None:
-        """The next instant at which something is due."""
+        """Instant of the next action; None: the queue is empty."""
         return self._heap[0][0] if self._heap else None
 
     def run(self, now_ns: int) -> None:
-        """Everything that is due by now, including what that brings about."""
+        """Runs every action due by now, including those that these actions schedule."""
         while self._heap and self._heap[0][0] <= now_ns:
             due_ns, _, action = heappop(self._heap)
             action(due_ns)

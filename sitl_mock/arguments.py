@@ -1,4 +1,4 @@
-"""What every program of the mock is told about the flight: scenario, seed, targets and single options."""
+"""Flight arguments of every program of the mock: scenario, seed, targets and single options."""
 
 from __future__ import annotations
 
@@ -17,49 +17,63 @@ from sitl_mock.scenarios import SCENARIOS, scenario
 
 TARGET_NUMBERS = ("north", "east", "up", "speed_m_s", "course_deg", "leg_m")
 LONGEST_S = 1e8
-"""Three years: further, clocks in nanoseconds lose their microseconds."""
+"""Longest flight, seconds (three years): beyond it, clocks in nanoseconds lose their microseconds."""
 LONGEST_INSTANT = 18
-"""Digits: thirty years in nanoseconds."""
+"""Longest instant, digits: thirty years in nanoseconds."""
 MISTAKES = (KeyError, ValueError, OSError, OverflowError, struct.error)
-"""What wrong arguments end in."""
+"""Exceptions that wrong arguments raise."""
 _WIDTH = max(map(len, SCENARIOS)) + 2
-SCENARIOS_TOLD = "scenarios:\n" + "\n".join(f"  {name:{_WIDTH}}{told}" for name, (told, _) in SCENARIOS.items())
+SCENARIO_LIST = "scenarios:\n" + "\n".join(
+    f"  {name:{_WIDTH}}{description}" for name, (description, _) in SCENARIOS.items()
+)
 
 
 class OneLineParser(argparse.ArgumentParser):
-    """Says what is wrong in one line."""
+    """Argument parser that reports an error in one line."""
 
     def error(self, message: str) -> NoReturn:
-        """And ends with status 2."""
+        """Prints the error and exits with status 2."""
         self.exit(2, f"{self.prog}: {message} (see --help)\n")
 
 
 def add_flight_arguments(parser: argparse.ArgumentParser) -> None:
-    """--scenario, --seed, --seconds, --target, --set."""
+    """Adds --scenario, --seed, --seconds, --target and --set."""
     add = parser.add_argument
-    add("--scenario", metavar="NAME", default="default", help="one of those below")
-    add("--seed", type=int, default=1, help="of everything that is drawn; default 1")
+    add(
+        "--scenario",
+        metavar="NAME",
+        default="default",
+        help="scenario from the list below; the default is its first",
+    )
+    add("--seed", type=int, default=1, help="seed of all drawn values; default %(default)s")
     add("--seconds", type=float, default=0.0,
-        help="length of the flight; default: until stopped; with --record the scenario's own, else 60")  # fmt: skip
-    add("--target", metavar="LABEL,N,E[,...]", action="append", default=[], help="instead of the scenario's: metres "
-        "from the flight centre, then up, speed, course, leg; may be repeated")  # fmt: skip
-    add("--set", metavar="KEY=VALUE", action="append", default=[], help="one option, such as flight.height_m=10")
+        help="duration of the flight; default: until stopped; with --record the scenario's own, else 60")  # fmt: skip
+    add("--target", metavar="LABEL,N,E[,...]", action="append", default=[], help="target that replaces the "
+        "scenario's: metres from the flight centre, then up, speed, course, leg; may be repeated")  # fmt: skip
+    add(
+        "--set",
+        metavar="KEY=VALUE",
+        action="append",
+        default=[],
+        help="set one option, such as flight.height_m=10; may be repeated",
+    )
 
 
 def instant_ns(text: str) -> int:
-    """What argparse takes for an instant of the monotonic clock."""
+    """Instant of the monotonic clock from a command-line argument, nanoseconds."""
     if not (text.isascii() and text.isdecimal() and len(text) <= LONGEST_INSTANT):
         raise argparse.ArgumentTypeError(f"{text}: expected nanoseconds of the monotonic clock")
     return int(text)
 
 
 def options_from(chosen: argparse.Namespace, endless_s: float | None) -> Options:
-    """The flight that was asked for; without --seconds it lasts ``endless_s``, or as long as its scenario says.
+    """Options of the flight given by the arguments; without --seconds it lasts ``endless_s``, or the scenario's
+    duration.
 
-    Raises KeyError or ValueError, which say what cannot be understood.
+    Raises KeyError or ValueError, whose message names the invalid argument.
     """
     if not 0.0 <= chosen.seconds <= LONGEST_S:
-        raise ValueError(f"--seconds {chosen.seconds:g}: expected a length of time, at most {LONGEST_S:g}")
+        raise ValueError(f"--seconds {chosen.seconds:g}: expected a duration in seconds, at most {LONGEST_S:g}")
     options = scenario(chosen.scenario).but({"seed": chosen.seed})
     options = options.but({"seconds": chosen.seconds or endless_s or options.seconds})
     if chosen.target:
@@ -69,8 +83,8 @@ def options_from(chosen: argparse.Namespace, endless_s: float | None) -> Options
     return options
 
 
-def told(error: Exception) -> str:
-    """What a user is told of a mistake of his."""
+def message_for_user(error: Exception) -> str:
+    """Message for the user about a wrong argument."""
     if isinstance(error, (OverflowError, struct.error)):
         return f"an option is beyond what can be flown, or said in MAVLink: {error}"
     if isinstance(error, OSError) and error.strerror:
@@ -79,7 +93,7 @@ def told(error: Exception) -> str:
 
 
 def _of_its_kind(options: Options, key: str, value: Any) -> Any:
-    """The value as the option has it. ValueError where it is of another kind. The key is known."""
+    """Value converted to the type of the option. Raises ValueError where the type does not fit. The key is known."""
     *path, last = key.split(".")
     kind = get_type_hints(type(reduce(getattr, path, options)), include_extras=True)[last]
     if dataclasses.is_dataclass(kind) or key == "targets":
@@ -99,7 +113,7 @@ def _target(text: str) -> TargetOptions:
     except ValueError:
         values = [inf]
     if not all(map(isfinite, values)):
-        raise ValueError(f"--target {text!r}: expected finite numbers behind the label")
+        raise ValueError(f"--target {text!r}: expected finite numbers after the label")
     return TargetOptions(label=label, **dict(zip(TARGET_NUMBERS, values, strict=False)))
 
 

@@ -1,4 +1,6 @@
-"""What the autopilot believes of itself: the truth with its biases, wander and noise, and where home and origin are."""
+"""The autopilot's estimate of its own state: the truth with biases, wander and noise, and the places of home and
+origin.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,7 @@ from sitl_mock.rotation import Vector, plus
 
 
 class Belief:
-    """Biases are the same for every message; noise is fresh in each."""
+    """The autopilot's state estimate. Biases are the same in every message; noise is drawn for each message."""
 
     def __init__(self, options: Options, biases: DrawnBiases, flight: Flight, world: World) -> None:
         self._o, self._biases, self._flight, self.world = options, biases, flight, world
@@ -35,11 +37,11 @@ class Belief:
         )
 
     def truth(self, flight_s: float) -> State:
-        """No belief: the state itself."""
+        """True state at an instant, without any error."""
         return self._flight.at(flight_s)
 
     def attitude(self, flight_s: float) -> tuple[Vector, Vector]:
-        """(roll, pitch, yaw) and the filtered body rates at an instant."""
+        """Estimated (roll, pitch, yaw) and filtered body rates at an instant, rad and rad/s."""
         b, noise = self._biases, self._o.priors.attitude_noise_deg
         errors = (b.attitude_roll_deg, b.attitude_pitch_deg, b.heading_deg)
         euler = self._flight.at(flight_s).euler
@@ -48,7 +50,7 @@ class Belief:
         return _signed(signs, believed), _signed(signs, self._rates(flight_s))
 
     def position(self, flight_s: float) -> tuple[Place, Vector]:
-        """(place, NED velocity) as the estimator has them, with its delay, wander, bias and noise."""
+        """Estimated (place, NED velocity) at an instant, with delay, wander, bias and noise."""
         state = self._flight.at(flight_s - self._o.autopilot.position_delay_s)
         p = self._o.priors
         north, east = (error + self._fresh(p.position_noise_m) for error in self.wander(flight_s))
@@ -58,12 +60,12 @@ class Belief:
         return self.world.place(plus(state.position, (north, east, down))), velocity
 
     def wander(self, flight_s: float) -> tuple[float, float]:
-        """The horizontal position error at an instant, noise aside: for the truth file."""
+        """Horizontal position error at an instant without noise, for the truth file: north, east, metres."""
         by_north, by_east = shifted(self._o.autopilot.position_shifts, flight_s)
         return (self._wander[0].at(flight_s) + by_north, self._wander[1].at(flight_s) + by_east)
 
     def home(self, armed: bool) -> Place:
-        """Home moves at arming to where the vehicle really stood."""
+        """Home place; arming moves it to ``home_m`` on the take-off ground."""
         a = self._o.autopilot
         north, east, down = (*a.home_m, 0.0)
         if not armed:
@@ -71,11 +73,11 @@ class Belief:
         return self.world.place((north, east, down))
 
     def has_position(self, flight_s: float) -> bool:
-        """Whether there is a global position yet."""
+        """Whether the autopilot has a global position at this instant."""
         return self._o.autopilot.gps and flight_s >= self._o.autopilot.gps_fix_at_s
 
     def range_m(self, flight_s: float) -> float:
-        """What a rangefinder along the body's down axis measures."""
+        """Distance measured by a rangefinder along the body's down axis, metres."""
         state = self._flight.at(flight_s)
         cosine = state.ned_from_body[2][2]
         if cosine <= 0.05:

@@ -1,4 +1,4 @@
-"""What the autopilot sends by itself: every stream at its rate, a scheduler loop late at most."""
+"""Periodic messages of the autopilot: every stream at its rate, each message at most one scheduler loop late."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from sitl_mock.telemetry import Telemetry
 
 
 class Broadcast:
-    """Streams by the agenda, and single messages when they are asked for."""
+    """Schedules the streams on the agenda and sends single messages on request."""
 
     def __init__(self, options: Options, telemetry: Telemetry, agenda: Agenda, radio: Radio) -> None:
         self.streams = Streams(options.autopilot)
@@ -21,11 +21,11 @@ class Broadcast:
         self._rng = Random(f"{options.seed}/scheduler")
 
     def knows(self, name: str) -> bool:
-        """Whether this autopilot sends such a message at all."""
+        """Whether this autopilot can send this message."""
         return self._telemetry.knows(name)
 
     def send(self, name: str, at_ns: int) -> bool:
-        """Sends what this message says now; False where there is nothing to say."""
+        """Sends one message with its present content; False where it has no content yet."""
         fields = self._telemetry.fields(name, at_ns)
         if fields is None:
             return False
@@ -33,7 +33,7 @@ class Broadcast:
         return True
 
     def set_rate(self, name: str, rate_hz: float, now_ns: int) -> None:
-        """From now on so often; whatever ran before ends."""
+        """Replaces the rate of a stream; the schedule of the former rate ends."""
         if not self.knows(name):
             return
         generation = self.streams.set_rate(name, rate_hz)
@@ -42,7 +42,7 @@ class Broadcast:
             self._schedule(name, now_ns + interval_ns, generation)
 
     def start(self, at_ns: int) -> None:
-        """Every stream at its default rate, each with a phase of its own."""
+        """Starts every stream at its default rate, each with its own phase."""
         self.streams.boot()
         for name, rate_hz in self.streams.defaults_hz.items():
             if not self.knows(name):
@@ -53,12 +53,12 @@ class Broadcast:
                 self._schedule(name, at_ns + round(self._rng.random() * interval_ns), generation)
 
     def stop(self) -> None:
-        """No stream any more."""
+        """Stops every stream."""
         for name in list(self.streams.rates_hz):
             self.streams.set_rate(name, 0.0)
 
     def _schedule(self, name: str, due_ns: int, generation: int) -> None:
-        """Sent within a scheduler loop after it is due; the next one counts from when it was due."""
+        """Schedules a message at a random delay within one scheduler loop; the next one counts from the due instant."""
 
         def send(at_ns: int) -> None:
             if self.streams.generation.get(name) != generation:

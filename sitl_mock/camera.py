@@ -1,4 +1,6 @@
-"""The camera and the detector behind it: true projection by the row, then noise, misses, clutter and latency. Pure."""
+"""The camera and its detector: exact projection row by row, then noise, missed detections, clutter and latency.
+Pure.
+"""
 
 from __future__ import annotations
 
@@ -31,24 +33,27 @@ from sitl_mock.tags import GroundTag, tags
 
 ROW_SETTLED_PX = 1e-7
 CLUTTER = -1
-"""In FrameTruth.sources: no target at all."""
+"""Source index of a detection that has no target, in FrameTruth.sources."""
 
 
 @dataclass(frozen=True)
 class FrameTruth:
-    """What a frame really shows."""
+    """Truth about one frame."""
 
     frame: int
     row0_flight_s: float
-    """Mid-exposure of row 0 (with a negative readout: of the bottom row, which the stamp marks)."""
+    """Flight time of the middle of row 0's exposure, seconds (with a negative readout: of the bottom row, which the
+    stamp marks)."""
     sources: tuple[int, ...]
-    """By detection: the index of its target, or -1 for what is no target or grossly wrong."""
+    """Target index of each detection; -1 for clutter and outliers."""
     visible: tuple[int, ...]
-    """Indexes of the targets that were in view."""
+    """Indices of the targets in view."""
 
 
 class MockCamera:
-    """Asks for no time: ``advance(now)`` hands out (instant of delivery, detections by the contract, truth)."""
+    """Camera without a clock of its own: ``advance(now)`` returns (instant of delivery, detections by the contract,
+    truth).
+    """
 
     def __init__(
         self,
@@ -65,7 +70,7 @@ class MockCamera:
         self._clock, self._start, self._unix_minus_host_s = clock, start_host_ns, unix_minus_host_s
         self.lens = Lens(options.camera)
         self.body_from_camera = true_mount(options, biases)
-        """Of a camera on a gimbal: gimbal_from_camera."""
+        """gimbal_from_camera where the camera is on a gimbal."""
         self._gimbal = Gimbal(options, biases, flight)
         self._rng = Random(f"{options.seed}/camera")
         self._tags: dict[int, GroundTag] = {}
@@ -75,7 +80,7 @@ class MockCamera:
 
     @property
     def wake_at(self) -> int | None:
-        """When the next frame's last row has been read; None: there is no camera."""
+        """Instant at which the last row of the next frame has been read; None: the camera is off or has stopped."""
         row0_s = self.row0_s(self._frame)
         stops_at_s = self._c.stops_at_s
         if not self._c.enabled or (stops_at_s is not None and row0_s >= stops_at_s):
@@ -83,7 +88,7 @@ class MockCamera:
         return self._start + round((row0_s + abs(self._biases.readout_s)) * 1e9)
 
     def advance(self, now_ns: int) -> list[tuple[int, dict[str, Any], FrameTruth]]:
-        """The frames whose last row has been read by now."""
+        """Returns the frames whose last row has been read by now."""
         frames = []
         while self.wake_at is not None and self.wake_at <= now_ns:
             ready_ns = self.wake_at
@@ -92,15 +97,15 @@ class MockCamera:
         return frames
 
     def row0_s(self, frame: int) -> float:
-        """Flight time at which the first row of a frame is exposed."""
+        """Flight time at which the first row of a frame is exposed, seconds."""
         return self._c.first_frame_s + frame / self._c.fps
 
     def due_ns(self, frame: int) -> int:
-        """Host instant at which a frame comes out of the camera: all rows read, and the least latency passed."""
+        """Host instant at which a frame leaves the camera: all rows read, and the constant latency passed."""
         return self._start + round((self.row0_s(frame) + abs(self._biases.readout_s) + self._c.latency_s) * 1e9)
 
     def stamp(self, frame: int) -> dict[str, float]:
-        """What the camera stamps a frame with, by the clock and the rule of the options."""
+        """Stamp of a frame, by the clock and the stamp rule of the options."""
         return self._stamp(self.row0_s(frame))
 
     def true_pixel(self, target: Target, row0_s: float) -> tuple[Pixel, float]:
@@ -108,7 +113,7 @@ class MockCamera:
         return self._rolled(target.at, row0_s)
 
     def pixel_of(self, place: Vector, row0_s: float) -> Pixel:
-        """Where that frame shows a place that stays, NED."""
+        """Pixel of a fixed place in NED in the frame whose first row is exposed at row0_s."""
         return self._rolled(lambda _: place, row0_s)[0]
 
     def _rolled(self, place_at: Callable[[float], Vector], row0_s: float) -> tuple[Pixel, float]:
@@ -120,7 +125,7 @@ class MockCamera:
             before, pixel = pixel, self._project(place_at(t), t)
             if not isfinite(pixel[0]) or abs(pixel[1] - before[1]) < ROW_SETTLED_PX:
                 break
-            # A row far outside of the sensor is no time at all.
+            # The row is limited: a row far outside the sensor has no exposure time.
             pixel = (pixel[0], max(-float(height), min(2.0 * height, pixel[1])))
         return pixel, t
 
@@ -168,7 +173,7 @@ class MockCamera:
         return message, FrameTruth(self._frame, row0_s, tuple(one[0] for one in found), tuple(visible))
 
     def _detected(self, target: Target, pixel: Pixel, t: float) -> tuple[Pixel, bool] | None:
-        """(noisy pixel, whether it is the target's), or None where it is missed or blurred away."""
+        """(noisy pixel, whether it belongs to the target), or None where the detection is missed or blurred away."""
         if self._c.missed and self._rng.random() < self._c.missed:
             return None
         if self._c.max_blur_px and self._blur_px(target, t) > self._c.max_blur_px:
@@ -188,7 +193,7 @@ class MockCamera:
         return (self._rng.uniform(-0.5, self.lens.width - 0.501), self._rng.uniform(-0.5, self.lens.height - 0.501))
 
     def _false_ones(self) -> int:
-        """Poisson, by Knuth."""
+        """Number of false detections: Poisson distributed, by Knuth's method."""
         if not self._c.clutter or not self._scene:
             return 0
         limit, product, count = exp(-self._c.clutter), self._rng.random(), 0
@@ -198,7 +203,7 @@ class MockCamera:
         return count
 
     def _whole(self, tag: GroundTag, row0_s: float) -> bool:
-        """A tag that the image's edge cuts is none."""
+        """Whether all corners of a tag are in the image; a tag cut by the image's edge is not detected."""
         return all(self.lens.sees(*self.pixel_of(corner, row0_s)) for corner in tag.corners)
 
     def _corners(self, tag: GroundTag, row0_s: float) -> list[list[float]]:
@@ -238,11 +243,11 @@ class MockCamera:
 
 
 def true_mount(options: Options, biases: DrawnBiases) -> Matrix:
-    """body_from_camera as it really is."""
-    told = times(matrix_from_euler(*radians3(options.camera.mount_deg)), FORWARD_CAMERA)
-    return times(matrix_from_rotation_vector(radians3(biases.mount_deg)), told)
+    """True body_from_camera (gimbal_from_camera on a gimbal): the configured mount turned by its bias."""
+    configured = times(matrix_from_euler(*radians3(options.camera.mount_deg)), FORWARD_CAMERA)
+    return times(matrix_from_rotation_vector(radians3(biases.mount_deg)), configured)
 
 
 def datagram(frame: dict[str, Any]) -> bytes:
-    """A frame's detections as they travel."""
+    """UDP payload with the detections of one frame."""
     return json.dumps(frame, separators=(",", ":")).encode()

@@ -1,10 +1,10 @@
-"""The autopilot's clock: boot = boot at start + (host - start) (1 + drift), begun anew by a reboot."""
+"""The autopilot's boot clock: boot = boot at start + (host - start) (1 + drift); a reboot starts it from zero."""
 
 from __future__ import annotations
 
 
 class BootClock:
-    """Integer nanoseconds on both sides."""
+    """Boot clock; integer nanoseconds on both sides."""
 
     def __init__(self, start_host_ns: int, boot_at_start_ns: int, drift_ppm: float) -> None:
         self._host0 = start_host_ns
@@ -12,15 +12,15 @@ class BootClock:
         self._drift = drift_ppm * 1e-6
 
     def boot_ns(self, host_ns: int) -> int:
-        """What the boot clock shows at a host instant."""
+        """Boot time at a host instant."""
         passed = host_ns - self._host0
         return self._boot0 + passed + round(passed * self._drift)
 
     def host_ns(self, boot_ns: int) -> int:
-        """The host instant at which the boot clock shows this (within the present boot)."""
+        """Host instant of a boot time (within the present boot)."""
         passed = boot_ns - self._boot0
         return self._host0 + round(passed / (1.0 + self._drift))
 
     def reboot(self, host_ns: int) -> None:
-        """Counts from zero again."""
+        """Restarts the clock from zero."""
         self._host0, self._boot0 = host_ns, 0

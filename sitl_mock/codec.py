@@ -1,4 +1,4 @@
-"""MAVLink on the wire, by pymavlink: the mock must not share the companion's codec. The one import of it."""
+"""MAVLink codec by pymavlink, so that the mock shares no code with the companion's. The only module that imports it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ NUMBERS: dict[str, int] = {name: number for number, name in NAMES.items()}
 
 
 class Heard(NamedTuple):
-    """A message that arrived."""
+    """A received message."""
 
     name: str
     fields: dict[str, Any]
@@ -21,21 +21,21 @@ class Heard(NamedTuple):
 
 
 class Speaker:
-    """One component, with its own sequence counter."""
+    """Encoder of one component, with its own sequence counter."""
 
     def __init__(self, system: int, component: int) -> None:
         self.system, self.component = system, component
         self._mav = dialect.MAVLink(None, srcSystem=system, srcComponent=component)
 
     def frame(self, name: str, fields: dict[str, Any]) -> bytes:
-        """A MAVLink 2 frame of this message."""
+        """Encodes a message as a MAVLink 2 frame."""
         packed: bytes = bytes(MESSAGES[name](**fields).pack(self._mav))
         self._mav.seq = (self._mav.seq + 1) % 256
         return packed
 
 
 class Listener:
-    """Bytes in, messages out; what is damaged is left out."""
+    """Decodes a stream of bytes; damaged frames are dropped."""
 
     def __init__(self) -> None:
         self._mav = dialect.MAVLink(None)
@@ -43,7 +43,7 @@ class Listener:
         self.damaged = 0
 
     def feed(self, data: bytes) -> list[Heard]:
-        """The messages that these bytes complete."""
+        """Returns the messages that these bytes complete."""
         heard = []
         for message in self._mav.parse_buffer(data) or ():
             if message.get_type() == "BAD_DATA" or message.get_type().startswith("UNKNOWN"):

@@ -1,4 +1,4 @@
-"""Commands and rate requests: every command is acknowledged, the unsupported ones too."""
+"""Commands and rate requests: the mock acknowledges every command, unsupported ones too."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ ACCEPTED, DENIED, UNSUPPORTED, FAILED = 0, 2, 3, 4
 REBOOT, ARM, GET_INTERVAL, SET_INTERVAL, REQUEST_MESSAGE = 246, 400, 510, 511, 512
 WARNING = 4
 LONGEST_INTERVAL_US = 2.0**31 - 1.0
-"""What MESSAGE_INTERVAL can say."""
+"""Longest interval that MESSAGE_INTERVAL can encode, microseconds."""
 
 
 class Commands:
-    """COMMAND_LONG, COMMAND_INT and REQUEST_DATA_STREAM that are addressed to the autopilot."""
+    """Handles COMMAND_LONG, COMMAND_INT and REQUEST_DATA_STREAM that are addressed to the autopilot."""
 
     def __init__(
         self,
@@ -40,7 +40,7 @@ class Commands:
             del self._table[SET_INTERVAL]
 
     def hear(self, heard: Heard, now_ns: int) -> None:
-        """Does it, and says so."""
+        """Executes a command and acknowledges it."""
         command = heard.fields["command"]
         parameters = (heard.fields["param1"], heard.fields["param2"])
         if command not in self._table:
@@ -58,7 +58,7 @@ class Commands:
         self._radio.say("COMMAND_ACK", ack, now_ns)
 
     def data_stream(self, heard: Heard, now_ns: int) -> None:
-        """REQUEST_DATA_STREAM: a group of messages at one rate."""
+        """Handles REQUEST_DATA_STREAM: sets a group of messages to one rate."""
         streams = self._broadcast.streams
         rate_hz = float(heard.fields["req_message_rate"]) if heard.fields["start_stop"] else 0.0
         for name, hz in streams.request_group(heard.fields["req_stream_id"], min(rate_hz, streams.ceiling_hz)).items():
@@ -70,7 +70,7 @@ class Commands:
         if not isfinite(interval_us):
             return DENIED
         if not self._broadcast.knows(name):
-            self._radio.tell(WARNING, f"No ap_message for mavlink id ({int(number)})", now_ns)
+            self._radio.statustext(WARNING, f"No ap_message for mavlink id ({int(number)})", now_ns)
             return DENIED
         rate_hz: float | None = 1e6 / min(interval_us, LONGEST_INTERVAL_US) if interval_us > 0.0 else 0.0
         if interval_us == 0.0:

@@ -1,4 +1,4 @@
-"""What the seed decides: the flight's biases, and errors that wander."""
+"""Errors that the seed decides: the constant biases of a flight, and errors that wander."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from sitl_mock.options import Options, PositionShift
 from sitl_mock.rotation import Vector
 
 GRID_PARTS = 60
-"""Grid steps in a time constant: interpolation then loses under one percent of a wander's variance."""
+"""Grid steps per time constant: interpolation then loses less than one percent of a wander's variance."""
 
 
 @dataclass(frozen=True)
 class DrawnBiases:
-    """The errors of this flight, as they are. Degrees, metres, seconds."""
+    """True errors of this flight. Degrees, metres, seconds."""
 
     attitude_roll_deg: float
     attitude_pitch_deg: float
@@ -28,22 +28,22 @@ class DrawnBiases:
 
 
 def draw(options: Options) -> DrawnBiases:
-    """Each bias from its own generator: naming one leaves the others what they were."""
-    asked, priors = options.biases, options.priors
+    """Draws each bias from its own generator: setting one leaves the others unchanged."""
+    biases, priors = options.biases, options.priors
 
     def one(name: str, chosen: float | None, sigma: float) -> float:
         if chosen is not None:
             return chosen
         return Random(f"{options.seed}/bias/{name}").gauss(0.0, sigma) if options.draw_biases else 0.0
 
-    mount = asked.mount_deg or tuple(one(f"mount{axis}", None, priors.mount_bias_deg) for axis in range(3))
+    mount = biases.mount_deg or tuple(one(f"mount{axis}", None, priors.mount_bias_deg) for axis in range(3))
     return DrawnBiases(
-        one("roll", asked.attitude_roll_deg, priors.attitude_bias_deg),
-        one("pitch", asked.attitude_pitch_deg, priors.attitude_bias_deg),
-        one("heading", asked.heading_deg, priors.heading_bias_deg),
+        one("roll", biases.attitude_roll_deg, priors.attitude_bias_deg),
+        one("pitch", biases.attitude_pitch_deg, priors.attitude_bias_deg),
+        one("heading", biases.heading_deg, priors.heading_bias_deg),
         mount,  # type: ignore[arg-type]
-        one("time", asked.time_offset_s, priors.time_offset_sigma_s),
-        one("height", asked.height_m, priors.height_bias_m),
+        one("time", biases.time_offset_s, priors.time_offset_sigma_s),
+        one("height", biases.height_m, priors.height_bias_m),
         _position_sigma(options),
         _readout(options),
     )
@@ -64,7 +64,7 @@ def _readout(options: Options) -> float:
 
 
 class Wander:
-    """A first-order Gauss-Markov error that is stationary from the start: ask for any instant."""
+    """First-order Gauss-Markov error, stationary from the start, at any instant."""
 
     def __init__(self, sigma: float, time_s: float, rng: Random) -> None:
         self._sigma, self._rng = sigma, rng
@@ -73,7 +73,7 @@ class Wander:
         self._grid = [rng.gauss(0.0, sigma)]
 
     def at(self, t: float) -> float:
-        """The error at t seconds."""
+        """Error at t seconds."""
         index = max(0.0, t / self._step_s)
         whole = int(index)
         while len(self._grid) < whole + 2:
@@ -84,7 +84,8 @@ class Wander:
 
 
 class SmoothWander:
-    """A second-order Gauss-Markov error, stationary from the start: its rate is finite, as a receiver's is.
+    """Second-order Gauss-Markov error, stationary from the start: its rate is finite, as that of a GNSS receiver's
+    error.
 
     Two equal first-order lags in a row: correlation (1 + |t| / T) exp(-|t| / T), with T such that the variance of a
     mean over long times equals that of the first-order error with the same ``time_s`` (4 T = 2 ``time_s``).
@@ -94,7 +95,7 @@ class SmoothWander:
         self._rng = rng
         self._lag_s = time_s / 2.0
         self._step_s = self._lag_s / GRID_PARTS
-        # State (x, T x'): stationary covariance sigma^2 * identity.
+        # State (x, T x'): its stationary covariance is sigma^2 * identity.
         self._grid = [(rng.gauss(0.0, sigma), rng.gauss(0.0, sigma))]
         h = 1.0 / GRID_PARTS
         keep = exp(-h)
@@ -105,7 +106,7 @@ class SmoothWander:
         self._noise = (sigma * root, sigma * xv / root, sigma * sqrt(max(0.0, vv - xv * xv / xx)))
 
     def at(self, t: float) -> float:
-        """The error at t seconds: a cubic Hermite between the grid's values and rates."""
+        """Error at t seconds: cubic Hermite interpolation of the grid's values and rates."""
         index = max(0.0, t / self._step_s)
         whole = int(index)
         while len(self._grid) < whole + 2:
@@ -123,7 +124,7 @@ class SmoothWander:
 
 
 def shifted(shifts: tuple[PositionShift, ...], t: float) -> tuple[float, float]:
-    """North and east, metres, by which the estimator has moved its position at t seconds."""
+    """Shift of the estimator's position at t seconds: north, east, metres."""
     north = east = 0.0
     for from_s, to_s, by_north, by_east in shifts:
         x = min(1.0, max(0.0, (t - from_s) / (to_s - from_s))) if to_s > from_s else float(t >= from_s)
@@ -133,5 +134,5 @@ def shifted(shifts: tuple[PositionShift, ...], t: float) -> tuple[float, float]:
 
 
 def radians3(v: Vector) -> Vector:
-    """Degrees to radians, by component."""
+    """Converts degrees to radians, by component."""
     return (radians(v[0]), radians(v[1]), radians(v[2]))

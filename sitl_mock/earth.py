@@ -1,4 +1,4 @@
-"""The earth three times: WGS84, and the two spheres on which autopilots lay their local frame."""
+"""Three models of the earth: WGS84, and the two spheres on which the autopilots define their local frames."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class World:
         self._ecef = _ecef(self._lat, self._lon, origin.alt_amsl)
 
     def ned(self, place: Place) -> Vector:
-        """(north, east, down), metres; the place's altitude does not enter north and east."""
+        """(north, east, down) of a place, metres; its altitude does not affect north and east."""
         x, y, z = _ecef(radians(place.lat), radians(place.lon), self.origin.alt_amsl)
         dx, dy, dz = x - self._ecef[0], y - self._ecef[1], z - self._ecef[2]
         sa, ca, so, co = sin(self._lat), cos(self._lat), sin(self._lon), cos(self._lon)
@@ -44,7 +44,7 @@ class World:
         )
 
     def place(self, ned: Vector) -> Place:
-        """The inverse, by correcting a spherical guess with what :meth:`ned` makes of it."""
+        """Place of a point in NED: a spherical first guess, corrected by iterating :meth:`ned`."""
         height = self.origin.alt_amsl
         w = sqrt(1.0 - E2 * sin(self._lat) ** 2)
         meridian_m = EQUATOR_M * (1.0 - E2) / w**3 + height
@@ -58,25 +58,25 @@ class World:
 
 
 class LocalProjection(Protocol):
-    """An autopilot's own local frame about its EKF origin."""
+    """The autopilot's local frame about its EKF origin."""
 
     origin: Place
 
     def local(self, place: Place) -> Vector:
-        """(x north, y east, z down) of a place."""
+        """(x north, y east, z down) of a place, metres."""
 
     def place(self, local: Vector) -> Place:
-        """The place of (x, y, z)."""
+        """Place of (x, y, z)."""
 
 
 class ArduPilotProjection:
-    """Degrees scaled by one radius; longitude by the cosine of the mean latitude."""
+    """ArduPilot's projection: degrees scaled by one radius; longitude by the cosine of the mean latitude."""
 
     def __init__(self, origin: Place) -> None:
         self.origin = origin
 
     def local(self, place: Place) -> Vector:
-        """(x, y, z), metres."""
+        """(x, y, z) of a place, metres."""
         east_degrees = (place.lon - self.origin.lon + 180.0) % 360.0 - 180.0
         scale = cos(radians((place.lat + self.origin.lat) / 2.0))
         return (
@@ -86,7 +86,7 @@ class ArduPilotProjection:
         )
 
     def place(self, local: Vector) -> Place:
-        """The place of (x, y, z)."""
+        """Place of (x, y, z)."""
         lat = self.origin.lat + degrees(local[0] / ARDUPILOT_SPHERE_M)
         scale = cos(radians((lat + self.origin.lat) / 2.0))
         lon = self.origin.lon + degrees(local[1] / ARDUPILOT_SPHERE_M / scale)
@@ -94,13 +94,13 @@ class ArduPilotProjection:
 
 
 class Px4Projection:
-    """Azimuthal equidistant on a sphere."""
+    """PX4's projection: azimuthal equidistant on a sphere."""
 
     def __init__(self, origin: Place) -> None:
         self.origin = origin
 
     def local(self, place: Place) -> Vector:
-        """(x, y, z), metres."""
+        """(x, y, z) of a place, metres."""
         lat0, lat = radians(self.origin.lat), radians(place.lat)
         east = radians(place.lon - self.origin.lon)
         arc = acos(max(-1.0, min(1.0, sin(lat0) * sin(lat) + cos(lat0) * cos(lat) * cos(east))))
@@ -112,7 +112,7 @@ class Px4Projection:
         )
 
     def place(self, local: Vector) -> Place:
-        """The place of (x, y, z)."""
+        """Place of (x, y, z)."""
         x, y = local[0] / PX4_SPHERE_M, local[1] / PX4_SPHERE_M
         arc = sqrt(x * x + y * y)
         if arc < 1e-15:

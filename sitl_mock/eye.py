@@ -1,8 +1,8 @@
-"""``python -m sitl_mock.eye``: the camera as a process of its own. Frames of the flight into a pipe, in real time.
+"""``python -m sitl_mock.eye``: the camera as a separate process that writes frames to a pipe in real time.
 
-A frame in the pipe is one line of JSON (``bytes``, ``size``, ``format``, the stamp, ``frame``, ``exposure_s``), then so
-many bytes of grey levels, row by row. Frames are rendered ahead and leave when a camera would deliver them; one that is
-not done in time, or that nobody takes in time, is left out, as a busy camera would.
+A frame in the pipe is one line of JSON (``bytes``, ``size``, ``format``, the stamp, ``frame``, ``exposure_s``), then
+``bytes`` bytes of grey levels, row by row. Frames are rendered in advance and written when a camera would deliver them;
+a frame that is not rendered in time, or that no reader takes in time, is dropped, as by a busy camera.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from typing import TYPE_CHECKING, Any
 from sitl_mock.arguments import (
     LONGEST_S,
     MISTAKES,
-    SCENARIOS_TOLD,
+    SCENARIO_LIST,
     OneLineParser,
     add_flight_arguments,
     instant_ns,
+    message_for_user,
     options_from,
-    told,
 )
 from sitl_mock.simulate import Simulation
 
@@ -35,15 +35,17 @@ if TYPE_CHECKING:
     from sitl_mock.render import Eye
 
 AHEAD_S = 0.5
-"""Rendered at most so long before it leaves."""
+"""Longest time between rendering and delivery of a frame, seconds."""
 LATE_S = 0.15
-"""A frame that would leave later than this is left out."""
+"""Longest delay of a frame, seconds; a later one is dropped."""
 WRITE_S = 0.1
-"""So long may the reader take for one frame; a frame that was begun is always finished or the pipe is closed."""
+"""Longest time for a reader to take one frame, seconds; a frame is written completely, or the pipe is closed."""
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """0 at the end of the flight or when told to stop; 2 for what cannot be understood or opened."""
+    """Exit status: 0 at the end of the flight or after a stop signal; 2 for invalid arguments or an output that cannot
+    be opened.
+    """
     chosen = _parser().parse_args(arguments)
     try:
         simulation = Simulation(options_from(chosen, LONGEST_S), chosen.start_ns or time.monotonic_ns())
@@ -55,7 +57,7 @@ def main(arguments: list[str] | None = None) -> int:
         else:
             _run(simulation, eye, Path(chosen.pipe), chosen.truth)
     except MISTAKES as error:
-        print(f"sitl_mock.eye: {told(error)}", file=sys.stderr)  # noqa: T201
+        print(f"sitl_mock.eye: {message_for_user(error)}", file=sys.stderr)  # noqa: T201
         return 2
     return 0
 
@@ -65,7 +67,7 @@ def _run(simulation: Simulation, eye: Eye, path: Path, truth: str) -> None:
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda received, _frame: signals.append(received))
     pipe = FramePipe(path)
-    with Path(truth or os.devnull).open("w", encoding="utf-8") as told:
+    with Path(truth or os.devnull).open("w", encoding="utf-8") as truth_file:
         frame = 0
         while not signals and simulation.camera.due_ns(frame) <= simulation.end_ns:
             due_ns = simulation.camera.due_ns(frame)
@@ -75,8 +77,8 @@ def _run(simulation: Simulation, eye: Eye, path: Path, truth: str) -> None:
                 picture = eye.picture(frame)
                 _sleep_until(due_ns)
                 left_out = not pipe.send(_header(simulation, frame, picture), picture.tobytes())
-            told.write(json.dumps(_truth(simulation, eye, frame, delivered=not left_out)) + "\n")
-            told.flush()
+            truth_file.write(json.dumps(_truth(simulation, eye, frame, delivered=not left_out)) + "\n")
+            truth_file.flush()
             frame += 1
     pipe.close()
 
@@ -105,18 +107,18 @@ def _truth(simulation: Simulation, eye: Eye, frame: int, *, delivered: bool) -> 
 
 
 class FramePipe:
-    """The writing end of a named pipe, which readers come to and leave as they like."""
+    """Writing end of a named pipe; readers may open and close the other end at any time."""
 
     def __init__(self, path: Path) -> None:
         if not path.exists():
             os.mkfifo(path, 0o600)
         if not stat.S_ISFIFO(path.stat().st_mode):
-            raise ValueError(f"{path} is no named pipe")
+            raise ValueError(f"{path} is not a named pipe")
         self._path = path
         self._file: int | None = None
 
     def send(self, header: dict[str, Any], data: bytes) -> bool:
-        """One frame; False where nobody takes it."""
+        """Writes one frame; False where no reader takes it."""
         file = self._opened()
         if file is None:
             return False
@@ -128,7 +130,7 @@ class FramePipe:
         return True
 
     def close(self) -> None:
-        """The reader sees the end."""
+        """Closes the pipe; the reader sees the end of the file."""
         if self._file is not None:
             os.close(self._file)
             self._file = None
@@ -138,13 +140,13 @@ class FramePipe:
             try:
                 self._file = os.open(self._path, os.O_WRONLY | os.O_NONBLOCK)
             except OSError as error:
-                if error.errno != errno.ENXIO:  # nobody reads
+                if error.errno != errno.ENXIO:  # no reader
                     raise
         return self._file
 
 
 def _write(file: int, data: bytes) -> None:
-    """Whole, or OSError and the pipe is given up: half a frame would spoil the next."""
+    """Writes all bytes, or raises OSError and the pipe is closed: half a frame would corrupt the next."""
     view, deadline = memoryview(data), time.monotonic() + WRITE_S
     while view:
         try:
@@ -159,7 +161,7 @@ def _keep(picture: Picture, path: Path) -> None:
     import cv2
 
     if not cv2.imwrite(str(path), picture):
-        raise ValueError(f"{path}: no picture of this kind can be written")
+        raise ValueError(f"{path}: this image format cannot be written")
 
 
 def _sleep_until(at_ns: int) -> None:
@@ -171,16 +173,26 @@ def _sleep_until(at_ns: int) -> None:
 def _parser() -> argparse.ArgumentParser:
     parser = OneLineParser(
         prog="python -m sitl_mock.eye",
-        description="The mock's camera: frames in real time into a named pipe, or one of them into a file.",
-        epilog=f"{SCENARIOS_TOLD}\n\nexample:\n  python -m sitl_mock.eye --scenario demo --frame 60 --picture f.png",
+        description="The mock's camera: writes frames in real time to a named pipe, or one frame to a file.",
+        epilog=f"{SCENARIO_LIST}\n\nexample:\n  python -m sitl_mock.eye --scenario demo --frame 60 --picture f.png",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
-    add("--pipe", metavar="PATH", default="frames.pipe", help="made where it is not there; default %(default)s")
-    add("--start-ns", type=instant_ns, default=0, help="when the flight begins on the monotonic clock; default: now")
-    add("--truth", metavar="FILE", default="", help="what each frame shows, and whether it was delivered (.jsonl)")
-    add("--picture", metavar="FILE", default="", help="no pipe: the one frame named by --frame, into an image file")
-    add("--frame", type=int, default=0, help="for --picture")
+    add("--pipe", metavar="PATH", default="frames.pipe", help="named pipe, created if missing; default %(default)s")
+    add(
+        "--start-ns",
+        type=instant_ns,
+        default=0,
+        help="start of the flight on the host's monotonic clock, nanoseconds; default: now",
+    )
+    add(
+        "--truth",
+        metavar="FILE",
+        default="",
+        help="write the truth about each frame, and whether it was delivered (.jsonl)",
+    )
+    add("--picture", metavar="FILE", default="", help="write the frame --frame to an image file, without a pipe")
+    add("--frame", type=int, default=0, help="frame number for --picture; default %(default)s")
     add_flight_arguments(parser)
     return parser
 

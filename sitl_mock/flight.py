@@ -1,4 +1,4 @@
-"""The motion of the vehicle as a pure function of time: pattern, wander, flapping and heave, with exact derivatives."""
+"""The vehicle's motion as a pure function of time: pattern, wander, flapping and heave, with exact derivatives."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ GRAVITY = 9.80665
 
 
 class State(NamedTuple):
-    """The true state at an instant. NED is the world's, metres; angles in radians."""
+    """True state at an instant. Positions in the world's NED, metres; angles in radians."""
 
     flight_s: float
     position: Vector
     velocity: Vector
     euler: Vector
-    """Roll, pitch, yaw; yaw may be outside of a turn."""
+    """Roll, pitch, yaw, radians; yaw may exceed one turn."""
     rates: Vector
-    """Of the body, rad/s."""
+    """Body rates, rad/s."""
 
     @property
     def ned_from_body(self) -> Matrix:
-        """The attitude as a matrix."""
+        """Attitude as a matrix."""
         return matrix_from_euler(*self.euler)
 
 
-class Slow:
-    """A smooth aimless drift: three sines whose periods never meet again, RMS about ``size``."""
+class SlowDrift:
+    """Smooth drift without direction: three sines with incommensurate periods, RMS about ``size``."""
 
     def __init__(self, size: float, rng: Random) -> None:
         self._terms = [
@@ -41,7 +41,7 @@ class Slow:
         ]
 
     def at(self, t: float) -> tuple[float, float]:
-        """(value, rate). Written out: a gyro asks three thousand times a second."""
+        """(value, rate). Unrolled, because a gyro evaluates it three thousand times a second."""
         (a, u, i), (b, v, j), (c, w, k) = self._terms
         x, y, z = u * t + i, v * t + j, w * t + k
         return (
@@ -51,7 +51,7 @@ class Slow:
 
 
 class Flight:
-    """Ask for any instant, in any order."""
+    """The vehicle's motion; instants may be evaluated in any order."""
 
     def __init__(self, options: FlightOptions, seed: int) -> None:
         self._o = options
@@ -59,8 +59,8 @@ class Flight:
         usual = {"orbit": "centre", "hover": "fixed", "hand": "fixed"}.get(options.pattern, "course")
         self._heading = options.heading or usual
         rng = Random(f"{seed}/flight")
-        self._wander = [Slow(options.wander_m if axis < 2 else options.wander_m / 2.0, rng) for axis in range(3)]
-        self._sway = [Slow(radians(options.wander_deg), rng) for _ in range(3)]
+        self._wander = [SlowDrift(options.wander_m if axis < 2 else options.wander_m / 2.0, rng) for axis in range(3)]
+        self._sway = [SlowDrift(radians(options.wander_deg), rng) for _ in range(3)]
         self._phases = [rng.uniform(0.0, 2.0 * pi) for _ in range(4)]
         self._hand = Hand(options, rng) if options.pattern == "hand" else None
         self._level = radians(options.roll_deg), radians(options.pitch_deg)
@@ -68,7 +68,7 @@ class Flight:
         self._beat = 2.0 * pi * options.flapping_hz, 2.0 * pi * 0.1, options.flapping_modulation
 
     def at(self, flight_s: float) -> State:
-        """The state at an instant."""
+        """State at an instant."""
         path = self._pattern.at(flight_s)
         stroke, stroke_rate = self._stroke(flight_s)
         roll, roll_rate, pitch, pitch_rate, yaw, yaw_rate = self._angles(flight_s, path, stroke, stroke_rate)
@@ -82,13 +82,13 @@ class Flight:
         )
 
     def rates(self, flight_s: float) -> Vector:
-        """The body rates alone: what a gyro feels a thousand times a second."""
+        """Body rates alone, rad/s: a gyro evaluates them a thousand times a second."""
         path = self._pattern.at(flight_s)
         roll, roll_rate, pitch, pitch_rate, _, yaw_rate = self._angles(flight_s, path, *self._stroke(flight_s))
         return body_rates(roll, pitch, roll_rate, pitch_rate, yaw_rate)
 
     def _stroke(self, t: float) -> tuple[float, float]:
-        """Phase of the wings and its rate."""
+        """Phase of the wing stroke and its rate."""
         w, slow, m = self._beat
         angle = slow * t + self._phases[3]
         return w * t + self._phases[0] + m * sin(angle), w + m * slow * cos(angle)
@@ -136,7 +136,7 @@ class Flight:
 
     def _place(self, t: float, path: Path, stroke: float, stroke_rate: float) -> tuple[Vector, Vector]:
         o = self._o
-        (north, north_rate), (east, east_rate), (up, up_rate) = (slow.at(t) for slow in self._wander)
+        (north, north_rate), (east, east_rate), (up, up_rate) = (drift.at(t) for drift in self._wander)
         heave_phase = stroke + self._phases[2]
         height, height_rate = path.up or (o.height_m, 0.0)
         up += height + o.heave_m * sin(heave_phase)
@@ -148,7 +148,7 @@ class Flight:
         )
 
     def _climb(self, t: float) -> tuple[float, float]:
-        """(share of the height, its rate): 1 in flight, smooth through the climb."""
+        """(fraction of the flight height, its rate): 1 in flight, smooth through the climb."""
         if self._o.takeoff_at_s is None:
             return 1.0, 0.0
         x = min(1.0, max(0.0, (t - self._o.takeoff_at_s) / self._o.climb_s))

@@ -1,4 +1,4 @@
-"""A gimbal that carries the camera: levelled to the horizon, slewed slowly, stamped by its own clock."""
+"""A gimbal that carries the camera: level with the horizon, slewed slowly, stamped by its own clock."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from sitl_mock.rotation import Matrix, Vector, matrix_from_euler, quaternion_fro
 
 MESSAGE = "GIMBAL_DEVICE_ATTITUDE_STATUS"
 BEHIND_AUTOPILOT = 6
-"""gimbal_device_id up to this: the autopilot speaks for it, by its own clock."""
+"""Largest gimbal_device_id of a gimbal whose messages the autopilot sends, stamped by the autopilot's clock."""
 SWING_HZ = 0.15
 ROLL_LOCK_AND_PITCH_LOCK, YAW_LOCK, YAW_IN_VEHICLE_FRAME, YAW_IN_EARTH_FRAME = 12, 16, 32, 64
 FLAGS = {
@@ -23,11 +23,12 @@ FLAGS = {
     "old_lock": YAW_LOCK,
     "old_follow": 0,
 }
-"""How its messages tell yaw; the old ways have neither frame flag, and a delta_yaw that means nothing."""
+"""Yaw flags of the message by ``gimbal.yaw``; the old styles have neither frame flag, and their delta_yaw has no
+meaning."""
 
 
 class Gimbal:
-    """Where it looks, and what it says of that."""
+    """Orientation of the gimbal, and the message that reports it."""
 
     def __init__(self, options: Options, biases: DrawnBiases, flight: Flight) -> None:
         self._o, self._biases, self._flight = options.gimbal, biases, flight
@@ -37,12 +38,12 @@ class Gimbal:
             raise KeyError(f"no gimbal.yaw {self._o.yaw!r}: one of {', '.join(FLAGS)}")
 
     def ned_from_gimbal(self, flight_s: float) -> Matrix:
-        """As it really is; x looks, y is the picture's right."""
+        """True orientation; x is the optical axis, y the image's right."""
         pitch, yaw = self._angles(flight_s)
         return matrix_from_euler(0.0, pitch, yaw + self._flight.at(flight_s).euler[2])
 
     def fields(self, flight_s: float, stamp_ms: int) -> dict[str, Any]:
-        """The message, with errors of its own and the heading's where it counts from north."""
+        """Fields of the message: with the gimbal's own errors, and the heading's error where yaw counts from north."""
         pitch, yaw = self._angles(flight_s)
         heading = self._flight.at(flight_s).euler[2] + radians(self._biases.heading_deg)
         if self._o.yaw in ("north", "old_lock"):
@@ -69,7 +70,7 @@ class Gimbal:
         }
 
     def _angles(self, t: float) -> tuple[float, float]:
-        """Pitch, and yaw from the vehicle's heading."""
+        """Pitch, and yaw from the vehicle's heading, radians."""
         w = 2.0 * pi * SWING_HZ
         pitch_deg = self._o.pitch_deg + self._o.swing_deg * sin(w * t)
         return radians(pitch_deg), radians(self._o.yaw_deg + self._o.swing_deg * cos(0.7 * w * t))

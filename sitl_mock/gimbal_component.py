@@ -1,4 +1,4 @@
-"""A gimbal that speaks for itself, by a clock of its own, behind the autopilot's link."""
+"""A gimbal that is its own MAVLink component, with its own clock, behind the autopilot's link."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from sitl_mock.radio import Radio
 
 
 class GimbalComponent:
-    """A MAVLink component with its own ids and sequence."""
+    """MAVLink component of the gimbal, with its own ids and sequence."""
 
     def __init__(
         self,

@@ -1,6 +1,6 @@
-"""The ground as a picture from above: soil, grass and stones at several scales, with the tags lying on it.
+"""Top view of the ground: soil, grass and stones at several scales, with the tags on it.
 
-numpy and cv2 are needed here and in :mod:`sitl_mock.render` alone.
+Only this module and :mod:`sitl_mock.render` need numpy and cv2.
 """
 
 from __future__ import annotations
@@ -16,23 +16,23 @@ from sitl_mock.tags import WITH_MARGIN, GroundTag
 Picture = NDArray[np.uint8]
 
 HALF_M = 40.0
-"""The picture reaches so far from its centre; beyond it there is haze."""
+"""Half side of the picture, metres; beyond it there is haze."""
 TEXEL_M = 0.02
-"""About a camera pixel's width on the ground from 12 m."""
+"""Side of a texel, metres: about the width of a camera pixel on the ground from 12 m."""
 HAZE = 118
 FADE_M = 8.0
-"""Over the last metres the ground fades into the haze."""
+"""Width of the border in which the ground fades into the haze, metres."""
 SCALES_M = ((11.0, 14.0), (3.7, 13.0), (1.3, 12.0), (0.45, 13.0), (0.15, 13.0), (0.06, 10.0))
-"""(size of a patch, how much it differs in grey levels): their sizes are no multiples of one another."""
+"""(patch size in metres, contrast in grey levels); no size is a multiple of another."""
 STONES = 2600
 OVERSAMPLED = 8
-"""Per texel and axis, when a tag is drawn."""
+"""Subsamples per texel and axis, when a tag is drawn."""
 BLACK, WHITE = 25, 225
-"""Printed paper in daylight."""
+"""Grey levels of printed paper in daylight."""
 
 
 class Ground:
-    """Grey levels by (north, east)."""
+    """Grey levels of the ground by (north, east)."""
 
     def __init__(self, centre: tuple[float, float], tags: Sequence[GroundTag], seed: int) -> None:
         self.centre = centre
@@ -42,25 +42,25 @@ class Ground:
 
     @property
     def size(self) -> int:
-        """Texels along a side."""
+        """Texels per side."""
         return int(self.picture.shape[0])
 
     def texel(self, north: NDArray[np.float64], east: NDArray[np.float64]) -> tuple[NDArray[np.float32], ...]:
-        """(x, y) in the picture of places on the ground: x east, y south, (0, 0) the centre of its first texel."""
+        """(x, y) in the picture of places on the ground: x east, y south, (0, 0) the centre of the first texel."""
         middle = (self.size - 1) / 2.0
         x = (east - self.centre[1]) / TEXEL_M + middle
         y = middle - (north - self.centre[0]) / TEXEL_M
         return x.astype(np.float32), y.astype(np.float32)
 
     def _lay(self, tag: GroundTag) -> None:
-        """Draws a tag, each texel the mean of many points."""
+        """Draws a tag; each texel is the mean of many points."""
         corners = [tag.point(*at) for at in ((-1.25, -1.25), (1.25, -1.25), (1.25, 1.25), (-1.25, 1.25))]
         x, y = self.texel(np.array([n for n, _ in corners]), np.array([e for _, e in corners]))
         left, top = int(x.min()) - 1, int(y.min()) - 1
         width, height = int(x.max()) + 3 - left, int(y.max()) + 3 - top
         if left < 0 or top < 0 or left + width > self.size or top + height > self.size:
             return
-        # The board's picture, a module a texel of it, onto the ground: three corners tell the affine map.
+        # Maps the board's picture (one texel per module) onto the ground: three corners determine the affine map.
         fine_x = (x - left + 0.5) * OVERSAMPLED - 0.5
         fine_y = (y - top + 0.5) * OVERSAMPLED - 0.5
         there = np.stack([fine_x, fine_y], axis=1)[:3].astype(np.float32)
@@ -78,7 +78,7 @@ class Ground:
 
 
 def board_picture(tag_id: int) -> Picture:
-    """(10, 10): a module a pixel, the white margin included."""
+    """Picture of a tag's board, (10, 10): one pixel per module, the white margin included."""
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
     modules = cv2.aruco.generateImageMarker(dictionary, tag_id, WITH_MARGIN - 2)
     printed = np.where(modules > 127, WHITE, BLACK).astype(np.uint8)
@@ -100,7 +100,7 @@ def _soil(rng: np.random.Generator) -> Picture:
 
 
 def _strew(soil: NDArray[np.float32], rng: np.random.Generator) -> None:
-    """Stones and tufts: what a real ground has that is no noise."""
+    """Adds stones and tufts: structures of real ground that noise does not have."""
     size = soil.shape[0]
     places = rng.uniform(0, size, (STONES, 2)).astype(int)
     radii = rng.gamma(1.6, 0.05 / TEXEL_M, STONES)

@@ -1,4 +1,4 @@
-"""INS_GYRO_FILTER: the two-pole low-pass behind which an autopilot's body rates come."""
+"""INS_GYRO_FILTER: the two-pole low-pass filter of the autopilot's body rates."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from sitl_mock.flight import Flight
 from sitl_mock.rotation import Vector
 
 SAMPLE_HZ = 1000.0
-"""A common gyro's rate; the filter runs on each sample."""
+"""Sample rate of a common gyro; the filter runs on each sample."""
 KEPT_S = 0.5
-"""How far back an output can still be asked for."""
+"""Age of the oldest output that is kept, seconds."""
 SETTLING_S = 0.3
-"""Run before the first instant asked for: many time constants of any filter that flies."""
+"""Settling time before the first requested instant, seconds: many time constants of any filter in use."""
 
 
 class TwoPole:
-    """One axis: Butterworth, bilinear with the cut-off prewarped, as autopilots do it."""
+    """Butterworth low-pass of one axis: bilinear transform with the cut-off prewarped, as in autopilots."""
 
     __slots__ = ("_a1", "_a2", "_b0", "_d1", "_d2")
 
@@ -30,11 +30,11 @@ class TwoPole:
         self._d1 = self._d2 = 0.0
 
     def start_at(self, value: float) -> None:
-        """Settled on a constant."""
+        """Sets the steady state of a constant input."""
         self._d1 = self._d2 = value / (1.0 + self._a1 + self._a2)
 
     def step(self, value: float) -> float:
-        """One sample through the filter."""
+        """Filters one sample."""
         d1, d2 = self._d1, self._d2
         d0 = value - self._a1 * d1 - self._a2 * d2
         self._d2, self._d1 = d1, d0
@@ -42,7 +42,7 @@ class TwoPole:
 
 
 class Gyro:
-    """The filtered rates of a flight, at instants that mostly go forward."""
+    """Filtered body rates of a flight, for instants in mostly ascending order."""
 
     def __init__(self, flight: Flight, cutoff_hz: float) -> None:
         self._flight = flight
@@ -52,7 +52,7 @@ class Gyro:
         self._filters: list[TwoPole] = []
 
     def rates(self, flight_s: float) -> Vector:
-        """(p, q, r), rad/s, as the autopilot has them at this instant."""
+        """Filtered body rates (p, q, r) at an instant, rad/s."""
         if self._cutoff_hz <= 0.0:
             return self._flight.rates(flight_s)
         index = flight_s * SAMPLE_HZ

@@ -1,4 +1,4 @@
-"""A hand that holds the vehicle: it swings it to no rhythm, and turns it by a quarter now and then."""
+"""Motion of a vehicle held by hand: aperiodic swings, and quarter turns at intervals."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from random import Random
 from sitl_mock.options import FlightOptions
 
 SLOWEST_HZ, FASTEST_HZ = 0.5, 1.7
-"""Of an arm that shakes something it does not want to drop."""
+"""Range of swing frequencies: an arm that shakes something it must not drop."""
 SHARES = (1.0, 0.7, 0.5)
-"""Of the swings that make up one: their rhythms never meet again."""
+"""Relative amplitudes of the sines of one swing; their frequencies are incommensurate."""
 TURN_S = 1.6
-"""So long a quarter turn takes."""
+"""Duration of a quarter turn, seconds."""
 STARTING_S = 1.0
 
 AngleAndRate = tuple[float, float]
 
 
 class Hand:
-    """Roll, pitch and yaw that a hand adds, with their rates, at any instant."""
+    """Roll, pitch and yaw added by the hand, with their rates, at any instant."""
 
     def __init__(self, options: FlightOptions, rng: Random) -> None:
         self._o = options
@@ -43,7 +43,7 @@ class Hand:
         return roll, pitch, (yaw[0] + turn, yaw[1] + turn_rate)
 
     def share(self, t: float) -> AngleAndRate:
-        """How much of the shaking there is: none while it is held still."""
+        """(fraction of the full shaking, its rate): 0 while the vehicle is held still."""
         if self._o.shake_from_s <= 0.0:
             return 1.0, 0.0
         return _eased(t - self._o.shake_from_s, STARTING_S)
@@ -55,7 +55,7 @@ class Hand:
         return share * angle, share * rate + share_rate * angle
 
     def _turned(self, t: float) -> AngleAndRate:
-        """To and fro: there after one pause, back after the next."""
+        """(angle, rate) of the quarter turns: one way after the first pause, back after the next."""
         since_s, pause_s = t - self._o.shake_from_s, self._o.quarter_turn_s
         if pause_s <= 0.0 or since_s < pause_s:
             return 0.0, 0.0
@@ -66,6 +66,6 @@ class Hand:
 
 
 def _eased(since_s: float, lasts_s: float) -> AngleAndRate:
-    """From 0 to 1 without a jerk, and its rate."""
+    """Smooth step from 0 to 1 without a jump in rate, and its rate."""
     x = min(1.0, max(0.0, since_s / lasts_s))
     return x * x * (3.0 - 2.0 * x), 6.0 * x * (1.0 - x) / lasts_s

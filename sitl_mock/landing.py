@@ -1,4 +1,6 @@
-"""Who consumes LANDING_TARGET, and how: old ArduPilot, new ArduPilot, PX4. Each accepts or says why not."""
+"""Consumers of LANDING_TARGET: old ArduPilot, new ArduPilot, PX4. Each accepts a message or names the reason for
+refusal.
+"""
 
 from __future__ import annotations
 
@@ -16,23 +18,23 @@ LOCAL_NED, BODY_FRD, LOCAL_FRD = 1, 12, 20
 
 @dataclass(frozen=True)
 class Situation:
-    """The vehicle when a message arrives, as it truly is."""
+    """True situation of the vehicle when a message arrives."""
 
     lagged: State
-    """PLND_LAG ago: what ArduPilot pairs a measurement with."""
+    """State PLND_LAG earlier: ArduPilot pairs a measurement with it."""
     now: State
     height_m: float
-    """Above the ground, by the rangefinder and the tilt."""
+    """Height above the ground, by the rangefinder and the tilt, metres."""
     projection: LocalProjection
     world: World
 
 
 @dataclass(frozen=True)
 class Landing:
-    """What a consumer made of one message: a target in the world's NED, or why there is none."""
+    """Result of one message: a target position in the world's NED, or the reason for refusal."""
 
     reason: str
-    """Empty: accepted."""
+    """Reason for refusal; empty: accepted."""
     position: Vector | None = None
 
 
@@ -40,14 +42,14 @@ Consumer = Callable[[dict[str, Any], Situation], Landing]
 
 
 def ardupilot_old(fields: dict[str, Any], situation: Situation) -> Landing:
-    """ArduPilot before 4.7: the frame counts only where the position is valid."""
+    """ArduPilot before 4.7: the frame is evaluated only where position_valid is set."""
     if fields["position_valid"] == 1 and fields["frame"] != BODY_FRD:
         return Landing("frame_not_supported")
     return _ardupilot(fields, situation, _from_body)
 
 
 def ardupilot_new(fields: dict[str, Any], situation: Situation) -> Landing:
-    """ArduPilot from 4.7: the frame is looked at first, for angles too; LOCAL_FRD has the yaw's sign wrong."""
+    """ArduPilot from 4.7: the frame is checked first, for angles too; LOCAL_FRD has the yaw's sign wrong."""
     if fields["frame"] not in (BODY_FRD, LOCAL_FRD):
         return Landing("frame_not_supported")
     rotate = _from_body if fields["frame"] == BODY_FRD else _yawed_backwards
@@ -55,7 +57,7 @@ def ardupilot_new(fields: dict[str, Any], situation: Situation) -> Landing:
 
 
 def px4(fields: dict[str, Any], situation: Situation) -> Landing:
-    """PX4: LOCAL_NED from its local origin; angles are taken as tangents, at the attitude of the arrival."""
+    """PX4: LOCAL_NED from its local origin; angles are read as tangents, at the attitude of the arrival."""
     if fields["position_valid"]:
         local = (fields["x"], fields["y"], fields["z"])
         if fields["frame"] != LOCAL_NED:
@@ -83,7 +85,8 @@ def _ardupilot(fields: dict[str, Any], situation: Situation, rotate: Callable[[S
             return Landing("not_finite")
         if distance <= 0.0:
             return Landing("distance_not_positive")
-        # It divides by the distance and multiplies by it again: a distance that is not the norm hurts elsewhere.
+        # ArduPilot divides by the distance and multiplies by it again: a distance that differs from the norm does harm
+        # elsewhere, not here.
         return Landing("", plus(state.position, rotate(state, vector)))
     angles = (fields["angle_x"], fields["angle_y"])
     if not _finite(*angles):
@@ -93,7 +96,7 @@ def _ardupilot(fields: dict[str, Any], situation: Situation, rotate: Callable[[S
 
 
 def _along(ray: Vector, distance: float, state: State, situation: Situation) -> Landing:
-    """A line of sight, ended by a told distance or by the height of the rangefinder."""
+    """End of a line of sight: at the reported distance, or on the ground by the rangefinder's height."""
     length = norm(ray)
     unit = (ray[0] / length, ray[1] / length, ray[2] / length)
     if unit[2] <= 1e-3:
@@ -108,7 +111,7 @@ def _from_body(state: State, vector: Vector) -> Vector:
 
 
 def _yawed_backwards(state: State, vector: Vector) -> Vector:
-    """LOCAL_FRD as it shipped: turned by -yaw where +yaw was meant."""
+    """Vector in NED from LOCAL_FRD as ArduPilot released it: turned by -yaw in place of +yaw."""
     yaw = -state.euler[2]
     turned: Matrix = ((cos(yaw), -sin(yaw), 0.0), (sin(yaw), cos(yaw), 0.0), (0.0, 0.0, 1.0))
     return apply(turned, vector)

@@ -8,11 +8,11 @@ from sitl_mock.options import CameraOptions
 from sitl_mock.rotation import Vector
 
 Pixel = tuple[float, float]
-"""u, v; the centre of the first pixel is (0, 0)."""
+"""Pixel (u, v); the centre of the first pixel is (0, 0)."""
 
 
 class Lens:
-    """Projects what the camera sees. Pixel (0, 0) is the centre of the top-left pixel."""
+    """Lens and sensor: projects points to pixels. Pixel (0, 0) is the centre of the top-left pixel."""
 
     def __init__(self, options: CameraOptions) -> None:
         self._k = options.k_mm
@@ -22,7 +22,7 @@ class Lens:
         self._max_angle = radians(options.max_angle_deg)
 
     def pixel(self, point: Vector) -> Pixel:
-        """(u, v) of a point in the camera frame (x right, y down, z forward); inf beyond the lens."""
+        """Pixel (u, v) of a point in the camera frame (x right, y down, z forward); inf outside the lens's range."""
         x, y, z = point
         across = hypot(x, y)
         theta = atan2(across, z)

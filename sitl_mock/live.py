@@ -1,4 +1,4 @@
-"""The mock at the pace of the real clock, over a real link: one loop, no threads."""
+"""The mock in real time over a real link: one loop, no threads."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from sitl_mock.simulate import Event, Simulation
 from sitl_mock.transports import open_transport, wait
 
 LONGEST_WAIT_S = 0.1
-"""So that a signal is seen soon."""
+"""Longest wait, seconds: a stop signal is noticed within this time."""
 
 
 class Plan(NamedTuple):
-    """Where everything goes; "" is nowhere."""
+    """Destinations of all outputs; "" is an output that is not used."""
 
     connect: str
     detections: str = ""
@@ -31,9 +31,9 @@ class Plan(NamedTuple):
 def run(
     options: Options, plan: Plan, stopped: Callable[[], bool], say: Callable[[str], None], start_ns: int = 0
 ) -> None:
-    """Flies until the end or until it is stopped. Raises ValueError or OSError for what cannot be opened.
+    """Runs the flight until its end or a stop. Raises ValueError or OSError for a link or output that cannot be opened.
 
-    ``start_ns``: when the flight begins on the monotonic clock, so that others can fly the same; 0: now.
+    ``start_ns``: start of the flight on the monotonic clock, so that other processes can run the same flight; 0: now.
     """
     with ExitStack() as opened:
         transport = opened.enter_context(closing(open_transport(plan.connect)))
@@ -52,7 +52,7 @@ def run(
 
 
 def _outputs(plan: Plan, simulation: Simulation, opened: ExitStack) -> Callable[[Event], None]:
-    """Opens what the plan names; a function that hands an event to those it concerns."""
+    """Opens the outputs of the plan; returns a function that passes an event to the outputs that use it."""
     sinks: list[Callable[[Event], None]] = []
     if plan.detections:
         socket = opened.enter_context(closing(Detections(plan.detections)))

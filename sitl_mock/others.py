@@ -1,4 +1,6 @@
-"""Who else is on the network: a foreign TIMESYNC speaker, a second vehicle, a ground station that takes the rates."""
+"""Other participants on the network: a foreign TIMESYNC component, a second vehicle, a ground station that changes
+rates.
+"""
 
 from __future__ import annotations
 
@@ -13,14 +15,14 @@ from sitl_mock.radio import Radio
 from sitl_mock.streams import GROUPS
 
 FOREIGN_CLOCK_NS = 98_765_432_109_876
-"""Its clock minus the host's: more than a day off."""
+"""Clock of the foreign component minus the host's, ns: more than a day."""
 STOLEN_HZ = 4.0
 SECOND_NS = 1_000_000_000
 ONBOARD, GROUND_STATION, PLANE, NO_AUTOPILOT = 18, 6, 1, 8
 
 
 class Others:
-    """Each speaks through the vehicle's link, with its own ids and sequence."""
+    """Other participants; each sends through the vehicle's link, with its own ids and sequence."""
 
     def __init__(
         self,
@@ -47,7 +49,7 @@ class Others:
             agenda.at(start_host_ns + round(self._o.rates_stolen_every_s * 1e9), self._steal)
 
     def hear_timesync(self, heard: Heard, now_ns: int) -> None:
-        """The foreigner answers what was never meant for it."""
+        """Answers, as the foreign component, a TIMESYNC request that was not meant for it."""
         if self._o.foreign_timesync and heard.fields["tc1"] == 0:
             answer = {"tc1": now_ns + FOREIGN_CLOCK_NS, "ts1": heard.fields["ts1"]}
             self._say(self._foreigner, "TIMESYNC", answer, now_ns)
@@ -85,7 +87,9 @@ class Others:
         self._agenda.at(at_ns + SECOND_NS, self._ground_heartbeat)
 
     def _steal(self, at_ns: int) -> None:
-        """A REQUEST_DATA_STREAM of 4 Hz arrives; what it does not name stays."""
+        """Applies a REQUEST_DATA_STREAM of 4 Hz; messages outside the groups keep their rates, ATTITUDE_QUATERNION
+        stops.
+        """
         for names in GROUPS.values():
             for name in names:
                 self._broadcast.set_rate(name, STOLEN_HZ, at_ns)

@@ -1,4 +1,4 @@
-"""Where detections and the truth go: a UDP or Unix address, or files."""
+"""Outputs of detections and truth: a UDP or Unix address, or files."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from sitl_mock.transports import port_from
 
 
 class Detections:
-    """HOST:PORT or unix:PATH, datagrams that nobody need receive."""
+    """Sends detections as datagrams to HOST:PORT or unix:PATH; a receiver is not required."""
 
     def __init__(self, address: str) -> None:
         self._target: Any
@@ -25,14 +25,14 @@ class Detections:
         else:
             match = re.fullmatch(r"(?:udpout:)?(?://)?\[?(.*?)]?:(\d+)", address)
             if not match:
-                raise ValueError(f"{address!r} is no address for detections: HOST:PORT or unix:PATH")
+                raise ValueError(f"{address!r} is not an address for detections: expected HOST:PORT or unix:PATH")
             family = socket.AF_INET6 if ":" in match[1] else socket.AF_INET
             self._target = (match[1], port_from(match[2], address))
             self._socket = socket.socket(family, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
 
     def send(self, frame: dict[str, Any]) -> None:
-        """One frame, or nothing where nobody listens."""
+        """Sends one frame; it is lost where there is no receiver."""
         with contextlib.suppress(OSError):
             self._socket.sendto(datagram(frame), self._target)
 
@@ -42,14 +42,14 @@ class Detections:
 
 
 class DetectionFile:
-    """A .jsonl of detections, each with the instant of its arrival."""
+    """JSON Lines file of detections, each with its instant of arrival."""
 
     def __init__(self, path: Path, unix_minus_host_s: float) -> None:
         self._file = path.open("w", encoding="utf-8")
         self._unix_minus_host_s = unix_minus_host_s
 
     def write(self, frame: dict[str, Any], host_ns: int) -> None:
-        """One line."""
+        """Writes one line."""
         received_unix = round(host_ns * 1e-9 + self._unix_minus_host_s, 6)
         self._file.write(truth.json_line({**frame, "received_unix": received_unix}))
 
@@ -59,7 +59,7 @@ class DetectionFile:
 
 
 class TruthFile:
-    """Header at once, lines as they come, what became of LANDING_TARGET and the summary at the end."""
+    """Truth file: header at once, one line per event, LANDING_TARGET results and the summary at the end."""
 
     def __init__(self, path: Path, simulation: Simulation) -> None:
         self._simulation = simulation
@@ -68,12 +68,12 @@ class TruthFile:
         self._file.flush()
 
     def take(self, event: Event) -> None:
-        """Keeps what is truth."""
+        """Writes an event that is part of the truth."""
         if isinstance(event[1], FrameTruth | VehicleTruth):
             self._write(truth.line(event[1]))
 
     def close(self) -> None:
-        """The last lines."""
+        """Writes the last lines and closes the file."""
         for accepted in self._simulation.vehicle.precland.accepted:
             self._write({"type": "landing", **accepted})
         self._write(truth.summary(self._simulation))

@@ -1,4 +1,4 @@
-"""The parameters: read, listed, set."""
+"""The parameter protocol: read, list, set."""
 
 from __future__ import annotations
 
@@ -15,10 +15,12 @@ INT32, REAL32 = 6, 9
 
 
 class Parameters:
-    """Name to value; setting one takes effect at the next reboot where the autopilot's would, so: never here."""
+    """Values by parameter name. A set value is stored and reported, but not applied: an autopilot applies it at its
+    next reboot.
+    """
 
     def __init__(self, options: AutopilotOptions, agenda: Agenda, radio: Radio, more: dict[str, float]) -> None:
-        """``more``: parameters beside the usual ones."""
+        """``more``: parameters in addition to the usual ones."""
         self._agenda, self._radio = agenda, radio
         self._listing_ns = round(options.parameter_interval_s * 1e9)
         self.values = {**_values(options), **more}
@@ -28,23 +30,23 @@ class Parameters:
         names = list(self.values)
         index = heard.fields["param_index"]
         if 0 <= index < len(names):
-            self._tell(names[index], now_ns)
+            self._send_value(names[index], now_ns)
         elif index < 0 and heard.fields["param_id"] in self.values:
-            self._tell(heard.fields["param_id"], now_ns)
+            self._send_value(heard.fields["param_id"], now_ns)
 
     def list(self, _heard: Heard, now_ns: int) -> None:
-        """PARAM_REQUEST_LIST: all of them, paced."""
+        """PARAM_REQUEST_LIST: sends all parameters, paced."""
         for number, name in enumerate(self.values):
-            self._agenda.at(now_ns + number * self._listing_ns, partial(self._tell, name))
+            self._agenda.at(now_ns + number * self._listing_ns, partial(self._send_value, name))
 
     def set(self, heard: Heard, now_ns: int) -> None:
-        """PARAM_SET: what is known is changed and told."""
+        """PARAM_SET: changes a known parameter and sends its new value."""
         name, value = heard.fields["param_id"], heard.fields["param_value"]
         if name in self.values and isfinite(value):
             self.values[name] = value
-            self._tell(name, now_ns)
+            self._send_value(name, now_ns)
 
-    def _tell(self, name: str, at_ns: int) -> None:
+    def _send_value(self, name: str, at_ns: int) -> None:
         value = self.values[name]
         fields: dict[str, Any] = {
             "param_id": name.encode(),

@@ -1,4 +1,4 @@
-"""Paths over the ground: position with its first three derivatives, about the flight centre."""
+"""Paths over the ground: position with its first three derivatives, relative to the flight centre."""
 
 from __future__ import annotations
 
@@ -12,27 +12,29 @@ Pair = tuple[float, float]
 
 
 class Path(NamedTuple):
-    """North and east: where, how fast, and two derivatives more (for the heading's rate and the bank's)."""
+    """North and east: position, velocity, acceleration and jerk (the rates of heading and bank need the last two)."""
 
     at: Pair
     velocity: Pair
     acceleration: Pair
     jerk: Pair
     up: Pair | None = None
-    """Height above the ground and its rate, where the pattern has its own."""
+    """Height above the ground and its rate, where the pattern defines them."""
     heading_deg: Pair | None = None
-    """Heading and its rate, where the pattern has its own."""
+    """Heading and its rate, where the pattern defines them."""
 
 
 class Pattern:
-    """north = a sin(s), east = b sin(m s + phase); s grows evenly, so that the mean speed is the one asked for."""
+    """north = a sin(s), east = b sin(m s + phase); s grows linearly at the rate that gives the configured mean
+    speed.
+    """
 
     def __init__(self, options: FlightOptions) -> None:
         self._a, self._b = options.half_axes_m
         self._phase = options.start_phase_deg * pi / 180.0
         self._still: Pair | None = None
         self._waypoints = Waypoints(options.waypoints) if options.pattern == "waypoints" else None
-        # (multiple of s, phase) of east: an ellipse runs a quarter ahead, a figure eight twice as fast.
+        # (multiple of s, phase) of east: an ellipse leads by a quarter turn, a figure eight has twice the frequency.
         self._m, self._east_phase = {"figure_eight": (2.0, 0.0)}.get(options.pattern, (1.0, pi / 2.0))
         if options.pattern in ("hover", "hand"):
             self._still = options.offset_m
@@ -41,7 +43,7 @@ class Pattern:
         self._s_rate = options.speed_m_s * 2.0 * pi / self._length()
 
     def at(self, flight_s: float) -> Path:
-        """The path at an instant."""
+        """Path at an instant."""
         if self._waypoints is not None:
             north, east, up, heading = self._waypoints.at(flight_s)
             at, velocity, acceleration, jerk = zip(north, east, strict=True)

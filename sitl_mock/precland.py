@@ -1,4 +1,6 @@
-"""The autopilot's end of LANDING_TARGET: every message judged by its consumer, and kept for the report."""
+"""The autopilot's receiver of LANDING_TARGET: its consumer judges every message, and the results are kept for the
+report.
+"""
 
 from __future__ import annotations
 
@@ -15,12 +17,12 @@ from sitl_mock.rotation import minus, norm
 from sitl_mock.scene import Target
 
 KEPT = 20_000
-"""Accepted targets: more than half an hour at 10 Hz."""
+"""Most accepted targets kept: more than half an hour at 10 Hz."""
 WARNING, INFO = 4, 6
 
 
 class PrecisionLanding:
-    """``accepted`` and ``refused``: what became of what was sent."""
+    """Results of the received messages: ``accepted``, and ``refused`` counted by reason."""
 
     def __init__(
         self,
@@ -31,7 +33,9 @@ class PrecisionLanding:
         peer_ns: Callable[[int], int | None],
         radio: Radio,
     ) -> None:
-        """``peer_ns``: a host instant by the clock that answers the autopilot's TIMESYNC; None before it did."""
+        """``peer_ns``: converts a host instant to the clock that answers the autopilot's TIMESYNC; None before the
+        first answer.
+        """
         self._o, self._belief, self._scene = options, belief, scene
         self._flight_s, self._peer_ns, self._radio = flight_s, peer_ns, radio
         self.name = options.landing_consumer or ("px4" if options.firmware == "px4" else "ardupilot_new")
@@ -59,7 +63,7 @@ class PrecisionLanding:
             self._accept(heard, t, landing.position, now_ns)
 
     def summary(self) -> dict[str, Any]:
-        """For the truth file."""
+        """Summary for the truth file."""
         errors = [one["error_m"] for one in self.accepted]
         return {
             "consumer": self.name,
@@ -72,11 +76,11 @@ class PrecisionLanding:
     def _refuse(self, reason: str, now_ns: int) -> None:
         self.refused[reason] += 1
         if reason == "frame_not_supported" and self.refused[reason] == 1:
-            self._radio.tell(WARNING, "Plnd: Frame not supported", now_ns)
+            self._radio.statustext(WARNING, "Plnd: Frame not supported", now_ns)
 
     def _accept(self, heard: Heard, t: float, position: tuple[float, float, float], now_ns: int) -> None:
         if not self.accepted and self.name != "px4":
-            self._radio.tell(INFO, "PrecLand: Target Found", now_ns)
+            self._radio.statustext(INFO, "PrecLand: Target Found", now_ns)
         if len(self.accepted) >= KEPT:
             return
         errors = [(norm(minus(position, target.at(t))), i) for i, target in enumerate(self._scene)]
@@ -100,6 +104,6 @@ class PrecisionLanding:
         )
 
     def _age_s(self, time_usec: int, now_ns: int) -> float | None:
-        """How old the capture is, if time_usec is on the peer's clock."""
+        """Age of the capture, if time_usec is on the peer's clock; None before the first TIMESYNC answer."""
         peer_ns = self._peer_ns(now_ns)
         return None if peer_ns is None else (peer_ns - time_usec * 1000) * 1e-9

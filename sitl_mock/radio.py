@@ -1,4 +1,4 @@
-"""The autopilot's way out: its own frames and those of others behind its link, on a wire with faults."""
+"""The autopilot's downlink: its own frames and those of the components behind its link, on a wire with faults."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from sitl_mock.wire import Wire
 
 
 class Radio:
-    """``taken()``: each piece of bytes with the instant at which it arrives at the companion."""
+    """Downlink; ``taken()`` returns each piece of bytes with its instant of arrival at the companion."""
 
     def __init__(self, options: Options, start_host_ns: int) -> None:
         self._wire = Wire(options.downlink, start_host_ns, Random(f"{options.seed}/downlink"))
@@ -20,27 +20,27 @@ class Radio:
         self._out: list[tuple[int, bytes]] = []
 
     def say(self, name: str, fields: dict[str, Any], at_ns: int) -> None:
-        """Sends a message of the autopilot, unless it is down."""
+        """Sends a message of the autopilot, unless the autopilot is down."""
         if not self.is_down(at_ns):
             self.put(self._speaker.frame(name, fields), at_ns)
 
-    def tell(self, severity: int, text: str, at_ns: int) -> None:
-        """STATUSTEXT."""
+    def statustext(self, severity: int, text: str, at_ns: int) -> None:
+        """Sends a STATUSTEXT."""
         self.say("STATUSTEXT", {"severity": severity, "text": text.encode()[:50]}, at_ns)
 
     def put(self, frame: bytes, at_ns: int) -> None:
-        """Hands a frame, whoever made it, to the wire."""
+        """Puts an encoded frame of any component on the wire."""
         self._out.extend(self._wire.carry(frame, at_ns))
 
     def down_until(self, back_ns: int) -> None:
-        """The autopilot neither speaks nor hears before that."""
+        """Sets the instant until which the autopilot neither sends nor receives."""
         self._down_until = back_ns
 
     def is_down(self, at_ns: int) -> bool:
-        """Whether it is down at this instant."""
+        """Whether the autopilot is down at this instant."""
         return at_ns < self._down_until
 
     def taken(self) -> list[tuple[int, bytes]]:
-        """What was sent since this was asked last."""
+        """Returns what was sent since the last call."""
         out, self._out = self._out, []
         return out

@@ -1,4 +1,4 @@
-"""A flight in invented time, written as a recording: telemetry.tlog, detections.jsonl, truth.jsonl, truth.csv."""
+"""A simulated flight written as a recording: telemetry.tlog, detections.jsonl, truth.jsonl, truth.csv."""
 
 from __future__ import annotations
 
@@ -12,26 +12,31 @@ from sitl_mock.options import Options
 from sitl_mock.outputs import DetectionFile, TruthFile
 from sitl_mock.simulate import Simulation
 
-ASKED_HZ = {"ATTITUDE_QUATERNION": 100.0, "GLOBAL_POSITION_INT": 10.0, "HOME_POSITION": 0.2, "GPS_GLOBAL_ORIGIN": 0.2}
+DEFAULT_RATES_HZ = {
+    "ATTITUDE_QUATERNION": 100.0,
+    "GLOBAL_POSITION_INT": 10.0,
+    "HOME_POSITION": 0.2,
+    "GPS_GLOBAL_ORIGIN": 0.2,
+}
 SET_INTERVAL, SECOND_NS, TENTH_NS = 511, 1_000_000_000, 100_000_000
 
 
-class StandingPeer:
-    """The least a companion does: a heartbeat and a few rates each second or so, TIMESYNC ten times a second."""
+class MinimalPeer:
+    """Minimal companion: TIMESYNC ten times a second, a heartbeat each second, rate requests every five seconds."""
 
     def __init__(self, start_host_ns: int, rates_hz: dict[str, float] | None = None) -> None:
         self._speaker = Speaker(1, 191)
-        self._rates_hz = ASKED_HZ if rates_hz is None else rates_hz
+        self._rates_hz = DEFAULT_RATES_HZ if rates_hz is None else rates_hz
         self._beat = 0
         self._start = start_host_ns + 50_000_000
 
     @property
     def wake_at(self) -> int | None:
-        """Ten times a second."""
+        """Instant of the next timer, ten times a second."""
         return self._start + self._beat * TENTH_NS
 
     def on_wake(self, now_ns: int) -> list[bytes]:
-        """TIMESYNC; each second the heartbeat, every five the rates."""
+        """Sends TIMESYNC; each second the heartbeat, every five seconds the rate requests."""
         frames = [self._speaker.frame("TIMESYNC", {"tc1": 0, "ts1": now_ns + self._beat % 1000})]
         if self._beat % 10 == 0:
             fields = {"type": 18, "autopilot": 8, "base_mode": 0, "custom_mode": 0, "system_status": 4}
@@ -42,11 +47,11 @@ class StandingPeer:
         return frames
 
     def on_bytes(self, _data: bytes, _now_ns: int) -> list[bytes]:
-        """Listens to nothing."""
+        """Ignores the received bytes."""
         return []
 
     def on_frame(self, _frame: dict[str, Any], _now_ns: int) -> list[bytes]:
-        """Sees nothing."""
+        """Ignores the detections."""
         return []
 
     def _request(self, name: str, rate_hz: float) -> bytes:
@@ -56,27 +61,27 @@ class StandingPeer:
 
 
 class Recorded(Simulation):
-    """A simulation whose link is written to a .tlog, both ways."""
+    """Simulation that writes both directions of its link to a .tlog."""
 
     def __init__(self, options: Options, tlog: BinaryIO) -> None:
         super().__init__(options)
         self._tlog = tlog
 
     def on_bytes(self, data: bytes, now_ns: int) -> None:
-        """What the companion sends is written before it goes."""
+        """Writes the companion's bytes, then passes them on."""
         self.write(data, now_ns)
         super().on_bytes(data, now_ns)
 
     def write(self, data: bytes, host_ns: int) -> None:
-        """Unix microseconds, big endian, then the frame."""
+        """Writes a .tlog record: Unix microseconds, big endian, then the frame."""
         unix_us = host_ns // 1000 + round(self.unix_minus_host_s * 1e6)
         self._tlog.write(unix_us.to_bytes(8, "big") + data)
 
 
 def record(options: Options, folder: Path, rates_hz: dict[str, float] | None = None) -> Simulation:
-    """Writes the flight into the folder, as fast as it goes; the simulation, for what else is to be asked of it.
+    """Writes the flight into the folder, as fast as it can be computed; returns the simulation for further queries.
 
-    Whole frames and wall-clock stamps, whatever the options say: that is what recordings hold.
+    Whole frames and wall-clock stamps, whatever the options are: recordings hold these.
     """
     options = options.but({"downlink.byte_by_byte": False, "camera.stamp_clock": "time_unix"})
     folder.mkdir(parents=True, exist_ok=True)
@@ -85,7 +90,7 @@ def record(options: Options, folder: Path, rates_hz: dict[str, float] | None = N
         lines = DetectionFile(folder / "detections.jsonl", simulation.unix_minus_host_s)
         detections = opened.enter_context(closing(lines))
         truth_file = opened.enter_context(closing(TruthFile(folder / "truth.jsonl", simulation)))
-        for host_ns, what in simulation.drive(StandingPeer(simulation.start_host_ns, rates_hz)):
+        for host_ns, what in simulation.drive(MinimalPeer(simulation.start_host_ns, rates_hz)):
             if isinstance(what, bytes):
                 simulation.write(what, host_ns)
             elif isinstance(what, dict):

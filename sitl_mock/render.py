@@ -1,7 +1,7 @@
-"""What the camera sees: the ground through the mock's own lens, row by row, over the exposure, with noise.
+"""Rendered camera images: the ground through the mock's own lens, row by row, over the exposure, with noise.
 
-A coarse grid of exact rays is carried to the ground and filled in between: within the field of view the ground's map
-is smooth enough that 8 pixels of distance cost some hundredths of a pixel, and a frame takes milliseconds.
+A coarse grid of exact rays is intersected with the ground and interpolated: within the field of view the map from image
+to ground is smooth enough that a spacing of 8 pixels costs some hundredths of a pixel, and a frame takes milliseconds.
 """
 
 from __future__ import annotations
@@ -22,24 +22,24 @@ if TYPE_CHECKING:
     from sitl_mock.simulate import Simulation
 
 STEP = 8
-"""Pixels between the nodes of the grid."""
+"""Spacing of the grid's nodes, pixels."""
 PAD = 1
-"""Nodes beyond the image on each side: what lies at its edge is filled in, not continued."""
+"""Nodes beyond the image on each side: the image's edge is interpolated, not extrapolated."""
 SAMPLE_PX = 1.5
-"""Blur is the mean of pictures that are at most so far apart."""
+"""Largest spacing of the pictures whose mean is the motion blur, pixels."""
 MOST_SAMPLES = 9
 NOISE_LEVELS = 2.5
-"""Of the sensor, one sigma, grey levels of 255."""
+"""Sensor noise, one sigma, grey levels of 255."""
 LENS_BLUR_PX = 0.6
 STRAIGHT_DOWN_ENOUGH = 0.05
-"""Cosine from the vertical: a ray nearer to the horizon meets haze."""
+"""Smallest cosine from the vertical: a ray nearer to the horizon shows haze."""
 VIGNETTE = 0.25
-"""Darker in the corners by this share."""
+"""Fraction by which the corners are darker."""
 Array = NDArray[np.float64]
 
 
 class Eye:
-    """Renders any frame of a simulation, in any order; the same frame is always the same picture."""
+    """Renders any frame of a simulation, in any order; a frame always gives the same picture."""
 
     def __init__(self, simulation: Simulation) -> None:
         self._simulation = simulation
@@ -54,7 +54,7 @@ class Eye:
         self._noise = (NOISE_LEVELS * noise).astype(np.float32)
 
     def picture(self, frame: int) -> Picture:
-        """(height, width) grey levels."""
+        """Picture of a frame, (height, width) grey levels."""
         row0_s = self._camera.row0_s(frame)
         width, height = self._c.image_size
         samples = self._samples(row0_s)
@@ -68,13 +68,13 @@ class Eye:
         return picture
 
     def views(self, frame: int) -> list[TagView]:
-        """The truth about every tag in this frame."""
+        """Truth about every tag in this frame."""
         row0_s = self._camera.row0_s(frame)
         scene, exposure_s = self._simulation.scene, self._c.exposure_s
         return [tag_view(self._camera, scene, tag, row0_s, exposure_s) for tag in self._tags]
 
     def _samples(self, row0_s: float) -> int:
-        """Enough for the fastest row of the frame."""
+        """Number of pictures for the motion blur, enough for the fastest row of the frame."""
         readout_s = self._simulation.biases.readout_s
         rates = (
             self._simulation.flight.rates(row0_s + share * abs(readout_s)) for share in (0.0, 0.25, 0.5, 0.75, 1.0)
@@ -85,7 +85,7 @@ class Eye:
         return max(1, min(MOST_SAMPLES, ceil(blur_px / SAMPLE_PX)))
 
     def _instant(self, row0_s: float) -> Picture:
-        """The sharp picture of a shutter that opens for no time, row by row."""
+        """Sharp picture of an infinitely short exposure, row by row."""
         north, east = self._footprint(row0_s)
         x, y = self._ground.texel(north, east)
         beyond = {"borderMode": cv2.BORDER_CONSTANT, "borderValue": HAZE}
@@ -93,7 +93,7 @@ class Eye:
         return sharp
 
     def _footprint(self, row0_s: float) -> tuple[Array, Array]:
-        """North and east of where the grid's rays meet the ground, each row at its own instant."""
+        """North and east of the points where the grid's rays meet the ground, each row at its own instant."""
         readout_s, height = self._simulation.biases.readout_s, self._c.image_size[1]
         rows = _nodes(height)
         turned, places = np.empty((len(rows), 3, 3)), np.empty((len(rows), 3))
@@ -110,7 +110,7 @@ class Eye:
         return places[:, None, 0] + reach * ned[..., 0], places[:, None, 1] + reach * ned[..., 1]
 
     def _filled(self, grid: NDArray[np.float32]) -> NDArray[np.float32]:
-        """From the nodes to every pixel."""
+        """Interpolates the grid's nodes to every pixel."""
         rows, columns = grid.shape
         width, height = self._c.image_size
         full = cv2.resize(grid, (columns * STEP, rows * STEP), interpolation=cv2.INTER_LINEAR)
@@ -118,14 +118,14 @@ class Eye:
         return np.ascontiguousarray(full[edge : edge + height, edge : edge + width])
 
     def _noise_of(self, frame: int) -> NDArray[np.float32]:
-        """Another part of the same noise for each frame."""
+        """Noise of a frame: for each frame a different part of the same noise image."""
         width, height = self._c.image_size
         top, left = (frame * 197) % height, (frame * 331) % width
         return self._noise[top : top + height, left : left + width]
 
 
 def camera_rays(camera: CameraOptions) -> Array:
-    """(rows, columns, 3): unit rays in the camera frame of the grid's nodes."""
+    """Unit rays of the grid's nodes in the camera frame, (rows, columns, 3)."""
     width, height = camera.image_size
     u, v = np.meshgrid(_nodes(width), _nodes(height))
     x = (u - camera.principal_point[0]) / camera.pixels_per_mm[0]
@@ -137,7 +137,7 @@ def camera_rays(camera: CameraOptions) -> Array:
 
 
 def _angle(r: Array, camera: CameraOptions) -> Array:
-    """Theta by Newton's method: r(theta) is near to a straight line for any lens that this mock has."""
+    """Theta by Newton's method: r(theta) is almost linear for every lens of this mock."""
     k1, k2, k3, k4, k5 = camera.k_mm
     theta = r / k1
     for _ in range(8):
@@ -149,7 +149,7 @@ def _angle(r: Array, camera: CameraOptions) -> Array:
 
 
 def _nodes(pixels: int) -> Array:
-    """Where the nodes along an axis of so many pixels lie: in the middles of blocks."""
+    """Positions of the nodes along an axis of the image, at the centres of blocks."""
     return (np.arange(ceil(pixels / STEP) + 2 * PAD, dtype=np.float64) - PAD) * STEP + (STEP - 1) / 2.0
 
 

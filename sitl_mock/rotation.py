@@ -14,7 +14,7 @@ FORWARD_CAMERA: Matrix = ((0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 
 
 def matrix_from_euler(roll: float, pitch: float, yaw: float) -> Matrix:
-    """ned_from_body."""
+    """ned_from_body from Euler angles."""
     sr, cr, sp, cp, sy, cy = sin(roll), cos(roll), sin(pitch), cos(pitch), sin(yaw), cos(yaw)
     return (
         (cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr),
@@ -24,7 +24,7 @@ def matrix_from_euler(roll: float, pitch: float, yaw: float) -> Matrix:
 
 
 def quaternion_from_euler(roll: float, pitch: float, yaw: float) -> Quaternion:
-    """(w, x, y, z) of ned_from_body."""
+    """Quaternion (w, x, y, z) of ned_from_body from Euler angles."""
     sr, cr = sin(roll / 2), cos(roll / 2)
     sp, cp = sin(pitch / 2), cos(pitch / 2)
     sy, cy = sin(yaw / 2), cos(yaw / 2)
@@ -37,7 +37,7 @@ def quaternion_from_euler(roll: float, pitch: float, yaw: float) -> Quaternion:
 
 
 def matrix_from_rotation_vector(v: Vector) -> Matrix:
-    """Exp(v): Rodrigues' formula."""
+    """Exp(v), by Rodrigues' formula."""
     angle = hypot(*v)
     if angle < 1e-12:
         return IDENTITY
@@ -52,7 +52,7 @@ def matrix_from_rotation_vector(v: Vector) -> Matrix:
 
 
 def body_rates(roll: float, pitch: float, roll_rate: float, pitch_rate: float, yaw_rate: float) -> Vector:
-    """(p, q, r) in the body frame from the Euler angles' rates."""
+    """Body rates (p, q, r) from the rates of the Euler angles."""
     sr, cr, sp, cp = sin(roll), cos(roll), sin(pitch), cos(pitch)
     return (
         roll_rate - yaw_rate * sp,
@@ -62,27 +62,27 @@ def body_rates(roll: float, pitch: float, roll_rate: float, pitch_rate: float, y
 
 
 def times(a: Matrix, b: Matrix) -> Matrix:
-    """The product: a after b."""
+    """Matrix product: b is applied first, then a."""
     columns = transposed(b)
     return tuple(tuple(dot(row, column) for column in columns) for row in a)  # type: ignore[return-value]
 
 
 def apply(m: Matrix, v: Vector) -> Vector:
-    """The vector v, turned by m."""
+    """Vector v turned by m."""
     x, y, z = v
     (a, b, c), (d, e, f), (g, h, i) = m
     return (a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z)
 
 
 def apply_transposed(m: Matrix, v: Vector) -> Vector:
-    """The transpose of m, times v: the way back."""
+    """Transpose of m, times v: the inverse rotation."""
     x, y, z = v
     (a, b, c), (d, e, f), (g, h, i) = m
     return (a * x + d * y + g * z, b * x + e * y + h * z, c * x + f * y + i * z)
 
 
 def transposed(m: Matrix) -> Matrix:
-    """The transpose."""
+    """Transpose of a matrix."""
     return tuple(zip(*m, strict=True))  # type: ignore[return-value]
 
 
@@ -92,15 +92,15 @@ def dot(a: Vector, b: Vector) -> float:
 
 
 def plus(a: Vector, b: Vector) -> Vector:
-    """Sum."""
+    """Sum of two vectors."""
     return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
 
 
 def minus(a: Vector, b: Vector) -> Vector:
-    """Difference."""
+    """Difference of two vectors."""
     return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
 
 
 def norm(a: Vector) -> float:
-    """Length."""
+    """Length of a vector."""
     return sqrt(dot(a, a))

@@ -1,4 +1,4 @@
-"""Scenarios: named by the trouble, each only its difference from the default."""
+"""Scenarios: named by the problem, each given as its differences from the default."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ TAGS = tuple(
     TargetOptions(label=f"tag36h11:{number}", north=north, east=east)
     for number, north, east in ((3, 7.0, 4.0), (7, 1.0, -1.0), (11, -6.0, 5.0), (19, -7.0, -4.5), (23, 6.0, -5.0))
 )
-"""Ids, and metres from the flight centre."""
+"""Tag ids, and metres from the flight centre."""
 DEMO: dict[str, Any] = {
     "flight.pattern": "figure_eight",
     "flight.half_axes_m": (10.0, 6.0),
@@ -56,7 +56,7 @@ BY_HAND: dict[str, Any] = {
     "flight.heave_m": 0.002,
     "flight.wander_m": 0.03,
     "flight.fixed_heading_deg": 30.0,
-    "biases.attitude_roll_deg": 0.0,  # nobody can tell them from the mount's
+    "biases.attitude_roll_deg": 0.0,  # indistinguishable from the mount's errors
     "biases.attitude_pitch_deg": 0.0,
     "autopilot.pitch_trim_deg": 0.0,
     "camera.corner_noise_px": 0.15,
@@ -76,7 +76,7 @@ COPTER: dict[str, Any] = {
     "priors.pixel_noise_px": 1.5,
     "targets": (TargetOptions(label="pad"),),
 }
-"""A multicopter with a camera that looks straight down through a global shutter: no wing, 2 deg of slow sway."""
+"""A multicopter with a camera that looks straight down through a global shutter: no wings, 2 deg of slow sway."""
 EXACT_POSITION: dict[str, Any] = {"biases.position_m": 0.0, "priors.position_noise_m": 0.01}
 DESCENT: dict[str, Any] = {
     **COPTER,
@@ -86,7 +86,8 @@ DESCENT: dict[str, Any] = {
     "camera.time_offset_s": 0.04,
     "seconds": 60.0,
 }
-"""15 m to 1 m in 45 s (0.31 m/s on average, 0.58 at most), then ten seconds at 1 m; stamps 40 ms late, as told."""
+"""15 m to 1 m in 45 s (0.31 m/s on average, 0.58 at most), then ten seconds at 1 m; stamps 40 ms late, as
+configured."""
 PHOTOGRAPHS: dict[str, Any] = {
     **COPTER,
     "flight.pattern": "racetrack",
@@ -115,7 +116,7 @@ HOVER_TURNS_CLIMB: dict[str, Any] = {
     ),
     "seconds": 75.0,
 }
-"""10 m over a place 2.2 m from the target: a turn in 20 s (34 deg/s at most), a climb of 5 m, another turn."""
+"""10 m above a point 2.2 m from the target: a turn in 20 s (34 deg/s at most), a climb of 5 m, another turn."""
 COPTER_CIRCLES: dict[str, Any] = {
     **COPTER,
     "flight.pattern": "orbit",
@@ -125,18 +126,18 @@ COPTER_CIRCLES: dict[str, Any] = {
     "flight.speed_m_s": 2.0,
     "seconds": 110.0,
 }
-"""Nose-first circles of 3 m at 14 m and 2 m/s about the target: a turn in 9.4 s."""
+"""Nose-first circles of 3 m radius at 14 m and 2 m/s about the target: a turn in 9.4 s."""
 
 SCENARIOS: dict[str, tuple[str, dict[str, Any]]] = {
-    "default": ("an orbit of 8 m round one target, biases drawn from the priors", {}),
+    "default": ("orbit of 8 m radius around one target, biases drawn from the priors", {}),
     "perfect": (
-        "nothing wrong and no noise: what is left is the companion's own error",
+        "no faults, no noise: the remaining error is the companion's own",
         {**NO_NOISE, **NO_TROUBLE, "downlink": QUIET_WIRE, "uplink": QUIET_WIRE, "camera.latency_jitter_s": 0.0},
     ),
     "unbiased": ("noise, but no bias, no misses, no clutter", NO_TROUBLE),
     "figure_eight": ("22 m by 11 m half axes at 12 m, 5 m/s: over the target and away", FIGURE_EIGHT),
     "racetrack": (
-        "line passes beside the target",
+        "straight passes at a lateral distance from the target",
         {
             "flight.pattern": "racetrack",
             "flight.half_axes_m": (25.0, 8.0),
@@ -145,11 +146,11 @@ SCENARIOS: dict[str, tuple[str, dict[str, Any]]] = {
         },
     ),
     "hover": (
-        "stands, sees one target ahead",
+        "hover with one target ahead",
         {"flight.pattern": "hover", "flight.offset_m": (-8.0, 0.0)},
     ),
     "nadir": (
-        "hovers level, camera straight down",
+        "level hover, camera straight down",
         {"flight.pattern": "hover", "flight.pitch_deg": 0.0, "autopilot.pitch_trim_deg": 0.0},
     ),
     "paper_static": (
@@ -166,20 +167,20 @@ SCENARIOS: dict[str, tuple[str, dict[str, Any]]] = {
             "targets": (TargetOptions(north=4.0, east=-3.0),),
         },
     ),
-    "late_camera": ("stamps 35 ms late, unknown", {**FIGURE_EIGHT, "biases.time_offset_s": 0.035}),
+    "late_camera": ("stamps 35 ms late, not configured", {**FIGURE_EIGHT, "biases.time_offset_s": 0.035}),
     "crooked_mount": ("mount off by 0.5, 1, 2 deg", {**FIGURE_EIGHT, "biases.mount_deg": (0.5, 1.0, 2.0)}),
     "late_and_crooked": (
         "stamps 35 ms late and the mount off by 0.5, 1, 2 deg",
         {**FIGURE_EIGHT, "biases.time_offset_s": 0.035, "biases.mount_deg": (0.5, 1.0, 2.0)},
     ),
-    "upside_down": ("the image upside down", {"biases.mount_deg": (0.0, 0.0, 180.0)}),
-    "rolling_shutter": ("30 ms from the first row to the last", {"camera.readout_s": 0.03}),
+    "upside_down": ("image upside down: the mount is turned by 180 deg", {"biases.mount_deg": (0.0, 0.0, 180.0)}),
+    "rolling_shutter": ("readout of 30 ms from the first row to the last", {"camera.readout_s": 0.03}),
     "blur": (
-        "long exposure: only slow moments of the flapping are usable",
+        "long exposure: frames are usable only at low rates of the flapping",
         {"camera.exposure_s": 0.008, "camera.max_blur_px": 5.0},
     ),
     "outliers": ("one detection in twenty grossly wrong", {"camera.outliers": 0.05}),
-    "late_frames": ("each tenth frame comes 300 ms later, behind its followers", {"camera.late_every": 10}),
+    "late_frames": ("every tenth frame is delivered 300 ms late, after its successors", {"camera.late_every": 10}),
     "camera_dies": ("no frame after 10 s", {"camera.stops_at_s": 10.0}),
     "stepped_wall_clock": (
         "stamps by a wall clock that steps by an hour at 10 s",
@@ -193,13 +194,13 @@ SCENARIOS: dict[str, tuple[str, dict[str, Any]]] = {
     "drifting": ("the boot clock gains 200 ppm", {"autopilot.drift_ppm": 200.0}),
     "lossy_wire": ("one frame in ten is lost each way", {"downlink.loss": 0.1, "uplink.loss": 0.1}),
     "corrupted_wire": ("one frame in ten is damaged", {"downlink.corruption": 0.1, "uplink.corruption": 0.1}),
-    "byte_by_byte": ("every byte alone", {"downlink.byte_by_byte": True}),
-    "silence": ("nothing comes from 8 s to 13 s", {"downlink.silences": ((8.0, 13.0),)}),
+    "byte_by_byte": ("every byte arrives separately", {"downlink.byte_by_byte": True}),
+    "silence": ("no data from 8 s to 13 s", {"downlink.silences": ((8.0, 13.0),)}),
     "rebooting": ("the autopilot reboots in flight at 12 s", {"others.reboots_at_s": (12.0,)}),
     "foreign_timesync": ("another computer answers every TIMESYNC", {"others.foreign_timesync": True}),
     "two_vehicles": ("a second vehicle on the link", {"others.second_vehicle": True}),
     "gcs_thief": (
-        "a ground station takes the rates away every 10 s",
+        "a ground station resets the stream rates every 10 s",
         {"others.ground_station": True, "others.rates_stolen_every_s": 10.0},
     ),
     "slow_loop": (
@@ -207,7 +208,7 @@ SCENARIOS: dict[str, tuple[str, dict[str, Any]]] = {
         {"autopilot.loop_rate_hz": 50.0},
     ),
     "no_quaternion": ("ATTITUDE_QUATERNION is refused", {"autopilot.has_quaternion": False}),
-    "no_gps": ("never a global position", {"autopilot.gps": False}),
+    "no_gps": ("no global position at any time", {"autopilot.gps": False}),
     "late_gps": ("the first fix comes after 20 s", {"autopilot.gps_fix_at_s": 20.0}),
     "gnss_wander": ("the position wanders by 0.5 m", {"biases.position_m": 0.5}),
     "home_moves": (
@@ -224,16 +225,16 @@ SCENARIOS: dict[str, tuple[str, dict[str, Any]]] = {
         {"autopilot.landing_consumer": "ardupilot_old"},
     ),
     "arducopter": (
-        "streams nothing but its heartbeat until it is asked, as ArduCopter with SRn_* at 0",
+        "only a heartbeat until streams are requested, as ArduCopter with SRn_* at 0",
         {"autopilot.streams": "arducopter", "autopilot.pitch_trim_deg": 0.0},
     ),
-    "arduplane": ("streams every group at 1 Hz, as ArduPlane does", {"autopilot.streams": "arduplane"}),
+    "arduplane": ("every stream group at 1 Hz, as ArduPlane", {"autopilot.streams": "arduplane"}),
     "px4_normal": (
-        "PX4 with the streams of MAV_n_MODE Normal, as for a radio",
+        "PX4 with the streams of MAV_n_MODE Normal, for a radio",
         {"autopilot.firmware": "px4", "autopilot.pitch_trim_deg": 0.0, "autopilot.streams": "px4_normal"},
     ),
     "px4_onboard": (
-        "PX4 with the streams of MAV_n_MODE Onboard, as for a companion computer",
+        "PX4 with the streams of MAV_n_MODE Onboard, for a companion computer",
         {"autopilot.firmware": "px4", "autopilot.pitch_trim_deg": 0.0, "autopilot.streams": "px4_onboard"},
     ),
     "px4": (
@@ -241,20 +242,20 @@ SCENARIOS: dict[str, tuple[str, dict[str, Any]]] = {
         {"autopilot.firmware": "px4", "autopilot.pitch_trim_deg": 0.0},
     ),
     "px4_slow": (
-        "PX4 that acknowledges 50 Hz and sends 18.4",
+        "PX4 that acknowledges 50 Hz and sends 18.4 Hz",
         {"autopilot.firmware": "px4", "autopilot.pitch_trim_deg": 0.0, "autopilot.true_ceiling_hz": 18.4},
     ),
     "three_targets": (
         "three targets 4 m apart, 10 % missed, one false detection in ten frames",
         {"targets": THREE_TARGETS, "camera.missed": 0.1, "camera.clutter": 0.1},
     ),
-    "demo": ("a figure eight over five AprilTags, seen by a rolling shutter; for rendered images", DEMO),
+    "demo": ("figure eight over five AprilTags with a rolling shutter; for rendered images", DEMO),
     "demo_blur": (
-        "the same with 8 ms of exposure: mostly the moments of low rate leave a tag readable",
+        "the same with 8 ms exposure: tags are readable mostly at low body rates",
         {**DEMO, "camera.exposure_s": 0.008},
     ),
     "gimbal": (
-        "the camera on a MAVLink gimbal that tells its attitude five times a second by its own clock",
+        "camera on a MAVLink gimbal that reports its attitude at 5 Hz with its own clock",
         {"gimbal.device_id": 154, "camera.mount_deg": (0.0, 0.0, 0.0)},
     ),
     "shake": (
@@ -265,31 +266,31 @@ SCENARIOS: dict[str, tuple[str, dict[str, Any]]] = {
         "the same with stamps 35 ms late and the mount off by 0.5, 1, 2 deg",
         {**BY_HAND, "biases.time_offset_s": 0.035, "biases.mount_deg": (0.5, 1.0, 2.0)},
     ),
-    "descent": ("a copter sinks from 15 m to 1 m over its target, the position exact", {**DESCENT, **EXACT_POSITION}),
+    "descent": ("a copter descends from 15 m to 1 m over its target, exact position", {**DESCENT, **EXACT_POSITION}),
     "descent_wander": (
-        "the same with a position that wanders by 1 m, smoothly",
+        "the same with a position that wanders smoothly by 1 m",
         {**DESCENT, "autopilot.position_wander": "smooth"},
     ),
     "descent_shift": (
-        "the same with a position that moves by 0.4 m in the last ten seconds",
+        "the same with a position that shifts by 0.4 m in the last ten seconds",
         {**DESCENT, **EXACT_POSITION, "autopilot.position_shifts": ((50.0, 58.0, 0.32, -0.24),)},
     ),
     "photographs": ("a picture every 10 s from 60 m over three targets, attitudes at 4 Hz", PHOTOGRAPHS),
     "copter_hover_turns_climb": (
-        "a copter hovers at 10 m, turns once, climbs 5 m, turns again; no wing",
+        "a copter hovers at 10 m, turns once, climbs 5 m, turns again; no flapping",
         {**HOVER_TURNS_CLIMB, **EXACT_POSITION},
     ),
-    "copter_circles": ("a copter flies nose-first circles of 3 m at 14 m; no wing", COPTER_CIRCLES),
+    "copter_circles": ("a copter flies nose-first circles of 3 m radius at 14 m; no flapping", COPTER_CIRCLES),
     "walker": (
         "a target that walks at 1.5 m/s",
         {"targets": (TargetOptions(label="person", north=-4.0, speed_m_s=1.5, leg_m=8.0),)},
     ),
 }
-"""name: (the trouble in a sentence, the difference)."""
+"""name: (one-line description, differences from the default)."""
 
 
 def scenario(name: str, base: Options | None = None) -> Options:
-    """The options of a scenario. Raises KeyError for an unknown name."""
+    """Options of a scenario. Raises KeyError for an unknown name."""
     if name not in SCENARIOS:
         raise KeyError(f"no scenario {name!r}: one of {', '.join(SCENARIOS)}")
     return (base or Options()).but({"scenario": name, **SCENARIOS[name][1]})

@@ -1,4 +1,4 @@
-"""What lies and walks on the ground."""
+"""Targets on the ground, fixed and walking."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from sitl_mock.rotation import Vector
 
 
 class Target:
-    """One thing on the ground, in the world's NED."""
+    """A target on the ground, in the world's NED."""
 
     def __init__(self, options: TargetOptions, centre: tuple[float, float]) -> None:
         self.label = options.label
@@ -20,14 +20,14 @@ class Target:
         self._velocity = (options.speed_m_s * cos(course), options.speed_m_s * sin(course))
 
     def at(self, flight_s: float) -> Vector:
-        """Where it is."""
+        """Position at an instant, NED, metres."""
         if not self.walks:
             return self._start
         t = self._walked_s(flight_s)
         return (self._start[0] + self._velocity[0] * t, self._start[1] + self._velocity[1] * t, self._start[2])
 
     def velocity_at(self, flight_s: float) -> tuple[float, float]:
-        """North and east, m/s."""
+        """Velocity at an instant: north and east, m/s."""
         back = self._leg_s > 0.0 and flight_s % (2.0 * self._leg_s) >= self._leg_s
         return (-self._velocity[0], -self._velocity[1]) if back else self._velocity
 
@@ -44,5 +44,5 @@ class Target:
 
 
 def targets(options: Options) -> list[Target]:
-    """The scene of a flight."""
+    """Targets of a flight."""
     return [Target(one, options.flight.centre) for one in options.targets]

@@ -1,4 +1,4 @@
-"""A whole flight in invented time, or at the pace of a real clock: vehicle, camera and truth in one order of time."""
+"""A whole flight in simulated or real time: vehicle, camera and truth in one order of time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from sitl_mock.vehicle import MockVehicle
 
 @dataclass(frozen=True)
 class VehicleTruth:
-    """The vehicle and the walkers at an instant, as they are. NED is the world's; angles in radians."""
+    """True state of the vehicle and positions of the targets at an instant. World's NED; angles in radians."""
 
     host_ns: int
     boot_ns: int
@@ -32,38 +32,41 @@ class VehicleTruth:
 
 
 What = bytes | dict[str, Any] | FrameTruth | VehicleTruth
-"""Bytes from the autopilot; a frame's detections; what a frame really shows (just before its detections); the truth."""
+"""Bytes from the autopilot; detections of a frame; truth about a frame (just before its detections); true vehicle
+state."""
 Event = tuple[int, What]
-"""(host instant of arrival, ns; what arrives)."""
+"""(host instant of arrival, ns; content)."""
 
 
 class Peer(Protocol):
-    """A companion that is driven in invented time: each call hands back the bytes that it sends at once."""
+    """A companion that is driven in simulated time: each call returns the bytes that it sends at once."""
 
     @property
     def wake_at(self) -> int | None:
-        """When it wants to be woken."""
+        """Instant of its next timer."""
 
     def on_wake(self, now_ns: int) -> list[bytes]:
-        """Its timer."""
+        """Runs its timer."""
 
     def on_bytes(self, data: bytes, now_ns: int) -> list[bytes]:
-        """Bytes from the autopilot."""
+        """Receives bytes from the autopilot."""
 
     def on_frame(self, frame: dict[str, Any], now_ns: int) -> list[bytes]:
-        """Detections, by the contract."""
+        """Receives detections, by the contract."""
 
 
 class Simulation:
-    """Iterate for the events, hand the companion's bytes to :meth:`on_bytes`; or let :meth:`drive` do both."""
+    """One flight: iterate over its events and pass the companion's bytes to :meth:`on_bytes`; or :meth:`drive` does
+    both.
+    """
 
     def __init__(
         self, options: Options, start_host_ns: int | None = None, unix_minus_host_s: float | None = None
     ) -> None:
         self.options = options
         self.start_host_ns = round(options.start_host_s * 1e9) if start_host_ns is None else start_host_ns
-        invented_s = options.start_unix_s - options.start_host_s
-        self.unix_minus_host_s = invented_s if unix_minus_host_s is None else unix_minus_host_s
+        simulated_s = options.start_unix_s - options.start_host_s
+        self.unix_minus_host_s = simulated_s if unix_minus_host_s is None else unix_minus_host_s
         self.biases = draw(options)
         self.flight = Flight(options.flight, options.seed)
         self.world = World(Place(*options.origin))
@@ -82,12 +85,12 @@ class Simulation:
         self._order = count()
 
     def on_bytes(self, data: bytes, now_ns: int) -> None:
-        """The companion sends this now; answers come as later events."""
+        """Sends bytes of the companion at this instant; answers follow as later events."""
         self.vehicle.on_bytes(data, now_ns)
 
     @property
     def wake_at(self) -> int | None:
-        """When something happens or arrives next; None: the flight is over."""
+        """Instant of the next event; None: the flight is over."""
         instants = [self.vehicle.wake_at, self.camera.wake_at, self._truth_at]
         if self._waiting:
             instants.append(self._waiting[0][0])
@@ -95,7 +98,7 @@ class Simulation:
         return None if due is None or due > self.end_ns else due
 
     def advance(self, now_ns: int) -> list[Event]:
-        """What arrives by now, in order of time."""
+        """Returns what arrives by now, in order of time."""
         for at, data in self.vehicle.advance(now_ns):
             self._wait(at, data)
         for at, frame, truth in self.camera.advance(now_ns):
@@ -112,12 +115,12 @@ class Simulation:
         return events
 
     def __iter__(self) -> Iterator[Event]:
-        """Every event up to the end, as fast as it goes."""
+        """Yields every event up to the end, as fast as it can be computed."""
         while (at := self.wake_at) is not None:
             yield from self.advance(at)
 
     def drive(self, peer: Peer) -> Iterator[Event]:
-        """Runs a companion through the flight, its timers at their own instants; yields what it was given."""
+        """Runs a companion through the flight, its timers at their own instants; yields the events that it received."""
         while (at := self.wake_at) is not None:
             wake = peer.wake_at
             if wake is not None and wake < at:
@@ -131,7 +134,7 @@ class Simulation:
                 yield now_ns, what
 
     def state_at(self, host_ns: int) -> State:
-        """The vehicle's true state at a host instant."""
+        """True state of the vehicle at a host instant."""
         return self.flight.at(self.flight_s(host_ns))
 
     def flight_s(self, host_ns: int) -> float:
@@ -139,7 +142,7 @@ class Simulation:
         return (host_ns - self.start_host_ns) * 1e-9
 
     def truth_at(self, host_ns: int) -> VehicleTruth:
-        """The vehicle and the targets at a host instant."""
+        """Truth about the vehicle and the targets at a host instant."""
         state = self.state_at(host_ns)
         return VehicleTruth(
             host_ns,
@@ -160,5 +163,5 @@ class Simulation:
 
 
 def simulate(options: Options | None = None) -> Simulation:
-    """A flight in invented time: iterate it for (host_ns, what) in order of time."""
+    """A flight in simulated time; iterating gives (host_ns, content) in order of time."""
     return Simulation(options or Options())

@@ -1,4 +1,4 @@
-"""Messages that say what the vehicle is, not where."""
+"""Messages that describe the vehicle and do not depend on its motion."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ ARMED, STABILIZED, CUSTOM = 128, 16, 1
 
 
 def heartbeat(options: AutopilotOptions, armed: bool) -> dict[str, Any]:
-    """HEARTBEAT of a flapping wing."""
+    """HEARTBEAT fields of a flapping-wing vehicle."""
     px4 = options.firmware == "px4"
     return {
         "type": FLAPPING_WING,
@@ -25,7 +25,7 @@ def heartbeat(options: AutopilotOptions, armed: bool) -> dict[str, Any]:
 
 
 def sys_status() -> dict[str, Any]:
-    """SYS_STATUS: all is well."""
+    """SYS_STATUS fields without a fault."""
     sensors = dict.fromkeys(("present", "enabled", "health"), 0x2F)
     counters = dict.fromkeys((f"errors_count{i}" for i in range(1, 5)), 0)
     return {
@@ -41,7 +41,7 @@ def sys_status() -> dict[str, Any]:
 
 
 def autopilot_version(options: AutopilotOptions) -> dict[str, Any]:
-    """AUTOPILOT_VERSION, of a release that fits the rules it lives by."""
+    """AUTOPILOT_VERSION fields of a release that fits the simulated firmware."""
     major, minor, patch = (1, 15, 4) if options.firmware == "px4" else (4, 7, 0)
     if options.landing_consumer == "ardupilot_old":
         major, minor, patch = (4, 1, 7)

@@ -1,4 +1,4 @@
-"""What an autopilot sends for ground stations' displays alone: plausible, and as long on the wire as the real ones."""
+"""Messages that only ground stations' displays use: plausible, and as long on the wire as the real ones."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import Any
 
 Fields = dict[str, Any]
 Maker = Callable[[int, float], Fields]
-"""(microseconds since boot, seconds of flight) to fields."""
+"""Function from (microseconds since boot, seconds of flight) to fields."""
 CELLS_MV = [3950, 3948, 3951] + [65535] * 7
 IDENTITY = [1.0, 0.0, 0.0, 0.0]
 
 
 def _axes(*names: str) -> Callable[[float], Fields]:
-    """Small numbers that are not zero, whose trailing bytes MAVLink 2 would leave out."""
+    """Small non-zero values, because MAVLink 2 omits trailing zero bytes."""
     return lambda t: {name: 0.01 + 0.1 * sin(t + i) for i, name in enumerate(names)}
 
 
@@ -97,4 +97,4 @@ STATION_MESSAGES: dict[str, Maker] = {
     "WIND": lambda _, t: {"direction": 210.0 + 5.0 * sin(t), "speed": 3.0, "speed_z": 0.1},
     "WIND_COV": lambda us, t: {"time_usec": us, **_WIND_COV(t)},
 }  # fmt: skip
-"""By message name."""
+"""Maker by message name."""

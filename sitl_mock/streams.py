@@ -1,9 +1,9 @@
-"""Which message is sent how often: defaults, asked intervals, and the groups of REQUEST_DATA_STREAM.
+"""Message rates: defaults, requested intervals, and the groups of REQUEST_DATA_STREAM.
 
-``autopilot.streams`` chooses what the autopilot sends before anyone asks:
+``autopilot.streams`` chooses the messages that the autopilot sends before any request:
 
-- "": a mixture that suits most flights of this mock, and no real autopilot's;
-- ``arducopter``: nothing but its heartbeat, since SRn_* (MAVn_* from 4.7 on) are 0 on a copter;
+- "": a mixture that suits most flights of this mock, not that of a real autopilot;
+- ``arducopter``: only its heartbeat, since SRn_* (MAVn_* from 4.7 on) are 0 on a copter;
 - ``arduplane``: every group at 1 Hz;
 - ``px4_normal``, ``px4_onboard``: PX4's MAV_n_MODE Normal and Onboard.
 
@@ -96,7 +96,8 @@ PX4_ONBOARD_HZ = {
     "WIND_COV": 10.0,
 }
 PX4_UNLIMITED = frozenset({"GPS_RAW_INT"})
-"""In Onboard mode: sent whenever the receiver has something new (here five times a second), with interval -1."""
+"""Unlimited streams of Onboard mode: sent whenever the receiver has new data (here five times a second), with interval
+-1."""
 GROUPS = {
     1: ("RAW_IMU", "SCALED_IMU2", "SCALED_PRESSURE"),
     2: (
@@ -110,7 +111,7 @@ GROUPS = {
     12: ("SYSTEM_TIME", "DISTANCE_SENSOR", "AHRS", "WIND", "BATTERY_STATUS", "EKF_STATUS_REPORT", "VIBRATION",
          "GIMBAL_DEVICE_ATTITUDE_STATUS"),
 }  # fmt: skip
-"""MAV_DATA_STREAM and what ArduPilot puts into it, as far as this mock has it; 0 is all of them."""
+"""Messages that ArduPilot sends for each MAV_DATA_STREAM, as far as the mock has them; stream 0 is all of them."""
 GROUP_PARAMETERS = {
     1: "SR1_RAW_SENS",
     2: "SR1_EXT_STAT",
@@ -122,11 +123,11 @@ GROUP_PARAMETERS = {
     12: "SR1_EXTRA3",
 }
 CEILING = 0.8
-"""Of SCHED_LOOP_RATE: beyond it ArduPilot refuses an interval."""
+"""Fraction of SCHED_LOOP_RATE above which ArduPilot refuses a rate."""
 
 
 class Streams:
-    """Intervals by name, and when each is due; the wiring to time is the vehicle's."""
+    """Rates and intervals by message; :mod:`sitl_mock.broadcast` schedules them."""
 
     def __init__(self, options: AutopilotOptions) -> None:
         self._o = options
@@ -139,28 +140,30 @@ class Streams:
 
     @property
     def ceiling_hz(self) -> float:
-        """The highest rate that is accepted."""
+        """Highest accepted rate."""
         return CEILING * self._o.loop_rate_hz
 
     def boot(self) -> None:
-        """Groups have the rates of their parameters again, which a copter does not keep when a station asks."""
+        """Resets the groups to the rates of their parameters; a rate requested by a station is not stored."""
         self._group_hz = dict(self._booted_hz)
 
     def set_rate(self, name: str, rate_hz: float) -> int:
-        """Asks for a rate (0 stops it); the generation that its sendings belong to from now on."""
+        """Sets a rate (0 stops the stream); returns the generation number of the new schedule."""
         self.rates_hz[name] = rate_hz
         self.generation[name] = self.generation.get(name, 0) + 1
         return self.generation[name]
 
     def interval_ns(self, name: str) -> int:
-        """Between two sendings, as really done; 0: not sent."""
+        """True interval between two messages; 0: not sent."""
         rate_hz = self.rates_hz.get(name, 0.0)
         if self._o.true_ceiling_hz:
             rate_hz = min(rate_hz, self._o.true_ceiling_hz)
         return round(1e9 / rate_hz) if rate_hz > 0.0 else 0
 
     def reported_interval_us(self, name: str) -> int:
-        """MESSAGE_INTERVAL.interval_us. Of a stopped stream ArduPilot says -1 and PX4 0; -1 is PX4's "unlimited"."""
+        """MESSAGE_INTERVAL.interval_us. For a stopped stream ArduPilot reports -1 and PX4 0; -1 is PX4's
+        "unlimited".
+        """
         if self._is_px4:
             unlimited = self._o.streams == "px4_onboard" and name in PX4_UNLIMITED
             if unlimited and self.rates_hz.get(name) == self.defaults_hz[name]:
@@ -169,7 +172,9 @@ class Streams:
         return self.interval_ns(name) // 1000 or -1
 
     def default_hz(self, name: str) -> float | None:
-        """The rate of an interval of 0. None: ArduPilot has no default for a message of no group, and refuses."""
+        """Rate that an interval of 0 requests. None: the message is in no group, so ArduPilot has no default and
+        refuses.
+        """
         if self._is_px4 or not self._o.streams:
             return self.defaults_hz.get(name, 0.0)
         if name in self.defaults_hz:
@@ -177,7 +182,7 @@ class Streams:
         return next((self._group_hz[number] for number, names in GROUPS.items() if name in names), None)
 
     def request_group(self, number: int, rate_hz: float) -> dict[str, float]:
-        """The new rate of each message that a REQUEST_DATA_STREAM names; empty on PX4, which ignores it."""
+        """New rate of each message in the group of a REQUEST_DATA_STREAM; empty on PX4, which ignores the request."""
         if self._is_px4 and self._o.streams:
             return {}
         chosen = {number: GROUPS[number]} if number in GROUPS else GROUPS if number == 0 else {}

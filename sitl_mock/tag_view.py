@@ -1,4 +1,4 @@
-"""What a frame has of an AprilTag: its pixels, and whether a detector can read it."""
+"""An AprilTag in a frame: its pixels, and whether a detector can read it."""
 
 from __future__ import annotations
 
@@ -11,29 +11,29 @@ from sitl_mock.scene import Target
 from sitl_mock.tags import MODULES, GroundTag
 
 LEAST_MODULE_PX = 2.5
-"""A module that is smaller in the image than this cannot be told from its neighbour."""
+"""Smallest readable module, pixels: smaller ones merge with their neighbours."""
 MOST_BLUR_MODULES = 1.2
-"""More motion within the exposure than this share of a module, and black and white run together: OpenCV's detector
-finds 97 in 100 tags below it, half at 1.7, none beyond 2."""
+"""Largest readable motion during the exposure, modules; beyond it black and white mix: OpenCV's detector finds 97 in
+100 tags below it, half at 1.7, none beyond 2."""
 
 
 class TagView(NamedTuple):
-    """What a frame has of a tag."""
+    """A tag as one frame shows it."""
 
     tag_id: int
     pixel: Pixel
-    """Of its centre, at the instant of the centre's row."""
+    """Pixel of its centre, at the instant of the centre's row."""
     corners: tuple[Pixel, ...]
     module_px: float
-    """Along the shortest side."""
+    """Module size along the shortest side, pixels."""
     blur_px: float
-    """The centre's way during the exposure."""
+    """Motion of the centre during the exposure, pixels."""
     usable: bool
-    """The whole board is in the image, its modules are large enough, and blur leaves them apart."""
+    """Whether the whole board is in the image, its modules are large enough, and blur leaves them distinct."""
 
 
 def tag_view(camera: MockCamera, scene: list[Target], tag: GroundTag, row0_s: float, exposure_s: float) -> TagView:
-    """What the frame whose first row is exposed at ``row0_s`` shows of a tag; pixels outside the image included."""
+    """View of a tag in the frame whose first row is exposed at ``row0_s``; pixels may lie outside the image."""
     target = scene[tag.target]
     pixel, _ = camera.true_pixel(target, row0_s)
     corners = tuple(camera.pixel_of(corner, row0_s) for corner in tag.corners)

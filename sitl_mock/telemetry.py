@@ -1,4 +1,4 @@
-"""The fields of every message that the autopilot streams, made at the instant of sending."""
+"""Fields of every message that the autopilot streams, computed at the instant of sending."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from sitl_mock.station_messages import STATION_MESSAGES, Maker
 
 Fields = dict[str, Any]
 TRIM_STAYS_BIT = 1 << 8
-"""FLIGHT_OPTIONS of ArduPlane: leave PTCH_TRIM_DEG on the attitude that ground stations are told."""
+"""Bit of ArduPlane's FLIGHT_OPTIONS: PTCH_TRIM_DEG stays in the attitude reported to ground stations."""
 DOWNWARD = 25
 """MAV_SENSOR_ROTATION_PITCH_270."""
 NO_POSITION = Place(0.0, 0.0, 0.0)
 
 
 class Telemetry:
-    """``fields(name, host_ns)``: what a message of this name says now; None where there is nothing to say."""
+    """Message contents: ``fields(name, host_ns)`` at an instant; None where the message has no content yet."""
 
     def __init__(self, options: Options, belief: Belief, clock: BootClock, start_host_ns: int) -> None:
         self._o, self._a = options, options.autopilot
@@ -62,15 +62,15 @@ class Telemetry:
             del self._makers["ATTITUDE_QUATERNION"]
 
     def knows(self, name: str) -> bool:
-        """Whether this autopilot sends such a message at all."""
+        """Whether this autopilot can send this message."""
         return name in self._makers
 
     def fields(self, name: str, host_ns: int) -> Fields | None:
-        """The message as sent at this instant."""
+        """Fields of a message sent at this instant."""
         return self._makers[name](host_ns)
 
     def flight_s(self, host_ns: int) -> float:
-        """Seconds since the start: the time of the flight."""
+        """Flight time: seconds since the start."""
         return (host_ns - self._start) * 1e-9
 
     def _boot_ms(self, host_ns: int) -> int:

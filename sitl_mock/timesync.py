@@ -1,4 +1,4 @@
-"""TIMESYNC as an autopilot does it: answers requests, asks for itself, and takes the answer with its own ts1."""
+"""TIMESYNC as in autopilots: answers requests, sends its own, and accepts the answer that returns its own ts1."""
 
 from __future__ import annotations
 
@@ -14,11 +14,13 @@ from sitl_mock.radio import Radio
 ARDUPILOT_ASKS_EVERY_NS = 10_000_000_000
 PX4_ASKS_EVERY_NS = 100_000_000
 KEPT = 50
-"""Answers to its own requests that are remembered, newest last."""
+"""Most exchanges of its own requests that are kept, newest last."""
 
 
 class Timesync:
-    """ts1 is the asker's and comes back as it was; tc1 is the answerer's, 0 in a request. Nanoseconds."""
+    """TIMESYNC component: the requester's ts1 is returned unchanged; tc1 is the responder's, 0 in a request.
+    Nanoseconds.
+    """
 
     def __init__(self, options: Options, clock: BootClock, agenda: Agenda, radio: Radio, start_host_ns: int) -> None:
         self._o, self._clock = options.autopilot, clock
@@ -26,12 +28,12 @@ class Timesync:
         self._rng = Random(f"{options.seed}/timesync")
         self._asked = 0
         self.exchanges: list[tuple[int, int]] = []
-        """(round trip, peer's clock minus boot clock at the middle), ns, of its own requests."""
+        """(round trip, peer's clock minus boot clock at the middle) of its own requests, ns."""
         if self._o.sends_timesync:
             agenda.at(start_host_ns + 300_000_000, self._ask)
 
     def hear(self, heard: Heard, now_ns: int) -> None:
-        """A request is answered, an answer to the last request is learned from."""
+        """Answers a request; records the exchange of an answer to the last request."""
         if heard.fields["tc1"] != 0:
             self._learn(heard.fields, now_ns)
         elif self._o.answers_timesync:
@@ -40,11 +42,11 @@ class Timesync:
             self._agenda.at(now_ns + late_ns, lambda at: self._radio.say("TIMESYNC", answer, at))
 
     def peer_ns(self, host_ns: int) -> int | None:
-        """A host instant by the peer's clock, by the quickest exchange; None before the first."""
+        """Peer's clock at a host instant, by the exchange with the shortest round trip; None before the first."""
         return self._clock.boot_ns(host_ns) + min(self.exchanges)[1] if self.exchanges else None
 
     def _boot_ns(self, host_ns: int) -> int:
-        """ArduPilot's clock has whole microseconds."""
+        """Boot time in whole microseconds, as ArduPilot's clock."""
         return max(1, self._clock.boot_ns(host_ns) // 1000 * 1000)
 
     def _ask(self, at_ns: int) -> None:

@@ -1,4 +1,4 @@
-"""What the live mock speaks over: UDP, TCP, a serial device or a pty of its own. Nothing blocks; nobody is needed."""
+"""Links of the live mock: UDP, TCP, a serial device or its own pty. No call blocks; a peer is not required."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from typing import Any, Protocol
 READ_BYTES = 65536
 LARGEST_PORT = 65535
 MAX_PEERS = 8
-"""Of a listening socket: the newest push out the oldest."""
+"""Most peers of a listening socket: the newest replaces the oldest."""
 CONNECT_AGAIN_S = 0.5
 
 
@@ -24,23 +24,23 @@ class Transport(Protocol):
     """One link of the mock."""
 
     name: str
-    """As it can be reached: with the port that was really bound, or the pty's path."""
+    """Address by which a peer reaches it: with the bound port, or the pty's path."""
 
     def files(self) -> list[Any]:
-        """What to select on."""
+        """Files to select on."""
 
     def receive(self, ready: Any) -> bytes:
-        """What came in on one of them."""
+        """Bytes received on one of these files."""
 
     def send(self, data: bytes) -> None:
-        """Sends, or loses it: a wire does not complain."""
+        """Sends the bytes; undeliverable bytes are lost without an error, as on a wire."""
 
     def close(self) -> None:
-        """Ends it."""
+        """Closes the link."""
 
 
 class UdpOut:
-    """Speaks to one address."""
+    """UDP socket that sends to one address."""
 
     def __init__(self, host: str, port: int) -> None:
         self.name = f"udpout:{host}:{port}"
@@ -49,18 +49,18 @@ class UdpOut:
             self._socket.connect((host, port))
 
     def files(self) -> list[Any]:
-        """The socket."""
+        """Returns the socket."""
         return [self._socket]
 
     def receive(self, ready: Any) -> bytes:
-        """One datagram; a refusal is silence."""
+        """Receives one datagram; a refused connection counts as silence."""
         try:
             return bytes(ready.recv(READ_BYTES))
         except (BlockingIOError, ConnectionError):
             return b""
 
     def send(self, data: bytes) -> None:
-        """One datagram."""
+        """Sends one datagram."""
         with contextlib.suppress(OSError):
             self._socket.send(data)
 
@@ -70,7 +70,7 @@ class UdpOut:
 
 
 class UdpIn:
-    """Listens, and speaks to whoever spoke to it."""
+    """UDP socket that listens and sends to every peer that has sent to it."""
 
     def __init__(self, host: str, port: int) -> None:
         self._socket = _datagram_socket(host)
@@ -80,11 +80,11 @@ class UdpIn:
         self._peers: dict[Any, None] = {}
 
     def files(self) -> list[Any]:
-        """The socket."""
+        """Returns the socket."""
         return [self._socket]
 
     def receive(self, ready: Any) -> bytes:
-        """One datagram; its sender is remembered."""
+        """Receives one datagram and remembers its sender."""
         try:
             data, peer = ready.recvfrom(READ_BYTES)
         except (BlockingIOError, ConnectionError):
@@ -96,7 +96,7 @@ class UdpIn:
         return bytes(data)
 
     def send(self, data: bytes) -> None:
-        """One datagram to each."""
+        """Sends one datagram to each peer."""
         for peer in self._peers:
             with contextlib.suppress(OSError):
                 self._socket.sendto(data, peer)
@@ -107,7 +107,7 @@ class UdpIn:
 
 
 class Tcp:
-    """A server (``listening``) or a client that connects again."""
+    """TCP server (``listening``), or a client that reconnects."""
 
     def __init__(self, host: str, port: int, listening: bool) -> None:
         self._address = (host, port)
@@ -131,7 +131,7 @@ class Tcp:
         return list(self._clients)
 
     def receive(self, ready: Any) -> bytes:
-        """Bytes of a client; a new one is taken in, one that has gone is dropped."""
+        """Receives bytes of a client; accepts a new client, drops a disconnected one."""
         if self._server is not None and ready is self._server:
             with contextlib.suppress(OSError):
                 self._adopt(self._server.accept()[0])
@@ -147,7 +147,7 @@ class Tcp:
         return data
 
     def send(self, data: bytes) -> None:
-        """To every client; one that cannot keep up is dropped, since half a frame would be damage."""
+        """Sends to every client; drops one that cannot keep up, since half a frame would be damage."""
         for client in list(self._clients):
             try:
                 client.sendall(data)
@@ -155,7 +155,7 @@ class Tcp:
                 self._drop(client)
 
     def close(self) -> None:
-        """Closes everything."""
+        """Closes all sockets."""
         for one in [*self._clients, *([self._server] if self._server else [])]:
             one.close()
 
@@ -172,14 +172,14 @@ class Tcp:
 
 
 class Serial:
-    """A terminal device in raw mode; without a path, a pty whose other end's path is the name."""
+    """A terminal device in raw mode; without a path a pty, whose other end's path is the name."""
 
     def __init__(self, path: str = "") -> None:
         self._other_end: int | None = None
         if path:
             self._fd = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         else:
-            # The other end stays open here too, so that a companion that closes it does not end the line.
+            # The other end stays open here too, so that the line survives a companion that closes it.
             self._fd, self._other_end = os.openpty()
             path = os.ttyname(self._other_end)
             tty.setraw(self._other_end, termios.TCSANOW)
@@ -188,18 +188,18 @@ class Serial:
         self.name = f"serial:{path}"
 
     def files(self) -> list[Any]:
-        """The descriptor."""
+        """Returns the descriptor."""
         return [self._fd]
 
     def receive(self, ready: Any) -> bytes:
-        """What has come in."""
+        """Returns the received bytes."""
         try:
             return os.read(ready, READ_BYTES)
         except OSError:
             return b""
 
     def send(self, data: bytes) -> None:
-        """What does not fit is lost, as on a UART."""
+        """Sends what fits; the rest is lost, as on a UART."""
         with contextlib.suppress(OSError):
             os.write(self._fd, data)
 
@@ -211,9 +211,9 @@ class Serial:
 
 
 def open_transport(url: str) -> Transport:
-    """udpout: | udpin: | tcpin: | tcpout:HOST:PORT, serial:/dev/NAME, or pty; ``//`` after the colon is allowed.
+    """Opens udpout: | udpin: | tcpin: | tcpout:HOST:PORT, serial:/dev/NAME, or pty; ``//`` after the colon is allowed.
 
-    Raises ValueError for anything else, OSError, with the URL in it, where it cannot be opened.
+    Raises ValueError for anything else, and OSError, with the URL in it, where the link cannot be opened.
     """
     try:
         return _opened(url)
@@ -229,7 +229,9 @@ def _opened(url: str) -> Transport:
         return Serial(serial[1])
     match = re.fullmatch(r"(udpout|udpin|tcpin|tcpout):(?://)?\[?(.*?)]?:(\d+)", url)
     if not match:
-        raise ValueError(f"{url!r} is no link: udpout|udpin|tcpin|tcpout:HOST:PORT, serial:/dev/NAME, or pty")
+        raise ValueError(
+            f"{url!r} is not a link: expected udpout|udpin|tcpin|tcpout:HOST:PORT, serial:/dev/NAME, or pty"
+        )
     kind, host, port = match[1], match[2], port_from(match[3], url)
     if kind == "udpout":
         return UdpOut(host, port)
@@ -239,14 +241,14 @@ def _opened(url: str) -> Transport:
 
 
 def port_from(text: str, address: str) -> int:
-    """Of an address, by its digits. ValueError for what is none."""
+    """Port number of an address from its digits. Raises ValueError for text that is not a port."""
     if int(text) > LARGEST_PORT:
-        raise ValueError(f"{address!r}: {text} is no port: 0 to {LARGEST_PORT}")
+        raise ValueError(f"{address!r}: {text} is not a port: expected 0 to {LARGEST_PORT}")
     return int(text)
 
 
 def wait(transport: Transport, timeout_s: float) -> list[bytes]:
-    """What comes in, waiting at most so long for the first of it."""
+    """Received data; waits at most ``timeout_s`` for the first of it."""
     with selectors.DefaultSelector() as selector:
         for file in transport.files():
             selector.register(file, selectors.EVENT_READ)

@@ -1,4 +1,4 @@
-"""The truth, told: a header with everything that was drawn, the vehicle's and the walkers' course, and a summary."""
+"""The truth file: a header with all drawn values, the motion of the vehicle and the walkers, and a summary."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from sitl_mock.earth import Place
 from sitl_mock.simulate import Simulation, VehicleTruth
 
 LONGEST_COURSE_S = 3600.0
-"""Of a walker in the CSV: a flight without an end has a course without one."""
+"""Longest track of a walker in the CSV, seconds; it bounds the track of an endless flight."""
 
 
 def header(simulation: Simulation) -> dict[str, Any]:
-    """First line: options, biases, home, origin, and the targets as they stand at the start."""
+    """First line: options, biases, home, origin, and the targets at the start."""
     belief = simulation.vehicle.belief
     return {
         "type": "header",
@@ -46,7 +46,7 @@ def target_lines(simulation: Simulation, flight_s: float) -> list[dict[str, Any]
 
 
 def summary(simulation: Simulation) -> dict[str, Any]:
-    """Last line: what the autopilot made of LANDING_TARGET, and what it heard."""
+    """Last line: results of LANDING_TARGET, and counts of the messages that the autopilot received."""
     return {
         "type": "summary",
         "landing": simulation.vehicle.precland.summary(),
@@ -57,13 +57,15 @@ def summary(simulation: Simulation) -> dict[str, Any]:
 
 
 def line(what: VehicleTruth | FrameTruth) -> dict[str, Any]:
-    """One instant, or one frame."""
+    """Line of one instant or one frame."""
     kind = "vehicle" if isinstance(what, VehicleTruth) else "frame"
     return {"type": kind, **dataclasses.asdict(what)}
 
 
 def csv_text(simulation: Simulation, seconds: float) -> str:
-    """label, lat, lon, alt_amsl, time_unix: what ``replay --truth`` takes; walkers every 0.1 s, the rest once."""
+    """CSV text for ``replay --truth``: label, lat, lon, alt_amsl, time_unix; walkers every 0.1 s, the other targets
+    once.
+    """
     out = StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(["label", "lat", "lon", "alt_amsl", "time_unix"])
@@ -78,7 +80,7 @@ def csv_text(simulation: Simulation, seconds: float) -> str:
 
 
 def json_line(value: dict[str, Any]) -> str:
-    """One line of the truth file."""
+    """Line of the truth file."""
     return json.dumps(value, separators=(",", ":")) + "\n"
 
 

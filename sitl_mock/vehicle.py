@@ -1,4 +1,4 @@
-"""The mock autopilot, pure: bytes in with their instant, bytes out with theirs. Both live and invented time run it."""
+"""The mock autopilot, pure: timed bytes in, timed bytes out. Real and simulated time both run it."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from sitl_mock.wire import Wire
 
 Handler = Callable[[Heard, int], None]
 REBOOT_AFTER_NS = 100_000_000
-"""The command is acknowledged before."""
+"""Delay of a reboot, nanoseconds: the command is acknowledged first."""
 
 
 class MockVehicle:
@@ -51,7 +51,7 @@ class MockVehicle:
         self._listener = Listener()
         self._radio = radio = Radio(options, start_host_ns)
         self.heard: dict[str, int] = {}
-        """How many of each message came in."""
+        """Number of received messages by name."""
         self.belief = Belief(options, biases, flight, world)
         self._telemetry = Telemetry(options, self.belief, clock, start_host_ns)
         self._telemetry.utc_minus_host_s = unix_minus_host_s + options.autopilot.utc_minus_host_wall_s
@@ -66,23 +66,23 @@ class MockVehicle:
         self._begin(start_host_ns)
 
     def on_bytes(self, data: bytes, now_ns: int) -> None:
-        """The companion sent this now; it arrives when the uplink lets it."""
+        """Accepts bytes that the companion sends at this instant; the uplink decides when they arrive."""
         for arrival_ns, piece in self._uplink.carry(data, now_ns):
             self._agenda.at(arrival_ns, partial(self._receive, piece))
 
     @property
     def wake_at(self) -> int | None:
-        """When something happens next."""
+        """Instant of the next action."""
         return self._agenda.wake_at
 
     def advance(self, now_ns: int) -> list[tuple[int, bytes]]:
-        """Everything up to now; each piece of bytes with the instant at which it arrives at the companion."""
+        """Runs the vehicle up to now; returns each piece of bytes with its instant of arrival at the companion."""
         self._agenda.run(now_ns)
         return self._radio.taken()
 
     @property
     def rates_hz(self) -> dict[str, float]:
-        """Every stream's rate at present, by message."""
+        """Present rate of every stream, by message."""
         return self._broadcast.streams.rates_hz
 
     def _begin(self, start_ns: int) -> None:
@@ -100,7 +100,7 @@ class MockVehicle:
         self._broadcast.send("HOME_POSITION", at_ns)
 
     def _arm(self, armed: bool, at_ns: int, /) -> None:
-        """Arming moves home to where the vehicle stands."""
+        """Arms or disarms; arming moves home."""
         if armed == self._telemetry.armed:
             return
         self._telemetry.armed = armed
@@ -112,7 +112,9 @@ class MockVehicle:
         self._agenda.at(now_ns + REBOOT_AFTER_NS, self._reboot)
 
     def _reboot(self, at_ns: int) -> None:
-        """Silent for a while; then the boot clock starts again, with the default rates, on the same flight."""
+        """Reboots: silent for a while; then the boot clock restarts with the default rates, and the flight
+        continues.
+        """
         back_ns = at_ns + round(self._o.others.reboot_takes_s * 1e9)
         self._radio.down_until(back_ns)
         self._broadcast.stop()
@@ -122,7 +124,7 @@ class MockVehicle:
         self._clock.reboot(at_ns)
         self._listener = Listener()
         self._broadcast.start(at_ns)
-        self._radio.tell(6, "ArduPlane V4.7.0 (mock)", at_ns)
+        self._radio.statustext(6, "ArduPlane V4.7.0 (mock)", at_ns)
 
     def _receive(self, piece: bytes, at_ns: int) -> None:
         if self._radio.is_down(at_ns):

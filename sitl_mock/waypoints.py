@@ -27,10 +27,12 @@ class Course(NamedTuple):
 
 
 class Waypoints:
-    """The vehicle stands at the first waypoint before its time, and at the last one after its time."""
+    """Path through waypoints; the vehicle stays at the first one before its time, and at the last one after its
+    time.
+    """
 
     def __init__(self, waypoints: tuple[Waypoint, ...]) -> None:
-        """Raises ValueError where there are fewer than two waypoints or their times do not rise."""
+        """Raises ValueError for fewer than two waypoints or times that do not increase."""
         times = [waypoint[0] for waypoint in waypoints]
         if len(times) < 2 or any(later <= earlier for earlier, later in pairwise(times)):
             raise ValueError(
@@ -39,7 +41,7 @@ class Waypoints:
         self._times, self._waypoints = times, waypoints
 
     def at(self, flight_s: float) -> Course:
-        """The course at an instant."""
+        """Course at an instant."""
         leg = min(max(bisect_right(self._times, flight_s), 1), len(self._times) - 1)
         (from_s, *start), (to_s, *end) = self._waypoints[leg - 1 : leg + 1]
         lasts_s = to_s - from_s

@@ -1,4 +1,4 @@
-"""One direction of a bad wire: delay, jitter, loss, damage, bytes one at a time, silence. Pure; order is kept."""
+"""One direction of a faulty wire: delay, jitter, loss, damage, single bytes, silence. Pure; order is kept."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from random import Random
 from sitl_mock.options import WireOptions
 
 BYTE_NS = 10_000_000_000 // 921_600
-"""One byte at 921600 baud."""
+"""Duration of one byte at 921600 baud, ns."""
 
 
 class Wire:
-    """Carries frames: what goes in at one instant comes out later, or not at all, or damaged."""
+    """Carries frames with a delay; some are lost or damaged."""
 
     def __init__(self, options: WireOptions, start_host_ns: int, rng: Random) -> None:
         self._o = options

@@ -2,7 +2,7 @@
 
 A lens maps pixels to unit rays in the camera frame and back: ``KannalaBrandt`` for fisheyes, ``BrownConrady`` for
 pinholes. ``parse_calibration`` reads the camera files of this project, Kalibr, ROS, camodocal and OpenCV. numpy is
-loaded only by ``batch`` (many pixels at once) and ``fitting`` (a lens from pictures of a board).
+loaded only by ``batch`` (many pixels at once). ``tools/calibrate/lens_fit`` fits a lens to pictures of a board.
 """
 
 from fwav_companion.camera.brown_conrady import BrownConrady

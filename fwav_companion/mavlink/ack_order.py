@@ -1,4 +1,4 @@
-"""Which of our commands an acknowledgement is about, where it names only the kind of command."""
+"""Finds the command of ours that an acknowledgement belongs to: COMMAND_ACK carries only the kind of command."""
 
 from __future__ import annotations
 
@@ -20,10 +20,11 @@ class _Awaited(msgspec.Struct, frozen=True):
 
 
 class AckOrder(Generic[Subject]):
-    """Acknowledgements come in the order of the commands: the oldest command of the kind that still waits is meant.
+    """Matches acknowledgements to commands in order of sending: an acknowledgement belongs to the oldest pending
+    command of its kind.
 
-    Two rules keep it in step where an acknowledgement is lost: one of a later command of another kind passes over what
-    was sent before it, and no command waits longer than its sender does.
+    Two rules resynchronise it after a lost acknowledgement: an acknowledgement of a later command of another kind
+    discards the commands sent before that one, and no command is pending longer than its sender's timeout.
     """
 
     __slots__ = ("_awaited", "_timeout_ns")
@@ -33,15 +34,17 @@ class AckOrder(Generic[Subject]):
         self._awaited: deque[_Awaited] = deque(maxlen=MAX_AWAITED)
 
     def clear(self) -> None:
-        """No acknowledgement is awaited."""
+        """Forget all pending commands."""
         self._awaited.clear()
 
     def sent(self, command: int, subject: Subject | None, now: HostNs) -> None:
-        """A command leaves. ``subject`` is returned when it is acknowledged; None where the answer does not matter."""
+        """Note a command that is sent. ``subject`` is returned when it is acknowledged; None if the answer does not
+        matter.
+        """
         self._awaited.append(_Awaited(command, subject, HostNs(now + self._timeout_ns)))
 
     def acknowledged(self, command: int, now: HostNs) -> Subject | None:
-        """The subject of the command that was acknowledged."""
+        """Return the subject of the acknowledged command; None if there is none."""
         while self._awaited:
             awaited = self._awaited.popleft()
             if awaited.command == command and now < awaited.until_ns:

@@ -1,4 +1,4 @@
-"""Which message rates the stations behind one link have asked for, for as long as these stations are heard."""
+"""Remembers the message rates that the stations behind one link request, while these stations are heard."""
 
 from __future__ import annotations
 
@@ -12,33 +12,33 @@ from fwav_companion.mavlink.rate_messages import RateRequest
 from fwav_companion.mavlink.wire.definitions import DEFINITIONS
 
 FORGOTTEN_NS: Final = 60 * NS_PER_S
-"""After its last heartbeat, or its last request, a station's rates are dropped."""
+"""Time after a station's last heartbeat or request at which its rates are dropped."""
 MAX_ASKERS: Final = 8
-"""Stations remembered on one link; of more, the longest silent one yields."""
+"""Stations remembered on one link; beyond it, the one silent for longest is dropped."""
 MAX_RATES: Final = 128
-"""Rates remembered of one station: twice what ArduPilot's groups hold. Unknown messages are not."""
+"""Rates remembered for one station: twice what ArduPilot's groups hold. Unknown messages are not remembered."""
 ONCE_NS: Final = 3 * NS_PER_S
-"""An answer to REQUEST_MESSAGE is awaited for this long: the retries of a station."""
+"""Time for which an answer to REQUEST_MESSAGE is awaited: it covers the retries of a station."""
 MAX_ONCE: Final = 32
 
 
 class _Asker(msgspec.Struct):
-    """One station, as (system << 8 | component)."""
+    """Requests of one station, which is identified by (system << 8 | component)."""
 
     heard_ns: HostNs
     rates: dict[tuple[int, int], float]
-    """Rate by (system asked, message id), hertz; 0: it asked for a stop."""
+    """Rate by (target system, message id), hertz; 0: the station requested a stop."""
 
 
 class AskedRates:
-    """Requests of the stations on one link. Of several askers the highest rate counts."""
+    """Requests of the stations on one link. The highest requested rate counts."""
 
     def __init__(self) -> None:
         self._askers: dict[int, _Asker] = {}
         self._once_ns: dict[int, HostNs] = {}
 
     def note(self, request: RateRequest, now: HostNs) -> bool:
-        """Remember what was asked. True: something changed by it."""
+        """Remember a request. Returns True if a rate changed."""
         if request.once is not None:
             return self._note_once(request.once, now)
         asker = self._askers.get(request.sender)
@@ -55,13 +55,13 @@ class AskedRates:
         return asker.rates != before
 
     def heard(self, sender: int, now: HostNs) -> None:
-        """A heartbeat of (system << 8 | component) came by this link."""
+        """Note a heartbeat of (system << 8 | component) on this link."""
         asker = self._askers.get(sender)
         if asker is not None:
             asker.heard_ns = now
 
     def expire(self, now: HostNs) -> bool:
-        """Drop stations that fell silent. True: there were any."""
+        """Drop silent stations. Returns True if there were any."""
         silent = [sender for sender, asker in self._askers.items() if now - asker.heard_ns > FORGOTTEN_NS]
         for sender in silent:
             del self._askers[sender]
@@ -70,7 +70,9 @@ class AskedRates:
         return bool(silent)
 
     def asked_hz(self, system: int, msgid: int) -> float | None:
-        """The highest rate that any station asked of the system for the message; None: no station asked."""
+        """Return the highest rate that a station requests from the system for the message, hertz; None without a
+        request.
+        """
         asked = [
             hz
             for asker in self._askers.values()
@@ -80,11 +82,11 @@ class AskedRates:
         return max(asked, default=None)
 
     def asked_ids(self, system: int) -> Iterable[int]:
-        """Ids of the messages for which some station asked a rate of the system."""
+        """Return the ids of the messages for which a station requests a rate from the system."""
         return {msgid for asker in self._askers.values() for target, msgid in asker.rates if target in {system, 0}}
 
     def take_once(self, msgid: int, now: HostNs) -> bool:
-        """Whether a single message of this id is awaited here; it is so no longer."""
+        """Return whether a single message of this id is awaited here, and end the wait."""
         return bool(self._once_ns) and self._once_ns.pop(msgid, HostNs(0)) >= now
 
     def _note_once(self, msgid: int, now: HostNs) -> bool:

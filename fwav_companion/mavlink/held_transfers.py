@@ -1,8 +1,8 @@
-"""Transfers that come faster than a link carries: kept in order, and let go as the link's budget allows.
+"""Queues transfers that are faster than a link: frames keep their order and leave as the link's budget allows.
 
 An autopilot paces a parameter list or a log by its own link to us: ArduPilot gives it 30 % of that link's bandwidth
-(GCS_Param.cpp, queued_param_send), 27 kB/s at 921 600 baud. A radio behind us takes a fifth of that. Nothing of a
-transfer is thinned, so it is held back here instead of in a buffer that overflows.
+(GCS_Param.cpp, queued_param_send), 27 kB/s at 921 600 baud. A radio behind us carries a fifth of that. No frame of a
+transfer is thinned, so the queue is here instead of in a buffer that overflows.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ TRANSFERS: Final = frozenset(
         "FILE_TRANSFER_PROTOCOL", "ENCAPSULATED_DATA",
     )
 )  # fmt: skip
-"""Ids of messages of which hundreds follow each other."""
+"""Ids of messages that come in sequences of hundreds."""
 SHARE: Final = 0.6
-"""Of the budget that transfers take at most: telemetry goes on, thinned, while one runs."""
+"""Largest share of the budget for transfers: telemetry continues, thinned, during a transfer."""
 MAX_HELD_BYTES: Final = 65_536
-"""Of one link: a list of 1700 parameters of 37 bytes. Of more, the newest is lost, and is asked for again by its
-receiver; no transfer that outruns its link for longer can be kept whole."""
+"""Queue limit of one link: a list of 1700 parameters of 37 bytes. Beyond it the newest frame is lost, and its receiver
+requests it again; a transfer that stays faster than its link for longer cannot be kept whole."""
 
 
 class HeldTransfers:
-    """The frames of one link that wait."""
+    """Queue of the transfer frames that wait for one link."""
 
     def __init__(self) -> None:
         self._frames: deque[bytes] = deque()
@@ -38,11 +38,11 @@ class HeldTransfers:
         self._budget = ByteBudget()
 
     def __bool__(self) -> bool:
-        """Some wait."""
+        """Whether any frame waits."""
         return bool(self._frames)
 
     def takes(self, data: bytes, bytes_per_s: float, now: HostNs) -> bool:
-        """Keep a frame if it may not leave now. False: it may, at once."""
+        """Queue a frame, or lose it if the queue is full. Returns False if the frame may leave at once."""
         self._budget.fill(SHARE * bytes_per_s, now)
         if not self._frames and self._budget.is_free:
             self._budget.spend(len(data))
@@ -53,7 +53,7 @@ class HeldTransfers:
         return True
 
     def release(self, bytes_per_s: float | None, now: HostNs) -> list[bytes]:
-        """The frames that may leave now, in order; all of them where there is no budget any more."""
+        """Return the frames that may leave now, in order; all of them if there is no budget any more."""
         if bytes_per_s is not None:
             self._budget.fill(SHARE * bytes_per_s, now)
         released = []
@@ -64,10 +64,10 @@ class HeldTransfers:
         return released
 
     def release_at(self, bytes_per_s: float | None, now: HostNs) -> HostNs:
-        """When :meth:`release` has something."""
+        """Return the time at which :meth:`release` has a frame."""
         return now if bytes_per_s is None else self._budget.free_at(SHARE * bytes_per_s, now)
 
     def clear(self) -> None:
-        """Forget what waits."""
+        """Drop the waiting frames."""
         self._frames.clear()
         self._bytes = 0

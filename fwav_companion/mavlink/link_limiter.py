@@ -1,17 +1,17 @@
-"""Decides whether a frame may leave by one link now: rates of single messages, and the bytes that the link carries.
+"""Decides whether a frame may leave by one link now, from message rates and the bytes that the link carries.
 
-Three limits work together, and the lowest holds:
+Three limits work together; the lowest holds:
 
 - a highest rate of a message: the configuration's ``max_rate_hz``, and caps of merged requests
   (:mod:`~fwav_companion.mavlink.merged_rates`);
 - ``max_bytes_per_s``, and the rate that a telemetry radio takes (:mod:`~fwav_companion.mavlink.byte_budget`). Once a
-  second the load is measured, and fast streams of telemetry are cut to one common rate at which all fit
+  second the load is measured, and fast telemetry streams are cut to one common rate at which all fit
   (:mod:`~fwav_companion.mavlink.link_load`);
 - a token bucket between these measurements: over any time t at most ``t * rate + depth`` bytes of telemetry leave, so
   that the backlog of a line that drains faster is bounded.
 
-Commands, their answers, parameters, missions and heartbeats leave always; telemetry makes room for them. A transfer of
-hundreds of frames (a parameter list, a log) waits for its turn (:mod:`~fwav_companion.mavlink.held_transfers`).
+Commands, their answers, parameters, missions and heartbeats always leave; telemetry makes room for them. A transfer of
+hundreds of frames (a parameter list, a log) is queued (:mod:`~fwav_companion.mavlink.held_transfers`).
 """
 
 from __future__ import annotations
@@ -26,57 +26,58 @@ from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.mavlink.asked_rates import AskedRates
 from fwav_companion.mavlink.byte_budget import ByteBudget, RadioBackoff
 from fwav_companion.mavlink.held_transfers import TRANSFERS, HeldTransfers
-from fwav_companion.mavlink.link_load import LinkLoad, StreamKey, common_rate
+from fwav_companion.mavlink.link_load import LoadMeter, StreamKey, common_rate
 from fwav_companion.mavlink.merged_rates import Cap, Why
 from fwav_companion.mavlink.never_thinned import is_telemetry
 from fwav_companion.mavlink.router.rate_limiter import RateLimiter
 from fwav_companion.mavlink.wire.definitions import BY_NAME, DEFINITIONS
 
 FILLED: Final = 0.95
-"""Of the budget that measured streams are cut to: the rest is for what comes in bursts."""
+"""Share of the budget that measured streams are cut to: the rest is for bursts."""
 LEAST_SHARE: Final = 0.05
-"""Of the budget that telemetry keeps whatever else leaves; PX4 keeps as much (mavlink_main.cpp, update_rate_mult)."""
+"""Share of the budget that telemetry keeps in any case; PX4 keeps the same share (mavlink_main.cpp,
+update_rate_mult)."""
 TIMESYNC: Final = BY_NAME["TIMESYNC"].msgid
 MAX_REASONS: Final = 256
-"""Of (message, reason) that are counted apart for the status."""
+"""Pairs of (message, reason) counted separately for the status."""
 _UNLIMITED: Final = Cap(inf, Why.ASKED)
 
 
 class ThinnedMessage(msgspec.Struct, frozen=True):
-    """One message of which fewer leave than come."""
+    """A message that leaves at a lower rate than it arrives."""
 
     message: str
     why: str
     at_most_hz: float | None
-    """Of one sender; None: as the budget allows."""
+    """Highest rate per sender, hertz; None: as the budget allows."""
     thinned: int
     """Frames that did not leave, since the start."""
 
 
 class LinkThinning(msgspec.Struct, frozen=True):
-    """What is thinned on one link, and why."""
+    """Messages thinned on one link, and the reasons."""
 
     messages: list[ThinnedMessage]
     max_bytes_per_s: float | None
-    """The budget that holds now, the radio's word included; None: there is none."""
+    """Budget that holds now, with the radio's feedback; None: no budget."""
     why: str | None
-    """``max_bytes_per_s`` or ``radio_status``: what sets the budget."""
+    """Source of the budget: ``max_bytes_per_s`` or ``radio_status``."""
     sent_bytes_per_s: float | None
     offered_bytes_per_s: float | None
-    """Both of the last second; None where there is no budget and no radio."""
+    """Load offered to the link in the last second; this and the bytes sent are None without a budget and a radio."""
     common_hz: float | None
-    """The rate that fast streams are cut to; None: all fit."""
+    """Rate that fast streams are cut to, hertz; None: all fit."""
     txbuf: int | None
-    """Percent of the radio's send buffer that are free; None: no radio is heard."""
+    """Free part of the radio's send buffer, percent; None: no radio is heard."""
 
 
 class LinkLimiter:
-    """The outward side of one link."""
+    """Rate and byte limiter of one link, in the direction out of this service."""
 
     def __init__(
         self, max_rate_hz: Mapping[str, float], *, max_bytes_per_s: float = 0.0, to_autopilot: bool = False
     ) -> None:
-        """``max_bytes_per_s``: 0 for no limit."""
+        """Start without caps. ``max_bytes_per_s``: 0 for no limit."""
         self._thinner = RateLimiter(max_rate_hz)
         self._max_bytes_per_s = max_bytes_per_s or None
         self._to_autopilot = to_autopilot
@@ -85,32 +86,36 @@ class LinkLimiter:
         self._asked: AskedRates | None = None
         self._budget = ByteBudget()
         self._radio = RadioBackoff()
-        self._load = LinkLoad()
+        self._load = LoadMeter()
         self._common_hz = inf
         self._held = HeldTransfers()
         self._reasons: dict[tuple[int, Why], int] = {}
         self.thinned = 0
-        """Frames that did not leave."""
+        """Frames that did not leave, since the start."""
 
     def merge(self, caps: Mapping[int, Cap], sender: int, asked: AskedRates) -> None:
-        """Cap these messages of one sender (system << 8 | component); ``asked``: what stations on the link await."""
+        """Cap these messages of one sender (system << 8 | component). ``asked``: requests of the stations on the
+        link.
+        """
         self._caps, self._capped_sender, self._asked = caps, sender, asked
 
     def limits(self, msgid: int, sender: int) -> bool:
-        """Frames of this message have to be asked for one by one."""
+        """Return whether each frame of this message needs a decision of :meth:`passes`."""
         if self._counts_bytes or self._thinner.limits(msgid):
             return True
         return sender == self._capped_sender and msgid in self._caps
 
     def on_radio(self, txbuf: int, now: HostNs) -> bool:
-        """RADIO_STATUS of the radio behind this link. True: what :meth:`limits` says may have changed."""
+        """Take a RADIO_STATUS of the radio behind this link. Returns True if the result of :meth:`limits` may have
+        changed.
+        """
         before = self._counts_bytes
         self._radio.on_report(txbuf, self._load.sent, self._load.offered, now)
         self._share()
         return before is not self._counts_bytes
 
     def passes(self, stream: StreamKey, size: int, now: HostNs) -> bool:
-        """Whether a frame of this many bytes may leave; it is counted either way."""
+        """Return whether a frame of this size, bytes, may leave, and count it either way."""
         cap = self._cap(stream)
         if not self._counts_bytes or cap.hz <= 0.0:
             return (
@@ -128,11 +133,11 @@ class LinkLimiter:
         return True
 
     def _thinned_by(self, stream: StreamKey, cap: Cap, telemetry: bool, now: HostNs) -> Why | None:
-        """Why a frame of a link that counts its bytes may not leave; None: it may."""
+        """Return why a frame may not leave a link whose bytes are counted; None if it may."""
         limit = self._bytes_per_s
         self._budget.fill(inf if limit is None else limit, now)
         if (telemetry or stream[0] not in DEFINITIONS) and not self._budget.is_free:
-            # Before its turn is used up, so that the next sample of this stream may leave instead.
+            # The bucket is checked before the stream's turn is used up: its next sample may leave instead.
             return self._budget_reason
         return None if self._within(stream, cap, now) else cap.why
 
@@ -141,17 +146,17 @@ class LinkLimiter:
         self._drop(stream, why)
 
     def holds(self, msgid: int, data: bytes, now: HostNs) -> bool:
-        """Keep a frame of a transfer that is too fast for the link: :meth:`release` hands it out later."""
+        """Queue a transfer frame that is too fast for the link. Returns False if it is not held back."""
         limit = self._bytes_per_s
         return limit is not None and msgid in TRANSFERS and self._held.takes(data, limit, now)
 
     @property
     def holds_any(self) -> bool:
-        """Frames wait for :meth:`release`."""
+        """Whether frames wait for :meth:`release`."""
         return bool(self._held)
 
     def release(self, now: HostNs) -> list[bytes]:
-        """Frames that were held and may leave now; they are counted."""
+        """Return the queued frames that may leave now, and count them."""
         limit = self._bytes_per_s
         released = self._held.release(limit, now)
         for data in released:
@@ -162,15 +167,15 @@ class LinkLimiter:
         return released
 
     def release_at(self, now: HostNs) -> HostNs:
-        """When :meth:`release` has something next, while anything waits."""
+        """Return the time at which :meth:`release` has a frame, while any frame waits."""
         return self._held.release_at(self._bytes_per_s, now)
 
     def disconnect(self) -> None:
-        """The link is down: what waits is of no use to whoever comes next."""
+        """Drop the queue of a link that went down: the next peer has no use for it."""
         self._held.clear()
 
     def status(self) -> LinkThinning:
-        """For the status file."""
+        """Return the state for the status file."""
         limit = self._bytes_per_s
         return LinkThinning(
             messages=[
@@ -210,7 +215,7 @@ class LinkLimiter:
         return cap.hz == inf or self._thinner.passes(*stream, now, at_most_hz=cap.hz)
 
     def _is_awaited(self, stream: StreamKey, why: Why, now: HostNs) -> bool:
-        """A station on this link asked for one sample, and gets it whatever else would keep it back."""
+        """Return whether a station on this link requested one sample: it leaves unless ``max_rate_hz`` forbids it."""
         return why is not Why.MAX_RATE and self._asked is not None and self._asked.take_once(stream[0], now)
 
     def _measure(self, stream: StreamKey, size: int, cap_hz: float | None, now: HostNs) -> None:
@@ -238,7 +243,7 @@ class LinkLimiter:
         return False
 
     def _is_current(self, msgid: int, why: Why) -> bool:
-        """Whether the reason is one still: stations come and go."""
+        """Return whether the reason still holds: stations come and go."""
         cap = self._caps.get(msgid)
         return why in {Why.BYTES, Why.RADIO, Why.MAX_RATE} or msgid == TIMESYNC or (cap is not None and cap.why is why)
 

@@ -1,8 +1,8 @@
-"""The load of one link, measured every second, and the common rate to which fast streams are cut so that all fit.
+"""Measures the load of one link every second, and finds the common rate to which fast streams are cut so that all fit.
 
 The cut is the max-min fair allocation (Bertsekas & Gallager, Data Networks, 2nd ed., 6.5.2), with the rate as the
-share: slow streams keep every sample, and only streams above the common rate lose some. A second of attitude at 50 Hz
-gives way before the one battery message of that second does.
+share: slow streams keep every sample, and only streams above the common rate lose some. Samples of attitude at 50 Hz
+are dropped before the one battery message of the same second.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ StreamKey: TypeAlias = tuple[int, int, int]
 """(message id, sender as system << 8 | component, instance)."""
 WINDOW_NS: Final = NS_PER_S
 MAX_STREAMS: Final = 1024
-"""Counted apart in one window; what comes beyond them counts together, as bytes that are not thinned."""
+"""Streams counted separately in one window; those beyond it are counted together, as bytes that are not thinned."""
 
 
 class _Count(msgspec.Struct):
@@ -28,27 +28,27 @@ class _Count(msgspec.Struct):
     cap_hz: float = inf
 
 
-class LinkLoad:
-    """Bytes of the window that runs, and rates of the last full one."""
+class LoadMeter:
+    """Measures the load of one link: bytes of the current window, and rates of the last full one."""
 
     def __init__(self) -> None:
         self._since_ns: HostNs | None = None
         self._counts: dict[StreamKey, _Count] = {}
         self._other = self._left = 0
         self.streams: list[tuple[float, float]] = []
-        """(hertz, mean bytes of one) of each stream of telemetry, after the caps of its message."""
+        """(rate in hertz, mean size in bytes) of each telemetry stream, after the caps of its message."""
         self.other = 0.0
-        """Bytes a second of what is never thinned."""
+        """Rate of the messages that are never thinned, bytes a second."""
         self.sent: float | None = None
-        """Bytes a second that left; None before the first full window."""
+        """Rate of the frames that left, bytes a second; None before the first full window."""
 
     @property
     def offered(self) -> float:
-        """Bytes a second that were to leave."""
+        """Load offered to the link, bytes a second."""
         return self.other + sum(hz * size for hz, size in self.streams)
 
     def offer(self, stream: StreamKey, size: int, cap_hz: float) -> None:
-        """A frame of telemetry is to leave. ``cap_hz``: the highest rate that its message has here."""
+        """Count a telemetry frame offered to the link. ``cap_hz``: the highest rate of its message here."""
         count = self._counts.get(stream)
         if count is None:
             if len(self._counts) >= MAX_STREAMS:
@@ -60,15 +60,15 @@ class LinkLoad:
         count.cap_hz = cap_hz
 
     def offer_other(self, size: int) -> None:
-        """A frame that is never thinned is to leave."""
+        """Count an offered frame that is never thinned."""
         self._other += size
 
     def leave(self, size: int) -> None:
-        """A frame leaves."""
+        """Count a frame that leaves."""
         self._left += size
 
     def roll(self, now: HostNs) -> bool:
-        """End the window if it is long enough. True: the rates are new."""
+        """End the window if it is long enough. Returns True if the rates are new."""
         if self._since_ns is None:
             self._since_ns = now
         elapsed_ns = now - self._since_ns
@@ -84,7 +84,8 @@ class LinkLoad:
 
 
 def common_rate(streams: Iterable[tuple[float, float]], bytes_per_s: float) -> float:
-    """The highest rate, hertz, at which ``sum(size * min(rate, it))`` stays within a budget; inf where all fits.
+    """Return the highest common rate, hertz, at which ``sum(size * min(rate, common))`` stays within a budget; inf if
+    all fits.
 
     ``streams``: (rate in hertz, bytes of one message).
     """

@@ -1,16 +1,16 @@
-"""How often each message of the autopilot leaves by each link, where stations' requests are merged with ours.
+"""Derives how often each message of the autopilot leaves by each link where stations' requests are merged with ours.
 
-The autopilot sends every message at the highest rate that any of us asked for. Each link then gets what its own
-stations would get without us:
+The autopilot sends every message at the highest rate that this service or a station requests. Each link then gets what
+its own stations would get without this service:
 
-1. a message that a station there asked for: at that rate, of several stations at the highest;
-2. a message that we asked for and no station there: at the rate that the autopilot has for it by itself, or that a
-   station on another link asked for; where neither is, it does not go there;
+1. a message that a station there requests: at the highest rate requested there;
+2. a message that this service requests and no station there: at the autopilot's own rate for it, or at the rate that a
+   station on another link requests; without either, it does not go there;
 3. every other message passes;
-4. attitude that no station there asked for: 4 Hz at most.
+4. attitude that no station there requests: 4 Hz at most.
 
-QGroundControl ignores ATTITUDE for good once it has seen one ATTITUDE_QUATERNION, so the latter goes only where a
-station asked for it, and where the autopilot sends it by itself; a request on another link does not open the way.
+QGroundControl ignores ATTITUDE for good once it has seen one ATTITUDE_QUATERNION. The latter therefore goes only where
+a station requests it, and where the autopilot sends it by itself; a request on another link does not open the way.
 """
 
 from __future__ import annotations
@@ -31,26 +31,26 @@ from fwav_companion.mavlink.wire.definitions import BY_NAME
 QUATERNION_ID: Final = BY_NAME["ATTITUDE_QUATERNION"].msgid
 ATTITUDE_IDS: Final = frozenset({BY_NAME["ATTITUDE"].msgid, QUATERNION_ID})
 UNASKED_ATTITUDE_HZ: Final = 4.0
-"""Enough for a horizon on a display."""
+"""Highest rate of attitude that no station requests: enough for a horizon on a display."""
 AUTOPILOT_COMPONENT: Final = 1
-"""MAV_COMP_ID_AUTOPILOT1: taken for the autopilot's until one is adopted."""
+"""MAV_COMP_ID_AUTOPILOT1: assumed component of the autopilot until one is adopted."""
 
 
 class Why(StrEnum):
-    """Reason why fewer messages leave by a link than came."""
+    """Reason why a message leaves by a link at a lower rate than it arrives."""
 
     MAX_RATE = "max_rate_hz"
     """The link's configuration names the message."""
     ASKED = "asked"
-    """A station on the link asked for this rate."""
+    """A station on the link requests this rate."""
     STOPPED = "stopped"
-    """A station on the link asked for a stop."""
+    """A station on the link requested a stop."""
     ONLY_OURS = "only_ours"
-    """Only this service asked for the message."""
+    """Only this service requests the message."""
     OWN_RATE = "own_rate"
-    """Only this service asked for more than the autopilot sends by itself, or than other links asked for."""
+    """Only this service requests more than the autopilot sends by itself, or than other links request."""
     ATTITUDE = "attitude"
-    """No station on the link asked for attitude."""
+    """No station on the link requests attitude."""
     BYTES = "max_bytes_per_s"
     """The link's budget of bytes is used up."""
     RADIO = "radio_status"
@@ -69,20 +69,20 @@ class MergedLink(msgspec.Struct):
 
     asked: AskedRates
     caps: dict[int, Cap]
-    """By message id, of the adopted autopilot's messages."""
+    """Caps by message id, for the adopted autopilot's messages."""
 
 
 class MergedRates:
-    """The tables of all links whose requests are merged, by link name."""
+    """Tables of all links whose requests are merged, by link name."""
 
     def __init__(self, links: Sequence[str]) -> None:
         self.links = {name: MergedLink(AskedRates(), {}) for name in links}
         self.own = OwnStreams(0, AUTOPILOT_COMPONENT, {})
         self.demanded: Mapping[int, float] = {}
-        """The highest rate that any station asked of the autopilot, hertz, by message id."""
+        """Highest rate that any station requests from the autopilot, hertz, by message id."""
 
     def share(self, own: OwnStreams, system: int) -> bool:
-        """Take what this service asked for. ``system``: ours. True: caps may differ from before."""
+        """Take the requests of this service. ``system``: our system id. Returns True if caps may have changed."""
         if own == self.own or not self.links:
             return False
         self.own = own
@@ -90,7 +90,7 @@ class MergedRates:
         return True
 
     def note(self, request: RateRequest, system: int, now: HostNs) -> bool:
-        """Take a station's request. True: caps may differ from before."""
+        """Take a station's request. Returns True if caps may have changed."""
         link = self.links.get(request.link)
         component = self.own.component
         if link is None or not request.reaches(request.target_system, component):
@@ -101,19 +101,19 @@ class MergedRates:
         return changed
 
     def heard(self, link: str, sender: int, now: HostNs) -> None:
-        """A heartbeat of (system << 8 | component) came by a link."""
+        """Note a heartbeat of (system << 8 | component) on a link."""
         if link in self.links:
             self.links[link].asked.heard(sender, now)
 
     def expire(self, system: int, now: HostNs) -> bool:
-        """Drop stations that fell silent. True: caps may differ from before."""
+        """Drop silent stations. Returns True if caps may have changed."""
         fell_silent = [link.asked.expire(now) for link in self.links.values()]
         if any(fell_silent):
             self.refresh(system)
         return any(fell_silent)
 
     def refresh(self, system: int) -> None:
-        """Compute every cap again."""
+        """Recompute every cap."""
         asked = {msgid for link in self.links.values() for msgid in link.asked.asked_ids(system)}
         self.demanded = {}
         for link in self.links.values():
@@ -121,7 +121,7 @@ class MergedRates:
         self._refresh(self.own.by_itself_hz.keys() | asked | ATTITUDE_IDS, system)
 
     def _refresh(self, msgids: Iterable[int], system: int) -> None:
-        """Compute the caps of these messages; what was worked out before is not changed but replaced."""
+        """Recompute the caps of these messages. A table that was handed out is replaced, not changed."""
         demanded = dict(self.demanded)
         for link in self.links.values():
             link.caps = dict(link.caps)

@@ -1,7 +1,7 @@
-"""Which messages may be thinned where a link is too slow for all: telemetry, of which the next sample says it better.
+"""Decides which messages may be thinned on a link that is too slow: telemetry, whose next sample replaces the last.
 
-Whatever names a receiver (``target_system``) is a command, an answer, a parameter, a mission item, a file or a log
-transfer: it never is. Nor are the messages below, which name no receiver and yet are sent once.
+A message that names a receiver (``target_system``) is a command, an answer, a parameter, a mission item, a file or a
+log transfer, and is never thinned. Nor are the messages below, which name no receiver but are sent once.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ NEVER_THINNED: Final = frozenset(
         # parameters and missions
         "PARAM_VALUE", "PARAM_EXT_VALUE", "PARAM_EXT_ACK", "MISSION_CURRENT", "MISSION_ITEM_REACHED",
         "SAFETY_ALLOWED_AREA", "OSD_PARAM_CONFIG_REPLY", "OSD_PARAM_SHOW_CONFIG_REPLY",
-        # what is sent when it changes, or when it is asked for
+        # messages that are sent when they change, or on request
         "HOME_POSITION", "GPS_GLOBAL_ORIGIN", "MESSAGE_INTERVAL", "AUTOPILOT_VERSION", "CAMERA_INFORMATION",
         "CAMERA_SETTINGS", "STORAGE_INFORMATION", "VIDEO_STREAM_INFORMATION", "GIMBAL_MANAGER_INFORMATION",
         "GIMBAL_DEVICE_INFORMATION", "FLIGHT_INFORMATION", "UAVCAN_NODE_INFO", "WIFI_CONFIG_AP",
@@ -40,13 +40,13 @@ INPUTS: Final = frozenset(
         "TRAJECTORY_REPRESENTATION_WAYPOINTS", "TRAJECTORY_REPRESENTATION_BEZIER",
     }
 )  # fmt: skip
-"""What an autopilot steers by: telemetry on the way to the ground, never thinned on the way to an autopilot."""
+"""Inputs of an autopilot's control: telemetry on the way to the ground, never thinned on the way to an autopilot."""
 TELEMETRY_THAT_NAMES_A_RECEIVER: Final = frozenset({"GIMBAL_DEVICE_ATTITUDE_STATUS", "MOUNT_STATUS"})
-"""Streams all the same: their receiver is 0, everyone."""
+"""Telemetry streams that have a receiver field: it is 0, every system."""
 
 
 def is_telemetry(msgid: int, *, to_autopilot: bool = False) -> bool:
-    """Whether the message may be thinned on a link that is too slow. Not so for an unknown id: it may be anything."""
+    """Return whether the message may be thinned on a slow link. False for an unknown id, which may be anything."""
     return msgid in _telemetry_ids(to_autopilot)
 
 

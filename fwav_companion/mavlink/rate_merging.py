@@ -1,4 +1,4 @@
-"""What follows a station's request for message rates, so that it lowers no rate that anyone else asked for."""
+"""Lists the requests that must follow a station's request for rates, so that it lowers no other requested rate."""
 
 from __future__ import annotations
 
@@ -10,26 +10,28 @@ from fwav_companion.mavlink.rate_messages import RateRequest
 from fwav_companion.mavlink.stream_groups import GROUPS, group_ids
 
 ROUNDING = 1.001
-"""Rates closer than this are one: intervals are whole microseconds on the wire, whole milliseconds in autopilots."""
+"""Ratio below which two rates are equal: intervals are whole microseconds on the wire, whole milliseconds in
+autopilots."""
 
 
 class FollowUp(msgspec.Struct, frozen=True):
-    """Rates to ask for behind a request, hertz: first the groups, then the messages."""
+    """Rates to request after a station's request, hertz: first the groups, then the messages."""
 
     groups: Mapping[int, float]
-    """By MAV_DATA_STREAM."""
+    """Rate by MAV_DATA_STREAM, hertz."""
     messages: Sequence[tuple[int, float]]
-    """(message id, hertz), in this order: ours before a station's higher one, which the autopilot may refuse."""
+    """(message id, hertz), in order of sending: our rate before a station's higher one, which the autopilot may
+    refuse."""
 
 
 def follow_up(
     request: RateRequest, ours_hz: Mapping[int, float], demanded_hz: Mapping[int, float], *, heeds_groups: bool
 ) -> FollowUp:
-    """The rates that are higher than what the request leaves, for every message that it names.
+    """Return the rates that are higher than what the request leaves, for every message that it names.
 
-    ``ours_hz``: what this service wants; ``demanded_hz``: the highest that stations want, this request included.
-    ``heeds_groups``: the autopilot acts on REQUEST_DATA_STREAM. Where it does not, a request by group leaves our
-    messages at our rate, and the station's rate follows where it is higher.
+    ``ours_hz``: rates of this service; ``demanded_hz``: the highest rates of all stations, with this request.
+    ``heeds_groups``: the autopilot acts on REQUEST_DATA_STREAM. If it does not, a request by group leaves our messages
+    at our rate, and the station's rate follows if it is higher.
     """
     if request.by_group and not heeds_groups:
         left_hz = {msgid: ours_hz[msgid] for msgid in request.rates if msgid in ours_hz}
@@ -44,9 +46,10 @@ def follow_up(
 
 
 def _whole_groups(left_hz: Mapping[int, float], demanded_hz: Mapping[int, float]) -> dict[int, float]:
-    """Groups of which every message is demanded at one rate, higher than the request leaves: one message asks for all.
+    """Return the groups to request as a whole: all their messages are demanded at one rate, above what the request
+    leaves.
 
-    So it is where another station asked by group too.
+    This is the case where another station requested by group too.
     """
     groups = {}
     for number in GROUPS:

@@ -1,4 +1,4 @@
-"""Who asked for which message rates: a station's request, read from its frame, and what this service asked for."""
+"""Reads a station's request for message rates from its frame, and holds what this service requests."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ REQUEST_DATA_STREAM: Final = BY_NAME["REQUEST_DATA_STREAM"].msgid
 MESSAGE_INTERVAL: Final = BY_NAME["MESSAGE_INTERVAL"].msgid
 COMMANDS: Final = frozenset(BY_NAME[name].msgid for name in ("COMMAND_LONG", "COMMAND_INT"))
 RATE_REQUESTS: Final = COMMANDS | {REQUEST_DATA_STREAM, MESSAGE_INTERVAL}
-"""Ids of the messages that may ask for a rate."""
+"""Ids of the messages that may request a rate."""
 HIGHEST_HZ: Final = 1000.0
-"""ArduPilot takes intervals below a millisecond for one (GCS_Common.cpp, set_message_interval)."""
+"""Highest rate: ArduPilot takes intervals below a millisecond for one (GCS_Common.cpp, set_message_interval)."""
 HIGHEST_ID: Final = 0xFFFFFF
 START: Final = 1
 """REQUEST_DATA_STREAM.start_stop; 0 stops."""
 
 
 class RateRequest(msgspec.Struct, frozen=True, kw_only=True):
-    """What one frame asks of the component that it names."""
+    """Request for message rates in one frame, addressed to one component or to all."""
 
     system: int
     """System id of the sender."""
     component: int
     """Component id of the sender."""
     link: str
-    """Name of the link by which it came."""
+    """Name of the link on which it arrived."""
     target_system: int
     """0: every system."""
     target_component: int
@@ -41,37 +41,37 @@ class RateRequest(msgspec.Struct, frozen=True, kw_only=True):
     rates: Mapping[int, float | None] = {}
     """Rate by message id, hertz. 0: stop. None: the receiver's own default."""
     by_group: bool = False
-    """It is a REQUEST_DATA_STREAM: what it names is a group of ArduPilot's."""
+    """Whether it is a REQUEST_DATA_STREAM, which names a group of ArduPilot's messages."""
     once: int | None = None
-    """Id of a message that is wanted a single time (REQUEST_MESSAGE)."""
+    """Id of a message that is requested a single time (REQUEST_MESSAGE)."""
 
     @property
-    def who(self) -> str:
-        """Sender and link, as a log has them: ``255/190 on ground``."""
+    def requester(self) -> str:
+        """Sender and link in the form of the log: ``255/190 on ground``."""
         return f"{self.system}/{self.component} on {self.link}"
 
     @property
     def sender(self) -> int:
-        """``system << 8 | component``."""
+        """Sender as ``system << 8 | component``."""
         return self.system << 8 | self.component
 
     def reaches(self, system: int, component: int) -> bool:
-        """It names this component, or every one."""
+        """Return whether the request is addressed to this component, or to all."""
         return self.target_system in {0, system} and self.target_component in {0, component}
 
 
 class OwnStreams(msgspec.Struct, frozen=True):
-    """The messages that this service asked of the adopted autopilot."""
+    """Messages that this service requests from the adopted autopilot."""
 
     system: int
     component: int
     by_itself_hz: Mapping[int, float]
-    """By message id: the rate at which the autopilot sends it without our request, hertz; 0: not at all; inf: as it
-    comes up."""
+    """Rate by message id at which the autopilot sends without our request, hertz; 0: never; inf: with every new
+    value."""
 
 
 def rate_request(frame: RawFrame, link: str) -> RateRequest | None:
-    """The request that a frame carries; None for any other frame, and for one that asks for nothing definite."""
+    """Return the request that a frame carries; None for any other frame, and for a request without a definite rate."""
     if frame.definition is None or frame.msgid not in RATE_REQUESTS:
         return None
     fields = frame.definition.unpack(frame.data)
@@ -106,7 +106,9 @@ def _asked(msgid: int, fields: Any) -> dict[str, Any] | None:
 
 
 def _hz(interval_us: float) -> float | None:
-    """common.xml, SET_MESSAGE_INTERVAL: -1 disables, 0 requests the default rate."""
+    """Return the rate of a SET_MESSAGE_INTERVAL (common.xml): -1 disables (0 Hz), 0 requests the default rate
+    (None).
+    """
     if interval_us == 0:
         return None
     return 0.0 if interval_us < 0 else min(1e6 / interval_us, HIGHEST_HZ)

@@ -1,8 +1,8 @@
-"""The messages of each group that a REQUEST_DATA_STREAM names, as ArduPilot has them.
+"""Lists the messages of each group that a REQUEST_DATA_STREAM names, as defined by ArduPilot.
 
 Contents: ``STREAM_*_msgs`` in ArduPilot 4.7 (libraries/GCS_MAVLink/GCS_MAVLink_Parameters.cpp), and the messages that
 4.0 to 4.6 had in the same groups (ArduCopter/GCS_Mavlink.cpp: SENSOR_OFFSETS, AHRS3, HWSTATUS, RANGEFINDER, BATTERY2,
-MOUNT_STATUS). Group 0 is all of them but the parameters. PX4 has an empty handler for the message
+MOUNT_STATUS). Group 0 is all of them except the parameters. PX4 has an empty handler for the message
 (mavlink_receiver.cpp: "REQUEST_DATA_STREAM is deprecated"): a request by group changes nothing there.
 """
 
@@ -43,12 +43,12 @@ GROUPS: Final[dict[int, tuple[str, ...]]] = {
 }  # fmt: skip
 """Message names by MAV_DATA_STREAM."""
 ONLY_IN_ALL: Final = ("ADSB_VEHICLE", "AIS_VESSEL")
-"""ArduPilot's own ADSB group, which no number of MAV_DATA_STREAM selects alone."""
+"""ArduPilot's own ADSB group, which no value of MAV_DATA_STREAM selects alone."""
 
 
 @cache
 def group_ids(number: int) -> frozenset[int]:
-    """Message ids of a group; empty for a number that ArduPilot does not know."""
+    """Return the message ids of a group; empty for a number that ArduPilot does not know."""
     names = GROUPS.get(number, ())
     if number == ALL:
         names = (*(name for members in GROUPS.values() for name in members), *ONLY_IN_ALL)
@@ -56,5 +56,5 @@ def group_ids(number: int) -> frozenset[int]:
 
 
 def group_of(msgid: int) -> int | None:
-    """Number of the group that holds the message; None where a request by group cannot reach it."""
+    """Return the number of the group that holds the message; None if no group request reaches it."""
     return next((number for number in GROUPS if msgid in group_ids(number)), None)

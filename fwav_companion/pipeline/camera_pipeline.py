@@ -59,7 +59,7 @@ class CameraPipeline:
         pairer: Pairer,
         localizer: Localizer,
         reorder: Reorder,
-        ledger: TargetLog,
+        target_log: TargetLog,
         *,
         sightings: bool,
         agreement: FixAgreement,
@@ -70,7 +70,7 @@ class CameraPipeline:
         self._localizer = localizer
         self._reorder = reorder
         self.calibration_news = SelfCalibrationNotices(pairer.body_from_camera, pairer.time_offset_s)
-        self._ledger = ledger
+        self._target_log = target_log
         self._sightings = sightings
         self._agreement = agreement
         self._census = FrameCensus()
@@ -92,10 +92,10 @@ class CameraPipeline:
 
     def on_frame(self, frame: Frame, now: HostNs) -> None:
         """Take a frame that arrived; :meth:`take_ready` processes it, perhaps at once."""
-        self._ledger.frames += 1
+        self._target_log.frames += 1
         self._meter.count("frames", now)
         self._last_frame_ns = now
-        self._ledger.detections += len(frame.detections)
+        self._target_log.detections += len(frame.detections)
         clock = self._telemetry.clock
         self._census.add(frame, clock)
         until = self._pairer.attitude_needed_until(frame, clock)
@@ -205,28 +205,28 @@ class CameraPipeline:
         tracks = self._reorder.put(view, now)
         self._count(paired, located)
         if isinstance(tracks, NoFrame):
-            self._ledger.drop(tracks.reason)
+            self._target_log.drop(tracks.reason)
             return None
         self._last_view = view
         if self._sightings:
-            self._ledger.keep_sightings(view.host_ns, view.frame, _sighting_lines(paired, located))
+            self._target_log.keep_sightings(view.host_ns, view.frame, _sighting_lines(paired, located))
         state = paired.state if isinstance(paired.state, VehicleState) else None
         return ProcessedFrame(tracks, state, paired.view.pixel_of if paired.view is not None else None)
 
     def _count(self, paired: PairedFrame, located: list[GroundFix | NoFix]) -> None:
         for _, reason, _ in paired.refused:
-            self._ledger.drop(reason)
+            self._target_log.drop(reason)
         for fix in located:
             if isinstance(fix, NoFix):
-                self._ledger.drop(fix.reason)
+                self._target_log.drop(fix.reason)
             else:
-                self._ledger.fixes += 1
+                self._target_log.fixes += 1
 
     def _refuse(self, refused: RefusedFrame) -> None:
-        self._ledger.drop(refused.reason)
+        self._target_log.drop(refused.reason)
         if self._sightings:
             for index in range(refused.detections):
-                self._ledger.write(sighting_line(refused.number, index, None, None, refused.reason, None))
+                self._target_log.write(sighting_line(refused.number, index, None, None, refused.reason, None))
 
 
 def _sighting_lines(paired: PairedFrame, located: list[GroundFix | NoFix]) -> list[Line]:

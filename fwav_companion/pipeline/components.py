@@ -32,7 +32,7 @@ class Components:
     commands: Commands
     telemetry: Telemetry
     publisher: Publisher
-    sight: CameraPipeline | None
+    camera: CameraPipeline | None
     """None in a relay without a camera."""
     adopted_ns: HostNs | None = None
     """Instant of the adoption of the autopilot."""
@@ -61,16 +61,16 @@ class Components:
         by_autopilot_s = self.telemetry.utc_minus_host_s
         return by_autopilot_s if by_autopilot_s is not None or self.board is None else self.board.utc_minus_host_s
 
-    def readiness(self, sight: CameraPipeline, now: HostNs) -> Readiness:
+    def readiness(self, camera: CameraPipeline, now: HostNs) -> Readiness:
         """What localization rests on at this instant."""
-        expected = sight.expected()
+        expected = camera.expected()
         return Readiness(
             attitude_hz=self.telemetry.attitude_hz(now),
             wanted_attitude_hz=self.rates.wanted_attitude_hz,
             clock_sigma_s=self.telemetry.clock.estimate(now).sigma_s,
-            frames_hz=sight.frames_hz(now),
-            frame_age_s=sight.frame_age_s(now),
-            refused=sight.refused,
+            frames_hz=camera.frames_hz(now),
+            frame_age_s=camera.frame_age_s(now),
+            refused=camera.refused,
             no_fix=expected if isinstance(expected, Reason) else None,
             within95_m=expected.within95_m if isinstance(expected, PredictedAccuracy) else None,
             height_m=expected.height_m if isinstance(expected, PredictedAccuracy) else None,
@@ -89,7 +89,7 @@ class Components:
     def status(self, now: HostNs) -> dict[str, Any]:
         """Part of the status file."""
         plane = self.telemetry.world.plane
-        report = None if self.sight is None else self.sight.calibration
+        report = None if self.camera is None else self.camera.calibration
         return {
             "autopilot": msgspec.to_builtins(self.identity.autopilot),
             "autopilot_lost": self.identity.autopilot_lost,
@@ -100,7 +100,9 @@ class Components:
             "parameters": dict(self.rates.parameters),
             "origin": origin_object(plane.origin) if plane else None,
             "telemetry": self.telemetry.status(now),
-            "sight": None if self.sight is None else self.sight.status(),
-            "calibration": None if self.sight is None or report is None else self.sight.calibration_news.status(report),
+            "sight": None if self.camera is None else self.camera.status(),
+            "calibration": None
+            if self.camera is None or report is None
+            else self.camera.calibration_news.status(report),
             "publishing": self.publisher.status(),
         }

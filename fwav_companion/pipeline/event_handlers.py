@@ -27,11 +27,11 @@ class EventHandlers:
     """Applies events of the autopilot's identity, of its clock, and of the world to the rooms."""
 
     def __init__(
-        self, rooms: Components, ledger: TargetLog, outlet: OutputBuffer, *, unix_offset_ns: int, live: bool
+        self, components: Components, target_log: TargetLog, outputs: OutputBuffer, *, unix_offset_ns: int, live: bool
     ) -> None:
-        self._rooms = rooms
-        self._ledger = ledger
-        self._outlet = outlet
+        self._components = components
+        self._target_log = target_log
+        self._outputs = outputs
         self._unix_offset_ns = unix_offset_ns
         self._live = live
         self._placed_without_undulation = False
@@ -40,7 +40,7 @@ class EventHandlers:
     @property
     def wake_at(self) -> HostNs | None:
         """Instant of the next readiness check; None without a camera, and while no autopilot is heard."""
-        return self._readiness.wake_at if self._rooms.sight is not None else None
+        return self._readiness.wake_at if self._components.camera is not None else None
 
     def on_wake(self, now: HostNs) -> None:
         """Check the readiness; a change is reported."""
@@ -51,10 +51,10 @@ class EventHandlers:
         """Handle an autopilot that was adopted, armed, lost, or is back."""
         for event in events:
             if isinstance(event, Adopted):
-                self._rooms.adopted_ns = now
-                self._rooms.timesync.adopt(event.autopilot, now)
-                self._rooms.rates.adopt(event.autopilot, now)
-            self._outlet.notify(notice_text(event), now)
+                self._components.adopted_ns = now
+                self._components.timesync.adopt(event.autopilot, now)
+                self._components.rates.adopt(event.autopilot, now)
+            self._outputs.notify(notice_text(event), now)
             match event:
                 case Adopted() | AutopilotBack():
                     self._readiness.begin(now)
@@ -64,59 +64,64 @@ class EventHandlers:
                     readiness = self._current_readiness(now)
                     self._report(self._readiness.on_armed(readiness, now) if readiness is not None else None, now)
 
+    def of_parameters(self) -> None:
+        """Hand a new value of the autopilot's PLND_LAG to the landing."""
+        landing = self._components.publisher.landing
+        landing.lag_s = self._components.rates.parameters.get("PLND_LAG", landing.lag_s)
+
     def of_timesync(self, message: Message, now: HostNs) -> None:
         """Handle a TIMESYNC message: an answer updates the clock, a request is answered."""
-        result = self._rooms.timesync.on_message(message, now)
+        result = self._components.timesync.on_message(message, now)
         if isinstance(result, ClockExchange):
-            telemetry = self._rooms.telemetry
+            telemetry = self._components.telemetry
             self.of_telemetry(telemetry.on_exchange(result), now)
             if telemetry.clock.in_doubt:
-                self._rooms.timesync.settle(now)
+                self._components.timesync.settle(now)
         elif isinstance(result, Outgoing) and self._live:
-            self._outlet.messages.append(result)
+            self._outputs.messages.append(result)
 
     def of_telemetry(self, events: Iterable[TelemetryEvent], now: HostNs) -> None:
         """Handle a reboot, the world's origin, or a home that moved."""
         for event in events:
             match event:
                 case Rebooted():
-                    self._rooms.timesync.restart(now)
-                    self._rooms.rates.ask_again("the autopilot rebooted", now)
+                    self._components.timesync.restart(now)
+                    self._components.rates.ask_again("the autopilot rebooted", now)
                     self._readiness.begin(now)
                 case OriginSet(origin, late):
-                    if late and self._rooms.sight is not None:
-                        self._rooms.sight.drop_all(Reason.ORIGIN_SET)
-                        self._rooms.publisher.forget_targets()
-                        self._ledger.settle(self._rooms.sight.settle(now), plane=None)
-                    self._ledger.origin_moved_in(now, origin)
+                    if late and self._components.camera is not None:
+                        self._components.camera.drop_all(Reason.ORIGIN_SET)
+                        self._components.publisher.forget_targets()
+                        self._target_log.settle(self._components.camera.settle(now), plane=None)
+                    self._target_log.origin_moved_in(now, origin)
                     self._place_ground(now)
                 case TakeOffFound():
                     self._place_ground(now)
                 case RelativeWorld():
-                    self._ledger.begin(None)
+                    self._target_log.begin(None)
                 case HomeMoved(down_m):
-                    if self._rooms.sight is not None:
-                        self._rooms.sight.home_moved(down_m)
-                    self._ledger.write(home_line(unix_seconds(now, self._unix_offset_ns), down_m))
-            self._outlet.notify(notice_text(event), now)
-        if self._placed_without_undulation and self._rooms.telemetry.undulation_m is not None:
+                    if self._components.camera is not None:
+                        self._components.camera.home_moved(down_m)
+                    self._target_log.write(home_line(unix_seconds(now, self._unix_offset_ns), down_m))
+            self._outputs.notify(notice_text(event), now)
+        if self._placed_without_undulation and self._components.telemetry.undulation_m is not None:
             self._place_ground(now)
 
     def _place_ground(self, now: HostNs) -> None:
         """Give the ground the world's origin; again when the geoid is known, which an elevation model may need."""
-        telemetry, sight = self._rooms.telemetry, self._rooms.sight
+        telemetry, camera = self._components.telemetry, self._components.camera
         plane, take_off = telemetry.world.plane, telemetry.world.take_off
-        if sight is None or plane is None or take_off is None:
+        if camera is None or plane is None or take_off is None:
             return
         self._placed_without_undulation = telemetry.undulation_m is None
-        text = sight.placed(plane, take_off, telemetry.undulation_m)
+        text = camera.placed(plane, take_off, telemetry.undulation_m)
         if text:
-            self._outlet.notify((Notice(NoticeCode.TERRAIN_PLACED, Severity.INFO, text, to_ground=True),), now)
+            self._outputs.notify((Notice(NoticeCode.TERRAIN_PLACED, Severity.INFO, text, to_ground=True),), now)
 
     def _current_readiness(self, now: HostNs) -> Readiness | None:
-        sight = self._rooms.sight
-        return None if sight is None else self._rooms.readiness(sight, now)
+        camera = self._components.camera
+        return None if camera is None else self._components.readiness(camera, now)
 
     def _report(self, notice: Notice | None, now: HostNs) -> None:
         if notice is not None:
-            self._outlet.notify((notice,), now)
+            self._outputs.notify((notice,), now)

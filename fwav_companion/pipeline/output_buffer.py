@@ -26,10 +26,10 @@ class Outputs:
 class OutputBuffer:
     """Buffers messages and notices; encodes the notices for the ground."""
 
-    def __init__(self, rooms: Components, ledger: TargetLog, *, live: bool) -> None:
+    def __init__(self, components: Components, target_log: TargetLog, *, live: bool) -> None:
         """``live``: false in a replay, where no message is sent."""
-        self._rooms = rooms
-        self._ledger = ledger
+        self._components = components
+        self._target_log = target_log
         self._live = live
         self.messages: list[Outgoing] = []
         self.notices: list[Notice] = []
@@ -38,16 +38,18 @@ class OutputBuffer:
         """Take notices for the log, and for ground stations once the vehicle is known."""
         for notice in notices:
             self.notices.append(notice)
-            if self._live and self._rooms.identity.knows_its_vehicle:
-                self.messages += self._rooms.publisher.on_notice(notice, now)
+            if self._live and self._components.identity.knows_its_vehicle:
+                self.messages += self._components.publisher.on_notice(notice, now)
 
     @property
     def has_outputs(self) -> bool:
         """Whether :meth:`take` would return anything; after most messages it would not."""
-        return bool(self.messages or self.notices or self._ledger.has_lines or self._rooms.publisher.has_datagrams)
+        return bool(
+            self.messages or self.notices or self._target_log.has_lines or self._components.publisher.has_datagrams
+        )
 
     def take(self) -> Outputs:
         """Outputs since the last call."""
-        outputs = Outputs(self.messages, self._ledger.take(), self.notices, self._rooms.publisher.datagrams())
+        outputs = Outputs(self.messages, self._target_log.take(), self.notices, self._components.publisher.datagrams())
         self.messages, self.notices = [], []
         return outputs

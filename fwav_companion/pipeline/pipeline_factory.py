@@ -78,10 +78,10 @@ def make_pipeline(
     callers that read attitudes long afterwards; None: as long as flying needs them. ``written``: false where the lines
     are not used.
     """
-    ledger = TargetLog(__version__, config.as_builtins(), unix_offset_ns, written=written)
+    target_log = TargetLog(__version__, config.as_builtins(), unix_offset_ns, written=written)
     component, has_camera = config.vehicle.component_id, config.publish.camera_tracking and calibration is not None
     telemetry = Telemetry(telemetry_options(config, attitudes_kept_s))
-    sight = None
+    camera = None
     if calibration is not None:
         localizer = Localizer(_ground(config, elevation), config.priors, min_height_m=config.ground.min_height_m)
         if own_filter is None:
@@ -93,18 +93,18 @@ def make_pipeline(
             )
         tracker.tells_innovations = sightings
         reorder = Reorder(tracker)
-        sight = CameraPipeline(
+        camera = CameraPipeline(
             telemetry,
             make_pairer(config, calibration),
             localizer,
             reorder,
-            ledger,
+            target_log,
             sightings=sightings,
             agreement=FixAgreement(config.priors),
         )
     publisher = Publisher(
         publish_options(config, calibration, unit),
-        locate=None if sight is None else sight.locate,
+        locate=None if camera is None else camera.locate,
         state_at=telemetry.state_at,
     )
     handlers: dict[int, Handler | None] = {component: None}
@@ -113,7 +113,7 @@ def make_pipeline(
     commands = Commands(handlers, require_signed=config.signing is not None, version=version_numbers())
     commands.system = config.vehicle.system_id
     commands.provide(component, ONBOARD_COMPUTER_STATUS, "ONBOARD_COMPUTER_STATUS", requested_board_status)
-    rooms = Components(
+    components = Components(
         identity=Identity(config.vehicle.system_id, component, CAMERA_COMPONENT_ID if has_camera else None),
         timesync=Timesync(component),
         rates=Rates(
@@ -125,9 +125,9 @@ def make_pipeline(
         commands=commands,
         telemetry=telemetry,
         publisher=publisher,
-        sight=sight,
+        camera=camera,
     )
-    return Pipeline(rooms, ledger, unix_offset_ns=unix_offset_ns, live=live)
+    return Pipeline(components, target_log, unix_offset_ns=unix_offset_ns, live=live)
 
 
 def own_components(config: Config) -> frozenset[int]:

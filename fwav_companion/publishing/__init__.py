@@ -4,5 +4,5 @@
 ``camera_component`` answers as the camera, with ``camera_information`` and ``tracking_status`` for its messages,
 ``selection`` for the selected target and ``intervals`` for message rates. ``ground_messages`` and ``cot`` serve other
 displays. ``announcer`` makes notices of targets and encodes notices as STATUSTEXT; ``readiness`` reports whether the
-vehicle can localize. ``moment`` places a track on the earth now, for all of them.
+vehicle can localize. ``target_report`` gives a track's position on the earth at the present time, for all of them.
 """

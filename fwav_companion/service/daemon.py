@@ -68,7 +68,7 @@ class Service:
         witness that reads the vehicle's attitudes afterwards.
         """
         self._config = config
-        self._sayings = ServiceLog(config)
+        self._log = ServiceLog(config)
         self._clock = HostClock()
         self._calibrations = CalibrationStore(config, warn)
         self._kept = self._calibrations.kept()
@@ -91,16 +91,16 @@ class Service:
         }
         self._board = BoardWatch({link.name: isinstance(link.parsed_url, SerialUrl) for link in config.link})
         self._map_link = make_map_link(config, self._on_link_state)
-        ears = FrameReceiver(self._on_frame, self._sayings.clock_stepped, self._clock.wall, self._clock.read)
+        ears = FrameReceiver(self._on_frame, self._log.clock_stepped, self._clock.wall, self._clock.read)
         self._detections = self._vision = None
         if calibration is not None:
-            self._detections = make_detections(config, ears, self._sayings.detections_heard)
-            self._vision = make_vision(config, ears, self._sayings.pictures_seen)
+            self._detections = make_detections(config, ears, self._log.detections_heard)
+            self._vision = make_vision(config, ears, self._log.pictures_seen)
         self._journal = Journal(make_recorder(config, beside_recording, self._pipeline, warn), self._clock)
         self._outbox = Outbox(self._node, self._links, self._map_link, self._journal, self._on_fault)
         self._status_file = LatestFile(status_paths(config.status.file), warn, outlives_us=False)
         self._status = StatusReport(
-            config, self._clock, self._node, self._links, self._vision, self._journal, self._pipeline, self._sayings
+            config, self._clock, self._node, self._links, self._vision, self._journal, self._pipeline, self._log
         )
         self._notifier = SystemdNotifier()
         self._alarm = PipelineTimer(self._on_alarm)
@@ -148,7 +148,7 @@ class Service:
         for part in (*files, self._detections, self._vision, self._map_link, *self._links.values()):
             if part is not None:
                 part.start()
-        self._sayings.started(hears_detections=self._detections is not None)
+        self._log.started(hears_detections=self._detections is not None)
         self._notifier.ready()
         self._tick()
         self._on_alarm()
@@ -165,7 +165,7 @@ class Service:
         for file in (self._journal, self._status_file, self._signing, self._calibrations):
             file.close(FILE_STOP_S)
         self._notifier.close()
-        self._sayings.stopped()
+        self._log.stopped()
 
     # What comes in.
 
@@ -250,7 +250,7 @@ class Service:
             self._node.share(self._pipeline.own_streams)
             self._outbox.send(outputs.messages, outputs.datagrams, now)
             self._journal.found(outputs.lines, now)
-            self._sayings.noticed(outputs.notices)
+            self._log.noticed(outputs.notices)
         self._journal.armed(self._pipeline.armed, now)
         self._arm(now)
 
@@ -260,7 +260,7 @@ class Service:
     # State of the parts.
 
     def _on_link_state(self, name: str, up: bool, why: str) -> None:
-        self._sayings.link_changed(name, up, why)
+        self._log.link_changed(name, up, why)
         if name in self._links:
             (self._node.link_up if up else self._node.link_down)(name)
 
@@ -273,6 +273,6 @@ class Service:
         The interrupted work may still be due, and has set no timer. It is not repeated at once: that would not end.
         """
         now = self._clock.now()
-        self._sayings.faulted(context)
+        self._log.faulted(context)
         self._pipeline.on_internal_fault(now)
         self._alarm.arm(now, HostNs(now + NET_NS))

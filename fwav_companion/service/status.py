@@ -33,7 +33,7 @@ class StatusReport:
         vision: VisionProcess | None,
         journal: Journal,
         pipeline: Pipeline,
-        sayings: ServiceLog,
+        log: ServiceLog,
     ) -> None:
         self._config = config
         self._clock = clock
@@ -42,7 +42,7 @@ class StatusReport:
         self._vision = vision
         self._journal = journal
         self._pipeline = pipeline
-        self._sayings = sayings
+        self._log = log
         self._came, self._came_ns = 0, HostNs(0)
         self._started_ns = clock.now()
 
@@ -60,13 +60,13 @@ class StatusReport:
             "time_unix": self._clock.unix_us(now) / 1e6,
             "time_monotonic": now / NS_PER_S,
             "up_s": (now - self._started_ns) / NS_PER_S,
-            "internal_faults": self._sayings.faults,
+            "internal_faults": self._log.faults,
             "links": {name: link.status() for name, link in self._links.items()},
             "traffic": msgspec.to_builtins(self._node.statistics(now)),
             "intake": {
                 "came": self._came,
                 "age_s": (now - self._came_ns) / NS_PER_S if self._came else None,
-                "why": self._sayings.deaf_because,
+                "why": self._log.deaf_because,
             },
             "vision": None if self._vision is None else self._vision.status(),
             "recording": self._journal.state,

@@ -85,8 +85,8 @@ CALIBRATION = Calibration(KannalaBrandt((1.0,), (300.0, 300.0), (320.0, 240.0), 
 
 def test_links():
     assert link_policies(CONFIG) == [
-        LinkPolicy("radio", "autopilot"),
-        LinkPolicy("ground", "gcs", {"ATTITUDE": 4.0}, True, True),
+        LinkPolicy("radio", "autopilot", max_bytes_per_s=0.7 * 57600 / 10),
+        LinkPolicy("ground", "gcs", {"ATTITUDE": 4.0}, forward_rate_requests=True, datagrams=True),
     ]
 
 

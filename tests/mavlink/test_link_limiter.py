@@ -13,7 +13,7 @@ from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs
 from fwav_companion.mavlink.byte_budget import DEPTH_S, SILENT_NS, SLOWEST_BYTES_PER_S, ByteBudget, RadioBackoff
 from fwav_companion.mavlink.held_transfers import MAX_HELD_BYTES, SHARE
 from fwav_companion.mavlink.link_limiter import LinkLimiter
-from fwav_companion.mavlink.link_load import MAX_STREAMS, LinkLoad, common_rate
+from fwav_companion.mavlink.link_load import MAX_STREAMS, LoadMeter, common_rate
 from fwav_companion.mavlink.never_thinned import is_telemetry
 from sitl_mock.codec import NUMBERS
 
@@ -222,7 +222,7 @@ def test_each_named_value_and_each_aircraft_is_a_stream_of_its_own():
 
 
 def test_the_tables_are_bounded():
-    load = LinkLoad()
+    load = LoadMeter()
     for instance in range(3 * MAX_STREAMS):
         load.offer((30, AUTOPILOT, instance), 40, inf)
     assert len(load._counts) <= MAX_STREAMS

@@ -30,7 +30,7 @@ def test_an_interval_in_a_long_command(version):
     request = read(interval(ATTITUDE, 20_000, version=version))
     assert request is not None
     assert dict(request.rates) == {ATTITUDE: pytest.approx(50.0)}
-    assert (request.who, request.sender) == ("255/190 on ground", 255 << 8 | 190)
+    assert (request.requester, request.sender) == ("255/190 on ground", 255 << 8 | 190)
     assert not request.by_group
 
 

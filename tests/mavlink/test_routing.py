@@ -177,7 +177,7 @@ def test_a_request_for_streams_passes_unchanged_and_is_reported(setting, merged)
     frame = ground.frame("REQUEST_DATA_STREAM", 1, 1, 0, 4, 1)
     received = net.node.receive("ground", frame, net.now)
     assert received.forwards == [("autopilot", frame)]
-    assert [(one.request.who, one.merged) for one in received.rate_requests] == [("255/190 on ground", merged)]
+    assert [(one.request.requester, one.merged) for one in received.rate_requests] == [("255/190 on ground", merged)]
 
 
 def test_a_message_interval_that_passes_is_reported_and_other_commands_are_not() -> None:
@@ -185,7 +185,7 @@ def test_a_message_interval_that_passes_is_reported_and_other_commands_are_not()
     _, ground = vehicle_and_ground(net)
 
     def reported(frame: bytes) -> list[str]:
-        return [one.request.who for one in net.node.receive("ground", frame, net.now).rate_requests]
+        return [one.request.requester for one in net.node.receive("ground", frame, net.now).rate_requests]
 
     assert reported(ground.command(1, 1, SET_MESSAGE_INTERVAL)) == ["255/190 on ground"]
     assert reported(ground.command(1, 1, ARM)) == []

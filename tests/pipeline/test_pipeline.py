@@ -106,10 +106,9 @@ def test_each_landing_consumer_takes_every_landing_target_at_its_place(vehicle: 
     options = scenario("perfect").but({"seconds": 16.0, "seed": 5} | vehicle)
     assert options.autopilot.ekf_origin_m != (0.0, 0.0, 0.0)
     flown = fly(options, (*LANDING, *GLOBAL_SHUTTER))
-    precland = flown.mock.vehicle.precland
-    assert not precland.refused
-    assert len(precland.accepted) > 200
-    assert max(each["error_m"] for each in precland.accepted[-200:]) < 0.1
+    assert not flown.refused_landings
+    assert len(flown.accepted_landings) > 200
+    assert max(each["error_m"] for each in flown.accepted_landings[-200:]) < 0.1
 
 
 def test_a_station_is_given_the_video_with_the_field_of_view_of_the_configured_lens():

@@ -57,17 +57,23 @@ def frame_by_frame(near: Peer, far: Peer, frames: list[bytes], _: random.Random)
     return frames
 
 
+def is_unknown(frame: bytes) -> bool:
+    return frame[0] == 0xFD and frame[7:10] == b"\xef\xcd\xab"
+
+
 def byte_by_byte(near: Peer, far: Peer, frames: list[bytes], _: random.Random) -> list[bytes]:
     """The first few frames and the last, byte by byte: a datagram a byte is slow.
 
-    At most two frames are in transit: the socket of a daemon that waits for the processor holds no more. A frame of an
-    unknown id is known to be complete by the one that follows.
+    One frame is in transit at a time: the socket of a daemon that waits for the processor holds 277 datagrams. A frame
+    of an unknown id leaves when the next begins.
     """
     few = [*frames[:8], frames[-1]]
     for before, frame in enumerate(few):
-        for byte in frame:
+        far.wait_for(before - (before > 0 and is_unknown(few[before - 1])))
+        for index, byte in enumerate(frame):
             near.send(bytes((byte,)))
-        far.wait_for(before)
+            if index % 32 == 0:
+                far.listen(0.001)
     return few
 
 
@@ -86,7 +92,7 @@ def with_losses_and_errors(near: Peer, far: Peer, frames: list[bytes], rng: rand
 
     The last frames stay intact: after one that was cut short, others wait until its full length of bytes has arrived.
     """
-    known = [frame for frame in frames if frame[7:10] != b"\xef\xcd\xab" or frame[0] == 0xFE]
+    known = [frame for frame in frames if not is_unknown(frame)]
     whole = []
     for index, frame in enumerate(known):
         fate = index // 4 % 3 if index % 4 == 2 and index < len(known) - 8 else None

@@ -43,7 +43,7 @@ def placed(options: Options, rng: Random) -> Options:
 def fixes_of(mock: Simulation, settings: list[str]) -> tuple[Companion, list[GroundFix]]:
     """Every fix of a flight."""
     companion = Companion(settings, unix_minus_host_s=mock.unix_minus_host_s)
-    localizer = companion.pipeline._rooms.sight._localizer
+    localizer = companion.pipeline._components.camera._localizer
     locate, fixes = localizer.locate, []
 
     def kept(sighting):
@@ -60,7 +60,7 @@ def fixes_of(mock: Simulation, settings: list[str]) -> tuple[Companion, list[Gro
 
 def normalised_square(mock: Simulation, companion: Companion, fix: GroundFix) -> float:
     """Normalised square of the horizontal error; the companion fixed the world's origin."""
-    origin = companion.pipeline._rooms.telemetry.world.plane.origin
+    origin = companion.pipeline._components.telemetry.world.plane.origin
     shift = mock.world.ned(Place(degrees(origin.lat), degrees(origin.lon), origin.alt_amsl_m))
     true = mock.scene[0].at(mock.flight_s(fix.sighting.host_ns))
     north, east = (fix.position_ned[k] - (true[k] - shift[k]) for k in (0, 1))

@@ -21,6 +21,6 @@ def test_an_orbit_with_a_wandering_position_denies_no_prior(seed):
     sigma_m = [
         np.sqrt(np.linalg.eigvalsh(np.array(flight.final()["cov"])[:2, :2])[-1]) for flight in (plain, calibrating)
     ]
-    assert calibrating.companion.pipeline._rooms.sight.calibration.denied == ()
+    assert calibrating.companion.pipeline._components.camera.calibration.denied == ()
     assert sigma_m[1] < 1.1 * sigma_m[0]
     assert calibrating.error_m(calibrating.final()) < 1.1 * plain.error_m(plain.final()) + 0.02

@@ -1,4 +1,4 @@
-"""A companion of a few lines, driven in invented time, that remembers what it heard."""
+"""A minimal companion, driven in simulated time, that records the messages it receives."""
 
 import pytest
 
@@ -9,7 +9,7 @@ SECOND = 1_000_000_000
 
 
 class Companion:
-    """Sends what it is told at the instants it is told; keeps (host_ns, Heard) of everything."""
+    """Sends the given messages at the given instants; keeps (host_ns, Heard) of every received message."""
 
     def __init__(self, name="perfect", **differences):
         self.flight = simulate(scenario(name).but({"seconds": 5.0, **differences}))
@@ -72,5 +72,5 @@ class Companion:
 
 @pytest.fixture
 def companion():
-    """The class itself: a test makes its own flight."""
+    """The class itself: each test makes its own flight."""
     return Companion

@@ -1,4 +1,4 @@
-"""Detections against the projection of OpenCV and scipy, and against the counts that were asked for."""
+"""Detections against the projection of OpenCV and scipy, and against the configured counts."""
 
 import json
 from collections import Counter

@@ -1,4 +1,4 @@
-"""What the mock answers: TIMESYNC, rates, messages, parameters, commands."""
+"""Answers of the mock: TIMESYNC, rates, messages, parameters, commands."""
 
 from random import Random
 
@@ -124,7 +124,7 @@ def test_data_streams_override_intervals(companion):
 
 
 def names_between(run, from_s, to_s):
-    """Messages a second of the autopilot."""
+    """Rates of the autopilot's messages between two instants, hertz, by name."""
     names = [h.name for now, h in run.heard if from_s <= (now * 1e-9 - 1000.0) < to_s and h.component == 1]
     return {name: names.count(name) / (to_s - from_s) for name in names}
 
@@ -152,8 +152,8 @@ def test_ardupilots_default_interval_is_its_groups_rate_and_some_messages_have_n
     run.ask_rate(1.0, "GLOBAL_POSITION_INT", 20.0).command(2.0, 511, 33, 0).command(2.1, 510, 33)
     request_group(run, 3.0, 10, 5).ask_rate(3.1, "ATTITUDE", 50.0).command(3.2, 511, 30, 0).command(3.3, 510, 30)
     run.command(4.0, 511, 31, 0).command(4.1, 510, 31).fly()
-    told = [(f["message_id"], f["interval_us"]) for f in run.of("MESSAGE_INTERVAL")]
-    assert told == [(33, pytest.approx(333_333, abs=1)), (30, 200_000), (31, -1)]
+    intervals = [(f["message_id"], f["interval_us"]) for f in run.of("MESSAGE_INTERVAL")]
+    assert intervals == [(33, pytest.approx(333_333, abs=1)), (30, 200_000), (31, -1)]
     assert acks(run) == [(511, 0), (511, 0), (510, 0), (511, 0), (511, 0), (510, 0), (511, 4), (510, 0)]
     assert run.flight.vehicle.rates_hz["GLOBAL_POSITION_INT"] == 3.0
 
@@ -163,8 +163,8 @@ def test_arduplane_streams_each_group_once_a_second_and_lists_the_rates(companio
     run.at(2.0, "PARAM_REQUEST_LIST", target_system=1, target_component=1).fly()
     rates = names_between(run, 1.0, 9.0)
     assert {rates[name] for name in ("SYS_STATUS", "ATTITUDE", "RAW_IMU", "VFR_HUD", "VIBRATION")} <= {1.0, 1.125}
-    told = {f["param_id"]: f["param_value"] for f in run.of("PARAM_VALUE")}
-    assert told["SR1_EXTRA1"] == 1.0
+    parameters = {f["param_id"]: f["param_value"] for f in run.of("PARAM_VALUE")}
+    assert parameters["SR1_EXTRA1"] == 1.0
 
 
 def test_a_copter_forgets_a_stations_groups_at_a_reboot(companion):
@@ -191,16 +191,16 @@ def test_px4_streams_by_its_mode_and_ignores_groups(companion, name, rates):
 def test_px4_says_minus_one_of_an_unlimited_stream_and_zero_of_a_stopped_one(companion):
     run = companion("px4_onboard", seconds=4.0).command(1.0, 510, 24).command(1.1, 511, 30, -1).command(1.2, 510, 30)
     run.command(1.3, 511, 30, 0).command(1.4, 510, 30).fly()
-    told = [(f["message_id"], f["interval_us"]) for f in run.of("MESSAGE_INTERVAL")]
-    assert told == [(24, -1), (30, 0), (30, 10_000)]
+    intervals = [(f["message_id"], f["interval_us"]) for f in run.of("MESSAGE_INTERVAL")]
+    assert intervals == [(24, -1), (30, 0), (30, 10_000)]
 
 
 def test_more_parameters_are_listed_at_their_pace(companion):
     changes = {"autopilot.more_parameters": 200, "autopilot.parameter_interval_s": 0.002}
     run = companion("arducopter", seconds=3.0, **changes)
     run.at(1.0, "PARAM_REQUEST_LIST", target_system=1, target_component=1).fly()
-    told = run.of("PARAM_VALUE")
-    assert {f["param_id"] for f in told} >= {f"MORE_{number}" for number in range(200)}
+    values = run.of("PARAM_VALUE")
+    assert {f["param_id"] for f in values} >= {f"MORE_{number}" for number in range(200)}
     assert max(run.times_of("PARAM_VALUE")) * 1e-9 - 1001.0 < 0.5
 
 
@@ -246,10 +246,10 @@ def test_parameters_are_read_listed_and_set(companion):
     run.at(1.4, "PARAM_SET", target_system=1, target_component=1, param_id=b"PLND_LAG", param_value=0.08, param_type=9)
     run.at(1.6, "PARAM_REQUEST_LIST", target_system=1, target_component=1)
     run.fly()
-    told = [(f["param_id"], f["param_value"]) for f in run.of("PARAM_VALUE")]
-    assert told[0] == ("SCHED_LOOP_RATE", 400.0)
-    assert told[1] == ("PLND_LAG", pytest.approx(0.08))
-    listed = dict(told[2:])
+    values = [(f["param_id"], f["param_value"]) for f in run.of("PARAM_VALUE")]
+    assert values[0] == ("SCHED_LOOP_RATE", 400.0)
+    assert values[1] == ("PLND_LAG", pytest.approx(0.08))
+    listed = dict(values[2:])
     assert len(listed) == run.of("PARAM_VALUE")[0]["param_count"]
     assert {"PTCH_TRIM_DEG", "FLIGHT_OPTIONS", "INS_GYRO_FILTER", "PLND_LAG"} <= set(listed)
 

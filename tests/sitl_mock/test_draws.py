@@ -1,4 +1,4 @@
-"""Biases come from the priors that are given, by the seed, and each can be set."""
+"""Biases are drawn from the given priors by the seed, and each can be set."""
 
 from random import Random
 
@@ -86,7 +86,8 @@ def test_a_smooth_wander_has_its_variance_its_correlation_and_a_finite_rate():
         true = (1.0 + lag_s / 30.0) * np.exp(-lag_s / 30.0)
         assert np.mean(values[:, 0] * values[:, column]) / 4.0 == pytest.approx(true, abs=0.15)
     steps = np.array([wander.at(50.001) - wander.at(50.0) for wander in wanders]) / 0.001
-    assert np.std(steps) == pytest.approx(2.0 / 30.0, rel=0.12)  # its rate is sigma / T; of a first-order one infinite
+    # The RMS rate is sigma / T; that of a first-order error is infinite.
+    assert np.std(steps) == pytest.approx(2.0 / 30.0, rel=0.12)
 
 
 def test_a_shift_of_the_position_is_complete_after_its_time():

@@ -1,4 +1,4 @@
-"""The motion: derivatives are those of the positions and angles, patterns are the ones that were asked for."""
+"""The motion: derivatives match the positions and angles, and each pattern has its configured shape."""
 
 from math import atan2, cos, degrees, hypot, pi
 
@@ -109,7 +109,7 @@ def test_the_two_pole_filter_is_scipy_s_butterworth():
 
 @pytest.mark.parametrize("flapping_hz", [5.0, 12.0])
 def test_rates_come_late_and_smaller_by_the_filter(flapping_hz):
-    """About 11 ms at flapping frequencies, as ArduPilot's 20 Hz does it."""
+    """About 11 ms at flapping frequencies, as with ArduPilot's filter at 20 Hz."""
     options = FlightOptions(pattern="hover", flapping_hz=flapping_hz, flapping_modulation=0.0, **CALM)
     flight = Flight(options, seed=1)
     gyro = Gyro(flight, 20.0)

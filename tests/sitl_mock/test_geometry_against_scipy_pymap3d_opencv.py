@@ -1,4 +1,4 @@
-"""The mock's own geometry beside three that others wrote."""
+"""The mock's own geometry against three independent implementations."""
 
 import cv2
 import numpy as np
@@ -72,7 +72,7 @@ def test_local_frames_lie_on_a_sphere_and_round_trip(origin, projection, radius)
 
 
 def test_a_sphere_is_not_the_ellipsoid():
-    """The difference that a companion must not mix away: metres in a kilometre of north."""
+    """The difference that a companion must not hide: metres in a kilometre of north."""
     origin = Place(0.0, 10.0, 0.0)
     place = World(origin).place((1000.0, 0.0, 0.0))
     assert 6.0 < ArduPilotProjection(origin).local(place)[0] - 1000.0 < 7.5

@@ -1,4 +1,4 @@
-"""Each consumer of LANDING_TARGET by each of its rules."""
+"""Each consumer of LANDING_TARGET against each of its rules."""
 
 from math import nan, tan
 
@@ -88,7 +88,7 @@ def test_a_position_wants_a_distance():
 
 
 def test_local_frd_has_its_yaw_the_wrong_way_round():
-    """Right only where the nose points north; the older code does not know it."""
+    """Right only where the nose points north; the older code does not know this frame."""
     state = situation().lagged
     level = Rotation.from_euler("Z", state.euler[2]).inv().apply(TARGET - state.position)
     message = position_message(frame=LOCAL_FRD, x=level[0], y=level[1], z=level[2])

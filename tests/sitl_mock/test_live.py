@@ -1,4 +1,4 @@
-"""The mock as a second process, over real links, for a moment each."""
+"""The mock as a separate process, over real links, for a short time each."""
 
 import json
 import os
@@ -36,7 +36,7 @@ def finished(process):
 
 @pytest.fixture
 def bound():
-    """Makes sockets bound to a free port, and closes them."""
+    """Function that makes sockets bound to a free port; closes them after the test."""
     with ExitStack() as opened:
 
         def one():
@@ -137,7 +137,7 @@ WRONG = (
 
 @pytest.mark.parametrize("words", WRONG)
 def test_what_cannot_be_understood_is_one_line_and_exit_2(words, capsys):
-    """Also where it would be a traceback, or no end, in the middle of a flight."""
+    """This includes arguments that would otherwise end in a traceback, or in an endless flight."""
     try:
         status = main(words.split())
     except SystemExit as ended:
@@ -163,7 +163,7 @@ def test_help_lists_the_scenarios():
 
 
 def exchanged(one, other):
-    """Bytes both ways; the listening side hears first, as it must."""
+    """Sends bytes both ways; the listening side has to receive first."""
     other.send(b"hello")
     received = {}
     for side in (one, other, one, other):

@@ -1,4 +1,4 @@
-"""Rendered frames against other people's geometry: OpenCV's fisheye, scipy's rotations, OpenCV's own tag detector."""
+"""Rendered frames against independent geometry: OpenCV's fisheye, scipy's rotations, OpenCV's own tag detector."""
 
 import json
 import os
@@ -30,7 +30,7 @@ def eye() -> Eye:
 
 
 def found(picture) -> dict[int, np.ndarray]:
-    """Corners by id, as OpenCV's detector has them: top left first, clockwise in the tag's own picture."""
+    """Corners by id from OpenCV's detector: top left first, clockwise in the tag's own picture."""
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
     detector = cv2.aruco.ArucoDetector(dictionary)
     parameters = detector.getDetectorParameters()
@@ -41,11 +41,17 @@ def found(picture) -> dict[int, np.ndarray]:
 
 
 def opencv_pixel(simulation: Simulation, place, flight_s: float) -> np.ndarray:
-    """Of a place in NED by OpenCV's fisheye model and scipy's rotations, the camera turned by the drawn mount error."""
+    """Pixel of a place in NED by OpenCV's fisheye model and scipy's rotations; the drawn mount error turns the
+    camera.
+    """
     o, state = simulation.options.camera, simulation.flight.at(flight_s)
     ned_from_body = Rotation.from_euler("ZYX", state.euler[::-1]).as_matrix()
-    told = Rotation.from_euler("ZYX", np.radians(o.mount_deg[::-1])).as_matrix() @ [[0, 0, 1], [1, 0, 0], [0, 1, 0]]
-    body_from_camera = Rotation.from_rotvec(np.radians(simulation.biases.mount_deg)).as_matrix() @ told
+    configured = Rotation.from_euler("ZYX", np.radians(o.mount_deg[::-1])).as_matrix() @ [
+        [0, 0, 1],
+        [1, 0, 0],
+        [0, 1, 0],
+    ]
+    body_from_camera = Rotation.from_rotvec(np.radians(simulation.biases.mount_deg)).as_matrix() @ configured
     in_camera = (ned_from_body @ body_from_camera).T @ (np.array(place) - state.position)
     k1, *k = o.k_mm
     matrix = np.array([[o.pixels_per_mm[0] * k1, 0, o.principal_point[0]],
@@ -91,7 +97,7 @@ def test_a_detector_finds_the_corners_within_a_pixel_of_the_truth_through_the_ro
         errors += [np.abs(seen[view.tag_id] - np.array(view.corners)).max() for view in views]
     assert len(errors) > 15
     assert np.percentile(errors, 90) < 1.0
-    # By any other reading of the rows' times the corners would lie pixels away.
+    # With any other reading of the rows' times the corners would be pixels away.
     assert abs(eye._simulation.biases.readout_s) * 600 > 10
 
 
@@ -136,12 +142,12 @@ def test_the_process_sends_frames_through_its_pipe_until_the_flight_ends(tmp_pat
     reader = threading.Thread(target=read, daemon=True)
     reader.start()
     command = [sys.executable, "-m", "sitl_mock.eye", "--pipe", str(pipe), "--truth", str(truth)]
-    # What is rendered in no time at all is late nowhere: the flight begins when the process does.
+    # Without --start-ns the flight begins when the process does, so that the start of the process delays no frame.
     done = subprocess.run([*command, "--scenario", "demo", "--seconds", "2.5"], timeout=60, check=True)
     assert done.returncode == 0
     reader.join(5.0)
     assert not reader.is_alive()
-    told = [json.loads(line) for line in truth.read_text().splitlines()]
-    assert [line["frame"] for line in told] == list(range(len(told)))
-    assert [each["frame"] for each in taken] == [line["frame"] for line in told if line["delivered"]]
+    truths = [json.loads(line) for line in truth.read_text().splitlines()]
+    assert [line["frame"] for line in truths] == list(range(len(truths)))
+    assert [each["frame"] for each in taken] == [line["frame"] for line in truths if line["delivered"]]
     assert all(each["size"] == [640, 480] and each["time_monotonic"] > 0.0 for each in taken)

@@ -19,20 +19,20 @@ MOCK = Path(sitl_mock.__file__).parent
 COMPANION = MOCK.parent / "fwav_companion"
 
 
-def told(name="default", **differences):
+def events(name="default", **differences):
     return list(simulate(scenario(name).but({"seconds": 3.0, "truth_hz": 10.0, **differences})))
 
 
 def test_events_come_in_order_of_time():
-    instants = [now for now, _ in told("jitter_10ms")]
+    instants = [now for now, _ in events("jitter_10ms")]
     assert instants == sorted(instants)
     assert instants[0] >= 1000 * 10**9
     assert instants[-1] <= 1003 * 10**9
 
 
 def test_the_same_seed_is_the_same_flight_and_another_is_not():
-    assert told(seed=5) == told(seed=5)
-    assert told(seed=5) != told(seed=6)
+    assert events(seed=5) == events(seed=5)
+    assert events(seed=5) != events(seed=6)
 
 
 def test_another_hash_seed_changes_nothing():
@@ -50,8 +50,8 @@ def test_another_hash_seed_changes_nothing():
 
 
 def test_the_flight_is_the_same_on_another_clock_base():
-    base = [what for _, what in told() if isinstance(what, FrameTruth)]
-    moved = [what for _, what in told(start_host_s=5000.0) if isinstance(what, FrameTruth)]
+    base = [what for _, what in events() if isinstance(what, FrameTruth)]
+    moved = [what for _, what in events(start_host_s=5000.0) if isinstance(what, FrameTruth)]
     assert [f.row0_flight_s for f in base] == [f.row0_flight_s for f in moved]
 
 

@@ -1,4 +1,4 @@
-"""What the messages say, against the truth of the same flight."""
+"""Message contents against the truth of the same flight."""
 
 from math import cos, isnan, radians, sin
 
@@ -33,8 +33,8 @@ def test_quaternion_and_euler_angles_are_one_attitude_and_rates_are_in_the_body(
     run = companion(**changes).fly()
     for fields in run.of("ATTITUDE_QUATERNION")[10:]:
         state = at_boot_ms(run, fields["time_boot_ms"])
-        told = Rotation.from_quat([fields[key] for key in ("q2", "q3", "q4", "q1")])
-        assert (told.inv() * Rotation.from_matrix(state.ned_from_body)).magnitude() < 1e-6
+        reported = Rotation.from_quat([fields[key] for key in ("q2", "q3", "q4", "q1")])
+        assert (reported.inv() * Rotation.from_matrix(state.ned_from_body)).magnitude() < 1e-6
         np.testing.assert_allclose(
             [fields[key] for key in ("rollspeed", "pitchspeed", "yawspeed")], state.rates, atol=1e-5
         )
@@ -50,8 +50,8 @@ def test_the_trim_is_in_attitude_alone_and_flight_options_take_it_out(companion)
     fields = run.of("ATTITUDE")[20]
     assert at_boot_ms(run, fields["time_boot_ms"]).euler[1] - fields["pitch"] == pytest.approx(radians(12.0), abs=1e-6)
     fields = run.of("ATTITUDE_QUATERNION")[20]
-    told = Rotation.from_quat([fields[key] for key in ("q2", "q3", "q4", "q1")]).as_euler("ZYX")
-    assert told[1] == pytest.approx(at_boot_ms(run, fields["time_boot_ms"]).euler[1], abs=1e-6)
+    reported = Rotation.from_quat([fields[key] for key in ("q2", "q3", "q4", "q1")]).as_euler("ZYX")
+    assert reported[1] == pytest.approx(at_boot_ms(run, fields["time_boot_ms"]).euler[1], abs=1e-6)
     run = companion(**changes, **{"autopilot.flight_options": 1 << 8}).fly()
     fields = run.of("ATTITUDE")[20]
     assert fields["pitch"] == pytest.approx(at_boot_ms(run, fields["time_boot_ms"]).euler[1], abs=1e-6)
@@ -59,7 +59,7 @@ def test_the_trim_is_in_attitude_alone_and_flight_options_take_it_out(companion)
 
 @pytest.mark.parametrize("loop_rate_hz", [50.0, 400.0])
 def test_an_attitude_is_older_than_its_stamp_by_up_to_a_loop(companion, loop_rate_hz):
-    """Seen in a slowly flapping pitch: the delay that explains it lies in [-1 ms, loop]; truncated stamps."""
+    """Measured on a slowly flapping pitch: the delay that explains it lies in [-1 ms, loop]; stamps are truncated."""
     changes = {
         "autopilot.loop_rate_hz": loop_rate_hz,
         "autopilot.rates_hz": {"ATTITUDE": 40.0},
@@ -85,7 +85,7 @@ def test_an_attitude_is_older_than_its_stamp_by_up_to_a_loop(companion, loop_rat
 def test_global_position_is_the_world_s_place_above_home(companion):
     run = companion(**{"autopilot.rates_hz": ALL}).fly()
     for fields in run.of("GLOBAL_POSITION_INT"):
-        # The stamp is whole milliseconds; 5 m/s and heave make that some millimetres.
+        # The stamp is whole milliseconds; at 5 m/s with heave that is some millimetres.
         state = at_boot_ms(run, fields["time_boot_ms"] + 0.5)
         place = run.flight.world.place(state.position)
         assert fields["lat"] * 1e-7 == pytest.approx(place.lat, abs=2e-7)

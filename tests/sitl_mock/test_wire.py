@@ -1,4 +1,4 @@
-"""A bad wire, in each of its ways."""
+"""A faulty wire, each kind of fault."""
 
 from random import Random
 

@@ -175,6 +175,10 @@ class Flight:
     companion: Companion
     mock: Simulation
     options: Options
+    accepted_landings: list[dict[str, Any]]
+    """What the mock autopilot made of each LANDING_TARGET that it accepted."""
+    refused_landings: dict[str, int]
+    """LANDING_TARGETs that the mock autopilot refused, by reason."""
 
     def __getstate__(self) -> dict[str, Any]:
         mock = {name: value for name, value in vars(self.mock).items() if name not in UNKEPT}
@@ -215,4 +219,5 @@ def _flown(options: Options, settings: Sequence[str], **how: Any) -> Flight:
     for _ in mock.drive(companion):
         pass
     companion.finish()
-    return Flight(companion, mock, options)
+    precland = mock.vehicle.precland
+    return Flight(companion, mock, options, precland.accepted, precland.refused)

@@ -9,13 +9,11 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from fwav_companion.service.outgoing import Outbox
-
 from fwav_companion.config import parse
 from fwav_companion.geometry.stamps import HostNs, whole_microseconds
 from fwav_companion.mavlink.router.node import Received
 from fwav_companion.pipeline.pipeline_factory import make_pipeline
-from fwav_companion.service.network import make_node
+from fwav_companion.service.network import Outbox, make_node
 from sitl_mock import Options, Simulation, simulate
 from sitl_mock.codec import NUMBERS, Heard, Listener, Speaker
 

@@ -1,4 +1,4 @@
-"""Two messages tell the attitude: which of them flows fully, and which slowly or not at all."""
+"""Divides the rate between the two attitude messages: one is sent at the full rate, the other slowly or not at all."""
 
 from __future__ import annotations
 
@@ -9,31 +9,33 @@ from fwav_companion.mavlink.client.rate_stream import RateStream, StreamState
 
 PLAIN, QUATERNION = "ATTITUDE", "ATTITUDE_QUATERNION"
 BACKGROUND_ATTITUDE_HZ = 4.0
-"""Of plain ATTITUDE once the quaternion flows: enough for a ground station's horizon."""
+"""Rate of plain ATTITUDE while the quaternion arrives: enough for a ground station's horizon."""
 
 
 class AttitudeSharing:
-    """Says of the two streams what to ask for; with one of them alone it says nothing."""
+    """Sets the wanted rates of the two attitude streams; it does nothing if only one of them is wanted."""
 
     def __init__(self, message: str, full_hz: float) -> None:
-        """``message``: the one that is configured, or "auto": the quaternion where it can be had."""
+        """Start with the configured rate. ``message``: the configured message, or "auto": the quaternion if
+        available.
+        """
         self._message = message
         self._full_hz = full_hz
 
     def begin(self, streams: Mapping[str, RateStream]) -> None:
-        """Nothing is known yet: one of the two is tried first."""
+        """Start over with an unknown autopilot: one of the two is tried first."""
         if self._prefers_quaternion(streams):
             streams[PLAIN].hold_back()
         elif self._message == PLAIN and QUATERNION in streams:
             streams[QUATERNION].hold_back()
 
     def fall_back(self, streams: Mapping[str, RateStream]) -> None:
-        """Only groups of messages can be asked for: plain ATTITUDE is in one of them."""
+        """Use plain ATTITUDE alone: only groups of messages can be requested, and one of them contains it."""
         if PLAIN in streams and QUATERNION in streams:
             streams[QUATERNION].hold_back()
 
     def share(self, streams: Mapping[str, RateStream], now: HostNs) -> None:
-        """Plain ATTITUDE slowly while the quaternion flows, fully where it cannot be had."""
+        """Request plain ATTITUDE slowly while the quaternion arrives, and at the full rate if it is not available."""
         if not self._prefers_quaternion(streams):
             return
         quaternion, plain = streams[QUATERNION], streams[PLAIN]
@@ -51,7 +53,7 @@ class AttitudeSharing:
 
 
 def _has_failed(stream: RateStream) -> bool:
-    """It was denied, or not answered, or granted for a whole window in which nothing came."""
+    """Return whether the stream was denied or not answered, or was granted for a full window without any arrival."""
     if stream.state in {StreamState.DENIED, StreamState.UNANSWERED, StreamState.HELD_BACK}:
         return True
     return stream.state is StreamState.GRANTED and stream.meter.hz == 0.0

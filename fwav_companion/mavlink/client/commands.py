@@ -1,4 +1,4 @@
-"""Commands to our components: every one is acknowledged, once, and a repeated one is not done twice."""
+"""Answers commands to our components: each one is acknowledged once, and a repeated one is not executed twice."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from fwav_companion.types.messages import Destination, Message, Outgoing
 from fwav_companion.types.situation import Situation
 
 Handler: TypeAlias = Callable[[Command, Situation], CommandAnswer | None]
-"""Does what a command asks; None: it is none of the handler's, which gives UNSUPPORTED."""
+"""Executes a command; None: the handler does not know it, and the answer is UNSUPPORTED."""
 Maker: TypeAlias = Callable[[Situation], Mapping[str, Any] | None]
-"""The fields of a message that may be requested; None: there is nothing to tell now."""
+"""Returns the fields of a message that may be requested; None: not available now."""
 
 REPEATED_NS = 5 * NS_PER_S
-"""Senders repeat an unacknowledged command for a few seconds."""
+"""Time for which a command's answer is kept: senders repeat an unacknowledged command for a few seconds."""
 MAX_CONVERSATIONS = 16
 AUTOPILOT_VERSION = 148
 CAPABILITIES = enums.MAV_PROTOCOL_CAPABILITY_COMMAND_INT | enums.MAV_PROTOCOL_CAPABILITY_MAVLINK2
 
 
 class _Done(msgspec.Struct, frozen=True):
-    """The last command from one sender to one component, and what came of it."""
+    """Last command from one sender to one component, and its answer."""
 
     command: Command
     answer: CommandAnswer
@@ -35,10 +35,10 @@ class _Done(msgspec.Struct, frozen=True):
 
 
 class Commands:
-    """The door for COMMAND_LONG, COMMAND_INT and PING.
+    """Answers COMMAND_LONG, COMMAND_INT and PING.
 
-    Every component of ours answers a request for AUTOPILOT_VERSION, and for whatever else :meth:`provide` was told;
-    all other commands go to the component's handler.
+    Every component of ours answers a request for AUTOPILOT_VERSION, and for each message registered with
+    :meth:`provide`; all other commands go to the component's handler.
     """
 
     def __init__(
@@ -48,25 +48,24 @@ class Commands:
         require_signed: bool = False,
         version: tuple[int, int, int] = (0, 0, 0),
     ):
-        """``handlers``: by component of ours, the one that answers PING first."""
+        """Start without kept answers. ``handlers``: handler by component of ours; the first component answers PING."""
         self._handlers = dict(handlers)
         self._require_signed = require_signed
         self._version = version
         self._makers: dict[tuple[int, int], tuple[str, Maker]] = {}
         self._done: dict[tuple[int, int, int], _Done] = {}
         self.system = 0
-        """Ours, where the configuration says it; 0: that of the adopted autopilot. Until there is one, nobody is
-        answered."""
+        """Our configured system id; 0: that of the adopted autopilot. Until one is adopted, no command is answered."""
         self.refused_unsigned = 0
         for component in self._handlers:
             self.provide(component, AUTOPILOT_VERSION, "AUTOPILOT_VERSION", self._autopilot_version)
 
     def provide(self, component: int, message_id: int, name: str, maker: Maker) -> None:
-        """Let REQUEST_MESSAGE for this id be answered by the component."""
+        """Register a message that the component sends on REQUEST_MESSAGE for this id."""
         self._makers[(component, message_id)] = (name, maker)
 
     def on_message(self, message: Message, situation: Situation) -> list[Outgoing]:
-        """The acknowledgement and whatever follows; empty where the message does not concern us."""
+        """Return the acknowledgement and the messages that follow it; empty if the message is not addressed to us."""
         system = self.system or (situation.autopilot.system if situation.autopilot is not None else 0)
         if system == 0 or (message.system == system and message.component in self._handlers):
             return []
@@ -111,7 +110,9 @@ class Commands:
         return handler(command, situation) if handler is not None else None
 
     def _remembered(self, command: Command, now: HostNs) -> CommandAnswer | None:
-        """The answer to the sender's last command if this one repeats it. One that carried messages is made anew."""
+        """Return the answer to the sender's last command if this one repeats it; None if that answer carried messages,
+        which are computed again.
+        """
         done = self._done.get(_conversation(command))
         if done is None or now - done.at_ns > REPEATED_NS or done.answer.messages:
             return None
@@ -125,7 +126,7 @@ class Commands:
         self._done[conversation] = _Done(command, answer, now)
 
     def _on_ping(self, message: Message) -> list[Outgoing]:
-        """Answer a request, which names nobody; one that names somebody is an answer already."""
+        """Answer a PING request, whose target is 0/0; a PING with a target is an answer."""
         ping = message.fields
         if (ping.target_system, ping.target_component) != (0, 0):
             return []
@@ -142,16 +143,16 @@ class Commands:
 
     def _autopilot_version(self, _situation: Situation) -> Mapping[str, Any]:
         major, minor, patch = self._version
-        nobody = (0,) * 8
+        unused = (0,) * 8
         return {
             "capabilities": CAPABILITIES,
             "flight_sw_version": (major & 0xFF) << 24 | (minor & 0xFF) << 16 | (patch & 0xFF) << 8,
             "middleware_sw_version": 0,
             "os_sw_version": 0,
             "board_version": 0,
-            "flight_custom_version": nobody,
-            "middleware_custom_version": nobody,
-            "os_custom_version": nobody,
+            "flight_custom_version": unused,
+            "middleware_custom_version": unused,
+            "os_custom_version": unused,
             "vendor_id": 0,
             "product_id": 0,
             "uid": 0,
@@ -174,12 +175,12 @@ def _command(message: Message, to_component: int, *, broadcast: bool) -> Command
 
 
 def _conversation(command: Command) -> tuple[int, int, int]:
-    """Who speaks to which of us."""
+    """Return the sender and our component, by which answers are kept."""
     return (command.system, command.component, command.to_component)
 
 
 def _requested_message(command: Command) -> int | None:
-    """The message id that is requested, by name or by the older command that meant AUTOPILOT_VERSION alone."""
+    """Return the requested message id, from REQUEST_MESSAGE or the older command for AUTOPILOT_VERSION alone."""
     first = command.params[0]
     if command.number == enums.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES:
         return AUTOPILOT_VERSION if first == 1.0 else None
@@ -189,7 +190,7 @@ def _requested_message(command: Command) -> int | None:
 
 
 def _same(one: Command, other: Command) -> bool:
-    """NaN parameters ("use the default") count as equal here; the link may be another one."""
+    """Return whether two commands are equal. NaN parameters ("use the default") are equal; the links may differ."""
     return (one.number, one.to_component) == (other.number, other.to_component) and all(
         a == b or (a != a and b != b) for a, b in zip(one.params, other.params, strict=True)
     )

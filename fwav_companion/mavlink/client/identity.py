@@ -1,4 +1,4 @@
-"""Who we are on the network: which autopilot is ours, and the heartbeats that say that we live."""
+"""Determines our identity on the network: adopts the autopilot whose system id we use, and times our heartbeats."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from fwav_companion.types.messages import Destination, Message, Outgoing
 from fwav_companion.types.situation import Autopilot, AutopilotKind
 
 LISTEN_NS = 3 * NS_PER_S
-"""From the first autopilot heard to the decision which one is ours (MAVLink guide, id assignment)."""
+"""Time from the first autopilot heard to the adoption (MAVLink guide, id assignment)."""
 HEARTBEAT_INTERVAL_NS = NS_PER_S
 SILENCE_NS = 5 * NS_PER_S
-"""Five missed heartbeats: what peers on the network allow each other."""
+"""Silence after which a peer is lost: five missed heartbeats, as is usual on MAVLink networks."""
 OVERDUE_NS = 2 * NS_PER_S
-"""One missed heartbeat."""
+"""Silence after which a heartbeat is overdue: one missed heartbeat."""
 UNASSIGNED_SYSTEM = 1
-"""The system id that our heartbeats carry until an autopilot is adopted."""
+"""System id of our heartbeats until an autopilot is adopted."""
 MAX_CANDIDATES = 16
-"""Autopilots remembered while listening: more than one is already too many to choose from."""
+"""Autopilots remembered while listening: with more than one, no choice is made anyway."""
 
 KINDS = {
     enums.MAV_AUTOPILOT_ARDUPILOTMEGA: AutopilotKind.ARDUPILOT,
@@ -37,17 +37,17 @@ NO_VEHICLES = frozenset(
         enums.MAV_TYPE_CAMERA,
     }
 )
-"""Types that carry nobody, whatever their heartbeat says in ``autopilot``."""
+"""Types that are not vehicles, whatever their heartbeat has in ``autopilot``."""
 
 
 class Adopted(msgspec.Struct, frozen=True):
-    """The autopilot is ours from now on: we speak with its system id."""
+    """The autopilot is adopted: from now on we send with its system id."""
 
     autopilot: Autopilot
 
 
 class SeveralHeard(msgspec.Struct, frozen=True):
-    """More than one vehicle was heard, so none was adopted: ``[vehicle] system_id`` must choose."""
+    """Several vehicles were heard and no autopilot was adopted: ``[vehicle] system_id`` must choose."""
 
     systems: tuple[int, ...]
 
@@ -59,7 +59,7 @@ class AutopilotLost(msgspec.Struct, frozen=True):
 
 
 class AutopilotBack(msgspec.Struct, frozen=True):
-    """It is heard again."""
+    """The lost autopilot is heard again."""
 
     autopilot: Autopilot
 
@@ -76,8 +76,8 @@ IdentityEvent: TypeAlias = Adopted | SeveralHeard | AutopilotLost | AutopilotBac
 class Identity:
     """Adopts one autopilot for good, follows its heartbeats, and times ours.
 
-    With ``configured_system`` 0 it listens for three seconds from the first autopilot and adopts it if it was the only
-    one. Several: none, and that does not change while any of them is heard, since a vehicle that falls silent for a
+    With ``configured_system`` 0 it listens for three seconds from the first autopilot, and adopts that one if no other
+    was heard. If several were heard it adopts no autopilot while any of them is heard: a vehicle that is silent for a
     moment must not make the other one ours. With a configured system it adopts that system's autopilot at once.
     """
 
@@ -94,35 +94,36 @@ class Identity:
         self._faulted = False
         self._beat_ns: HostNs | None = None
         self.autopilot: Autopilot | None = None
-        """The adopted one, with its newest mode and link; kept while it is lost."""
+        """Adopted autopilot with its newest mode and link; kept while it is lost."""
 
     @property
     def system(self) -> int:
-        """The system id that we speak with."""
+        """System id that we send with."""
         if self.autopilot is not None:
             return self.autopilot.system
         return self._configured_system or UNASSIGNED_SYSTEM
 
     @property
     def knows_its_vehicle(self) -> bool:
-        """An autopilot was adopted, or the configuration names the system: what we say is said for that vehicle.
+        """Whether an autopilot is adopted or the configuration names the system: our messages then belong to that
+        vehicle.
 
-        Until then our only messages are the companion's heartbeats.
+        Before that we send only the companion's heartbeats.
         """
         return self.autopilot is not None or bool(self._configured_system)
 
     @property
     def autopilot_lost(self) -> bool:
-        """An autopilot was adopted, and is not heard now."""
+        """Whether an autopilot is adopted but not heard now."""
         return self._lost
 
     def heartbeat_overdue(self, now: HostNs) -> bool:
-        """Whether the adopted autopilot's heartbeat is late: it may be lost soon."""
+        """Return whether the adopted autopilot's heartbeat is late: it may be lost soon."""
         return self._heard_ns is not None and now > self._heard_ns + OVERDUE_NS
 
     @property
     def wake_at(self) -> HostNs | None:
-        """The next heartbeat of ours, decision, or moment at which a peer counts as lost."""
+        """Time of the next heartbeat of ours, adoption decision, or loss of a peer."""
         due = [self._beat_ns] if self._beat_ns is not None and not self._faulted else []
         if self._decide_ns is not None:
             due.append(self._decide_ns)
@@ -133,7 +134,7 @@ class Identity:
         return min(due, default=None)
 
     def on_message(self, message: Message, now: HostNs) -> tuple[IdentityEvent, ...]:
-        """Learn from a HEARTBEAT; every other message is none of this object's business."""
+        """Take a HEARTBEAT; every other message is ignored."""
         if message.name != "HEARTBEAT":
             return ()
         events = self.on_wake(now)
@@ -149,7 +150,7 @@ class Identity:
         return events
 
     def on_wake(self, now: HostNs) -> tuple[IdentityEvent, ...]:
-        """End the listening and notice silence. Our heartbeats are asked for apart: :meth:`heartbeats`."""
+        """End the listening and detect silence. Our heartbeats come from :meth:`heartbeats`."""
         if self._decide_ns is not None and now >= self._decide_ns:
             return self._decide(now)
         if self._several and self._candidate_heard_ns is not None and now >= self._candidate_heard_ns + SILENCE_NS:
@@ -161,10 +162,11 @@ class Identity:
         return ()
 
     def heartbeats(self, now: HostNs, healthy: bool) -> list[Outgoing]:
-        """The heartbeats that are due: one a second each for the companion and its camera, none on a fault.
+        """Return the heartbeats that are due: one a second each for the companion and its camera, and no heartbeat on a
+        fault.
 
-        ``healthy`` is false while a peer is missing: the status is then CRITICAL. The camera waits for the adoption,
-        unless the system was configured: until then nobody could tell whose camera it is.
+        ``healthy`` is False while a peer is missing: the status is then CRITICAL. The camera's heartbeat waits for the
+        adoption, unless the system is configured: until then the camera cannot be assigned to a vehicle.
         """
         if self._faulted or (self._beat_ns is not None and now < self._beat_ns):
             return []
@@ -175,11 +177,11 @@ class Identity:
         return beats
 
     def fault(self) -> None:
-        """Something inside is broken: fall silent, so that the network counts us as lost, which is the truth."""
+        """Stop the heartbeats on an internal fault, so that the network counts us as lost, which is the truth."""
         self._faulted = True
 
     def fault_over(self) -> None:
-        """The fault is mended: heartbeats go on."""
+        """Resume the heartbeats after a fault."""
         self._faulted = False
 
     def _consider(self, heard: Autopilot, now: HostNs) -> tuple[IdentityEvent, ...]:
@@ -234,14 +236,14 @@ class Identity:
 
 
 def _next_beat(due_ns: HostNs | None, now: HostNs) -> HostNs:
-    """A second after the last one was due, so that the rate does not drift; a second from now after a pause."""
+    """Return a second after the last one was due, so that the rate does not drift; a second from now after a pause."""
     if due_ns is None or now >= due_ns + HEARTBEAT_INTERVAL_NS:
         return HostNs(now + HEARTBEAT_INTERVAL_NS)
     return HostNs(due_ns + HEARTBEAT_INTERVAL_NS)
 
 
 def _autopilot_from_heartbeat(message: Message) -> Autopilot | None:
-    """The flight controller behind a heartbeat; None for every other kind of component."""
+    """Return the flight controller that sent a heartbeat; None for every other kind of component."""
     fields = message.fields
     if fields.autopilot == enums.MAV_AUTOPILOT_INVALID or fields.type in NO_VEHICLES or message.system == 0:
         return None

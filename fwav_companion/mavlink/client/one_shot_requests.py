@@ -1,4 +1,4 @@
-"""What is asked of the autopilot once after it is adopted or rebooted: seldom messages, and a few parameters."""
+"""Requests rare messages and a few parameters from the autopilot once, after it is adopted or rebooted."""
 
 from __future__ import annotations
 
@@ -11,24 +11,25 @@ from fwav_companion.types.messages import Message, Outgoing
 from fwav_companion.types.situation import Autopilot, AutopilotKind
 
 SELDOM = {"HOME_POSITION": 242, "GPS_GLOBAL_ORIGIN": 49}
-"""Name -> id of what is sent once and may have been sent before we listened."""
+"""Name -> id of messages that are sent once, possibly before we listened."""
 SELDOM_PAUSE_NS = 10 * NS_PER_S
-"""They do not exist before the first position, and a refusal then means nothing later."""
+"""Pause between requests: these messages do not exist before the first position, so a refusal is not final."""
 LANDING_PARAMETERS = (
     *("PLND_LAG", "PLND_ENABLED", "PLND_TYPE", "PLND_YAW_ALIGN", "PLND_ORIENT"),
     *("PLND_CAM_POS_X", "PLND_CAM_POS_Y", "PLND_CAM_POS_Z", "PLND_LAND_OFS_X", "PLND_LAND_OFS_Y"),
 )
-"""ArduPilot's AC_PrecLand: whether it takes LANDING_TARGET, how late, and what it adds to it. ``check`` reads them."""
+"""Parameters of ArduPilot's AC_PrecLand: whether it uses LANDING_TARGET, with which delay, and which offsets it adds.
+Read by ``check``."""
 PARAMETERS = ("SCHED_LOOP_RATE", "PTCH_TRIM_DEG", "TRIM_PITCH_CD", "FLIGHT_OPTIONS", *LANDING_PARAMETERS)
-"""ArduPilot's: the age of its attitudes, what its ATTITUDE is turned by, and precision landing. Fourteen requests at
-once fit its queue of 20 (GCS_Param.cpp)."""
+"""Parameters of ArduPilot: the age of its attitudes, the rotation of its ATTITUDE, and precision landing. Fourteen
+requests at once fit its queue of 20 (GCS_Param.cpp)."""
 PARAMETER_PAUSE_NS = NS_PER_S
 PARAMETER_ROUNDS = 3
-"""Three times: a copter has no PTCH_TRIM_DEG, and says nothing when asked for it."""
+"""Rounds of requests: a copter has no PTCH_TRIM_DEG, and does not answer a request for it."""
 
 
 class OneShotRequests:
-    """REQUEST_MESSAGE until each message is heard, PARAM_REQUEST_READ at most three times."""
+    """Sends REQUEST_MESSAGE until each message is heard, and PARAM_REQUEST_READ at most three times."""
 
     def __init__(self, component: int):
         self._component = component
@@ -37,18 +38,18 @@ class OneShotRequests:
         self._round_ns: HostNs | None = None
         self._rounds = 0
         self.parameters: dict[str, float] = {}
-        """Those of :data:`PARAMETERS` that the autopilot has told since it started."""
+        """Values of :data:`PARAMETERS` that the autopilot has reported since it started."""
 
     @property
     def wake_at(self) -> HostNs | None:
-        """When something is to be asked next."""
+        """Time of the next request; None if there is none."""
         due = list(self._seldom_ns.values())
         if self._round_ns is not None:
             due.append(self._round_ns)
         return min(due, default=None)
 
     def begin(self, autopilot: Autopilot, now: HostNs) -> None:
-        """Nothing is known of this autopilot."""
+        """Start over with an autopilot of which no values are known."""
         self._autopilot = autopilot
         self._seldom_ns = dict.fromkeys(SELDOM, now)
         self._round_ns = now if autopilot.kind is AutopilotKind.ARDUPILOT else None
@@ -56,7 +57,7 @@ class OneShotRequests:
         self.parameters.clear()
 
     def on_message(self, message: Message) -> None:
-        """Take what the autopilot tells."""
+        """Take a message of the autopilot: a parameter's value, or one of the requested messages."""
         if message.name == "PARAM_VALUE":
             name, value = message.fields.param_id, message.fields.param_value
             if name in PARAMETERS and isfinite(value):
@@ -65,7 +66,7 @@ class OneShotRequests:
             self._seldom_ns.pop(message.name, None)
 
     def on_wake(self, now: HostNs) -> list[Outgoing]:
-        """What is due."""
+        """Return the requests that are due."""
         if self._autopilot is None:
             return []
         return [*self._ask_seldom(self._autopilot, now), *self._ask_parameters(self._autopilot, now)]

@@ -1,4 +1,4 @@
-"""Who may have asked our autopilot for other message rates: who was seen to, or else who was there to do it."""
+"""Finds which station may have changed our message rates: one whose request was seen, or else one that is present."""
 
 from __future__ import annotations
 
@@ -8,18 +8,19 @@ from fwav_companion.types.messages import Message
 from fwav_companion.types.situation import Autopilot
 
 BLAME_NS = 15 * NS_PER_S
-"""How long after a foreign request for rates a fall is laid at its door."""
+"""Time after a station's rate request for which a fallen rate is attributed to it."""
 PRESENT_NS = 15 * NS_PER_S
-"""A ground station that was heard within this is there."""
+"""Time after a ground station's last heartbeat for which it counts as present."""
 MOST_STATIONS = 8
 COMMANDS = frozenset({"COMMAND_LONG", "COMMAND_INT"})
-NOBODY = "nobody seen"
+NO_STATION = "nobody seen"
 
 
 class RateCompetitors:
-    """Remembers requests that were seen, and the ground stations that share our link to the autopilot.
+    """Remembers the requests that were seen, and the ground stations that share our link to the autopilot.
 
-    Behind a router, or on the same radio, a ground station asks the autopilot out of our sight: its heartbeat shows it.
+    Behind a router, or on the same radio, a ground station's requests do not pass through us; its heartbeat shows that
+    it is present.
     """
 
     __slots__ = ("_seen", "_stations")
@@ -28,28 +29,30 @@ class RateCompetitors:
         self._seen: tuple[str, HostNs] | None = None
         self._stations: dict[tuple[int, int], HostNs] = {}
 
-    def saw(self, who: str, now: HostNs) -> bool:
-        """Somebody's request for rates went to the autopilot. True: it has not just been the same one."""
-        before, self._seen = self._seen, (who, now)
-        return before is None or before[0] != who or now - before[1] > BLAME_NS
+    def saw(self, sender: str, now: HostNs) -> bool:
+        """Note a station's rate request to the autopilot. Returns True unless the last one was from the same station,
+        lately.
+        """
+        before, self._seen = self._seen, (sender, now)
+        return before is None or before[0] != sender or now - before[1] > BLAME_NS
 
     def on_message(self, message: Message, autopilot: Autopilot, now: HostNs) -> None:
-        """What others say on the autopilot's link."""
-        who = (message.system, message.component)
-        if message.link != autopilot.link or who == (autopilot.system, autopilot.component):
+        """Take a message of another component on the autopilot's link."""
+        sender = (message.system, message.component)
+        if message.link != autopilot.link or sender == (autopilot.system, autopilot.component):
             return
         if message.name == "HEARTBEAT" and message.fields.type == enums.MAV_TYPE_GCS:
-            if who in self._stations or len(self._stations) < MOST_STATIONS:
-                self._stations[who] = now
+            if sender in self._stations or len(self._stations) < MOST_STATIONS:
+                self._stations[sender] = now
         elif message.name in COMMANDS and message.fields.command == enums.MAV_CMD_SET_MESSAGE_INTERVAL:
-            self.saw(f"{who[0]}/{who[1]} on {message.link}", now)
+            self.saw(f"{sender[0]}/{sender[1]} on {message.link}", now)
 
     def to_blame(self, autopilot: Autopilot | None, now: HostNs) -> str:
-        """The one who was seen, or who is presumed because nobody else is there."""
+        """Return the station whose request was seen, or else the stations that are present and presumed."""
         if self._seen is not None and now - self._seen[1] <= BLAME_NS:
             return self._seen[0]
-        present = [who for who, heard_ns in self._stations.items() if now - heard_ns <= PRESENT_NS]
+        present = [sender for sender, heard_ns in self._stations.items() if now - heard_ns <= PRESENT_NS]
         if not present or autopilot is None:
-            return NOBODY
+            return NO_STATION
         names = ", ".join(f"{system}/{component}" for system, component in sorted(present))
         return f"presumably the ground station {names} on {autopilot.link}"

@@ -1,6 +1,6 @@
-"""One question for a rate at a time: asked, repeated, answered, and put in the older way where the newer is unknown.
+"""Sends rate requests one at a time: request, repeat, answer, and the older message if the command is unknown.
 
-Which of the streams is due to be asked for, and at what rate, the streams know; this knows how to ask.
+:class:`RateStream` decides when a message is requested and at what rate; this module sends the request.
 """
 
 from __future__ import annotations
@@ -26,23 +26,23 @@ from fwav_companion.types.situation import Autopilot
 ACK_TIMEOUT_NS = 700 * NS_PER_MS
 MAX_TRIES = 4
 GROUP_PAUSE_NS = NS_PER_S
-"""One REQUEST_DATA_STREAM serves every message of its group that is due within so long."""
+"""Time in which one REQUEST_DATA_STREAM serves every message of its group that is due."""
 MAX_STREAM_RATE = 0xFFFF
 ATTITUDES = frozenset({PLAIN, QUATERNION})
 INTERVAL_COMMANDS = frozenset({enums.MAV_CMD_SET_MESSAGE_INTERVAL, enums.MAV_CMD_GET_MESSAGE_INTERVAL})
 
 
 class Answer(msgspec.Struct, frozen=True):
-    """What an acknowledgement settled."""
+    """Result of an acknowledgement."""
 
     stream: RateStream
-    """The one that was asked for."""
+    """Stream that was requested."""
     command_unknown: bool
-    """There is no SET_MESSAGE_INTERVAL over there: from now on REQUEST_DATA_STREAM is what is left."""
+    """Whether the autopilot does not know SET_MESSAGE_INTERVAL: from now on only REQUEST_DATA_STREAM is sent."""
 
 
 class _Question(msgspec.Struct):
-    """The one SET_MESSAGE_INTERVAL whose answer decides what is asked next."""
+    """Pending SET_MESSAGE_INTERVAL, whose answer decides on the next request."""
 
     stream: RateStream
     interval_us: int
@@ -51,7 +51,7 @@ class _Question(msgspec.Struct):
 
 
 class RateRequests:
-    """Puts to one autopilot what its streams are due to ask."""
+    """Sends to one autopilot the rate requests that its streams have due."""
 
     def __init__(self, component: int, own_rates: OwnRates):
         self._component = component
@@ -61,16 +61,16 @@ class RateRequests:
         self._in_flight: _Question | None = None
         self._acks: AckOrder[_Question] = AckOrder(ACK_TIMEOUT_NS)
         self.demanded: Mapping[int, float] = {}
-        """The highest rate that a station wants, hertz, by message id: asked for behind ours where it is higher."""
+        """Highest rate that a station wants, hertz, by message id: requested after ours if it is higher."""
         self._lowered: set[str] = set()
-        """Messages that the autopilot sends faster by itself than we ask for: they get that rate back."""
+        """Messages that the autopilot sends faster by itself than we request: they get that rate back."""
         self._command_unknown = False
         self._command_known = False
         self._groups_asked_ns: dict[int, HostNs] = {}
 
     @property
     def wake_at(self) -> HostNs | None:
-        """When something is to be asked next."""
+        """Time of the next request; None if there is none."""
         if self._lowered:
             return HostNs(0)
         if self._in_flight is not None:
@@ -79,7 +79,7 @@ class RateRequests:
         return min((when for when in due if when is not None), default=None)
 
     def begin(self, autopilot: Autopilot, streams: Mapping[str, RateStream]) -> None:
-        """Nothing is known of this autopilot. ``streams``: in the order in which they are asked for."""
+        """Start over with an unknown autopilot. ``streams``: in the order of their requests."""
         self._autopilot, self._streams = autopilot, streams
         self._in_flight = None
         self._acks.clear()
@@ -89,7 +89,7 @@ class RateRequests:
         self._groups_asked_ns.clear()
 
     def on_wake(self, now: HostNs) -> list[Outgoing]:
-        """Repeat the question in flight if its answer is overdue, or put the next one."""
+        """Repeat the pending request if its answer is overdue, or send the next one."""
         if self._autopilot is None:
             return []
         lowered = [(MESSAGE_IDS[name], self._own_rates.hz(name)) for name in sorted(self._lowered)]
@@ -100,22 +100,22 @@ class RateRequests:
         return raised + self._next(self._autopilot, now)
 
     def on_own_rate(self, name: str) -> None:
-        """It is known at which rate the autopilot sends this message by itself: ours does not lower it."""
+        """Note that the autopilot's own rate of this message is known: our request must not lower it."""
         stream = self._streams.get(name)
         if stream is not None and name not in ATTITUDES and self._own_rates.hz(name) > ROUNDING * stream.wanted_hz:
             self._lowered.add(name)
 
     def rate_kept_hz(self, stream: RateStream) -> float:
-        """The rate at which the autopilot is to send a message whatever stations ask for: ours, or its own if higher.
+        """Return the rate that the autopilot must keep whatever stations request: ours, or its own if higher.
 
-        Of attitude it is ours: plain ATTITUDE is asked for slowly on purpose while the quaternion flows. inf: the
-        autopilot's default, which its interval does not tell.
+        For attitude it is ours: plain ATTITUDE is requested slowly on purpose while the quaternion arrives. inf: the
+        autopilot's default, whose interval is not reported.
         """
         ours_hz = 1e6 / stream.interval_us
         return ours_hz if stream.name in ATTITUDES else max(ours_hz, self._own_rates.hz(stream.name))
 
     def on_ack(self, ack: Message, now: HostNs) -> Answer | None:
-        """Hand a COMMAND_ACK of the autopilot to the stream it is about; None where it settles nothing."""
+        """Pass a COMMAND_ACK of the autopilot to its stream. Returns None if it settles no request."""
         fields = ack.fields
         if not self._is_for_us(fields) or fields.result == enums.MAV_RESULT_IN_PROGRESS:
             return None
@@ -162,7 +162,7 @@ class RateRequests:
         return self._next(autopilot, now)
 
     def _ask_by_group(self, autopilot: Autopilot, stream: RateStream, now: HostNs) -> list[Outgoing]:
-        """No acknowledgement follows: the measuring decides when to ask again."""
+        """Request by group. No acknowledgement follows: the measured rate decides when to request again."""
         stream.on_result(accepted=True, now=now)
         number = DATA_STREAMS.get(stream.name, enums.MAV_DATA_STREAM_EXTRA3)
         asked_ns = self._groups_asked_ns.get(number)
@@ -175,7 +175,9 @@ class RateRequests:
         return [self._request_group(autopilot, number, max(rate_hz, demanded_hz))]
 
     def _put(self, autopilot: Autopilot, question: _Question, now: HostNs) -> list[Outgoing]:
-        """The question; before it what the autopilot does by itself, behind it what it or a station wants beyond it."""
+        """Return the request, preceded by the query of the autopilot's own rate and followed by higher rates to be
+        kept: the own rate, or a station's.
+        """
         number, interval_us = MESSAGE_IDS[question.stream.name], question.interval_us
         asked = []
         for learning, param1, param2 in self._own_rates.questions(question.stream.name):
@@ -193,7 +195,7 @@ class RateRequests:
         return asked
 
     def follow(self, what: FollowUp, now: HostNs) -> list[Outgoing]:
-        """Ask at once for rates that a station's request has just lowered. The measuring shows what comes of it."""
+        """Request at once the rates that a station's request has just lowered. The measured rates show the result."""
         if self._autopilot is None:
             return []
         autopilot = self._autopilot
@@ -208,8 +210,8 @@ class RateRequests:
         return groups + [self._request_group(autopilot, number, hz) for number, hz in lowered.items()]
 
     def _restore(self, autopilot: Autopilot, rates: Sequence[tuple[int, float]], now: HostNs) -> list[Outgoing]:
-        """Intervals for (message id, hertz), whose acknowledgements do not matter. Of an infinite rate it is 0, the
-        autopilot's default.
+        """Return SET_MESSAGE_INTERVAL for (message id, hertz), whose acknowledgements do not matter. For inf the
+        interval is 0, the autopilot's default.
         """
         set_interval = enums.MAV_CMD_SET_MESSAGE_INTERVAL
         asked = []
@@ -224,6 +226,6 @@ class RateRequests:
         return request(autopilot, self._component, "REQUEST_DATA_STREAM", fields)
 
     def _is_for_us(self, ack: Any) -> bool:
-        """By the extension fields, which older autopilots leave 0."""
+        """Return whether the extension fields address us; older autopilots leave them 0."""
         system = self._autopilot.system if self._autopilot is not None else 0
         return ack.target_system in {0, system} and ack.target_component in {0, self._component}

@@ -1,4 +1,6 @@
-"""One message that we want at a rate: how the asking stands, what comes, and the patience to ask again."""
+"""Holds the state of one message wanted at a rate: the progress of its request, its measured rate, and the retry
+pause.
+"""
 
 from __future__ import annotations
 
@@ -10,28 +12,28 @@ from fwav_companion.mavlink.client.rate_search import ArrivalMeter, RateSearch
 
 FIRST_PAUSE_NS = 4 * NS_PER_S
 LONGEST_PAUSE_NS = 60 * NS_PER_S
-"""Between asking again for a rate that does not come: doubled each time."""
+"""Longest pause between requests for a rate that does not arrive: the pause doubles each time."""
 UNDONE_KEPT_NS = 60 * NS_PER_S
-"""Ground stations that ask for other rates repeat it within 30 s: later, the last one has stopped."""
+"""Time for which the cause of a lost rate is kept: ground stations repeat their requests within 30 s."""
 REACHED = 0.85
 FALLEN = 0.7
-"""Of the rate that was granted, or that came before."""
+"""Share of the earlier measured rate below which a rate has fallen."""
 
 
 class StreamState(StrEnum):
-    """How far a rate has come."""
+    """Progress of a rate request."""
 
     HELD_BACK = "held_back"
-    """Not asked for: another message serves, or is tried first."""
+    """Not requested: another message serves, or is tried first."""
     ASKING = "asking"
     GRANTED = "granted"
     DENIED = "denied"
-    """Refused at every rate; not asked for again before a reboot."""
+    """Refused at every rate; not requested again before a reboot."""
     UNANSWERED = "unanswered"
 
 
 class RateStream:
-    """The state of one wanted message. :mod:`~fwav_companion.mavlink.client.rate_requests` does the speaking."""
+    """State of one wanted message. :mod:`~fwav_companion.mavlink.client.rate_requests` sends its requests."""
 
     __slots__ = (
         "_asked_ns",
@@ -51,13 +53,13 @@ class RateStream:
         self.name = name
         self.meter = ArrivalMeter()
         self.undone_by: str | None = None
-        """The last cause of a lost rate: a station's ids, or a reboot; None after UNDONE_KEPT_NS without another."""
+        """Last cause of a lost rate: a station's ids, or a reboot; None after UNDONE_KEPT_NS without another."""
         self._undone_ns = HostNs(0)
         self._asked_ns: HostNs | None = None
         self.want(wanted_hz, HostNs(0))
 
     def want(self, wanted_hz: float, now: HostNs) -> None:
-        """Begin anew: nothing is known about what the autopilot grants."""
+        """Start over at this rate: no granted rate is known."""
         self.wanted_hz = wanted_hz
         self.search = RateSearch(wanted_hz)
         self.state = StreamState.ASKING
@@ -70,42 +72,42 @@ class RateStream:
         self.undone_by, self._undone_ns = by, now
 
     def hold_back(self) -> None:
-        """Do not ask for it."""
+        """Stop requesting the message."""
         self.state, self.next_ask_ns = StreamState.HELD_BACK, None
 
     @property
     def granted_hz(self) -> float:
-        """The highest rate that was accepted; until one was, the wanted rate."""
+        """Highest accepted rate, hertz; before the first acceptance, the wanted rate."""
         return 1e6 / (self.search.accepted_us or 1e6 / self.wanted_hz)
 
     @property
     def interval_us(self) -> int:
-        """What to ask for now: the next step of the search, or once more what was granted."""
+        """Interval to request now, microseconds: the next step of the search, or the granted one again."""
         return self.search.asking_us or self.search.accepted_us or round(1e6 / self.wanted_hz)
 
     @property
     def is_searching(self) -> bool:
-        """There is a next step of the search."""
+        """Whether the search has a next step."""
         return self.search.asking_us is not None
 
     def asked(self, now: HostNs) -> None:
-        """The question is on its way."""
+        """Note that the request is sent."""
         self._asked_ns, self.next_ask_ns = now, None
 
     def ask_soon(self, now: HostNs, pause_ns: int) -> None:
-        """Ask again, but not within ``pause_ns`` of having asked."""
+        """Request again, but not within ``pause_ns`` of the last request."""
         if self.state in {StreamState.HELD_BACK, StreamState.DENIED}:
             return
         earliest_ns = now if self._asked_ns is None else max(now, self._asked_ns + pause_ns)
         self.next_ask_ns = HostNs(min(earliest_ns, self.next_ask_ns if self.next_ask_ns is not None else earliest_ns))
 
     def wait(self, now: HostNs) -> None:
-        """Ask again after a pause, each time a longer one."""
+        """Request again after a pause that grows each time."""
         self.next_ask_ns = HostNs(now + self._pause_ns)
         self._pause_ns = min(2 * self._pause_ns, LONGEST_PAUSE_NS)
 
     def on_result(self, accepted: bool, now: HostNs) -> None:
-        """Take the answer to the question in flight; the next step of the search is due at once."""
+        """Take the answer to the pending request; the next step of the search is due at once."""
         if self.is_searching:
             if accepted:
                 self.search.on_accepted()
@@ -119,14 +121,14 @@ class RateStream:
         self.meter.restart(now)
 
     def judge(self, now: HostNs) -> float | None:
-        """Compare the window that just ended with what was agreed. Returns the rate it fell from, if it fell."""
+        """Compare the window that just ended with the granted rate. Returns the earlier rate if the rate fell."""
         if now - self._undone_ns >= UNDONE_KEPT_NS:
             self.undone_by = None
         hz, before_hz = self.meter.hz, self._plateau_hz
         if hz is None or self.state not in {StreamState.GRANTED, StreamState.UNANSWERED}:
             return None
         if before_hz is not None and hz < min(FALLEN * before_hz, REACHED * self.granted_hz):
-            # More than was granted came at a station's request, and ends with it.
+            # A rate above the granted one is due to a station's request, and ends with it.
             self._plateau_hz = None
             self.ask_soon(now, FIRST_PAUSE_NS)
             return before_hz
@@ -139,7 +141,7 @@ class RateStream:
         return None
 
     def status(self) -> dict[str, Any]:
-        """For the status file."""
+        """Return the state for the status file."""
         held_back = self.state in {StreamState.HELD_BACK, StreamState.DENIED}
         return {
             "wanted_hz": self.wanted_hz,

@@ -1,8 +1,8 @@
-"""The message rates that we ask of the autopilot: asked for, measured, and asked for again.
+"""Requests message rates from the autopilot, measures them, and requests them again when they fall.
 
-An acknowledgement is not believed (PX4 acknowledged 50 Hz and gave 18): what counts is what arrives. A rate is asked
-for again after a reboot, when it falls, and at once when another's request for rates went over our link: in the same
-write, and only where ours is higher, where the link of that request merges them.
+An acknowledgement is not proof (PX4 acknowledged 50 Hz and sent 18): the measured rate counts. A rate is requested
+again after a reboot, when it falls, and at once when a station's rate request passed over our link. If the link of that
+request merges requests, ours follows in the same write, and only where it is higher.
 """
 
 from __future__ import annotations
@@ -27,17 +27,20 @@ from fwav_companion.types.situation import Autopilot, AutopilotKind
 
 CHECK_NS = NS_PER_S
 SILENT_NS = 600 * NS_PER_MS
-"""A window is told to have fallen when 0.6 s of it are missing. Nothing at all for so long, when rates that were taken
-leave at least a few messages a second: then it is the link that fell, and nobody took them."""
+"""Silence of the autopilot that distinguishes a lost link from lost rates. A fall is detected when 0.6 s of a window
+are missing; a station's request leaves at least a few messages a second, so silence of this length means that the
+link failed."""
 PASSED_PAUSE_NS = NS_PER_S // 2
 MAX_NOTICES = 32
 MAX_NAMED = 32
-"""Stations whose first request is worth a line in the log."""
+"""Stations whose first request is logged."""
 NOT_ASKED = frozenset({StreamState.HELD_BACK, StreamState.DENIED})
 
 
 class Rates:
-    """Feed it every message, and its own wakes; send what it hands back."""
+    """Requests and supervises the wanted message rates: pass in every message and each wake, send the returned
+    messages.
+    """
 
     def __init__(
         self,
@@ -47,8 +50,8 @@ class Rates:
         component: int = 191,
         merges_requests: bool = False,
     ):
-        """``merges_requests``: some link merges stations' requests with ours, so that what the autopilot sends by
-        itself has to be known.
+        """Start without an autopilot. ``merges_requests``: a link merges stations' requests with ours, so the
+        autopilot's own rates must be known.
         """
         self._wanted = {name: hz for name, hz in wanted.items() if name in MESSAGE_IDS and isfinite(hz) and hz > 0.0}
         self._attitudes = AttitudeSharing(attitude_message, self.wanted_attitude_hz)
@@ -57,44 +60,46 @@ class Rates:
         self._now = self._heard_ns = HostNs(0)
         self._check_ns = HostNs(0)
         self._own_rates = OwnRates(enabled=merges_requests)
-        self._questions = RateRequests(component, self._own_rates)
-        self._inquiries = OneShotRequests(component)
-        self._takers = RateCompetitors()
+        self._requests = RateRequests(component, self._own_rates)
+        self._one_shots = OneShotRequests(component)
+        self._competitors = RateCompetitors()
         self._notices: deque[Notice] = deque(maxlen=MAX_NOTICES)
         self._named: set[str] = set()
         self.own_streams = OwnStreams(0, 1, {})
-        """What we ask of the adopted autopilot, and what it would send without that."""
+        """Our requests to the adopted autopilot, and its own rates without them."""
         self.wake_at: HostNs | None = None
-        """When :meth:`on_wake` is due next; None while no autopilot is adopted."""
+        """Time at which :meth:`on_wake` is due; None while no autopilot is adopted."""
 
     @property
     def wanted_attitude_hz(self) -> float:
-        """By the configuration."""
+        """Configured rate of ATTITUDE, hertz."""
         return self._wanted.get("ATTITUDE", 0.0)
 
     @property
     def parameters(self) -> dict[str, float]:
-        """What the autopilot told of the parameters that matter here."""
-        return self._inquiries.parameters
+        """Values of the requested parameters that the autopilot has reported."""
+        return self._one_shots.parameters
 
     def adopt(self, autopilot: Autopilot, now: HostNs) -> None:
-        """Ask this autopilot from now on."""
+        """Send requests to this autopilot from now on."""
         self._autopilot = autopilot
         names = [name for name in self._wanted if name not in ONLY_PX4 or autopilot.kind is not AutopilotKind.ARDUPILOT]
         self._streams = {name: RateStream(name, self._wanted[name]) for name in names}
         self._begin(now)
 
     def ask_again(self, why: str, now: HostNs) -> None:
-        """Over there everything is forgotten: a reboot, or a link that was gone. Refusals are put to the test too."""
+        """Start over after a reboot or a lost link: the autopilot has forgotten every rate. Refused rates are tried
+        again.
+        """
         for stream in self._streams.values():
             stream.undone(why, now)
         self._begin(now)
 
     def on_message(self, message: Message, now: HostNs) -> None:
-        """Count arrivals of our autopilot; take its acknowledgements and parameters."""
+        """Count arrivals from our autopilot; take its acknowledgements, intervals and parameters."""
         if not self._is_from_autopilot(message):
             if self._autopilot is not None:
-                self._takers.on_message(message, self._autopilot, now)
+                self._competitors.on_message(message, self._autopilot, now)
             return
         self._now = self._heard_ns = now
         stream = self._streams.get(message.name)
@@ -107,37 +112,40 @@ class Rates:
         elif message.name == "MESSAGE_INTERVAL":
             name = self._own_rates.on_interval(message)
             if name:
-                self._questions.on_own_rate(name)
+                self._requests.on_own_rate(name)
                 self.wake_at = self._next_due()
                 self._share()
         else:
-            self._inquiries.on_message(message)
+            self._one_shots.on_message(message)
 
-    def on_rate_request_passed(self, who: str, now: HostNs) -> None:
-        """Somebody's REQUEST_DATA_STREAM or SET_MESSAGE_INTERVAL went to the autopilot over our link: ask at once.
+    def on_rate_request_passed(self, requester: str, now: HostNs) -> None:
+        """Note that a station's REQUEST_DATA_STREAM or SET_MESSAGE_INTERVAL passed over our link: request again at
+        once.
 
-        The next one within half a second is answered when that is over: ground stations send half a dozen in a row.
+        Further ones within half a second are answered after it: ground stations send half a dozen in a row.
         """
         if self._autopilot is None:
             return
-        if self._takers.saw(who, now):
-            text = f"{who} asks the autopilot for other message rates over our link: asked again"
-            self._tell(NoticeCode.RATES_TAKEN, Severity.INFO, text)
+        if self._competitors.saw(requester, now):
+            text = f"{requester} asks the autopilot for other message rates over our link: asked again"
+            self._notify(NoticeCode.RATES_TAKEN, Severity.INFO, text)
         self._now = now
         for stream in self._streams.values():
             if stream.state is StreamState.GRANTED:
-                stream.undone(who, now)
+                stream.undone(requester, now)
             stream.ask_soon(now, PASSED_PAUSE_NS)
         self.wake_at = self._next_due()
 
     def stations_want(self, demanded: Mapping[int, float]) -> None:
         """Take the highest rate, hertz by message id, that stations on merging links want: ours never lower it."""
-        self._questions.demanded = demanded
+        self._requests.demanded = demanded
 
     def on_merged_requests(
         self, requests: Sequence[RateRequest], demanded: Mapping[int, float], now: HostNs
     ) -> list[Outgoing]:
-        """What follows stations' requests in the same write. ``demanded``: the highest rates that stations want."""
+        """Return the requests that follow stations' requests in the same write. ``demanded``: as in
+        :meth:`stations_want`.
+        """
         self.stations_want(demanded)
         autopilot = self._autopilot
         if autopilot is None:
@@ -150,35 +158,35 @@ class Rates:
                 if request.by_group and heeds_groups:
                     self._own_rates.on_group(request.rates)
                 what = follow_up(request, self._kept_hz(), demanded, heeds_groups=heeds_groups)
-                followed += self._questions.follow(what, now)
+                followed += self._requests.follow(what, now)
         self._share()
         return followed
 
     def _kept_hz(self) -> dict[int, float]:
         asked = [(name, stream) for name, stream in self._streams.items() if stream.state not in NOT_ASKED]
-        return {MESSAGE_IDS[name]: self._questions.rate_kept_hz(stream) for name, stream in asked}
+        return {MESSAGE_IDS[name]: self._requests.rate_kept_hz(stream) for name, stream in asked}
 
     def on_wake(self, now: HostNs) -> list[Outgoing]:
-        """What is to be asked now."""
+        """Return the requests that are due."""
         if self._autopilot is None:
             return []
         self._now = now
         if now >= self._check_ns:
             self._check_ns = HostNs(now + CHECK_NS)
             self._check(now)
-        asked = [*self._questions.on_wake(now), *self._inquiries.on_wake(now)]
+        asked = [*self._requests.on_wake(now), *self._one_shots.on_wake(now)]
         self.wake_at = self._next_due()
         self._share()
         return asked
 
     def notices(self) -> list[Notice]:
-        """What is worth a line in the log, since the last call."""
-        told = list(self._notices)
+        """Return the log notices since the last call."""
+        notices = list(self._notices)
         self._notices.clear()
-        return told
+        return notices
 
     def status(self) -> dict[str, Any]:
-        """By message: wanted_hz, asked_hz, measured_hz, state, undone_by."""
+        """Return by message: wanted_hz, asked_hz, measured_hz, state, undone_by."""
         return {name: stream.status() for name, stream in self._streams.items()}
 
     def _share(self) -> None:
@@ -191,12 +199,12 @@ class Rates:
             self.own_streams = OwnStreams(self._autopilot.system, self._autopilot.component, by_itself_hz)
 
     def _name(self, request: RateRequest) -> None:
-        if request.who not in self._named and len(self._named) < MAX_NAMED:
-            self._named.add(request.who)
-            self._tell(
+        if request.requester not in self._named and len(self._named) < MAX_NAMED:
+            self._named.add(request.requester)
+            self._notify(
                 NoticeCode.RATES_TAKEN,
                 Severity.INFO,
-                f"{request.who} asks the autopilot for message rates: merged with ours",
+                f"{request.requester} asks the autopilot for message rates: merged with ours",
             )
 
     def _begin(self, now: HostNs) -> None:
@@ -207,18 +215,20 @@ class Rates:
         self._attitudes.begin(self._streams)
         self._check_ns = HostNs(now + CHECK_NS)
         if self._autopilot is not None:
-            self._questions.begin(self._autopilot, self._streams)
-            self._inquiries.begin(self._autopilot, now)
+            self._requests.begin(self._autopilot, self._streams)
+            self._one_shots.begin(self._autopilot, now)
             self.wake_at = self._next_due()
             self._share()
 
     def _next_due(self) -> HostNs:
-        """Worked out when it changes: it is asked for with every message that comes."""
-        due = (self._check_ns, self._inquiries.wake_at, self._questions.wake_at)
+        """Return the next due time. It is kept and recomputed on changes only, because every arriving message reads
+        it.
+        """
+        due = (self._check_ns, self._one_shots.wake_at, self._requests.wake_at)
         return max(min(when for when in due if when is not None), self._now)
 
     def _check(self, now: HostNs) -> None:
-        """Measure, and draw the consequences."""
+        """Measure the rates, and act on those that fell."""
         for stream in self._streams.values():
             if stream.meter.roll(now, stream.granted_hz):
                 fell_from_hz = stream.judge(now)
@@ -229,8 +239,8 @@ class Rates:
     def _blame(self, stream: RateStream, fell_from_hz: float, now: HostNs) -> None:
         if now - self._heard_ns > SILENT_NS:
             return
-        stream.undone(self._takers.to_blame(self._autopilot, now), now)
-        self._tell(
+        stream.undone(self._competitors.to_blame(self._autopilot, now), now)
+        self._notify(
             NoticeCode.RATE_FELL,
             Severity.WARNING,
             f"{stream.name} fell from {fell_from_hz:.1f} to {stream.meter.hz or 0.0:.1f} Hz"
@@ -238,20 +248,20 @@ class Rates:
         )
 
     def _on_ack(self, message: Message, now: HostNs) -> None:
-        answer = self._questions.on_ack(message, now)
+        answer = self._requests.on_ack(message, now)
         if answer is None:
             return
         if answer.command_unknown:
             self._fall_back(now)
         else:
-            self._tell_outcome(answer.stream)
+            self._notify_outcome(answer.stream)
 
-    def _tell_outcome(self, stream: RateStream) -> None:
+    def _notify_outcome(self, stream: RateStream) -> None:
         if stream.state is StreamState.DENIED:
             text = f"the autopilot does not send {stream.name}: refused at every rate"
-            self._tell(NoticeCode.MESSAGE_REFUSED, Severity.INFO, text)
+            self._notify(NoticeCode.MESSAGE_REFUSED, Severity.INFO, text)
         elif stream.state is StreamState.GRANTED and stream.granted_hz < 0.99 * stream.wanted_hz:
-            self._tell(
+            self._notify(
                 NoticeCode.RATE_REFUSED,
                 Severity.WARNING,
                 f"{stream.name} at {stream.wanted_hz:g} Hz is refused: the highest accepted rate is"
@@ -259,9 +269,9 @@ class Rates:
             )
 
     def _fall_back(self, now: HostNs) -> None:
-        """The command itself is unknown over there: REQUEST_DATA_STREAM is what is left."""
+        """Request by REQUEST_DATA_STREAM: the autopilot does not know the newer command."""
         text = "the autopilot does not know SET_MESSAGE_INTERVAL: asking by REQUEST_DATA_STREAM"
-        self._tell(NoticeCode.INTERVALS_UNKNOWN, Severity.INFO, text)
+        self._notify(NoticeCode.INTERVALS_UNKNOWN, Severity.INFO, text)
         for stream in self._streams.values():
             stream.want(self._wanted[stream.name], now)
         self._attitudes.fall_back(self._streams)
@@ -270,5 +280,5 @@ class Rates:
         autopilot = self._autopilot
         return autopilot is not None and message.system == autopilot.system and message.component == autopilot.component
 
-    def _tell(self, code: NoticeCode, severity: Severity, text: str) -> None:
+    def _notify(self, code: NoticeCode, severity: Severity, text: str) -> None:
         self._notices.append(Notice(code, severity, text))

@@ -1,4 +1,4 @@
-"""Messages to the adopted autopilot that ask something of it, with its address filled in."""
+"""Builds requests to the adopted autopilot, with its address filled in."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from fwav_companion.types.situation import Autopilot
 
 
 def request(autopilot: Autopilot, component: int, name: str, fields: dict[str, Any]) -> Outgoing:
-    """A message with target fields, from our ``component``."""
+    """Return a message with target fields, from our ``component``."""
     target = {"target_system": autopilot.system, "target_component": autopilot.component}
     return Outgoing(name=name, fields=target | fields, to=Destination.AUTOPILOT, component=component)
 
@@ -17,7 +17,7 @@ def request(autopilot: Autopilot, component: int, name: str, fields: dict[str, A
 def command(
     autopilot: Autopilot, component: int, number: int, param1: float, param2: float = 0.0, *, confirmation: int = 0
 ) -> Outgoing:
-    """A COMMAND_LONG; ``confirmation`` counts its repetitions."""
+    """Return a COMMAND_LONG; ``confirmation`` counts its repetitions."""
     fields = {"command": number, "confirmation": confirmation, "param1": float(param1), "param2": float(param2)}
     rest = dict.fromkeys(("param3", "param4", "param5", "param6", "param7"), 0.0)
     return request(autopilot, component, "COMMAND_LONG", fields | rest)

@@ -1,4 +1,4 @@
-"""Which messages we want of the autopilot, how often, and what they are called where they are asked for."""
+"""Lists the messages that we want from the autopilot, their rates, and the stream that contains each."""
 
 from __future__ import annotations
 
@@ -26,13 +26,14 @@ DATA_STREAMS = {
     "GLOBAL_POSITION_INT": enums.MAV_DATA_STREAM_POSITION,
     "GPS_RAW_INT": enums.MAV_DATA_STREAM_EXTENDED_STATUS,
 }
-"""Which stream of REQUEST_DATA_STREAM holds the message; EXTRA3 for the others."""
+"""Stream of REQUEST_DATA_STREAM that contains the message; EXTRA3 for the others."""
 ONLY_PX4 = frozenset({"ALTITUDE", "LOCAL_POSITION_NED"})
-"""ArduPilot never sends the one, and complains when asked; the other only serves PX4's landing profile."""
+"""ArduPilot never sends ALTITUDE, and reports a request for it as an error; LOCAL_POSITION_NED serves only PX4's
+landing profile."""
 
 
 def default_subscriptions(attitude_hz: float, position_hz: float) -> dict[str, float]:
-    """Message name -> Hz by [rates], the most important first: they are asked for in this order."""
+    """Return message name -> hertz from [rates], the most important first: they are requested in this order."""
     return {
         "ATTITUDE_QUATERNION": attitude_hz,
         "ATTITUDE": attitude_hz,

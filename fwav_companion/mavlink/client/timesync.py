@@ -1,9 +1,9 @@
-"""TIMESYNC (111): our requests, whose answers place the autopilot's clock, and answers to those who may ask us.
+"""Exchanges TIMESYNC (111): our requests, whose answers measure the autopilot's clock, and our answers to requests.
 
 A request carries our clock in ts1 and tc1 = 0; its answer mirrors ts1 and carries the responder's clock in tc1, both in
-nanoseconds. Others' exchanges pass by on the same links, so an answer counts only if its ts1 is one we sent and it came
-from our autopilot. Conversely PX4 takes any answer as meant for it: we answer nobody but our autopilot, and requests
-that name us.
+nanoseconds. Exchanges of other components pass on the same links, so an answer counts only if its ts1 is one we sent
+and it came from our autopilot. PX4, in turn, takes any answer as meant for it: we answer only our autopilot, and
+requests that name us.
 """
 
 from __future__ import annotations
@@ -19,44 +19,45 @@ from fwav_companion.types.situation import Autopilot
 from fwav_companion.types.telemetry import ClockExchange
 
 SETTLING_INTERVAL_NS = 100 * NS_PER_MS
-"""Ten requests a second while the clock settles."""
+"""Interval while the clock settles: ten requests a second."""
 SETTLING_NS = 20 * NS_PER_S
 DOUBT_NS = 2 * NS_PER_S
 FASTEST_NS = 500 * NS_PER_MS
 SLOWEST_NS = 2 * NS_PER_S
-"""Later: between two a second and one in two seconds, as the bound needs."""
+"""Longest interval after settling. It is between two requests a second and one in two seconds, as the bound needs."""
 DRIFT = 600e-6
-"""The most by which two clocks may run apart: the bound grows by it from one exchange to the next."""
+"""Largest skew of two clocks: the bound grows by it between exchanges."""
 GROWTH_SHARE = 0.25
-"""Of half the best round trip, that the bound may grow by between exchanges."""
+"""Growth of the bound allowed between exchanges, as a share of half the best round trip."""
 KEPT_ROUND_TRIPS = 16
 JITTER_SHARE = 1.0 / 16.0
-"""Of the newest change of the round trip in its running mean, as RTP has it (RFC 3550, 6.4.1)."""
+"""Weight of the newest change of the round trip in its running mean, as in RTP (RFC 3550, 6.4.1)."""
 
 MAX_OUTSTANDING = 32
 EXPIRY_NS = 5 * NS_PER_S
-"""Longer than any link that is of use; an answer that late would bound nothing."""
+"""Time after which a request expires: longer than the round trip of any useful link. A later answer would bound
+nothing."""
 
 
 class NotTaken(StrEnum):
-    """Why a TIMESYNC gave nothing."""
+    """Reason why a TIMESYNC was ignored."""
 
     NO_AUTOPILOT = "no_autopilot"
-    """None is adopted: we neither ask nor answer."""
+    """No autopilot is adopted: we neither send requests nor answer."""
     NOT_OURS = "not_ours"
-    """An answer to somebody else's request, a second copy, or one that came too late."""
+    """An answer to another component's request, a second copy, or a late answer."""
     FOREIGN_SPEAKER = "foreign_speaker"
     """An answer to our request, but not from our autopilot."""
     OTHER_TARGET = "other_target"
-    """Its target fields name somebody else."""
+    """Its target fields name another component."""
     BAD_CLOCK = "bad_clock"
     """The responder's clock is not positive."""
     NOT_FOR_US = "not_for_us"
-    """A request of somebody who is not our autopilot, and that does not name us."""
+    """A request from a component that is not our autopilot, without our address."""
 
 
 class Ignored(msgspec.Struct, frozen=True):
-    """The message was a TIMESYNC, and there is nothing to do, for this reason."""
+    """The message was a TIMESYNC that needs no action, for this reason."""
 
     reason: NotTaken
 
@@ -65,7 +66,7 @@ TimesyncResult: TypeAlias = ClockExchange | Outgoing | Ignored
 
 
 class Timesync:
-    """One side of the exchange. ``now`` is the instant of sending or arrival, in whole microseconds."""
+    """One side of the exchange. ``now`` is the time of sending or arrival, in whole microseconds."""
 
     def __init__(self, component: int = 191, *, target_fields: bool = False, salt: int = 0):
         self._component = component
@@ -78,18 +79,20 @@ class Timesync:
         self._settled_ns: HostNs | None = None
         self._answered = False
         self.wake_at: HostNs | None = None
-        """When the next request is due; None while no autopilot is adopted."""
+        """Time of the next request; None while no autopilot is adopted."""
         self.ignored: dict[NotTaken, int] = dict.fromkeys(NotTaken, 0)
         self.exchanges = 0
         self._requests = 0
 
     def adopt(self, autopilot: Autopilot, now: HostNs) -> None:
-        """Speak with this autopilot from now on, under its system id."""
+        """Exchange with this autopilot from now on, under its system id."""
         self._autopilot = autopilot
         self.restart(now)
 
     def restart(self, now: HostNs) -> None:
-        """The autopilot's clock is new (adopted, or rebooted): forget the requests in flight, and settle again."""
+        """Start over with a new clock (autopilot adopted or rebooted): forget the pending requests, and settle
+        again.
+        """
         self._requests = 0
         self._outstanding.clear()
         self._round_trips_ns.clear()
@@ -99,7 +102,7 @@ class Timesync:
         self.wake_at = now
 
     def settle(self, now: HostNs) -> None:
-        """The clock has come into doubt: ask as often as at the beginning, until that is some seconds past."""
+        """Request as often as at the beginning for some seconds, because the clock has become doubtful."""
         if self._settled_ns is not None:
             self._settled_ns = HostNs(max(self._settled_ns, now + DOUBT_NS))
         if self.wake_at is not None:
@@ -107,14 +110,16 @@ class Timesync:
 
     @property
     def interval_ns(self) -> int:
-        """Between requests, after settling: short enough that the bound hardly grows between two of them."""
+        """Interval between requests after settling: short enough that the bound hardly grows within it."""
         if not self._round_trips_ns:
             return SLOWEST_NS
         allowed_ns = GROWTH_SHARE * 0.5 * min(self._round_trips_ns) / DRIFT
         return round(min(max(allowed_ns, FASTEST_NS), SLOWEST_NS))
 
     def on_wake(self, now: HostNs) -> Outgoing | None:
-        """The request that is due. ``now`` must be when it leaves: waiting after it biases the clock by half of it."""
+        """Return the request that is due. ``now`` must be the time of sending: half of any later wait biases the
+        clock.
+        """
         if self._autopilot is None or self.wake_at is None or now < self.wake_at:
             return None
         ts1 = now + self._nonce()
@@ -125,7 +130,7 @@ class Timesync:
         return Outgoing(name="TIMESYNC", fields=fields, to=Destination.AUTOPILOT, component=self._component)
 
     def on_sent(self, ts1: int, now: HostNs) -> None:
-        """A request of ours left at ``now``: a replay learns it from the recording."""
+        """Note a request that left at ``now``: a replay takes it from the recording."""
         while self._outstanding:
             oldest = next(iter(self._outstanding))
             if len(self._outstanding) < MAX_OUTSTANDING and self._outstanding[oldest] + EXPIRY_NS > now:
@@ -141,7 +146,7 @@ class Timesync:
         return self._on_request(message, now) if message.fields.tc1 == 0 else self._on_answer(message, now)
 
     def status(self) -> dict[str, Any]:
-        """For the status file: the round trips to the autopilot, of the last exchanges."""
+        """Return the last round trips to the autopilot, for the status file."""
         trips = self._round_trips_ns
         return {
             "requests": self._requests,
@@ -190,9 +195,10 @@ class Timesync:
                 self.wake_at = min(self.wake_at, HostNs(now + SETTLING_INTERVAL_NS))
 
     def _nonce(self) -> int:
-        """0 to 999: fills the digits below a microsecond, so that nobody's ts1 equals ours by chance.
+        """Return 0 to 999, for the digits below a microsecond, so that another component's ts1 does not equal ours by
+        chance.
 
-        The mixing is Steele's SplitMix64: each count gives another value, and the order of values is not plain to see.
+        The mixing is Steele's SplitMix64: each count gives another value, in an order that is hard to predict.
         """
         self._counter += 1
         mixed = self._counter * 0x9E3779B97F4A7C15 & 0xFFFFFFFFFFFFFFFF
@@ -210,7 +216,7 @@ class Timesync:
         return (self._autopilot.system if self._autopilot is not None else 0, self._component)
 
     def _target(self, system: int, component: int) -> dict[str, int]:
-        """The fields of version 2, where our definitions have them: ArduPilot's do not."""
+        """Return the target fields of TIMESYNC version 2 if our definitions have them; ArduPilot's do not."""
         return {"target_system": system, "target_component": component} if self._target_fields else {}
 
     def _ignore(self, reason: NotTaken) -> Ignored:
@@ -219,6 +225,6 @@ class Timesync:
 
 
 def _target_of(message: Message) -> tuple[int, int]:
-    """Version 2's target fields; (0, 0) where the sender or our definitions have none."""
+    """Return the target fields of TIMESYNC version 2; (0, 0) if the sender or our definitions have none."""
     fields = message.fields
     return (getattr(fields, "target_system", 0), getattr(fields, "target_component", 0))

@@ -1,4 +1,4 @@
-"""What goes to one link at one time goes together: a send costs more than all the rest of relaying a frame."""
+"""Joins frames that go to one link at one time: a send costs more than the whole relaying of a frame."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 JOINED_BYTES: Final = 1200
-"""Of frames in one send: below what IPv6 carries in one piece everywhere (1280), so that no datagram is cut in two."""
+"""Largest size of a send, bytes: below what IPv6 carries unfragmented everywhere (1280)."""
 
 
 def coalesced(sends: Sequence[tuple[str, bytes]]) -> list[tuple[str, bytes]]:
-    """For each link its frames one after another, in pieces of whole frames that are not too long for a datagram."""
+    """Return for each link its frames in order, joined to pieces of whole frames that fit a datagram."""
     by_link: dict[str, list[bytes]] = {}
     for name, data in sends:
         if name in by_link:

@@ -1,4 +1,4 @@
-"""The same frame over two links: passed on once."""
+"""Detects a frame that arrives over two links, so that it is forwarded once."""
 
 from __future__ import annotations
 
@@ -7,17 +7,18 @@ from typing import Final
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 
 _GENERATION_NS: Final = NS_PER_S // 2
-"""A frame is remembered for one to two of these: a second is more than redundant links differ by, and less than 256
-frames take at 250 a second, after which a heartbeat could come by another link with the same bytes again."""
+"""Length of a generation; a frame is remembered for one to two of them. A second is more than the delay between
+redundant links, and less than 256 frames take at 250 a second: after that, a heartbeat with the same bytes could
+arrive by another link."""
 _GENERATION_FRAMES: Final = 1024
-"""At most 2 x (1024 + those of one reading) x 280 bytes: 2000 frames a second."""
+"""Frames in a generation. Memory is at most 2 x (1024 + those of one reading) x 280 bytes: 2000 frames a second."""
 
 
 class Duplicates:
-    """Knows frames by all their bytes, sender and sequence number among them, and by the link they first came by.
+    """Remembers frames by all their bytes (with sender and sequence number), and the link of their first arrival.
 
-    On one link equal bytes are no duplicate: its peer meant them. A sender with a sequence counter of its own for each
-    link (ArduPilot, PX4) sends no equal bytes; there nobody can tell.
+    Equal bytes on one link are not a duplicate: the peer sent them on purpose. A sender with a separate sequence
+    counter for each link (ArduPilot, PX4) sends different bytes on each, so its copies cannot be recognised.
     """
 
     def __init__(self) -> None:
@@ -26,9 +27,10 @@ class Duplicates:
         self._turn_ns: HostNs | None = None
 
     def generations(self, now: HostNs) -> tuple[dict[bytes, int], dict[bytes, int]]:
-        """The frames of late and those before, each with its link, once the oldest are forgotten.
+        """Return the current and the previous generation of frames, each frame with its link, after expiring the
+        oldest.
 
-        For who has many frames at one instant, and asks as :meth:`came_first_by` does.
+        It serves a caller with many frames at one instant, which looks them up as :meth:`came_first_by` does.
         """
         if self._turn_ns is None or now >= self._turn_ns or len(self._young) >= _GENERATION_FRAMES:
             long_ago = self._turn_ns is not None and now >= self._turn_ns + _GENERATION_NS
@@ -38,6 +40,6 @@ class Duplicates:
         return self._young, self._old
 
     def came_first_by(self, frame: bytes, link: int) -> int:
-        """The link that brought the frame a short while ago; this one, and remembered, where none did."""
+        """Return the link on which the frame arrived lately; if there is none, remember and return this link."""
         first = self._old.get(frame, link)
         return first if first != link else self._young.setdefault(frame, link)

@@ -1,4 +1,4 @@
-"""Our place in the MAVLink network: bytes of every link in, messages for us and bytes for other links out."""
+"""Our node in the MAVLink network: takes the bytes of every link, returns messages for us and bytes for other links."""
 
 from __future__ import annotations
 
@@ -28,7 +28,8 @@ __all__ = ["LinkPolicy", "Node", "Received", "SigningPolicy"]
 UNADOPTED_SYSTEM: Final = 1
 """Our system id until the vehicle's is known."""
 QUIET_NS: Final = 50 * NS_PER_MS
-"""A stream that pauses so long pauses between frames: more than the 16 ms that USB serial adapters gather bytes for."""
+"""Pause after which a stream is taken to be between frames: above the 16 ms for which USB serial adapters gather
+bytes."""
 _HEARTBEAT: Final = BY_NAME["HEARTBEAT"]
 _SYSTEM_TIME: Final = BY_NAME["SYSTEM_TIME"]
 _TYPE_OFFSET: Final = _HEARTBEAT.fields["type"].offset
@@ -36,34 +37,36 @@ _BOOT_OFFSET: Final = _SYSTEM_TIME.fields["time_boot_ms"].offset
 _TC1_OFFSET: Final = BY_NAME["TIMESYNC"].fields["tc1"].offset
 _TS1_OFFSET: Final = BY_NAME["TIMESYNC"].fields["ts1"].offset
 _TXBUF_OFFSET: Final = BY_NAME["RADIO_STATUS"].fields["txbuf"].offset
-"""RADIO has it at the same place."""
+"""The older message RADIO has the field at the same offset."""
 _MAV_TYPE_GCS: Final = constant("MAV_TYPE_GCS")
 
 
 class PassedRequest(msgspec.Struct, frozen=True):
-    """A request for message rates that goes on to an autopilot."""
+    """Request for message rates that is forwarded to an autopilot."""
 
     request: RateRequest
     merged: bool
-    """Our own rates are to follow it in the same write, where they are higher."""
+    """Whether our own rates must follow it in the same write if they are higher."""
 
 
 class Received(msgspec.Struct):
-    """What some bytes of a link came to."""
+    """Result of bytes received on a link."""
 
     messages: list[Message]
-    """Those that are wanted, meant for us or for all, and believed; in order."""
+    """Wanted messages that are addressed to us or to all and are trusted, in order."""
     forwards: list[tuple[str, bytes]]
-    """(link, whole frames as they came), to be sent in order; frames of one receive are :func:`coalesced`."""
+    """(link, whole frames as received), to be sent in order; frames of one receive are :func:`coalesced`."""
     frames: Sequence[RawFrame] = ()
-    """All that were taken, for a recording: no duplicates, no echoes of ours, nothing that was refused for its
-    signature, and no SETUP_SIGNING, which carries a key."""
+    """All accepted frames, for a recording: without duplicates, echoes of ours, frames refused for their signature, and
+    SETUP_SIGNING, which carries a key."""
     rate_requests: Sequence[PassedRequest] = ()
-    """Those in frames that go on to an autopilot: they may lower rates of ours."""
+    """Rate requests in frames that are forwarded to an autopilot: they may lower our rates."""
 
 
 class Node:
-    """Feed it the bytes of each link, send what it hands back. Our components share the vehicle's system id."""
+    """Receives, routes and encodes frames: pass in the bytes of each link, send the results. Our components share the
+    vehicle's system id.
+    """
 
     def __init__(
         self,
@@ -73,7 +76,9 @@ class Node:
         components: Iterable[int] = (191, 100),
         signing: SigningPolicy | None = None,
     ) -> None:
-        """``wanted``: names of the messages to decode. ``components``: ours. Links are up until told otherwise."""
+        """Start with all links up. ``wanted``: names of the messages to decode. ``components``: ids of our
+        components.
+        """
         self._wanted = frozenset(BY_NAME[name].msgid for name in wanted)
         self._watched = self._wanted | {_HEARTBEAT.msgid, _SYSTEM_TIME.msgid} | RADIO_REPORTS
         self._keyring = Keyring(signing)
@@ -87,38 +92,38 @@ class Node:
 
     @property
     def system(self) -> int:
-        """The system id that we speak with."""
+        """System id that we send with."""
         return self._router.system
 
     @property
     def signing_clock(self) -> SigningClock | None:
-        """Its timestamp is to be kept; None without a key."""
+        """Clock whose timestamp must be stored; None without a key."""
         return self._keyring.clock
 
     def adopt(self, system: int) -> None:
-        """Speak with the vehicle's system id from now on."""
+        """Send with the vehicle's system id from now on."""
         self._router.adopt(system)
 
     def share(self, own: OwnStreams) -> None:
-        """Which messages this service asked of the autopilot: links that merge requests do not get them for that."""
+        """Take the requests of this service: they alone do not send a message to links that merge requests."""
         self._router.share(own)
 
     @property
     def demanded(self) -> Mapping[int, float]:
-        """The highest rate, hertz, that stations on merging links asked of the autopilot, by message id."""
+        """Highest rate, hertz, that stations on merging links request from the autopilot, by message id."""
         return self._router.merged.demanded
 
     def link_up(self, link: str) -> None:
-        """The link is connected, perhaps to somebody else than before."""
+        """Note that the link is connected, possibly to another peer than before."""
         self._router.set_up(self._ports[link], True)
 
     def link_down(self, link: str) -> None:
-        """Nothing goes to the link, and who was behind it is forgotten."""
+        """Stop sending to the link, and forget its peers."""
         self._router.set_up(self._ports[link], False)
         self._settle_ns.pop(link, None)
 
     def receive(self, link: str, data: bytes, now: HostNs) -> Received:
-        """Bytes came by a link."""
+        """Take the bytes that arrived on a link."""
         port = self._ports[link]
         port.bytes_in += len(data)
         received = self._take(port, port.scanner.feed(data), now)
@@ -132,14 +137,14 @@ class Node:
 
     @property
     def wake_at(self) -> HostNs | None:
-        """When :meth:`on_wake` is due; None while nothing waits, which is nearly always."""
+        """Time at which :meth:`on_wake` is due; None if nothing waits, which is nearly always the case."""
         if not self._settle_ns and not self._release_ns:
             return None
         return min([*self._settle_ns.values(), *self._release_ns.values()], default=None)
 
     def on_wake(self, now: HostNs) -> Received:
-        """A stream has been quiet: what may be a frame of an unknown id and waits for what follows, is one. Frames
-        that a slow link did not take may leave by now.
+        """Accept a waiting frame of an unknown id if its stream has been quiet, and release frames held for slow
+        links.
         """
         received = Received([], [])
         self._release(received, now)
@@ -154,22 +159,22 @@ class Node:
         return received
 
     def encode(self, outgoing: Outgoing, now: HostNs) -> list[tuple[str, bytes]]:
-        """(link, frame) for every link that the message goes to, each with the next sequence number of its component
-        on that link. EncodeError if there is no such message, field or link.
+        """Return (link, frame) for every link that the message goes to, each with the next sequence number of its
+        component on that link. Raises EncodeError if there is no such message, field or link.
         """
         self._router.sweep(now)
         return self._sender.encode(outgoing, now)
 
     def hears_ground_station(self, now: HostNs) -> bool:
-        """A ground station's heartbeat was heard on a gcs link lately."""
+        """Return whether a ground station's heartbeat was heard on a gcs link lately."""
         return self._router.hears_ground_station(now)
 
     def statistics(self, now: HostNs) -> list[LinkStatistics]:
-        """What each link carried and lost; rates are those since the last call."""
+        """Return what each link carried and lost; rates are those since the last call."""
         return self._statistics.take(now)
 
     def _release(self, received: Received, now: HostNs) -> None:
-        """Frames of transfers that a slow link could not take at once."""
+        """Forward the held transfer frames that slow links can take now."""
         for name in list(self._release_ns):
             limiter = self._ports[name].limiter
             received.forwards += coalesced([(name, data) for data in limiter.release(now)])
@@ -179,7 +184,9 @@ class Node:
                 del self._release_ns[name]
 
     def _take(self, port: Port, frames: Sequence[RawFrame], now: HostNs) -> Received:
-        """The relay's hot path: for most frames a few look-ups, worked out when the tables last changed."""
+        """Process frames. This is the hot path of the relay: most frames need a few look-ups, prepared when the tables
+        last changed.
+        """
         received = Received([], [], frames)
         router, link, forward = self._router, port.index, received.forwards.append
         router.sweep(now)
@@ -216,9 +223,9 @@ class Node:
         return received
 
     def _attach(self, port: Port, frame: RawFrame, now: HostNs) -> bool:
-        """Work out anew what holds for all frames of a flow; False where they are not taken at all."""
+        """Recompute what holds for all frames of a flow. Returns False if its frames are not accepted."""
         router, flow = self._router, frame.flow
-        peer = port.peers.get(flow.system << 8 | flow.component) or self._meet(port, frame, now)
+        peer = port.peers.get(flow.system << 8 | flow.component) or self._add_peer(port, frame, now)
         if peer is None:
             return False
         flow.stream = stream = peer.stream(frame)
@@ -228,8 +235,8 @@ class Node:
             stream.watched = flow.definition is not None and flow.msgid in self._watched
         return True
 
-    def _meet(self, port: Port, frame: RawFrame, now: HostNs) -> Peer | None:
-        """Who speaks here for the first time; None for ourselves through a crossed wire, or a copy that may be ours."""
+    def _add_peer(self, port: Port, frame: RawFrame, now: HostNs) -> Peer | None:
+        """Add a sender heard for the first time. Returns None for an echo of our frames, or a copy that may be one."""
         if self._router.is_own(frame):
             port.echoes += 1
             return None
@@ -240,7 +247,7 @@ class Node:
         return self._router.learn(port, frame, now)
 
     def _forward(self, port: Port, frame: RawFrame, stream: PeerStream, received: Received, now: HostNs) -> None:
-        """A frame that names a receiver, or that some link thins."""
+        """Forward a frame that names a receiver, or that a link thins."""
         msgid = UNKNOWN if frame.definition is None else frame.msgid
         sender = frame.system << 8 | frame.component
         outs = self._router.route_of(port, frame, stream)
@@ -260,7 +267,9 @@ class Node:
                 received.forwards.append((out.name, frame.data))
 
     def _answers_us(self, frame: RawFrame) -> bool:
-        """A TIMESYNC that answers our request: to anyone else's clock filter it would be a wrong answer."""
+        """Return whether the frame is a TIMESYNC answer to our request: it would disturb any other component's clock
+        filter.
+        """
         payload = frame.payload  # without its trailing zeros
         asked = payload[_TS1_OFFSET : _TS1_OFFSET + 8].ljust(8, b"\0")
         answered = any(payload[_TC1_OFFSET : _TC1_OFFSET + 8])
@@ -269,7 +278,7 @@ class Node:
     def _admit(
         self, port: Port, request: RateRequest, outs: tuple[Port, ...], received: Received, now: HostNs
     ) -> tuple[Port, ...]:
-        """The links that a request for message rates goes on to; it is noted where it reaches an autopilot."""
+        """Return the links that a rate request goes to, and note the request if it reaches an autopilot."""
         if request.once is None and not port.forwards_rate_requests:
             port.stopped += request.by_group or any(out.is_autopilot for out in outs)
             return tuple(out for out in outs if not out.is_autopilot)
@@ -281,7 +290,7 @@ class Node:
         return outs
 
     def _read(self, port: Port, frame: RawFrame, stream: PeerStream, received: Received, now: HostNs) -> bool:
-        """A message that somebody here watches, if it is meant for us. False where it may not be believed."""
+        """Read a watched message if it is addressed to us. Returns False if it is not trusted."""
         if stream.targeted and not self._router.is_for_us(frame.target_system, frame.target_component):
             return True
         msgid = frame.flow.msgid

@@ -1,6 +1,6 @@
-"""Who is heard on a link: the (system, component) pairs, when they spoke last, and what was lost of them.
+"""Lists the (system, component) pairs heard on a link, their last arrival, and their lost frames.
 
-Sequence numbers tell a loss truly only here, on one link and before anything is filtered (MAVLink guide, packet_loss).
+Sequence numbers give the true loss only here, on one link and before any filtering (MAVLink guide, packet_loss).
 """
 
 from __future__ import annotations
@@ -12,21 +12,22 @@ from fwav_companion.mavlink.wire.definitions import Definition
 from fwav_companion.mavlink.wire.frames import RawFrame
 
 SILENT_NS: Final = 60 * NS_PER_S
-"""A component that missed sixty heartbeats in a row is not there any more. Forgetting it early would lose commands to a
-vehicle behind a radio that fades for some seconds; late costs a few bytes to where it was."""
+"""Silence after which a component is forgotten: sixty missed heartbeats. Forgetting it early would lose commands to a
+vehicle behind a radio that fades for some seconds; late costs a few bytes on a link where it is not any more."""
 MAX_PEERS: Final = 1024
-"""On one link: 250 vehicles with four components each. When there are more, the longest silent eighth is forgotten."""
+"""Peers on one link: 250 vehicles with four components each. Beyond it, the eighth that is silent for longest is
+forgotten."""
 _LATE: Final = 32
-"""So many sequence numbers are still taken for late rather than lost: more than UDP and bonded radios reorder."""
+"""Sequence numbers behind the next one that are taken for late frames: more than UDP and bonded radios reorder."""
 _BURST_NS: Final = NS_PER_S // 2
-"""Nearly a whole round of 256 frames within this is no loss but a frame that was sent twice."""
+"""Time within which a jump of nearly 256 sequence numbers is a repeated frame instead of a loss."""
 UNKNOWN: Final = -1
-"""The one stream that all messages of unknown ids of a peer share: they are all routed alike, and cannot be counted
-apart without a table that strangers fill."""
+"""Key of the one stream that all messages of unknown ids of a peer share: they are all routed alike, and a table with
+their ids could be filled by any sender."""
 
 
 class PeerStream:
-    """One message of one peer on one link: how many came, and where they go. The router fills in the latter."""
+    """One message of one peer on one link: its count, and its destinations, which the router fills in."""
 
     __slots__ = ("asks_rates", "count", "definition", "direct", "peer", "plan", "routes", "targeted", "watched")
 
@@ -35,16 +36,16 @@ class PeerStream:
         self.definition = definition
         self.count = 0
         self.plan = -1
-        """The version of the routing tables for which the rest holds."""
+        """Version of the routing tables for which the fields below hold."""
         self.targeted = definition is not None and definition.target_system_offset >= 0
         self.direct: tuple[str, ...] | None = None
-        """Names of the links where every frame goes as it is; None where each frame has to be looked at."""
+        """Names of the links that every frame goes to unchanged; None if each frame needs a decision."""
         self.routes: dict[int, Any] = {}
-        """The links it goes to by what it is meant for, (system << 8 | component)."""
+        """Links by target (system << 8 | component)."""
         self.asks_rates = False
-        """It may change the rates of the autopilot that it goes to."""
+        """Whether it may change the rates of the autopilot that it goes to."""
         self.watched = False
-        """Somebody here wants to read it."""
+        """Whether this service reads the message."""
 
 
 class Peer:
@@ -67,27 +68,27 @@ class Peer:
         self.system = frame.system
         self.component = frame.component
         self.last_ns = now
-        """When it was heard last."""
+        """Time of its last frame."""
         self.next_seq = frame.seq
         self.lost = 0
-        """Frames that never came, by their sequence numbers. Of a silence longer than 255 frames, a lower bound."""
+        """Missing frames, by their sequence numbers; a lower bound for a gap of more than 255 frames."""
         self.late = 0
-        """Frames that came after their successors."""
+        """Frames that arrived after their successors."""
         self.repeated = 0
         self.streams: dict[int, PeerStream] = {}
-        """By message id."""
+        """Streams by message id."""
         self.boot_ms = 0
-        """Its clock, as SYSTEM_TIME told it last."""
+        """Clock of the peer in its last SYSTEM_TIME, milliseconds."""
         self._missing: dict[int, int] = {}
-        """Sequence number -> how many frames had been received when it was missed."""
+        """Sequence number -> number of frames received when it was found missing."""
 
     @property
     def received(self) -> int:
-        """Frames, but for repeated ones."""
+        """Number of frames received, without repeated ones."""
         return sum(stream.count for stream in self.streams.values()) - self.repeated
 
     def on_gap(self, seq: int, now: HostNs) -> None:
-        """A frame came that is not the next one. To be called before ``last_ns`` is set."""
+        """Take a frame that is not the next one. Call it before ``last_ns`` is set."""
         received = self.received
         behind = (self.next_seq - seq) & 0xFF
         missed_at = self._missing.get(seq)
@@ -106,7 +107,7 @@ class Peer:
         self.next_seq = (seq + 1) & 0xFF
 
     def stream(self, frame: RawFrame) -> PeerStream:
-        """That of the frame's message, made where it is met for the first time."""
+        """Return the stream of the frame's message, and add it if it is new."""
         key = UNKNOWN if frame.definition is None else frame.msgid
         stream = self.streams.get(key)
         if stream is None:

@@ -1,4 +1,4 @@
-"""Fewer messages on the way out of a slow link: at most a given number a second of each stream."""
+"""Thins the messages that leave by a slow link: at most a given number a second of each stream."""
 
 from __future__ import annotations
 
@@ -10,30 +10,30 @@ from fwav_companion.geometry.stamps import HostNs, ns_from_s
 from fwav_companion.mavlink.wire.definitions import BY_NAME
 
 _PAUSE: Final = 2
-"""Intervals without a frame after which the grid begins again. One may be jitter of a source that is hardly faster."""
+"""Intervals without a frame after which the grid restarts. One may be jitter of a source that is hardly faster."""
 MAX_STREAMS: Final = 1024
-"""Of (message, sender, instance) on one link; when there are more, all begin again and each passes once."""
+"""Streams of (message, sender, instance) on one link; beyond it all grids restart, and each stream passes once."""
 
 
 class RateLimiter:
-    """Decides which messages may leave by one link now. What has no highest rate always may."""
+    """Decides which messages may leave by one link now. A message without a highest rate always may."""
 
     def __init__(self, max_rate_hz: Mapping[str, float]) -> None:
-        """``max_rate_hz`` by message name; 0 lets none pass. Names that the dialect does not have limit nothing."""
+        """Start with rates by message name; 0 lets no frame pass. Names that the dialect does not have are ignored."""
         self.max_rate_hz = {BY_NAME[name].msgid: rate for name, rate in max_rate_hz.items() if name in BY_NAME}
-        """By message id."""
+        """Highest rate by message id, hertz."""
         self._due_ns: dict[tuple[int, int, int], int] = {}
 
     def limits(self, msgid: int) -> bool:
-        """The configuration gives the message a highest rate."""
+        """Return whether the configuration gives the message a highest rate."""
         return msgid in self.max_rate_hz
 
     def passes(self, msgid: int, sender: int, instance: int, now: HostNs, *, at_most_hz: float = inf) -> bool:
-        """Whether a frame may leave, at the configured rate or at ``at_most_hz``, whichever is lower.
+        """Return whether a frame may leave, at the configured rate or at ``at_most_hz``, whichever is lower.
 
-        Each sender, and each instance (the second battery), has the rate for itself. Instants lie on a grid of whole
-        intervals as long as frames keep coming, so the mean rate is kept exactly whatever the jitter; after a pause
-        the grid begins again.
+        Each sender, and each instance (the second battery), has a separate rate. Send times lie on a grid of whole
+        intervals while frames keep arriving, so the mean rate is exact whatever the jitter; after a pause the grid
+        restarts.
         """
         hz = min(at_most_hz, self.max_rate_hz.get(msgid, inf))
         if hz <= 0.0 or hz == inf:

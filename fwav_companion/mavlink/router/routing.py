@@ -1,16 +1,18 @@
-"""Where a frame goes: MAVLink's routing rules (developer guide, routing), by what was heard on which link.
+"""Decides where a frame goes: MAVLink's routing rules (developer guide, routing), by what was heard on each link.
 
-1. To us: what names no system, or system 0; ours with no component, component 0, or one of ours.
-2. To another link: what names no system or system 0; another system's if that system was heard there; our own
-   system's if that component was heard there, or any of the system where it names no component.
-3. Never back to the link it came by, nor to one where its sender was heard itself: it would be an echo.
-4. Never SETUP_SIGNING, which carries a key. RADIO, RADIO_STATUS (an autopilot takes them for its own radio's) and
-   ADSB_VEHICLE (it flies around it) never to an autopilot's link.
+1. To us: a frame without target system, or for system 0; or for our system with no component, component 0, or one of
+   ours.
+2. To another link: a frame without target system, or for system 0; for another system if that system was heard there;
+   for our own system if the target component was heard there, or any component of it if the frame names none.
+3. Never back to the link it came from, nor to one where its sender itself was heard: it would be an echo.
+4. Never SETUP_SIGNING, which carries a key. Never to an autopilot's link: RADIO and RADIO_STATUS, which an autopilot
+   takes for those of its own radio, and ADSB_VEHICLE, which it would avoid.
 5. A station's request for message rates reaches the autopilot, unless its link stops them (``forward_rate_requests``).
-   Where the link merges them, our own rates follow (:mod:`~fwav_companion.mavlink.merged_rates`).
+   If the link merges them, our own rates follow (:mod:`~fwav_companion.mavlink.merged_rates`).
 
-What was heard is forgotten when the link goes down, when it has been silent, and for a whole system when its clock
-(SYSTEM_TIME) goes back. Frames are handed on byte for byte; unknown ids name nobody and so go everywhere.
+The peers of a link are forgotten when it goes down, and each one after a silence; a whole system is forgotten when its
+clock (SYSTEM_TIME) goes back. Frames are forwarded byte for byte; frames of unknown ids have no known target and go to
+every link.
 """
 
 from __future__ import annotations
@@ -39,31 +41,31 @@ SETUP_SIGNING: Final = BY_NAME["SETUP_SIGNING"].msgid
 RADIO_REPORTS: Final = frozenset(BY_NAME[name].msgid for name in ("RADIO", "RADIO_STATUS"))
 NOT_TO_AUTOPILOTS: Final = RADIO_REPORTS | {BY_NAME["ADSB_VEHICLE"].msgid}
 GROUND_STATION_NS: Final = 5 * NS_PER_S
-"""A ground station that missed five heartbeats is not there (MAVLink guide, heartbeat)."""
+"""Silence after which a ground station is gone: five missed heartbeats (MAVLink guide, heartbeat)."""
 TIMESYNC: Final = BY_NAME["TIMESYNC"].msgid
 _SWEEP_NS: Final = 5 * NS_PER_S
 _MAX_TARGETS: Final = 256
-"""Destinations remembered for one message of one sender; more are worked out anew. A stranger names any it likes."""
+"""Targets remembered for one message of one sender, which may name any; beyond it they are computed again."""
 
 
 class LinkPolicy(msgspec.Struct, frozen=True):
-    """What the configuration says of one link."""
+    """Configuration of one link."""
 
     name: str
     role: Literal["autopilot", "gcs"]
     max_rate_hz: Mapping[str, float] = {}
-    """By message name: thinned on the way out of this link."""
+    """Highest rate by message name, hertz, out of this link."""
     forward_rate_requests: Literal["merge"] | bool = "merge"
-    """A request for message rates that comes by this link: goes on to the autopilot and is merged with ours, goes on
-    as it is, or stops here. On an autopilot's link all go on as they are."""
+    """What happens to a rate request that arrives on this link: it is forwarded to the autopilot and merged with ours,
+    forwarded unchanged, or stopped. On an autopilot's link all requests are forwarded unchanged."""
     max_bytes_per_s: float = 0.0
-    """Bytes a second that telemetry leaves room for on the way out of this link; 0: no limit."""
+    """Limit that telemetry keeps to on the way out of this link, bytes a second; 0: no limit."""
     datagrams: bool = False
-    """It carries datagrams, which begin and end with a frame as a rule."""
+    """Whether the link carries datagrams, which usually begin and end with a frame."""
 
 
 class Port:
-    """One link as the router sees it."""
+    """State of one link in the router."""
 
     def __init__(self, index: int, policy: LinkPolicy) -> None:
         self.index = index
@@ -77,44 +79,44 @@ class Port:
         self.scanner = Scanner(datagrams=policy.datagrams)
         self.up = True
         self.peers: dict[int, Peer] = {}
-        """By (system << 8 | component)."""
+        """Peers by (system << 8 | component)."""
         self.bytes_in = 0
         self.duplicates = 0
         self.echoes = 0
-        """Frames of our own that came back."""
+        """Our own frames that came back."""
         self.stopped = 0
-        """Requests for rates that were not forwarded."""
+        """Rate requests that were not forwarded."""
         self.refused_signatures = 0
         """Frames whose signature was not genuine."""
         self.refused_unsigned = 0
         self.signed_unverified = 0
-        """Signed frames for us, where no key is configured."""
+        """Signed frames for us while no key is configured."""
         self.ground_station_ns: HostNs | None = None
-        """When a ground station's heartbeat was last heard here."""
+        """Time of the last ground station heartbeat on this link."""
 
     def hears_ground_station(self, now: HostNs) -> bool:
-        """A ground station's heartbeat was heard here lately."""
+        """Return whether a ground station's heartbeat was heard here lately."""
         return self.ground_station_ns is not None and now - self.ground_station_ns <= GROUND_STATION_NS
 
     def hears_system(self, system: int) -> bool:
-        """Any component of it was heard here."""
+        """Return whether any component of the system was heard here."""
         return any(peer.system == system for peer in self.peers.values())
 
 
 class Router:
-    """The tables of all links. ``system`` is the vehicle's id, which is ours too."""
+    """Routing tables of all links. ``system`` is the vehicle's id, which is also ours."""
 
     def __init__(self, policies: Sequence[LinkPolicy], system: int, components: frozenset[int]) -> None:
         self.ports = [Port(index, policy) for index, policy in enumerate(policies)]
         self.system = system
         self.components = components
         self.version = 0
-        """Grows with every change of the tables: what was worked out before holds no more."""
+        """Version of the tables: it grows with every change, and results of an older version are invalid."""
         self.merged = MergedRates([port.name for port in self.ports if port.merges_rate_requests])
         self._sweep_ns: HostNs | None = None
 
     def adopt(self, system: int) -> None:
-        """The vehicle's system id is known, and ours with it."""
+        """Take the vehicle's system id, which is also ours."""
         if system == self.system:
             return
         self.system = system
@@ -126,17 +128,17 @@ class Router:
         self._apply_caps()
 
     def share(self, own: OwnStreams) -> None:
-        """Take which messages this service asked of the autopilot."""
+        """Take the requests of this service to the autopilot."""
         if self.merged.share(own, self.system):
             self._apply_caps()
 
     def note(self, request: RateRequest, now: HostNs) -> None:
-        """Take a station's request for rates, where its link merges them."""
+        """Take a station's rate request if its link merges them."""
         if self.merged.note(request, self.system, now):
             self._apply_caps()
 
     def on_radio(self, port: Port, txbuf: int, now: HostNs) -> None:
-        """The radio behind a link reports how much of its send buffer is free, percent."""
+        """Take the free part of the send buffer of the radio behind a link, percent."""
         self.version += port.limiter.on_radio(txbuf, now)
 
     def _apply_caps(self) -> None:
@@ -149,7 +151,7 @@ class Router:
         self.version += 1
 
     def set_up(self, port: Port, up: bool) -> None:
-        """A link came up or went down: nobody is behind it until they speak."""
+        """Note that a link went up or down: its peers are unknown until they are heard."""
         port.up = up
         port.peers.clear()
         port.scanner.reset()
@@ -158,21 +160,21 @@ class Router:
         self.version += 1
 
     def hears_ground_station(self, now: HostNs) -> bool:
-        """A ground station's heartbeat was heard on a gcs link lately."""
+        """Return whether a ground station's heartbeat was heard on a gcs link lately."""
         return any(port.hears_ground_station(now) for port in self.ports if not port.is_autopilot)
 
     def is_own(self, frame: RawFrame) -> bool:
-        """It says that one of our components sent it."""
+        """Return whether the frame carries the ids of one of our components."""
         return frame.system == self.system and frame.component in self.components
 
     def is_for_us(self, target_system: int, target_component: int) -> bool:
-        """Rule 1."""
+        """Return whether the target is one of our components (rule 1)."""
         if target_system == 0:
             return True
         return target_system == self.system and (target_component == 0 or target_component in self.components)
 
     def learn(self, port: Port, frame: RawFrame, now: HostNs) -> Peer:
-        """Somebody new speaks on a link."""
+        """Add a new peer on a link."""
         if len(port.peers) >= MAX_PEERS:
             by_silence = sorted(port.peers, key=lambda sender: port.peers[sender].last_ns)
             for sender in by_silence[: MAX_PEERS // 8]:
@@ -182,7 +184,7 @@ class Router:
         return peer
 
     def on_clock(self, port: Port, frame: RawFrame, boot_ms: int, now: HostNs) -> None:
-        """Somebody's SYSTEM_TIME. A clock that goes back is a restart: its system may not be where it was."""
+        """Take a peer's SYSTEM_TIME. A clock that goes back means a restart: the system may be on another link now."""
         peer = port.peers[frame.system << 8 | frame.component]
         if boot_ms < peer.boot_ms:
             self._forget_system(frame.system)
@@ -196,7 +198,7 @@ class Router:
             port.peers = {sender: peer for sender, peer in port.peers.items() if peer.system != system}
 
     def sweep(self, now: HostNs) -> None:
-        """Forget who has been silent. Cheap to call often."""
+        """Forget silent peers. Frequent calls are cheap."""
         if self._sweep_ns is not None and now < self._sweep_ns:
             return
         self._sweep_ns = HostNs(now + _SWEEP_NS)
@@ -209,7 +211,7 @@ class Router:
             self._apply_caps()
 
     def plan(self, port: Port, frame: RawFrame, stream: PeerStream) -> None:
-        """Work out where the frames of one message of one sender go, until the tables change."""
+        """Compute where the frames of one message of one sender go, until the tables change."""
         msgid = UNKNOWN if frame.definition is None else frame.msgid
         stream.plan = self.version
         stream.routes.clear()
@@ -223,7 +225,7 @@ class Router:
         stream.direct = None if thinned else tuple(out.name for out in outs)
 
     def route(self, port: Port, frame: RawFrame, target_system: int, target_component: int) -> tuple[Port, ...]:
-        """The links that a frame which came by ``port`` goes to: rules 2 to 5."""
+        """Return the links that a frame received on ``port`` goes to (rules 2 to 5)."""
         if not self._may_pass(port, frame):
             return ()
         sender = frame.system << 8 | frame.component
@@ -253,13 +255,15 @@ class Router:
         return (target_system << 8 | target_component) in out.peers
 
     def are_two_ways(self, first: Port, second: Port, frame: RawFrame) -> bool:
-        """A copy that came by ``second`` shows another way to its sender: it never left there, so it is no echo."""
+        """Return whether a copy on ``second`` shows a second way to its sender: we never sent it there, so it is not an
+        echo.
+        """
         if first.is_autopilot is not second.is_autopilot:
             return False
         return second not in self.route(first, frame, frame.target_system, frame.target_component)
 
     def route_of(self, port: Port, frame: RawFrame, stream: PeerStream) -> tuple[Port, ...]:
-        """As :meth:`route`, remembered for as long as the stream's plan holds."""
+        """Return :meth:`route`, remembered while the stream's plan holds."""
         target_system, target_component = frame.target_system, frame.target_component
         target = target_system << 8 | target_component
         outs = stream.routes.get(target)

@@ -1,4 +1,4 @@
-"""Messages of ours to frames for each link that they go to."""
+"""Encodes our messages to frames for each link that they go to."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from fwav_companion.types import Destination, Outgoing
 
 TIMESYNC: Final = BY_NAME["TIMESYNC"].msgid
 MAX_TIMESYNCS: Final = 64
-"""Six seconds of requests at 10 Hz: longer than any answer takes that is of use."""
+"""TIMESYNC requests remembered: six seconds at 10 Hz, longer than any useful answer takes."""
 
 
 class Sender:
-    """Encodes, numbers and signs.
+    """Encodes, numbers and signs our messages.
 
-    Each component of ours has a sequence counter of its own for each link, as ArduPilot and PX4 have: so every peer
-    counts losses truly, whatever else went elsewhere.
+    Each component of ours has a separate sequence counter for each link, as in ArduPilot and PX4: every peer then
+    counts true losses, whatever was sent to other links.
     """
 
     def __init__(self, router: Router, keyring: Keyring) -> None:
@@ -34,7 +34,7 @@ class Sender:
         self._signers = {port.name: keyring.signer(port) for port in router.ports}
 
     def encode(self, outgoing: Outgoing, now: HostNs) -> list[tuple[str, bytes]]:
-        """(link, frame) for every link. EncodeError if there is no such message, field or link."""
+        """Return (link, frame) for every link. Raises EncodeError if there is no such message, field or link."""
         definition, payload = pack(outgoing.name, outgoing.fields)
         system, component = self._router.system, outgoing.component
         stream = (definition.msgid, system << 8 | component, definition.instance(payload))

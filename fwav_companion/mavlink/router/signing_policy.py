@@ -1,4 +1,6 @@
-"""What may be believed: with a key, signed frames, and unsigned telemetry where the configuration says so."""
+"""Decides which frames are trusted: with a key, signed frames, and unsigned telemetry where the configuration allows
+it.
+"""
 
 from __future__ import annotations
 
@@ -14,22 +16,22 @@ from fwav_companion.mavlink.wire.frames import RawFrame
 from fwav_companion.mavlink.wire.signing import Signature, Signer, SigningClock, Verifier
 
 _ANSWERS: Final = frozenset({BY_NAME["COMMAND_ACK"].msgid})
-"""Messages that name their receiver and yet ask nothing of it: taken unsigned where telemetry is."""
+"""Messages that name their receiver but request nothing of it: accepted unsigned where telemetry is."""
 
 
 class SigningPolicy(msgspec.Struct, frozen=True, kw_only=True):
-    """With a key, every frame of ours is signed, and of others' only signed ones are read."""
+    """Signing configuration: every frame of ours is signed with the key, and only signed frames are read."""
 
     key: bytes
-    """32 bytes."""
+    """Signing key, 32 bytes."""
     timestamp: int
-    """To begin with, from :func:`~fwav_companion.mavlink.wire.signing.starting_timestamp`."""
+    """First timestamp, from :func:`~fwav_companion.mavlink.wire.signing.starting_timestamp`."""
     accept_unsigned: frozenset[str] = frozenset()
-    """Links by which unsigned telemetry is read all the same; never what asks something of us."""
+    """Links on which unsigned telemetry is read as well; a request to us never is."""
 
 
 class Trust(Enum):
-    """How far a frame is believed."""
+    """Trust level of a frame."""
 
     NONE = "none"
     UNSIGNED = "unsigned"
@@ -38,7 +40,9 @@ class Trust(Enum):
 
 
 class Keyring:
-    """The key, if there is one: signs what leaves and judges what comes. Reading only: forwarding asks nobody."""
+    """Signs our frames and judges received ones with the key, if there is one. Only reading needs it; forwarding does
+    not.
+    """
 
     def __init__(self, policy: SigningPolicy | None) -> None:
         self.clock = SigningClock(policy.timestamp) if policy else None
@@ -46,11 +50,11 @@ class Keyring:
         self._verifier = Verifier(policy.key, self.clock) if policy and self.clock else None
 
     def signer(self, port: Port) -> Signer | None:
-        """For one link, under a link id of its own; None without a key."""
+        """Return the signer of one link, which has a link id of its own; None without a key."""
         return Signer(self._policy.key, port.index & 0xFF, self.clock) if self._policy and self.clock else None
 
     def judge(self, port: Port, frame: RawFrame, now: HostNs) -> Trust:
-        """A frame of a known id that is meant for us or for all."""
+        """Return the trust level of a frame of a known id that is addressed to us or to all."""
         if self._verifier is None:
             port.signed_unverified += frame.signed
             return Trust.UNSIGNED
@@ -66,7 +70,9 @@ class Keyring:
         return Trust.NONE
 
     def _accepts_unsigned(self, port: Port, frame: RawFrame) -> bool:
-        """A radio cannot sign. What asks something of us must be signed, by whatever link it comes."""
+        """Return whether an unsigned frame is accepted. Radio reports are: a radio cannot sign. Requests to us never
+        are.
+        """
         if frame.msgid in RADIO_REPORTS:
             return True
         asks = frame.definition is None or frame.definition.target_system_offset >= 0

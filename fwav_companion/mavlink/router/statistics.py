@@ -1,4 +1,4 @@
-"""What each link carried and lost, for the status file and ONBOARD_COMPUTER_STATUS."""
+"""Reports what each link carried and lost, for the status file and ONBOARD_COMPUTER_STATUS."""
 
 from __future__ import annotations
 
@@ -12,33 +12,33 @@ from fwav_companion.mavlink.router.peers import UNKNOWN, Peer
 from fwav_companion.mavlink.router.routing import Port, Router
 
 UNKNOWN_NAME: Final = "unknown"
-"""Stands for all messages whose ids are not in the dialect."""
+"""Name of all messages whose ids are not in the dialect."""
 _SHORTEST_NS: Final = 200 * NS_PER_MS
-"""Rates over less say nothing; the ones before are told again."""
+"""Shortest time over which rates are measured; within it the last rates are reported again."""
 
 
 class PeerStatistics(msgspec.Struct, frozen=True):
-    """One (system, component) on one link."""
+    """Statistics of one (system, component) on one link."""
 
     system: int
     component: int
     received: int
     lost: int
-    """By sequence number, on this link, before anything was filtered; of long silences a lower bound."""
+    """Lost frames by sequence number, on this link, before any filtering; a lower bound after long silences."""
     late: int
-    """Came after their successors: received, not lost."""
+    """Frames that arrived after their successors: received, not lost."""
     silent_s: float
     rates_hz: dict[str, float]
-    """By message name."""
+    """Rates by message name, hertz."""
 
     @property
     def loss(self) -> float:
-        """The share that was lost, 0..1."""
+        """Share of lost frames, 0 to 1."""
         return self.lost / (self.received + self.lost) if self.lost else 0.0
 
 
 class LinkStatistics(msgspec.Struct, frozen=True):
-    """One link since the start; peers since they were first heard, or restarted."""
+    """Statistics of one link since the start; of its peers since they were first heard, or restarted."""
 
     name: str
     up: bool
@@ -53,14 +53,14 @@ class LinkStatistics(msgspec.Struct, frozen=True):
     refused_signatures: int
     refused_unsigned: int
     signed_unverified: int
-    """Signed frames for us that no key of ours could check."""
+    """Signed frames for us, received while no key is configured."""
     ground_station: bool
     thinning: LinkThinning
     peers: list[PeerStatistics]
 
 
 class StatisticsTaker:
-    """Counts are kept where frames pass; this takes them down, and knows the rates since it did so last."""
+    """Reads the counts of all links, and derives the rates since its last reading."""
 
     def __init__(self, router: Router) -> None:
         self._router = router
@@ -69,7 +69,7 @@ class StatisticsTaker:
         self._rates: dict[tuple[str, int], dict[str, float]] = {}
 
     def take(self, now: HostNs) -> list[LinkStatistics]:
-        """All links, in the order of the configuration."""
+        """Return the statistics of all links, in the order of the configuration."""
         if self._taken_ns is None or now - self._taken_ns >= _SHORTEST_NS:
             self._measure(now)
         return [self._of_port(port, now) for port in self._router.ports]
@@ -124,7 +124,7 @@ def _rates(peer: Peer, counts: dict[int, int], before: dict[int, int], elapsed_s
     for msgid, count in counts.items():
         definition = peer.streams[msgid].definition
         name = UNKNOWN_NAME if msgid == UNKNOWN or definition is None else definition.name
-        # A peer that restarted counts from nothing again.
+        # A peer that restarted counts from zero again.
         came = count - before.get(msgid, 0) if count >= before.get(msgid, 0) else count
         rates[name] = came / elapsed_s
     return rates

@@ -1,4 +1,4 @@
-"""Frames to messages and back, byte for byte what pymavlink writes."""
+"""Decodes frames to messages and encodes messages to frames, byte for byte as pymavlink does."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ _u16: Final = Struct("<H").pack
 
 
 def decode(frame: RawFrame, link: str = "", *, signed: bool = False) -> Message:
-    """The message in a frame of a known id (ValueError for an unknown one). ``signed``: its signature was verified.
+    """Return the message in a frame of a known id (ValueError for an unknown one). ``signed``: its signature was
+    verified.
 
-    Text ends at its first NUL; what is not UTF-8 becomes U+FFFD. What a shorter payload leaves out is 0.
+    Text ends at its first NUL; bytes that are not UTF-8 become U+FFFD. Fields missing from a shorter payload are 0.
     """
     flow = frame.flow
     definition = flow.definition
@@ -29,9 +30,9 @@ def decode(frame: RawFrame, link: str = "", *, signed: bool = False) -> Message:
 
 
 def pack(name: str, fields: Mapping[str, Any]) -> tuple[Definition, bytes]:
-    """A payload as MAVLink 2 sends it: without trailing zeros, but never without its first byte.
+    """Return a definition and a MAVLink 2 payload: without trailing zeros, but never without its first byte.
 
-    EncodeError, with what was given and what is accepted, if there is no such message or the fields do not fit it.
+    Raises EncodeError, with the given and the accepted values, if there is no such message or the fields do not fit it.
     """
     definition = definition_of(name)
     try:
@@ -42,13 +43,13 @@ def pack(name: str, fields: Mapping[str, Any]) -> tuple[Definition, bytes]:
 
 
 def frame(definition: Definition, payload: bytes, system: int, component: int, seq: int, flags: int = 0) -> bytes:
-    """The MAVLink 2 frame up to its checksum. ``flags``: FLAG_SIGNED where a signature will be appended."""
+    """Return the MAVLink 2 frame with its checksum. ``flags``: FLAG_SIGNED if a signature will be appended."""
     covered = _header(len(payload), flags, 0, seq, system, component) + definition.id_bytes + payload
     return b"".join((b"\xfd", covered, _u16(checksum(covered + definition.crc_byte))))
 
 
 class Encoder:
-    """Frames of one component of ours on one link, with its own sequence counter."""
+    """Encodes frames of one component of ours on one link, with its own sequence counter."""
 
     def __init__(self, system: int, component: int) -> None:
         self.system = system
@@ -56,7 +57,7 @@ class Encoder:
         self.seq = 0
 
     def encode(self, name: str, fields: Mapping[str, Any]) -> bytes:
-        """The next frame, unsigned. EncodeError leaves the sequence counter as it was."""
+        """Return the next frame, unsigned. EncodeError leaves the sequence counter unchanged."""
         definition, payload = pack(name, fields)
         seq = self.seq
         self.seq = (seq + 1) & 0xFF

@@ -1,8 +1,8 @@
-"""What MAVLink's messages look like on the wire, read once from pymavlink: the only place that imports it.
+"""Holds the layout of MAVLink's messages, read once from pymavlink: the only module that imports it.
 
-pymavlink knows names, types and checksums; it does not say which fields are extensions. That follows from the
-signature of a message's constructor, where only extensions have a default, and is proven for every message by the
-checksum seed (crc_extra), which covers exactly the fields that are none (tests/mavlink/test_against_pymavlink.py).
+pymavlink has names, types and checksums, but does not mark extension fields. They follow from the signature of a
+message's constructor, where only extensions have a default. The checksum seed (crc_extra), which covers exactly the
+other fields, proves this for every message (tests/mavlink/test_against_pymavlink.py).
 """
 
 from __future__ import annotations
@@ -28,13 +28,14 @@ from fwav_companion.mavlink.wire.payloads import (
 )
 
 INSTANCE_FIELDS: Final = {"ADSB_VEHICLE": "ICAO_address", "AIS_VESSEL": "MMSI"}
-"""Fields that tell apart streams of one message and that the dialect does not mark as such: one aircraft, one ship."""
+"""Fields that separate the streams of one message and that the dialect does not mark as such: one aircraft, one
+ship."""
 
 
 class Definition:
-    """One message: how its payload is laid out, and what seeds its checksum.
+    """Layout of one message's payload, and the seed of its checksum.
 
-    What only some messages ever need is worked out when it is first asked for, so that start-up stays quick.
+    Parts that only some messages need are computed on first use, so that start-up stays quick.
     """
 
     def __init__(self, source: Any) -> None:
@@ -42,24 +43,24 @@ class Definition:
         self.msgid: int = source.id
         self.name: str = source.msgname
         self.crc_byte = bytes((source.crc_extra,))
-        """The checksum seed (crc_extra), as it is appended to what the checksum covers."""
+        """Checksum seed (crc_extra), appended to the bytes that the checksum covers."""
         self.id_bytes = self.msgid.to_bytes(3, "little")
-        """As in a MAVLink 2 header."""
+        """Message id as in a MAVLink 2 header."""
         self.struct: Struct = source.unpacker
-        """The whole payload in wire order, extensions too."""
+        """Whole payload in wire order, with extensions."""
         self.field_names: tuple[str, ...] = tuple(source.fieldnames)
-        """In the order of the definition, which is the order of decoded fields."""
+        """Field names in the order of the definition, which is the order of decoded fields."""
         self.wire_names: tuple[str, ...] = tuple(source.ordered_fieldnames)
-        """In the order of the payload."""
+        """Field names in the order of the payload."""
 
     @property
     def length(self) -> int:
-        """Bytes of the whole payload, extensions too."""
+        """Length of the whole payload with extensions, bytes."""
         return self.struct.size
 
     @cached_property
     def fields(self) -> dict[str, Field]:
-        """Every field by name, in wire order."""
+        """Fields by name, in wire order."""
         types = dict(zip(self.field_names, self._source.fieldtypes, strict=True))
         array_lengths = dict(zip(self.wire_names, self._source.array_lengths, strict=True))
         constructor = self._source.__init__
@@ -74,25 +75,26 @@ class Definition:
 
     @cached_property
     def target_system_offset(self) -> int:
-        """Where the payload names the system it is meant for; -1 where it does not."""
+        """Offset of the target system in the payload; -1 without that field."""
         return self._offset("target_system")
 
     @cached_property
     def target_component_offset(self) -> int:
-        """Where the payload names the component it is meant for; -1 where it does not."""
+        """Offset of the target component in the payload; -1 without that field."""
         return self._offset("target_component")
 
     def instance(self, payload: bytes) -> int:
-        """Which of several streams of this message a payload belongs to, as of the second battery; 0 without any.
+        """Return the instance of this message that a payload belongs to, for example the second battery; 0 without
+        instances.
 
-        A payload may have lost its trailing zeros.
+        A payload may lack its trailing zeros.
         """
         start, length = self._instance_span
         return int.from_bytes(payload[start : start + length], "little") if length else 0
 
     @cached_property
     def _instance_span(self) -> tuple[int, int]:
-        """Offset and length of the field that tells apart streams of this message; length 0 without one."""
+        """Offset and length of the field that separates the instances of this message; length 0 without one."""
         name = self._source.instance_field or INSTANCE_FIELDS.get(self.name)
         if not name:
             return 0, 0
@@ -104,29 +106,31 @@ class Definition:
 
     @cached_property
     def record(self) -> Callable[..., Any]:
-        """The class of its decoded fields: a :class:`FieldRecord`."""
+        """Class of the decoded fields: a :class:`FieldRecord`."""
         return msgspec.defstruct(
             self.name, self.field_names, bases=(FieldRecord,), frozen=True, gc=False, module=__name__
         )
 
     @cached_property
     def unpack(self) -> Unpack:
-        """A frame, header and all, to its :attr:`record`. Text ends at its first NUL, what is missing is 0."""
+        """Function from a frame, with header, to its :attr:`record`. Text ends at its first NUL, missing bytes are
+        0.
+        """
         return build_unpack(self.struct, tuple(self.fields.values()), self.field_names, self.record)
 
     @cached_property
     def pack(self) -> Pack:
-        """Fields by name to the whole payload. Raises one of ``PACK_ERRORS`` where they do not fit."""
+        """Function from fields by name to the whole payload. It raises one of ``PACK_ERRORS`` if they do not fit."""
         return build_pack(self.struct, tuple(self.fields.values()), self._defaults)
 
     @cached_property
     def _defaults(self) -> dict[str, Any]:
         zeros = {name: field.zero for name, field in self.fields.items() if field.extension}
-        # The protocol's own to fill in, not the sender's (common.xml); 3 is MAVLink 1 and 2.
+        # The protocol fills in this field, not the sender (common.xml); 3 is MAVLink 1 and 2.
         return {**zeros, "mavlink_version": 3} if self.name == "HEARTBEAT" else zeros
 
     def refusal(self, given: dict[str, Any]) -> EncodeError:
-        """The error for fields that could not be packed: what was given, and what is accepted."""
+        """Return the error for fields that could not be packed, with the given and the accepted values."""
         return EncodeError(self.name + complaint(self.fields, self._defaults, given))
 
     def __repr__(self) -> str:
@@ -134,18 +138,18 @@ class Definition:
 
 
 DEFINITIONS: Final[dict[int, Definition]] = {source.id: Definition(source) for source in _dialect.mavlink_map.values()}
-"""Every message of the ardupilotmega dialect, which includes common, by message id."""
+"""Messages of the ardupilotmega dialect, which includes common, by message id."""
 
 BY_NAME: Final[dict[str, Definition]] = {definition.name: definition for definition in DEFINITIONS.values()}
 
 
 def forget_descriptions() -> None:
-    """Let go of the texts about enumerations: megabytes that only pymavlink's own tools read."""
+    """Free the descriptions of enumerations: megabytes that only pymavlink's own tools read."""
     _dialect.enums.clear()
 
 
 def definition_of(name: str) -> Definition:
-    """The definition of the message of this name; EncodeError if the dialect has none."""
+    """Return the definition of the message of this name; EncodeError if the dialect has none."""
     try:
         return BY_NAME[name]
     except KeyError:
@@ -153,7 +157,7 @@ def definition_of(name: str) -> Definition:
 
 
 def constant(name: str) -> int:
-    """An enumeration's value by its MAVLink name, as MAV_TYPE_GCS; KeyError if the dialect has none."""
+    """Return an enumeration's value by its MAVLink name, for example MAV_TYPE_GCS; KeyError if the dialect has none."""
     value = getattr(_dialect, name, None)
     if not isinstance(value, int):
         raise KeyError(f"there is no MAVLink constant {name!r} in the ardupilotmega dialect")

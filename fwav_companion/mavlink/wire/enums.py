@@ -1,10 +1,10 @@
-"""The few enum values that the protocol half needs, each under its MAVLink name (common.xml, minimal.xml)."""
+"""Enum values that the client needs, each under its MAVLink name (common.xml, minimal.xml)."""
 
 from __future__ import annotations
 
 MAV_AUTOPILOT_ARDUPILOTMEGA = 3
 MAV_AUTOPILOT_INVALID = 8
-"""Says that the sender is no flight controller."""
+"""The sender is not a flight controller."""
 MAV_AUTOPILOT_PX4 = 12
 
 MAV_TYPE_ANTENNA_TRACKER = 5
@@ -20,7 +20,7 @@ MAV_STATE_ACTIVE = 4
 MAV_STATE_CRITICAL = 5
 
 MAVLINK_VERSION = 3
-"""HEARTBEAT.mavlink_version of every MAVLink 1 and 2 speaker."""
+"""HEARTBEAT.mavlink_version in MAVLink 1 and 2."""
 
 MAV_CMD_GET_MESSAGE_INTERVAL = 510
 MAV_CMD_SET_MESSAGE_INTERVAL = 511

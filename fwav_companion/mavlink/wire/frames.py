@@ -1,4 +1,4 @@
-"""A frame as it came over a link: its header read, its payload untouched."""
+"""Represents a frame as it arrived on a link: header read, payload untouched."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from fwav_companion.mavlink.wire.definitions import Definition
 
 MARKER_V2: Final = 0xFD
 FLAG_SIGNED: Final = 0x01
-"""The one incompatibility flag that exists: 13 bytes of signature follow the checksum."""
+"""The only defined incompatibility flag: 13 bytes of signature follow the checksum."""
 SIGNATURE_LENGTH: Final = 13
 HEADER_V1: Final = 6
 HEADER_V2: Final = 10
@@ -23,7 +23,9 @@ checksum: Final[Callable[[bytes], int]] = crc16.mcrf4xx
 
 
 class Flow:
-    """What all frames of one message of one sender share. Whoever handles frames may hang on it what they know."""
+    """Data shared by all frames of one message of one sender. The component that handles frames may attach data to
+    it.
+    """
 
     __slots__ = ("component", "crc_byte", "definition", "msgid", "stream", "system", "version")
 
@@ -34,78 +36,78 @@ class Flow:
         """The sender's component id."""
         self.msgid = msgid
         self.definition = definition
-        """None for an unknown message id: its checksum has not been checked."""
+        """Definition of the message; None for an unknown message id, whose checksum has not been checked."""
         self.crc_byte = definition.crc_byte if definition else b""
         self.stream: Any = None
         self.version = -1
-        """For the owner of :attr:`stream`: of what it was worked out from."""
+        """Version from which the owner of :attr:`stream` computed it."""
 
 
 class RawFrame(msgspec.Struct, frozen=True, gc=False):
-    """One frame as it came, header read, payload untouched."""
+    """One frame as it arrived: header read, payload untouched."""
 
     data: bytes
-    """All its bytes, from the start byte to the end of the signature."""
+    """Bytes of the frame, from the start byte to the end of the signature."""
     flow: Flow
     seq: int
 
     @property
     def definition(self) -> Definition | None:
-        """None for an unknown message id: its checksum has not been checked."""
+        """Definition of the message; None for an unknown message id, whose checksum has not been checked."""
         return self.flow.definition
 
     @property
     def msgid(self) -> int:
-        """The message's id."""
+        """Message id."""
         return self.flow.msgid
 
     @property
     def system(self) -> int:
-        """The sender's system id."""
+        """Sender's system id."""
         return self.flow.system
 
     @property
     def component(self) -> int:
-        """The sender's component id."""
+        """Sender's component id."""
         return self.flow.component
 
     @property
     def known(self) -> bool:
-        """The message id is in the dialect, and the checksum is right."""
+        """Whether the message id is in the dialect; the checksum is then right."""
         return self.definition is not None
 
     @property
     def version(self) -> int:
-        """Of MAVLink: 1 or 2."""
+        """Version of MAVLink: 1 or 2."""
         return 2 if self.data[0] == MARKER_V2 else 1
 
     @property
     def signed(self) -> bool:
-        """It carries a signature, verified or not."""
+        """Whether the frame carries a signature, verified or not."""
         return self.data[0] == MARKER_V2 and self.data[2] == FLAG_SIGNED
 
     @property
     def payload(self) -> bytes:
-        """As sent: trailing zeros may be missing."""
+        """Payload as sent: trailing zeros may be missing."""
         start = HEADER_V2 if self.data[0] == MARKER_V2 else HEADER_V1
         return self.data[start : start + self.data[1]]
 
     @property
     def target_system(self) -> int:
-        """The system it is meant for; 0 is everybody, also where it names none."""
+        """Target system id; 0 is every system, also for a message without target."""
         return self.payload_byte(self.definition.target_system_offset if self.definition else -1)
 
     @property
     def target_component(self) -> int:
-        """The component it is meant for; 0 is every one, also where it names none."""
+        """Target component id; 0 is every component, also for a message without target."""
         return self.payload_byte(self.definition.target_component_offset if self.definition else -1)
 
     @property
     def instance(self) -> int:
-        """Which of several streams of this message it belongs to, as of the second battery; 0 where it has but one."""
+        """Instance of the message, for example the second battery; 0 for a message without instances."""
         return self.definition.instance(self.payload) if self.definition else 0
 
     def payload_byte(self, offset: int) -> int:
-        """The byte of the payload at an offset; 0 where it was left out, or for offset -1."""
+        """Return the byte of the payload at an offset; 0 if it was left out, or for offset -1."""
         start = HEADER_V2 if self.data[0] == MARKER_V2 else HEADER_V1
         return self.data[start + offset] if 0 <= offset < self.data[1] else 0

@@ -1,6 +1,6 @@
-"""Payloads as MAVLink lays them out: from bytes to a record of fields, and back.
+"""Builds the functions that unpack a payload to a record of fields, and pack fields to a payload.
 
-Each message gets its own small functions when it is first met: most need nothing but one ``struct`` call.
+Each message gets its own small functions on first use: most need only one ``struct`` call.
 """
 
 from __future__ import annotations
@@ -32,45 +32,45 @@ _HEADER_V1: Final = 6
 
 Values = tuple[Any, ...]
 Unpack = Callable[[bytes], Any]
-"""A frame, header and all, to the record of its fields."""
+"""Converts a frame, with header, to the record of its fields."""
 Pack = Callable[[Mapping[str, Any]], bytes]
-"""Fields by name to the whole payload. Raises one of :data:`PACK_ERRORS` if they do not fit."""
+"""Converts fields by name to the whole payload. Raises one of :data:`PACK_ERRORS` if they do not fit."""
 PACK_ERRORS: Final = (KeyError, TypeError, ValueError, OverflowError, AttributeError, struct_error)
 
 
 class Field(msgspec.Struct, frozen=True):
-    """One field of a message, where it lies in the payload and what it holds."""
+    """One field of a message: its place in the payload and its type."""
 
     name: str
     type: str
-    """Its C type, as in the XML: ``uint8_t``, ``float``, ``char``."""
+    """C type as in the XML: ``uint8_t``, ``float``, ``char``."""
     array_length: int
-    """Elements, or 0 for a single value. Characters always are an array."""
+    """Number of elements, or 0 for a single value. Characters are always an array."""
     offset: int
-    """Of its first byte in the payload."""
+    """Offset of its first byte in the payload."""
     extension: bool
-    """Added after the message was published: absent in MAVLink 1 and outside the checksum seed."""
+    """Whether it was added after the message was published: absent in MAVLink 1 and outside the checksum seed."""
 
     @property
     def is_text(self) -> bool:
-        """It holds characters, which are a str to the rest of the program."""
+        """Whether it holds characters, which are a str in the rest of the program."""
         return self.type == "char"
 
     @property
     def width(self) -> int:
-        """How many values ``struct`` reads or writes for it."""
+        """Number of values that ``struct`` reads or writes for it."""
         return 1 if self.is_text else max(1, self.array_length)
 
     @property
     def zero(self) -> Any:
-        """What it is where nobody said anything."""
+        """Value of a field that was not set."""
         return "" if self.is_text else (0,) * self.array_length if self.array_length else 0
 
 
 class FieldRecord(msgspec.Struct, frozen=True, gc=False):
-    """Base of decoded fields: attributes in the order of the definition, which also iterates and indexes as a tuple.
+    """Base of decoded fields: attributes in the order of the definition; it iterates and indexes like a tuple.
 
-    A struct because it is built three times as fast as a named tuple, and every message that is wanted needs one.
+    It is a struct because a struct is built three times as fast as a named tuple, and every wanted message needs one.
     """
 
     @property
@@ -94,14 +94,16 @@ class FieldRecord(msgspec.Struct, frozen=True, gc=False):
 
 
 def build_unpack(layout: Struct, fields: Sequence[Field], order: Sequence[str], record: Callable[..., Any]) -> Unpack:
-    """``fields`` in wire order, ``order`` that of the record. A payload that is cut short is filled up with zeros."""
+    """Return the unpack function. ``fields``: in wire order; ``order``: that of the record. A payload that is cut short
+    is filled up with zeros.
+    """
     size, unpack = layout.size, layout.unpack_from
 
     def values(data: bytes) -> Values:
         start = _HEADER_V2 if data[0] == _MARKER_V2 else _HEADER_V1
         return unpack(data[start : start + data[1]].ljust(size, b"\0"))
 
-    # Longer than our definition: it has extensions that are newer.
+    # A payload longer than our definition has newer extensions.
     def unpack_in_order(data: bytes) -> Any:
         return record(*(unpack(data, _HEADER_V2) if data[1] >= size and data[0] == _MARKER_V2 else values(data)))
 
@@ -116,7 +118,7 @@ def build_unpack(layout: Struct, fields: Sequence[Field], order: Sequence[str], 
 
 
 def _arranger(fields: Sequence[Field], order: Sequence[str]) -> Callable[[Values], Any]:
-    """From values in wire order to one value a field in the order of the record."""
+    """Return a function from values in wire order to one value per field in the order of the record."""
     slots: dict[str, tuple[int, Field]] = {}
     index = 0
     for field in fields:
@@ -138,10 +140,12 @@ def _picker(index: int, field: Field) -> Callable[[Values], Any]:
 
 
 def build_pack(layout: Struct, fields: Sequence[Field], defaults: Mapping[str, Any]) -> Pack:
-    """``fields`` in wire order; ``defaults`` by name for those that may be left out."""
+    """Return the pack function. ``fields``: in wire order; ``defaults``: values by name of fields that may be left
+    out.
+    """
     pack, count = layout.pack, len(fields)
     names = [field.name for field in fields]
-    # From the last to the first, so that spreading an array out moves none that is still to be spread.
+    # Arrays are expanded from the last to the first, so that the positions of the remaining ones stay valid.
     arrays = [(i, f.array_length, f.is_text) for i, f in enumerate(fields) if f.array_length][::-1]
     pick = itemgetter(*names) if count > 1 else lambda given: (given[names[0]],)
 
@@ -172,7 +176,9 @@ def build_pack(layout: Struct, fields: Sequence[Field], defaults: Mapping[str, A
 
 
 def complaint(fields: Mapping[str, Field], defaults: Mapping[str, Any], given: Mapping[str, Any]) -> str:
-    """Why ``given`` cannot be packed: what stood there, and what is accepted. To follow the message's name."""
+    """Return why ``given`` cannot be packed, with the given and the accepted value. The text follows the message's
+    name.
+    """
     if unknown := [name for name in given if name not in fields]:
         return f" has no field {unknown[0]!r}: its fields are {', '.join(fields)}"
     merged = {**defaults, **given}
@@ -185,7 +191,7 @@ def complaint(fields: Mapping[str, Field], defaults: Mapping[str, Any], given: M
 
 
 def _complaint_of(field: Field, value: Any) -> str:
-    """Why the value does not fit the field; "" if it does."""
+    """Return why the value does not fit the field; "" if it does."""
     if field.is_text:
         if not isinstance(value, str):
             return "text is accepted (str)"

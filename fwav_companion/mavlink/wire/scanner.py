@@ -1,16 +1,16 @@
-"""Bytes of one link in, whole MAVLink frames out.
+"""Finds whole MAVLink frames in the bytes of one link.
 
-A frame is taken for one when
+A frame is accepted when
 
-- its start byte is 0xFE (MAVLink 1) or 0xFD (MAVLink 2) and it asks for nothing but a signature, and
+- its start byte is 0xFE (MAVLink 1) or 0xFD (MAVLink 2), and its incompatibility flags request at most a signature; and
 - its message id is known and its checksum is right; or
-- its message id is unknown, so that nobody can check its checksum, and another start byte follows it (or the end of
-  a datagram). Where bytes had to be skipped just before it, a known frame with a right checksum that begins inside
-  is believed instead: noise that looks like a long unknown frame must not swallow a good one.
+- its message id is unknown, so that its checksum cannot be checked, and another start byte follows it (or the end of
+  a datagram). If bytes had to be skipped just before it, a known frame with a right checksum that begins inside it
+  takes precedence: noise that looks like a long unknown frame must not swallow a good one.
 
-Whatever fails is looked at again from its second byte, so that no good frame is lost beside a corrupted one. All this
-depends on the bytes alone, never on how they were cut into chunks. Only where more bytes could change the verdict is
-it put off, and then at most two frames of the greatest length are kept: 2 x 280 bytes.
+After a failure the scan continues at the second byte, so that no good frame is lost next to a corrupted one. The result
+depends on the bytes alone, never on their division into chunks. The decision is postponed only if more bytes could
+change it, and then at most two frames of the greatest length are kept: 2 x 280 bytes.
 """
 
 from __future__ import annotations
@@ -36,19 +36,19 @@ _SHORTEST_V1: Final = HEADER_V1 + 2
 _SHORTEST_V2: Final = HEADER_V2 + 2
 
 MAX_FLOWS: Final = 4096
-"""On one link: 250 vehicles with sixteen messages each. When there are more, all are met anew."""
+"""Flows remembered on one link: 250 vehicles with sixteen messages each. Beyond it the table starts over."""
 
 _MARKERS: Final = b"\xfd\xfe"
 _next_marker: Final = re.compile(b"[\xfd\xfe]").search
 
 
-# Incompat flags, seq, identity (system, component, message id) and checksum, by length of payload: one reading is a
-# third quicker than four.
+# Incompat flags, seq, identity (system, component, message id) and checksum, by length of payload: one read is a third
+# faster than four.
 _read_v2: Final = tuple(Struct(f"<xxBxB5s{length}xH").unpack_from for length in range(256))
 
 
 class _Nothing(Enum):
-    """Why no frame begins at a byte."""
+    """Reason why no frame begins at a byte."""
 
     HERE = "no frame"
     YET = "more bytes are needed to tell"
@@ -60,26 +60,26 @@ class Scanner:
     """Finds the frames in the bytes of one link."""
 
     def __init__(self, *, datagrams: bool = False) -> None:
-        """``datagrams``: every chunk begins and, as a rule, ends with a frame, as over UDP."""
+        """Start with an empty buffer. ``datagrams``: every chunk begins and usually ends with a frame, as over UDP."""
         self.bad_checksums = 0
-        """Frames of known ids whose checksum was wrong, where a frame was due: noise elsewhere is not counted."""
+        """Frames of known ids with a wrong checksum, where a frame was due: noise elsewhere is not counted."""
         self.not_understood = 0
-        """Frames that asked for more than a signature (incompatibility flags), where a frame was due."""
+        """Frames with incompatibility flags other than the signature's, where a frame was due."""
         self.skipped_bytes = 0
-        """Bytes that belong to no frame."""
+        """Bytes outside any frame."""
         self.undecided = False
-        """A whole frame of an unknown id waits for what follows it: see :meth:`settle`."""
+        """Whether a whole frame of an unknown id waits for the next bytes: see :meth:`settle`."""
         self._flows: dict[bytes, Flow] = {}
-        """Of known ids, by system, component and message id as they stand in a MAVLink 2 header."""
+        """Flows of known ids, by system, component and message id as in a MAVLink 2 header."""
         self._datagrams = datagrams
         self._pending = b""
         self._due = datagrams
-        """The next byte follows a frame: it should begin one."""
+        """Whether the next byte follows a frame and should begin one."""
         self._clear_to = 0
-        """Index in the pending bytes below which, but for the first byte, no known frame begins."""
+        """Index in the pending bytes below which no known frame begins, except at the first byte."""
 
     def feed(self, data: bytes) -> list[RawFrame]:
-        """The frames that are complete with these bytes, in order."""
+        """Return the frames that are complete with these bytes, in order."""
         pending = self._pending
         if not self._datagrams:
             return self._scan(pending + data if pending else data, at_end=False)
@@ -91,18 +91,18 @@ class Scanner:
         return frames + self._scan(pending + data, at_end=True)
 
     def reset(self) -> None:
-        """The link is opened anew: what was begun will not be continued."""
+        """Drop the pending bytes: the link was opened again, and they will not be continued."""
         self._pending = b""
         self._due = self._datagrams
         self._clear_to = 0
         self.undecided = False
 
     def settle(self) -> list[RawFrame]:
-        """What may be taken for a frame if nothing follows: for a stream that has been quiet for a while."""
+        """Return the frames that are accepted if no byte follows: for a stream that has been quiet for a while."""
         return self._scan(self._pending, at_end=True)
 
     def _give_up(self, pending: bytes) -> list[RawFrame]:
-        """Whole frames behind one that was cut off with its datagram, and will not be continued."""
+        """Return the whole frames behind one that was cut off with its datagram and will not be continued."""
         frames: list[RawFrame] = []
         while pending:
             marker = _next_marker(pending, 1)
@@ -122,19 +122,19 @@ class Scanner:
         position = 0
         frame_end = 0 if self._due else -1
         while position < size:
-            # The common case, inline because every frame of the relay passes here: MAVLink 2, unsigned, met before.
+            # The common case, inline because every frame of the relay passes here: MAVLink 2, unsigned, flow known.
             if buffer[position] == MARKER_V2:
                 if position > last_header:
                     break
                 length = buffer[position + 1]
                 end = position + _SHORTEST_V2 + length
                 if end <= size:
-                    flags, seq, identity, told = _read_v2[length](buffer, position)
+                    flags, seq, identity, received = _read_v2[length](buffer, position)
                     flow = flows.get(identity)
                     if (
                         flow is not None
                         and flags == 0
-                        and checksum(buffer[position + 1 : end - 2] + flow.crc_byte) == told
+                        and checksum(buffer[position + 1 : end - 2] + flow.crc_byte) == received
                     ):
                         frames.append(RawFrame(buffer[position:end], flow, seq))
                         position = frame_end = end
@@ -154,7 +154,9 @@ class Scanner:
         return frames
 
     def _step(self, buffer: bytes, position: int, frames: list[RawFrame], at_end: bool) -> int:
-        """Take one frame or skip to the next start byte. The new position; the old one where more bytes are needed."""
+        """Take one frame or skip to the next start byte. Returns the new position; the old one if more bytes are
+        needed.
+        """
         found = self._frame_at(buffer, position)
         if isinstance(found, RawFrame) and found.definition is None:
             found = self._judge_unknown(buffer, position, found, at_end)
@@ -182,7 +184,7 @@ class Scanner:
         return frame if self._due else self._unless_known_inside(buffer, position, frame, at_end)
 
     def _unless_known_inside(self, buffer: bytes, position: int, frame: RawFrame, at_end: bool) -> RawFrame | _Nothing:
-        """The unknown frame, unless a known one with a right checksum begins inside it."""
+        """Return the unknown frame, unless a known one with a right checksum begins inside it."""
         end = position + len(frame.data)
         start = max(position + 1, self._clear_to)
         while marker := _next_marker(buffer, start, end):
@@ -203,7 +205,7 @@ class Scanner:
             self.not_understood += 1
 
     def _frame_at(self, buffer: bytes, position: int) -> RawFrame | _Nothing:
-        """The frame that begins here by its own header and, for a known id, checksum."""
+        """Return the frame that begins here by its own header and, for a known id, checksum."""
         left = len(buffer) - position
         marker = buffer[position]
         if marker not in _MARKERS:
@@ -226,8 +228,8 @@ class Scanner:
             return _Nothing.YET
         flow = self._flows.get(identity) or self._new_flow(identity)
         if flow.definition is not None:
-            told = int.from_bytes(buffer[body_end : body_end + 2], "little")
-            if checksum(buffer[position + 1 : body_end] + flow.crc_byte) != told:
+            received = int.from_bytes(buffer[body_end : body_end + 2], "little")
+            if checksum(buffer[position + 1 : body_end] + flow.crc_byte) != received:
                 return _Nothing.BAD_CHECKSUM
             self._remember(identity, flow)
         return RawFrame(buffer[position:end], flow, seq)
@@ -247,7 +249,7 @@ class Scanner:
 
 
 def _may_be_known(buffer: bytes, position: int) -> bool:
-    """What begins here has a known message id, as far as it has come."""
+    """Return whether the bytes here begin a frame of a known message id, as far as they have arrived."""
     if buffer[position] == MARKER_V2:
         msgid = buffer[position + 7 : position + HEADER_V2]
         return len(msgid) < 3 or int.from_bytes(msgid, "little") in DEFINITIONS

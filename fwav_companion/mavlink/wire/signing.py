@@ -1,7 +1,7 @@
-"""Message signing (MAVLink guide, message_signing): frames of ours signed, others' verified.
+"""Signs our frames and verifies received ones (MAVLink guide, message_signing).
 
-The hash is checked before anything is learned from the timestamp. pymavlink 2.4.50 stores a stream's timestamp first,
-so that one forged frame from the far future locks out every genuine one; here it leaves no trace.
+The hash is checked before the timestamp is used. pymavlink 2.4.50 stores a stream's timestamp first, so that one forged
+frame from the far future locks out every genuine one; here such a frame has no effect.
 """
 
 from __future__ import annotations
@@ -15,45 +15,48 @@ from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.mavlink.wire.frames import SIGNATURE_LENGTH
 
 _TICK_NS: Final = 10_000
-"""A timestamp counts units of 10 us since 2015-01-01 UTC."""
+"""Unit of a timestamp: 10 us, counted since 2015-01-01 UTC."""
 _EPOCH_UNIX_S: Final = 1_420_070_400
 _MINUTE: Final = 6_000_000
-"""In units. A new stream may be this far behind our own timestamp (MAVLink guide)."""
+"""A minute in these units: a new stream may be this far behind our own timestamp (MAVLink guide)."""
 _GREATEST: Final = (1 << 48) - 1
 _HASH_LENGTH: Final = 6
 MAX_STREAMS: Final = 16
-"""As the C library has it: four ground stations with four components each. Only who has the key can fill them, and
-those that fell more than a minute behind make room: the rule for new streams holds off replays of them as well."""
+"""Streams remembered, as in the C library: four ground stations with four components each. Only senders with the key
+can fill the table. Streams more than a minute behind make room: the rule for new streams rejects replays of them
+too."""
 
 
 def timestamp_from_unix_ns(unix_ns: int) -> int:
-    """A wall clock's instant in signing units; 0 before 2015."""
+    """Return the time of a wall clock in signing units; 0 before 2015."""
     return max(0, (unix_ns - _EPOCH_UNIX_S * 1_000_000_000) // _TICK_NS)
 
 
 def starting_timestamp(kept: int | None, unix_ns: int | None) -> int:
-    """Where to go on after a restart: never behind what may have been sent since ``kept`` was written a minute ago."""
+    """Return the timestamp after a restart: never behind one that may have been sent since ``kept`` was written a
+    minute ago.
+    """
     after_kept = 0 if kept is None else kept + 2 * _MINUTE
     return max(after_kept, 0 if unix_ns is None else timestamp_from_unix_ns(unix_ns))
 
 
 class SigningClock:
-    """The timestamp that all our links share. It only ever grows: with host time, with each frame, and to genuine
-    peers' timestamps.
+    """Timestamp that all our links share. It only grows: with host time, with each frame, and to the timestamps of
+    genuine peers.
     """
 
     def __init__(self, timestamp: int) -> None:
-        """``timestamp``: from :func:`starting_timestamp`."""
+        """Start at a timestamp from :func:`starting_timestamp`."""
         self._timestamp = min(timestamp, _GREATEST)
         self._ticked_ns: HostNs | None = None
 
     @property
     def timestamp(self) -> int:
-        """To be kept about once a minute, for :func:`starting_timestamp`."""
+        """Current timestamp, to be stored about once a minute for :func:`starting_timestamp`."""
         return self._timestamp
 
     def tick(self, now: HostNs) -> int:
-        """Let host time pass; the timestamp then."""
+        """Advance by the elapsed host time, and return the timestamp."""
         if self._ticked_ns is None:
             self._ticked_ns = now
         elif now - self._ticked_ns >= _TICK_NS:
@@ -63,14 +66,14 @@ class SigningClock:
         return self._timestamp
 
     def next(self, now: HostNs) -> int:
-        """The timestamp of one frame: no two frames have the same."""
+        """Return the timestamp of one frame: no two frames have the same."""
         timestamp = self.tick(now)
         if timestamp < _GREATEST:
             self._timestamp = timestamp + 1
         return timestamp
 
     def learn(self, timestamp: int) -> None:
-        """A genuine peer's timestamp, or a better wall clock's. An older one changes nothing."""
+        """Take the timestamp of a genuine peer, or of a better wall clock. An older one changes nothing."""
         self._timestamp = max(self._timestamp, min(timestamp, _GREATEST))
 
 
@@ -78,13 +81,13 @@ class Signer:
     """Signs the frames that leave by one link."""
 
     def __init__(self, key: bytes, link_id: int, clock: SigningClock) -> None:
-        """``link_id``: 0..255, another for each link: streams are told apart by it."""
+        """Start without a signed frame. ``link_id``: 0..255, unique per link, because it separates the streams."""
         self._hash = sha256(key)
         self._link_id = link_id
         self._clock = clock
 
     def sign(self, frame: bytes, now: HostNs) -> bytes:
-        """The frame, encoded with FLAG_SIGNED, with its 13 bytes of signature."""
+        """Return the frame, which was encoded with FLAG_SIGNED, with its 13 bytes of signature."""
         stamped = frame + (self._link_id | self._clock.next(now) << 8).to_bytes(7, "little")
         digest = self._hash.copy()
         digest.update(stamped)
@@ -92,20 +95,20 @@ class Signer:
 
 
 class Signature(StrEnum):
-    """What a signature turned out to be."""
+    """Result of verifying a signature."""
 
     GENUINE = "genuine"
     FORGED = "forged"
     """Not made with our key, or the frame was altered."""
     REPLAYED = "replayed"
-    """Genuine once, but not newer than the newest frame of its stream."""
+    """Genuine, but not newer than the newest frame of its stream."""
     OUTDATED = "outdated"
     """The first of its stream, and more than a minute behind our own timestamp."""
     TOO_MANY_STREAMS = "too_many_streams"
 
 
 class Verifier:
-    """Tells genuine frames from forged and replayed ones, over all links."""
+    """Distinguishes genuine frames from forged and replayed ones, over all links."""
 
     def __init__(self, key: bytes, clock: SigningClock) -> None:
         self._hash = sha256(key)
@@ -114,7 +117,9 @@ class Verifier:
         """Newest timestamp by (system, component, link id)."""
 
     def verify(self, frame: bytes, system: int, component: int, now: HostNs) -> Signature:
-        """``frame``: all its bytes, the last 13 its signature. Only a genuine one is remembered."""
+        """Return whether the signature is genuine. ``frame``: all its bytes, the last 13 its signature. Only a genuine
+        one is remembered.
+        """
         digest = self._hash.copy()
         digest.update(frame[:-_HASH_LENGTH])
         if not compare_digest(digest.digest()[:_HASH_LENGTH], frame[-_HASH_LENGTH:]):

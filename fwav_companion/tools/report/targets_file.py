@@ -81,7 +81,7 @@ class SightingLine(msgspec.Struct, tag="sighting"):
     budget: ErrorBudget | None
 
 
-class ClockLine(msgspec.Struct, tag="clock"):
+class ClockEstimateLine(msgspec.Struct, tag="clock"):
     """The clock estimate, once a second."""
 
     time_monotonic: float
@@ -113,7 +113,7 @@ class SummaryLine(msgspec.Struct, tag="summary"):
     dropped: dict[str, int]
 
 
-KnownLine = HeaderLine | OriginLine | TargetLine | SightingLine | ClockLine | CalibrationLine | SummaryLine
+KnownLine = HeaderLine | OriginLine | TargetLine | SightingLine | ClockEstimateLine | CalibrationLine | SummaryLine
 KNOWN_TYPES = ("header", "origin", "target", "sighting", "clock", "calibration", "summary")
 
 
