@@ -52,7 +52,7 @@ class Traffic:
         return sum(size for at_s, _, size in self.left if from_s <= at_s < to_s) / (to_s - from_s)
 
     def largest_backlog(self, drain: float) -> float:
-        """Of a line that drains so many bytes a second."""
+        """Of a line that drains this many bytes a second."""
         backlog = last_s = worst = 0.0
         for at_s, _, size in self.left:
             backlog = max(0.0, backlog - drain * (at_s - last_s)) + size

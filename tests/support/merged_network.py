@@ -38,7 +38,7 @@ url = ""
 
 
 class Station:
-    """A ground station on one link: beats once a second, asks what it is told to ask, keeps what it hears."""
+    """A ground station on one link: beats once a second, asks as it was planned, keeps what it hears."""
 
     def __init__(self, link: str, system: int = 255, *, silent_from_s: float = 1e9) -> None:
         self.link = link
