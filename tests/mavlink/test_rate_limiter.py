@@ -36,6 +36,19 @@ def test_a_pause_is_not_saved_up() -> None:
     assert passed(thinner, [60_000 + i * 10.0 for i in range(100)]) <= 5
 
 
+def test_a_rate_that_rises_again_counts_at_once():
+    """A link that was nearly full for a second does not silence a stream for a minute."""
+    thinner = RateLimiter({})
+
+    def passes(at_s: float, hz: float) -> bool:
+        return thinner.passes(ATTITUDE, 257, 0, HostNs(round(at_s * 1000 * MS)), at_most_hz=hz)
+
+    assert passes(0.0, 0.01)
+    assert not passes(1.0, 0.01)
+    assert passes(1.2, 1.0)
+    assert not passes(1.3, 1.0)
+
+
 def test_what_is_not_named_passes_always() -> None:
     thinner = RateLimiter({"ATTITUDE": 4})
     assert not thinner.limits(76)
@@ -56,4 +69,4 @@ def test_the_table_is_bounded() -> None:
     thinner = RateLimiter({"ATTITUDE": 4})
     for sender in range(5 * MAX_STREAMS):
         thinner.passes(ATTITUDE, sender, 0, HostNs(0))
-    assert len(thinner._due_ns) <= MAX_STREAMS
+    assert len(thinner._slots_ns) <= MAX_STREAMS

@@ -85,7 +85,7 @@ def test_the_line_never_fills_and_what_matters_always_arrives(name, group_hz):
     beats = [at_s for at_s, heard in station.heard if heard.name == "HEARTBEAT" and heard.component == 1]
     assert max(later - sooner for sooner, later in pairwise(beats)) < 1.5
     during = station.rates(13.0, 20.0)
-    assert during["VFR_HUD"] > 0.3, "the display lives on while parameters come"
+    assert during["VFR_HUD"] > 0.2, "the display lives on while parameters come"
     after = station.rates(30.0, 36.0)
     assert after["VFR_HUD"] > 2.5
     thinned = network.node.statistics(network._now)[1].thinning

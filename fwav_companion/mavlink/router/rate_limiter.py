@@ -22,7 +22,8 @@ class RateLimiter:
         """Start with rates by message name; 0 lets no frame pass. Names that the dialect does not have are ignored."""
         self.max_rate_hz = {BY_NAME[name].msgid: rate for name, rate in max_rate_hz.items() if name in BY_NAME}
         """Highest rate by message id, hertz."""
-        self._due_ns: dict[tuple[int, int, int], int] = {}
+        self._slots_ns: dict[tuple[int, int, int], int] = {}
+        """Slot of each stream's grid that was used last, by stream: the rate may differ at the next."""
 
     def limits(self, msgid: int) -> bool:
         """Return whether the configuration gives the message a highest rate."""
@@ -40,12 +41,11 @@ class RateLimiter:
             return hz > 0.0
         interval = ns_from_s(1.0 / hz)
         stream = (msgid, sender, instance)
-        due = self._due_ns.get(stream)
-        if due is None and len(self._due_ns) >= MAX_STREAMS:
-            self._due_ns.clear()
-        if due is None or now - due >= _PAUSE * interval:
-            due = now
-        elif now < due:
+        slot = self._slots_ns.get(stream)
+        if slot is None and len(self._slots_ns) >= MAX_STREAMS:
+            self._slots_ns.clear()
+        due = now if slot is None else slot + interval
+        if now < due:
             return False
-        self._due_ns[stream] = due + interval
+        self._slots_ns[stream] = now if now - due >= _PAUSE * interval else due
         return True
