@@ -4,8 +4,8 @@ Three limits work together; the lowest holds:
 
 - a highest rate of a message: the configuration's ``max_rate_hz``, and caps of merged requests
   (:mod:`~fwav_companion.mavlink.router.merged_rates`);
-- ``max_bytes_per_s``, and the rate that a telemetry radio takes (:mod:`~fwav_companion.mavlink.router.byte_budget`). Once
-  a second the load is measured, and fast telemetry streams are cut to one common rate at which all fit
+- ``max_bytes_per_s``, and the rate that a telemetry radio takes (:mod:`~fwav_companion.mavlink.router.byte_budget`).
+  Once a second the load is measured, and fast telemetry streams are cut to one common rate at which all fit
   (:mod:`~fwav_companion.mavlink.router.link_load`);
 - a token bucket between these measurements: over any time t at most ``t * rate + depth`` bytes of telemetry leave, so
   that the backlog of a line that drains faster is bounded.
