@@ -10,8 +10,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
-from fwav_companion.mavlink.rate_messages import OwnStreams
 from fwav_companion.mavlink.router.node import PassedRequest
+from fwav_companion.mavlink.wire.rate_messages import OwnStreams
 from fwav_companion.pipeline.components import Components
 from fwav_companion.pipeline.event_handlers import EventHandlers
 from fwav_companion.pipeline.output_buffer import OutputBuffer, Outputs

@@ -10,11 +10,11 @@ import pytest
 from mavlink_wire import MESSAGES
 
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs
-from fwav_companion.mavlink.byte_budget import DEPTH_S, SILENT_NS, SLOWEST_BYTES_PER_S, ByteBudget, RadioBackoff
-from fwav_companion.mavlink.held_transfers import MAX_HELD_BYTES, SHARE
-from fwav_companion.mavlink.link_limiter import LinkLimiter
-from fwav_companion.mavlink.link_load import MAX_STREAMS, LoadMeter, common_rate
-from fwav_companion.mavlink.never_thinned import is_telemetry
+from fwav_companion.mavlink.router.byte_budget import DEPTH_S, SILENT_NS, SLOWEST_BYTES_PER_S, ByteBudget, RadioBackoff
+from fwav_companion.mavlink.router.held_transfers import MAX_HELD_BYTES, SHARE
+from fwav_companion.mavlink.router.link_limiter import LinkLimiter
+from fwav_companion.mavlink.router.link_load import MAX_STREAMS, LoadMeter, common_rate
+from fwav_companion.mavlink.router.never_thinned import is_telemetry
 from sitl_mock.codec import NUMBERS
 
 T0 = HostNs(1000 * NS_PER_S)

@@ -7,9 +7,9 @@ from math import inf
 import pytest
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
-from fwav_companion.mavlink.asked_rates import FORGOTTEN_NS, MAX_ASKERS, MAX_RATES, ONCE_NS, AskedRates
-from fwav_companion.mavlink.merged_rates import MergedRates
-from fwav_companion.mavlink.rate_messages import OwnStreams, RateRequest
+from fwav_companion.mavlink.router.asked_rates import FORGOTTEN_NS, MAX_ASKERS, MAX_RATES, ONCE_NS, AskedRates
+from fwav_companion.mavlink.router.merged_rates import MergedRates
+from fwav_companion.mavlink.wire.rate_messages import OwnStreams, RateRequest
 from sitl_mock.codec import NUMBERS
 
 T0 = HostNs(1000 * NS_PER_S)

@@ -7,8 +7,8 @@ import pytest
 from mavlink_wire import Wire, dialect
 
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs
-from fwav_companion.mavlink.rate_messages import OwnStreams
 from fwav_companion.mavlink.router.node import LinkPolicy, Node
+from fwav_companion.mavlink.wire.rate_messages import OwnStreams
 from fwav_companion.types import Destination, Outgoing
 from sitl_mock.codec import NUMBERS
 

@@ -8,9 +8,9 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from rates_peer import MS, Ack, Interval, autopilot, peer, status
 
-from fwav_companion.mavlink.ack_order import AckOrder
-from fwav_companion.mavlink.rate_messages import RateRequest
-from fwav_companion.mavlink.stream_groups import group_ids
+from fwav_companion.mavlink.client.ack_order import AckOrder
+from fwav_companion.mavlink.wire.rate_messages import RateRequest
+from fwav_companion.mavlink.wire.stream_groups import group_ids
 from fwav_companion.types import AutopilotKind, Message
 
 ATTITUDE, QUATERNION, POSITION, GPS, HUD = 30, 31, 33, 24, 74

@@ -6,9 +6,9 @@ from __future__ import annotations
 
 import pytest
 
-from fwav_companion.mavlink.rate_merging import follow_up
-from fwav_companion.mavlink.rate_messages import RateRequest
-from fwav_companion.mavlink.stream_groups import group_ids
+from fwav_companion.mavlink.client.rate_merging import follow_up
+from fwav_companion.mavlink.wire.rate_messages import RateRequest
+from fwav_companion.mavlink.wire.stream_groups import group_ids
 
 ATTITUDE, QUATERNION, POSITION, HUD, ALTITUDE = 30, 31, 33, 74, 141
 OURS = {ATTITUDE: 4.0, QUATERNION: 100.0, POSITION: 10.0}

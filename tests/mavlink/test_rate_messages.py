@@ -7,9 +7,9 @@ from math import inf, nan
 import pytest
 from mavlink_wire import Wire, dialect
 
-from fwav_companion.mavlink.rate_messages import RateRequest, rate_request
-from fwav_companion.mavlink.stream_groups import GROUPS, group_ids, group_of
+from fwav_companion.mavlink.wire.rate_messages import RateRequest, rate_request
 from fwav_companion.mavlink.wire.scanner import Scanner
+from fwav_companion.mavlink.wire.stream_groups import GROUPS, group_ids, group_of
 from sitl_mock.codec import NUMBERS
 from sitl_mock.streams import GROUPS as GROUPS_OF_THE_MOCK
 

@@ -8,8 +8,8 @@ from flying import Companion, Flight, fly
 from mavlink_wire import Wire
 
 from fwav_companion.geometry.stamps import HostNs
-from fwav_companion.mavlink.rate_messages import RateRequest
 from fwav_companion.mavlink.router.node import PassedRequest
+from fwav_companion.mavlink.wire.rate_messages import RateRequest
 from fwav_companion.types import NoticeCode
 from sitl_mock import TargetOptions, scenario, simulate
 

@@ -1,10 +1,13 @@
 """Rendered frames against independent geometry: OpenCV's fisheye, scipy's rotations, OpenCV's own tag detector."""
 
+import fcntl
 import json
 import os
+import select
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 
 import cv2
@@ -128,13 +131,21 @@ def test_a_frame_is_the_same_picture_whenever_it_is_rendered(eye):
     assert (Eye(flown(seed=5)).picture(33) != before).mean() > 0.9
 
 
-def test_the_process_sends_frames_through_its_pipe_until_the_flight_ends(tmp_path: Path):
-    pipe, truth = tmp_path / "frames.pipe", tmp_path / "frames.jsonl"
+def watched_process(folder: Path, lead_s: float) -> tuple[list[dict], list[dict]]:
+    """(frames taken from the pipe, lines of the truth file) of a flight that begins so long after the start."""
+    pipe, truth = folder / "frames.pipe", folder / "frames.jsonl"
+    pipe.unlink(missing_ok=True)
     os.mkfifo(pipe)
     taken: list[dict] = []
+    reading = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    fcntl.fcntl(reading, fcntl.F_SETPIPE_SZ, 1 << 20)  # three frames may wait for a reader that waits for the processor
+    os.set_blocking(reading, True)
+    over = threading.Event()
 
     def read() -> None:
-        with pipe.open("rb") as file:
+        while not select.select([reading], [], [], 0.1)[0] and not over.is_set():
+            pass
+        with os.fdopen(reading, "rb") as file:
             while line := file.readline():
                 taken.append(json.loads(line))
                 assert len(file.read(taken[-1]["bytes"])) == 640 * 480
@@ -142,12 +153,21 @@ def test_the_process_sends_frames_through_its_pipe_until_the_flight_ends(tmp_pat
     reader = threading.Thread(target=read, daemon=True)
     reader.start()
     command = [sys.executable, "-m", "sitl_mock.eye", "--pipe", str(pipe), "--truth", str(truth)]
-    # Without --start-ns the flight begins when the process does, so that the start of the process delays no frame.
-    done = subprocess.run([*command, "--scenario", "demo", "--seconds", "2.5"], timeout=60, check=True)
+    command += ["--start-ns", str(time.monotonic_ns() + round(lead_s * 1e9)), "--scenario", "demo", "--seconds", "2.5"]
+    done = subprocess.run(command, timeout=120, check=True)
     assert done.returncode == 0
-    reader.join(5.0)
+    over.set()
+    reader.join(60.0)
     assert not reader.is_alive()
-    truths = [json.loads(line) for line in truth.read_text().splitlines()]
+    return taken, [json.loads(line) for line in truth.read_text().splitlines()]
+
+
+def test_the_process_sends_frames_through_its_pipe_until_the_flight_ends(tmp_path: Path):
+    for lead_s in (0.5, 5.0, 25.0):  # a process that waits for the processor may start when the flight is over
+        taken, truths = watched_process(tmp_path, lead_s)
+        if taken:
+            break
+    assert taken
     assert [line["frame"] for line in truths] == list(range(len(truths)))
     assert [each["frame"] for each in taken] == [line["frame"] for line in truths if line["delivered"]]
     assert all(each["size"] == [640, 480] and each["time_monotonic"] > 0.0 for each in taken)

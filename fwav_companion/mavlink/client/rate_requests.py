@@ -11,15 +11,15 @@ from typing import Any
 import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs
-from fwav_companion.mavlink.ack_order import AckOrder
+from fwav_companion.mavlink.client.ack_order import AckOrder
 from fwav_companion.mavlink.client.attitude_sharing import PLAIN, QUATERNION
+from fwav_companion.mavlink.client.own_rates import OwnRates
+from fwav_companion.mavlink.client.rate_merging import ROUNDING, FollowUp
 from fwav_companion.mavlink.client.rate_stream import RateStream, StreamState
 from fwav_companion.mavlink.client.requests import command, request
 from fwav_companion.mavlink.client.subscriptions import DATA_STREAMS, MESSAGE_IDS
-from fwav_companion.mavlink.own_rates import OwnRates
-from fwav_companion.mavlink.rate_merging import ROUNDING, FollowUp
-from fwav_companion.mavlink.stream_groups import group_of
 from fwav_companion.mavlink.wire import enums
+from fwav_companion.mavlink.wire.stream_groups import group_of
 from fwav_companion.types.messages import Message, Outgoing
 from fwav_companion.types.situation import Autopilot
 

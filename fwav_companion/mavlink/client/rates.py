@@ -15,13 +15,13 @@ from typing import Any
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs
 from fwav_companion.mavlink.client.attitude_sharing import AttitudeSharing
 from fwav_companion.mavlink.client.one_shot_requests import OneShotRequests
+from fwav_companion.mavlink.client.own_rates import OwnRates
 from fwav_companion.mavlink.client.rate_competitors import RateCompetitors
+from fwav_companion.mavlink.client.rate_merging import follow_up
 from fwav_companion.mavlink.client.rate_requests import RateRequests
 from fwav_companion.mavlink.client.rate_stream import RateStream, StreamState
 from fwav_companion.mavlink.client.subscriptions import MESSAGE_IDS, ONLY_PX4
-from fwav_companion.mavlink.own_rates import OwnRates
-from fwav_companion.mavlink.rate_merging import follow_up
-from fwav_companion.mavlink.rate_messages import OwnStreams, RateRequest
+from fwav_companion.mavlink.wire.rate_messages import OwnStreams, RateRequest
 from fwav_companion.types.messages import Message, Notice, NoticeCode, Outgoing, Severity
 from fwav_companion.types.situation import Autopilot, AutopilotKind
 

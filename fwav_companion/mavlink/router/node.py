@@ -8,10 +8,9 @@ from typing import Final
 import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_MS, HostNs
-from fwav_companion.mavlink.merged_rates import Why
-from fwav_companion.mavlink.rate_messages import OwnStreams, RateRequest, rate_request
 from fwav_companion.mavlink.router.coalescing import coalesced
 from fwav_companion.mavlink.router.duplicates import Duplicates
+from fwav_companion.mavlink.router.merged_rates import Why
 from fwav_companion.mavlink.router.peers import UNKNOWN, Peer, PeerStream
 from fwav_companion.mavlink.router.routing import RADIO_REPORTS, SETUP_SIGNING, TIMESYNC, LinkPolicy, Port, Router
 from fwav_companion.mavlink.router.sending import Sender
@@ -20,6 +19,7 @@ from fwav_companion.mavlink.router.statistics import LinkStatistics, StatisticsT
 from fwav_companion.mavlink.wire.codec import decode
 from fwav_companion.mavlink.wire.definitions import BY_NAME, constant
 from fwav_companion.mavlink.wire.frames import RawFrame
+from fwav_companion.mavlink.wire.rate_messages import OwnStreams, RateRequest, rate_request
 from fwav_companion.mavlink.wire.signing import SigningClock
 from fwav_companion.types import Message, Outgoing
 

@@ -8,7 +8,7 @@
 4. Never SETUP_SIGNING, which carries a key. Never to an autopilot's link: RADIO and RADIO_STATUS, which an autopilot
    takes for those of its own radio, and ADSB_VEHICLE, which it would avoid.
 5. A station's request for message rates reaches the autopilot, unless its link stops them (``forward_rate_requests``).
-   If the link merges them, our own rates follow (:mod:`~fwav_companion.mavlink.merged_rates`).
+   If the link merges them, our own rates follow (:mod:`~fwav_companion.mavlink.router.merged_rates`).
 
 The peers of a link are forgotten when it goes down, and each one after a silence; a whole system is forgotten when its
 clock (SYSTEM_TIME) goes back. Frames are forwarded byte for byte; frames of unknown ids have no known target and go to
@@ -23,18 +23,18 @@ from typing import Final, Literal
 import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
-from fwav_companion.mavlink.link_limiter import LinkLimiter
-from fwav_companion.mavlink.merged_rates import MergedRates
-from fwav_companion.mavlink.rate_messages import (
+from fwav_companion.mavlink.router.link_limiter import LinkLimiter
+from fwav_companion.mavlink.router.merged_rates import MergedRates
+from fwav_companion.mavlink.router.peers import MAX_PEERS, SILENT_NS, UNKNOWN, Peer, PeerStream
+from fwav_companion.mavlink.wire.definitions import BY_NAME
+from fwav_companion.mavlink.wire.frames import RawFrame
+from fwav_companion.mavlink.wire.rate_messages import (
     MESSAGE_INTERVAL,
     RATE_REQUESTS,
     REQUEST_DATA_STREAM,
     OwnStreams,
     RateRequest,
 )
-from fwav_companion.mavlink.router.peers import MAX_PEERS, SILENT_NS, UNKNOWN, Peer, PeerStream
-from fwav_companion.mavlink.wire.definitions import BY_NAME
-from fwav_companion.mavlink.wire.frames import RawFrame
 from fwav_companion.mavlink.wire.scanner import Scanner
 
 SETUP_SIGNING: Final = BY_NAME["SETUP_SIGNING"].msgid

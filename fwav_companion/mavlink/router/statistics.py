@@ -7,7 +7,7 @@ from typing import Final
 import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_MS, HostNs, s_from_ns
-from fwav_companion.mavlink.link_limiter import LinkThinning
+from fwav_companion.mavlink.router.link_limiter import LinkThinning
 from fwav_companion.mavlink.router.peers import UNKNOWN, Peer
 from fwav_companion.mavlink.router.routing import Port, Router
 

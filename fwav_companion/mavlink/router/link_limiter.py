@@ -3,15 +3,15 @@
 Three limits work together; the lowest holds:
 
 - a highest rate of a message: the configuration's ``max_rate_hz``, and caps of merged requests
-  (:mod:`~fwav_companion.mavlink.merged_rates`);
-- ``max_bytes_per_s``, and the rate that a telemetry radio takes (:mod:`~fwav_companion.mavlink.byte_budget`). Once a
-  second the load is measured, and fast telemetry streams are cut to one common rate at which all fit
-  (:mod:`~fwav_companion.mavlink.link_load`);
+  (:mod:`~fwav_companion.mavlink.router.merged_rates`);
+- ``max_bytes_per_s``, and the rate that a telemetry radio takes (:mod:`~fwav_companion.mavlink.router.byte_budget`).
+  Once a second the load is measured, and fast telemetry streams are cut to one common rate at which all fit
+  (:mod:`~fwav_companion.mavlink.router.link_load`);
 - a token bucket between these measurements: over any time t at most ``t * rate + depth`` bytes of telemetry leave, so
   that the backlog of a line that drains faster is bounded.
 
 Commands, their answers, parameters, missions and heartbeats always leave; telemetry makes room for them. A transfer of
-hundreds of frames (a parameter list, a log) is queued (:mod:`~fwav_companion.mavlink.held_transfers`).
+hundreds of frames (a parameter list, a log) is queued (:mod:`~fwav_companion.mavlink.router.held_transfers`).
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from typing import Final
 import msgspec
 
 from fwav_companion.geometry.stamps import HostNs
-from fwav_companion.mavlink.asked_rates import AskedRates
-from fwav_companion.mavlink.byte_budget import ByteBudget, RadioBackoff
-from fwav_companion.mavlink.held_transfers import TRANSFERS, HeldTransfers
-from fwav_companion.mavlink.link_load import LoadMeter, StreamKey, common_rate
-from fwav_companion.mavlink.merged_rates import Cap, Why
-from fwav_companion.mavlink.never_thinned import is_telemetry
+from fwav_companion.mavlink.router.asked_rates import AskedRates
+from fwav_companion.mavlink.router.byte_budget import ByteBudget, RadioBackoff
+from fwav_companion.mavlink.router.held_transfers import TRANSFERS, HeldTransfers
+from fwav_companion.mavlink.router.link_load import LoadMeter, StreamKey, common_rate
+from fwav_companion.mavlink.router.merged_rates import Cap, Why
+from fwav_companion.mavlink.router.never_thinned import is_telemetry
 from fwav_companion.mavlink.router.rate_limiter import RateLimiter
 from fwav_companion.mavlink.wire.definitions import BY_NAME, DEFINITIONS
 

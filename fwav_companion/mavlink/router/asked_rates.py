@@ -8,8 +8,8 @@ from typing import Final
 import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
-from fwav_companion.mavlink.rate_messages import RateRequest
 from fwav_companion.mavlink.wire.definitions import DEFINITIONS
+from fwav_companion.mavlink.wire.rate_messages import RateRequest
 
 FORGOTTEN_NS: Final = 60 * NS_PER_S
 """Time after a station's last heartbeat or request at which its rates are dropped."""

@@ -11,7 +11,7 @@ from collections import deque
 from typing import Final
 
 from fwav_companion.geometry.stamps import HostNs
-from fwav_companion.mavlink.byte_budget import ByteBudget
+from fwav_companion.mavlink.router.byte_budget import ByteBudget
 from fwav_companion.mavlink.wire.definitions import BY_NAME
 
 TRANSFERS: Final = frozenset(

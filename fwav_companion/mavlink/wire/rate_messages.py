@@ -8,10 +8,10 @@ from typing import Any, Final
 
 import msgspec
 
-from fwav_companion.mavlink.stream_groups import group_ids
 from fwav_companion.mavlink.wire import enums
 from fwav_companion.mavlink.wire.definitions import BY_NAME
 from fwav_companion.mavlink.wire.frames import RawFrame
+from fwav_companion.mavlink.wire.stream_groups import group_ids
 
 REQUEST_DATA_STREAM: Final = BY_NAME["REQUEST_DATA_STREAM"].msgid
 MESSAGE_INTERVAL: Final = BY_NAME["MESSAGE_INTERVAL"].msgid

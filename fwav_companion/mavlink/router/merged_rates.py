@@ -23,10 +23,10 @@ from typing import Final
 import msgspec
 
 from fwav_companion.geometry.stamps import HostNs
-from fwav_companion.mavlink.asked_rates import AskedRates
-from fwav_companion.mavlink.never_thinned import is_telemetry
-from fwav_companion.mavlink.rate_messages import OwnStreams, RateRequest
+from fwav_companion.mavlink.router.asked_rates import AskedRates
+from fwav_companion.mavlink.router.never_thinned import is_telemetry
 from fwav_companion.mavlink.wire.definitions import BY_NAME
+from fwav_companion.mavlink.wire.rate_messages import OwnStreams, RateRequest
 
 QUATERNION_ID: Final = BY_NAME["ATTITUDE_QUATERNION"].msgid
 ATTITUDE_IDS: Final = frozenset({BY_NAME["ATTITUDE"].msgid, QUATERNION_ID})

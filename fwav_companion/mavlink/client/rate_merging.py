@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import msgspec
 
-from fwav_companion.mavlink.rate_messages import RateRequest
-from fwav_companion.mavlink.stream_groups import GROUPS, group_ids
+from fwav_companion.mavlink.wire.rate_messages import RateRequest
+from fwav_companion.mavlink.wire.stream_groups import GROUPS, group_ids
 
 ROUNDING = 1.001
 """Ratio below which two rates are equal: intervals are whole microseconds on the wire, whole milliseconds in
