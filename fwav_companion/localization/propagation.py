@@ -91,7 +91,7 @@ def propagate(sighting: Sighting, direction: Vector3, meeting: Intersection) -> 
             add(turn, scale(height, dot(axis, lift))) for turn, axis in zip((roll, pitch, yaw), body_axes, strict=True)
         )
         heading = add(heading, scale(height, lift[2]))
-    time = _by_time(sighting, direction, meeting, m, (roll, pitch, yaw))
+    time = _by_time(sighting, direction, meeting=meeting, m=m, turns=(roll, pitch, yaw))
     pixel_u, stretch_u = _by_ray(transform(sighting.ned_from_camera, sighting.ray.d_du), direction, meeting, m)
     pixel_v, stretch_v = _by_ray(transform(sighting.ned_from_camera, sighting.ray.d_dv), direction, meeting, m)
     north, east = _by_place(sighting, direction, meeting, m)

@@ -51,7 +51,7 @@ class RangefinderGround:
         if beam[2] < LEAST_PLUMB:
             return self._meet_home(Reason.RANGE_TILTED, sighting, direction)
         self.fallback = None
-        return self._meet_reading(reading, beam, age_s, sighting, direction)
+        return self._meet_reading(reading, beam, age_s=age_s, sighting=sighting, direction=direction)
 
     def status(self) -> dict[str, Any]:
         """Name of the model, reason for the home surface now, and counts of these reasons."""

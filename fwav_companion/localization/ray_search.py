@@ -97,7 +97,7 @@ def _cross(cell: Cell, here: _RayPlace, there: _RayPlace, at: float) -> tuple[fl
     p = here.height_m - (a + b * south + c * east + d * south * east)
     q = there.height_m - here.height_m - (b * by_south + c * by_east + d * (south * by_east + east * by_south))
     r = -d * by_south * by_east
-    return _first_descent(p, q, r, at, leaves), leaves
+    return _first_descent(p, q, r=r, at=at, end=leaves), leaves
 
 
 def _leaves(start: float, speed: float) -> float:

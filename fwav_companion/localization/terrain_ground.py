@@ -98,7 +98,7 @@ class TerrainGround:
         height_m = camera.alt_amsl_m - below_m
         if height_m <= 0.0:
             return NoFix(Reason.TOO_LOW)
-        hit = first_hit(model, plane, sighting.camera_ned, direction, self._raised_m)
+        hit = first_hit(model, plane, start_ned=sighting.camera_ned, direction=direction, raised_m=self._raised_m)
         if hit is None:
             return NoFix(Reason.BEYOND_TERRAIN if direction[2] > 0.0 else Reason.ABOVE_HORIZON)
         return Intersection(

@@ -226,15 +226,19 @@ class CameraPipeline:
         self._target_log.drop(refused.reason)
         if self._sightings:
             for index in range(refused.detections):
-                self._target_log.write(sighting_line(refused.number, index, None, None, refused.reason, None))
+                self._target_log.write(
+                    sighting_line(refused.number, index, sighting=None, fix=None, reason=refused.reason, gap_s=None)
+                )
 
 
 def _sighting_lines(paired: PairedFrame, located: list[GroundFix | NoFix]) -> list[Line]:
     """One sighting line for each detection, in the order of the frame."""
     lines: dict[int, Line] = {}
     for index, reason, gap_s in paired.refused:
-        lines[index] = sighting_line(paired.number, index, None, None, reason, gap_s)
+        lines[index] = sighting_line(paired.number, index, sighting=None, fix=None, reason=reason, gap_s=gap_s)
     for sighting, fix in zip(paired.sightings, located, strict=True):
         known, reason_or_none = (fix, None) if isinstance(fix, GroundFix) else (None, fix.reason)
-        lines[sighting.index] = sighting_line(paired.number, sighting.index, sighting, known, reason_or_none, None)
+        lines[sighting.index] = sighting_line(
+            paired.number, sighting.index, sighting=sighting, fix=known, reason=reason_or_none, gap_s=None
+        )
     return [lines[index] for index in sorted(lines)]

@@ -96,9 +96,9 @@ def make_pipeline(
         camera = CameraPipeline(
             telemetry,
             make_pairer(config, calibration),
-            localizer,
-            reorder,
-            target_log,
+            localizer=localizer,
+            reorder=reorder,
+            target_log=target_log,
             sightings=sightings,
             agreement=FixAgreement(config.priors),
         )

@@ -30,11 +30,11 @@ class SelfCalibrationNotices:
         return calibration_line(
             time_unix,
             self._time_offset_s + report.time_offset_s,
-            report.time_offset_sigma_s,
-            report.mount,
-            report.mount_sigma,
-            report.status.value,
-            report.mistake,
+            time_offset_sigma_s=report.time_offset_sigma_s,
+            mount=report.mount,
+            mount_sigma=report.mount_sigma,
+            status=report.status.value,
+            mistake=report.mistake,
         )
 
     def notices(self, report: CalibrationReport) -> tuple[Notice, ...]:

@@ -46,7 +46,9 @@ def cot_event(track: Track, options: PublishOptions, situation: Situation) -> by
     utc_ns = situation.now_ns + ns_from_s(situation.utc_minus_host_s)
     if not 0 <= utc_ns < MAX_UTC_NS:
         return NoticeCode.COT_WITHOUT_UTC
-    return _event(target, target.place.alt_amsl_m + situation.undulation_m, utc_ns, options, situation).encode()
+    return _event(
+        target, target.place.alt_amsl_m + situation.undulation_m, utc_ns=utc_ns, options=options, situation=situation
+    ).encode()
 
 
 def _event(target: TargetReport, hae_m: float, utc_ns: int, options: PublishOptions, situation: Situation) -> str:

@@ -96,7 +96,12 @@ def _flight(series: _Series) -> FlightLog:
         ],
         positions=[
             LoggedPosition(
-                _us(each), each["Lat"], each["Lng"], each["Alt"], each["RelHomeAlt"], velocities.at(_us(each))
+                boot_us=_us(each),
+                lat=each["Lat"],
+                lon=each["Lng"],
+                alt_amsl_m=each["Alt"],
+                height_above_home_m=each["RelHomeAlt"],
+                velocity_ned=velocities.at(_us(each)),
             )
             for each in series["POS"]
         ],

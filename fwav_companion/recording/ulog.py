@@ -170,7 +170,9 @@ def _positions(topics: Mapping[str, _Rows]) -> Iterator[LoggedPosition]:
             velocity, waiting = (x, y, z), next(velocities, None)
         # Without a home position the flight is assumed to begin on the ground.
         ground_m = alt if ground_m is None else ground_m
-        yield LoggedPosition(at_us, lat, lon, alt, alt - ground_m, velocity)
+        yield LoggedPosition(
+            boot_us=at_us, lat=lat, lon=lon, alt_amsl_m=alt, height_above_home_m=alt - ground_m, velocity_ned=velocity
+        )
 
 
 def _gps(topics: Mapping[str, _Rows]) -> Iterator[LoggedGps]:

@@ -30,7 +30,7 @@ def load_telemetry(path: Path, own: frozenset[int]) -> TelemetryRead:
     if is_ulog(head):
         log, skipped, damaged = read_ulog(path)
         notes = ["some of its messages are damaged and were left out"] if damaged else []
-        return of_log(str(path), log, own, skipped, notes)
+        return of_log(str(path), log, own=own, skipped=skipped, notes=notes)
     if is_dataflash(head):
         return _ardupilot_log(path, own)
     if DATAFLASH_AS_TEXT in head:
@@ -44,4 +44,4 @@ def _ardupilot_log(path: Path, own: frozenset[int]) -> TelemetryRead:
     except OSError as error:
         raise InputFileError(f"{path}: {error.strerror}; {ACCEPTED}") from None
     log, skipped = read_ardupilot_log(data)
-    return of_log(str(path), log, own, skipped, [])
+    return of_log(str(path), log, own=own, skipped=skipped, notes=[])

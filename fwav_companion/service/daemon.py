@@ -97,10 +97,19 @@ class Service:
             self._detections = make_detections(config, ears, self._log.detections_heard)
             self._vision = make_vision(config, ears, self._log.pictures_seen)
         self._journal = Journal(make_recorder(config, beside_recording, self._pipeline, warn), self._clock)
-        self._outbox = Outbox(self._node, self._links, self._map_link, self._journal, self._on_fault)
+        self._outbox = Outbox(
+            self._node, self._links, map_link=self._map_link, journal=self._journal, on_fault=self._on_fault
+        )
         self._status_file = LatestFile(status_paths(config.status.file), warn, outlives_us=False)
         self._status = StatusReport(
-            config, self._clock, self._node, self._links, self._vision, self._journal, self._pipeline, self._log
+            config,
+            self._clock,
+            node=self._node,
+            links=self._links,
+            vision=self._vision,
+            journal=self._journal,
+            pipeline=self._pipeline,
+            log=self._log,
         )
         self._notifier = SystemdNotifier()
         self._alarm = PipelineTimer(self._on_alarm)

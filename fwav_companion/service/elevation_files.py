@@ -63,7 +63,16 @@ def _read_hgt(path: Path) -> ElevationTile:
     south = int(named[2]) * (1.0 if named[1].upper() == "N" else -1.0)
     west = int(named[4]) * (1.0 if named[3].upper() == "E" else -1.0)
     step = 1.0 / (side - 1)
-    return ElevationTile(south + 1.0, west, step, step, side, side, _hgt_heights(content, side), path.name)
+    return ElevationTile(
+        north_deg=south + 1.0,
+        west_deg=west,
+        lat_step_deg=step,
+        lon_step_deg=step,
+        rows=side,
+        columns=side,
+        height_m=_hgt_heights(content, side),
+        name=path.name,
+    )
 
 
 def _hgt_heights(content: mmap.mmap, side: int) -> Callable[[int, int], float]:
@@ -107,12 +116,12 @@ def _tile(path: Path, source: Any) -> ElevationTile:
         return float(heights[row * columns + column])
 
     return ElevationTile(
-        transform.f + 0.5 * transform.e,
-        transform.c + 0.5 * transform.a,
-        -transform.e,
-        transform.a,
-        rows,
-        columns,
-        height_m,
-        path.name,
+        north_deg=transform.f + 0.5 * transform.e,
+        west_deg=transform.c + 0.5 * transform.a,
+        lat_step_deg=-transform.e,
+        lon_step_deg=transform.a,
+        rows=rows,
+        columns=columns,
+        height_m=height_m,
+        name=path.name,
     )

@@ -132,7 +132,16 @@ def encode_frame(frame: Frame, unix_offset_ns: int) -> bytes:
         size=frame.size,
         exposure_s=frame.exposure_s,
         detections=tuple(
-            _RecordedDetection(d.u, d.v, d.sigma, d.label, d.score, d.box, d.detector_id, d.corners)
+            _RecordedDetection(
+                u=d.u,
+                v=d.v,
+                sigma=d.sigma,
+                label=d.label,
+                score=d.score,
+                box=d.box,
+                id=d.detector_id,
+                corners=d.corners,
+            )
             for d in frame.detections
         ),
     )

@@ -181,11 +181,20 @@ class RateRequests:
         number, interval_us = MESSAGE_IDS[question.stream.name], question.interval_us
         asked = []
         for learning, param1, param2 in self._own_rates.questions(question.stream.name):
-            asked.append(command(autopilot, self._component, learning, param1, param2))
+            asked.append(command(autopilot, self._component, number=learning, param1=param1, param2=param2))
             self._acks.sent(learning, None, now)
         set_interval = enums.MAV_CMD_SET_MESSAGE_INTERVAL
         confirmation = question.tries - 1
-        asked.append(command(autopilot, self._component, set_interval, number, interval_us, confirmation=confirmation))
+        asked.append(
+            command(
+                autopilot,
+                self._component,
+                number=set_interval,
+                param1=number,
+                param2=interval_us,
+                confirmation=confirmation,
+            )
+        )
         self._acks.sent(set_interval, question, now)
         asked_hz = 1e6 / interval_us
         for hz in (self.rate_kept_hz(question.stream), self.demanded.get(number, 0.0)):
@@ -216,7 +225,9 @@ class RateRequests:
         set_interval = enums.MAV_CMD_SET_MESSAGE_INTERVAL
         asked = []
         for number, hz in rates:
-            asked.append(command(autopilot, self._component, set_interval, number, round(1e6 / hz)))
+            asked.append(
+                command(autopilot, self._component, number=set_interval, param1=number, param2=round(1e6 / hz))
+            )
             self._acks.sent(set_interval, None, now)
         return asked
 

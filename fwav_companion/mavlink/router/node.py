@@ -210,11 +210,11 @@ class Node:
                 dropped.append(frame)
                 continue
             if stream.direct is None:
-                self._forward(port, frame, stream, received, now)
+                self._forward(port, frame, stream=stream, received=received, now=now)
             else:
                 for name in stream.direct:
                     forward((name, data))
-            if stream.watched and not self._read(port, frame, stream, received, now):
+            if stream.watched and not self._read(port, frame, stream=stream, received=received, now=now):
                 dropped.append(frame)
         if len(frames) > 1:
             received.forwards = coalesced(received.forwards)
@@ -255,7 +255,7 @@ class Node:
             received.frames = _without(received.frames, [frame])
         request = rate_request(frame, port.name) if stream.asks_rates else None
         if request is not None:
-            outs = self._admit(port, request, outs, received, now)
+            outs = self._admit(port, request, outs=outs, received=received, now=now)
         key, size = (msgid, sender, frame.instance), len(frame.data)
         only_ours = msgid == TIMESYNC and self._answers_us(frame)
         for out in outs:

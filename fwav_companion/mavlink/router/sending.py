@@ -48,9 +48,9 @@ class Sender:
             self._sequences[port.name, component] = (seq + 1) & 0xFF
             signer = self._signers[port.name]
             if signer is None:
-                frames.append((port.name, frame(definition, payload, system, component, seq)))
+                frames.append((port.name, frame(definition, payload, system=system, component=component, seq=seq)))
             else:
-                unsigned = frame(definition, payload, system, component, seq, FLAG_SIGNED)
+                unsigned = frame(definition, payload, system=system, component=component, seq=seq, flags=FLAG_SIGNED)
                 frames.append((port.name, signer.sign(unsigned, now)))
         return frames
 

@@ -26,7 +26,9 @@ def decode(frame: RawFrame, link: str = "", *, signed: bool = False) -> Message:
     definition = flow.definition
     if definition is None:
         raise ValueError(f"message id {flow.msgid} is not in the dialect: it cannot be decoded")
-    return Message(definition.name, flow.system, flow.component, link, definition.unpack(frame.data), signed)
+    return Message(
+        definition.name, flow.system, flow.component, link, fields=definition.unpack(frame.data), signed=signed
+    )
 
 
 def pack(name: str, fields: Mapping[str, Any]) -> tuple[Definition, bytes]:
@@ -61,4 +63,4 @@ class Encoder:
         definition, payload = pack(name, fields)
         seq = self.seq
         self.seq = (seq + 1) & 0xFF
-        return frame(definition, payload, self.system, self.component, seq)
+        return frame(definition, payload, system=self.system, component=self.component, seq=seq)

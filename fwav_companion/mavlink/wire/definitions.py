@@ -69,7 +69,13 @@ class Definition:
         fields = {}
         offset = 0
         for name in self.wire_names:
-            fields[name] = Field(name, types[name], array_lengths[name], offset, name in extensions)
+            fields[name] = Field(
+                name=name,
+                type=types[name],
+                array_length=array_lengths[name],
+                offset=offset,
+                extension=name in extensions,
+            )
             offset += calcsize(f"<{max(1, array_lengths[name])}{FORMAT_OF_TYPE[types[name]]}")
         return fields
 

@@ -158,7 +158,13 @@ class AttitudeHistory:
         if sigma > MOST_SIGMA and (times[index + 1] - times[index]) * 1e-9 > HOLE * self._check.spacing_s:
             return Unpaired(Reason.ATTITUDE_GAP, gap_s)
         spacing_s = (times[index + 1] - times[index]) * 1e-9
-        return AttitudeAt(quaternion_at(segment, boot_ns), rates_at(segment, boot_ns), sigma, gap_s, spacing_s)
+        return AttitudeAt(
+            ned_from_body=quaternion_at(segment, boot_ns),
+            rates=rates_at(segment, boot_ns),
+            sigma=sigma,
+            gap_s=gap_s,
+            spacing_s=spacing_s,
+        )
 
     def _build(self, index: int) -> tuple[Segment, float]:
         """Segment after sample ``index``, by the chosen method as far as the neighbouring samples allow."""
@@ -199,7 +205,7 @@ class AttitudeHistory:
         sigma = EXTRAPOLATED_SHARE * self._check.angular_acceleration * age_s * age_s + age_s * self._unsure_rate
         spacing_s = self._check.spacing_s
         return (
-            AttitudeAt(q, rates, sigma, age_s, spacing_s)
+            AttitudeAt(ned_from_body=q, rates=rates, sigma=sigma, gap_s=age_s, spacing_s=spacing_s)
             if sigma <= MOST_SIGMA
             else Unpaired(Reason.STALE_ATTITUDE, age_s)
         )

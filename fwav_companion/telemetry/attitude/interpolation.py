@@ -87,11 +87,13 @@ def segment_with_rates(
     h = (last.boot_ns - first.boot_ns) * 1e-9
     q0, q1 = aligned([first.ned_from_body, last.ned_from_body])
     d0, d1 = _derivative(q0, rates_first), _derivative(q1, rates_last)
-    w, x, y, z = [_hermite(a, da, b, db, h) for a, da, b, db in zip(q0, d0, q1, d1, strict=True)]
+    w, x, y, z = [_hermite(h, (a, da), (b, db)) for a, da, b, db in zip(q0, d0, q1, d1, strict=True)]
     return (first.boot_ns, (0.0, 0.0, h, h, 0.0), w, x, y, z)
 
 
-def _hermite(a: float, da: float, b: float, db: float, h: float) -> Coefficients:
+def _hermite(h: float, start: tuple[float, float], end: tuple[float, float]) -> Coefficients:
+    """Cubic over an interval of ``h`` seconds from the value and the slope at its two ends."""
+    (a, da), (b, db) = start, end
     slope = (b - a) / h
     return (a, da, (slope - da) / h, (da - 2.0 * slope + db) / (h * h), 0.0, 0.0)
 

@@ -62,7 +62,7 @@ class RateModel(msgspec.Struct, frozen=True):
     def corrected(self, three: Sequence[AttitudeSample]) -> Vector3:
         """Corrected body rates at the middle one of three samples."""
         sent, slope, curve = _basis(three)
-        return _mixed(sent, self.gain, slope, self.lag_s, curve, self.curve_s2)
+        return _mixed(sent, self.gain, b=slope, of_b=self.lag_s, c=curve, of_c=self.curve_s2)
 
 
 AS_SENT = RateModel()
@@ -173,7 +173,7 @@ def _equation(five: Sequence[AttitudeSample]) -> tuple[list[Vector3], Vector3]:
     from_before, from_after = _slope_from_rates(turn1), _slope_from_rates(turn2)
     a, b, own = a / total, b / total, 1.0 / total
     columns = [
-        _mixed(transform(from_before, p), a, m, own, transform(from_after, n), b)
+        _mixed(transform(from_before, p), a, b=m, of_b=own, c=transform(from_after, n), of_c=b)
         for p, m, n in zip(_basis(five[0:3]), _basis(five[1:4]), _basis(five[2:5]), strict=True)
     ]
     course = subtract(scale(turn2, right / h2), scale(turn1, left / h1))
@@ -188,8 +188,8 @@ def _basis(three: Sequence[AttitudeSample]) -> tuple[Vector3, Vector3, Vector3]:
     h1, h2 = (middle.boot_ns - before.boot_ns) * 1e-9, (after.boot_ns - middle.boot_ns) * 1e-9
     first, last = 1.0 / (h1 * (h1 + h2)), 1.0 / (h2 * (h1 + h2))
     p, m, n = before.rates, middle.rates, after.rates
-    slope = _mixed(p, -h2 * first, m, (h2 - h1) / (h1 * h2), n, h1 * last)
-    return m, slope, _mixed(p, 2.0 * first, m, -2.0 / (h1 * h2), n, 2.0 * last)
+    slope = _mixed(p, -h2 * first, b=m, of_b=(h2 - h1) / (h1 * h2), c=n, of_c=h1 * last)
+    return m, slope, _mixed(p, 2.0 * first, b=m, of_b=-2.0 / (h1 * h2), c=n, of_c=2.0 * last)
 
 
 def _slope_from_rates(turn: Vector3) -> Matrix3:

@@ -71,22 +71,38 @@ class Clock:
         """Clock estimate at this host instant; status UNKNOWN has infinite sigma and bound."""
         line = self._line()
         if line is None:
-            return ClockEstimate(now, 0, 0.0, inf, inf, None, ClockStatus.UNKNOWN)
+            return ClockEstimate(
+                at_ns=now,
+                host_from_autopilot_ns=0,
+                skew=0.0,
+                sigma_s=inf,
+                bound_s=inf,
+                round_trip_s=None,
+                status=ClockStatus.UNKNOWN,
+            )
         offset_ns = line.offset_ns_at(now)
         if line is self._arrivals.line:
             sigma_s = line.sigma_s(now)
             bound_s = max(self._arrivals.bound_s(now, offset_ns), BEYOND_DOUBT * sigma_s)
-            return ClockEstimate(now, offset_ns, line.skew, sigma_s, bound_s, None, ClockStatus.ARRIVALS)
+            return ClockEstimate(
+                at_ns=now,
+                host_from_autopilot_ns=offset_ns,
+                skew=line.skew,
+                sigma_s=sigma_s,
+                bound_s=bound_s,
+                round_trip_s=None,
+                status=ClockStatus.ARRIVALS,
+            )
         sigma_s = line.sigma_s(now)
         settled = not self.in_doubt and sigma_s <= SETTLED_SIGMA_S
         return ClockEstimate(
-            now,
-            offset_ns,
-            line.skew,
-            sigma_s,
-            self._exchanges.bound_s(now, offset_ns),
-            self._exchanges.best_round_trip_s,
-            ClockStatus.SETTLED if settled else ClockStatus.SETTLING,
+            at_ns=now,
+            host_from_autopilot_ns=offset_ns,
+            skew=line.skew,
+            sigma_s=sigma_s,
+            bound_s=self._exchanges.bound_s(now, offset_ns),
+            round_trip_s=self._exchanges.best_round_trip_s,
+            status=ClockStatus.SETTLED if settled else ClockStatus.SETTLING,
         )
 
     def _line(self) -> ClockLine | None:

@@ -167,7 +167,7 @@ class ExchangeFit:
         self._fitted_ns = self._window[-1].host_ns
         whole = self._described(self._window, weigh=len(self._window) >= self._weigh_from)
         times, offsets, excesses = whole.times, whole.offsets, whole.excesses
-        tail = self._astray(times, offsets, excesses, whole.weighted[0], whole.weighted[1])
+        tail = self._astray(times, offsets, excesses=excesses, level=whole.weighted[0], skew=whole.weighted[1])
         if tail:
             return self._fit_newest(tail)
         if whole.room_s < -ROUNDING_NS * 1e-9 and len(times) >= 2 * EXCHANGES_TO_WEIGH:
@@ -188,7 +188,14 @@ class ExchangeFit:
         ref = self._window[-1]
         low_ns, high_ns = self._bound.interval(ref.host_ns)
         offset_ns = max(low_ns, min(high_ns, ref.offset_ns + round(level * 1e9)))
-        return ClockLine(ref.host_ns, offset_ns, max(-MOST_SKEW, min(MOST_SKEW, skew)), p00 + squared_angle, p01, p11)
+        return ClockLine(
+            ref_host_ns=ref.host_ns,
+            offset_ns=offset_ns,
+            skew=max(-MOST_SKEW, min(MOST_SKEW, skew)),
+            var_offset=p00 + squared_angle,
+            cov_offset_skew=p01,
+            var_skew=p11,
+        )
 
     def _fit_newest(self, length: int) -> ClockLine:
         """Forget what lies before a change of the skew.
@@ -227,7 +234,15 @@ class ExchangeFit:
                 between = e.log_likelihood > likelier
             if between:
                 fit = (e.level, e.skew, e.var_level, e.cov_level_skew, e.var_skew)
-        return Description(times, offsets, excesses, weighted, fit, bool(between), room_s)
+        return Description(
+            times=times,
+            offsets=offsets,
+            excesses=excesses,
+            weighted=weighted,
+            fit=fit,
+            between=bool(between),
+            room_s=room_s,
+        )
 
     @property
     def _margin(self) -> float:

@@ -50,9 +50,14 @@ class PictureRow(NamedTuple):
 
 def picture_rows(names: Sequence[str], search: BoardSearch, result: FittedLens | FailedFit) -> list[PictureRow]:
     """A row for each picture, in the order given."""
-    rows = {name: PictureRow(name, 0, None, None, None, False, why) for name, why in search.unused.items()}
+    rows = {
+        name: PictureRow(name=name, corners=0, rms_px=None, tilt_deg=None, reached_deg=None, used=False, why=why)
+        for name, why in search.unused.items()
+    }
     for view in search.views:
-        rows[view.name] = PictureRow(view.name, len(view.pixels), None, None, None, False, "")
+        rows[view.name] = PictureRow(
+            name=view.name, corners=len(view.pixels), rms_px=None, tilt_deg=None, reached_deg=None, used=False, why=""
+        )
     for dropped in result.dropped:
         width_px = search.blurred.get(dropped.name)
         blurred = "" if width_px is None else f"; blurred: its edges are {width_px:.0f} px wide"

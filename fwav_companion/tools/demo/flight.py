@@ -117,7 +117,13 @@ class Demonstration:
             self._read()
         scores = self._board.scores()
         troubles = [*([trouble] if trouble else []), *troubles_of(scores, self._board.pictures)]
-        return DemoResult(scores, troubles, self._recording, dict(ground.heard), list(ground.texts))
+        return DemoResult(
+            scores=scores,
+            troubles=troubles,
+            recording=self._recording,
+            heard=dict(ground.heard),
+            texts=list(ground.texts),
+        )
 
     def _prepare(self, ground_port: int) -> None:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:

@@ -117,7 +117,17 @@ class Scoreboard:
 
     def _score(self, label: str) -> TargetScore:
         if label not in self._newest:
-            return TargetScore(label, "", 0.0, 0.0, False, None, None, None, self._usable[label])
+            return TargetScore(
+                label=label,
+                state="",
+                north=0.0,
+                east=0.0,
+                found=False,
+                error_m=None,
+                claimed95_m=None,
+                claimed999_m=None,
+                usable_frames=self._usable[label],
+            )
         tracks = self._confirmed.get(label, {})
         alive = [line for track, line in tracks.items() if track not in self._dropped]
         candidates = alive or list(tracks.values())[-1:] or [self._newest[label]]

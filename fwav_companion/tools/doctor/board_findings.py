@@ -58,9 +58,9 @@ def _key(evidence: Evidence) -> Iterator[Finding]:
 def _folder(evidence: Evidence, folder: Folder) -> Iterator[Finding]:
     if folder.missing_mount is not None:
         yield Finding(
-            "not_mounted", Level.WARNING, folder.key,
-            f"{folder.path}: {folder.missing_mount}: what is written goes to the disk of the system",
-            f"sudo mount {folder.missing_mount.point}, with RequiresMountsFor= in the unit, or another directory",
+            code="not_mounted", level=Level.WARNING, where=folder.key,
+            problem=f"{folder.path}: {folder.missing_mount}: what is written goes to the disk of the system",
+            fix=f"sudo mount {folder.missing_mount.point}, with RequiresMountsFor= in the unit, or another directory",
         )  # fmt: skip
     if folder.read_only:
         yield Finding(

@@ -99,11 +99,11 @@ def compare(seed: int, runs: int = RUNS, on_step: Callable[[], None] = lambda: N
     on_step()
     k = np.arange(stated.shape[1])
     return PaperComparison(
-        rows,
-        float(settled.var() / white[:, 200:].var()),
-        ALPHA / (2.0 - ALPHA),
-        float(np.mean(1.0 - (1.0 - ALPHA) ** k)),
-        _rms_by_source(rng),
+        rows=rows,
+        variance_ratio=float(settled.var() / white[:, 200:].var()),
+        variance_ratio_theory=ALPHA / (2.0 - ALPHA),
+        start_ratio=float(np.mean(1.0 - (1.0 - ALPHA) ** k)),
+        rms_by_source_m=_rms_by_source(rng),
     )
 
 
@@ -118,12 +118,12 @@ def _row(name: str, output: Floats) -> ComparisonRow:
     """The row of a (runs, 90, 2) output."""
     means, variances = np.nanmean(output, axis=1), np.nanvar(output, axis=1)
     return ComparisonRow(
-        name,
-        _quantity(means[:, 0]),
-        _quantity(variances[:, 0]),
-        _quantity(means[:, 1]),
-        _quantity(variances[:, 1]),
-        int(np.isnan(output[..., 0]).sum()),
+        name=name,
+        mean_x=_quantity(means[:, 0]),
+        var_x=_quantity(variances[:, 0]),
+        mean_y=_quantity(means[:, 1]),
+        var_y=_quantity(variances[:, 1]),
+        refused=int(np.isnan(output[..., 0]).sum()),
     )
 
 
@@ -131,7 +131,13 @@ def _quantity(by_run: Floats) -> Quantity:
     low, median, high = np.percentile(by_run, [5.0, 50.0, 95.0])
     n, half = len(by_run), 0.5 * len(by_run) ** 0.5  # the rank of the median is binomial: sigma sqrt(n) / 2
     below, above = np.percentile(by_run, [50.0 - 100.0 * half / n, 50.0 + 100.0 * half / n])
-    return Quantity(float(median), float(above - below) / 2.0, float(low), float(high), float(by_run[0]))
+    return Quantity(
+        median=float(median),
+        median_sigma=float(above - below) / 2.0,
+        low=float(low),
+        high=float(high),
+        one_run=float(by_run[0]),
+    )
 
 
 def _rms_by_source(rng: np.random.Generator) -> dict[str, tuple[float, float]]:

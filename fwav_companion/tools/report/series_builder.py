@@ -83,7 +83,9 @@ class _Reference(msgspec.Struct, frozen=True):
                 radii[flat] = circle_radius(cov, 0.95)
             error_m = self.error_m(truth, line, line)
             at_s = line["time_unix"] - self.start_unix
-            found.append(SeriesPoint(at_s, line["north"], line["east"], radii[flat], error_m))
+            found.append(
+                SeriesPoint(at_s=at_s, north=line["north"], east=line["east"], radius95_m=radii[flat], error_m=error_m)
+            )
         return found
 
 

@@ -93,7 +93,13 @@ def fit_corners(
     if not _enough(motion.known, model):
         return None
     headings = np.full(model.knots, model.heading(start.camera_from_body, motion))
-    parameters = CornerParameters(start.delay_s, start.camera_from_body, start.readout_s, np.zeros(2), headings)
+    parameters = CornerParameters(
+        delay_s=start.delay_s,
+        camera_from_body=start.camera_from_body,
+        readout_s=start.readout_s,
+        slope=np.zeros(2),
+        headings=headings,
+    )
     problem = WhitenedCorners(model, start, parameters)
     for _ in range(ROUNDS):
         step = least_squares(

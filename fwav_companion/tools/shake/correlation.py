@@ -87,7 +87,7 @@ def align_coarsely(times_s: Floats, camera_from_tag: Rotation, attitudes: Attitu
         return None
     seen = (camera_from_tag[first] * camera_from_tag[second].inv()).as_rotvec()
     delays_s = np.arange(EARLIEST_S, LATEST_S + STEP_S / 2.0, STEP_S)
-    by_delay = _body_turns(times_s, first, second, delays_s, attitudes)
+    by_delay = _body_turns(times_s, first, second=second, delays_s=delays_s, attitudes=attitudes)
     scored = [_correlation(seen, *turns_and_known) for turns_and_known in by_delay]
     scores = np.array([score for score, _ in scored])
     best = int(scores.argmax())

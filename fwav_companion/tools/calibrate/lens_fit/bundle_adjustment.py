@@ -154,7 +154,7 @@ def _cost_and_equations(corners: BoardCorners, state: LensAndPoses, weights: Flo
     """The weighted sum of squares, and the normal equations."""
     residual, by_board, by_lens = jacobians(corners, state)
     squares = float((weights * (residual**2).sum(axis=1)).sum())
-    return squares, equations(corners, residual, by_board, by_lens, weights)
+    return squares, equations(corners, residual, by_board=by_board, by_lens=by_lens, weights=weights)
 
 
 def _damped_step(state: LensAndPoses, normal: NormalEquations, damping: float) -> LensAndPoses | None:

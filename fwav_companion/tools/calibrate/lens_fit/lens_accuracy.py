@@ -97,7 +97,7 @@ def decentring(corners: BoardCorners, state: LensAndPoses, variance: float, reac
     """The decentring by one Gauss-Newton step from the fit, all other parameters free. LinAlgError: not observable."""
     residual, by_board, by_lens = jacobians(corners, state)
     wider = np.concatenate([by_lens, _decentring_jacobian(corners.pixels - residual, state.lens)], axis=-1)
-    normal = equations(corners, residual, by_board, wider, np.ones(len(residual)))
+    normal = equations(corners, residual, by_board=by_board, by_lens=wider, weights=np.ones(len(residual)))
     covariance = inverse(normal.lens_information().sum(axis=0))
     p = (covariance @ normal.lens_gradient.sum(axis=0))[-2:]
     focal = float(state.lens[RADIAL])
