@@ -106,7 +106,8 @@ def _attitude(evidence: Evidence, status: RunStatus, where: str) -> Iterator[Fin
             level,
             "rates",
             problem=f"{undone_by} requests other rates: {source} at {measured_hz:.0f} of {wanted_hz:.0f} Hz",
-            fix="forward_rate_requests = false on its [[link]]; MAVProxy: set streamrate -1; Mission Planner: rates -1",
+            fix='forward_rate_requests = "merge" on its [[link]]; on a link of its own to the autopilot, MAVProxy: set '
+            "streamrate -1; Mission Planner: rates -1",
         )
     elif measured_hz is not None and measured_hz < REACHED * wanted_hz:
         yield _slow(evidence, status, measured_hz)
