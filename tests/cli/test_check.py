@@ -55,7 +55,7 @@ def test_settings_that_spoil_every_fix_and_the_landing_are_errors(site):
     site.replace('landing_label = ""', 'landing_label = "pad"')
     settings = ("autopilot.precland_enabled=false", "autopilot.precland_yaw_align_cdeg=9000")
     with site.mock("--scenario", "unbiased", *(word for text in settings for word in ("--set", text))):
-        status, said, report = site.check("--seconds", "12")
+        status, said, report = site.check("--seconds", "20")
     expected = dict.fromkeys(("fixes_disagree", "landing_disabled", "landing_turned"), "ERROR")
     expected |= {"landing_label": "WARNING"}
     assert (status, levels(report)) == (1, expected), said
