@@ -6,7 +6,7 @@ import sys
 import tomllib
 from collections.abc import Iterator
 from functools import cache
-from importlib.metadata import packages_distributions
+from importlib.metadata import files, packages_distributions
 from pathlib import Path
 
 import pytest
@@ -95,6 +95,14 @@ def test_32_bit_arm_is_asked_for_nothing_that_has_no_wheel_there(machine: str):
     providers = packages_distributions()
     without_wheel = {name for module in DEBIAN for name in providers[module]}
     assert left_out == (without_wheel if machine.startswith("armv") else set())
+
+
+def test_the_tests_are_not_installed():
+    """An editable installation has a file that points to the checkout in place of the packages."""
+    tops = {path.parts[0] for path in files("fwav-companion") or ()} - {"fwav_companion", "sitl_mock"}
+    kinds = {Path(top).suffix or top for top in tops if not top.startswith("__editable__")}
+    assert ".dist-info" in kinds
+    assert kinds <= {".dist-info", ".pth", "..", "__pycache__"}
 
 
 def test_no_text_names_the_project_as_if_an_index_had_it():
