@@ -58,7 +58,7 @@ def _key(evidence: Evidence) -> Iterator[Finding]:
 def _folder(evidence: Evidence, folder: Folder) -> Iterator[Finding]:
     if folder.missing_mount is not None:
         yield Finding(
-            code="not_mounted", level=Level.WARNING, where=folder.key,
+            "not_mounted", Level.WARNING, folder.key,
             problem=f"{folder.path}: {folder.missing_mount}: what is written goes to the disk of the system",
             fix=f"sudo mount {folder.missing_mount.point}, with RequiresMountsFor= in the unit, or another directory",
         )  # fmt: skip
