@@ -6,7 +6,7 @@ import sys
 import tomllib
 from collections.abc import Iterator
 from functools import cache
-from importlib.metadata import files, packages_distributions
+from importlib.metadata import distributions, packages_distributions
 from pathlib import Path
 
 import pytest
@@ -99,7 +99,9 @@ def test_32_bit_arm_is_asked_for_nothing_that_has_no_wheel_there(machine: str):
 
 def test_the_tests_are_not_installed():
     """An editable installation has a file that points to the checkout in place of the packages."""
-    tops = {path.parts[0] for path in files("fwav-companion") or ()} - {"fwav_companion", "sitl_mock"}
+    # A checkout that was installed from has an egg-info beside the packages, which is not the installation.
+    installed = next(each for each in distributions(name="fwav-companion") if each.read_text("RECORD") is not None)
+    tops = {path.parts[0] for path in installed.files or ()} - {"fwav_companion", "sitl_mock"}
     kinds = {Path(top).suffix or top for top in tops if not top.startswith("__editable__")}
     assert ".dist-info" in kinds
     assert kinds <= {".dist-info", ".pth", "..", "__pycache__"}
