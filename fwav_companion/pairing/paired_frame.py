@@ -18,6 +18,8 @@ class CameraView(msgspec.Struct, frozen=True):
     """Attitude of the camera."""
     camera_ned: Vector3
     """Camera position in local NED, metres."""
+    vehicle_ned: Vector3 | None = None
+    """Vehicle's position as reported, local NED, metres; None where it is not known."""
 
     def pixel_of(self, position_ned: Vector3) -> tuple[float, float] | None:
         """The pixel of a point; None outside the image and outside the valid range of the lens."""

@@ -9,7 +9,7 @@ import msgspec
 
 from fwav_companion.geometry.rotations import matrix_from_quaternion
 from fwav_companion.geometry.stamps import BootNs, HostNs
-from fwav_companion.geometry.vectors import ZERO3, Matrix3, Vector3, add, multiply, transform
+from fwav_companion.geometry.vectors import ZERO3, Matrix3, Vector3, add, multiply, subtract, transform
 from fwav_companion.pairing.paired_frame import CameraView, PairedFrame, RefusedFrame
 from fwav_companion.pairing.placement import FramePlacer, Placement, both_clocks
 from fwav_companion.pairing.protocols import TwoClocks, VehicleSource
@@ -223,8 +223,8 @@ class Pairer:
             return CameraView(self.lens, ned_from_camera, ZERO3)
         if state.position_ned is None:
             return None
-        arm_ned = transform(matrix_from_quaternion(state.ned_from_body), self._lever_arm_m)
-        return CameraView(self.lens, ned_from_camera, add(state.position_ned, arm_ned))
+        camera_ned = add(state.position_ned, self._arm_ned(state))
+        return CameraView(self.lens, ned_from_camera, camera_ned, vehicle_ned=state.position_ned)
 
     def _outlook(self, state: VehicleState, *, relative: bool | None) -> CameraView | None:
         """The camera in the frame of the tracks: a relative world has its origin on the ground below the camera."""
@@ -232,12 +232,18 @@ class Pairer:
         if view is None or not relative:
             return view
         height_m = self._camera_height(state)
-        return None if height_m is None else msgspec.structs.replace(view, camera_ned=(0.0, 0.0, -height_m))
+        if height_m is None:
+            return None
+        camera_ned = (0.0, 0.0, -height_m)
+        vehicle_ned = subtract(camera_ned, self._arm_ned(state))
+        return CameraView(view.lens, view.ned_from_camera, camera_ned, vehicle_ned)
 
     def _camera_height(self, state: VehicleState) -> float | None:
-        if state.height_above_home_m is None:
-            return None
-        return state.height_above_home_m - transform(matrix_from_quaternion(state.ned_from_body), self._lever_arm_m)[2]
+        return None if state.height_above_home_m is None else state.height_above_home_m - self._arm_ned(state)[2]
+
+    def _arm_ned(self, state: VehicleState) -> Vector3:
+        """The camera's lever arm, NED."""
+        return transform(matrix_from_quaternion(state.ned_from_body), self._lever_arm_m)
 
 
 def _finite(detection: Detection) -> bool:

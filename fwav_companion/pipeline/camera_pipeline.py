@@ -174,7 +174,7 @@ class CameraPipeline:
         """Drop every track for this reason."""
         view = self._last_view
         if view is not None:
-            tracks = self._reorder.drop_all(reason, view.frame, view.host_ns, view.boot_ns)
+            tracks = self._reorder.drop_all(reason, view)
             self._dropped.append(Settled(view, tracks))
 
     def finish(self, now: HostNs) -> list[Settled]:
@@ -197,6 +197,7 @@ class CameraPipeline:
             boot_ns=paired.boot_ns,
             fixes=tuple(fix for fix in located if isinstance(fix, GroundFix)),
             could_see=paired.view.could_see if paired.view is not None else sees_nothing,
+            vehicle_ned=paired.view.vehicle_ned if paired.view is not None else None,
             unplaced=tuple(
                 sighting for sighting, fix in zip(paired.sightings, located, strict=True) if isinstance(fix, NoFix)
             ),

@@ -91,7 +91,7 @@ def make_pipeline(
             tracker = tracker_with(
                 own_filter, config.priors, telemetry.state_at, kept, self_calibration=self_calibration
             )
-        tracker.tells_innovations = sightings
+        tracker.reports_innovations = sightings
         reorder = Reorder(tracker)
         camera = CameraPipeline(
             telemetry,

@@ -154,7 +154,7 @@ class Landing:
         used = self._state_when_used(situation)
         if used is None:
             return Withheld.NO_VEHICLE
-        target = track.position_ned
+        target = track.apparent_ned
         if track.velocity_ned is not None:
             age_s = s_from_ns(used.boot_ns - track.boot_ns)
             target = add(target, scale(track.velocity_ned, age_s))
@@ -170,7 +170,7 @@ class Landing:
             return Withheld.NO_VEHICLE
         if situation.local_position_ned is None:
             return Withheld.NO_LOCAL_POSITION
-        relative = self._from_vehicle(track.position_ned, track, state)
+        relative = self._from_vehicle(track.apparent_ned, track, state)
         if isinstance(relative, Withheld):
             return relative
         in_body = rotate(conjugate(state.ned_from_body), relative)

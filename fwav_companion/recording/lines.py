@@ -10,7 +10,7 @@ import msgspec
 
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.stamps import HostNs
-from fwav_companion.geometry.vectors import Vector3, transform
+from fwav_companion.geometry.vectors import Vector3, subtract, transform
 from fwav_companion.types import ClockEstimate, ErrorBudget, GroundFix, Reason, Sighting, Track
 
 SCHEMA = 1
@@ -83,12 +83,21 @@ def target_line(track: Track, plane: TangentPlane | None, unix_offset_ns: int) -
         "cov": track.cov,
         "vel": track.velocity_ned,
         "vel_cov": track.velocity_cov,
+        "relative": _relative_object(track),
         "fix": _fix_object(track.fix),
     }
     if track.innovation is not None:
         of = track.innovation
-        line["innovation"] = {"north": of.north_m, "east": of.east_m, "distance2": of.distance2}
+        line["innovation"] = {"north": of.north_m, "east": of.east_m, "distance2": of.nis}
     return line
+
+
+def _relative_object(track: Track) -> Line | None:
+    """The target relative to the vehicle; None where the vehicle's position is not known."""
+    if track.vehicle_ned is None:
+        return None
+    north, east, down = subtract(track.apparent_ned, track.vehicle_ned)
+    return {"north": north, "east": east, "down": down, "cov": track.relative_cov}
 
 
 def _fix_object(fix: GroundFix | None) -> Line | None:

@@ -27,7 +27,7 @@ def load_own_filter(config: Config) -> Filter | None:
         raise ConfigError(
             f"{where}: {type(error).__name__}: {message}; accepted: module:Class, made with the configuration's priors"
         ) from error
-    if not callable(getattr(made, "started", None)):
-        raise ConfigError(f"{where}: it has no method started(fix); accepted: a class like tracking.base.Filter")
+    if not callable(getattr(made, "initiate", None)):
+        raise ConfigError(f"{where}: it has no method initiate(fix); accepted: a class like tracking.base.Filter")
     own: Filter = made
     return own

@@ -31,7 +31,7 @@ from fwav_companion.self_calibration.relinearization import Relinearization
 from fwav_companion.self_calibration.report import CalibrationReport, believed, worth_keeping
 from fwav_companion.self_calibration.view_geometry import ViewGeometry
 from fwav_companion.types import GroundFix, VehicleState
-from fwav_companion.types.tracks import Surprise
+from fwav_companion.types.tracks import GateResult
 
 SEARCH_A_FRAME = 2
 """Glimpses that the search takes of one frame: each costs a step of every hypothesis."""
@@ -131,13 +131,13 @@ class Calibrator(msgspec.Struct, frozen=True):
         means, sigmas = believed(self.verdict, self.shop.means, self.shop.sigmas, self.stamp_sigma_s)
         return hypot(*(means[i] for i in MOUNT)) + 2.0 * max(sigmas[i] for i in MOUNT)
 
-    def surprise(self, track: int, fix: GroundFix) -> Surprise | None:
+    def gate(self, track: int, fix: GroundFix) -> GateResult | None:
         """How little a fix was expected of a target that stands in the joint estimate; None: it does not."""
         served = self.passes.served
         if served is None or self.delay_s is None:
             return None
         comparison = self.shop.compared(fix, self.delay_s, served.joint)
-        return None if comparison is None else comparison.surprise(track)
+        return None if comparison is None else comparison.gate(track)
 
     def report(self) -> CalibrationReport:
         """What is known now."""

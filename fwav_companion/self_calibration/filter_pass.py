@@ -40,7 +40,7 @@ class FilterPass(msgspec.Struct, frozen=True):
 
     def fed(self, glimpse: PixelMeasurement) -> FilterPass:
         """With one more glimpse."""
-        joint = self.joint.predicted(glimpse.host_ns)
+        joint = self.joint.predict(glimpse.host_ns)
         if glimpse.track in joint.tracks:
             return self._taken(joint, glimpse)
         waiting = (*self.waiting, glimpse)[-MOST_WAITING:]

@@ -80,7 +80,7 @@ class JointFilter(msgspec.Struct, frozen=True):
         means = self.mean[COMMON_COUNT:]
         return dict(zip(self.tracks, zip(means[::2], means[1::2], strict=True), strict=True))
 
-    def predicted(self, host_ns: int) -> JointFilter:
+    def predict(self, host_ns: int) -> JointFilter:
         """At another instant: the vehicle's position error has wandered."""
         sigma2 = self.priors.bias_sigmas[9] ** 2
         if host_ns <= self.host_ns or sigma2 == 0.0 or not self.priors.position_bias_time_s > 0.0:

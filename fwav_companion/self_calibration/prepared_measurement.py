@@ -22,7 +22,7 @@ from fwav_companion.self_calibration.pixel_measurement import (
     pixel_noise,
     predict,
 )
-from fwav_companion.types.tracks import Surprise
+from fwav_companion.types.tracks import GateResult
 
 
 class PreparedMeasurement(msgspec.Struct, frozen=True):
@@ -42,7 +42,7 @@ class PreparedMeasurement(msgspec.Struct, frozen=True):
     noise_determinant: float
     """Of the noise alone, px^4."""
 
-    def surprise(self, track: int) -> Surprise | None:
+    def gate(self, track: int) -> GateResult | None:
         """How little this was expected of a target; None where that is not in the estimate, or behind the camera."""
         place = self.joint.place_of(track)
         if place is None:
@@ -64,7 +64,7 @@ class PreparedMeasurement(msgspec.Struct, frozen=True):
         if not determinant > 0.0:
             return None
         distance2 = (vv * du * du - 2.0 * uv * du * dv + uu * dv * dv) / determinant
-        return Surprise(distance2, log(determinant / self.noise_determinant))
+        return GateResult(distance2, log(determinant / self.noise_determinant))
 
 
 def compared(joint: JointFilter, glimpse: PixelMeasurement) -> PreparedMeasurement | None:

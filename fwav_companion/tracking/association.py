@@ -72,12 +72,12 @@ def _looked_at_closer(
 
 def _cost(candidate: Candidate, belief: TargetState, fix: GroundFix) -> float | None:
     """Negative, the lower the better; None: not this one."""
-    seen = belief.surprise(fix)
+    seen = belief.gate(fix)
     detector_id = fix.sighting.detection.detector_id
     if detector_id is not None and detector_id == candidate.detector_id:
-        return seen.distance2 - 2.0 * ID_GATE if seen.distance2 < ID_GATE else None
-    unlikely = seen.distance2 + seen.spread
-    return unlikely - CLUTTER_LLR if seen.distance2 < GATE and unlikely < CLUTTER_LLR else None
+        return seen.nis - 2.0 * ID_GATE if seen.nis < ID_GATE else None
+    unlikely = seen.nis + seen.log_det_ratio
+    return unlikely - CLUTTER_LLR if seen.nis < GATE and unlikely < CLUTTER_LLR else None
 
 
 def _settled(costs: dict[tuple[int, int], float]) -> dict[int, int]:

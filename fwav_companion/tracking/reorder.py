@@ -11,7 +11,7 @@ from bisect import bisect_right
 
 import msgspec
 
-from fwav_companion.geometry.stamps import NS_PER_MS, BootNs, HostNs
+from fwav_companion.geometry.stamps import NS_PER_MS, HostNs
 from fwav_companion.self_calibration.report import CalibrationReport
 from fwav_companion.tracking.tracker import Snapshot, Tracker
 from fwav_companion.types import FrameView, NoFrame, Reason, Track
@@ -83,12 +83,12 @@ class Reorder:
         settled, self._settled = self._settled, []
         return settled
 
-    def drop_all(self, reason: Reason, frame: int, host_ns: HostNs, boot_ns: BootNs) -> tuple[Track, ...]:
+    def drop_all(self, reason: Reason, view: FrameView) -> tuple[Track, ...]:
         """End every track and settle what waits: what was before is over, and nothing can be put into it."""
         self._settled.extend(Settled(placed.view, placed.tracks) for placed in self._placed)
         self._placed = []
-        self._settled_to_ns = max(host_ns, self._settled_to_ns or host_ns)
-        return self._tracker.drop_all(reason, frame, host_ns, boot_ns)
+        self._settled_to_ns = max(view.host_ns, self._settled_to_ns or view.host_ns)
+        return self._tracker.drop_all(reason, view)
 
     def _settle(self, now_ns: HostNs) -> None:
         due = bisect_right(self._placed, now_ns - WINDOW_NS, key=lambda placed: placed.view.host_ns)

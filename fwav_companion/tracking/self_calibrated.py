@@ -11,7 +11,7 @@ from fwav_companion.self_calibration.assessment import CalibratedPlace
 from fwav_companion.self_calibration.calibrator import Calibrator
 from fwav_companion.tracking.filters.base import TargetState
 from fwav_companion.types import GroundFix
-from fwav_companion.types.tracks import Surprise
+from fwav_companion.types.tracks import GateResult
 
 
 class CalibratedTargetState(msgspec.Struct, frozen=True):
@@ -33,6 +33,11 @@ class CalibratedTargetState(msgspec.Struct, frozen=True):
         return _level(self.placed.cov, self.own.cov[2][2])
 
     @property
+    def apparent_ned(self) -> Vector3:
+        """The position itself: the present error of the vehicle's position is not estimated."""
+        return self.position_ned
+
+    @property
     def relative_cov(self) -> Matrix3:
         """Without the vehicle's own position, m^2, NED."""
         return _level(self.placed.relative_cov, self.own.relative_cov[2][2])
@@ -47,18 +52,18 @@ class CalibratedTargetState(msgspec.Struct, frozen=True):
         """A standing target has none to tell."""
         return None
 
-    def predicted(self, host_ns: HostNs) -> TargetState:
+    def predict(self, host_ns: HostNs) -> TargetState:
         """The target stays."""
-        return self.own.predicted(host_ns)
+        return self.own.predict(host_ns)
 
-    def surprise(self, fix: GroundFix) -> Surprise:
+    def gate(self, fix: GroundFix) -> GateResult:
         """How little a fix was expected in the image, with what calibration knows by now."""
-        seen = self.calibrator.surprise(self.track, fix)
-        return self.own.surprise(fix) if seen is None else seen
+        seen = self.calibrator.gate(self.track, fix)
+        return self.own.gate(fix) if seen is None else seen
 
-    def updated(self, fix: GroundFix) -> TargetState:
+    def update(self, fix: GroundFix) -> TargetState:
         """Its own filter goes on beside the joint estimate."""
-        return self.own.updated(fix)
+        return self.own.update(fix)
 
 
 class MisplacedTargetState(msgspec.Struct, frozen=True):
@@ -79,6 +84,11 @@ class MisplacedTargetState(msgspec.Struct, frozen=True):
         return add_diagonal(self.taken.cov, self.misplaced_m**2, 0.0)
 
     @property
+    def apparent_ned(self) -> Vector3:
+        """The position that it was taken to have relative to the vehicle."""
+        return self.taken.apparent_ned
+
+    @property
     def relative_cov(self) -> Matrix3:
         """Without the vehicle's own position, m^2, NED."""
         return add_diagonal(self.taken.relative_cov, self.misplaced_m**2, 0.0)
@@ -93,17 +103,17 @@ class MisplacedTargetState(msgspec.Struct, frozen=True):
         """None is told."""
         return None
 
-    def predicted(self, host_ns: HostNs) -> TargetState:
+    def predict(self, host_ns: HostNs) -> TargetState:
         """As it was taken to be."""
-        return self.taken.predicted(host_ns)
+        return self.taken.predict(host_ns)
 
-    def surprise(self, fix: GroundFix) -> Surprise:
+    def gate(self, fix: GroundFix) -> GateResult:
         """How little a fix was expected, the mount as configured."""
-        return self.taken.surprise(fix)
+        return self.taken.gate(fix)
 
-    def updated(self, fix: GroundFix) -> TargetState:
+    def update(self, fix: GroundFix) -> TargetState:
         """As it was taken to be."""
-        return self.taken.updated(fix)
+        return self.taken.update(fix)
 
 
 def _level(horizontal: Symmetric2, down: float) -> Matrix3:

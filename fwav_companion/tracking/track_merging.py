@@ -101,7 +101,7 @@ def _in_its_stead(
 
 
 def _is_expected(fix: GroundFix, belief: TargetState) -> bool:
-    return belief.surprise(fix).distance2 < GATE
+    return belief.gate(fix).nis < GATE
 
 
 def _told_apart(one: LiveTrack, other: LiveTrack) -> bool:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import msgspec
 
-from fwav_companion.geometry.stamps import BootNs, HostNs
+from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Matrix3, norm, subtract
 from fwav_companion.tracking.filters.base import TargetState
 from fwav_companion.tracking.lifecycle import Life, born, ended, seen
-from fwav_companion.types import GroundFix, Innovation, Reason, Track
+from fwav_companion.types import FrameView, GroundFix, Innovation, Reason, Track
 
 MOST_REPLACED = 16
 """Of the ended tracks that a live one turned out to be, the last are remembered."""
@@ -41,7 +41,7 @@ class LiveTrack(msgspec.Struct, frozen=True):
         detection = fix.sighting.detection
         detector_id = detection.detector_id if detection.detector_id is not None else self.detector_id
         life = seen(self.life, host_ns, likelier)
-        after = _by_fix(self.id, self.label, self.belief.updated(fix), life, detector_id, fix)
+        after = _by_fix(self.id, self.label, self.belief.update(fix), life, detector_id, fix)
         return msgspec.structs.replace(after, replaces=self.replaces) if self.replaces else after
 
     def ended(self, reason: Reason) -> LiveTrack:
@@ -54,7 +54,7 @@ class LiveTrack(msgspec.Struct, frozen=True):
         ended = msgspec.structs.replace(junior.ended(Reason.REPLACED), replaced_by=self.id)
         return msgspec.structs.replace(self, replaces=replaces), ended
 
-    def told(self, belief: TargetState, frame: int, host_ns: HostNs, boot_ns: BootNs) -> Track:
+    def told(self, belief: TargetState, view: FrameView) -> Track:
         """After this frame, by a belief that may be another than its own filter's."""
         life = self.life
         return Track(
@@ -64,11 +64,13 @@ class LiveTrack(msgspec.Struct, frozen=True):
             reason=life.reason,
             replaced_by=self.replaced_by,
             replaces=self.replaces,
-            host_ns=host_ns,
-            boot_ns=boot_ns,
-            frame=frame,
+            host_ns=view.host_ns,
+            boot_ns=view.boot_ns,
+            frame=view.frame,
             position_ned=belief.position_ned,
             cov=_with_level(belief.cov, self.level_sigma_m),
+            apparent_ned=belief.apparent_ned,
+            vehicle_ned=view.vehicle_ned,
             relative_cov=_with_level(belief.relative_cov, self.level_sigma_m),
             velocity_ned=belief.velocity_ned,
             velocity_cov=belief.velocity_cov,
@@ -90,7 +92,7 @@ def initiate(number: int, fix: GroundFix, belief: TargetState, host_ns: HostNs) 
 def innovation(before: TargetState, fix: GroundFix) -> Innovation:
     """How little a fix was expected of what was believed just before."""
     north_m, east_m, _ = subtract(fix.position_ned, before.position_ned)
-    return Innovation(north_m, east_m, before.surprise(fix).distance2)
+    return Innovation(north_m, east_m, before.gate(fix).nis)
 
 
 def _by_fix(

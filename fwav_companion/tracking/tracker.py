@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 
 from fwav_companion.geometry.small_matrices import horizontal_sigma
-from fwav_companion.geometry.stamps import BootNs, HostNs
+from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.self_calibration.calibrator import Calibrator
 from fwav_companion.self_calibration.report import CalibrationReport
 from fwav_companion.tracking.association import Candidate, associate
@@ -37,7 +37,7 @@ class Snapshot(msgspec.Struct, frozen=True):
 class Tracker:
     """Follows targets through frames that come in the order of their capture; :class:`Reorder` sees to that."""
 
-    __slots__ = ("_beside", "_corrects", "_filter", "_keep_ns", "_patience_ns", "_state", "tells_innovations")
+    __slots__ = ("_beside", "_corrects", "_filter", "_keep_ns", "_patience_ns", "_state", "reports_innovations")
 
     def __init__(
         self,
@@ -54,7 +54,7 @@ class Tracker:
         ``patience_ns``: how old a track must be before it teaches. ``beside``: a tracker of the same frames that
         calibrates in the place of this one.
         """
-        self.tells_innovations = False
+        self.reports_innovations = False
         """Whether tracks tell how little their fixes were expected: work that flying has no use for."""
         self._filter = belief_filter
         self._keep_ns = keep_ns
@@ -88,7 +88,7 @@ class Tracker:
         if self._beside is not None:
             self._beside.on_frame(view)
         alive = tuple(
-            msgspec.structs.replace(track, belief=track.belief.predicted(view.host_ns), fix=None, innovation=None)
+            msgspec.structs.replace(track, belief=track.belief.predict(view.host_ns), fix=None, innovation=None)
             for track in self._state.alive
         )
         taken = self._associated(alive, view.fixes)
@@ -99,18 +99,18 @@ class Tracker:
         tracks, next_id = self._with_newborn(kept, [fix for fix in view.fixes if id(fix) not in used], view.host_ns)
         living = tuple(track for track in tracks if track.life.state is not TrackState.DROPPED)
         self._state = Snapshot(living, next_id, self._learned(view, living), self._besides(), doubles)
-        return tuple(self._told(track, view.frame, view.host_ns, view.boot_ns) for track in tracks)
+        return tuple(self._told(track, view) for track in tracks)
 
-    def drop_all(self, reason: Reason, frame: int, host_ns: HostNs, boot_ns: BootNs) -> tuple[Track, ...]:
-        """End every track; their ids are not used again."""
+    def drop_all(self, reason: Reason, view: FrameView) -> tuple[Track, ...]:
+        """End every track, as of the newest frame; their ids are not used again."""
         dropped = tuple(
             msgspec.structs.replace(track.ended(reason), fix=None, innovation=None) for track in self._state.alive
         )
-        told = tuple(self._told(track, frame, host_ns, boot_ns) for track in dropped)
+        told = tuple(self._told(track, view) for track in dropped)
         calibrator = self._state.calibrator
         restarted = None if calibrator is None else calibrator.restarted()
         if self._beside is not None:
-            self._beside.drop_all(reason, frame, host_ns, boot_ns)
+            self._beside.drop_all(reason, view)
         self._state = Snapshot((), self._state.next_id, restarted, self._besides())
         return told
 
@@ -145,7 +145,7 @@ class Tracker:
             life = unseen(track.life, view.host_ns, looked=looked, keep_ns=self._keep_ns)
             return msgspec.structs.replace(track, life=life)
         after = track.seen_in(view.host_ns, *taken)
-        if not self.tells_innovations:
+        if not self.reports_innovations:
             return after
         return msgspec.structs.replace(after, innovation=innovation(self._seen_as(track), taken[0]))
 
@@ -163,7 +163,7 @@ class Tracker:
         for fix in fixes:
             if _living(tracks) >= MAX_TRACKS and not _make_room(tracks, newborn_from):
                 break
-            tracks.append(initiate(next_id, fix, self._filter.started(fix), host_ns))
+            tracks.append(initiate(next_id, fix, self._filter.initiate(fix), host_ns))
             next_id += 1
         return tracks, next_id
 
@@ -183,13 +183,13 @@ class Tracker:
             return None
         return CalibratedTargetState(calibrator, track.id, placed, track.belief)
 
-    def _told(self, track: LiveTrack, frame: int, host_ns: HostNs, boot_ns: BootNs) -> Track:
+    def _told(self, track: LiveTrack, view: FrameView) -> Track:
         """As others see it. While the mount is known to be wrong it is told in doubt, and single fixes are not told."""
         misplaced_m = 0.0 if self._calibrator is None else self._calibrator.misplaced_m
         if misplaced_m == 0.0:
-            return track.told(self._seen_as(track), frame, host_ns, boot_ns)
+            return track.told(self._seen_as(track), view)
         doubted = msgspec.structs.replace(track, fix=None, innovation=None)
-        return doubted.told(MisplacedTargetState(self._seen_as(track), misplaced_m), frame, host_ns, boot_ns)
+        return doubted.told(MisplacedTargetState(self._seen_as(track), misplaced_m), view)
 
     def _seen_as(self, track: LiveTrack) -> TargetState:
         """The track by the surer of its own filter and the joint estimate: a flight may show the latter little.

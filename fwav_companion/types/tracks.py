@@ -34,20 +34,20 @@ class Innovation(msgspec.Struct, frozen=True, gc=False):
     """North component, metres."""
     east_m: float
     """East component, metres."""
-    distance2: float
+    nis: float
     """Normalised innovation squared (NIS), 2 dof, shared errors included: mean 2 where every covariance is right."""
 
 
-class Surprise(msgspec.Struct, frozen=True, gc=False):
+class GateResult(msgspec.Struct, frozen=True, gc=False):
     """Gating statistics of a fix against a predicted track."""
 
-    distance2: float
+    nis: float
     """Normalised innovation squared (NIS), 2 degrees of freedom; inf outside the coarse gate."""
-    spread: float
+    log_det_ratio: float
     """Log of the determinant ratio of innovation covariance to the fix's own noise, horizontal."""
 
 
-OUT_OF_SIGHT = Surprise(inf, 0.0)
+OUTSIDE_GATE = GateResult(inf, 0.0)
 """The result of a fix outside the coarse gate."""
 
 
@@ -74,8 +74,13 @@ class Track(msgspec.Struct, frozen=True, kw_only=True):
     """Position in local NED, metres."""
     cov: Matrix3
     """Total covariance of the position, NED, m^2."""
+    apparent_ned: Vector3
+    """Position in the frame of the vehicle's own reports, NED, metres: the position plus the present error of the
+    vehicle's position. Minus the reported vehicle position it is the target relative to the vehicle."""
     relative_cov: Matrix3
-    """Covariance of the position relative to the vehicle, NED, m^2: without the error of the vehicle's position."""
+    """Covariance of the target relative to the vehicle, NED, m^2: of ``apparent_ned``."""
+    vehicle_ned: Vector3 | None = None
+    """Vehicle's position at the capture as reported, local NED, metres; None where it is not known."""
     velocity_ned: Vector3 | None = None
     """Velocity in NED, m/s; None for a filter without velocity."""
     velocity_cov: Matrix3 | None = None
@@ -105,5 +110,7 @@ class FrameView(msgspec.Struct, frozen=True):
     fixes: tuple[GroundFix, ...]
     could_see: Callable[[Vector3], bool]
     """Whether a target at this position, NED, would lie inside the image and the valid range of the lens."""
+    vehicle_ned: Vector3 | None = None
+    """Vehicle's position at the capture as reported, local NED, metres; None where it is not known."""
     unplaced: tuple[Sighting, ...] = ()
     """Sightings without a fix, as too shallow ones."""

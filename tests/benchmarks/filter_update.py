@@ -51,9 +51,9 @@ def fixes() -> list[GroundFix]:
 
 def believed(reported: list[GroundFix], priors: ErrorPriors) -> StaticTargetState:
     """The state after all fixes, by our filter."""
-    belief = StaticKalman(priors).started(reported[0])
+    belief = StaticKalman(priors).initiate(reported[0])
     for fix in reported[1:]:
-        belief = belief.predicted(fix.sighting.frame_host_ns).updated(fix)
+        belief = belief.predict(fix.sighting.frame_host_ns).update(fix)
     return belief
 
 

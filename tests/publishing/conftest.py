@@ -117,6 +117,7 @@ def track(number=1, label="pad", at=NOW, confirmed_at=NOW - 5 * S, with_fix=True
         "frame": 1,
         "position_ned": position,
         "cov": diagonal(1.0, 0.8, 0.6),
+        "apparent_ned": position,
         "relative_cov": diagonal(0.3, 0.2, 0.1),
         "fix": fix(position, at=at) if with_fix else None,
         "first_host_ns": NOW - 6 * S,

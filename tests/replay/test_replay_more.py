@@ -21,7 +21,7 @@ CONFIG = LINK + '[camera]\ncalibration = "camera.yaml"\n'
 OWN = """
 import msgspec
 from fwav_companion.types import GroundFix
-from fwav_companion.types.tracks import Surprise
+from fwav_companion.types.tracks import GateResult
 
 class Mean(msgspec.Struct, frozen=True):
     fix: GroundFix
@@ -32,16 +32,18 @@ class Mean(msgspec.Struct, frozen=True):
     @property
     def cov(self): return self.fix.cov
     @property
+    def apparent_ned(self): return self.position_ned
+    @property
     def relative_cov(self): return self.fix.relative_cov
-    def predicted(self, host_ns): return self
-    def surprise(self, fix): return Surprise(0.0, 0.0)
-    def updated(self, fix):
+    def predict(self, host_ns): return self
+    def gate(self, fix): return GateResult(0.0, 0.0)
+    def update(self, fix):
         n = self.count + 1
         return Mean(fix, tuple(p + (f - p) / n for p, f in zip(self.position_ned, fix.position_ned)), n)
 
 class Means:
     def __init__(self, priors): self.priors = priors
-    def started(self, fix): return Mean(fix, fix.position_ned, 1)
+    def initiate(self, fix): return Mean(fix, fix.position_ned, 1)
 
 class Refuses:
     def __init__(self, priors): raise RuntimeError("no such luck")
@@ -313,7 +315,7 @@ def test_a_filter_of_ones_own_follows_the_targets(site):
         ("absent:Means", "No module named 'absent'"),
         ("mine:Absent", "Absent"),
         ("mine:Refuses", "no such luck"),
-        ("mine:Nothing", "no method started"),
+        ("mine:Nothing", "no method initiate"),
         ("kalmann", '"kalman" | "lowpass"'),
     ],
 )

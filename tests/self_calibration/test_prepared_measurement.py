@@ -73,9 +73,9 @@ def test_near_targets_are_as_surprising_as_dense_matrices_have_it():
         comparison = compared(joint, glimpse)
         for place, track in enumerate(TRACKS):
             residual, cov, noise = densely(joint, glimpse, place)
-            seen = comparison.surprise(track)
-            assert seen.distance2 == pytest.approx(residual @ np.linalg.solve(cov, residual), rel=0.05)
-            assert seen.spread == pytest.approx(np.log(np.linalg.det(cov) / np.linalg.det(noise)), abs=0.05)
+            seen = comparison.gate(track)
+            assert seen.nis == pytest.approx(residual @ np.linalg.solve(cov, residual), rel=0.05)
+            assert seen.log_det_ratio == pytest.approx(np.log(np.linalg.det(cov) / np.linalg.det(noise)), abs=0.05)
 
 
 def test_a_far_target_is_as_many_pixels_off_as_geometry_has_it():
@@ -90,20 +90,20 @@ def test_a_far_target_is_as_many_pixels_off_as_geometry_has_it():
         for place, track in enumerate(TRACKS):
             residual, _, _ = densely(sure, glimpse, place)
             expected = residual @ np.linalg.solve([[uu, uv], [uv, vv]], residual)
-            assert comparison.surprise(track).distance2 == pytest.approx(expected, rel=1e-6)
+            assert comparison.gate(track).nis == pytest.approx(expected, rel=1e-6)
 
 
 def test_what_is_not_there_is_not_compared():
     rng, glimpse = np.random.default_rng(0), some_glimpses()[0]
     joint = joint_with(rng.normal(size=(3, 2)), rng)
     comparison = compared(joint, glimpse)
-    assert comparison.surprise(4) is None
+    assert comparison.gate(4) is None
     camera, toward = np.array(glimpse.course.at(0.0).position_ned[:2]), np.array(comparison.receding)
     behind = camera - 1e3 * toward / np.hypot(*toward)
     moved = msgspec.structs.replace(
         joint, mean=(*joint.mean[:COMMON_COUNT], *behind.tolist(), *joint.mean[COMMON_COUNT + 2 :])
     )
-    assert compared(moved, glimpse).surprise(3) is None
+    assert compared(moved, glimpse).gate(3) is None
     assert compared(joint_of(priors(), SIGMAS, COMMON, ELSEWHERE), glimpse) is None
     skyward = msgspec.structs.replace(glimpse, ray=tuple(-x for x in glimpse.ray))
     assert compared(joint, skyward) is None

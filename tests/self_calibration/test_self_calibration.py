@@ -319,7 +319,7 @@ def test_what_was_learnt_outlives_the_tracks():
     for view in world.frames():
         tracker.on_frame(view)
     reported, keep = tracker.calibration, tracker.calibration.keep
-    tracker.drop_all(Reason.ORIGIN_SET, view.frame, view.host_ns, view.boot_ns)
+    tracker.drop_all(Reason.ORIGIN_SET, view)
     report = tracker.calibration
     assert report.time_offset_s == keep.time_offset_s == pytest.approx(0.035, abs=0.003)
     assert report.mount == keep.mount

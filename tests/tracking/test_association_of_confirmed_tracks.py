@@ -8,7 +8,7 @@ from simulated_world import World
 
 from fwav_companion.tracking import TrackingOptions, make_tracker
 from fwav_companion.tracking.association import Candidate, associate
-from fwav_companion.types.tracks import Surprise
+from fwav_companion.types.tracks import GateResult
 
 NO_BIAS = priors(time_offset=0, heading=0, mount_x=0, mount_y=0, mount_z=0)
 
@@ -32,10 +32,10 @@ class Expecting:
     """A predicted track for which every fix has this squared distance and this logarithm of the spread."""
 
     def __init__(self, distance2, spread):
-        self._surprise = Surprise(distance2, spread)
+        self._result = GateResult(distance2, spread)
 
-    def surprise(self, _fix):
-        return self._surprise
+    def gate(self, _fix):
+        return self._result
 
 
 @pytest.mark.parametrize(("ratio", "takes"), [(40.0, "believed"), (70.0, "newborn")])

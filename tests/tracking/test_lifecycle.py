@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from handmade import a_fix, a_view, host_ns
+from handmade import a_fix, a_view
 from msgspec.structs import replace
 from simulated_flight import priors
 
@@ -113,7 +113,7 @@ def test_a_slow_camera_gives_up_by_looks_not_by_seconds():
 
 def test_drop_all_reports_every_track_once_and_uses_no_id_again():
     tracker = confirmed()
-    (dropped,) = tracker.drop_all(Reason.ORIGIN_SET, 7, host_ns(1.0), host_ns(1.0))
+    (dropped,) = tracker.drop_all(Reason.ORIGIN_SET, a_view(1.0))
     assert (dropped.id, dropped.state, dropped.reason) == (1, TrackState.DROPPED, Reason.ORIGIN_SET)
     assert fed(tracker, 1.1, 0.1)[0][0].id == 2
 

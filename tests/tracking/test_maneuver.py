@@ -49,15 +49,15 @@ def test_a_filter_catches_up_with_a_target_that_turned_about_within_half_a_secon
         north = 1.5 * min(t, 5.0) - 1.5 * max(0.0, t - 5.0)
         place = (north + SIGMA_M * rng.standard_normal(), SIGMA_M * rng.standard_normal(), 0.0)
         fix = a_fix(t, place, np.diag([SIGMA_M**2, SIGMA_M**2, 0.0]))
-        belief = MovingKalman(NO_BIAS).started(fix) if belief is None else belief.predicted(host_ns(t)).updated(fix)
+        belief = MovingKalman(NO_BIAS).initiate(fix) if belief is None else belief.predict(host_ns(t)).update(fix)
     assert t == pytest.approx(5.47, abs=0.01)
     assert belief.velocity_ned[0] == pytest.approx(-1.5, abs=0.8)
     assert belief.position_ned[0] == pytest.approx(north, abs=0.35)
 
 
 def test_a_target_that_is_not_seen_may_go_anywhere():
-    belief = MovingKalman(NO_BIAS).started(a_fix(0.0, (0.0, 0.0, 0.0)))
+    belief = MovingKalman(NO_BIAS).initiate(a_fix(0.0, (0.0, 0.0, 0.0)))
     known = belief.velocity_cov[0][0]
-    soon, late = belief.predicted(host_ns(0.5)), belief.predicted(host_ns(0.5)).predicted(host_ns(9.5))
+    soon, late = belief.predict(host_ns(0.5)), belief.predict(host_ns(0.5)).predict(host_ns(9.5))
     assert soon.velocity_cov[0][0] - known == pytest.approx(0.5 * ACCELERATION_DENSITY)
     assert late.velocity_cov[0][0] - soon.velocity_cov[0][0] == pytest.approx(9.0 * UNSEEN_DENSITY)

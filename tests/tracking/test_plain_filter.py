@@ -37,9 +37,9 @@ def test_a_belief_is_what_filterpy_and_numpy_make_of_the_same_fixes(level, wande
         fix = a_fix(t, place, spread @ spread.T + np.diag([0.01, 0.01, 0.0]), jacobian, p.bias_sigmas)
         arrays = FixArrays(fix, p)
         if belief is None:
-            belief, plain = StaticKalman(p).started(fix), PlainFilter(arrays, p)
+            belief, plain = StaticKalman(p).initiate(fix), PlainFilter(arrays, p)
             continue
-        belief = belief.predicted(host_ns(t)).updated(fix)
+        belief = belief.predict(host_ns(t)).update(fix)
         plain.step(arrays)
         assert belief.position_ned == pytest.approx(plain.kalman.x, abs=1e-9)
         assert np.array(belief.cov) == pytest.approx(plain.cov, abs=1e-9)

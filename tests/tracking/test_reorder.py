@@ -101,7 +101,7 @@ def test_an_id_that_a_rewind_takes_back_is_given_again():
 def test_dropping_all_settles_what_waits():
     reorder = Reorder(make_tracker(TrackingOptions(), NO_BIAS))
     reorder.put(a_view(0.1, a_fix(0.1, (4, 3, 0))), host_ns(0.2))
-    (dropped,) = reorder.drop_all(Reason.ORIGIN_SET, 9, host_ns(0.2), host_ns(0.2))
+    (dropped,) = reorder.drop_all(Reason.ORIGIN_SET, a_view(0.2))
     assert dropped.reason is Reason.ORIGIN_SET
     assert [line.view.frame for line in reorder.close(host_ns(0.2))] == [100]
     assert reorder.put(a_view(0.15), host_ns(0.25)) == NoFrame(Reason.TOO_LATE)

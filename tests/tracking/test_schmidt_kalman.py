@@ -8,7 +8,7 @@ import pytest
 from fwav_companion.tracking.filters.adaptive_noise import AdaptiveNoise
 from fwav_companion.tracking.filters.consider_biases import Measurement
 from fwav_companion.tracking.filters.gates import GATE
-from fwav_companion.tracking.filters.schmidt_kalman import PointEstimate, kalman_gain, surprise, update
+from fwav_companion.tracking.filters.schmidt_kalman import PointEstimate, gate_result, kalman_gain, update
 
 COUNT, WANDERING, TIMED = 7, 5, 2
 """Number of biases, index of the first wandering one (the last two wander), index of the time offset."""
@@ -60,13 +60,15 @@ def test_a_surprise_is_the_mahalanobis_distance_of_the_difference_and_nothing_ne
         cov = cov[:2, :2] + own.scatter.variance * np.eye(2)
         difference = np.subtract(fix.position, own.position)[:2]
         distance2 = difference @ np.linalg.solve(cov, difference)
-        reported = surprise(own, fix, TIMED)
-        if reported.distance2 == inf:
+        reported = gate_result(own, fix, TIMED)
+        if reported.nis == inf:
             far += 1
             assert distance2 > GATE
             continue
-        assert reported.distance2 == pytest.approx(distance2, rel=1e-9)
-        assert reported.spread == pytest.approx(np.log(np.linalg.det(cov) / np.linalg.det(np.array(fix.noise)[:2, :2])))
+        assert reported.nis == pytest.approx(distance2, rel=1e-9)
+        assert reported.log_det_ratio == pytest.approx(
+            np.log(np.linalg.det(cov) / np.linalg.det(np.array(fix.noise)[:2, :2]))
+        )
     assert 60 < far < 240
 
 

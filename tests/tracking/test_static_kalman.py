@@ -34,9 +34,9 @@ def test_it_is_the_batch_weighted_mean():
     mean = total @ sum(w @ x[:2] for w, x in zip(weights, samples, strict=True))
 
     belief_filter = StaticKalman(NO_BIAS)
-    belief = belief_filter.started(a_fix(0.0, samples[0], covs[0]))
+    belief = belief_filter.initiate(a_fix(0.0, samples[0], covs[0]))
     for k in range(1, 60):
-        belief = belief.predicted(host_ns(k * 0.2)).updated(a_fix(k * 0.2, samples[k], covs[k]))
+        belief = belief.predict(host_ns(k * 0.2)).update(a_fix(k * 0.2, samples[k], covs[k]))
     assert belief.position_ned[:2] == pytest.approx(mean, abs=1e-5)
     assert np.array(belief.cov)[:2, :2] == pytest.approx(total, rel=1e-3, abs=1e-6)
 
@@ -53,7 +53,7 @@ def test_sights_that_are_sure_across_do_not_draw_the_target_nearer(make):
         cov = np.zeros((3, 3))
         cov[:2, :2] = along**2 * np.outer(line, line) + across**2 * (np.eye(2) - np.outer(line, line))
         fix = a_fix(k * 0.2, (*fix_ne, 0.0), cov)
-        belief = make(NO_BIAS).started(fix) if belief is None else belief.predicted(host_ns(k * 0.2)).updated(fix)
+        belief = make(NO_BIAS).initiate(fix) if belief is None else belief.predict(host_ns(k * 0.2)).update(fix)
         distances.append(belief.position_ned[0])
     assert np.mean(distances[count // 2 :]) == pytest.approx(5.0, abs=0.015)  # short by 0.05 and 0.022 without
 
@@ -128,8 +128,8 @@ def test_claims_hold_over_flights_with_biases_drawn_from_the_priors():
             cov = some_cov(rng)
             sample = rng.multivariate_normal((4.0, -3.0, 0.0), cov) + jacobian @ (standing * (sigmas > 0))
             fix = a_fix(k * 0.5, sample, cov, jacobian * (sigmas > 0), sigmas)
-            before = None if belief is None else belief.predicted(host_ns(k * 0.5))
-            belief = StaticKalman(p).started(fix) if before is None else before.updated(fix)
+            before = None if belief is None else belief.predict(host_ns(k * 0.5))
+            belief = StaticKalman(p).initiate(fix) if before is None else before.update(fix)
         error = np.array(belief.position_ned[:2]) - (4.0, -3.0)
         squares.append(error @ np.linalg.solve(np.array(belief.cov)[:2, :2], error))
         inside += squares[-1] < chi2.ppf(0.9, 2)

@@ -12,7 +12,7 @@ from typing import Protocol
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.types import GroundFix
-from fwav_companion.types.tracks import Surprise
+from fwav_companion.types.tracks import GateResult
 
 
 class TargetState(Protocol):
@@ -27,8 +27,12 @@ class TargetState(Protocol):
         """Every source of error, m^2, NED."""
 
     @property
+    def apparent_ned(self) -> Vector3:
+        """Position plus the present error of the vehicle's position, NED, metres: what single fixes agree with now."""
+
+    @property
     def relative_cov(self) -> Matrix3:
-        """Without the vehicle's own position, m^2, NED."""
+        """Covariance of ``apparent_ned`` about the true vector from the vehicle, NED, m^2."""
 
     @property
     def velocity_ned(self) -> Vector3 | None:
@@ -38,21 +42,21 @@ class TargetState(Protocol):
     def velocity_cov(self) -> Matrix3 | None:
         """(m/s)^2, NED."""
 
-    def predicted(self, host_ns: HostNs) -> TargetState:
+    def predict(self, host_ns: HostNs) -> TargetState:
         """The same target at a later instant."""
 
-    def surprise(self, fix: GroundFix) -> Surprise:
+    def gate(self, fix: GroundFix) -> GateResult:
         """How little a fix at this instant was expected.
 
         Errors that the belief and the fix share cancel, as they do in the difference that is weighed.
         """
 
-    def updated(self, fix: GroundFix) -> TargetState:
+    def update(self, fix: GroundFix) -> TargetState:
         """With a fix of this instant blended in."""
 
 
 class Filter(Protocol):
     """Starts beliefs."""
 
-    def started(self, fix: GroundFix) -> TargetState:
+    def initiate(self, fix: GroundFix) -> TargetState:
         """The belief after the first fix of a target."""

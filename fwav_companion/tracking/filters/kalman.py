@@ -12,14 +12,14 @@ from fwav_companion.types import ErrorPriors, GroundFix
 class StaticTargetState(StandingTargetState, frozen=True):
     """Each fix weighed with its own covariance and with what it shares with those before."""
 
-    def predicted(self, host_ns: HostNs) -> StaticTargetState:
+    def predict(self, host_ns: HostNs) -> StaticTargetState:
         """The target stays; only the vehicle's position error goes on wandering."""
         kept = self.errors.kept(self.host_ns, host_ns)
         return (
             self if kept == 1.0 else StaticTargetState(self.errors, self.estimate.faded(kept), host_ns, self.fixed_ns)
         )
 
-    def updated(self, fix: GroundFix) -> StaticTargetState:
+    def update(self, fix: GroundFix) -> StaticTargetState:
         """With the gain of least noise: the weighted mean of all fixes."""
         errors, estimate, host_ns = self.errors, self.estimate, fix.sighting.frame_host_ns
         weighed = errors.weighed_after(fix, s_from_ns(host_ns - self.fixed_ns), estimate.position)
@@ -36,7 +36,7 @@ class StaticKalman:
     def __init__(self, priors: ErrorPriors) -> None:
         self._errors = ConsiderBiases(priors)
 
-    def started(self, fix: GroundFix) -> StaticTargetState:
+    def initiate(self, fix: GroundFix) -> StaticTargetState:
         """The belief after the first fix: the fix itself."""
         host_ns, errors = fix.sighting.frame_host_ns, self._errors
         return StaticTargetState(errors, first_estimate(errors.weighed(fix), errors.wandering), host_ns, host_ns)

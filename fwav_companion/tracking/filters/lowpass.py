@@ -25,7 +25,7 @@ class LowPassTargetState(StandingTargetState, frozen=True, kw_only=True):
     filter: LowPass
     waiting: Measurement | None = None
 
-    def predicted(self, host_ns: HostNs) -> LowPassTargetState:
+    def predict(self, host_ns: HostNs) -> LowPassTargetState:
         """The value stays; only the vehicle's position error goes on wandering."""
         kept, waiting = self.errors.kept(self.host_ns, host_ns), self.waiting
         if kept == 1.0:
@@ -35,7 +35,7 @@ class LowPassTargetState(StandingTargetState, frozen=True, kw_only=True):
             waiting = Measurement(waiting.position, waiting.noise, shared, waiting.gate)
         return replace(self, estimate=self.estimate.faded(kept), host_ns=host_ns, waiting=waiting)
 
-    def updated(self, fix: GroundFix) -> LowPassTargetState:
+    def update(self, fix: GroundFix) -> LowPassTargetState:
         """One step of the recursion."""
         host_ns = fix.sighting.frame_host_ns
         since_s = s_from_ns(host_ns - self.fixed_ns)
@@ -71,7 +71,7 @@ class LowPass:
             return self.alpha
         return 1.0 - pow(1.0 - self.alpha, max(0.0, since_s) * self.alpha_rate_hz)
 
-    def started(self, fix: GroundFix) -> LowPassTargetState:
+    def initiate(self, fix: GroundFix) -> LowPassTargetState:
         """u_0 = x_0."""
         host_ns, errors = fix.sighting.frame_host_ns, self._errors
         sample = errors.weighed(fix)

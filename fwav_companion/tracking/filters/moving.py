@@ -30,12 +30,12 @@ from fwav_companion.tracking.filters.maneuver import ManeuverLag
 from fwav_companion.tracking.filters.schmidt_kalman import (
     PointEstimate,
     blended_shared,
+    gate_result,
     joseph_update,
     scattered,
-    surprise,
 )
 from fwav_companion.types import ErrorPriors, GroundFix
-from fwav_companion.types.tracks import Surprise
+from fwav_companion.types.tracks import GateResult
 
 START_SPEED_M_S = 3.0
 """One sigma an axis of an unknown target's velocity: people, animals, vehicles on a field."""
@@ -82,6 +82,11 @@ class MovingTargetState(msgspec.Struct, frozen=True):
         return _with_biases(self.noise, self.shared, self.errors.count)
 
     @property
+    def apparent_ned(self) -> Vector3:
+        """The position itself: the present error of the vehicle's position is not estimated."""
+        return self.position_ned
+
+    @property
     def relative_cov(self) -> Matrix3:
         """Without the vehicle's own position, m^2, NED."""
         return _with_biases(self.noise, self.shared, self.errors.wandering)
@@ -91,7 +96,7 @@ class MovingTargetState(msgspec.Struct, frozen=True):
         """(m/s)^2, NED."""
         return _with_biases(self.velocity_noise, self.velocity_shared, self.errors.count)
 
-    def predicted(self, host_ns: HostNs) -> MovingTargetState:
+    def predict(self, host_ns: HostNs) -> MovingTargetState:
         """Moved on by its velocity, less certain by what it may have accelerated."""
         dt = s_from_ns(host_ns - self.host_ns)
         if dt <= 0.0:
@@ -115,12 +120,12 @@ class MovingTargetState(msgspec.Struct, frozen=True):
             self.fixed_ns,
         )
 
-    def surprise(self, fix: GroundFix) -> Surprise:
-        """How little a fix at this instant was expected, horizontal; one beyond where it lags is less of a surprise."""
+    def gate(self, fix: GroundFix) -> GateResult:
+        """How little a fix at this instant was expected, horizontal; one beyond where it lags is expected the more."""
         point = replace(self._as_point(), noise=add_matrices(self.noise, self.lag.position_cov))
-        return surprise(point, self.errors.weighed(fix), self.errors.timed)
+        return gate_result(point, self.errors.weighed(fix), self.errors.timed)
 
-    def updated(self, fix: GroundFix) -> MovingTargetState:
+    def update(self, fix: GroundFix) -> MovingTargetState:
         """With the gain of least noise, the scatter that was seen counted as noise; a target that turned may have."""
         since_s = s_from_ns(fix.sighting.frame_host_ns - self.fixed_ns)
         weighed = self.errors.weighed_after(fix, since_s, self.position_ned)
@@ -191,7 +196,7 @@ class MovingKalman:
     def __init__(self, priors: ErrorPriors) -> None:
         self._errors = ConsiderBiases(priors)
 
-    def started(self, fix: GroundFix) -> MovingTargetState:
+    def initiate(self, fix: GroundFix) -> MovingTargetState:
         """The belief after the first fix: there, at any walking or driving speed."""
         host_ns = fix.sighting.frame_host_ns
         weighed = self._errors.weighed(fix)

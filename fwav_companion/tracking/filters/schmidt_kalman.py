@@ -18,7 +18,7 @@ from fwav_companion.geometry.small_matrices import Symmetric2, inner, symmetric_
 from fwav_companion.geometry.vectors import Matrix3, Vector3, add, multiply, subtract, transform, transpose
 from fwav_companion.tracking.filters.adaptive_noise import AdaptiveNoise
 from fwav_companion.tracking.filters.consider_biases import Measurement, Row, Rows, faded
-from fwav_companion.types.tracks import OUT_OF_SIGHT, Surprise
+from fwav_companion.types.tracks import OUTSIDE_GATE, GateResult
 
 
 class PointEstimate(msgspec.Struct, frozen=True, gc=False):
@@ -117,7 +117,7 @@ def scattered(estimate: PointEstimate, difference: Vector3, fix: Measurement, ti
     return estimate.scatter.with_fix(n * n + e * e, own[0][0] + own[1][1] + new[0][0] + new[1][1], thrown2)
 
 
-def surprise(estimate: PointEstimate, fix: Measurement, timed: int | None) -> Surprise:
+def gate_result(estimate: PointEstimate, fix: Measurement, timed: int | None) -> GateResult:
     """How little a fix was expected. Shared errors cancel as they do in the difference."""
     (fix_n, fix_e, _), (own_n, own_e, _) = fix.shared, estimate.shared
     (p_nn, p_ne, _), (_, p_ee, _), _ = estimate.noise
@@ -128,14 +128,14 @@ def surprise(estimate: PointEstimate, fix: Measurement, timed: int | None) -> Su
     ee = p_ee + f_ee + gone_ee + seen + dist(fix_e, own_e) ** 2
     n, e = fix.position[0] - estimate.position[0], fix.position[1] - estimate.position[1]
     if n * n > fix.gate * nn or e * e > fix.gate * ee:  # it is at least as far as it is along either axis
-        return OUT_OF_SIGHT
+        return OUTSIDE_GATE
     ne = p_ne + f_ne + gone_ne + inner(map(sub, fix_n, own_n), map(sub, fix_e, own_e))
     if timed is not None:
         certain = 1.0 - estimate.scatter.doubt
         north, east = fix_n[timed] - own_n[timed], fix_e[timed] - own_e[timed]
         nn, ne, ee = nn - certain * north * north, ne - certain * north * east, ee - certain * east * east
     area2 = nn * ee - ne * ne
-    return Surprise((ee * n * n - 2.0 * ne * n * e + nn * e * e) / area2, log(area2 / (f_nn * f_ee - f_ne * f_ne)))
+    return GateResult((ee * n * n - 2.0 * ne * n * e + nn * e * e) / area2, log(area2 / (f_nn * f_ee - f_ne * f_ne)))
 
 
 def blended_shared(own: Rows, fix: Rows, estimate: Rows, gain: Matrix3) -> Rows:

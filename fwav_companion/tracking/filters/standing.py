@@ -7,9 +7,9 @@ import msgspec
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.tracking.filters.consider_biases import ConsiderBiases
-from fwav_companion.tracking.filters.schmidt_kalman import PointEstimate, surprise
+from fwav_companion.tracking.filters.schmidt_kalman import PointEstimate, gate_result
 from fwav_companion.types import GroundFix
-from fwav_companion.types.tracks import Surprise
+from fwav_companion.types.tracks import GateResult
 
 
 class StandingTargetState(msgspec.Struct, frozen=True):
@@ -33,6 +33,11 @@ class StandingTargetState(msgspec.Struct, frozen=True):
         return self.estimate.cov
 
     @property
+    def apparent_ned(self) -> Vector3:
+        """The position itself: the present error of the vehicle's position is not estimated."""
+        return self.estimate.position
+
+    @property
     def relative_cov(self) -> Matrix3:
         """Without the vehicle's own position, m^2, NED."""
         return self.estimate.relative_cov
@@ -47,7 +52,7 @@ class StandingTargetState(msgspec.Struct, frozen=True):
         """A standing target has none to tell."""
         return None
 
-    def surprise(self, fix: GroundFix) -> Surprise:
+    def gate(self, fix: GroundFix) -> GateResult:
         """How little a fix at this instant was expected, horizontal."""
         errors = self.errors
-        return surprise(self.estimate, errors.weighed(fix), errors.timed)
+        return gate_result(self.estimate, errors.weighed(fix), errors.timed)
