@@ -51,7 +51,7 @@ class Belief:
 
     def position(self, flight_s: float) -> tuple[Place, Vector]:
         """Estimated (place, NED velocity) at an instant, with delay, wander, bias and noise."""
-        state = self._flight.at(flight_s - self._o.autopilot.position_delay_s)
+        state = self._flight.at(flight_s - self._o.autopilot.position_delay_s - self._biases.position_delay_s)
         p = self._o.priors
         north, east = (error + self._fresh(p.position_noise_m) for error in self.wander(flight_s))
         down = -(self._biases.height_m + self._fresh(p.height_noise_m))

@@ -26,6 +26,7 @@ from sitl_mock.rotation import (
     matrix_from_euler,
     matrix_from_rotation_vector,
     minus,
+    plus,
     times,
 )
 from sitl_mock.scene import Target
@@ -71,6 +72,7 @@ class MockCamera:
         self.lens = Lens(options.camera)
         self.body_from_camera = true_mount(options, biases)
         """gimbal_from_camera where the camera is on a gimbal."""
+        self._position_m = plus(self._c.position_m, biases.lever_arm_m)
         self._gimbal = Gimbal(options, biases, flight)
         self._rng = Random(f"{options.seed}/camera")
         self._tags: dict[int, GroundTag] = {}
@@ -131,7 +133,7 @@ class MockCamera:
 
     def _project(self, place: Vector, t: float) -> Pixel:
         state = self._flight.at(t)
-        in_body = minus(apply_transposed(state.ned_from_body, minus(place, state.position)), self._c.position_m)
+        in_body = minus(apply_transposed(state.ned_from_body, minus(place, state.position)), self._position_m)
         if self._o.gimbal.device_id:
             in_ned = apply(state.ned_from_body, in_body)
             in_body = apply_transposed(self._gimbal.ned_from_gimbal(t), in_ned)

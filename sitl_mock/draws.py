@@ -25,6 +25,8 @@ class DrawnBiases:
     height_m: float
     position_sigma_m: float
     readout_s: float
+    position_delay_s: float
+    lever_arm_m: Vector
 
 
 def draw(options: Options) -> DrawnBiases:
@@ -37,6 +39,7 @@ def draw(options: Options) -> DrawnBiases:
         return Random(f"{options.seed}/bias/{name}").gauss(0.0, sigma) if options.draw_biases else 0.0
 
     mount = biases.mount_deg or tuple(one(f"mount{axis}", None, priors.mount_bias_deg) for axis in range(3))
+    lever = biases.lever_arm_m or tuple(one(f"lever{axis}", None, priors.lever_arm_sigma_m) for axis in range(3))
     return DrawnBiases(
         one("roll", biases.attitude_roll_deg, priors.attitude_bias_deg),
         one("pitch", biases.attitude_pitch_deg, priors.attitude_bias_deg),
@@ -46,6 +49,8 @@ def draw(options: Options) -> DrawnBiases:
         one("height", biases.height_m, priors.height_bias_m),
         _position_sigma(options),
         _readout(options),
+        one("position_delay", biases.position_delay_s, priors.position_delay_sigma_s),
+        lever,  # type: ignore[arg-type]
     )
 
 

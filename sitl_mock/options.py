@@ -44,6 +44,8 @@ class Priors:
     height_bias_m: float = 0.5
     mount_bias_deg: float = 1.0
     time_offset_sigma_s: float = 0.01
+    position_delay_sigma_s: float = 0.05
+    lever_arm_sigma_m: float = 0.03
     velocity_noise_m_s: float = 0.05
 
 
@@ -62,6 +64,10 @@ class Biases:
     """Reported height minus true height."""
     position_m: float | None = None
     """Sigma of the wandering horizontal position error; None: the prior."""
+    position_delay_s: float | None = None
+    """Age of a position at its stamp, in addition to autopilot.position_delay_s."""
+    lever_arm_m: Triple | None = None
+    """True camera position in the body minus camera.position_m."""
     readout_s: float | None = None
     """True readout time; None: camera.readout_s, and where that is None too, uniform over [0, frame interval]."""
 

@@ -103,7 +103,7 @@ class Eye:
             state = self._simulation.flight.at(t)
             turned[row] = state.ned_from_body
             places[row] = state.position
-        places += turned @ np.array(self._c.position_m)
+        places += turned @ np.add(self._c.position_m, self._simulation.biases.lever_arm_m)
         ned = np.einsum("rij,rcj->rci", turned, self._rays)
         down = ned[..., 2]
         reach = -places[:, None, 2] / np.maximum(down, STRAIGHT_DOWN_ENOUGH)

@@ -77,7 +77,12 @@ COPTER: dict[str, Any] = {
     "targets": (TargetOptions(label="pad"),),
 }
 """A multicopter with a camera that looks straight down through a global shutter: no wings, 2 deg of slow sway."""
-EXACT_POSITION: dict[str, Any] = {"biases.position_m": 0.0, "priors.position_noise_m": 0.01}
+EXACT_POSITION: dict[str, Any] = {
+    "biases.position_m": 0.0,
+    "biases.position_delay_s": 0.0,
+    "biases.lever_arm_m": (0.0, 0.0, 0.0),
+    "priors.position_noise_m": 0.01,
+}
 DESCENT: dict[str, Any] = {
     **COPTER,
     "flight.pattern": "waypoints",

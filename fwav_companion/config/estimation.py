@@ -53,6 +53,10 @@ class UncertaintyConfig(msgspec.Struct, frozen=True, kw_only=True):
     """Bias of the horizontal position, metres an axis; it wanders with position_bias_time_s."""
     position_bias_time_s: Positive = 60.0
     """Time constant of the position bias, seconds."""
+    position_delay_sigma_s: Annotated[float, Meta(ge=0, le=10)] = 0.05
+    """Bias of [vehicle] position_delay_s, seconds."""
+    lever_arm_sigma_m: SigmaM = 0.03
+    """Bias of [camera.mount] position_m and of the antenna's position, metres, each body axis."""
     height_noise_m: SigmaM = 0.3
     """Noise of the height, metres."""
     height_bias_m: SigmaM = 0.5
@@ -84,6 +88,10 @@ class UncertaintyConfig(msgspec.Struct, frozen=True, kw_only=True):
             Bias.POSITION_NORTH: self.position_bias_m,
             Bias.POSITION_EAST: self.position_bias_m,
             Bias.TERRAIN: self.terrain_m if surveyed else 0.0,
+            Bias.POSITION_DELAY: self.position_delay_sigma_s,
+            Bias.LEVER_X: self.lever_arm_sigma_m,
+            Bias.LEVER_Y: self.lever_arm_sigma_m,
+            Bias.LEVER_Z: self.lever_arm_sigma_m,
         }
         return ErrorPriors(
             pixel_noise_px=self.pixel_noise_px,

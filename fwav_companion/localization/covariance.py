@@ -45,6 +45,10 @@ class BiasVariances(msgspec.Struct, frozen=True, gc=False):
     north: float
     east: float
     terrain: float
+    position_delay: float
+    lever_x: float
+    lever_y: float
+    lever_z: float
 
 
 def bias_variances(priors: ErrorPriors) -> BiasVariances:
@@ -124,7 +128,7 @@ def _terms(
     propagation: Propagation, noise: NoiseVariances, bias: BiasVariances, meeting: Intersection
 ) -> tuple[Terms, Terms]:
     """The terms of noise and of biases without the vehicle's position; errors with the same column are one term."""
-    roll, pitch, heading, mount_x, mount_y, mount_z, time, _, height, _, _, terrain = propagation.biases
+    roll, pitch, heading, mount_x, mount_y, mount_z, time, _, height, _, _, terrain, _, *lever = propagation.biases
     attitude = noise.attitude + noise.bridging
     of_noise = (
         (propagation.pixel_u, noise.pixel_u),
@@ -143,6 +147,9 @@ def _terms(
         (heading, bias.heading),
         (time, bias.time_offset + noise.readout_share * bias.readout),
         (height, bias.height),
+        (lever[0], bias.lever_x),
+        (lever[1], bias.lever_y),
+        (lever[2], bias.lever_z),
     )
     if meeting.height_by_rotation is not ZERO3:  # attitude and mount then have different columns
         turns = ((mount_x, bias.mount_x), (mount_y, bias.mount_y), (roll, bias.roll), (pitch, bias.pitch))
@@ -154,12 +161,14 @@ def _terms(
 
 def _of_place(propagation: Propagation, noise: NoiseVariances, bias: BiasVariances) -> tuple[Matrix3, Matrix3]:
     """The covariances by noise and by bias of the vehicle's position; on level ground the point moves with it."""
-    *_, north, east, _ = propagation.biases
+    north, east = propagation.biases[Bias.POSITION_NORTH], propagation.biases[Bias.POSITION_EAST]
+    delay = propagation.biases[Bias.POSITION_DELAY]
     if (north, east) == ALONG:
-        return _diagonal(noise.place, noise.place), _diagonal(bias.north, bias.east)
+        by_delay = _covariance(((delay, bias.position_delay),))
+        return _diagonal(noise.place, noise.place), add_matrices(_diagonal(bias.north, bias.east), by_delay)
     return (
         _covariance(((north, noise.place), (east, noise.place))),
-        _covariance(((north, bias.north), (east, bias.east))),
+        _covariance(((north, bias.north), (east, bias.east), (delay, bias.position_delay))),
     )
 
 
@@ -201,7 +210,7 @@ def _raised(cov: Matrix3, variance: float) -> Matrix3:
 def _budget(
     propagation: Propagation, noise: NoiseVariances, bias: BiasVariances, places: tuple[Matrix3, Matrix3]
 ) -> ErrorBudget:
-    roll, pitch, heading, mount_x, mount_y, mount_z, time, _, height, _, _, terrain = propagation.biases
+    roll, pitch, heading, mount_x, mount_y, mount_z, time, _, height, _, _, terrain, _, *lever = propagation.biases
     attitude = noise.attitude + noise.bridging
     return ErrorBudget(
         pixel=sqrt(_flat(propagation.pixel_u) * noise.pixel_u + _flat(propagation.pixel_v) * noise.pixel_v),
@@ -213,7 +222,14 @@ def _budget(
         heading=sqrt(_flat(heading) * (bias.heading + noise.attitude)),
         height=sqrt(_flat(height) * (bias.height + noise.height)),
         time=sqrt(_flat(time) * (bias.time_offset + noise.readout_share * bias.readout + noise.time)),
-        mount=sqrt(_flat(mount_x) * bias.mount_x + _flat(mount_y) * bias.mount_y + _flat(mount_z) * bias.mount_z),
+        mount=sqrt(
+            _flat(mount_x) * bias.mount_x
+            + _flat(mount_y) * bias.mount_y
+            + _flat(mount_z) * bias.mount_z
+            + _flat(lever[0]) * bias.lever_x
+            + _flat(lever[1]) * bias.lever_y
+            + _flat(lever[2]) * bias.lever_z
+        ),
         position=sqrt(sum(cov[0][0] + cov[1][1] for cov in places)),
         terrain=sqrt(_flat(terrain) * bias.terrain),
     )

@@ -98,10 +98,17 @@ def propagate(sighting: Sighting, direction: Vector3, meeting: Intersection) -> 
     readout = scale(time, sighting.row_fraction)
     terrain = scale(deeper, -1.0) if meeting.surveyed else ZERO3
     stretch_body = transform(body_axes, turned)
+    vn, ve, vd = sighting.state.velocity_ned or ZERO3
+    position_delay = _by_camera((-vn, -ve, -vd), sighting, direction, meeting=meeting, m=m)
+    fixed_to_body = sighting.state.gimbal is None
+    lever_axes = body_axes if fixed_to_body else transpose(matrix_from_quaternion(sighting.state.ned_from_body))
+    lever_x, lever_y, lever_z = (_by_camera(axis, sighting, direction, meeting=meeting, m=m) for axis in lever_axes)
+    turning = (roll, pitch, heading, mount_x, mount_y, mount_z)
+    shifting = (height, north, east, terrain, position_delay, lever_x, lever_y, lever_z)
     return Propagation(
         pixel_u,
         pixel_v,
-        (roll, pitch, heading, mount_x, mount_y, mount_z, time, readout, height, north, east, terrain),
+        (*turning, time, readout, *shifting),
         RangeSensitivity(
             stretch_body, turned[2], (stretch_u, stretch_v), dot(stretch_body, sighting.state.carrier_rates)
         ),
@@ -141,6 +148,22 @@ def _by_time(sighting: Sighting, d: Vector3, meeting: Intersection, m: Vector3, 
         p * x1 + q * y1 + r * z1 + east - along * d[1],
         0.0 if level else p * x2 + q * y2 + r * z2 + down - along * d[2],
     )
+
+
+def _by_camera(shift_ned: Vector3, sighting: Sighting, d: Vector3, *, meeting: Intersection, m: Vector3) -> Vector3:
+    """The derivative of the point along a shift of the camera, NED.
+
+    In a relative world the horizontal axes move with the vehicle, and only the camera's height counts. Where the ground
+    is known by its distance from the camera, it moves with the camera.
+    """
+    north, east, down = shift_ned
+    if sighting.relative:
+        north = east = 0.0
+    if meeting.carried:
+        return (north, east, 0.0 if sighting.relative else down)
+    along = m[0] * north + m[1] * east + m[2] * down
+    level = meeting.normal is LEVEL_NORMAL
+    return (north - along * d[0], east - along * d[1], 0.0 if level else down - along * d[2])
 
 
 def _by_height(sighting: Sighting, meeting: Intersection, deeper: Vector3) -> Vector3:

@@ -37,6 +37,12 @@ class Bias(IntEnum):
     POSITION_EAST = 10
     TERRAIN = 11
     """Error of the terrain height at the target, m up; common to the fixes of one place."""
+    POSITION_DELAY = 12
+    """Error of the configured age of positions, s; positive: positions are older than configured."""
+    LEVER_X = 13
+    """Error of the camera's configured position in the body, and of the antenna's, m: configured minus true."""
+    LEVER_Y = 14
+    LEVER_Z = 15
 
 
 BIAS_COUNT = len(Bias)

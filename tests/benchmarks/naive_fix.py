@@ -70,7 +70,11 @@ def naive_fix(
     higher = onto_ground @ -DOWN
     north, east = onto_ground @ np.array([1.0, 0.0, 0.0]), onto_ground @ np.array([0.0, 1.0, 0.0])
     jacobian = np.column_stack(
-        [roll, pitch, heading, -roll, -pitch, -yaw, time, row_fraction * time, higher, north, east, np.zeros(3)]
+        [
+            *(roll, pitch, heading, -roll, -pitch, -yaw, time, row_fraction * time, higher, north, east, np.zeros(3)),
+            onto_ground @ -velocity,
+            *(onto_ground @ axis for axis in body_axes),
+        ]
     )
 
     pixel_cov = pixel @ np.diag([sigmas["u"] ** 2, sigmas["v"] ** 2]) @ pixel.T
@@ -85,7 +89,8 @@ def naive_fix(
     noise_cov = pixel_cov + attitude_cov + heading_cov + height_cov + time_cov + place_cov + level
 
     bias_cov = jacobian @ np.diag(bias_sigmas**2) @ jacobian.T
-    place_bias_cov = jacobian[:, 9:11] @ np.diag(bias_sigmas[9:11] ** 2) @ jacobian[:, 9:11].T
+    by_place = [9, 10, 12]
+    place_bias_cov = jacobian[:, by_place] @ np.diag(bias_sigmas[by_place] ** 2) @ jacobian[:, by_place].T
     cov = noise_cov + bias_cov + np.diag([0.0, 0.0, bias_sigmas[8] ** 2])
 
     def share(noise: Array, *columns: int) -> float:
@@ -100,8 +105,8 @@ def naive_fix(
         "heading": share(heading_cov, 2),
         "height": share(height_cov, 8),
         "time": share(time_cov, 6, 7),
-        "mount": share(none, 3, 4, 5),
-        "position": share(place_cov, 9, 10),
+        "mount": share(none, 3, 4, 5, 13, 14, 15),
+        "position": share(place_cov, 9, 10, 12),
         "terrain": share(none, 11),
     }
     return NaiveFix(position, noise_cov, jacobian, cov, cov - place_cov - place_bias_cov, budget)

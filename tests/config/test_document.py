@@ -33,6 +33,8 @@ def test_priors_are_in_si_and_in_the_order_of_the_biases():
     terrain_m = 9
     time_offset_sigma_s = 0.5
     position_bias_time_s = 11
+    position_delay_sigma_s = 0.3
+    lever_arm_sigma_m = 0.2
     [ground]
     model = "terrain"
     terrain = ["N45E007.hgt"]
@@ -49,6 +51,7 @@ def test_priors_are_in_si_and_in_the_order_of_the_biases():
         Bias.MOUNT_X: math.pi / 20, Bias.MOUNT_Y: math.pi / 20, Bias.MOUNT_Z: math.pi / 20,
         Bias.TIME_OFFSET: 0.5, Bias.READOUT: READOUT_SIGMA_UNKNOWN_S, Bias.HEIGHT: 8.0,
         Bias.POSITION_NORTH: 7.0, Bias.POSITION_EAST: 7.0, Bias.TERRAIN: 9.0,
+        Bias.POSITION_DELAY: 0.3, Bias.LEVER_X: 0.2, Bias.LEVER_Y: 0.2, Bias.LEVER_Z: 0.2,
     }  # fmt: skip
     assert {bias: priors.sigma(bias) for bias in Bias} == pytest.approx(expected)
 

@@ -52,7 +52,7 @@ class TestGround:
         for bias in Bias:
             if bias is Bias.TERRAIN:
                 continue
-            step = STEPS[bias] * np.eye(12)[bias] * 100.0
+            step = STEPS[bias] * np.eye(len(Bias))[bias] * 100.0
             ahead, behind = (self.locate(ground, scene.sighting(sign * step)).position_ned for sign in (1.0, -1.0))
             found = np.subtract(ahead, behind) / (2.0 * STEPS[bias] * 100.0)
             assert fix.bias_jacobian[bias] == pytest.approx(found, rel=2e-3, abs=2e-2), bias.name
@@ -101,7 +101,9 @@ class TestGround:
             assert np.array(fix.cov) == pytest.approx(np.array(fix.noise_cov) + biases, rel=1e-9)
             place = jacobian[[Bias.POSITION_NORTH, Bias.POSITION_EAST]]
             of_place = (1.0 + PRIORS.position_noise_m**2 + 0.05**2) * place.T @ place
-            assert np.array(fix.relative_cov) == pytest.approx(np.array(fix.cov) - of_place, rel=1e-9, abs=1e-9)
+            delay = PRIORS.sigma(Bias.POSITION_DELAY) * jacobian[Bias.POSITION_DELAY]
+            without = np.array(fix.cov) - of_place - np.outer(delay, delay)
+            assert np.array(fix.relative_cov) == pytest.approx(without, rel=1e-9, abs=1e-9)
 
     def raised(self, model, by_m) -> TerrainGround:
         ground = self.ground(model)

@@ -21,10 +21,23 @@ PRIORS = ErrorPriors(
     attitude_noise=radians(0.1),
     position_noise_m=0.1,
     height_noise_m=0.3,
-    bias_sigmas=(radians(0.5), radians(0.5), radians(2), *(radians(1),) * 3, 0.01, 0.008, 0.5, 1.0, 1.0, 4.0),
+    bias_sigmas=(
+        radians(0.5),
+        radians(0.5),
+        radians(2),
+        *(radians(1),) * 3,
+        0.01,
+        0.008,
+        0.5,
+        1.0,
+        1.0,
+        4.0,
+        0.05,
+        *(0.03,) * 3,
+    ),
     position_bias_time_s=60.0,
 )
-STEPS = np.array([1e-5] * 8 + [1e-3] * 4)
+STEPS = np.array([1e-5] * 8 + [1e-3] * 4 + [1e-5] + [1e-3] * 3)
 """Steps of the differences, by Bias: radians, seconds, metres."""
 
 
@@ -97,7 +110,9 @@ class Scene:
         place = np.array([*self.vehicle, -self.height_m]) + late * np.array(self.velocity)
         place[:2] += bias[[Bias.POSITION_NORTH, Bias.POSITION_EAST]] + noise.place
         place[2] -= bias[Bias.HEIGHT] + noise.height
+        place -= bias[Bias.POSITION_DELAY] * np.array(self.velocity)
         body = self._attitude(late) if self.on_gimbal else reported
+        place += body.apply(bias[Bias.LEVER_X :])
         state = VehicleState(
             boot_ns=0,
             ned_from_body=quaternion(body),

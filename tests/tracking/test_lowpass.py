@@ -6,6 +6,7 @@ from handmade import a_fix, a_view
 from simulated_flight import priors
 
 from fwav_companion.tracking import TrackingOptions, make_tracker
+from fwav_companion.types import BIAS_COUNT
 
 NO_BIAS = priors(time_offset=0, heading=0, mount_x=0, mount_y=0, mount_z=0, height_noise_m=0.0)
 
@@ -60,7 +61,7 @@ def test_white_noise_shrinks_by_alpha_over_two_minus_alpha():
 
 def test_a_standing_bias_is_left_alone():
     p = priors(time_offset=0, heading=0, mount_x=0, mount_y=0.02, mount_z=0)
-    jacobian = np.zeros((3, 12))
+    jacobian = np.zeros((3, BIAS_COUNT))
     jacobian[0, 4] = 12.0
     tracker = make_tracker(TrackingOptions(filter="lowpass"), p)
     for k in range(300):

@@ -121,7 +121,7 @@ def test_claims_hold_over_flights_with_biases_drawn_from_the_priors():
         for k in range(20):
             jacobian = rng.standard_normal((3, BIAS_COUNT)) * 8.0
             jacobian[2] = 0.0
-            jacobian[:, Bias.POSITION_NORTH :] = np.eye(3)
+            jacobian[:, Bias.POSITION_NORTH : Bias.POSITION_DELAY] = np.eye(3)
             if k:
                 fresh = rng.standard_normal(2) * sigmas[[9, 10]]
                 standing[[9, 10]] = keep * standing[[9, 10]] + np.sqrt(1 - keep**2) * fresh

@@ -20,7 +20,8 @@ CAMERA_COMES_UP_S = 1.5
 """Time from the autopilot's start to the first frame, seconds, as on a board that boots."""
 PRIORS = (
     "attitude_noise_deg", "attitude_bias_deg", "heading_bias_deg", "position_noise_m", "position_bias_m",
-    "position_bias_time_s", "height_noise_m", "height_bias_m", "mount_bias_deg", "time_offset_sigma_s",
+    "position_bias_time_s", "position_delay_sigma_s", "lever_arm_sigma_m",
+    "height_noise_m", "height_bias_m", "mount_bias_deg", "time_offset_sigma_s",
 )  # fmt: skip
 """Keys of [uncertainty] that the mock draws from, by the same names. Pixels have no prior: pictures are rendered."""
 
