@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from enum import StrEnum
 from math import cos, degrees, isnan, radians, sin, sqrt
-from typing import Any
 
 from fwav_companion.geometry.earth import ECCENTRICITY2, SEMI_MAJOR_M, Geodetic, TangentPlane
 from fwav_companion.geometry.vectors import Vector3, unit
@@ -12,6 +11,7 @@ from fwav_companion.localization.elevation import ElevationModel
 from fwav_companion.localization.ground import Intersection, camera_above_flat, flat_distance
 from fwav_companion.localization.ray_search import Hit, first_hit
 from fwav_companion.types import NoFix, Reason, Sighting
+from fwav_companion.types.flight_status import GroundReport
 
 MOST_SHIFT_M = 30.0
 """Largest shift of a model, metres: ArduPilot's TERRAIN_OFS_MAX. More means a datum other than the configured one."""
@@ -78,15 +78,15 @@ class TerrainGround:
             return NoFix(self._trouble or Reason.NO_POSITION)
         return self._meet_model(self._model, self._plane, sighting, direction)
 
-    def status(self) -> dict[str, Any]:
+    def status(self) -> GroundReport:
         """Name, source, datum and shift of the model, and the reason why it gives no fixes."""
-        return {
-            "model": "terrain",
-            "source": "TERRAIN_REPORT" if self._model is None else "files",
-            "datum": self._datum.value,
-            "shift_m": self.shift_m,
-            "trouble": None if self._model is None or self._trouble is None else self._trouble.value,
-        }
+        return GroundReport(
+            model="terrain",
+            source="TERRAIN_REPORT" if self._model is None else "files",
+            datum=self._datum.value,
+            shift_m=self.shift_m,
+            trouble=None if self._model is None or self._trouble is None else self._trouble.value,
+        )
 
     def _meet_model(
         self, model: ElevationModel, plane: TangentPlane, sighting: Sighting, direction: Vector3

@@ -98,8 +98,12 @@ class TargetLog:
             "frames": self.frames,
             "detections": self.detections,
             "fixes": self.fixes,
-            "dropped": {reason.value: count for reason, count in sorted(self.dropped.items())},
+            "dropped": self.refusals(),
         }
+
+    def refusals(self) -> dict[str, int]:
+        """Counts of the refusals so far by reason, in alphabetical order."""
+        return {reason.value: count for reason, count in sorted(self.dropped.items())}
 
     def header(self) -> Line | None:
         """First line of a file that begins now; None before the origin is decided."""

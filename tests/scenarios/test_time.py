@@ -158,7 +158,7 @@ def test_118_what_leaves_the_error_where_it_was(name, differences):
 def test_119_a_reboot_is_reported_and_frames_meanwhile_are_held_back():
     flown = seen("rebooting")
     assert flown.companion.codes.count(NoticeCode.AUTOPILOT_REBOOTED) == 1
-    assert flown.companion.pipeline.status(flown.mock.end_ns)["telemetry"]["reboots"] == 1
+    assert flown.companion.pipeline.status(flown.mock.end_ns).telemetry.reboots == 1
     assert 15 < sum(held_back(flown).values()) < 35  # two seconds of ten frames, and the new clock's first
     after = [line for line in clock_errors(flown) if line.flight_s > 15.5]
     assert all(abs(line.error_s) < 1.0 * MS for line in after)
@@ -263,7 +263,7 @@ def test_205_a_stream_too_slow_for_the_motion_says_so_and_carries_it():
     """Ten attitudes a second do not show a wing beat of 5 Hz; the rates that come with them do."""
     options = scenario("perfect").but({**NADIR, "camera.readout_s": 0.0})
     flown = fly(options, (*GLOBAL_SHUTTER, "rates.attitude=10"), sightings=True)
-    assert flown.companion.pipeline.status(flown.mock.end_ns)["telemetry"]["too_slow_for_motion"]
+    assert flown.companion.pipeline.status(flown.mock.end_ns).telemetry.too_slow_for_motion
     ratios = []
     for line in budgets(flown):
         north, east = on_the_ground(flown, line)
@@ -334,14 +334,14 @@ RATES = [
 def test_rates(name, differences, message, hz, said):
     flown = seen(name, **differences)
     status = flown.companion.pipeline.status(flown.mock.end_ns)
-    assert status["telemetry"]["attitude_source"] == message
-    assert status["telemetry"]["rates_hz"][message] == pytest.approx(hz, rel=0.05)
+    assert status.telemetry.attitude_source == message
+    assert status.telemetry.rates_hz[message] == pytest.approx(hz, rel=0.05)
     assert said in flown.companion.codes
 
 
 def test_407_the_thief_is_named_where_check_looks():
     flown = seen("gcs_thief", seconds=26.0)
-    undone_by = flown.companion.pipeline.status(flown.mock.end_ns)["rates"]["ATTITUDE_QUATERNION"]["undone_by"]
+    undone_by = flown.companion.pipeline.status(flown.mock.end_ns).rates["ATTITUDE_QUATERNION"].undone_by
     assert "255/190" in undone_by
     lost = held_back(flown)
     assert lost["stale_attitude"] + lost["attitude_gap"] < 2 * 10 * 3.0, "three seconds for each of two thefts"

@@ -19,6 +19,8 @@ from fwav_companion.tools.doctor.examination import examine
 from fwav_companion.tools.doctor.finding import Finding
 from fwav_companion.tools.doctor.run_status import run_status
 from fwav_companion.types import Outgoing
+from fwav_companion.types.network_status import LinkReport
+from fwav_companion.types.status import IntakeReport, RunStatus
 from fwav_companion.vision.wall_clock import WallClock
 from fwav_companion.vision.wire import parse_frame
 from sitl_mock import Options, simulate
@@ -93,14 +95,13 @@ class Hearing:
         """The status as the service writes it."""
         now = self._now
         age_s = (now - self._came_ns) / 1e9 if self._came else None
-        status = {
-            "up_s": (now - (self._started_ns or 0)) / 1e9,
-            "links": {link.name: {"state": "up", "why": ""} for link in self.config.link},
-            "traffic": msgspec.to_builtins(self._node.statistics(now)),
-            "intake": {"came": self._came, "age_s": age_s, "why": ""},
-            "internal_faults": 0,
-            **self._pipeline.status(now),
-        }
+        status = RunStatus(
+            **msgspec.structs.asdict(self._pipeline.status(now)),
+            up_s=(now - (self._started_ns or 0)) / 1e9,
+            links={link.name: LinkReport(state="up") for link in self.config.link},
+            traffic=self._node.statistics(now),
+            intake=IntakeReport(came=self._came, age_s=age_s),
+        )
         return msgspec.json.decode(msgspec.json.encode(status))
 
     def _instant(self, now_ns: int) -> HostNs:
