@@ -73,7 +73,7 @@ def a_fix(t, position, noise=LEVEL, jacobian=None, sigmas=None, **detection):
     )  # fmt: skip
     columns = tuple(vector(j) for j in jacobian.T)
     return GroundFix(
-        sighting, vector(position), matrix(noise), columns, matrix(total), matrix(relative), NO_BUDGET, "home"
+        sighting, vector(position), matrix(noise), columns, matrix(total), matrix(relative), NO_BUDGET, "as given"
     )
 
 

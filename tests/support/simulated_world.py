@@ -151,7 +151,7 @@ class _Cast:
         for i, turn in ((Bias.ROLL, [STEP, 0, 0]), (Bias.PITCH, [0, STEP, 0])):
             out[:, i] = self.by_turn(turn)
         for i, axis in zip(MOUNT, np.eye(3), strict=True):
-            out[:, i] = self.by_turn(STEP * axis)
+            out[:, i] = -self.by_turn(STEP * axis)  # the package's bias turns the true mount, not the configured one
         headed = Rotation.from_rotvec([0, 0, STEP]) * self.rotation
         out[:, Bias.HEADING] = self._moved(headed, self.camera)
         later = self.rotation * Rotation.from_rotvec(self.rates * STEP)

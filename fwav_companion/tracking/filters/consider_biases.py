@@ -1,8 +1,9 @@
-"""The errors that many fixes share, scaled for filters: a fix weighed with its biases, not only with its noise.
+"""Fixes as measurements of a Schmidt-Kalman filter: noise fresh in each fix, and biases that are considered.
 
-A fix is ``truth + noise + J b`` with biases b that stand (or wander slowly) through a flight. An estimate blended from
-fixes has an error that shares those biases: filters here carry ``shared = cov(error, b / sigma)`` beside the covariance
-of their noise. Biases are considered, never estimated, and a covariance cannot shrink below what averaging leaves.
+A fix is ``truth + noise + J b`` with biases b that are constant through a flight. A filter does not estimate them. It
+carries ``C = cov(error, b / sigma)`` beside the covariance of its noise, so that its covariance never shrinks below
+what averaging leaves (Schmidt 1966). The error of the vehicle's position wanders and comes last in every row: a filter
+may keep it as a state, or let its share decay.
 """
 
 from __future__ import annotations
@@ -12,102 +13,162 @@ from typing import TypeAlias
 
 import msgspec
 
-from fwav_companion.geometry.small_matrices import add_diagonal
+from fwav_companion.geometry.small_matrices import add_diagonal, inner
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
-from fwav_companion.geometry.vectors import Matrix3, Vector3, add_matrices, outer, scale
+from fwav_companion.geometry.vectors import ZERO33, Matrix3, Vector3, add_matrices, outer, scale
 from fwav_companion.tracking.filters.gates import widest_gate
+from fwav_companion.tracking.filters.linearization import TELEMETRY_STEP_S
 from fwav_companion.types import Bias, ErrorPriors, GroundFix
 
 Row: TypeAlias = tuple[float, ...]
 Rows: TypeAlias = tuple[Row, Row, Row]
 """North, east, down by the biases in use."""
 
-TELEMETRY_STEP_S = 0.1
-"""Height and position arrive at 10 Hz ([rates] position) and are interpolated: frames that come faster share their
-noise, so it averages as the samples do, not as the frames do."""
+BiasShare: TypeAlias = tuple[int, float, float]
+"""Index of one of the biases in use, and its scaled sensitivities: north, east."""
 
 DOWN_FLOOR_M2 = 0.02**2
-"""No ground is flatter: keeps the algebra regular where a plane leaves the height of a fix without any error."""
-
-
+"""Least variance of a ground's level, m^2: keeps the algebra regular where a plane leaves the height without error."""
 MOST_TURN_COSINE = 0.7
-"""45 degrees: no noise turns a sight more, but right above the target, where no azimuth matters."""
-
+"""45 degrees: noise turns a line of sight by more only right above the target, where its azimuth does not matter."""
 MOST_REMEMBERED = 64
-"""Fixes: those of a frame and more, a quarter of a megabyte."""
+"""Prepared fixes that are kept: those of a frame and more, a quarter of a megabyte."""
+SENSITIVITY_SHARE = 0.25
+"""Relative error of the sensitivities to attitude, mount and height, one sigma, that the gain allows for.
+
+Over a descent from 15 m they change fifteenfold, and the gain uses that. Over a hover they change by a fifth with the
+beat of the wings: a gain that uses that, too, multiplies the noise for little. At 0.07, 0.15 and 0.30 the error at the
+end was, median / worst: hover without any bias 0.08 / 0.13, 0.014 / 0.024, 0.005 / 0.009 m; eight with the camera 35 ms
+late and the mount off by 0.5, 1, 2 deg 0.11 / 0.26, 0.09 / 0.23, 0.09 / 0.16 m; descent with the mount off by 1 deg
+0.021 / 0.08, 0.025 / 0.07, 0.026 / 0.07 m."""
+SENSITIVITY_STEP_S = 6.0
+"""Twice the correlation time of that error: it stays the same while the geometry does."""
+FIRST_SENSITIVITY_S = 0.1
+"""Interval that counts for the first fix of a target, which has none. With the whole correlation time its own noise
+would stay in the mean of the first seconds; with a frame's interval its claim would be several times too wide."""
+SENSITIVE = (Bias.ROLL, Bias.PITCH, Bias.MOUNT_X, Bias.MOUNT_Y, Bias.MOUNT_Z, Bias.HEIGHT)
+WANDERING = (Bias.POSITION_NORTH, Bias.POSITION_EAST)
 
 
 class Measurement(msgspec.Struct, frozen=True, gc=False):
     """A fix as a filter takes it."""
 
     position: Vector3
+    """Metres, NED."""
     noise: Matrix3
-    """Fresh in this fix, m^2."""
+    """Covariance of the noise, m^2."""
     shared: Rows
     """J sigma: metres per sigma of each bias in use."""
     gate: float
-    """The widest that it is asked about."""
+    """Widest gate that applies to the fix."""
 
 
 class ConsiderBiases:
-    """The biases that have a prior at all, their scales, and how the wandering ones fade."""
+    """The biases with a prior, their scales, and the noise that fixes share for a while."""
 
     __slots__ = (
         "_attitude_noise2",
+        "_delayed",
         "_height_noise2",
         "_position_noise2",
         "_remembered",
+        "_sensitive",
         "_used",
         "_wander_s",
         "count",
+        "height_noise_m",
+        "position_noise_m2",
         "timed",
         "wandering",
     )
 
-    def __init__(self, priors: ErrorPriors) -> None:
-        # The wandering ones come last, so that standing and wandering parts of a row are two slices.
-        last = (Bias.POSITION_NORTH, Bias.POSITION_EAST)
-        used = [bias for bias in Bias if priors.sigma(bias) > 0.0 and bias not in last]
+    def __init__(self, priors: ErrorPriors, *, wandering: bool = True) -> None:
+        """``wandering``: whether the error of the vehicle's position is among the biases."""
+        used = [bias for bias in Bias if priors.sigma(bias) > 0.0 and bias not in WANDERING]
         self.wandering = len(used)
-        """Where the wandering biases begin."""
-        used += [bias for bias in last if priors.sigma(bias) > 0.0]
-        self.count = len(used)
+        """Index of the first wandering bias."""
+        self._sensitive = tuple((used.index(bias), bias) for bias in SENSITIVE if bias in used)
         self.timed = used.index(Bias.TIME_OFFSET) if Bias.TIME_OFFSET in used else None
-        """Where the time offset stands."""
+        """Index of the time offset."""
+        self._delayed = used.index(Bias.POSITION_DELAY) if Bias.POSITION_DELAY in used else None
+        used += [bias for bias in WANDERING if wandering and priors.sigma(bias) > 0.0]
+        self.count = len(used)
         self._used = tuple((int(bias), priors.sigma(bias)) for bias in used)
         self._wander_s = priors.position_bias_time_s
         self._remembered: dict[int, tuple[GroundFix, Measurement]] = {}
         self._attitude_noise2 = priors.attitude_noise**2
+        self.height_noise_m = priors.height_noise_m
         self._height_noise2 = priors.height_noise_m**2
-        self._position_noise2 = priors.position_noise_m**2
+        self.position_noise_m2 = priors.position_noise_m**2
 
-    def weighed(self, fix: GroundFix) -> Measurement:
-        """The fix alone with its scaled Jacobian; weighed once for all the tracks that are asked about it."""
+    def prepared(self, fix: GroundFix) -> Measurement:
+        """The fix alone with its scaled Jacobian; prepared once for all tracks of a frame."""
         remembered = self._remembered.get(id(fix))
         if remembered is not None and remembered[0] is fix:
             return remembered[1]
         if len(self._remembered) >= MOST_REMEMBERED:
             self._remembered.clear()
         noise, gate = add_diagonal(fix.noise_cov, 0.0, DOWN_FLOOR_M2), widest_gate(fix.sighting.detection)
-        weighed = Measurement(fix.position_ned, noise, self._scaled(fix), gate)
-        self._remembered[id(fix)] = (fix, weighed)
-        return weighed
+        prepared = Measurement(fix.position_ned, noise, self._scaled(fix), gate)
+        self._remembered[id(fix)] = (fix, prepared)
+        return prepared
 
-    def weighed_after(self, fix: GroundFix, since_s: float, target_ned: Vector3 | None = None) -> Measurement:
-        """The fix as one that comes so long after another: what they have of the same telemetry is no news.
+    def decorrelated(self, fix: GroundFix, since_s: float, toward_ned: Vector3 | None = None) -> Measurement:
+        """The fix with its noise inflated for time correlation: ``since_s`` after the track's last one.
 
-        ``target_ned``: where the target is believed to stand; the fix's noise is then that of a sight to there.
+        Fixes closer than TELEMETRY_STEP_S share one sample of position and height, those closer than the interval of
+        the attitudes one attitude (Bar-Shalom, Li & Kirubarajan 2001, ch. 8). ``toward_ned``: the estimated target; the
+        noise is then that of a line of sight in its azimuth.
         """
-        weighed = self.weighed(fix)
-        noise = weighed.noise
+        prepared = self.prepared(fix)
+        noise = prepared.noise
         if since_s < TELEMETRY_STEP_S:
             repeated = TELEMETRY_STEP_S / max(since_s, 1e-3) - 1.0
             noise = self._with_repeats(noise, fix.bias_jacobian[Bias.HEIGHT], repeated)
         if since_s < fix.sighting.state.spacing_s:
             noise = self._with_attitudes(noise, fix, fix.sighting.state.spacing_s / max(since_s, 1e-3) - 1.0)
-        if target_ned is not None:
-            noise = turned_toward(noise, fix, target_ned)
-        return weighed if noise is weighed.noise else Measurement(weighed.position, noise, weighed.shared, weighed.gate)
+        if toward_ned is not None:
+            noise = turned_toward(noise, fix, toward_ned)
+        if noise is prepared.noise:
+            return prepared
+        return Measurement(prepared.position, noise, prepared.shared, prepared.gate)
+
+    def relinearized(
+        self, measurement: Measurement, columns: dict[Bias, tuple[float, float]], since_s: float
+    ) -> Measurement:
+        """The measurement with other sensitivities, d(north, east)/d(bias), and their own error as noise."""
+        north, east, down = list(measurement.shared[0]), list(measurement.shared[1]), measurement.shared[2]
+        for i, bias in self._sensitive:
+            sigma, (n, e) = self._used[i][1], columns[bias]
+            north[i], east[i] = n * sigma, e * sigma
+        shared = (tuple(north), tuple(east), down)
+        relinearized = Measurement(measurement.position, measurement.noise, shared, measurement.gate)
+        return self.with_sensitivity_noise(relinearized, since_s)
+
+    def with_sensitivity_noise(self, measurement: Measurement, since_s: float) -> Measurement:
+        """The measurement with the error of its sensitivities in its noise."""
+        shared_n, shared_e, _ = measurement.shared
+        north, east = [shared_n[i] for i, _ in self._sensitive], [shared_e[i] for i, _ in self._sensitive]
+        share = SENSITIVITY_SHARE**2 * max(1.0, SENSITIVITY_STEP_S / max(since_s, 1e-3))
+        (nn, ne, nd), (_, ee, ed), down = measurement.noise
+        nn, ne, ee = (
+            nn + share * inner(north, north),
+            ne + share * inner(north, east),
+            ee + share * inner(east, east),
+        )
+        noise = ((nn, ne, nd), (ne, ee, ed), down)
+        return Measurement(measurement.position, noise, measurement.shared, measurement.gate)
+
+    def by_delay(self, measurement: Measurement) -> BiasShare | None:
+        """What the position delay does to a measurement; None where it has no prior."""
+        i = self._delayed
+        return None if i is None else (i, measurement.shared[0][i], measurement.shared[1][i])
+
+    def decay(self, from_ns: HostNs, to_ns: HostNs) -> float:
+        """The share of the wandering biases that is left after this time, as a first-order Gauss-Markov process."""
+        if self.wandering == self.count or to_ns == from_ns or not self._wander_s > 0.0:
+            return 1.0
+        return exp(-s_from_ns(to_ns - from_ns) / self._wander_s)
 
     def _scaled(self, fix: GroundFix) -> Rows:
         jacobian = fix.bias_jacobian
@@ -122,31 +183,24 @@ class ConsiderBiases:
     def _with_repeats(self, noise: Matrix3, by_height: Vector3, repeated: float) -> Matrix3:
         (nn, ne, nd), (_, ee, ed), (_, _, dd) = noise
         n, e, d = by_height
-        height, position = repeated * self._height_noise2, repeated * self._position_noise2
+        height, position = repeated * self._height_noise2, repeated * self.position_noise_m2
         nn, ne, ee = nn + height * n * n + position, ne + height * n * e, ee + height * e * e + position
         nd, ed, dd = nd + height * n * d, ed + height * e * d, dd + height * d * d
         return ((nn, ne, nd), (ne, ee, ed), (nd, ed, dd))
 
     def _with_attitudes(self, noise: Matrix3, fix: GroundFix, repeated: float) -> Matrix3:
-        """Where attitudes come more slowly than frames, fixes between the same two share their noise."""
-        variance = repeated * self._attitude_noise2
+        variance, repeats = repeated * self._attitude_noise2, ZERO33
         for axis in (Bias.ROLL, Bias.PITCH, Bias.HEADING):
             by_turn = fix.bias_jacobian[axis]
-            noise = add_matrices(noise, outer(by_turn, scale(by_turn, variance)))
-        return noise
-
-    def kept(self, from_ns: HostNs, to_ns: HostNs) -> float:
-        """The share of the wandering biases that is left after this time: the vehicle's position error is forgotten."""
-        if self.wandering == self.count or to_ns == from_ns or not self._wander_s > 0.0:
-            return 1.0
-        return exp(-s_from_ns(to_ns - from_ns) / self._wander_s)
+            repeats = add_matrices(repeats, outer(by_turn, scale(by_turn, variance)))
+        return add_matrices(noise, repeats)
 
 
 def turned_toward(noise: Matrix3, fix: GroundFix, target_ned: Vector3) -> Matrix3:
-    """The noise of a sight in the target's azimuth, of one in the fix's own.
+    """The noise of a fix, turned into the azimuth of the target.
 
-    A fix is sure across its own line of sight, and its own noise has turned that line. Weighed so, many fixes agree
-    best where all the lines meet: at the camera, and the target is drawn nearer by centimetres that no claim covers.
+    A fix is certain across its own line of sight, and its own noise has turned that line. Many fixes weighed so agree
+    best where all lines meet: at the camera. The target is then drawn nearer by centimetres that no claim covers.
     """
     camera_n, camera_e, _ = fix.sighting.camera_ned
     fix_n, fix_e = fix.position_ned[0] - camera_n, fix.position_ned[1] - camera_e
@@ -163,11 +217,11 @@ def turned_toward(noise: Matrix3, fix: GroundFix, target_ned: Vector3) -> Matrix
     return ((turned_nn, turned_ne, turned_nd), (turned_ne, turned_ee, turned_ed), (turned_nd, turned_ed, dd))
 
 
-def faded(rows: Rows, wandering: int, kept: float) -> Rows:
-    """Covariances with the biases when only this share of the wandering ones is left."""
+def decayed(rows: Rows, wandering: int, share: float) -> Rows:
+    """The rows after ``share`` of the wandering biases is left."""
     n, e, d = rows
     return (
-        n[:wandering] + tuple([c * kept for c in n[wandering:]]),
-        e[:wandering] + tuple([c * kept for c in e[wandering:]]),
-        d[:wandering] + tuple([c * kept for c in d[wandering:]]) if any(d) else d,
+        n[:wandering] + tuple([c * share for c in n[wandering:]]),
+        e[:wandering] + tuple([c * share for c in e[wandering:]]),
+        d[:wandering] + tuple([c * share for c in d[wandering:]]) if any(d) else d,
     )

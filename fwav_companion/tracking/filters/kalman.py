@@ -1,42 +1,111 @@
-"""The Kalman filter of a target that stands still."""
+"""The Kalman filter of a target that stands."""
 
 from __future__ import annotations
 
+from typing import Self
+
+from msgspec.structs import replace
+
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
-from fwav_companion.tracking.filters.consider_biases import ConsiderBiases
-from fwav_companion.tracking.filters.schmidt_kalman import first_estimate, kalman_gain, posterior_noise, update
-from fwav_companion.tracking.filters.standing import StandingTargetState
+from fwav_companion.tracking.filters.consider_biases import FIRST_SENSITIVITY_S, Measurement
+from fwav_companion.tracking.filters.linearization import LinearizationPoint, first_point, is_level, level_columns
+from fwav_companion.tracking.filters.maneuver import ManeuverLag
+from fwav_companion.tracking.filters.schmidt_kalman import (
+    FixInnovation,
+    PlaceEstimate,
+    StandingEstimate,
+    first_down,
+    first_estimate,
+    relative_estimate,
+    scattered,
+)
+from fwav_companion.tracking.filters.standing import StandingModel, StandingTargetState
 from fwav_companion.types import ErrorPriors, GroundFix
 
+LEAST_JUMP_S = 0.02
+"""Least duration of a jump of the position: one frame of the fastest camera."""
 
-class StaticTargetState(StandingTargetState, frozen=True):
-    """Each fix weighed with its own covariance and with what it shares with those before."""
 
-    def predict(self, host_ns: HostNs) -> StaticTargetState:
-        """The target stays; only the vehicle's position error goes on wandering."""
-        kept = self.errors.kept(self.host_ns, host_ns)
-        return (
-            self if kept == 1.0 else StaticTargetState(self.errors, self.estimate.faded(kept), host_ns, self.fixed_ns)
+class StaticTargetState(StandingTargetState, frozen=True, kw_only=True):
+    """A standing target by the gain of least total covariance: near fixes count for more, their biases are smaller."""
+
+    point: LinearizationPoint
+    """Where sensitivities are taken."""
+    now: PlaceEstimate | None = None
+    """The place in the frame of the vehicle's report at this fix; None in a frame without one."""
+    jump: ManeuverLag = ManeuverLag()
+    """Running mean of the innovations, which shows a jump of the vehicle's position."""
+
+    @property
+    def relative(self) -> PlaceEstimate:
+        """The place in the frame of the vehicle's report."""
+        return super().relative if self.now is None else self.now
+
+    def predict(self, host_ns: HostNs) -> Self:
+        """The state at a later instant."""
+        state = super().predict(host_ns)
+        return state if state.now is None else replace(state, now=None)
+
+    def update(self, fix: GroundFix) -> Self:
+        """The state after a fix of this instant."""
+        errors, host_ns = self.model.errors, fix.sighting.frame_host_ns
+        since_s = s_from_ns(host_ns - self.fixed_ns)
+        point, measurement = self._measured(fix, since_s)
+        before, innovation, jump = self._jumped(measurement, since_s)
+        estimate = before.update(innovation, before.kalman_gain(innovation))
+        return replace(
+            self,
+            estimate=estimate,
+            down=self.down.update(measurement),
+            scatter=scattered(before.apparent, self.scatter, errors.prepared(fix), errors.timed),
+            point=point.moved(estimate.mean[0] - before.mean[0], estimate.mean[1] - before.mean[1]),
+            now=relative_estimate(before, innovation, errors.position_noise_m2, errors.by_delay(measurement)),
+            jump=jump,
+            fixed_ns=host_ns,
         )
 
-    def update(self, fix: GroundFix) -> StaticTargetState:
-        """With the gain of least noise: the weighted mean of all fixes."""
-        errors, estimate, host_ns = self.errors, self.estimate, fix.sighting.frame_host_ns
-        weighed = errors.weighed_after(fix, s_from_ns(host_ns - self.fixed_ns), estimate.position)
-        gain = kalman_gain(estimate, weighed)
-        noise = posterior_noise(estimate.noise, gain)
-        return StaticTargetState(errors, update(estimate, weighed, gain, noise, errors.timed), self.host_ns, host_ns)
+    def _jumped(self, measurement: Measurement, since_s: float) -> tuple[StandingEstimate, FixInnovation, ManeuverLag]:
+        """The estimate before the fix, and its innovation: free to have jumped where the last innovations agree so."""
+        innovation = self.estimate.innovation(measurement)
+        jump = self.jump.with_fix(innovation.north_m, innovation.east_m, since_s)
+        if not jump.is_turn(innovation.cov):
+            return self.estimate, innovation, jump
+        (nn, ne, _), (_, ee, _), _ = jump.position_cov
+        before = self.estimate.with_jump((nn, ne, ee), 1.0 / max(jump.back_s, LEAST_JUMP_S))
+        return before, before.innovation(measurement), ManeuverLag()
+
+    def _measured(self, fix: GroundFix, since_s: float) -> tuple[LinearizationPoint, Measurement]:
+        """The fix with the sensitivities at the linearization point, and that point."""
+        errors, apparent = self.model.errors, self.estimate.apparent
+        measurement = errors.decorrelated(fix, since_s, (apparent.north_m, apparent.east_m, self.down.down_m))
+        if not is_level(fix):
+            return self.point, errors.with_sensitivity_noise(measurement, since_s)
+        (fix_n, fix_e, fix_d), (camera_n, camera_e, camera_d) = fix.position_ned, fix.sighting.camera_ned
+        point = self.point.with_height(fix_d - camera_d, since_s, errors.height_noise_m)
+        point = point.with_innovation(fix_n - apparent.north_m, fix_e - apparent.east_m, since_s)
+        toward_n = apparent.north_m + point.mean_n - camera_n
+        toward_e = apparent.east_m + point.mean_e - camera_e
+        return point, errors.relinearized(measurement, level_columns(fix, toward_n, toward_e, point.height_m), since_s)
 
 
 class StaticKalman:
-    """Starts beliefs about standing targets."""
+    """Initiates standing targets."""
 
-    __slots__ = ("_errors",)
+    __slots__ = ("_model",)
 
     def __init__(self, priors: ErrorPriors) -> None:
-        self._errors = ConsiderBiases(priors)
+        self._model = StandingModel(priors)
 
     def initiate(self, fix: GroundFix) -> StaticTargetState:
-        """The belief after the first fix: the fix itself."""
-        host_ns, errors = fix.sighting.frame_host_ns, self._errors
-        return StaticTargetState(errors, first_estimate(errors.weighed(fix), errors.wandering), host_ns, host_ns)
+        """The state after the first fix: the fix itself."""
+        model, host_ns = self._model, fix.sighting.frame_host_ns
+        measurement = model.errors.with_sensitivity_noise(model.errors.prepared(fix), FIRST_SENSITIVITY_S)
+        height_m = fix.position_ned[2] - fix.sighting.camera_ned[2]
+        return StaticTargetState(
+            model=model,
+            estimate=first_estimate(measurement, model.wander),
+            down=first_down(measurement),
+            point=first_point(height_m, model.errors.height_noise_m),
+            host_ns=host_ns,
+            fixed_ns=host_ns,
+        )

@@ -27,13 +27,7 @@ from fwav_companion.geometry.vectors import (
 from fwav_companion.tracking.filters.adaptive_noise import AdaptiveNoise
 from fwav_companion.tracking.filters.consider_biases import ConsiderBiases, Measurement, Rows
 from fwav_companion.tracking.filters.maneuver import ManeuverLag
-from fwav_companion.tracking.filters.schmidt_kalman import (
-    PointEstimate,
-    blended_shared,
-    gate_result,
-    joseph_update,
-    scattered,
-)
+from fwav_companion.tracking.filters.schmidt_kalman import PlaceEstimate, gate_result, scattered
 from fwav_companion.types import ErrorPriors, GroundFix
 from fwav_companion.types.tracks import GateResult
 
@@ -122,13 +116,13 @@ class MovingTargetState(msgspec.Struct, frozen=True):
 
     def gate(self, fix: GroundFix) -> GateResult:
         """How little a fix at this instant was expected, horizontal; one beyond where it lags is expected the more."""
-        point = replace(self._as_point(), noise=add_matrices(self.noise, self.lag.position_cov))
-        return gate_result(point, self.errors.weighed(fix), self.errors.timed)
+        place = self._place(add_matrices(self.noise, self.lag.position_cov))
+        return gate_result(place, self.scatter, self.errors.prepared(fix), self.errors.timed)
 
     def update(self, fix: GroundFix) -> MovingTargetState:
         """With the gain of least noise, the scatter that was seen counted as noise; a target that turned may have."""
         since_s = s_from_ns(fix.sighting.frame_host_ns - self.fixed_ns)
-        weighed = self.errors.weighed_after(fix, since_s, self.position_ned)
+        weighed = self.errors.decorrelated(fix, since_s, self.position_ned)
         north_m, east_m, _ = subtract(weighed.position, self.position_ned)
         lag = self.lag.with_fix(north_m, east_m, since_s)
         (nn, ne, _), (_, ee, _), _ = self._expected(weighed.noise)
@@ -164,16 +158,15 @@ class MovingTargetState(msgspec.Struct, frozen=True):
             velocity_noise,
             blended_shared(self.shared, weighed.shared, self.shared, gain),
             blended_shared(self.velocity_shared, weighed.shared, self.shared, velocity_gain),
-            scattered(self._as_point(), difference, weighed, self.errors.timed),
+            scattered(self._place(self.noise), self.scatter, weighed, self.errors.timed),
             lag,
             self.host_ns,
             host_ns,
         )
 
-    def _as_point(self) -> PointEstimate:
-        return PointEstimate(
-            self.position_ned, self.noise, self.shared, self.errors.count, (0.0, 0.0, 0.0), self.scatter
-        )
+    def _place(self, noise: Matrix3) -> PlaceEstimate:
+        (nn, ne, _), (_, ee, _), _ = noise
+        return PlaceEstimate(self.position_ned[0], self.position_ned[1], (nn, ne, ee), self.shared[:2])
 
     def _blended_noise(self, fix: Matrix3, gain: Matrix3, velocity_gain: Matrix3) -> tuple[Matrix3, Matrix3, Matrix3]:
         """(I - K H) P (I - K H)' + K R K' for any gain, by its blocks."""
@@ -199,7 +192,7 @@ class MovingKalman:
     def initiate(self, fix: GroundFix) -> MovingTargetState:
         """The belief after the first fix: there, at any walking or driving speed."""
         host_ns = fix.sighting.frame_host_ns
-        weighed = self._errors.weighed(fix)
+        weighed = self._errors.prepared(fix)
         nothing = (0.0,) * self._errors.count
         speed = START_SPEED_M_S**2
         return MovingTargetState(
@@ -234,3 +227,26 @@ def _with_biases(noise: Matrix3, shared: Rows, count: int) -> Matrix3:
     n, e, d = (row[:count] for row in shared)
     ne, nd, ed = inner(n, e), inner(n, d), inner(e, d)
     return add_matrices(noise, ((inner(n, n), ne, nd), (ne, inner(e, e), ed), (nd, ed, inner(d, d))))
+
+
+def joseph_update(own: Matrix3, fix: Matrix3, gain: Matrix3) -> Matrix3:
+    """(I - K) P (I - K)' + K R K', for any gain."""
+    (a, b, c), (d, e, f), (g, h, i) = gain
+    rest = ((1.0 - a, -b, -c), (-d, 1.0 - e, -f), (-g, -h, 1.0 - i))
+    kept, come = multiply(multiply(rest, own), transpose(rest)), multiply(multiply(gain, fix), transpose(gain))
+    (nn, ne, nd), (_, ee, ed), (_, _, dd) = kept
+    (c_nn, c_ne, c_nd), (_, c_ee, c_ed), (_, _, c_dd) = come
+    nn, ne, nd, ee, ed, dd = nn + c_nn, ne + c_ne, nd + c_nd, ee + c_ee, ed + c_ed, dd + c_dd
+    return ((nn, ne, nd), (ne, ee, ed), (nd, ed, dd))
+
+
+def blended_shared(own: Rows, fix: Rows, estimate: Rows, gain: Matrix3) -> Rows:
+    """C + K (J - C_estimate), C being what is blended: the estimate's own rows, or its velocity's."""
+    (k00, k01, k02), (k10, k11, k12), (k20, k21, k22) = gain
+    north, east, down = [], [], []
+    for n, e, d, was_n, was_e, was_d, fix_n, fix_e, fix_d in zip(*own, *estimate, *fix, strict=True):
+        x, y, z = fix_n - was_n, fix_e - was_e, fix_d - was_d
+        north.append(n + k00 * x + k01 * y + k02 * z)
+        east.append(e + k10 * x + k11 * y + k12 * z)
+        down.append(d + k20 * x + k21 * y + k22 * z)
+    return (tuple(north), tuple(east), tuple(down))
