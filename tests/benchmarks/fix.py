@@ -25,7 +25,11 @@ DEFAULTS = ErrorPriors(
     attitude_noise=radians(0.1),
     position_noise_m=0.1,
     height_noise_m=0.3,
-    bias_sigmas=(radians(0.5),) * 2 + (radians(2.0),) + (radians(1.0),) * 3 + (0.01, 0.01, 0.5, 1.0, 1.0, 4.0),
+    bias_sigmas=(radians(0.5),) * 2
+    + (radians(2.0),)
+    + (radians(1.0),) * 3
+    + (0.01, 0.01, 0.5, 1.0, 1.0, 4.0, 0.05)
+    + (0.03,) * 3,
     position_bias_time_s=60.0,
 )
 FIXES = 500

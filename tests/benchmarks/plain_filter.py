@@ -23,8 +23,7 @@ from fwav_companion.types import Bias, ErrorPriors, GroundFix
 Array = NDArray[np.float64]
 TELEMETRY_STEP_S = 0.1
 MOST_TURN_COSINE = 0.7
-PLACE, APPARENT = [2, 3], [0, 1]
-H = np.eye(2, 6)
+STEP_S = 1.0
 
 
 class FixArrays:
@@ -43,48 +42,66 @@ class FixArrays:
 
 
 class PlainFilter:
-    """States: apparent place, place, rate of the position error; north and east each."""
+    """The apparent place at every fix; place, position error and its rate once a second."""
 
     def __init__(self, first: FixArrays, priors: ErrorPriors) -> None:
-        self.priors, self.at_ns = priors, first.at_ns
+        self.priors, self.first_ns, self.at_ns, self.placed_ns = priors, first.at_ns, first.at_ns, first.at_ns
         self.sigma, self.rate = priors.sigma(Bias.POSITION_NORTH), 2.0 / priors.position_bias_time_s
-        noise = first.noise + self._sensitivity_noise(first, FIRST_SENSITIVITY_S)
-        self.mean = np.concatenate([first.position, first.position, [0.0, 0.0]])
-        both = np.kron(np.ones((2, 2)), noise)
-        self.noise = block_diag(both, (self.rate * self.sigma) ** 2 * np.eye(2))
-        self.noise[2:4, 2:4] += self.sigma**2 * np.eye(2)
-        self.shared = np.vstack([first.shared, first.shared, 0.0 * first.shared])
+        self.apparent, self.shared = first.position, first.shared
+        self.noise = first.noise + self._sensitivity_noise(first, FIRST_SENSITIVITY_S)
+        self._begin_place()
 
-    def cov(self, pair: list[int]) -> Array:
-        return (self.noise + self.shared @ self.shared.T)[np.ix_(pair, pair)]
+    @property
+    def cov(self) -> Array:
+        """Covariance of the place."""
+        return self.cov3[0, 0] * np.eye(2) + self.shared3[0] @ self.shared3[0].T
 
     def step(self, fix: FixArrays) -> None:
         since_s = (fix.at_ns - self.at_ns) * 1e-9
         self.at_ns = fix.at_ns
-        self._wander(since_s)
+        self.noise = self.noise + self._moved(since_s) * np.eye(2)
         noise = self._turned(fix, self._repeated(fix, since_s)) + self._sensitivity_noise(fix, since_s)
-        d = fix.shared - H @ self.shared
-        innovation = H @ self.noise @ H.T + noise + d @ d.T
-        gain = (self.noise @ H.T - self.shared @ d.T) @ np.linalg.inv(innovation)
-        rest = np.eye(6) - gain @ H
-        self.mean = self.mean + gain @ (fix.position - self.mean[:2])
+        d = fix.shared - self.shared
+        gain = (self.noise - self.shared @ d.T) @ np.linalg.inv(self.noise + noise + d @ d.T)
+        rest = np.eye(2) - gain
+        self.apparent = self.apparent + gain @ (fix.position - self.apparent)
         self.noise = rest @ self.noise @ rest.T + gain @ noise @ gain.T
         self.shared = self.shared + gain @ d
+        placed_s = (fix.at_ns - self.placed_ns) * 1e-9
+        if (fix.at_ns - self.first_ns) * 1e-9 < STEP_S:
+            self._begin_place()
+        elif placed_s >= STEP_S:
+            self._place(placed_s)
 
-    def _wander(self, since_s: float) -> None:
-        """The process by the matrix exponential: apparent = place + error, error'' = -w^2 error - 2 w error'."""
+    def _moved(self, since_s: float) -> float:
+        turn = self.rate * since_s
+        moved = 2.0 * self.sigma**2 * (1.0 - (1.0 + turn) * np.exp(-turn))
+        walked = self.rate * self.sigma * np.sqrt(np.trace(self.noise) / 2.0) * since_s
+        return float(max(moved, walked))
+
+    def _begin_place(self) -> None:
+        """States: place, error, rate. ``mean3`` has a row, ``shared3`` a matrix for each."""
+        self.placed_ns = self.at_ns
+        self.mean3 = np.vstack([self.apparent, np.zeros((2, 2))])
+        self.shared3 = np.stack([self.shared, 0.0 * self.shared, 0.0 * self.shared])
+        s2 = self.sigma**2
+        self.cov3 = np.array([[s2, -s2, 0.0], [-s2, s2, 0.0], [0.0, 0.0, s2 * self.rate**2]])
+        self.cov3[0, 0] += np.trace(self.noise) / 2.0
+
+    def _place(self, since_s: float) -> None:
+        """error'' = -w^2 error - 2 w error' by the matrix exponential, and a Kalman update by place + error."""
+        self.placed_ns = self.at_ns
         w = self.rate
         process = expm(since_s * np.array([[0.0, 1.0], [-w * w, -2.0 * w]]))
         steady = self.sigma**2 * np.diag([1.0, w * w])
-        added = steady - process @ steady @ process.T
-        states = np.zeros((3, 3))
-        states[0] = [process[0, 0], 1.0 - process[0, 0], process[0, 1]]
-        states[1, 1] = 1.0
-        states[2] = [process[1, 0], -process[1, 0], process[1, 1]]
-        move, more = np.kron(states, np.eye(2)), np.zeros((3, 3))
-        more[np.ix_([0, 2], [0, 2])] = added
-        self.mean, self.shared = move @ self.mean, move @ self.shared
-        self.noise = move @ self.noise @ move.T + np.kron(more, np.eye(2))
+        move, more = block_diag(1.0, process), block_diag(0.0, steady - process @ steady @ process.T)
+        self.mean3, self.cov3 = move @ self.mean3, move @ self.cov3 @ move.T + more
+        self.shared3 = np.einsum("ij,jkl->ikl", move, self.shared3)
+        seen = np.array([1.0, 1.0, 0.0])
+        gain = self.cov3 @ seen / (seen @ self.cov3 @ seen + np.trace(self.noise) / 2.0)
+        self.cov3 = self.cov3 - np.outer(gain, seen @ self.cov3)
+        self.mean3 = self.mean3 + np.outer(gain, self.apparent - self.mean3[0] - self.mean3[1])
+        self.shared3 = self.shared3 + gain[:, None, None] * (self.shared - self.shared3[0] - self.shared3[1])
 
     def _sensitivity_noise(self, fix: FixArrays, since_s: float) -> Array:
         sensitive = fix.shared[:, list(SENSITIVE)]
@@ -98,7 +115,7 @@ class PlainFilter:
         return fix.noise + repeated * (height + self.priors.position_noise_m**2 * np.eye(2))
 
     def _turned(self, fix: FixArrays, noise: Array) -> Array:
-        of_fix, of_target = fix.position - fix.camera, self.mean[:2] - fix.camera
+        of_fix, of_target = fix.position - fix.camera, self.apparent - fix.camera
         both = sqrt((of_fix @ of_fix) * (of_target @ of_target))
         cosine = of_fix @ of_target / both
         if cosine <= MOST_TURN_COSINE:

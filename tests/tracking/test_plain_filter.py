@@ -7,7 +7,7 @@ from simulated_flight import priors
 
 from fwav_companion.tracking.filters.kalman import StaticKalman
 from fwav_companion.types import BIAS_COUNT, Bias
-from tests.benchmarks.plain_filter import APPARENT, PLACE, FixArrays, PlainFilter
+from tests.benchmarks.plain_filter import FixArrays, PlainFilter
 
 
 @pytest.mark.parametrize(("wander_m", "wander_s"), [(1.0, 60.0), (0.0, 60.0), (1.0, 20.0)])
@@ -37,6 +37,10 @@ def test_the_state_is_what_numpy_makes_of_the_same_fixes(wander_m, wander_s):
             continue
         state = state.predict(host_ns(t)).update(fix)
         plain.step(arrays)
-        assert state.position_ned[:2] == pytest.approx(plain.mean[PLACE if wander_m else APPARENT], abs=1e-9)
-        assert np.array(state.cov)[:2, :2] == pytest.approx(plain.cov(PLACE if wander_m else APPARENT), abs=1e-9)
-        assert state.estimate.mean[:2] == pytest.approx(plain.mean[APPARENT], abs=1e-9)
+        assert state.position_ned[:2] == pytest.approx(plain.mean3[0] if wander_m else plain.apparent, abs=1e-9)
+        assert (state.apparent.north_m, state.apparent.east_m) == pytest.approx(tuple(plain.apparent), abs=1e-9)
+        if wander_m:
+            assert np.array(state.cov)[:2, :2] == pytest.approx(plain.cov, abs=1e-9)
+        else:
+            shared = plain.shared @ plain.shared.T
+            assert np.array(state.cov)[:2, :2] == pytest.approx(plain.noise + shared, abs=1e-9)

@@ -9,8 +9,7 @@ from fwav_companion.tracking.filters.adaptive_noise import AdaptiveNoise
 from fwav_companion.tracking.filters.consider_biases import Measurement
 from fwav_companion.tracking.filters.gates import GATE
 from fwav_companion.tracking.filters.schmidt_kalman import (
-    PlaceEstimate,
-    StandingEstimate,
+    PointEstimate,
     gate_result,
     relative_estimate,
 )
@@ -28,34 +27,41 @@ def positive(rng, size, floor=0.01):
     return a @ a.T + floor * np.eye(size)
 
 
-def some(rng, states=6):
-    own = StandingEstimate(
-        tuple(rng.normal(0, 1.0, states).tolist()),
-        tuples(positive(rng, states)),
-        tuples(rng.normal(0, 0.5, (states, COUNT))),
-    )
+def some(rng):
+    nn, ne, ee = np.array(positive(rng, 2))[[0, 0, 1], [0, 1, 1]].tolist()
+    north, east = rng.normal(0, 1.0, 2).tolist()
+    own = PointEstimate(north, east, (nn, ne, ee), tuples(rng.normal(0, 0.5, (2, COUNT))))
     noise = np.zeros((3, 3))
     noise[:2, :2], noise[2, 2] = positive(rng, 2, 0.1), 0.01
     shared = rng.normal(0, 0.5, (3, COUNT)) * [[1], [1], [0]]
     return own, Measurement(tuple(rng.normal(0, 10.0, 3).tolist()), tuples(noise), tuples(shared), GATE)
 
 
+def square(symmetric):
+    nn, ne, ee = symmetric
+    return np.array([[nn, ne], [ne, ee]])
+
+
+def place_of(estimate):
+    return np.array([estimate.north_m, estimate.east_m])
+
+
 def joint(estimate):
     """Covariance of (states, biases), as one plain matrix."""
     shared = np.array(estimate.shared)
-    return np.block([[np.array(estimate.noise) + shared @ shared.T, shared], [shared.T, np.eye(COUNT)]])
+    return np.block([[square(estimate.noise) + shared @ shared.T, shared], [shared.T, np.eye(COUNT)]])
 
 
 def test_the_gate_is_the_mahalanobis_distance_of_the_difference_and_nothing_near_is_outside():
     rng, far, scatter = np.random.default_rng(3), 0, AdaptiveNoise(0.03, 0.2, 10)
     for _ in range(300):
         own, fix = some(rng)
-        apart = (np.array(fix.shared) - np.vstack([np.array(own.shared)[:2], np.zeros(COUNT)]))[:2]
+        apart = np.array(fix.shared)[:2] - np.array(own.shared)
         apart[:, TIMED] *= np.sqrt(scatter.doubt)
-        cov = np.array(own.noise)[:2, :2] + np.array(fix.noise)[:2, :2] + apart @ apart.T + scatter.variance * np.eye(2)
-        difference = np.subtract(fix.position[:2], own.mean[:2])
+        cov = square(own.noise) + np.array(fix.noise)[:2, :2] + apart @ apart.T + scatter.variance * np.eye(2)
+        difference = fix.position[:2] - place_of(own)
         nis = difference @ np.linalg.solve(cov, difference)
-        reported = gate_result(own.apparent, scatter, fix, TIMED)
+        reported = gate_result(own, scatter, fix, TIMED)
         if reported.nis == inf:
             far += 1
             assert nis > GATE
@@ -66,31 +72,26 @@ def test_the_gate_is_the_mahalanobis_distance_of_the_difference_and_nothing_near
     assert 60 < far < 240
 
 
-@pytest.mark.parametrize("states", [2, 6])
-def test_an_update_is_that_of_the_plain_joint_state(states):
-    """The gain is the Kalman gain's rows of the states; the rows of the biases are zero (Schmidt)."""
+def test_an_update_is_that_of_the_plain_joint_state():
+    """The gain is the Kalman gain's rows of the point; the rows of the biases are zero (Schmidt)."""
     rng = np.random.default_rng(4)
     for _ in range(30):
-        own, fix = some(rng, states)
-        observed = np.hstack([np.eye(2, states), np.array(fix.shared)[:2]])
-        # The error of the innovation is noise + J b - H e: the biases enter with the other sign than the states.
-        observed[:, :states] *= -1.0
+        own, fix = some(rng)
+        # The error of the innovation is noise + J b - e: the biases enter with the other sign than the point.
+        observed = np.hstack([-np.eye(2), np.array(fix.shared)[:2]])
         before, noise = joint(own), np.array(fix.noise)[:2, :2]
         innovation = own.innovation(fix)
         spread = observed @ before @ observed.T + noise
-        (nn, ne, ee) = innovation.cov
-        assert np.array([[nn, ne], [ne, ee]]) == pytest.approx(spread, abs=1e-12)
-        gain = -(before @ observed.T)[:states] @ np.linalg.inv(spread)
-        assert np.array(own.kalman_gain(innovation)) == pytest.approx(gain, abs=1e-9)
-        for chosen in (gain, rng.normal(0.0, 0.3, (states, 2))):
-            new = own.update(innovation, tuples(chosen))
-            moved = np.eye(states + COUNT) + np.vstack([chosen, np.zeros((COUNT, 2))]) @ observed
+        assert square(innovation.cov) == pytest.approx(spread, abs=1e-12)
+        gain = -(before @ observed.T)[:2] @ np.linalg.inv(spread)
+        assert np.reshape(own.kalman_gain(innovation), (2, 2)) == pytest.approx(gain, abs=1e-9)
+        for chosen in (gain, rng.normal(0.0, 0.3, (2, 2))):
+            new = own.update(innovation, tuple(chosen.ravel().tolist()))
+            moved = np.eye(2 + COUNT) + np.vstack([chosen, np.zeros((COUNT, 2))]) @ observed
             expected = moved @ before @ moved.T
-            expected[:states, :states] += chosen @ noise @ chosen.T
+            expected[:2, :2] += chosen @ noise @ chosen.T
             assert joint(new) == pytest.approx(expected, abs=1e-12)
-            assert new.mean == pytest.approx(
-                np.array(own.mean) + chosen @ (np.subtract(fix.position, 0)[:2] - own.mean[:2])
-            )
+            assert place_of(new) == pytest.approx(place_of(own) + chosen @ (fix.position[:2] - place_of(own)))
 
 
 def test_a_gain_of_any_other_size_is_worse():
@@ -99,10 +100,10 @@ def test_a_gain_of_any_other_size_is_worse():
         own, fix = some(rng)
         innovation = own.innovation(fix)
         best = np.array(own.kalman_gain(innovation))
-        least = np.trace(joint(own.update(innovation, tuples(best)))[:6, :6])
+        least = np.trace(square(own.update(innovation, tuple(best.tolist())).cov))
         for _ in range(5):
-            other = own.update(innovation, tuples(best + rng.normal(0.0, 0.02, (6, 2))))
-            assert np.trace(joint(other)[:6, :6]) > least
+            other = own.update(innovation, tuple((best + rng.normal(0.0, 0.02, 4)).tolist()))
+            assert np.trace(square(other.cov)) > least
 
 
 def test_relative_to_the_report_of_this_fix_its_noise_and_its_delay_cancel():
@@ -113,12 +114,11 @@ def test_relative_to_the_report_of_this_fix_its_noise_and_its_delay_cancel():
         innovation = own.innovation(fix)
         by_delay = (DELAYED, fix.shared[0][DELAYED], fix.shared[1][DELAYED])
         found = relative_estimate(own, innovation, report, by_delay)
-        apparent, delay = own.apparent, np.array(by_delay[1:])
+        delay = np.array(by_delay[1:])
         # States: error of the apparent place, noise of this report, biases.
         cov = np.zeros((4 + COUNT, 4 + COUNT))
-        shared = np.array(apparent.shared)
-        nn, ne, ee = apparent.cov
-        cov[:2, :2], cov[2:4, 2:4], cov[4:, 4:] = [[nn, ne], [ne, ee]], report * np.eye(2), np.eye(COUNT)
+        shared = np.array(own.shared)
+        cov[:2, :2], cov[2:4, 2:4], cov[4:, 4:] = square(own.cov), report * np.eye(2), np.eye(COUNT)
         cov[:2, 4:], cov[4:, :2] = shared, shared.T
         wanted = np.hstack([np.eye(2), -np.eye(2), np.zeros((2, COUNT))])
         wanted[:, 4 + DELAYED] -= delay
@@ -127,23 +127,10 @@ def test_relative_to_the_report_of_this_fix_its_noise_and_its_delay_cancel():
         spread = seen @ cov @ seen.T + noise
         gain = -(wanted @ cov @ seen.T) @ np.linalg.inv(spread)
         total = wanted @ cov @ wanted.T - gain @ spread @ gain.T
-        nn, ne, ee = found.cov
-        assert np.array([[nn, ne], [ne, ee]]) == pytest.approx(total, abs=1e-9)
-        step = gain @ (np.array(fix.position[:2]) - (apparent.north_m, apparent.east_m))
-        assert (found.north_m, found.east_m) == pytest.approx((apparent.north_m + step[0], apparent.east_m + step[1]))
-
-
-def test_a_jump_frees_the_apparent_place_and_its_rate_and_leaves_the_place():
-    own, _ = some(np.random.default_rng(7))
-    new = own.with_jump((0.2, 0.05, 0.1), 2.0)
-    more = np.array(new.noise) - np.array(own.noise)
-    jump = np.array([[0.2, 0.05], [0.05, 0.1]])
-    assert more[:2, :2] == pytest.approx(jump)
-    assert more[:2, 4:] == pytest.approx(2.0 * jump)
-    assert more[4:, 4:] == pytest.approx(4.0 * jump)
-    assert more[2:4] == pytest.approx(np.zeros((2, 6)))
+        assert square(found.cov) == pytest.approx(total, abs=1e-9)
+        assert place_of(found) == pytest.approx(place_of(own) + gain @ (fix.position[:2] - place_of(own)))
 
 
 def test_a_covariance_has_noise_and_biases():
-    place = PlaceEstimate(1.0, 2.0, (0.3, 0.1, 0.2), ((1.0, 2.0), (3.0, -1.0)))
+    place = PointEstimate(1.0, 2.0, (0.3, 0.1, 0.2), ((1.0, 2.0), (3.0, -1.0)))
     assert place.cov == pytest.approx((5.3, 1.1, 10.2))

@@ -13,7 +13,7 @@ from typing import TypeAlias
 
 import msgspec
 
-from fwav_companion.geometry.small_matrices import add_diagonal, inner
+from fwav_companion.geometry.small_matrices import add_diagonal
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.geometry.vectors import ZERO33, Matrix3, Vector3, add_matrices, outer, scale
 from fwav_companion.tracking.filters.gates import widest_gate
@@ -87,7 +87,7 @@ class ConsiderBiases:
         used = [bias for bias in Bias if priors.sigma(bias) > 0.0 and bias not in WANDERING]
         self.wandering = len(used)
         """Index of the first wandering bias."""
-        self._sensitive = tuple((used.index(bias), bias) for bias in SENSITIVE if bias in used)
+        self._sensitive = tuple((used.index(bias), bias, priors.sigma(bias)) for bias in SENSITIVE if bias in used)
         self.timed = used.index(Bias.TIME_OFFSET) if Bias.TIME_OFFSET in used else None
         """Index of the time offset."""
         self._delayed = used.index(Bias.POSITION_DELAY) if Bias.POSITION_DELAY in used else None
@@ -138,26 +138,26 @@ class ConsiderBiases:
     ) -> Measurement:
         """The measurement with other sensitivities, d(north, east)/d(bias), and their own error as noise."""
         north, east, down = list(measurement.shared[0]), list(measurement.shared[1]), measurement.shared[2]
-        for i, bias in self._sensitive:
-            sigma, (n, e) = self._used[i][1], columns[bias]
+        for i, bias, sigma in self._sensitive:
+            n, e = columns[bias]
             north[i], east[i] = n * sigma, e * sigma
-        shared = (tuple(north), tuple(east), down)
-        relinearized = Measurement(measurement.position, measurement.noise, shared, measurement.gate)
-        return self.with_sensitivity_noise(relinearized, since_s)
+        return self._with_sensitivity(measurement, (tuple(north), tuple(east), down), since_s)
 
     def with_sensitivity_noise(self, measurement: Measurement, since_s: float) -> Measurement:
         """The measurement with the error of its sensitivities in its noise."""
-        shared_n, shared_e, _ = measurement.shared
-        north, east = [shared_n[i] for i, _ in self._sensitive], [shared_e[i] for i, _ in self._sensitive]
+        return self._with_sensitivity(measurement, measurement.shared, since_s)
+
+    def _with_sensitivity(self, measurement: Measurement, shared: Rows, since_s: float) -> Measurement:
         share = SENSITIVITY_SHARE**2 * max(1.0, SENSITIVITY_STEP_S / max(since_s, 1e-3))
-        (nn, ne, nd), (_, ee, ed), down = measurement.noise
-        nn, ne, ee = (
-            nn + share * inner(north, north),
-            ne + share * inner(north, east),
-            ee + share * inner(east, east),
-        )
-        noise = ((nn, ne, nd), (ne, ee, ed), down)
-        return Measurement(measurement.position, noise, measurement.shared, measurement.gate)
+        north, east, _ = shared
+        nn = ne = ee = 0.0
+        for i, _, _ in self._sensitive:
+            n, e = north[i], east[i]
+            nn, ne, ee = nn + n * n, ne + n * e, ee + e * e
+        (r_nn, r_ne, r_nd), (_, r_ee, r_ed), down = measurement.noise
+        r_nn, r_ne, r_ee = r_nn + share * nn, r_ne + share * ne, r_ee + share * ee
+        noise = ((r_nn, r_ne, r_nd), (r_ne, r_ee, r_ed), down)
+        return Measurement(measurement.position, noise, shared, measurement.gate)
 
     def by_delay(self, measurement: Measurement) -> BiasShare | None:
         """What the position delay does to a measurement; None where it has no prior."""
@@ -171,14 +171,12 @@ class ConsiderBiases:
         return exp(-s_from_ns(to_ns - from_ns) / self._wander_s)
 
     def _scaled(self, fix: GroundFix) -> Rows:
-        jacobian = fix.bias_jacobian
-        north, east, down = [], [], []
-        for i, sigma in self._used:
-            n, e, d = jacobian[i]
-            north.append(n * sigma)
-            east.append(e * sigma)
-            down.append(d * sigma)
-        return (tuple(north), tuple(east), tuple(down))
+        columns = [(fix.bias_jacobian[i], sigma) for i, sigma in self._used]
+        return (
+            tuple([column[0] * sigma for column, sigma in columns]),
+            tuple([column[1] * sigma for column, sigma in columns]),
+            tuple([column[2] * sigma for column, sigma in columns]),
+        )
 
     def _with_repeats(self, noise: Matrix3, by_height: Vector3, repeated: float) -> Matrix3:
         (nn, ne, nd), (_, ee, ed), (_, _, dd) = noise

@@ -10,20 +10,17 @@ from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.tracking.filters.consider_biases import FIRST_SENSITIVITY_S, Measurement
 from fwav_companion.tracking.filters.linearization import LinearizationPoint, first_point, is_level, level_columns
 from fwav_companion.tracking.filters.maneuver import ManeuverLag
+from fwav_companion.tracking.filters.position_wander import first_place
 from fwav_companion.tracking.filters.schmidt_kalman import (
-    FixInnovation,
-    PlaceEstimate,
-    StandingEstimate,
+    Innovation2,
+    PointEstimate,
     first_down,
-    first_estimate,
+    first_point_estimate,
     relative_estimate,
     scattered,
 )
 from fwav_companion.tracking.filters.standing import StandingModel, StandingTargetState
 from fwav_companion.types import ErrorPriors, GroundFix
-
-LEAST_JUMP_S = 0.02
-"""Least duration of a jump of the position: one frame of the fastest camera."""
 
 
 class StaticTargetState(StandingTargetState, frozen=True, kw_only=True):
@@ -31,52 +28,63 @@ class StaticTargetState(StandingTargetState, frozen=True, kw_only=True):
 
     point: LinearizationPoint
     """Where sensitivities are taken."""
-    now: PlaceEstimate | None = None
+    now: PointEstimate | None = None
     """The place in the frame of the vehicle's report at this fix; None in a frame without one."""
     jump: ManeuverLag = ManeuverLag()
     """Running mean of the innovations, which shows a jump of the vehicle's position."""
 
     @property
-    def relative(self) -> PlaceEstimate:
+    def relative(self) -> PointEstimate:
         """The place in the frame of the vehicle's report."""
         return super().relative if self.now is None else self.now
 
     def predict(self, host_ns: HostNs) -> Self:
         """The state at a later instant."""
-        state = super().predict(host_ns)
-        return state if state.now is None else replace(state, now=None)
+        return replace(self, host_ns=host_ns, now=None)
 
     def update(self, fix: GroundFix) -> Self:
         """The state after a fix of this instant."""
         errors, host_ns = self.model.errors, fix.sighting.frame_host_ns
         since_s = s_from_ns(host_ns - self.fixed_ns)
         point, measurement = self._measured(fix, since_s)
-        before, innovation, jump = self._jumped(measurement, since_s)
-        estimate = before.update(innovation, before.kalman_gain(innovation))
+        freed, before, innovation = self._freed(measurement, host_ns, since_s)
+        apparent = before.update(innovation, before.kalman_gain(innovation))
+        wandering, placed_ns = freed.placed(apparent, host_ns)
+        by_delay = errors.by_delay(measurement)
         return replace(
             self,
-            estimate=estimate,
+            apparent=apparent,
+            wandering=wandering,
             down=self.down.update(measurement),
-            scatter=scattered(before.apparent, self.scatter, errors.prepared(fix), errors.timed),
-            point=point.moved(estimate.mean[0] - before.mean[0], estimate.mean[1] - before.mean[1]),
-            now=relative_estimate(before, innovation, errors.position_noise_m2, errors.by_delay(measurement)),
-            jump=jump,
+            scatter=scattered(before, self.scatter, errors.prepared(fix), errors.timed),
+            point=point.moved(apparent.north_m - before.north_m, apparent.east_m - before.east_m),
+            now=relative_estimate(before, innovation.alone(before, fix.noise_cov), errors.position_noise_m2, by_delay),
+            jump=freed.jump,
+            placed_ns=placed_ns,
             fixed_ns=host_ns,
+            host_ns=host_ns,
         )
 
-    def _jumped(self, measurement: Measurement, since_s: float) -> tuple[StandingEstimate, FixInnovation, ManeuverLag]:
-        """The estimate before the fix, and its innovation: free to have jumped where the last innovations agree so."""
-        innovation = self.estimate.innovation(measurement)
+    def _freed(
+        self, measurement: Measurement, host_ns: HostNs, since_s: float
+    ) -> tuple[Self, PointEstimate, Innovation2]:
+        """The state, its apparent place before the fix, and the innovation.
+
+        Where the last innovations agree beyond any doubt the position has jumped, and is free to have moved so far.
+        """
+        before = self.before(host_ns)
+        innovation = before.innovation(measurement)
         jump = self.jump.with_fix(innovation.north_m, innovation.east_m, since_s)
-        if not jump.is_turn(innovation.cov):
-            return self.estimate, innovation, jump
+        if self.wandering is None or not jump.is_turn(innovation.cov):
+            return replace(self, jump=jump), before, innovation
         (nn, ne, _), (_, ee, _), _ = jump.position_cov
-        before = self.estimate.with_jump((nn, ne, ee), 1.0 / max(jump.back_s, LEAST_JUMP_S))
-        return before, before.innovation(measurement), ManeuverLag()
+        before = before.with_noise((nn, ne, ee))
+        freed = replace(self, jump=ManeuverLag(), wandering=self.wandering.with_jump(0.5 * (nn + ee)))
+        return freed, before, before.innovation(measurement)
 
     def _measured(self, fix: GroundFix, since_s: float) -> tuple[LinearizationPoint, Measurement]:
         """The fix with the sensitivities at the linearization point, and that point."""
-        errors, apparent = self.model.errors, self.estimate.apparent
+        errors, apparent = self.model.errors, self.apparent
         measurement = errors.decorrelated(fix, since_s, (apparent.north_m, apparent.east_m, self.down.down_m))
         if not is_level(fix):
             return self.point, errors.with_sensitivity_noise(measurement, since_s)
@@ -101,11 +109,15 @@ class StaticKalman:
         model, host_ns = self._model, fix.sighting.frame_host_ns
         measurement = model.errors.with_sensitivity_noise(model.errors.prepared(fix), FIRST_SENSITIVITY_S)
         height_m = fix.position_ned[2] - fix.sighting.camera_ned[2]
+        apparent = first_point_estimate(measurement)
         return StaticTargetState(
             model=model,
-            estimate=first_estimate(measurement, model.wander),
+            apparent=apparent,
+            wandering=first_place(apparent, model.wander) if model.wander.sigma_m > 0.0 else None,
             down=first_down(measurement),
             point=first_point(height_m, model.errors.height_noise_m),
-            host_ns=host_ns,
+            first_ns=host_ns,
+            placed_ns=host_ns,
             fixed_ns=host_ns,
+            host_ns=host_ns,
         )

@@ -12,9 +12,9 @@ from typing import Self
 
 from msgspec.structs import replace
 
-from fwav_companion.geometry.stamps import s_from_ns
+from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.tracking.filters.consider_biases import Measurement
-from fwav_companion.tracking.filters.schmidt_kalman import first_down, first_estimate, scattered
+from fwav_companion.tracking.filters.schmidt_kalman import PointEstimate, first_down, first_point_estimate, scattered
 from fwav_companion.tracking.filters.standing import StandingModel, StandingTargetState
 from fwav_companion.types import ErrorPriors, GroundFix
 
@@ -34,17 +34,21 @@ class LowPassTargetState(StandingTargetState, frozen=True, kw_only=True):
             entering, waiting = self.waiting, sample
         else:
             entering, waiting = sample, None
-        state = self if entering is None else self._step(entering, self.filter.share(since_s))
-        scatter = scattered(self.estimate.apparent, self.scatter, errors.prepared(fix), errors.timed)
-        return replace(state, scatter=scatter, fixed_ns=host_ns, waiting=waiting)
+        state = self if entering is None else self._step(entering, self.filter.share(since_s), host_ns)
+        scatter = scattered(self.apparent, self.scatter, errors.prepared(fix), errors.timed)
+        return replace(state, scatter=scatter, fixed_ns=host_ns, host_ns=host_ns, waiting=waiting)
 
-    def _step(self, sample: Measurement, share: float) -> Self:
-        """The same share of the apparent place and of the place; the error of the vehicle's position stays at zero."""
-        estimate = self.estimate
-        north, east, none = (share, 0.0), (0.0, share), (0.0, 0.0)
-        gain = (north, east, north, east, none, none)[: len(estimate.mean)]
-        estimate = estimate.update(estimate.innovation(sample), gain)
-        return replace(self, estimate=estimate, down=self.down.update(sample, share))
+    def _step(self, sample: Measurement, share: float, host_ns: HostNs) -> Self:
+        """One blend. What of the position error is in u is in it as it was when its samples came."""
+        before = self.before(host_ns)
+        apparent = before.update(before.innovation(sample), (share, 0.0, 0.0, share))
+        return replace(self, apparent=apparent, down=self.down.update(sample, share))
+
+    @property
+    def _place(self) -> PointEstimate:
+        """U with the whole prior of the position error: a low-pass of less than a second averages none of it."""
+        variance = self.model.wander.sigma_m**2
+        return self.apparent.with_noise((variance, 0.0, variance))
 
 
 class LowPass:
@@ -69,10 +73,12 @@ class LowPass:
         sample = model.errors.prepared(fix)
         return LowPassTargetState(
             model=model,
-            estimate=first_estimate(sample, model.wander),
+            apparent=first_point_estimate(sample),
             down=first_down(sample),
-            host_ns=host_ns,
+            first_ns=host_ns,
+            placed_ns=host_ns,
             fixed_ns=host_ns,
+            host_ns=host_ns,
             filter=self,
             waiting=sample if self.alpha_rate_hz == 0.0 else None,
         )

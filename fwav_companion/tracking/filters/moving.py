@@ -27,7 +27,7 @@ from fwav_companion.geometry.vectors import (
 from fwav_companion.tracking.filters.adaptive_noise import AdaptiveNoise
 from fwav_companion.tracking.filters.consider_biases import ConsiderBiases, Measurement, Rows
 from fwav_companion.tracking.filters.maneuver import ManeuverLag
-from fwav_companion.tracking.filters.schmidt_kalman import PlaceEstimate, gate_result, scattered
+from fwav_companion.tracking.filters.schmidt_kalman import PointEstimate, gate_result, scattered
 from fwav_companion.types import ErrorPriors, GroundFix
 from fwav_companion.types.tracks import GateResult
 
@@ -164,9 +164,9 @@ class MovingTargetState(msgspec.Struct, frozen=True):
             host_ns,
         )
 
-    def _place(self, noise: Matrix3) -> PlaceEstimate:
+    def _place(self, noise: Matrix3) -> PointEstimate:
         (nn, ne, _), (_, ee, _), _ = noise
-        return PlaceEstimate(self.position_ned[0], self.position_ned[1], (nn, ne, ee), self.shared[:2])
+        return PointEstimate(self.position_ned[0], self.position_ned[1], (nn, ne, ee), self.shared[:2])
 
     def _blended_noise(self, fix: Matrix3, gain: Matrix3, velocity_gain: Matrix3) -> tuple[Matrix3, Matrix3, Matrix3]:
         """(I - K H) P (I - K H)' + K R K' for any gain, by its blocks."""

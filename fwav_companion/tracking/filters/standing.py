@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import hypot
+from math import sqrt
 from typing import Self
 
 import msgspec
@@ -13,18 +13,10 @@ from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.tracking.filters.adaptive_noise import AdaptiveNoise
 from fwav_companion.tracking.filters.consider_biases import ConsiderBiases
-from fwav_companion.tracking.filters.position_wander import PositionWander, position_wander
-from fwav_companion.tracking.filters.schmidt_kalman import (
-    DownEstimate,
-    PlaceEstimate,
-    StandingEstimate,
-    gate_result,
-)
+from fwav_companion.tracking.filters.position_wander import STEP_S, WanderingPlace, first_place, position_wander
+from fwav_companion.tracking.filters.schmidt_kalman import DownEstimate, PointEstimate, gate_result
 from fwav_companion.types import Bias, ErrorPriors, GroundFix
 from fwav_companion.types.tracks import GateResult
-
-WANDER_STEP_S = 0.1
-"""Least interval of a prediction: within it the position error of 1 m over 60 s moves by 3 mm."""
 
 
 class StandingModel:
@@ -34,33 +26,39 @@ class StandingModel:
 
     def __init__(self, priors: ErrorPriors) -> None:
         self.errors = ConsiderBiases(priors, wandering=False)
-        sigma_m = hypot(priors.sigma(Bias.POSITION_NORTH), priors.sigma(Bias.POSITION_EAST)) / 2.0**0.5
-        self.wander: PositionWander = position_wander(sigma_m, priors.position_bias_time_s)
+        north, east = priors.sigma(Bias.POSITION_NORTH), priors.sigma(Bias.POSITION_EAST)
+        self.wander = position_wander(sqrt(0.5 * (north * north + east * east)), priors.position_bias_time_s)
 
 
 class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True):
     """One standing target. A subclass updates it."""
 
     model: StandingModel
-    estimate: StandingEstimate
+    apparent: PointEstimate
+    """The place plus the present error of the vehicle's position: what single fixes agree with now."""
+    wandering: WanderingPlace | None = None
+    """The place apart from that error; None where positions are exact."""
     down: DownEstimate
     scatter: AdaptiveNoise = AdaptiveNoise()
     """Scatter of single fixes beyond their noise."""
-    host_ns: HostNs
-    """Instant of the estimate."""
+    first_ns: HostNs
+    """Capture of the first fix."""
+    placed_ns: HostNs
+    """Instant of ``wandering``."""
     fixed_ns: HostNs
     """Capture of the last fix."""
+    host_ns: HostNs
 
     @property
     def position_ned(self) -> Vector3:
         """The place, NED, metres."""
-        place = self.estimate.place
+        place = self._place
         return (place.north_m, place.east_m, self.down.down_m)
 
     @property
     def cov(self) -> Matrix3:
         """Covariance of the place by every source of error, NED, m^2."""
-        return _with_down(self.estimate.place, self.down)
+        return with_down(self._place, self.down)
 
     @property
     def apparent_ned(self) -> Vector3:
@@ -71,14 +69,13 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def relative_cov(self) -> Matrix3:
         """Covariance of the target relative to the vehicle, NED, m^2."""
-        return _with_down(self.relative, self.down)
+        return with_down(self.relative, self.down)
 
     @property
-    def relative(self) -> PlaceEstimate:
+    def relative(self) -> PointEstimate:
         """The place in the frame of the vehicle's report, whose own noise is unknown: all of it counts."""
-        apparent, noise = self.estimate.apparent, self.model.errors.position_noise_m2
-        nn, ne, ee = apparent.noise
-        return PlaceEstimate(apparent.north_m, apparent.east_m, (nn + noise, ne, ee + noise), apparent.shared)
+        noise = self.model.errors.position_noise_m2
+        return self.before(self.host_ns).with_noise((noise, 0.0, noise))
 
     @property
     def velocity_ned(self) -> Vector3 | None:
@@ -90,20 +87,39 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True):
         """None: a standing target has no velocity."""
         return None
 
+    @property
+    def _place(self) -> PointEstimate:
+        return self.apparent if self.wandering is None else self.wandering.estimate
+
     def predict(self, host_ns: HostNs) -> Self:
-        """The state at a later instant: the target stays, the error of the vehicle's position wanders on."""
-        interval_s = s_from_ns(host_ns - self.host_ns)
-        if interval_s < WANDER_STEP_S:
-            return self
-        return replace(self, estimate=self.estimate.predict(self.model.wander, interval_s), host_ns=host_ns)
+        """The state at a later instant: the target stays."""
+        return replace(self, host_ns=host_ns)
 
     def gate(self, fix: GroundFix) -> GateResult:
         """Gating statistics of a fix at this instant, horizontal."""
         errors = self.model.errors
-        return gate_result(self.estimate.apparent, self.scatter, errors.prepared(fix), errors.timed)
+        return gate_result(self.before(self.host_ns), self.scatter, errors.prepared(fix), errors.timed)
+
+    def before(self, host_ns: HostNs) -> PointEstimate:
+        """The apparent place predicted to an instant: the error of the vehicle's position has wandered on."""
+        nn, _, ee = self.apparent.noise
+        more = self.model.wander.apparent_noise(s_from_ns(host_ns - self.fixed_ns), 0.5 * (nn + ee))
+        return self.apparent if more == 0.0 else self.apparent.with_noise((more, 0.0, more))
+
+    def placed(self, apparent: PointEstimate, host_ns: HostNs) -> tuple[WanderingPlace | None, HostNs]:
+        """The place by the newest apparent one, and its instant. Within the first second it is that one."""
+        wander, since_s = self.model.wander, s_from_ns(host_ns - self.placed_ns)
+        if self.wandering is None:
+            return None, host_ns
+        if s_from_ns(host_ns - self.first_ns) < STEP_S:
+            return first_place(apparent, wander), host_ns
+        if since_s < STEP_S:
+            return self.wandering, self.placed_ns
+        return self.wandering.update(apparent, wander, since_s), host_ns
 
 
-def _with_down(place: PlaceEstimate, down: DownEstimate) -> Matrix3:
+def with_down(place: PointEstimate, down: DownEstimate) -> Matrix3:
+    """The covariance of a point and its height, NED, m^2."""
     (nn, ne, ee), (n, e), d = place.cov, place.shared, down.shared
     if not any(d):
         return ((nn, ne, 0.0), (ne, ee, 0.0), (0.0, 0.0, down.variance))
