@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import asin, degrees, inf
+from math import asin, degrees, inf, prod
 
 import msgspec
 
@@ -69,6 +69,7 @@ class CameraPipeline:
         self._pairer = pairer
         self._localizer = localizer
         self._reorder = reorder
+        self._image_px2 = float(prod(pairer.lens.image_size))
         self.calibration_news = SelfCalibrationNotices(pairer.body_from_camera, pairer.time_offset_s)
         self._target_log = target_log
         self._sightings = sightings
@@ -201,6 +202,7 @@ class CameraPipeline:
             unplaced=tuple(
                 sighting for sighting, fix in zip(paired.sightings, located, strict=True) if isinstance(fix, NoFix)
             ),
+            image_px2=self._image_px2,
         )
         self._agreement.add(view.fixes, view.host_ns)
         tracks = self._reorder.put(view, now)

@@ -74,9 +74,11 @@ class TargetLog:
 
     def settle(self, frames: Iterable[Settled], plane: TangentPlane | None) -> None:
         """Write sightings and targets of settled frames. ``plane``: of the world in which they were seen."""
-        if not self._written:
-            return
         for frame in frames:
+            if frame.refused_fixes:
+                self.drop(Reason.TOO_MANY_TRACKS, frame.refused_fixes)
+            if not self._written:
+                continue
             for line in self._sightings.pop((frame.view.host_ns, frame.view.frame), ()):
                 self.write(line)
             for track in frame.tracks:

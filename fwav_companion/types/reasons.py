@@ -92,4 +92,4 @@ class Reason(StrEnum):
     REPLACED = "replaced"
     """The track was merged into the senior track of the same target."""
     TOO_MANY_TRACKS = "too_many_tracks"
-    """The track table was full; the least certain track was deleted."""
+    """The track table was full: the weakest track was deleted, or a fix initiated no track."""

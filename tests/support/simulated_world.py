@@ -69,7 +69,11 @@ class World:
             wrong = rng.random(len(uv)) < flight.gross
             uv[wrong] = rng.uniform([0, 0], [639, 479], (int(wrong.sum()), 2))
             seen += [(k, uv[k], label) for k in np.nonzero(inside)[0]]
-        for k in np.nonzero(rng.random(len(capture)) < flight.clutter)[0]:
+        always, sometimes = divmod(flight.clutter, 1.0)
+        false = np.append(
+            np.nonzero(rng.random(len(capture)) < sometimes)[0], np.repeat(range(len(capture)), int(always))
+        )
+        for k in false:
             seen.append((k, rng.uniform([0, 0], [639, 479]), flight.labels[0]))
         return seen
 

@@ -9,7 +9,7 @@ from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.tracking.filters.consider_biases import ConsiderBiases
 from fwav_companion.tracking.filters.schmidt_kalman import PointEstimate, gate_result
 from fwav_companion.types import GroundFix
-from fwav_companion.types.tracks import GateResult
+from fwav_companion.types.tracks import GateResult, GateShare
 
 
 class StandingTargetState(msgspec.Struct, frozen=True):
@@ -51,6 +51,20 @@ class StandingTargetState(msgspec.Struct, frozen=True):
     def velocity_cov(self) -> Matrix3 | None:
         """A standing target has none to tell."""
         return None
+
+    @property
+    def gate_share(self) -> GateShare:
+        """The share of this target in the gate's variance."""
+        estimate = self.estimate
+        nn, _, ee = estimate.forgotten
+        (p_nn, _, _), (_, p_ee, _), _ = estimate.noise
+        scatter = estimate.scatter.variance
+        return GateShare(p_nn + nn + scatter, p_ee + ee + scatter, estimate.shared[0], estimate.shared[1])
+
+    def gate_share_of(self, fix: GroundFix) -> GateShare:
+        """The share of a fix."""
+        weighed = self.errors.weighed(fix)
+        return GateShare(weighed.noise[0][0], weighed.noise[1][1], weighed.shared[0], weighed.shared[1])
 
     def gate(self, fix: GroundFix) -> GateResult:
         """How little a fix at this instant was expected, horizontal."""
