@@ -8,9 +8,9 @@ first, then fixes. No pair that the exact gate accepts is left out.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from math import ceil, dist, sqrt
-from typing import TypeAlias
+from typing import TypeAlias, cast
 
 import msgspec
 
@@ -55,14 +55,13 @@ def possible_pairs(
     targets: Sequence[tuple[int, TargetState]], fixes: Sequence[tuple[int, GroundFix]]
 ) -> Iterable[tuple[int, int]]:
     """Pairs of indices (track, fix), every pair that the exact gate accepts among them."""
-    first = targets[0][1]
-    if len(targets) * len(fixes) <= FEW_PAIRS or not isinstance(first, CoarselyGated):
+    share_of: Callable[[GroundFix], GateShare] | None = getattr(targets[0][1], "gate_share_of", None)
+    if len(targets) * len(fixes) <= FEW_PAIRS or share_of is None:
         return [(i, j) for j, _ in fixes for i, _ in targets]
-    cells = _cells([(fix, first.gate_share_of(fix), j) for j, fix in fixes])
+    cells = _cells([(fix, share_of(fix), j) for j, fix in fixes])
     pairs: list[tuple[int, int]] = []
-    for i, target in targets:
-        if isinstance(target, CoarselyGated):
-            pairs += [(i, j) for j in _in_reach(target.position_ned, target.gate_share, cells)]
+    for i, target in cast("Sequence[tuple[int, CoarselyGated]]", targets):
+        pairs += [(i, j) for j in _in_reach(target.position_ned, target.gate_share, cells)]
     return pairs
 
 
@@ -72,18 +71,18 @@ def _in_reach(position_ned: Vector3, own: GateShare, cells: Sequence[Cell]) -> I
     own_nn, own_ee, own_north, own_east = own.nn, own.ee, own.north, own.east
     for cell in cells:
         gate, (nn, ee, off_n, off_e) = cell.gate, cell.bounds
-        (least_n, least_e), (most_n, most_e) = cell.corner, cell.opposite
-        n, e = max(least_n - north, north - most_n, 0.0), max(least_e - east, east - most_e, 0.0)
         to_n = dist(own_north, cell.reference.north)
-        if n * n > gate * (own_nn + nn + (to_n + off_n) ** 2):
+        reach_n = sqrt(gate * (own_nn + nn + (to_n + off_n) ** 2))
+        if not cell.corner[0] - reach_n <= north <= cell.opposite[0] + reach_n:
             continue
         to_e = dist(own_east, cell.reference.east)
-        if e * e > gate * (own_ee + ee + (to_e + off_e) ** 2):
+        reach_e = sqrt(gate * (own_ee + ee + (to_e + off_e) ** 2))
+        if not cell.corner[1] - reach_e <= east <= cell.opposite[1] + reach_e:
             continue
         for fix_n, fix_e, nn, ee, off_n, off_e, j in cell.members:
-            n, e = fix_n - north, fix_e - east
-            if n * n <= gate * (own_nn + nn + (to_n + off_n) ** 2) and e * e <= gate * (
-                own_ee + ee + (to_e + off_e) ** 2
+            n, e, to_fix_n, to_fix_e = fix_n - north, fix_e - east, to_n + off_n, to_e + off_e
+            if n * n <= gate * (own_nn + nn + to_fix_n * to_fix_n) and e * e <= gate * (
+                own_ee + ee + to_fix_e * to_fix_e
             ):
                 yield j
 

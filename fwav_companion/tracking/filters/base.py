@@ -7,7 +7,7 @@ of :class:`TargetState`. ``replay --set tracking.filter=module:Class`` puts a re
 
 from __future__ import annotations
 
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Matrix3, Vector3
@@ -55,8 +55,7 @@ class TargetState(Protocol):
         """With a fix of this instant blended in."""
 
 
-@runtime_checkable
-class CoarselyGated(Protocol):
+class CoarselyGated(TargetState, Protocol):
     """A target state with which many targets are gated several times as fast. Optional for a filter."""
 
     @property

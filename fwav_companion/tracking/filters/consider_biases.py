@@ -33,8 +33,8 @@ DOWN_FLOOR_M2 = 0.02**2
 MOST_TURN_COSINE = 0.7
 """45 degrees: no noise turns a sight more, but right above the target, where no azimuth matters."""
 
-MOST_REMEMBERED = 64
-"""Fixes: those of a frame and more, a quarter of a megabyte."""
+MOST_REMEMBERED = 256
+"""Fixes: those of a frame, a megabyte."""
 
 
 class Measurement(msgspec.Struct, frozen=True, gc=False):
