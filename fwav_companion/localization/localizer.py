@@ -7,7 +7,7 @@ from math import isfinite, sqrt
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.rotations import exp, rotate
 from fwav_companion.geometry.vectors import Vector3, add, cross, dot, norm, scale, transform
-from fwav_companion.localization.covariance import NoiseVariances, bias_variances, fix_covariance, noise_variances
+from fwav_companion.localization.covariance import ErrorModel, NoiseVariances, bias_variances, noise_variances
 from fwav_companion.localization.ground import LEVEL_NORMAL, Ground, Intersection
 from fwav_companion.localization.propagation import Propagation, propagate
 from fwav_companion.types import ErrorPriors, GroundFix, NoFix, Reason, Sighting
@@ -65,17 +65,15 @@ class Localizer:
             return NoFix(Reason.TOO_SHALLOW)
         if meeting.surveyed and not self._is_smooth(sighting, direction, meeting, stretch):
             return NoFix(Reason.TOO_SHALLOW)
-        weights = fix_covariance(propagation, noise, self._bias, meeting)
+        errors = ErrorModel(propagation, noise, self._bias, meeting)
         return GroundFix(
             sighting=sighting,
             position_ned=_point(meeting, direction),
-            noise_cov=weights.noise_cov,
+            noise_cov=errors.noise_cov,
             bias_jacobian=propagation.biases,
-            cov=weights.cov,
-            relative_cov=weights.relative_cov,
-            budget=weights.budget,
+            errors=errors,
             ground=meeting.ground,
-            level_sigma_m=weights.level_sigma_m,
+            level_sigma_m=errors.level_sigma_m,
         )
 
     def _stretch_variance(self, propagation: Propagation, noise: NoiseVariances) -> float:
@@ -123,5 +121,8 @@ def _point(meeting: Intersection, direction: Vector3) -> Vector3:
 
 def _is_finite(fix: GroundFix) -> bool:
     """Whether position and variances are finite; an infinity or NaN in a column makes its variances so."""
-    (north, east, down), (nn, _, _), (_, ee, _), (_, _, dd) = fix.position_ned, *fix.cov
-    return isfinite(north + east + down + nn + ee + dd)
+    (north, east, down), (nn, _, _), (_, ee, _), (_, _, dd) = fix.position_ned, *fix.noise_cov
+    total = north + east + down + nn + ee + dd
+    for n, e, d in fix.bias_jacobian:
+        total += n * n + e * e + d * d
+    return isfinite(total)

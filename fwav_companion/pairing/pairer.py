@@ -47,6 +47,18 @@ class CapturedRow(msgspec.Struct, frozen=True, gc=False, kw_only=True):
     """One sigma of the clock offset that the stamp needed, seconds."""
 
 
+class CapturePose(msgspec.Struct, frozen=True, gc=False):
+    """The vehicle and its camera at one instant: the same for every detection of one row."""
+
+    state: VehicleState
+    ned_from_camera: Matrix3
+    camera_ned: Vector3
+    camera_height_m: float | None
+    """Camera height above home, metres; None where it is not known."""
+    relative: bool
+    """Whether there is no global position."""
+
+
 class Pairer:
     """Pairs every detection of a frame with the vehicle at the instant at which its row was exposed.
 
@@ -106,6 +118,7 @@ class Pairer:
         clock_sigma_s = 0.0 if frame.stamp_clock is StampClock.BOOT else vehicle.clock.estimate(placed.host_ns).sigma_s
         state = vehicle.state_at(placed.boot_ns)
         view = None if isinstance(state, Unpaired) else self._outlook(state, relative=vehicle.world.relative)
+        poses: dict[int, CapturePose | Unpaired] = {}
         sightings: list[Sighting] = []
         refused: list[tuple[int, Reason, float | None]] = []
         for index, raw in enumerate(frame.detections):
@@ -115,11 +128,14 @@ class Pairer:
                 refused.append((index, ray, None))
                 continue
             row = self._row(placed, detection.v, number=number, index=index, clock_sigma_s=clock_sigma_s)
-            sighting = self._sighting(row, detection, ray, vehicle)
-            if isinstance(sighting, Unpaired):
-                refused.append((index, sighting.reason, sighting.gap_s))
+            pose = poses.get(row.since_first_ns)
+            if pose is None:
+                at = vehicle.state_at(_row_boot_ns(row)) if row.since_first_ns else state
+                pose = poses[row.since_first_ns] = self._pose(at, relative=vehicle.world.relative)
+            if isinstance(pose, Unpaired):
+                refused.append((index, pose.reason, pose.gap_s))
             else:
-                sightings.append(sighting)
+                sightings.append(self._sighting(row, detection, ray, pose))
         return PairedFrame(
             number=number,
             host_ns=placed.host_ns,
@@ -165,20 +181,24 @@ class Pairer:
             fraction=0.5,
             clock_sigma_s=vehicle.clock.estimate(host_ns).sigma_s,
         )
-        return self._sighting(row, detection, ray, vehicle)
+        pose = self._pose(vehicle.state_at(_row_boot_ns(row)), relative=vehicle.world.relative)
+        return pose if isinstance(pose, Unpaired) else self._sighting(row, detection, ray, pose)
 
-    def _sighting(
-        self, row: CapturedRow, detection: Detection, ray: Ray, vehicle: VehicleSource
-    ) -> Sighting | Unpaired:
-        """The detection with the state of the vehicle at the capture of its row, or the reason why not."""
-        at = vehicle.state_at(BootNs(row.first_boot_ns + row.since_first_ns))
+    def _pose(self, at: VehicleState | Unpaired, *, relative: bool | None) -> CapturePose | Unpaired:
+        """The pose of the camera at this state, or the reason why it is not known."""
         if isinstance(at, Unpaired):
             return at
         if isinstance(at.gimbal, Reason):
             return Unpaired(at.gimbal)
-        seen_from = self._view(at, relative=vehicle.world.relative)
+        seen_from = self._view(at, relative=relative)
         if seen_from is None:
             return Unpaired(Reason.NO_POSITION, at.gap_s)
+        return CapturePose(
+            at, seen_from.ned_from_camera, seen_from.camera_ned, self._camera_height(at), relative is True
+        )
+
+    def _sighting(self, row: CapturedRow, detection: Detection, ray: Ray, pose: CapturePose) -> Sighting:
+        """The detection with the state of the vehicle at the capture of its row."""
         return Sighting(
             frame=row.frame,
             index=row.index,
@@ -188,13 +208,13 @@ class Pairer:
             ray=ray,
             pixel_sigma=detection.sigma or self._pixel_sigma,
             row_fraction=row.fraction,
-            time_noise_s=hypot(row.clock_sigma_s, at.stamp_sigma_s),
-            state=at,
+            time_noise_s=hypot(row.clock_sigma_s, pose.state.stamp_sigma_s),
+            state=pose.state,
             body_from_camera=self.body_from_camera,
-            ned_from_camera=seen_from.ned_from_camera,
-            camera_ned=seen_from.camera_ned,
-            camera_height_above_home_m=self._camera_height(at),
-            relative=vehicle.world.relative is True,
+            ned_from_camera=pose.ned_from_camera,
+            camera_ned=pose.camera_ned,
+            camera_height_above_home_m=pose.camera_height_m,
+            relative=pose.relative,
         )
 
     def _look(self, detection: Detection) -> Ray | Reason:
@@ -243,6 +263,8 @@ class Pairer:
 
     def _arm_ned(self, state: VehicleState) -> Vector3:
         """The camera's lever arm, NED."""
+        if self._lever_arm_m == ZERO3:
+            return ZERO3
         return transform(matrix_from_quaternion(state.ned_from_body), self._lever_arm_m)
 
 
@@ -251,4 +273,11 @@ def _finite(detection: Detection) -> bool:
         return False
     if detection.score is not None and not isfinite(detection.score):
         return False
-    return detection.sigma is None or all(isfinite(s) and s > 0.0 for s in detection.sigma)
+    if detection.sigma is None:
+        return True
+    su, sv = detection.sigma
+    return su > 0.0 and sv > 0.0 and isfinite(su) and isfinite(sv)
+
+
+def _row_boot_ns(row: CapturedRow) -> BootNs:
+    return BootNs(row.first_boot_ns + row.since_first_ns)

@@ -7,7 +7,7 @@ and fix share cancel in the gate. Labels are kept apart; a detector's own id cou
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import chain
 from math import log, pi, sqrt
 from operator import itemgetter
@@ -79,18 +79,16 @@ def associate(
     candidates: Sequence[Candidate], fixes: Sequence[GroundFix], against: Clutter
 ) -> dict[int, tuple[int, float]]:
     """Candidate index -> fix index, each at most once, and the log-likelihood ratio of that fix against clutter."""
-    clutter_llr = [against.llr_of(fix) for fix in fixes]
+    pairs = _possible(candidates, fixes)
+    clutter_llr = {j: against.llr_of(fixes[j]) + against.detection_odds for j in {j for _, j in pairs}}
     costs: dict[tuple[int, int], float] = {}
-    for i, j in _possible(candidates, fixes):
-        cost = _cost(candidates[i], candidates[i].target, fixes[j], clutter_llr[j] + against.detection_odds)
+    for i, j in pairs:
+        cost = _cost(candidates[i], candidates[i].target, fixes[j], clutter_llr[j])
         if cost is not None:
             costs[i, j] = cost
-    costs = _refined(costs, candidates, fixes, [llr + against.detection_odds for llr in clutter_llr])
+    costs = _refined(costs, candidates, fixes, clutter_llr)
     taken = _assigned({(i, j): cost - CONFIRMED_BONUS * candidates[i].confirmed for (i, j), cost in costs.items()})
-    return {
-        i: (j, 0.5 * (min(-costs[i, j], clutter_llr[j] + against.detection_odds) - against.detection_odds))
-        for i, j in taken.items()
-    }
+    return {i: (j, 0.5 * (min(-costs[i, j], clutter_llr[j]) - against.detection_odds)) for i, j in taken.items()}
 
 
 def _possible(candidates: Sequence[Candidate], fixes: Sequence[GroundFix]) -> list[tuple[int, int]]:
@@ -109,7 +107,7 @@ def _refined(
     costs: dict[tuple[int, int], float],
     candidates: Sequence[Candidate],
     fixes: Sequence[GroundFix],
-    clutter_llr: Sequence[float],
+    clutter_llr: Mapping[int, float],
 ) -> dict[tuple[int, int], float]:
     """The costs by the self-calibrated prediction wherever a track or a fix has more than one partner."""
     rows, columns = Counter(i for i, _ in costs), Counter(j for _, j in costs)

@@ -30,9 +30,8 @@ SLACK = 1.0 + 1e-9
 
 SharedFix: TypeAlias = tuple[GroundFix, GateShare, int]
 """A fix, its share in the gate, and its index."""
-Member: TypeAlias = tuple[float, float, float, float, float, float, int]
-"""A fix in its cell: north, east, metres; own variances north and east, m^2; distances of its sensitivities to those of
-the cell, north and east, metres; index."""
+Member: TypeAlias = tuple[float, float, float, GateShare, int]
+"""A fix in its cell: north, east, metres; distance of its sensitivities north to the cell's, metres; share; index."""
 
 
 class Cell(msgspec.Struct, frozen=True):
@@ -79,10 +78,12 @@ def _in_reach(position_ned: Vector3, own: GateShare, cells: Sequence[Cell]) -> I
         reach_e = sqrt(gate * (own_ee + ee + (to_e + off_e) ** 2))
         if not cell.corner[1] - reach_e <= east <= cell.opposite[1] + reach_e:
             continue
-        for fix_n, fix_e, nn, ee, off_n, off_e, j in cell.members:
-            n, e, to_fix_n, to_fix_e = fix_n - north, fix_e - east, to_n + off_n, to_e + off_e
-            if n * n <= gate * (own_nn + nn + to_fix_n * to_fix_n) and e * e <= gate * (
-                own_ee + ee + to_fix_e * to_fix_e
+        for fix_n, fix_e, fix_off_n, share, j in cell.members:
+            n, e, off_n = fix_n - north, fix_e - east, to_n + fix_off_n
+            if (
+                n * n <= gate * (own_nn + share.nn + off_n * off_n)
+                and e * e <= gate * (own_ee + share.ee + dist(own_east, share.east) ** 2)
+                and n * n <= gate * (own_nn + share.nn + dist(own_north, share.north) ** 2)
             ):
                 yield j
 
@@ -104,23 +105,22 @@ def _cut(fixes: list[SharedFix], length: int) -> Iterator[list[SharedFix]]:
 
 def _cell(fixes: list[SharedFix]) -> Cell:
     reference = fixes[len(fixes) // 2][1]
-    members = tuple(
-        (
-            *fix.position_ned[:2],
-            share.nn,
-            share.ee,
-            dist(share.north, reference.north),
-            dist(share.east, reference.east),
-            j,
-        )
-        for fix, share, j in fixes
-    )
-    norths, easts, nn, ee, off_n, off_e, _ = zip(*members, strict=True)
+    off_north = [dist(share.north, reference.north) for _, share, _ in fixes]
+    off_east = [dist(share.east, reference.east) for _, share, _ in fixes]
+    norths, easts = [fix.position_ned[0] for fix, _, _ in fixes], [fix.position_ned[1] for fix, _, _ in fixes]
     return Cell(
-        members,
+        tuple(
+            (north, east, off, share, j)
+            for north, east, off, (_, share, j) in zip(norths, easts, off_north, fixes, strict=True)
+        ),
         reference,
         SLACK * max(widest_gate(fix.sighting.detection) for fix, _, _ in fixes),
         (min(norths), min(easts)),
         (max(norths), max(easts)),
-        (max(nn), max(ee), max(off_n), max(off_e)),
+        (
+            max(share.nn for _, share, _ in fixes),
+            max(share.ee for _, share, _ in fixes),
+            max(off_north),
+            max(off_east),
+        ),
     )

@@ -51,19 +51,22 @@ class DetectorModel(msgspec.Struct, frozen=True, gc=False):
     """Time of those frames, seconds."""
     last_ns: HostNs | None = None
     """Capture of the newest frame, host clock."""
+    detection_probability: float = DETECTED_PRIOR / (DETECTED_PRIOR + MISSED_PRIOR)
+    """The probability that a look at a target detects it."""
 
     def after_frame(self, host_ns: HostNs, *, detected: int, looks: int, false: int) -> DetectorModel:
         """The model after one more frame with its looks at confirmed tracks and its false detections."""
-        seconds = self.elapsed_s(host_ns)
         looked, framed = self.looks + looks, self.frames + 1.0
         old, older = (0.5 if looked > MEMORY else 1.0), (0.5 if framed > MEMORY else 1.0)
+        hits, looked = old * (self.detected + detected), old * looked
         return DetectorModel(
-            old * (self.detected + detected),
-            old * looked,
+            hits,
+            looked,
             older * (self.false + false),
             older * framed,
-            older * (self.seconds + seconds),
+            older * (self.seconds + self.elapsed_s(host_ns)),
             host_ns,
+            _detection_probability(hits, looked),
         )
 
     def elapsed_s(self, host_ns: HostNs) -> float:
@@ -73,14 +76,6 @@ class DetectorModel(msgspec.Struct, frozen=True, gc=False):
     def interval_s(self, host_ns: HostNs) -> float:
         """Mean interval of the frames, this one included, seconds."""
         return (self.seconds + self.elapsed_s(host_ns)) / (self.frames + 1.0)
-
-    @property
-    def detection_probability(self) -> float:
-        """The probability that a look at a target detects it."""
-        known = self.looks >= FIRST_LOOKS
-        detected, looks = (self.detected, self.looks) if known else (0.0, 0.0)
-        mean = (DETECTED_PRIOR + detected) / (DETECTED_PRIOR + MISSED_PRIOR + looks)
-        return min(MOST_PROBABLE, max(LEAST_PROBABLE, mean))
 
     @property
     def false_per_frame(self) -> float:
@@ -102,3 +97,11 @@ class DetectorModel(msgspec.Struct, frozen=True, gc=False):
         """
         false_per_hour = 3600.0 * self.frames_hz * self.false_per_frame
         return max(LEAST_CONFIRMING_LLR, log(false_per_hour / FALSE_TRACKS_PER_HOUR))
+
+
+def _detection_probability(detected: float, looks: float) -> float:
+    """Mean of the posterior; that of the prior before FIRST_LOOKS looks."""
+    if looks < FIRST_LOOKS:
+        detected, looks = 0.0, 0.0
+    mean = (DETECTED_PRIOR + detected) / (DETECTED_PRIOR + MISSED_PRIOR + looks)
+    return min(MOST_PROBABLE, max(LEAST_PROBABLE, mean))

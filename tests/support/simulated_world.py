@@ -7,7 +7,7 @@ truth is chosen first; the tracker's input follows from it.
 from __future__ import annotations
 
 import numpy as np
-from handmade import NO_BUDGET, a_state, boot_ns, host_ns, matrix, vector
+from handmade import KnownErrors, a_state, boot_ns, host_ns, matrix, vector
 from scipy.spatial.transform import Rotation
 from simulated_autopilot import Autopilot
 from simulated_flight import BODY_FROM_CAMERA, Flight, camera_from_pixel, path, pixel_from_camera
@@ -89,7 +89,7 @@ class World:
             columns = tuple(vector(j) for j in jacobian[n])
             yield k, GroundFix(
                 self._sighting(cast, n, k, stamps[k], label), vector(cast.position[n]), matrix(noise[n]), columns,
-                matrix(total[n]), matrix(relative[n]), NO_BUDGET, "home",
+                KnownErrors(matrix(total[n]), matrix(relative[n])), "home",
             )  # fmt: skip
 
     def _covariances(self, cast, jacobian):
