@@ -10,7 +10,7 @@ from fwav_companion.geometry.small_matrices import horizontal_sigma
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.self_calibration.calibrator import Calibrator
 from fwav_companion.self_calibration.report import CalibrationReport
-from fwav_companion.tracking.association import Candidate, associate, clutter
+from fwav_companion.tracking.association import Candidate, associate, clutter, may_be_displaced
 from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.tracking.filters.base import Filter, TargetState
 from fwav_companion.tracking.lifecycle import not_detected
@@ -104,10 +104,17 @@ class Tracker:
             for track in state.alive
         ]
         taken = self._associated(predicted, view)
-        after = [self._after(track, taken.get(track.id), view) for track in predicted]
-        missed = [new.id for old, new in zip(predicted, after, strict=True) if new.life.misses > old.life.misses]
+        unseen = {track.id: self._unseen(track, view) for track in predicted if track.id not in taken}
+        missed = [
+            track for track in predicted if track.id in unseen and unseen[track.id].life.misses > track.life.misses
+        ]
+        absent = [track for track in missed if track.confirmed]
+        after = [
+            unseen[track.id] if track.id in unseen else self._seen(track, *taken[track.id], view, absent)
+            for track in predicted
+        ]
         elapsed_ns = view.host_ns - (state.detector.last_ns or view.host_ns)
-        merging = state.merging.after_frame(after, missed, elapsed_ns, self._best_target)
+        merging = state.merging.after_frame(after, [track.id for track in missed], elapsed_ns, self._best_target)
         used = {id(fix) for fix, _ in taken.values()}
         unassociated = [fix for fix in view.fixes if id(fix) not in used]
         tracks, refused = self._with_new(list(merging.merged(after)), unassociated, view.host_ns)
@@ -143,14 +150,25 @@ class Tracker:
         pairs = associate(candidates, view.fixes, clutter(self._state.detector, view.image_px2))
         return {tracks[i].id: (view.fixes[j], llr) for i, (j, llr) in pairs.items()}
 
-    def _after(self, track: LiveTrack, taken: tuple[GroundFix, float] | None, view: FrameView) -> LiveTrack:
+    def _unseen(self, track: LiveTrack, view: FrameView) -> LiveTrack:
+        """The track after a frame without a fix of it."""
+        missed = is_missed_detection(view, track.label, self._best_target(track), self._margin_m(track))
         detector = self._state.detector
-        if taken is None:
-            missed = is_missed_detection(view, track.label, self._best_target(track), self._margin_m(track))
-            life = not_detected(track.life, view.host_ns, missed=missed, keep_ns=self._keep_ns, detector=detector)
-            return track if life is track.life else msgspec.structs.replace(track, life=life)
-        fix, llr = taken
-        after = track.updated(view.host_ns, fix, llr, detector)
+        life = not_detected(track.life, view.host_ns, missed=missed, keep_ns=self._keep_ns, detector=detector)
+        return track if life is track.life else msgspec.structs.replace(track, life=life)
+
+    def _seen(
+        self, track: LiveTrack, fix: GroundFix, llr: float, view: FrameView, absent: Sequence[LiveTrack]
+    ) -> LiveTrack:
+        """The track after a frame with a fix of it. ``absent``: confirmed tracks that the frame missed.
+
+        A fix near one of them may be that target's, displaced by more than its errors: it is no evidence for a new one.
+        """
+        if not track.confirmed and any(
+            may_be_displaced(each.target, fix) for each in absent if each.label == track.label
+        ):
+            llr = min(llr, 0.0)
+        after = track.updated(view.host_ns, fix, llr, self._state.detector)
         if not self.reports_innovations:
             return after
         return msgspec.structs.replace(after, innovation=innovation(self._best_target(track), fix))
