@@ -173,8 +173,13 @@ class Tracker:
             return after
         return msgspec.structs.replace(after, innovation=innovation(self._best_target(track), fix))
 
-    def _margin_m(self, track: LiveTrack) -> float:
-        """Distance by which the mount error, as estimated and as unknown, may move the target in the image, metres."""
+    def _margin_m(self, track: LiveTrack) -> float | None:
+        """Distance by which the mount error, as estimated and as unknown, may move the target in the image, metres.
+
+        None for a tentative track: the likelihood ratio of clutter is 1 on average only where every look counts.
+        """
+        if not track.confirmed:
+            return None
         calibrator = self._calibrator if self._corrects else None
         return 0.0 if calibrator is None else calibrator.mount_off * track.slant_m
 

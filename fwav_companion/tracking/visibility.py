@@ -13,18 +13,20 @@ TOWARD_COSINE = 0.985
 """10 degrees: a delay of 50 ms turns a sight by 8 degrees at the fastest of a beat of 5 degrees at 5 Hz."""
 
 
-def is_missed_detection(view: FrameView, label: str, target: TargetState, margin_m: float) -> bool:
+def is_missed_detection(view: FrameView, label: str, target: TargetState, margin_m: float | None) -> bool:
     """Whether the frame covers the target and has no sighting that may be its own.
 
-    The frame must cover the target's position, and its surroundings of one sigma and ``margin_m``.
+    The frame must cover the target's position, and, unless ``margin_m`` is None, its surroundings of one sigma and of
+    ``margin_m``.
     """
     place_ned = target.position_ned
     if not view.could_see(place_ned):
         return False
-    margin_m += horizontal_sigma(target.relative_cov)
-    north, east, down = place_ned
-    if not all(view.could_see((north + margin_m * n, east + margin_m * e, down)) for n, e in AROUND):
-        return False
+    if margin_m is not None:
+        margin_m += horizontal_sigma(target.relative_cov)
+        north, east, down = place_ned
+        if not all(view.could_see((north + margin_m * n, east + margin_m * e, down)) for n, e in AROUND):
+            return False
     return not any(sighting.detection.label == label and _is_toward(sighting, place_ned) for sighting in view.unplaced)
 
 

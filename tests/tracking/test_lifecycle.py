@@ -202,3 +202,22 @@ def test_three_false_detections_a_frame_hide_no_target(seed, miss):
     lives, distances = flown(Flight(seconds=60.0, seed=seed, miss=miss, clutter=3.0))
     assert [life for number, life in lives.items() if distances[number] <= GHOST_M and life > 30.0]
     assert len([life for number, life in lives.items() if distances[number] > GHOST_M and life > 1.0]) <= 1
+
+
+def test_fixes_displaced_from_a_missed_target_confirm_no_other():
+    """Every second frame shows the target 1.5 m beside, five sigma: as a camera later than its prior does."""
+    tracker = confirmed()
+    for k in range(60):
+        place = (PLACE[0] + (1.5 if k % 2 else 0.0), PLACE[1], 0.0)
+        tracks = tracker.on_frame(a_view(3.0 + k / 10, a_fix(3.0 + k / 10, place, label="target")))
+    assert [track.id for track in tracks if track.confirmed_host_ns is not None] == [1]
+
+
+def test_a_second_target_five_sigma_beside_is_confirmed():
+    tracker = confirmed()
+    for k in range(5):
+        places = [PLACE, (PLACE[0] + 1.5, PLACE[1], 0.0)]
+        tracks = tracker.on_frame(
+            a_view(3.0 + k / 10, *(a_fix(3.0 + k / 10, place, label="target") for place in places))
+        )
+    assert [track.id for track in tracks if track.confirmed_host_ns is not None] == [1, 2]
