@@ -197,11 +197,11 @@ class Tracker:
         return tracks, len(fixes) - number
 
     def _taught(self, view: FrameView, living: tuple[LiveTrack, ...]) -> Calibrator | None:
-        """Self-calibration after this frame; None without it."""
+        """Self-calibration after this frame; None without it. Confirmed tracks teach: clutter does not."""
         calibrator = self._state.calibrator
         if calibrator is None:
             return None
-        old = [track for track in living if view.host_ns - track.life.first_ns >= self._patience_ns]
+        old = [t for t in living if t.confirmed and view.host_ns - t.life.first_ns >= self._patience_ns]
         fixes = [(track.id, track.fix) for track in old if track.fix is not None]
         return calibrator.learned(view.host_ns, view.fixes, fixes, {track.id for track in old})
 
