@@ -9,7 +9,7 @@ import msgspec
 
 from fwav_companion.geometry.rotations import matrix_from_quaternion
 from fwav_companion.geometry.stamps import BootNs, HostNs
-from fwav_companion.geometry.vectors import ZERO3, Matrix3, Vector3, add, multiply, subtract, transform
+from fwav_companion.geometry.vectors import ZERO3, Matrix3, Vector3, add, multiply, scale, subtract, transform
 from fwav_companion.pairing.paired_frame import CameraView, PairedFrame, RefusedFrame
 from fwav_companion.pairing.placement import FramePlacer, Placement, both_clocks
 from fwav_companion.pairing.protocols import TwoClocks, VehicleSource
@@ -17,6 +17,7 @@ from fwav_companion.pairing.timing import CameraTiming, RowClock
 from fwav_companion.types import (
     Detection,
     Frame,
+    GimbalAt,
     Lens,
     NoRay,
     Ray,
@@ -45,6 +46,8 @@ class CapturedRow(msgspec.Struct, frozen=True, gc=False, kw_only=True):
     """d(capture)/d(Bias.READOUT), as :attr:`Sighting.row_fraction`."""
     clock_sigma_s: float
     """One sigma of the clock offset that the stamp needed, seconds."""
+    clock_rate: float
+    """Autopilot seconds per second of the stamp's clock; 1 for a crystal's."""
 
 
 class Pairer:
@@ -103,7 +106,10 @@ class Pairer:
         if isinstance(placed, Reason):
             return RefusedFrame(frame.number, placed, len(frame.detections))
         number = self._last_number = self._last_number + 1 if frame.number is None else frame.number
-        clock_sigma_s = 0.0 if frame.stamp_clock is StampClock.BOOT else vehicle.clock.estimate(placed.host_ns).sigma_s
+        clock_sigma_s, clock_rate = 0.0, 1.0
+        if frame.stamp_clock is not StampClock.BOOT:
+            clock_sigma_s = vehicle.clock.estimate(placed.host_ns).sigma_s
+            clock_rate = vehicle.clock.rate_at(placed.host_ns)
         state = vehicle.state_at(placed.boot_ns)
         view = None if isinstance(state, Unpaired) else self._outlook(state, relative=vehicle.world.relative)
         sightings: list[Sighting] = []
@@ -114,7 +120,7 @@ class Pairer:
             if isinstance(ray, Reason):
                 refused.append((index, ray, None))
                 continue
-            row = self._row(placed, detection.v, number=number, index=index, clock_sigma_s=clock_sigma_s)
+            row = self._row(placed, detection.v, number=number, index=index, clock=(clock_sigma_s, clock_rate))
             sighting = self._sighting(row, detection, ray, vehicle)
             if isinstance(sighting, Unpaired):
                 refused.append((index, sighting.reason, sighting.gap_s))
@@ -130,7 +136,7 @@ class Pairer:
             refused=tuple(refused),
         )
 
-    def _row(self, placed: Placement, v: float, *, number: int, index: int, clock_sigma_s: float) -> CapturedRow:
+    def _row(self, placed: Placement, v: float, *, number: int, index: int, clock: tuple[float, float]) -> CapturedRow:
         timing = placed.timing
         return CapturedRow(
             frame=number,
@@ -139,7 +145,8 @@ class Pairer:
             first_boot_ns=placed.boot_ns,
             since_first_ns=timing.capture_ns(v) - timing.first_row_ns,
             fraction=self._rows.readout_scale * timing.row_fraction(v),
-            clock_sigma_s=clock_sigma_s,
+            clock_sigma_s=clock[0],
+            clock_rate=clock[1],
         )
 
     def look_at(
@@ -164,6 +171,7 @@ class Pairer:
             since_first_ns=0,
             fraction=0.5,
             clock_sigma_s=vehicle.clock.estimate(host_ns).sigma_s,
+            clock_rate=vehicle.clock.rate_at(host_ns),
         )
         return self._sighting(row, detection, ray, vehicle)
 
@@ -171,9 +179,11 @@ class Pairer:
         self, row: CapturedRow, detection: Detection, ray: Ray, vehicle: VehicleSource
     ) -> Sighting | Unpaired:
         """The detection with the state of the vehicle at the capture of its row, or the reason why not."""
-        at = vehicle.state_at(BootNs(row.first_boot_ns + row.since_first_ns))
+        at = vehicle.state_at(BootNs(row.first_boot_ns + round(row.clock_rate * row.since_first_ns)))
         if isinstance(at, Unpaired):
             return at
+        if row.clock_rate != 1.0:
+            at = _per_stamp_second(at, row.clock_rate)
         if isinstance(at.gimbal, Reason):
             return Unpaired(at.gimbal)
         seen_from = self._view(at, relative=vehicle.world.relative)
@@ -244,6 +254,20 @@ class Pairer:
     def _arm_ned(self, state: VehicleState) -> Vector3:
         """The camera's lever arm, NED."""
         return transform(matrix_from_quaternion(state.ned_from_body), self._lever_arm_m)
+
+
+def _per_stamp_second(state: VehicleState, rate: float) -> VehicleState:
+    """The state with velocity and body rates per second of the stamp's clock, which a slow autopilot's is not."""
+    velocity = state.velocity_ned
+    gimbal = state.gimbal
+    if isinstance(gimbal, GimbalAt):
+        gimbal = msgspec.structs.replace(gimbal, rates=scale(gimbal.rates, rate))
+    return msgspec.structs.replace(
+        state,
+        rates=scale(state.rates, rate),
+        velocity_ned=None if velocity is None else scale(velocity, rate),
+        gimbal=gimbal,
+    )
 
 
 def _finite(detection: Detection) -> bool:

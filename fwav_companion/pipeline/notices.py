@@ -11,6 +11,8 @@ from fwav_companion.mavlink.client.identity import (
 )
 from fwav_companion.telemetry import (
     AttitudeSource,
+    ClockRate,
+    ClockSlipped,
     HomeMoved,
     OriginSet,
     PitchTrimUndone,
@@ -26,6 +28,10 @@ def notice_text(event: IdentityEvent | TelemetryEvent) -> tuple[Notice, ...]:
     """The notice of an event; empty for events that people need not know."""
     if isinstance(event, Adopted | SeveralHeard | AutopilotLost | AutopilotBack | Rebooted):
         return (_of_the_autopilot(event),)
+    return (_of_the_clock(event),) if isinstance(event, ClockSlipped | ClockRate) else _of_the_vehicle(event)
+
+
+def _of_the_vehicle(event: IdentityEvent | TelemetryEvent) -> tuple[Notice, ...]:
     match event:
         case OriginSet(origin, late):
             text = f"origin {origin.lat_deg:.7f}, {origin.lon_deg:.7f}, {origin.alt_amsl_m:.1f} m AMSL"
@@ -50,6 +56,20 @@ def notice_text(event: IdentityEvent | TelemetryEvent) -> tuple[Notice, ...]:
             return (Notice(NoticeCode.ATTITUDE_STAMPS, Severity.INFO, text),)
         case _:
             return ()
+
+
+def _of_the_clock(event: ClockSlipped | ClockRate) -> Notice:
+    match event:
+        case ClockSlipped(by_s):
+            way = "" if by_s > 0.0 else " ahead"
+            text = f"the autopilot's clock slipped{way} by {abs(by_s) * 1e3:.0f} ms: followed"
+            return Notice(NoticeCode.CLOCK_SLIPPED, Severity.NOTICE, text)
+        case ClockRate(1.0):
+            return Notice(NoticeCode.CLOCK_RATE, Severity.NOTICE, "the autopilot's clock runs at its normal rate again")
+        case ClockRate(rate):
+            way = "slow" if rate < 1.0 else "fast"
+            text = f"the autopilot's clock runs {abs(rate - 1.0) * 1e2:.1f} % {way}: followed"
+            return Notice(NoticeCode.CLOCK_RATE, Severity.NOTICE, text)
 
 
 def _of_the_autopilot(event: Adopted | SeveralHeard | AutopilotLost | AutopilotBack | Rebooted) -> Notice:

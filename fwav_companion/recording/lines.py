@@ -148,6 +148,7 @@ def clock_line(now_ns: HostNs, estimate: ClockEstimate, time_boot_ns: int, utc_m
         "sigma_s": estimate.sigma_s,
         "bound_s": estimate.bound_s,
         "round_trip_s": estimate.round_trip_s,
+        "rate": estimate.rate,
         "utc_minus_time_unix_s": utc_minus_unix_s,
         "status": estimate.status.value,
     }

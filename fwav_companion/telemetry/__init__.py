@@ -7,6 +7,7 @@ may carry the camera.
 """
 
 from fwav_companion.telemetry.clock.clock import Clock
+from fwav_companion.telemetry.clock.clock_news import ClockRate, ClockSlipped
 from fwav_companion.telemetry.events import (
     AttitudeSource,
     HomeMoved,
@@ -25,6 +26,8 @@ from fwav_companion.telemetry.world import World
 __all__ = [
     "AttitudeSource",
     "Clock",
+    "ClockRate",
+    "ClockSlipped",
     "HomeMoved",
     "OriginSet",
     "PitchTrimUndone",

@@ -8,6 +8,7 @@ import msgspec
 
 from fwav_companion.geometry.earth import Geodetic
 from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.telemetry.clock.clock_news import ClockRate, ClockSlipped
 
 
 class Rebooted(msgspec.Struct, frozen=True):
@@ -72,5 +73,14 @@ class PitchTrimUndone(msgspec.Struct, frozen=True):
 
 
 TelemetryEvent: TypeAlias = (
-    Rebooted | OriginSet | RelativeWorld | TakeOffFound | HomeMoved | AttitudeSource | StampDelay | PitchTrimUndone
+    Rebooted
+    | ClockSlipped
+    | ClockRate
+    | OriginSet
+    | RelativeWorld
+    | TakeOffFound
+    | HomeMoved
+    | AttitudeSource
+    | StampDelay
+    | PitchTrimUndone
 )

@@ -23,7 +23,7 @@ from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, BootNs, HostNs
 from fwav_companion.geometry.vectors import Matrix3, Vector3, add, norm, scale
 from fwav_companion.telemetry.attitude.history import AttitudeAt
 from fwav_companion.telemetry.attitude.stamp_delay import HALF_MS_NS
-from fwav_companion.telemetry.clock.boot_time import BootTimeline, Restarted, Strange
+from fwav_companion.telemetry.clock.boot_time import BootTimeline, Restarted, Skipped, Strange
 from fwav_companion.telemetry.clock.clock import Clock
 from fwav_companion.types import GimbalAt, Message, Reason, Unpaired
 
@@ -93,7 +93,7 @@ class Gimbal:
         delta_yaw = float(fields.delta_yaw)
         levelled = ned_from_gimbal(q, fields.flags, IDENTITY, delta_yaw) if 0.95 <= hypot(*q) <= 1.05 else None
         placed = self._timeline.place(fields.time_boot_ms, arrival_ns)
-        if isinstance(placed, Restarted):
+        if isinstance(placed, Restarted | Skipped):
             self.clear()
             placed = placed.boot_ns
         if levelled is None or isinstance(placed, Strange):

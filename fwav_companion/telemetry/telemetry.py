@@ -11,8 +11,9 @@ from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.telemetry.attitude.history import KEPT_NS
 from fwav_companion.telemetry.attitude.sources import EULER
 from fwav_companion.telemetry.attitude.stamp_delay import AttitudeStamps
-from fwav_companion.telemetry.clock.boot_time import BootTimeline, Restarted, Strange
+from fwav_companion.telemetry.clock.boot_time import BootTimeline, Restarted, Skipped, Strange
 from fwav_companion.telemetry.clock.clock import Clock
+from fwav_companion.telemetry.clock.clock_news import ClockSlipped
 from fwav_companion.telemetry.events import Rebooted, TelemetryEvent
 from fwav_companion.telemetry.gimbal import Gimbal
 from fwav_companion.telemetry.intake import Intake
@@ -78,8 +79,8 @@ class Telemetry:
             if isinstance(placed, Strange):
                 self._intake.refuse(message.name)
                 return events
-            if isinstance(placed, Restarted):
-                events += self._restart(arrival_ns)
+            if isinstance(placed, Restarted | Skipped):
+                events += self._on_jump(placed, arrival_ns)
                 placed = placed.boot_ns
             self._intake.stamp_ns = placed
             self.clock.on_arrival(placed, arrival_ns)
@@ -93,11 +94,16 @@ class Telemetry:
 
     def on_exchange(self, exchange: ClockExchange) -> tuple[TelemetryEvent, ...]:
         """Take one answered TIMESYNC request."""
-        aligned_ns = self._timeline.align(exchange.autopilot_ns, exchange.received_ns)
-        began_anew = self.clock.on_exchange(ClockExchange(exchange.sent_ns, exchange.received_ns, aligned_ns))
-        if not began_anew:
+        placed = self._timeline.align(exchange.autopilot_ns, exchange.received_ns)
+        if isinstance(placed, Strange):
             return ()
-        return self._forget_boot(exchange.received_ns)
+        events: tuple[TelemetryEvent, ...] = ()
+        if isinstance(placed, Restarted | Skipped):
+            events = self._on_jump(placed, exchange.received_ns)
+            placed = self._timeline.align(exchange.autopilot_ns, exchange.received_ns)
+            assert isinstance(placed, int)  # noqa: S101  (the line of time began at it)
+        news = self.clock.on_exchange(ClockExchange(exchange.sent_ns, exchange.received_ns, placed))
+        return events if news is None else (*events, news)
 
     @property
     def wake_at(self) -> HostNs | None:
@@ -177,15 +183,13 @@ class Telemetry:
 
     # Steps.
 
-    def _restart(self, now: HostNs) -> tuple[TelemetryEvent, ...]:
+    def _on_jump(self, placed: Restarted | Skipped, now: HostNs) -> tuple[TelemetryEvent, ...]:
+        """Begin again after a reboot; after a jump ahead keep what is known, and follow."""
+        if isinstance(placed, Skipped):
+            answered = self.clock.estimate(now).round_trip_s is not None
+            self.clock.skip()
+            return () if answered else (ClockSlipped(-placed.ahead_ns / NS_PER_S),)
         self.clock.reset()
-        return self._forget_samples(now)
-
-    def _forget_boot(self, now: HostNs) -> tuple[TelemetryEvent, ...]:
-        self._timeline.forget()
-        return self._forget_samples(now)
-
-    def _forget_samples(self, now: HostNs) -> tuple[TelemetryEvent, ...]:
         self._kept.clear()
         self._intake.utc = None
         self._reboots += 1

@@ -51,6 +51,9 @@ class NoticeCode(StrEnum):
     AUTOPILOT_LOST = "autopilot_lost"
     AUTOPILOT_BACK = "autopilot_back"
     AUTOPILOT_REBOOTED = "autopilot_rebooted"
+    CLOCK_SLIPPED = "clock_slipped"
+    CLOCK_RATE = "clock_rate"
+    """The autopilot's clock runs at another rate than a crystal's, or at a crystal's again."""
 
     READY = "ready"
     NOT_READY_PICTURES_REFUSED = "not_ready_pictures_refused"

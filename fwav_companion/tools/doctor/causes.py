@@ -18,7 +18,9 @@ SLOW: Final = frozenset({"attitude_slow", "too_slow_for_motion", "stale_attitude
 """Attitudes that come too seldom or too late, and what wrong attitudes do to fixes."""
 OF_MOUNTS: Final = frozenset({"above_horizon", "fixes_disagree"})
 """As an ERROR they are the mount's, however slow attitudes are."""
-CLOCK: Final = frozenset({"no_clock", "timesync_unanswered", "clock_unsettled", "long_round_trip"})
+CLOCK: Final = frozenset({"no_clock", "timesync_unanswered", "clock_followed", "clock_unsettled", "long_round_trip"})
+BY_CLOCK: Final = frozenset({"from_the_future", "too_late"})
+"""What stamps by a clock in doubt look like."""
 UNHEARD: Final = frozenset({"no_autopilot", "autopilot_lost", "no_attitude", "no_position", *CLOCK, *SLOW})
 """Whatever the vehicle cannot do without its link."""
 UNDELIVERED: Final = frozenset({"no_attitude", "rates_undone", *CLOCK, *SLOW})
@@ -46,7 +48,9 @@ CAUSES: Final[Mapping[str, frozenset[str]]] = {
     "rates_undone": SLOW,
     "attitude_slow": SLOW - {"attitude_slow"},
     "too_slow_for_motion": OF_MOUNTS,
-    "timesync_unanswered": frozenset({"from_the_future"}),
+    "timesync_unanswered": BY_CLOCK,
+    "clock_followed": BY_CLOCK,
+    "clock_unsettled": BY_CLOCK,
     "calibration": UNSEEN,
     "camera_missing": UNSEEN,
     "camera_permission": UNSEEN,

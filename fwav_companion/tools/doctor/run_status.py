@@ -81,7 +81,9 @@ class ClockReport(StatusPart, frozen=True, kw_only=True):
     """The autopilot's clock against the host's."""
 
     status: str = "unknown"
-    """unknown | arrivals | settling | settled."""
+    """unknown | arrivals | settling | settled | followed."""
+    skew: float = 0.0
+    """Seconds by which the autopilot's clock falls behind in a second."""
     sigma_s: float | None = None
     bound_s: float | None = None
     round_trip_s: float | None = None
