@@ -84,7 +84,7 @@ class Pairer:
 
     @property
     def readout_s(self) -> float:
-        """The readout time in use, seconds: as configured, else half the median frame interval."""
+        """The readout time in use, seconds: as configured, else half of the longest possible one."""
         return self._rows.readout_s
 
     @property

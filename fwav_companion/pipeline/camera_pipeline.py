@@ -17,6 +17,7 @@ from fwav_companion.pairing import PairedFrame, Pairer, RefusedFrame, WaitingFra
 from fwav_companion.pipeline.fix_agreement import FixAgreement
 from fwav_companion.pipeline.frame_census import FrameCensus
 from fwav_companion.pipeline.predicted_accuracy import PredictedAccuracy, predicted_accuracy_below
+from fwav_companion.pipeline.readout_advice import ReadoutAdvice
 from fwav_companion.pipeline.self_calibration_notices import SelfCalibrationNotices
 from fwav_companion.pipeline.target_log import TargetLog
 from fwav_companion.recording.lines import Line, sighting_line
@@ -63,8 +64,11 @@ class CameraPipeline:
         *,
         sightings: bool,
         agreement: FixAgreement,
+        readout: ReadoutAdvice,
     ) -> None:
-        """``sightings``: write a line for every detection, used or not. ``agreement``: of fixes, for the status."""
+        """``sightings``: write a line for every detection, used or not. ``agreement``: of fixes, for the status.
+        ``readout``: whether its being unknown matters.
+        """
         self._telemetry = telemetry
         self._pairer = pairer
         self._localizer = localizer
@@ -73,6 +77,7 @@ class CameraPipeline:
         self._target_log = target_log
         self._sightings = sightings
         self._agreement = agreement
+        self.readout = readout
         self._census = FrameCensus()
         self._waiting = WaitingFrames()
         self._last_view: FrameView | None = None
@@ -143,6 +148,7 @@ class CameraPipeline:
             "axis_elevation_deg": self._axis_elevation_deg(),
             "heard": self._census.status(),
             "agreement": self._agreement.status(),
+            "readout": self.readout.status(),
         }
 
     def _axis_elevation_deg(self) -> float | None:
@@ -203,6 +209,7 @@ class CameraPipeline:
             ),
         )
         self._agreement.add(view.fixes, view.host_ns)
+        self.readout.add(view.fixes)
         tracks = self._reorder.put(view, now)
         self._count(paired, located)
         if isinstance(tracks, NoFrame):

@@ -297,6 +297,8 @@ class Pipeline:
         clock_line = components.clock_line(at, self._unix_offset_ns)
         if clock_line is not None:
             self._target_log.write(clock_line)
+        if components.camera is not None:
+            self._outputs.notify(components.camera.readout.notices(), at)
         report = components.camera.calibration if components.camera is not None else None
         if components.camera is not None and report is not None:
             self._target_log.write(

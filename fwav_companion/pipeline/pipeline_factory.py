@@ -36,6 +36,7 @@ from fwav_companion.pipeline.camera_pipeline import CameraPipeline
 from fwav_companion.pipeline.components import Components
 from fwav_companion.pipeline.fix_agreement import FixAgreement
 from fwav_companion.pipeline.pipeline import Pipeline
+from fwav_companion.pipeline.readout_advice import ReadoutAdvice
 from fwav_companion.pipeline.target_log import TargetLog
 from fwav_companion.publishing.ground_messages import ONBOARD_COMPUTER_STATUS, requested_board_status
 from fwav_companion.publishing.publisher import Publisher
@@ -101,6 +102,7 @@ def make_pipeline(
             target_log=target_log,
             sightings=sightings,
             agreement=FixAgreement(config.priors),
+            readout=ReadoutAdvice(config.priors),
         )
     publisher = Publisher(
         publish_options(config, calibration, unit),

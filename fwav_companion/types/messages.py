@@ -93,6 +93,8 @@ class NoticeCode(StrEnum):
     INTERVALS_UNKNOWN = "intervals_unknown"
     """The autopilot has no SET_MESSAGE_INTERVAL."""
 
+    READOUT_UNKNOWN = "readout_unknown"
+    """The unknown readout limits the accuracy."""
     MOUNT_MISTAKE = "mount_mistake"
     CALIBRATION_RESULT = "calibration_result"
     CALIBRATION_DROPPED = "calibration_dropped"

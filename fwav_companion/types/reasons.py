@@ -48,7 +48,8 @@ class Reason(StrEnum):
     STALE_ATTITUDE = "stale_attitude"
     """The newest attitude is too old to be extrapolated by the body rates."""
     ATTITUDE_GAP = "attitude_gap"
-    """The capture lies in a gap of the attitude stream that is too wide to interpolate."""
+    """The capture lies in a gap of the attitude stream that is too wide to interpolate, or beyond its newest attitude
+    where the vehicle's motion is too fast to extrapolate."""
     BEFORE_HISTORY = "before_history"
     """The capture is older than the stored attitudes."""
     NO_GIMBAL = "no_gimbal"

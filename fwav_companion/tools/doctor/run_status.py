@@ -165,6 +165,16 @@ class AgreementReport(StatusPart, frozen=True, kw_only=True):
     label: str = ""
 
 
+class ReadoutReport(StatusPart, frozen=True, kw_only=True):
+    """Part of the error of fixes by an unknown readout."""
+
+    matters: bool = False
+    by_readout_m: float = 0.0
+    """One sigma by the readout alone."""
+    sigma_m: float = 0.0
+    """One sigma of fixes relative to the vehicle."""
+
+
 class SightReport(StatusPart, frozen=True, kw_only=True):
     """From detections to fixes."""
 
@@ -172,6 +182,7 @@ class SightReport(StatusPart, frozen=True, kw_only=True):
     """Elevation of the optical axis above the horizon."""
     heard: HeardReport = HeardReport()
     agreement: AgreementReport = AgreementReport()
+    readout: ReadoutReport = ReadoutReport()
 
 
 class OriginReport(StatusPart, frozen=True, kw_only=True):

@@ -33,7 +33,7 @@ REASONS = {
     "no_clock": "The offset between the autopilot's clock and this board's clock was not known yet: the first seconds.",
     "no_attitude": "No attitude of the vehicle was close enough to the capture time.",
     "stale_attitude": "The newest attitude was too old.",
-    "attitude_gap": "The gap between two attitudes was too wide to interpolate.",
+    "attitude_gap": "Attitudes were too far apart for the vehicle's motion.",
     "before_history": "The capture is older than the attitudes that are kept, or than the first one.",
     "no_gimbal": "No attitude of the gimbal was close enough to the capture time.",
     "stale_gimbal": "The newest attitude of the gimbal was too old.",
