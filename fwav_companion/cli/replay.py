@@ -26,12 +26,15 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
         "replay",
         description="Runs recorded telemetry and detections through the same pipeline as `run`, at full speed.",
         epilog=(
-            "example:\n  fwav-companion replay --telemetry telemetry.tlog --detections detections.jsonl \\\n"
+            "examples:\n  fwav-companion replay recordings/00007-20260101T101500Z --out targets.jsonl\n"
+            "  fwav-companion replay --telemetry telemetry.tlog --detections detections.jsonl \\\n"
             "      --config fwav-companion.toml --out targets.jsonl --export targets.kml"
         ),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
+    add("folder", metavar="FOLDER", nargs="?",
+        help="a recording's folder: telemetry, detections, configuration and camera file are its own")  # fmt: skip
     add("--telemetry", metavar="F.tlog", nargs="+",
         help="the MAVLink recording, in one or more parts; or an ArduPilot .bin or a PX4 .ulg log")  # fmt: skip
     add("--detections", metavar="D.jsonl", nargs="+", help="one JSON object per frame, in one or more parts")
@@ -60,6 +63,10 @@ def run(arguments: argparse.Namespace) -> int:
     with as_by_ctrl_c():
         if arguments.compare:
             return _compare(arguments)
+        if arguments.folder is not None:
+            from fwav_companion.cli.replay_folder import take_from_folder
+
+            take_from_folder(arguments)
         _require(arguments, "telemetry", "detections", "config", "out")
         return _replay(arguments)
 
@@ -166,8 +173,9 @@ def _print_summary(summary: Line, stream: TextIO) -> None:
     from fwav_companion.recording.labels import display_name
 
     print(f"{summary['frames']} frames, {summary['detections']} detections, {summary['fixes']} fixes", file=stream)
-    for reason, count in summary["dropped"].items():
-        print(f"  not used: {count} {reason}", file=stream)
+    for things in ("frames", "detections"):
+        for reason, count in summary[f"dropped_{things}"].items():
+            print(f"  not used: {count} {things} {reason}", file=stream)
     for error in summary.get("errors", ()):
         result = f"final {error['final_m']:.3f} m, rms {error['rms_m']:.3f} m" if error["found"] else "not found"
         print(f"  {display_name(error['label'])}: {result}", file=stream)

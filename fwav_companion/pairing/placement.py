@@ -19,6 +19,8 @@ FUTURE_SIGMAS = 3.0
 """Largest time of a capture after the arrival: a fixed part, and sigmas of the clock."""
 LATEST_NS = 500_000_000
 """The reorder window: the age of a frame at its arrival beyond which it cannot be inserted."""
+MOST_ASSUMED_LATE_NS = 300_000_000
+"""Delay of a stamp, so of a recorded frame's assumed arrival, that leaves time for attitudes and reordering."""
 FRAMES_REMEMBERED = 256
 """Frames kept to detect duplicates: half a second of any camera."""
 
@@ -115,7 +117,10 @@ class FramePlacer:
 
     def assumed_arrival(self, frame: Frame, clock: TwoClocks) -> HostNs | Unpaired:
         """Assumed arrival of a recorded frame without ``received_unix``: its last capture, or its stamp if later."""
-        latest_ns = max(self._timing_of(frame).latest_ns, frame.stamp_ns)
+        captured_ns = self._timing_of(frame).latest_ns
+        late_ns = max(0, frame.stamp_ns - captured_ns)
+        # A stamp later than any frame may come has a large time offset: such a frame is as fresh as another.
+        latest_ns = captured_ns + (late_ns if late_ns <= MOST_ASSUMED_LATE_NS else 0)
         if frame.stamp_clock is StampClock.BOOT:
             return clock.host_from_boot(BootNs(latest_ns))
         return HostNs(latest_ns)

@@ -168,6 +168,11 @@ class CameraPipeline:
         arrival_ns = self._pairer.assumed_arrival(frame, self._telemetry.clock)
         return arrival_ns if isinstance(arrival_ns, int) else None
 
+    @property
+    def time_offset_s(self) -> float:
+        """Configured delay of the stamps, seconds."""
+        return self._pairer.time_offset_s
+
     def home_moved(self, home_down_m: float) -> None:
         """Move the home surface."""
         self._localizer.home_moved(home_down_m)
@@ -211,10 +216,10 @@ class CameraPipeline:
         self._agreement.add(view.fixes, view.host_ns)
         self.readout.add(view.fixes)
         tracks = self._reorder.put(view, now)
-        self._count(paired, located)
         if isinstance(tracks, NoFrame):
-            self._target_log.drop(tracks.reason)
+            self._target_log.drop_frames(tracks.reason)
             return None
+        self._count(paired, located)
         self._last_view = view
         if self._sightings:
             self._target_log.keep_sightings(view.host_ns, view.frame, _sighting_lines(paired, located))
@@ -223,15 +228,15 @@ class CameraPipeline:
 
     def _count(self, paired: PairedFrame, located: list[GroundFix | NoFix]) -> None:
         for _, reason, _ in paired.refused:
-            self._target_log.drop(reason)
+            self._target_log.drop_detection(reason)
         for fix in located:
             if isinstance(fix, NoFix):
-                self._target_log.drop(fix.reason)
+                self._target_log.drop_detection(fix.reason)
             else:
                 self._target_log.fixes += 1
 
     def _refuse(self, refused: RefusedFrame) -> None:
-        self._target_log.drop(refused.reason)
+        self._target_log.drop_frames(refused.reason)
         if self._sightings:
             for index in range(refused.detections):
                 self._target_log.write(

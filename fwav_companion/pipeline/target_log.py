@@ -33,11 +33,16 @@ class TargetLog:
         self.frames = 0
         self.detections = 0
         self.fixes = 0
-        self.dropped: Counter[Reason] = Counter()
+        self._dropped_frames: Counter[Reason] = Counter()
+        self._dropped_detections: Counter[Reason] = Counter()
 
-    def drop(self, reason: Reason, count: int = 1) -> None:
-        """Count refused frames or detections."""
-        self.dropped[reason] += count
+    def drop_frames(self, reason: Reason, count: int = 1) -> None:
+        """Count frames that were refused as a whole."""
+        self._dropped_frames[reason] += count
+
+    def drop_detection(self, reason: Reason) -> None:
+        """Count a refused detection of a frame that was used."""
+        self._dropped_detections[reason] += 1
 
     def begin(self, origin: Geodetic | None) -> None:
         """Write the header; a later origin gets a line of its own."""
@@ -98,7 +103,9 @@ class TargetLog:
             "frames": self.frames,
             "detections": self.detections,
             "fixes": self.fixes,
-            "dropped": {reason.value: count for reason, count in sorted(self.dropped.items())},
+            "dropped": _by_name(self._dropped_frames + self._dropped_detections),
+            "dropped_frames": _by_name(self._dropped_frames),
+            "dropped_detections": _by_name(self._dropped_detections),
         }
 
     def header(self) -> Line | None:
@@ -111,3 +118,7 @@ class TargetLog:
     def summary(self) -> Line:
         """Last line of the file."""
         return {"type": "summary", **self.counts()}
+
+
+def _by_name(counts: Counter[Reason]) -> dict[str, int]:
+    return {reason.value: count for reason, count in sorted(counts.items())}
