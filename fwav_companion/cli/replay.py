@@ -176,6 +176,10 @@ def _print_summary(summary: Line, stream: TextIO) -> None:
     for things in ("frames", "detections"):
         for reason, count in summary[f"dropped_{things}"].items():
             print(f"  not used: {count} {things} {reason}", file=stream)
+    if "terrain" in summary:
+        shift = summary["terrain"]
+        by = f"{shift['source']}, sigma {shift['sigma_m']:.1f} m"
+        print(f"  terrain: shifted by {shift['shift_m']:+.1f} m ({by})", file=stream)
     for error in summary.get("errors", ()):
         result = f"final {error['final_m']:.3f} m, rms {error['rms_m']:.3f} m" if error["found"] else "not found"
         print(f"  {display_name(error['label'])}: {result}", file=stream)

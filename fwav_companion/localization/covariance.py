@@ -109,7 +109,8 @@ def fix_covariance(
     propagation: Propagation, noise: NoiseVariances, bias: BiasVariances, meeting: Intersection
 ) -> Weights:
     """Covariances and error budget of one fix."""
-    covariance = _covariance if meeting.surveyed or meeting.carried else _level_covariance
+    full = meeting.surveyed or meeting.carried or meeting.uneven
+    covariance = _covariance if full else _level_covariance
     of_noise, of_biases = _terms(propagation, noise, bias, meeting)
     place_noise, place_bias = _of_place(propagation, noise, bias)
     fresh = _raised(covariance(of_noise), noise.level)
@@ -154,7 +155,7 @@ def _terms(
     if meeting.height_by_rotation is not ZERO3:  # attitude and mount then have different columns
         turns = ((mount_x, bias.mount_x), (mount_y, bias.mount_y), (roll, bias.roll), (pitch, bias.pitch))
         of_biases = (*turns, *of_biases[2:])
-    if meeting.surveyed:
+    if meeting.surveyed or meeting.uneven:
         of_biases = (*of_biases, (terrain, bias.terrain))
     return of_noise, of_biases
 

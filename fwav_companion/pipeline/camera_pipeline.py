@@ -8,11 +8,11 @@ from typing import Any
 
 import msgspec
 
-from fwav_companion.geometry.earth import Geodetic, TangentPlane
+from fwav_companion.geometry.earth import TangentPlane
 from fwav_companion.geometry.rotations import matrix_from_quaternion
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs, s_from_ns
 from fwav_companion.geometry.vectors import Vector3, multiply
-from fwav_companion.localization import Localizer
+from fwav_companion.localization import Localizer, TerrainGround, TerrainShift
 from fwav_companion.pairing import PairedFrame, Pairer, RefusedFrame, WaitingFrames, sees_nothing
 from fwav_companion.pipeline.fix_agreement import FixAgreement
 from fwav_companion.pipeline.frame_census import FrameCensus
@@ -32,6 +32,7 @@ from fwav_companion.types import (
     NoFrame,
     Reason,
     Sighting,
+    TakeOff,
     Track,
     Unpaired,
     VehicleState,
@@ -177,9 +178,15 @@ class CameraPipeline:
         """Move the home surface."""
         self._localizer.home_moved(home_down_m)
 
-    def placed(self, plane: TangentPlane, take_off: Geodetic, undulation_m: float | None) -> str:
+    def placed(self, plane: TangentPlane, take_off: TakeOff, undulation_m: float | None) -> str:
         """Give the ground the world's origin and the take-off place; returns the ground's notice, or ""."""
         return self._localizer.placed(plane, take_off, undulation_m)
+
+    @property
+    def terrain_shift(self) -> TerrainShift | None:
+        """Shift of the elevation model; None on other grounds, and while it has none."""
+        ground = self._localizer.ground
+        return ground.shift if isinstance(ground, TerrainGround) else None
 
     def drop_all(self, reason: Reason) -> None:
         """Drop every track for this reason."""

@@ -33,6 +33,8 @@ class TargetLog:
         self.frames = 0
         self.detections = 0
         self.fixes = 0
+        self.terrain: Line | None = None
+        """Last shift of the elevation model, for the summary."""
         self._dropped_frames: Counter[Reason] = Counter()
         self._dropped_detections: Counter[Reason] = Counter()
 
@@ -117,7 +119,8 @@ class TargetLog:
 
     def summary(self) -> Line:
         """Last line of the file."""
-        return {"type": "summary", **self.counts()}
+        terrain = {} if self.terrain is None else {"terrain": self.terrain}
+        return {"type": "summary", **self.counts(), **terrain}
 
 
 def _by_name(counts: Counter[Reason]) -> dict[str, int]:

@@ -104,7 +104,7 @@ def _flight(series: _Series) -> FlightLog:
     source = _attitude_source(series)
     rates = _Latest(series["IMU"], _RATES)
     velocities = _Latest(next((series[name] for name in FILTERS if series[name]), []), _VELOCITY)
-    origin = next((each for each in series["ORGN"] if each["Type"] == 0), None)
+    origin, home = (next((each for each in series["ORGN"] if each["Type"] == kind), None) for kind in (0, 1))
     return FlightLog(
         autopilot="ardupilot",
         attitude_source=source,
@@ -130,6 +130,7 @@ def _flight(series: _Series) -> FlightLog:
         ],
         gps=[LoggedGps(_us(each), int(each["Status"]), _unix_us(each)) for each in series["GPS"]],
         origin=None if origin is None else (origin["Lat"], origin["Lng"], origin["Alt"]),
+        home=None if home is None else (home["Lat"], home["Lng"], home["Alt"]),
     )
 
 

@@ -81,6 +81,8 @@ class FlightLog(msgspec.Struct, frozen=True, kw_only=True):
     gps: Sequence[LoggedGps] = ()
     origin: tuple[float, float, float] | None = None
     """Origin of the estimator: latitude and longitude in degrees, metres AMSL."""
+    home: tuple[float, float, float] | None = None
+    """First home, where the vehicle took off, in the same terms."""
 
     @property
     def knows_utc(self) -> bool:

@@ -176,6 +176,11 @@ def calibration_line(
     return {**line, "mistake": mistake} if mistake else line
 
 
+def terrain_line(time_unix: float, shift_m: float, sigma_m: float, source: str) -> Line:
+    """A shift of the elevation model to the take-off height."""
+    return {"type": "terrain", "time_unix": time_unix, "shift_m": shift_m, "sigma_m": sigma_m, "source": source}
+
+
 def home_line(time_unix: float, home_down_m: float) -> Line:
     """A change of the home surface."""
     return {"type": "home", "time_unix": time_unix, "down": home_down_m}

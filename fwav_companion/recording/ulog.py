@@ -145,6 +145,10 @@ def _flight(topics: Mapping[str, _Rows]) -> FlightLog:
         ],
         gps=list(_gps(topics)),
         origin=_origin(topics),
+        home=next(
+            ((lat, lon, alt) for _, (lat, lon, alt) in topics.get("home_position", _NOTHING).rows("lat", "lon", "alt")),
+            None,
+        ),
     )
 
 

@@ -30,7 +30,9 @@ class RelativeWorld(msgspec.Struct, frozen=True):
 
 
 class TakeOffFound(msgspec.Struct, frozen=True):
-    """The first HOME_POSITION came after the origin was set: the take-off place is known instead of assumed."""
+    """The take-off place became known, or better known, after the origin was set: by HOME_POSITION, by arming, or
+    because the vehicle stands.
+    """
 
     place: Geodetic
 

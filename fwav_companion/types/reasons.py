@@ -76,6 +76,8 @@ class Reason(StrEnum):
     """The rangefinder has no usable reading at the capture."""
     RANGE_TILTED = "range_tilted"
     """The rangefinder's beam does not point down at the capture."""
+    TWO_GROUNDS = "two_grounds"
+    """Within its error the ray meets the elevation model at two places far apart, before and behind an edge."""
     BEYOND_TERRAIN = "beyond_terrain"
     """The ray leaves the elevation model or meets a void before it meets the ground."""
     TERRAIN_UNFIT = "terrain_unfit"

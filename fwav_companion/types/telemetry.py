@@ -99,6 +99,26 @@ class ClockEstimate(msgspec.Struct, frozen=True):
         return 1.0 - self.skew
 
 
+class TakeOffSource(StrEnum):
+    """How the take-off place is known, from the weakest to the strongest."""
+
+    ASSUMED = "assumed"
+    """Where the vehicle was first heard: it may have been in the air."""
+    STANDING = "standing"
+    """A disarmed vehicle at rest."""
+    ARMING = "arming"
+    """Where the vehicle was armed."""
+    HOME_POSITION = "home_position"
+
+
+class TakeOff(msgspec.Struct, frozen=True):
+    """The take-off place as far as it is known."""
+
+    place: Geodetic
+    """Its altitude is that of the ground."""
+    source: TakeOffSource
+
+
 class GimbalAt(msgspec.Struct, frozen=True, gc=False):
     """State of the gimbal that carries the camera at one instant."""
 

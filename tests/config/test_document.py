@@ -126,7 +126,7 @@ def test_what_one_command_needs_and_another_does_not():
 def test_a_header_holds_every_key_and_not_where_the_file_lies():
     here, there = (parse(RELAY + AUTOPILOT, name).as_builtins() for name in ("a/f.toml", "/b/g.toml"))
     assert here == there
-    assert here["uncertainty"]["terrain_m"] == 4.0
+    assert here["uncertainty"]["terrain_m"] == "auto"
     assert set(here) == set(Document.__struct_fields__)
 
 

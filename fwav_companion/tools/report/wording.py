@@ -35,6 +35,7 @@ REASONS = {
     "stale_attitude": "The newest attitude was too old.",
     "attitude_gap": "Attitudes were too far apart for the vehicle's motion.",
     "before_history": "The capture is older than the attitudes that are kept, or than the first one.",
+    "two_grounds": "An edge of the elevation model lies within the error: the ray meets the ground at two places.",
     "no_gimbal": "No attitude of the gimbal was close enough to the capture time.",
     "stale_gimbal": "The newest attitude of the gimbal was too old.",
     "no_position": "No position of the vehicle was close enough to the capture time.",
