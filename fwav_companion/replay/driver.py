@@ -16,7 +16,8 @@ from fwav_companion.pipeline.pipeline import Pipeline
 from fwav_companion.pipeline.pipeline_factory import make_pipeline, own_components
 from fwav_companion.recording.events import RecordingEnd, Refused
 from fwav_companion.recording.lines import Line
-from fwav_companion.recording.truth import ErrorTally, TruthPoint
+from fwav_companion.recording.truth import TruthPoint
+from fwav_companion.recording.truth_errors import ErrorTally
 from fwav_companion.replay.recorded import Recording, is_own
 from fwav_companion.tracking.filters.base import Filter
 from fwav_companion.types import Frame, Message, NoFrame, StampClock
