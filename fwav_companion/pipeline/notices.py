@@ -13,6 +13,7 @@ from fwav_companion.telemetry import (
     AttitudeSource,
     ClockRate,
     ClockSlipped,
+    GimbalUnused,
     HomeMoved,
     OriginSet,
     PitchTrimUndone,
@@ -45,6 +46,9 @@ def _of_the_vehicle(event: IdentityEvent | TelemetryEvent) -> tuple[Notice, ...]
             return (Notice(NoticeCode.HOME_MOVED, Severity.INFO, text, to_ground=True),)
         case AttitudeSource(message, before):
             return (Notice(NoticeCode.ATTITUDE_SOURCE, Severity.INFO, f"attitude from {message}, no longer {before}"),)
+        case GimbalUnused(device_id):
+            text = f"a gimbal is heard: if it carries the camera, set gimbal_device_id = {device_id}"
+            return (Notice(NoticeCode.GIMBAL_UNUSED, Severity.WARNING, text, to_ground=True),)
         case PitchTrimUndone(deg):
             text = f"ATTITUDE lacks the pitch trim: {deg:.1f} deg are added"
             return (Notice(NoticeCode.PITCH_TRIM_RESTORED, Severity.INFO, text),)

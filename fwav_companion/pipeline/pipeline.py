@@ -19,13 +19,11 @@ from fwav_companion.pipeline.target_log import TargetLog
 from fwav_companion.publishing.ground_messages import onboard_computer_status
 from fwav_companion.recording.lines import Line, unix_seconds
 from fwav_companion.self_calibration import KeptCalibration
-from fwav_companion.telemetry import Telemetry
+from fwav_companion.telemetry import GIMBAL_MESSAGES, Telemetry
 from fwav_companion.types import BoardReport, Destination, Frame, Message, NoFrame, Outgoing, Reason
 
 ANSWERED = frozenset({"COMMAND_LONG", "COMMAND_INT", "PING"})
 """Requests that are answered from any sender."""
-GIMBAL_ATTITUDE = "GIMBAL_DEVICE_ATTITUDE_STATUS"
-"""The one message of telemetry that may come from another component of the vehicle."""
 LONGEST_SILENCE_NS = 3600 * NS_PER_S
 """Time without any event through which clock lines are written; longer, a recording has a gap, and nothing is in it."""
 FAULT_SILENCE_NS = 6 * NS_PER_S
@@ -64,8 +62,10 @@ class Pipeline:
         if message.name == "PARAM_VALUE":
             self._handlers.of_parameters()
         autopilot = components.identity.autopilot
-        if autopilot and message.system == autopilot.system and message.name == GIMBAL_ATTITUDE:
-            components.telemetry.on_gimbal(message, autopilot.component, now)
+        if autopilot and message.system == autopilot.system and message.name in GIMBAL_MESSAGES:
+            events = components.telemetry.on_gimbal(message, autopilot.component, now)
+            if components.camera is not None:  # a relay has no camera that a gimbal could carry
+                self._handlers.of_telemetry(events, now)
             self._take_ready(now)
         elif autopilot and message.system == autopilot.system and message.component == autopilot.component:
             self._handlers.of_telemetry(components.telemetry.on_message(message, now), now)

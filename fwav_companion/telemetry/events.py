@@ -67,6 +67,13 @@ class StampDelay(msgspec.Struct, frozen=True):
     """Attitude timestamps are synchronous with sampling: no delay is corrected unless one is configured."""
 
 
+class GimbalUnused(msgspec.Struct, frozen=True):
+    """A gimbal reports its attitude, and [camera.mount] gimbal_device_id is 0: the camera counts as fixed."""
+
+    device_id: int
+    """The gimbal_device_id with which it would be used."""
+
+
 class PitchTrimUndone(msgspec.Struct, frozen=True):
     """The pitch trim that ATTITUDE lacks is added from now on; attitudes without it are deleted."""
 
@@ -84,5 +91,6 @@ TelemetryEvent: TypeAlias = (
     | HomeMoved
     | AttitudeSource
     | StampDelay
+    | GimbalUnused
     | PitchTrimUndone
 )

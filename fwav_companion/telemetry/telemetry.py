@@ -14,7 +14,8 @@ from fwav_companion.telemetry.attitude.stamp_delay import AttitudeStamps
 from fwav_companion.telemetry.clock.boot_time import BootTimeline, Restarted, Skipped, Strange
 from fwav_companion.telemetry.clock.clock import Clock
 from fwav_companion.telemetry.clock.clock_news import ClockSlipped
-from fwav_companion.telemetry.events import Rebooted, TelemetryEvent
+from fwav_companion.telemetry.events import GimbalUnused, Rebooted, TelemetryEvent
+from fwav_companion.telemetry.gimbal import MESSAGE as GIMBAL_MESSAGE
 from fwav_companion.telemetry.gimbal import Gimbal
 from fwav_companion.telemetry.intake import Intake
 from fwav_companion.telemetry.rate_meter import RateMeter
@@ -64,6 +65,7 @@ class Telemetry:
         )
         self._meter = RateMeter()
         self._reboots = 0
+        self._unused_gimbal: int | None = None
 
     # Inputs.
 
@@ -86,11 +88,25 @@ class Telemetry:
             self.clock.on_arrival(placed, arrival_ns)
         return events + self._intake.take(message.name, message.fields, arrival_ns)
 
-    def on_gimbal(self, message: Message, autopilot_component: int, arrival_ns: HostNs) -> None:
+    def on_gimbal(self, message: Message, autopilot_component: int, arrival_ns: HostNs) -> tuple[TelemetryEvent, ...]:
         """Take a message of any component of the vehicle that may be the gimbal's."""
-        if self._gimbal is not None and self._gimbal.is_meant(message, autopilot_component):
+        if self._gimbal is None:
+            return self._on_unused_gimbal(message, autopilot_component)
+        if self._gimbal.is_meant(message, autopilot_component):
             self._meter.count(message.name, arrival_ns)
-            self._gimbal.on_message(message.fields, arrival_ns)
+            if message.name == GIMBAL_MESSAGE:
+                self._gimbal.on_message(message.fields, arrival_ns)
+            else:
+                self._gimbal.on_older_message(message, self.clock, arrival_ns)
+        return ()
+
+    def _on_unused_gimbal(self, message: Message, autopilot_component: int) -> tuple[TelemetryEvent, ...]:
+        """Note a gimbal that is heard while none is configured; it is reported once."""
+        if self._unused_gimbal is not None:
+            return ()
+        behind = message.component == autopilot_component
+        self._unused_gimbal = getattr(message.fields, "gimbal_device_id", 0) or 1 if behind else message.component
+        return (GimbalUnused(self._unused_gimbal),)
 
     def on_exchange(self, exchange: ClockExchange) -> tuple[TelemetryEvent, ...]:
         """Take one answered TIMESYNC request."""
@@ -178,6 +194,7 @@ class Telemetry:
             "home_down_m": self.world.home_down_m,
             "refused": dict(self._intake.refused),
             "reboots": self._reboots,
+            "gimbal_unused": self._unused_gimbal,
             "gimbal": None if self._gimbal is None else self._gimbal.status(now),
         }
 

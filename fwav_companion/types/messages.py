@@ -76,6 +76,8 @@ class NoticeCode(StrEnum):
     COT_WITHOUT_UTC = "cot_without_utc"
 
     ORIGIN_SET = "origin_set"
+    GIMBAL_UNUSED = "gimbal_unused"
+    """A gimbal is heard, and the camera is configured as fixed."""
     RELATIVE_WORLD = "relative_world"
     HOME_MOVED = "home_moved"
     TERRAIN_PLACED = "terrain_placed"

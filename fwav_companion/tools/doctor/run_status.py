@@ -129,6 +129,8 @@ class TelemetryReport(StatusPart, frozen=True, kw_only=True):
     too_slow_for_motion: bool = False
     pitch_trim_undone_deg: float | None = None
     relative_world: bool = False
+    gimbal_unused: int | None = None
+    """gimbal_device_id of a gimbal that is heard while none is configured."""
 
 
 class AutopilotReport(StatusPart, frozen=True, kw_only=True):

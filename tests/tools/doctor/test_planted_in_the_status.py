@@ -57,6 +57,7 @@ STATUS = {
     "no_clock": (["clock"], {"status": "unknown"}),
     "clock_unsettled": (["clock", "sigma_s"], 0.02),
     "no_attitude": (["telemetry", "rates_hz"], {}),
+    "gimbal_unused": (["telemetry", "gimbal_unused"], 154),
     "readout_unknown": (["sight", "readout"], {"matters": True, "by_readout_m": 0.4, "sigma_m": 0.8}),
     "too_slow_for_motion": (["telemetry", "too_slow_for_motion"], True),
 }
