@@ -108,6 +108,11 @@ class UncertaintyConfig(msgspec.Struct, frozen=True, kw_only=True):
         )
 
     def _terrain_m(self, *, surveyed: bool) -> float:
-        """One sigma of the ground's own height, metres; of a model never 0: a doubt of its shift needs a scale."""
-        terrain_m = (MODEL_SIGMA_M if surveyed else 0.0) if self.terrain_m == "auto" else self.terrain_m
-        return max(terrain_m, LEAST_MODEL_SIGMA_M) if surveyed else terrain_m
+        """One sigma of the ground's own height, metres; of a model never 0: a doubt of its shift needs a scale.
+
+        On level ground the model's 4.0 is not a choice: files that `init` wrote before ``auto`` have it for every
+        ground, where it had no effect.
+        """
+        if not surveyed:
+            return 0.0 if self.terrain_m in ("auto", MODEL_SIGMA_M) else float(self.terrain_m)
+        return MODEL_SIGMA_M if self.terrain_m == "auto" else max(self.terrain_m, LEAST_MODEL_SIGMA_M)
