@@ -101,7 +101,7 @@ class FollowedClock:
         """Take one exchange, in order of time."""
         if not self._nodes:
             return self._begin(entry)
-        if entry.host_ns <= self._recent[-1].host_ns:
+        if entry.host_ns <= self._recent[-1].host_ns:  # it overtook another
             return None
         level_s = self._seconds(entry)
         predicted, _, p00, p01, p11 = self._predicted(self._nodes[-1], self._t(entry.host_ns))
@@ -284,11 +284,8 @@ class FollowedClock:
             return level + slope * dt, slope, p00 + p11 * dt * dt + self._walk * abs(dt)
         before, after = nodes[index - 1], nodes[index]
         share = (t - before.t) / (after.t - before.t)
-        state = self._predicted(before, t, after.walk * share)
-        here = Node(
-            t=t, trip_s=0.0, level=state[0], slope=state[1], p00=state[2], p01=state[3], p11=state[4], walk=0.0,
-            slipped_s=0.0,
-        )  # fmt: skip
+        level, slope, p00, p01, p11 = self._predicted(before, t, after.walk * share)
+        here = Node(t=t, trip_s=0.0, level=level, slope=slope, p00=p00, p01=p01, p11=p11, walk=0.0, slipped_s=0.0)
         level, slope, p00, _, _ = self._back(here, after.t, after.walk * (1.0 - share), self._smoothed_node(index))
         return level, slope, p00
 
