@@ -14,7 +14,9 @@ import msgspec
 from fwav_companion.tools.doctor.evidence import Evidence
 from fwav_companion.tools.doctor.finding import Finding, Level, by_level, worst
 
-SLOW: Final = frozenset({"attitude_slow", "too_slow_for_motion", "stale_attitude", "above_horizon", "fixes_disagree"})
+SLOW: Final = frozenset(
+    {"attitude_slow", "too_slow_for_motion", "stale_attitude", "attitude_gap", "above_horizon", "fixes_disagree"}
+)
 """Attitudes that come too seldom or too late, and what wrong attitudes do to fixes."""
 OF_MOUNTS: Final = frozenset({"above_horizon", "fixes_disagree"})
 """As an ERROR they are the mount's, however slow attitudes are."""
@@ -43,7 +45,7 @@ CAUSES: Final[Mapping[str, frozenset[str]]] = {
     "no_signing_key": UNDELIVERED,
     "loss": SLOW | CLOCK,
     "autopilot_lost": UNHEARD - {"no_autopilot", "autopilot_lost"} | {"rates_undone"},
-    "no_attitude": frozenset({"stale_attitude"}),
+    "no_attitude": frozenset({"stale_attitude", "attitude_gap"}),
     "loop_rate": SLOW,
     "rates_undone": SLOW,
     "attitude_slow": SLOW - {"attitude_slow"},
