@@ -53,14 +53,14 @@ def test_what_was_found_is_said_once_as_configuration_lines(calibrated):
 
 
 def test_the_offered_lines_are_the_corrected_mount(calibrated):
-    status = calibrated.companion.pipeline.status(calibrated.mock.end_ns)["calibration"]
-    offset, mount = status["configuration_lines"]
+    status = calibrated.companion.pipeline.status(calibrated.mock.end_ns).calibration
+    offset, mount = status.configuration_lines
     settings = [f"camera.time_offset_s={offset.rpartition('= ')[2]}"]
     for pair in mount.removeprefix("[camera.mount] ").split(", "):
         name, value = pair.split(" = ")
         settings.append(f"camera.mount.{name}={value}")
     offered = Companion(settings).config.camera.mount.body_from_camera
-    correction = tuple(radians(angle) for angle in status["mount_deg"])
+    correction = tuple(radians(angle) for angle in status.mount_deg)
     expected = corrected_mount(calibrated.companion.config.camera.mount.body_from_camera, correction)
     for row, expected_row in zip(offered, expected, strict=True):
         assert row == pytest.approx(expected_row, abs=2e-5)
@@ -68,8 +68,8 @@ def test_the_offered_lines_are_the_corrected_mount(calibrated):
 
 @pytest.mark.parametrize("setting", ["tracking.filter=lowpass", "tracking.motion=moving"])
 def test_it_is_reported_with_what_it_does_not_correct(setting):
-    status = Companion((*SETTINGS, setting)).pipeline.status(0)["calibration"]
-    assert (status["status"], status["time_offset_sigma_s"]) == ("waiting", 0.05)
+    status = Companion((*SETTINGS, setting)).pipeline.status(0).calibration
+    assert (status.status, status.time_offset_sigma_s) == ("waiting", 0.05)
 
 
 def test_an_upside_down_camera_is_named_and_nothing_is_estimated():

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from fwav_companion.tools.doctor.evidence import Files
     from fwav_companion.tools.doctor.finding import Finding
     from fwav_companion.tools.doctor.gathering import HeardStatus
-    from fwav_companion.tools.doctor.run_status import RunStatus
+    from fwav_companion.types.status import RunStatus
 
 SECONDS = 12.0
 """Four until the autopilot is adopted, two to settle the clock, the rest to measure the rates that are requested."""

@@ -6,6 +6,8 @@ from collections.abc import Callable
 from enum import StrEnum
 from typing import Protocol, TypeAlias
 
+from fwav_companion.types.network_status import LinkReport
+
 DRAIN_LIMIT = 64
 """Largest number of reads per wake-up: enough to empty any burst, few enough that no link starves the others."""
 
@@ -55,8 +57,8 @@ class Link(Protocol):
     def close(self) -> None:
         """Close the link permanently and at once; no callback follows."""
 
-    def status(self) -> dict[str, object]:
-        """Entries of the status file: state, why, counters, and those of this kind of link."""
+    def status(self) -> LinkReport:
+        """State, why, counters, and the entries of this kind of link."""
 
 
 class Traffic:
@@ -92,8 +94,8 @@ class Connection(Protocol):
     def close(self) -> None:
         """Release the connection at once, without calling ``lost``."""
 
-    def status(self) -> dict[str, object]:
-        """Status entries of this kind of connection, for example its clients."""
+    def status(self) -> LinkReport:
+        """Report with the entries of this kind of connection alone, for example its clients."""
 
 
 class Opener(Protocol):

@@ -6,9 +6,12 @@ import asyncio
 import os
 from collections.abc import Awaitable, Callable
 
+import msgspec
+
 from fwav_companion.errors import LinkError
 from fwav_companion.links.base import Connection, Ear, Link, LinkState, OnBytes, OnState, Opener, Traffic
 from fwav_companion.links.url import LinkUrl, SerialUrl, UdpUrl
+from fwav_companion.types.network_status import LinkReport
 
 FIRST_DELAY_S = 0.25
 """A device that re-enumerates needs a few tenths of a second."""
@@ -85,19 +88,18 @@ class StayingConnected:
         self._opener.close()
         self._release()
 
-    def status(self) -> dict[str, object]:
+    def status(self) -> LinkReport:
         """State, reason, counters, and the entries of the connection."""
         traffic = self._traffic
-        own = self._connection.status() if self._connection is not None else {}
-        return {
-            "state": str(self.state),
-            "why": self._why,
-            "times_up": self._times_up,
-            "bytes_in": traffic.bytes_in,
-            "bytes_out": traffic.bytes_out,
-            "dropped": traffic.dropped,
-            **own,
-        }
+        return msgspec.structs.replace(
+            LinkReport() if self._connection is None else self._connection.status(),
+            state=str(self.state),
+            why=self._why,
+            times_up=self._times_up,
+            bytes_in=traffic.bytes_in,
+            bytes_out=traffic.bytes_out,
+            dropped=traffic.dropped,
+        )
 
     async def _stay_connected(self) -> None:
         delay_s = FIRST_DELAY_S

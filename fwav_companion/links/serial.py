@@ -21,6 +21,7 @@ from fwav_companion.errors import LinkError
 from fwav_companion.links.base import READ_BYTES, Connection, Ear
 from fwav_companion.links.streams import BoundedWriter
 from fwav_companion.links.url import SerialUrl
+from fwav_companion.types.network_status import LinkReport
 
 OPEN_WAIT_S = 5.0
 """Longest wait of one attempt. A healthy port opens in milliseconds; a USB device may hang in its open."""
@@ -180,9 +181,9 @@ class SerialConnection:
         self._writer.close()
         _close(self._port)
 
-    def status(self) -> dict[str, object]:
+    def status(self) -> LinkReport:
         """The name under which the device was found."""
-        return {"device": self._device}
+        return LinkReport(device=self._device)
 
     def _read(self) -> None:
         try:

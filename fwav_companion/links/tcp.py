@@ -10,6 +10,7 @@ from fwav_companion.errors import LinkError
 from fwav_companion.links.base import DRAIN_LIMIT, READ_BYTES, Connection, Ear, Opener
 from fwav_companion.links.streams import BoundedWriter, FrameCutter
 from fwav_companion.links.url import TcpUrl, host_and_port
+from fwav_companion.types.network_status import LinkReport
 
 CONNECT_WAIT_S = 5.0
 """A reachable server answers within a round trip; Linux itself would try for two minutes."""
@@ -105,9 +106,9 @@ class TcpStream:
         self._writer.close()
         self._socket.close()
 
-    def status(self) -> dict[str, object]:
+    def status(self) -> LinkReport:
         """No further entries."""
-        return {}
+        return LinkReport()
 
     def _read(self) -> None:
         try:
@@ -148,9 +149,9 @@ class TcpServer:
             client.close()
         self._clients.clear()
 
-    def status(self) -> dict[str, object]:
+    def status(self) -> LinkReport:
         """The clients in order of arrival."""
-        return {"clients": list(self._clients)}
+        return LinkReport(clients=list(self._clients))
 
     def _accept(self) -> None:
         for _ in range(DRAIN_LIMIT):

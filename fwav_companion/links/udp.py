@@ -14,6 +14,7 @@ from fwav_companion.addresses import SocketAddress, resolve
 from fwav_companion.links.base import DRAIN_LIMIT, READ_BYTES, Connection, Ear
 from fwav_companion.links.streams import FrameCutter
 from fwav_companion.links.url import UdpUrl, host_and_port
+from fwav_companion.types.network_status import LinkReport
 
 MAX_CLIENTS = 16
 """More ground stations than one vehicle ever has. Each costs a copy of everything that is sent."""
@@ -70,9 +71,9 @@ class UdpSocket:
         self._loop.remove_reader(self._socket)
         self._socket.close()
 
-    def status(self) -> dict[str, object]:
+    def status(self) -> LinkReport:
         """No further entries."""
-        return {}
+        return LinkReport()
 
     def _drain(self) -> None:
         """Pass on the received datagrams, joined: a burst costs the link one call."""
@@ -152,9 +153,9 @@ class UdpServer(UdpSocket):
         self._forgetting.cancel()
         super().close()
 
-    def status(self) -> dict[str, object]:
+    def status(self) -> LinkReport:
         """The clients in order of arrival."""
-        return {"clients": [host_and_port(*address[:2]) for address in self._clients]}
+        return LinkReport(clients=[host_and_port(*address[:2]) for address in self._clients])
 
     def _receive(self) -> bytes:
         data, address = self._socket.recvfrom(READ_BYTES)

@@ -5,13 +5,14 @@ A level ground is the horizontal surface at home's altitude, or one at a configu
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Protocol
 
 import msgspec
 
 from fwav_companion.geometry.earth import TangentPlane
 from fwav_companion.geometry.vectors import ZERO3, Vector3
 from fwav_companion.types import NoFix, Reason, Sighting, TakeOff
+from fwav_companion.types.flight_status import GroundReport
 
 LEVEL_NORMAL: Vector3 = (0.0, 0.0, 1.0)
 
@@ -61,8 +62,8 @@ class Ground(Protocol):
     def placed(self, plane: TangentPlane, take_off: TakeOff, undulation_m: float | None) -> str:
         """Set the world's origin, the take-off place and the geoid undulation; the notice for people, or ""."""
 
-    def status(self) -> dict[str, Any]:
-        """Name and state of the model, for the status file."""
+    def status(self) -> GroundReport:
+        """Name and state of the model, for the status."""
 
 
 def camera_above_flat(sighting: Sighting, height_m: float) -> Vector3:
@@ -102,9 +103,9 @@ class HomeGround:
             return distance_m
         return Intersection(camera_above_flat(sighting, height_m), distance_m, height_m, "home")
 
-    def status(self) -> dict[str, Any]:
+    def status(self) -> GroundReport:
         """Name of the model and depth of the surface."""
-        return {"model": "home", "home_down_m": self.home_down_m}
+        return GroundReport(model="home", home_down_m=self.home_down_m)
 
     def height_m(self, sighting: Sighting) -> float | None:
         """The height of the camera above the surface, metres; None where it is not known."""
@@ -126,9 +127,9 @@ class FixedGround:
         """Do nothing: the surface does not depend on the origin."""
         return ""
 
-    def status(self) -> dict[str, Any]:
+    def status(self) -> GroundReport:
         """Name of the model and height of the camera above the surface."""
-        return {"model": "fixed", "height_m": self._height_m}
+        return GroundReport(model="fixed", height_m=self._height_m)
 
     def meet(self, sighting: Sighting, direction: Vector3) -> Intersection | NoFix:
         """The intersection at the configured height; the autopilot's height is not used."""

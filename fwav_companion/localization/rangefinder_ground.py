@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from math import hypot, sqrt
-from typing import Any
 
 from fwav_companion.geometry.earth import TangentPlane
 from fwav_companion.geometry.rotations import exp, multiply, rotate
@@ -12,6 +11,7 @@ from fwav_companion.geometry.stamps import s_from_ns
 from fwav_companion.geometry.vectors import Vector3, norm, scale
 from fwav_companion.localization.ground import HomeGround, Intersection, camera_above_flat, flat_distance
 from fwav_companion.types import NoFix, RangeSample, Reason, Sighting, TakeOff
+from fwav_companion.types.flight_status import GroundReport
 
 LEAST_PLUMB = 0.5
 """Down component of the beam, a unit vector: beyond 60 degrees of tilt it measures the ground at another place."""
@@ -53,13 +53,13 @@ class RangefinderGround:
         self.fallback = None
         return self._meet_reading(reading, beam, age_s=age_s, sighting=sighting, direction=direction)
 
-    def status(self) -> dict[str, Any]:
+    def status(self) -> GroundReport:
         """Name of the model, reason for the home surface now, and counts of these reasons."""
-        return {
-            "model": "rangefinder",
-            "fallback": None if self.fallback is None else self.fallback.value,
-            "fallbacks": {reason.value: count for reason, count in sorted(self.fallbacks.items())},
-        }
+        return GroundReport(
+            model="rangefinder",
+            fallback=None if self.fallback is None else self.fallback.value,
+            fallbacks={reason.value: count for reason, count in sorted(self.fallbacks.items())},
+        )
 
     def _meet_home(self, why: Reason, sighting: Sighting, direction: Vector3) -> Intersection | NoFix:
         self.fallback = why

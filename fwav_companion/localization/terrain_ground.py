@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from enum import StrEnum
 from math import cos, degrees, isnan, radians, sin, sqrt
-from typing import Any
 
 import msgspec
 
@@ -18,6 +17,7 @@ from fwav_companion.localization.elevation import ElevationModel
 from fwav_companion.localization.ground import Intersection, camera_above_flat, flat_distance
 from fwav_companion.localization.ray_search import Hit, first_hit
 from fwav_companion.types import NoFix, Reason, Sighting, TakeOff, TakeOffSource
+from fwav_companion.types.flight_status import GroundReport
 
 MOST_SHIFT_M = 30.0
 """Largest shift of a model, metres: ArduPilot's TERRAIN_OFS_MAX. More means a datum other than the configured one."""
@@ -109,17 +109,17 @@ class TerrainGround:
             return NoFix(self._trouble or Reason.NO_POSITION)
         return self._meet_model(self._model, self._plane, sighting, direction)
 
-    def status(self) -> dict[str, Any]:
+    def status(self) -> GroundReport:
         """Name, source, datum and shift of the model, and the reason why it gives no fixes."""
-        return {
-            "model": "terrain",
-            "source": "TERRAIN_REPORT" if self._model is None else "files",
-            "datum": self._datum.value,
-            "shift_m": 0.0 if self.shift is None else self.shift.shift_m,
-            "shift_sigma_m": None if self.shift is None else self.shift.sigma_m,
-            "shift_source": None if self.shift is None else self.shift.source.value,
-            "trouble": None if self._model is None or self._trouble is None else self._trouble.value,
-        }
+        return GroundReport(
+            model="terrain",
+            source="TERRAIN_REPORT" if self._model is None else "files",
+            datum=self._datum.value,
+            shift_m=0.0 if self.shift is None else self.shift.shift_m,
+            shift_sigma_m=None if self.shift is None else self.shift.sigma_m,
+            shift_source=None if self.shift is None else self.shift.source.value,
+            trouble=None if self._model is None or self._trouble is None else self._trouble.value,
+        )
 
     def _meet_model(
         self, model: ElevationModel, plane: TangentPlane, sighting: Sighting, direction: Vector3

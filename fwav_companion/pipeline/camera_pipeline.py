@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import asin, degrees, inf
-from typing import Any
 
 import msgspec
 
@@ -37,6 +36,7 @@ from fwav_companion.types import (
     Unpaired,
     VehicleState,
 )
+from fwav_companion.types.flight_status import SightReport
 
 LONG_AFTER_NS = 60 * NS_PER_S
 """Longer than every wait and window."""
@@ -141,16 +141,16 @@ class CameraPipeline:
         """Time since the newest frame arrived, seconds; infinite before the first."""
         return inf if self._last_frame_ns is None else s_from_ns(now - self._last_frame_ns)
 
-    def status(self) -> dict[str, Any]:
-        """Part of the status file: the ground, the content of frames, and why the newest one was refused."""
-        return {
-            "ground": self._localizer.ground.status(),
-            "refused": self.refused and self.refused.value,
-            "axis_elevation_deg": self._axis_elevation_deg(),
-            "heard": self._census.status(),
-            "agreement": self._agreement.status(),
-            "readout": self.readout.status(),
-        }
+    def status(self) -> SightReport:
+        """Part of the status: the ground, the content of frames, and why the newest one was refused."""
+        return SightReport(
+            ground=self._localizer.ground.status(),
+            refused=None if self.refused is None else self.refused.value,
+            axis_elevation_deg=self._axis_elevation_deg(),
+            heard=self._census.status(),
+            agreement=self._agreement.status(),
+            readout=self.readout.status(),
+        )
 
     def _axis_elevation_deg(self) -> float | None:
         """Elevation of the optical axis above the horizon now, degrees; None while the attitude is not known."""

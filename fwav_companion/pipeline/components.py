@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from math import inf
 
-import msgspec
-
+from fwav_companion.geometry.earth import Geodetic
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.mavlink.client.commands import Commands
 from fwav_companion.mavlink.client.identity import Identity
@@ -14,12 +13,15 @@ from fwav_companion.mavlink.client.rates import Rates
 from fwav_companion.mavlink.client.timesync import Timesync
 from fwav_companion.pipeline.camera_pipeline import CameraPipeline, ProcessedFrame
 from fwav_companion.pipeline.predicted_accuracy import PredictedAccuracy
+from fwav_companion.pipeline.target_log import TargetLog
 from fwav_companion.publishing.publisher import Publisher
 from fwav_companion.publishing.readiness import Readiness
-from fwav_companion.recording.lines import Line, clock_line, origin_object
+from fwav_companion.recording.lines import Line, clock_line
 from fwav_companion.telemetry import Telemetry
-from fwav_companion.types import Reason, Situation, Unpaired
+from fwav_companion.types import Autopilot, ClockEstimate, Reason, Situation, Unpaired
 from fwav_companion.types.board import BoardReport
+from fwav_companion.types.flight_status import AutopilotReport, ClockReport, OriginReport
+from fwav_companion.types.status import PipelineStatus
 
 
 @dataclass(slots=True)
@@ -86,23 +88,56 @@ class Components:
         utc_minus_unix_s = None if utc_minus_host_s is None else utc_minus_host_s - unix_offset_ns / 1e9
         return clock_line(at, self.telemetry.clock.estimate(at), boot_ns, utc_minus_unix_s)
 
-    def status(self, now: HostNs) -> dict[str, Any]:
-        """Part of the status file."""
-        plane = self.telemetry.world.plane
-        report = None if self.camera is None else self.camera.calibration
-        return {
-            "autopilot": msgspec.to_builtins(self.identity.autopilot),
-            "autopilot_lost": self.identity.autopilot_lost,
-            "adopted_s": None if self.adopted_ns is None else s_from_ns(now - self.adopted_ns),
-            "clock": msgspec.to_builtins(self.telemetry.clock.estimate(now)),
-            "timesync": self.timesync.status(),
-            "rates": self.rates.status(),
-            "parameters": dict(self.rates.parameters),
-            "origin": origin_object(plane.origin) if plane else None,
-            "telemetry": self.telemetry.status(now),
-            "sight": None if self.camera is None else self.camera.status(),
-            "calibration": None
-            if self.camera is None or report is None
-            else self.camera.calibration_news.status(report),
-            "publishing": self.publisher.status(),
-        }
+    def status(self, now: HostNs, log: TargetLog) -> PipelineStatus:
+        """The pipeline's part of the status. ``log``: counts frames and what became of them."""
+        plane, report = self.telemetry.world.plane, None if self.camera is None else self.camera.calibration
+        return PipelineStatus(
+            autopilot=_autopilot_report(self.identity.autopilot),
+            autopilot_lost=self.identity.autopilot_lost,
+            adopted_s=inf if self.adopted_ns is None else s_from_ns(now - self.adopted_ns),
+            clock=_clock_report(self.telemetry.clock.estimate(now)),
+            timesync=self.timesync.status(),
+            rates=self.rates.status(),
+            parameters=dict(self.rates.parameters),
+            origin=None if plane is None else _origin_report(plane.origin),
+            telemetry=self.telemetry.status(now),
+            sight=None if self.camera is None else self.camera.status(),
+            calibration=None if self.camera is None or report is None else self.camera.calibration_news.status(report),
+            publishing=self.publisher.status(),
+            frames=log.frames,
+            detections=log.detections,
+            fixes=log.fixes,
+            dropped=log.refusals(),
+            dropped_frames=log.refused_frames(),
+            dropped_detections=log.refused_detections(),
+        )
+
+
+def _autopilot_report(autopilot: Autopilot | None) -> AutopilotReport | None:
+    if autopilot is None:
+        return None
+    return AutopilotReport(
+        system=autopilot.system,
+        component=autopilot.component,
+        kind=autopilot.kind.value,
+        vehicle_type=autopilot.vehicle_type,
+        armed=autopilot.armed,
+        link=autopilot.link,
+    )
+
+
+def _clock_report(estimate: ClockEstimate) -> ClockReport:
+    return ClockReport(
+        at_ns=estimate.at_ns,
+        host_from_autopilot_ns=estimate.host_from_autopilot_ns,
+        skew=estimate.skew,
+        sigma_s=estimate.sigma_s,
+        bound_s=estimate.bound_s,
+        round_trip_s=estimate.round_trip_s,
+        status=estimate.status.value,
+        doubtful=estimate.doubtful,
+    )
+
+
+def _origin_report(origin: Geodetic) -> OriginReport:
+    return OriginReport(lat=origin.lat_deg, lon=origin.lon_deg, alt_amsl=origin.alt_amsl_m)

@@ -12,11 +12,12 @@ from collections import Counter, deque
 from collections.abc import Sequence
 from math import cos, exp, hypot, inf, pi, sin
 from statistics import median
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Matrix3, Vector3, multiply, transform, transpose
 from fwav_companion.types import Bias, ErrorPriors, GroundFix
+from fwav_companion.types.flight_status import AgreementReport
 
 STEP_NS = 55_000_000
 """Between two fixes that are kept: every second frame of 30 a second, three phases of a wing beat of 5 Hz."""
@@ -75,23 +76,23 @@ class FixAgreement:
         self._kept[target] = kept
         return kept
 
-    def status(self) -> dict[str, Any]:
-        """Return how many fixes were compared, which share disagrees, and by how much, for the status file."""
+    def status(self) -> AgreementReport:
+        """Return how many fixes were compared, which share disagrees, and by how much, for the status."""
         fixes = max((self._recent(kept) for kept in self._kept.values()), key=len, default=[])
         if len(fixes) < FEWEST:
-            return {"compared": 0, "apart": 0.0, "apart_m": 0.0, "turn_deg": None, "label": ""}
+            return AgreementReport()
         points = [_horizontal(fix.position_ned) for fix in fixes]
         middle = _middle(points)
         reference = min(fixes, key=lambda fix: _distance(_horizontal(fix.position_ned), middle))
         apart = [self._normalised(fix, reference) > APART for fix in fixes if fix is not reference]
         share = sum(apart) / len(apart)
-        return {
-            "compared": len(apart),
-            "apart": share,
-            "apart_m": median(_distance(point, middle) for point in points),
-            "turn_deg": _quarter_turn(fixes, points) if share > MANY_APART else None,
-            "label": fixes[0].sighting.detection.label,
-        }
+        return AgreementReport(
+            compared=len(apart),
+            apart=share,
+            apart_m=median(_distance(point, middle) for point in points),
+            turn_deg=_quarter_turn(fixes, points) if share > MANY_APART else None,
+            label=fixes[0].sighting.detection.label,
+        )
 
     def _recent(self, kept: deque[GroundFix]) -> list[GroundFix]:
         return [fix for fix in kept if self._last_ns - fix.sighting.frame_host_ns <= LONGEST_NS]

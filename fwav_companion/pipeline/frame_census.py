@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import Any
 
 from fwav_companion.geometry.stamps import NS_PER_S, BootNs, HostNs
 from fwav_companion.telemetry.clock.clock import Clock
 from fwav_companion.types import Frame, StampClock
+from fwav_companion.types.flight_status import HeardReport
 
 MOST_LABELS = 16
 """Enough for a line of text; a detector may send any number."""
@@ -37,13 +37,10 @@ class FrameCensus:
         if frame.arrival_ns is not None:
             self._add_age(frame, frame.arrival_ns, clock)
 
-    def status(self) -> dict[str, Any]:
-        """Return the census for the status file; ages of the finished windows, the oldest first."""
-        return {
-            "labels": dict(self._labels),
-            "best_score": self._best_score,
-            "stamp_ages_s": [age_ns / NS_PER_S for age_ns in self._ages_ns],
-        }
+    def status(self) -> HeardReport:
+        """Return the census for the status; ages of the finished windows, the oldest first."""
+        ages_s = [age_ns / NS_PER_S for age_ns in self._ages_ns]
+        return HeardReport(labels=dict(self._labels), best_score=self._best_score, stamp_ages_s=ages_s)
 
     def _add_age(self, frame: Frame, arrival_ns: HostNs, clock: Clock) -> None:
         on_host = frame.stamp_clock is StampClock.HOST

@@ -7,7 +7,6 @@ due earlier, at the time it was due: so the load of the machine does not change 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.mavlink.router.node import PassedRequest
@@ -21,6 +20,7 @@ from fwav_companion.recording.lines import Line, unix_seconds
 from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.telemetry import GIMBAL_MESSAGES, Telemetry
 from fwav_companion.types import BoardReport, Destination, Frame, Message, NoFrame, Outgoing, Reason
+from fwav_companion.types.status import PipelineStatus
 
 ANSWERED = frozenset({"COMMAND_LONG", "COMMAND_INT", "PING"})
 """Requests that are answered from any sender."""
@@ -229,9 +229,9 @@ class Pipeline:
         """All outputs since the last call."""
         return self._outputs.take()
 
-    def status(self, now: HostNs) -> dict[str, Any]:
-        """Part of the status file."""
-        return {**self._components.status(now), **self._target_log.counts()}
+    def status(self, now: HostNs) -> PipelineStatus:
+        """The pipeline's part of the status."""
+        return self._components.status(now, self._target_log)
 
     # Steps.
 

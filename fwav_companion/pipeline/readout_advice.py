@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import sqrt
-from typing import Any
 
 from fwav_companion.types import Bias, ErrorPriors, GroundFix, Notice, NoticeCode, Severity
+from fwav_companion.types.flight_status import ReadoutReport
 
 MEMORY = 100
 """Fixes over which the shares are averaged: ten wing beats of 5 Hz at 50 fixes/s."""
@@ -57,9 +57,9 @@ class ReadoutAdvice:
         )
         return (Notice(NoticeCode.READOUT_UNKNOWN, Severity.NOTICE, text),)
 
-    def status(self) -> dict[str, Any]:
+    def status(self) -> ReadoutReport:
         """One sigma of fixes relative to the vehicle and of the readout's part in it, metres, for the status file."""
-        return {"matters": self.matters, "by_readout_m": self._by_readout_m, "sigma_m": self._total_m}
+        return ReadoutReport(matters=self.matters, by_readout_m=self._by_readout_m, sigma_m=self._total_m)
 
     @property
     def _by_readout_m(self) -> float:

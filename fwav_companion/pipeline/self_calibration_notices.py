@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from math import degrees
-from typing import Any
 
 from fwav_companion.geometry.mounts import corrected_mount, euler_from_body_from_camera
 from fwav_companion.geometry.vectors import Matrix3
 from fwav_companion.recording.lines import Line, calibration_line
 from fwav_companion.self_calibration import CalibrationReport, CalibrationStatus, PriorInflation, SharedParameter
 from fwav_companion.types import Notice, NoticeCode, Severity
+from fwav_companion.types.flight_status import SelfCalibrationReport
 
 REPLACED = "self-calibration: the camera has moved since an earlier flight; that calibration is dropped"
 
@@ -87,19 +87,19 @@ class SelfCalibrationNotices:
             lines.append(f"[camera.mount] roll_deg = {roll:.3f}, pitch_deg = {pitch:.3f}, yaw_deg = {yaw:.3f}")
         return lines
 
-    def status(self, report: CalibrationReport) -> dict[str, Any]:
-        """Part of the status file."""
-        return {
-            "status": report.status.value,
-            "time_offset_s": self._time_offset_s + report.time_offset_s,
-            "time_offset_sigma_s": report.time_offset_sigma_s,
-            "mount_deg": [degrees(angle) for angle in report.mount],
-            "mount_sigma_deg": [degrees(sigma) for sigma in report.mount_sigma],
-            "time_offset_rivals_s": self._rivals(report),
-            "mistake": report.mistake,
-            "replaced": report.replaced,
-            "configuration_lines": self.configuration_lines(report),
-        }
+    def status(self, report: CalibrationReport) -> SelfCalibrationReport:
+        """Part of the status."""
+        return SelfCalibrationReport(
+            status=report.status.value,
+            time_offset_s=self._time_offset_s + report.time_offset_s,
+            time_offset_sigma_s=report.time_offset_sigma_s,
+            mount_deg=[degrees(angle) for angle in report.mount],
+            mount_sigma_deg=[degrees(sigma) for sigma in report.mount_sigma],
+            time_offset_rivals_s=self._rivals(report),
+            mistake=report.mistake,
+            replaced=report.replaced,
+            configuration_lines=self.configuration_lines(report),
+        )
 
 
 def _denial(each: PriorInflation) -> str:

@@ -105,10 +105,22 @@ class TargetLog:
             "frames": self.frames,
             "detections": self.detections,
             "fixes": self.fixes,
-            "dropped": _by_name(self._dropped_frames + self._dropped_detections),
-            "dropped_frames": _by_name(self._dropped_frames),
-            "dropped_detections": _by_name(self._dropped_detections),
+            "dropped": self.refusals(),
+            "dropped_frames": self.refused_frames(),
+            "dropped_detections": self.refused_detections(),
         }
+
+    def refusals(self) -> dict[str, int]:
+        """Counts of the refusals so far by reason, in alphabetical order."""
+        return _by_name(self._dropped_frames + self._dropped_detections)
+
+    def refused_frames(self) -> dict[str, int]:
+        """The same of frames that were refused as a whole."""
+        return _by_name(self._dropped_frames)
+
+    def refused_detections(self) -> dict[str, int]:
+        """The same of detections in frames that were used."""
+        return _by_name(self._dropped_detections)
 
     def header(self) -> Line | None:
         """First line of a file that begins now; None before the origin is decided."""

@@ -16,6 +16,7 @@ from fwav_companion.publishing.options import PublishOptions
 from fwav_companion.publishing.selection import Locate, PixelFromNed, Selection
 from fwav_companion.publishing.tracking_status import FORGOTTEN_NS
 from fwav_companion.types.commands import Command, CommandAnswer
+from fwav_companion.types.flight_status import LandingReport, PublishingReport
 from fwav_companion.types.messages import Destination, Notice, NoticeCode, Outgoing, Severity
 from fwav_companion.types.situation import Situation
 from fwav_companion.types.tracks import Track
@@ -124,19 +125,20 @@ class Publisher:
         self._notices.clear()
         return made
 
-    def status(self) -> dict[str, Any]:
-        """Part of the status file."""
+    def status(self) -> PublishingReport:
+        """Part of the status: the selected track, and what became of LANDING_TARGET."""
         selected, withheld = self._selection.selected, self.landing.withheld
-        return {
-            "selected": None if selected is None else selected.id,
-            "selected_by": "click" if self._selection.by_click else self._options.select,
-            "landing": {
-                "target": self.landing.target,
-                "sent": self.landing.sent,
-                "withheld": {str(reason): count for reason, count in withheld.items() if count},
-                "last_withheld": None if self.landing.last_withheld is None else str(self.landing.last_withheld),
-            },
-        }
+        landing = LandingReport(
+            target=self.landing.target,
+            sent=self.landing.sent,
+            withheld={str(reason): count for reason, count in withheld.items() if count},
+            last_withheld=None if self.landing.last_withheld is None else str(self.landing.last_withheld),
+        )
+        return PublishingReport(
+            selected=None if selected is None else selected.id,
+            selected_by="click" if self._selection.by_click else self._options.select,
+            landing=landing,
+        )
 
     def _next_due(self) -> HostNs | None:
         """The next instant with work. Kept in :attr:`wake_at`, which is read with every message."""

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.types.board import BoardReport, LinkLoad
+from fwav_companion.types.network_status import LinkReport
 
 NAME_LENGTH = 12
 """Hexadecimal digits: enough to tell the boards of one operation apart."""
@@ -50,9 +51,7 @@ class BoardWatch:
         self._bytes: dict[str, tuple[int, int]] = {}
         self._taken_ns: HostNs | None = None
 
-    def report(
-        self, links: Mapping[str, Mapping[str, object]], utc_minus_host_s: float | None, now: HostNs
-    ) -> BoardReport:
+    def report(self, links: Mapping[str, LinkReport], utc_minus_host_s: float | None, now: HostNs) -> BoardReport:
         """The load since the previous report. ``links``: their status by name."""
         ram_total_mib, ram_used_mib = self._ram()
         return BoardReport(
@@ -94,11 +93,11 @@ class BoardWatch:
         milli = _text(self._celsius).strip()
         return int(milli) / 1000.0 if milli.removeprefix("-").isdecimal() else None
 
-    def _loads(self, links: Mapping[str, Mapping[str, object]], now: HostNs) -> tuple[LinkLoad, ...]:
+    def _loads(self, links: Mapping[str, LinkReport], now: HostNs) -> tuple[LinkLoad, ...]:
         elapsed_s = 0.0 if self._taken_ns is None else s_from_ns(now - self._taken_ns)
         loads = []
-        for name, status in links.items():
-            counts = (_count(status, "bytes_out"), _count(status, "bytes_in"))
+        for name, link in links.items():
+            counts = (link.bytes_out, link.bytes_in)
             sent, received = self._bytes.get(name, counts)
             self._bytes[name] = counts
             if elapsed_s > 0.0:
@@ -116,8 +115,3 @@ def _text(path: Path) -> str:
         return path.read_text()
     except (OSError, UnicodeDecodeError):
         return ""
-
-
-def _count(status: Mapping[str, object], name: str) -> int:
-    value = status.get(name)
-    return value if isinstance(value, int) else 0

@@ -29,6 +29,7 @@ from fwav_companion.service.status import StatusReport, SystemdNotifier
 from fwav_companion.service.timer import NET_NS, HostClock, PipelineTimer
 from fwav_companion.telemetry import Telemetry
 from fwav_companion.types import Frame, NoFrame, Outgoing
+from fwav_companion.types.status import RunStatus
 from fwav_companion.vision.frame_receiver import FrameReceiver
 
 FILE_STOP_S = 0.4
@@ -45,8 +46,8 @@ class Witness(Protocol):
     def on_frame(self, frame: Frame | NoFrame) -> None:
         """Take a frame that arrived."""
 
-    def enough(self, status: Mapping[str, object], telemetry: Telemetry) -> bool:
-        """Whether the service may stop; called a few times a second with the status object and the vehicle."""
+    def enough(self, status: RunStatus, telemetry: Telemetry) -> bool:
+        """Whether the service may stop; called a few times a second with the status and the vehicle."""
 
 
 class Service:
@@ -128,12 +129,12 @@ class Service:
         self._notifier.stopping()
         self._close()
 
-    async def listen(self, seconds: float) -> dict[str, object]:
-        """Run for this time and return the status object of its end. For ``check``."""
+    async def listen(self, seconds: float) -> RunStatus:
+        """Run for this time and return the status of its end. For ``check``."""
         self._start()
         try:
             await asyncio.sleep(seconds)
-            status = self._status.as_object(self._clock.now())
+            status = self._status.at(self._clock.now())
         finally:
             self._close()
         return status
@@ -143,7 +144,7 @@ class Service:
         self._witness = witness
         self._start()
         try:
-            while not witness.enough(self._status.as_object(self._clock.now()), self._pipeline.telemetry):  # noqa: ASYNC110
+            while not witness.enough(self._status.at(self._clock.now()), self._pipeline.telemetry):  # noqa: ASYNC110
                 # The answer depends on the time as well: there is no event to wait for.
                 await asyncio.sleep(WITNESS_INTERVAL_S)
         finally:
@@ -231,7 +232,7 @@ class Service:
         """Write the status file and ping the systemd watchdog, once a second."""
         asyncio.get_running_loop().call_later(STATUS_INTERVAL_S, self._tick)
         now = self._clock.now()
-        self._status_file.write(msgspec.json.encode(self._status.as_object(now)))
+        self._status_file.write(msgspec.json.encode(self._status.at(now)))
         self._notifier.alive()
         self._journal.tick(now)
         if self._ticks % BOARD_TICKS == 0:

@@ -1,4 +1,4 @@
-"""SHELL: reports of this run: the object of the status file, and the messages to systemd (sd_notify(3))."""
+"""SHELL: reports of this run: the status, and the messages to systemd (sd_notify(3))."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from fwav_companion.pipeline.pipeline import Pipeline
 from fwav_companion.service.journal import Journal
 from fwav_companion.service.log import ServiceLog
 from fwav_companion.service.timer import HostClock
+from fwav_companion.types.status import IntakeReport, RunStatus
 from fwav_companion.vision.supervisor import VisionProcess
 
 
@@ -50,28 +51,28 @@ class StatusReport:
         """Count a frame from another process or from our own camera."""
         self._came, self._came_ns = self._came + 1, now
 
-    def as_object(self, now: HostNs) -> dict[str, object]:
-        """Content of the status file, for JSON."""
-        return {
-            "version": __version__,
-            "pid": os.getpid(),
-            "config": self._config.file,
-            "config_path": str(Path(self._config.file).absolute()),
-            "time_unix": self._clock.unix_us(now) / 1e6,
-            "time_monotonic": now / NS_PER_S,
-            "up_s": (now - self._started_ns) / NS_PER_S,
-            "internal_faults": self._log.faults,
-            "links": {name: link.status() for name, link in self._links.items()},
-            "traffic": msgspec.to_builtins(self._node.statistics(now)),
-            "intake": {
-                "came": self._came,
-                "age_s": (now - self._came_ns) / NS_PER_S if self._came else None,
-                "why": self._log.deaf_because,
-            },
-            "vision": None if self._vision is None else self._vision.status(),
-            "recording": self._journal.state,
-            **self._pipeline.status(now),
-        }
+    def at(self, now: HostNs) -> RunStatus:
+        """Status of the whole service."""
+        return RunStatus(
+            **msgspec.structs.asdict(self._pipeline.status(now)),
+            version=__version__,
+            pid=os.getpid(),
+            config=self._config.file,
+            config_path=str(Path(self._config.file).absolute()),
+            time_unix=self._clock.unix_us(now) / 1e6,
+            time_monotonic=now / NS_PER_S,
+            up_s=(now - self._started_ns) / NS_PER_S,
+            internal_faults=self._log.faults,
+            links={name: link.status() for name, link in self._links.items()},
+            traffic=self._node.statistics(now),
+            intake=self._intake(now),
+            vision=None if self._vision is None else self._vision.status(),
+            recording=self._journal.state,
+        )
+
+    def _intake(self, now: HostNs) -> IntakeReport:
+        age_s = (now - self._came_ns) / NS_PER_S if self._came else None
+        return IntakeReport(came=self._came, age_s=age_s, why=self._log.deaf_because)
 
 
 class SystemdNotifier:

@@ -33,6 +33,7 @@ from fwav_companion.telemetry.attitude.stamp_delay import HALF_MS_NS
 from fwav_companion.telemetry.clock.boot_time import BootTimeline, Restarted, Skipped, Strange
 from fwav_companion.telemetry.clock.clock import Clock
 from fwav_companion.types import GimbalAt, Message, Reason, Unpaired
+from fwav_companion.types.flight_status import GimbalReport
 
 MESSAGE = "GIMBAL_DEVICE_ATTITUDE_STATUS"
 OLDER_MESSAGES = ("MOUNT_ORIENTATION", "MOUNT_STATUS")
@@ -182,17 +183,17 @@ class Gimbal:
         sigma = hypot(sigma, norm(rates) * stamp_sigma_s)
         return GimbalAt(q, rates, sigma, gap_s) if sigma <= MOST_SIGMA else Reason.NO_GIMBAL
 
-    def status(self, now: HostNs) -> dict[str, Any]:
-        """Entries for the status file and ``check``."""
+    def status(self, now: HostNs) -> GimbalReport:
+        """Part of the status: the newest attitude, and the uncertainty between two."""
         newest = self._looks[-1] if self._looks else None
         host_ns = None if newest is None else self._clock.host_from_boot(BootNs(newest.stamp_ns))
-        return {
-            "device_id": self._device_id,
-            "age_s": (now - host_ns) * 1e-9 if isinstance(host_ns, int) else None,
-            "yaw_from": None if newest is None else "north" if newest.from_north else "the vehicle's heading",
-            "interpolation_sigma": sqrt(self._bend2) / 8.0 * self._spacing_s() ** 2 * self._unresolved(),
-            "refused": self._refused,
-        }
+        return GimbalReport(
+            device_id=self._device_id,
+            age_s=(now - host_ns) * 1e-9 if isinstance(host_ns, int) else None,
+            yaw_from=None if newest is None else "north" if newest.from_north else "the vehicle's heading",
+            interpolation_sigma=sqrt(self._bend2) / 8.0 * self._spacing_s() ** 2 * self._unresolved(),
+            refused=self._refused,
+        )
 
     # Steps.
 

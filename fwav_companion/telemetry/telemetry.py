@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Literal
 
 import msgspec
 
@@ -22,6 +22,7 @@ from fwav_companion.telemetry.rate_meter import RateMeter
 from fwav_companion.telemetry.vehicle_history import VehicleHistory
 from fwav_companion.telemetry.world import World
 from fwav_companion.types import AttitudeSample, ClockExchange, Message, Unpaired, VehicleState
+from fwav_companion.types.flight_status import TelemetryReport
 
 
 class TelemetryOptions(msgspec.Struct, frozen=True, kw_only=True):
@@ -179,24 +180,24 @@ class Telemetry:
         """Largest assumed age of an attitude at its stamp, seconds."""
         return self._stamps.delay_s
 
-    def status(self, now: HostNs) -> dict[str, Any]:
-        """Entries for the status file and ``check``."""
+    def status(self, now: HostNs) -> TelemetryReport:
+        """Part of the status: rates, the attitude stream, the world and the gimbal."""
         attitudes, source = self._kept.attitudes, self._intake.choice.source
-        return {
-            "rates_hz": self._meter.rates_hz(now),
-            "attitude_source": source,
-            "attitudes_kept": len(attitudes),
-            **attitudes.check.status(),
-            "attitude_stamp_delay_s": self._stamps.delay_s,
-            "attitude_stamps_in_step": self._stamps.in_step,
-            "pitch_trim_undone_deg": self._intake.trim_undone_deg if source == EULER else None,
-            "relative_world": self.world.relative,
-            "home_down_m": self.world.home_down_m,
-            "refused": dict(self._intake.refused),
-            "reboots": self._reboots,
-            "gimbal_unused": self._unused_gimbal,
-            "gimbal": None if self._gimbal is None else self._gimbal.status(now),
-        }
+        return TelemetryReport(
+            **msgspec.structs.asdict(attitudes.check.status()),
+            rates_hz=self._meter.rates_hz(now),
+            attitude_source=source,
+            attitudes_kept=len(attitudes),
+            attitude_stamp_delay_s=self._stamps.delay_s,
+            attitude_stamps_in_step=self._stamps.in_step,
+            pitch_trim_undone_deg=self._intake.trim_undone_deg if source == EULER else None,
+            relative_world=self.world.relative,
+            home_down_m=self.world.home_down_m,
+            refused=dict(self._intake.refused),
+            reboots=self._reboots,
+            gimbal_unused=self._unused_gimbal,
+            gimbal=None if self._gimbal is None else self._gimbal.status(now),
+        )
 
     # Steps.
 

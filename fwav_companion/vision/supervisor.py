@@ -12,12 +12,12 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
-from typing import Any
 
 import msgspec
 
 from fwav_companion.blocking import in_daemon_thread
 from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.types.status import VisionReport
 from fwav_companion.vision.detections_in import DRAIN_LIMIT, LARGEST_DATAGRAM
 from fwav_companion.vision.frame_receiver import FrameReceiver
 from fwav_companion.vision.task import VisionState, VisionTask
@@ -72,10 +72,10 @@ class VisionProcess:
         if started is not None:
             _end(started, 0.0)
 
-    def status(self) -> dict[str, Any]:
-        """Entries of the status file."""
+    def status(self) -> VisionReport:
+        """Part of the status: the state of the camera process."""
         pid = self._started[0].pid if self._started is not None else None
-        return {"works": bool(self._works), "why": self._why, "pid": pid, "deaths": self._deaths}
+        return VisionReport(works=bool(self._works), why=self._why, pid=pid, deaths=self._deaths)
 
     async def _stay_up(self) -> None:
         retry_s = FIRST_RETRY_S

@@ -9,6 +9,7 @@ from fwav_companion.errors import LinkError
 from fwav_companion.links import reconnect
 from fwav_companion.links.base import Connection, Ear, LinkState
 from fwav_companion.links.reconnect import LONGEST_DELAY_S, StayingConnected
+from fwav_companion.types.network_status import LinkReport
 
 
 class Plug:
@@ -25,8 +26,8 @@ class Plug:
     def close(self) -> None:
         self.closed += 1
 
-    def status(self) -> dict[str, object]:
-        return {"plug": True}
+    def status(self) -> LinkReport:
+        return LinkReport(device="plug")
 
 
 class Socket:
@@ -89,9 +90,9 @@ def test_up_bytes_and_counters():
         assert s.states == [(True, "")]
         assert s.heard == [b"in"]
         assert s.socket.plugs[0].sent == [b"out"]
-        assert s.link.status() == {
-            "state": "up", "why": "", "times_up": 1, "bytes_in": 2, "bytes_out": 0, "dropped": 1, "plug": True,
-        }  # fmt: skip
+        assert s.link.status() == LinkReport(
+            state="up", why="", times_up=1, bytes_in=2, bytes_out=0, dropped=1, device="plug"
+        )
         s.link.close()
 
     run_story(story)
@@ -114,9 +115,9 @@ def test_why_it_is_down_is_the_latest_reason():
         s = Story(LinkError("first"), LinkError("second"))
         s.link.start()
         await asyncio.sleep(0)
-        assert (s.link.state, s.link.status()["why"]) == (LinkState.DOWN, "first")
+        assert (s.link.state, s.link.status().why) == (LinkState.DOWN, "first")
         await asyncio.sleep(0)
-        assert s.link.status()["why"] == "second"
+        assert s.link.status().why == "second"
         s.link.close()
 
     run_story(story)
@@ -136,7 +137,7 @@ def test_a_loss_is_reported_and_a_new_connection_made():
         s.link.send(b"x")
         assert s.socket.plugs[1].sent == [b"x"]
         assert first.sent == []
-        assert s.link.status()["times_up"] == 2
+        assert s.link.status().times_up == 2
         s.link.close()
 
     run_story(story)

@@ -80,7 +80,7 @@ def test_both_ways_and_every_byte(terminal: Terminal):
             os.write(terminal.fd, every)
             await listener.until(lambda: len(listener.data) == 256)
             assert listener.data == every
-            assert link.status()["device"] == terminal.path
+            assert link.status().device == terminal.path
 
     run(story())
 
@@ -114,7 +114,7 @@ def test_a_usb_device_is_found_by_its_ids_under_any_name():
         ports[1:] = [Port("/dev/ttyOther", 0x1209, 0x9999), Port(second.path, 0x1209, 0x5741, "A1")]
         first.unplug()
         await listener.until_up(times=2)
-        assert link.status()["device"] == second.path
+        assert link.status().device == second.path
         link.close()
         second.unplug()
 
@@ -133,7 +133,7 @@ def test_a_path_that_is_gone_is_found_by_the_identity_it_had(tmp_path: Path):
         ports[0] = Port(second.path, 0x26AC, 0x11, "0")
         first.unplug()
         await listener.until_up(times=2)
-        assert link.status()["device"] == second.path
+        assert link.status().device == second.path
         link.close()
         second.unplug()
 
@@ -184,7 +184,7 @@ def test_a_line_that_takes_nothing_costs_the_oldest_and_cuts_no_frame(terminal: 
             await listener.until_up()
             for i in range(5000):
                 link.send(i.to_bytes(4, "big") * 25)
-            dropped = int(link.status()["dropped"])
+            dropped = int(link.status().dropped)
             assert dropped > 0
             data = await terminal.read((5000 - dropped) * 100)
         frames = [data[at : at + 100] for at in range(0, len(data), 100)]

@@ -55,7 +55,7 @@ def test_a_client_both_ways(server: socket.socket):
             assert await received(peer, 3) == b"out"
             peer.sendall(b"in")
             await listener.until(lambda: listener.data == b"in")
-            assert link.status()["bytes_out"] == 3
+            assert link.status().bytes_out == 3
 
     run(story())
 
@@ -73,7 +73,7 @@ def test_a_server_that_goes_and_comes_back(server: socket.socket):
                 link.send(b"back")
                 assert await received(peer, 4) == b"back"
             assert listener.states[:3] == [(True, ""), (False, "closed by the peer"), (True, "")]
-            assert link.status()["dropped"] == 1
+            assert link.status().dropped == 1
 
     run(story())
 
@@ -133,11 +133,11 @@ def test_a_server_with_two_clients(host: str):
                     link.send(b"to all")
                     assert await received(one, 6) == b"to all"
                     assert await received(two, 6) == b"to all"
-                await until(lambda: len(link.status()["clients"]) == 1)
+                await until(lambda: len(link.status().clients) == 1)
                 link.send(b"to one")
                 assert await received(one, 6) == b"to one"
             assert listener.states == [(True, "")]
-            assert link.status()["dropped"] == 0
+            assert link.status().dropped == 0
 
     run(story())
 
@@ -150,7 +150,7 @@ def test_a_servers_clients_are_not_mixed_inside_a_frame_and_bounded():
         with started(f"tcpin://127.0.0.1:{port}", listener) as link:
             await listener.until_up()
             clients = [socket.create_connection(("127.0.0.1", port), 20) for _ in range(MAX_CLIENTS + 1)]
-            await until(lambda: len(link.status()["clients"]) == MAX_CLIENTS)
+            await until(lambda: len(link.status().clients) == MAX_CLIENTS)
             assert await received(clients[-1], 1) == b"", "the one too many is sent away"
             for piece in (frame[:5], frame[5:]):
                 for client in clients[:-1]:
@@ -174,11 +174,11 @@ def test_a_reader_that_stalls_loses_the_oldest_whole_chunks_and_no_more():
                 slow.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
                 slow.settimeout(20)
                 slow.connect(("127.0.0.1", port))
-                await until(lambda: len(link.status()["clients"]) == 1)
+                await until(lambda: len(link.status().clients) == 1)
                 count, size = 3000, 4096
                 for i in range(count):
                     link.send(i.to_bytes(4, "big") * (size // 4))
-                dropped = int(link.status()["dropped"])
+                dropped = int(link.status().dropped)
                 assert 0 < dropped < count
                 data = await received(slow, (count - dropped) * size)
         chunks = [data[at : at + size] for at in range(0, len(data), size)]

@@ -51,9 +51,9 @@ def test_a_server_hears_and_answers_all_it_has_heard(host: str):
             assert await received(one) == b"to all"
             assert await received(two) == b"to all"
             status = link.status()
-            assert len(status["clients"]) == 2
-            assert all(client.startswith(f"{host}:") for client in status["clients"])
-            assert (status["bytes_in"], status["bytes_out"], status["dropped"]) == (16, 12, 0)
+            assert len(status.clients) == 2
+            assert all(client.startswith(f"{host}:") for client in status.clients)
+            assert (status.bytes_in, status.bytes_out, status.dropped) == (16, 12, 0)
 
     run(story())
 
@@ -125,7 +125,7 @@ def test_a_peer_that_is_not_there_yet_costs_nothing_but_the_datagrams():
                 link.send(b"the first that counts")
                 assert await received(late) == b"the first that counts"
             assert listener.states == [(True, "")]
-            assert link.status()["dropped"] == 0
+            assert link.status().dropped == 0
 
     run(story())
 
@@ -155,7 +155,7 @@ def test_a_datagram_that_is_too_long_is_dropped_alone(peer: socket.socket):
             link.send(bytes(70_000))
             link.send(b"next")
             assert await received(peer) == b"next"
-            assert link.status()["dropped"] == 1
+            assert link.status().dropped == 1
             assert listener.states == [(True, "")]
 
     run(story())
@@ -186,7 +186,7 @@ def test_a_name_that_is_not_known_is_a_link_that_is_down_and_says_so_in_words(
         with started("udpout://ground.invalid:14550", listener) as link:
             await listener.until_down()
             assert listener.states == [(False, said)]
-            assert link.status()["why"] == said
+            assert link.status().why == said
 
     run(story())
 
@@ -239,6 +239,6 @@ def test_frames_of_two_clients_that_send_in_pieces_are_not_mixed():
                     sock.sendto(frame[i : i + 1], ("127.0.0.1", port))
             await listener.until(lambda: len(listener.data) == 4 * len(frame))
             assert listener.data == frame * 4
-            await until(lambda: link.status()["bytes_in"] == 4 * len(frame))
+            await until(lambda: link.status().bytes_in == 4 * len(frame))
 
     run(story())

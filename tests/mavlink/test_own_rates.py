@@ -68,8 +68,8 @@ def test_its_own_rates_are_known_before_ours_flow_and_ours_are_granted_as_ever()
     them.start().run(12)
     known = by_itself(them)
     assert (known[ATTITUDE], known[POSITION], known[QUATERNION]) == (20.0, 5.0, 0.0)
-    assert status(them, "ATTITUDE_QUATERNION")["measured_hz"] == pytest.approx(100, rel=0.02)
-    assert status(them, "GLOBAL_POSITION_INT")["measured_hz"] == pytest.approx(10, rel=0.06)
+    assert status(them, "ATTITUDE_QUATERNION").measured_hz == pytest.approx(100, rel=0.02)
+    assert status(them, "GLOBAL_POSITION_INT").measured_hz == pytest.approx(10, rel=0.06)
     assert them.asks_for("GLOBAL_POSITION_INT") == [10.0]
 
 
@@ -109,7 +109,7 @@ def test_an_autopilot_that_answers_nothing_is_not_stopped_again_and_again():
     them.start().run(120)
     stops = [out for _, out in them.sent if out.fields.get("param2") == -1.0 and out.fields["param1"] == QUATERNION]
     assert len(stops) == 2
-    assert status(them, "ATTITUDE_QUATERNION")["state"] == "granted", "it comes all the same"
+    assert status(them, "ATTITUDE_QUATERNION").state == "granted", "it comes all the same"
 
 
 @pytest.mark.parametrize(
@@ -150,7 +150,7 @@ def test_a_message_that_the_autopilot_sends_faster_by_itself_stays_as_it_is():
     them = merging(kind=AutopilotKind.PX4)
     them.defaults_hz = {"GLOBAL_POSITION_INT": 50.0, "LOCAL_POSITION_NED": 30.0, "DISTANCE_SENSOR": 5.0}
     them.start().run(12)
-    measured = {name: status(them, name)["measured_hz"] for name in (*them.defaults_hz, "ATTITUDE_QUATERNION")}
+    measured = {name: status(them, name).measured_hz for name in (*them.defaults_hz, "ATTITUDE_QUATERNION")}
     expected = {"GLOBAL_POSITION_INT": 50, "LOCAL_POSITION_NED": 30, "DISTANCE_SENSOR": 10, "ATTITUDE_QUATERNION": 100}
     assert measured == pytest.approx(expected, rel=0.06)
     assert follow(them, request({POSITION: 1.0})) == [(POSITION, 50)]
@@ -172,7 +172,7 @@ def test_plain_attitude_is_slow_all_the_same_while_the_quaternion_flows():
     them = merging(kind=AutopilotKind.PX4)
     them.defaults_hz = {"ATTITUDE": 100.0, "ATTITUDE_QUATERNION": 50.0}
     them.start().run(12)
-    assert status(them, "ATTITUDE")["measured_hz"] == pytest.approx(4.0, abs=0.5)
+    assert status(them, "ATTITUDE").measured_hz == pytest.approx(4.0, abs=0.5)
 
 
 # Requests that follow a request.
@@ -185,7 +185,7 @@ def test_our_higher_rates_follow_at_once_and_no_rate_ever_falls():
     assert them.intervals_ns["ATTITUDE_QUATERNION"] == 10 * MS
     them.run(20)
     got = status(them, "ATTITUDE_QUATERNION")
-    assert (got["measured_hz"], got["undone_by"]) == (pytest.approx(100, rel=0.02), None)
+    assert (got.measured_hz, got.undone_by) == (pytest.approx(100, rel=0.02), None)
     assert len(them.asked) == before + 1, "it is not asked for again by the slower way"
 
 
@@ -200,7 +200,7 @@ def test_half_a_dozen_requests_in_a_row_leave_every_rate_where_it_was():
     for number in (1, 2, 3, 6, 10, 11, 12):
         follow(them, request(dict.fromkeys(group_ids(number), 2.0), by_group=True))
     them.run(10)
-    assert status(them, "GLOBAL_POSITION_INT")["measured_hz"] == pytest.approx(10, rel=0.06)
+    assert status(them, "GLOBAL_POSITION_INT").measured_hz == pytest.approx(10, rel=0.06)
     assert not [notice for notice in them.rates.notices() if "fell" in notice.text]
 
 
@@ -208,10 +208,10 @@ def test_a_station_that_asks_for_more_gets_more_and_its_end_is_no_fall():
     them = merging().start().run(20)
     assert follow(them, request({POSITION: 25.0})) == []
     them.run(10)
-    assert status(them, "GLOBAL_POSITION_INT")["measured_hz"] == pytest.approx(25, rel=0.06)
+    assert status(them, "GLOBAL_POSITION_INT").measured_hz == pytest.approx(25, rel=0.06)
     assert follow(them, request({POSITION: 1.0})) == [(POSITION, 10)]
     them.run(10)
-    assert status(them, "GLOBAL_POSITION_INT")["measured_hz"] == pytest.approx(10, rel=0.06)
+    assert status(them, "GLOBAL_POSITION_INT").measured_hz == pytest.approx(10, rel=0.06)
     assert not [notice for notice in them.rates.notices() if "fell" in notice.text]
 
 
@@ -222,12 +222,12 @@ def test_a_rate_that_we_ask_for_again_does_not_lower_a_stations():
     them.reboot()
     them.rates.ask_again("the autopilot rebooted", them.now)
     them.run(10)
-    assert status(them, "GLOBAL_POSITION_INT")["measured_hz"] == pytest.approx(25, rel=0.06)
+    assert status(them, "GLOBAL_POSITION_INT").measured_hz == pytest.approx(25, rel=0.06)
     them.rates.stations_want({})  # it left
     them.reboot()
     them.rates.ask_again("the autopilot rebooted", them.now)
     them.run(10)
-    assert status(them, "GLOBAL_POSITION_INT")["measured_hz"] == pytest.approx(10, rel=0.06)
+    assert status(them, "GLOBAL_POSITION_INT").measured_hz == pytest.approx(10, rel=0.06)
 
 
 def test_a_stations_rate_that_the_autopilot_refuses_costs_us_nothing():
@@ -313,9 +313,9 @@ def test_an_acknowledgement_of_what_follows_is_not_taken_for_the_answer_to_the_n
     them.deliver(Message("MESSAGE_INTERVAL", 1, 1, "fc", Interval(QUATERNION, -1)))
     them.rates.on_wake(them.now)  # the second rate is asked for
     answer(SET, accepted)  # of the position
-    assert status(them, "ATTITUDE_QUATERNION")["state"] == "asking"
+    assert status(them, "ATTITUDE_QUATERNION").state == "asking"
     answer(SET, refused)
-    assert status(them, "ATTITUDE_QUATERNION")["state"] == "denied"
+    assert status(them, "ATTITUDE_QUATERNION").state == "denied"
 
 
 def test_acknowledgements_come_in_the_order_of_the_commands():
@@ -343,7 +343,7 @@ def test_an_acknowledgement_for_another_component_moves_nothing():
     them.start().run(0.01)
     for _ in range(8):
         them.deliver(Message("COMMAND_ACK", 1, 1, "fc", Ack(511, 0, 0, 0, 255, 190)))
-    assert status(them, "ATTITUDE_QUATERNION")["state"] == "asking"
+    assert status(them, "ATTITUDE_QUATERNION").state == "asking"
 
 
 def test_own_streams_name_the_adopted_autopilot():

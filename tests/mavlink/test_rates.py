@@ -22,9 +22,9 @@ def test_commands_are_what_pymavlink_packs():
 
 def test_every_wanted_message_comes_at_its_rate_and_is_measured_so():
     them = peer().start().run(12)
-    assert status(them, "ATTITUDE_QUATERNION")["measured_hz"] == pytest.approx(100, rel=0.02)
-    assert status(them, "GLOBAL_POSITION_INT")["measured_hz"] == pytest.approx(10, rel=0.06)
-    assert status(them, "ATTITUDE_QUATERNION")["state"] == "granted"
+    assert status(them, "ATTITUDE_QUATERNION").measured_hz == pytest.approx(100, rel=0.02)
+    assert status(them, "GLOBAL_POSITION_INT").measured_hz == pytest.approx(10, rel=0.06)
+    assert status(them, "ATTITUDE_QUATERNION").state == "granted"
 
 
 def test_what_is_granted_and_comes_is_not_asked_for_again():
@@ -51,8 +51,8 @@ def test_where_the_quaternion_is_refused_plain_attitude_is_asked_for_in_full():
     them.denied = {"ATTITUDE_QUATERNION"}
     them.start().run(10)
     assert them.asks_for("ATTITUDE") == [100.0]
-    assert status(them, "ATTITUDE_QUATERNION")["state"] == "denied"
-    assert status(them, "ATTITUDE")["measured_hz"] == pytest.approx(100, rel=0.02)
+    assert status(them, "ATTITUDE_QUATERNION").state == "denied"
+    assert status(them, "ATTITUDE").measured_hz == pytest.approx(100, rel=0.02)
 
 
 def test_plain_attitude_is_asked_for_in_full_where_the_quaternion_is_promised_and_never_comes():
@@ -79,9 +79,9 @@ def test_where_a_rate_is_refused_the_highest_accepted_one_is_found(ceiling, expe
     them.ceiling_hz = ceiling
     them.start().run(15)
     got = status(them, "ATTITUDE_QUATERNION")
-    assert got["asked_hz"] == pytest.approx(expected, rel=0.02)
-    assert got["asked_hz"] <= ceiling + 0.01
-    assert got["measured_hz"] == pytest.approx(got["asked_hz"], rel=0.1)
+    assert got.asked_hz == pytest.approx(expected, rel=0.02)
+    assert got.asked_hz <= ceiling + 0.01
+    assert got.measured_hz == pytest.approx(got.asked_hz, rel=0.1)
     refused = [notice.text.split()[0] for notice in them.rates.notices() if notice.code is NoticeCode.RATE_REFUSED]
     assert refused.count("ATTITUDE_QUATERNION") == (0 if ceiling > 100 else 1)
 
@@ -108,8 +108,8 @@ def test_a_message_that_is_refused_at_every_rate_is_left_alone_until_a_reboot():
     them.reboot()
     them.rates.ask_again("the autopilot rebooted", them.now)
     them.run(5)
-    assert status(them, "ALTITUDE")["state"] == "granted"
-    assert status(them, "ALTITUDE")["undone_by"] == "the autopilot rebooted"
+    assert status(them, "ALTITUDE").state == "granted"
+    assert status(them, "ALTITUDE").undone_by == "the autopilot rebooted"
 
 
 def test_ardupilot_is_not_asked_for_what_it_does_not_have():
@@ -147,7 +147,7 @@ def test_no_other_component_counts():
     them = peer().start()
     for count in range(500):
         them.rates.on_message(Message("ATTITUDE_QUATERNION", 2, 1, "fc", Empty()), T0 + count * 10 * MS)
-    assert not status(them, "ATTITUDE_QUATERNION")["measured_hz"]
+    assert not status(them, "ATTITUDE_QUATERNION").measured_hz
 
 
 def test_it_never_wakes_in_the_past_and_does_nothing_before_adoption():

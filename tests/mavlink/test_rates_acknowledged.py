@@ -13,8 +13,8 @@ def test_an_acknowledgement_without_the_rate_is_not_believed():
     them.gives_hz = 18.4
     them.start().run(200)
     got = status(them, "ATTITUDE_QUATERNION")
-    assert got["asked_hz"] == 50.0
-    assert got["measured_hz"] == pytest.approx(18.4, rel=0.05)
+    assert got.asked_hz == 50.0
+    assert got.measured_hz == pytest.approx(18.4, rel=0.05)
     assert 3 <= len(them.asks_for("ATTITUDE_QUATERNION")) <= 8
 
 
@@ -30,7 +30,7 @@ def test_a_rate_that_comes_without_any_acknowledgement_counts():
     them = peer()
     them.acknowledges = False
     them.start().run(120)
-    assert status(them, "ATTITUDE_QUATERNION")["state"] == "granted"
+    assert status(them, "ATTITUDE_QUATERNION").state == "granted"
 
 
 def test_data_streams_are_requested_only_where_the_command_itself_is_unknown():
@@ -39,7 +39,7 @@ def test_data_streams_are_requested_only_where_the_command_itself_is_unknown():
     them.start().run(10)
     streams = [out.fields for _, out in them.sent if out.name == "REQUEST_DATA_STREAM"]
     assert {fields["req_stream_id"]: fields["req_message_rate"] for fields in streams}[10] == 100
-    assert status(them, "ATTITUDE")["measured_hz"] == pytest.approx(100, rel=0.02)
+    assert status(them, "ATTITUDE").measured_hz == pytest.approx(100, rel=0.02)
     for fields in streams:
         mavlink.MAVLink_request_data_stream_message(**fields)
 
@@ -57,7 +57,7 @@ def test_one_request_serves_all_messages_of_its_data_stream():
     streams = [out.fields["req_stream_id"] for _, out in them.sent if out.name == "REQUEST_DATA_STREAM"]
     assert streams.count(mavlink.MAV_DATA_STREAM_POSITION) == 1
     for name in ("GLOBAL_POSITION_INT", "LOCAL_POSITION_NED"):
-        assert status(them, name)["state"] == "granted"
+        assert status(them, name).state == "granted"
 
 
 def test_unsupported_for_one_message_is_a_refusal_where_others_were_accepted():
@@ -65,7 +65,7 @@ def test_unsupported_for_one_message_is_a_refusal_where_others_were_accepted():
     grant = them.grant
     them.grant = lambda name, us: mavlink.MAV_RESULT_UNSUPPORTED if name == "GPS_RAW_INT" else grant(name, us)
     them.start().run(10)
-    assert status(them, "GPS_RAW_INT")["state"] == "denied"
+    assert status(them, "GPS_RAW_INT").state == "denied"
     assert not [out for _, out in them.sent if out.name == "REQUEST_DATA_STREAM"]
 
 
@@ -78,5 +78,5 @@ def test_acknowledgements_of_others_and_of_progress_are_not_taken(ack):
     them.acknowledges = False
     them.start().run(0.01)
     them.deliver(Message("COMMAND_ACK", 1, 1, "fc", ack))
-    assert status(them, "ATTITUDE_QUATERNION")["state"] == "asking"
+    assert status(them, "ATTITUDE_QUATERNION").state == "asking"
     assert len(them.run(0.5).asked) == 1

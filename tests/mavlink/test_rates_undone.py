@@ -21,8 +21,8 @@ def test_a_foreign_rate_request_is_undone_at_once_and_named():
     assert "ATTITUDE_QUATERNION" in [name for name, _ in them.asked[before:]]
     them.run(6)
     got = status(them, "ATTITUDE_QUATERNION")
-    assert got["measured_hz"] == pytest.approx(100, rel=0.02)
-    assert got["undone_by"] == "255/190 over ground"
+    assert got.measured_hz == pytest.approx(100, rel=0.02)
+    assert got.undone_by == "255/190 over ground"
     (text,) = (notice.text for notice in them.rates.notices() if notice.code is NoticeCode.RATES_TAKEN)
     assert "255/190 over ground" in text
 
@@ -44,8 +44,8 @@ def test_a_rate_that_falls_without_a_visible_cause_is_requested_again_and_report
     them.gcs_requests_streams()
     them.run(8)
     got = status(them, "ATTITUDE_QUATERNION")
-    assert got["measured_hz"] == pytest.approx(100, rel=0.02)
-    assert got["undone_by"] == "nobody seen"
+    assert got.measured_hz == pytest.approx(100, rel=0.02)
+    assert got.undone_by == "nobody seen"
     assert NoticeCode.RATE_FELL in [notice.code for notice in them.rates.notices()]
 
 
@@ -69,7 +69,7 @@ def test_a_ground_station_that_shares_the_link_is_presumed_to_have_taken_a_rate(
     them.deliver(Message("HEARTBEAT", 1, 154, "fc", Beat(mavlink.MAV_TYPE_GIMBAL)))
     them.gcs_requests_streams()
     them.run(8)
-    assert status(them, "ATTITUDE_QUATERNION")["undone_by"] == "presumably the ground station 255/190 on fc"
+    assert status(them, "ATTITUDE_QUATERNION").undone_by == "presumably the ground station 255/190 on fc"
     assert any("255/190" in each.text for each in them.rates.notices() if each.code is NoticeCode.RATE_FELL)
 
 
@@ -78,7 +78,7 @@ def test_a_component_whose_command_was_heard_is_named():
     them.deliver(Message("COMMAND_LONG", 1, 195, "fc", Command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL)))
     them.gcs_requests_streams()
     them.run(8)
-    assert status(them, "ATTITUDE_QUATERNION")["undone_by"] == "1/195 on fc"
+    assert status(them, "ATTITUDE_QUATERNION").undone_by == "1/195 on fc"
 
 
 def test_no_component_is_blamed_for_a_link_that_fell_silent():
@@ -88,8 +88,8 @@ def test_no_component_is_blamed_for_a_link_that_fell_silent():
     them.run(6)
     them.deliver = deliver
     them.run(10)
-    assert status(them, "ATTITUDE_QUATERNION")["measured_hz"] == pytest.approx(100, rel=0.02)
-    assert {got["undone_by"] for got in them.rates.status().values()} == {None}
+    assert status(them, "ATTITUDE_QUATERNION").measured_hz == pytest.approx(100, rel=0.02)
+    assert {got.undone_by for got in them.rates.status().values()} == {None}
     assert NoticeCode.RATE_FELL not in [notice.code for notice in them.rates.notices()]
 
 

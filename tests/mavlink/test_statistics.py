@@ -9,7 +9,7 @@ from mavlink_wire import Wire, unknown_frame
 
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs
 from fwav_companion.mavlink.router.node import LinkPolicy, Node
-from fwav_companion.mavlink.router.statistics import PeerStatistics
+from fwav_companion.types.network_status import PeerStatistics
 
 STEP = 10 * NS_PER_MS
 

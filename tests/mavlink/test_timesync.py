@@ -191,16 +191,16 @@ def test_no_foreign_content_gives_an_exchange_or_an_answer_to_a_stranger(tc1, ts
 
 
 def test_the_status_shows_round_trips_and_how_much_they_vary(sync):
-    assert sync.status()["round_trip_s"] is None
-    assert sync.status()["jitter_s"] is None
+    assert sync.status().round_trip_s is None
+    assert sync.status().jitter_s is None
     round_trips_ms = [4, 12] * 100
     for round_trip_ms in round_trips_ms:
         now = sync.wake_at
         ts1 = request(sync, now)
         sync.on_message(timesync(42 * S, ts1), now + round_trip_ms * MS)
     status = sync.status()
-    assert status["exchanges"] == 200
-    assert (status["round_trip_s"], status["least_round_trip_s"]) == (0.012, 0.004)
-    assert status["jitter_s"] == pytest.approx(0.008, rel=1e-3)
+    assert status.exchanges == 200
+    assert (status.round_trip_s, status.least_round_trip_s) == (0.012, 0.004)
+    assert status.jitter_s == pytest.approx(0.008, rel=1e-3)
     sync.on_message(timesync(42 * S, 5), now)
-    assert sync.status()["ignored"] == {"not_ours": 1}
+    assert sync.status().ignored == {"not_ours": 1}

@@ -21,8 +21,8 @@ SLOW_FRAMES = {"seed": 3, "camera.readout_s": 0.03, "camera.fps": 3.0, "seconds"
 def test_the_advice_is_given_where_it_helps(changes, readout, advised):
     flown = fly(scenario("unbiased").but(changes), (f"camera.readout_s={readout}",))
     assert flown.companion.codes.count(NoticeCode.READOUT_UNKNOWN) == advised
-    status = flown.companion.pipeline.status(flown.mock.end_ns)["sight"]["readout"]
-    assert status["matters"] is bool(advised)
+    status = flown.companion.pipeline.status(flown.mock.end_ns).seen.readout
+    assert status.matters is bool(advised)
 
 
 def test_photographs_with_an_unknown_readout_are_used():

@@ -50,7 +50,7 @@ def test_the_landing_target_goes_first_and_with_every_frame_that_has_a_fix(world
     assert sent[0].name == "LANDING_TARGET"
     publisher, sent = flight(world)
     assert sum(one.name == "LANDING_TARGET" for one in sent) == 25
-    assert publisher.status()["landing"]["withheld"] == {"not_confirmed": 25, "no_target": 10}
+    assert publisher.status().landing.withheld == {"not_confirmed": 25, "no_target": 10}
 
 
 def test_only_the_landing_target_goes_to_the_autopilot(world):
@@ -78,10 +78,10 @@ def test_it_wakes_only_in_the_future_and_not_before_there_is_anything(world):
 
 def test_the_status_names_the_selected_target(world):
     publisher, _ = flight(world)
-    assert publisher.status()["selected"] is None
+    assert publisher.status().selected is None
     publisher.on_tracks((world.track(77),), world.situation())
-    assert publisher.status()["selected"] == 77
-    assert publisher.status()["selected_by"] == "best"
+    assert publisher.status().selected == 77
+    assert publisher.status().selected_by == "best"
 
 
 def test_notices_reach_the_ground_with_their_code(world):

@@ -54,8 +54,8 @@ def test_a_gimbal_that_falls_silent_gives_no_fixes_and_says_why():
     assert not [line for line in flight.companion.targets() if line["fix"] and line["time_unix"] > silent]
     assert flight.companion.lines[-1]["dropped"]["stale_gimbal"] > 30
     reported = flight.companion.pipeline.status(flight.companion._now)
-    assert reported["telemetry"]["gimbal"]["age_s"] > 2.0
-    assert reported["sight"]["refused"] is None
+    assert reported.telemetry.gimbal.age_s > 2.0
+    assert reported.sight.refused is None
 
 
 def test_another_gimbal_is_not_ours():

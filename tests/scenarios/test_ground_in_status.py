@@ -10,16 +10,16 @@ from sitl_mock import scenario, simulate
 
 
 def status(companion: Companion):
-    return companion.pipeline.status(companion._now)["sight"]["ground"]
+    return companion.pipeline.status(companion._now).sight.ground
 
 
 def test_a_missing_rangefinder_is_reported_with_its_count():
     settings = ["ground.model=rangefinder"]
     without = status(fly(scenario("default").but({"seconds": 6.0, "autopilot.rangefinder": False}), settings).companion)
-    assert without["fallback"] == "no_range"
-    assert without["fallbacks"]["no_range"] > 30
+    assert without.fallback == "no_range"
+    assert without.fallbacks["no_range"] > 30
     with_one = status(fly(scenario("default").but({"seconds": 6.0}), settings).companion)
-    assert with_one["fallback"] is None
+    assert with_one.fallback is None
 
 
 @pytest.mark.parametrize(("height_m", "trouble"), [(512.0, None), (400.0, "terrain_unfit"), (nan, None)])
@@ -34,5 +34,5 @@ def test_a_models_shift_to_the_take_off_height_is_reported(height_m, trouble):
     for _ in mock.drive(companion):
         pass
     reported = status(companion)
-    assert (reported["model"], reported["datum"], reported["trouble"]) == ("terrain", "egm96", trouble)
-    assert reported["shift_m"] == pytest.approx(7.0 if height_m == 512.0 else 0.0, abs=0.5)
+    assert (reported.model, reported.datum, reported.trouble) == ("terrain", "egm96", trouble)
+    assert reported.shift_m == pytest.approx(7.0 if height_m == 512.0 else 0.0, abs=0.5)

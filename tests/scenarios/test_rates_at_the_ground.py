@@ -39,10 +39,10 @@ def test_a_station_that_asks_arducopter_as_mavproxy_does_gets_all_groups_and_not
     rates = station.rates(8.0, 32.0)
     assert {name: rates.get(name) for name in SHOWN} == pytest.approx(dict.fromkeys(SHOWN, 4.0), abs=0.2)
     assert not station.of("ATTITUDE_QUATERNION")
-    ours = network.pipeline.status(network._now)["rates"]
-    assert ours["ATTITUDE_QUATERNION"]["measured_hz"] == pytest.approx(100.0, rel=0.02)
-    assert ours["GLOBAL_POSITION_INT"]["measured_hz"] == pytest.approx(10.0, rel=0.05)
-    assert {rate["undone_by"] for rate in ours.values()} == {None}
+    ours = network.pipeline.status(network._now).rates
+    assert ours["ATTITUDE_QUATERNION"].measured_hz == pytest.approx(100.0, rel=0.02)
+    assert ours["GLOBAL_POSITION_INT"].measured_hz == pytest.approx(10.0, rel=0.05)
+    assert {rate.undone_by for rate in ours.values()} == {None}
     assert not [text for text in network.notices if "fell" in text]
 
 
@@ -155,8 +155,8 @@ def test_px4_for_a_companion_passes_with_attitude_at_four_hertz():
     own = {"VFR_HUD": 10.0, "SYS_STATUS": 5.0, "GLOBAL_POSITION_INT": 50.0, "LOCAL_POSITION_NED": 30.0}
     assert {name: rates[name] for name in own} == pytest.approx(own, rel=0.05), "ours are lower, and lower nothing"
     assert rates["GPS_RAW_INT"] == pytest.approx(5.0, abs=0.3), "of unlimited rate: as the receiver has news"
-    ours = network.pipeline.status(network._now)["rates"]["ATTITUDE_QUATERNION"]
-    assert ours["measured_hz"] == pytest.approx(100.0, rel=0.02)
+    ours = network.pipeline.status(network._now).rates["ATTITUDE_QUATERNION"]
+    assert ours.measured_hz == pytest.approx(100.0, rel=0.02)
 
 
 def test_a_station_that_asks_px4_gets_what_it_asked_for_and_groups_which_px4_ignores_harm_nothing():

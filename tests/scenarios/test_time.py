@@ -160,7 +160,7 @@ def test_118_what_leaves_the_error_where_it_was(name, differences):
 def test_119_a_reboot_is_reported_and_frames_meanwhile_are_held_back():
     flown = seen("rebooting")
     assert flown.companion.codes.count(NoticeCode.AUTOPILOT_REBOOTED) == 1
-    assert flown.companion.pipeline.status(flown.mock.end_ns)["telemetry"]["reboots"] == 1
+    assert flown.companion.pipeline.status(flown.mock.end_ns).telemetry.reboots == 1
     assert 15 < sum(held_back(flown).values()) < 35  # two seconds of ten frames, and the new clock's first
     after = [line for line in clock_errors(flown) if line.flight_s > 15.5]
     assert all(abs(line.error_s) < 1.0 * MS for line in after)
@@ -173,7 +173,7 @@ def test_122_slips_of_a_simulator_are_followed_and_cost_no_frame(stamp_clock):
     flown, calm = fly(options, GLOBAL_SHUTTER), seen("unbiased", **{"camera.stamp_clock": stamp_clock})
     assert NoticeCode.AUTOPILOT_REBOOTED not in flown.companion.codes
     assert 1 <= flown.companion.codes.count(NoticeCode.CLOCK_SLIPPED) <= 5
-    assert flown.companion.pipeline.status(flown.mock.end_ns)["telemetry"]["reboots"] == 0
+    assert flown.companion.pipeline.status(flown.mock.end_ns).telemetry.reboots == 0
     lost = Counter(flown.companion.lines[-1]["dropped"]) - Counter(calm.companion.lines[-1]["dropped"])
     assert lost.total() <= 2
     assert flown.companion.lines[-1]["fixes"] > 0.98 * calm.companion.lines[-1]["fixes"]
@@ -297,7 +297,7 @@ def test_205_a_stream_too_slow_for_the_motion_says_so_and_carries_it():
     """Ten attitudes a second do not show a wing beat of 5 Hz; the rates that come with them do."""
     options = scenario("perfect").but({**NADIR, "camera.readout_s": 0.0})
     flown = fly(options, (*GLOBAL_SHUTTER, "rates.attitude=10"), sightings=True)
-    assert flown.companion.pipeline.status(flown.mock.end_ns)["telemetry"]["too_slow_for_motion"]
+    assert flown.companion.pipeline.status(flown.mock.end_ns).telemetry.too_slow_for_motion
     ratios = []
     for line in budgets(flown):
         north, east = on_the_ground(flown, line)
@@ -368,14 +368,14 @@ RATES = [
 def test_rates(name, differences, message, hz, said):
     flown = seen(name, **differences)
     status = flown.companion.pipeline.status(flown.mock.end_ns)
-    assert status["telemetry"]["attitude_source"] == message
-    assert status["telemetry"]["rates_hz"][message] == pytest.approx(hz, rel=0.05)
+    assert status.telemetry.attitude_source == message
+    assert status.telemetry.rates_hz[message] == pytest.approx(hz, rel=0.05)
     assert said in flown.companion.codes
 
 
 def test_407_the_thief_is_named_where_check_looks():
     flown = seen("gcs_thief", seconds=26.0)
-    undone_by = flown.companion.pipeline.status(flown.mock.end_ns)["rates"]["ATTITUDE_QUATERNION"]["undone_by"]
+    undone_by = flown.companion.pipeline.status(flown.mock.end_ns).rates["ATTITUDE_QUATERNION"].undone_by
     assert "255/190" in undone_by
     lost = held_back(flown)
     assert lost["stale_attitude"] + lost["attitude_gap"] < 2 * 10 * 3.0, "three seconds for each of two thefts"

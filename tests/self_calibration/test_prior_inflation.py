@@ -198,7 +198,7 @@ def test_a_camera_that_was_moved_since_an_earlier_flight_is_calibrated_again(kep
     assert report.time_offset_s == pytest.approx(0.035, abs=0.002)
     assert np.degrees(report.mount) == pytest.approx([0.0, -1.0, 0.0], abs=0.3)
     news = SelfCalibrationNotices(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), 0.0)
-    assert news.status(report)["replaced"]
+    assert news.status(report).replaced
     assert NoticeCode.CALIBRATION_DROPPED in [each.code for each in news.notices(report)]
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.service.board import TIMEX_BYTES, BoardWatch, board_name, wall_clock_is_synchronised
+from fwav_companion.types.network_status import LinkReport
 
 S = 1_000_000_000
 
@@ -23,11 +24,11 @@ def kernel(tmp_path: Path) -> Path:
 
 def test_load_is_what_was_done_since_the_last_look(kernel: Path):
     watch = BoardWatch({"autopilot": True}, proc=kernel, sys=kernel)
-    first = watch.report({"autopilot": {"bytes_in": 1000, "bytes_out": 0}}, None, HostNs(S))
+    first = watch.report({"autopilot": LinkReport(bytes_in=1000)}, None, HostNs(S))
     assert first.cpu == ()
     assert first.links == ()
     (kernel / "stat").write_text("cpu0 150 0 150 850 50 0 0 0 0 0\ncpu1 0 0 0 1200 0 0 0 0 0 0\nintr 5\n")
-    second = watch.report({"autopilot": {"bytes_in": 1000 + 20480, "bytes_out": 2048}}, 5.0, HostNs(3 * S))
+    second = watch.report({"autopilot": LinkReport(bytes_in=1000 + 20480, bytes_out=2048)}, 5.0, HostNs(3 * S))
     assert second.cpu == pytest.approx((0.5, 0.0))
     assert (second.ram_total_mib, second.ram_used_mib) == (427, 203)
     assert second.core_celsius == pytest.approx(48.312)

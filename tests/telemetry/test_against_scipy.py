@@ -110,7 +110,7 @@ def test_a_still_vehicle_shows_no_motion_whose_ekf_aligns_its_yaw():
     samples = [msgspec.structs.replace(each, rates=tuple(rng.normal(0.0, radians(0.1), 3))) for each in stepping]
     check = flapping.history_of(samples).check
     assert check.too_slow, "the attitudes do step"
-    assert (check.status()["too_slow_for_motion"], check.status()["motion_hz"]) == (False, 0.0)
+    assert (check.status().too_slow_for_motion, check.status().motion_hz) == (False, 0.0)
 
 
 @pytest.mark.parametrize("hz", [13, 15, 25, 50, 100])

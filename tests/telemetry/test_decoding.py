@@ -133,4 +133,4 @@ def test_what_is_refused_is_counted():
     autopilot = Autopilot()
     autopilot.attitudes(0, 50)
     autopilot.tell("ATTITUDE", 60, roll=nan)
-    assert autopilot.telemetry.status(autopilot.host(100))["refused"] == {"ATTITUDE": 1}
+    assert autopilot.telemetry.status(autopilot.host(100)).refused == {"ATTITUDE": 1}

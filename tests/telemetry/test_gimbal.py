@@ -125,7 +125,7 @@ def test_what_holds_no_attitude_is_counted_and_changes_nothing(broken):
     gimbal, other = fed(), fed()
     gimbal.on_message(broken, HostNs(round(5.1e9)))
     assert asked(gimbal, 4.1) == asked(other, 4.1)
-    assert gimbal.status(HostNs(6_000_000_000))["refused"] == 1
+    assert gimbal.status(HostNs(6_000_000_000)).refused == 1
 
 
 def test_the_vehicles_heading_turns_a_gimbal_that_follows_it_but_not_one_that_counts_from_north():

@@ -61,7 +61,7 @@ def test_stamps_that_do_not_scatter_are_taken_at_their_word(delay, scatter_ms, l
         true_deg = 5.0 * sin(10.0 * pi * (asked_ms - late_ms) * 1e-3)
         assert pitch_deg(autopilot, asked_ms) == pytest.approx(true_deg, abs=2e-3)
     in_step = scatter_ms == 0.0
-    assert autopilot.telemetry.status(autopilot.host(2000.0))["attitude_stamps_in_step"] is in_step
+    assert autopilot.telemetry.status(autopilot.host(2000.0)).attitude_stamps_in_step is in_step
     reported = [event for event in autopilot.events if isinstance(event, StampDelay)]
     assert [event.in_step for event in reported] == ([True] if in_step and delay != 0.0025 else [])
 
@@ -133,7 +133,7 @@ def test_the_pitch_trim_that_attitude_lacks_is_put_back(vehicle_type, parameters
     assert pitch_deg(autopilot, 303.0) == pytest.approx(missing_deg, abs=1e-9)
     reported = [event.deg for event in autopilot.events if isinstance(event, PitchTrimUndone)]
     assert reported == ([missing_deg] if missing_deg else [])
-    assert autopilot.telemetry.status(autopilot.host(400.0))["pitch_trim_undone_deg"] == missing_deg
+    assert autopilot.telemetry.status(autopilot.host(400.0)).pitch_trim_undone_deg == missing_deg
     if missing_deg:
         assert autopilot.telemetry.state_at(BootNs(195 * MS)) == Unpaired(Reason.BEFORE_HISTORY, pytest.approx(5e-3))
 
@@ -143,7 +143,7 @@ def test_a_quaternion_knows_no_trim():
     autopilot.tell("PARAM_VALUE", 0, param_id="PTCH_TRIM_DEG", param_value=5.0)
     autopilot.attitudes(0, 200, name="ATTITUDE_QUATERNION")
     assert pitch_deg(autopilot, 103.0) == 0.0
-    assert autopilot.telemetry.status(autopilot.host(200.0))["pitch_trim_undone_deg"] is None
+    assert autopilot.telemetry.status(autopilot.host(200.0)).pitch_trim_undone_deg is None
 
 
 def test_quaternions_are_preferred_and_the_change_leaves_no_step():
@@ -316,7 +316,7 @@ def test_other_sources():
     assert autopilot.telemetry.local_position_at(BootNs(520 * MS + 500_000)) == pytest.approx((3.2, 0.0, 0.0))
     assert autopilot.telemetry.undulation_m == 47.0
     autopilot.tell("TERRAIN_REPORT", 600, spacing=0)
-    assert autopilot.telemetry.status(autopilot.host(600))["refused"] == {"TERRAIN_REPORT": 1}
+    assert autopilot.telemetry.status(autopilot.host(600)).refused == {"TERRAIN_REPORT": 1}
 
 
 def test_utc_by_system_time():
@@ -334,10 +334,10 @@ def test_status_shows_rates_and_interpolation():
     autopilot = Autopilot()
     climbing(autopilot, 6000)
     status = autopilot.telemetry.status(autopilot.host(6000))
-    assert status["rates_hz"]["ATTITUDE"] == pytest.approx(100.0, abs=1.0)
-    assert status["attitude_source"] == "ATTITUDE"
-    assert status["interpolation"] == "four attitudes"
-    assert status["attitudes_kept"] <= 301
+    assert status.rates_hz["ATTITUDE"] == pytest.approx(100.0, abs=1.0)
+    assert status.attitude_source == "ATTITUDE"
+    assert status.interpolation == "four attitudes"
+    assert status.attitudes_kept <= 301
 
 
 def test_another_epoch_of_the_host_gives_the_same_states():

@@ -76,14 +76,14 @@ def test_tags_are_found_in_the_process_and_its_death_is_survived(tmp_path: Path,
         picture = tag_picture((200.0, 120.0))
         first = feed(path, [pipe_bytes(picture, time_monotonic=1.0 + i, frame=i) for i in range(2)], leave)
         await daemon.until(lambda: len(daemon.frames) == 2)
-        os.kill(daemon.process.status()["pid"], signal.SIGKILL)
+        os.kill(daemon.process.status().pid, signal.SIGKILL)
         leave.set()
         await daemon.until(lambda: daemon.states and not daemon.states[-1][0])
         await asyncio.to_thread(first.join, 5.0)
         leave = threading.Event()
         second = feed(path, [pipe_bytes(picture, time_monotonic=9.0, frame=9)], leave)
         await daemon.until(lambda: len(daemon.frames) == 3)
-        assert daemon.process.status()["deaths"] == 1
+        assert daemon.process.status().deaths == 1
         daemon.process.close()
         leave.set()
         await asyncio.to_thread(second.join, 5.0)
@@ -134,7 +134,7 @@ def test_a_process_that_hangs_is_ended_and_another_started(tmp_path: Path, quick
         daemon.process.start()
         writer = feed(path, [pipe_bytes(tag_picture(), time_monotonic=1.0)], leave)
         await daemon.until(lambda: bool(daemon.frames))
-        hanging = daemon.process.status()["pid"]
+        hanging = daemon.process.status().pid
         os.kill(hanging, signal.SIGSTOP)
         monkeypatch.setattr(supervisor, "SILENCE_S", 0.2)
         await daemon.until(lambda: daemon.states[-1][0] is False)
@@ -142,7 +142,7 @@ def test_a_process_that_hangs_is_ended_and_another_started(tmp_path: Path, quick
         leave.set()
         await asyncio.to_thread(writer.join, 5.0)
         await asyncio.sleep(0.3)
-        assert daemon.process.status()["pid"] not in (None, hanging)
+        assert daemon.process.status().pid not in (None, hanging)
         daemon.process.close()
         with pytest.raises(ProcessLookupError):
             os.kill(hanging, 0)
@@ -157,7 +157,7 @@ def test_closing_takes_no_time_and_leaves_no_process(tmp_path: Path):
         daemon = Daemon(VisionTask(str(tmp_path / "frames")))
         daemon.process.start()
         await daemon.until(lambda: bool(daemon.states))
-        pid = daemon.process.status()["pid"]
+        pid = daemon.process.status().pid
         before = asyncio.get_running_loop().time()
         daemon.process.close()
         assert asyncio.get_running_loop().time() - before < 1.0
@@ -176,7 +176,7 @@ def test_the_process_ends_with_a_daemon_that_was_killed(tmp_path: Path):
         "    daemon = Daemon(VisionTask(sys.argv[2]))\n"
         "    daemon.process.start()\n"
         "    await daemon.until(lambda: bool(daemon.states))\n"
-        "    print(daemon.process.status()['pid'], flush=True)\n"
+        "    print(daemon.process.status().pid, flush=True)\n"
         "    os.kill(os.getpid(), 9)\n"
         "asyncio.run(watch())"
     )

@@ -5,10 +5,10 @@ pause.
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Any
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.mavlink.client.rate_search import ArrivalMeter, RateSearch
+from fwav_companion.types.network_status import StreamReport
 
 FIRST_PAUSE_NS = 4 * NS_PER_S
 LONGEST_PAUSE_NS = 60 * NS_PER_S
@@ -140,13 +140,13 @@ class RateStream:
             self.wait(now)
         return None
 
-    def status(self) -> dict[str, Any]:
+    def status(self) -> StreamReport:
         """Return the state for the status file."""
         held_back = self.state in {StreamState.HELD_BACK, StreamState.DENIED}
-        return {
-            "wanted_hz": self.wanted_hz,
-            "asked_hz": None if held_back else round(self.granted_hz, 2),
-            "measured_hz": None if self.meter.hz is None else round(self.meter.hz, 2),
-            "state": str(self.state),
-            "undone_by": self.undone_by,
-        }
+        return StreamReport(
+            wanted_hz=self.wanted_hz,
+            asked_hz=None if held_back else round(self.granted_hz, 2),
+            measured_hz=None if self.meter.hz is None else round(self.meter.hz, 2),
+            state=str(self.state),
+            undone_by=self.undone_by,
+        )

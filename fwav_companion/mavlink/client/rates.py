@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping, Sequence
 from math import isfinite
-from typing import Any
 
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs
 from fwav_companion.mavlink.client.attitude_sharing import AttitudeSharing
@@ -23,6 +22,7 @@ from fwav_companion.mavlink.client.rate_stream import RateStream, StreamState
 from fwav_companion.mavlink.client.subscriptions import MESSAGE_IDS, ONLY_PX4
 from fwav_companion.mavlink.wire.rate_messages import OwnStreams, RateRequest
 from fwav_companion.types.messages import Message, Notice, NoticeCode, Outgoing, Severity
+from fwav_companion.types.network_status import StreamReport
 from fwav_companion.types.situation import Autopilot, AutopilotKind
 
 CHECK_NS = NS_PER_S
@@ -185,8 +185,8 @@ class Rates:
         self._notices.clear()
         return notices
 
-    def status(self) -> dict[str, Any]:
-        """Return by message: wanted_hz, asked_hz, measured_hz, state, undone_by."""
+    def status(self) -> dict[str, StreamReport]:
+        """Return the state of each requested message by its name."""
         return {name: stream.status() for name, stream in self._streams.items()}
 
     def _share(self) -> None:

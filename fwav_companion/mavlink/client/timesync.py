@@ -9,12 +9,13 @@ requests that name us.
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, NS_PER_US, BootNs, HostNs
 from fwav_companion.types.messages import Destination, Message, Outgoing
+from fwav_companion.types.network_status import TimesyncReport
 from fwav_companion.types.situation import Autopilot
 from fwav_companion.types.telemetry import ClockExchange
 
@@ -145,17 +146,17 @@ class Timesync:
             return self._ignore(NotTaken.NO_AUTOPILOT)
         return self._on_request(message, now) if message.fields.tc1 == 0 else self._on_answer(message, now)
 
-    def status(self) -> dict[str, Any]:
+    def status(self) -> TimesyncReport:
         """Return the last round trips to the autopilot, for the status file."""
         trips = self._round_trips_ns
-        return {
-            "requests": self._requests,
-            "exchanges": self.exchanges,
-            "round_trip_s": trips[-1] / NS_PER_S if trips else None,
-            "least_round_trip_s": min(trips) / NS_PER_S if trips else None,
-            "jitter_s": self._jitter_ns / NS_PER_S if len(trips) > 1 else None,
-            "ignored": {str(reason): count for reason, count in self.ignored.items() if count},
-        }
+        return TimesyncReport(
+            requests=self._requests,
+            exchanges=self.exchanges,
+            round_trip_s=trips[-1] / NS_PER_S if trips else None,
+            least_round_trip_s=min(trips) / NS_PER_S if trips else None,
+            jitter_s=self._jitter_ns / NS_PER_S if len(trips) > 1 else None,
+            ignored={str(reason): count for reason, count in self.ignored.items() if count},
+        )
 
     def _on_answer(self, message: Message, now: HostNs) -> ClockExchange | Ignored:
         fields = message.fields

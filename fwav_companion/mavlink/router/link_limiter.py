@@ -20,8 +20,6 @@ from collections.abc import Mapping
 from math import inf
 from typing import Final
 
-import msgspec
-
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.mavlink.router.asked_rates import AskedRates
 from fwav_companion.mavlink.router.byte_budget import ByteBudget, RadioBackoff
@@ -31,6 +29,7 @@ from fwav_companion.mavlink.router.merged_rates import Cap, Why
 from fwav_companion.mavlink.router.never_thinned import is_telemetry
 from fwav_companion.mavlink.router.rate_limiter import RateLimiter
 from fwav_companion.mavlink.wire.definitions import BY_NAME, DEFINITIONS
+from fwav_companion.types.network_status import LinkThinning, ThinnedMessage
 
 FILLED: Final = 0.95
 """Share of the budget that measured streams are cut to: the rest is for bursts."""
@@ -41,34 +40,6 @@ TIMESYNC: Final = BY_NAME["TIMESYNC"].msgid
 MAX_REASONS: Final = 256
 """Pairs of (message, reason) counted separately for the status."""
 _UNLIMITED: Final = Cap(inf, Why.ASKED)
-
-
-class ThinnedMessage(msgspec.Struct, frozen=True):
-    """A message that leaves at a lower rate than it arrives."""
-
-    message: str
-    why: str
-    at_most_hz: float | None
-    """Highest rate per sender, hertz; None: as the budget allows."""
-    thinned: int
-    """Frames that did not leave, since the start."""
-
-
-class LinkThinning(msgspec.Struct, frozen=True):
-    """Messages thinned on one link, and the reasons."""
-
-    messages: list[ThinnedMessage]
-    max_bytes_per_s: float | None
-    """Budget that holds now, with the radio's feedback; None: no budget."""
-    why: str | None
-    """Source of the budget: ``max_bytes_per_s`` or ``radio_status``."""
-    sent_bytes_per_s: float | None
-    offered_bytes_per_s: float | None
-    """Load offered to the link in the last second; this and the bytes sent are None without a budget and a radio."""
-    common_hz: float | None
-    """Rate that fast streams are cut to, hertz; None: all fit."""
-    txbuf: int | None
-    """Free part of the radio's send buffer, percent; None: no radio is heard."""
 
 
 class LinkLimiter:
@@ -254,4 +225,5 @@ class LinkLimiter:
             hz = self._thinner.max_rate_hz.get(msgid)
         elif msgid in self._caps and self._caps[msgid].why is why:
             hz = self._caps[msgid].hz
-        return ThinnedMessage(name, str(why), None if hz is None or hz == inf else round(hz, 2), count)
+        at_most_hz = None if hz is None or hz == inf else round(hz, 2)
+        return ThinnedMessage(message=name, why=str(why), at_most_hz=at_most_hz, thinned=count)

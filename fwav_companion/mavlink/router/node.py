@@ -15,13 +15,14 @@ from fwav_companion.mavlink.router.peers import UNKNOWN, Peer, PeerStream
 from fwav_companion.mavlink.router.routing import RADIO_REPORTS, SETUP_SIGNING, TIMESYNC, LinkPolicy, Port, Router
 from fwav_companion.mavlink.router.sending import Sender
 from fwav_companion.mavlink.router.signing_policy import Keyring, SigningPolicy, Trust
-from fwav_companion.mavlink.router.statistics import LinkStatistics, StatisticsTaker
+from fwav_companion.mavlink.router.statistics import StatisticsTaker
 from fwav_companion.mavlink.wire.codec import decode
 from fwav_companion.mavlink.wire.definitions import BY_NAME, constant
 from fwav_companion.mavlink.wire.frames import RawFrame
 from fwav_companion.mavlink.wire.rate_messages import OwnStreams, RateRequest, rate_request
 from fwav_companion.mavlink.wire.signing import SigningClock
 from fwav_companion.types import Message, Outgoing
+from fwav_companion.types.network_status import LinkStatistics
 
 __all__ = ["LinkPolicy", "Node", "Received", "SigningPolicy"]
 

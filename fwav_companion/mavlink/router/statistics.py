@@ -4,59 +4,15 @@ from __future__ import annotations
 
 from typing import Final
 
-import msgspec
-
 from fwav_companion.geometry.stamps import NS_PER_MS, HostNs, s_from_ns
-from fwav_companion.mavlink.router.link_limiter import LinkThinning
 from fwav_companion.mavlink.router.peers import UNKNOWN, Peer
 from fwav_companion.mavlink.router.routing import Port, Router
+from fwav_companion.types.network_status import LinkStatistics, PeerStatistics
 
 UNKNOWN_NAME: Final = "unknown"
 """Name of all messages whose ids are not in the dialect."""
 _SHORTEST_NS: Final = 200 * NS_PER_MS
 """Shortest time over which rates are measured; within it the last rates are reported again."""
-
-
-class PeerStatistics(msgspec.Struct, frozen=True):
-    """Statistics of one (system, component) on one link."""
-
-    system: int
-    component: int
-    received: int
-    lost: int
-    """Lost frames by sequence number, on this link, before any filtering; a lower bound after long silences."""
-    late: int
-    """Frames that arrived after their successors: received, not lost."""
-    silent_s: float
-    rates_hz: dict[str, float]
-    """Rates by message name, hertz."""
-
-    @property
-    def loss(self) -> float:
-        """Share of lost frames, 0 to 1."""
-        return self.lost / (self.received + self.lost) if self.lost else 0.0
-
-
-class LinkStatistics(msgspec.Struct, frozen=True):
-    """Statistics of one link since the start; of its peers since they were first heard, or restarted."""
-
-    name: str
-    up: bool
-    bytes_in: int
-    bad_checksums: int
-    skipped_bytes: int
-    not_understood: int
-    duplicates: int
-    echoes: int
-    stopped: int
-    thinned: int
-    refused_signatures: int
-    refused_unsigned: int
-    signed_unverified: int
-    """Signed frames for us, received while no key is configured."""
-    ground_station: bool
-    thinning: LinkThinning
-    peers: list[PeerStatistics]
 
 
 class StatisticsTaker:

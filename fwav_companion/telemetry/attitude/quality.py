@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from enum import StrEnum
 from itertools import pairwise
 from math import dist, exp, inf, pi, sqrt
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from fwav_companion.geometry.stamps import BootNs
 from fwav_companion.geometry.vectors import dot, scale, subtract
@@ -18,6 +18,7 @@ from fwav_companion.telemetry.attitude.interpolation import aligned, quaternion_
 from fwav_companion.telemetry.attitude.leave_one_out import squared_angle, squared_leave_one_out_error
 from fwav_companion.telemetry.attitude.rate_fit import ALTERNATING, RateFit
 from fwav_companion.types import AttitudeSample
+from fwav_companion.types.flight_status import AttitudeReport
 
 SEVEN = 7
 """Neighbouring samples in one check."""
@@ -212,19 +213,19 @@ class AttitudeQuality:
             return _MethodErrors(errors, 0.0, self.swing, 0.0)
         return _MethodErrors(errors, self.rates.disagreement, self.swing, self._spacing / sqrt(12.0))
 
-    def status(self) -> dict[str, Any]:
-        """Entries for the status file and ``check``."""
+    def status(self) -> AttitudeReport:
+        """Part of the status: the interpolation, and the motion that it has to follow."""
         gain, lag_s = self.rates.model.response(self.frequency)
-        return {
-            "interpolation": self.method.value,
-            "interpolation_sigma": self.sigma(self._spacing, self.method) if self.settled else None,
-            "motion_hz": 0.0 if self.still else self.frequency / (2.0 * pi),
-            "motion_swing": self.swing,
-            "too_slow_for_motion": self.too_slow and not self.still,
-            "rates_agree": self.rates.usable,
-            "rates_lag_s": lag_s if self.rates.usable else None,
-            "rates_gain": gain if self.rates.usable else None,
-        }
+        return AttitudeReport(
+            interpolation=self.method.value,
+            interpolation_sigma=self.sigma(self._spacing, self.method) if self.settled else None,
+            motion_hz=0.0 if self.still else self.frequency / (2.0 * pi),
+            motion_swing=self.swing,
+            too_slow_for_motion=self.too_slow and not self.still,
+            rates_agree=self.rates.usable,
+            rates_lag_s=lag_s if self.rates.usable else None,
+            rates_gain=gain if self.rates.usable else None,
+        )
 
     # Measurements.
 

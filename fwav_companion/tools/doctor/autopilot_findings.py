@@ -8,14 +8,10 @@ from typing import Final
 from fwav_companion.links.url import SerialUrl
 from fwav_companion.tools.doctor.evidence import Evidence
 from fwav_companion.tools.doctor.finding import Finding, Level
-from fwav_companion.tools.doctor.run_status import (
-    ADOPTION_S,
-    MEASURED_S,
-    REQUESTS,
-    ClockReport,
-    RunStatus,
-    StreamReport,
-)
+from fwav_companion.tools.doctor.run_status import ADOPTION_S, MEASURED_S
+from fwav_companion.types.flight_status import ClockReport
+from fwav_companion.types.network_status import REQUESTS, StreamReport
+from fwav_companion.types.status import RunStatus
 
 ATTITUDES: Final = ("ATTITUDE_QUATERNION", "ATTITUDE")
 REACHED: Final = 0.85
@@ -97,7 +93,7 @@ def _not_adopted(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
 
 
 def _attitude(evidence: Evidence, status: RunStatus, where: str) -> Iterator[Finding]:
-    telemetry, source = status.telemetry, status.telemetry.attitude_source
+    telemetry, source = status.telemetry, _attitude_source(status)
     if not any(telemetry.rates_hz.get(name) for name in ATTITUDES):
         if status.adopted_s >= MEASURED_S:
             yield Finding(
@@ -139,19 +135,24 @@ def measured_attitude_hz(status: RunStatus) -> float | None:
 
     A station that takes the rate away each second restarts that window: then what arrives counts.
     """
-    source = status.telemetry.attitude_source
+    source = _attitude_source(status)
     stream = status.rates.get(source)
     if stream is not None and (stream.measured_hz is not None or status.adopted_s < MEASURED_S):
         return stream.measured_hz
     return status.telemetry.rates_hz.get(source, 0.0)
 
 
+def _attitude_source(status: RunStatus) -> str:
+    """Return the message that attitudes are taken from; ATTITUDE, which every autopilot sends, before the first."""
+    return status.telemetry.attitude_source or "ATTITUDE"
+
+
 def _is_undone(stream: StreamReport) -> bool:
-    return bool(stream.undone_by) and REBOOTED not in stream.undone_by
+    return bool(stream.undone_by) and REBOOTED not in (stream.undone_by or "")
 
 
 def _slow(evidence: Evidence, status: RunStatus, measured_hz: float) -> Finding:
-    source, wanted_hz = status.telemetry.attitude_source, evidence.config.rates.attitude
+    source, wanted_hz = _attitude_source(status), evidence.config.rates.attitude
     swing = status.telemetry.motion_swing
     granted_hz = status.rates.get(source, StreamReport()).asked_hz
     refused = granted_hz is not None and granted_hz < REACHED * wanted_hz
@@ -178,7 +179,7 @@ def _parameters(evidence: Evidence, status: RunStatus, where: str) -> Iterator[F
             fix=f"set SCHED_LOOP_RATE to {50.0 * -(-wanted_hz / LOOP_SHARE // 50.0):.0f}, or [rates] attitude lower",
         )
     trim_deg, stays_on = _trim_deg(parameters), int(parameters.get("FLIGHT_OPTIONS", 0.0)) & TRIM_STAYS_ON
-    if status.telemetry.attitude_source == "ATTITUDE" and abs(trim_deg) > SMALL_TRIM_DEG and not stays_on:
+    if _attitude_source(status) == "ATTITUDE" and abs(trim_deg) > SMALL_TRIM_DEG and not stays_on:
         removed = bool(status.telemetry.pitch_trim_undone_deg)
         yield Finding(
             "pitch_trim",

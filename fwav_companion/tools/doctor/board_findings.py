@@ -7,7 +7,7 @@ from typing import Final
 
 from fwav_companion.tools.doctor.evidence import Evidence, Folder
 from fwav_companion.tools.doctor.finding import Finding, Level
-from fwav_companion.tools.doctor.run_status import RunStatus
+from fwav_companion.types.status import RunStatus
 
 VOLATILE: Final = frozenset({"tmpfs", "ramfs", "overlay", "squashfs"})
 """File systems whose new content is lost with the power; overlay is how boards mount a read-only root."""
@@ -34,7 +34,7 @@ def service_findings(_evidence: Evidence, status: RunStatus) -> Iterator[Finding
             problem=f"internal errors of the service: {status.internal_faults}",
             fix="its log (journalctl -u fwav-companion) has the first one whole: please report it",
         )
-    if status.recording.startswith("recording stopped"):
+    if status.recording is not None and status.recording.startswith("recording stopped"):
         yield Finding(
             "recording_stopped",
             Level.WARNING,

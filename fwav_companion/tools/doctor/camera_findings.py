@@ -7,8 +7,8 @@ from typing import Final
 
 from fwav_companion.tools.doctor.evidence import Evidence
 from fwav_companion.tools.doctor.finding import Finding, Level
-from fwav_companion.tools.doctor.run_status import RunStatus
 from fwav_companion.types import NoRay
+from fwav_companion.types.status import RunStatus
 
 STALE_S: Final = 2.0
 """Without a frame. The slowest cameras in use give five a second."""
@@ -51,7 +51,7 @@ def camera_findings(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
 
 def _readout(status: RunStatus) -> Iterator[Finding]:
     """An unknown readout is one bias through a flight: it never averages away."""
-    readout = status.sight.readout
+    readout = status.seen.readout
     if readout.matters:
         yield Finding(
             "readout_unknown",

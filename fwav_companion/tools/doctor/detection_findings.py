@@ -9,8 +9,8 @@ from typing import Final
 from fwav_companion.tools.doctor.evidence import Evidence
 from fwav_companion.tools.doctor.finding import Finding, Level
 from fwav_companion.tools.doctor.landing_findings import labels_heard
-from fwav_companion.tools.doctor.run_status import RunStatus
 from fwav_companion.types import Reason
+from fwav_companion.types.status import RunStatus
 
 SHARE: Final = 0.05
 """Of what came: a reason that costs less is normal in flight."""
@@ -131,7 +131,7 @@ def _refused(
 
 def _growing_age(status: RunStatus) -> Iterator[Finding]:
     """A queue that builds up in the detector, or a clock of another rate."""
-    ages_s = status.sight.heard.stamp_ages_s
+    ages_s = status.seen.heard.stamp_ages_s
     if len(ages_s) < 3 or ages_s[-1] - ages_s[0] < OLDER_S or any(b <= a for a, b in pairwise(ages_s)):
         return
     yield Finding(
@@ -149,7 +149,7 @@ def _filtered(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
     judged, low, other = judged_detections(status), status.refused(Reason.LOW_SCORE), status.refused(Reason.OTHER_LABEL)
     level = Level.ERROR if judged - low - other <= PASSED * judged else Level.NOTE
     least = MOST * judged if level is Level.NOTE else SHARE * judged
-    detections, best = evidence.config.detections, status.sight.heard.best_score
+    detections, best = evidence.config.detections, status.seen.heard.best_score
     if low >= FEW and low > least:
         yield Finding(
             Reason.LOW_SCORE.value,

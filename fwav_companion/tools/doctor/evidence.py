@@ -10,7 +10,7 @@ from fwav_companion.camera import Calibration
 from fwav_companion.config import Config
 from fwav_companion.localization import ElevationTile
 from fwav_companion.mount_points import MissingMount
-from fwav_companion.tools.doctor.run_status import RunStatus
+from fwav_companion.types.status import RunStatus
 
 
 class SerialPort(msgspec.Struct, frozen=True, kw_only=True):

@@ -22,7 +22,8 @@ from fwav_companion.on_disk import content
 from fwav_companion.service.configured_files import load_calibration, load_elevation
 from fwav_companion.service.latest_file import status_paths
 from fwav_companion.tools.doctor.evidence import Files
-from fwav_companion.tools.doctor.run_status import RunStatus, run_status
+from fwav_companion.tools.doctor.run_status import run_status
+from fwav_companion.types.status import RunStatus
 
 FRESH_S: Final = 3.0
 """A status file is rewritten each second."""
@@ -99,7 +100,7 @@ def listen(config: Config, files: Files, signing_key: bytes | None, seconds: flo
 
     logging.getLogger("fwav_companion").addHandler(logging.NullHandler())
 
-    async def hear() -> Mapping[str, Any]:
+    async def hear() -> RunStatus:
         service = Service(quiet(config), files.calibration, signing_key, elevation=files.elevation, beside_recording={})
         return await service.listen(seconds)
 

@@ -13,7 +13,7 @@ from typing import Final
 
 from fwav_companion.tools.doctor.evidence import Evidence
 from fwav_companion.tools.doctor.finding import Finding, Level
-from fwav_companion.tools.doctor.run_status import RunStatus
+from fwav_companion.types.status import RunStatus
 
 WHERE: Final = "[publish] landing_target"
 MAVLINK_TYPE: Final = 1
@@ -108,7 +108,7 @@ def _aside(forward_m: float, right_m: float) -> str:
 
 
 def _label(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
-    wanted, taken, heard = evidence.config.publish.landing_label, evidence.config.detections.labels, status.sight.heard
+    wanted, taken, heard = evidence.config.publish.landing_label, evidence.config.detections.labels, status.seen.heard
     if taken and wanted not in taken:
         yield Finding(
             "landing_label",
@@ -129,5 +129,5 @@ def _label(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
 
 def labels_heard(status: RunStatus) -> str:
     """Return the labels of all detections so far, as "pad" (12), "person" (3)."""
-    labels = sorted(status.sight.heard.labels.items(), key=lambda item: -item[1])
+    labels = sorted(status.seen.heard.labels.items(), key=lambda item: -item[1])
     return ", ".join(f'"{label}" ({count})' for label, count in labels) or "no detection"

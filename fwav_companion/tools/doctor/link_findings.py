@@ -9,7 +9,8 @@ from fwav_companion.config import LinkConfig
 from fwav_companion.links.url import LinkUrl, SerialUrl
 from fwav_companion.tools.doctor.evidence import Evidence, SerialPort
 from fwav_companion.tools.doctor.finding import Finding, Level
-from fwav_companion.tools.doctor.run_status import REQUESTS, PeerReport, RunStatus, TrafficReport
+from fwav_companion.types.network_status import REQUESTS, LinkStatistics, PeerStatistics
+from fwav_companion.types.status import RunStatus
 
 LISTENED_S: Final = 2.0
 """Silence is judged after this long: heartbeats come once a second."""
@@ -56,7 +57,7 @@ def link_findings(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
             yield from _received(evidence, status, link)
 
 
-def judged_loss(status: RunStatus, link: LinkConfig, peer: PeerReport) -> float | None:
+def judged_loss(status: RunStatus, link: LinkConfig, peer: PeerStatistics) -> float | None:
     """Return the loss of a peer by its sequence numbers, 0 to 1; None where they show none.
 
     Sequence numbers show a loss only on the sender's own link (MAVLink guide, packet_loss): another sender's frames may
@@ -161,7 +162,7 @@ def _silent_fix(url: LinkUrl) -> str:
     return _SILENT_SERIAL if isinstance(url, SerialUrl) else _SILENT[url.kind]
 
 
-def _garbage(link: LinkConfig, traffic: TrafficReport) -> Finding:
+def _garbage(link: LinkConfig, traffic: LinkStatistics) -> Finding:
     share = round(100 * traffic.skipped_bytes / traffic.bytes_in)
     fix = (
         f"wrong baud rate: set [[link]] url to the autopilot's SERIALn_BAUD, one of {COMMON_BAUDS}"
@@ -173,7 +174,7 @@ def _garbage(link: LinkConfig, traffic: TrafficReport) -> Finding:
     return Finding("garbage", level, f"link {link.name}", problem=problem, fix=fix)
 
 
-def _loss(status: RunStatus, link: LinkConfig, traffic: TrafficReport) -> Iterator[Finding]:
+def _loss(status: RunStatus, link: LinkConfig, traffic: LinkStatistics) -> Iterator[Finding]:
     fix = (
         "fewer streams or a higher baud rate; flow control; a shorter or shielded cable"
         if isinstance(link.parsed_url, SerialUrl)

@@ -9,8 +9,8 @@ from typing import Final
 from fwav_companion.tools.doctor.detection_findings import FEW, MOST, SHARE, SKYWARD, judged_detections
 from fwav_companion.tools.doctor.evidence import Evidence
 from fwav_companion.tools.doctor.finding import Finding, Level
-from fwav_companion.tools.doctor.run_status import RunStatus
 from fwav_companion.types import Reason
+from fwav_companion.types.status import RunStatus
 
 APART: Final = 0.4
 """Of the fixes beyond 95 % of [uncertainty]: at most 0.3 in the mock's healthy flights, at least 0.45 with a mount
@@ -71,7 +71,7 @@ def _in_radians(angles: tuple[float, float, float]) -> bool:
 
 
 def _above_horizon(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
-    mount, elevation_deg = evidence.config.camera.mount, status.sight.axis_elevation_deg
+    mount, elevation_deg = evidence.config.camera.mount, status.seen.axis_elevation_deg
     lost, judged = status.refused(*SKYWARD), judged_detections(status)
     angles = ", ".join(f"{angle:g}" for angle in mount.angles)
     looks = _horizon(_level_elevation_deg(evidence) if elevation_deg is None else elevation_deg)
@@ -107,7 +107,7 @@ def _sees_no_ground(evidence: Evidence, elevation_deg: float) -> bool:
 
 
 def _disagreeing(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
-    agreement, mount = status.sight.agreement, evidence.config.camera.mount
+    agreement, mount = status.seen.agreement, evidence.config.camera.mount
     turn_deg = agreement.turn_deg
     moving = evidence.config.tracking.motion == "moving"
     if agreement.apart < APART or agreement.apart_m < APART_M or (moving and turn_deg is None):

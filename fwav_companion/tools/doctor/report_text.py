@@ -10,7 +10,8 @@ from fwav_companion.tools.doctor.autopilot_findings import REBOOTED
 from fwav_companion.tools.doctor.evidence import Evidence
 from fwav_companion.tools.doctor.finding import Finding
 from fwav_companion.tools.doctor.link_findings import judged_loss
-from fwav_companion.tools.doctor.run_status import RunStatus, StreamReport
+from fwav_companion.types.network_status import StreamReport
+from fwav_companion.types.status import RunStatus
 
 
 def report_lines(evidence: Evidence, findings: Sequence[Finding], how: str) -> Iterator[str]:

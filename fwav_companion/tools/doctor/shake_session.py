@@ -8,7 +8,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Mapping
 from math import radians
-from typing import Any, Final
+from typing import Final
 
 import msgspec
 
@@ -20,11 +20,11 @@ from fwav_companion.pairing import Pairer, RefusedFrame, scaling_from_size
 from fwav_companion.pipeline.pipeline_factory import make_pairer
 from fwav_companion.telemetry import Telemetry
 from fwav_companion.tools.doctor.gathering import quiet
-from fwav_companion.tools.doctor.run_status import RunStatus, run_status
 from fwav_companion.tools.shake.estimate import ShakeData
 from fwav_companion.tools.shake.instructions import Instruction, Instructor, ShakeInputs, ShakePhase
 from fwav_companion.tools.shake.observations import TagObservation
 from fwav_companion.types import Corners, Detection, Frame, NoFrame, Reason, Unpaired
+from fwav_companion.types.status import RunStatus
 
 KEPT_S: Final = 120.0
 """Of attitudes: longer than a person shakes."""
@@ -84,12 +84,10 @@ class ShakeSession:
         if self._guide.begun and len(self.frames) < MOST_FRAMES:
             self.frames.append(msgspec.structs.replace(frame, detections=tags[:MOST_TAGS]))
 
-    def enough(self, status: Mapping[str, Any], telemetry: Telemetry) -> bool:
+    def enough(self, status: RunStatus, telemetry: Telemetry) -> bool:
         """Show the person the next step; return whether the session is over."""
         self._telemetry = telemetry
-        self.advice = self._guide.instruct(
-            self._moment(run_status(msgspec.to_builtins(status)) or RunStatus(), telemetry)
-        )
+        self.advice = self._guide.instruct(self._moment(status, telemetry))
         self._show(self.advice)
         return self.advice.phase in (ShakePhase.DONE, ShakePhase.FAILED)
 

@@ -197,7 +197,7 @@ def _bends(pixels: Floats) -> Floats:
 
 def _through_lens(lens: Lens, pixels: Floats) -> tuple[Floats, Floats, Flags]:
     """Rays, d(pixel)/d(ray), and whether the lens sees all four corners inside the image."""
-    rays, derivatives = np.zeros((len(pixels), 4, 3)), np.zeros((len(pixels), 4, 2, 3))
+    rays, ray_from_pixel = np.zeros((len(pixels), 4, 3)), np.zeros((len(pixels), 4, 3, 2))
     seen = np.ones(len(pixels), dtype=np.bool_)
     width, height = lens.image_size
     least_z = np.cos(min(WIDEST_ANGLE, lens.max_angle))
@@ -209,5 +209,5 @@ def _through_lens(lens: Lens, pixels: Floats) -> tuple[Floats, Floats, Flags]:
                 seen[frame] = False
                 break
             rays[frame, corner] = ray.direction
-            derivatives[frame, corner] = np.linalg.pinv(np.array([ray.d_du, ray.d_dv]).T)
-    return rays, derivatives, seen
+            ray_from_pixel[frame, corner, :, 0], ray_from_pixel[frame, corner, :, 1] = ray.d_du, ray.d_dv
+    return rays, np.linalg.pinv(ray_from_pixel).astype(np.float64, copy=False), seen

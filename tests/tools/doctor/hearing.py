@@ -8,6 +8,7 @@ from typing import Any
 
 import msgspec
 from flying import CAMERA
+from kept import kept
 
 from fwav_companion.camera import parse_calibration
 from fwav_companion.config import parse
@@ -19,6 +20,8 @@ from fwav_companion.tools.doctor.examination import examine
 from fwav_companion.tools.doctor.finding import Finding
 from fwav_companion.tools.doctor.run_status import run_status
 from fwav_companion.types import Outgoing
+from fwav_companion.types.network_status import LinkReport
+from fwav_companion.types.status import IntakeReport, RunStatus
 from fwav_companion.vision.wall_clock import WallClock
 from fwav_companion.vision.wire import parse_frame
 from sitl_mock import Options, simulate
@@ -93,14 +96,13 @@ class Hearing:
         """The status as the service writes it."""
         now = self._now
         age_s = (now - self._came_ns) / 1e9 if self._came else None
-        status = {
-            "up_s": (now - (self._started_ns or 0)) / 1e9,
-            "links": {link.name: {"state": "up", "why": ""} for link in self.config.link},
-            "traffic": msgspec.to_builtins(self._node.statistics(now)),
-            "intake": {"came": self._came, "age_s": age_s, "why": ""},
-            "internal_faults": 0,
-            **self._pipeline.status(now),
-        }
+        status = RunStatus(
+            **msgspec.structs.asdict(self._pipeline.status(now)),
+            up_s=(now - (self._started_ns or 0)) / 1e9,
+            links={link.name: LinkReport(state="up") for link in self.config.link},
+            traffic=self._node.statistics(now),
+            intake=IntakeReport(came=self._came, age_s=age_s),
+        )
         return msgspec.json.decode(msgspec.json.encode(status))
 
     def _instant(self, now_ns: int) -> HostNs:
@@ -132,8 +134,14 @@ def flown(options: Options, settings: Sequence[str] = (), *, seconds: float = SE
 
 
 def heard(options: Options, settings: Sequence[str] = (), **how: Any) -> Evidence:
-    """The evidence after some seconds with the mock."""
-    return evidence_of(flown(options, settings, **how))
+    """The evidence after some seconds with the mock; the same flight is flown once in a run."""
+
+    def fly() -> Evidence:
+        return evidence_of(flown(options, settings, **how))
+
+    if any(callable(each) for each in how.values()):
+        return fly()
+    return kept(f"evidence of {options!r} {tuple(settings)!r} {sorted(how.items())!r}", fly)
 
 
 def silent(text: str = TEXT) -> Evidence:

@@ -1,6 +1,7 @@
 """Faults that a running service reports of itself and its parts, each planted in the status of a healthy one."""
 
 from collections.abc import Mapping
+from itertools import product
 
 import msgspec
 import pytest
@@ -10,7 +11,7 @@ from fwav_companion.camera import parse_calibration
 from fwav_companion.config import parse
 from fwav_companion.tools.doctor.examination import examine
 from fwav_companion.tools.doctor.report_text import report_lines
-from fwav_companion.tools.doctor.run_status import run_status
+from fwav_companion.tools.doctor.run_status import UNJUDGED, run_status
 from fwav_companion.types import Reason
 from sitl_mock import scenario
 
@@ -170,14 +171,38 @@ def with_another(value, path, other):
     return copy
 
 
-@pytest.mark.parametrize("other", [None, "x", -1, [1], {}, {"a": None}, True], ids=repr)
-def test_a_status_of_another_form_is_not_believed_or_breaks_nothing(healthy, written, other):
+OTHERS = (None, "x", -1, [1], {}, {"a": None}, True)
+
+
+def test_a_status_of_another_form_is_not_believed_or_breaks_nothing(healthy, written):
     believed = 0
-    for path in places(written):
+    for path, other in product(places(written), OTHERS):
         status = run_status(with_another(written, path, other))
         if status is not None:
             believed += 1
             evidence = msgspec.structs.replace(healthy, status=status)
             assert list(report_lines(evidence, examine(evidence), "by its status"))
-    assert believed > 50
+    assert believed > 50 * len(OTHERS)
     assert run_status(written) is not None
+
+
+@pytest.mark.parametrize("other", OTHERS, ids=repr)
+@pytest.mark.parametrize("path", UNJUDGED, ids=".".join)
+def test_a_part_that_is_not_judged_may_have_any_form(healthy, written, path, other):
+    status = run_status(with_another(written, path, other))
+    assert found(msgspec.structs.replace(healthy, status=status)) == []
+    assert status.fixes == healthy.status.fixes
+
+
+def test_every_part_that_another_version_may_lack_has_a_default(written):
+    """Only what names a part is required: an autopilot's system, an origin's place, names, and peers' addresses."""
+    required = {"system", "component", "name", "lat", "lon", "message"}
+    for path in places(written):
+        if path[-1] not in required and not isinstance(path[-1], int):
+            assert run_status(lacking(written, path)) is not None, path
+
+
+def lacking(value, path):
+    if len(path) == 1:
+        return {key: each for key, each in value.items() if key != path[0]}
+    return with_another(value, path[:1], lacking(value[path[0]], path[1:]))

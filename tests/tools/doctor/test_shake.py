@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 from flying import Companion
@@ -15,6 +16,8 @@ from fwav_companion.tools.doctor.shake_session import KEPT_S, MOST_FRAMES, MOST_
 from fwav_companion.tools.shake.estimate import estimate
 from fwav_companion.tools.shake.instructions import Instruction, ShakePhase
 from fwav_companion.types import Detection, Frame, StampClock
+from fwav_companion.types.network_status import LinkReport
+from fwav_companion.types.status import RunStatus
 from fwav_companion.vision.wire import parse_frame
 from sitl_mock import scenario, simulate
 
@@ -41,8 +44,9 @@ class Watched(Companion):
         if now_ns < self._look_ns:
             return False
         self._look_ns = now_ns + 200_000_000
-        up = {"links": {"autopilot": {"state": "up", "why": ""}}, "intake": {"why": ""}, "vision": None}
-        return self.session.enough({**up, **self.pipeline.status(self._now)}, self.pipeline.telemetry)
+        flight = msgspec.structs.asdict(self.pipeline.status(self._now))
+        status = RunStatus(**flight, links={"autopilot": LinkReport(state="up")})
+        return self.session.enough(status, self.pipeline.telemetry)
 
 
 @cache

@@ -168,20 +168,26 @@ class Hands:
         noise = np.radians(self.attitude_deg) * rng.normal(size=(int((self.seconds + 4.0) * ATTITUDE_HZ), 3))
         step = 1.0 / ATTITUDE_HZ
         times = np.arange(-1.0, self.seconds + 1.0, 0.0025)
-        course = self.angles(times) * np.array(self.reported_signs)
+        course = (self.angles(times) * np.array(self.reported_signs)).tolist()
+        drawn = noise.tolist()  # scalars: an estimate asks for twenty thousand attitudes, one at a time
 
         def attitude_at(boot_ns: BootNs) -> tuple[float, float, float, float] | None:
             t = boot_ns * 1e-9 - BOOT_S
             if not -0.9 < t < self.seconds + 0.9:
                 return None
             index, share = divmod((t + 1.0) / step, 1.0)
-            fresh = noise[int(index)] * (1.0 - share) + noise[int(index) + 1] * share
             whole = floor((t + 1.0) / 0.0025)
             part = (t + 1.0) / 0.0025 - whole
-            a, b = course[whole], course[whole + 1]
-            bent = (a - course[whole - 1] - course[whole + 2] + b) * 0.25 * part * (1.0 - part)
-            roll, pitch, yaw = a + part * (b - a) + bent + fresh
-            return _quaternion(roll, pitch, yaw)
+            angles = (
+                a
+                + part * (b - a)
+                + (a - before - after + b) * 0.25 * part * (1.0 - part)
+                + (x * (1.0 - share) + y * share)
+                for before, a, b, after, x, y in zip(
+                    *course[whole - 1 : whole + 3], *drawn[int(index) : int(index) + 2], strict=True
+                )
+            )
+            return _quaternion(*angles)
 
         return attitude_at
 

@@ -1,0 +1,215 @@
+"""The flight in the service's status: telemetry, and the way from detections to what is published."""
+
+from __future__ import annotations
+
+import msgspec
+from msgspec import UNSET, UnsetType
+
+
+class AutopilotReport(msgspec.Struct, frozen=True, kw_only=True):
+    """The adopted autopilot."""
+
+    system: int
+    component: int = 1
+    kind: str = ""
+    """An :class:`~fwav_companion.types.AutopilotKind`."""
+    vehicle_type: int = 0
+    """MAV_TYPE of the heartbeat."""
+    armed: bool = False
+    link: str = ""
+    """Name of the link on which the last heartbeat arrived."""
+
+
+class ClockReport(msgspec.Struct, frozen=True, kw_only=True):
+    """The autopilot's clock against the host's, as in :class:`~fwav_companion.types.ClockEstimate`."""
+
+    at_ns: int = 0
+    host_from_autopilot_ns: int = 0
+    skew: float = 0.0
+    sigma_s: float | None = None
+    """One sigma of the offset, seconds; null in JSON where it is infinite."""
+    bound_s: float | None = None
+    """Hard bound of the error, seconds; null likewise."""
+    round_trip_s: float | None = None
+    """Best round trip."""
+    status: str = "unknown"
+    """A :class:`~fwav_companion.types.ClockStatus`."""
+    doubtful: bool = False
+    """Whether LANDING_TARGET rests because of it."""
+
+
+class OriginReport(msgspec.Struct, frozen=True, kw_only=True):
+    """Origin of the local frame, degrees and metres."""
+
+    lat: float
+    lon: float
+    alt_amsl: float = 0.0
+
+
+class AttitudeReport(msgspec.Struct, frozen=True, kw_only=True):
+    """Quality of the attitude stream."""
+
+    interpolation: str = ""
+    """Method between two samples."""
+    interpolation_sigma: float | None = None
+    """One sigma of that method, rad; None until it was measured."""
+    motion_hz: float = 0.0
+    """Frequency of the vehicle's motion; 0 where it is still."""
+    motion_swing: float = 0.0
+    """RMS amplitude of the motion, rad."""
+    too_slow_for_motion: bool = False
+    rates_agree: bool = False
+    """Whether the body rates are the derivative of the attitudes, but for a lag and a gain."""
+    rates_lag_s: float | None = None
+    rates_gain: float | None = None
+
+
+class GimbalReport(msgspec.Struct, frozen=True, kw_only=True):
+    """The gimbal that carries the camera."""
+
+    device_id: int = 0
+    age_s: float | None = None
+    """Age of the newest attitude, seconds."""
+    yaw_from: str | None = None
+    """Direction from which yaw counts: ``north`` or ``the vehicle's heading``."""
+    interpolation_sigma: float = 0.0
+    """One sigma between two samples, rad."""
+    refused: int = 0
+
+
+class TelemetryReport(AttitudeReport, frozen=True, kw_only=True):
+    """The autopilot's telemetry."""
+
+    rates_hz: dict[str, float] = {}
+    """By message name, 2 to 4 s back."""
+    attitude_source: str | None = None
+    """The message that attitudes are taken from; None before the first."""
+    attitudes_kept: int = 0
+    attitude_stamp_delay_s: float = 0.0
+    """Delay of the attitude stamps after the sampling, seconds."""
+    attitude_stamps_in_step: bool = False
+    """Whether these stamps are synchronous with the sampling."""
+    pitch_trim_undone_deg: float | None = None
+    relative_world: bool | None = None
+    """Whether targets are relative to the vehicle; None until it is decided."""
+    home_down_m: float | None = None
+    """Depth of the home surface below the origin, metres."""
+    refused: dict[str, int] = {}
+    """Messages that could not be used, by name."""
+    reboots: int = 0
+    gimbal_unused: int | None = None
+    """gimbal_device_id of a gimbal that is heard while none is configured."""
+    gimbal: GimbalReport | None = None
+
+
+class GroundReport(msgspec.Struct, frozen=True, kw_only=True):
+    """The ground model; each model has its name and the fields of its own."""
+
+    model: str = ""
+    """home | fixed | rangefinder | terrain."""
+    home_down_m: float | UnsetType = UNSET
+    """home: depth of the surface below the origin, metres."""
+    height_m: float | UnsetType = UNSET
+    """fixed: height of the camera above the surface, metres."""
+    fallback: str | UnsetType | None = UNSET
+    """rangefinder: reason why the home surface is used now; null: it is not."""
+    fallbacks: dict[str, int] | UnsetType = UNSET
+    """rangefinder: counts of these reasons."""
+    source: str | UnsetType = UNSET
+    """terrain: ``files`` or ``TERRAIN_REPORT``."""
+    datum: str | UnsetType = UNSET
+    """terrain: vertical datum of the files."""
+    shift_m: float | UnsetType = UNSET
+    """terrain: shift of the model to the take-off height, metres."""
+    shift_sigma_m: float | UnsetType | None = UNSET
+    """terrain: one sigma of the level by this shift, metres; null: not placed yet."""
+    shift_source: str | UnsetType | None = UNSET
+    """terrain: a :class:`~fwav_companion.types.TakeOffSource`; null likewise."""
+    trouble: str | UnsetType | None = UNSET
+    """terrain: reason why the model gives no fixes."""
+
+
+class HeardReport(msgspec.Struct, frozen=True, kw_only=True):
+    """What frames brought, whether it was used or not."""
+
+    labels: dict[str, int] = {}
+    """Detections by label."""
+    best_score: float | None = None
+    stamp_ages_s: list[float] = []
+    """Least age of a stamp at its arrival, in consecutive windows of 2 s, the oldest first."""
+
+
+class AgreementReport(msgspec.Struct, frozen=True, kw_only=True):
+    """Agreement of the fixes of one target from frame to frame."""
+
+    compared: int = 0
+    apart: float = 0.0
+    """Share that disagrees beyond 95 % of what [uncertainty] allows."""
+    apart_m: float = 0.0
+    """Median distance from their middle."""
+    turn_deg: float | None = None
+    """Turn of the mount about the body's down axis with which they agree."""
+    label: str = ""
+
+
+class ReadoutReport(msgspec.Struct, frozen=True, kw_only=True):
+    """Part of the error of fixes by an unknown readout."""
+
+    matters: bool = False
+    by_readout_m: float = 0.0
+    """One sigma by the readout alone, metres."""
+    sigma_m: float = 0.0
+    """One sigma of fixes relative to the vehicle, metres."""
+
+
+class SightReport(msgspec.Struct, frozen=True, kw_only=True):
+    """From detections to fixes."""
+
+    ground: GroundReport = GroundReport()
+    refused: str | None = None
+    """Reason why the newest frame was refused."""
+    axis_elevation_deg: float | None = None
+    """Elevation of the optical axis above the horizon."""
+    heard: HeardReport = HeardReport()
+    agreement: AgreementReport = AgreementReport()
+    readout: ReadoutReport = ReadoutReport()
+
+
+class SelfCalibrationReport(msgspec.Struct, frozen=True, kw_only=True):
+    """Results of self-calibration."""
+
+    status: str = ""
+    time_offset_s: float = 0.0
+    """Total, with the configured offset."""
+    time_offset_sigma_s: float | None = None
+    mount_deg: list[float] = []
+    """Correction of the mount, a rotation vector in body axes."""
+    mount_sigma_deg: list[float] = []
+    time_offset_rivals_s: list[float] = []
+    """Delays between which the flight does not decide."""
+    mistake: str = ""
+    """A gross mistake of the mount."""
+    replaced: bool = False
+    """Whether an earlier flight's calibration was dropped, since the camera has moved."""
+    configuration_lines: list[str] = []
+    """Lines to paste into the configuration."""
+
+
+class LandingReport(msgspec.Struct, frozen=True, kw_only=True):
+    """LANDING_TARGET messages."""
+
+    target: int | None = None
+    """Track to land on."""
+    sent: int = 0
+    withheld: dict[str, int] = {}
+    """Frames without a message, by reason."""
+    last_withheld: str | None = None
+
+
+class PublishingReport(msgspec.Struct, frozen=True, kw_only=True):
+    """What is published."""
+
+    selected: int | None = None
+    """Selected track."""
+    selected_by: str = ""
+    landing: LandingReport = LandingReport()
