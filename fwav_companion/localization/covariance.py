@@ -159,7 +159,8 @@ class ErrorModel:
         return 0.0 if self._meeting.surveyed else self._bias.height
 
     def _covariance(self, terms: Terms) -> Matrix3:
-        level = not (self._meeting.surveyed or self._meeting.carried)
+        meeting = self._meeting
+        level = not (meeting.surveyed or meeting.carried or meeting.uneven)
         return _level_covariance(terms) if level else _covariance(terms)
 
     def _covariances(self) -> tuple[Matrix3, Matrix3]:
@@ -204,7 +205,8 @@ def _bias_terms(propagation: Propagation, noise: NoiseVariances, bias: BiasVaria
     if meeting.height_by_rotation is not ZERO3:  # attitude and mount then have different columns
         turns = ((mount_x, bias.mount_x), (mount_y, bias.mount_y), (roll, bias.roll), (pitch, bias.pitch))
         of_biases = (*turns, *of_biases[2:])
-    return (*of_biases, (terrain, bias.terrain)) if meeting.surveyed else of_biases
+    surveyed = meeting.surveyed or meeting.uneven
+    return (*of_biases, (terrain, bias.terrain)) if surveyed else of_biases
 
 
 def _place_noise(propagation: Propagation, noise: NoiseVariances) -> Matrix3:

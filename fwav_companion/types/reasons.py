@@ -48,7 +48,8 @@ class Reason(StrEnum):
     STALE_ATTITUDE = "stale_attitude"
     """The newest attitude is too old to be extrapolated by the body rates."""
     ATTITUDE_GAP = "attitude_gap"
-    """The capture lies in a gap of the attitude stream that is too wide to interpolate."""
+    """The capture lies in a gap of the attitude stream that is too wide to interpolate, or beyond its newest attitude
+    where the vehicle's motion is too fast to extrapolate."""
     BEFORE_HISTORY = "before_history"
     """The capture is older than the stored attitudes."""
     NO_GIMBAL = "no_gimbal"
@@ -75,6 +76,8 @@ class Reason(StrEnum):
     """The rangefinder has no usable reading at the capture."""
     RANGE_TILTED = "range_tilted"
     """The rangefinder's beam does not point down at the capture."""
+    TWO_GROUNDS = "two_grounds"
+    """Within its error the ray meets the elevation model at two places far apart, before and behind an edge."""
     BEYOND_TERRAIN = "beyond_terrain"
     """The ray leaves the elevation model or meets a void before it meets the ground."""
     TERRAIN_UNFIT = "terrain_unfit"
