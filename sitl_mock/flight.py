@@ -6,6 +6,7 @@ from math import atan, atan2, cos, hypot, pi, radians, sin
 from random import Random
 from typing import NamedTuple
 
+from sitl_mock.clock import SimulatorTime
 from sitl_mock.hand import Hand
 from sitl_mock.options import FlightOptions
 from sitl_mock.patterns import Path, Pattern
@@ -153,3 +154,22 @@ class Flight:
             return 1.0, 0.0
         x = min(1.0, max(0.0, (t - self._o.takeoff_at_s) / self._o.climb_s))
         return x**3 * (10.0 - 15.0 * x + 6.0 * x * x), 30.0 * (x * (1.0 - x)) ** 2 / self._o.climb_s
+
+
+class SimulatedFlight(Flight):
+    """The motion in a simulator whose time is not the host's; velocities and rates are per second of its own."""
+
+    def __init__(self, options: FlightOptions, seed: int, time: SimulatorTime) -> None:
+        super().__init__(options, seed)
+        self._time = time
+
+    def at(self, flight_s: float) -> State:
+        """State at an instant of the host."""
+        return super().at(self._simulated_s(flight_s))
+
+    def rates(self, flight_s: float) -> Vector:
+        """Body rates at an instant of the host."""
+        return super().rates(self._simulated_s(flight_s))
+
+    def _simulated_s(self, flight_s: float) -> float:
+        return self._time.simulated_ns(round(flight_s * 1e9)) * 1e-9

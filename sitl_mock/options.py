@@ -136,6 +136,10 @@ class AutopilotOptions:
     """Boot time at the start."""
     drift_ppm: float = 15.0
     """Drift of the boot clock against the host's; positive: it runs fast."""
+    clock_rate: Positive = 1.0
+    """Seconds of the boot clock, and of the vehicle's motion with it, per host second: as in a simulator."""
+    clock_slips: tuple[tuple[float, float], ...] = ()
+    """(at, by) seconds: the boot clock, and the vehicle with it, pause: a simulator under load."""
     loop_rate_hz: Positive = 400.0
     """SCHED_LOOP_RATE."""
     stamp_delay_s: float | None = None

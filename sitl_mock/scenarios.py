@@ -197,6 +197,14 @@ SCENARIOS: dict[str, tuple[str, dict[str, Any]]] = {
     ),
     "asymmetric": ("5 ms one way, 25 ms the other", {"uplink.delay_s": 0.005, "downlink.delay_s": 0.025}),
     "drifting": ("the boot clock gains 200 ppm", {"autopilot.drift_ppm": 200.0}),
+    "clock_slips": (
+        "a simulator under load: vehicle and boot clock pause for 15 to 170 ms, five times in 20 s",
+        {"autopilot.clock_slips": ((6.0, 0.015), (10.2, 0.077), (13.0, 0.17), (16.7, 0.03), (19.1, 0.05))},
+    ),
+    "slow_clock": (
+        "a simulator at 0.985 of real time: vehicle and boot clock run 1.5 % slow",
+        {"autopilot.clock_rate": 0.985},
+    ),
     "lossy_wire": ("one frame in ten is lost each way", {"downlink.loss": 0.1, "uplink.loss": 0.1}),
     "corrupted_wire": ("one frame in ten is damaged", {"downlink.corruption": 0.1, "uplink.corruption": 0.1}),
     "byte_by_byte": ("every byte arrives separately", {"downlink.byte_by_byte": True}),

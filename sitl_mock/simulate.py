@@ -9,10 +9,10 @@ from itertools import count
 from typing import Any, Protocol
 
 from sitl_mock.camera import FrameTruth, MockCamera
-from sitl_mock.clock import BootClock
+from sitl_mock.clock import BootClock, SimulatorTime
 from sitl_mock.draws import draw
 from sitl_mock.earth import Place, World
-from sitl_mock.flight import Flight, State
+from sitl_mock.flight import Flight, SimulatedFlight, State
 from sitl_mock.options import Options
 from sitl_mock.scene import targets
 from sitl_mock.vehicle import MockVehicle
@@ -68,11 +68,16 @@ class Simulation:
         simulated_s = options.start_unix_s - options.start_host_s
         self.unix_minus_host_s = simulated_s if unix_minus_host_s is None else unix_minus_host_s
         self.biases = draw(options)
-        self.flight = Flight(options.flight, options.seed)
+        autopilot = options.autopilot
+        time = SimulatorTime(autopilot.clock_rate, autopilot.clock_slips)
+        simulated = autopilot.clock_rate != 1.0 or bool(autopilot.clock_slips)
+        self.flight = (
+            SimulatedFlight(options.flight, options.seed, time) if simulated else Flight(options.flight, options.seed)
+        )
         self.world = World(Place(*options.origin))
         self.scene = targets(options)
         boot_ns = round(options.autopilot.boot_at_start_s * 1e9)
-        self.clock = BootClock(self.start_host_ns, boot_ns, options.autopilot.drift_ppm)
+        self.clock = BootClock(self.start_host_ns, boot_ns, options.autopilot.drift_ppm, time)
         common = (options, self.biases, self.flight)
         self.vehicle = MockVehicle(
             *common, self.world, self.scene, self.clock, self.start_host_ns, self.unix_minus_host_s

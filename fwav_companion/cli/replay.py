@@ -20,18 +20,25 @@ if TYPE_CHECKING:
     from fwav_companion.recording.lines import Line
 
 
+ERROR_SIZES = (("CE50", "ce50_m"), ("CE90", "ce90_m"), ("rms", "rms_m"))
+"""Radii that hold half and 90 % of the errors, and their root mean square."""
+
+
 def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
     """Register the command."""
     parser = subparsers.add_parser(
         "replay",
         description="Runs recorded telemetry and detections through the same pipeline as `run`, at full speed.",
         epilog=(
-            "example:\n  fwav-companion replay --telemetry telemetry.tlog --detections detections.jsonl \\\n"
+            "examples:\n  fwav-companion replay recordings/00007-20260101T101500Z --out targets.jsonl\n"
+            "  fwav-companion replay --telemetry telemetry.tlog --detections detections.jsonl \\\n"
             "      --config fwav-companion.toml --out targets.jsonl --export targets.kml"
         ),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
+    add("folder", metavar="FOLDER", nargs="?",
+        help="a recording's folder: telemetry, detections, configuration and camera file are its own")  # fmt: skip
     add("--telemetry", metavar="F.tlog", nargs="+",
         help="the MAVLink recording, in one or more parts; or an ArduPilot .bin or a PX4 .ulg log")  # fmt: skip
     add("--detections", metavar="D.jsonl", nargs="+", help="one JSON object per frame, in one or more parts")
@@ -60,6 +67,10 @@ def run(arguments: argparse.Namespace) -> int:
     with as_by_ctrl_c():
         if arguments.compare:
             return _compare(arguments)
+        if arguments.folder is not None:
+            from fwav_companion.cli.replay_folder import take_from_folder
+
+            take_from_folder(arguments)
         _require(arguments, "telemetry", "detections", "config", "out")
         return _replay(arguments)
 
@@ -163,11 +174,36 @@ def _write(out: str, lines: Iterator[Line]) -> Line:
 
 
 def _print_summary(summary: Line, stream: TextIO) -> None:
+    print(f"{summary['frames']} frames, {summary['detections']} detections, {summary['fixes']} fixes", file=stream)
+    for things in ("frames", "detections"):
+        for reason, count in summary[f"dropped_{things}"].items():
+            print(f"  not used: {count} {things} {reason}", file=stream)
+    if "terrain" in summary:
+        shift = summary["terrain"]
+        by = f"{shift['source']}, sigma {shift['sigma_m']:.1f} m"
+        print(f"  terrain: shifted by {shift['shift_m']:+.1f} m ({by})", file=stream)
+    if "errors" in summary:
+        _print_errors(summary["errors"], stream)
+
+
+def _print_errors(errors: Line, stream: TextIO) -> None:
+    """Print the state of each true target, and the statistics of fixes and tracks; probabilities are 95 %."""
     from fwav_companion.recording.labels import display_name
 
-    print(f"{summary['frames']} frames, {summary['detections']} detections, {summary['fixes']} fixes", file=stream)
-    for reason, count in summary["dropped"].items():
-        print(f"  not used: {count} {reason}", file=stream)
-    for error in summary.get("errors", ()):
-        result = f"final {error['final_m']:.3f} m, rms {error['rms_m']:.3f} m" if error["found"] else "not found"
-        print(f"  {display_name(error['label'])}: {result}", file=stream)
+    for target in errors["targets"]:
+        result = {"fixed": "fixed, never confirmed", "missed": "not found"}.get(target["state"])
+        if result is None:
+            result = f"final {target['final_m']:.3f} m, claimed {target['claimed95_m']:.3f} m (95 %)"
+            result += ": OUTSIDE ITS CLAIM" if target["outside95"] else ""
+        print(f"  {display_name(target['label'])}: {result}", file=stream)
+    if errors["ghosts"]:
+        print(f"  {errors['ghosts']} ghosts: confirmed tracks without a target of their own", file=stream)
+    for things in ("fixes", "tracks"):
+        numbers = errors[things]["all"]
+        if numbers["samples"]:
+            coverage = numbers["coverage95"]
+            share = f"{1e2 * coverage['inside'] / coverage['n']:.0f} %"
+            interval = f"{1e2 * coverage['low']:.0f} to {1e2 * coverage['high']:.0f} %"
+            errors_m = ", ".join(f"{name} {numbers[key]:.3f} m" for name, key in ERROR_SIZES)
+            claims = f"{share} inside their 95 % ellipses ({interval}); normalised squares {numbers['nees']:.1f} (2)"
+            print(f"  {things}: {errors_m}; {claims}", file=stream)

@@ -21,6 +21,11 @@ READOUT_SIGMA_UNKNOWN_S = 1.0 / 30.0 / sqrt(12.0)
 most common rate. The pairer replaces it by the median interval of the frames."""
 
 
+MODEL_SIGMA_M, LEAST_MODEL_SIGMA_M = 4.0, 0.01
+"""One sigma of an elevation model, metres: global ones differ from one another by 2.4 to 4.5 +- 3 to 4 m on three pairs
+of tiles; and the least that is used."""
+
+
 class GroundConfig(msgspec.Struct, frozen=True, kw_only=True):
     """[ground]: the surface that rays are intersected with."""
 
@@ -61,8 +66,8 @@ class UncertaintyConfig(msgspec.Struct, frozen=True, kw_only=True):
     """Noise of the height, metres."""
     height_bias_m: SigmaM = 0.5
     """Bias of the height, metres."""
-    terrain_m: SigmaM = 4.0
-    """Bias of the elevation model, metres."""
+    terrain_m: Literal["auto"] | SigmaM = "auto"
+    """Bias of the ground's own height, metres; ``auto``: 4 of an elevation model, else 0."""
     mount_bias_deg: SigmaDeg = 1.0
     """Bias of the mount about each body axis, degrees."""
     time_offset_sigma_s: Annotated[float, Meta(ge=0, le=10)] = 0.01
@@ -73,7 +78,7 @@ class UncertaintyConfig(msgspec.Struct, frozen=True, kw_only=True):
     def priors(self, *, readout_known: bool, surveyed: bool) -> ErrorPriors:
         """The error priors in radians, metres and seconds, the biases in the order of :class:`nouns.Bias`.
 
-        ``surveyed``: the ground is an elevation model. No other ground has an error of the terrain.
+        ``surveyed``: the ground is an elevation model.
         """
         sigmas = {
             Bias.ROLL: radians(self.attitude_bias_deg),
@@ -87,7 +92,7 @@ class UncertaintyConfig(msgspec.Struct, frozen=True, kw_only=True):
             Bias.HEIGHT: self.height_bias_m,
             Bias.POSITION_NORTH: self.position_bias_m,
             Bias.POSITION_EAST: self.position_bias_m,
-            Bias.TERRAIN: self.terrain_m if surveyed else 0.0,
+            Bias.TERRAIN: self._terrain_m(surveyed=surveyed),
             Bias.POSITION_DELAY: self.position_delay_sigma_s,
             Bias.LEVER_X: self.lever_arm_sigma_m,
             Bias.LEVER_Y: self.lever_arm_sigma_m,
@@ -101,3 +106,13 @@ class UncertaintyConfig(msgspec.Struct, frozen=True, kw_only=True):
             bias_sigmas=tuple(sigmas[Bias(i)] for i in range(BIAS_COUNT)),
             position_bias_time_s=self.position_bias_time_s,
         )
+
+    def _terrain_m(self, *, surveyed: bool) -> float:
+        """One sigma of the ground's own height, metres; of a model never 0: a doubt of its shift needs a scale.
+
+        On level ground the model's 4.0 is not a choice: files that `init` wrote before ``auto`` have it for every
+        ground, where it had no effect.
+        """
+        if not surveyed:
+            return 0.0 if self.terrain_m in ("auto", MODEL_SIGMA_M) else float(self.terrain_m)
+        return MODEL_SIGMA_M if self.terrain_m == "auto" else max(self.terrain_m, LEAST_MODEL_SIGMA_M)

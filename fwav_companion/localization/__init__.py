@@ -8,7 +8,7 @@ from fwav_companion.localization.elevation import ElevationModel, ElevationTile
 from fwav_companion.localization.ground import FixedGround, Ground, HomeGround, Intersection
 from fwav_companion.localization.localizer import Localizer
 from fwav_companion.localization.rangefinder_ground import RangefinderGround
-from fwav_companion.localization.terrain_ground import Datum, TerrainGround
+from fwav_companion.localization.terrain_ground import Datum, TerrainGround, TerrainShift
 
 __all__ = [
     "Datum",
@@ -21,4 +21,5 @@ __all__ = [
     "Localizer",
     "RangefinderGround",
     "TerrainGround",
+    "TerrainShift",
 ]

@@ -77,16 +77,6 @@ class NoiseVariances(msgspec.Struct, frozen=True, gc=False):
     """Square of d(capture)/d(readout): the part of the readout's variance in the capture's."""
 
 
-class Weights(msgspec.Struct, frozen=True, gc=False):
-    """Covariances of a fix, NED, m^2, and its error budget."""
-
-    noise_cov: Matrix3
-    cov: Matrix3
-    relative_cov: Matrix3
-    budget: ErrorBudget
-    level_sigma_m: float
-
-
 def noise_variances(sighting: Sighting, meeting: Intersection, priors: ErrorPriors) -> NoiseVariances:
     """The noise variances by the configuration and by the sighting."""
     state, (sigma_u, sigma_v) = sighting.state, sighting.pixel_sigma
@@ -105,32 +95,88 @@ def noise_variances(sighting: Sighting, meeting: Intersection, priors: ErrorPrio
     )
 
 
-def fix_covariance(
-    propagation: Propagation, noise: NoiseVariances, bias: BiasVariances, meeting: Intersection
-) -> Weights:
-    """Covariances and error budget of one fix."""
-    covariance = _covariance if meeting.surveyed or meeting.carried else _level_covariance
-    of_noise, of_biases = _terms(propagation, noise, bias, meeting)
-    place_noise, place_bias = _of_place(propagation, noise, bias)
-    fresh = _raised(covariance(of_noise), noise.level)
-    level_variance = 0.0 if meeting.surveyed else bias.height
-    relative_cov = _raised(add_matrices(fresh, covariance(of_biases)), level_variance)
-    return Weights(
-        noise_cov=add_matrices(fresh, place_noise),
-        cov=add_matrices(relative_cov, add_matrices(place_noise, place_bias)),
-        relative_cov=relative_cov,
-        budget=_budget(propagation, noise, bias, (place_noise, place_bias)),
-        level_sigma_m=sqrt(level_variance),
+class ErrorModel:
+    """Covariances of one fix, NED, m^2, and its error budget: the noise at once, all else when first asked for."""
+
+    __slots__ = (
+        "_bias",
+        "_budget",
+        "_covs",
+        "_fresh",
+        "_meeting",
+        "_noise",
+        "_place_noise",
+        "_propagation",
+        "noise_cov",
     )
 
+    def __init__(
+        self, propagation: Propagation, noise: NoiseVariances, bias: BiasVariances, meeting: Intersection
+    ) -> None:
+        self._propagation, self._noise, self._bias, self._meeting = propagation, noise, bias, meeting
+        self._fresh = _raised(self._covariance(_noise_terms(propagation, noise)), noise.level)
+        self._place_noise = _place_noise(propagation, noise)
+        self.noise_cov = add_matrices(self._fresh, self._place_noise)
+        """Covariance of the errors that are independent in every fix."""
+        self._covs: tuple[Matrix3, Matrix3] | None = None
+        self._budget: ErrorBudget | None = None
 
-def _terms(
-    propagation: Propagation, noise: NoiseVariances, bias: BiasVariances, meeting: Intersection
-) -> tuple[Terms, Terms]:
-    """The terms of noise and of biases without the vehicle's position; errors with the same column are one term."""
-    roll, pitch, heading, mount_x, mount_y, mount_z, time, _, height, _, _, terrain, _, *lever = propagation.biases
+    @property
+    def level_sigma_m(self) -> float:
+        """One sigma of the ground's level, metres."""
+        return sqrt(self._level_variance)
+
+    @property
+    def cov(self) -> Matrix3:
+        """Total covariance."""
+        return self._covariances()[0]
+
+    @property
+    def relative_cov(self) -> Matrix3:
+        """Covariance without the vehicle's position."""
+        return self._covariances()[1]
+
+    @property
+    def budget(self) -> ErrorBudget:
+        """The error budget."""
+        if self._budget is None:
+            places = (self._place_noise, _place_bias(self._propagation, self._bias))
+            self._budget = _budget(self._propagation, self._noise, self._bias, places)
+        return self._budget
+
+    def __eq__(self, other: object) -> bool:
+        """Whether the covariances are equal."""
+        if not isinstance(other, ErrorModel):
+            return NotImplemented
+        return (self.noise_cov, self._covariances()) == (other.noise_cov, other._covariances())
+
+    def __hash__(self) -> int:
+        """Hash of the noise."""
+        return hash(self.noise_cov)
+
+    @property
+    def _level_variance(self) -> float:
+        return 0.0 if self._meeting.surveyed else self._bias.height
+
+    def _covariance(self, terms: Terms) -> Matrix3:
+        meeting = self._meeting
+        level = not (meeting.surveyed or meeting.carried or meeting.uneven)
+        return _level_covariance(terms) if level else _covariance(terms)
+
+    def _covariances(self) -> tuple[Matrix3, Matrix3]:
+        if self._covs is None:
+            by_biases = self._covariance(_bias_terms(self._propagation, self._noise, self._bias, self._meeting))
+            relative = _raised(add_matrices(self._fresh, by_biases), self._level_variance)
+            place = add_matrices(self._place_noise, _place_bias(self._propagation, self._bias))
+            self._covs = (add_matrices(relative, place), relative)
+        return self._covs
+
+
+def _noise_terms(propagation: Propagation, noise: NoiseVariances) -> Terms:
+    """The terms of the noise without the vehicle's position; errors with the same column are one term."""
+    roll, pitch, heading, _, _, mount_z, time, _, height, *_ = propagation.biases
     attitude = noise.attitude + noise.bridging
-    of_noise = (
+    return (
         (propagation.pixel_u, noise.pixel_u),
         (propagation.pixel_v, noise.pixel_v),
         (roll, attitude),
@@ -140,6 +186,11 @@ def _terms(
         (height, noise.height),
         (time, noise.time),
     )
+
+
+def _bias_terms(propagation: Propagation, noise: NoiseVariances, bias: BiasVariances, meeting: Intersection) -> Terms:
+    """The terms of the biases without the vehicle's position; errors with the same column are one term."""
+    roll, pitch, heading, mount_x, mount_y, mount_z, time, _, height, _, _, terrain, _, *lever = propagation.biases
     of_biases: Terms = (
         (mount_x, bias.mount_x + bias.roll),
         (mount_y, bias.mount_y + bias.pitch),
@@ -154,22 +205,25 @@ def _terms(
     if meeting.height_by_rotation is not ZERO3:  # attitude and mount then have different columns
         turns = ((mount_x, bias.mount_x), (mount_y, bias.mount_y), (roll, bias.roll), (pitch, bias.pitch))
         of_biases = (*turns, *of_biases[2:])
-    if meeting.surveyed:
-        of_biases = (*of_biases, (terrain, bias.terrain))
-    return of_noise, of_biases
+    surveyed = meeting.surveyed or meeting.uneven
+    return (*of_biases, (terrain, bias.terrain)) if surveyed else of_biases
 
 
-def _of_place(propagation: Propagation, noise: NoiseVariances, bias: BiasVariances) -> tuple[Matrix3, Matrix3]:
-    """The covariances by noise and by bias of the vehicle's position; on level ground the point moves with it."""
+def _place_noise(propagation: Propagation, noise: NoiseVariances) -> Matrix3:
+    """The covariance by the noise of the vehicle's position; on level ground the point moves with it."""
     north, east = propagation.biases[Bias.POSITION_NORTH], propagation.biases[Bias.POSITION_EAST]
-    delay = propagation.biases[Bias.POSITION_DELAY]
     if (north, east) == ALONG:
-        by_delay = _covariance(((delay, bias.position_delay),))
-        return _diagonal(noise.place, noise.place), add_matrices(_diagonal(bias.north, bias.east), by_delay)
-    return (
-        _covariance(((north, noise.place), (east, noise.place))),
-        _covariance(((north, bias.north), (east, bias.east), (delay, bias.position_delay))),
-    )
+        return _diagonal(noise.place, noise.place)
+    return _covariance(((north, noise.place), (east, noise.place)))
+
+
+def _place_bias(propagation: Propagation, bias: BiasVariances) -> Matrix3:
+    """The covariance by the biases of the vehicle's position and of its age."""
+    north, east = propagation.biases[Bias.POSITION_NORTH], propagation.biases[Bias.POSITION_EAST]
+    by_delay = (propagation.biases[Bias.POSITION_DELAY], bias.position_delay)
+    if (north, east) == ALONG:
+        return add_matrices(_diagonal(bias.north, bias.east), _covariance((by_delay,)))
+    return _covariance(((north, bias.north), (east, bias.east), by_delay))
 
 
 def _diagonal(nn: float, ee: float) -> Matrix3:

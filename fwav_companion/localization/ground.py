@@ -9,9 +9,9 @@ from typing import Protocol
 
 import msgspec
 
-from fwav_companion.geometry.earth import Geodetic, TangentPlane
+from fwav_companion.geometry.earth import TangentPlane
 from fwav_companion.geometry.vectors import ZERO3, Vector3
-from fwav_companion.types import NoFix, Reason, Sighting
+from fwav_companion.types import NoFix, Reason, Sighting, TakeOff
 from fwav_companion.types.flight_status import GroundReport
 
 LEVEL_NORMAL: Vector3 = (0.0, 0.0, 1.0)
@@ -37,6 +37,11 @@ class Intersection(msgspec.Struct, frozen=True, gc=False):
     """Whether the ground is known by its distance from the camera; its level then shares the camera's errors."""
     surveyed: bool = False
     """Whether the ground is an elevation model, whose error is Bias.TERRAIN."""
+    uneven: bool = False
+    """Whether Bias.TERRAIN counts although the ground is not an elevation model: [uncertainty] terrain_m is set."""
+    level_doubt_m: float = 0.0
+    """One sigma of the ground's level in addition to Bias.TERRAIN, metres: of an elevation model whose shift to the
+    take-off height is not confirmed."""
     height_noise_m: float | None = None
     """One sigma of the height, independent in every fix, metres; None: [uncertainty] height_noise_m."""
     height_by_rotation: Vector3 = ZERO3
@@ -54,7 +59,7 @@ class Ground(Protocol):
     def home_moved(self, home_down_m: float) -> None:
         """Set the home surface to ``home_down_m`` below the world's origin, metres."""
 
-    def placed(self, plane: TangentPlane, take_off: Geodetic, undulation_m: float | None) -> str:
+    def placed(self, plane: TangentPlane, take_off: TakeOff, undulation_m: float | None) -> str:
         """Set the world's origin, the take-off place and the geoid undulation; the notice for people, or ""."""
 
     def status(self) -> GroundReport:
@@ -84,7 +89,7 @@ class HomeGround:
         """Set the depth of the surface."""
         self.home_down_m = home_down_m
 
-    def placed(self, plane: TangentPlane, take_off: Geodetic, undulation_m: float | None) -> str:  # noqa: ARG002
+    def placed(self, plane: TangentPlane, take_off: TakeOff, undulation_m: float | None) -> str:  # noqa: ARG002
         """Do nothing: the surface does not depend on the origin."""
         return ""
 
@@ -118,7 +123,7 @@ class FixedGround:
     def home_moved(self, home_down_m: float) -> None:
         """Do nothing: the surface does not depend on home."""
 
-    def placed(self, plane: TangentPlane, take_off: Geodetic, undulation_m: float | None) -> str:  # noqa: ARG002
+    def placed(self, plane: TangentPlane, take_off: TakeOff, undulation_m: float | None) -> str:  # noqa: ARG002
         """Do nothing: the surface does not depend on the origin."""
         return ""
 

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from math import isfinite, sqrt
+from itertools import pairwise
+from math import hypot, isfinite, sqrt
 
-from fwav_companion.geometry.earth import Geodetic, TangentPlane
+import msgspec
+
+from fwav_companion.geometry.earth import TangentPlane
 from fwav_companion.geometry.rotations import exp, rotate
-from fwav_companion.geometry.vectors import Vector3, add, cross, dot, norm, scale, transform
-from fwav_companion.localization.covariance import NoiseVariances, bias_variances, fix_covariance, noise_variances
+from fwav_companion.geometry.vectors import Vector3, add, cross, dot, norm, scale, transform, unit
+from fwav_companion.localization.covariance import ErrorModel, NoiseVariances, bias_variances, noise_variances
 from fwav_companion.localization.ground import LEVEL_NORMAL, Ground, Intersection
 from fwav_companion.localization.propagation import Propagation, propagate
-from fwav_companion.types import ErrorPriors, GroundFix, NoFix, Reason, Sighting
+from fwav_companion.types import Bias, ErrorPriors, GroundFix, NoFix, Reason, Sighting, TakeOff
 
 LARGEST_STRETCH = 0.15
 """Largest one sigma of the ray's relative length by all angle errors; beyond it a fix is refused as too shallow.
@@ -22,6 +25,18 @@ all, the bound is a descent of 8 degrees below the horizon."""
 
 LEAST_TILT = 1e-3
 """Angle of the ray to the ground's normal, radians, below which no ridge can hide another."""
+LEVEL_GROUNDS = ("home", "fixed")
+"""Models whose ground may be uneven by [uncertainty] terrain_m; a rangefinder measures it."""
+WALL = 0.7
+"""Down component of a normal, steeper than 45 deg: a wall or the side of a tree, where the ground about it matters."""
+UPRIGHT: Vector3 = unit((0.0, 0.0, 1.0))
+"""Normal of ground that is level on average; not :data:`LEVEL_NORMAL`, whose points lie exactly at its level."""
+SIGMA_POINTS = (-2.0, -1.0, 0.0, 1.0, 2.0)
+SIGMA_WEIGHTS = (0.0545, 0.2442, 0.4026, 0.2442, 0.0545)
+"""Density of a normal distribution at these sigmas, normalised."""
+EDGE_SIGMAS, LEAST_EDGE_M = 4.0, 2.0
+"""Departure of the step between two neighbouring rays from that on a plane, in sigmas of the ray's length, and in
+metres: beyond both, the two answers lie further apart than the claim of either."""
 
 
 class Localizer:
@@ -32,12 +47,13 @@ class Localizer:
         self._priors = priors
         self._min_height_m = min_height_m
         self._bias = bias_variances(priors)
+        self._uneven = priors.sigma(Bias.TERRAIN) > 0.0
 
     def home_moved(self, home_down_m: float) -> None:
         """Set the home surface to ``home_down_m`` below the world's origin, metres."""
         self.ground.home_moved(home_down_m)
 
-    def placed(self, plane: TangentPlane, take_off: Geodetic, undulation_m: float | None) -> str:
+    def placed(self, plane: TangentPlane, take_off: TakeOff, undulation_m: float | None) -> str:
         """Set the world's origin, the take-off place and the geoid undulation; the notice for people, or ""."""
         return self.ground.placed(plane, take_off, undulation_m)
 
@@ -58,24 +74,31 @@ class Localizer:
             return meeting
         if not meeting.height_m >= self._min_height_m:
             return NoFix(Reason.TOO_LOW)
+        if self._uneven and meeting.ground in LEVEL_GROUNDS:
+            meeting = msgspec.structs.replace(meeting, uneven=True)
         propagation = propagate(sighting, direction, meeting)
         noise = noise_variances(sighting, meeting, self._priors)
         stretch = sqrt(self._stretch_variance(propagation, noise))
+        if meeting.surveyed and not stretch <= LARGEST_STRETCH and meeting.normal[2] < WALL:
+            meeting = msgspec.structs.replace(meeting, normal=UPRIGHT)
+            propagation = propagate(sighting, direction, meeting)
+            stretch = sqrt(self._stretch_variance(propagation, noise))
         if not stretch <= LARGEST_STRETCH:
             return NoFix(Reason.TOO_SHALLOW)
-        if meeting.surveyed and not self._is_smooth(sighting, direction, meeting, stretch):
-            return NoFix(Reason.TOO_SHALLOW)
-        weights = fix_covariance(propagation, noise, self._bias, meeting)
+        if meeting.surveyed:
+            rough_m = self._roughness_m(sighting, direction, meeting, stretch)
+            if isinstance(rough_m, NoFix):
+                return rough_m
+            propagation = self._with_level_doubt(propagation, hypot(meeting.level_doubt_m, rough_m))
+        errors = ErrorModel(propagation, noise, self._bias, meeting)
         return GroundFix(
             sighting=sighting,
             position_ned=_point(meeting, direction),
-            noise_cov=weights.noise_cov,
+            noise_cov=errors.noise_cov,
             bias_jacobian=propagation.biases,
-            cov=weights.cov,
-            relative_cov=weights.relative_cov,
-            budget=weights.budget,
+            errors=errors,
             ground=meeting.ground,
-            level_sigma_m=weights.level_sigma_m,
+            level_sigma_m=errors.level_sigma_m,
         )
 
     def _stretch_variance(self, propagation: Propagation, noise: NoiseVariances) -> float:
@@ -94,25 +117,46 @@ class Localizer:
             + stretch.time**2 * (bias.time_offset + noise.readout_share * bias.readout + noise.time)
         )
 
-    def _is_smooth(self, sighting: Sighting, direction: Vector3, meeting: Intersection, stretch: float) -> bool:
-        """Whether rays two sigma steeper and shallower meet the ground where a plane would, to one sigma.
+    def _with_level_doubt(self, propagation: Propagation, doubt_m: float) -> Propagation:
+        """The propagation with a doubt of the ground's level beyond [uncertainty] terrain_m.
 
-        They do not where a ridge or a step lies between. The error then has two modes, and an ellipse cannot describe
-        it.
+        Its column is longer by as much as the sigmas together exceed the prior: one bias through the flight.
+        """
+        prior_m = self._priors.sigma(Bias.TERRAIN)
+        if doubt_m == 0.0 or prior_m == 0.0:
+            return propagation
+        columns = list(propagation.biases)
+        columns[Bias.TERRAIN] = scale(columns[Bias.TERRAIN], hypot(prior_m, doubt_m) / prior_m)
+        return msgspec.structs.replace(propagation, biases=tuple(columns))
+
+    def _roughness_m(
+        self, sighting: Sighting, direction: Vector3, meeting: Intersection, stretch: float
+    ) -> float | NoFix:
+        """One sigma of the ground's level by which its shape about the point widens the fix, metres.
+
+        Rays that are steeper and shallower by one and two sigma are intersected too, and weighed as a normal
+        distribution weighs them: what their distances scatter beyond those on a plane is the ground's shape. Where two
+        neighbours lie much further apart than on a plane, an edge hides the ground between: there are two answers, and
+        an ellipse cannot describe them.
         """
         axis = cross(direction, meeting.normal)
-        tilt = norm(axis) / dot(meeting.normal, direction)
+        descent = dot(meeting.normal, direction)
+        tilt = norm(axis) / descent
         if tilt < LEAST_TILT:
-            return True
-        for sigmas in (-2.0, 2.0):
+            return 0.0
+        distances = []
+        for sigmas in SIGMA_POINTS:
             turn = exp(scale(axis, sigmas * stretch / (tilt * norm(axis))))
-            other = self.ground.meet(sighting, rotate(turn, direction))
+            other = meeting if sigmas == 0.0 else self.ground.meet(sighting, rotate(turn, direction))
             if isinstance(other, NoFix):
-                return False
-            plane_m = meeting.distance_m / (1.0 + sigmas * stretch)
-            if abs(other.distance_m - plane_m) > stretch * meeting.distance_m:
-                return False
-        return True
+                return NoFix(Reason.TOO_SHALLOW)
+            distances.append(other.distance_m)
+        planar = [meeting.distance_m / (1.0 + sigmas * stretch) for sigmas in SIGMA_POINTS]
+        steps = (abs((b - a) - (d - c)) for (a, b), (c, d) in zip(pairwise(distances), pairwise(planar), strict=True))
+        if max(steps) > max(EDGE_SIGMAS * stretch * meeting.distance_m, LEAST_EDGE_M):
+            return NoFix(Reason.TWO_GROUNDS)
+        extra = sum(w * ((a - b) ** 2) for w, a, b in zip(SIGMA_WEIGHTS, distances, planar, strict=True))
+        return sqrt(extra) * descent
 
 
 def _point(meeting: Intersection, direction: Vector3) -> Vector3:
@@ -123,5 +167,8 @@ def _point(meeting: Intersection, direction: Vector3) -> Vector3:
 
 def _is_finite(fix: GroundFix) -> bool:
     """Whether position and variances are finite; an infinity or NaN in a column makes its variances so."""
-    (north, east, down), (nn, _, _), (_, ee, _), (_, _, dd) = fix.position_ned, *fix.cov
-    return isfinite(north + east + down + nn + ee + dd)
+    (north, east, down), (nn, _, _), (_, ee, _), (_, _, dd) = fix.position_ned, *fix.noise_cov
+    total = north + east + down + nn + ee + dd
+    for n, e, d in fix.bias_jacobian:
+        total += n * n + e * e + d * d
+    return isfinite(total)

@@ -96,7 +96,7 @@ def propagate(sighting: Sighting, direction: Vector3, meeting: Intersection) -> 
     pixel_v, stretch_v = _by_ray(transform(sighting.ned_from_camera, sighting.ray.d_dv), direction, meeting, m)
     north, east = _by_place(sighting, direction, meeting, m)
     readout = scale(time, sighting.row_fraction)
-    terrain = scale(deeper, -1.0) if meeting.surveyed else ZERO3
+    terrain = scale(deeper, -1.0) if meeting.surveyed or meeting.uneven else ZERO3
     stretch_body = transform(body_axes, turned)
     vn, ve, vd = sighting.state.velocity_ned or ZERO3
     position_delay = _by_camera((-vn, -ve, -vd), sighting, direction, meeting=meeting, m=m)

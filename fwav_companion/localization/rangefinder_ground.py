@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections import Counter
 from math import hypot, sqrt
 
-from fwav_companion.geometry.earth import Geodetic, TangentPlane
+from fwav_companion.geometry.earth import TangentPlane
 from fwav_companion.geometry.rotations import exp, multiply, rotate
 from fwav_companion.geometry.stamps import s_from_ns
 from fwav_companion.geometry.vectors import Vector3, norm, scale
 from fwav_companion.localization.ground import HomeGround, Intersection, camera_above_flat, flat_distance
-from fwav_companion.types import NoFix, RangeSample, Reason, Sighting
+from fwav_companion.types import NoFix, RangeSample, Reason, Sighting, TakeOff
 from fwav_companion.types.flight_status import GroundReport
 
 LEAST_PLUMB = 0.5
@@ -37,7 +37,7 @@ class RangefinderGround:
         """Set the depth of the home surface, which replaces missing readings."""
         self._home.home_moved(home_down_m)
 
-    def placed(self, plane: TangentPlane, take_off: Geodetic, undulation_m: float | None) -> str:
+    def placed(self, plane: TangentPlane, take_off: TakeOff, undulation_m: float | None) -> str:
         """Do nothing: the surface does not depend on the origin."""
         return self._home.placed(plane, take_off, undulation_m)
 

@@ -1,20 +1,41 @@
-"""The ground by an elevation model, or by the autopilot's TERRAIN_REPORT where there is no model."""
+"""The ground by an elevation model, or by the autopilot's TERRAIN_REPORT where there is no model.
+
+The model is shifted to the take-off ground only where that is known: by HOME_POSITION, by arming, or because the
+vehicle stands. A vehicle that is first heard in the air shows no ground, and the model keeps its own heights.
+"""
 
 from __future__ import annotations
 
 from enum import StrEnum
 from math import cos, degrees, isnan, radians, sin, sqrt
 
-from fwav_companion.geometry.earth import ECCENTRICITY2, SEMI_MAJOR_M, Geodetic, TangentPlane
+import msgspec
+
+from fwav_companion.geometry.earth import ECCENTRICITY2, SEMI_MAJOR_M, TangentPlane
 from fwav_companion.geometry.vectors import Vector3, unit
 from fwav_companion.localization.elevation import ElevationModel
 from fwav_companion.localization.ground import Intersection, camera_above_flat, flat_distance
 from fwav_companion.localization.ray_search import Hit, first_hit
-from fwav_companion.types import NoFix, Reason, Sighting
+from fwav_companion.types import NoFix, Reason, Sighting, TakeOff, TakeOffSource
 from fwav_companion.types.flight_status import GroundReport
 
 MOST_SHIFT_M = 30.0
 """Largest shift of a model, metres: ArduPilot's TERRAIN_OFS_MAX. More means a datum other than the configured one."""
+
+
+ABSOLUTE_ALTITUDE_SIGMA_M = 5.0
+"""One sigma of the vehicle's altitude above sea level against a model that is not shifted: consumer GNSS is worse in
+height than its 2 to 3 m in place, by 1.5 to 2 times."""
+
+
+class TerrainShift(msgspec.Struct, frozen=True):
+    """Shift of an elevation model to the take-off height."""
+
+    shift_m: float
+    """Metres up; 0 where no take-off place is known."""
+    sigma_m: float
+    """One sigma of the level by it, in addition to [uncertainty] terrain_m, metres."""
+    source: TakeOffSource
 
 
 class Datum(StrEnum):
@@ -35,40 +56,50 @@ class TerrainGround:
         self._datum = datum
         self._plane: TangentPlane | None = None
         self._trouble: Reason | None = Reason.NO_POSITION
-        self.shift_m = 0.0
-        """Shift of the model to the take-off height, metres up."""
+        self.shift: TerrainShift | None = None
+        """Shift of the model to the take-off height; None while it has none, and without a model."""
         self._raised_m = 0.0
 
     def home_moved(self, home_down_m: float) -> None:
         """Do nothing: the model keeps its shift to the take-off height."""
 
-    def placed(self, plane: TangentPlane, take_off: Geodetic, undulation_m: float | None) -> str:
-        """Shift the model to the ground at the take-off place, which need not be the origin; the notice for people."""
+    def placed(self, plane: TangentPlane, take_off: TakeOff, undulation_m: float | None) -> str:
+        """Shift the model to the ground at the take-off place, where one is known; the notice for people."""
         self._plane, self._trouble = plane, None
         if self._model is None:
             return "terrain: no elevation files; the ground is the autopilot's TERRAIN_REPORT"
         return self._shift(self._model, take_off, undulation_m)
 
-    def _shift(self, model: ElevationModel, take_off: Geodetic, undulation_m: float | None) -> str:
-        self.shift_m, self._raised_m = 0.0, 0.0
+    def _shift(self, model: ElevationModel, take_off: TakeOff, undulation_m: float | None) -> str:
+        self.shift, self._raised_m = None, 0.0
         if self._datum is Datum.ELLIPSOID:
             if undulation_m is None:
                 self._trouble = Reason.NO_HEIGHT
                 return "terrain: heights above the ellipsoid need the autopilot's alt_ellipsoid, not heard yet"
             self._raised_m = -undulation_m
-        model_m = model.height_m(take_off.lat_deg, take_off.lon_deg) + self._raised_m
+        model_m = model.height_m(take_off.place.lat_deg, take_off.place.lon_deg) + self._raised_m
+        unshifted = TerrainShift(0.0, ABSOLUTE_ALTITUDE_SIGMA_M, take_off.source)
+        if take_off.source is TakeOffSource.ASSUMED:
+            self.shift = unshifted
+            return (
+                "terrain: the take-off place is not known (no HOME_POSITION, first heard in the air?); the model's "
+                "heights are used as they are"
+            )
         if isnan(model_m):
+            self.shift = unshifted
             return "terrain: the take-off lies outside the elevation model; its heights are used as they are"
-        shift_m = take_off.alt_amsl_m - model_m
+        shift_m = take_off.place.alt_amsl_m - model_m
         if abs(shift_m) > MOST_SHIFT_M:
             self._trouble = Reason.TERRAIN_UNFIT
             return (
                 f"terrain: the model lies {-shift_m:+.1f} m from the take-off height, more than {MOST_SHIFT_M:.0f} m; "
                 f"no fixes: is its datum {self._datum}?"
             )
-        self.shift_m = shift_m
+        confirmed = take_off.source is TakeOffSource.HOME_POSITION
+        self.shift = TerrainShift(shift_m, 0.0 if confirmed else abs(shift_m), take_off.source)
         self._raised_m += shift_m
-        return f"terrain: datum {self._datum}, shifted by {shift_m:+.1f} m to the take-off height"
+        by = "" if confirmed else f" (by {take_off.source.value}: not confirmed yet)"
+        return f"terrain: datum {self._datum}, shifted by {shift_m:+.1f} m to the take-off height{by}"
 
     def meet(self, sighting: Sighting, direction: Vector3) -> Intersection | NoFix:
         """The intersection with the model; without a model, with a level at the autopilot's height above terrain."""
@@ -84,7 +115,9 @@ class TerrainGround:
             model="terrain",
             source="TERRAIN_REPORT" if self._model is None else "files",
             datum=self._datum.value,
-            shift_m=self.shift_m,
+            shift_m=0.0 if self.shift is None else self.shift.shift_m,
+            shift_sigma_m=None if self.shift is None else self.shift.sigma_m,
+            shift_source=None if self.shift is None else self.shift.source.value,
             trouble=None if self._model is None or self._trouble is None else self._trouble.value,
         )
 
@@ -102,7 +135,13 @@ class TerrainGround:
         if hit is None:
             return NoFix(Reason.BEYOND_TERRAIN if direction[2] > 0.0 else Reason.ABOVE_HORIZON)
         return Intersection(
-            sighting.camera_ned, hit.distance_m, height_m, "terrain", normal=_normal(hit), surveyed=True
+            sighting.camera_ned,
+            hit.distance_m,
+            height_m,
+            "terrain",
+            normal=_normal(hit),
+            surveyed=True,
+            level_doubt_m=0.0 if self.shift is None else self.shift.sigma_m,
         )
 
     def _meet_report(self, sighting: Sighting, direction: Vector3) -> Intersection | NoFix:

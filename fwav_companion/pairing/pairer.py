@@ -9,7 +9,7 @@ import msgspec
 
 from fwav_companion.geometry.rotations import matrix_from_quaternion
 from fwav_companion.geometry.stamps import BootNs, HostNs
-from fwav_companion.geometry.vectors import ZERO3, Matrix3, Vector3, add, multiply, subtract, transform
+from fwav_companion.geometry.vectors import ZERO3, Matrix3, Vector3, add, multiply, scale, subtract, transform
 from fwav_companion.pairing.paired_frame import CameraView, PairedFrame, RefusedFrame
 from fwav_companion.pairing.placement import FramePlacer, Placement, both_clocks
 from fwav_companion.pairing.protocols import TwoClocks, VehicleSource
@@ -17,6 +17,7 @@ from fwav_companion.pairing.timing import CameraTiming, RowClock
 from fwav_companion.types import (
     Detection,
     Frame,
+    GimbalAt,
     Lens,
     NoRay,
     Ray,
@@ -45,6 +46,20 @@ class CapturedRow(msgspec.Struct, frozen=True, gc=False, kw_only=True):
     """d(capture)/d(Bias.READOUT), as :attr:`Sighting.row_fraction`."""
     clock_sigma_s: float
     """One sigma of the clock offset that the stamp needed, seconds."""
+    clock_rate: float
+    """Autopilot seconds per second of the stamp's clock; 1 for a crystal's."""
+
+
+class CapturePose(msgspec.Struct, frozen=True, gc=False):
+    """The vehicle and its camera at one instant: the same for every detection of one row."""
+
+    state: VehicleState
+    ned_from_camera: Matrix3
+    camera_ned: Vector3
+    camera_height_m: float | None
+    """Camera height above home, metres; None where it is not known."""
+    relative: bool
+    """Whether there is no global position."""
 
 
 class Pairer:
@@ -81,7 +96,7 @@ class Pairer:
 
     @property
     def readout_s(self) -> float:
-        """The readout time in use, seconds: as configured, else half the median frame interval."""
+        """The readout time in use, seconds: as configured, else half of the longest possible one."""
         return self._rows.readout_s
 
     @property
@@ -103,9 +118,13 @@ class Pairer:
         if isinstance(placed, Reason):
             return RefusedFrame(frame.number, placed, len(frame.detections))
         number = self._last_number = self._last_number + 1 if frame.number is None else frame.number
-        clock_sigma_s = 0.0 if frame.stamp_clock is StampClock.BOOT else vehicle.clock.estimate(placed.host_ns).sigma_s
+        clock_sigma_s, clock_rate = 0.0, 1.0
+        if frame.stamp_clock is not StampClock.BOOT:
+            clock_sigma_s = vehicle.clock.estimate(placed.host_ns).sigma_s
+            clock_rate = vehicle.clock.rate_at(placed.host_ns)
         state = vehicle.state_at(placed.boot_ns)
         view = None if isinstance(state, Unpaired) else self._outlook(state, relative=vehicle.world.relative)
+        poses: dict[int, CapturePose | Unpaired] = {}
         sightings: list[Sighting] = []
         refused: list[tuple[int, Reason, float | None]] = []
         for index, raw in enumerate(frame.detections):
@@ -114,12 +133,15 @@ class Pairer:
             if isinstance(ray, Reason):
                 refused.append((index, ray, None))
                 continue
-            row = self._row(placed, detection.v, number=number, index=index, clock_sigma_s=clock_sigma_s)
-            sighting = self._sighting(row, detection, ray, vehicle)
-            if isinstance(sighting, Unpaired):
-                refused.append((index, sighting.reason, sighting.gap_s))
+            row = self._row(placed, detection.v, number=number, index=index, clock=(clock_sigma_s, clock_rate))
+            pose = poses.get(row.since_first_ns)
+            if pose is None:
+                at = vehicle.state_at(_row_boot_ns(row)) if row.since_first_ns else state
+                pose = poses[row.since_first_ns] = self._pose(at, row.clock_rate, relative=vehicle.world.relative)
+            if isinstance(pose, Unpaired):
+                refused.append((index, pose.reason, pose.gap_s))
             else:
-                sightings.append(sighting)
+                sightings.append(self._sighting(row, detection, ray, pose))
         return PairedFrame(
             number=number,
             host_ns=placed.host_ns,
@@ -130,7 +152,7 @@ class Pairer:
             refused=tuple(refused),
         )
 
-    def _row(self, placed: Placement, v: float, *, number: int, index: int, clock_sigma_s: float) -> CapturedRow:
+    def _row(self, placed: Placement, v: float, *, number: int, index: int, clock: tuple[float, float]) -> CapturedRow:
         timing = placed.timing
         return CapturedRow(
             frame=number,
@@ -139,7 +161,8 @@ class Pairer:
             first_boot_ns=placed.boot_ns,
             since_first_ns=timing.capture_ns(v) - timing.first_row_ns,
             fraction=self._rows.readout_scale * timing.row_fraction(v),
-            clock_sigma_s=clock_sigma_s,
+            clock_sigma_s=clock[0],
+            clock_rate=clock[1],
         )
 
     def look_at(
@@ -164,21 +187,28 @@ class Pairer:
             since_first_ns=0,
             fraction=0.5,
             clock_sigma_s=vehicle.clock.estimate(host_ns).sigma_s,
+            clock_rate=vehicle.clock.rate_at(host_ns),
         )
-        return self._sighting(row, detection, ray, vehicle)
+        pose = self._pose(vehicle.state_at(_row_boot_ns(row)), row.clock_rate, relative=vehicle.world.relative)
+        return pose if isinstance(pose, Unpaired) else self._sighting(row, detection, ray, pose)
 
-    def _sighting(
-        self, row: CapturedRow, detection: Detection, ray: Ray, vehicle: VehicleSource
-    ) -> Sighting | Unpaired:
-        """The detection with the state of the vehicle at the capture of its row, or the reason why not."""
-        at = vehicle.state_at(BootNs(row.first_boot_ns + row.since_first_ns))
+    def _pose(self, at: VehicleState | Unpaired, clock_rate: float, *, relative: bool | None) -> CapturePose | Unpaired:
+        """The pose of the camera at this state, or the reason why it is not known."""
         if isinstance(at, Unpaired):
             return at
+        if clock_rate != 1.0:
+            at = _per_stamp_second(at, clock_rate)
         if isinstance(at.gimbal, Reason):
             return Unpaired(at.gimbal)
-        seen_from = self._view(at, relative=vehicle.world.relative)
+        seen_from = self._view(at, relative=relative)
         if seen_from is None:
             return Unpaired(Reason.NO_POSITION, at.gap_s)
+        return CapturePose(
+            at, seen_from.ned_from_camera, seen_from.camera_ned, self._camera_height(at), relative is True
+        )
+
+    def _sighting(self, row: CapturedRow, detection: Detection, ray: Ray, pose: CapturePose) -> Sighting:
+        """The detection with the state of the vehicle at the capture of its row."""
         return Sighting(
             frame=row.frame,
             index=row.index,
@@ -188,13 +218,13 @@ class Pairer:
             ray=ray,
             pixel_sigma=detection.sigma or self._pixel_sigma,
             row_fraction=row.fraction,
-            time_noise_s=hypot(row.clock_sigma_s, at.stamp_sigma_s),
-            state=at,
+            time_noise_s=hypot(row.clock_sigma_s, pose.state.stamp_sigma_s),
+            state=pose.state,
             body_from_camera=self.body_from_camera,
-            ned_from_camera=seen_from.ned_from_camera,
-            camera_ned=seen_from.camera_ned,
-            camera_height_above_home_m=self._camera_height(at),
-            relative=vehicle.world.relative is True,
+            ned_from_camera=pose.ned_from_camera,
+            camera_ned=pose.camera_ned,
+            camera_height_above_home_m=pose.camera_height_m,
+            relative=pose.relative,
         )
 
     def _look(self, detection: Detection) -> Ray | Reason:
@@ -243,7 +273,23 @@ class Pairer:
 
     def _arm_ned(self, state: VehicleState) -> Vector3:
         """The camera's lever arm, NED."""
+        if self._lever_arm_m == ZERO3:
+            return ZERO3
         return transform(matrix_from_quaternion(state.ned_from_body), self._lever_arm_m)
+
+
+def _per_stamp_second(state: VehicleState, rate: float) -> VehicleState:
+    """The state with velocity and body rates per second of the stamp's clock, which a slow autopilot's is not."""
+    velocity = state.velocity_ned
+    gimbal = state.gimbal
+    if isinstance(gimbal, GimbalAt):
+        gimbal = msgspec.structs.replace(gimbal, rates=scale(gimbal.rates, rate))
+    return msgspec.structs.replace(
+        state,
+        rates=scale(state.rates, rate),
+        velocity_ned=None if velocity is None else scale(velocity, rate),
+        gimbal=gimbal,
+    )
 
 
 def _finite(detection: Detection) -> bool:
@@ -251,4 +297,11 @@ def _finite(detection: Detection) -> bool:
         return False
     if detection.score is not None and not isfinite(detection.score):
         return False
-    return detection.sigma is None or all(isfinite(s) and s > 0.0 for s in detection.sigma)
+    if detection.sigma is None:
+        return True
+    su, sv = detection.sigma
+    return su > 0.0 and sv > 0.0 and isfinite(su) and isfinite(sv)
+
+
+def _row_boot_ns(row: CapturedRow) -> BootNs:
+    return BootNs(row.first_boot_ns + round(row.clock_rate * row.since_first_ns))

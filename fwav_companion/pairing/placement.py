@@ -19,6 +19,8 @@ FUTURE_SIGMAS = 3.0
 """Largest time of a capture after the arrival: a fixed part, and sigmas of the clock."""
 LATEST_NS = 500_000_000
 """The reorder window: the age of a frame at its arrival beyond which it cannot be inserted."""
+MOST_ASSUMED_LATE_NS = 300_000_000
+"""Delay of a stamp, so of a recorded frame's assumed arrival, that leaves time for attitudes and reordering."""
 FRAMES_REMEMBERED = 256
 """Frames kept to detect duplicates: half a second of any camera."""
 
@@ -115,7 +117,10 @@ class FramePlacer:
 
     def assumed_arrival(self, frame: Frame, clock: TwoClocks) -> HostNs | Unpaired:
         """Assumed arrival of a recorded frame without ``received_unix``: its last capture, or its stamp if later."""
-        latest_ns = max(self._timing_of(frame).latest_ns, frame.stamp_ns)
+        captured_ns = self._timing_of(frame).latest_ns
+        late_ns = max(0, frame.stamp_ns - captured_ns)
+        # A stamp later than any frame may come has a large time offset: such a frame is as fresh as another.
+        latest_ns = captured_ns + (late_ns if late_ns <= MOST_ASSUMED_LATE_NS else 0)
         if frame.stamp_clock is StampClock.BOOT:
             return clock.host_from_boot(BootNs(latest_ns))
         return HostNs(latest_ns)
@@ -136,7 +141,7 @@ class FramePlacer:
             return both.reason
         host_ns, boot_ns = both
         if frame.arrival_ns is not None:
-            untimely = _untimely(host_ns, frame.arrival_ns, clock)
+            untimely = _untimely(host_ns, frame.arrival_ns, frame.stamp_clock, clock)
             if untimely is not None:
                 return untimely
         self._seen[key] = None
@@ -158,13 +163,21 @@ def both_clocks(instant_ns: int, stamp_clock: StampClock, clock: TwoClocks) -> t
     return boot_ns if isinstance(boot_ns, Unpaired) else (HostNs(instant_ns), boot_ns)
 
 
-def _untimely(capture_ns: HostNs, arrival_ns: HostNs, clock: TwoClocks) -> Reason | None:
-    """FROM_THE_FUTURE, TOO_LATE, or None for a capture at a plausible time before the arrival."""
+def _untimely(capture_ns: HostNs, arrival_ns: HostNs, stamp_clock: StampClock, clock: TwoClocks) -> Reason | None:
+    """FROM_THE_FUTURE, TOO_LATE, or None for a capture at a plausible time before the arrival.
+
+    NO_CLOCK where a stamp of the autopilot's clock may be in time, and that clock is not known well enough to say so.
+    """
     early_ns = capture_ns - arrival_ns
-    if early_ns > FUTURE_SLACK_NS:  # rare: the clock is evaluated only then
-        sigma_ns = clock.estimate(arrival_ns).sigma_s * 1e9
-        return Reason.FROM_THE_FUTURE if early_ns > FUTURE_SLACK_NS + FUTURE_SIGMAS * sigma_ns else None
-    return Reason.TOO_LATE if -early_ns > LATEST_NS else None
+    if -LATEST_NS <= early_ns <= FUTURE_SLACK_NS:
+        return None
+    # Rare: the clock is evaluated only here. About a slip it is known worse at the capture than at the arrival.
+    sigma_s = max(clock.estimate(arrival_ns).sigma_s, clock.estimate(capture_ns).sigma_s)
+    doubt_ns = FUTURE_SIGMAS * sigma_s * 1e9
+    if early_ns > 0:
+        return Reason.FROM_THE_FUTURE if early_ns > FUTURE_SLACK_NS + doubt_ns else None
+    by_clock = stamp_clock is StampClock.BOOT and -early_ns <= LATEST_NS + doubt_ns
+    return Reason.NO_CLOCK if by_clock else Reason.TOO_LATE
 
 
 def _identity(frame: Frame) -> tuple[object, ...]:

@@ -20,6 +20,9 @@ class TwoClocks(Protocol):
     def estimate(self, now: HostNs) -> ClockEstimate:
         """The estimate of the clock offset with its uncertainty."""
 
+    def rate_at(self, host_ns: HostNs) -> float:
+        """Autopilot seconds per host second; 1 for a clock that is a crystal's."""
+
 
 class LocalWorld(Protocol):
     """The local frame of positions."""

@@ -20,8 +20,12 @@ INTERVAL_BEFORE_ANY_S = 1.0 / 30.0
 """Frame interval that is assumed before the second frame."""
 INTERVALS_KEPT = 61
 """Intervals of the median: odd, so that the median is one of them, and robust until half of them are gaps."""
-LONGEST_INTERVAL_NS = 1 * NS_PER_S
-"""Longest interval that counts; a longer one is a pause."""
+LATE_NS = 1 * NS_PER_S
+"""A stamp that lies behind the latest by up to this is a late frame's; by more, the stamps began again."""
+LONGEST_INTERVAL_NS = 60 * NS_PER_S
+"""Longest interval that counts: photographs; a longer one is a pause. The median bears many pauses."""
+LONGEST_READOUT_S = 0.075
+"""Longest readout that is assumed: the slowest known sensors, photo cameras of 24 x 36 mm with electronic shutters."""
 
 
 class StampRule(StrEnum):
@@ -89,23 +93,28 @@ class RowClock:
 
     @property
     def readout_s(self) -> float:
-        """The readout time in use, seconds: as configured, else half the median frame interval."""
-        return 0.5 * self.interval_s if self._timing.readout_s is None else self._timing.readout_s
+        """The readout time in use, seconds: as configured, else half of the longest possible one."""
+        return 0.5 * self._longest_s if self._timing.readout_s is None else self._timing.readout_s
 
     @property
     def readout_sigma_s(self) -> float:
-        """One sigma of the readout, seconds: an unknown one is uniform from 0 to the frame interval."""
-        return self.interval_s / sqrt(12.0) if self._timing.readout_s is None else 0.0
+        """One sigma of the readout, seconds: an unknown one is uniform from 0 to the longest possible one."""
+        return self._longest_s / sqrt(12.0) if self._timing.readout_s is None else 0.0
 
     @property
     def readout_scale(self) -> float:
         """Sigma of an unknown readout over its prior, which assumes 30 frames/s; 1 for a configured readout."""
-        return self.interval_s / INTERVAL_BEFORE_ANY_S if self._timing.readout_s is None else 1.0
+        return self._longest_s / INTERVAL_BEFORE_ANY_S if self._timing.readout_s is None else 1.0
+
+    @property
+    def _longest_s(self) -> float:
+        """Longest possible readout, seconds: the median frame interval, at most that of the slowest sensors."""
+        return min(self.interval_s, LONGEST_READOUT_S)
 
     def see(self, stamp_ns: int) -> None:
         """Add the interval between this frame's stamp and the latest one before; a late frame adds none."""
         last_ns = self._last_stamp_ns
-        if last_ns is not None and -LONGEST_INTERVAL_NS <= stamp_ns - last_ns <= 0:
+        if last_ns is not None and -LATE_NS <= stamp_ns - last_ns <= 0:
             return
         self._last_stamp_ns = stamp_ns
         if last_ns is not None and 0 < stamp_ns - last_ns <= LONGEST_INTERVAL_NS:

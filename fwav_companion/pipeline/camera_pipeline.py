@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import asin, degrees, inf
+from math import asin, degrees, inf, prod
 
 import msgspec
 
-from fwav_companion.geometry.earth import Geodetic, TangentPlane
+from fwav_companion.geometry.earth import TangentPlane
 from fwav_companion.geometry.rotations import matrix_from_quaternion
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs, s_from_ns
 from fwav_companion.geometry.vectors import Vector3, multiply
-from fwav_companion.localization import Localizer
+from fwav_companion.localization import Localizer, TerrainGround, TerrainShift
 from fwav_companion.pairing import PairedFrame, Pairer, RefusedFrame, WaitingFrames, sees_nothing
 from fwav_companion.pipeline.fix_agreement import FixAgreement
 from fwav_companion.pipeline.frame_census import FrameCensus
 from fwav_companion.pipeline.predicted_accuracy import PredictedAccuracy, predicted_accuracy_below
+from fwav_companion.pipeline.readout_advice import ReadoutAdvice
 from fwav_companion.pipeline.self_calibration_notices import SelfCalibrationNotices
 from fwav_companion.pipeline.target_log import TargetLog
 from fwav_companion.recording.lines import Line, sighting_line
@@ -30,6 +31,7 @@ from fwav_companion.types import (
     NoFrame,
     Reason,
     Sighting,
+    TakeOff,
     Track,
     Unpaired,
     VehicleState,
@@ -63,16 +65,21 @@ class CameraPipeline:
         *,
         sightings: bool,
         agreement: FixAgreement,
+        readout: ReadoutAdvice,
     ) -> None:
-        """``sightings``: write a line for every detection, used or not. ``agreement``: of fixes, for the status."""
+        """``sightings``: write a line for every detection, used or not. ``agreement``: of fixes, for the status.
+        ``readout``: whether its being unknown matters.
+        """
         self._telemetry = telemetry
         self._pairer = pairer
         self._localizer = localizer
         self._reorder = reorder
+        self._image_px2 = float(prod(pairer.lens.image_size))
         self.calibration_news = SelfCalibrationNotices(pairer.body_from_camera, pairer.time_offset_s)
         self._target_log = target_log
         self._sightings = sightings
         self._agreement = agreement
+        self.readout = readout
         self._census = FrameCensus()
         self._waiting = WaitingFrames()
         self._last_view: FrameView | None = None
@@ -143,6 +150,7 @@ class CameraPipeline:
             axis_elevation_deg=self._axis_elevation_deg(),
             heard=self._census.status(),
             agreement=self._agreement.status(),
+            readout=self.readout.status(),
         )
 
     def _axis_elevation_deg(self) -> float | None:
@@ -162,13 +170,24 @@ class CameraPipeline:
         arrival_ns = self._pairer.assumed_arrival(frame, self._telemetry.clock)
         return arrival_ns if isinstance(arrival_ns, int) else None
 
+    @property
+    def time_offset_s(self) -> float:
+        """Configured delay of the stamps, seconds."""
+        return self._pairer.time_offset_s
+
     def home_moved(self, home_down_m: float) -> None:
         """Move the home surface."""
         self._localizer.home_moved(home_down_m)
 
-    def placed(self, plane: TangentPlane, take_off: Geodetic, undulation_m: float | None) -> str:
+    def placed(self, plane: TangentPlane, take_off: TakeOff, undulation_m: float | None) -> str:
         """Give the ground the world's origin and the take-off place; returns the ground's notice, or ""."""
         return self._localizer.placed(plane, take_off, undulation_m)
+
+    @property
+    def terrain_shift(self) -> TerrainShift | None:
+        """Shift of the elevation model; None on other grounds, and while it has none."""
+        ground = self._localizer.ground
+        return ground.shift if isinstance(ground, TerrainGround) else None
 
     def drop_all(self, reason: Reason) -> None:
         """Drop every track for this reason."""
@@ -201,13 +220,15 @@ class CameraPipeline:
             unplaced=tuple(
                 sighting for sighting, fix in zip(paired.sightings, located, strict=True) if isinstance(fix, NoFix)
             ),
+            image_px2=self._image_px2,
         )
         self._agreement.add(view.fixes, view.host_ns)
+        self.readout.add(view.fixes)
         tracks = self._reorder.put(view, now)
-        self._count(paired, located)
         if isinstance(tracks, NoFrame):
-            self._target_log.drop(tracks.reason)
+            self._target_log.drop_frames(tracks.reason)
             return None
+        self._count(paired, located)
         self._last_view = view
         if self._sightings:
             self._target_log.keep_sightings(view.host_ns, view.frame, _sighting_lines(paired, located))
@@ -216,15 +237,15 @@ class CameraPipeline:
 
     def _count(self, paired: PairedFrame, located: list[GroundFix | NoFix]) -> None:
         for _, reason, _ in paired.refused:
-            self._target_log.drop(reason)
+            self._target_log.drop_detection(reason)
         for fix in located:
             if isinstance(fix, NoFix):
-                self._target_log.drop(fix.reason)
+                self._target_log.drop_detection(fix.reason)
             else:
                 self._target_log.fixes += 1
 
     def _refuse(self, refused: RefusedFrame) -> None:
-        self._target_log.drop(refused.reason)
+        self._target_log.drop_frames(refused.reason)
         if self._sightings:
             for index in range(refused.detections):
                 self._target_log.write(

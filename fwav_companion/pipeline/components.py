@@ -108,6 +108,8 @@ class Components:
             detections=log.detections,
             fixes=log.fixes,
             dropped=log.refusals(),
+            dropped_frames=log.refused_frames(),
+            dropped_detections=log.refused_detections(),
         )
 
 
@@ -133,6 +135,7 @@ def _clock_report(estimate: ClockEstimate) -> ClockReport:
         bound_s=estimate.bound_s,
         round_trip_s=estimate.round_trip_s,
         status=estimate.status.value,
+        doubtful=estimate.doubtful,
     )
 
 

@@ -11,7 +11,7 @@ from fwav_companion.pipeline.notices import notice_text
 from fwav_companion.pipeline.output_buffer import OutputBuffer
 from fwav_companion.pipeline.target_log import TargetLog
 from fwav_companion.publishing.readiness import Readiness, ReadinessReports
-from fwav_companion.recording.lines import home_line, unix_seconds
+from fwav_companion.recording.lines import home_line, terrain_line, unix_seconds
 from fwav_companion.telemetry import (
     HomeMoved,
     OriginSet,
@@ -115,6 +115,13 @@ class EventHandlers:
             return
         self._placed_without_undulation = telemetry.undulation_m is None
         text = camera.placed(plane, take_off, telemetry.undulation_m)
+        shift = camera.terrain_shift
+        if shift is not None:
+            line = terrain_line(
+                unix_seconds(now, self._unix_offset_ns), shift.shift_m, shift.sigma_m, shift.source.value
+            )
+            self._target_log.write(line)
+            self._target_log.terrain = {name: line[name] for name in ("shift_m", "sigma_m", "source")}
         if text:
             self._outputs.notify((Notice(NoticeCode.TERRAIN_PLACED, Severity.INFO, text, to_ground=True),), now)
 

@@ -11,6 +11,9 @@ from fwav_companion.mavlink.client.identity import (
 )
 from fwav_companion.telemetry import (
     AttitudeSource,
+    ClockRate,
+    ClockSlipped,
+    GimbalUnused,
     HomeMoved,
     OriginSet,
     PitchTrimUndone,
@@ -26,6 +29,10 @@ def notice_text(event: IdentityEvent | TelemetryEvent) -> tuple[Notice, ...]:
     """The notice of an event; empty for events that people need not know."""
     if isinstance(event, Adopted | SeveralHeard | AutopilotLost | AutopilotBack | Rebooted):
         return (_of_the_autopilot(event),)
+    return (_of_the_clock(event),) if isinstance(event, ClockSlipped | ClockRate) else _of_the_vehicle(event)
+
+
+def _of_the_vehicle(event: IdentityEvent | TelemetryEvent) -> tuple[Notice, ...]:
     match event:
         case OriginSet(origin, late):
             text = f"origin {origin.lat_deg:.7f}, {origin.lon_deg:.7f}, {origin.alt_amsl_m:.1f} m AMSL"
@@ -39,6 +46,9 @@ def notice_text(event: IdentityEvent | TelemetryEvent) -> tuple[Notice, ...]:
             return (Notice(NoticeCode.HOME_MOVED, Severity.INFO, text, to_ground=True),)
         case AttitudeSource(message, before):
             return (Notice(NoticeCode.ATTITUDE_SOURCE, Severity.INFO, f"attitude from {message}, no longer {before}"),)
+        case GimbalUnused(device_id):
+            text = f"a gimbal is heard: if it carries the camera, set gimbal_device_id = {device_id}"
+            return (Notice(NoticeCode.GIMBAL_UNUSED, Severity.WARNING, text, to_ground=True),)
         case PitchTrimUndone(deg):
             text = f"ATTITUDE lacks the pitch trim: {deg:.1f} deg are added"
             return (Notice(NoticeCode.PITCH_TRIM_RESTORED, Severity.INFO, text),)
@@ -50,6 +60,20 @@ def notice_text(event: IdentityEvent | TelemetryEvent) -> tuple[Notice, ...]:
             return (Notice(NoticeCode.ATTITUDE_STAMPS, Severity.INFO, text),)
         case _:
             return ()
+
+
+def _of_the_clock(event: ClockSlipped | ClockRate) -> Notice:
+    match event:
+        case ClockSlipped(by_s):
+            way = "" if by_s > 0.0 else " ahead"
+            text = f"the autopilot's clock slipped{way} by {abs(by_s) * 1e3:.0f} ms: followed"
+            return Notice(NoticeCode.CLOCK_SLIPPED, Severity.NOTICE, text)
+        case ClockRate(1.0):
+            return Notice(NoticeCode.CLOCK_RATE, Severity.NOTICE, "the autopilot's clock runs at its normal rate again")
+        case ClockRate(rate):
+            way = "slow" if rate < 1.0 else "fast"
+            text = f"the autopilot's clock runs {abs(rate - 1.0) * 1e2:.1f} % {way}: followed"
+            return Notice(NoticeCode.CLOCK_RATE, Severity.NOTICE, text)
 
 
 def _of_the_autopilot(event: Adopted | SeveralHeard | AutopilotLost | AutopilotBack | Rebooted) -> Notice:

@@ -18,14 +18,14 @@ from fwav_companion.pipeline.target_log import TargetLog
 from fwav_companion.publishing.ground_messages import onboard_computer_status
 from fwav_companion.recording.lines import Line, unix_seconds
 from fwav_companion.self_calibration import KeptCalibration
-from fwav_companion.telemetry import Telemetry
+from fwav_companion.telemetry import GIMBAL_MESSAGES, Telemetry
 from fwav_companion.types import BoardReport, Destination, Frame, Message, NoFrame, Outgoing, Reason
 from fwav_companion.types.status import PipelineStatus
 
 ANSWERED = frozenset({"COMMAND_LONG", "COMMAND_INT", "PING"})
 """Requests that are answered from any sender."""
-GIMBAL_ATTITUDE = "GIMBAL_DEVICE_ATTITUDE_STATUS"
-"""The one message of telemetry that may come from another component of the vehicle."""
+LONGEST_SILENCE_NS = 3600 * NS_PER_S
+"""Time without any event through which clock lines are written; longer, a recording has a gap, and nothing is in it."""
 FAULT_SILENCE_NS = 6 * NS_PER_S
 """Silence after an internal fault, long enough for peers to notice: they allow five missed heartbeats."""
 
@@ -62,8 +62,10 @@ class Pipeline:
         if message.name == "PARAM_VALUE":
             self._handlers.of_parameters()
         autopilot = components.identity.autopilot
-        if autopilot and message.system == autopilot.system and message.name == GIMBAL_ATTITUDE:
-            components.telemetry.on_gimbal(message, autopilot.component, now)
+        if autopilot and message.system == autopilot.system and message.name in GIMBAL_MESSAGES:
+            events = components.telemetry.on_gimbal(message, autopilot.component, now)
+            if components.camera is not None:  # a relay has no camera that a gimbal could carry
+                self._handlers.of_telemetry(events, now)
             self._take_ready(now)
         elif autopilot and message.system == autopilot.system and message.component == autopilot.component:
             self._handlers.of_telemetry(components.telemetry.on_message(message, now), now)
@@ -101,7 +103,7 @@ class Pipeline:
         self.advance(now)
         if isinstance(frame, NoFrame) or self._components.camera is None:
             if isinstance(frame, NoFrame):
-                self._target_log.drop(frame.reason)
+                self._target_log.drop_frames(frame.reason)
                 if self._components.camera is not None:
                     self._components.camera.on_refused_frame(frame.reason, now)
             return
@@ -147,6 +149,9 @@ class Pipeline:
             if self._live:
                 self._speak(now)
             self._due_is_known = False
+        if now - self._clock_line_ns > LONGEST_SILENCE_NS:
+            self._clock_line_ns = self._next_whole_second(HostNs(now - NS_PER_S))
+            self._due_is_known = False
         while (due := self.wake_at) is not None and due <= now:
             self._wake(due, now)
             self._due_is_known = False
@@ -167,7 +172,7 @@ class Pipeline:
     def on_refused(self, reason: Reason, count: int, now: HostNs) -> None:
         """Count recorded frames that were refused before the pipeline."""
         self.advance(now)
-        self._target_log.drop(reason, count)
+        self._target_log.drop_frames(reason, count)
 
     def header(self) -> Line | None:
         """First line of a targets file that begins now; None before the origin is decided."""
@@ -180,6 +185,11 @@ class Pipeline:
     def assumed_arrival(self, frame: Frame) -> HostNs | None:
         """Assumed arrival time of a recorded frame without ``received_unix``; None while the clock is unknown."""
         return None if self._components.camera is None else self._components.camera.assumed_arrival(frame)
+
+    @property
+    def time_offset_s(self) -> float:
+        """Configured delay of the camera's stamps, seconds; 0 without a camera."""
+        return 0.0 if self._components.camera is None else self._components.camera.time_offset_s
 
     # What goes out.
 
@@ -297,6 +307,8 @@ class Pipeline:
         clock_line = components.clock_line(at, self._unix_offset_ns)
         if clock_line is not None:
             self._target_log.write(clock_line)
+        if components.camera is not None:
+            self._outputs.notify(components.camera.readout.notices(), at)
         report = components.camera.calibration if components.camera is not None else None
         if components.camera is not None and report is not None:
             self._target_log.write(

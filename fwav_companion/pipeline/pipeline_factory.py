@@ -36,6 +36,7 @@ from fwav_companion.pipeline.camera_pipeline import CameraPipeline
 from fwav_companion.pipeline.components import Components
 from fwav_companion.pipeline.fix_agreement import FixAgreement
 from fwav_companion.pipeline.pipeline import Pipeline
+from fwav_companion.pipeline.readout_advice import ReadoutAdvice
 from fwav_companion.pipeline.target_log import TargetLog
 from fwav_companion.publishing.ground_messages import ONBOARD_COMPUTER_STATUS, requested_board_status
 from fwav_companion.publishing.publisher import Publisher
@@ -50,7 +51,8 @@ WANTED = frozenset(
         "HEARTBEAT", "TIMESYNC", "PING", "COMMAND_LONG", "COMMAND_INT", "COMMAND_ACK",
         "ATTITUDE", "ATTITUDE_QUATERNION", "GLOBAL_POSITION_INT", "LOCAL_POSITION_NED", "ALTITUDE", "VFR_HUD",
         "GPS_RAW_INT", "GPS_GLOBAL_ORIGIN", "HOME_POSITION", "DISTANCE_SENSOR", "TERRAIN_REPORT", "SYSTEM_TIME",
-        "GIMBAL_DEVICE_ATTITUDE_STATUS", "PARAM_VALUE", "STATUSTEXT", "MESSAGE_INTERVAL",
+        "GIMBAL_DEVICE_ATTITUDE_STATUS", "MOUNT_ORIENTATION", "MOUNT_STATUS", "PARAM_VALUE", "STATUSTEXT",
+        "MESSAGE_INTERVAL",
     }
 )  # fmt: skip
 """Messages that a room uses; no other is decoded."""
@@ -101,6 +103,7 @@ def make_pipeline(
             target_log=target_log,
             sightings=sightings,
             agreement=FixAgreement(config.priors),
+            readout=ReadoutAdvice(config.priors),
         )
     publisher = Publisher(
         publish_options(config, calibration, unit),

@@ -33,11 +33,18 @@ class TargetLog:
         self.frames = 0
         self.detections = 0
         self.fixes = 0
-        self.dropped: Counter[Reason] = Counter()
+        self.terrain: Line | None = None
+        """Last shift of the elevation model, for the summary."""
+        self._dropped_frames: Counter[Reason] = Counter()
+        self._dropped_detections: Counter[Reason] = Counter()
 
-    def drop(self, reason: Reason, count: int = 1) -> None:
-        """Count refused frames or detections."""
-        self.dropped[reason] += count
+    def drop_frames(self, reason: Reason, count: int = 1) -> None:
+        """Count frames that were refused as a whole."""
+        self._dropped_frames[reason] += count
+
+    def drop_detection(self, reason: Reason, count: int = 1) -> None:
+        """Count refused detections of a frame that was used."""
+        self._dropped_detections[reason] += count
 
     def begin(self, origin: Geodetic | None) -> None:
         """Write the header; a later origin gets a line of its own."""
@@ -74,9 +81,11 @@ class TargetLog:
 
     def settle(self, frames: Iterable[Settled], plane: TangentPlane | None) -> None:
         """Write sightings and targets of settled frames. ``plane``: of the world in which they were seen."""
-        if not self._written:
-            return
         for frame in frames:
+            if frame.refused_fixes:
+                self.drop_detection(Reason.TOO_MANY_TRACKS, frame.refused_fixes)
+            if not self._written:
+                continue
             for line in self._sightings.pop((frame.view.host_ns, frame.view.frame), ()):
                 self.write(line)
             for track in frame.tracks:
@@ -99,11 +108,21 @@ class TargetLog:
             "detections": self.detections,
             "fixes": self.fixes,
             "dropped": self.refusals(),
+            "dropped_frames": self.refused_frames(),
+            "dropped_detections": self.refused_detections(),
         }
 
     def refusals(self) -> dict[str, int]:
         """Counts of the refusals so far by reason, in alphabetical order."""
-        return {reason.value: count for reason, count in sorted(self.dropped.items())}
+        return _by_name(self._dropped_frames + self._dropped_detections)
+
+    def refused_frames(self) -> dict[str, int]:
+        """The same of frames that were refused as a whole."""
+        return _by_name(self._dropped_frames)
+
+    def refused_detections(self) -> dict[str, int]:
+        """The same of detections in frames that were used."""
+        return _by_name(self._dropped_detections)
 
     def header(self) -> Line | None:
         """First line of a file that begins now; None before the origin is decided."""
@@ -114,4 +133,9 @@ class TargetLog:
 
     def summary(self) -> Line:
         """Last line of the file."""
-        return {"type": "summary", **self.counts()}
+        terrain = {} if self.terrain is None else {"terrain": self.terrain}
+        return {"type": "summary", **self.counts(), **terrain}
+
+
+def _by_name(counts: Counter[Reason]) -> dict[str, int]:
+    return {reason.value: count for reason, count in sorted(counts.items())}

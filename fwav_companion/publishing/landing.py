@@ -61,6 +61,8 @@ class Withheld(StrEnum):
     """The vehicle's state at the instant that the profile needs is unknown."""
     NO_LOCAL_POSITION = "no_local_position"
     """PX4's own LOCAL_POSITION_NED at the capture is unknown."""
+    CLOCK_IN_DOUBT = "clock_in_doubt"
+    """The autopilot's clock slips or changes its rate: the capture is not known to it well enough."""
     NO_HEIGHT = "no_height"
     """There is no global position, and the camera's height above the target is unknown."""
 
@@ -145,6 +147,9 @@ class Landing:
             return Withheld.NO_FIX
         if not larger_sigma(track.relative_cov) <= self._options.landing_max_sigma_m:
             return Withheld.TOO_UNCERTAIN
+        clock = situation.clock
+        if clock is not None and clock.doubtful:
+            return Withheld.CLOCK_IN_DOUBT
         too_old = s_from_ns(situation.now_ns - track.host_ns) > MAX_AGE_S
         if too_old or (self._last_sent_ns is not None and track.host_ns <= self._last_sent_ns):
             return Withheld.LATE_FRAME

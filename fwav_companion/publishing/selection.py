@@ -146,7 +146,7 @@ def track_on_ground(fix: GroundFix, host_ns: HostNs, tracks: Iterable[Track]) ->
     """The track nearest to a clicked place on the ground, within three sigma of both."""
     hits = []
     for track in tracks:
-        place = track.position_ned
+        place = track.apparent_ned
         if track.velocity_ned is not None:
             place = add(place, scale(track.velocity_ned, s_from_ns(host_ns - track.host_ns)))
         apart_m = hypot(place[0] - fix.position_ned[0], place[1] - fix.position_ned[1])

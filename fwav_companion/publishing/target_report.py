@@ -44,16 +44,17 @@ class TargetReport(msgspec.Struct, frozen=True):
 
 def target_report(track: Track, situation: Situation) -> TargetReport:
     """The track at the present instant."""
-    position = track.position_ned
+    position, apparent = track.position_ned, track.apparent_ned
     if track.velocity_ned is not None:
         age_s = s_from_ns(situation.now_ns - track.host_ns)
-        position = add(position, scale(track.velocity_ned, min(max(age_s, 0.0), MAX_PREDICTED_S)))
+        moved = scale(track.velocity_ned, min(max(age_s, 0.0), MAX_PREDICTED_S))
+        position, apparent = add(position, moved), add(apparent, moved)
     vehicle = situation.vehicle
     return TargetReport(
         track=track,
         position_ned=position,
         place=situation.plane.geodetic_from_ned(position) if situation.plane is not None else None,
-        from_vehicle=_from_vehicle(position, situation) if vehicle is not None else None,
+        from_vehicle=_from_vehicle(apparent, situation) if vehicle is not None else None,
         horizontal_sigma_m=larger_sigma(track.cov),
         vertical_sigma_m=sqrt(track.cov[2][2]) if track.cov[2][2] >= 0.0 else nan,
     )

@@ -43,6 +43,13 @@ class LoggedPosition(msgspec.Struct, frozen=True, gc=False):
     """None if the log does not have it; it then follows from the positions before and after."""
 
 
+LEAST_UNIX_US: Final = 10**15
+"""2001-09-09 since 1970; as a time since boot 31 years."""
+LEAST_FIXES, LEAST_MEASURED_US, TOLERABLE_RATE = 10, 5_000_000, 0.01
+"""GPS times that measure a clock: their count, the time between them, and the departure that is reported. They are
+logged up to 0.2 s late, which is 4 % of five seconds at the worst, and much less between many."""
+
+
 class LoggedRange(msgspec.Struct, frozen=True, gc=False):
     """Reading of a rangefinder."""
 
@@ -74,6 +81,24 @@ class FlightLog(msgspec.Struct, frozen=True, kw_only=True):
     gps: Sequence[LoggedGps] = ()
     origin: tuple[float, float, float] | None = None
     """Origin of the estimator: latitude and longitude in degrees, metres AMSL."""
+    home: tuple[float, float, float] | None = None
+    """First home, where the vehicle took off, in the same terms."""
+
+    @property
+    def knows_utc(self) -> bool:
+        """Whether GPS knew UTC, or the log's own clock counts from 1970."""
+        first_us = self.attitudes[0].boot_us if self.attitudes else 0
+        return first_us > LEAST_UNIX_US or any(fix.unix_us is not None for fix in self.gps)
+
+    @property
+    def clock_rate(self) -> float | None:
+        """Seconds of the log's clock in a second of GPS; None without two fixes a while apart."""
+        known = [(fix.boot_us, fix.unix_us) for fix in self.gps if fix.unix_us is not None]
+        if len(known) < LEAST_FIXES:
+            return None
+        (boot0_us, unix0_us), (boot1_us, unix1_us) = known[len(known) // 10], known[-1 - len(known) // 10]
+        passed_us = unix1_us - unix0_us
+        return (boot1_us - boot0_us) / passed_us if passed_us >= LEAST_MEASURED_US else None
 
     @property
     def unix_minus_boot_us(self) -> int:
@@ -95,7 +120,16 @@ class FlightLog(msgspec.Struct, frozen=True, kw_only=True):
                 f"{self.attitude_source} comes at {self._rate_hz():.0f} Hz, which is too slow for this motion: halfway "
                 f"between two of them the attitude is off by about {off_deg:.1f} deg (RMS). {_FASTER[self.autopilot]}"
             )
-        if not self.unix_minus_boot_us:
+        rate = self.clock_rate
+        if rate is not None and abs(rate - 1.0) > TOLERABLE_RATE:
+            warnings.append(
+                f"its clock runs {rate:.1f} times as fast as GPS: detections on another clock do not fit; "
+                "accepted: time_boot"
+                if rate > 1.5
+                else f"its clock runs {1e2 * abs(rate - 1.0):.1f} % {'fast' if rate > 1.0 else 'slow'} against GPS: "
+                "detections on another clock drift away; accepted: time_boot"
+            )
+        if not self.knows_utc:
             warnings.append("the log has no UTC from GPS: detections must be stamped with time_boot")
         return warnings
 

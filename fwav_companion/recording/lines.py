@@ -148,6 +148,7 @@ def clock_line(now_ns: HostNs, estimate: ClockEstimate, time_boot_ns: int, utc_m
         "sigma_s": estimate.sigma_s,
         "bound_s": estimate.bound_s,
         "round_trip_s": estimate.round_trip_s,
+        "rate": estimate.rate,
         "utc_minus_time_unix_s": utc_minus_unix_s,
         "status": estimate.status.value,
     }
@@ -173,6 +174,11 @@ def calibration_line(
         "status": status,
     }
     return {**line, "mistake": mistake} if mistake else line
+
+
+def terrain_line(time_unix: float, shift_m: float, sigma_m: float, source: str) -> Line:
+    """A shift of the elevation model to the take-off height."""
+    return {"type": "terrain", "time_unix": time_unix, "shift_m": shift_m, "sigma_m": sigma_m, "source": source}
 
 
 def home_line(time_unix: float, home_down_m: float) -> Line:

@@ -30,6 +30,8 @@ AUTOPILOTS: Final = {"ardupilot": 3, "px4": 12}
 """MAV_AUTOPILOT."""
 MAV_TYPE_QUADROTOR: Final = 2
 """The logs do not have the type in MAVLink's numbers, and no result depends on it."""
+MAV_MODE_FLAG_SAFETY_ARMED: Final = 128
+"""Armed throughout: a log does not show that the vehicle stands."""
 BEYOND: Final = 2.0**62
 """More than any message field can hold."""
 
@@ -59,6 +61,20 @@ def _beats(log: FlightLog) -> Iterator[Told]:
         lat, lon, alt_m = log.origin
         fields = {"latitude": _whole(lat, 1e7), "longitude": _whole(lon, 1e7), "altitude": _whole(alt_m, 1e3)}
         yield first_us, "GPS_GLOBAL_ORIGIN", fields | {"time_usec": first_us}
+    if log.home is not None:
+        lat, lon, alt_m = log.home
+        fields = {"latitude": _whole(lat, 1e7), "longitude": _whole(lon, 1e7), "altitude": _whole(alt_m, 1e3)}
+        yield (
+            first_us,
+            "HOME_POSITION",
+            fields
+            | dict.fromkeys(("x", "y", "z"), 0.0)
+            | {
+                "q": (1.0, 0.0, 0.0, 0.0),
+                **dict.fromkeys(("approach_x", "approach_y", "approach_z"), 0.0),
+                "time_usec": first_us,
+            },
+        )
     for beat in sorted({(at_us - first_us) // EXCHANGE_EVERY_US for at_us in times}):
         at_us = first_us + beat * EXCHANGE_EVERY_US
         if beat % BEATS_A_HEARTBEAT == 0:
@@ -67,7 +83,12 @@ def _beats(log: FlightLog) -> Iterator[Told]:
         yield at_us, "TIMESYNC", {"tc1": max(1, at_us * 1000), "ts1": at_us * 1000}
 
 
-_HEARTBEAT: Final = {"type": MAV_TYPE_QUADROTOR, "base_mode": 0, "custom_mode": 0, "system_status": 4}
+_HEARTBEAT: Final = {
+    "type": MAV_TYPE_QUADROTOR,
+    "base_mode": MAV_MODE_FLAG_SAFETY_ARMED,
+    "custom_mode": 0,
+    "system_status": 4,
+}
 
 
 def _attitude(attitude: LoggedAttitude) -> Told:

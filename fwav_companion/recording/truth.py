@@ -1,4 +1,4 @@
-"""True target positions from a CSV or JSONL file, and the errors of a replay's tracks against them. PURE."""
+"""True target positions from a CSV or JSONL file. PURE."""
 
 from __future__ import annotations
 
@@ -7,16 +7,14 @@ import io
 import json
 from bisect import bisect_right
 from collections.abc import Iterable, Mapping
-from math import hypot, isfinite, sqrt
+from math import isfinite
 from typing import Any
 
 import msgspec
 
 from fwav_companion.errors import InputFileError
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
-from fwav_companion.geometry.vectors import Vector3, larger_semi_axis
-from fwav_companion.recording.lines import Line
-from fwav_companion.types import TrackState
+from fwav_companion.geometry.vectors import Vector3
 
 ACCEPTED = "label and (lat, lon, alt_amsl) or (north, east, down), optionally time_unix"
 
@@ -119,52 +117,3 @@ def _ned(point: TruthPoint, plane: TangentPlane | None) -> Vector3 | None:
     if point.place is not None and plane is not None:
         return plane.ned_from_geodetic(point.place)
     return point.ned
-
-
-class ErrorTally:
-    """Horizontal errors of confirmed tracks against the nearest target of their label, by a targets file's lines."""
-
-    def __init__(self, points: Iterable[TruthPoint]) -> None:
-        by_target: dict[str, list[TruthPoint]] = {}
-        for number, point in enumerate(points):
-            # A label without times may name several stationary targets: each row is one.
-            key = point.label if point.time_unix is not None else f"{point.label}\0{number}"
-            by_target.setdefault(key, []).append(point)
-        self._targets = [(key.partition("\0")[0], Truth(points)) for key, points in by_target.items()]
-        self._squares: dict[int, list[float]] = {index: [] for index in range(len(self._targets))}
-        self._last: dict[int, Line] = {}
-        self._plane: TangentPlane | None = None
-
-    def add(self, line: Line) -> None:
-        """Process the next line of a targets file."""
-        if line["type"] in ("header", "origin") and line["origin"] is not None:
-            origin = line["origin"]
-            self._plane = TangentPlane(Geodetic.from_degrees(origin["lat"], origin["lon"], origin["alt_amsl"]))
-        elif line["type"] == "target" and line["state"] in (TrackState.CONFIRMED, TrackState.COASTING):
-            self._add_target(line)
-
-    def _add_target(self, line: Line) -> None:
-        errors = []
-        for index, (label, truth) in enumerate(self._targets):
-            true_ned = truth.ned_at(line["time_unix"], self._plane)
-            if true_ned is not None and label in ("", line["label"]):
-                errors.append((hypot(line["north"] - true_ned[0], line["east"] - true_ned[1]), index))
-        if errors:
-            error_m, index = min(errors)
-            self._squares[index].append(error_m * error_m)
-            self._last[index] = {
-                "track": line["track"],
-                "final_m": error_m,
-                "claimed_sigma_m": larger_semi_axis(line["cov"]),
-            }
-
-    def summary(self) -> list[Line]:
-        """One object per true target: found or not, RMS error, final error and final claimed sigma, metres."""
-        return [self._target_summary(index, label) for index, (label, _) in enumerate(self._targets)]
-
-    def _target_summary(self, index: int, label: str) -> Line:
-        squares = self._squares[index]
-        if not squares:
-            return {"label": label, "found": False}
-        rms_m = sqrt(sum(squares) / len(squares))
-        return {"label": label, "found": True, "samples": len(squares), "rms_m": rms_m, **self._last[index]}

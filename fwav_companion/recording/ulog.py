@@ -112,7 +112,9 @@ class _Rows:
 
     def rows(self, *names: str) -> Iterator[tuple[int, tuple[float, ...]]]:
         """(boot time in microseconds, values) of each finite row, by time. A name may have alternatives: ``a|b``."""
-        times = [int(at_us) for at_us in self._column("timestamp_sample|timestamp") or ()]
+        logged, sampled = self._column("timestamp") or (), self._column("timestamp_sample")
+        # Drivers that do not know when they sampled leave 0, as those of real GPS receivers do.
+        times = [int(sample or at_us) for at_us, sample in zip(logged, sampled or logged, strict=True)]
         columns = [self._column(name) for name in names]
         if any(column is None for column in columns):
             return
@@ -143,6 +145,10 @@ def _flight(topics: Mapping[str, _Rows]) -> FlightLog:
         ],
         gps=list(_gps(topics)),
         origin=_origin(topics),
+        home=next(
+            ((lat, lon, alt) for _, (lat, lon, alt) in topics.get("home_position", _NOTHING).rows("lat", "lon", "alt")),
+            None,
+        ),
     )
 
 

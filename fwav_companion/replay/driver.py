@@ -10,18 +10,22 @@ import msgspec
 
 from fwav_companion.camera import Calibration
 from fwav_companion.config import Config
-from fwav_companion.geometry.stamps import NS_PER_S, NS_PER_US, HostNs, host_from_seconds
+from fwav_companion.geometry.stamps import NS_PER_S, NS_PER_US, HostNs, host_from_seconds, ns_from_s
 from fwav_companion.localization import ElevationTile
 from fwav_companion.pipeline.pipeline import Pipeline
 from fwav_companion.pipeline.pipeline_factory import make_pipeline, own_components
 from fwav_companion.recording.events import RecordingEnd, Refused
 from fwav_companion.recording.lines import Line
-from fwav_companion.recording.truth import ErrorTally, TruthPoint
+from fwav_companion.recording.truth import TruthPoint
+from fwav_companion.recording.truth_errors import ErrorTally
 from fwav_companion.replay.recorded import Recording, is_own
 from fwav_companion.tracking.filters.base import Filter
 from fwav_companion.types import Frame, Message, NoFrame, StampClock
 
 MARGIN_NS = 60 * NS_PER_S
+LARGE_OFFSET_S = 0.3
+"""[camera] time_offset_s beyond which a frame's own recorded arrival would refuse it as late: a replay has all the time
+there is, so the arrival is corrected too. Below, a replay gives what the flight gave."""
 
 
 def replay(
@@ -106,9 +110,9 @@ def _messages(recording: Recording) -> Iterator[_Event]:
 def _frames(recording: Recording, pipeline: Pipeline, untold: deque[Frame]) -> Iterator[_Event]:
     """Frames by arrival. Frames on the autopilot's clock without an arrival time are appended to ``untold``."""
     events: list[_Event] = []
-    last_ns = HostNs(0)
     near = _near(recording)
-    for frame in recording.frames:
+    last_ns = near(HostNs(0))
+    for frame in _in_time(recording, pipeline.time_offset_s):
         if isinstance(frame, NoFrame):
             events.append((last_ns, 1, frame))
             continue
@@ -124,6 +128,16 @@ def _frames(recording: Recording, pipeline: Pipeline, untold: deque[Frame]) -> I
             last_ns = near(arrival_ns)
             events.append((last_ns, 1, frame))
     return iter(sorted(events, key=_by_time))
+
+
+def _in_time(recording: Recording, time_offset_s: float) -> Iterator[Frame | NoFrame | Refused | RecordingEnd]:
+    """The entries of the detections; with a large offset of the stamps, arrivals are corrected by it too."""
+    earlier_ns = ns_from_s(time_offset_s) if time_offset_s > LARGE_OFFSET_S else 0
+    for entry in recording.frames:
+        if earlier_ns and isinstance(entry, Frame) and entry.arrival_ns is not None:
+            yield msgspec.structs.replace(entry, arrival_ns=HostNs(entry.arrival_ns - earlier_ns))
+        else:
+            yield entry
 
 
 def _near(recording: Recording) -> Callable[[HostNs], HostNs]:

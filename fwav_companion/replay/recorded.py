@@ -19,6 +19,9 @@ from fwav_companion.types import Frame, Message, NoFrame, Reason
 from fwav_companion.vision.wall_clock import RecordingClock
 from fwav_companion.vision.wire import parse_frame
 
+LEAST_UNIX_NS = 10**18
+"""2001-09-09 since 1970; as a time since boot 31 years."""
+
 
 class SkippedLine(msgspec.Struct, frozen=True):
     """A line of the detections that is not a frame."""
@@ -65,7 +68,8 @@ def join(telemetry: TelemetryRead, detections: bytes, own: frozenset[int], syste
     """Telemetry and detections as one flight."""
     own_system = system or _first_autopilot(telemetry.messages)
     unix_offset_ns = _unix_offset_ns(telemetry.messages, own, own_system)
-    frames, kept, skipped_lines = _frames(detections, RecordingClock(unix_offset_ns))
+    clock = RecordingClock(unix_offset_ns, boot_is_unix=_boot_is_unix(telemetry.messages))
+    frames, kept, skipped_lines = _frames(detections, clock)
     return Recording(
         messages=telemetry.messages,
         frames=frames,
@@ -121,6 +125,11 @@ def _first_autopilot(messages: Sequence[Timed]) -> int | None:
 def is_own(message: Message, own: frozenset[int], own_system: int | None) -> bool:
     """Whether the recording companion sent the message: another vehicle's companion may have the same component id."""
     return message.component in own and own_system in (None, message.system)
+
+
+def _boot_is_unix(messages: Sequence[Timed]) -> bool:
+    """Whether the autopilot's clock counts from 1970, by its answers to TIMESYNC: PX4's simulators."""
+    return any(message.name == "TIMESYNC" and message.fields.tc1 > LEAST_UNIX_NS for _, message in messages)
 
 
 def _unix_offset_ns(messages: Sequence[Timed], own: frozenset[int], own_system: int | None) -> int:

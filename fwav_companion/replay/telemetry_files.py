@@ -17,6 +17,9 @@ HEAD_BYTES = 256
 DATAFLASH_AS_TEXT = b"FMT, 128, 89, FMT"
 """Beginning of an ArduPilot log that a tool converted to text; older ones have a line or two before."""
 
+TIME_IN_MS = b"TimeMS,"
+"""In the descriptions of a log before TimeUS."""
+
 ACCEPTED = "accepted: a .tlog, .bin or .ulg recording"
 
 
@@ -44,4 +47,9 @@ def _ardupilot_log(path: Path, own: frozenset[int]) -> TelemetryRead:
     except OSError as error:
         raise InputFileError(f"{path}: {error.strerror}; {ACCEPTED}") from None
     log, skipped = read_ardupilot_log(data)
+    if not log.attitudes and TIME_IN_MS in data:
+        raise InputFileError(
+            f"{path}: its times are TimeMS, as ArduPilot wrote them until 2014: whole milliseconds, without UTC and "
+            "without POS; accepted: a log with TimeUS"
+        )
     return of_log(str(path), log, own=own, skipped=skipped, notes=[])

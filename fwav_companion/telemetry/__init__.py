@@ -7,8 +7,10 @@ may carry the camera.
 """
 
 from fwav_companion.telemetry.clock.clock import Clock
+from fwav_companion.telemetry.clock.clock_news import ClockRate, ClockSlipped
 from fwav_companion.telemetry.events import (
     AttitudeSource,
+    GimbalUnused,
     HomeMoved,
     OriginSet,
     PitchTrimUndone,
@@ -18,13 +20,18 @@ from fwav_companion.telemetry.events import (
     TakeOffFound,
     TelemetryEvent,
 )
+from fwav_companion.telemetry.gimbal import GIMBAL_MESSAGES
 from fwav_companion.telemetry.rate_meter import RateMeter
 from fwav_companion.telemetry.telemetry import Telemetry, TelemetryOptions
 from fwav_companion.telemetry.world import World
 
 __all__ = [
+    "GIMBAL_MESSAGES",
     "AttitudeSource",
     "Clock",
+    "ClockRate",
+    "ClockSlipped",
+    "GimbalUnused",
     "HomeMoved",
     "OriginSet",
     "PitchTrimUndone",

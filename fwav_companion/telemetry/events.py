@@ -8,6 +8,7 @@ import msgspec
 
 from fwav_companion.geometry.earth import Geodetic
 from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.telemetry.clock.clock_news import ClockRate, ClockSlipped
 
 
 class Rebooted(msgspec.Struct, frozen=True):
@@ -29,7 +30,9 @@ class RelativeWorld(msgspec.Struct, frozen=True):
 
 
 class TakeOffFound(msgspec.Struct, frozen=True):
-    """The first HOME_POSITION came after the origin was set: the take-off place is known instead of assumed."""
+    """The take-off place became known, or better known, after the origin was set: by HOME_POSITION, by arming, or
+    because the vehicle stands.
+    """
 
     place: Geodetic
 
@@ -64,6 +67,13 @@ class StampDelay(msgspec.Struct, frozen=True):
     """Attitude timestamps are synchronous with sampling: no delay is corrected unless one is configured."""
 
 
+class GimbalUnused(msgspec.Struct, frozen=True):
+    """A gimbal reports its attitude, and [camera.mount] gimbal_device_id is 0: the camera counts as fixed."""
+
+    device_id: int
+    """The gimbal_device_id with which it would be used."""
+
+
 class PitchTrimUndone(msgspec.Struct, frozen=True):
     """The pitch trim that ATTITUDE lacks is added from now on; attitudes without it are deleted."""
 
@@ -72,5 +82,15 @@ class PitchTrimUndone(msgspec.Struct, frozen=True):
 
 
 TelemetryEvent: TypeAlias = (
-    Rebooted | OriginSet | RelativeWorld | TakeOffFound | HomeMoved | AttitudeSource | StampDelay | PitchTrimUndone
+    Rebooted
+    | ClockSlipped
+    | ClockRate
+    | OriginSet
+    | RelativeWorld
+    | TakeOffFound
+    | HomeMoved
+    | AttitudeSource
+    | StampDelay
+    | GimbalUnused
+    | PitchTrimUndone
 )

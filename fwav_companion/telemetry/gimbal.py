@@ -11,24 +11,36 @@ from __future__ import annotations
 
 from bisect import bisect_right, insort
 from itertools import pairwise
-from math import exp, hypot, sqrt
+from math import exp, hypot, isfinite, radians, sqrt
 from typing import Any
 
 import msgspec
 
 from fwav_companion.geometry import rotations
 from fwav_companion.geometry.gimbal import counts_from_north, heading_only, heading_rate, ned_from_gimbal
-from fwav_companion.geometry.rotations import Quaternion, conjugate, difference, matrix_from_quaternion, multiply
+from fwav_companion.geometry.rotations import (
+    Quaternion,
+    conjugate,
+    difference,
+    matrix_from_quaternion,
+    multiply,
+    quaternion_from_euler,
+)
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, BootNs, HostNs
-from fwav_companion.geometry.vectors import Matrix3, Vector3, add, norm, scale
+from fwav_companion.geometry.vectors import ZERO3, Matrix3, Vector3, add, norm, scale
 from fwav_companion.telemetry.attitude.history import AttitudeAt
 from fwav_companion.telemetry.attitude.stamp_delay import HALF_MS_NS
-from fwav_companion.telemetry.clock.boot_time import BootTimeline, Restarted, Strange
+from fwav_companion.telemetry.clock.boot_time import BootTimeline, Restarted, Skipped, Strange
 from fwav_companion.telemetry.clock.clock import Clock
 from fwav_companion.types import GimbalAt, Message, Reason, Unpaired
 from fwav_companion.types.flight_status import GimbalReport
 
 MESSAGE = "GIMBAL_DEVICE_ATTITUDE_STATUS"
+OLDER_MESSAGES = ("MOUNT_ORIENTATION", "MOUNT_STATUS")
+"""Of gimbals before the gimbal protocol, used while MESSAGE is not heard: roll and pitch count from the horizon, yaw
+from the vehicle's heading, or from north where MOUNT_ORIENTATION has yaw_absolute. MOUNT_STATUS has no stamp: its
+arrival counts."""
+GIMBAL_MESSAGES = frozenset({MESSAGE, *OLDER_MESSAGES})
 LAST_NON_MAVLINK_DEVICE = 6
 """gimbal_device_id 1 to 6: gimbals without MAVLink, for which the autopilot reports."""
 SAME_CLOCK_NS = 100 * NS_PER_MS
@@ -41,6 +53,10 @@ LEAST_APART_NS = 4 * NS_PER_MS
 """Closer stamps in whole milliseconds determine no rate: the same attitude over two links, or a flood."""
 MOST_EXTRAPOLATION_NS = 300 * NS_PER_MS
 """One interval and a half at 5 Hz: then the next attitude is missing."""
+NEAR_NS = 250 * NS_PER_MS
+STEADY = 0.1
+"""An attitude without neighbours, as recorded around each photograph, holds this near to it; and one sigma of the rate
+of a gimbal that holds its camera still, rad/s."""
 MOST_SIGMA = 0.1
 """rad: as for the body, an attitude less certain than 6 degrees is not used."""
 UNCHECKED = 2.0
@@ -52,6 +68,7 @@ UNEVEN = 2.5
 MOST_UNRESOLVED = 4.0
 """A sample left out at twice the spacing errs by four times the error in the middle of an interval, if the motion is
 smooth; motion faster than the samples errs by the same at every spacing."""
+MOST_ANGLE_DEG = 720.0
 IDENTITY: Matrix3 = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
@@ -77,24 +94,53 @@ class Gimbal:
         self._checks = 0
         self._bend2 = self._wide_bend2 = 0.0
         self._refused = 0
+        self._heard_newer = False
 
     # Inputs.
 
     def is_meant(self, message: Message, autopilot_component: int) -> bool:
         """Whether a message of the adopted vehicle is an attitude of this gimbal."""
-        if message.name != MESSAGE:
+        if message.name not in GIMBAL_MESSAGES:
             return False
         if not self._by_autopilot:
             return message.component == self._device_id
-        return message.component == autopilot_component and message.fields.gimbal_device_id == self._device_id
+        return message.component == autopilot_component and (
+            message.name != MESSAGE or message.fields.gimbal_device_id == self._device_id
+        )
+
+    def on_older_message(self, message: Message, autopilot: Clock, arrival_ns: HostNs) -> None:
+        """Take MOUNT_ORIENTATION or MOUNT_STATUS of this gimbal; an implausible one is counted."""
+        if self._heard_newer:
+            return
+        angles = _mount_angles(message)
+        if message.name == "MOUNT_STATUS":
+            stamp = autopilot.boot_from_host(arrival_ns) if self._by_autopilot else BootNs(arrival_ns)
+            if isinstance(stamp, Unpaired) or angles is None:
+                self._refused += 1
+                return
+            placed = self._timeline.place(stamp // NS_PER_MS & 0xFFFFFFFF, arrival_ns)
+        else:
+            placed = self._timeline.place(message.fields.time_boot_ms, arrival_ns)
+        if isinstance(placed, Restarted | Skipped):
+            self.clear()
+            placed = placed.boot_ns
+        if angles is None or isinstance(placed, Strange):
+            self._refused += 1
+            return
+        roll, pitch, yaw, from_north = angles
+        self._clock.on_arrival(placed, arrival_ns)
+        self._insert(_GimbalAttitude(placed + HALF_MS_NS, quaternion_from_euler(roll, pitch, yaw), from_north))
 
     def on_message(self, fields: Any, arrival_ns: HostNs) -> None:
         """Take an attitude of this gimbal; an implausible one is counted."""
+        if not self._heard_newer:
+            self._heard_newer = True
+            self.clear()
         q = (float(fields.q[0]), float(fields.q[1]), float(fields.q[2]), float(fields.q[3]))
         delta_yaw = float(fields.delta_yaw)
         levelled = ned_from_gimbal(q, fields.flags, IDENTITY, delta_yaw) if 0.95 <= hypot(*q) <= 1.05 else None
         placed = self._timeline.place(fields.time_boot_ms, arrival_ns)
-        if isinstance(placed, Restarted):
+        if isinstance(placed, Restarted | Skipped):
             self.clear()
             placed = placed.boot_ns
         if levelled is None or isinstance(placed, Strange):
@@ -193,14 +239,26 @@ class Gimbal:
         if isinstance(host_ns, Unpaired):
             return None
         stamp_ns = self._clock.boot_from_host(host_ns)
-        if isinstance(stamp_ns, Unpaired):
-            return None
+        if isinstance(stamp_ns, Unpaired):  # too few were heard: an autopilot stamps its gimbal's by its own clock
+            return (boot_ns, 0.0) if self._by_autopilot else None
         if self._by_autopilot and abs(stamp_ns - boot_ns) <= SAME_CLOCK_NS:
             return boot_ns, 0.0
         return stamp_ns, self._clock.estimate(host_ns).sigma_s
 
     def _reported_at(self, stamp_ns: int) -> tuple[Quaternion, Vector3, float, float, bool] | Reason:
         """(attitude, rates, sigma, gap, whether its yaw counts from north) in the messages' own terms."""
+        between = self._between(stamp_ns)
+        if not isinstance(between, Reason):
+            return between
+        nearest = min(self._looks, key=lambda look: abs(look.stamp_ns - stamp_ns))
+        gap_ns = abs(nearest.stamp_ns - stamp_ns)
+        if gap_ns > NEAR_NS:
+            return between
+        gap_s = gap_ns * 1e-9
+        return nearest.q, ZERO3, STEADY * gap_s, gap_s, nearest.from_north
+
+    def _between(self, stamp_ns: int) -> tuple[Quaternion, Vector3, float, float, bool] | Reason:
+        """The same between two messages, or shortly after the last one."""
         looks = self._looks
         index = bisect_right(looks, stamp_ns, key=lambda look: look.stamp_ns)
         if index == 0:
@@ -222,6 +280,22 @@ class Gimbal:
         sigma = 0.5 * self._acceleration() * since_s * abs(until_s)
         gap_s = abs(until_s) if beyond else min(since_s, until_s)
         return q, rates, sigma, gap_s, first.from_north
+
+
+def _mount_angles(message: Message) -> tuple[float, float, float, bool] | None:
+    """Roll, pitch and yaw in radians, and whether yaw counts from north; None where they are not finite angles."""
+    fields = message.fields
+    if message.name == "MOUNT_STATUS":  # hundredths of a degree
+        angles = (fields.pointing_b / 100.0, fields.pointing_a / 100.0, fields.pointing_c / 100.0)
+        from_north = False
+    else:
+        absolute = float(getattr(fields, "yaw_absolute", 0.0))
+        from_north = isfinite(absolute) and absolute != 0.0  # a sender without the field sends 0
+        angles = (float(fields.roll), float(fields.pitch), absolute if from_north else float(fields.yaw))
+    if not all(isfinite(angle) and abs(angle) <= MOST_ANGLE_DEG for angle in angles):
+        return None
+    roll, pitch, yaw = map(radians, angles)
+    return roll, pitch, yaw, from_north
 
 
 def _bend(first: _GimbalAttitude, middle: _GimbalAttitude, last: _GimbalAttitude) -> float:

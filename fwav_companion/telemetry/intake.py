@@ -18,6 +18,9 @@ from fwav_companion.telemetry.vehicle_history import VehicleHistory
 from fwav_companion.telemetry.world import World
 from fwav_companion.types import AttitudeSample, HeightSource, Unpaired
 
+SAFETY_ARMED = 128
+"""MAV_MODE_FLAG_SAFETY_ARMED."""
+
 
 class Intake:
     """Handlers of messages by name; an implausible message is rejected and counted."""
@@ -195,7 +198,8 @@ class Intake:
 
     def _on_heartbeat(self, fields: Any, _now: HostNs) -> tuple[TelemetryEvent, ...]:
         self._trim.on_heartbeat(fields.type)
-        return self._move_stamps(self._stamps.on_heartbeat(fields.autopilot, fields.type))
+        found = self._world.on_heartbeat(armed=bool(fields.base_mode & SAFETY_ARMED))
+        return found + self._move_stamps(self._stamps.on_heartbeat(fields.autopilot, fields.type))
 
     def _on_param_value(self, fields: Any, _now: HostNs) -> tuple[TelemetryEvent, ...]:
         self._trim.on_parameter(fields.param_id, fields.param_value)

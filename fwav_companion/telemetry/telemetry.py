@@ -11,9 +11,11 @@ from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.telemetry.attitude.history import KEPT_NS
 from fwav_companion.telemetry.attitude.sources import EULER
 from fwav_companion.telemetry.attitude.stamp_delay import AttitudeStamps
-from fwav_companion.telemetry.clock.boot_time import BootTimeline, Restarted, Strange
+from fwav_companion.telemetry.clock.boot_time import BootTimeline, Restarted, Skipped, Strange
 from fwav_companion.telemetry.clock.clock import Clock
-from fwav_companion.telemetry.events import Rebooted, TelemetryEvent
+from fwav_companion.telemetry.clock.clock_news import ClockSlipped
+from fwav_companion.telemetry.events import GimbalUnused, Rebooted, TelemetryEvent
+from fwav_companion.telemetry.gimbal import MESSAGE as GIMBAL_MESSAGE
 from fwav_companion.telemetry.gimbal import Gimbal
 from fwav_companion.telemetry.intake import Intake
 from fwav_companion.telemetry.rate_meter import RateMeter
@@ -64,6 +66,7 @@ class Telemetry:
         )
         self._meter = RateMeter()
         self._reboots = 0
+        self._unused_gimbal: int | None = None
 
     # Inputs.
 
@@ -79,26 +82,45 @@ class Telemetry:
             if isinstance(placed, Strange):
                 self._intake.refuse(message.name)
                 return events
-            if isinstance(placed, Restarted):
-                events += self._restart(arrival_ns)
+            if isinstance(placed, Restarted | Skipped):
+                events += self._on_jump(placed, arrival_ns)
                 placed = placed.boot_ns
             self._intake.stamp_ns = placed
             self.clock.on_arrival(placed, arrival_ns)
         return events + self._intake.take(message.name, message.fields, arrival_ns)
 
-    def on_gimbal(self, message: Message, autopilot_component: int, arrival_ns: HostNs) -> None:
+    def on_gimbal(self, message: Message, autopilot_component: int, arrival_ns: HostNs) -> tuple[TelemetryEvent, ...]:
         """Take a message of any component of the vehicle that may be the gimbal's."""
-        if self._gimbal is not None and self._gimbal.is_meant(message, autopilot_component):
+        if self._gimbal is None:
+            return self._on_unused_gimbal(message, autopilot_component)
+        if self._gimbal.is_meant(message, autopilot_component):
             self._meter.count(message.name, arrival_ns)
-            self._gimbal.on_message(message.fields, arrival_ns)
+            if message.name == GIMBAL_MESSAGE:
+                self._gimbal.on_message(message.fields, arrival_ns)
+            else:
+                self._gimbal.on_older_message(message, self.clock, arrival_ns)
+        return ()
+
+    def _on_unused_gimbal(self, message: Message, autopilot_component: int) -> tuple[TelemetryEvent, ...]:
+        """Note a gimbal that is heard while none is configured; it is reported once."""
+        if self._unused_gimbal is not None:
+            return ()
+        behind = message.component == autopilot_component
+        self._unused_gimbal = getattr(message.fields, "gimbal_device_id", 0) or 1 if behind else message.component
+        return (GimbalUnused(self._unused_gimbal),)
 
     def on_exchange(self, exchange: ClockExchange) -> tuple[TelemetryEvent, ...]:
         """Take one answered TIMESYNC request."""
-        aligned_ns = self._timeline.align(exchange.autopilot_ns, exchange.received_ns)
-        began_anew = self.clock.on_exchange(ClockExchange(exchange.sent_ns, exchange.received_ns, aligned_ns))
-        if not began_anew:
+        placed = self._timeline.align(exchange.autopilot_ns, exchange.received_ns)
+        if isinstance(placed, Strange):
             return ()
-        return self._forget_boot(exchange.received_ns)
+        events: tuple[TelemetryEvent, ...] = ()
+        if isinstance(placed, Restarted | Skipped):
+            events = self._on_jump(placed, exchange.received_ns)
+            placed = self._timeline.align(exchange.autopilot_ns, exchange.received_ns)
+            assert isinstance(placed, int)  # noqa: S101  (the line of time began at it)
+        news = self.clock.on_exchange(ClockExchange(exchange.sent_ns, exchange.received_ns, placed))
+        return events if news is None else (*events, news)
 
     @property
     def wake_at(self) -> HostNs | None:
@@ -173,20 +195,19 @@ class Telemetry:
             home_down_m=self.world.home_down_m,
             refused=dict(self._intake.refused),
             reboots=self._reboots,
+            gimbal_unused=self._unused_gimbal,
             gimbal=None if self._gimbal is None else self._gimbal.status(now),
         )
 
     # Steps.
 
-    def _restart(self, now: HostNs) -> tuple[TelemetryEvent, ...]:
+    def _on_jump(self, placed: Restarted | Skipped, now: HostNs) -> tuple[TelemetryEvent, ...]:
+        """Begin again after a reboot; after a jump ahead keep what is known, and follow."""
+        if isinstance(placed, Skipped):
+            answered = self.clock.estimate(now).round_trip_s is not None
+            self.clock.skip()
+            return () if answered else (ClockSlipped(-placed.ahead_ns / NS_PER_S),)
         self.clock.reset()
-        return self._forget_samples(now)
-
-    def _forget_boot(self, now: HostNs) -> tuple[TelemetryEvent, ...]:
-        self._timeline.forget()
-        return self._forget_samples(now)
-
-    def _forget_samples(self, now: HostNs) -> tuple[TelemetryEvent, ...]:
         self._kept.clear()
         self._intake.utc = None
         self._reboots += 1

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from math import hypot
+
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.telemetry.decoding import FIX_3D, Position
 from fwav_companion.telemetry.events import HomeMoved, OriginSet, RelativeWorld, TakeOffFound
+from fwav_companion.types import TakeOff, TakeOffSource
 
 PATIENCE_NS = 10 * NS_PER_S
 """Wait from the first attitude for a position, after which the world is relative."""
+STANDING_M_S = 0.5
+"""Speed below which a disarmed vehicle stands: a GNSS velocity at rest is a few tenths."""
 LEAST_HOME_MOVE_M = 0.01
 """Smaller moves of home are not reported."""
+
+_STRENGTH = {source: strength for strength, source in enumerate(TakeOffSource)}
 
 WorldEvent = OriginSet | RelativeWorld | TakeOffFound | HomeMoved
 
@@ -32,7 +39,9 @@ class World:
         self._use_position = use_position
         self._global_origin: Geodetic | None = None
         self._home_alt_amsl_m: float | None = None
-        self._first_home: Geodetic | None = None
+        self._take_off: TakeOff | None = None
+        self._armed: bool | None = None
+        self._last: Position | None = None
         self._gps_fix_type: int | None = None
         self._decide_ns: HostNs | None = None
 
@@ -49,14 +58,15 @@ class World:
         return None if self.plane is None else self.plane.origin.alt_amsl_m
 
     @property
-    def take_off(self) -> Geodetic | None:
-        """Take-off place as far as known: the first home received, until then the origin.
+    def take_off(self) -> TakeOff | None:
+        """Take-off place as far as known: the first home received; until then where the vehicle was armed, or stood;
+        until then the origin.
 
         A service that starts in flight has its origin where the vehicle was first heard, not where it took off.
         """
-        if self.plane is None or self._first_home is not None:
-            return self._first_home
-        return self.plane.origin
+        if self.plane is None or self._take_off is not None:
+            return self._take_off
+        return TakeOff(self.plane.origin, TakeOffSource.ASSUMED)
 
     def on_wake(self, now: HostNs) -> tuple[WorldEvent, ...]:
         """Decide for a relative world when the wait for a position is over."""
@@ -74,12 +84,26 @@ class World:
         """Take the fix type of GPS_RAW_INT: from now on positions count only with a 3D fix."""
         self._gps_fix_type = fix_type
 
+    def on_heartbeat(self, *, armed: bool) -> tuple[WorldEvent, ...]:
+        """Take whether the vehicle is armed: where it was armed, or stands disarmed, is its take-off place."""
+        was, self._armed = self._armed, armed
+        if self._last is None or self._last.place is None:
+            return ()
+        if armed:
+            return self._found(self._last.place, TakeOffSource.ARMING) if was is False else ()
+        return self._stands(self._last)
+
     def on_global_origin(self, place: Geodetic) -> None:
         """Take GPS_GLOBAL_ORIGIN, which counts only before the origin is frozen."""
         self._global_origin = place
 
     def on_position(self, position: Position) -> tuple[WorldEvent, ...]:
-        """Freeze the origin at the first usable position."""
+        """Freeze the origin at the first usable position; each may show where the vehicle stands."""
+        if self._gps_fix_type is None or self._gps_fix_type >= FIX_3D:
+            self._last = position
+        return (*self._decide(position), *self._stands(position))
+
+    def _decide(self, position: Position) -> tuple[WorldEvent, ...]:
         if self.plane is not None or position.place is None or not self._use_position:
             return ()
         if self._gps_fix_type is not None and self._gps_fix_type < FIX_3D:
@@ -93,12 +117,22 @@ class World:
 
     def on_home(self, place: Geodetic) -> tuple[WorldEvent, ...]:
         """Take HOME_POSITION: its altitude is that of the home surface; the first one is the take-off place."""
-        found: tuple[WorldEvent, ...] = ()
-        if self._first_home is None:
-            self._first_home = place
-            found = (TakeOffFound(place),) if self.plane is not None else ()
+        found = self._found(place, TakeOffSource.HOME_POSITION)
         self._home_alt_amsl_m = place.alt_amsl_m
         return (*found, *self._move_home())
+
+    def _stands(self, position: Position) -> tuple[WorldEvent, ...]:
+        if self._armed is not False or position is not self._last or position.place is None:
+            return ()
+        speed_m_s = hypot(*position.velocity_ned)
+        return self._found(position.place, TakeOffSource.STANDING) if speed_m_s < STANDING_M_S else ()
+
+    def _found(self, place: Geodetic, source: TakeOffSource) -> tuple[WorldEvent, ...]:
+        """Take a take-off place that is better known than the one before."""
+        if self._take_off is not None and _STRENGTH[source] <= _STRENGTH[self._take_off.source]:
+            return ()
+        self._take_off = TakeOff(place, source)
+        return (TakeOffFound(place),) if self.plane is not None else ()
 
     def _move_home(self) -> tuple[WorldEvent, ...]:
         if self.plane is None or self._home_alt_amsl_m is None:

@@ -1,7 +1,8 @@
 """Tracking: from ground fixes to targets, with filters, association, the life of a track, and late frames.
 
 Pure: frames come in with their own capture times, tracks go out. Reading order: ``options``; ``filters`` (one target);
-``association``, ``lifecycle``, ``track_state``, ``visibility``, ``track_merging``, ``tracker`` (many targets);
+``detector_model``, ``lifecycle``, ``coarse_gate``, ``assignment``, ``association``, ``track_state``, ``visibility``,
+``track_merging``, ``tracker`` (many targets);
 ``filter_factory``, ``reorder``.
 """
 

@@ -1,66 +1,64 @@
-"""The assignment of least total cost, for small tables (ten tracks, twenty fixes).
+"""Assignment of least total cost over the pairs that are possible at all.
 
-Shortest augmenting paths with dual prices (Kuhn-Munkres in the form of Jonker and Volgenant): one row after another is
-brought in along the cheapest path of swaps, O(rows^2 columns).
+Shortest augmenting paths with dual prices (Jonker & Volgenant 1987), on lists of pairs in the place of a table: a path
+stays among the rows and columns that pairs connect, so connected components are solved one by one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from math import inf
+from collections.abc import Mapping, Sequence
+from heapq import heappop, heappush
 
 
-def least_cost_assignment(costs: Sequence[Sequence[float]]) -> tuple[int, ...]:
-    """The column of each row, no column twice; finite costs, rows <= columns. Ties go to the lower column first met."""
-    rows, columns = len(costs), len(costs[0]) if costs else 0
-    if rows > columns:
-        msg = f"at most as many rows as columns can be assigned, got {rows} x {columns}"
-        raise ValueError(msg)
-    row_price = [0.0] * rows
-    column_price = [0.0] * columns
-    row_of = [-1] * columns
-    for row in range(rows):
-        _bring_in(row, costs, row_price, column_price, row_of)
-    column_of = [0] * rows
-    for column, row in enumerate(row_of):
-        if row >= 0:
-            column_of[row] = column
-    return tuple(column_of)
+def least_cost_assignment(costs: Sequence[Mapping[int, float]]) -> tuple[int, ...]:
+    """The column of each row, no column twice. ``costs``: each row's finite costs by column.
+
+    ValueError where the rows cannot all be assigned. Equal costs go to the lower column.
+    """
+    row_price = [0.0] * len(costs)
+    column_price: dict[int, float] = {}
+    row_of: dict[int, int] = {}
+    for row in range(len(costs)):
+        _augment(row, costs, row_price=row_price, column_price=column_price, row_of=row_of)
+    column_of = {row: column for column, row in row_of.items()}
+    return tuple(column_of[row] for row in range(len(costs)))
 
 
-def _bring_in(
+def _augment(
     new_row: int,
-    costs: Sequence[Sequence[float]],
+    costs: Sequence[Mapping[int, float]],
+    *,
     row_price: list[float],
-    column_price: list[float],
-    row_of: list[int],
+    column_price: dict[int, float],
+    row_of: dict[int, int],
 ) -> None:
     """Assign one more row along the cheapest augmenting path, keeping every reduced cost non-negative."""
-    columns = len(row_of)
-    distance = [inf] * columns
-    came_from = [-1] * columns
-    done: list[int] = []
-    open_columns = list(range(columns))
-    row, reached, column = new_row, 0.0, -1
+    distance: dict[int, float] = {}
+    came_from: dict[int, int | None] = {}
+    done: dict[int, None] = {}
+    heap: list[tuple[float, int]] = []
+    row, reached, column = new_row, 0.0, None
     while True:
-        for j in open_columns:
-            through = reached + costs[row][j] - row_price[row] - column_price[j]
-            if through < distance[j]:
+        start = reached - row_price[row]
+        for j, cost in costs[row].items():
+            through = start + cost - column_price.get(j, 0.0)
+            if j not in done and (j not in distance or through < distance[j]):
                 distance[j], came_from[j] = through, column
-        column = min(open_columns, key=distance.__getitem__)
-        reached = distance[column]
-        open_columns.remove(column)
-        if row_of[column] < 0:
+                heappush(heap, (through, j))
+        while heap and heap[0][1] in done:
+            heappop(heap)
+        if not heap:
+            raise ValueError(f"row {new_row} cannot be assigned beside those before it")
+        reached, column = heappop(heap)
+        if column not in row_of:
             break
-        done.append(column)
+        done[column] = None
         row = row_of[column]
     row_price[new_row] += reached
     for j in done:
         row_price[row_of[j]] += reached - distance[j]
-        column_price[j] -= reached - distance[j]
-    while True:
-        before = came_from[column]
-        row_of[column] = new_row if before < 0 else row_of[before]
-        if before < 0:
-            break
+        column_price[j] = column_price.get(j, 0.0) - (reached - distance[j])
+    while (before := came_from[column]) is not None:
+        row_of[column] = row_of[before]
         column = before
+    row_of[column] = new_row

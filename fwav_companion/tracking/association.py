@@ -1,94 +1,153 @@
-"""Which fix of a frame is which target.
+"""Association of the fixes of a frame with tracks: global nearest neighbour (Blackman & Popoli 1999, ch. 6).
 
-Distances are weighed without the errors that belief and fix share (they move both alike), labels are kept apart, a
-detector's own id is believed as long as it is not absurd, and the rest is settled at the least total cost.
+The cost of a pair is minus twice the log of its likelihood against clutter and a missed detection. Errors that track
+and fix share cancel in the gate. Labels are kept apart; a detector's own id counts while the fix is not absurdly far.
 """
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Sequence
+from collections import Counter, defaultdict
+from collections.abc import Mapping, Sequence
+from itertools import chain
+from math import log, pi, sqrt
+from operator import itemgetter
 
 import msgspec
 
+from fwav_companion.geometry.vectors import cross, dot, subtract
 from fwav_companion.tracking.assignment import least_cost_assignment
+from fwav_companion.tracking.coarse_gate import possible_pairs
+from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.tracking.filters.base import TargetState
 from fwav_companion.tracking.filters.gates import GATE, ID_GATE
 from fwav_companion.types import GroundFix
 
-CLUTTER_LLR = 20.0
-"""Distance and spread together, beyond which a fix is likelier a false one than this target's: with one false detection
-in ten frames of 640 x 480 pixels and 4 px of noise, 2 log(640 * 480 / (0.1 * 2 pi * 16)). So a track that is hardly
-known where cannot take whatever comes."""
-
-
 CONFIRMED_BONUS = 8.0
-"""Of a believed track over a newborn: the newborn must be likelier by this, fifty to one, to take the fix from it."""
+"""Advantage of a confirmed track over a tentative one: the latter must be likelier by this, fifty to one, to take the
+fix from it."""
+DISPLACED_SIGMAS = 8.0
+"""Twice the gate: a camera late by three sigma displaces a fix by so much."""
+LEAST_NOISE_PX2 = 1e-3
+"""Lower bound of a fix's noise ellipse, square pixels: a detection that claims less is not believed."""
 
 
 class Candidate(msgspec.Struct, frozen=True):
-    """What association must know of a track."""
+    """A track as association sees it."""
 
     label: str
-    belief: TargetState
+    target: TargetState
     """Predicted to the frame."""
     detector_id: int | None
-    """The detector's id of the last fix it took."""
-    closer: TargetState | None = None
-    """A second, sharper and dearer, opinion, asked where the first leaves a choice."""
-    believed: bool = True
-    """It comes before a newborn that wants the same fix, unless the newborn is much the likelier of the two."""
+    """The detector's id of the track's last fix."""
+    refined: TargetState | None = None
+    """Self-calibrated prediction: more accurate and slower, evaluated only for ambiguous assignments."""
+    confirmed: bool = True
+    """Whether the track is confirmed."""
 
 
-def associate(candidates: Sequence[Candidate], fixes: Sequence[GroundFix]) -> dict[int, tuple[int, float]]:
-    """Candidate index -> fix index, each at most once, and how much likelier than a false one it is (a logarithm)."""
+class Clutter(msgspec.Struct, frozen=True):
+    """Log-likelihoods that a fix is compared with."""
+
+    false_per_px2: float
+    """False detections of a frame per square pixel."""
+    detection_odds: float
+    """Twice the log of the odds of a detection over a missed one, 0 at most."""
+
+    def llr_of(self, fix: GroundFix) -> float:
+        """CLUTTER_LLR of a fix: NIS plus log determinant ratio at which target and clutter are equally likely."""
+        return -2.0 * log(self.false_per_px2 * noise_area_px2(fix))
+
+
+def clutter(detector: DetectorModel, image_px2: float) -> Clutter:
+    """The clutter of a frame. ``image_px2``: area of the image, square pixels."""
+    probability = detector.detection_probability
+    return Clutter(detector.false_per_frame / image_px2, min(0.0, 2.0 * log(probability / (1.0 - probability))))
+
+
+def noise_area_px2(fix: GroundFix) -> float:
+    """2 pi sqrt(det R) of the fix's horizontal noise, in square pixels of its image.
+
+    A square pixel covers ``|d_du x d_dv| r^3 / h`` of level ground, at the slant range r from the height h.
+    """
+    (nn, ne, _), (_, ee, _), _ = fix.noise_cov
+    sight, ray = subtract(fix.position_ned, fix.sighting.camera_ned), fix.sighting.ray
+    solid = cross(ray.d_du, ray.d_dv)
+    range2 = dot(sight, sight)
+    ground_per_px2 = sqrt(dot(solid, solid) * range2) * range2 / max(abs(sight[2]), 1e-3)
+    return max(LEAST_NOISE_PX2, 2.0 * pi * sqrt(max(0.0, nn * ee - ne * ne)) / ground_per_px2)
+
+
+def associate(
+    candidates: Sequence[Candidate], fixes: Sequence[GroundFix], against: Clutter
+) -> dict[int, tuple[int, float]]:
+    """Candidate index -> fix index, each at most once, and the log-likelihood ratio of that fix against clutter."""
+    pairs = _possible(candidates, fixes)
+    clutter_llr = {j: against.llr_of(fixes[j]) + against.detection_odds for j in {j for _, j in pairs}}
     costs: dict[tuple[int, int], float] = {}
-    for j, fix in enumerate(fixes):
-        label = fix.sighting.detection.label
-        for i, candidate in enumerate(candidates):
-            if candidate.label == label:
-                cost = _cost(candidate, candidate.belief, fix)
-                if cost is not None:
-                    costs[i, j] = cost
-    costs = _looked_at_closer(costs, candidates, fixes)
-    ranked = {(i, j): cost - CONFIRMED_BONUS * candidates[i].believed for (i, j), cost in costs.items()}
-    return {i: (j, -0.5 * max(costs[i, j], -CLUTTER_LLR)) for i, j in _settled(ranked).items()}
-
-
-def _looked_at_closer(
-    costs: dict[tuple[int, int], float], candidates: Sequence[Candidate], fixes: Sequence[GroundFix]
-) -> dict[tuple[int, int], float]:
-    """The same, by the sharper opinion wherever a track or a fix has more than one partner to choose from."""
-    rows, columns = Counter(i for i, _ in costs), Counter(j for _, j in costs)
-    closer: dict[tuple[int, int], float] = {}
-    for (i, j), first_cost in costs.items():
-        belief = candidates[i].closer
-        chosen = rows[i] == 1 and columns[j] == 1
-        cost = first_cost if belief is None or chosen else _cost(candidates[i], belief, fixes[j])
+    for i, j in pairs:
+        cost = _cost(candidates[i], candidates[i].target, fixes[j], clutter_llr[j])
         if cost is not None:
-            closer[i, j] = cost
-    return closer
+            costs[i, j] = cost
+    costs = _refined(costs, candidates, fixes, clutter_llr)
+    taken = _assigned({(i, j): cost - CONFIRMED_BONUS * candidates[i].confirmed for (i, j), cost in costs.items()})
+    return {i: (j, 0.5 * (min(-costs[i, j], clutter_llr[j]) - against.detection_odds)) for i, j in taken.items()}
 
 
-def _cost(candidate: Candidate, belief: TargetState, fix: GroundFix) -> float | None:
-    """Negative, the lower the better; None: not this one."""
-    seen = belief.gate(fix)
+def may_be_displaced(target: TargetState, fix: GroundFix) -> bool:
+    """Whether a fix lies within DISPLACED_SIGMAS of a target, on both axes, without the vehicle's position errors."""
+    own, other, reach2 = target.relative_cov, fix.relative_cov, DISPLACED_SIGMAS**2
+    north, east, _ = subtract(fix.position_ned, target.apparent_ned)
+    return north * north <= reach2 * (own[0][0] + other[0][0]) and east * east <= reach2 * (own[1][1] + other[1][1])
+
+
+def _possible(candidates: Sequence[Candidate], fixes: Sequence[GroundFix]) -> list[tuple[int, int]]:
+    """Pairs of equal labels that the gate may accept, in the order of fixes and tracks."""
+    targets: defaultdict[str, list[tuple[int, TargetState]]] = defaultdict(list)
+    for i, candidate in enumerate(candidates):
+        targets[candidate.label].append((i, candidate.target))
+    by_label: defaultdict[str, list[tuple[int, GroundFix]]] = defaultdict(list)
+    for j, fix in enumerate(fixes):
+        by_label[fix.sighting.detection.label].append((j, fix))
+    pairs = (possible_pairs(targets[label], of_label) for label, of_label in by_label.items() if label in targets)
+    return sorted(chain.from_iterable(pairs), key=itemgetter(1, 0))
+
+
+def _refined(
+    costs: dict[tuple[int, int], float],
+    candidates: Sequence[Candidate],
+    fixes: Sequence[GroundFix],
+    clutter_llr: Mapping[int, float],
+) -> dict[tuple[int, int], float]:
+    """The costs by the self-calibrated prediction wherever a track or a fix has more than one partner."""
+    rows, columns = Counter(i for i, _ in costs), Counter(j for _, j in costs)
+    refined: dict[tuple[int, int], float] = {}
+    for (i, j), coarse in costs.items():
+        target = candidates[i].refined
+        unambiguous = rows[i] == 1 and columns[j] == 1
+        keeps = target is None or unambiguous
+        cost = coarse if keeps or target is None else _cost(candidates[i], target, fixes[j], clutter_llr[j])
+        if cost is not None:
+            refined[i, j] = cost
+    return refined
+
+
+def _cost(candidate: Candidate, target: TargetState, fix: GroundFix, clutter_llr: float) -> float | None:
+    """The cost of a pair: negative, the lower the better; None outside the gate."""
+    gated = target.gate(fix)
     detector_id = fix.sighting.detection.detector_id
     if detector_id is not None and detector_id == candidate.detector_id:
-        return seen.nis - 2.0 * ID_GATE if seen.nis < ID_GATE else None
-    unlikely = seen.nis + seen.log_det_ratio
-    return unlikely - CLUTTER_LLR if seen.nis < GATE and unlikely < CLUTTER_LLR else None
+        return gated.nis - 2.0 * ID_GATE if gated.nis < ID_GATE else None
+    cost = gated.nis + gated.log_det_ratio - clutter_llr
+    return cost if gated.nis < GATE and cost < 0.0 else None
 
 
-def _settled(costs: dict[tuple[int, int], float]) -> dict[int, int]:
-    """The least total cost, where staying alone costs nothing."""
-    if not costs:
-        return {}
+def _assigned(costs: dict[tuple[int, int], float]) -> dict[int, int]:
+    """The pairs of least total cost, where a pair that is left out costs nothing."""
     rows = sorted({i for i, _ in costs})
-    columns = sorted({j for _, j in costs})
-    if len(rows) == len(columns) == len(costs):  # nobody has a choice
+    if len(rows) == len({j for _, j in costs}) == len(costs):
         return dict(costs.keys())
-    table = [[costs.get((i, j), 0.0) for j in columns] + [0.0] * len(rows) for i in rows]
-    chosen = least_cost_assignment(table)
-    pairs = ((row, columns[c]) for row, c in zip(rows, chosen, strict=True) if c < len(columns))
-    return {i: j for i, j in pairs if (i, j) in costs}
+    by_row: dict[int, dict[int, float]] = {i: {-1 - i: 0.0} for i in rows}
+    for (i, j), cost in costs.items():
+        by_row[i][j] = cost
+    chosen = least_cost_assignment([by_row[i] for i in rows])
+    return {i: j for i, j in zip(rows, chosen, strict=True) if j >= 0}

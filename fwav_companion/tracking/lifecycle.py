@@ -1,111 +1,124 @@
-"""The life of a track: tentative, confirmed, coasting, dropped, and why.
+"""Life of a track: tentative, confirmed, coasting, dropped, and the reason.
 
-Only a frame that could have seen the target speaks against it. Time counts where frames are few, frames where they
-are many: a target is not given up for one second of a slow camera, nor kept for ten seconds of a fast one.
+The track score is a log-likelihood ratio, target against clutter, by a sequential test (Blackman & Popoli 1999, ch. 6).
+A detection adds the likelihood ratio of its fix, a missed detection log(1 - detection probability). Only frames that
+could have seen the target are looks; time without a look changes nothing. Missed looks at a confirmed track within
+LOOK_S count as one, and 15 of them delete any track.
 """
 
 from __future__ import annotations
 
+from math import log
+
 import msgspec
 
-from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs
+from fwav_companion.geometry.stamps import NS_PER_MS, HostNs, ns_from_s
+from fwav_companion.tracking.detector_model import MOST_PROBABLE, DetectorModel
 from fwav_companion.types import Reason, TrackState
 
-CONFIRMING_SIGHTS = 5
-"""Sights before a track is believed. With one false detection in ten frames, two of them within one gate of 1 m^2 on
-a footprint of 50 m^2 meet once in 500 frames; five of them never."""
-CONFIRMING_SCORE = 15.0
-"""Log-likelihood ratio of those sights against false detections, summed. A sight where it was expected within noise
-makes 8, one in a gate ten times as wide as the noise 4; chains of clutter in a wide gate make 1 each."""
-TENTATIVE_LOOKS = 10
-"""Frames within which those sights must have come."""
-TENTATIVE_MISSES = 3
-"""Frames in a row that saw nothing, which end a tentative track: a true one misses three of three once in 1000."""
-TENTATIVE_NS = 2 * NS_PER_S
-"""Unseen for so long, however few frames there were."""
+LEAST_DETECTIONS = 3
+"""Detections of a confirmed track, at least: two false ones may come from one cause."""
+DELETED_LLR = -4.6
+"""Score at which a track is deleted: log(0.01). At a detection probability of 0.7 a single detection ends after four
+missed ones."""
+KEPT_LOOKS = 14.5
+"""Missed looks in a row after which one more deletes a track that was detected often; at fast frame rates 3 s."""
+LOOK_S = 0.2
+"""Time of one independent look at a confirmed track, seconds: a wing beat of 5 Hz. What hides a target in one frame,
+as motion blur, hides it in the next."""
+PRIOR_LOOKS = 10.0
+"""Looks that the flight's detection probability is worth for a single track: a far target is detected less often."""
+
+TENTATIVE_FRAMES = 30
+TENTATIVE_S = 2.0
+"""Longest time without detection of a tentative track out of view: 30 frames, at fast frame rates those of 2 s."""
 
 COASTING_AFTER_NS = 250 * NS_PER_MS
 """Longer than a detector's usual gaps, shorter than a person takes to notice."""
 
-GIVE_UP_NS = 3 * NS_PER_S
-"""A believed target is given up after so much looking, with no sight between, that saw nothing."""
-LOOK_NS = 200 * NS_PER_MS
-"""What one look counts at most: between two frames a minute apart nobody looked for a minute. So it takes 15 looks."""
-
 
 class Life(msgspec.Struct, frozen=True, gc=False):
-    """One track's life so far. Immutable."""
+    """Life of one track until now. Immutable."""
 
     state: TrackState
     first_ns: HostNs
+    """Capture of the first frame that detected it, host clock."""
     last_seen_ns: HostNs
-    last_frame_ns: HostNs
-    sights: int = 1
-    score: float = 0.0
-    """How much likelier a target than clutter: a logarithm."""
+    """Capture of the last frame that detected it, host clock."""
+    log_likelihood_ratio: float = 0.0
+    """Track score: target against clutter."""
+    detections: int = 1
+    """Frames that detected it."""
     looks: int = 1
-    """Frames that saw it, or could have."""
+    """Frames that detected it, or could have."""
     misses: int = 0
-    """Looks in a row that saw nothing."""
-    missing_ns: int = 0
-    """The looking time of those."""
+    """Missed detections in a row."""
     confirmed_ns: HostNs | None = None
+    """Capture of the frame that confirmed it, host clock; None while tentative."""
     reason: Reason | None = None
+    """Reason of the deletion; None while alive."""
 
 
-def born(host_ns: HostNs) -> Life:
-    """After the first sight."""
-    return Life(TrackState.TENTATIVE, host_ns, host_ns, host_ns)
+def initiated(host_ns: HostNs) -> Life:
+    """The life of a track after its first detection."""
+    return Life(TrackState.TENTATIVE, host_ns, host_ns)
 
 
-def seen(life: Life, host_ns: HostNs, likelier: float) -> Life:
-    """After a frame that saw it, by a fix so much likelier its own than a false one (a logarithm)."""
-    sights, score = life.sights + 1, life.score + likelier
+def detected(life: Life, host_ns: HostNs, log_likelihood_ratio: float, detector: DetectorModel) -> Life:
+    """The life after a detection. ``log_likelihood_ratio``: of its fix, target against clutter."""
+    probability = _detection_probability(life, detector)
+    detections, llr = life.detections + 1, life.log_likelihood_ratio + log_likelihood_ratio + log(probability)
     confirmed_ns = life.confirmed_ns
-    if confirmed_ns is None and sights >= CONFIRMING_SIGHTS and score >= CONFIRMING_SCORE:
+    if confirmed_ns is None and detections >= LEAST_DETECTIONS and llr >= detector.confirming_llr:
         confirmed_ns = host_ns
     return Life(
         TrackState.TENTATIVE if confirmed_ns is None else TrackState.CONFIRMED,
         life.first_ns,
         host_ns,
-        host_ns,
-        sights,
-        score,
+        min(llr, DELETED_LLR - KEPT_LOOKS * log(1.0 - probability)),
+        detections,
         life.looks + 1,
         confirmed_ns=confirmed_ns,
     )
 
 
-def unseen(life: Life, host_ns: HostNs, *, looked: bool, keep_ns: int) -> Life:
-    """After a frame that did not see it; ``looked``: it could have. ``keep_ns``: how long a believed target is kept.
+def not_detected(life: Life, host_ns: HostNs, *, missed: bool, keep_ns: int, detector: DetectorModel) -> Life:
+    """The life after a frame without a fix of it; ``missed``: the frame could have seen it.
 
-    A tentative track is not given the benefit of the doubt: nobody knows yet where to look for it.
+    ``keep_ns``: time without detection after which a track is deleted, however few looks there were.
     """
-    looked = looked or life.confirmed_ns is None
-    life = msgspec.structs.replace(
-        life,
-        last_frame_ns=host_ns,
-        looks=life.looks + looked,
-        misses=life.misses + looked,
-        missing_ns=life.missing_ns + (min(host_ns - life.last_frame_ns, LOOK_NS) if looked else 0),
+    llr, misses = life.log_likelihood_ratio, life.misses
+    if missed:
+        share = 1.0 if life.confirmed_ns is None else min(1.0, detector.elapsed_s(host_ns) / LOOK_S)
+        llr, misses = llr + share * log(1.0 - _detection_probability(life, detector)), misses + 1
+    unseen_ns = host_ns - life.last_seen_ns
+    if life.confirmed_ns is None:
+        keep_ns = min(keep_ns, ns_from_s(max(TENTATIVE_S, TENTATIVE_FRAMES * detector.interval_s(host_ns))))
+    state, reason = life.state, None
+    if llr <= DELETED_LLR or unseen_ns > keep_ns:
+        state, reason = TrackState.DROPPED, _deletion(life, llr)
+    elif life.confirmed_ns is not None and unseen_ns > COASTING_AFTER_NS:
+        state = TrackState.COASTING
+    elif not missed:
+        return life
+    return msgspec.structs.replace(
+        life, state=state, log_likelihood_ratio=llr, looks=life.looks + missed, misses=misses, reason=reason
     )
-    reason = _end(life, host_ns - life.last_seen_ns, keep_ns)
-    if reason is not None:
-        return msgspec.structs.replace(life, state=TrackState.DROPPED, reason=reason)
-    if life.confirmed_ns is not None and host_ns - life.last_seen_ns > COASTING_AFTER_NS:
-        return msgspec.structs.replace(life, state=TrackState.COASTING)
-    return life
 
 
-def ended(life: Life, reason: Reason) -> Life:
-    """Dropped for a reason from outside."""
+def deleted(life: Life, reason: Reason) -> Life:
+    """The life ended by a reason from outside."""
     return msgspec.structs.replace(life, state=TrackState.DROPPED, reason=reason)
 
 
-def _end(life: Life, unseen_ns: int, keep_ns: int) -> Reason | None:
+def _deletion(life: Life, llr: float) -> Reason:
     if life.confirmed_ns is None:
-        hopeless = life.misses >= TENTATIVE_MISSES or life.looks >= TENTATIVE_LOOKS or unseen_ns > TENTATIVE_NS
-        return Reason.NEVER_CONFIRMED if hopeless else None
-    if life.missing_ns >= GIVE_UP_NS:
-        return Reason.NOT_SEEN
-    return Reason.NOT_SEEN_LONG if unseen_ns > keep_ns else None
+        return Reason.NEVER_CONFIRMED
+    return Reason.NOT_SEEN if llr <= DELETED_LLR else Reason.NOT_SEEN_LONG
+
+
+def _detection_probability(life: Life, detector: DetectorModel) -> float:
+    """The flight's detection probability, updated by this track's looks until its last detection."""
+    detections, looks = life.detections, life.looks - life.misses
+    mean = (PRIOR_LOOKS * detector.detection_probability + detections) / (PRIOR_LOOKS + looks)
+    return min(MOST_PROBABLE, mean)

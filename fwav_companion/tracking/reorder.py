@@ -26,6 +26,8 @@ class Settled(msgspec.Struct, frozen=True):
 
     view: FrameView
     tracks: tuple[Track, ...]
+    refused_fixes: int = 0
+    """Fixes that initiated no track because the table was full."""
 
 
 class _Placed(msgspec.Struct):
@@ -35,6 +37,11 @@ class _Placed(msgspec.Struct):
     before: Snapshot
     """The tracker before this frame."""
     tracks: tuple[Track, ...]
+    refused_fixes: int
+
+    def settled(self) -> Settled:
+        """The frame, ready to be written."""
+        return Settled(self.view, self.tracks, self.refused_fixes)
 
 
 class Reorder:
@@ -73,8 +80,8 @@ class Reorder:
             self._tracker.restore(self._placed[place].before)
             del self._placed[place:]
         for each in views:
-            before = self._tracker.snapshot()
-            self._placed.append(_Placed(each, before, self._tracker.on_frame(each)))
+            before, tracks = self._tracker.snapshot(), self._tracker.on_frame(each)
+            self._placed.append(_Placed(each, before, tracks, self._tracker.refused_fixes))
         return self._placed[-1].tracks
 
     def close(self, now_ns: HostNs) -> list[Settled]:
@@ -85,7 +92,7 @@ class Reorder:
 
     def drop_all(self, reason: Reason, view: FrameView) -> tuple[Track, ...]:
         """End every track and settle what waits: what was before is over, and nothing can be put into it."""
-        self._settled.extend(Settled(placed.view, placed.tracks) for placed in self._placed)
+        self._settled.extend(placed.settled() for placed in self._placed)
         self._placed = []
         self._settled_to_ns = max(view.host_ns, self._settled_to_ns or view.host_ns)
         return self._tracker.drop_all(reason, view)
@@ -93,7 +100,7 @@ class Reorder:
     def _settle(self, now_ns: HostNs) -> None:
         due = bisect_right(self._placed, now_ns - WINDOW_NS, key=lambda placed: placed.view.host_ns)
         for placed in self._placed[:due]:
-            self._settled.append(Settled(placed.view, placed.tracks))
+            self._settled.append(placed.settled())
             self._settled_to_ns = placed.view.host_ns
         del self._placed[:due]
 

@@ -1,4 +1,4 @@
-"""One live track between frames: what is known of it, how a fix changes it, and how it is told."""
+"""One live track between frames: its target, its life, and its report."""
 
 from __future__ import annotations
 
@@ -6,56 +6,76 @@ import msgspec
 
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Matrix3, norm, subtract
+from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.tracking.filters.base import TargetState
-from fwav_companion.tracking.lifecycle import Life, born, ended, seen
+from fwav_companion.tracking.lifecycle import Life, deleted, detected, initiated
 from fwav_companion.types import FrameView, GroundFix, Innovation, Reason, Track
 
 MOST_REPLACED = 16
-"""Of the ended tracks that a live one turned out to be, the last are remembered."""
+"""Most ids of merged tracks that a track keeps: the latest."""
 
 
 class LiveTrack(msgspec.Struct, frozen=True):
     """One live track. Immutable."""
 
     id: int
+    """Track number, counted from 1."""
     label: str
-    belief: TargetState
+    target: TargetState
+    """The filter's state, predicted to the newest frame."""
     life: Life
     detector_id: int | None = None
+    """The detector's id of the last fix that had one."""
     last_pixel: tuple[float, float] | None = None
+    """Pixel (u, v) of the last fix."""
     fix: GroundFix | None = None
-    """Of the newest frame."""
+    """Fix of the newest frame; None where the frame brought none."""
     slant_m: float = 0.0
-    """From the camera to it when it was last seen."""
+    """Distance from the camera at the last fix, metres."""
     level_sigma_m: float = 0.0
-    """Of the ground's level by the newest fix: the same in every fix, so no number of them takes it away."""
+    """One sigma of the ground's level by the newest fix, metres: the same in every fix, so it does not average out."""
     innovation: Innovation | None = None
-    """Of the newest frame's fix, where it is asked for."""
+    """Innovation of the newest frame's fix, where requested."""
     replaced_by: int | None = None
-    """The senior track that is the same target."""
+    """Id of the senior track of the same target."""
     replaces: tuple[int, ...] = ()
-    """Ended tracks that turned out to be this one."""
+    """Ids of tracks that were merged into this one."""
 
-    def seen_in(self, host_ns: HostNs, fix: GroundFix, likelier: float) -> LiveTrack:
-        """After a frame that saw it, by a fix so much likelier its own than a false one (a logarithm)."""
+    @property
+    def confirmed(self) -> bool:
+        """Whether the track is confirmed; also true after its deletion."""
+        return self.life.confirmed_ns is not None
+
+    def updated(
+        self, host_ns: HostNs, fix: GroundFix, log_likelihood_ratio: float, detector: DetectorModel
+    ) -> LiveTrack:
+        """The track after a frame with a fix of it. ``log_likelihood_ratio``: of the fix, target against clutter."""
         detection = fix.sighting.detection
-        detector_id = detection.detector_id if detection.detector_id is not None else self.detector_id
-        life = seen(self.life, host_ns, likelier)
-        after = _by_fix(self.id, self.label, self.belief.update(fix), life, detector_id, fix)
-        return msgspec.structs.replace(after, replaces=self.replaces) if self.replaces else after
+        return LiveTrack(
+            id=self.id,
+            label=self.label,
+            target=self.target.update(fix),
+            life=detected(self.life, host_ns, log_likelihood_ratio, detector),
+            detector_id=self.detector_id if detection.detector_id is None else detection.detector_id,
+            last_pixel=(detection.u, detection.v),
+            fix=fix,
+            slant_m=norm(subtract(fix.position_ned, fix.sighting.camera_ned)),
+            level_sigma_m=fix.level_sigma_m,
+            replaces=self.replaces,
+        )
 
-    def ended(self, reason: Reason) -> LiveTrack:
-        """Dropped for a reason from outside."""
-        return msgspec.structs.replace(self, life=ended(self.life, reason))
+    def deleted(self, reason: Reason) -> LiveTrack:
+        """The track ended by a reason from outside."""
+        return msgspec.structs.replace(self, life=deleted(self.life, reason))
 
-    def replacing(self, junior: LiveTrack) -> tuple[LiveTrack, LiveTrack]:
-        """With a junior that turned out to be the same target; and that one, ended."""
+    def merged(self, junior: LiveTrack) -> tuple[LiveTrack, LiveTrack]:
+        """The track after a junior of the same target was merged into it, and that junior, deleted."""
         replaces = (*self.replaces, *junior.replaces, junior.id)[-MOST_REPLACED:]
-        ended = msgspec.structs.replace(junior.ended(Reason.REPLACED), replaced_by=self.id)
+        ended = msgspec.structs.replace(junior.deleted(Reason.REPLACED), replaced_by=self.id)
         return msgspec.structs.replace(self, replaces=replaces), ended
 
-    def told(self, belief: TargetState, view: FrameView) -> Track:
-        """After this frame, by a belief that may be another than its own filter's."""
+    def report(self, target: TargetState, view: FrameView) -> Track:
+        """The track after this frame, at a ``target`` that may be another than its own filter's."""
         life = self.life
         return Track(
             id=self.id,
@@ -67,13 +87,13 @@ class LiveTrack(msgspec.Struct, frozen=True):
             host_ns=view.host_ns,
             boot_ns=view.boot_ns,
             frame=view.frame,
-            position_ned=belief.position_ned,
-            cov=_with_level(belief.cov, self.level_sigma_m),
-            apparent_ned=belief.apparent_ned,
+            position_ned=target.position_ned,
+            cov=_with_level(target.cov, self.level_sigma_m),
+            apparent_ned=target.apparent_ned,
             vehicle_ned=view.vehicle_ned,
-            relative_cov=_with_level(belief.relative_cov, self.level_sigma_m),
-            velocity_ned=belief.velocity_ned,
-            velocity_cov=belief.velocity_cov,
+            relative_cov=_with_level(target.relative_cov, self.level_sigma_m),
+            velocity_ned=target.velocity_ned,
+            velocity_cov=target.velocity_cov,
             fix=self.fix,
             innovation=self.innovation,
             first_host_ns=life.first_ns,
@@ -83,28 +103,15 @@ class LiveTrack(msgspec.Struct, frozen=True):
         )
 
 
-def initiate(number: int, fix: GroundFix, belief: TargetState, host_ns: HostNs) -> LiveTrack:
-    """A new track, by the fix that belongs to no other."""
-    detection = fix.sighting.detection
-    return _by_fix(number, detection.label, belief, born(host_ns), detection.detector_id, fix)
-
-
-def innovation(before: TargetState, fix: GroundFix) -> Innovation:
-    """How little a fix was expected of what was believed just before."""
-    north_m, east_m, _ = subtract(fix.position_ned, before.position_ned)
-    return Innovation(north_m, east_m, before.gate(fix).nis)
-
-
-def _by_fix(
-    number: int, label: str, belief: TargetState, life: Life, detector_id: int | None, fix: GroundFix
-) -> LiveTrack:
+def initiate(number: int, fix: GroundFix, target: TargetState, host_ns: HostNs) -> LiveTrack:
+    """A new track of a fix that belongs to no other."""
     detection = fix.sighting.detection
     return LiveTrack(
         id=number,
-        label=label,
-        belief=belief,
-        life=life,
-        detector_id=detector_id,
+        label=detection.label,
+        target=target,
+        life=initiated(host_ns),
+        detector_id=detection.detector_id,
         last_pixel=(detection.u, detection.v),
         fix=fix,
         slant_m=norm(subtract(fix.position_ned, fix.sighting.camera_ned)),
@@ -112,7 +119,13 @@ def _by_fix(
     )
 
 
+def innovation(before: TargetState, fix: GroundFix) -> Innovation:
+    """The innovation of a fix against the predicted target."""
+    north_m, east_m, _ = subtract(fix.position_ned, before.apparent_ned)
+    return Innovation(north_m, east_m, before.gate(fix).nis)
+
+
 def _with_level(cov: Matrix3, level_sigma_m: float) -> Matrix3:
-    """What is not known of the ground's own level stands in every fix, and so in the track."""
+    """The covariance with the variance of the ground's level, which every fix shares."""
     north, east, (down_north, down_east, down_down) = cov
     return (north, east, (down_north, down_east, down_down + level_sigma_m * level_sigma_m))

@@ -1,6 +1,8 @@
-"""The tracker of many targets: predict, associate, update, begin, end. One frame in, all tracks out."""
+"""The tracker of many targets: predict, associate, update, initiate, delete. One frame in, all tracks out."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import msgspec
 
@@ -8,40 +10,44 @@ from fwav_companion.geometry.small_matrices import horizontal_sigma
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.self_calibration.calibrator import Calibrator
 from fwav_companion.self_calibration.report import CalibrationReport
-from fwav_companion.tracking.association import Candidate, associate
+from fwav_companion.tracking.association import Candidate, associate, clutter, may_be_displaced
+from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.tracking.filters.base import Filter, TargetState
-from fwav_companion.tracking.lifecycle import unseen
+from fwav_companion.tracking.lifecycle import not_detected
 from fwav_companion.tracking.self_calibrated import CalibratedTargetState, MisplacedTargetState
 from fwav_companion.tracking.track_merging import TrackMerging
 from fwav_companion.tracking.track_state import LiveTrack, initiate, innovation
 from fwav_companion.tracking.visibility import is_missed_detection
 from fwav_companion.types import FrameView, GroundFix, Reason, Track, TrackState
 
-MAX_TRACKS = 20
-"""Live at once: twice what a pilot can care for, and what the assignment is sized for."""
+MAX_TRACKS = 200
+"""Live tracks at once. A frame has 256 detections at most."""
 
 
 class Snapshot(msgspec.Struct, frozen=True):
-    """All that a tracker knows: references to immutable things."""
+    """The state of a tracker: references to immutable objects."""
 
     alive: tuple[LiveTrack, ...] = ()
-    """By id."""
+    """Live tracks by id."""
     next_id: int = 1
     calibrator: Calibrator | None = None
-    """With self-calibration."""
+    """None without self-calibration."""
     beside: Snapshot | None = None
-    """Of the tracker that calibrates in the place of this one."""
-    doubles: TrackMerging = TrackMerging()
+    """State of the tracker that calibrates in the place of this one."""
+    merging: TrackMerging = TrackMerging()
+    detector: DetectorModel = DetectorModel()
+    refused_fixes: int = 0
+    """Fixes of the newest frame that initiated no track because the table was full."""
 
 
 class Tracker:
-    """Follows targets through frames that come in the order of their capture; :class:`Reorder` sees to that."""
+    """Follows targets through frames in the order of their capture, which :class:`Reorder` ensures."""
 
     __slots__ = ("_beside", "_corrects", "_filter", "_keep_ns", "_patience_ns", "_state", "reports_innovations")
 
     def __init__(
         self,
-        belief_filter: Filter,
+        target_filter: Filter,
         keep_ns: int,
         calibrator: Calibrator | None = None,
         *,
@@ -49,14 +55,14 @@ class Tracker:
         patience_ns: int = 0,
         beside: Tracker | None = None,
     ) -> None:
-        """``corrects``: what self-calibration finds moves the tracks; otherwise it is only told.
+        """``corrects``: whether the result of self-calibration moves the tracks, or is only reported.
 
-        ``patience_ns``: how old a track must be before it teaches. ``beside``: a tracker of the same frames that
-        calibrates in the place of this one.
+        ``patience_ns``: least age of a track that teaches. ``beside``: a tracker of the same frames that calibrates in
+        the place of this one.
         """
         self.reports_innovations = False
-        """Whether tracks tell how little their fixes were expected: work that flying has no use for."""
-        self._filter = belief_filter
+        """Whether tracks report innovations, which flying does not use."""
+        self._filter = target_filter
         self._keep_ns = keep_ns
         self._corrects = corrects
         self._patience_ns = patience_ns
@@ -65,160 +71,198 @@ class Tracker:
 
     @property
     def calibration(self) -> CalibrationReport | None:
-        """What self-calibration knows; None without it."""
+        """The report of self-calibration; None without it."""
         calibrator = self._calibrator
         return None if calibrator is None else calibrator.report()
+
+    @property
+    def refused_fixes(self) -> int:
+        """Number of fixes of the newest frame that initiated no track because the table was full."""
+        return self._state.refused_fixes
 
     @property
     def _calibrator(self) -> Calibrator | None:
         return self._state.calibrator if self._beside is None else self._beside._calibrator
 
     def snapshot(self) -> Snapshot:
-        """The present state, to come back to."""
+        """The present state, to return to."""
         return self._state
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Back to an earlier state, ids included: the same frames then give the same tracks again."""
+        """Return to an earlier state, ids included: the same frames then give the same tracks again."""
         self._state = snapshot
         if self._beside is not None and snapshot.beside is not None:
             self._beside.restore(snapshot.beside)
 
     def on_frame(self, view: FrameView) -> tuple[Track, ...]:
-        """All tracks after this frame, by id; those that it ended are in it, told once."""
+        """All tracks after this frame, by id; a track that the frame deleted is among them once."""
         if self._beside is not None:
             self._beside.on_frame(view)
-        alive = tuple(
-            msgspec.structs.replace(track, belief=track.belief.predict(view.host_ns), fix=None, innovation=None)
-            for track in self._state.alive
-        )
-        taken = self._associated(alive, view.fixes)
-        kept = [self._after(track, taken.get(track.id), view) for track in alive]
-        doubles = self._state.doubles.seen(alive, kept, self._seen_as)
-        kept = doubles.settled(kept)
+        state = self._state
+        predicted = [
+            msgspec.structs.replace(track, target=track.target.predict(view.host_ns), fix=None, innovation=None)
+            for track in state.alive
+        ]
+        taken = self._associated(predicted, view)
+        unseen = {track.id: self._unseen(track, view) for track in predicted if track.id not in taken}
+        missed = [
+            track for track in predicted if track.id in unseen and unseen[track.id].life.misses > track.life.misses
+        ]
+        absent = [track for track in missed if track.confirmed]
+        after = [
+            unseen[track.id] if track.id in unseen else self._seen(track, *taken[track.id], view, absent)
+            for track in predicted
+        ]
+        elapsed_ns = view.host_ns - (state.detector.last_ns or view.host_ns)
+        merging = state.merging.after_frame(after, [track.id for track in missed], elapsed_ns, self._best_target)
         used = {id(fix) for fix, _ in taken.values()}
-        tracks, next_id = self._with_newborn(kept, [fix for fix in view.fixes if id(fix) not in used], view.host_ns)
+        unassociated = [fix for fix in view.fixes if id(fix) not in used]
+        tracks, refused = self._with_new(list(merging.merged(after)), unassociated, view.host_ns)
+        next_id = state.next_id + len(unassociated) - refused
+        detector = _detector_after(state.detector, view.host_ns, predicted, after, new_fixes=len(unassociated))
         living = tuple(track for track in tracks if track.life.state is not TrackState.DROPPED)
-        self._state = Snapshot(living, next_id, self._learned(view, living), self._besides(), doubles)
-        return tuple(self._told(track, view) for track in tracks)
+        calibrator = self._taught(view, living)
+        self._state = Snapshot(living, next_id, calibrator, self._beside_state(), merging, detector, refused)
+        return tuple(self._reported(track, view) for track in tracks)
 
     def drop_all(self, reason: Reason, view: FrameView) -> tuple[Track, ...]:
-        """End every track, as of the newest frame; their ids are not used again."""
-        dropped = tuple(
-            msgspec.structs.replace(track.ended(reason), fix=None, innovation=None) for track in self._state.alive
-        )
-        told = tuple(self._told(track, view) for track in dropped)
-        calibrator = self._state.calibrator
-        restarted = None if calibrator is None else calibrator.restarted()
+        """Delete every track, as of the newest frame; their ids are not used again."""
+        state = self._state
+        dropped = [msgspec.structs.replace(track.deleted(reason), fix=None, innovation=None) for track in state.alive]
+        reported = tuple(self._reported(track, view) for track in dropped)
+        restarted = None if state.calibrator is None else state.calibrator.restarted()
         if self._beside is not None:
             self._beside.drop_all(reason, view)
-        self._state = Snapshot((), self._state.next_id, restarted, self._besides())
-        return told
+        self._state = Snapshot((), state.next_id, restarted, self._beside_state(), detector=state.detector)
+        return reported
 
-    def _besides(self) -> Snapshot | None:
+    def _beside_state(self) -> Snapshot | None:
         return None if self._beside is None else self._beside.snapshot()
 
-    def _associated(
-        self, alive: tuple[LiveTrack, ...], fixes: tuple[GroundFix, ...]
-    ) -> dict[int, tuple[GroundFix, float]]:
-        """Track id -> its fix, and how much likelier it is than a false one.
-
-        Newborns yield to believed tracks: they must not take a known target's fix.
-        """
-        if not (alive and fixes):
+    def _associated(self, tracks: Sequence[LiveTrack], view: FrameView) -> dict[int, tuple[GroundFix, float]]:
+        """The fix of each track that has one, by id, and the fix's log-likelihood ratio against clutter."""
+        if not (tracks and view.fixes):
             return {}
         candidates = [
-            Candidate(
-                track.label,
-                track.belief,
-                track.detector_id,
-                self._calibrated(track),
-                track.life.confirmed_ns is not None,
-            )
-            for track in alive
+            Candidate(track.label, track.target, track.detector_id, self._calibrated(track), track.confirmed)
+            for track in tracks
         ]
-        return {alive[i].id: (fixes[j], likelier) for i, (j, likelier) in associate(candidates, fixes).items()}
+        pairs = associate(candidates, view.fixes, clutter(self._state.detector, view.image_px2))
+        return {tracks[i].id: (view.fixes[j], llr) for i, (j, llr) in pairs.items()}
 
-    def _after(self, track: LiveTrack, taken: tuple[GroundFix, float] | None, view: FrameView) -> LiveTrack:
-        if taken is None:
-            place_ned = self._seen_as(track).position_ned
-            looked = is_missed_detection(view, track.label, place_ned, self._margin_m(track))
-            life = unseen(track.life, view.host_ns, looked=looked, keep_ns=self._keep_ns)
-            return msgspec.structs.replace(track, life=life)
-        after = track.seen_in(view.host_ns, *taken)
+    def _unseen(self, track: LiveTrack, view: FrameView) -> LiveTrack:
+        """The track after a frame without a fix of it."""
+        missed = is_missed_detection(view, track.label, self._best_target(track), self._margin_m(track))
+        detector = self._state.detector
+        life = not_detected(track.life, view.host_ns, missed=missed, keep_ns=self._keep_ns, detector=detector)
+        return track if life is track.life else msgspec.structs.replace(track, life=life)
+
+    def _seen(
+        self, track: LiveTrack, fix: GroundFix, llr: float, view: FrameView, absent: Sequence[LiveTrack]
+    ) -> LiveTrack:
+        """The track after a frame with a fix of it. ``absent``: confirmed tracks that the frame missed.
+
+        A fix near one of them may be that target's, displaced by more than its errors: it is no evidence for a new one.
+        """
+        if not track.confirmed and any(
+            may_be_displaced(each.target, fix) for each in absent if each.label == track.label
+        ):
+            llr = min(llr, 0.0)
+        after = track.updated(view.host_ns, fix, llr, self._state.detector)
         if not self.reports_innovations:
             return after
-        return msgspec.structs.replace(after, innovation=innovation(self._seen_as(track), taken[0]))
+        return msgspec.structs.replace(after, innovation=innovation(self._best_target(track), fix))
 
-    def _margin_m(self, track: LiveTrack) -> float:
-        """How far beside the track the target may show: by what is not known of the mount, or by what was found."""
+    def _margin_m(self, track: LiveTrack) -> float | None:
+        """Distance by which the mount error, as estimated and as unknown, may move the target in the image, metres.
+
+        None for a tentative track: the likelihood ratio of clutter is 1 on average only where every look counts.
+        """
+        if not track.confirmed:
+            return None
         calibrator = self._calibrator if self._corrects else None
         return 0.0 if calibrator is None else calibrator.mount_off * track.slant_m
 
-    def _with_newborn(
-        self, tracks: list[LiveTrack], fixes: list[GroundFix], host_ns: HostNs
+    def _with_new(
+        self, tracks: list[LiveTrack], fixes: Sequence[GroundFix], host_ns: HostNs
     ) -> tuple[list[LiveTrack], int]:
-        """New tracks for fixes that belong to none; where the table is full the least certain tentative one yields."""
-        next_id = self._state.next_id
-        newborn_from = next_id
-        for fix in fixes:
-            if _living(tracks) >= MAX_TRACKS and not _make_room(tracks, newborn_from):
-                break
+        """The tracks with one initiated for each of these fixes, and the number of fixes that found the table full."""
+        room = MAX_TRACKS - sum(track.life.state is not TrackState.DROPPED for track in tracks)
+        yielding = _weakest_first(tracks) if len(fixes) > room else []
+        for i in yielding[: max(0, len(fixes) - room)]:
+            tracks[i] = tracks[i].deleted(Reason.TOO_MANY_TRACKS)
+        number = min(len(fixes), room + len(yielding))
+        for next_id, fix in enumerate(fixes[:number], self._state.next_id):
             tracks.append(initiate(next_id, fix, self._filter.initiate(fix), host_ns))
-            next_id += 1
-        return tracks, next_id
+        return tracks, len(fixes) - number
 
-    def _learned(self, view: FrameView, living: tuple[LiveTrack, ...]) -> Calibrator | None:
+    def _taught(self, view: FrameView, living: tuple[LiveTrack, ...]) -> Calibrator | None:
+        """Self-calibration after this frame; None without it. Confirmed tracks teach: clutter does not."""
         calibrator = self._state.calibrator
         if calibrator is None:
             return None
-        old = [track for track in living if view.host_ns - track.life.first_ns >= self._patience_ns]
+        old = [t for t in living if t.confirmed and view.host_ns - t.life.first_ns >= self._patience_ns]
         fixes = [(track.id, track.fix) for track in old if track.fix is not None]
         return calibrator.learned(view.host_ns, view.fixes, fixes, {track.id for track in old})
 
     def _calibrated(self, track: LiveTrack) -> CalibratedTargetState | None:
-        """The track by the joint estimate, where that holds the target and may correct it."""
+        """The target by the joint estimate, where that holds it and may correct it."""
         calibrator = self._state.calibrator if self._corrects else None
         placed = None if calibrator is None else calibrator.placed(track.id)
         if calibrator is None or placed is None:
             return None
-        return CalibratedTargetState(calibrator, track.id, placed, track.belief)
+        return CalibratedTargetState(calibrator, track.id, placed, track.target)
 
-    def _told(self, track: LiveTrack, view: FrameView) -> Track:
-        """As others see it. While the mount is known to be wrong it is told in doubt, and single fixes are not told."""
-        misplaced_m = 0.0 if self._calibrator is None else self._calibrator.misplaced_m
+    def _reported(self, track: LiveTrack, view: FrameView) -> Track:
+        """The track's report. While the mount is known to be wrong, it has no fix, and its covariance is inflated."""
+        calibrator = self._calibrator
+        misplaced_m = 0.0 if calibrator is None else calibrator.misplaced_m
         if misplaced_m == 0.0:
-            return track.told(self._seen_as(track), view)
-        doubted = msgspec.structs.replace(track, fix=None, innovation=None)
-        return doubted.told(MisplacedTargetState(self._seen_as(track), misplaced_m), view)
+            return track.report(self._best_target(track), view)
+        without_fix = msgspec.structs.replace(track, fix=None, innovation=None)
+        return without_fix.report(MisplacedTargetState(self._best_target(track), misplaced_m), view)
 
-    def _seen_as(self, track: LiveTrack) -> TargetState:
-        """The track by the surer of its own filter and the joint estimate: a flight may show the latter little.
+    def _best_target(self, track: LiveTrack) -> TargetState:
+        """The target by the surer of its own filter and the joint estimate.
 
-        A filter that rests on a prior which the flight denies is sure of nothing.
+        A filter whose prior the flight denies does not count as sure.
         """
         calibrated, calibrator = self._calibrated(track), self._calibrator
         if calibrated is None or calibrator is None:
-            return track.belief
-        surer = horizontal_sigma(track.belief.cov) < horizontal_sigma(calibrated.cov)
-        return track.belief if surer and not calibrator.denied else calibrated
+            return track.target
+        surer = horizontal_sigma(track.target.cov) < horizontal_sigma(calibrated.cov)
+        return track.target if surer and not calibrator.denied else calibrated
 
 
-def _living(tracks: list[LiveTrack]) -> int:
-    return sum(track.life.state is not TrackState.DROPPED for track in tracks)
+def _weakest_first(tracks: Sequence[LiveTrack]) -> list[int]:
+    """Places of the tracks without a fix in this frame that yield to a new one, in that order.
 
-
-def _make_room(tracks: list[LiveTrack], newborn_from: int) -> bool:
-    """End a track that this frame did not see: the least certain tentative one, else the one that was out of sight the
-    longest, so that what is remembered does not blind to what is there. False where all were seen, or just born.
+    Tentative ones first, by their score; then coasting ones, the one unseen the longest first, so that tracks out of
+    view do not keep new targets out.
     """
-    unseen_now = [i for i, track in enumerate(tracks) if track.fix is None and track.id < newborn_from]
-    tentative = [i for i in unseen_now if tracks[i].life.state is TrackState.TENTATIVE]
-    coasting = [i for i in unseen_now if tracks[i].life.state is TrackState.COASTING]
-    if tentative:
-        yields = max(tentative, key=lambda i: horizontal_sigma(tracks[i].belief.cov))
-    elif coasting:
-        yields = min(coasting, key=lambda i: tracks[i].life.last_seen_ns)
-    else:
-        return False
-    tracks[yields] = tracks[yields].ended(Reason.TOO_MANY_TRACKS)
-    return True
+    unseen = [(track.life, i) for i, track in enumerate(tracks) if track.fix is None]
+    tentative = [
+        (life.log_likelihood_ratio, life.last_seen_ns, i) for life, i in unseen if life.state is TrackState.TENTATIVE
+    ]
+    coasting = [(life.last_seen_ns, i) for life, i in unseen if life.state is TrackState.COASTING]
+    return [i for *_, i in sorted(tentative)] + [i for _, i in sorted(coasting)]
+
+
+def _detector_after(
+    detector: DetectorModel,
+    host_ns: HostNs,
+    before: Sequence[LiveTrack],
+    after: Sequence[LiveTrack],
+    *,
+    new_fixes: int,
+) -> DetectorModel:
+    """The detector model after a frame. ``new_fixes``: fixes that belonged to no track."""
+    hits, looks, false = 0, 0, new_fixes
+    for old, new in zip(before, after, strict=True):
+        if new.fix is not None and old.confirmed:
+            hits, looks = hits + 1, looks + 1 + old.life.misses
+        elif new.confirmed and not old.confirmed:
+            false -= 1
+        elif new.life.reason is Reason.NEVER_CONFIRMED and new.life.misses:
+            false += new.life.detections - 1
+    return detector.after_frame(host_ns, detected=hits, looks=looks, false=false)

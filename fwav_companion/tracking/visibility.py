@@ -1,32 +1,37 @@
-"""Whether a frame that brought no fix of a target speaks against it."""
+"""Missed detections: whether a frame without a fix of a target could have seen it."""
 
 from __future__ import annotations
 
+from fwav_companion.geometry.small_matrices import horizontal_sigma
 from fwav_companion.geometry.vectors import Vector3, dot, norm, subtract, transform
+from fwav_companion.tracking.filters.base import TargetState
 from fwav_companion.types import FrameView, Sighting
 
 AROUND = ((1.0, 0.0), (-0.5, 0.866), (-0.5, -0.866))
 """Three directions: an edge of the image that cuts the circle's inner half cuts one of them off."""
 TOWARD_COSINE = 0.985
-"""10 degrees: a delay of 50 ms turns a sight by 8 at the swiftest of a beat of 5 degrees at 5 Hz."""
+"""10 degrees: a delay of 50 ms turns a sight by 8 degrees at the fastest of a beat of 5 degrees at 5 Hz."""
 
 
-def is_missed_detection(view: FrameView, label: str, place_ned: Vector3, margin_m: float) -> bool:
-    """It would show a target there, or up to ``margin_m`` beside, and shows nothing that may be this one."""
-    return _would_show(view, place_ned, margin_m) and not any(
-        sighting.detection.label == label and _is_toward(sighting, place_ned) for sighting in view.unplaced
-    )
+def is_missed_detection(view: FrameView, label: str, target: TargetState, margin_m: float | None) -> bool:
+    """Whether the frame covers the target and has no sighting that may be its own.
 
-
-def _would_show(view: FrameView, place_ned: Vector3, margin_m: float) -> bool:
-    north, east, down = place_ned
-    return view.could_see(place_ned) and (
-        margin_m == 0.0 or all(view.could_see((north + margin_m * n, east + margin_m * e, down)) for n, e in AROUND)
-    )
+    The frame must cover the target's position, and, unless ``margin_m`` is None, its surroundings of one sigma and of
+    ``margin_m``.
+    """
+    place_ned = target.apparent_ned
+    if not view.could_see(place_ned):
+        return False
+    if margin_m is not None:
+        margin_m += horizontal_sigma(target.relative_cov)
+        north, east, down = place_ned
+        if not all(view.could_see((north + margin_m * n, east + margin_m * e, down)) for n, e in AROUND):
+            return False
+    return not any(sighting.detection.label == label and _is_toward(sighting, place_ned) for sighting in view.unplaced)
 
 
 def _is_toward(sighting: Sighting, place_ned: Vector3) -> bool:
-    """Something was seen about there. Where it stands nobody can tell, at a shallow angle say; but it was seen."""
+    """Whether a sighting without a fix, as a too shallow one, is in the direction of this place."""
     seen = transform(sighting.ned_from_camera, sighting.ray.direction)
     to_place = subtract(place_ned, sighting.camera_ned)
     return dot(seen, to_place) >= TOWARD_COSINE * norm(to_place)

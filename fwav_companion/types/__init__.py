@@ -39,6 +39,8 @@ from fwav_companion.types.telemetry import (
     HeightSource,
     PositionSample,
     RangeSample,
+    TakeOff,
+    TakeOffSource,
     VehicleState,
 )
 from fwav_companion.types.tracks import FrameView, Innovation, Track, TrackState
@@ -85,6 +87,8 @@ __all__ = [
     "Sighting",
     "Situation",
     "StampClock",
+    "TakeOff",
+    "TakeOffSource",
     "Track",
     "TrackState",
     "Unpaired",

@@ -34,6 +34,8 @@ class ClockReport(msgspec.Struct, frozen=True, kw_only=True):
     """Best round trip."""
     status: str = "unknown"
     """A :class:`~fwav_companion.types.ClockStatus`."""
+    doubtful: bool = False
+    """Whether LANDING_TARGET rests because of it."""
 
 
 class OriginReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -95,6 +97,8 @@ class TelemetryReport(AttitudeReport, frozen=True, kw_only=True):
     refused: dict[str, int] = {}
     """Messages that could not be used, by name."""
     reboots: int = 0
+    gimbal_unused: int | None = None
+    """gimbal_device_id of a gimbal that is heard while none is configured."""
     gimbal: GimbalReport | None = None
 
 
@@ -117,6 +121,10 @@ class GroundReport(msgspec.Struct, frozen=True, kw_only=True):
     """terrain: vertical datum of the files."""
     shift_m: float | UnsetType = UNSET
     """terrain: shift of the model to the take-off height, metres."""
+    shift_sigma_m: float | UnsetType | None = UNSET
+    """terrain: one sigma of the level by this shift, metres; null: not placed yet."""
+    shift_source: str | UnsetType | None = UNSET
+    """terrain: a :class:`~fwav_companion.types.TakeOffSource`; null likewise."""
     trouble: str | UnsetType | None = UNSET
     """terrain: reason why the model gives no fixes."""
 
@@ -144,6 +152,16 @@ class AgreementReport(msgspec.Struct, frozen=True, kw_only=True):
     label: str = ""
 
 
+class ReadoutReport(msgspec.Struct, frozen=True, kw_only=True):
+    """Part of the error of fixes by an unknown readout."""
+
+    matters: bool = False
+    by_readout_m: float = 0.0
+    """One sigma by the readout alone, metres."""
+    sigma_m: float = 0.0
+    """One sigma of fixes relative to the vehicle, metres."""
+
+
 class SightReport(msgspec.Struct, frozen=True, kw_only=True):
     """From detections to fixes."""
 
@@ -154,6 +172,7 @@ class SightReport(msgspec.Struct, frozen=True, kw_only=True):
     """Elevation of the optical axis above the horizon."""
     heard: HeardReport = HeardReport()
     agreement: AgreementReport = AgreementReport()
+    readout: ReadoutReport = ReadoutReport()
 
 
 class SelfCalibrationReport(msgspec.Struct, frozen=True, kw_only=True):

@@ -51,6 +51,9 @@ class NoticeCode(StrEnum):
     AUTOPILOT_LOST = "autopilot_lost"
     AUTOPILOT_BACK = "autopilot_back"
     AUTOPILOT_REBOOTED = "autopilot_rebooted"
+    CLOCK_SLIPPED = "clock_slipped"
+    CLOCK_RATE = "clock_rate"
+    """The autopilot's clock runs at another rate than a crystal's, or at a crystal's again."""
 
     READY = "ready"
     NOT_READY_PICTURES_REFUSED = "not_ready_pictures_refused"
@@ -73,6 +76,8 @@ class NoticeCode(StrEnum):
     COT_WITHOUT_UTC = "cot_without_utc"
 
     ORIGIN_SET = "origin_set"
+    GIMBAL_UNUSED = "gimbal_unused"
+    """A gimbal is heard, and the camera is configured as fixed."""
     RELATIVE_WORLD = "relative_world"
     HOME_MOVED = "home_moved"
     TERRAIN_PLACED = "terrain_placed"
@@ -90,6 +95,8 @@ class NoticeCode(StrEnum):
     INTERVALS_UNKNOWN = "intervals_unknown"
     """The autopilot has no SET_MESSAGE_INTERVAL."""
 
+    READOUT_UNKNOWN = "readout_unknown"
+    """The unknown readout limits the accuracy."""
     MOUNT_MISTAKE = "mount_mistake"
     CALIBRATION_RESULT = "calibration_result"
     CALIBRATION_DROPPED = "calibration_dropped"

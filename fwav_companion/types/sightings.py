@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import IntEnum
+from typing import Protocol
 
 import msgspec
 
@@ -128,6 +129,22 @@ class NoFix(msgspec.Struct, frozen=True):
     reason: Reason
 
 
+class FixErrors(Protocol):
+    """Covariances and budget of a fix, computed when they are first asked for."""
+
+    @property
+    def cov(self) -> Matrix3:
+        """Total covariance: noise and all biases, NED, m^2."""
+
+    @property
+    def relative_cov(self) -> Matrix3:
+        """Covariance of the target relative to the vehicle, NED, m^2: without the error of the vehicle's position."""
+
+    @property
+    def budget(self) -> ErrorBudget:
+        """One sigma of the horizontal position by cause."""
+
+
 class GroundFix(msgspec.Struct, frozen=True, gc=False):
     """Intersection of one sighting's ray with the ground, and its error model: noise and biases apart.
 
@@ -143,13 +160,25 @@ class GroundFix(msgspec.Struct, frozen=True, gc=False):
     """Covariance of the errors that are independent in every fix, NED, m^2."""
     bias_jacobian: tuple[Vector3, ...]
     """d(position_ned)/d(bias), one column for each :class:`Bias`: estimate minus truth per unit of error."""
-    cov: Matrix3
-    """Total covariance: noise and all biases, NED, m^2."""
-    relative_cov: Matrix3
-    """Covariance of the target relative to the vehicle, NED, m^2: without the error of the vehicle's position."""
-    budget: ErrorBudget
+    errors: FixErrors
+    """Covariances and budget, computed when they are first asked for."""
     ground: str
     """Ground model of the intersection: home, fixed, rangefinder or terrain."""
     level_sigma_m: float = 0.0
     """One sigma of the ground's level, down, metres. It is not among the biases. Its square is part of ``cov``
     and ``relative_cov``, not of ``noise_cov``: the error is the same in every fix and does not average out."""
+
+    @property
+    def cov(self) -> Matrix3:
+        """Total covariance: noise and all biases, NED, m^2."""
+        return self.errors.cov
+
+    @property
+    def relative_cov(self) -> Matrix3:
+        """Covariance of the target relative to the vehicle, NED, m^2: without the error of the vehicle's position."""
+        return self.errors.relative_cov
+
+    @property
+    def budget(self) -> ErrorBudget:
+        """One sigma of the horizontal position by cause."""
+        return self.errors.budget

@@ -70,6 +70,10 @@ class PipelineStatus(msgspec.Struct, frozen=True, kw_only=True):
     fixes: int = 0
     dropped: dict[str, int] = {}
     """Frames or detections by the reason of their refusal."""
+    dropped_frames: dict[str, int] = {}
+    """The same of frames that were refused as a whole."""
+    dropped_detections: dict[str, int] = {}
+    """The same of detections in frames that were used."""
 
     @property
     def seen(self) -> SightReport:

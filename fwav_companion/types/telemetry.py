@@ -71,6 +71,8 @@ class ClockStatus(StrEnum):
     SETTLING = "settling"
     """Few TIMESYNC responses were received."""
     SETTLED = "settled"
+    FOLLOWED = "followed"
+    """The clock slips, or runs at another rate than a crystal's: it is followed response by response."""
 
 
 class ClockEstimate(msgspec.Struct, frozen=True):
@@ -83,9 +85,38 @@ class ClockEstimate(msgspec.Struct, frozen=True):
     sigma_s: float
     """One sigma of the offset, seconds, for symmetric delays."""
     bound_s: float
-    """Hard bound of the error, seconds: half the best round trip, plus 600 ppm of the time since."""
+    """Hard bound of the error, seconds: half the best round trip, plus 600 ppm of the time since; of a followed clock,
+    plus the largest rate error that round trips allow."""
     round_trip_s: float | None
     status: ClockStatus
+    doubtful: bool = False
+    """Whether the newest responses contradict this estimate, or a followed clock slips by more than it allows to aim:
+    LANDING_TARGET rests."""
+
+    @property
+    def rate(self) -> float:
+        """Autopilot seconds per host second."""
+        return 1.0 - self.skew
+
+
+class TakeOffSource(StrEnum):
+    """How the take-off place is known, from the weakest to the strongest."""
+
+    ASSUMED = "assumed"
+    """Where the vehicle was first heard: it may have been in the air."""
+    STANDING = "standing"
+    """A disarmed vehicle at rest."""
+    ARMING = "arming"
+    """Where the vehicle was armed."""
+    HOME_POSITION = "home_position"
+
+
+class TakeOff(msgspec.Struct, frozen=True):
+    """The take-off place as far as it is known."""
+
+    place: Geodetic
+    """Its altitude is that of the ground."""
+    source: TakeOffSource
 
 
 class GimbalAt(msgspec.Struct, frozen=True, gc=False):

@@ -47,6 +47,22 @@ class GateResult(msgspec.Struct, frozen=True, gc=False):
     """Log of the determinant ratio of innovation covariance to the fix's own noise, horizontal."""
 
 
+class GateShare(msgspec.Struct, frozen=True, gc=False):
+    """Share of a track, or of a fix, in the innovation's variance along north and east.
+
+    With the shares a and b that variance is at most ``a.nn + b.nn + |a.north - b.north|^2``, and alike for east.
+    """
+
+    nn: float
+    """Variance of the errors that the other does not share, north, m^2."""
+    ee: float
+    """The same, east, m^2."""
+    north: tuple[float, ...]
+    """Sensitivity of the north component to shared errors of unit variance, metres."""
+    east: tuple[float, ...]
+    """The same of the east component."""
+
+
 OUTSIDE_GATE = GateResult(inf, 0.0)
 """The result of a fix outside the coarse gate."""
 
@@ -114,3 +130,5 @@ class FrameView(msgspec.Struct, frozen=True):
     """Vehicle's position at the capture as reported, local NED, metres; None where it is not known."""
     unplaced: tuple[Sighting, ...] = ()
     """Sightings without a fix, as too shallow ones."""
+    image_px2: float = 640.0 * 480.0
+    """Area of the image, square pixels of the calibration."""

@@ -33,6 +33,10 @@ class StampClocks(Protocol):
     def host_from_monotonic(self, monotonic_s: float) -> HostNs | NoFrame:
         """The host instant of a ``time_monotonic``."""
 
+    @property
+    def boot_is_unix(self) -> bool:
+        """Whether the autopilot's clock is known to count from 1970, as that of PX4's simulators does."""
+
 
 class ClockStep(msgspec.Struct, frozen=True):
     """A step of the wall clock."""
@@ -76,6 +80,11 @@ class WallClock:
                 return NoFrame(Reason.ACROSS_CLOCK_STEP, f"the wall clock was set by {step.size_s:+.3f} s")
         return host_ns
 
+    @property
+    def boot_is_unix(self) -> bool:
+        """Not known in flight."""
+        return False
+
     def host_from_monotonic(self, monotonic_s: float) -> HostNs | NoFrame:
         """The same instant: CLOCK_MONOTONIC is the host clock."""
         return host_from_seconds(monotonic_s)
@@ -94,8 +103,9 @@ def _may_precede(step: ClockStep, unix_ns: int, host_ns: int, arrival_ns: HostNs
 class RecordingClock:
     """Clocks of a recording: ``time_unix`` has a fixed offset from its host clock; CLOCK_MONOTONIC is unknown."""
 
-    def __init__(self, unix_minus_host_ns: int = 0) -> None:
+    def __init__(self, unix_minus_host_ns: int = 0, *, boot_is_unix: bool = False) -> None:
         self._unix_minus_host_ns = unix_minus_host_ns
+        self.boot_is_unix = boot_is_unix
 
     def host_from_unix(self, unix_s: float, arrival_ns: HostNs | None) -> HostNs | NoFrame:  # noqa: ARG002
         """The stamp on the recording's host clock."""

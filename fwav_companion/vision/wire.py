@@ -202,7 +202,7 @@ def _stamp(wire: WireFrame, arrival_ns: HostNs | None, clocks: StampClocks) -> t
         for name, seconds, latest in (
             ("time_unix", wire.time_unix, LATEST_UNIX_S),
             ("time_monotonic", wire.time_monotonic, LATEST_MONOTONIC_S),
-            ("time_boot", wire.time_boot, LATEST_BOOT_S),
+            ("time_boot", wire.time_boot, LATEST_UNIX_S if clocks.boot_is_unix else LATEST_BOOT_S),
         )
         if seconds is not None
     ]

@@ -126,7 +126,7 @@ def test_what_one_command_needs_and_another_does_not():
 def test_a_header_holds_every_key_and_not_where_the_file_lies():
     here, there = (parse(RELAY + AUTOPILOT, name).as_builtins() for name in ("a/f.toml", "/b/g.toml"))
     assert here == there
-    assert here["uncertainty"]["terrain_m"] == 4.0
+    assert here["uncertainty"]["terrain_m"] == "auto"
     assert set(here) == set(Document.__struct_fields__)
 
 
@@ -149,3 +149,20 @@ def test_every_key_is_explained_where_it_is_declared(module: object):
                 assert isinstance(following.value, ast.Constant)
                 explained += 1
     assert explained > 4
+
+
+@pytest.mark.parametrize(
+    ("model", "terrain_m", "sigma_m"),
+    [
+        ("home", '"auto"', 0.0),
+        ("home", "4.0", 0.0),  # as files from before `auto` have it for every ground
+        ("home", "2.5", 2.5),
+        ("fixed", "1.0", 1.0),
+        ("terrain", '"auto"', 4.0),
+        ("terrain", "4.0", 4.0),
+        ("terrain", "7.0", 7.0),
+    ],
+)
+def test_the_grounds_own_height_counts_where_it_is_set(model, terrain_m, sigma_m):
+    config = parse(f'{RELAY}[ground]\nmodel = "{model}"\n[uncertainty]\nterrain_m = {terrain_m}\n', "here.toml")
+    assert config.priors.sigma(Bias.TERRAIN) == sigma_m

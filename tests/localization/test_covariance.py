@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
-from true_flights import PRIORS, STEPS, Noise, Scene
+from true_flights import LEVEL_PRIORS as PRIORS
+from true_flights import STEPS, Noise, Scene
 
 from fwav_companion.localization import FixedGround, HomeGround, Localizer, RangefinderGround
 from fwav_companion.types import BIAS_COUNT, Bias, GroundFix, NoFix, Reason

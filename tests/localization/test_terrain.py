@@ -10,7 +10,7 @@ from true_flights import PRIORS, STEPS, Scene
 
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.localization import Datum, ElevationModel, Localizer, TerrainGround
-from fwav_companion.types import Bias, NoFix, Reason
+from fwav_companion.types import Bias, NoFix, Reason, TakeOff, TakeOffSource
 
 QUIET = {"bridging_sigma": 0.0, "time_noise_s": 0.0, "position_sigma_m": 0.0}
 """A sighting without independent errors."""
@@ -23,7 +23,7 @@ class TestGround:
 
     def ground(self, model, datum=Datum.EGM96, undulation=None) -> TerrainGround:
         ground = TerrainGround(model, datum)
-        self.notice = ground.placed(PLANE, PLANE.origin, undulation)
+        self.notice = ground.placed(PLANE, TakeOff(PLANE.origin, TakeOffSource.HOME_POSITION), undulation)
         return ground
 
     def locate(self, ground, sighting):
@@ -113,7 +113,7 @@ class TestGround:
     def test_it_is_shifted_to_the_take_off_height_and_says_so(self):
         lower = ElevationModel([tile(lambda *_: 488.0)])
         ground = self.ground(lower)
-        assert ground.shift_m == pytest.approx(12.0)
+        assert ground.shift.shift_m == pytest.approx(12.0)
         assert "+12.0 m" in self.notice
         assert "egm96" in self.notice
         scene = Scene(vehicle=(0.0, 0.0))
@@ -124,8 +124,12 @@ class TestGround:
         """The world's origin is where the vehicle was first heard: on a slope the ground there is another height."""
         home = Geodetic.from_degrees(LAT - 30.0 * STEP, LON, 500.0 - 0.2 * 30.87 * 30.0)
         ground = TerrainGround(self.slope, Datum.EGM96)
-        ground.placed(TangentPlane(Geodetic.from_degrees(LAT, LON, home.alt_amsl_m)), home, None)
-        assert ground.shift_m == pytest.approx(0.0, abs=1e-6)
+        ground.placed(
+            TangentPlane(Geodetic.from_degrees(LAT, LON, home.alt_amsl_m)),
+            TakeOff(home, TakeOffSource.HOME_POSITION),
+            None,
+        )
+        assert ground.shift.shift_m == pytest.approx(0.0, abs=1e-6)
 
     def test_a_model_of_another_datum_is_not_bent_to_fit(self):
         ground = self.ground(ElevationModel([tile(lambda *_: 547.0)]))  # ellipsoid heights taken for EGM96
@@ -139,15 +143,15 @@ class TestGround:
         without = self.ground(model, Datum.ELLIPSOID)
         assert self.locate(without, scene.sighting()) == NoFix(Reason.NO_HEIGHT)
         ground = self.ground(model, Datum.ELLIPSOID, 47.0)
-        assert ground.shift_m == pytest.approx(0.0, abs=1e-6)
+        assert ground.shift.shift_m == pytest.approx(0.0, abs=1e-6)
         assert self.locate(ground, scene.sighting()).position_ned == pytest.approx(scene.truth(), abs=1e-3)
 
     def test_a_take_off_outside_the_model_leaves_it_as_it_is(self):
         far = TerrainGround(self.level, Datum.EGM96)
         away = TangentPlane(Geodetic.from_degrees(10.0, 10.0, 100.0))
-        notice = far.placed(away, away.origin, None)
+        notice = far.placed(away, TakeOff(away.origin, TakeOffSource.HOME_POSITION), None)
         assert "outside" in notice
-        assert far.shift_m == 0.0
+        assert far.shift.shift_m == 0.0
 
     def test_refusals(self):
         ground, scene = self.ground(self.level), Scene(vehicle=(0.0, 0.0))
@@ -171,7 +175,7 @@ class TestGround:
         over_level = Localizer(self.ground(self.level), quiet, min_height_m=0.5).locate(sighting)
         over_wall = Localizer(walled, quiet, min_height_m=0.5).locate(sighting)
         assert not isinstance(over_level, NoFix)
-        assert over_wall == NoFix(Reason.TOO_SHALLOW)
+        assert over_wall == NoFix(Reason.TWO_GROUNDS)
 
     def test_terrain_report_is_a_ground_where_there_are_no_files(self):
         scene = Scene(vehicle=(0.0, 0.0))

@@ -9,7 +9,7 @@ from made_up_terrain import PLANE, tile
 from true_flights import PRIORS, STEPS, Noise, Scene
 
 from fwav_companion.localization import Datum, ElevationModel, HomeGround, Localizer, TerrainGround
-from fwav_companion.types import BIAS_COUNT, Bias, GroundFix, NoFix, Reason
+from fwav_companion.types import BIAS_COUNT, Bias, GroundFix, NoFix, Reason, TakeOff, TakeOffSource
 
 MOST = 0.15
 """Largest one sigma of the ray's relative length of a fix."""
@@ -27,7 +27,7 @@ def home():
 def slope():
     """A slope of 0.4 down to the east, on which a rotation about down changes the ray's length."""
     ground = TerrainGround(ElevationModel([tile(lambda _, j: 500.0 - 0.4 * 20.86 * (j - 60))]), Datum.EGM96)
-    ground.placed(PLANE, PLANE.origin, None)
+    ground.placed(PLANE, TakeOff(PLANE.origin, TakeOffSource.HOME_POSITION), None)
     return ground
 
 

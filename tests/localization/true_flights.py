@@ -6,6 +6,7 @@ numpy and scipy only, independent of the package's geometry. The lens projects; 
 from dataclasses import dataclass, field
 from math import radians
 
+import msgspec
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -37,6 +38,13 @@ PRIORS = ErrorPriors(
     ),
     position_bias_time_s=60.0,
 )
+LEVEL_PRIORS = msgspec.structs.replace(
+    PRIORS,
+    bias_sigmas=tuple(
+        0.0 if bias is Bias.TERRAIN else sigma for bias, sigma in zip(Bias, PRIORS.bias_sigmas, strict=True)
+    ),
+)
+"""The same over ground that is level."""
 STEPS = np.array([1e-5] * 8 + [1e-3] * 4 + [1e-5] + [1e-3] * 3)
 """Steps of the differences, by Bias: radians, seconds, metres."""
 

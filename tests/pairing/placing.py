@@ -65,6 +65,9 @@ class Clocks:
     def estimate(self, now: HostNs) -> ClockEstimate:
         return ClockEstimate(now, HOST_FROM_BOOT_NS, 0.0, self.sigma_s, 0.01, 0.01, ClockStatus.SETTLED)
 
+    def rate_at(self, host_ns: HostNs) -> float:
+        return 1.0
+
 
 class World:
     def __init__(self, *, relative: bool | None = False) -> None:

@@ -243,9 +243,9 @@ def test_the_lens_of_these_tests_is_one():
     assert lens.pixel_from_camera_point(ray) == pytest.approx((350.0, 200.0))
 
 
-@pytest.mark.parametrize(("readout_s", "expected"), [(0.02, 0.5), (None, 1.5)], ids=["known", "unknown"])
+@pytest.mark.parametrize(("readout_s", "expected"), [(0.02, 0.5), (None, 1.125)], ids=["known", "unknown"])
 def test_an_unknown_readout_is_as_doubtful_as_the_frames_are_apart(readout_s, expected):
-    """At 10 frames/s it lies in [0, 100 ms], three times the 30 frames/s that the bias's prior is made for."""
+    """At 10 frames/s it lies in [0, 75 ms], 2.25 times the 30 frames/s that the bias's prior is made for."""
     ours, vehicle = pairer(timing=CameraTiming(readout_s=readout_s)), StillVehicle()
     for number in range(5):
         reported = whole(ours.pair(frame(CENTRE, boot_ms=4500.0 + number * 100.0), vehicle))

@@ -68,6 +68,16 @@ def test_an_unknown_readout_is_half_the_median_interval_and_uniform():
     assert clock.readout_sigma_s == pytest.approx(0.05 / 12**0.5)
 
 
+@pytest.mark.parametrize("interval_s", [0.08, 0.9, 10.0])
+def test_an_unknown_readout_is_never_assumed_longer_than_any_sensors(interval_s):
+    clock = RowClock(CameraTiming())
+    for k in range(40):
+        clock.see(round(k * interval_s * 1e9))
+    assert clock.readout_s == pytest.approx(0.0375)
+    assert clock.readout_sigma_s == pytest.approx(0.075 / 12**0.5)
+    assert clock.readout_scale == pytest.approx(0.075 * 30)
+
+
 def test_a_known_readout_stays():
     clock = RowClock(CameraTiming(readout_s=0.01))
     for k in range(10):

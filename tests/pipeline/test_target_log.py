@@ -9,7 +9,7 @@ from fwav_companion.types import Reason
 def filled(target_log):
     target_log.keep_sightings(1000, 1, [{"type": "sighting"}])
     target_log.write({"type": "clock"})
-    target_log.drop(Reason.NO_CLOCK)
+    target_log.drop_frames(Reason.NO_CLOCK)
     target_log.begin(None)
     target_log.write({"type": "home"})
     return [line["type"] for line in target_log.take()]

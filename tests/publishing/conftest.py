@@ -5,6 +5,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from handmade import KnownErrors
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scipy.spatial.transform import Rotation
 
@@ -104,7 +105,7 @@ def fix(position=(4.0, 3.0, 0.0), pixel=(320.0, 240.0), box=None, at=NOW, ray=(0
     )
     cov = cov or diagonal(0.2, 0.1, 0.05)
     budget = ErrorBudget(0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1)
-    return GroundFix(sighting, position, cov, ((0.0, 0.0, 0.0),) * BIAS_COUNT, cov, cov, budget, "home")
+    return GroundFix(sighting, position, cov, ((0.0, 0.0, 0.0),) * BIAS_COUNT, KnownErrors(cov, cov, budget), "home")
 
 
 def track(number=1, label="pad", at=NOW, confirmed_at=NOW - 5 * S, with_fix=True, **changes):

@@ -106,8 +106,9 @@ def test_truth_adds_errors_to_the_summary(tmp_path, flown):
     done = run_command(*recorded(tmp_path, flown), "--truth", str(truth), "--json", "--sightings", folder=tmp_path)
     assert done.returncode == 0, done.stderr
     summary = json.loads(done.stdout.splitlines()[-1])
-    assert [error["found"] for error in summary["errors"]] == [True, True, True]
-    assert all(error["rms_m"] < 5.0 for error in summary["errors"])
+    assert [target["state"] for target in summary["errors"]["targets"]] == ["found", "found", "found"]
+    assert summary["errors"]["labels"]["target"]["state"] == "found"
+    assert summary["errors"]["tracks"]["all"]["rms_m"] < 5.0
     lines = [json.loads(line) for line in (tmp_path / "targets.jsonl").read_text().splitlines()]
     assert lines[-1] == summary
     assert {"sighting", "target", "clock", "header", "summary"} == {line["type"] for line in lines}

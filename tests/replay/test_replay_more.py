@@ -249,6 +249,8 @@ def frame_end(data, beyond):
 class Order:
     """A pipeline that only records the order of events."""
 
+    time_offset_s = 0.0
+
     def __init__(self):
         self.came = []
 

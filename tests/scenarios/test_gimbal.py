@@ -7,6 +7,7 @@ from flying import fly
 
 from fwav_companion.pipeline.pipeline_factory import own_components
 from fwav_companion.replay import read_recording, replay
+from fwav_companion.types import NoticeCode
 from sitl_mock import scenario
 from sitl_mock.scenarios import NO_NOISE, NO_TROUBLE
 
@@ -71,6 +72,13 @@ def test_a_fixed_camera_pays_no_heed_to_a_gimbal():
     with_gimbal_messages = options.but({"autopilot.rates_hz": {"GIMBAL_DEVICE_ATTITUDE_STATUS": 10.0}})
     settings = ["camera.readout_s=0.0"]
     assert errors_m(fly(options, settings)) == errors_m(fly(with_gimbal_messages, settings))
+
+
+@pytest.mark.parametrize(("configured", "reports"), [(0, 1), (154, 0)])
+def test_a_gimbal_that_is_heard_and_not_configured_is_reported_once(configured, reports):
+    options = scenario("gimbal").but({"seconds": 5.0})
+    settings = [f"camera.mount.gimbal_device_id={configured}", "camera.mount.pitch_deg=0.0", "camera.readout_s=0.0"]
+    assert fly(options, settings).companion.codes.count(NoticeCode.GIMBAL_UNUSED) == reports
 
 
 @pytest.mark.parametrize("device_id", [BEHIND_AUTOPILOT, OWN_COMPONENT])

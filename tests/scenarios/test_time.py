@@ -6,6 +6,7 @@ the hard bound of the clock is checked at every line of it (``fly_and_bound``).
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from functools import cache
 from math import cos, hypot, radians, sqrt
@@ -16,7 +17,7 @@ from flying import Flight, fly
 
 from fwav_companion.types import NoticeCode
 from sitl_mock import TargetOptions, scenario
-from sitl_mock.clock import BootClock
+from sitl_mock.clock import BootClock, SimulatorTime
 
 CALM = {
     "draw_biases": False,
@@ -47,7 +48,8 @@ def clock_errors(flown: Flight) -> list[ClockError]:
     """Errors of the clock's lines after the last reboot: a rebooted autopilot had another clock before."""
     options, mock = flown.options, flown.mock
     boot_ns = round(options.autopilot.boot_at_start_s * 1e9)
-    before = BootClock(mock.start_host_ns, boot_ns, options.autopilot.drift_ppm)
+    time = SimulatorTime(options.autopilot.clock_rate, options.autopilot.clock_slips)
+    before = BootClock(mock.start_host_ns, boot_ns, options.autopilot.drift_ppm, time)
     reboot_s = min(options.others.reboots_at_s, default=float("inf"))
     errors = []
     for line in flown.companion.lines:
@@ -162,6 +164,38 @@ def test_119_a_reboot_is_reported_and_frames_meanwhile_are_held_back():
     assert 15 < sum(held_back(flown).values()) < 35  # two seconds of ten frames, and the new clock's first
     after = [line for line in clock_errors(flown) if line.flight_s > 15.5]
     assert all(abs(line.error_s) < 1.0 * MS for line in after)
+
+
+@pytest.mark.parametrize("stamp_clock", ["time_monotonic", "time_boot"])
+def test_122_slips_of_a_simulator_are_followed_and_cost_no_frame(stamp_clock):
+    """Five pauses of 15 to 170 ms: no reboot, nothing lost, the first one is reported."""
+    options = scenario("clock_slips").but({**CALM, "camera.stamp_clock": stamp_clock})
+    flown, calm = fly(options, GLOBAL_SHUTTER), seen("unbiased", **{"camera.stamp_clock": stamp_clock})
+    assert NoticeCode.AUTOPILOT_REBOOTED not in flown.companion.codes
+    assert 1 <= flown.companion.codes.count(NoticeCode.CLOCK_SLIPPED) <= 5
+    assert flown.companion.pipeline.status(flown.mock.end_ns).telemetry.reboots == 0
+    lost = Counter(flown.companion.lines[-1]["dropped"]) - Counter(calm.companion.lines[-1]["dropped"])
+    assert lost.total() <= 2
+    assert flown.companion.lines[-1]["fixes"] > 0.98 * calm.companion.lines[-1]["fixes"]
+    assert miss_m(flown) < miss_m(calm) + 0.03
+    slips = [at_s for at_s, _ in options.autopilot.clock_slips]
+    for line in clock_errors(flown):
+        if not any(0.0 <= line.flight_s - at_s < 1.0 for at_s in slips):
+            assert abs(line.error_s) < max(line.bound_s, 2.0 * MS), line
+
+
+@pytest.mark.parametrize("stamp_clock", ["time_monotonic", "time_boot"])
+@pytest.mark.parametrize("rate", [0.6, 0.985, 1.4])
+def test_123_a_clock_at_another_rate_is_followed_inside_its_bound(rate, stamp_clock):
+    changed = {"autopilot.clock_rate": rate, "camera.stamp_clock": stamp_clock}
+    flown, calm = seen("slow_clock", **changed), seen("unbiased")  # the bound is judged in it
+    assert flown.companion.codes.count(NoticeCode.CLOCK_RATE) == 1
+    assert NoticeCode.AUTOPILOT_REBOOTED not in flown.companion.codes
+    assert worst_s(flown, 5.0) < 1.0 * MS
+    assert miss_m(flown) < miss_m(calm) + 0.03
+    assert flown.companion.lines[-1]["fixes"] > 0.95 * calm.companion.lines[-1]["fixes"]
+    rates = [line["rate"] for line in flown.companion.lines if line["type"] == "clock"]
+    assert rates[-1] == pytest.approx(rate, abs=2e-3)
 
 
 def test_120_frames_across_a_step_of_the_wall_clock_are_refused_by_name_and_no_others():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -21,6 +23,14 @@ EPOCH_NS = 1_790_000_000_000_000_000
 BOOT_NS = 77_000_000_000
 LEVEL = np.diag([0.04, 0.04, 0.0])
 NO_BUDGET = ErrorBudget(0, 0, 0, 0, 0, 0, 0, 0)
+
+
+class KnownErrors(NamedTuple):
+    """Covariances of a fix, given."""
+
+    cov: tuple
+    relative_cov: tuple
+    budget: ErrorBudget = NO_BUDGET
 
 
 def host_ns(t):
@@ -73,7 +83,7 @@ def a_fix(t, position, noise=LEVEL, jacobian=None, sigmas=None, **detection):
     )  # fmt: skip
     columns = tuple(vector(j) for j in jacobian.T)
     return GroundFix(
-        sighting, vector(position), matrix(noise), columns, matrix(total), matrix(relative), NO_BUDGET, "as given"
+        sighting, vector(position), matrix(noise), columns, KnownErrors(matrix(total), matrix(relative)), "as given"
     )
 
 

@@ -7,7 +7,7 @@ truth is chosen first; the tracker's input follows from it.
 from __future__ import annotations
 
 import numpy as np
-from handmade import NO_BUDGET, a_state, boot_ns, host_ns, matrix, vector
+from handmade import KnownErrors, a_state, boot_ns, host_ns, matrix, vector
 from scipy.spatial.transform import Rotation
 from simulated_autopilot import Autopilot
 from simulated_flight import BODY_FROM_CAMERA, Flight, camera_from_pixel, path, pixel_from_camera
@@ -69,7 +69,11 @@ class World:
             wrong = rng.random(len(uv)) < flight.gross
             uv[wrong] = rng.uniform([0, 0], [639, 479], (int(wrong.sum()), 2))
             seen += [(k, uv[k], label) for k in np.nonzero(inside)[0]]
-        for k in np.nonzero(rng.random(len(capture)) < flight.clutter)[0]:
+        always, sometimes = divmod(flight.clutter, 1.0)
+        false = np.append(
+            np.nonzero(rng.random(len(capture)) < sometimes)[0], np.repeat(range(len(capture)), int(always))
+        )
+        for k in false:
             seen.append((k, rng.uniform([0, 0], [639, 479]), flight.labels[0]))
         return seen
 
@@ -85,7 +89,7 @@ class World:
             columns = tuple(vector(j) for j in jacobian[n])
             yield k, GroundFix(
                 self._sighting(cast, n, k, stamps[k], label), vector(cast.position[n]), matrix(noise[n]), columns,
-                matrix(total[n]), matrix(relative[n]), NO_BUDGET, "home",
+                KnownErrors(matrix(total[n]), matrix(relative[n])), "home",
             )  # fmt: skip
 
     def _covariances(self, cast, jacobian):

@@ -171,3 +171,68 @@ def test_an_attitude_less_certain_than_six_degrees_is_none():
         return Rotation.from_euler("ZYX", [0.0, -60.0 + 40.0 * np.sin(13.0 * t_s), 0.0], degrees=True)
 
     assert asked(fed(turn=wild), 4.1) is Reason.NO_GIMBAL
+
+
+Orientation = namedtuple("Orientation", "time_boot_ms roll pitch yaw yaw_absolute")
+MountStatus = namedtuple("MountStatus", "pointing_a pointing_b pointing_c")
+TURNED = AttitudeAt(quaternion(Rotation.from_euler("ZYX", [50.0, 12.0, -7.0], degrees=True)), (0.0, 0.0, 0.0), 0.0, 0.0)
+"""The body: heading 50 deg; its roll and pitch do not count for a levelled gimbal."""
+
+
+def older(name, yaw_absolute):
+    """MOUNT_ORIENTATION or MOUNT_STATUS of a gimbal that looks 60 deg down and 20 deg to the right, at 5 Hz."""
+    gimbal, clock = Gimbal(1), autopilot_clock()
+    for k in range(26):
+        t_s = 0.2 * k
+        if name == "MOUNT_STATUS":
+            told = MountStatus(-6000, 100, 2000)
+        else:
+            told = Orientation(round((BOOT_S + t_s) * 1e3), 1.0, -60.0, 20.0, yaw_absolute)
+        message = Message(name, 1, 1, "autopilot", told)
+        assert gimbal.is_meant(message, 1)
+        gimbal.on_older_message(message, clock, HostNs(round(t_s * 1e9)))
+    return gimbal
+
+
+@pytest.mark.parametrize(
+    ("name", "yaw_absolute", "heading_deg"),
+    [
+        ("MOUNT_STATUS", nan, 70.0),
+        ("MOUNT_ORIENTATION", nan, 70.0),
+        ("MOUNT_ORIENTATION", 0.0, 70.0),
+        ("MOUNT_ORIENTATION", 95.0, 95.0),
+    ],
+)
+def test_older_gimbals_report_angles_from_the_horizon(name, yaw_absolute, heading_deg):
+    at = older(name, yaw_absolute).at(BootNs(round((BOOT_S + 4.1) * 1e9)), autopilot_clock(), TURNED)
+    true = Rotation.from_euler("ZYX", [heading_deg, -60.0, 1.0], degrees=True)
+    w, x, y, z = at.ned_from_gimbal
+    assert (true.inv() * Rotation.from_quat([x, y, z, w])).magnitude() < 1e-6
+
+
+def test_the_newer_message_replaces_the_older_ones():
+    gimbal = older("MOUNT_ORIENTATION", 95.0)
+    level = quaternion(Rotation.identity())
+    for k in range(10):
+        told = fields(5.2 + 0.2 * k, level, device_id=1)._replace(time_boot_ms=round((BOOT_S + 5.2 + 0.2 * k) * 1e3))
+        gimbal.on_message(told, HostNs(round((5.2 + 0.2 * k) * 1e9)))
+    gimbal.on_older_message(
+        Message("MOUNT_STATUS", 1, 1, "autopilot", MountStatus(-6000, 0, 0)), autopilot_clock(), HostNs(7_100_000_000)
+    )
+    at = gimbal.at(BootNs(round((BOOT_S + 6.9) * 1e9)), autopilot_clock(), LEVEL)
+    assert at.ned_from_gimbal == pytest.approx(NO_TURN, abs=1e-6)
+
+
+@pytest.mark.parametrize(("near_s", "expected"), [(0.1, True), (-0.1, True), (0.6, False)])
+def test_one_attitude_around_a_photograph_is_enough(near_s, expected):
+    """Ten seconds from photograph to photograph, and one attitude at each."""
+    gimbal = Gimbal(1)
+    for k in range(6):
+        told = fields(0.0, quaternion(look(0.0)), device_id=1)._replace(time_boot_ms=round((BOOT_S + 10.0 * k) * 1e3))
+        gimbal.on_message(told, HostNs(round(10e9 * k)))
+    at = gimbal.at(BootNs(round((BOOT_S + 50.0 + near_s) * 1e9)), autopilot_clock(), LEVEL)
+    assert isinstance(at, GimbalAt) is expected
+    if expected:
+        w, x, y, z = at.ned_from_gimbal
+        assert (look(0.0).inv() * Rotation.from_quat([x, y, z, w])).magnitude() < 1e-6
+        assert at.sigma == pytest.approx(0.01, rel=0.05)

@@ -136,7 +136,7 @@ def test_beyond_the_newest_attitude_a_slow_stream_claims_more_or_refuses(hz):
         asked_ns = BootNs(samples[newest - 1].boot_ns + 15 * MS)
         at = history.at(asked_ns)
         if isinstance(at, Unpaired):
-            assert at.reason is Reason.STALE_ATTITUDE
+            assert at.reason is Reason.ATTITUDE_GAP
             assert hz < 20
         else:
             ratios.append(flapping.angle_error(motion, asked_ns, at.ned_from_body)[1] / at.sigma)

@@ -8,6 +8,7 @@ from telemetry_messages import Autopilot
 
 from fwav_companion.geometry.stamps import BootNs
 from fwav_companion.telemetry import HomeMoved, OriginSet, RelativeWorld, TakeOffFound
+from fwav_companion.types import TakeOff, TakeOffSource
 
 LAT, LON = 473_977_420, 85_455_940
 
@@ -115,18 +116,55 @@ def test_the_take_off_is_the_first_reported_home_and_until_then_the_origin():
     autopilot = Autopilot()
     autopilot.tell("GLOBAL_POSITION_INT", 100, lat=LAT + 5000)
     world = autopilot.telemetry.world
-    assert world.take_off == world.plane.origin
+    assert world.take_off == TakeOff(world.plane.origin, TakeOffSource.ASSUMED)
     autopilot.tell("HOME_POSITION", 200, latitude=LAT, longitude=LON, altitude=490_000)
     (found,) = kinds(autopilot, TakeOffFound)
-    assert world.take_off == found.place
+    assert world.take_off.place == found.place
     assert (found.place.lat_deg, found.place.alt_amsl_m) == (pytest.approx(LAT * 1e-7), pytest.approx(490.0))
     autopilot.tell("HOME_POSITION", 300, latitude=LAT - 9000, altitude=480_000)
-    assert world.take_off == found.place, "a home that is moved in flight is not where the vehicle took off"
+    assert world.take_off.place == found.place, "a home that is moved in flight is not where the vehicle took off"
+
+
+ARMED, DISARMED = 128, 0
+
+
+def test_a_vehicle_that_is_first_heard_in_the_air_shows_no_take_off():
+    autopilot = Autopilot()
+    autopilot.tell("HEARTBEAT", 50, base_mode=ARMED)
+    for boot_ms in (100, 200, 300):
+        autopilot.tell("GLOBAL_POSITION_INT", boot_ms, alt=560_000, relative_alt=60_000)
+    autopilot.tell("HEARTBEAT", 350, base_mode=ARMED)
+    assert autopilot.telemetry.world.take_off.source is TakeOffSource.ASSUMED
+    assert kinds(autopilot, TakeOffFound) == []
+
+
+@pytest.mark.parametrize(("speed_cm_s", "source"), [(0, TakeOffSource.STANDING), (300, TakeOffSource.ASSUMED)])
+def test_a_disarmed_vehicle_at_rest_stands(speed_cm_s, source):
+    autopilot = Autopilot()
+    autopilot.tell("HEARTBEAT", 50, base_mode=DISARMED)
+    autopilot.tell("GLOBAL_POSITION_INT", 100, alt=512_000, relative_alt=3_000, vx=speed_cm_s)
+    take_off = autopilot.telemetry.world.take_off
+    assert take_off.source is source
+    assert take_off.place.alt_amsl_m == pytest.approx(512.0 if source is TakeOffSource.STANDING else 509.0)
+
+
+def test_arming_shows_the_take_off_and_home_position_better():
+    autopilot = Autopilot()
+    autopilot.tell("HEARTBEAT", 50, base_mode=DISARMED)
+    autopilot.tell("GLOBAL_POSITION_INT", 100, alt=512_000, relative_alt=0)
+    autopilot.tell("GLOBAL_POSITION_INT", 200, alt=512_500, relative_alt=0)
+    autopilot.tell("HEARTBEAT", 250, base_mode=ARMED)
+    assert autopilot.telemetry.world.take_off.source is TakeOffSource.ARMING
+    assert autopilot.telemetry.world.take_off.place.alt_amsl_m == pytest.approx(512.5)
+    autopilot.tell("GLOBAL_POSITION_INT", 300, alt=560_000, relative_alt=48_000)
+    autopilot.tell("HOME_POSITION", 400, latitude=LAT, longitude=LON, altitude=511_900)
+    assert autopilot.telemetry.world.take_off.source is TakeOffSource.HOME_POSITION
+    assert autopilot.telemetry.world.take_off.place.alt_amsl_m == pytest.approx(511.9)
 
 
 def test_a_home_reported_before_the_origin_is_known_from_its_start():
     autopilot = Autopilot()
     autopilot.tell("HOME_POSITION", 50, latitude=LAT, altitude=490_000)
     autopilot.tell("GLOBAL_POSITION_INT", 100, lat=LAT + 5000)
-    assert autopilot.telemetry.world.take_off.lat_deg == pytest.approx(LAT * 1e-7)
+    assert autopilot.telemetry.world.take_off.place.lat_deg == pytest.approx(LAT * 1e-7)
     assert kinds(autopilot, TakeOffFound) == []

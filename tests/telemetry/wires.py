@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from fwav_companion.geometry.stamps import BootNs, HostNs
 from fwav_companion.telemetry.clock.clock import Clock
+from fwav_companion.telemetry.clock.clock_news import ClockNews
 from fwav_companion.types import ClockEstimate, ClockExchange
 
 HOST_START_NS = 50_000_000_000_000
@@ -53,8 +54,8 @@ class Wire:
     def true_offset_ns(self, t: float) -> float:
         return HOST_START_NS + (self.drift(t) - self.boot_start_s) * 1e9
 
-    def exchange(self, t: float) -> bool:
-        """Send a request at t; returns whether the clock was restarted."""
+    def exchange(self, t: float) -> ClockNews | None:
+        """Send a request at t; returns what is news of the clock."""
         up, down = self.up(self.rng), self.down(self.rng)
         return self.clock.on_exchange(ClockExchange(self.host(t), self.host(t + up + down), self.boot(t + up)))
 

@@ -15,7 +15,7 @@ def test_it_costs_what_scipys_costs(rows, more, seed, ties):
     rng = np.random.default_rng(seed)
     shape = (rows, rows + more)
     costs = rng.integers(-3, 4, shape).astype(float) if ties else rng.normal(size=shape) * 10
-    chosen = least_cost_assignment(costs.tolist())
+    chosen = least_cost_assignment([dict(enumerate(row)) for row in costs.tolist()])
     assert len(set(chosen)) == rows
     expected = costs[linear_sum_assignment(costs)].sum()
     assert sum(costs[i, j] for i, j in enumerate(chosen)) == pytest.approx(expected, abs=1e-9)
@@ -26,5 +26,5 @@ def test_nothing_to_assign():
 
 
 def test_more_rows_than_columns_are_refused():
-    with pytest.raises(ValueError, match="2 x 1"):
-        least_cost_assignment([[1.0], [2.0]])
+    with pytest.raises(ValueError, match="row 1 cannot be assigned"):
+        least_cost_assignment([{0: 1.0}, {0: 2.0}])

@@ -7,9 +7,11 @@ from simulated_flight import Flight, priors
 from simulated_world import World
 
 from fwav_companion.tracking import TrackingOptions, make_tracker
-from fwav_companion.tracking.association import Candidate, associate
+from fwav_companion.tracking.association import Candidate, associate, clutter
+from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.types.tracks import GateResult
 
+CLUTTER = clutter(DetectorModel(), 640.0 * 480.0)
 NO_BIAS = priors(time_offset=0, heading=0, mount_x=0, mount_y=0, mount_z=0)
 
 
@@ -44,9 +46,9 @@ def test_a_newborn_takes_a_known_targets_fix_where_it_is_more_than_55_times_as_l
     """The likelihood of a fix at distance d with spread s is exp(-(d^2 + s) / 2) but for a common factor. With equal
     spread the new track is ``ratio`` times as likely if its squared distance is smaller by 2 log(ratio).
     """
-    newborn = Candidate("target", Expecting(1.0, spread), None, believed=False)
+    newborn = Candidate("target", Expecting(1.0, spread), None, confirmed=False)
     believed = Candidate("target", Expecting(1.0 + 2.0 * np.log(ratio), spread), None)
-    ((taker, (fix, _)),) = associate([believed, newborn], [a_fix(0.0, (4, 3, 0), label="target")]).items()
+    ((taker, (fix, _)),) = associate([believed, newborn], [a_fix(0.0, (4, 3, 0), label="target")], CLUTTER).items()
     assert (["believed", "newborn"][taker], fix) == (takes, 0)
 
 

@@ -207,7 +207,7 @@ class AttitudeHistory:
         return (
             AttitudeAt(ned_from_body=q, rates=rates, sigma=sigma, gap_s=age_s, spacing_s=spacing_s)
             if sigma <= MOST_SIGMA
-            else Unpaired(Reason.STALE_ATTITUDE, age_s)
+            else Unpaired(Reason.ATTITUDE_GAP, age_s)
         )
 
     @property

@@ -1,6 +1,8 @@
-"""Unwraps the autopilot's 32-bit milliseconds past 49.7 days, and notices a reboot."""
+"""Unwraps the autopilot's 32-bit milliseconds past 49.7 days, and notices a reboot: stamps go back and stay back."""
 
 from __future__ import annotations
+
+from typing import TypeAlias
 
 import msgspec
 
@@ -16,14 +18,33 @@ MOST_CATCHING_UP_NS = 10 * NS_PER_S
 """A link that stalls for seconds and then delivers makes stamps run ahead of the host's clock."""
 
 STRANGE_STAMPS_FOR_A_REBOOT = 3
-"""Consecutive stamps that agree with one another: a single wild stamp, or a slow second link, is not a reboot."""
+STAYS_BACK_NS = 200 * NS_PER_MS
+"""Consecutive stamps that agree with one another, and the time over which they arrive: a single wild stamp, a slow
+second link, or a late copy of a few messages, is not a reboot."""
+
+
+LEAST_MISSING_NS = 5 * NS_PER_S
+"""An autopilot that was silent since shortly after its boot may be back with a later stamp: this much of the silence is
+then missing. A simulator that was stopped that long in its first seconds looks alike, and loses as little."""
 
 
 class Restarted(msgspec.Struct, frozen=True):
-    """The stamps began again."""
+    """The stamps began again: they went back and stayed back."""
 
     boot_ns: BootNs
     """Stamp that decided it, on the new time line."""
+
+
+class Skipped(msgspec.Struct, frozen=True):
+    """The stamps went far ahead and stayed there: the clock jumped, or this host slept."""
+
+    boot_ns: BootNs
+    """Stamp that decided it, on the same time line."""
+    ahead_ns: int
+    """Distance from where it was expected."""
+
+
+Placed: TypeAlias = "BootNs | Strange | Restarted | Skipped"
 
 
 class Strange(msgspec.Struct, frozen=True):
@@ -41,29 +62,24 @@ class BootTimeline:
         self._newest_arrival_ns = HostNs(0)
         self._suspects: list[tuple[int, HostNs]] = []
 
-    def place(self, time_boot_ms: int, arrival_ns: HostNs) -> BootNs | Strange | Restarted:
+    def place(self, time_boot_ms: int, arrival_ns: HostNs) -> Placed:
         """A whole-millisecond stamp, unwrapped; it may be up to 1 s older than the newest."""
-        stamp_ns = time_boot_ms * NS_PER_MS
-        if self.newest_ns is None:
-            return self._begin(stamp_ns, arrival_ns)
-        expected_ns = self._expected(arrival_ns)
-        placed_ns = _nearest(stamp_ns, expected_ns)
-        if self.newest_ns - MOST_DISORDER_NS <= placed_ns <= expected_ns + MOST_CATCHING_UP_NS:
-            self._suspects.clear()
-            self._advance(placed_ns, arrival_ns)
-            return BootNs(placed_ns)
-        return self._suspect(stamp_ns, arrival_ns)
+        placed = self.align(time_boot_ms * NS_PER_MS, arrival_ns)
+        if isinstance(placed, int):
+            self._advance(placed, arrival_ns)
+        return placed
 
-    def align(self, autopilot_ns: int, arrival_ns: HostNs) -> BootNs:
-        """A full instant of the same clock (TIMESYNC), moved by whole wraps to where the stamps run."""
+    def align(self, autopilot_ns: int, arrival_ns: HostNs) -> Placed:
+        """An instant of the same clock (TIMESYNC has it in full), moved by whole wraps to where the stamps run."""
         if self.newest_ns is None:
             return self._begin(autopilot_ns, arrival_ns)
-        return BootNs(_nearest(autopilot_ns, self._expected(arrival_ns)))
-
-    def forget(self) -> None:
-        """Treat the next stamp as the first."""
-        self.newest_ns = None
-        self._suspects.clear()
+        expected_ns = self._expected(arrival_ns)
+        placed_ns = _nearest(autopilot_ns, expected_ns)
+        continues = self.newest_ns - MOST_DISORDER_NS <= placed_ns <= expected_ns + MOST_CATCHING_UP_NS
+        if continues and not self._booted_in_silence(placed_ns, arrival_ns):
+            self._suspects.clear()
+            return BootNs(placed_ns)
+        return self._suspect(autopilot_ns, arrival_ns)
 
     def _begin(self, stamp_ns: int, arrival_ns: HostNs) -> BootNs:
         self._suspects.clear()
@@ -74,11 +90,16 @@ class BootTimeline:
         assert self.newest_ns is not None  # noqa: S101  (both callers asked)
         return self.newest_ns + max(0, arrival_ns - self._newest_arrival_ns)
 
+    def _booted_in_silence(self, placed_ns: int, arrival_ns: HostNs) -> bool:
+        """Whether the autopilot was silent for longer than its clock has run, and the clock lacks much of that time."""
+        silent_ns = arrival_ns - self._newest_arrival_ns
+        return placed_ns <= silent_ns and self._expected(arrival_ns) - placed_ns > LEAST_MISSING_NS
+
     def _advance(self, placed_ns: int, arrival_ns: HostNs) -> None:
         if self.newest_ns is None or placed_ns > self.newest_ns:
             self.newest_ns, self._newest_arrival_ns = BootNs(placed_ns), arrival_ns
 
-    def _suspect(self, stamp_ns: int, arrival_ns: HostNs) -> Strange | Restarted:
+    def _suspect(self, stamp_ns: int, arrival_ns: HostNs) -> Strange | Restarted | Skipped:
         if self._suspects:
             last_ns, last_arrival_ns = self._suspects[-1]
             ahead_ns = stamp_ns - last_ns
@@ -86,9 +107,15 @@ class BootTimeline:
             if not -MOST_DISORDER_NS <= ahead_ns <= elapsed_ns + MOST_CATCHING_UP_NS:
                 self._suspects.clear()
         self._suspects.append((stamp_ns, arrival_ns))
-        if len(self._suspects) < STRANGE_STAMPS_FOR_A_REBOOT:
+        stayed_ns = arrival_ns - self._suspects[0][1]
+        if len(self._suspects) < STRANGE_STAMPS_FOR_A_REBOOT or stayed_ns < STAYS_BACK_NS:
             return Strange()
-        return Restarted(self._begin(max(s for s, _ in self._suspects), arrival_ns))
+        latest_ns = max(s for s, _ in self._suspects)
+        assert self.newest_ns is not None  # noqa: S101  (the caller asked)
+        ahead_ns = self.newest_ns // WRAP_NS * WRAP_NS + latest_ns % WRAP_NS - self._expected(arrival_ns)
+        if ahead_ns > 0:
+            return Skipped(self._begin(ahead_ns + self._expected(arrival_ns), arrival_ns), ahead_ns)
+        return Restarted(self._begin(latest_ns, arrival_ns))
 
 
 def _nearest(stamp_ns: int, expected_ns: int) -> int:

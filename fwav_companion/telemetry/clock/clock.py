@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from math import inf
 
-from fwav_companion.geometry.stamps import BootNs, HostNs
+from fwav_companion.geometry.stamps import NS_PER_S, BootNs, HostNs
 from fwav_companion.telemetry.clock.arrivals import ArrivalEnvelope
 from fwav_companion.telemetry.clock.clock_line import ClockLine
+from fwav_companion.telemetry.clock.clock_news import ClockNews, ClockReports
 from fwav_companion.telemetry.clock.exchanges import ExchangeFit
+from fwav_companion.telemetry.clock.followed import FollowedClock
+from fwav_companion.telemetry.clock.hard_bound import Exchange, exchange_from
 from fwav_companion.types import ClockEstimate, ClockExchange, ClockStatus, Reason, Unpaired
 
 EXCHANGES_FOR_TRUST = 3
@@ -16,6 +19,12 @@ EXCHANGES_WHEN_SETTLED = 20
 SETTLED_SIGMA_S = 2e-3
 EXCHANGES_OUTLIVED_S = 120.0
 """At 600 ppm the bound has then grown by 72 ms, and arrivals are better."""
+FOLLOWED_OUTLIVED_NS = 10 * NS_PER_S
+"""A followed clock without answers: at 1 % its offset has then moved by 100 ms, and arrivals are as good."""
+DOUBTFUL_SIGMA_S = 0.01
+"""Of a followed clock: at 1 m/s a landing is off by a centimetre, at 30 deg/s by 0.3 deg."""
+EXCHANGES_BEFORE = 64
+"""Exchanges before a contradiction that the follower begins with."""
 
 BEYOND_DOUBT = 3.0
 """Sigmas: arrivals give no hard bound, and the sigma covers a least delay that wanders."""
@@ -24,51 +33,86 @@ UNKNOWN = Unpaired(Reason.NO_CLOCK)
 
 
 class Clock:
-    """Clock estimate by TIMESYNC exchanges where they are answered, else by arrivals alone."""
+    """Clock estimate by TIMESYNC exchanges where they are answered, else by arrivals alone.
 
-    __slots__ = ("_arrivals", "_exchanges")
+    While exchanges agree to 600 ppm, as two crystals do, a line through two minutes of them is the estimate. A clock
+    that leaves this range is followed exchange by exchange until it has been a crystal's again for 20 s.
+    """
+
+    __slots__ = ("_arrivals", "_exchanges", "_followed", "_reports")
 
     def __init__(self) -> None:
         self._exchanges = ExchangeFit()
         self._arrivals = ArrivalEnvelope()
+        self._followed: FollowedClock | None = None
+        self._reports = ClockReports()
 
-    def on_exchange(self, exchange: ClockExchange) -> bool:
-        """Take an answered request. Returns True where the autopilot's clock has begun again, and this estimate with
-        it.
-        """
-        began_anew = self._exchanges.insert(exchange)
-        if began_anew:
-            self._arrivals = ArrivalEnvelope()
-        return began_anew
+    def on_exchange(self, exchange: ClockExchange) -> ClockNews | None:
+        """Take an answered request. Returns a slip of the autopilot's clock, or its rate, when it is found."""
+        entry = exchange_from(exchange)
+        if entry is None:
+            return None
+        if self._followed is None:
+            if self._exchanges.insert(entry):
+                self._follow()
+            return None
+        self._followed.insert(entry)
+        calm = self._followed.calm()
+        if calm is not None:
+            self._unfollow(calm)
+            return self._reports.on_calm()
+        return self._reports.on_followed(self._followed)
 
     def on_arrival(self, stamp_ns: BootNs, arrival_ns: HostNs) -> None:
         """Take the truncated stamp and the arrival of a message."""
         self._arrivals.insert(stamp_ns, arrival_ns)
 
+    def skip(self) -> None:
+        """Forget how stamps arrived: they continue far ahead of where they were expected."""
+        self._arrivals = ArrivalEnvelope()
+
     def reset(self) -> None:
         """Forget everything: the autopilot's clock began again."""
         self._exchanges = ExchangeFit()
         self._arrivals = ArrivalEnvelope()
+        self._followed = None
+        self._reports = ClockReports()
 
     @property
     def in_doubt(self) -> bool:
-        """Whether more exchanges would help: they are few since the start or a change of skew, or contradict one
-        another.
+        """Whether more exchanges would help: they are few since the start or a change of skew, contradict one another,
+        or the clock is followed.
         """
+        if self._followed is not None or self._exchanges.contradicting:
+            return True
         return self._exchanges.count < EXCHANGES_WHEN_SETTLED or self._exchanges.in_doubt
 
     def host_from_boot(self, boot_ns: BootNs) -> HostNs | Unpaired:
         """Host instant of an autopilot instant; NO_CLOCK while nothing is known."""
+        followed = self._answering
+        if followed is not None:
+            return followed.host_from_boot(boot_ns)
         line = self._line()
         return UNKNOWN if line is None else line.host_from_boot(boot_ns)
 
     def boot_from_host(self, host_ns: HostNs) -> BootNs | Unpaired:
         """Autopilot instant of a host instant; NO_CLOCK while nothing is known."""
+        followed = self._answering
+        if followed is not None:
+            return BootNs(host_ns - followed.offset_at(host_ns)[0])
         line = self._line()
         return UNKNOWN if line is None else BootNs(host_ns - line.offset_ns_at(host_ns))
 
+    def rate_at(self, host_ns: HostNs) -> float:
+        """Autopilot seconds per host second at this instant; 1 for a clock that is a crystal's."""
+        followed = self._answering
+        return 1.0 if followed is None else 1.0 - followed.offset_at(host_ns)[1]
+
     def estimate(self, now: HostNs) -> ClockEstimate:
         """Clock estimate at this host instant; status UNKNOWN has infinite sigma and bound."""
+        followed = self._answering
+        if followed is not None:
+            return self._followed_estimate(followed, now)
         line = self._line()
         if line is None:
             return ClockEstimate(
@@ -103,7 +147,40 @@ class Clock:
             bound_s=self._exchanges.bound_s(now, offset_ns),
             round_trip_s=self._exchanges.best_round_trip_s,
             status=ClockStatus.SETTLED if settled else ClockStatus.SETTLING,
+            doubtful=bool(self._exchanges.contradicting),
         )
+
+    def _followed_estimate(self, followed: FollowedClock, now: HostNs) -> ClockEstimate:
+        offset_ns, skew, sigma_s = followed.offset_at(now)
+        return ClockEstimate(
+            at_ns=now,
+            host_from_autopilot_ns=offset_ns,
+            skew=skew,
+            sigma_s=sigma_s,
+            bound_s=followed.bound_s(now, offset_ns),
+            round_trip_s=followed.best_round_trip_s,
+            status=ClockStatus.FOLLOWED,
+            doubtful=sigma_s > DOUBTFUL_SIGMA_S,
+        )
+
+    @property
+    def _answering(self) -> FollowedClock | None:
+        """The follower, where its exchanges are newer than arrivals can make up for."""
+        arrivals, followed = self._arrivals.line, self._followed
+        if followed is None or arrivals is None:
+            return followed
+        silent_ns = arrivals.ref_host_ns - followed.newest.host_ns
+        return followed if silent_ns <= FOLLOWED_OUTLIVED_NS else None
+
+    def _follow(self) -> None:
+        before = self._exchanges.newest(EXCHANGES_BEFORE)
+        self._followed = FollowedClock(before, self._exchanges.contradicting)
+        self._reports.on_left(self._followed)
+
+    def _unfollow(self, calm: list[Exchange]) -> None:
+        self._followed, self._exchanges = None, ExchangeFit()
+        for entry in calm:
+            self._exchanges.insert(entry)
 
     def _line(self) -> ClockLine | None:
         exchanges, arrivals = self._exchanges.line, self._arrivals.line

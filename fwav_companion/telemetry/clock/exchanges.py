@@ -16,7 +16,6 @@ from fwav_companion.telemetry.clock.clock_line import MOST_SKEW, ClockLine
 from fwav_companion.telemetry.clock.envelopes import fit_between
 from fwav_companion.telemetry.clock.hard_bound import ROUNDING_NS, Exchange, HardBound
 from fwav_companion.telemetry.clock.round_trip_weights import Fit, RoundTripWeights
-from fwav_companion.types import ClockExchange
 
 WINDOW_NS = 120 * NS_PER_S
 MOST_KEPT = 400
@@ -33,7 +32,7 @@ LIKELIER_BY, LIKELIER_BY_EACH = 5.0, 0.05
 """Log likelihood, in total and for every exchange, by which the more precise of two descriptions must win. An
 exponential tail gains 0.18 an exchange; a rounder one (the sum of two such) loses 0.08."""
 CONTRADICTIONS_FOR_A_STEP = 3
-"""Consecutive contradictions that agree with one another: one may be another node's answer, three are another clock."""
+"""Contradictions in a row: one may be another node's answer; three are a clock that slips or has another rate."""
 LONGEST_TAIL = 64
 ASTRAY_SIGMAS = 4.5
 """Sigmas of the mean of the newest exchanges. Tried for every tail length at every exchange, but these hardly
@@ -88,9 +87,6 @@ class ExchangeFit:
     )
 
     def __init__(self) -> None:
-        self._begin()
-
-    def _begin(self) -> None:
         self.line: ClockLine | None = None
         self._changed_ns: HostNs | None = None
         self._weigh_from = EXCHANGES_TO_WEIGH
@@ -117,40 +113,28 @@ class ExchangeFit:
             self._best_ns = min(e.round_trip_ns for e in self._window)
         return None if self._best_ns is None else self._best_ns * 1e-9
 
-    def insert(self, exchange: ClockExchange) -> bool:
-        """Take one exchange. Returns True where the last few contradict all before them and the fit began again with
-        these.
-        """
-        if exchange.received_ns < exchange.sent_ns:
-            return False
-        middle_ns = HostNs((exchange.sent_ns + exchange.received_ns) // 2)
-        round_trip_ns = exchange.received_ns - exchange.sent_ns
-        entry = Exchange(middle_ns, middle_ns - exchange.autopilot_ns, round_trip_ns)
+    def insert(self, entry: Exchange) -> bool:
+        """Take one exchange. Returns whether the last few in a row contradict all before them."""
         if self._bound.contradicts(entry):
-            return self._on_contradiction(entry)
+            self._contradicting.append(entry)
+            return len(self._contradicting) >= CONTRADICTIONS_FOR_A_STEP
         self._contradicting.clear()
         self._take(entry)
         return False
+
+    @property
+    def contradicting(self) -> list[Exchange]:
+        """The newest exchanges, if they contradict those before."""
+        return self._contradicting
+
+    def newest(self, count: int) -> list[Exchange]:
+        """The newest exchanges of the window, oldest first."""
+        return self._window[-count:]
 
     def bound_s(self, now: HostNs, offset_ns: int) -> float:
         """Bound of the error of ``offset_ns`` at ``now``, seconds: drift is at most 600 ppm."""
         low_ns, high_ns = self._bound.interval(now)
         return max(high_ns - offset_ns, offset_ns - low_ns) * 1e-9
-
-    def _on_contradiction(self, entry: Exchange) -> bool:
-        others = HardBound()
-        for earlier in self._contradicting:
-            others.take(earlier)
-        if self._contradicting and others.contradicts(entry):
-            self._contradicting.clear()
-        self._contradicting.append(entry)
-        if len(self._contradicting) < CONTRADICTIONS_FOR_A_STEP:
-            return False
-        entries = self._contradicting
-        self._begin()
-        for kept in entries:
-            self._take(kept)
-        return True
 
     def _take(self, entry: Exchange) -> None:
         self._bound.take(entry)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import msgspec
 
 from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.types import ClockExchange
 
 ROUNDING_NS = 2_000
 """Rounding of the three readings of an exchange."""
@@ -18,6 +19,14 @@ class Exchange(msgspec.Struct, frozen=True, gc=False):
     offset_ns: int
     """host_from_autopilot at that instant."""
     round_trip_ns: int
+
+
+def exchange_from(answered: ClockExchange) -> Exchange | None:
+    """The exchange in the form that the fit uses; None if it was received before it was sent."""
+    if answered.received_ns < answered.sent_ns:
+        return None
+    middle_ns = HostNs((answered.sent_ns + answered.received_ns) // 2)
+    return Exchange(middle_ns, middle_ns - answered.autopilot_ns, answered.received_ns - answered.sent_ns)
 
 
 class HardBound:

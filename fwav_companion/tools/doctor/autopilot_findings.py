@@ -9,6 +9,7 @@ from fwav_companion.links.url import SerialUrl
 from fwav_companion.tools.doctor.evidence import Evidence
 from fwav_companion.tools.doctor.finding import Finding, Level
 from fwav_companion.tools.doctor.run_status import ADOPTION_S, MEASURED_S
+from fwav_companion.types.flight_status import ClockReport
 from fwav_companion.types.network_status import REQUESTS, StreamReport
 from fwav_companion.types.status import RunStatus
 
@@ -28,6 +29,10 @@ SWING_MATTERS, SWING_UNKNOWN = 0.01, 0.5
 LONG_ROUND_TRIP_S: Final = 0.05
 """The bound on the clock is half of it: at 5 Hz and 5 deg of flapping 25 ms are 3 deg."""
 POOR_SIGMA_S: Final = 0.005
+ANSWERED: Final = 0.5
+"""Of the requests: with fewer answers TIMESYNC does not work both ways."""
+NOTABLE_SKEW: Final = 2e-3
+"""Three times what two crystals and a clock discipline differ by."""
 LOOPBACK: Final = ("localhost", "::1")
 REBOOTED: Final = "reboot"
 """In ``undone_by``: the rate was lost with a restart, and no other program took it."""
@@ -217,7 +222,7 @@ def _clock(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
             problem="nothing that the autopilot sends holds its time",
             fix="let it answer TIMESYNC (every ArduPilot and PX4 does), on a link that works both ways: check TX",
         )
-    elif clock.status == "arrivals" and asked:
+    elif clock.status == "arrivals" and asked and timesync.exchanges < ANSWERED * timesync.requests:
         yield Finding(
             "timesync_unanswered",
             Level.WARNING,
@@ -225,6 +230,8 @@ def _clock(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
             problem="the autopilot does not answer TIMESYNC: its clock is known by arrivals, late by the link's delay",
             fix="check that what this service sends reaches it (on a wire our TX on its RX)",
         )
+    elif clock.status == "followed":
+        yield _followed(clock)
     elif clock.sigma_s is not None and clock.sigma_s > POOR_SIGMA_S and timesync.exchanges >= REQUESTS:
         yield Finding(
             "clock_unsettled",
@@ -241,6 +248,20 @@ def _clock(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
             problem=f"the best round trip to the autopilot takes {1e3 * clock.round_trip_s:.0f} ms",
             fix="a faster or emptier link: the clock can be wrong by half of it",
         )
+
+
+def _followed(clock: ClockReport) -> Finding:
+    runs = f"runs {abs(clock.skew) * 1e2:.1f} % {'slow' if clock.skew > 0.0 else 'fast'}"
+    known = "" if clock.sigma_s is None else f"; it is followed, to {1e3 * clock.sigma_s:.1f} ms (one sigma)"
+    return Finding(
+        "clock_followed",
+        Level.WARNING if clock.sigma_s is None or clock.sigma_s > POOR_SIGMA_S else Level.NOTE,
+        "clock",
+        problem=f"the autopilot's clock {runs if abs(clock.skew) > NOTABLE_SKEW else 'slips'} against this board's"
+        + known,
+        fix="usual in a simulator under load: less load, or a lower simulation speed; on real hardware check the load "
+        "of the autopilot and of this board",
+    )
 
 
 def _varying_delay_fix(evidence: Evidence, status: RunStatus) -> str:

@@ -46,6 +46,21 @@ def camera_findings(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
         return
     yield from _terrain(evidence, status)
     yield from _stream(evidence, status)
+    yield from _readout(status)
+
+
+def _readout(status: RunStatus) -> Iterator[Finding]:
+    """An unknown readout is one bias through a flight: it never averages away."""
+    readout = status.seen.readout
+    if readout.matters:
+        yield Finding(
+            "readout_unknown",
+            Level.NOTE,
+            "[camera] readout_s",
+            problem=f"unknown, it makes {readout.by_readout_m:.1f} of the {readout.sigma_m:.1f} m of a fix (one sigma)",
+            fix="set it: 0 for a global shutter, else the time from the first row to the last, by the sensor's data "
+            "sheet or `check --shake`",
+        )
 
 
 def _narrow(evidence: Evidence) -> Iterator[Finding]:

@@ -14,11 +14,15 @@ import msgspec
 from fwav_companion.tools.doctor.evidence import Evidence
 from fwav_companion.tools.doctor.finding import Finding, Level, by_level, worst
 
-SLOW: Final = frozenset({"attitude_slow", "too_slow_for_motion", "stale_attitude", "above_horizon", "fixes_disagree"})
+SLOW: Final = frozenset(
+    {"attitude_slow", "too_slow_for_motion", "stale_attitude", "attitude_gap", "above_horizon", "fixes_disagree"}
+)
 """Attitudes that come too seldom or too late, and what wrong attitudes do to fixes."""
 OF_MOUNTS: Final = frozenset({"above_horizon", "fixes_disagree"})
 """As an ERROR they are the mount's, however slow attitudes are."""
-CLOCK: Final = frozenset({"no_clock", "timesync_unanswered", "clock_unsettled", "long_round_trip"})
+CLOCK: Final = frozenset({"no_clock", "timesync_unanswered", "clock_followed", "clock_unsettled", "long_round_trip"})
+BY_CLOCK: Final = frozenset({"from_the_future", "too_late"})
+"""What stamps by a clock in doubt look like."""
 UNHEARD: Final = frozenset({"no_autopilot", "autopilot_lost", "no_attitude", "no_position", *CLOCK, *SLOW})
 """Whatever the vehicle cannot do without its link."""
 UNDELIVERED: Final = frozenset({"no_attitude", "rates_undone", *CLOCK, *SLOW})
@@ -41,12 +45,14 @@ CAUSES: Final[Mapping[str, frozenset[str]]] = {
     "no_signing_key": UNDELIVERED,
     "loss": SLOW | CLOCK,
     "autopilot_lost": UNHEARD - {"no_autopilot", "autopilot_lost"} | {"rates_undone"},
-    "no_attitude": frozenset({"stale_attitude"}),
+    "no_attitude": frozenset({"stale_attitude", "attitude_gap"}),
     "loop_rate": SLOW,
     "rates_undone": SLOW,
     "attitude_slow": SLOW - {"attitude_slow"},
     "too_slow_for_motion": OF_MOUNTS,
-    "timesync_unanswered": frozenset({"from_the_future"}),
+    "timesync_unanswered": BY_CLOCK,
+    "clock_followed": BY_CLOCK,
+    "clock_unsettled": BY_CLOCK,
     "calibration": UNSEEN,
     "camera_missing": UNSEEN,
     "camera_permission": UNSEEN,

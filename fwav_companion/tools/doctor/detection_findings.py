@@ -67,6 +67,11 @@ DETECTION_REFUSALS: Final[Mapping[Reason, tuple[Level, str, str]]] = {
         "had no attitude near their capture",
         "see the findings about rates and loss; gaps of the link and reboots of the autopilot do the same",
     ),
+    Reason.ATTITUDE_GAP: (
+        Level.WARNING,
+        "were taken where attitudes are too far apart for the vehicle's motion",
+        "[rates] attitude higher, ten times the flapping at least; see the findings about rates and loss",
+    ),
     Reason.OUTSIDE_IMAGE: (
         Level.WARNING,
         "lie outside the image",

@@ -83,10 +83,12 @@ def assigned(distances_m: Sequence[Sequence[float | None]]) -> list[int | None]:
     rows = range(min(len(distances_m), MOST_MATCHED))
     if not rows:
         return found
-    unassigned = [FORBIDDEN_M] * len(rows)  # one extra column per row, so that each row may stay unassigned
-    costs = [[FORBIDDEN_M if cost is None else cost for cost in distances_m[row]] + unassigned for row in rows]
+    costs = [
+        {-1 - row: FORBIDDEN_M} | {column: cost for column, cost in enumerate(distances_m[row]) if cost is not None}
+        for row in rows
+    ]  # a column of its own for each row, so that each may stay unassigned
     for row, column in zip(rows, least_cost_assignment(costs), strict=True):
-        if costs[row][column] < FORBIDDEN_M:
+        if column >= 0:
             found[row] = column
     _assign_rest(found, distances_m)
     return found

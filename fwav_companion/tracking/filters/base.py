@@ -12,7 +12,7 @@ from typing import Protocol
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.types import GroundFix
-from fwav_companion.types.tracks import GateResult
+from fwav_companion.types.tracks import GateResult, GateShare
 
 
 class TargetState(Protocol):
@@ -53,6 +53,17 @@ class TargetState(Protocol):
 
     def update(self, fix: GroundFix) -> TargetState:
         """With a fix of this instant blended in."""
+
+
+class CoarselyGated(TargetState, Protocol):
+    """A target state with which many targets are gated several times as fast. Optional for a filter."""
+
+    @property
+    def gate_share(self) -> GateShare:
+        """The share of this target in the variance of any innovation that :meth:`TargetState.gate` accepts."""
+
+    def gate_share_of(self, fix: GroundFix) -> GateShare:
+        """The share of a fix in it; the same for every target of the filter."""
 
 
 class Filter(Protocol):

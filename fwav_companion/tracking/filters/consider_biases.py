@@ -31,8 +31,8 @@ DOWN_FLOOR_M2 = 0.02**2
 """Least variance of a ground's level, m^2: keeps the algebra regular where a plane leaves the height without error."""
 MOST_TURN_COSINE = 0.7
 """45 degrees: noise turns a line of sight by more only right above the target, where its azimuth does not matter."""
-MOST_REMEMBERED = 64
-"""Prepared fixes that are kept: those of a frame and more, a quarter of a megabyte."""
+MOST_REMEMBERED = 256
+"""Prepared fixes that are kept: those of a frame, a megabyte."""
 SENSITIVITY_SHARE = 0.25
 """Relative error of the sensitivities to attitude, mount and height, one sigma, that the gain allows for.
 

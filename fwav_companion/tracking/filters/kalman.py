@@ -40,7 +40,7 @@ class StaticTargetState(StandingTargetState, frozen=True, kw_only=True):
 
     def predict(self, host_ns: HostNs) -> Self:
         """The state at a later instant."""
-        return replace(self, host_ns=host_ns, now=None)
+        return replace(self, host_ns=host_ns, predicted=self.before(host_ns), now=None)
 
     def update(self, fix: GroundFix) -> Self:
         """The state after a fix of this instant."""
@@ -54,6 +54,7 @@ class StaticTargetState(StandingTargetState, frozen=True, kw_only=True):
         return replace(
             self,
             apparent=apparent,
+            predicted=None,
             wandering=wandering,
             down=self.down.update(measurement),
             scatter=scattered(before, self.scatter, errors.prepared(fix), errors.timed),

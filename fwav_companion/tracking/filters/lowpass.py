@@ -36,7 +36,7 @@ class LowPassTargetState(StandingTargetState, frozen=True, kw_only=True):
             entering, waiting = sample, None
         state = self if entering is None else self._step(entering, self.filter.share(since_s), host_ns)
         scatter = scattered(self.apparent, self.scatter, errors.prepared(fix), errors.timed)
-        return replace(state, scatter=scatter, fixed_ns=host_ns, host_ns=host_ns, waiting=waiting)
+        return replace(state, predicted=None, scatter=scatter, fixed_ns=host_ns, host_ns=host_ns, waiting=waiting)
 
     def _step(self, sample: Measurement, share: float, host_ns: HostNs) -> Self:
         """One blend. What of the position error is in u is in it as it was when its samples came."""

@@ -16,7 +16,7 @@ from fwav_companion.tracking.filters.consider_biases import ConsiderBiases
 from fwav_companion.tracking.filters.position_wander import STEP_S, WanderingPlace, first_place, position_wander
 from fwav_companion.tracking.filters.schmidt_kalman import DownEstimate, PointEstimate, gate_result
 from fwav_companion.types import Bias, ErrorPriors, GroundFix
-from fwav_companion.types.tracks import GateResult
+from fwav_companion.types.tracks import GateResult, GateShare
 
 
 class StandingModel:
@@ -36,6 +36,8 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True):
     model: StandingModel
     apparent: PointEstimate
     """The place plus the present error of the vehicle's position: what single fixes agree with now."""
+    predicted: PointEstimate | None = None
+    """The same at ``host_ns``; None at the last fix."""
     wandering: WanderingPlace | None = None
     """The place apart from that error; None where positions are exact."""
     down: DownEstimate
@@ -75,7 +77,7 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True):
     def relative(self) -> PointEstimate:
         """The place in the frame of the vehicle's report, whose own noise is unknown: all of it counts."""
         noise = self.model.errors.position_noise_m2
-        return self.before(self.host_ns).with_noise((noise, 0.0, noise))
+        return (self.predicted or self.apparent).with_noise((noise, 0.0, noise))
 
     @property
     def velocity_ned(self) -> Vector3 | None:
@@ -91,14 +93,26 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True):
     def _place(self) -> PointEstimate:
         return self.apparent if self.wandering is None else self.wandering.estimate
 
+    @property
+    def gate_share(self) -> GateShare:
+        """The share of this target in the gate's variance."""
+        apparent, scatter = self.predicted or self.apparent, self.scatter.variance
+        nn, _, ee = apparent.noise
+        return GateShare(nn + scatter, ee + scatter, *apparent.shared)
+
+    def gate_share_of(self, fix: GroundFix) -> GateShare:
+        """The share of a fix."""
+        prepared = self.model.errors.prepared(fix)
+        return GateShare(prepared.noise[0][0], prepared.noise[1][1], prepared.shared[0], prepared.shared[1])
+
     def predict(self, host_ns: HostNs) -> Self:
-        """The state at a later instant: the target stays."""
-        return replace(self, host_ns=host_ns)
+        """The state at a later instant: the target stays, the error of the vehicle's position wanders on."""
+        return replace(self, host_ns=host_ns, predicted=self.before(host_ns))
 
     def gate(self, fix: GroundFix) -> GateResult:
         """Gating statistics of a fix at this instant, horizontal."""
         errors = self.model.errors
-        return gate_result(self.before(self.host_ns), self.scatter, errors.prepared(fix), errors.timed)
+        return gate_result(self.predicted or self.apparent, self.scatter, errors.prepared(fix), errors.timed)
 
     def before(self, host_ns: HostNs) -> PointEstimate:
         """The apparent place predicted to an instant: the error of the vehicle's position has wandered on."""

@@ -35,6 +35,7 @@ VEHICLES = {
     "loop_rate": {"autopilot.loop_rate_hz": 50.0},
     "pitch_trim": {"autopilot.has_quaternion": False, "autopilot.pitch_trim_deg": 5.0},
     "timesync_unanswered": {"autopilot.answers_timesync": False},
+    "clock_followed": {"autopilot.clock_rate": 0.985},
     "no_detections": {"camera.enabled": False},
     "stale_detections": {"camera.stops_at_s": 9.0},
     "loss": {"downlink.loss": 0.1},

@@ -58,6 +58,8 @@ STATUS = {
     "no_clock": (["clock"], {"status": "unknown"}),
     "clock_unsettled": (["clock", "sigma_s"], 0.02),
     "no_attitude": (["telemetry", "rates_hz"], {}),
+    "gimbal_unused": (["telemetry", "gimbal_unused"], 154),
+    "readout_unknown": (["sight", "readout"], {"matters": True, "by_readout_m": 0.4, "sigma_m": 0.8}),
     "too_slow_for_motion": (["telemetry", "too_slow_for_motion"], True),
 }
 
@@ -70,7 +72,15 @@ def test_what_the_service_reports_of_itself_is_named(healthy, code):
     assert all(finding.problem and finding.fix for finding in findings)
 
 
-REASONS = ("across_clock_step", "beyond_terrain", "no_range", "not_finite", "stale_attitude", "terrain_unfit")
+REASONS = (
+    "across_clock_step",
+    "attitude_gap",
+    "beyond_terrain",
+    "no_range",
+    "not_finite",
+    "stale_attitude",
+    "terrain_unfit",
+)
 
 
 @pytest.mark.parametrize("code", REASONS)

@@ -1,0 +1,83 @@
+"""Statistics of horizontal errors and of what was claimed about them. PURE."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import ceil, isfinite, log, sqrt
+from typing import Any, Final
+
+import msgspec
+
+CHI2_95: Final = -2.0 * log(0.05)
+CHI2_999: Final = -2.0 * log(0.001)
+"""Quantiles of chi-square with 2 degrees of freedom."""
+Z_95: Final = 1.96
+LEAST_CORRELATION: Final = 0.05
+"""Autocorrelation below which its sum ends."""
+MOST_COMPARED: Final = 2000
+"""Samples of one target that are compared, evenly taken from all: more would take minutes and show no more."""
+
+
+class ErrorSample(msgspec.Struct, frozen=True, gc=False):
+    """Error of one estimate."""
+
+    error_m: float
+    """Horizontal distance from the truth, metres."""
+    normalised2: float
+    """Square of the error over the claimed covariance, 2 degrees of freedom."""
+
+
+def error_statistics(series: Sequence[Sequence[ErrorSample]]) -> dict[str, Any]:
+    """Statistics over all samples; ``series``: those of one target each, in order of time.
+
+    Metres; ``ce50_m`` and ``ce90_m`` are the radii that hold half and 90 % of the errors. ``coverage95`` counts what
+    lies inside its claimed 95 % ellipse, and has the 95 % interval of the share (Wilson 1927) for as many independent
+    samples as the correlation in time leaves. ``nees`` is the mean normalised square: 2 for an honest claim.
+    """
+    samples = [sample for each in series for sample in each]
+    if not samples:
+        return {"samples": 0}
+    errors = sorted(sample.error_m for sample in samples)
+    inside = sum(sample.normalised2 <= CHI2_95 for sample in samples)
+    independent = sum(_independent([sample.normalised2 for sample in each]) for each in series if each)
+    low, high = wilson(inside / len(samples), independent)
+    return {
+        "samples": len(samples),
+        "rms_m": sqrt(sum(error * error for error in errors) / len(errors)),
+        "ce50_m": _quantile(errors, 0.5),
+        "ce90_m": _quantile(errors, 0.9),
+        "coverage95": {"n": len(samples), "inside": inside, "low": low, "high": high},
+        "nees": sum(sample.normalised2 for sample in samples) / len(samples),
+    }
+
+
+def wilson(share: float, n: float) -> tuple[float, float]:
+    """The 95 % interval of a share that ``n`` independent samples show."""
+    z2 = Z_95 * Z_95
+    middle = (share + 0.5 * z2 / n) / (1.0 + z2 / n)
+    half = Z_95 * sqrt(share * (1.0 - share) / n + 0.25 * z2 / (n * n)) / (1.0 + z2 / n)
+    return max(0.0, middle - half), min(1.0, middle + half)
+
+
+def _quantile(ordered: Sequence[float], share: float) -> float:
+    return ordered[max(0, ceil(share * len(ordered)) - 1)]
+
+
+def _independent(values: Sequence[float]) -> float:
+    """Count of independent samples that carry as much as these in order of time: n / (1 + 2 sum of correlations)."""
+    finite = [value for value in values[:: ceil(len(values) / MOST_COMPARED)] if isfinite(value)]
+    n = len(finite)
+    if n < 3:
+        return float(max(1, n))
+    mean = sum(finite) / n
+    off = [value - mean for value in finite]
+    variance = sum(value * value for value in off)
+    if variance <= 0.0:
+        return 1.0
+    total = 1.0
+    for lag in range(1, n - 1):
+        correlation = sum(a * b for a, b in zip(off, off[lag:], strict=False)) / variance
+        if correlation < LEAST_CORRELATION:
+            break
+        total += 2.0 * correlation
+    return max(1.0, n / total)

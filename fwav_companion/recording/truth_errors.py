@@ -1,0 +1,179 @@
+"""Errors of a replay's fixes and tracks against true targets, for the summary of its targets file. PURE."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from math import hypot, sqrt
+from typing import Any
+
+from fwav_companion.geometry.earth import Geodetic, TangentPlane
+from fwav_companion.geometry.ellipses import semi_axes
+from fwav_companion.geometry.vectors import Matrix3, Vector3
+from fwav_companion.recording.error_statistics import CHI2_95, CHI2_999, ErrorSample, error_statistics
+from fwav_companion.recording.lines import Line
+from fwav_companion.recording.truth import Truth, TruthPoint
+from fwav_companion.types import TrackState
+
+CONFIRMED = (TrackState.CONFIRMED, TrackState.COASTING)
+
+
+class TrackErrors:
+    """Errors of one confirmed track against the true target that it is nearest to at its end."""
+
+    def __init__(self, label: str) -> None:
+        self.label = label
+        self.first_s = self.last_s = 0.0
+        """First and last time, Unix seconds."""
+        self.samples: dict[int, list[ErrorSample]] = {}
+        """By true target."""
+        self.final: dict[int, ErrorSample] = {}
+        """The last error against each true target."""
+        self.major95_m = 0.0
+        """Larger semi-axis of the last 95 % ellipse, metres."""
+
+    @property
+    def nearest(self) -> ErrorSample:
+        """The least of the final errors."""
+        return min(self.final.values(), key=lambda sample: sample.error_m)
+
+    def overlaps(self, other: TrackErrors) -> bool:
+        """Whether both were confirmed at one time."""
+        return self.first_s <= other.last_s and other.first_s <= self.last_s
+
+
+class ErrorTally:
+    """Horizontal errors by a targets file's lines: of single fixes, and of confirmed tracks."""
+
+    def __init__(self, points: Iterable[TruthPoint]) -> None:
+        by_target: dict[str, list[TruthPoint]] = {}
+        for number, point in enumerate(points):
+            # A label without times may name several stationary targets: each row is one.
+            key = point.label if point.time_unix is not None else f"{point.label}\0{number}"
+            by_target.setdefault(key, []).append(point)
+        self._targets = [(key.partition("\0")[0], Truth(points)) for key, points in by_target.items()]
+        self._fixes: dict[int, list[ErrorSample]] = {index: [] for index in range(len(self._targets))}
+        self._tracks: dict[int, TrackErrors] = {}
+        self._plane: TangentPlane | None = None
+
+    def add(self, line: Line) -> None:
+        """Process the next line of a targets file."""
+        if line["type"] in ("header", "origin") and line["origin"] is not None:
+            origin = line["origin"]
+            self._plane = TangentPlane(Geodetic.from_degrees(origin["lat"], origin["lon"], origin["alt_amsl"]))
+        elif line["type"] == "target":
+            if line["fix"] is not None:
+                nearest = min(self._errors(line, line["fix"]).items(), key=lambda each: each[1].error_m, default=None)
+                if nearest is not None:
+                    self._fixes[nearest[0]].append(nearest[1])
+            if line["state"] in CONFIRMED:
+                self._add_track(line)
+
+    def _errors(self, line: Line, estimate: Line) -> dict[int, ErrorSample]:
+        """Errors of an estimate against every true target of its label."""
+        errors: dict[int, ErrorSample] = {}
+        for index, (label, truth) in enumerate(self._targets):
+            true_ned = truth.ned_at(line["time_unix"], self._plane) if label in ("", line["label"]) else None
+            if true_ned is not None:
+                errors[index] = _sample(true_ned, estimate)
+        return errors
+
+    def _add_track(self, line: Line) -> None:
+        errors = self._errors(line, line)
+        if not errors:
+            return
+        track = self._tracks.get(line["track"])
+        if track is None:
+            track = self._tracks[line["track"]] = TrackErrors(line["label"])
+            track.first_s = line["time_unix"]
+        track.last_s, track.final = line["time_unix"], errors
+        track.major95_m = sqrt(CHI2_95) * semi_axes(line["cov"])[0]
+        for index, sample in errors.items():
+            track.samples.setdefault(index, []).append(sample)
+
+    # Summary.
+
+    def summary(self) -> Line:
+        """Statistics of fixes and tracks, per label and over all; the state of each target; the count of ghosts."""
+        found, ghosts = self._assigned()
+        tracked = {
+            index: [sample for number in numbers for sample in self._tracks[number].samples[index]]
+            for index, numbers in found.items()
+        }
+        targets = [self._target(index, label, found.get(index, [])) for index, (label, _) in enumerate(self._targets)]
+        return {
+            "fixes": self._statistics(self._fixes),
+            "tracks": self._statistics(tracked),
+            "labels": {label: _of_label(label, targets) for label in dict.fromkeys(each["label"] for each in targets)},
+            "targets": targets,
+            "ghosts": ghosts,
+        }
+
+    def _assigned(self) -> tuple[dict[int, list[int]], int]:
+        """Tracks by true target, and the count of ghosts.
+
+        The nearest pairs go first, one track a target at one time; a target that is not a track's nearest must lie
+        within its claim. A track that follows an earlier one of the same
+        target belongs to it too; one that is there at the same time is a ghost, as is one that is left over.
+        """
+        pairs = sorted(
+            (sample.error_m, number, index)
+            for number, track in self._tracks.items()
+            for index, sample in track.final.items()
+            if sample.normalised2 < CHI2_999 or sample is track.nearest
+        )
+        found: dict[int, list[int]] = {}
+        placed: set[int] = set()
+        for _, number, index in pairs:
+            others = [self._tracks[other] for other in found.get(index, [])]
+            if number not in placed and not any(self._tracks[number].overlaps(other) for other in others):
+                found.setdefault(index, []).append(number)
+                placed.add(number)
+        return found, len(self._tracks) - len(placed)
+
+    def _target(self, index: int, label: str, numbers: Sequence[int]) -> Line:
+        if numbers:
+            number = max(numbers, key=lambda each: self._tracks[each].last_s)
+            track = self._tracks[number]
+            final = track.final[index]
+            return {
+                "label": label,
+                "state": "found",
+                "track": number,
+                "final_m": final.error_m,
+                "claimed95_m": track.major95_m,
+                "outside95": final.normalised2 > CHI2_95,
+            }
+        near = [sample for sample in self._fixes[index] if sample.normalised2 < CHI2_999]
+        return {"label": label, "state": "fixed" if near else "missed", "final_m": None}
+
+    def _statistics(self, by_target: dict[int, list[ErrorSample]]) -> dict[str, Any]:
+        labels: dict[str, list[list[ErrorSample]]] = {}
+        for index, samples in by_target.items():
+            labels.setdefault(self._targets[index][0], []).append(samples)
+        return {
+            "all": error_statistics([samples for series in labels.values() for samples in series]),
+            "labels": {label: error_statistics(series) for label, series in labels.items()},
+        }
+
+
+def _sample(true_ned: Vector3, estimate: Line) -> ErrorSample:
+    north, east = estimate["north"] - true_ned[0], estimate["east"] - true_ned[1]
+    return ErrorSample(hypot(north, east), _normalised2(north, east, estimate["cov"]))
+
+
+def _normalised2(north: float, east: float, cov: Matrix3) -> float:
+    """Normalised square of a horizontal error, 2 degrees of freedom; infinite for a claim without extent."""
+    (nn, ne, _), (_, ee, _), _ = cov
+    determinant = nn * ee - ne * ne
+    if not determinant > 0.0:
+        return float("inf")
+    return (ee * north * north - 2.0 * ne * north * east + nn * east * east) / determinant
+
+
+def _of_label(label: str, targets: Sequence[Line]) -> Line:
+    """State and final error of a label: of several targets the worst."""
+    of_label = [each for each in targets if each["label"] == label]
+    states = [each["state"] for each in of_label]
+    state = next(each for each in ("missed", "fixed", "found") if each in states)
+    errors = [each["final_m"] for each in of_label if each["final_m"] is not None]
+    return {"state": state, "final_m": max(errors) if errors else None}

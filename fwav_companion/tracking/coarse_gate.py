@@ -1,0 +1,126 @@
+"""Pairs of tracks and fixes that the exact gate may accept: a coarse gate for several tracks.
+
+An innovation n along an axis passes the exact gate only if ``n^2 <= gate * (a + b + |r - s|^2)``, with the variances a
+and b of track and fix and their sensitivities r and s to shared errors. Fixes are gathered in cells of neighbours with
+similar sensitivities: with the reference row c of a cell, ``|r - s| <= |r - c| + |s - c|``. Whole cells are left out
+first, then fixes. No pair that the exact gate accepts is left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from math import ceil, dist, sqrt
+from typing import TypeAlias, cast
+
+import msgspec
+
+from fwav_companion.geometry.vectors import Vector3
+from fwav_companion.tracking.filters.base import CoarselyGated, TargetState
+from fwav_companion.tracking.filters.gates import widest_gate
+from fwav_companion.types import GroundFix
+from fwav_companion.types.tracks import GateShare
+
+FEW_PAIRS = 12
+"""Pairs up to which the exact gate alone is as fast."""
+CELL = 8
+"""Fixes in a cell."""
+SLACK = 1.0 + 1e-9
+"""Factor for the rounding of both gates."""
+
+
+SharedFix: TypeAlias = tuple[GroundFix, GateShare, int]
+"""A fix, its share in the gate, and its index."""
+Member: TypeAlias = tuple[float, float, float, GateShare, int]
+"""A fix in its cell: north, east, metres; distance of its sensitivities north to the cell's, metres; share; index."""
+
+
+class Cell(msgspec.Struct, frozen=True):
+    """Neighbouring fixes."""
+
+    members: tuple[Member, ...]
+    reference: GateShare
+    """Share of one of them."""
+    gate: float
+    """Widest gate of a member, times SLACK."""
+    corner: tuple[float, float]
+    """Least north and east, metres."""
+    opposite: tuple[float, float]
+    """Largest north and east, metres."""
+    bounds: tuple[float, float, float, float]
+    """Largest own variances and distances of sensitivities of a member, each north and east."""
+
+
+def possible_pairs(
+    targets: Sequence[tuple[int, TargetState]], fixes: Sequence[tuple[int, GroundFix]]
+) -> Iterable[tuple[int, int]]:
+    """Pairs of indices (track, fix), every pair that the exact gate accepts among them."""
+    share_of: Callable[[GroundFix], GateShare] | None = getattr(targets[0][1], "gate_share_of", None)
+    if len(targets) * len(fixes) <= FEW_PAIRS or share_of is None:
+        return [(i, j) for j, _ in fixes for i, _ in targets]
+    cells = _cells([(fix, share_of(fix), j) for j, fix in fixes])
+    pairs: list[tuple[int, int]] = []
+    for i, target in cast("Sequence[tuple[int, CoarselyGated]]", targets):
+        pairs += [(i, j) for j in _in_reach(target.apparent_ned, target.gate_share, cells)]
+    return pairs
+
+
+def _in_reach(position_ned: Vector3, own: GateShare, cells: Sequence[Cell]) -> Iterator[int]:
+    """Indices of the fixes that a target's gate may accept."""
+    north, east, _ = position_ned
+    own_nn, own_ee, own_north, own_east = own.nn, own.ee, own.north, own.east
+    for cell in cells:
+        gate, (nn, ee, off_n, off_e) = cell.gate, cell.bounds
+        to_n = dist(own_north, cell.reference.north)
+        reach_n = sqrt(gate * (own_nn + nn + (to_n + off_n) ** 2))
+        if not cell.corner[0] - reach_n <= north <= cell.opposite[0] + reach_n:
+            continue
+        to_e = dist(own_east, cell.reference.east)
+        reach_e = sqrt(gate * (own_ee + ee + (to_e + off_e) ** 2))
+        if not cell.corner[1] - reach_e <= east <= cell.opposite[1] + reach_e:
+            continue
+        for fix_n, fix_e, fix_off_n, share, j in cell.members:
+            n, e, off_n = fix_n - north, fix_e - east, to_n + fix_off_n
+            if (
+                n * n <= gate * (own_nn + share.nn + off_n * off_n)
+                and e * e <= gate * (own_ee + share.ee + dist(own_east, share.east) ** 2)
+                and n * n <= gate * (own_nn + share.nn + dist(own_north, share.north) ** 2)
+            ):
+                yield j
+
+
+def _cells(fixes: list[SharedFix]) -> list[Cell]:
+    """Cells of about CELL fixes: strips by north, cut by east."""
+    fixes.sort(key=lambda each: each[0].position_ned[0])
+    strips = _cut(fixes, ceil(len(fixes) / ceil(sqrt(len(fixes) / CELL))))
+    return [
+        _cell(members)
+        for strip in strips
+        for members in _cut(sorted(strip, key=lambda each: each[0].position_ned[1]), CELL)
+    ]
+
+
+def _cut(fixes: list[SharedFix], length: int) -> Iterator[list[SharedFix]]:
+    return (fixes[k : k + length] for k in range(0, len(fixes), length))
+
+
+def _cell(fixes: list[SharedFix]) -> Cell:
+    reference = fixes[len(fixes) // 2][1]
+    off_north = [dist(share.north, reference.north) for _, share, _ in fixes]
+    off_east = [dist(share.east, reference.east) for _, share, _ in fixes]
+    norths, easts = [fix.position_ned[0] for fix, _, _ in fixes], [fix.position_ned[1] for fix, _, _ in fixes]
+    return Cell(
+        tuple(
+            (north, east, off, share, j)
+            for north, east, off, (_, share, j) in zip(norths, easts, off_north, fixes, strict=True)
+        ),
+        reference,
+        SLACK * max(widest_gate(fix.sighting.detection) for fix, _, _ in fixes),
+        (min(norths), min(easts)),
+        (max(norths), max(easts)),
+        (
+            max(share.nn for _, share, _ in fixes),
+            max(share.ee for _, share, _ in fixes),
+            max(off_north),
+            max(off_east),
+        ),
+    )

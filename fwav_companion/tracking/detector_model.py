@@ -1,0 +1,107 @@
+"""Detection probability and clutter density of the detector: priors that the flight updates.
+
+Both are conjugate: the detection probability has a Beta prior, the number of false detections in a frame a Gamma prior.
+The priors alone count until the flight has FIRST_LOOKS looks or frames. The threshold of confirmation follows from a
+rate of false tracks that is acceptable (Blackman & Popoli 1999, ch. 6).
+"""
+
+from __future__ import annotations
+
+from math import log
+
+import msgspec
+
+from fwav_companion.geometry.stamps import HostNs, s_from_ns
+
+DETECTED_PRIOR, MISSED_PRIOR = 3.5, 1.5
+"""Beta prior of the detection probability: 0.7 on average, worth five looks."""
+FALSE_PRIOR, FRAMES_PRIOR = 0.5, 5.0
+"""Gamma prior of the false detections in a frame: one in ten frames on average, worth five frames."""
+FIRST_LOOKS = 20
+"""Looks, and frames, from which the flight updates the priors."""
+MEMORY = 1000.0
+"""Looks, and frames, beyond which older ones count half: a detector changes with light and height."""
+
+MOST_PROBABLE, LEAST_PROBABLE = 0.95, 0.05
+"""Bounds of the detection probability: one miss in twenty has a cause that the looks do not share, as an occlusion."""
+LEAST_FALSE = 0.03
+"""Lower bound of the false detections in a frame: a detector that was clean for a minute may still fail."""
+
+FALSE_TRACKS_PER_HOUR = 0.1
+"""Acceptable rate of confirmed tracks of clutter: one in ten hours."""
+LEAST_CONFIRMING_LLR = 5.0
+"""Lower bound of the threshold: odds of 150 to one, however rare false detections are."""
+FIRST_INTERVAL_S = 1.0 / 30.0
+"""Frame interval before the second frame, seconds."""
+
+
+class DetectorModel(msgspec.Struct, frozen=True, gc=False):
+    """What this flight has shown of the detector by now. Immutable."""
+
+    detected: float = 0.0
+    """Looks at confirmed tracks with a detection."""
+    looks: float = 0.0
+    """Looks at confirmed tracks; misses count once the track is detected again, so targets that left do not count."""
+    false: float = 0.0
+    """False detections: fixes that initiated a track, unless it was confirmed, and all fixes of tracks that were looked
+    for in vain and never confirmed."""
+    frames: float = 0.0
+    """Frames."""
+    seconds: float = 0.0
+    """Time of those frames, seconds."""
+    last_ns: HostNs | None = None
+    """Capture of the newest frame, host clock."""
+    detection_probability: float = DETECTED_PRIOR / (DETECTED_PRIOR + MISSED_PRIOR)
+    """The probability that a look at a target detects it."""
+
+    def after_frame(self, host_ns: HostNs, *, detected: int, looks: int, false: int) -> DetectorModel:
+        """The model after one more frame with its looks at confirmed tracks and its false detections."""
+        looked, framed = self.looks + looks, self.frames + 1.0
+        old, older = (0.5 if looked > MEMORY else 1.0), (0.5 if framed > MEMORY else 1.0)
+        hits, looked = old * (self.detected + detected), old * looked
+        return DetectorModel(
+            hits,
+            looked,
+            older * (self.false + false),
+            older * framed,
+            older * (self.seconds + self.elapsed_s(host_ns)),
+            host_ns,
+            _detection_probability(hits, looked),
+        )
+
+    def elapsed_s(self, host_ns: HostNs) -> float:
+        """Time since the newest frame, seconds."""
+        return FIRST_INTERVAL_S if self.last_ns is None else s_from_ns(host_ns - self.last_ns)
+
+    def interval_s(self, host_ns: HostNs) -> float:
+        """Mean interval of the frames, this one included, seconds."""
+        return (self.seconds + self.elapsed_s(host_ns)) / (self.frames + 1.0)
+
+    @property
+    def false_per_frame(self) -> float:
+        """Mean number of false detections in a frame; in the first frames it may only exceed the prior's."""
+        least = LEAST_FALSE if self.frames >= FIRST_LOOKS else FALSE_PRIOR / FRAMES_PRIOR
+        return max(least, (FALSE_PRIOR + self.false) / (FRAMES_PRIOR + self.frames))
+
+    @property
+    def frames_hz(self) -> float:
+        """Mean rate of frames, Hz."""
+        return self.frames / self.seconds if self.seconds > 0.0 else 1.0 / FIRST_INTERVAL_S
+
+    @property
+    def confirming_llr(self) -> float:
+        """The threshold of confirmation of a track's log-likelihood ratio.
+
+        A chain of clutter exceeds ``t`` at any time with a probability of at most exp(-t), so the rate of false tracks
+        is at most that of false detections times exp(-t).
+        """
+        false_per_hour = 3600.0 * self.frames_hz * self.false_per_frame
+        return max(LEAST_CONFIRMING_LLR, log(false_per_hour / FALSE_TRACKS_PER_HOUR))
+
+
+def _detection_probability(detected: float, looks: float) -> float:
+    """Mean of the posterior; that of the prior before FIRST_LOOKS looks."""
+    if looks < FIRST_LOOKS:
+        detected, looks = 0.0, 0.0
+    mean = (DETECTED_PRIOR + detected) / (DETECTED_PRIOR + MISSED_PRIOR + looks)
+    return min(MOST_PROBABLE, max(LEAST_PROBABLE, mean))

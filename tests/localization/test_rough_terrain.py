@@ -1,0 +1,147 @@
+"""A fine surface model with trees and houses: fixes are answered, honest, and refused only where there are two answers.
+
+The truth is chosen first: targets on the surface that the vehicle sees. Then errors are drawn from the priors.
+"""
+
+import msgspec
+import numpy as np
+import pytest
+from made_up_terrain import LAT, LON, PLANE, STEP, tile
+from true_flights import PRIORS, Scene
+
+from fwav_companion.localization import Datum, ElevationModel, FixedGround, HomeGround, Localizer, TerrainGround
+from fwav_companion.types import Bias, GroundFix, NoFix, Reason, TakeOff, TakeOffSource
+
+FINE = STEP / 30.0
+"""One metre."""
+SIZE = 401
+QUIET = msgspec.structs.replace(
+    PRIORS,
+    bias_sigmas=tuple(
+        0.3 if bias is Bias.TERRAIN else sigma for bias, sigma in zip(Bias, PRIORS.bias_sigmas, strict=True)
+    ),
+)
+
+
+def surface(rng, objects=150):
+    """Heights above level ground: trees, round and up to 9 m high, and houses of 10 m with flat roofs of 6 m."""
+    rows, columns = np.mgrid[0:SIZE, 0:SIZE]
+    heights = 1.5 * np.sin(rows / 40.0) * np.cos(columns / 55.0)
+    for k in range(objects):
+        i, j = rng.uniform(0, SIZE, 2)
+        if k % 4:
+            heights += rng.uniform(4.0, 9.0) * np.exp(
+                -((rows - i) ** 2 + (columns - j) ** 2) / (2 * rng.uniform(1.5, 3.0) ** 2)
+            )
+        else:
+            heights = np.where((abs(rows - i) < 5) & (abs(columns - j) < 5), 6.0, heights)
+    return heights
+
+
+def ground_of(heights, lift_m):
+    made = tile(lambda i, j: 500.0 + heights[i, j] + lift_m, SIZE, SIZE, LAT + 200 * FINE, LON - 200 * FINE, FINE)
+    ground = TerrainGround(ElevationModel([made]), Datum.EGM96)
+    ground.placed(PLANE, TakeOff(PLANE.origin, TakeOffSource.ASSUMED), None)
+    ground.shift = None  # the model's own heights, of which the draw is the error
+    return ground
+
+
+def fixes(rng, heights, down_deg, flights):
+    """(answer, error of the point in NED) of drawn flights over one surface."""
+    answers = []
+    while len(answers) < flights:
+        away = 60.0 / np.tan(np.radians(down_deg))
+        bearing = rng.uniform(0.0, 2.0 * np.pi)
+        target = (away * np.cos(bearing), away * np.sin(bearing))
+        vehicle = tuple(rng.uniform(-60.0, 60.0, 2))
+        scene = Scene(
+            roll_deg=0.0,
+            pitch_deg=90.0 - down_deg,
+            yaw_deg=np.degrees(bearing),
+            height_m=60.0,
+            target=target,
+            vehicle=vehicle,
+            pixel_sigma=(2.0, 2.0),
+        )
+        row = 200 - (vehicle[0] + target[0]) / 1.0294
+        column = 200 + (vehicle[1] + target[1]) / 0.6958
+        at_target = (
+            ground_of(heights, 0.0)._model.height_m(LAT + (200 - row) * FINE, LON + (column - 200) * FINE) - 500.0
+        )
+        exact = Localizer(ground_of(heights, -at_target), QUIET, min_height_m=0.5)
+        sees = exact.ground.meet(scene.sighting(), _direction(scene))
+        if isinstance(sees, NoFix) or abs(sees.distance_m - np.linalg.norm([*target, 60.0])) > 0.5:
+            continue  # hidden behind a tree
+        bias, noise = scene.draw(rng, QUIET)
+        ground = ground_of(heights, -at_target + bias[Bias.TERRAIN])
+        answer = Localizer(ground, QUIET, min_height_m=0.5).locate(scene.sighting(bias, noise))
+        error = None if isinstance(answer, NoFix) else np.subtract(answer.position_ned, scene.truth())
+        answers.append((answer, error))
+    return answers
+
+
+def _direction(scene):
+    sighting = scene.sighting()
+    return tuple(np.array(sighting.ned_from_camera) @ np.array(sighting.ray.direction))
+
+
+@pytest.mark.parametrize("down_deg", [40.0, 50.0, 65.0])
+def test_rays_onto_rough_ground_are_answered_and_honest(down_deg):
+    rng = np.random.default_rng(round(down_deg))
+    answers = fixes(rng, surface(rng), down_deg, 150)
+    answered = [(answer, error) for answer, error in answers if isinstance(answer, GroundFix)]
+    assert len(answered) > 0.75 * len(answers)
+    assert {answer.reason for answer, _ in answers if isinstance(answer, NoFix)} <= {Reason.TWO_GROUNDS}
+    squares = [error[:2] @ np.linalg.solve(np.array(answer.cov)[:2, :2], error[:2]) for answer, error in answered]
+    inside90 = np.mean(np.array(squares) < 4.605)
+    assert 0.82 < inside90 <= 0.99
+
+
+def test_the_square_of_an_unconfirmed_shift_is_in_the_claim():
+    """The same ray over the same model, shifted by 6 m: by HOME_POSITION, and by a vehicle that stands."""
+    made = tile(lambda _i, _j: 494.0)
+    scene = Scene(vehicle=(0.0, 0.0))
+    fixes = {}
+    for source in (TakeOffSource.HOME_POSITION, TakeOffSource.STANDING):
+        ground = TerrainGround(ElevationModel([made]), Datum.EGM96)
+        text = ground.placed(PLANE, TakeOff(PLANE.origin, source), None)
+        assert ("not confirmed" in text) is (source is TakeOffSource.STANDING)
+        fixes[source] = Localizer(ground, PRIORS, min_height_m=0.5).locate(scene.sighting())
+    sure, unsure = fixes.values()
+    assert unsure.position_ned == sure.position_ned
+    assert unsure.cov[2][2] - sure.cov[2][2] == pytest.approx(36.0, rel=1e-6)
+
+
+def test_without_a_take_off_the_model_keeps_its_heights_and_the_claim_says_so():
+    """A tree top under a vehicle that is first heard 60 m up does not bend the model."""
+    ground = TerrainGround(ElevationModel([tile(lambda _i, _j: 524.0)]), Datum.EGM96)
+    text = ground.placed(PLANE, TakeOff(PLANE.origin, TakeOffSource.ASSUMED), None)
+    assert "not known" in text
+    assert ground.shift.shift_m == 0.0
+    fix = Localizer(ground, PRIORS, min_height_m=0.5).locate(Scene(vehicle=(0.0, 0.0), height_m=60.0).sighting())
+    assert fix.position_ned[2] == pytest.approx(-24.0, abs=0.01)
+    assert fix.cov[2][2] > 4.0**2 + 4.9**2
+
+
+@pytest.mark.parametrize("ground", [HomeGround(), FixedGround(40.0)])
+def test_uneven_level_ground_is_in_the_claim_where_it_is_set(ground):
+    """45 deg down: a ground that is 2 m higher or lower moves the point by as much along the ground."""
+    scene = Scene(roll_deg=0.0, pitch_deg=45.0, yaw_deg=0.0, target=(40.0, 0.0), vehicle=(0.0, 0.0))
+    even, uneven = (
+        Localizer(
+            ground,
+            msgspec.structs.replace(
+                PRIORS,
+                bias_sigmas=tuple(
+                    sigma_m if bias is Bias.TERRAIN else sigma
+                    for bias, sigma in zip(Bias, PRIORS.bias_sigmas, strict=True)
+                ),
+            ),
+            min_height_m=0.5,
+        ).locate(scene.sighting())
+        for sigma_m in (0.0, 2.0)
+    )
+    assert uneven.position_ned == even.position_ned
+    assert uneven.cov[0][0] - even.cov[0][0] == pytest.approx(4.0, rel=1e-3)
+    assert uneven.cov[2][2] - even.cov[2][2] == pytest.approx(4.0, rel=1e-3)
+    assert uneven.budget.terrain == pytest.approx(2.0, rel=1e-3)
