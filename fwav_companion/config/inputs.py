@@ -47,8 +47,9 @@ class LinkConfig(msgspec.Struct, frozen=True, kw_only=True):
     """Name in logs and in the status file; unique."""
     url: str
     """serial://, udpin://, udpout://, udpbcast://, tcpin:// or tcpout://."""
-    role: Literal["autopilot", "gcs"]
-    """Kind of peer at the other end."""
+    role: Literal["autopilot", "gcs", "payload"]
+    """Kind of peer at the other end. ``payload``: programs and devices of this vehicle, believed for their own
+    components, never as the autopilot."""
     max_rate_hz: dict[MessageName, Positive] = {}
     """Largest rate at which a message leaves by this link, by message name, hertz."""
     forward_rate_requests: Literal["merge"] | bool = "merge"

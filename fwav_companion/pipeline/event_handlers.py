@@ -10,6 +10,7 @@ from fwav_companion.pipeline.components import Components
 from fwav_companion.pipeline.notices import notice_text
 from fwav_companion.pipeline.output_buffer import OutputBuffer
 from fwav_companion.pipeline.target_log import TargetLog
+from fwav_companion.publishing.landing import LEAST_LAG_S, MOST_LAG_S
 from fwav_companion.publishing.readiness import Readiness, ReadinessReports
 from fwav_companion.recording.lines import home_line, unix_seconds
 from fwav_companion.telemetry import (
@@ -65,9 +66,11 @@ class EventHandlers:
                     self._report(self._readiness.on_armed(readiness, now) if readiness is not None else None, now)
 
     def of_parameters(self) -> None:
-        """Hand a new value of the autopilot's PLND_LAG to the landing."""
+        """Pass the autopilot's PLND_LAG to the landing, limited as ArduPilot limits it."""
         landing = self._components.publisher.landing
-        landing.lag_s = self._components.rates.parameters.get("PLND_LAG", landing.lag_s)
+        lag_s = self._components.rates.parameters.get("PLND_LAG")
+        if lag_s is not None:
+            landing.lag_s = min(max(lag_s, LEAST_LAG_S), MOST_LAG_S)
 
     def of_timesync(self, message: Message, now: HostNs) -> None:
         """Handle a TIMESYNC message: an answer updates the clock, a request is answered."""

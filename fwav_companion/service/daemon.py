@@ -237,10 +237,18 @@ class Service:
         self._journal.tick(now)
         if self._ticks % BOARD_TICKS == 0:
             self._look_at_board(now)
+        self._report_links(now)
         self._ticks += 1
         self._pipeline.stations_want(self._node.demanded)
         self._signing.tick(self._node.signing_clock)
         self._calibrations.tick(self._pipeline.calibration_to_keep)
+
+    def _report_links(self, now: HostNs) -> None:
+        """Report what was refused on the links."""
+        notices = self._node.notices(now)
+        if notices:
+            self._pipeline.on_notices(notices, now)
+            self._flush(now)
 
     def _look_at_board(self, now: HostNs) -> None:
         """Report the board's load. The wall clock is read only where Cursor on Target is sent."""
@@ -256,7 +264,7 @@ class Service:
     def _flush(self, now: HostNs) -> None:
         if self._pipeline.has_outputs:  # most messages make none
             outputs = self._pipeline.take()
-            self._node.adopt(self._pipeline.system)
+            self._node.adopt(self._pipeline.system, self._pipeline.autopilot_component)
             self._node.share(self._pipeline.own_streams)
             self._outbox.send(outputs.messages, outputs.datagrams, now)
             self._journal.found(outputs.lines, now)

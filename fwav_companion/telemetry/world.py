@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import hypot
+
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.telemetry.decoding import FIX_3D, Position
@@ -11,6 +13,13 @@ PATIENCE_NS = 10 * NS_PER_S
 """Wait from the first attitude for a position, after which the world is relative."""
 LEAST_HOME_MOVE_M = 0.01
 """Smaller moves of home are not reported."""
+MOST_HOME_DISTANCE_M = 100_000.0
+"""Metres between home and vehicle, beyond the range of any vehicle that carries this service."""
+MOST_HOME_CLIMB_M = 10_000.0
+"""Metres between the altitudes of home and vehicle."""
+LEAST_ALTITUDE_M = 1.0
+"""Metres above or below the sea of a take-off ground that a home at altitude 0 contradicts: an autopilot without an
+altitude, or a station that sets home by hand, sends exactly 0."""
 
 WorldEvent = OriginSet | RelativeWorld | TakeOffFound | HomeMoved
 
@@ -33,6 +42,8 @@ class World:
         self._global_origin: Geodetic | None = None
         self._home_alt_amsl_m: float | None = None
         self._first_home: Geodetic | None = None
+        self._position: Position | None = None
+        """Newest position with a place."""
         self._gps_fix_type: int | None = None
         self._decide_ns: HostNs | None = None
 
@@ -80,25 +91,43 @@ class World:
 
     def on_position(self, position: Position) -> tuple[WorldEvent, ...]:
         """Freeze the origin at the first usable position."""
+        if position.place is not None:
+            self._position = position
         if self.plane is not None or position.place is None or not self._use_position:
             return ()
         if self._gps_fix_type is not None and self._gps_fix_type < FIX_3D:
             return ()
         ground_m = position.place.alt_amsl_m - position.height_above_home_m
+        if self._first_home is not None and not self._is_plausible(self._first_home):
+            self._first_home = self._home_alt_amsl_m = None
         at = self._global_origin or position.place
         self.plane = TangentPlane(Geodetic(at.lat, at.lon, ground_m))
         late = self.relative is True
         self.relative = False
         return (OriginSet(self.plane.origin, late), *self._move_home())
 
-    def on_home(self, place: Geodetic) -> tuple[WorldEvent, ...]:
-        """Take HOME_POSITION: its altitude is that of the home surface; the first one is the take-off place."""
+    def on_home(self, place: Geodetic) -> tuple[WorldEvent, ...] | None:
+        """Take HOME_POSITION: its altitude is that of the home surface; the first one is the take-off place. Returns
+        None for a home that the vehicle's position contradicts.
+        """
+        if not self._is_plausible(place):
+            return None
         found: tuple[WorldEvent, ...] = ()
         if self._first_home is None:
             self._first_home = place
             found = (TakeOffFound(place),) if self.plane is not None else ()
         self._home_alt_amsl_m = place.alt_amsl_m
         return (*found, *self._move_home())
+
+    def _is_plausible(self, home: Geodetic) -> bool:
+        if self._position is None or self._position.place is None:
+            return True
+        vehicle = self._position.place
+        ground_m = vehicle.alt_amsl_m - self._position.height_above_home_m
+        if home.alt_amsl_m == 0.0 and abs(ground_m) > LEAST_ALTITUDE_M:
+            return False
+        north_m, east_m, down_m = TangentPlane(vehicle).ned_from_geodetic(home)
+        return hypot(north_m, east_m) <= MOST_HOME_DISTANCE_M and abs(down_m) <= MOST_HOME_CLIMB_M
 
     def _move_home(self) -> tuple[WorldEvent, ...]:
         if self.plane is None or self._home_alt_amsl_m is None:

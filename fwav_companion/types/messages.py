@@ -35,7 +35,7 @@ class Destination(StrEnum):
     GROUND = "ground"
     """Ground stations: every gcs link, and the autopilot's link while no station is received on a gcs link."""
     GROUND_LINKS = "ground_links"
-    """Every gcs link, not the autopilot's link."""
+    """Every gcs link."""
     EVERYONE = "everyone"
     """All links, for heartbeats."""
     REPLY = "reply"
@@ -51,6 +51,11 @@ class NoticeCode(StrEnum):
     AUTOPILOT_LOST = "autopilot_lost"
     AUTOPILOT_BACK = "autopilot_back"
     AUTOPILOT_REBOOTED = "autopilot_rebooted"
+
+    OWN_IDS_ON_GCS = "own_ids_on_gcs"
+    """Frames with the autopilot's ids came on a link that is not an autopilot's."""
+    ID_CONFLICT = "id_conflict"
+    """A second program uses our ids."""
 
     READY = "ready"
     NOT_READY_PICTURES_REFUSED = "not_ready_pictures_refused"

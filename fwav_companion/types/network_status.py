@@ -74,6 +74,10 @@ class LinkStatistics(msgspec.Struct, frozen=True, kw_only=True):
     duplicates: int = 0
     echoes: int = 0
     """Frames of this service that came back."""
+    own_ids_on_gcs: int = 0
+    """Frames with the autopilot's ids that came on another role's link, and were dropped."""
+    id_conflict: int = 0
+    """Frames of a second program with our ids."""
     stopped: int = 0
     thinned: int = 0
     refused_signatures: int = 0

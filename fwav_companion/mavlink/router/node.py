@@ -8,20 +8,23 @@ from typing import Final
 import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_MS, HostNs
+from fwav_companion.mavlink.router.acceptance import Acceptance
 from fwav_companion.mavlink.router.coalescing import coalesced
 from fwav_companion.mavlink.router.duplicates import Duplicates
+from fwav_companion.mavlink.router.link_reports import LinkReports
 from fwav_companion.mavlink.router.merged_rates import Why
-from fwav_companion.mavlink.router.peers import UNKNOWN, Peer, PeerStream
+from fwav_companion.mavlink.router.peers import UNKNOWN, PeerStream
 from fwav_companion.mavlink.router.routing import RADIO_REPORTS, SETUP_SIGNING, TIMESYNC, LinkPolicy, Port, Router
 from fwav_companion.mavlink.router.sending import Sender
 from fwav_companion.mavlink.router.signing_policy import Keyring, SigningPolicy, Trust
 from fwav_companion.mavlink.router.statistics import StatisticsTaker
 from fwav_companion.mavlink.wire.codec import decode
 from fwav_companion.mavlink.wire.definitions import BY_NAME, constant
+from fwav_companion.mavlink.wire.enums import MAV_COMP_ID_AUTOPILOT1
 from fwav_companion.mavlink.wire.frames import RawFrame
 from fwav_companion.mavlink.wire.rate_messages import OwnStreams, RateRequest, rate_request
 from fwav_companion.mavlink.wire.signing import SigningClock
-from fwav_companion.types import Message, Outgoing
+from fwav_companion.types import Message, Notice, Outgoing
 from fwav_companion.types.network_status import LinkStatistics
 
 __all__ = ["LinkPolicy", "Node", "Received", "SigningPolicy"]
@@ -88,6 +91,8 @@ class Node:
         self._statistics = StatisticsTaker(self._router)
         self._ports = {port.name: port for port in self._router.ports}
         self._duplicates = Duplicates()
+        self._acceptance = Acceptance(self._router, self._duplicates, self._sender.own_frames)
+        self._reports = LinkReports(self._router.ports)
         self._settle_ns: dict[str, HostNs] = {}
         self._release_ns: dict[str, HostNs] = {}
 
@@ -101,9 +106,11 @@ class Node:
         """Clock whose timestamp must be stored; None without a key."""
         return self._keyring.clock
 
-    def adopt(self, system: int) -> None:
-        """Send with the vehicle's system id from now on."""
-        self._router.adopt(system)
+    def adopt(self, system: int, autopilot: int | None = MAV_COMP_ID_AUTOPILOT1) -> None:
+        """Send with the vehicle's system id from now on. ``autopilot``: component id of its autopilot; None before the
+        vehicle is known.
+        """
+        self._router.adopt(system, autopilot)
 
     def share(self, own: OwnStreams) -> None:
         """Take the requests of this service: they alone do not send a message to links that merge requests."""
@@ -174,6 +181,10 @@ class Node:
         """Return what each link carried and lost; rates are those since the last call."""
         return self._statistics.take(now)
 
+    def notices(self, now: HostNs) -> list[Notice]:
+        """Return what was refused on the links and is due to be reported; call it about once a second."""
+        return self._reports.take(now)
+
     def _release(self, received: Received, now: HostNs) -> None:
         """Forward the held transfer frames that slow links can take now."""
         for name in list(self._release_ns):
@@ -197,6 +208,7 @@ class Node:
             data, flow, seq = frame.data, frame.flow, frame.seq
             if flow.version != router.version and not self._attach(port, frame, now):
                 dropped.append(frame)
+                received.forwards += self._acceptance.forwards_of_refused(port, frame, now)
                 continue
             stream: PeerStream = flow.stream
             peer = stream.peer
@@ -226,7 +238,7 @@ class Node:
     def _attach(self, port: Port, frame: RawFrame, now: HostNs) -> bool:
         """Recompute what holds for all frames of a flow. Returns False if its frames are not accepted."""
         router, flow = self._router, frame.flow
-        peer = port.peers.get(flow.system << 8 | flow.component) or self._add_peer(port, frame, now)
+        peer = port.peers.get(flow.system << 8 | flow.component) or self._acceptance.new_peer(port, frame, now)
         if peer is None:
             return False
         flow.stream = stream = peer.stream(frame)
@@ -235,17 +247,6 @@ class Node:
             router.plan(port, frame, stream)
             stream.watched = flow.definition is not None and flow.msgid in self._watched
         return True
-
-    def _add_peer(self, port: Port, frame: RawFrame, now: HostNs) -> Peer | None:
-        """Add a sender heard for the first time. Returns None for an echo of our frames, or a copy that may be one."""
-        if self._router.is_own(frame):
-            port.echoes += 1
-            return None
-        first = self._router.ports[self._duplicates.came_first_by(frame.data, port.index)]
-        if first is not port and not self._router.are_two_ways(first, port, frame):
-            port.duplicates += 1
-            return None
-        return self._router.learn(port, frame, now)
 
     def _forward(self, port: Port, frame: RawFrame, stream: PeerStream, received: Received, now: HostNs) -> None:
         """Forward a frame that names a receiver, or that a link thins."""
@@ -292,6 +293,8 @@ class Node:
 
     def _read(self, port: Port, frame: RawFrame, stream: PeerStream, received: Received, now: HostNs) -> bool:
         """Read a watched message if it is addressed to us. Returns False if it is not trusted."""
+        if not self._acceptance.is_believed(port, frame):
+            return False
         if stream.targeted and not self._router.is_for_us(frame.target_system, frame.target_component):
             return True
         msgid = frame.flow.msgid

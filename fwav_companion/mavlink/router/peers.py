@@ -21,6 +21,8 @@ _LATE: Final = 32
 """Sequence numbers behind the next one that are taken for late frames: more than UDP and bonded radios reorder."""
 _BURST_NS: Final = NS_PER_S // 2
 """Time within which a jump of nearly 256 sequence numbers is a repeated frame instead of a loss."""
+RESTART_NS: Final = 2 * NS_PER_S
+"""Time for which a clock must stay lower before it counts as a restart: three messages at 1 Hz."""
 UNKNOWN: Final = -1
 """Key of the one stream that all messages of unknown ids of a peer share: they are all routed alike, and a table with
 their ids could be filled by any sender."""
@@ -48,12 +50,35 @@ class PeerStream:
         """Whether this service reads the message."""
 
 
+class PeerClock:
+    """Clock of a peer by its SYSTEM_TIME messages: finds a restart that one frame cannot feign."""
+
+    __slots__ = ("_boot_ms", "_since_ns", "_suspect_ms")
+
+    def __init__(self) -> None:
+        self._boot_ms = 0
+        """Last accepted clock, milliseconds."""
+        self._suspect_ms = 0
+        self._since_ns: HostNs | None = None
+        """Arrival of the first of the lower clocks; None while the clock has not gone back."""
+
+    def on_stamp(self, boot_ms: int, now: HostNs) -> HostNs | None:
+        """Take a clock. Returns when it began to be lower, once it has stayed lower for RESTART_NS; else None."""
+        if boot_ms >= self._boot_ms:
+            self._boot_ms, self._since_ns = boot_ms, None
+            return None
+        if self._since_ns is None or boot_ms < self._suspect_ms:
+            self._since_ns = now
+        self._suspect_ms = boot_ms
+        return self._since_ns if now - self._since_ns >= RESTART_NS else None
+
+
 class Peer:
     """One (system, component) on one link."""
 
     __slots__ = (
         "_missing",
-        "boot_ms",
+        "clock",
         "component",
         "last_ns",
         "late",
@@ -77,8 +102,7 @@ class Peer:
         self.repeated = 0
         self.streams: dict[int, PeerStream] = {}
         """Streams by message id."""
-        self.boot_ms = 0
-        """Clock of the peer in its last SYSTEM_TIME, milliseconds."""
+        self.clock = PeerClock()
         self._missing: dict[int, int] = {}
         """Sequence number -> number of frames received when it was found missing."""
 

@@ -10,9 +10,9 @@
 5. A station's request for message rates reaches the autopilot, unless its link stops them (``forward_rate_requests``).
    If the link merges them, our own rates follow (:mod:`~fwav_companion.mavlink.router.merged_rates`).
 
-The peers of a link are forgotten when it goes down, and each one after a silence; a whole system is forgotten when its
-clock (SYSTEM_TIME) goes back. Frames are forwarded byte for byte; frames of unknown ids have no known target and go to
-every link.
+The peers of a link are forgotten when it goes down, and each one after a silence. When the clock of a system
+(SYSTEM_TIME) goes back and stays back, its components that have been silent since then are forgotten. Frames are
+forwarded byte for byte; frames of unknown ids have no known target and go to every link.
 """
 
 from __future__ import annotations
@@ -52,7 +52,9 @@ class LinkPolicy(msgspec.Struct, frozen=True):
     """Configuration of one link."""
 
     name: str
-    role: Literal["autopilot", "gcs"]
+    role: Literal["autopilot", "gcs", "payload"]
+    """Peers of the link. ``payload``: programs and devices of this vehicle, which speak for themselves, never as the
+    autopilot."""
     max_rate_hz: Mapping[str, float] = {}
     """Highest rate by message name, hertz, out of this link."""
     forward_rate_requests: Literal["merge"] | bool = "merge"
@@ -70,7 +72,9 @@ class Port:
     def __init__(self, index: int, policy: LinkPolicy) -> None:
         self.index = index
         self.name = policy.name
+        self.role = policy.role
         self.is_autopilot = policy.role == "autopilot"
+        self.is_gcs = policy.role == "gcs"
         self.merges_rate_requests = policy.forward_rate_requests == "merge" and not self.is_autopilot
         self.forwards_rate_requests = bool(policy.forward_rate_requests) or self.is_autopilot
         self.limiter = LinkLimiter(
@@ -84,6 +88,10 @@ class Port:
         self.duplicates = 0
         self.echoes = 0
         """Our own frames that came back."""
+        self.own_ids_on_gcs = 0
+        """Frames with the autopilot's ids that came on another role's link."""
+        self.id_conflict = 0
+        """Frames of a second program with the ids of a component of ours."""
         self.stopped = 0
         """Rate requests that were not forwarded."""
         self.refused_signatures = 0
@@ -110,22 +118,29 @@ class Router:
         self.ports = [Port(index, policy) for index, policy in enumerate(policies)]
         self.system = system
         self.components = components
+        self._autopilot: int | None = None
+        """Autopilot's (system << 8 | component); None before the vehicle is known."""
         self.version = 0
         """Version of the tables: it grows with every change, and results of an older version are invalid."""
         self.merged = MergedRates([port.name for port in self.ports if port.merges_rate_requests])
         self._sweep_ns: HostNs | None = None
 
-    def adopt(self, system: int) -> None:
-        """Take the vehicle's system id, which is also ours."""
-        if system == self.system:
+    def adopt(self, system: int, autopilot: int | None) -> None:
+        """Take the vehicle's system id, which is also ours, and its autopilot's component id."""
+        sender = None if autopilot is None else system << 8 | autopilot
+        if system == self.system and sender == self._autopilot:
             return
-        self.system = system
+        renamed = system != self.system
+        self.system, self._autopilot = system, sender
         self.version += 1
         for port in self.ports:
             for component in self.components:
                 port.peers.pop(system << 8 | component, None)
-        self.merged.refresh(system)
-        self._apply_caps()
+            if sender is not None and not port.is_autopilot:
+                port.peers.pop(sender, None)
+        if renamed:
+            self.merged.refresh(system)
+            self._apply_caps()
 
     def share(self, own: OwnStreams) -> None:
         """Take the requests of this service to the autopilot."""
@@ -161,11 +176,15 @@ class Router:
 
     def hears_ground_station(self, now: HostNs) -> bool:
         """Return whether a ground station's heartbeat was heard on a gcs link lately."""
-        return any(port.hears_ground_station(now) for port in self.ports if not port.is_autopilot)
+        return any(port.hears_ground_station(now) for port in self.ports if port.is_gcs)
 
     def is_own(self, frame: RawFrame) -> bool:
         """Return whether the frame carries the ids of one of our components."""
         return frame.system == self.system and frame.component in self.components
+
+    def is_autopilot(self, frame: RawFrame) -> bool:
+        """Return whether the frame carries the autopilot's ids."""
+        return frame.system << 8 | frame.component == self._autopilot
 
     def is_for_us(self, target_system: int, target_component: int) -> bool:
         """Return whether the target is one of our components (rule 1)."""
@@ -184,18 +203,24 @@ class Router:
         return peer
 
     def on_clock(self, port: Port, frame: RawFrame, boot_ms: int, now: HostNs) -> None:
-        """Take a peer's SYSTEM_TIME. A clock that goes back means a restart: the system may be on another link now."""
+        """Take a peer's SYSTEM_TIME. A clock that goes back and stays back means a restart: the system may be on
+        another link now.
+        """
         peer = port.peers[frame.system << 8 | frame.component]
-        if boot_ms < peer.boot_ms:
-            self._forget_system(frame.system)
+        restarted_ns = peer.clock.on_stamp(boot_ms, now)
+        if restarted_ns is not None:
+            self._forget_silent(frame.system, restarted_ns)
             peer = self.learn(port, frame, now)
             peer.next_seq = (frame.seq + 1) & 0xFF
-        peer.boot_ms = boot_ms
+            peer.clock.on_stamp(boot_ms, now)
 
-    def _forget_system(self, system: int) -> None:
+    def _forget_silent(self, system: int, since_ns: HostNs) -> None:
+        """Forget the components of a system that have been silent since it restarted."""
         self.version += 1
         for port in self.ports:
-            port.peers = {sender: peer for sender, peer in port.peers.items() if peer.system != system}
+            port.peers = {
+                sender: peer for sender, peer in port.peers.items() if peer.system != system or peer.last_ns >= since_ns
+            }
 
     def sweep(self, now: HostNs) -> None:
         """Forget silent peers. Frequent calls are cheap."""
@@ -258,7 +283,7 @@ class Router:
         """Return whether a copy on ``second`` shows a second way to its sender: we never sent it there, so it is not an
         echo.
         """
-        if first.is_autopilot is not second.is_autopilot:
+        if first.role != second.role:
             return False
         return second not in self.route(first, frame, frame.target_system, frame.target_component)
 

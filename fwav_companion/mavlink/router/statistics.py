@@ -51,6 +51,8 @@ class StatisticsTaker:
             not_understood=port.scanner.not_understood,
             duplicates=port.duplicates,
             echoes=port.echoes,
+            own_ids_on_gcs=port.own_ids_on_gcs,
+            id_conflict=port.id_conflict,
             stopped=port.stopped,
             thinned=port.limiter.thinned,
             refused_signatures=port.refused_signatures,
