@@ -48,6 +48,10 @@ class NoticeCode(StrEnum):
 
     AUTOPILOT_FOUND = "autopilot_found"
     SEVERAL_AUTOPILOTS = "several_autopilots"
+    NEIGHBOUR_HEARD = "neighbour_heard"
+    """Another vehicle is heard beside ours."""
+    AUTOPILOT_REPLACED = "autopilot_replaced"
+    """Another autopilot was adopted in place of the former one."""
     AUTOPILOT_LOST = "autopilot_lost"
     AUTOPILOT_BACK = "autopilot_back"
     AUTOPILOT_REBOOTED = "autopilot_rebooted"
