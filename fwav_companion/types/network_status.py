@@ -84,6 +84,10 @@ class LinkStatistics(msgspec.Struct, frozen=True, kw_only=True):
     """Frames with a signature that does not verify."""
     refused_unsigned: int = 0
     """Unsigned frames that were not believed."""
+    late_copy: int = 0
+    """Genuine signed frames with an old timestamp, dropped."""
+    outdated: int = 0
+    """Of these: of a sender whose clock is more than a minute behind ours."""
     signed_unverified: int = 0
     """Signed frames for us, received while no key is configured."""
     ground_station: bool = False

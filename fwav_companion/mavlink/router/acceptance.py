@@ -65,6 +65,26 @@ class Acceptance:
         settled = self._settled_ns is not None and now >= self._settled_ns
         return not settled or frame.data in self._own_frames
 
+    def forwards_of_untrusted(self, port: Port, frame: RawFrame) -> list[tuple[str, bytes]]:
+        """Return (link, frame) for a frame whose sender is not verified: it teaches no route, and nothing of it goes to
+        the vehicle.
+        """
+        router = self._router
+        if router.is_own(frame):
+            return []
+        if not port.is_autopilot and router.is_autopilot(frame):
+            port.own_ids_on_gcs += 1
+            return []
+        if self._duplicates.came_first_by(frame.data, port.index) != port.index:
+            port.duplicates += 1
+            return []
+        outs = router.route(port, frame, frame.target_system, frame.target_component)
+        return [(out.name, frame.data) for out in router.on_ground(port, outs)]
+
+    def is_second_copy(self, port: Port, frame: RawFrame) -> bool:
+        """Return whether the frame came lately by another link."""
+        return self._duplicates.came_first_by(frame.data, port.index) != port.index
+
     def forwards_of_refused(self, port: Port, frame: RawFrame, now: HostNs) -> list[tuple[str, bytes]]:
         """Return (link, frame) for a frame that taught no route: to an autopilot, from a second program with our
         ids.

@@ -62,6 +62,9 @@ class LinkPolicy(msgspec.Struct, frozen=True):
     forwarded unchanged, or stopped. On an autopilot's link all requests are forwarded unchanged."""
     max_bytes_per_s: float = 0.0
     """Limit that telemetry keeps to on the way out of this link, bytes a second; 0: no limit."""
+    relay_unsigned: bool = False
+    """With a key: whether unsigned frames that ask something of their receiver go from this link to the vehicle, if
+    the link accepts unsigned telemetry."""
     datagrams: bool = False
     """Whether the link carries datagrams, which usually begin and end with a frame."""
 
@@ -77,6 +80,7 @@ class Port:
         self.is_gcs = policy.role == "gcs"
         self.merges_rate_requests = policy.forward_rate_requests == "merge" and not self.is_autopilot
         self.forwards_rate_requests = bool(policy.forward_rate_requests) or self.is_autopilot
+        self.relays_unsigned = policy.relay_unsigned
         self.limiter = LinkLimiter(
             policy.max_rate_hz, max_bytes_per_s=policy.max_bytes_per_s, to_autopilot=self.is_autopilot
         )
@@ -97,6 +101,10 @@ class Port:
         self.refused_signatures = 0
         """Frames whose signature was not genuine."""
         self.refused_unsigned = 0
+        self.late_copy = 0
+        """Genuine signed frames with an old timestamp: copies that came another way."""
+        self.outdated = 0
+        """Of these: the first of their sender, more than a minute behind our own timestamp."""
         self.signed_unverified = 0
         """Signed frames for us while no key is configured."""
         self.ground_station_ns: HostNs | None = None
@@ -264,6 +272,10 @@ class Router:
             and not (no_autopilot and out.is_autopilot)
             and self._reaches(out, target_system, target_component)
         )
+
+    def on_ground(self, port: Port, outs: tuple[Port, ...]) -> tuple[Port, ...]:
+        """Return the links to which a frame of ``port`` may go that must not reach the vehicle."""
+        return tuple(out for out in outs if out.is_gcs or (port.is_autopilot and not out.is_autopilot))
 
     def _may_pass(self, port: Port, frame: RawFrame) -> bool:
         if frame.definition is None:

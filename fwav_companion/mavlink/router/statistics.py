@@ -57,6 +57,8 @@ class StatisticsTaker:
             thinned=port.limiter.thinned,
             refused_signatures=port.refused_signatures,
             refused_unsigned=port.refused_unsigned,
+            late_copy=port.late_copy,
+            outdated=port.outdated,
             signed_unverified=port.signed_unverified,
             ground_station=port.hears_ground_station(now),
             thinning=port.limiter.status(),
