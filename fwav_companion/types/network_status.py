@@ -109,6 +109,8 @@ class LinkReport(msgspec.Struct, frozen=True, kw_only=True):
     """Number of ``send`` calls whose bytes did not leave."""
     clients: list[str] | UnsetType = UNSET
     """Addresses of the clients in order of arrival; only of a server."""
+    refused: int | UnsetType = UNSET
+    """Number of times that a source found no place; only of a server."""
     device: str | UnsetType = UNSET
     """Name under which a serial device was found; only while it is open."""
 

@@ -58,6 +58,13 @@ class Received(msgspec.Struct):
     SETUP_SIGNING, which carries a key."""
     rate_requests: Sequence[PassedRequest] = ()
     """Rate requests in frames that are forwarded to an autopilot: they may lower our rates."""
+    copied: bool = False
+    """Whether there were known frames of a known sender that had come by another link."""
+
+    @property
+    def subscribes(self) -> bool:
+        """Whether a frame with a right checksum came from a sender that may subscribe to the link."""
+        return self.copied or any(frame.known for frame in self.frames)
 
 
 class Node:
@@ -213,6 +220,7 @@ class Node:
             stream.count += 1
             if old.get(data, link) != link or young.setdefault(data, link) != link:
                 port.duplicates += 1
+                received.copied |= frame.known
                 dropped.append(frame)
                 continue
             if stream.direct is None or trust is Trust.UNSIGNED_REQUEST:
