@@ -60,6 +60,8 @@ class NoticeCode(StrEnum):
     """Frames with the autopilot's ids came on a link that is not an autopilot's."""
     ID_CONFLICT = "id_conflict"
     """A second program uses our ids."""
+    BYTES_SHED = "bytes_shed"
+    """Bytes of a link were skipped unread: examining them would cost too much."""
 
     READY = "ready"
     NOT_READY_PICTURES_REFUSED = "not_ready_pictures_refused"

@@ -70,6 +70,8 @@ class LinkStatistics(msgspec.Struct, frozen=True, kw_only=True):
     bad_checksums: int = 0
     skipped_bytes: int = 0
     """Bytes that belong to no frame."""
+    shed_bytes: int = 0
+    """Of these: bytes that were not examined, because the link used up its trials."""
     not_understood: int = 0
     duplicates: int = 0
     echoes: int = 0

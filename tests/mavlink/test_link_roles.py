@@ -159,6 +159,17 @@ def test_what_was_refused_is_reported_once_a_minute_with_its_causes_in_order() -
     assert net.node.notices(HostNs(net.now + 4 * REPORT_NS)) == [], "nothing more came"
 
 
+def test_what_is_shed_is_counted_and_reported() -> None:
+    net = Net()
+    for _ in range(20):
+        net.feed("ground", b"\xfe" * 1000)
+    assert net.count("shed_bytes", "ground") > 15_000
+    (notice,) = net.node.notices(net.now)
+    assert notice.code is NoticeCode.BYTES_SHED
+    assert "'ground'" in notice.text
+    assert net.node.notices(net.now) == []
+
+
 def test_telemetry_for_ground_stations_does_not_go_to_payloads() -> None:
     net = Net()
     fields = {"severity": 4, "text": "x"}

@@ -21,6 +21,7 @@ class _Kind(msgspec.Struct, frozen=True):
     count: Callable[[Port], int]
     text: str
     """Text with {count} and {link}."""
+    to_ground: bool = True
 
 
 _KINDS: Final = (
@@ -35,6 +36,12 @@ _KINDS: Final = (
         NoticeCode.ID_CONFLICT,
         lambda port: port.id_conflict,
         "another program on link {link!r} uses our ids ({count} frames): set component_id = 192",
+    ),
+    _Kind(
+        NoticeCode.BYTES_SHED,
+        lambda port: port.scanner.shed_bytes,
+        "{count} bytes on link {link!r} were skipped unread, since they are not MAVLink: check what sends there",
+        to_ground=False,
     ),
 )
 
@@ -58,4 +65,4 @@ class LinkReports:
                 continue
             self._reported[port.name, kind.code] = (count, now)
             text = kind.text.format(count=count - before, link=port.name)
-            yield Notice(kind.code, Severity.WARNING, text, to_ground=True)
+            yield Notice(kind.code, Severity.WARNING, text, kind.to_ground)

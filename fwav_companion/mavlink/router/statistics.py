@@ -48,6 +48,7 @@ class StatisticsTaker:
             bytes_in=port.bytes_in,
             bad_checksums=port.scanner.bad_checksums,
             skipped_bytes=port.scanner.skipped_bytes,
+            shed_bytes=port.scanner.shed_bytes,
             not_understood=port.scanner.not_understood,
             duplicates=port.duplicates,
             echoes=port.echoes,

@@ -10,6 +10,7 @@ from fastcrc import crc16
 
 from fwav_companion.mavlink.wire.definitions import Definition
 
+MARKER_V1: Final = 0xFE
 MARKER_V2: Final = 0xFD
 FLAG_SIGNED: Final = 0x01
 """The only defined incompatibility flag: 13 bytes of signature follow the checksum."""
