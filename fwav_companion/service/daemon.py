@@ -7,8 +7,6 @@ import signal
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
-import msgspec
-
 from fwav_companion.camera import Calibration
 from fwav_companion.config import Config
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
@@ -25,7 +23,7 @@ from fwav_companion.service.log import ServiceLog, warn
 from fwav_companion.service.network import Outbox, make_node
 from fwav_companion.service.service_factory import make_detections, make_map_link, make_recorder, make_vision
 from fwav_companion.service.signing_store import SigningStore
-from fwav_companion.service.status import StatusReport, SystemdNotifier
+from fwav_companion.service.status import StatusReport, SystemdNotifier, encoded
 from fwav_companion.service.timer import NET_NS, HostClock, PipelineTimer
 from fwav_companion.telemetry import Telemetry
 from fwav_companion.types import Frame, NoFrame, Outgoing
@@ -247,7 +245,7 @@ class Service:
         """Write the status file and ping the systemd watchdog, once a second."""
         asyncio.get_running_loop().call_later(STATUS_INTERVAL_S, self._tick)
         now = self._clock.now()
-        self._status_file.write(msgspec.json.encode(self._status.at(now)))
+        self._status_file.write(encoded(self._status.at(now)))
         self._notifier.alive()
         self._journal.tick(now)
         if self._ticks % BOARD_TICKS == 0:

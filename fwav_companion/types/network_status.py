@@ -95,6 +95,8 @@ class LinkStatistics(msgspec.Struct, frozen=True, kw_only=True):
     ground_station: bool = False
     thinning: LinkThinning = LinkThinning()
     peers: list[PeerStatistics] = []
+    """Those with the most frames, the vehicle's first."""
+    peers_left_out: int = 0
 
 
 class LinkReport(msgspec.Struct, frozen=True, kw_only=True):

@@ -259,7 +259,7 @@ class Node:
         if peer is None:
             received.forwards += self._acceptance.forwards_of_refused(port, frame, now)
             return False
-        flow.stream = stream = peer.stream(frame)
+        flow.stream = stream = router.stream(port, peer, frame, now)
         flow.version = router.version
         if stream.plan != router.version:
             router.plan(port, frame, stream)

@@ -25,7 +25,8 @@ import msgspec
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.mavlink.router.link_limiter import LinkLimiter
 from fwav_companion.mavlink.router.merged_rates import MergedRates
-from fwav_companion.mavlink.router.peers import MAX_PEERS, SILENT_NS, UNKNOWN, Peer, PeerStream
+from fwav_companion.mavlink.router.peer_tables import PeerTables
+from fwav_companion.mavlink.router.peers import SILENT_NS, UNKNOWN, Peer, PeerStream
 from fwav_companion.mavlink.wire.definitions import BY_NAME
 from fwav_companion.mavlink.wire.frames import RawFrame
 from fwav_companion.mavlink.wire.rate_messages import (
@@ -35,7 +36,7 @@ from fwav_companion.mavlink.wire.rate_messages import (
     OwnStreams,
     RateRequest,
 )
-from fwav_companion.mavlink.wire.scanner import Scanner
+from fwav_companion.mavlink.wire.scanner import MAX_FLOWS, Scanner
 
 SETUP_SIGNING: Final = BY_NAME["SETUP_SIGNING"].msgid
 RADIO_REPORTS: Final = frozenset(BY_NAME[name].msgid for name in ("RADIO", "RADIO_STATUS"))
@@ -44,8 +45,8 @@ GROUND_STATION_NS: Final = 5 * NS_PER_S
 """Silence after which a ground station is gone: five missed heartbeats (MAVLink guide, heartbeat)."""
 TIMESYNC: Final = BY_NAME["TIMESYNC"].msgid
 _SWEEP_NS: Final = 5 * NS_PER_S
-_MAX_TARGETS: Final = 256
-"""Targets remembered for one message of one sender, which may name any; beyond it they are computed again."""
+_MAX_ROUTES: Final = 2048
+"""Routes of frames that name a receiver, remembered for all links together; beyond it they are computed again."""
 
 
 class LinkPolicy(msgspec.Struct, frozen=True):
@@ -72,7 +73,7 @@ class LinkPolicy(msgspec.Struct, frozen=True):
 class Port:
     """State of one link in the router."""
 
-    def __init__(self, index: int, policy: LinkPolicy) -> None:
+    def __init__(self, index: int, policy: LinkPolicy, max_flows: int) -> None:
         self.index = index
         self.name = policy.name
         self.role = policy.role
@@ -84,7 +85,7 @@ class Port:
         self.limiter = LinkLimiter(
             policy.max_rate_hz, max_bytes_per_s=policy.max_bytes_per_s, to_autopilot=self.is_autopilot
         )
-        self.scanner = Scanner(datagrams=policy.datagrams)
+        self.scanner = Scanner(datagrams=policy.datagrams, max_flows=max_flows)
         self.up = True
         self.peers: dict[int, Peer] = {}
         """Peers by (system << 8 | component)."""
@@ -123,13 +124,17 @@ class Router:
     """Routing tables of all links. ``system`` is the vehicle's id, which is also ours."""
 
     def __init__(self, policies: Sequence[LinkPolicy], system: int, components: frozenset[int]) -> None:
-        self.ports = [Port(index, policy) for index, policy in enumerate(policies)]
+        self.ports = [Port(index, policy, MAX_FLOWS // len(policies)) for index, policy in enumerate(policies)]
         self.system = system
         self.components = components
         self._autopilot: int | None = None
         """Autopilot's (system << 8 | component); None before the vehicle is known."""
         self.version = 0
         """Version of the tables: it grows with every change, and results of an older version are invalid."""
+        self._tables = PeerTables([port.peers for port in self.ports])
+        self._routes: dict[tuple[PeerStream, int], tuple[Port, ...]] = {}
+        """Links by stream and target (system << 8 | component), for one version of the tables."""
+        self._routes_version = -1
         self.merged = MergedRates([port.name for port in self.ports if port.merges_rate_requests])
         self._sweep_ns: HostNs | None = None
 
@@ -142,10 +147,10 @@ class Router:
         self.system, self._autopilot = system, sender
         self.version += 1
         for port in self.ports:
-            for component in self.components:
-                port.peers.pop(system << 8 | component, None)
+            wrong = {system << 8 | component for component in self.components}
             if sender is not None and not port.is_autopilot:
-                port.peers.pop(sender, None)
+                wrong.add(sender)
+            self._tables.forget(port.peers, wrong)
         if renamed:
             self.merged.refresh(system)
             self._apply_caps()
@@ -176,7 +181,7 @@ class Router:
     def set_up(self, port: Port, up: bool) -> None:
         """Note that a link went up or down: its peers are unknown until they are heard."""
         port.up = up
-        port.peers.clear()
+        self._tables.forget(port.peers, set(port.peers))
         port.scanner.reset()
         port.limiter.disconnect()
         port.ground_station_ns = None
@@ -201,23 +206,26 @@ class Router:
         return target_system == self.system and (target_component == 0 or target_component in self.components)
 
     def learn(self, port: Port, frame: RawFrame, now: HostNs) -> Peer:
-        """Add a new peer on a link."""
-        if len(port.peers) >= MAX_PEERS:
-            by_silence = sorted(port.peers, key=lambda sender: port.peers[sender].last_ns)
-            for sender in by_silence[: MAX_PEERS // 8]:
-                del port.peers[sender]
-        peer = port.peers[frame.system << 8 | frame.component] = Peer(frame, now)
+        """Add a new peer on a link; without room for it, return a peer that is in no table."""
         self.version += 1
-        return peer
+        return self._tables.add(port.peers, frame, now)
+
+    def stream(self, port: Port, peer: Peer, frame: RawFrame, now: HostNs) -> PeerStream:
+        """Return the stream of a peer's message, and add it if it is new and there is room for it."""
+        before = self._tables.peers
+        stream = self._tables.stream(port.peers, peer, frame, now)
+        self.version += self._tables.peers != before
+        return stream
 
     def on_clock(self, port: Port, frame: RawFrame, boot_ms: int, now: HostNs) -> None:
         """Take a peer's SYSTEM_TIME. A clock that goes back and stays back means a restart: the system may be on
         another link now.
         """
-        peer = port.peers[frame.system << 8 | frame.component]
+        peer: Peer = frame.flow.stream.peer
         restarted_ns = peer.clock.on_stamp(boot_ms, now)
         if restarted_ns is not None:
             self._forget_silent(frame.system, restarted_ns)
+            self._tables.forget(port.peers, {frame.system << 8 | frame.component})
             peer = self.learn(port, frame, now)
             peer.next_seq = (frame.seq + 1) & 0xFF
             peer.clock.on_stamp(boot_ms, now)
@@ -226,9 +234,8 @@ class Router:
         """Forget the components of a system that have been silent since it restarted."""
         self.version += 1
         for port in self.ports:
-            port.peers = {
-                sender: peer for sender, peer in port.peers.items() if peer.system != system or peer.last_ns >= since_ns
-            }
+            old = {sender for sender, peer in port.peers.items() if peer.system == system and peer.last_ns < since_ns}
+            self._tables.forget(port.peers, old)
 
     def sweep(self, now: HostNs) -> None:
         """Forget silent peers. Frequent calls are cheap."""
@@ -236,9 +243,8 @@ class Router:
             return
         self._sweep_ns = HostNs(now + _SWEEP_NS)
         for port in self.ports:
-            silent = [sender for sender, peer in port.peers.items() if now - peer.last_ns > SILENT_NS]
-            for sender in silent:
-                del port.peers[sender]
+            silent = {sender for sender, peer in port.peers.items() if now - peer.last_ns > SILENT_NS}
+            self._tables.forget(port.peers, silent)
             self.version += bool(silent)
         if self.merged.expire(self.system, now):
             self._apply_caps()
@@ -247,7 +253,6 @@ class Router:
         """Compute where the frames of one message of one sender go, until the tables change."""
         msgid = UNKNOWN if frame.definition is None else frame.msgid
         stream.plan = self.version
-        stream.routes.clear()
         stream.asks_rates = msgid in RATE_REQUESTS and not (msgid == MESSAGE_INTERVAL and port.is_autopilot)
         if stream.targeted or stream.asks_rates or msgid == TIMESYNC:
             stream.direct = None
@@ -300,12 +305,13 @@ class Router:
         return second not in self.route(first, frame, frame.target_system, frame.target_component)
 
     def route_of(self, port: Port, frame: RawFrame, stream: PeerStream) -> tuple[Port, ...]:
-        """Return :meth:`route`, remembered while the stream's plan holds."""
+        """Return :meth:`route`, remembered while the tables do not change."""
         target_system, target_component = frame.target_system, frame.target_component
-        target = target_system << 8 | target_component
-        outs = stream.routes.get(target)
+        key = (stream, target_system << 8 | target_component)
+        if self._routes_version != self.version or len(self._routes) >= _MAX_ROUTES:
+            self._routes.clear()
+            self._routes_version = self.version
+        outs = self._routes.get(key)
         if outs is None:
-            if len(stream.routes) >= _MAX_TARGETS:
-                stream.routes.clear()
-            outs = stream.routes[target] = self.route(port, frame, target_system, target_component)
+            outs = self._routes[key] = self.route(port, frame, target_system, target_component)
         return outs

@@ -46,8 +46,8 @@ _SHORTEST_V1: Final = HEADER_V1 + 2
 _SHORTEST_V2: Final = HEADER_V2 + 2
 
 MAX_FLOWS: Final = 4096
-"""Flows remembered on one link, by default: 250 vehicles with sixteen messages each. Beyond half of it the older half
-is forgotten, without those that were used since."""
+"""Flows remembered on all links together: 250 vehicles with sixteen messages each, 250 bytes a flow. Beyond a link's
+share, those that are not used are forgotten."""
 TRIALS_PER_KIB: Final = 18
 """Trials that received bytes earn."""
 _TRIAL: Final = 1024 // TRIALS_PER_KIB
@@ -93,10 +93,9 @@ class Scanner:
         self.undecided = False
         """Whether a whole frame of an unknown id waits for the next bytes: see :meth:`settle`."""
         self._credit = BURST * _TRIAL
-        self._max_young = max_flows // 2
+        self._max_flows = max_flows
         self._flows: dict[bytes, Flow] = {}
-        """Flows by system, component and message id as in a MAVLink 2 header; those of the newer half."""
-        self._old_flows: dict[bytes, Flow] = {}
+        """Flows by system, component and message id as in a MAVLink 2 header, in order of their last chance."""
         self._unknown_flows: dict[bytes, Flow] = {}
         """Flows of unknown ids, whose checksums cannot be checked."""
         self._datagrams = datagrams
@@ -168,6 +167,7 @@ class Scanner:
                         and flags == 0
                         and checksum(buffer[position + 1 : end - 2] + flow.crc_byte) == received
                     ):
+                        flow.used = True
                         frames.append(RawFrame(buffer[position:end], flow, seq))
                         position = frame_end = end
                         continue
@@ -202,6 +202,7 @@ class Scanner:
         received = buffer[end - 2] | buffer[end - 1] << 8
         if flow.definition is None or checksum(buffer[position + 1 : end - 2] + flow.crc_byte) != received:
             return None
+        flow.used = True
         return RawFrame(buffer[position:end], flow, seq)
 
     def _pay(self) -> bool:
@@ -298,7 +299,7 @@ class Scanner:
             seq = buffer[position + 2]
         if end > len(buffer):
             return _Nothing.YET
-        flow = self._flows.get(identity) or self._old_flows.get(identity) or self._unknown_flows.get(identity)
+        flow = self._flows.get(identity) or self._unknown_flows.get(identity)
         if flow is None:
             flow = self._new_flow(identity)
         if flow.definition is not None:
@@ -322,17 +323,27 @@ class Scanner:
         identity = data[5:HEADER_V2] if v2 else data[3:HEADER_V1] + b"\0\0"
         flows = self._flows if frame.known else self._unknown_flows
         if identity in flows:
+            frame.flow.used = True
             return len(data) >= SHORT or self._pay()
         if not self._pay():
             return False
-        if len(flows) >= self._max_young:
-            if frame.known:
-                self._old_flows, self._flows = flows, {}
-                flows = self._flows
-            else:
-                flows.clear()
+        if len(self._flows) + len(self._unknown_flows) >= self._max_flows:
+            self._forget_one(flows or self._flows)
         flows[identity] = frame.flow
         return True
+
+    def _forget_one(self, flows: dict[bytes, Flow]) -> None:
+        """Forget the first flow that was not used since its last chance; used ones get another (the clock algorithm).
+
+        Each paid trial forgets one. A whole round of the table needs a frame of every flow before it.
+        """
+        while True:
+            identity, flow = next(iter(flows.items()))
+            del flows[identity]
+            if not flow.used:
+                return
+            flow.used = False
+            flows[identity] = flow
 
     def _begins_with_known_frame(self, data: bytes) -> bool:
         found = self._frame_at(data, 0) if data else _Nothing.YET
