@@ -208,6 +208,12 @@ class Pipeline:
         return MAV_COMP_ID_AUTOPILOT1 if identity.knows_its_vehicle else None
 
     @property
+    def autopilot_address(self) -> tuple[int, int] | None:
+        """(system, component) of the adopted autopilot."""
+        autopilot = self._components.identity.autopilot
+        return None if autopilot is None else (autopilot.system, autopilot.component)
+
+    @property
     def own_streams(self) -> OwnStreams:
         """The messages that we ask of the autopilot."""
         return self._components.rates.own_streams

@@ -84,7 +84,7 @@ class Service:
             attitudes_kept_s=attitudes_kept_s,
             written=bool(config.record.directory),
         )
-        self._signing = SigningStore(config, warn)
+        self._signing = SigningStore(config, warn, wall_clock_is_synchronised)
         self._node = make_node(config, signing_key, self._signing.starting_timestamp(self._clock.started_unix_ns))
         self._links = {
             link.name: make_link(
@@ -161,6 +161,7 @@ class Service:
         for part in (*files, self._detections, self._vision, self._map_link, *self._links.values()):
             if part is not None:
                 part.start()
+        self._signing.begin(self._node.signing_clock, self._clock.now())
         self._log.started(hears_detections=self._detections is not None)
         self._notifier.ready()
         self._tick()
@@ -207,6 +208,8 @@ class Service:
         self._heard(now)
         for message in received.messages:
             self._pipeline.on_message(message, now)
+            if message.signed:
+                self._signing.on_message(message, self._pipeline.autopilot_address, now)
         self._flush(now)
 
     def _follow(self, passed: Sequence[PassedRequest], now: HostNs) -> Sequence[Outgoing]:
@@ -253,8 +256,18 @@ class Service:
         self._report_links(now)
         self._ticks += 1
         self._pipeline.stations_want(self._node.demanded)
-        self._signing.tick(self._node.signing_clock)
+        self._tick_signing(now)
         self._calibrations.tick(self._pipeline.calibration_to_keep)
+
+    def _tick_signing(self, now: HostNs) -> None:
+        """Keep the signing time, and report where it is ahead."""
+        if self._node.signing_clock is None:
+            return
+        read_ns, unix_ns = self._clock.read()
+        notices = self._signing.tick(read_ns, unix_ns)
+        if notices:
+            self._pipeline.on_notices(notices, now)
+            self._flush(now)
 
     def _report_links(self, now: HostNs) -> None:
         """Report what was refused on the links."""

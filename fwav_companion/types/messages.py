@@ -60,6 +60,10 @@ class NoticeCode(StrEnum):
     """Frames with the autopilot's ids came on a link that is not an autopilot's."""
     ID_CONFLICT = "id_conflict"
     """A second program uses our ids."""
+    SIGNING_AHEAD = "signing_ahead"
+    """The signing time is more than a minute ahead of UTC."""
+    SIGNED_IN_THE_PAST = "signed_in_the_past"
+    """Frames of a sender were refused that is more than a minute behind our signing time."""
     BYTES_SHED = "bytes_shed"
     """Bytes of a link were skipped unread: examining them would cost too much."""
 

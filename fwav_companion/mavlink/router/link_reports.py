@@ -38,6 +38,12 @@ _KINDS: Final = (
         "another program on link {link!r} uses our ids ({count} frames): set component_id = 192",
     ),
     _Kind(
+        NoticeCode.SIGNED_IN_THE_PAST,
+        lambda port: port.outdated,
+        "{count} frames on link {link!r} are signed more than a minute in the past and were refused: set the sender's"
+        " clock; or our signing time is ahead, then set a new key",
+    ),
+    _Kind(
         NoticeCode.BYTES_SHED,
         lambda port: port.scanner.shed_bytes,
         "{count} bytes on link {link!r} were skipped unread, since they are not MAVLink: check what sends there",
