@@ -160,7 +160,7 @@ def _received(evidence: Evidence, status: RunStatus, link: LinkConfig) -> Iterat
     yield from _signatures(evidence, status, link)
 
 
-def _claimed_ids(where: str, traffic: TrafficReport) -> Iterator[Finding]:
+def _claimed_ids(where: str, traffic: LinkStatistics) -> Iterator[Finding]:
     if traffic.own_ids_on_gcs > 0:
         yield Finding(
             "own_ids_on_gcs",
