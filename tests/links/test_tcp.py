@@ -180,9 +180,9 @@ def test_who_sends_nothing_valid_yields_first_and_who_is_refused_is_reported(mon
         with contextlib.ExitStack() as stack:
             connect = lambda: stack.enter_context(socket.create_connection(("127.0.0.1", port), 20))  # noqa: E731
             silent = [connect() for _ in range(MAX_CLIENTS)]
-            await until(lambda: len(link.status()["clients"]) == MAX_CLIENTS)
+            await until(lambda: len(link.status().clients) == MAX_CLIENTS)
             assert await received(connect(), 1) == b"", "every client may still send its first frame"
-            assert link.status()["refused"] == 1
+            assert link.status().refused == 1
             assert len(refused) == 1
             monkeypatch.setattr(tcp, "IDLE_S", 0.0)
             silent[0].sendall(frame)

@@ -69,7 +69,7 @@ def test_one_byte_subscribes_no_one(peer: socket.socket):
             await listener.until(lambda: len(listener.data) == 6)
             link.send(b"telemetry")
             assert await received(station) == b"telemetry"
-            assert link.status()["clients"] == [f"127.0.0.1:{station.getsockname()[1]}"]
+            assert link.status().clients == [f"127.0.0.1:{station.getsockname()[1]}"]
 
     run(story())
 
