@@ -47,13 +47,17 @@ class LinkConfig(msgspec.Struct, frozen=True, kw_only=True):
     """Name in logs and in the status file; unique."""
     url: str
     """serial://, udpin://, udpout://, udpbcast://, tcpin:// or tcpout://."""
-    role: Literal["autopilot", "gcs"]
-    """Kind of peer at the other end."""
+    role: Literal["autopilot", "gcs", "payload"]
+    """Kind of peer at the other end. ``payload``: programs and devices of this vehicle, believed for their own
+    components, never as the autopilot."""
     max_rate_hz: dict[MessageName, Positive] = {}
     """Largest rate at which a message leaves by this link, by message name, hertz."""
     forward_rate_requests: Literal["merge"] | bool = "merge"
     """Handling of a station's requests for message rates. ``merge``: they pass, our own higher rates follow, and each
     link gets what was asked for on it; true: they pass unchanged; false: they stop here."""
+    relay_unsigned: bool = False
+    """With a key, on a link in [signing] accept_unsigned: whether unsigned frames that ask something of their receiver
+    go from this link to the vehicle."""
     max_bytes_per_s: NotNegative = 0.0
     """Largest number of bytes a second that leave by this link; 0: 70 % of the baud rate on serial, else no limit."""
 

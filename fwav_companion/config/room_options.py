@@ -33,6 +33,7 @@ def link_policies(config: Config) -> list[LinkPolicy]:
             role=link.role,
             max_rate_hz=link.max_rate_hz,
             forward_rate_requests=link.forward_rate_requests,
+            relay_unsigned=link.relay_unsigned,
             max_bytes_per_s=link.byte_budget,
             datagrams=isinstance(link.parsed_url, UdpUrl),
         )

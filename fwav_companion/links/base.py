@@ -14,6 +14,13 @@ DRAIN_LIMIT = 64
 READ_BYTES = 65536
 """The largest datagram. CPython frees what a read does not fill."""
 
+SLICE_BYTES = 32768
+"""Bytes of one wake-up, after which the other links have their turn: genuine frames of this size cost a millisecond,
+and the worst bytes four times as much. A last datagram may exceed it."""
+
+STREAM_READ_BYTES = 8192
+"""Largest read of a stream; a server may have eight of them in a turn."""
+
 
 class LinkState(StrEnum):
     """State of a link."""
@@ -30,8 +37,12 @@ class LinkState(StrEnum):
     """Closed by the service, permanently."""
 
 
-OnBytes: TypeAlias = Callable[[str, bytes], None]
-"""(link's name, received bytes): whole datagrams, several joined; or any piece of a stream."""
+OnBytes: TypeAlias = Callable[[str, bytes], bool]
+"""(link's name, received bytes): whole datagrams, several joined; or any piece of a stream. Returns whether they held a
+valid frame of a sender that may subscribe to the link."""
+
+OnRefused: TypeAlias = Callable[[str, str], None]
+"""(link's name, peer's address): called when a peer finds no place, at most once a minute for a link."""
 
 OnState: TypeAlias = Callable[[str, bool, str], None]
 """(link's name, whether it is up now, why not): called when the link comes up, is lost, or first fails to open."""
@@ -53,6 +64,9 @@ class Link(Protocol):
 
     def send(self, data: bytes) -> None:
         """Send whole frames without blocking. What cannot leave soon is dropped and counted, never cut."""
+
+    def poll(self) -> None:
+        """Pass on what has arrived, a bounded part of it, without waiting for the loop."""
 
     def close(self) -> None:
         """Close the link permanently and at once; no callback follows."""
@@ -76,10 +90,19 @@ class Traffic:
 class Ear:
     """Callbacks from a connection to its link: received bytes, and the loss of the connection."""
 
-    __slots__ = ("heard", "lost", "traffic")
+    __slots__ = ("heard", "lost", "refused", "traffic")
 
-    def __init__(self, heard: Callable[[bytes], None], lost: Callable[[str], None], traffic: Traffic) -> None:
+    def __init__(
+        self,
+        heard: Callable[[bytes], bool],
+        lost: Callable[[str], None],
+        traffic: Traffic,
+        refused: Callable[[str], None] = lambda _peer: None,
+    ) -> None:
         self.heard = heard
+        """Called with received bytes. Returns whether they held a valid frame that subscribes its source."""
+        self.refused = refused
+        """Called with the address of a peer that finds no place."""
         self.lost = lost
         """Called with the reason. Further calls have no effect."""
         self.traffic = traffic
@@ -90,6 +113,9 @@ class Connection(Protocol):
 
     def send(self, data: bytes) -> None:
         """Send whole frames as :meth:`Link.send` does."""
+
+    def poll(self) -> None:
+        """Pass on what has arrived, as :meth:`Link.poll` does."""
 
     def close(self) -> None:
         """Release the connection at once, without calling ``lost``."""

@@ -9,7 +9,7 @@ from collections.abc import Awaitable, Callable
 import msgspec
 
 from fwav_companion.errors import LinkError
-from fwav_companion.links.base import Connection, Ear, Link, LinkState, OnBytes, OnState, Opener, Traffic
+from fwav_companion.links.base import Connection, Ear, Link, LinkState, OnBytes, OnRefused, OnState, Opener, Traffic
 from fwav_companion.links.url import LinkUrl, SerialUrl, UdpUrl
 from fwav_companion.types.network_status import LinkReport
 
@@ -17,13 +17,17 @@ FIRST_DELAY_S = 0.25
 """A device that re-enumerates needs a few tenths of a second."""
 LONGEST_DELAY_S = 3.0
 """Longest delay until a peer that came back is noticed. An attempt costs a system call or two."""
+REFUSED_INTERVAL_S = 60.0
+"""Interval between two reports of refused peers."""
 STEADY_S = 5.0
 """After a connection of at least this duration the delays start short again."""
 
 
-def make_link(name: str, url: LinkUrl, on_bytes: OnBytes, on_state: OnState) -> Link:
+def make_link(
+    name: str, url: LinkUrl, on_bytes: OnBytes, on_state: OnState, *, on_refused: OnRefused = lambda _link, _peer: None
+) -> Link:
     """A link of the kind that the URL names, not started yet."""
-    return StayingConnected(name, _opener(url), on_bytes, on_state)
+    return StayingConnected(name, _opener(url), on_bytes, on_state, on_refused=on_refused)
 
 
 def _opener(url: LinkUrl) -> Opener:
@@ -51,6 +55,7 @@ class StayingConnected:
         on_bytes: OnBytes,
         on_state: OnState,
         *,
+        on_refused: OnRefused = lambda _link, _peer: None,
         sleep: Callable[[float], Awaitable[None]] = asyncio.sleep,
     ) -> None:
         """``sleep`` waits the seconds between two attempts."""
@@ -59,6 +64,8 @@ class StayingConnected:
         self._opener = opener
         self._on_bytes = on_bytes
         self._on_state = on_state
+        self._on_refused = on_refused
+        self._refused_s = -REFUSED_INTERVAL_S
         self._sleep = sleep
         self._traffic = Traffic()
         self._connection: Connection | None = None
@@ -79,6 +86,11 @@ class StayingConnected:
             self._traffic.dropped += 1
         else:
             connection.send(data)
+
+    def poll(self) -> None:
+        """Pass on what has arrived, a bounded part of it."""
+        if self._connection is not None:
+            self._connection.poll()
 
     def close(self) -> None:
         """Close the link permanently and at once; no callback follows."""
@@ -124,15 +136,21 @@ class StayingConnected:
         return loop.time() - since
 
     def _ear(self, end: asyncio.Future[str]) -> Ear:
-        def heard(data: bytes) -> None:
+        def heard(data: bytes) -> bool:
             self._traffic.bytes_in += len(data)
-            self._on_bytes(self.name, data)
+            return self._on_bytes(self.name, data)
 
         def lost(why: str) -> None:
             if not end.done():
                 end.set_result(why)
 
-        return Ear(heard, lost, self._traffic)
+        return Ear(heard, lost, self._traffic, self._refused)
+
+    def _refused(self, peer: str) -> None:
+        now_s = asyncio.get_running_loop().time()
+        if now_s - self._refused_s >= REFUSED_INTERVAL_S:
+            self._refused_s = now_s
+            self._on_refused(self.name, peer)
 
     def _came_up(self) -> None:
         self.state, self._why = LinkState.UP, ""

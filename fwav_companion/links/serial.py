@@ -18,7 +18,7 @@ from serial.tools import list_ports
 
 from fwav_companion.blocking import in_daemon_thread
 from fwav_companion.errors import LinkError
-from fwav_companion.links.base import READ_BYTES, Connection, Ear
+from fwav_companion.links.base import STREAM_READ_BYTES, Connection, Ear
 from fwav_companion.links.streams import BoundedWriter
 from fwav_companion.links.url import SerialUrl
 from fwav_companion.types.network_status import LinkReport
@@ -175,6 +175,10 @@ class SerialConnection:
         """Write whole frames now, or queue them."""
         self._writer.send(data)
 
+    def poll(self) -> None:
+        """Pass on what has arrived, a bounded part of it."""
+        self._read()
+
     def close(self) -> None:
         """Release the port."""
         self._loop.remove_reader(self._fd)
@@ -187,7 +191,7 @@ class SerialConnection:
 
     def _read(self) -> None:
         try:
-            data = os.read(self._fd, READ_BYTES)
+            data = os.read(self._fd, STREAM_READ_BYTES)
         except BlockingIOError:
             return
         except OSError as error:

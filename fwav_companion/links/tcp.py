@@ -7,7 +7,7 @@ import socket
 
 from fwav_companion.addresses import SocketAddress, resolve
 from fwav_companion.errors import LinkError
-from fwav_companion.links.base import DRAIN_LIMIT, READ_BYTES, Connection, Ear, Opener
+from fwav_companion.links.base import DRAIN_LIMIT, STREAM_READ_BYTES, Connection, Ear, Opener
 from fwav_companion.links.streams import BoundedWriter, FrameCutter
 from fwav_companion.links.url import TcpUrl, host_and_port
 from fwav_companion.types.network_status import LinkReport
@@ -20,6 +20,8 @@ QUEUE_BYTES = 65536
 """About three seconds of the busiest telemetry; older telemetry is useless."""
 MAX_CLIENTS = 8
 """Each client costs a copy of everything that is sent."""
+IDLE_S = 10.0
+"""A client that has sent no valid frame for this time yields its place: stations send heartbeats at 1 Hz."""
 
 
 def tcp_opener(url: TcpUrl) -> Opener:
@@ -100,6 +102,10 @@ class TcpStream:
         """Write whole frames now, or queue them."""
         self._writer.send(data)
 
+    def poll(self) -> None:
+        """Pass on what has arrived, a bounded part of it."""
+        self._read()
+
     def close(self) -> None:
         """Release the socket."""
         self._loop.remove_reader(self._socket)
@@ -112,7 +118,7 @@ class TcpStream:
 
     def _read(self) -> None:
         try:
-            data = self._socket.recv(READ_BYTES)
+            data = self._socket.recv(STREAM_READ_BYTES)
         except BlockingIOError:
             return
         except OSError as error:
@@ -133,6 +139,9 @@ class TcpServer:
         self._ear = ear
         self._clients: dict[str, TcpStream] = {}
         """Streams by address."""
+        self._valid_at: dict[str, float] = {}
+        """When each client sent its last valid frame; until the first one, when it connected."""
+        self._refused = 0
         self._loop = asyncio.get_running_loop()
         self._loop.add_reader(sock, self._accept)
 
@@ -140,6 +149,11 @@ class TcpServer:
         """Send to each client. Without clients nothing is counted as dropped."""
         for client in list(self._clients.values()):
             client.send(data)
+
+    def poll(self) -> None:
+        """Pass on what has arrived from each client, a bounded part of it."""
+        for client in list(self._clients.values()):
+            client.poll()
 
     def close(self) -> None:
         """Release the listening socket and every client's."""
@@ -150,8 +164,8 @@ class TcpServer:
         self._clients.clear()
 
     def status(self) -> LinkReport:
-        """The clients in order of arrival."""
-        return LinkReport(clients=list(self._clients))
+        """The clients in order of arrival, and how many found no place."""
+        return LinkReport(clients=list(self._clients), refused=self._refused)
 
     def _accept(self) -> None:
         for _ in range(DRAIN_LIMIT):
@@ -168,24 +182,42 @@ class TcpServer:
             self._welcome(sock, host_and_port(*address[:2]))
 
     def _welcome(self, sock: socket.socket, name: str) -> None:
-        if len(self._clients) >= MAX_CLIENTS:
+        if len(self._clients) >= MAX_CLIENTS and not self._make_room():
             sock.close()
+            self._refused += 1
+            self._ear.refused(name)
             return
         sock.setblocking(False)
         _set_options(sock)
         cutter = FrameCutter()
 
-        def heard(data: bytes) -> None:
+        def heard(data: bytes) -> bool:
             whole = cutter.cut(data)
-            if whole:
-                self._ear.heard(whole)
+            valid = bool(whole) and self._ear.heard(whole)
+            if valid:
+                self._valid_at[name] = self._loop.time()
+            return valid
 
         def lost(_why: str) -> None:
-            client = self._clients.pop(name, None)
-            if client is not None:
-                client.close()
+            self._dismiss(name)
 
+        self._valid_at[name] = self._loop.time()
         self._clients[name] = TcpStream(sock, Ear(heard, lost, self._ear.traffic))
+
+    def _make_room(self) -> bool:
+        """Close the client that has sent no valid frame for longest, and for IDLE_S. Returns False if there is none."""
+        name = min(self._clients, key=self._valid_at.__getitem__)
+        if self._loop.time() - self._valid_at[name] < IDLE_S:
+            return False
+        self._ear.refused(name)
+        self._dismiss(name)
+        return True
+
+    def _dismiss(self, name: str) -> None:
+        self._valid_at.pop(name, None)
+        client = self._clients.pop(name, None)
+        if client is not None:
+            client.close()
 
 
 def _set_options(sock: socket.socket) -> None:

@@ -8,18 +8,13 @@ from __future__ import annotations
 import asyncio
 import errno
 import socket
-from collections.abc import Iterator
 
 from fwav_companion.addresses import SocketAddress, resolve
-from fwav_companion.links.base import DRAIN_LIMIT, READ_BYTES, Connection, Ear
-from fwav_companion.links.streams import FrameCutter
+from fwav_companion.links.base import DRAIN_LIMIT, READ_BYTES, SLICE_BYTES, Connection, Ear
+from fwav_companion.links.udp_clients import Clients
 from fwav_companion.links.url import UdpUrl, host_and_port
 from fwav_companion.types.network_status import LinkReport
 
-MAX_CLIENTS = 16
-"""More ground stations than one vehicle ever has. Each costs a copy of everything that is sent."""
-CLIENT_SILENT_S = 60.0
-"""Peers send heartbeats at 1 Hz. A client that is silent for a minute is removed until it sends again."""
 FORGETTING_PERIOD_S = 10.0
 """Interval between two searches for silent clients."""
 
@@ -75,23 +70,28 @@ class UdpSocket:
         """No further entries."""
         return LinkReport()
 
+    def poll(self) -> None:
+        """Pass on what has arrived, a bounded part of it."""
+        self._drain()
+
     def _drain(self) -> None:
         """Pass on the received datagrams, joined: a burst costs the link one call."""
         datagrams: list[bytes] = []
+        size = 0
         for _ in range(DRAIN_LIMIT):
             try:
-                data = self._receive()
+                data = self._socket.recv(READ_BYTES)
             except BlockingIOError:
                 break
             except OSError:  # an earlier datagram did not reach a listener; others follow
                 continue
             if data:
                 datagrams.append(data)
+                size += len(data)
+            if size >= SLICE_BYTES:
+                break
         if datagrams:
             self._ear.heard(datagrams[0] if len(datagrams) == 1 else b"".join(datagrams))
-
-    def _receive(self) -> bytes:
-        return self._socket.recv(READ_BYTES)
 
     def _send_to(self, address: SocketAddress, data: bytes) -> None:
         try:
@@ -136,7 +136,7 @@ class UdpBroadcaster(UdpSocket):
 
 
 class UdpServer(UdpSocket):
-    """Receives from every sender, and sends to those that it heard recently."""
+    """Receives from every sender, and sends to those from which a valid frame came recently."""
 
     def __init__(self, sock: socket.socket, ear: Ear) -> None:
         super().__init__(sock, ear)
@@ -154,43 +154,38 @@ class UdpServer(UdpSocket):
         super().close()
 
     def status(self) -> LinkReport:
-        """The clients in order of arrival."""
-        return LinkReport(clients=[host_and_port(*address[:2]) for address in self._clients])
+        """The clients in order of arrival, and how often a valid frame found no place for its source."""
+        clients = [host_and_port(*address[:2]) for address in self._clients]
+        return LinkReport(clients=clients, refused=self._clients.refused)
 
-    def _receive(self) -> bytes:
-        data, address = self._socket.recvfrom(READ_BYTES)
-        return self._clients.whole_frames(address, data, self._loop.time())
+    def _drain(self) -> None:
+        """Pass on the received datagrams, those of one source in a row joined."""
+        joined: list[bytes] = []
+        source: SocketAddress | None = None
+        size = 0
+        for _ in range(DRAIN_LIMIT):
+            try:
+                data, address = self._socket.recvfrom(READ_BYTES)
+            except BlockingIOError:
+                break
+            except OSError:  # an earlier datagram did not reach a listener; others follow
+                continue
+            if source is not None and address != source:
+                self._deliver(source, joined)
+                joined = []
+            source = address
+            joined.append(data)
+            size += len(data)
+            if size >= SLICE_BYTES:
+                break
+        if source is not None:
+            self._deliver(source, joined)
+
+    def _deliver(self, source: SocketAddress, datagrams: list[bytes]) -> None:
+        whole = self._clients.whole_frames(source, b"".join(datagrams))
+        if whole and self._ear.heard(whole) and not self._clients.on_valid(source, self._loop.time()):
+            self._ear.refused(host_and_port(*source[:2]))
 
     def _forget_silent(self) -> None:
         self._clients.forget_silent(self._loop.time())
         self._forgetting = self._loop.call_later(FORGETTING_PERIOD_S, self._forget_silent)
-
-
-class Clients:
-    """Client addresses with the time of their last datagram (seconds of any one clock) and their frame cutters."""
-
-    def __init__(self) -> None:
-        self._heard_at: dict[SocketAddress, float] = {}
-        self._cutters: dict[SocketAddress, FrameCutter] = {}
-
-    def __iter__(self) -> Iterator[SocketAddress]:
-        """The addresses in order of arrival."""
-        return iter(self._heard_at)
-
-    def whole_frames(self, address: SocketAddress, data: bytes, now_s: float) -> bytes:
-        """Register the sender and return the bytes that may be passed on now. A single client needs no cutting."""
-        if address not in self._heard_at and len(self._heard_at) >= MAX_CLIENTS:
-            self._forget(min(self._heard_at, key=self._heard_at.__getitem__))
-        self._heard_at[address] = now_s
-        if len(self._heard_at) == 1:
-            return data
-        return self._cutters.setdefault(address, FrameCutter()).cut(data)
-
-    def forget_silent(self, now_s: float) -> None:
-        """Remove the clients that have been silent for CLIENT_SILENT_S."""
-        for address in [a for a, heard_at in self._heard_at.items() if now_s - heard_at > CLIENT_SILENT_S]:
-            self._forget(address)
-
-    def _forget(self, address: SocketAddress) -> None:
-        del self._heard_at[address]
-        self._cutters.pop(address, None)

@@ -10,6 +10,7 @@ from fwav_companion.pipeline.components import Components
 from fwav_companion.pipeline.notices import notice_text
 from fwav_companion.pipeline.output_buffer import OutputBuffer
 from fwav_companion.pipeline.target_log import TargetLog
+from fwav_companion.publishing.landing import DEFAULT_LAG_S, LEAST_LAG_S, MOST_LAG_S
 from fwav_companion.publishing.readiness import Readiness, ReadinessReports
 from fwav_companion.recording.lines import home_line, terrain_line, unix_seconds
 from fwav_companion.telemetry import (
@@ -51,6 +52,8 @@ class EventHandlers:
         """Handle an autopilot that was adopted, armed, lost, or is back."""
         for event in events:
             if isinstance(event, Adopted):
+                if event.before is not None:
+                    self._start_over(now)
                 self._components.adopted_ns = now
                 self._components.timesync.adopt(event.autopilot, now)
                 self._components.rates.adopt(event.autopilot, now)
@@ -64,10 +67,23 @@ class EventHandlers:
                     readiness = self._current_readiness(now)
                     self._report(self._readiness.on_armed(readiness, now) if readiness is not None else None, now)
 
+    def _start_over(self, now: HostNs) -> None:
+        """Forget everything of the former vehicle: its telemetry, its world, and all tracks."""
+        components = self._components
+        plane = components.telemetry.world.plane
+        components.telemetry.start_over()
+        components.publisher.landing.lag_s = DEFAULT_LAG_S
+        if components.camera is not None:
+            components.camera.drop_all(Reason.VEHICLE_CHANGED)
+            components.publisher.forget_targets()
+            self._target_log.settle(components.camera.settle(now), plane)
+
     def of_parameters(self) -> None:
-        """Hand a new value of the autopilot's PLND_LAG to the landing."""
+        """Pass the autopilot's PLND_LAG to the landing, limited as ArduPilot limits it."""
         landing = self._components.publisher.landing
-        landing.lag_s = self._components.rates.parameters.get("PLND_LAG", landing.lag_s)
+        lag_s = self._components.rates.parameters.get("PLND_LAG")
+        if lag_s is not None:
+            landing.lag_s = min(max(lag_s, LEAST_LAG_S), MOST_LAG_S)
 
     def of_timesync(self, message: Message, now: HostNs) -> None:
         """Handle a TIMESYNC message: an answer updates the clock, a request is answered."""

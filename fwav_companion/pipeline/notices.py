@@ -7,6 +7,7 @@ from fwav_companion.mavlink.client.identity import (
     AutopilotBack,
     AutopilotLost,
     IdentityEvent,
+    NeighbourHeard,
     SeveralHeard,
 )
 from fwav_companion.telemetry import (
@@ -27,7 +28,7 @@ from fwav_companion.types import Notice, NoticeCode, Severity
 
 def notice_text(event: IdentityEvent | TelemetryEvent) -> tuple[Notice, ...]:
     """The notice of an event; empty for events that people need not know."""
-    if isinstance(event, Adopted | SeveralHeard | AutopilotLost | AutopilotBack | Rebooted):
+    if isinstance(event, Adopted | SeveralHeard | NeighbourHeard | AutopilotLost | AutopilotBack | Rebooted):
         return (_of_the_autopilot(event),)
     return (_of_the_clock(event),) if isinstance(event, ClockSlipped | ClockRate) else _of_the_vehicle(event)
 
@@ -76,8 +77,16 @@ def _of_the_clock(event: ClockSlipped | ClockRate) -> Notice:
             return Notice(NoticeCode.CLOCK_RATE, Severity.NOTICE, text)
 
 
-def _of_the_autopilot(event: Adopted | SeveralHeard | AutopilotLost | AutopilotBack | Rebooted) -> Notice:
+def _of_the_autopilot(
+    event: Adopted | SeveralHeard | NeighbourHeard | AutopilotLost | AutopilotBack | Rebooted,
+) -> Notice:
     match event:
+        case Adopted(autopilot, before) if before is not None:
+            text = f"autopilot {autopilot.system} replaces {before.system}: all tracks are dropped, new origin"
+            return Notice(NoticeCode.AUTOPILOT_REPLACED, Severity.WARNING, text, to_ground=True)
+        case NeighbourHeard(system, ours):
+            text = f"vehicle {system} is heard beside ours and never adopted: set [vehicle] system_id = {ours}"
+            return Notice(NoticeCode.NEIGHBOUR_HEARD, Severity.INFO, text)
         case Adopted(autopilot):
             where = f"system {autopilot.system}" + (f", on link {autopilot.link!r}" if autopilot.link else "")
             text = f"autopilot found: {autopilot.kind.value}, {where}"

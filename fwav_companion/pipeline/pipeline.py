@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.mavlink.router.node import PassedRequest
+from fwav_companion.mavlink.wire.enums import MAV_COMP_ID_AUTOPILOT1
 from fwav_companion.mavlink.wire.rate_messages import OwnStreams
 from fwav_companion.pipeline.components import Components
 from fwav_companion.pipeline.event_handlers import EventHandlers
@@ -19,7 +20,7 @@ from fwav_companion.publishing.ground_messages import onboard_computer_status
 from fwav_companion.recording.lines import Line, unix_seconds
 from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.telemetry import GIMBAL_MESSAGES, Telemetry
-from fwav_companion.types import BoardReport, Destination, Frame, Message, NoFrame, Outgoing, Reason
+from fwav_companion.types import BoardReport, Destination, Frame, Message, NoFrame, Notice, Outgoing, Reason
 from fwav_companion.types.status import PipelineStatus
 
 ANSWERED = frozenset({"COMMAND_LONG", "COMMAND_INT", "PING"})
@@ -126,6 +127,10 @@ class Pipeline:
                 )
             )
 
+    def on_notices(self, notices: Sequence[Notice], now: HostNs) -> None:
+        """Handle notices of the links."""
+        self._outputs.notify(notices, now)
+
     def on_internal_fault(self, now: HostNs) -> None:
         """Stop our heartbeats for a while after an internal fault: our messages may be wrong."""
         self._components.identity.fault()
@@ -203,6 +208,20 @@ class Pipeline:
     def system(self) -> int:
         """Our MAVLink system id."""
         return self._components.identity.system
+
+    @property
+    def autopilot_component(self) -> int | None:
+        """Component id of our autopilot; None before the vehicle is known."""
+        identity = self._components.identity
+        if identity.autopilot is not None:
+            return identity.autopilot.component
+        return MAV_COMP_ID_AUTOPILOT1 if identity.knows_its_vehicle else None
+
+    @property
+    def autopilot_address(self) -> tuple[int, int] | None:
+        """(system, component) of the adopted autopilot."""
+        autopilot = self._components.identity.autopilot
+        return None if autopilot is None else (autopilot.system, autopilot.component)
 
     @property
     def own_streams(self) -> OwnStreams:

@@ -33,6 +33,8 @@ StateAt: TypeAlias = Callable[[BootNs], VehicleState | Unpaired]
 
 DEFAULT_LAG_S = 0.02
 """Default of ArduPilot's PLND_LAG, seconds."""
+LEAST_LAG_S, MOST_LAG_S = 0.02, 0.25
+"""Limits that ArduPilot sets to PLND_LAG (AC_PrecLand::init), seconds."""
 MAX_BRIDGED_S = 0.1
 """Longest extrapolation of an attitude by its rates: half a beat at 5 Hz. Beyond it a flapping body is elsewhere."""
 LEAST_SIDEWAYS = 1e-6

@@ -7,8 +7,6 @@ import signal
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
-import msgspec
-
 from fwav_companion.camera import Calibration
 from fwav_companion.config import Config
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
@@ -25,7 +23,7 @@ from fwav_companion.service.log import ServiceLog, warn
 from fwav_companion.service.network import Outbox, make_node
 from fwav_companion.service.service_factory import make_detections, make_map_link, make_recorder, make_vision
 from fwav_companion.service.signing_store import SigningStore
-from fwav_companion.service.status import StatusReport, SystemdNotifier
+from fwav_companion.service.status import StatusReport, SystemdNotifier, encoded
 from fwav_companion.service.timer import NET_NS, HostClock, PipelineTimer
 from fwav_companion.telemetry import Telemetry
 from fwav_companion.types import Frame, NoFrame, Outgoing
@@ -37,6 +35,8 @@ FILE_STOP_S = 0.4
 STATUS_INTERVAL_S = 1.0
 BOARD_TICKS = 5
 """Interval of ONBOARD_COMPUTER_STATUS, in status intervals."""
+SMALL_BYTES = 2048
+"""Bytes of one read that cost a tenth of a millisecond at most: the autopilot's links need not go first."""
 WITNESS_INTERVAL_S = 0.2
 
 
@@ -84,12 +84,15 @@ class Service:
             attitudes_kept_s=attitudes_kept_s,
             written=bool(config.record.directory),
         )
-        self._signing = SigningStore(config, warn)
+        self._signing = SigningStore(config, warn, wall_clock_is_synchronised)
         self._node = make_node(config, signing_key, self._signing.starting_timestamp(self._clock.started_unix_ns))
         self._links = {
-            link.name: make_link(link.name, link.parsed_url, self._on_bytes, self._on_link_state)
+            link.name: make_link(
+                link.name, link.parsed_url, self._on_bytes, self._on_link_state, on_refused=self._log.peer_refused
+            )
             for link in config.link
         }
+        self._first = [self._links[link.name] for link in config.link if link.role == "autopilot"]
         self._board = BoardWatch({link.name: isinstance(link.parsed_url, SerialUrl) for link in config.link})
         self._map_link = make_map_link(config, self._on_link_state)
         ears = FrameReceiver(self._on_frame, self._log.clock_stepped, self._clock.wall, self._clock.read)
@@ -158,6 +161,7 @@ class Service:
         for part in (*files, self._detections, self._vision, self._map_link, *self._links.values()):
             if part is not None:
                 part.start()
+        self._signing.begin(self._node.signing_clock, self._clock.now())
         self._log.started(hears_detections=self._detections is not None)
         self._notifier.ready()
         self._tick()
@@ -179,9 +183,19 @@ class Service:
 
     # What comes in.
 
-    def _on_bytes(self, link: str, data: bytes) -> None:
+    def _on_bytes(self, link: str, data: bytes) -> bool:
+        if len(data) > SMALL_BYTES:
+            self._poll_autopilots(link)
         now = self._clock.now()
-        self._take(self._node.receive(link, data, now), now)
+        received = self._node.receive(link, data, now)
+        self._take(received, now)
+        return received.subscribes
+
+    def _poll_autopilots(self, link: str) -> None:
+        """Read the autopilot's links before many bytes of another link are processed."""
+        if all(first.name != link for first in self._first):
+            for first in self._first:
+                first.poll()
 
     def _take(self, received: Received, now: HostNs) -> None:
         followed = self._follow(received.rate_requests, now) if received.rate_requests else ()
@@ -194,6 +208,8 @@ class Service:
         self._heard(now)
         for message in received.messages:
             self._pipeline.on_message(message, now)
+            if message.signed:
+                self._signing.on_message(message, self._pipeline.autopilot_address, now)
         self._flush(now)
 
     def _follow(self, passed: Sequence[PassedRequest], now: HostNs) -> Sequence[Outgoing]:
@@ -232,15 +248,33 @@ class Service:
         """Write the status file and ping the systemd watchdog, once a second."""
         asyncio.get_running_loop().call_later(STATUS_INTERVAL_S, self._tick)
         now = self._clock.now()
-        self._status_file.write(msgspec.json.encode(self._status.at(now)))
+        self._status_file.write(encoded(self._status.at(now)))
         self._notifier.alive()
         self._journal.tick(now)
         if self._ticks % BOARD_TICKS == 0:
             self._look_at_board(now)
+        self._report_links(now)
         self._ticks += 1
         self._pipeline.stations_want(self._node.demanded)
-        self._signing.tick(self._node.signing_clock)
+        self._tick_signing(now)
         self._calibrations.tick(self._pipeline.calibration_to_keep)
+
+    def _tick_signing(self, now: HostNs) -> None:
+        """Keep the signing time, and report where it is ahead."""
+        if self._node.signing_clock is None:
+            return
+        read_ns, unix_ns = self._clock.read()
+        notices = self._signing.tick(read_ns, unix_ns)
+        if notices:
+            self._pipeline.on_notices(notices, now)
+            self._flush(now)
+
+    def _report_links(self, now: HostNs) -> None:
+        """Report what was refused on the links."""
+        notices = self._node.notices(now)
+        if notices:
+            self._pipeline.on_notices(notices, now)
+            self._flush(now)
 
     def _look_at_board(self, now: HostNs) -> None:
         """Report the board's load. The wall clock is read only where Cursor on Target is sent."""
@@ -256,7 +290,7 @@ class Service:
     def _flush(self, now: HostNs) -> None:
         if self._pipeline.has_outputs:  # most messages make none
             outputs = self._pipeline.take()
-            self._node.adopt(self._pipeline.system)
+            self._node.adopt(self._pipeline.system, self._pipeline.autopilot_component)
             self._node.share(self._pipeline.own_streams)
             self._outbox.send(outputs.messages, outputs.datagrams, now)
             self._journal.found(outputs.lines, now)

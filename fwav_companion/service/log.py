@@ -51,6 +51,10 @@ class ServiceLog:
         else:
             log.warning("link %s is down: %s; trying again", name, why)
 
+    def peer_refused(self, name: str, peer: str) -> None:
+        """Log that a peer of a server link found no place, or lost it; at most once a minute for a link."""
+        log.warning("link %s: no place for %s: too many peers, or no valid MAVLink frame from it", name, peer)
+
     def detections_heard(self, listens: bool, why: str) -> None:
         """Log where the socket of the detections cannot be opened."""
         self.deaf_because = why

@@ -72,5 +72,6 @@ def make_recorder(
     return Recorder(plan, on_failure, header=pipeline.header, summary=pipeline.summary)
 
 
-def _ignore_bytes(_link: str, _data: bytes) -> None:
+def _ignore_bytes(_link: str, _data: bytes) -> bool:
     """Ignore what a map server sends."""
+    return False

@@ -1,4 +1,9 @@
-"""SHELL: the signing timestamp, kept across restarts: receivers reject one that goes back."""
+"""SHELL: the signing timestamp, kept across restarts: receivers reject one that goes back.
+
+The file holds a reservation: a timestamp below which this run stays. It is extended before it is reached, first by a
+tenth of a second, then by an eighth of the time since the start, and at most by a minute: so a service that crashes
+again and again runs ahead of the time by less than the time that it ran. A clean stop stores what was used.
+"""
 
 from __future__ import annotations
 
@@ -8,31 +13,51 @@ from pathlib import Path
 import msgspec
 
 from fwav_companion.config import Config
-from fwav_companion.mavlink.wire.signing import SigningClock, starting_timestamp
+from fwav_companion.geometry.stamps import HostNs, s_from_ns
+from fwav_companion.mavlink.wire.signing import UNITS_PER_S, SigningClock, starting_timestamp
 from fwav_companion.service.latest_file import LatestFile, state_path
+from fwav_companion.types import Message, Notice, NoticeCode, Severity
 
 NAME = "signing.json"
 NOT_KEPT = "the signing time is not kept: set [state] directory or $STATE_DIRECTORY"
-EVERY_TICKS = 60
-"""Written once a minute, as the MAVLink guide asks; a restart continues two minutes after the kept one."""
+LEAST_RESERVED_S = 0.1
+MOST_RESERVED_S = 60.0
+"""The MAVLink guide asks for a write once a minute."""
+RESERVED_SHARE = 1.0 / 8.0
+FRAMES = 10_000
+"""Timestamps for the frames of a second beyond the limit of time: each takes one."""
+AHEAD_S = 60.0
+"""Seconds ahead of UTC from which peers that sign by the clock are refused as too old (MAVLink guide)."""
+PLAUSIBLE_UNIX_US = 1_577_836_800_000_000
+"""2020: a receiver without time reports 1970 or 1980."""
+UTC_TICKS = 10
+"""Interval at which the wall clock is asked whether it is synchronised, in seconds."""
 
 
 class SigningStore:
-    """Reads the timestamp at the start and writes it once a minute, where there is a state directory."""
+    """Reads the timestamp at the start and extends the reservation, where there is a state directory."""
 
-    def __init__(self, config: Config, on_failure: Callable[[str], None]) -> None:
+    def __init__(self, config: Config, on_failure: Callable[[str], None], is_synchronised: Callable[[], bool]) -> None:
+        """``is_synchronised``: whether the wall clock is."""
         configured = config.state.directory
         self._path: Path | None = None
-        if config.signing is not None:
+        self._signs = config.signing is not None
+        if self._signs:
             self._path = state_path(config.resolve(configured) if configured else None, NAME)
-        self._warning = "" if config.signing is None or self._path is not None else NOT_KEPT
+        self._warning = "" if not self._signs or self._path is not None else NOT_KEPT
         self._on_failure = on_failure
+        self._is_synchronised = is_synchronised
         self._file = None if self._path is None else LatestFile([self._path], on_failure, outlives_us=True)
+        self._clock: SigningClock | None = None
+        self._started_ns = HostNs(0)
         self._ticks = 0
+        self._reported = False
 
     def starting_timestamp(self, unix_ns: int) -> int:
         """First timestamp of this run's signatures."""
-        return starting_timestamp(self._kept(), unix_ns)
+        if not self._signs:
+            return 0
+        return starting_timestamp(self._kept(), unix_ns, synchronised=self._is_synchronised())
 
     def start(self) -> None:
         """Start the writer; warn where there is no directory for it."""
@@ -41,16 +66,51 @@ class SigningStore:
         if self._file is not None:
             self._file.start()
 
-    def tick(self, clock: SigningClock | None) -> None:
-        """Take the newest timestamp, once a second."""
-        if self._file is not None and clock is not None and self._ticks % EVERY_TICKS == 0:
-            self._file.write(msgspec.json.encode(clock.timestamp))
+    def begin(self, clock: SigningClock | None, now: HostNs) -> None:
+        """Reserve the first timestamps before one is used."""
+        self._clock, self._started_ns = clock, now
+        self._reserve(now)
+
+    def tick(self, now: HostNs, unix_ns: int) -> list[Notice]:
+        """Follow a synchronised wall clock and extend the reservation, once a second. Returns what to report."""
+        if self._clock is None:
+            return []
+        if self._ticks % UTC_TICKS == 0 and self._is_synchronised():
+            self._clock.follow(unix_ns, now)
         self._ticks += 1
+        self._reserve(now)
+        ahead_s = self._clock.ahead_s(now)
+        if ahead_s <= AHEAD_S or self._reported:
+            return []
+        self._reported = True
+        text = f"signing time is {ahead_s:.0f} s ahead of UTC, peers that sign by the clock are refused: set a new key"
+        return [Notice(NoticeCode.SIGNING_AHEAD, Severity.WARNING, text, to_ground=True)]
+
+    def on_message(self, message: Message, autopilot: tuple[int, int] | None, now: HostNs) -> None:
+        """Follow the time of the autopilot's signed SYSTEM_TIME."""
+        if self._clock is None or not message.signed or message.name != "SYSTEM_TIME":
+            return
+        unix_us = int(message.fields.time_unix_usec)
+        if (message.system, message.component) == autopilot and unix_us > PLAUSIBLE_UNIX_US:
+            self._clock.follow(unix_us * 1000, now)
 
     def close(self, timeout_s: float) -> None:
-        """Write what waits, and stop the writer."""
+        """Store what was used, and stop the writer."""
         if self._file is not None:
+            if self._clock is not None:
+                self._file.write(msgspec.json.encode(self._clock.timestamp))
             self._file.close(timeout_s)
+
+    def _reserve(self, now: HostNs) -> None:
+        """Extend the reservation when more than half of it is used."""
+        clock = self._clock
+        if self._file is None or clock is None:
+            return
+        up_s = s_from_ns(now - self._started_ns)
+        ahead = round(UNITS_PER_S * min(max(RESERVED_SHARE * up_s, LEAST_RESERVED_S), MOST_RESERVED_S))
+        if self._ticks == 0 or clock.timestamp + ahead // 2 > clock.limit:
+            clock.limit = clock.timestamp + ahead
+            self._file.write(msgspec.json.encode(clock.limit + FRAMES))
 
     def _kept(self) -> int | None:
         try:

@@ -18,8 +18,13 @@ from fwav_companion.pipeline.pipeline import Pipeline
 from fwav_companion.service.journal import Journal
 from fwav_companion.service.log import ServiceLog
 from fwav_companion.service.timer import HostClock
+from fwav_companion.types.network_status import LinkStatistics
 from fwav_companion.types.status import IntakeReport, RunStatus
 from fwav_companion.vision.supervisor import VisionProcess
+
+MAX_STATUS_BYTES = 65536
+MAX_LISTED_MESSAGES = 32
+"""Thinned messages of a link in a status that would be too long."""
 
 
 class StatusReport:
@@ -73,6 +78,20 @@ class StatusReport:
     def _intake(self, now: HostNs) -> IntakeReport:
         age_s = (now - self._came_ns) / NS_PER_S if self._came else None
         return IntakeReport(came=self._came, age_s=age_s, why=self._log.deaf_because)
+
+
+def encoded(status: RunStatus) -> bytes:
+    """Return the status as JSON of at most MAX_STATUS_BYTES: peers are left out, and counted, where it is longer."""
+    data = msgspec.json.encode(status)
+    if len(data) <= MAX_STATUS_BYTES:
+        return data
+    return msgspec.json.encode(msgspec.structs.replace(status, traffic=[_shortened(link) for link in status.traffic]))
+
+
+def _shortened(link: LinkStatistics) -> LinkStatistics:
+    thinning = msgspec.structs.replace(link.thinning, messages=link.thinning.messages[:MAX_LISTED_MESSAGES])
+    left_out = link.peers_left_out + len(link.peers)
+    return msgspec.structs.replace(link, peers=[], peers_left_out=left_out, thinning=thinning)
 
 
 class SystemdNotifier:

@@ -186,7 +186,8 @@ class Intake:
         place: Geodetic | None = decoding.geodetic(fields.latitude, fields.longitude, fields.altitude)
         if place is None:
             return self.refuse("HOME_POSITION")
-        return self._world.on_home(place)
+        events = self._world.on_home(place)
+        return self.refuse("HOME_POSITION") if events is None else events
 
     def _on_terrain(self, fields: Any, now: HostNs) -> tuple[TelemetryEvent, ...]:
         height = decoding.finite_height_m(fields.current_height)

@@ -49,7 +49,12 @@ class Telemetry:
     """
 
     def __init__(self, options: TelemetryOptions | None = None) -> None:
-        options = options or TelemetryOptions()
+        self._options = options or TelemetryOptions()
+        self._reboots = 0
+        self._begin()
+
+    def _begin(self) -> None:
+        options = self._options
         self.clock = Clock()
         self.world = World(use_position=options.position != "none")
         self._timeline = BootTimeline()
@@ -65,8 +70,11 @@ class Telemetry:
             position_delay_s=options.position_delay_s,
         )
         self._meter = RateMeter()
-        self._reboots = 0
         self._unused_gimbal: int | None = None
+
+    def start_over(self) -> None:
+        """Forget the vehicle: its samples, clock, origin and home. Another autopilot was adopted."""
+        self._begin()
 
     # Inputs.
 

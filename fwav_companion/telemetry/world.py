@@ -16,6 +16,13 @@ STANDING_M_S = 0.5
 """Speed below which a disarmed vehicle stands: a GNSS velocity at rest is a few tenths."""
 LEAST_HOME_MOVE_M = 0.01
 """Smaller moves of home are not reported."""
+MOST_HOME_DISTANCE_M = 100_000.0
+"""Metres between home and vehicle, beyond the range of any vehicle that carries this service."""
+MOST_HOME_CLIMB_M = 10_000.0
+"""Metres between the altitudes of home and vehicle."""
+LEAST_ALTITUDE_M = 1.0
+"""Metres above or below the sea of a take-off ground that a home at altitude 0 contradicts: an autopilot without an
+altitude, or a station that sets home by hand, sends exactly 0."""
 
 _STRENGTH = {source: strength for strength, source in enumerate(TakeOffSource)}
 
@@ -42,6 +49,9 @@ class World:
         self._take_off: TakeOff | None = None
         self._armed: bool | None = None
         self._last: Position | None = None
+        """Newest position by which the vehicle may be known to stand."""
+        self._position: Position | None = None
+        """Newest position with a place."""
         self._gps_fix_type: int | None = None
         self._decide_ns: HostNs | None = None
 
@@ -99,6 +109,8 @@ class World:
 
     def on_position(self, position: Position) -> tuple[WorldEvent, ...]:
         """Freeze the origin at the first usable position; each may show where the vehicle stands."""
+        if position.place is not None:
+            self._position = position
         if self._gps_fix_type is None or self._gps_fix_type >= FIX_3D:
             self._last = position
         return (*self._decide(position), *self._stands(position))
@@ -109,14 +121,21 @@ class World:
         if self._gps_fix_type is not None and self._gps_fix_type < FIX_3D:
             return ()
         ground_m = position.place.alt_amsl_m - position.height_above_home_m
+        home = self._take_off
+        if home is not None and home.source is TakeOffSource.HOME_POSITION and not self._is_plausible(home.place):
+            self._take_off = self._home_alt_amsl_m = None
         at = self._global_origin or position.place
         self.plane = TangentPlane(Geodetic(at.lat, at.lon, ground_m))
         late = self.relative is True
         self.relative = False
         return (OriginSet(self.plane.origin, late), *self._move_home())
 
-    def on_home(self, place: Geodetic) -> tuple[WorldEvent, ...]:
-        """Take HOME_POSITION: its altitude is that of the home surface; the first one is the take-off place."""
+    def on_home(self, place: Geodetic) -> tuple[WorldEvent, ...] | None:
+        """Take HOME_POSITION: its altitude is that of the home surface; the first one is the take-off place. Returns
+        None for a home that the vehicle's position contradicts.
+        """
+        if not self._is_plausible(place):
+            return None
         found = self._found(place, TakeOffSource.HOME_POSITION)
         self._home_alt_amsl_m = place.alt_amsl_m
         return (*found, *self._move_home())
@@ -133,6 +152,16 @@ class World:
             return ()
         self._take_off = TakeOff(place, source)
         return (TakeOffFound(place),) if self.plane is not None else ()
+
+    def _is_plausible(self, home: Geodetic) -> bool:
+        if self._position is None or self._position.place is None:
+            return True
+        vehicle = self._position.place
+        ground_m = vehicle.alt_amsl_m - self._position.height_above_home_m
+        if home.alt_amsl_m == 0.0 and abs(ground_m) > LEAST_ALTITUDE_M:
+            return False
+        north_m, east_m, down_m = TangentPlane(vehicle).ned_from_geodetic(home)
+        return hypot(north_m, east_m) <= MOST_HOME_DISTANCE_M and abs(down_m) <= MOST_HOME_CLIMB_M
 
     def _move_home(self) -> tuple[WorldEvent, ...]:
         if self.plane is None or self._home_alt_amsl_m is None:

@@ -70,21 +70,33 @@ class LinkStatistics(msgspec.Struct, frozen=True, kw_only=True):
     bad_checksums: int = 0
     skipped_bytes: int = 0
     """Bytes that belong to no frame."""
+    shed_bytes: int = 0
+    """Of these: bytes that were not examined, because the link used up its trials."""
     not_understood: int = 0
     duplicates: int = 0
     echoes: int = 0
     """Frames of this service that came back."""
+    own_ids_on_gcs: int = 0
+    """Frames with the autopilot's ids that came on another role's link, and were dropped."""
+    id_conflict: int = 0
+    """Frames of a second program with our ids."""
     stopped: int = 0
     thinned: int = 0
     refused_signatures: int = 0
     """Frames with a signature that does not verify."""
     refused_unsigned: int = 0
     """Unsigned frames that were not believed."""
+    late_copy: int = 0
+    """Genuine signed frames with an old timestamp, dropped."""
+    outdated: int = 0
+    """Of these: of a sender whose clock is more than a minute behind ours."""
     signed_unverified: int = 0
     """Signed frames for us, received while no key is configured."""
     ground_station: bool = False
     thinning: LinkThinning = LinkThinning()
     peers: list[PeerStatistics] = []
+    """Those with the most frames, the vehicle's first."""
+    peers_left_out: int = 0
 
 
 class LinkReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -101,6 +113,8 @@ class LinkReport(msgspec.Struct, frozen=True, kw_only=True):
     """Number of ``send`` calls whose bytes did not leave."""
     clients: list[str] | UnsetType = UNSET
     """Addresses of the clients in order of arrival; only of a server."""
+    refused: int | UnsetType = UNSET
+    """Number of times that a source found no place; only of a server."""
     device: str | UnsetType = UNSET
     """Name under which a serial device was found; only while it is open."""
 

@@ -90,6 +90,8 @@ class Reason(StrEnum):
     """Frames covered the predicted position and showed no detection."""
     NOT_SEEN_LONG = "not_seen_long"
     """No frame covered the predicted position for longer than a track is kept."""
+    VEHICLE_CHANGED = "vehicle_changed"
+    """Another autopilot was adopted."""
     ORIGIN_SET = "origin_set"
     """The first global position arrived, and the world got its origin."""
     REPLACED = "replaced"

@@ -17,8 +17,9 @@ from fwav_companion.vision.frame_receiver import FrameReceiver
 
 LARGEST_DATAGRAM = 65536
 """Over 200 bytes for each of 256 detections; also the largest datagram that UDP carries."""
-DRAIN_LIMIT = 64
-"""Largest number of datagrams per wake-up: two seconds of any camera."""
+DRAIN_LIMIT = 8
+"""Largest number of datagrams per wake-up: frames of 256 detections take 10 ms each, and the links have their turn
+between."""
 RETRY_S = 1.0
 """Interval of attempts while an address or a folder does not exist, as at boot."""
 
@@ -92,7 +93,6 @@ class DetectionsIn:
         return sock
 
     def _drain(self, sock: socket.socket) -> None:
-        arrival_ns = self._ears.arrival()
         for _ in range(DRAIN_LIMIT):
             try:
                 length = sock.recv_into(self._buffer, 0, socket.MSG_TRUNC)
@@ -102,7 +102,7 @@ class DetectionsIn:
                 detail = f"a datagram of {length} bytes, accepted: {LARGEST_DATAGRAM}"
                 self._ears.on_frame(NoFrame(Reason.MALFORMED, detail))
             else:
-                self._ears.hear(bytes(memoryview(self._buffer)[:length]), arrival_ns)
+                self._ears.hear(bytes(memoryview(self._buffer)[:length]), self._ears.arrival())
 
     def _tell(self, *, listens: bool, why: str) -> None:
         if listens is not self._listens:

@@ -128,7 +128,6 @@ class VisionProcess:
         return process, ours
 
     def _drain(self, sock: socket.socket) -> None:
-        arrival_ns = self._ears.arrival()
         for _ in range(DRAIN_LIMIT):
             try:
                 data = sock.recv(LARGEST_DATAGRAM)
@@ -141,7 +140,7 @@ class VisionProcess:
                 self._ended.set()
                 return
             self._heard_s = time.monotonic()
-            self._take(data, arrival_ns)
+            self._take(data, self._ears.arrival())
 
     def _take(self, data: bytes, arrival_ns: HostNs) -> None:
         if data.startswith(_STATE):

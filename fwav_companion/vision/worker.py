@@ -11,7 +11,8 @@ import socket
 import sys
 import threading
 import time
-from contextlib import closing
+from contextlib import closing, suppress
+from pathlib import Path
 
 import cv2
 import msgspec
@@ -24,6 +25,8 @@ from fwav_companion.vision.wire import MAX_DETECTIONS
 
 SIGN_OF_LIFE_S = 2.0
 """Longest time between two messages while nothing hangs."""
+OOM_SCORE = "800"
+"""oom_score_adj of this process, of 1000 (proc(5)); the daemon has 0."""
 RETRY_S = 1.0
 """Interval of attempts to open a missing source: a camera may be plugged in late."""
 
@@ -32,6 +35,7 @@ _encode = msgspec.json.Encoder().encode
 
 def main() -> None:
     """Detect until the daemon closes its end of the socket."""
+    _offer_to_oom_killer()
     daemon = socket.socket(fileno=int(sys.argv[1]))
     task = msgspec.json.decode(sys.argv[2], type=VisionTask)
     threading.Thread(target=_end_with, args=(daemon,), daemon=True).start()
@@ -47,6 +51,12 @@ def main() -> None:
             while True:
                 _tell(daemon, VisionState("ended", str(error)))
                 time.sleep(SIGN_OF_LIFE_S)
+
+
+def _offer_to_oom_killer() -> None:
+    """Let the kernel end this process before any other of the service when memory is short: the daemon restarts it."""
+    with suppress(OSError):  # not on every system
+        Path("/proc/self/oom_score_adj").write_text(OOM_SCORE)
 
 
 def frame_bytes(picture: Picture, detector: Detector) -> bytes:

@@ -13,6 +13,7 @@ from tests.benchmarks.figure import Figure
 BENCHMARKS = (
     "decode",
     "corruption",
+    "adversary",
     "encode",
     "relay",
     "lens",

@@ -72,7 +72,7 @@ def _relay(own: int, peer: int, result: multiprocessing.Queue[float], count: int
     start = 0.0
     done = asyncio.Event()
 
-    def on_bytes(name: str, data: bytes) -> None:
+    def on_bytes(name: str, data: bytes) -> bool:
         nonlocal seen, start
         received = node.receive(name, data, HostNs(int(loop.time() * 1e6) * 1000))
         for link, joined in received.forwards:
@@ -81,6 +81,7 @@ def _relay(own: int, peer: int, result: multiprocessing.Queue[float], count: int
         seen += len(received.frames)
         if seen >= count:
             done.set()
+        return received.subscribes
 
     async def run() -> None:
         nonlocal loop

@@ -20,12 +20,15 @@ class Listener:
         self.data = b""
         self.chunks: list[bytes] = []
         self.states: list[tuple[bool, str]] = []
+        self.valid: Callable[[bytes], bool] = lambda _data: True
+        """Whether bytes hold a valid frame that subscribes its source."""
         self._changed = asyncio.Event()
 
-    def on_bytes(self, _name: str, data: bytes) -> None:
+    def on_bytes(self, _name: str, data: bytes) -> bool:
         self.data += data
         self.chunks.append(data)
         self._changed.set()
+        return self.valid(data)
 
     def on_state(self, _name: str, up: bool, why: str) -> None:
         self.states.append((up, why))

@@ -1,35 +1,77 @@
-"""A UDP server's memory of its clients, with invented times."""
+"""A UDP server's peers, with invented times: who subscribes, who is refused, who yields."""
 
-from fwav_companion.links.udp import CLIENT_SILENT_S, MAX_CLIENTS, Clients
+from mavlink_wire import Wire
+
+from fwav_companion.links.udp_clients import (
+    CLIENT_SILENT_S,
+    MAX_CLIENTS,
+    MAX_CLIENTS_OF_HOST,
+    MAX_STRANGERS,
+    Clients,
+)
+
+STATION = ("10.0.0.1", 14550)
 
 
-def test_the_longest_silent_makes_room():
+def test_bytes_alone_subscribe_no_one():
     clients = Clients()
-    for port in range(MAX_CLIENTS):
-        clients.whole_frames(("10.0.0.1", port), b"x", now_s=float(port))
-    clients.whole_frames(("10.0.0.1", 0), b"x", now_s=100.0)
-    clients.whole_frames(("10.0.0.2", 99), b"x", now_s=101.0)
-    assert len(list(clients)) == MAX_CLIENTS
-    assert ("10.0.0.1", 0) in clients
-    assert ("10.0.0.1", 1) not in clients
-    assert ("10.0.0.2", 99) in clients
+    clients.whole_frames(STATION, b"x")
+    assert list(clients) == []
+    assert clients.on_valid(STATION, 0.0)
+    assert list(clients) == [STATION]
 
 
-def test_silent_clients_are_forgotten_and_learned_again():
+def test_a_flood_of_ports_takes_no_place_of_another_address():
     clients = Clients()
-    clients.whole_frames("a", b"x", now_s=0.0)
-    clients.whole_frames("b", b"x", now_s=1.0)
-    clients.forget_silent(CLIENT_SILENT_S)
-    assert list(clients) == ["a", "b"]
+    clients.on_valid(STATION, 0.0)
+    for port in range(500):
+        clients.whole_frames(("10.0.0.66", port), bytes(4))
+        clients.on_valid(("10.0.0.66", port), 1.0 + 0.1 * port)
+    assert STATION in clients
+    assert sum(host == "10.0.0.66" for host, _ in clients) == MAX_CLIENTS_OF_HOST
+    assert ("10.0.0.66", 499) in clients, "of one address the longest silent yields"
+    assert clients.refused == 0
+
+
+def test_when_all_places_are_taken_a_stranger_is_refused_until_silence_frees_one():
+    clients = Clients()
+    for number in range(MAX_CLIENTS):
+        assert clients.on_valid((f"10.0.1.{number}", 1), float(number))
+    assert not clients.on_valid(STATION, 20.0)
+    assert clients.refused == 1
     clients.forget_silent(CLIENT_SILENT_S + 0.5)
-    assert list(clients) == ["b"]
-    clients.whole_frames("a", b"x", now_s=CLIENT_SILENT_S + 1.0)
-    assert list(clients) == ["b", "a"]
+    assert clients.on_valid(STATION, CLIENT_SILENT_S + 0.5)
+
+
+def test_only_valid_frames_keep_a_place():
+    clients = Clients()
+    clients.on_valid(STATION, 0.0)
+    clients.on_valid(("10.0.0.2", 1), 1.0)
+    clients.whole_frames(STATION, b"noise")
+    clients.forget_silent(CLIENT_SILENT_S + 0.5)
+    assert list(clients) == [("10.0.0.2", 1)]
+    clients.on_valid(STATION, CLIENT_SILENT_S + 1.0)
+    assert list(clients) == [("10.0.0.2", 1), STATION]
 
 
 def test_a_lone_client_is_passed_on_as_it_sends_and_several_in_whole_frames():
     begun = bytes([0xFE, 9, 0])
     clients = Clients()
-    assert clients.whole_frames("a", begun, now_s=0.0) == begun
-    assert clients.whole_frames("b", begun, now_s=0.0) == b""
-    assert clients.whole_frames("a", begun, now_s=0.0) == b""
+    clients.on_valid(STATION, 0.0)
+    assert clients.whole_frames(STATION, begun) == begun
+    assert clients.whole_frames(("10.0.0.2", 1), begun) == b"", "a stranger's begun frame waits"
+    assert clients.whole_frames(STATION, begun) == b""
+
+
+def test_a_bridge_that_cuts_frames_anywhere_is_heard_whole():
+    clients, frame = Clients(), Wire(1, 1).attitude()
+    passed = b"".join(clients.whole_frames(STATION, frame[i : i + 5]) for i in range(0, len(frame), 5))
+    assert passed == frame
+
+
+def test_strangers_take_no_memory():
+    clients = Clients()
+    for port in range(5000):
+        clients.whole_frames(("10.0.0.66", port), bytes([0xFD, 255, 0]))
+    assert len(clients._strangers) <= MAX_STRANGERS
+    assert list(clients) == []

@@ -10,7 +10,9 @@ from link_listening import Listener, run, started, until
 from processes import free_port
 
 from fwav_companion.links import tcp
+from fwav_companion.links.reconnect import make_link
 from fwav_companion.links.tcp import MAX_CLIENTS
+from fwav_companion.links.url import parse_link_url
 
 
 @pytest.fixture(name="server")
@@ -159,6 +161,38 @@ def test_a_servers_clients_are_not_mixed_inside_a_frame_and_bounded():
             assert listener.data == frame * MAX_CLIENTS
             for client in clients:
                 client.close()
+
+    run(story())
+
+
+def test_who_sends_nothing_valid_yields_first_and_who_is_refused_is_reported(monkeypatch: pytest.MonkeyPatch):
+    frame = bytes([0xFE, 9, 0, 1, 1, 0]) + b"payload!!" + b"cc"
+
+    async def story() -> None:
+        listener, port, refused = Listener(), free_port(), []
+        listener.valid = lambda data: data == frame
+        url = parse_link_url(f"tcpin://127.0.0.1:{port}")
+        link = make_link(
+            "a", url, listener.on_bytes, listener.on_state, on_refused=lambda _, peer: refused.append(peer)
+        )
+        link.start()
+        await listener.until_up()
+        with contextlib.ExitStack() as stack:
+            connect = lambda: stack.enter_context(socket.create_connection(("127.0.0.1", port), 20))  # noqa: E731
+            silent = [connect() for _ in range(MAX_CLIENTS)]
+            await until(lambda: len(link.status().clients) == MAX_CLIENTS)
+            assert await received(connect(), 1) == b"", "every client may still send its first frame"
+            assert link.status().refused == 1
+            assert len(refused) == 1
+            monkeypatch.setattr(tcp, "IDLE_S", 0.0)
+            silent[0].sendall(frame)
+            await listener.until(lambda: listener.data == frame)
+            genuine = connect()
+            assert await received(silent[1], 1) == b"", "the one that is silent for longest"
+            link.send(b"to all")
+            assert await received(genuine, 6) == b"to all"
+            assert await received(silent[0], 6) == b"to all"
+        link.close()
 
     run(story())
 

@@ -9,7 +9,7 @@ import pytest
 from link_listening import Listener, run, started, until
 from processes import free_port
 
-from fwav_companion.links.base import Ear, Traffic
+from fwav_companion.links.base import SLICE_BYTES, Ear, Traffic
 from fwav_companion.links.udp import UdpClient
 
 
@@ -54,6 +54,37 @@ def test_a_server_hears_and_answers_all_it_has_heard(host: str):
             assert len(status.clients) == 2
             assert all(client.startswith(f"{host}:") for client in status.clients)
             assert (status.bytes_in, status.bytes_out, status.dropped) == (16, 12, 0)
+
+    run(story())
+
+
+def test_one_byte_subscribes_no_one(peer: socket.socket):
+    async def story() -> None:
+        listener, port = Listener(), free_port()
+        listener.valid = lambda data: data == b"valid"
+        with started(f"udpin://127.0.0.1:{port}", listener) as link, peer_socket() as station:
+            await listener.until_up()
+            peer.sendto(b"x", ("127.0.0.1", port))
+            station.sendto(b"valid", ("127.0.0.1", port))
+            await listener.until(lambda: len(listener.data) == 6)
+            link.send(b"telemetry")
+            assert await received(station) == b"telemetry"
+            assert link.status().clients == [f"127.0.0.1:{station.getsockname()[1]}"]
+
+    run(story())
+
+
+def test_a_turn_is_bounded_and_nothing_is_lost(peer: socket.socket):
+    async def story() -> None:
+        listener, port = Listener(), free_port()
+        with started(f"udpin://127.0.0.1:{port}", listener):
+            await listener.until_up()
+            sent = [bytes([i]) * 8192 for i in range(8)]
+            for data in sent:
+                peer.sendto(data, ("127.0.0.1", port))
+            await listener.until(lambda: len(listener.data) == 8 * 8192)
+            assert listener.data == b"".join(sent)
+            assert max(map(len, listener.chunks)) <= SLICE_BYTES
 
     run(story())
 

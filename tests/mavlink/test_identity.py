@@ -13,6 +13,7 @@ from fwav_companion.mavlink.client.identity import (
     AutopilotBack,
     AutopilotLost,
     Identity,
+    NeighbourHeard,
     SeveralHeard,
 )
 from fwav_companion.types import AutopilotKind, Destination, Message
@@ -97,15 +98,76 @@ def test_of_several_none_is_adopted_and_it_is_said_once():
     assert identity.system == 1
 
 
-def test_after_all_of_several_fell_silent_listening_begins_again():
+def test_after_all_of_several_fell_silent_none_of_them_is_adopted_but_a_new_one_is():
     identity = Identity(0)
     identity.on_message(heartbeat(system=2), T0)
     identity.on_message(heartbeat(system=9), T0)
     identity.on_wake(T0 + 3 * S)
     identity.on_wake(identity.wake_at)
-    identity.on_message(heartbeat(system=2), T0 + 20 * S)
-    (event,) = identity.on_wake(T0 + 23 * S)
-    assert event.autopilot.system == 2
+    for second in range(20, 30):
+        assert identity.on_message(heartbeat(system=2), T0 + second * S) == ()
+    identity.on_wake(T0 + 40 * S)
+    identity.on_message(heartbeat(system=5), T0 + 50 * S)
+    (event,) = identity.on_wake(T0 + 53 * S)
+    assert event.autopilot.system == 5
+
+
+def later(identity, *, system=2, start=5, seconds=60, **kwargs):
+    """Adoptions while another vehicle is heard once a second."""
+    events = []
+    for second in range(start, start + seconds):
+        events += identity.on_wake(T0 + second * S)
+        events += identity.on_message(heartbeat(system=system, **kwargs), T0 + second * S)
+    return [event for event in events if isinstance(event, Adopted)]
+
+
+def test_another_one_replaces_a_disarmed_one_after_thirty_seconds_of_silence():
+    identity = adopted(Identity(0), system=1)
+    identity.on_message(heartbeat(system=1), T0 + 4 * S)
+    assert later(identity, seconds=29) == []
+    (event,) = later(identity, start=34, seconds=1)
+    assert (event.autopilot.system, event.before.system) == (2, 1)
+    assert not identity.autopilot_lost
+    assert identity.system == 2
+
+
+def test_what_keeps_another_one_from_replacing_ours():
+    assert later(adopted(Identity(1), system=1)) == [], "a configured system"
+    armed = adopted(Identity(0), system=1)
+    armed.on_message(heartbeat(system=1, base_mode=128), T0 + 4 * S)
+    assert later(armed) == [], "armed when last heard"
+    assert later(adopted(Identity(0), system=1), link="other") == [], "on another link"
+    assert later(adopted(Identity(0), system=1), start=200, seconds=2) == [], "heard for less than the listening"
+    two = adopted(Identity(0), system=1)
+    for second in range(5, 100):
+        two.on_message(heartbeat(system=2), T0 + second * S)
+        two.on_message(heartbeat(system=3), T0 + second * S + S // 2)
+    assert two.autopilot.system == 1, "two others are heard"
+
+
+def test_a_neighbour_is_never_ours_also_after_a_brown_out():
+    identity = adopted(Identity(0), system=1)
+    identity.on_message(heartbeat(system=42), T0 + 3 * S)
+    assert identity.on_message(heartbeat(system=1), T0 + 4 * S) == (NeighbourHeard(42, 1),)
+    assert later(identity, system=42, start=6, seconds=300) == []
+    (back,) = identity.on_message(heartbeat(system=1), T0 + 400 * S)
+    assert isinstance(back, AutopilotBack)
+    assert identity.autopilot.system == 1
+
+
+def test_a_neighbour_that_appears_during_a_brown_out_is_a_neighbour_when_ours_is_back():
+    identity = adopted(Identity(0), system=1)
+    assert later(identity, system=42, start=10, seconds=15) == []
+    identity.on_message(heartbeat(system=1), T0 + 25 * S)
+    assert later(identity, system=42, start=26, seconds=300) == []
+
+
+def test_a_system_id_that_the_user_changed_is_followed():
+    """ArduPilot changes its id at once: the last heartbeat of the old one comes before the first of the new one."""
+    identity = adopted(Identity(0), system=1)
+    identity.on_message(heartbeat(system=1), T0 + 4 * S)
+    (event,) = later(identity, system=7, start=5, seconds=40)
+    assert event.autopilot.system == 7
 
 
 def test_two_autopilot_components_of_one_vehicle_are_one_vehicle_and_component_1_speaks_for_it():
@@ -127,6 +189,7 @@ def test_a_configured_system_is_adopted_at_once_and_no_other():
 def test_a_second_vehicle_after_the_adoption_changes_nothing():
     identity = adopted(Identity(0), system=3)
     assert identity.on_message(heartbeat(system=4, base_mode=128), T0 + 4 * S) == ()
+    identity.on_message(heartbeat(system=3), T0 + 5 * S)
     assert identity.autopilot.system == 3
 
 
@@ -212,11 +275,16 @@ def test_a_fault_silences_and_does_not_spin():
         max_size=60,
     )
 )
-def test_whatever_is_heard_at_most_one_system_is_ever_adopted(heard):
-    identity, now, adoptions = Identity(0), T0, set()
+def test_whatever_is_heard_ours_is_replaced_only_after_its_silence(heard):
+    identity, now, heard_ns = Identity(0), T0, T0
     for system, component, mav_type, autopilot, pause in heard:
         now += pause
         events = identity.on_wake(now) + identity.on_message(heartbeat(system, component, mav_type, autopilot), now)
-        adoptions |= {event.autopilot.system for event in events if isinstance(event, Adopted)}
+        for event in events:
+            if isinstance(event, Adopted) and event.before is not None:
+                assert not event.before.armed
+                assert now - heard_ns >= 30 * S
+        ours = identity.autopilot
+        if ours is not None and (system, component) == (ours.system, ours.component):
+            heard_ns = now
         assert identity.wake_at is None or identity.wake_at > now
-    assert len(adoptions) <= 1

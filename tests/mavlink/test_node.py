@@ -165,12 +165,13 @@ def names(node: Node, link: str, *frames: bytes) -> list[str]:
     return [message.name for message in node.receive(link, b"".join(frames), NOW).messages]
 
 
-def test_with_a_key_unsigned_frames_are_not_read_but_go_on() -> None:
+def test_with_a_key_unsigned_frames_are_not_read_but_go_to_the_ground() -> None:
     node = signing_node()
     frame = Wire(1, 1).attitude()
     received = node.receive("autopilot", frame, NOW)
     assert received.messages == []
-    assert [data for _, data in received.forwards] == [frame] * 3
+    assert received.forwards == [("ground", frame), ("tablet", frame)]
+    assert list(received.frames) == []
     assert node.statistics(NOW)[0].refused_unsigned == 1
 
 
@@ -179,15 +180,16 @@ def test_signed_frames_are_read_and_say_so() -> None:
     assert message.signed
 
 
-def test_forged_and_replayed_frames_are_not_read_but_go_on() -> None:
+def test_forged_frames_go_to_the_ground_and_replayed_ones_nowhere() -> None:
     node = signing_node()
     genuine = SignedWire(1, 1).attitude()
     forged = SignedWire(1, 1, key=bytes(32)).attitude(2)
     assert names(node, "autopilot", genuine) == ["ATTITUDE"]
     received = node.receive("autopilot", forged + genuine, NOW)
     assert received.messages == []
-    assert received.forwards == [(name, forged + genuine) for name in ("spare", "ground", "tablet")]
-    assert node.statistics(NOW)[0].refused_signatures == 2
+    assert received.forwards == [(name, forged) for name in ("ground", "tablet")]
+    statistics = node.statistics(NOW)[0]
+    assert (statistics.refused_signatures, statistics.late_copy) == (1, 1)
 
 
 def test_unsigned_telemetry_is_read_where_the_configuration_says_so() -> None:

@@ -334,11 +334,37 @@ def test_a_restart_clears_the_systems_routes() -> None:
     net.feed("second", Wire(1, 155).heartbeat())
     net.feed("autopilot", vehicle.frame("SYSTEM_TIME", 0, 91_000))
     assert net.links_of("ground", ground.command(1, 154)) == ["autopilot"]
-    net.feed("autopilot", Wire(1, 1).frame("SYSTEM_TIME", 0, 500))
+    rebooted = Wire(1, 1)
+    for second in range(3):
+        assert net.links_of("ground", ground.command(1, 154)) == ["autopilot"]
+        net.feed("autopilot", rebooted.frame("SYSTEM_TIME", 0, 500 + 1000 * second))
+        net.wait(NS_PER_S)
     assert net.links_of("ground", ground.command(1, 154)) == []
     assert net.links_of("ground", ground.command(1, 155)) == []
     assert net.links_of("ground", ground.command(1, 1)) == ["autopilot"]
     assert net.links_of("ground", ground.command(2, 1)) == ["autopilot"]
+
+
+def test_a_forged_clock_clears_no_route_of_a_station_that_is_still_heard() -> None:
+    net = Net()
+    vehicle_and_ground(net)
+    station = Wire(255, 190)
+    net.feed("ground", station.frame("SYSTEM_TIME", 0, 90_000))
+    for second in range(10):
+        net.wait(NS_PER_S)
+        net.feed("ground", station.heartbeat(6, 8))
+        net.feed("tablet", Wire(255, 190).frame("SYSTEM_TIME", 0, 500 + second))
+        assert "ground" in net.links_of("autopilot", Wire(1, 1).frame("COMMAND_ACK", 400, 0, 0, 0, 255, 190))
+
+
+def test_one_clock_that_goes_back_is_no_restart() -> None:
+    net = Net(AUTOPILOT, GROUND)
+    vehicle, ground = vehicle_and_ground(net)
+    net.feed("autopilot", Wire(1, 154).heartbeat(26, 8))
+    for boot_ms in (90_000, 500, 92_000, 600, 94_000):
+        net.feed("autopilot", vehicle.frame("SYSTEM_TIME", 0, boot_ms))
+        net.wait(NS_PER_S)
+    assert net.links_of("ground", ground.command(1, 154)) == ["autopilot"]
 
 
 def test_clocks_of_different_components_are_not_compared() -> None:

@@ -163,8 +163,8 @@ def test_streams_are_distinguished_by_link_id_and_component() -> None:
 
 def test_at_most_so_many_streams_and_those_long_behind_make_room() -> None:
     _, verifier, _ = ours()
-    for component in range(1, MAX_STREAMS + 1):
-        assert check(verifier, SignedWire(1, component).heartbeat()) is Signature.GENUINE
+    for number in range(MAX_STREAMS):
+        assert check(verifier, SignedWire(1 + number // 16, 1 + number % 16).heartbeat()) is Signature.GENUINE
     late = SignedWire(1, 100, timestamp=START + 10)
     assert check(verifier, late.heartbeat()) is Signature.TOO_MANY_STREAMS
     later = HostNs(NOW + 61 * NS_PER_S)
@@ -181,13 +181,41 @@ def test_the_greatest_timestamp_is_no_crash() -> None:
 
 
 def test_a_restart_goes_on_ahead_of_all_that_was_sent() -> None:
-    assert starting_timestamp(None, None) == 0
-    assert starting_timestamp(START, None) > START + MINUTE
     unix_ns = 1_800_000_000 * NS_PER_S
-    assert (
-        starting_timestamp(None, unix_ns)
-        == timestamp_from_unix_ns(unix_ns)
-        == (1_800_000_000 - 1_420_070_400) * 100_000
+    wall = (1_800_000_000 - 1_420_070_400) * 100_000
+    for synchronised in (False, True):
+        assert starting_timestamp(None, unix_ns, synchronised=synchronised) == wall == timestamp_from_unix_ns(unix_ns)
+        assert starting_timestamp(2 * wall, unix_ns, synchronised=synchronised) == 2 * wall + 1
+    assert starting_timestamp(wall // 2, unix_ns, synchronised=True) == wall
+    assert starting_timestamp(wall // 2, unix_ns, synchronised=False) == wall // 2 + 1, (
+        "the wall clock may be ahead of UTC"
     )
-    assert starting_timestamp(START * 2, unix_ns) > START * 2
     assert timestamp_from_unix_ns(0) == 0
+
+
+def test_a_timestamp_ahead_of_utc_waits_until_utc_has_caught_up() -> None:
+    unix_ns = 1_800_000_000 * NS_PER_S
+    clock = SigningClock(timestamp_from_unix_ns(unix_ns) + MINUTE)
+    clock.follow(unix_ns, NOW)
+    assert clock.ahead_s(NOW) == pytest.approx(60.0)
+    stamps = [clock.next(HostNs(NOW + second * NS_PER_S)) for second in range(60)]
+    assert stamps == [stamps[0] + number for number in range(60)], "greater than the last, and no more"
+    later = HostNs(NOW + 90 * NS_PER_S)
+    assert clock.tick(later) == timestamp_from_unix_ns(unix_ns + 90 * NS_PER_S)
+    assert clock.ahead_s(later) == 0.0
+
+
+def test_time_does_not_carry_the_timestamp_beyond_what_is_reserved() -> None:
+    clock = SigningClock(START)
+    clock.limit = START + 1000
+    clock.tick(NOW)
+    assert clock.next(HostNs(NOW + NS_PER_S)) == START + 1000
+    assert clock.next(HostNs(NOW + NS_PER_S)) == START + 1001
+
+
+def test_without_utc_time_goes_on_from_a_peers_timestamp() -> None:
+    clock = SigningClock(START)
+    clock.tick(NOW)
+    clock.learn(START + 10 * MINUTE)
+    clock.tick(NOW)
+    assert clock.tick(HostNs(NOW + 60 * NS_PER_S)) == START + 11 * MINUTE

@@ -226,3 +226,44 @@ def test_no_number_of_fixes_takes_away_what_is_not_known_of_the_grounds_level(pe
     assert len(perfect.companion.targets()) > 300
     assert line["cov"][2][2] >= 0.5**2
     assert line["fix"]["cov"][2][2] >= line["cov"][2][2]
+
+
+class AfterAWhile:
+    """The companion of an earlier flight, for a simulation that begins later on its clock."""
+
+    def __init__(self, companion: Companion, later_ns: int) -> None:
+        self._companion, self._later_ns = companion, later_ns
+
+    @property
+    def wake_at(self) -> int | None:
+        due = self._companion.wake_at
+        return None if due is None else max(0, due - self._later_ns)
+
+    def on_wake(self, now_ns: int) -> list[bytes]:
+        return self._companion.on_wake(now_ns + self._later_ns)
+
+    def on_bytes(self, data: bytes, now_ns: int) -> list[bytes]:
+        return self._companion.on_bytes(data, now_ns + self._later_ns)
+
+
+def test_another_autopilot_on_the_link_drops_every_track_and_begins_a_new_world():
+    flown = flight("perfect", *GLOBAL_SHUTTER, seconds=12.0)
+    companion, seconds = flown.companion, 10**9
+    first = companion.pipeline.telemetry.world.plane.origin
+    ended_ns = companion._now
+    companion.on_bytes(Wire(1, 1).frame("HEARTBEAT", 16, 3, 0, 0, 4, 3), ended_ns + seconds)
+    options = scenario("perfect").but(
+        {"seconds": 40.0, "autopilot.system_id": 7, "camera.enabled": False, "origin": (47.0, 11.0, 300.0)}
+    )
+    for _ in simulate(options).drive(AfterAWhile(companion, ended_ns + 2 * seconds)):
+        pass
+    assert companion.pipeline.system == 7
+    assert companion.codes.count(NoticeCode.AUTOPILOT_REPLACED) == 1
+    assert "tracks are dropped" in companion.texts_to_ground(NoticeCode.AUTOPILOT_REPLACED)[0]
+    dropped = [line for line in companion.targets() if line["state"] == "dropped"]
+    assert "vehicle_changed" in {line["reason"] for line in dropped}
+    second = companion.pipeline.telemetry.world.plane.origin
+    assert abs(second.lat_deg - first.lat_deg) > 0.1
+    assert [line["origin"]["lat"] for line in companion.lines if line["type"] == "origin"] == pytest.approx(
+        [second.lat_deg]
+    )

@@ -20,6 +20,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 
 from processes import free_port, process
 from relay_story import COMPANION, LINKS, VEHICLE_LINKS, story
+from wire_peers import HELLO
 
 OURS = {COMPANION, (1, 100)}
 LATEST_S = 2.0
@@ -91,7 +92,7 @@ def run(peers: Peers, ports: dict[str, int], seconds: int) -> dict[str, Counter[
     """Send every frame at its time; returns the frames that are due on each link."""
     for link in VEHICLE_LINKS:
         peers.daemon[link] = ("127.0.0.1", ports[link])
-        peers.sockets[link].sendto(b"\0", peers.daemon[link])  # a server answers clients that have sent something
+        peers.sockets[link].sendto(HELLO, peers.daemon[link])  # a server answers clients that have sent a valid frame
     while len(peers.daemon) < len(LINKS):  # stations wait for the daemon's first heartbeat
         time.sleep(0.1)
     due: dict[str, Counter[bytes]] = {link: Counter() for link in LINKS}

@@ -10,11 +10,14 @@ import time
 import tty
 from collections.abc import Iterator
 
+from mavlink_wire import Wire
 from processes import free_port
 
 PATIENCE_S = 20.0
 OURS = {(1, 191), (1, 100)}
 """The daemon's own components."""
+HELLO = Wire(200, 200).frame("PING", 0, 1, *(1, 191))
+"""A valid frame that makes its source a peer of a UDP server, and that the daemon does not forward: it is for it."""
 
 
 class Peer:
@@ -28,10 +31,16 @@ class Peer:
     def meet(self) -> None:
         """Make this peer known to the running daemon, whose heartbeat has arrived."""
         self.connect()
-        assert select.select([self.fileno()], [], [], PATIENCE_S)[0], f"no heartbeat by {self.url}"
+        deadline = time.monotonic() + PATIENCE_S
+        while not select.select([self.fileno()], [], [], 1.0)[0]:
+            assert time.monotonic() < deadline, f"no heartbeat by {self.url}"
+            self.greet()
 
     def connect(self) -> None:
         """Connect from this side."""
+
+    def greet(self) -> None:
+        """Greet again: the daemon may not have listened."""
 
     def send(self, data: bytes) -> None:
         raise NotImplementedError
@@ -107,10 +116,14 @@ class UdpPeer(Peer):
 
     def connect(self) -> None:
         if self._daemon is not None:
-            self.send(b"\0")
+            self.greet()
             return
         self._socket.settimeout(PATIENCE_S)
         _, self._daemon = self._socket.recvfrom(65536, socket.MSG_PEEK)
+
+    def greet(self) -> None:
+        if self.url.startswith("udpin"):
+            self.send(HELLO)
 
     def send(self, data: bytes) -> None:
         assert self._daemon is not None

@@ -83,6 +83,9 @@ def test_its_own_user_and_its_own_folders():
         ("PrivateTmp", "yes"),
         ("RestrictAddressFamilies", "AF_UNIX AF_INET AF_INET6 AF_NETLINK"),
         ("DevicePolicy", "closed"),
+        ("MemoryHigh", "300M"),
+        ("MemoryMax", "400M"),
+        ("OOMPolicy", "continue"),
     ],
 )
 def test_what_it_needs_and_no_more(key: str, value: str):

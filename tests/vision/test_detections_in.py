@@ -6,8 +6,10 @@ import socket
 import stat
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
+from itertools import pairwise
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from fwav_companion.geometry.stamps import HostNs
@@ -44,6 +46,18 @@ class Intake:
                 await asyncio.sleep(0.002)
 
 
+class BusyList(list[Frame | NoFrame]):
+    """Takes a time on the test's clock for each frame, as the pipeline does."""
+
+    def __init__(self, intake: Intake, takes_ns: int) -> None:
+        super().__init__()
+        self._intake, self._takes_ns = intake, takes_ns
+
+    def append(self, frame: Frame | NoFrame) -> None:
+        super().append(frame)
+        self._intake.now = HostNs(self._intake.now + self._takes_ns)
+
+
 @asynccontextmanager
 async def listening(endpoint: Endpoint) -> AsyncIterator[Intake]:
     """An intake that has reported for the first time whether it listens; closed at the end."""
@@ -69,6 +83,23 @@ def sender_to(intake: DetectionsIn) -> socket.socket:
     sock = socket.socket(socket.AF_UNIX if isinstance(address, str) else socket.AF_INET, socket.SOCK_DGRAM)
     sock.connect(address)
     return sock
+
+
+def test_each_datagram_has_its_own_arrival_time():
+    """Frames that wait in one burst are read one after the other: the later arrive later than the earlier's work."""
+
+    async def story() -> None:
+        async with listening(("127.0.0.1", 0)) as t:
+            t.frames = BusyList(t, 20_000_000)
+            object.__setattr__(t.intake, "_ears", msgspec.structs.replace(t.intake._ears, on_frame=t.frames.append))
+            with sender_to(t.intake) as sender:
+                for _ in range(5):
+                    sender.send(datagram(1_790_000_499.95))
+                await t.until(lambda: len(t.frames) == 5)
+            arrivals = [frame.arrival_ns for frame in t.frames if isinstance(frame, Frame)]
+            assert [b - a for a, b in pairwise(arrivals)] == [20_000_000] * 4
+
+    asyncio.run(story())
 
 
 @pytest.mark.parametrize("kind", ["udp", "unix"])

@@ -20,6 +20,8 @@ OVERDUE_NS = 2 * NS_PER_S
 """Silence after which a heartbeat is overdue: one missed heartbeat."""
 UNASSIGNED_SYSTEM = 1
 """System id of our heartbeats until an autopilot is adopted."""
+SUCCESSION_NS = 30 * NS_PER_S
+"""Silence of a disarmed autopilot after which another one may replace it: longer than a reboot or a changed battery."""
 MAX_CANDIDATES = 16
 """Autopilots remembered while listening: with more than one, no choice is made anyway."""
 
@@ -44,12 +46,21 @@ class Adopted(msgspec.Struct, frozen=True):
     """The autopilot is adopted: from now on we send with its system id."""
 
     autopilot: Autopilot
+    before: Autopilot | None = None
+    """Autopilot that it replaces."""
 
 
 class SeveralHeard(msgspec.Struct, frozen=True):
     """Several vehicles were heard and no autopilot was adopted: ``[vehicle] system_id`` must choose."""
 
     systems: tuple[int, ...]
+
+
+class NeighbourHeard(msgspec.Struct, frozen=True):
+    """Another vehicle is heard beside ours for the first time: it is never adopted."""
+
+    system: int
+    ours: int
 
 
 class AutopilotLost(msgspec.Struct, frozen=True):
@@ -70,15 +81,28 @@ class ArmedChanged(msgspec.Struct, frozen=True):
     armed: bool
 
 
-IdentityEvent: TypeAlias = Adopted | SeveralHeard | AutopilotLost | AutopilotBack | ArmedChanged
+IdentityEvent: TypeAlias = Adopted | SeveralHeard | NeighbourHeard | AutopilotLost | AutopilotBack | ArmedChanged
+
+
+class _Other(msgspec.Struct):
+    """Another vehicle's autopilot, heard since ours was last heard."""
+
+    autopilot: Autopilot
+    first_ns: HostNs
+    last_ns: HostNs
 
 
 class Identity:
-    """Adopts one autopilot for good, follows its heartbeats, and times ours.
+    """Adopts one autopilot, follows its heartbeats, and times ours. Its heartbeats come from autopilot links alone.
 
     With ``configured_system`` 0 it listens for three seconds from the first autopilot, and adopts that one if no other
-    was heard. If several were heard it adopts no autopilot while any of them is heard: a vehicle that is silent for a
-    moment must not make the other one ours. With a configured system it adopts that system's autopilot at once.
+    was heard. If several were heard it adopts none of them: a vehicle that is silent for a moment must not make the
+    other one ours. With a configured system it adopts that system's autopilot at once.
+
+    Another autopilot replaces the adopted one only without a configured system, once the adopted one was disarmed when
+    last heard and has been silent for SUCCESSION_NS, if it is the only one that is heard on that link, and was never
+    heard beside ours. Autopilots copy the heartbeats of their neighbours to all their links, and go on when ours has
+    lost its power for a moment: a vehicle that was heard before a heartbeat of ours is a neighbour.
     """
 
     def __init__(self, configured_system: int, companion_component: int = 191, camera_component: int | None = 100):
@@ -91,6 +115,10 @@ class Identity:
         self._several = False
         self._heard_ns: HostNs | None = None
         self._lost = False
+        self._others: dict[int, _Other] = {}
+        """By system, at most 254."""
+        self._neighbours: set[int] = set()
+        """Systems that were heard beside ours, or beside one another before an adoption: never ours."""
         self._faulted = False
         self._beat_ns: HostNs | None = None
         self.autopilot: Autopilot | None = None
@@ -147,6 +175,8 @@ class Identity:
             return events + self._consider(heard, now)
         if (heard.system, heard.component) == (self.autopilot.system, self.autopilot.component):
             return events + self._follow(heard, now)
+        if heard.system != self.autopilot.system:
+            return events + self._compare(heard, now)
         return events
 
     def on_wake(self, now: HostNs) -> tuple[IdentityEvent, ...]:
@@ -188,7 +218,7 @@ class Identity:
         if self._configured_system:
             return self._adopt(heard, now) if heard.system == self._configured_system else ()
         self._candidate_heard_ns = now
-        if self._several:
+        if self._several or heard.system in self._neighbours:
             return ()
         if self._decide_ns is None:
             self._decide_ns = HostNs(now + LISTEN_NS)
@@ -206,16 +236,47 @@ class Identity:
             self._candidates.clear()
             return self._adopt(only, self._candidate_heard_ns or now)
         self._several = True
+        self._neighbours.update(self._candidates)
         return (SeveralHeard(tuple(sorted(self._candidates))),)
 
     def _adopt(self, autopilot: Autopilot, heard_ns: HostNs) -> tuple[IdentityEvent, ...]:
-        self.autopilot = autopilot
+        before, self.autopilot = self.autopilot, autopilot
         self._heard_ns = heard_ns
-        return (Adopted(autopilot),)
+        self._lost = False
+        self._others.clear()
+        return (Adopted(autopilot, before),)
+
+    def _compare(self, heard: Autopilot, now: HostNs) -> tuple[IdentityEvent, ...]:
+        """Note another vehicle, and adopt it if it replaces ours."""
+        other = self._others.setdefault(heard.system, _Other(heard, now, now))
+        other.autopilot, other.last_ns = heard, now
+        return self._adopt(heard, now) if self._replaces(other, now) else ()
+
+    def _replaces(self, other: _Other, now: HostNs) -> bool:
+        ours = self.autopilot
+        if self._configured_system or ours is None or ours.armed or self._heard_ns is None:
+            return False
+        if now - self._heard_ns < SUCCESSION_NS or now - other.first_ns < LISTEN_NS:
+            return False
+        on_link = [
+            each.autopilot.system
+            for each in self._others.values()
+            if each.autopilot.link == ours.link and now - each.last_ns <= SILENCE_NS
+        ]
+        return on_link == [other.autopilot.system] and other.autopilot.system not in self._neighbours
+
+    def _note_neighbours(self, ours: Autopilot) -> tuple[IdentityEvent, ...]:
+        """Note the vehicles that were heard before this heartbeat of ours."""
+        new = sorted(self._others.keys() - self._neighbours)
+        self._others.clear()
+        first = not self._neighbours
+        self._neighbours.update(new)
+        report = first and new and not self._configured_system
+        return (NeighbourHeard(new[0], ours.system),) if report else ()
 
     def _follow(self, heard: Autopilot, now: HostNs) -> tuple[IdentityEvent, ...]:
         before, self.autopilot, self._heard_ns = self.autopilot, heard, now
-        events: tuple[IdentityEvent, ...] = ()
+        events = self._note_neighbours(heard) if self._others else ()
         if self._lost:
             self._lost = False
             events += (AutopilotBack(heard),)

@@ -8,20 +8,23 @@ from typing import Final
 import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_MS, HostNs
+from fwav_companion.mavlink.router.acceptance import Acceptance
 from fwav_companion.mavlink.router.coalescing import coalesced
 from fwav_companion.mavlink.router.duplicates import Duplicates
+from fwav_companion.mavlink.router.link_reports import LinkReports
 from fwav_companion.mavlink.router.merged_rates import Why
-from fwav_companion.mavlink.router.peers import UNKNOWN, Peer, PeerStream
-from fwav_companion.mavlink.router.routing import RADIO_REPORTS, SETUP_SIGNING, TIMESYNC, LinkPolicy, Port, Router
+from fwav_companion.mavlink.router.peers import UNKNOWN, PeerStream
+from fwav_companion.mavlink.router.reading import FrameReader
+from fwav_companion.mavlink.router.routing import SETUP_SIGNING, TIMESYNC, LinkPolicy, Port, Router
 from fwav_companion.mavlink.router.sending import Sender
 from fwav_companion.mavlink.router.signing_policy import Keyring, SigningPolicy, Trust
 from fwav_companion.mavlink.router.statistics import StatisticsTaker
-from fwav_companion.mavlink.wire.codec import decode
-from fwav_companion.mavlink.wire.definitions import BY_NAME, constant
+from fwav_companion.mavlink.wire.definitions import BY_NAME
+from fwav_companion.mavlink.wire.enums import MAV_COMP_ID_AUTOPILOT1
 from fwav_companion.mavlink.wire.frames import RawFrame
 from fwav_companion.mavlink.wire.rate_messages import OwnStreams, RateRequest, rate_request
 from fwav_companion.mavlink.wire.signing import SigningClock
-from fwav_companion.types import Message, Outgoing
+from fwav_companion.types import Message, Notice, Outgoing
 from fwav_companion.types.network_status import LinkStatistics
 
 __all__ = ["LinkPolicy", "Node", "Received", "SigningPolicy"]
@@ -31,15 +34,8 @@ UNADOPTED_SYSTEM: Final = 1
 QUIET_NS: Final = 50 * NS_PER_MS
 """Pause after which a stream is taken to be between frames: above the 16 ms for which USB serial adapters gather
 bytes."""
-_HEARTBEAT: Final = BY_NAME["HEARTBEAT"]
-_SYSTEM_TIME: Final = BY_NAME["SYSTEM_TIME"]
-_TYPE_OFFSET: Final = _HEARTBEAT.fields["type"].offset
-_BOOT_OFFSET: Final = _SYSTEM_TIME.fields["time_boot_ms"].offset
 _TC1_OFFSET: Final = BY_NAME["TIMESYNC"].fields["tc1"].offset
 _TS1_OFFSET: Final = BY_NAME["TIMESYNC"].fields["ts1"].offset
-_TXBUF_OFFSET: Final = BY_NAME["RADIO_STATUS"].fields["txbuf"].offset
-"""The older message RADIO has the field at the same offset."""
-_MAV_TYPE_GCS: Final = constant("MAV_TYPE_GCS")
 
 
 class PassedRequest(msgspec.Struct, frozen=True):
@@ -62,6 +58,13 @@ class Received(msgspec.Struct):
     SETUP_SIGNING, which carries a key."""
     rate_requests: Sequence[PassedRequest] = ()
     """Rate requests in frames that are forwarded to an autopilot: they may lower our rates."""
+    copied: bool = False
+    """Whether there were known frames of a known sender that had come by another link."""
+
+    @property
+    def subscribes(self) -> bool:
+        """Whether a frame with a right checksum came from a sender that may subscribe to the link."""
+        return self.copied or any(frame.known for frame in self.frames)
 
 
 class Node:
@@ -80,14 +83,15 @@ class Node:
         """Start with all links up. ``wanted``: names of the messages to decode. ``components``: ids of our
         components.
         """
-        self._wanted = frozenset(BY_NAME[name].msgid for name in wanted)
-        self._watched = self._wanted | {_HEARTBEAT.msgid, _SYSTEM_TIME.msgid} | RADIO_REPORTS
         self._keyring = Keyring(signing)
         self._router = Router(links, UNADOPTED_SYSTEM, frozenset(components))
         self._sender = Sender(self._router, self._keyring)
         self._statistics = StatisticsTaker(self._router)
         self._ports = {port.name: port for port in self._router.ports}
         self._duplicates = Duplicates()
+        self._acceptance = Acceptance(self._router, self._duplicates, self._sender.own_frames)
+        self._reader = FrameReader(self._router, self._acceptance, wanted)
+        self._reports = LinkReports(self._router.ports)
         self._settle_ns: dict[str, HostNs] = {}
         self._release_ns: dict[str, HostNs] = {}
 
@@ -101,9 +105,11 @@ class Node:
         """Clock whose timestamp must be stored; None without a key."""
         return self._keyring.clock
 
-    def adopt(self, system: int) -> None:
-        """Send with the vehicle's system id from now on."""
-        self._router.adopt(system)
+    def adopt(self, system: int, autopilot: int | None = MAV_COMP_ID_AUTOPILOT1) -> None:
+        """Send with the vehicle's system id from now on. ``autopilot``: component id of its autopilot; None before the
+        vehicle is known.
+        """
+        self._router.adopt(system, autopilot)
 
     def share(self, own: OwnStreams) -> None:
         """Take the requests of this service: they alone do not send a message to links that merge requests."""
@@ -174,6 +180,10 @@ class Node:
         """Return what each link carried and lost; rates are those since the last call."""
         return self._statistics.take(now)
 
+    def notices(self, now: HostNs) -> list[Notice]:
+        """Return what was refused on the links and is due to be reported; call it about once a second."""
+        return self._reports.take(now)
+
     def _release(self, received: Received, now: HostNs) -> None:
         """Forward the held transfer frames that slow links can take now."""
         for name in list(self._release_ns):
@@ -189,13 +199,15 @@ class Node:
         last changed.
         """
         received = Received([], [], frames)
-        router, link, forward = self._router, port.index, received.forwards.append
+        router, link, forward, read = self._router, port.index, received.forwards.append, self._reader.read
+        has_key = self._keyring.has_key
         router.sweep(now)
         young, old = self._duplicates.generations(now)
         dropped: list[RawFrame] = []
         for frame in frames:
             data, flow, seq = frame.data, frame.flow, frame.seq
-            if flow.version != router.version and not self._attach(port, frame, now):
+            trust = self._trust(port, frame, received=received, now=now) if has_key else Trust.OPEN
+            if trust is None or (flow.version != router.version and not self._attach(port, frame, received, now)):
                 dropped.append(frame)
                 continue
             stream: PeerStream = flow.stream
@@ -208,14 +220,15 @@ class Node:
             stream.count += 1
             if old.get(data, link) != link or young.setdefault(data, link) != link:
                 port.duplicates += 1
+                received.copied |= frame.known
                 dropped.append(frame)
                 continue
-            if stream.direct is None:
-                self._forward(port, frame, stream=stream, received=received, now=now)
+            if stream.direct is None or trust is Trust.UNSIGNED_REQUEST:
+                self._forward(port, frame, stream=stream, trust=trust, received=received, now=now)
             else:
                 for name in stream.direct:
                     forward((name, data))
-            if stream.watched and not self._read(port, frame, stream=stream, received=received, now=now):
+            if stream.watched and not read(port, frame, trust=trust, messages=received.messages, now=now):
                 dropped.append(frame)
         if len(frames) > 1:
             received.forwards = coalesced(received.forwards)
@@ -223,35 +236,45 @@ class Node:
             received.frames = _without(received.frames, dropped)
         return received
 
-    def _attach(self, port: Port, frame: RawFrame, now: HostNs) -> bool:
+    def _trust(self, port: Port, frame: RawFrame, received: Received, now: HostNs) -> Trust | None:
+        """Return the trust level of a frame; None if it teaches nothing, and goes at most to ground links."""
+        trust = self._keyring.judge(port, frame, now)
+        match trust:
+            case Trust.NONE:
+                received.forwards += self._acceptance.forwards_of_untrusted(port, frame)
+                return None
+            case Trust.RADIO:
+                self._reader.on_radio(port, frame, received.messages, now)
+                received.forwards += self._acceptance.forwards_of_untrusted(port, frame)
+                return None
+            case Trust.LATE_COPY if not self._acceptance.is_second_copy(port, frame):
+                port.late_copy += 1
+                return None
+        return Trust.SIGNED if trust is Trust.LATE_COPY else trust
+
+    def _attach(self, port: Port, frame: RawFrame, received: Received, now: HostNs) -> bool:
         """Recompute what holds for all frames of a flow. Returns False if its frames are not accepted."""
         router, flow = self._router, frame.flow
-        peer = port.peers.get(flow.system << 8 | flow.component) or self._add_peer(port, frame, now)
+        peer = port.peers.get(flow.system << 8 | flow.component) or self._acceptance.new_peer(port, frame, now)
         if peer is None:
+            received.forwards += self._acceptance.forwards_of_refused(port, frame, now)
             return False
-        flow.stream = stream = peer.stream(frame)
+        flow.stream = stream = router.stream(port, peer, frame, now)
         flow.version = router.version
         if stream.plan != router.version:
             router.plan(port, frame, stream)
-            stream.watched = flow.definition is not None and flow.msgid in self._watched
+            stream.watched = flow.definition is not None and flow.msgid in self._reader.watched
         return True
 
-    def _add_peer(self, port: Port, frame: RawFrame, now: HostNs) -> Peer | None:
-        """Add a sender heard for the first time. Returns None for an echo of our frames, or a copy that may be one."""
-        if self._router.is_own(frame):
-            port.echoes += 1
-            return None
-        first = self._router.ports[self._duplicates.came_first_by(frame.data, port.index)]
-        if first is not port and not self._router.are_two_ways(first, port, frame):
-            port.duplicates += 1
-            return None
-        return self._router.learn(port, frame, now)
-
-    def _forward(self, port: Port, frame: RawFrame, stream: PeerStream, received: Received, now: HostNs) -> None:
+    def _forward(
+        self, port: Port, frame: RawFrame, *, stream: PeerStream, trust: Trust, received: Received, now: HostNs
+    ) -> None:
         """Forward a frame that names a receiver, or that a link thins."""
         msgid = UNKNOWN if frame.definition is None else frame.msgid
         sender = frame.system << 8 | frame.component
         outs = self._router.route_of(port, frame, stream)
+        if trust is Trust.UNSIGNED_REQUEST and not port.relays_unsigned:
+            outs = self._router.on_ground(port, outs)
         if msgid == SETUP_SIGNING:
             received.frames = _without(received.frames, [frame])
         request = rate_request(frame, port.name) if stream.asks_rates else None
@@ -289,27 +312,6 @@ class Node:
                 passed = PassedRequest(request, merged=port.merges_rate_requests)
                 received.rate_requests = [*received.rate_requests, passed]
         return outs
-
-    def _read(self, port: Port, frame: RawFrame, stream: PeerStream, received: Received, now: HostNs) -> bool:
-        """Read a watched message if it is addressed to us. Returns False if it is not trusted."""
-        if stream.targeted and not self._router.is_for_us(frame.target_system, frame.target_component):
-            return True
-        msgid = frame.flow.msgid
-        if msgid == _SYSTEM_TIME.msgid:
-            boot_ms = int.from_bytes(frame.payload[_BOOT_OFFSET : _BOOT_OFFSET + 4], "little")
-            self._router.on_clock(port, frame, boot_ms, now)
-        trust = self._keyring.judge(port, frame, now)
-        if trust is Trust.NONE:
-            return False
-        if msgid == _HEARTBEAT.msgid:
-            self._router.merged.heard(port.name, frame.system << 8 | frame.component, now)
-            if frame.payload_byte(_TYPE_OFFSET) == _MAV_TYPE_GCS:
-                port.ground_station_ns = now
-        elif msgid in RADIO_REPORTS:
-            self._router.on_radio(port, frame.payload_byte(_TXBUF_OFFSET), now)
-        if msgid in self._wanted:
-            received.messages.append(decode(frame, port.name, signed=trust is Trust.SIGNED))
-        return True
 
 
 def _without(frames: Sequence[RawFrame], dropped: Sequence[RawFrame]) -> Sequence[RawFrame]:

@@ -5,7 +5,7 @@ Sequence numbers give the true loss only here, on one link and before any filter
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.mavlink.wire.definitions import Definition
@@ -14,13 +14,22 @@ from fwav_companion.mavlink.wire.frames import RawFrame
 SILENT_NS: Final = 60 * NS_PER_S
 """Silence after which a component is forgotten: sixty missed heartbeats. Forgetting it early would lose commands to a
 vehicle behind a radio that fades for some seconds; late costs a few bytes on a link where it is not any more."""
-MAX_PEERS: Final = 1024
-"""Peers on one link: 250 vehicles with four components each. Beyond it, the eighth that is silent for longest is
-forgotten."""
+MAX_PEERS: Final = 512
+"""Peers on all links together: 128 vehicles with four components each, up to 2 kB each with the missing numbers. Beyond
+it those make room that were heard for a moment alone, then those that are silent. Otherwise a newcomer teaches no
+route: invented senders do not take the place of one that is heard."""
+ESTABLISHED_NS: Final = NS_PER_S
+"""Time over which a peer must be heard before a newcomer cannot take its place."""
+ABSENT_NS: Final = 5 * NS_PER_S
+"""Silence after which it can: five missed heartbeats."""
+MAX_PEER_STREAMS: Final = 2048
+"""Messages of all peers together, 300 bytes each."""
 _LATE: Final = 32
 """Sequence numbers behind the next one that are taken for late frames: more than UDP and bonded radios reorder."""
 _BURST_NS: Final = NS_PER_S // 2
 """Time within which a jump of nearly 256 sequence numbers is a repeated frame instead of a loss."""
+RESTART_NS: Final = 2 * NS_PER_S
+"""Time for which a clock must stay lower before it counts as a restart: three messages at 1 Hz."""
 UNKNOWN: Final = -1
 """Key of the one stream that all messages of unknown ids of a peer share: they are all routed alike, and a table with
 their ids could be filled by any sender."""
@@ -29,7 +38,7 @@ their ids could be filled by any sender."""
 class PeerStream:
     """One message of one peer on one link: its count, and its destinations, which the router fills in."""
 
-    __slots__ = ("asks_rates", "count", "definition", "direct", "peer", "plan", "routes", "targeted", "watched")
+    __slots__ = ("asks_rates", "count", "definition", "direct", "peer", "plan", "targeted", "watched")
 
     def __init__(self, peer: Peer, definition: Definition | None) -> None:
         self.peer = peer
@@ -40,12 +49,33 @@ class PeerStream:
         self.targeted = definition is not None and definition.target_system_offset >= 0
         self.direct: tuple[str, ...] | None = None
         """Names of the links that every frame goes to unchanged; None if each frame needs a decision."""
-        self.routes: dict[int, Any] = {}
-        """Links by target (system << 8 | component)."""
         self.asks_rates = False
         """Whether it may change the rates of the autopilot that it goes to."""
         self.watched = False
         """Whether this service reads the message."""
+
+
+class PeerClock:
+    """Clock of a peer by its SYSTEM_TIME messages: finds a restart that one frame cannot feign."""
+
+    __slots__ = ("_boot_ms", "_since_ns", "_suspect_ms")
+
+    def __init__(self) -> None:
+        self._boot_ms = 0
+        """Last accepted clock, milliseconds."""
+        self._suspect_ms = 0
+        self._since_ns: HostNs | None = None
+        """Arrival of the first of the lower clocks; None while the clock has not gone back."""
+
+    def on_stamp(self, boot_ms: int, now: HostNs) -> HostNs | None:
+        """Take a clock. Returns when it began to be lower, once it has stayed lower for RESTART_NS; else None."""
+        if boot_ms >= self._boot_ms:
+            self._boot_ms, self._since_ns = boot_ms, None
+            return None
+        if self._since_ns is None or boot_ms < self._suspect_ms:
+            self._since_ns = now
+        self._suspect_ms = boot_ms
+        return self._since_ns if now - self._since_ns >= RESTART_NS else None
 
 
 class Peer:
@@ -53,13 +83,14 @@ class Peer:
 
     __slots__ = (
         "_missing",
-        "boot_ms",
+        "clock",
         "component",
         "last_ns",
         "late",
         "lost",
         "next_seq",
         "repeated",
+        "since_ns",
         "streams",
         "system",
     )
@@ -67,8 +98,8 @@ class Peer:
     def __init__(self, frame: RawFrame, now: HostNs) -> None:
         self.system = frame.system
         self.component = frame.component
-        self.last_ns = now
-        """Time of its last frame."""
+        self.since_ns = self.last_ns = now
+        """Times of its first and last frame."""
         self.next_seq = frame.seq
         self.lost = 0
         """Missing frames, by their sequence numbers; a lower bound for a gap of more than 255 frames."""
@@ -77,10 +108,13 @@ class Peer:
         self.repeated = 0
         self.streams: dict[int, PeerStream] = {}
         """Streams by message id."""
-        self.boot_ms = 0
-        """Clock of the peer in its last SYSTEM_TIME, milliseconds."""
+        self.clock = PeerClock()
         self._missing: dict[int, int] = {}
         """Sequence number -> number of frames received when it was found missing."""
+
+    def gives_way(self, now: HostNs) -> bool:
+        """Return whether a newcomer may take its place."""
+        return self.last_ns - self.since_ns < ESTABLISHED_NS or now - self.last_ns >= ABSENT_NS
 
     @property
     def received(self) -> int:
@@ -102,14 +136,20 @@ class Peer:
             return
         gap = (seq - self.next_seq) & 0xFF
         self.lost += gap
-        for back in range(1, min(gap, _LATE) + 1):
-            self._missing[(seq - back) & 0xFF] = received
+        for back in range(min(gap, _LATE), 0, -1):
+            number = (seq - back) & 0xFF
+            self._missing.pop(number, None)
+            self._missing[number] = received
+        while len(self._missing) > _LATE:
+            del self._missing[next(iter(self._missing))]
         self.next_seq = (seq + 1) & 0xFF
 
-    def stream(self, frame: RawFrame) -> PeerStream:
-        """Return the stream of the frame's message, and add it if it is new."""
-        key = UNKNOWN if frame.definition is None else frame.msgid
-        stream = self.streams.get(key)
-        if stream is None:
-            stream = self.streams[key] = PeerStream(self, frame.definition)
+    def known_stream(self, frame: RawFrame) -> PeerStream | None:
+        """Return the stream of the frame's message; None if it is new."""
+        return self.streams.get(UNKNOWN if frame.definition is None else frame.msgid)
+
+    def add_stream(self, frame: RawFrame) -> PeerStream:
+        """Add the stream of the frame's message."""
+        stream = PeerStream(self, frame.definition)
+        self.streams[UNKNOWN if frame.definition is None else frame.msgid] = stream
         return stream

@@ -10,9 +10,9 @@
 5. A station's request for message rates reaches the autopilot, unless its link stops them (``forward_rate_requests``).
    If the link merges them, our own rates follow (:mod:`~fwav_companion.mavlink.router.merged_rates`).
 
-The peers of a link are forgotten when it goes down, and each one after a silence; a whole system is forgotten when its
-clock (SYSTEM_TIME) goes back. Frames are forwarded byte for byte; frames of unknown ids have no known target and go to
-every link.
+The peers of a link are forgotten when it goes down, and each one after a silence. When the clock of a system
+(SYSTEM_TIME) goes back and stays back, its components that have been silent since then are forgotten. Frames are
+forwarded byte for byte; frames of unknown ids have no known target and go to every link.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ import msgspec
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.mavlink.router.link_limiter import LinkLimiter
 from fwav_companion.mavlink.router.merged_rates import MergedRates
-from fwav_companion.mavlink.router.peers import MAX_PEERS, SILENT_NS, UNKNOWN, Peer, PeerStream
+from fwav_companion.mavlink.router.peer_tables import PeerTables
+from fwav_companion.mavlink.router.peers import SILENT_NS, UNKNOWN, Peer, PeerStream
 from fwav_companion.mavlink.wire.definitions import BY_NAME
 from fwav_companion.mavlink.wire.frames import RawFrame
 from fwav_companion.mavlink.wire.rate_messages import (
@@ -35,7 +36,7 @@ from fwav_companion.mavlink.wire.rate_messages import (
     OwnStreams,
     RateRequest,
 )
-from fwav_companion.mavlink.wire.scanner import Scanner
+from fwav_companion.mavlink.wire.scanner import MAX_FLOWS, Scanner
 
 SETUP_SIGNING: Final = BY_NAME["SETUP_SIGNING"].msgid
 RADIO_REPORTS: Final = frozenset(BY_NAME[name].msgid for name in ("RADIO", "RADIO_STATUS"))
@@ -44,15 +45,17 @@ GROUND_STATION_NS: Final = 5 * NS_PER_S
 """Silence after which a ground station is gone: five missed heartbeats (MAVLink guide, heartbeat)."""
 TIMESYNC: Final = BY_NAME["TIMESYNC"].msgid
 _SWEEP_NS: Final = 5 * NS_PER_S
-_MAX_TARGETS: Final = 256
-"""Targets remembered for one message of one sender, which may name any; beyond it they are computed again."""
+_MAX_ROUTES: Final = 2048
+"""Routes of frames that name a receiver, remembered for all links together; beyond it they are computed again."""
 
 
 class LinkPolicy(msgspec.Struct, frozen=True):
     """Configuration of one link."""
 
     name: str
-    role: Literal["autopilot", "gcs"]
+    role: Literal["autopilot", "gcs", "payload"]
+    """Peers of the link. ``payload``: programs and devices of this vehicle, which speak for themselves, never as the
+    autopilot."""
     max_rate_hz: Mapping[str, float] = {}
     """Highest rate by message name, hertz, out of this link."""
     forward_rate_requests: Literal["merge"] | bool = "merge"
@@ -60,6 +63,9 @@ class LinkPolicy(msgspec.Struct, frozen=True):
     forwarded unchanged, or stopped. On an autopilot's link all requests are forwarded unchanged."""
     max_bytes_per_s: float = 0.0
     """Limit that telemetry keeps to on the way out of this link, bytes a second; 0: no limit."""
+    relay_unsigned: bool = False
+    """With a key: whether unsigned frames that ask something of their receiver go from this link to the vehicle, if
+    the link accepts unsigned telemetry."""
     datagrams: bool = False
     """Whether the link carries datagrams, which usually begin and end with a frame."""
 
@@ -67,16 +73,19 @@ class LinkPolicy(msgspec.Struct, frozen=True):
 class Port:
     """State of one link in the router."""
 
-    def __init__(self, index: int, policy: LinkPolicy) -> None:
+    def __init__(self, index: int, policy: LinkPolicy, max_flows: int) -> None:
         self.index = index
         self.name = policy.name
+        self.role = policy.role
         self.is_autopilot = policy.role == "autopilot"
+        self.is_gcs = policy.role == "gcs"
         self.merges_rate_requests = policy.forward_rate_requests == "merge" and not self.is_autopilot
         self.forwards_rate_requests = bool(policy.forward_rate_requests) or self.is_autopilot
+        self.relays_unsigned = policy.relay_unsigned
         self.limiter = LinkLimiter(
             policy.max_rate_hz, max_bytes_per_s=policy.max_bytes_per_s, to_autopilot=self.is_autopilot
         )
-        self.scanner = Scanner(datagrams=policy.datagrams)
+        self.scanner = Scanner(datagrams=policy.datagrams, max_flows=max_flows)
         self.up = True
         self.peers: dict[int, Peer] = {}
         """Peers by (system << 8 | component)."""
@@ -84,11 +93,19 @@ class Port:
         self.duplicates = 0
         self.echoes = 0
         """Our own frames that came back."""
+        self.own_ids_on_gcs = 0
+        """Frames with the autopilot's ids that came on another role's link."""
+        self.id_conflict = 0
+        """Frames of a second program with the ids of a component of ours."""
         self.stopped = 0
         """Rate requests that were not forwarded."""
         self.refused_signatures = 0
         """Frames whose signature was not genuine."""
         self.refused_unsigned = 0
+        self.late_copy = 0
+        """Genuine signed frames with an old timestamp: copies that came another way."""
+        self.outdated = 0
+        """Of these: the first of their sender, more than a minute behind our own timestamp."""
         self.signed_unverified = 0
         """Signed frames for us while no key is configured."""
         self.ground_station_ns: HostNs | None = None
@@ -107,25 +124,36 @@ class Router:
     """Routing tables of all links. ``system`` is the vehicle's id, which is also ours."""
 
     def __init__(self, policies: Sequence[LinkPolicy], system: int, components: frozenset[int]) -> None:
-        self.ports = [Port(index, policy) for index, policy in enumerate(policies)]
+        self.ports = [Port(index, policy, MAX_FLOWS // len(policies)) for index, policy in enumerate(policies)]
         self.system = system
         self.components = components
+        self._autopilot: int | None = None
+        """Autopilot's (system << 8 | component); None before the vehicle is known."""
         self.version = 0
         """Version of the tables: it grows with every change, and results of an older version are invalid."""
+        self._tables = PeerTables([port.peers for port in self.ports])
+        self._routes: dict[tuple[PeerStream, int], tuple[Port, ...]] = {}
+        """Links by stream and target (system << 8 | component), for one version of the tables."""
+        self._routes_version = -1
         self.merged = MergedRates([port.name for port in self.ports if port.merges_rate_requests])
         self._sweep_ns: HostNs | None = None
 
-    def adopt(self, system: int) -> None:
-        """Take the vehicle's system id, which is also ours."""
-        if system == self.system:
+    def adopt(self, system: int, autopilot: int | None) -> None:
+        """Take the vehicle's system id, which is also ours, and its autopilot's component id."""
+        sender = None if autopilot is None else system << 8 | autopilot
+        if system == self.system and sender == self._autopilot:
             return
-        self.system = system
+        renamed = system != self.system
+        self.system, self._autopilot = system, sender
         self.version += 1
         for port in self.ports:
-            for component in self.components:
-                port.peers.pop(system << 8 | component, None)
-        self.merged.refresh(system)
-        self._apply_caps()
+            wrong = {system << 8 | component for component in self.components}
+            if sender is not None and not port.is_autopilot:
+                wrong.add(sender)
+            self._tables.forget(port.peers, wrong)
+        if renamed:
+            self.merged.refresh(system)
+            self._apply_caps()
 
     def share(self, own: OwnStreams) -> None:
         """Take the requests of this service to the autopilot."""
@@ -153,7 +181,7 @@ class Router:
     def set_up(self, port: Port, up: bool) -> None:
         """Note that a link went up or down: its peers are unknown until they are heard."""
         port.up = up
-        port.peers.clear()
+        self._tables.forget(port.peers, set(port.peers))
         port.scanner.reset()
         port.limiter.disconnect()
         port.ground_station_ns = None
@@ -161,11 +189,15 @@ class Router:
 
     def hears_ground_station(self, now: HostNs) -> bool:
         """Return whether a ground station's heartbeat was heard on a gcs link lately."""
-        return any(port.hears_ground_station(now) for port in self.ports if not port.is_autopilot)
+        return any(port.hears_ground_station(now) for port in self.ports if port.is_gcs)
 
     def is_own(self, frame: RawFrame) -> bool:
         """Return whether the frame carries the ids of one of our components."""
         return frame.system == self.system and frame.component in self.components
+
+    def is_autopilot(self, frame: RawFrame) -> bool:
+        """Return whether the frame carries the autopilot's ids."""
+        return frame.system << 8 | frame.component == self._autopilot
 
     def is_for_us(self, target_system: int, target_component: int) -> bool:
         """Return whether the target is one of our components (rule 1)."""
@@ -174,28 +206,36 @@ class Router:
         return target_system == self.system and (target_component == 0 or target_component in self.components)
 
     def learn(self, port: Port, frame: RawFrame, now: HostNs) -> Peer:
-        """Add a new peer on a link."""
-        if len(port.peers) >= MAX_PEERS:
-            by_silence = sorted(port.peers, key=lambda sender: port.peers[sender].last_ns)
-            for sender in by_silence[: MAX_PEERS // 8]:
-                del port.peers[sender]
-        peer = port.peers[frame.system << 8 | frame.component] = Peer(frame, now)
+        """Add a new peer on a link; without room for it, return a peer that is in no table."""
         self.version += 1
-        return peer
+        return self._tables.add(port.peers, frame, now)
+
+    def stream(self, port: Port, peer: Peer, frame: RawFrame, now: HostNs) -> PeerStream:
+        """Return the stream of a peer's message, and add it if it is new and there is room for it."""
+        before = self._tables.peers
+        stream = self._tables.stream(port.peers, peer, frame, now)
+        self.version += self._tables.peers != before
+        return stream
 
     def on_clock(self, port: Port, frame: RawFrame, boot_ms: int, now: HostNs) -> None:
-        """Take a peer's SYSTEM_TIME. A clock that goes back means a restart: the system may be on another link now."""
-        peer = port.peers[frame.system << 8 | frame.component]
-        if boot_ms < peer.boot_ms:
-            self._forget_system(frame.system)
+        """Take a peer's SYSTEM_TIME. A clock that goes back and stays back means a restart: the system may be on
+        another link now.
+        """
+        peer: Peer = frame.flow.stream.peer
+        restarted_ns = peer.clock.on_stamp(boot_ms, now)
+        if restarted_ns is not None:
+            self._forget_silent(frame.system, restarted_ns)
+            self._tables.forget(port.peers, {frame.system << 8 | frame.component})
             peer = self.learn(port, frame, now)
             peer.next_seq = (frame.seq + 1) & 0xFF
-        peer.boot_ms = boot_ms
+            peer.clock.on_stamp(boot_ms, now)
 
-    def _forget_system(self, system: int) -> None:
+    def _forget_silent(self, system: int, since_ns: HostNs) -> None:
+        """Forget the components of a system that have been silent since it restarted."""
         self.version += 1
         for port in self.ports:
-            port.peers = {sender: peer for sender, peer in port.peers.items() if peer.system != system}
+            old = {sender for sender, peer in port.peers.items() if peer.system == system and peer.last_ns < since_ns}
+            self._tables.forget(port.peers, old)
 
     def sweep(self, now: HostNs) -> None:
         """Forget silent peers. Frequent calls are cheap."""
@@ -203,9 +243,8 @@ class Router:
             return
         self._sweep_ns = HostNs(now + _SWEEP_NS)
         for port in self.ports:
-            silent = [sender for sender, peer in port.peers.items() if now - peer.last_ns > SILENT_NS]
-            for sender in silent:
-                del port.peers[sender]
+            silent = {sender for sender, peer in port.peers.items() if now - peer.last_ns > SILENT_NS}
+            self._tables.forget(port.peers, silent)
             self.version += bool(silent)
         if self.merged.expire(self.system, now):
             self._apply_caps()
@@ -214,7 +253,6 @@ class Router:
         """Compute where the frames of one message of one sender go, until the tables change."""
         msgid = UNKNOWN if frame.definition is None else frame.msgid
         stream.plan = self.version
-        stream.routes.clear()
         stream.asks_rates = msgid in RATE_REQUESTS and not (msgid == MESSAGE_INTERVAL and port.is_autopilot)
         if stream.targeted or stream.asks_rates or msgid == TIMESYNC:
             stream.direct = None
@@ -240,6 +278,10 @@ class Router:
             and self._reaches(out, target_system, target_component)
         )
 
+    def on_ground(self, port: Port, outs: tuple[Port, ...]) -> tuple[Port, ...]:
+        """Return the links to which a frame of ``port`` may go that must not reach the vehicle."""
+        return tuple(out for out in outs if out.is_gcs or (port.is_autopilot and not out.is_autopilot))
+
     def _may_pass(self, port: Port, frame: RawFrame) -> bool:
         if frame.definition is None:
             return True
@@ -258,17 +300,18 @@ class Router:
         """Return whether a copy on ``second`` shows a second way to its sender: we never sent it there, so it is not an
         echo.
         """
-        if first.is_autopilot is not second.is_autopilot:
+        if first.role != second.role:
             return False
         return second not in self.route(first, frame, frame.target_system, frame.target_component)
 
     def route_of(self, port: Port, frame: RawFrame, stream: PeerStream) -> tuple[Port, ...]:
-        """Return :meth:`route`, remembered while the stream's plan holds."""
+        """Return :meth:`route`, remembered while the tables do not change."""
         target_system, target_component = frame.target_system, frame.target_component
-        target = target_system << 8 | target_component
-        outs = stream.routes.get(target)
+        key = (stream, target_system << 8 | target_component)
+        if self._routes_version != self.version or len(self._routes) >= _MAX_ROUTES:
+            self._routes.clear()
+            self._routes_version = self.version
+        outs = self._routes.get(key)
         if outs is None:
-            if len(stream.routes) >= _MAX_TARGETS:
-                stream.routes.clear()
-            outs = stream.routes[target] = self.route(port, frame, target_system, target_component)
+            outs = self._routes[key] = self.route(port, frame, target_system, target_component)
         return outs

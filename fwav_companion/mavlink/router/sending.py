@@ -7,6 +7,7 @@ from typing import Final
 
 from fwav_companion.errors import EncodeError
 from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.mavlink.router.own_frames import OwnFrames
 from fwav_companion.mavlink.router.routing import Port, Router
 from fwav_companion.mavlink.router.signing_policy import Keyring
 from fwav_companion.mavlink.wire.codec import frame, pack
@@ -29,6 +30,7 @@ class Sender:
     def __init__(self, router: Router, keyring: Keyring) -> None:
         self._router = router
         self._sequences: dict[tuple[str, int], int] = {}
+        self.own_frames = OwnFrames()
         self.timesyncs: deque[int] = deque(maxlen=MAX_TIMESYNCS)
         """ts1 of our newest TIMESYNC messages: answers to our requests repeat it."""
         self._signers = {port.name: keyring.signer(port) for port in router.ports}
@@ -48,10 +50,12 @@ class Sender:
             self._sequences[port.name, component] = (seq + 1) & 0xFF
             signer = self._signers[port.name]
             if signer is None:
-                frames.append((port.name, frame(definition, payload, system=system, component=component, seq=seq)))
+                data = frame(definition, payload, system=system, component=component, seq=seq)
             else:
                 unsigned = frame(definition, payload, system=system, component=component, seq=seq, flags=FLAG_SIGNED)
-                frames.append((port.name, signer.sign(unsigned, now)))
+                data = signer.sign(unsigned, now)
+            self.own_frames.add(data)
+            frames.append((port.name, data))
         return frames
 
     def _size(self, port: Port, payload: bytes) -> int:
@@ -64,10 +68,10 @@ class Sender:
             case Destination.EVERYONE:
                 return ports
             case Destination.GROUND_LINKS:
-                return [port for port in ports if not port.is_autopilot]
+                return [port for port in ports if port.is_gcs]
             case Destination.GROUND:
                 through_autopilot = not self._router.hears_ground_station(now)
-                return [port for port in ports if through_autopilot or not port.is_autopilot]
+                return [port for port in ports if port.is_gcs or (through_autopilot and port.is_autopilot)]
             case Destination.AUTOPILOT:
                 autopilots = [port for port in ports if port.is_autopilot]
                 return [port for port in autopilots if port.hears_system(self._router.system)] or autopilots

@@ -15,8 +15,15 @@ from fwav_companion.mavlink.wire.definitions import BY_NAME
 from fwav_companion.mavlink.wire.frames import RawFrame
 from fwav_companion.mavlink.wire.signing import Signature, Signer, SigningClock, Verifier
 
-_ANSWERS: Final = frozenset({BY_NAME["COMMAND_ACK"].msgid})
+_ANSWERS: Final = frozenset(BY_NAME[name].msgid for name in ("COMMAND_ACK", "GIMBAL_DEVICE_ATTITUDE_STATUS"))
 """Messages that name their receiver but request nothing of it: accepted unsigned where telemetry is."""
+_STEERS: Final = frozenset(
+    definition.msgid
+    for name, definition in BY_NAME.items()
+    if name in {"MANUAL_CONTROL", "MANUAL_SETPOINT", "SERIAL_CONTROL", "GPS_INPUT", "LANDING_TARGET"}
+    or name.startswith("HIL_")
+)
+"""Messages without a target system that steer the vehicle or replace its sensors."""
 
 
 class SigningPolicy(msgspec.Struct, frozen=True, kw_only=True):
@@ -33,48 +40,67 @@ class SigningPolicy(msgspec.Struct, frozen=True, kw_only=True):
 class Trust(Enum):
     """Trust level of a frame."""
 
-    NONE = "none"
-    UNSIGNED = "unsigned"
+    OPEN = "open"
+    """No key is configured."""
     SIGNED = "signed"
     """Its signature was verified."""
+    UNSIGNED = "unsigned"
+    """Unsigned telemetry on a link that accepts it."""
+    UNSIGNED_REQUEST = "unsigned_request"
+    """Unsigned on such a link, and asks something of its receiver: we do not obey it."""
+    RADIO = "radio"
+    """Report of a radio, which cannot sign: read on every link."""
+    NONE = "none"
+    """Unsigned where that is not accepted, or signed with another key."""
+    LATE_COPY = "late_copy"
+    """Genuine, with a timestamp that is not newer than its stream's, or more than a minute behind ours."""
 
 
 class Keyring:
-    """Signs our frames and judges received ones with the key, if there is one. Only reading needs it; forwarding does
-    not.
-    """
+    """Signs our frames and judges received ones with the key, if there is one."""
 
     def __init__(self, policy: SigningPolicy | None) -> None:
         self.clock = SigningClock(policy.timestamp) if policy else None
         self._policy = policy
         self._verifier = Verifier(policy.key, self.clock) if policy and self.clock else None
 
+    @property
+    def has_key(self) -> bool:
+        """Whether a key is configured."""
+        return self._policy is not None
+
     def signer(self, port: Port) -> Signer | None:
         """Return the signer of one link, which has a link id of its own; None without a key."""
         return Signer(self._policy.key, port.index & 0xFF, self.clock) if self._policy and self.clock else None
 
     def judge(self, port: Port, frame: RawFrame, now: HostNs) -> Trust:
-        """Return the trust level of a frame of a known id that is addressed to us or to all."""
+        """Return the trust level of a frame."""
         if self._verifier is None:
-            port.signed_unverified += frame.signed
-            return Trust.UNSIGNED
+            return Trust.OPEN
         if frame.signed:
-            verdict = self._verifier.verify(frame.data, frame.system, frame.component, now)
-            if verdict is Signature.GENUINE:
-                return Trust.SIGNED
-            port.refused_signatures += 1
+            return self._judge_signature(self._verifier, port, frame, now)
+        if frame.known and frame.msgid in RADIO_REPORTS:
+            return Trust.RADIO
+        if self._policy is None or port.name not in self._policy.accept_unsigned:
+            port.refused_unsigned += 1
             return Trust.NONE
-        if self._accepts_unsigned(port, frame):
-            return Trust.UNSIGNED
-        port.refused_unsigned += 1
-        return Trust.NONE
+        return Trust.UNSIGNED_REQUEST if _asks(frame) else Trust.UNSIGNED
 
-    def _accepts_unsigned(self, port: Port, frame: RawFrame) -> bool:
-        """Return whether an unsigned frame is accepted. Radio reports are: a radio cannot sign. Requests to us never
-        are.
-        """
-        if frame.msgid in RADIO_REPORTS:
-            return True
-        asks = frame.definition is None or frame.definition.target_system_offset >= 0
-        telemetry = not asks or frame.msgid in _ANSWERS
-        return telemetry and self._policy is not None and port.name in self._policy.accept_unsigned
+    def _judge_signature(self, verifier: Verifier, port: Port, frame: RawFrame, now: HostNs) -> Trust:
+        verdict = verifier.verify(frame.data, frame.system, frame.component, now)
+        match verdict:
+            case Signature.GENUINE:
+                return Trust.SIGNED
+            case Signature.REPLAYED | Signature.OUTDATED:
+                port.outdated += verdict is Signature.OUTDATED
+                return Trust.LATE_COPY
+            case _:
+                port.refused_signatures += 1
+                return Trust.NONE
+
+
+def _asks(frame: RawFrame) -> bool:
+    """Return whether a frame asks something of its receiver, or may do so because its id is unknown."""
+    if frame.definition is None or frame.msgid in _STEERS:
+        return True
+    return frame.definition.target_system_offset >= 0 and frame.msgid not in _ANSWERS

@@ -11,6 +11,8 @@ from fwav_companion.types.network_status import LinkStatistics, PeerStatistics
 
 UNKNOWN_NAME: Final = "unknown"
 """Name of all messages whose ids are not in the dialect."""
+MAX_LISTED_PEERS: Final = 64
+"""Peers of all links together that are listed; the others are counted. The status stays below 64 kB."""
 _SHORTEST_NS: Final = 200 * NS_PER_MS
 """Shortest time over which rates are measured; within it the last rates are reported again."""
 
@@ -42,24 +44,41 @@ class StatisticsTaker:
         self._taken_ns = now
 
     def _of_port(self, port: Port, now: HostNs) -> LinkStatistics:
+        listed = self._listed(port)
         return LinkStatistics(
             name=port.name,
             up=port.up,
             bytes_in=port.bytes_in,
             bad_checksums=port.scanner.bad_checksums,
             skipped_bytes=port.scanner.skipped_bytes,
+            shed_bytes=port.scanner.shed_bytes,
             not_understood=port.scanner.not_understood,
             duplicates=port.duplicates,
             echoes=port.echoes,
+            own_ids_on_gcs=port.own_ids_on_gcs,
+            id_conflict=port.id_conflict,
             stopped=port.stopped,
             thinned=port.limiter.thinned,
             refused_signatures=port.refused_signatures,
             refused_unsigned=port.refused_unsigned,
+            late_copy=port.late_copy,
+            outdated=port.outdated,
             signed_unverified=port.signed_unverified,
             ground_station=port.hears_ground_station(now),
             thinning=port.limiter.status(),
-            peers=[self._of_peer((port.name, sender), peer, now) for sender, peer in sorted(port.peers.items())],
+            peers=[self._of_peer((port.name, sender), port.peers[sender], now) for sender in listed],
+            peers_left_out=len(port.peers) - len(listed),
         )
+
+    def _listed(self, port: Port) -> list[int]:
+        """Return the peers of a link that are listed: the vehicle's, and those with the most frames."""
+        most = max(1, MAX_LISTED_PEERS // len(self._router.ports))
+        if len(port.peers) <= most:
+            return sorted(port.peers)
+        order = sorted(
+            (peer.system != self._router.system, -peer.received, sender) for sender, peer in port.peers.items()
+        )
+        return sorted(sender for _, _, sender in order[:most])
 
     def _of_peer(self, key: tuple[str, int], peer: Peer, now: HostNs) -> PeerStatistics:
         return PeerStatistics(

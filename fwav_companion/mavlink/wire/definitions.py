@@ -59,6 +59,15 @@ class Definition:
         return self.struct.size
 
     @cached_property
+    def base_length(self) -> int:
+        """Length of the payload without extensions, bytes: that of every MAVLink 1 frame."""
+        return sum(
+            calcsize(f"<{max(1, field.array_length)}{FORMAT_OF_TYPE[field.type]}")
+            for field in self.fields.values()
+            if not field.extension
+        )
+
+    @cached_property
     def fields(self) -> dict[str, Field]:
         """Fields by name, in wire order."""
         types = dict(zip(self.field_names, self._source.fieldtypes, strict=True))

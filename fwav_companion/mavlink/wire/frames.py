@@ -10,6 +10,7 @@ from fastcrc import crc16
 
 from fwav_companion.mavlink.wire.definitions import Definition
 
+MARKER_V1: Final = 0xFE
 MARKER_V2: Final = 0xFD
 FLAG_SIGNED: Final = 0x01
 """The only defined incompatibility flag: 13 bytes of signature follow the checksum."""
@@ -27,7 +28,7 @@ class Flow:
     it.
     """
 
-    __slots__ = ("component", "crc_byte", "definition", "msgid", "stream", "system", "version")
+    __slots__ = ("component", "crc_byte", "definition", "msgid", "stream", "system", "used", "version")
 
     def __init__(self, system: int, component: int, msgid: int, definition: Definition | None) -> None:
         self.system = system
@@ -38,6 +39,8 @@ class Flow:
         self.definition = definition
         """Definition of the message; None for an unknown message id, whose checksum has not been checked."""
         self.crc_byte = definition.crc_byte if definition else b""
+        self.used = False
+        """Whether a frame came since the scanner looked last."""
         self.stream: Any = None
         self.version = -1
         """Version from which the owner of :attr:`stream` computed it."""

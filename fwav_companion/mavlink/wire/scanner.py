@@ -9,8 +9,17 @@ A frame is accepted when
   takes precedence: noise that looks like a long unknown frame must not swallow a good one.
 
 After a failure the scan continues at the second byte, so that no good frame is lost next to a corrupted one. The result
-depends on the bytes alone, never on their division into chunks. The decision is postponed only if more bytes could
-change it, and then at most two frames of the greatest length are kept: 2 x 280 bytes.
+depends on the bytes alone, never on their division into chunks, unless bytes are shed. The decision is postponed only
+if more bytes could change it, and then at most two frames of the greatest length are kept: 2 x 280 bytes.
+
+The work is bounded for any bytes. A frame of a known flow costs 0.6 us, a byte without a start byte 1 ns. Every other
+start byte is a *trial* of about 2 us: a header that does not fit its message, a wrong checksum, a frame of a new flow.
+A genuine stream costs 15 ns a byte, so 0xFE alone would cost 130 times as much. Each received byte therefore earns
+TRIALS_PER_KIB / 1024 trials, up to BURST. Once they are used up, the next trial that is needed sheds the bytes up to
+the end of the chunk, and they are counted. Earned trials cost 2 us x 18 / 1024 = 35 ns a byte, 2.4 times the genuine
+cost; with the cost of what is valid between them the sum stays below 4 times (tests/benchmarks/adversary.py). Random
+bytes have 8 start bytes in a KiB, and a corrupted frame 1.3: noise of a wrong baud rate, and a stream of which half the
+frames are corrupted, shed nothing. Frames of known flows need no trial: they pass while others on the link are shed.
 """
 
 from __future__ import annotations
@@ -25,6 +34,7 @@ from fwav_companion.mavlink.wire.frames import (
     FLAG_SIGNED,
     HEADER_V1,
     HEADER_V2,
+    MARKER_V1,
     MARKER_V2,
     SIGNATURE_LENGTH,
     Flow,
@@ -36,7 +46,18 @@ _SHORTEST_V1: Final = HEADER_V1 + 2
 _SHORTEST_V2: Final = HEADER_V2 + 2
 
 MAX_FLOWS: Final = 4096
-"""Flows remembered on one link: 250 vehicles with sixteen messages each. Beyond it the table starts over."""
+"""Flows remembered on all links together: 250 vehicles with sixteen messages each, 250 bytes a flow. Beyond a link's
+share, those that are not used are forgotten."""
+TRIALS_PER_KIB: Final = 18
+"""Trials that received bytes earn."""
+_TRIAL: Final = 1024 // TRIALS_PER_KIB
+"""Cost of a trial in the unit of the credit, a byte."""
+BURST: Final = 256
+"""Most trials that are saved up, half a millisecond of work: the first frames of 250 flows at once."""
+SHORT: Final = 32
+"""Length of a frame of a known flow below which one that is not the common case counts as a trial: it takes 1.5 us."""
+_LEAST_V1: Final = 16
+"""Length of the MAVLink 1 frames that are the common case: a heartbeat has 17 bytes."""
 
 _MARKERS: Final = b"\xfd\xfe"
 _next_marker: Final = re.compile(b"[\xfd\xfe]").search
@@ -59,7 +80,7 @@ class _Nothing(Enum):
 class Scanner:
     """Finds the frames in the bytes of one link."""
 
-    def __init__(self, *, datagrams: bool = False) -> None:
+    def __init__(self, *, datagrams: bool = False, max_flows: int = MAX_FLOWS) -> None:
         """Start with an empty buffer. ``datagrams``: every chunk begins and usually ends with a frame, as over UDP."""
         self.bad_checksums = 0
         """Frames of known ids with a wrong checksum, where a frame was due: noise elsewhere is not counted."""
@@ -67,10 +88,16 @@ class Scanner:
         """Frames with incompatibility flags other than the signature's, where a frame was due."""
         self.skipped_bytes = 0
         """Bytes outside any frame."""
+        self.shed_bytes = 0
+        """Of these: bytes that were not examined, because the link used up its trials."""
         self.undecided = False
         """Whether a whole frame of an unknown id waits for the next bytes: see :meth:`settle`."""
+        self._credit = BURST * _TRIAL
+        self._max_flows = max_flows
         self._flows: dict[bytes, Flow] = {}
-        """Flows of known ids, by system, component and message id as in a MAVLink 2 header."""
+        """Flows by system, component and message id as in a MAVLink 2 header, in order of their last chance."""
+        self._unknown_flows: dict[bytes, Flow] = {}
+        """Flows of unknown ids, whose checksums cannot be checked."""
         self._datagrams = datagrams
         self._pending = b""
         self._due = datagrams
@@ -81,6 +108,7 @@ class Scanner:
     def feed(self, data: bytes) -> list[RawFrame]:
         """Return the frames that are complete with these bytes, in order."""
         pending = self._pending
+        self._credit = min(self._credit + len(data), BURST * _TRIAL)
         if not self._datagrams:
             return self._scan(pending + data if pending else data, at_end=False)
         frames: list[RawFrame] = []
@@ -105,6 +133,9 @@ class Scanner:
         """Return the whole frames behind one that was cut off with its datagram and will not be continued."""
         frames: list[RawFrame] = []
         while pending:
+            if not self._pay():
+                self._shed(len(pending))
+                break
             marker = _next_marker(pending, 1)
             start = marker.start() if marker else len(pending)
             self.skipped_bytes += start
@@ -136,11 +167,18 @@ class Scanner:
                         and flags == 0
                         and checksum(buffer[position + 1 : end - 2] + flow.crc_byte) == received
                     ):
+                        flow.used = True
                         frames.append(RawFrame(buffer[position:end], flow, seq))
                         position = frame_end = end
                         continue
                 elif buffer[position + 2] <= FLAG_SIGNED:
                     break
+            elif buffer[position] == MARKER_V1:
+                old = self._common_v1(buffer, position)
+                if old is not None:
+                    frames.append(old)
+                    position = frame_end = position + len(old.data)
+                    continue
             self._due = position == frame_end
             advanced = self._step(buffer, position, frames, at_end)
             if advanced == position:
@@ -149,9 +187,36 @@ class Scanner:
             frame_end = position if self._due else -1
         self._due = position == frame_end
         self._pending = buffer[position:]
-        if self._clear_to:
-            self._clear_to = max(0, self._clear_to - position)
+        self._clear_to = max(0, self._clear_to - position)
         return frames
+
+    def _common_v1(self, buffer: bytes, position: int) -> RawFrame | None:
+        """Return the MAVLink 1 frame of a known flow that begins here; None for any other case."""
+        if len(buffer) - position < _LEAST_V1:
+            return None
+        length, seq = buffer[position + 1], buffer[position + 2]
+        end = position + _SHORTEST_V1 + length
+        flow = self._flows.get(buffer[position + 3 : position + HEADER_V1] + b"\0\0")
+        if flow is None or end > len(buffer) or length < _LEAST_V1 - _SHORTEST_V1:
+            return None
+        received = buffer[end - 2] | buffer[end - 1] << 8
+        if flow.definition is None or checksum(buffer[position + 1 : end - 2] + flow.crc_byte) != received:
+            return None
+        flow.used = True
+        return RawFrame(buffer[position:end], flow, seq)
+
+    def _pay(self) -> bool:
+        """Pay for a trial. Returns False if the link has none left."""
+        self._credit -= _TRIAL
+        if self._credit >= 0:
+            return True
+        self._credit = 0
+        return False
+
+    def _shed(self, count: int) -> None:
+        self.skipped_bytes += count
+        self.shed_bytes += count
+        self._due, self._clear_to = False, 0
 
     def _step(self, buffer: bytes, position: int, frames: list[RawFrame], at_end: bool) -> int:
         """Take one frame or skip to the next start byte. Returns the new position; the old one if more bytes are
@@ -161,12 +226,18 @@ class Scanner:
         if isinstance(found, RawFrame) and found.definition is None:
             found = self._judge_unknown(buffer, position, found, at_end)
         if isinstance(found, RawFrame):
+            if not self._accept(found):
+                self._shed(len(buffer) - position)
+                return len(buffer)
             frames.append(found)
             self._due = True
             return position + len(found.data)
         if found is _Nothing.YET:
             return position
         self._count(found)
+        if not self._pay():
+            self._shed(len(buffer) - position)
+            return len(buffer)
         marker = _next_marker(buffer, position + 1)
         advanced = marker.start() if marker else len(buffer)
         self.skipped_bytes += advanced - position
@@ -188,6 +259,8 @@ class Scanner:
         end = position + len(frame.data)
         start = max(position + 1, self._clear_to)
         while marker := _next_marker(buffer, start, end):
+            if not self._pay():
+                return _Nothing.HERE
             inside = self._frame_at(buffer, marker.start())
             if isinstance(inside, RawFrame) and inside.definition is not None:
                 return _Nothing.HERE
@@ -226,22 +299,51 @@ class Scanner:
             seq = buffer[position + 2]
         if end > len(buffer):
             return _Nothing.YET
-        flow = self._flows.get(identity) or self._new_flow(identity)
+        flow = self._flows.get(identity) or self._unknown_flows.get(identity)
+        if flow is None:
+            flow = self._new_flow(identity)
         if flow.definition is not None:
+            if marker == MARKER_V1 and buffer[position + 1] != flow.definition.base_length:
+                return _Nothing.BAD_CHECKSUM
             received = int.from_bytes(buffer[body_end : body_end + 2], "little")
             if checksum(buffer[position + 1 : body_end] + flow.crc_byte) != received:
                 return _Nothing.BAD_CHECKSUM
-            self._remember(identity, flow)
         return RawFrame(buffer[position:end], flow, seq)
 
     def _new_flow(self, identity: bytes) -> Flow:
         msgid = int.from_bytes(identity[2:], "little")
         return Flow(identity[0], identity[1], msgid, DEFINITIONS.get(msgid))
 
-    def _remember(self, identity: bytes, flow: Flow) -> None:
-        if len(self._flows) >= MAX_FLOWS:
-            self._flows.clear()
-        self._flows[identity] = flow
+    def _accept(self, frame: RawFrame) -> bool:
+        """Remember the flow of a frame that is not the common case, which is a trial if the flow is new or the frame is
+        short. Returns False if the link has no trial left.
+        """
+        data = frame.data
+        v2 = data[0] == MARKER_V2
+        identity = data[5:HEADER_V2] if v2 else data[3:HEADER_V1] + b"\0\0"
+        flows = self._flows if frame.known else self._unknown_flows
+        if identity in flows:
+            frame.flow.used = True
+            return len(data) >= SHORT or self._pay()
+        if not self._pay():
+            return False
+        if len(self._flows) + len(self._unknown_flows) >= self._max_flows:
+            self._forget_one(flows or self._flows)
+        flows[identity] = frame.flow
+        return True
+
+    def _forget_one(self, flows: dict[bytes, Flow]) -> None:
+        """Forget the first flow that was not used since its last chance; used ones get another (the clock algorithm).
+
+        Each paid trial forgets one. A whole round of the table needs a frame of every flow before it.
+        """
+        while True:
+            identity, flow = next(iter(flows.items()))
+            del flows[identity]
+            if not flow.used:
+                return
+            flow.used = False
+            flows[identity] = flow
 
     def _begins_with_known_frame(self, data: bytes) -> bool:
         found = self._frame_at(data, 0) if data else _Nothing.YET

@@ -17,14 +17,15 @@ from fwav_companion.mavlink.wire.frames import SIGNATURE_LENGTH
 _TICK_NS: Final = 10_000
 """Unit of a timestamp: 10 us, counted since 2015-01-01 UTC."""
 _EPOCH_UNIX_S: Final = 1_420_070_400
+UNITS_PER_S: Final = 100_000
 _MINUTE: Final = 6_000_000
 """A minute in these units: a new stream may be this far behind our own timestamp (MAVLink guide)."""
 _GREATEST: Final = (1 << 48) - 1
 _HASH_LENGTH: Final = 6
-MAX_STREAMS: Final = 16
-"""Streams remembered, as in the C library: four ground stations with four components each. Only senders with the key
-can fill the table. Streams more than a minute behind make room: the rule for new streams rejects replays of them
-too."""
+MAX_STREAMS: Final = 256
+"""Streams remembered, since every relayed frame is verified: 64 senders with four links each (the C library has 16).
+Only senders with the key can fill the table. Streams more than a minute behind make room: the rule for new streams
+rejects replays of them too."""
 
 
 def timestamp_from_unix_ns(unix_ns: int) -> int:
@@ -32,37 +33,60 @@ def timestamp_from_unix_ns(unix_ns: int) -> int:
     return max(0, (unix_ns - _EPOCH_UNIX_S * 1_000_000_000) // _TICK_NS)
 
 
-def starting_timestamp(kept: int | None, unix_ns: int | None) -> int:
-    """Return the timestamp after a restart: never behind one that may have been sent since ``kept`` was written a
-    minute ago.
+def starting_timestamp(reserved: int | None, unix_ns: int, *, synchronised: bool) -> int:
+    """Return the timestamp after a restart: greater than any that an earlier run used.
+
+    ``reserved``: timestamp below which earlier runs stayed; None if nothing was kept. A wall clock that is not
+    synchronised counts only then: ahead of the time it would be followed for good.
     """
-    after_kept = 0 if kept is None else kept + 2 * _MINUTE
-    return max(after_kept, 0 if unix_ns is None else timestamp_from_unix_ns(unix_ns))
+    wall = timestamp_from_unix_ns(unix_ns)
+    if reserved is None:
+        return wall
+    return max(reserved + 1, wall) if synchronised else reserved + 1
 
 
 class SigningClock:
-    """Timestamp that all our links share. It only grows: with host time, with each frame, and to the timestamps of
-    genuine peers.
+    """Timestamp that all our links share. It only grows: with each frame, to the timestamps of genuine peers, and with
+    time.
+
+    Time is UTC once that is known (:meth:`follow`): a timestamp that is ahead of it, because an earlier run reserved it
+    or a peer is ahead, waits until UTC has caught up. It grows by one with each frame meanwhile, which is all that
+    MAVLink asks for. Without UTC it grows with host time from the start.
     """
 
     def __init__(self, timestamp: int) -> None:
         """Start at a timestamp from :func:`starting_timestamp`."""
         self._timestamp = min(timestamp, _GREATEST)
-        self._ticked_ns: HostNs | None = None
+        self._reference: tuple[int, HostNs] | None = None
+        """Timestamp of a host instant, from which time counts."""
+        self._knows_utc = False
+        self.limit = _GREATEST
+        """Timestamp up to which time may carry it: the one that is reserved for this run."""
 
     @property
     def timestamp(self) -> int:
-        """Current timestamp, to be stored about once a minute for :func:`starting_timestamp`."""
+        """Current timestamp: all that were used are lower."""
         return self._timestamp
 
+    def follow(self, unix_ns: int, now: HostNs) -> None:
+        """Take UTC at an instant, from a synchronised wall clock or from the autopilot's signed time."""
+        self._reference = (timestamp_from_unix_ns(unix_ns), now)
+        self._knows_utc = True
+
+    def ahead_s(self, now: HostNs) -> float:
+        """Return how far the timestamp is ahead of UTC, seconds; 0 while UTC is not known."""
+        if not self._knows_utc or self._reference is None:
+            return 0.0
+        return max(0.0, (self._timestamp - self._at(self._reference, now)) / UNITS_PER_S)
+
     def tick(self, now: HostNs) -> int:
-        """Advance by the elapsed host time, and return the timestamp."""
-        if self._ticked_ns is None:
-            self._ticked_ns = now
-        elif now - self._ticked_ns >= _TICK_NS:
-            units = (now - self._ticked_ns) // _TICK_NS
-            self._ticked_ns = HostNs(self._ticked_ns + units * _TICK_NS)
-            self._timestamp = min(self._timestamp + units, _GREATEST)
+        """Advance with time, and return the timestamp."""
+        if self._reference is None:
+            self._reference = (self._timestamp, now)
+        elif not self._knows_utc and self._timestamp > self._at(self._reference, now) + UNITS_PER_S:
+            self._reference = (self._timestamp, now)  # a peer knows better: time goes on from there
+        carried = min(self._at(self._reference, now), self.limit, _GREATEST)
+        self._timestamp = max(self._timestamp, carried)
         return self._timestamp
 
     def next(self, now: HostNs) -> int:
@@ -73,8 +97,11 @@ class SigningClock:
         return timestamp
 
     def learn(self, timestamp: int) -> None:
-        """Take the timestamp of a genuine peer, or of a better wall clock. An older one changes nothing."""
+        """Take the timestamp of a genuine peer. An older one changes nothing."""
         self._timestamp = max(self._timestamp, min(timestamp, _GREATEST))
+
+    def _at(self, reference: tuple[int, HostNs], now: HostNs) -> int:
+        return reference[0] + (now - reference[1]) // _TICK_NS
 
 
 class Signer:

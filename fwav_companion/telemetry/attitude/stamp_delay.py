@@ -16,7 +16,8 @@ PLANE_DELAY_S = 0.02
 AUTOPILOT_ARDUPILOT = 3
 PLANE_TYPES = frozenset({1, 19, 20, 21, 22, 23, 24, 25})
 """Vehicle types that ArduPlane reports: MAV_TYPE_FIXED_WING and the VTOLs. No firmware reports FLAPPING_WING."""
-SLOWEST_LOOP_HZ, FASTEST_LOOP_HZ = 25.0, 8000.0
+SLOWEST_LOOP_HZ, FASTEST_LOOP_HZ = 50.0, 2000.0
+"""Limits that ArduPilot sets to SCHED_LOOP_RATE (AP_Scheduler::init)."""
 
 IN_STEP_S, OUT_OF_STEP_S = 1.2e-4, 2.0e-4
 """Truncation to milliseconds alone scatters stamps by 0.29 ms RMS."""

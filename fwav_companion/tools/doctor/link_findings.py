@@ -55,6 +55,8 @@ def link_findings(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
             yield _down(evidence, link, report.why)
         if report.state == "up" and link.role == "autopilot":
             yield from _received(evidence, status, link)
+        if report.state == "up":
+            yield from _claimed_ids(f"link {link.name}", status.traffic_of(link.name))
 
 
 def judged_loss(status: RunStatus, link: LinkConfig, peer: PeerStatistics) -> float | None:
@@ -156,6 +158,26 @@ def _received(evidence: Evidence, status: RunStatus, link: LinkConfig) -> Iterat
         )
     yield from _loss(status, link, traffic)
     yield from _signatures(evidence, status, link)
+
+
+def _claimed_ids(where: str, traffic: LinkStatistics) -> Iterator[Finding]:
+    if traffic.own_ids_on_gcs > 0:
+        yield Finding(
+            "own_ids_on_gcs",
+            Level.WARNING,
+            where,
+            problem=f"{traffic.own_ids_on_gcs} frames came with the autopilot's ids, and were dropped",
+            fix="a station that forwards back: stop that; a second way to the autopilot: "
+            'role = "autopilot"; another vehicle: give it another system id; else a forgery: set [signing]',
+        )
+    if traffic.id_conflict > 0:
+        yield Finding(
+            "id_conflict",
+            Level.WARNING,
+            where,
+            problem=f"another program uses this service's ids ({traffic.id_conflict} frames)",
+            fix="set [vehicle] component_id = 192",
+        )
 
 
 def _silent_fix(url: LinkUrl) -> str:

@@ -85,6 +85,15 @@ def test_an_echo_of_our_own_bytes_is_named():
     assert found(heard(HEALTHY, crossed=True)) == ["echo"]
 
 
+def test_frames_that_speak_as_the_autopilot_or_as_us_on_a_ground_link_are_named():
+    hearing = flown(HEALTHY)
+    later_ns = 10**13
+    for second in range(15):
+        hearing.hear("autopilot", Wire(1, 1).heartbeat(), later_ns + second * 10**9)
+        hearing.hear("ground", Wire(1, 1).heartbeat() + Wire(1, 191).command(1, 1), later_ns + second * 10**9)
+    assert {"own_ids_on_gcs", "id_conflict"} <= set(found(evidence_of(hearing)))
+
+
 def test_a_vehicle_that_is_not_the_configured_one_is_named():
     assert "other_autopilot" in found(heard(HEALTHY, ["vehicle.system_id=7"]))
 

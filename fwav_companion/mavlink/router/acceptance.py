@@ -1,0 +1,106 @@
+"""Decides what a link may say: in which sender's name, and what of it is read as the vehicle's state.
+
+- Only an autopilot's link speaks as the autopilot. Elsewhere a frame with its ids goes nowhere and teaches no route: it
+  is the autopilot's own stream that a station forwards back, another vehicle, or a forgery.
+- A frame with the ids of a component of ours is an echo if we sent these bytes lately. Otherwise a second program uses
+  our ids; its frames go to the autopilot only, so that it keeps working until its ids are changed.
+- On a link of ground stations no sender with our system id reports the vehicle's state.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from fwav_companion.geometry.stamps import NS_PER_S, HostNs
+from fwav_companion.mavlink.router.duplicates import Duplicates
+from fwav_companion.mavlink.router.own_frames import OwnFrames
+from fwav_companion.mavlink.router.peers import Peer
+from fwav_companion.mavlink.router.routing import Port, Router
+from fwav_companion.mavlink.wire.definitions import BY_NAME, constant
+from fwav_companion.mavlink.wire.frames import RawFrame
+
+_HEARTBEAT: Final = BY_NAME["HEARTBEAT"].msgid
+_AUTOPILOT_OFFSET: Final = BY_NAME["HEARTBEAT"].fields["autopilot"].offset
+_INVALID: Final = constant("MAV_AUTOPILOT_INVALID")
+SETTLING_NS: Final = 10 * NS_PER_S
+"""Time after the start in which a frame with our ids counts as an echo: of one that an earlier run sent."""
+_NO_STATE: Final = frozenset(
+    BY_NAME[name].msgid for name in ("HEARTBEAT", "TIMESYNC", "PING", "COMMAND_LONG", "COMMAND_INT")
+)
+"""Messages that say nothing about the vehicle: presence, and requests to us."""
+
+
+class Acceptance:
+    """Judges senders and messages by the role of the link that they arrive on."""
+
+    def __init__(self, router: Router, duplicates: Duplicates, own_frames: OwnFrames) -> None:
+        self._router = router
+        self._duplicates = duplicates
+        self._own_frames = own_frames
+        self._settled_ns: HostNs | None = None
+
+    def new_peer(self, port: Port, frame: RawFrame, now: HostNs) -> Peer | None:
+        """Add a sender heard for the first time on the link. Returns None if the link may not speak for it, or if the
+        frame is a copy that may be an echo.
+        """
+        router = self._router
+        if self._settled_ns is None:
+            self._settled_ns = HostNs(now + SETTLING_NS)
+        if router.is_own(frame):
+            if self._is_echo(frame, now):
+                port.echoes += 1
+            else:
+                port.id_conflict += 1
+            return None
+        if not port.is_autopilot and router.is_autopilot(frame):
+            port.own_ids_on_gcs += 1
+            return None
+        first = router.ports[self._duplicates.came_first_by(frame.data, port.index)]
+        if first is not port and not router.are_two_ways(first, port, frame):
+            port.duplicates += 1
+            return None
+        return router.learn(port, frame, now)
+
+    def _is_echo(self, frame: RawFrame, now: HostNs) -> bool:
+        settled = self._settled_ns is not None and now >= self._settled_ns
+        return not settled or frame.data in self._own_frames
+
+    def forwards_of_untrusted(self, port: Port, frame: RawFrame) -> list[tuple[str, bytes]]:
+        """Return (link, frame) for a frame whose sender is not verified: it teaches no route, and nothing of it goes to
+        the vehicle.
+        """
+        router = self._router
+        if router.is_own(frame):
+            return []
+        if not port.is_autopilot and router.is_autopilot(frame):
+            port.own_ids_on_gcs += 1
+            return []
+        if self._duplicates.came_first_by(frame.data, port.index) != port.index:
+            port.duplicates += 1
+            return []
+        outs = router.route(port, frame, frame.target_system, frame.target_component)
+        return [(out.name, frame.data) for out in router.on_ground(port, outs)]
+
+    def is_second_copy(self, port: Port, frame: RawFrame) -> bool:
+        """Return whether the frame came lately by another link."""
+        return self._duplicates.came_first_by(frame.data, port.index) != port.index
+
+    def forwards_of_refused(self, port: Port, frame: RawFrame, now: HostNs) -> list[tuple[str, bytes]]:
+        """Return (link, frame) for a frame that taught no route: to an autopilot, from a second program with our
+        ids.
+        """
+        if not self._router.is_own(frame) or self._is_echo(frame, now):
+            return []
+        if self._duplicates.came_first_by(frame.data, port.index) != port.index:
+            return []
+        ways = self._router.route(port, frame, frame.target_system, frame.target_component)
+        return [(out.name, frame.data) for out in ways if out.is_autopilot]
+
+    def is_believed(self, port: Port, frame: RawFrame) -> bool:
+        """Return whether a message of a known sender may be read on this link."""
+        if port.is_autopilot:
+            return True
+        msgid = frame.msgid
+        if msgid == _HEARTBEAT:
+            return frame.payload_byte(_AUTOPILOT_OFFSET) == _INVALID
+        return not (port.is_gcs and frame.system == self._router.system and msgid not in _NO_STATE)

@@ -1,0 +1,32 @@
+"""Remembers the frames that we sent, so that an echo of ours differs from a second program with our ids."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Final
+
+MAX_SENT: Final = 4096
+"""Frames of ours that are remembered: 20 s at 200 frames a second, four links included. An echo through a second radio
+is up to several seconds late. Memory: 4096 x 150 bytes."""
+
+
+class OwnFrames:
+    """The newest frames of ours, by a hash of all their bytes."""
+
+    def __init__(self) -> None:
+        self._order: deque[int] = deque()
+        self._hashes: set[int] = set()
+
+    def add(self, frame: bytes) -> None:
+        """Take a frame that leaves."""
+        key = hash(frame)
+        if key in self._hashes:
+            return
+        self._hashes.add(key)
+        self._order.append(key)
+        if len(self._order) > MAX_SENT:
+            self._hashes.discard(self._order.popleft())
+
+    def __contains__(self, frame: bytes) -> bool:
+        """Return whether the frame was sent by us lately."""
+        return hash(frame) in self._hashes
