@@ -26,6 +26,7 @@ from fwav_companion.self_calibration.innovation_consistency import InnovationCon
 from fwav_companion.self_calibration.joint_filter import JointFilter
 from fwav_companion.self_calibration.observability import (
     MOUNT_AXES,
+    NUISANCE,
     POSITION,
     TIMING,
     ConstrainedEstimate,
@@ -133,7 +134,7 @@ def assessed(
         return Assessment(status, fixed, fixed, False, _parameters(fixed), (), _drifts(fixed), denied)
     heading = SharedParameter.HEADING
     heading_held = held_at_priors(joint, all_but([*delay, *observable]), priors, wider, trusted=heading)
-    free = held_at_priors(joint, all_but([*delay, *observable, heading]), priors, wider)
+    free = held_at_priors(joint, all_but([*delay, *observable, *NUISANCE]), priors, wider)
     offset = heading_held.mean[list(observable)] - means[list(observable)]
     distance2 = float(offset @ solved(heading_held.claimed(observable), offset))
     return Assessment(

@@ -150,7 +150,9 @@ def _shared_priors(priors: ErrorPriors, kept: KeptCalibration | None) -> tuple[A
     b = priors.bias_sigmas
     mount = (hypot(b[Bias.MOUNT_X], b[Bias.ROLL]), hypot(b[Bias.MOUNT_Y], b[Bias.PITCH]), b[Bias.MOUNT_Z])
     rest = (b[Bias.HEADING], b[Bias.HEIGHT], b[Bias.READOUT], b[Bias.POSITION_NORTH], b[Bias.POSITION_EAST])
+    place = (b[Bias.POSITION_DELAY], b[Bias.LEVER_X], b[Bias.LEVER_Y], b[Bias.LEVER_Z])
+    means = np.zeros(SHARED_COUNT)
     if kept is None:
-        return np.zeros(SHARED_COUNT), np.array((b[Bias.TIME_OFFSET], *mount, *rest))
-    means = np.array((kept.time_offset_s, *kept.mount, 0.0, 0.0, 0.0, 0.0, 0.0))
-    return means, np.array((kept.time_offset_sigma_s, *kept.mount_sigma, *rest))
+        return means, np.array((b[Bias.TIME_OFFSET], *mount, *rest, *place))
+    means[: SharedParameter.HEADING] = (kept.time_offset_s, *kept.mount)
+    return means, np.array((kept.time_offset_sigma_s, *kept.mount_sigma, *rest, *place))

@@ -29,6 +29,12 @@ class SharedParameter(IntEnum):
     NORTH = 7
     """Error of the vehicle's position: reported minus true, m."""
     EAST = 8
+    POSITION_DELAY = 9
+    """Age of the reported positions beyond the configured one, s."""
+    LEVER_X = 10
+    """Position of the camera in the body: configured minus true, m; with a gimbal, in its axes."""
+    LEVER_Y = 11
+    LEVER_Z = 12
 
 
 class CalibrationStatus(StrEnum):

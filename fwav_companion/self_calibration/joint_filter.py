@@ -241,6 +241,6 @@ def _two_by_two(difference: Array, cov: Array) -> tuple[Array, Array]:
 
 
 def joint_filter(priors: ErrorPriors, sigmas: Array, means: Array, point: Array) -> JointFilter:
-    """The estimate before any target: means and points (B, 9), and one sigma (9) of each shared parameter."""
+    """The estimate before any target: means and points (B, 13), and one sigma (13) of each shared parameter."""
     cov = np.broadcast_to(np.diag(sigmas**2), (len(means), SHARED_COUNT, SHARED_COUNT))
     return JointFilter(priors, means, cov, point, (), 0)

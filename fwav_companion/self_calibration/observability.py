@@ -20,6 +20,9 @@ from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT
 MOUNT_AXES = (SharedParameter.MOUNT_X, SharedParameter.MOUNT_Y, SharedParameter.MOUNT_Z)
 POSITION = (SharedParameter.NORTH, SharedParameter.EAST)
 """Considered: never estimated, so never held either; their share is part of the covariance."""
+NUISANCE = (SharedParameter.HEADING, SharedParameter.POSITION_DELAY, *list(SharedParameter)[SharedParameter.LEVER_X :])
+"""Parameters that a flight hardly separates from the mount, and that no report states: estimated with the mount by
+their priors, so that the claims of the mount hold them."""
 TIMING = (SharedParameter.DELAY, SharedParameter.READOUT)
 """A delay of the later rows is a delay, too. Fast shaking shows both: slow drift says nothing of them."""
 
@@ -53,7 +56,7 @@ def held_at_priors(
 ) -> ConstrainedEstimate:
     """The joint estimate with these parameters held; parameters without a prior are certain anyway.
 
-    ``priors``: means and one sigma (9). ``wider``: factor of the variance of what the flight contributed.
+    ``priors``: means and one sigma (13). ``wider``: factor of the variance of what the flight contributed.
     ``trusted``: a held parameter whose prior the claims leave out.
 
     With the covariance P, its blocks by h (held) and c = P[:, h] inv(P[h, h])::

@@ -32,7 +32,8 @@ from fwav_companion.types import ErrorPriors, GroundFix
 
 SHARED_COUNT = len(SharedParameter)
 ROW_COUNT = SHARED_COUNT + 2
-DELAY, _, _, _, HEADING, HEIGHT, READOUT, NORTH, EAST = map(int, SharedParameter)
+DELAY, _, _, _, HEADING, HEIGHT, READOUT, NORTH, EAST, POSITION_DELAY, *_ = map(int, SharedParameter)
+LEVER = slice(int(SharedParameter.LEVER_X), int(SharedParameter.LEVER_Z) + 1)
 MOUNT = slice(int(SharedParameter.MOUNT_X), int(SharedParameter.MOUNT_Z) + 1)
 NOISY = [DELAY, 1, 2, 3, HEIGHT, NORTH, EAST]
 """Parameters whose rows carry fresh errors: time, attitude about three axes, height, position."""
@@ -190,6 +191,8 @@ class CameraPose(msgspec.Struct, frozen=True):
     """(..., 1), cosine and sine of the heading error."""
     camera: Array
     """(..., N, 3): north, east, and height above the target's ground, m."""
+    velocity_ned: Array
+    """(..., N, 3), of the camera, which swings about the vehicle's reference point, m/s."""
 
     def ground_points(self, ray: Array) -> tuple[Array, Mask]:
         """(..., N, 2) north and east where rays of the mounted camera meet the ground, and whether they do."""
@@ -203,17 +206,25 @@ class CameraPose(msgspec.Struct, frozen=True):
 
 
 def camera_pose(batch: MeasurementBatch, shared: Array) -> CameraPose:
-    """The camera's poses by values (..., 9) of the shared parameters."""
+    """The camera's poses by values (..., 13) of the shared parameters."""
     value = shared[..., None, :]
     poses = batch.poses.at(value[..., DELAY] - value[..., READOUT] * batch.row_fraction)
     correction = rotation(value[..., MOUNT])
-    place = poses.position_ned + turned(poses.ned_from_body, batch.lever)
+    late = poses.velocity_ned * value[..., POSITION_DELAY, None]
+    lever = batch.lever - value[..., LEVER]
+    place = poses.position_ned + late + turned(poses.ned_from_body, lever)
     below = batch.drop_m - (place[..., 2] - batch.camera_down)
     camera = place - value[..., (NORTH, EAST, HEIGHT)]
     camera[..., 2] = below - value[..., HEIGHT]
     heading = value[..., HEADING]
+    swinging = turned(poses.ned_from_body, cross(poses.rates, lever))
     return CameraPose(
-        poses, correction, times(poses.ned_from_body, correction), (np.cos(heading), np.sin(heading)), camera
+        poses=poses,
+        correction=correction,
+        ned_from_mounted=times(poses.ned_from_body, correction),
+        heading=(np.cos(heading), np.sin(heading)),
+        camera=camera,
+        velocity_ned=poses.velocity_ned + swinging,
     )
 
 
@@ -223,13 +234,13 @@ class PredictedPixels(msgspec.Struct, frozen=True):
     residual: Array
     """(..., N, 2), px; zero where invalid, and so are the rows."""
     rows: Array
-    """(..., N, 2, 11): by each shared parameter, then by north and east of the target."""
+    """(..., N, 2, 15): by each shared parameter, then by north and east of the target."""
     valid: Mask
     """(..., N): the target lies within 89.4 degrees of the ray."""
 
 
 def predict(batch: MeasurementBatch, targets: Array, shared: Array, pose: CameraPose | None = None) -> PredictedPixels:
-    """The predictions of targets (..., N, 2) about shared parameters (..., 9).
+    """The predictions of targets (..., N, 2) about shared parameters (..., 13).
 
     In the frame of the mounted camera, with M its attitude by the reported heading, x the target from the camera and
     d the measured ray: residual = -dual . x / (d . x), and d(pixel) = (dual - residual' d) . dx / (d . x).
@@ -248,6 +259,9 @@ def predict(batch: MeasurementBatch, targets: Array, shared: Array, pose: Camera
     rows[..., DELAY], rows[..., HEADING], rows[..., HEIGHT] = linear[..., 0], linear[..., 1], linear[..., 2]
     rows[..., READOUT] = -batch.row_fraction[:, None] * linear[..., 0]
     rows[..., NORTH : EAST + 1] = rows[..., SHARED_COUNT:] = linear[..., 3:]
+    by_place = linear[..., (3, 4, 2)] * (1.0, 1.0, -1.0)  # of a camera that is reported too far north, east, down
+    rows[..., POSITION_DELAY] = -np.einsum("...ai,...i->...a", by_place, pose.poses.velocity_ned)
+    rows[..., LEVER] = np.einsum("...ai,...ij->...aj", by_place, pose.poses.ned_from_body)
     # A step of the rotation vector is not quite a rotation: to first order in the correction itself.
     turn = cross(by_seen, seen[..., None, :])
     rows[..., MOUNT] = turn - 0.5 * cross(turn, shared[..., None, None, MOUNT])
@@ -257,7 +271,7 @@ def predict(batch: MeasurementBatch, targets: Array, shared: Array, pose: Camera
 def _columns(pose: CameraPose, seen: Array, told_n: Array, told_e: Array) -> Array:
     """(..., N, 3, 5) change of what is seen with delay, heading, height, north and east."""
     c, s = pose.heading[0][..., None], pose.heading[1][..., None]
-    m, velocity = pose.ned_from_mounted, pose.poses.velocity_ned
+    m, velocity = pose.ned_from_mounted, pose.velocity_ned
     rn, re, rd = m[..., 0, :], m[..., 1, :], m[..., 2, :]
     by_north, by_east = c * rn + s * re, c * re - s * rn
     turning = cross(turned_back(pose.correction, pose.poses.rates), seen)

@@ -93,7 +93,8 @@ class Relinearization(msgspec.Struct, frozen=True):
         joint = self.served.joint
         if sum(len(batch.tracks) for batch in self.kept) < PASSES_AT[self.done] * max(1, len(joint.tracks)):
             return self
-        point = np.append(joint.mean[0, : SharedParameter.NORTH], (0.0, 0.0))
+        point = joint.mean[0, :SHARED_COUNT].copy()
+        point[SharedParameter.NORTH :] = 0.0
         coming = context.served_pass(point, joint.targets)
         delay_s = float(point[SharedParameter.DELAY])
         return msgspec.structs.replace(self, coming=coming, cursor=0, done=self.done + 1, delay_s=delay_s)

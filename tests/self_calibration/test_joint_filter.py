@@ -17,8 +17,8 @@ from fwav_companion.self_calibration.pixel_measurement import (
     predict,
 )
 
-SHARED = np.array([[0.003, 0.01, -0.02, 0.015, 0.02, 0.2, 0.0, 0.1, -0.15]])
-SIGMAS = np.array((0.004, 0.01, 0.008, 0.02, 0.03, 0.2, 0.0, 0.5, 0.5))
+SHARED = np.array([[0.003, 0.01, -0.02, 0.015, 0.02, 0.2, 0.0, 0.1, -0.15, 0.02, 0.01, -0.02, 0.03]])
+SIGMAS = np.array((0.004, 0.01, 0.008, 0.02, 0.03, 0.2, 0.0, 0.5, 0.5, 0.05, 0.03, 0.03, 0.03))
 ELSEWHERE = np.zeros((1, SHARED_COUNT))
 """The linearization point of the estimate: no gate may depend on it."""
 TRACKS = (3, 5, 8)

@@ -17,7 +17,7 @@ from fwav_companion.tracking import TrackingOptions, make_tracker
 from fwav_companion.types import BIAS_COUNT, Bias, NoticeCode
 
 TARGET = (2.0, 3.0)
-SIGMAS = np.array([0.01, 0.02, 0.02, 0.02, 0.03, 0.5, 0.0, 0.0, 0.0])
+SIGMAS = np.array([0.01, 0.02, 0.02, 0.02, 0.03, 0.5, *[0.0] * 7])
 MEANS = np.zeros(SHARED_COUNT)
 USED = np.flatnonzero(SIGMAS)
 
@@ -41,7 +41,7 @@ def fitted(rows, seen, sigmas):
 
 
 def test_a_loosened_estimate_is_that_of_the_wider_prior():
-    truth = [0.0, 0.01, -0.02, 0.0, 0.0, 3.0, 0.0, 0.0, 0.0]
+    truth = [0.0, 0.01, -0.02, 0.0, 0.0, 3.0, *[0.0] * 7]
     loosening = PriorInflation(SharedParameter.HEIGHT, 0.0, 0.5, 3.0)
     wide = SIGMAS.copy()
     wide[SharedParameter.HEIGHT] = loosening.wider_sigma
@@ -51,7 +51,7 @@ def test_a_loosened_estimate_is_that_of_the_wider_prior():
 
 
 def test_what_the_flight_says_alone_is_what_it_says_without_the_prior():
-    truth = [0.0, 0.0, 0.0, 0.3, 0.0, 4.0, 0.0, 0.0, 0.0]
+    truth = [0.0, 0.0, 0.0, 0.3, 0.0, 4.0, *[0.0] * 7]
     found = {each.parameter: each.alone for each in prior_inflations(informed(truth, SIGMAS), MEANS, SIGMAS)}
     free = SIGMAS.copy()
     free[[SharedParameter.MOUNT_Z, SharedParameter.HEIGHT]] = 1e6

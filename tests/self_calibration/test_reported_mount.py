@@ -23,7 +23,7 @@ from fwav_companion.self_calibration.pixel_measurement import (
 from fwav_companion.tracking import TrackingOptions, make_tracker
 from fwav_companion.types import BIAS_COUNT, Bias
 
-SIGMAS = np.array((0.05, *np.radians([1.0, 1.0, 1.0, 2.0]), 0.0, 0.0, 0.0, 0.0))
+SIGMAS = np.array((0.05, *np.radians([1.0, 1.0, 1.0, 2.0]), *[0.0] * 8))
 MEANS = np.zeros(SHARED_COUNT)
 USED = [*range(5), SHARED_COUNT, SHARED_COUNT + 1]
 FLIGHTS = 300

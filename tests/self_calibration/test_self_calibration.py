@@ -91,7 +91,7 @@ def test_the_rows_of_a_frame_share_the_states_around_its_first():
 def test_a_target_square_to_the_ray_is_no_prediction():
     """Its Jacobian rows are unbounded: the prediction's variance exceeds the rounding of the pixel's own noise."""
     shared = np.zeros((1, SHARED_COUNT))
-    sigmas = np.array((0.05, *np.radians([1.0, 1.0, 1.0, 2.0]), 0.0, 0.0, 0.0, 0.0))
+    sigmas = np.array((0.05, *np.radians([1.0, 1.0, 1.0, 2.0]), *[0.0] * 8))
     batch = min(some_batches(10), key=lambda each: abs(each.drop_m[0]))
     point = camera_pose(batch, shared).ground_points(batch.ray)[0][0, 0]
     camera = batch.poses.position_ned[0, 0]
@@ -107,7 +107,7 @@ def test_a_target_square_to_the_ray_is_no_prediction():
             1, camera[None, :2] + (square + short) * aside
         )
         cov = joint.cov.copy()
-        cov[0, [9, 10], [9, 10]] = 1.0
+        cov[0, [SHARED_COUNT, SHARED_COUNT + 1], [SHARED_COUNT, SHARED_COUNT + 1]] = 1.0
         seen = msgspec.structs.replace(joint, cov=cov).innovations(batch)
         if seen.valid[0, 0]:
             reported += 1
@@ -119,20 +119,20 @@ def test_a_target_square_to_the_ray_is_no_prediction():
 
 
 def test_rows_are_the_differences_of_the_residual():
-    shared = np.array([0.002, 0.01, -0.02, 0.03, 0.04, 0.3, 0.0, 0.2, -0.1])
+    shared = np.array([0.002, 0.01, -0.02, 0.03, 0.04, 0.3, 0.0, 0.2, -0.1, 0.02, 0.01, -0.02, 0.03])
     target = np.array([4.1, 3.2])
     for batch in some_batches(10):
         at = predicted(batch, target, shared).rows[0, 0]
         for i in range(SHARED_COUNT + 2):
             step = np.zeros(SHARED_COUNT + 2)
             step[i] = 1e-6
-            sides = [predicted(batch, target + s * step[9:], shared + s * step[:9]).residual[0, 0] for s in (1, -1)]
-            tolerance = 1e-3 * np.abs(at[:, :9]).max(1)[0] if i in (1, 2, 3) else 1e-3  # third order of the vector
+            sides = [predicted(batch, target + s * step[SHARED_COUNT:], shared + s * step[:SHARED_COUNT]).residual[0, 0] for s in (1, -1)]
+            tolerance = 1e-3 * np.abs(at[:, :SHARED_COUNT]).max(1)[0] if i in (1, 2, 3) else 1e-3  # third order of the vector
             assert -(sides[0] - sides[1]) / 2e-6 == pytest.approx(at[:, i], rel=1e-4, abs=tolerance)
 
 
 def test_the_ground_point_is_where_the_residual_vanishes():
-    shared = np.array([[0.0, 0.01, -0.02, 0.03, 0.04, 0.3, 0.0, 0.2, -0.1]])
+    shared = np.array([[0.0, 0.01, -0.02, 0.03, 0.04, 0.3, 0.0, 0.2, -0.1, 0.02, 0.01, -0.02, 0.03]])
     for batch in some_batches(5):
         points, hits = camera_pose(batch, shared).ground_points(batch.ray)
         assert hits.all()
@@ -157,7 +157,7 @@ def test_measurements_between_the_same_two_attitudes_share_their_noise():
 def test_the_joint_estimate_is_the_batch_fit():
     """Information added in numpy, with the same rows at the same linearization point."""
     p = priors(time_offset=0.01, height=0.5)
-    sigmas = np.array((0.01, 0.0175, 0.0175, 0.0175, 0.035, 0.5, 0.0, 0.0, 0.0))
+    sigmas = np.array((0.01, 0.0175, 0.0175, 0.0175, 0.035, 0.5, *[0.0] * 7))
     point, target = np.zeros((1, SHARED_COUNT)), (4.0, 3.0)
     joint = joint_filter(p, sigmas, point, point).with_target(1, np.array([target]))
     used = np.flatnonzero(sigmas)
@@ -343,7 +343,7 @@ def test_one_gross_measurement_among_the_first_does_not_place_a_target():
     turn = Rotation.from_rotvec([0.15, 0.0, 0.0])
     first = batches[0]
     gross = msgspec.structs.replace(first, ray=turn.apply(first.ray), dual=turn.apply(first.dual[0])[None])
-    sigmas, none = np.array((0.001, 0.001, 0.001, 0.001, 0.001, 0.0, 0.0, 0.0, 0.0)), np.zeros((1, SHARED_COUNT))
+    sigmas, none = np.array((0.001, 0.001, 0.001, 0.001, 0.001, *[0.0] * 8)), np.zeros((1, SHARED_COUNT))
     fit = filter_pass(joint_filter(priors(), sigmas, none, none), {})
     for batch in (gross, *batches[1:]):
         fit = fit.fed(batch)
@@ -354,7 +354,7 @@ def test_one_gross_measurement_among_the_first_does_not_place_a_target():
 @pytest.mark.parametrize(("various", "status"), [(False, CalibrationStatus.TIME), (True, CalibrationStatus.CALIBRATED)])
 def test_a_mount_is_estimated_only_after_various_views(various, status):
     """Even with a small covariance: one view from one side shows a mount only through its own errors."""
-    sigmas = np.array((0.05, 0.0175, 0.0175, 0.0175, 0.035, 0.0, 0.0, 0.0, 0.0))
+    sigmas = np.array((0.05, 0.0175, 0.0175, 0.0175, 0.035, *[0.0] * 8))
     none = np.zeros((1, SHARED_COUNT))
     joint = joint_filter(priors(), sigmas / 100, none + 0.01, none)
     assessment = assessed(joint, (none[0], sigmas), various=various)
