@@ -34,6 +34,7 @@ class SelfCalibrationNotices:
             mount=report.mount,
             mount_sigma=report.mount_sigma,
             status=report.status.value,
+            reason=report.reason,
             mistake=report.mistake,
         )
 
@@ -91,6 +92,7 @@ class SelfCalibrationNotices:
         """Part of the status."""
         return SelfCalibrationReport(
             status=report.status.value,
+            reason=report.reason,
             time_offset_s=self._time_offset_s + report.time_offset_s,
             time_offset_sigma_s=report.time_offset_sigma_s,
             mount_deg=[degrees(angle) for angle in report.mount],

@@ -74,6 +74,8 @@ class Assessment(msgspec.Struct, frozen=True):
     """(2, 2) covariance to add for each target, by track."""
     denied: tuple[PriorInflation, ...] = ()
     """Priors of the configuration that the flight contradicts."""
+    mount_known: float = 1.0
+    """Largest sigma of an axis of the mount in units of its prior, as the flight shows it."""
 
     def about(self, joint: JointFilter, priors: tuple[Array, Array]) -> Assessment:
         """The same assessment with the targets by a newer joint estimate."""
@@ -131,16 +133,26 @@ def assessed(
     observable = _observable(joint, priors, delay, shown) if various else ()
     if not observable:
         status = CalibrationStatus.TIME if delay else CalibrationStatus.WAITING
-        return Assessment(status, fixed, fixed, False, _parameters(fixed), (), _drifts(fixed), denied)
+        return Assessment(
+            status=status,
+            estimated=fixed,
+            fixed=fixed,
+            contradicted=False,
+            parameters=_parameters(fixed),
+            mount_alone=(),
+            drift=_drifts(fixed),
+            denied=denied,
+            mount_known=_mount_known(joint, priors, delay, shown),
+        )
     heading = SharedParameter.HEADING
     heading_held = held_at_priors(joint, all_but([*delay, *observable]), priors, wider, trusted=heading)
     free = held_at_priors(joint, all_but([*delay, *observable, *NUISANCE]), priors, wider)
     offset = heading_held.mean[list(observable)] - means[list(observable)]
     distance2 = float(offset @ solved(heading_held.claimed(observable), offset))
     return Assessment(
-        CalibrationStatus.CALIBRATED,
-        free,
-        fixed,
+        status=CalibrationStatus.CALIBRATED,
+        estimated=free,
+        fixed=fixed,
         contradicted=distance2 > CONTRADICTION,
         parameters=_parameters(free) | _with_heading(free, down),
         mount_alone=tuple((float(free.mean[i]), free.sigma(i)) for i in MOUNT_AXES),
@@ -189,6 +201,12 @@ def _observable(joint: JointFilter, priors: tuple[Array, Array], delay: Collecti
         if tested and all(held.sigma(i, known=True) <= MOUNT_OBSERVABLE * priors[1][i] for i in tested):
             return tested
     return []
+
+
+def _mount_known(joint: JointFilter, priors: tuple[Array, Array], delay: Collection[int], wider: float) -> float:
+    held = held_at_priors(joint, all_but([*delay, *MOUNT_AXES]), priors, wider)
+    shares = [held.sigma(i, known=True) / priors[1][i] for i in MOUNT_AXES if priors[1][i] > 0.0]
+    return min(1.0, max(shares, default=1.0))
 
 
 def _symmetric(cov: Array) -> Symmetric2:

@@ -102,6 +102,8 @@ class CalibrationReport(msgspec.Struct, frozen=True, kw_only=True):
     """Height above ground: reported minus true, m."""
     height_sigma_m: float
     status: CalibrationStatus
+    reason: str | None = None
+    """What is missing for CALIBRATED, for people; None when calibrated."""
     alternatives: tuple[float, ...] = ()
     """Corrections of the time offset that explain the measurements alike (AMBIGUOUS), the most likely first, s."""
     mistake: str = ""

@@ -32,6 +32,7 @@ from fwav_companion.self_calibration.calibration_report import (
 )
 from fwav_companion.self_calibration.delay_search import UNEXPLAINED, DelaySearch, FoundDelay, NoDelay, delay_search
 from fwav_companion.self_calibration.measurement_queue import DelayedMeasurement, MeasurementQueue
+from fwav_companion.self_calibration.missing import missing_before_assessment, missing_of
 from fwav_companion.self_calibration.mount_check import NAMED, MountCheck
 from fwav_companion.self_calibration.observability import MOUNT_AXES
 from fwav_companion.self_calibration.pixel_measurement import MeasurementBatch, joined
@@ -41,6 +42,8 @@ from fwav_companion.self_calibration.view_geometry import ViewGeometry
 from fwav_companion.types import GroundFix, Unpaired, VehicleState
 from fwav_companion.types.tracks import GateResult
 
+MOST_TARGETS = 30
+"""Targets of the joint estimate: three determine everything that ten do, and a search keeps 20 covariances of them."""
 SEARCH_PAUSE_NS = 20 * NS_PER_S
 """Pause after a search without result: a search costs as much as ten targets do."""
 LAG_S = 0.06
@@ -67,6 +70,8 @@ class Calibrator(msgspec.Struct, frozen=True):
     denoiser: RateDenoiser = RateDenoiser()
     stamp_sigma_s: float = 0.0
     """One sigma of the open instant of the newest attitude stamps."""
+    slow_attitude_hz: float | None = None
+    """Rate of the newest attitudes where they distinguish no delay from another; None where they do."""
     idle_until_ns: HostNs = HostNs(0)
     """End of the pause after a search without result."""
     assessment: Assessment | None = None
@@ -94,9 +99,10 @@ class Calibrator(msgspec.Struct, frozen=True):
         frame = DelayedMeasurement(host_ns, tuple(fixes), self.context.prepared(fixes, self.delay_s))
         due, queue = self.queue.with_frame(frame).due(HostNs(host_ns - ns_from_s(self._lag_s())))
         state = msgspec.structs.replace(self, queue=queue, host_ns=host_ns, mount_check=mount_check)._only(alive)
+        teaching = state._teaching(alive)
         for frames in due:
             if frames[0].host_ns >= state.idle_until_ns:
-                state = state._with_frames(frames, alive)
+                state = state._with_frames(frames, teaching)
         return state._searched()._passed()._assessed()
 
     @property
@@ -160,6 +166,7 @@ class Calibrator(msgspec.Struct, frozen=True):
             height_m=means[SharedParameter.HEIGHT],
             height_sigma_m=sigmas[SharedParameter.HEIGHT],
             status=self._status,
+            reason=self._missing,
             alternatives=() if self.no_delay is None else self.no_delay.alternatives,
             mistake=self.mistake,
             denied=self.denied,
@@ -172,6 +179,14 @@ class Calibrator(msgspec.Struct, frozen=True):
         if self.assessment is not None:
             return self.assessment.status
         return CalibrationStatus.WAITING if self.no_delay is None else self.no_delay.status
+
+    @property
+    def _missing(self) -> str | None:
+        if self.mistake:
+            return f"camera mount: {self.mistake}"
+        if self.assessment is None:
+            return missing_before_assessment(self.search, self.no_delay, self.slow_attitude_hz)
+        return missing_of(self.assessment, self.context.priors, various=self.views.various)
 
     def restarted(self) -> Calibrator:
         """The state after every target was dropped: the calibration stays, as a prior."""
@@ -194,6 +209,12 @@ class Calibrator(msgspec.Struct, frozen=True):
             return self
         search = None if self.search is None else self.search.without(gone, self.passes.kept)
         return msgspec.structs.replace(self, search=search, passes=self.passes.only(alive))
+
+    def _teaching(self, alive: Collection[int]) -> set[int]:
+        """The tracks that are measured: those of the estimate, then the oldest of the others."""
+        known = self.passes.tracks.intersection(alive)
+        others = sorted(set(alive) - known)
+        return {*known, *others[: max(0, MOST_TARGETS - len(known))]}
 
     def _state_at_capture(self, nominal: VehicleState) -> VehicleState:
         """The vehicle at a capture, by the delay if one was found."""
@@ -218,8 +239,12 @@ class Calibrator(msgspec.Struct, frozen=True):
             since_s += since
             if frame.batch is not None and index:
                 batches.append(frame.batch.take(index))
-        if not fixes or fixes[0][1].sighting.state.stamp_sigma_s > DELAY_STEP_S:
+        if not fixes:
             return self
+        first = fixes[0][1].sighting.state
+        if first.stamp_sigma_s > DELAY_STEP_S:
+            rate_hz = 1.0 / first.spacing_s if first.spacing_s > 0.0 else 0.0
+            return msgspec.structs.replace(self, slow_attitude_hz=rate_hz)
         context, found, middle = self.context, self.delay_s, fixes[len(fixes) // 2][1].sighting.state
         slow = context.smoothed_motion(middle, context.delay_s if found is None else found)
         denoiser = self.denoiser.with_state(middle, slow, context.priors.attitude_noise)
@@ -229,6 +254,7 @@ class Calibrator(msgspec.Struct, frozen=True):
             self,
             queue=queue,
             denoiser=denoiser,
+            slow_attitude_hz=None,
             stamp_sigma_s=middle.stamp_sigma_s,
             views=self.views.with_fixes([fix for _, fix in fixes]),
         )._measured(msgspec.structs.replace(batch.since(since_s), poses=denoiser.denoised(batch.poses, slow)))

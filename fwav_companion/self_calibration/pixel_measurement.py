@@ -32,7 +32,7 @@ from fwav_companion.types import ErrorPriors, GroundFix
 
 SHARED_COUNT = len(SharedParameter)
 ROW_COUNT = SHARED_COUNT + 2
-DELAY, _, _, _, HEADING, HEIGHT, READOUT, NORTH, EAST, POSITION_DELAY, *_ = map(int, SharedParameter)
+DELAY, _, _, _, HEADING, HEIGHT, READOUT, NORTH, EAST, POSITION_DELAY = map(int, [*SharedParameter][:10])
 LEVER = slice(int(SharedParameter.LEVER_X), int(SharedParameter.LEVER_Z) + 1)
 MOUNT = slice(int(SharedParameter.MOUNT_X), int(SharedParameter.MOUNT_Z) + 1)
 NOISY = [DELAY, 1, 2, 3, HEIGHT, NORTH, EAST]

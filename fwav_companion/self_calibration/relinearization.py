@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Collection
 
 import msgspec
-import numpy as np
 
 from fwav_companion.self_calibration.arrays import Array
 from fwav_companion.self_calibration.calibration_context import CalibrationContext

@@ -126,8 +126,13 @@ def test_rows_are_the_differences_of_the_residual():
         for i in range(SHARED_COUNT + 2):
             step = np.zeros(SHARED_COUNT + 2)
             step[i] = 1e-6
-            sides = [predicted(batch, target + s * step[SHARED_COUNT:], shared + s * step[:SHARED_COUNT]).residual[0, 0] for s in (1, -1)]
-            tolerance = 1e-3 * np.abs(at[:, :SHARED_COUNT]).max(1)[0] if i in (1, 2, 3) else 1e-3  # third order of the vector
+            sides = [
+                predicted(batch, target + s * step[SHARED_COUNT:], shared + s * step[:SHARED_COUNT]).residual[0, 0]
+                for s in (1, -1)
+            ]
+            tolerance = (
+                1e-3 * np.abs(at[:, :SHARED_COUNT]).max(1)[0] if i in (1, 2, 3) else 1e-3
+            )  # third order of the vector
             assert -(sides[0] - sides[1]) / 2e-6 == pytest.approx(at[:, i], rel=1e-4, abs=tolerance)
 
 
