@@ -40,6 +40,9 @@ from fwav_companion.self_calibration.prior_inflation import prior_inflations
 DELAY_OBSERVABLE = 0.5
 MOUNT_OBSERVABLE = 0.35
 """Posterior sigma over prior sigma below which a parameter is estimated: its error is then much below its prior."""
+RETAINED = 2.0
+"""A parameter that is estimated stays so up to this multiple: innovations that drift widen its sigma, and the places
+would jump back to the configuration with each that crosses the bound."""
 CONTRADICTION = 13.3
 """Squared Mahalanobis distance of mount and height from the configuration: a right one exceeds it once in 100 flights
 (4 degrees of freedom)."""
@@ -112,9 +115,11 @@ def assessed(
     various: bool,
     down: Vector3 = (0.0, 0.0, 1.0),
     drift: InnovationConsistency | None = None,
+    before: Assessment | None = None,
 ) -> Assessment:
     """The assessment of a joint estimate. ``priors``: means and one sigma of the shared parameters. ``various``:
-    whether targets were seen from different headings or ranges; ``down``: mean down axis in the body.
+    whether targets were seen from different headings or ranges; ``down``: mean down axis in the body; ``before``: the
+    previous assessment.
     """
     means, sigmas = priors
     denied = prior_inflations(joint, means, sigmas)
@@ -125,12 +130,14 @@ def assessed(
     wider = 1.0 if drift is None else drift.factor
     delay: tuple[int, ...] = TIMING
     fixed = held_at_priors(joint, all_but(delay), priors, wider)
-    if fixed.sigma(SharedParameter.DELAY, known=True) > DELAY_OBSERVABLE * sigmas[SharedParameter.DELAY]:
+    most = DELAY_OBSERVABLE * (RETAINED if before and SharedParameter.DELAY in before.parameters else 1.0)
+    if fixed.sigma(SharedParameter.DELAY, known=True) > most * sigmas[SharedParameter.DELAY]:
         delay = ()
         fixed = held_at_priors(joint, all_but(delay), priors, wider)
     # Where a wrong prior bent the estimate its innovations lean as well, and say nothing of what wanders.
     shown = 1.0 if denied or drift is None else drift.shown
-    observable = _observable(joint, priors, delay, shown) if various else ()
+    retained = before.parameters if before is not None else {}
+    observable = _observable(joint, priors, held=all_but(delay), wider=shown, retained=retained) if various else []
     if not observable:
         status = CalibrationStatus.TIME if delay else CalibrationStatus.WAITING
         return Assessment(
@@ -193,12 +200,20 @@ def _drifts(free: ConstrainedEstimate) -> dict[int, Array]:
     return {track: free.drift[place : place + 2, place : place + 2] for track, place in places}
 
 
-def _observable(joint: JointFilter, priors: tuple[Array, Array], delay: Collection[int], wider: float) -> list[int]:
+def _observable(
+    joint: JointFilter,
+    priors: tuple[Array, Array],
+    *,
+    held: Collection[int],
+    wider: float,
+    retained: Collection[int],
+) -> list[int]:
     """The observable ones of mount and height, heading taken as right; those without any prior are not tested."""
     for group in ((*MOUNT_AXES, SharedParameter.HEIGHT), MOUNT_AXES):
         tested = [int(i) for i in group if priors[1][i] > 0.0]
-        held = held_at_priors(joint, all_but([*delay, *tested]), priors, wider)
-        if tested and all(held.sigma(i, known=True) <= MOUNT_OBSERVABLE * priors[1][i] for i in tested):
+        most = {i: MOUNT_OBSERVABLE * (RETAINED if i in retained else 1.0) for i in tested}
+        free = held_at_priors(joint, [i for i in held if i not in tested], priors, wider)
+        if tested and all(free.sigma(i, known=True) <= most[i] * priors[1][i] for i in tested):
             return tested
     return []
 

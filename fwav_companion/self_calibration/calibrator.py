@@ -132,7 +132,7 @@ class Calibrator(msgspec.Struct, frozen=True):
     @property
     def _explained(self) -> bool:
         """Whether self-calibration explains the flight without a gross mistake: a large delay scatters sights, too."""
-        if self.assessment is None or self.assessment.status is not CalibrationStatus.CALIBRATED:
+        if self.assessment is None or not self.is_calibrated:
             return False
         return not self.mount_check.text or hypot(*(self.assessment.parameters[i][0] for i in MOUNT_AXES)) < NAMED
 
@@ -140,6 +140,11 @@ class Calibrator(msgspec.Struct, frozen=True):
     def denied(self) -> tuple[PriorInflation, ...]:
         """Priors of the configuration that this flight contradicts."""
         return () if self.assessment is None else self.assessment.denied
+
+    @property
+    def is_calibrated(self) -> bool:
+        """Whether delay and mount are known: the joint estimate is then the answer for every target that it holds."""
+        return self.assessment is not None and self.assessment.status is CalibrationStatus.CALIBRATED
 
     @property
     def mount_off(self) -> float:
@@ -312,7 +317,9 @@ class Calibrator(msgspec.Struct, frozen=True):
         joint, priors, assessment, judged_ns = served.joint, self.context.shared_priors, self.assessment, self.judged_ns
         if assessment is None or self.host_ns - judged_ns >= JUDGED_EVERY_NS:
             views = self.views
-            assessment = assessed(joint, priors, various=views.various, down=views.down, drift=served.drift)
+            assessment = assessed(
+                joint, priors, various=views.various, down=views.down, drift=served.drift, before=assessment
+            )
             judged_ns = self.host_ns
         elif self.host_ns - self.placed_ns >= PLACED_EVERY_NS:
             assessment = assessment.about(joint, priors)

@@ -21,7 +21,8 @@ def missing_before_assessment(search: DelaySearch | None, no_delay: NoDelay | No
         return f"attitudes at {attitude_hz:.1f} Hz"
     if search is not None:
         sights = search.hypotheses.frames
-        return f"{sights} of {LEAST} sights" if sights < LEAST else f"the delay is searched, {sights} sights"
+        begun = search.round > 0 or sights >= LEAST
+        return "the delay is being searched" if begun else f"{sights} of {LEAST} sights"
     return "no target was seen long enough" if no_delay is None else WITHOUT_DELAY[no_delay.status]
 
 

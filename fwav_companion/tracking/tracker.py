@@ -228,15 +228,19 @@ class Tracker:
         return without_fix.report(MisplacedTargetState(self._best_target(track), misplaced_m), view)
 
     def _best_target(self, track: LiveTrack) -> TargetState:
-        """The target by the surer of its own filter and the joint estimate.
+        """The target by the joint estimate once that is calibrated, before that by the one with the smaller covariance.
 
-        A filter whose prior the flight denies does not count as sure.
+        The covariances are not comparable later: a filter rests on the prior of the mount alone, and its covariance may
+        shrink below that of a calibrated estimate, which includes the wander of the innovations. A filter that rests on
+        a prior which the flight contradicts is not used.
         """
         calibrated, calibrator = self._calibrated(track), self._calibrator
         if calibrated is None or calibrator is None:
             return track.target
+        if calibrator.is_calibrated or calibrator.denied:
+            return calibrated
         surer = horizontal_sigma(track.target.cov) < horizontal_sigma(calibrated.cov)
-        return track.target if surer and not calibrator.denied else calibrated
+        return track.target if surer else calibrated
 
 
 def _weakest_first(tracks: Sequence[LiveTrack]) -> list[int]:
