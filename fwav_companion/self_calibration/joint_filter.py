@@ -204,7 +204,8 @@ class JointFilter(msgspec.Struct, frozen=True):
         index = np.concatenate((np.broadcast_to(np.arange(SHARED_COUNT), (len(places), SHARED_COUNT)), places), 1)
         blocks = cov[index[:, :, None], index[:, None, :]]
         noise, _ = pixel_noise(batch, seen.rows, self.priors)
-        spread = noise + np.einsum("tnai,tij,tnbj->tnab", seen.rows, blocks, seen.rows)
+        crossed = np.einsum("tnai,tij->tnaj", seen.rows, blocks)
+        spread = noise + np.einsum("tnaj,tnbj->tnab", crossed, seen.rows)
         nis, log_det = _two_by_two(seen.residual, spread)
         possible = seen.valid & np.isfinite(log_det)
         return np.where(possible, nis, np.inf), log_det - _two_by_two(seen.residual, noise)[1]
