@@ -40,9 +40,9 @@ from fwav_companion.self_calibration.prior_inflation import prior_inflations
 DELAY_OBSERVABLE = 0.5
 MOUNT_OBSERVABLE = 0.35
 """Posterior sigma over prior sigma below which a parameter is estimated: its error is then much below its prior."""
-RETAINED = 1.25
+RETAINED = 1.1
 """A parameter that is estimated stays so up to this multiple: innovations that drift widen its sigma, and the places
-would jump back and forth at the bound. With 1.5 a heading that wanders by 2 degrees in 20 s is believed too long: of
+would jump back and forth at the bound. With 1.25 a heading that wanders by 2 degrees in 20 s is believed too long: of
 six figure-eights one ended with a normalised square of 53."""
 CONTRADICTION = 13.3
 """Squared Mahalanobis distance of mount and height from the configuration: a right one exceeds it once in 100 flights
