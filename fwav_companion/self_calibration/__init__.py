@@ -12,8 +12,8 @@ Reading order: ``delayed_poses``, ``pixel_measurement``, ``rate_denoiser`` (the 
 ``prior_inflation``, ``assessment``, ``missing`` (what is believed of it); ``sights``, ``mount_check``;
 ``measurement_queue``, ``calibration_context``, ``calibrator``.
 =======
-``prior_inflation``, ``assessment``, ``missing`` (what is believed of it); ``sights``, ``mount_check``; ``measurement_queue``,
-``calibration_context``, ``calibrator``.
+``prior_inflation``, ``assessment``, ``missing`` (what is believed of it); ``sights``, ``mount_check``;
+``measurement_queue``, ``calibration_context``, ``calibrator``.
 >>>>>>> Stashed changes
 """
 
