@@ -8,13 +8,8 @@ lever arm are hardly separated from the mount: they are estimated with it, by th
 Pure. In numpy, except for ``calibration_report``: the daemon imports the other modules only where it is switched on.
 Reading order: ``delayed_poses``, ``pixel_measurement``, ``rate_denoiser`` (the measurement); ``joint_filter``,
 ``filter_pass``, ``delay_search``, ``relinearization`` (the estimate); ``innovation_consistency``, ``observability``,
-<<<<<<< Updated upstream
 ``prior_inflation``, ``assessment``, ``missing`` (what is believed of it); ``sights``, ``mount_check``;
 ``measurement_queue``, ``calibration_context``, ``calibrator``.
-=======
-``prior_inflation``, ``assessment``, ``missing`` (what is believed of it); ``sights``, ``mount_check``;
-``measurement_queue``, ``calibration_context``, ``calibrator``.
->>>>>>> Stashed changes
 """
 
 from fwav_companion.self_calibration.calibration_report import (
