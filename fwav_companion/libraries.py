@@ -22,6 +22,11 @@ def require(purpose: str, *modules: str) -> None:
         raise UserError(f"{purpose}: {advice(*missing)}")
 
 
+def is_installed(module: str) -> bool:
+    """Whether a library that an installation may lack is there."""
+    return find_spec(module) is not None
+
+
 def is_known(module: str) -> bool:
     """Whether the module belongs to a library that an installation may lack."""
     return module.partition(".")[0] in EXTRAS | DEBIAN

@@ -54,6 +54,18 @@ def test_the_daemon_loads_no_heavy_library():
     assert not heavy & loaded_by("import fwav_companion.cli.run, fwav_companion.service.daemon")
 
 
+@pytest.mark.parametrize("calibrates", [False, True])
+def test_only_self_calibration_loads_numpy(calibrates: bool):
+    statement = (
+        "from fwav_companion.tracking import TrackingOptions, make_tracker\n"
+        "from fwav_companion.types import BIAS_COUNT, ErrorPriors\n"
+        "priors = ErrorPriors(pixel_noise_px=1.0, attitude_noise=0.0, position_noise_m=0.0, height_noise_m=0.0, "
+        "bias_sigmas=(0.1,) * BIAS_COUNT, position_bias_time_s=60.0)\n"
+        f"make_tracker(TrackingOptions(self_calibration={calibrates}), priors)"
+    )
+    assert ("numpy" in loaded_by(statement)) is calibrates
+
+
 def test_the_daemon_loads_no_tool():
     statement = "import fwav_companion.cli.run, fwav_companion.service.daemon"
     code = f"{statement}\nimport sys\nprint(*(name for name in sys.modules if name.startswith('fwav_companion.tools')))"

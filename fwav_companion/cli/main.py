@@ -50,6 +50,10 @@ COMMANDS = (
 )
 
 
+BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+"""Read by numpy when it is imported. Matrices of 30 rows lose by threads, and the vision process waits for them."""
+
+
 class OneLineParser(argparse.ArgumentParser):
     """Reports wrong arguments in one line, like every other user error."""
 
@@ -98,6 +102,7 @@ def _let_go_of_stdout() -> None:
 
 
 def _run(argv: Sequence[str]) -> int:
+    os.environ.update({name: "1" for name in BLAS_THREADS if name not in os.environ})
     arguments = _parser(argv).parse_args(argv)
     status: int = arguments.run(arguments)
     return status

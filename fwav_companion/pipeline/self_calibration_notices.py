@@ -34,6 +34,7 @@ class SelfCalibrationNotices:
             mount=report.mount,
             mount_sigma=report.mount_sigma,
             status=report.status.value,
+            reason=report.reason,
             mistake=report.mistake,
         )
 
@@ -57,14 +58,14 @@ class SelfCalibrationNotices:
         return made
 
     def _denials(self, report: CalibrationReport) -> list[Notice]:
-        news = [each for each in report.denied if each.unknown not in self._reported_denied]
-        self._reported_denied.update(each.unknown for each in news)
+        news = [each for each in report.denied if each.parameter not in self._reported_denied]
+        self._reported_denied.update(each.parameter for each in news)
         texts = [f"self-calibration: {_denial(each)}" for each in news]
         return [Notice(NoticeCode.PRIOR_EXCEEDED, Severity.WARNING, text, to_ground=True) for text in texts]
 
     def _what_came_out(self, report: CalibrationReport) -> str:
         if report.status is CalibrationStatus.AMBIGUOUS:
-            delays = " or ".join(f"{delay:.3f} s" for delay in self._rivals(report))
+            delays = " or ".join(f"{delay:.3f} s" for delay in self._alternatives(report))
             return (
                 f"[camera] time_offset_s may be {delays}, because the wing beat repeats: "
                 "fly turns, or set a smaller [uncertainty] time_offset_sigma_s"
@@ -73,8 +74,8 @@ class SelfCalibrationNotices:
             return "no delay within [uncertainty] time_offset_sigma_s fits the flight: nothing is corrected"
         return "; ".join(self.configuration_lines(report))
 
-    def _rivals(self, report: CalibrationReport) -> list[float]:
-        return sorted(self._time_offset_s + rival for rival in report.rivals)
+    def _alternatives(self, report: CalibrationReport) -> list[float]:
+        return sorted(self._time_offset_s + delay for delay in report.alternatives)
 
     def configuration_lines(self, report: CalibrationReport) -> list[str]:
         """Lines to paste into the configuration for the next flight; only for what was found."""
@@ -91,11 +92,12 @@ class SelfCalibrationNotices:
         """Part of the status."""
         return SelfCalibrationReport(
             status=report.status.value,
+            reason=report.reason,
             time_offset_s=self._time_offset_s + report.time_offset_s,
             time_offset_sigma_s=report.time_offset_sigma_s,
             mount_deg=[degrees(angle) for angle in report.mount],
             mount_sigma_deg=[degrees(sigma) for sigma in report.mount_sigma],
-            time_offset_rivals_s=self._rivals(report),
+            time_offset_rivals_s=self._alternatives(report),
             mistake=report.mistake,
             replaced=report.replaced,
             configuration_lines=self.configuration_lines(report),
@@ -103,11 +105,11 @@ class SelfCalibrationNotices:
 
 
 def _denial(each: PriorInflation) -> str:
-    if each.unknown == SharedParameter.DELAY:
+    if each.parameter == SharedParameter.DELAY:
         return f"camera stamps are {1e3 * each.alone:+.0f} ms off, beyond [uncertainty] time_offset_sigma_s"
-    if each.unknown == SharedParameter.HEIGHT:
+    if each.parameter == SharedParameter.HEIGHT:
         return (
             f"height above ground is {each.alone:+.1f} m off, beyond [uncertainty] height_bias_m: check [ground] model"
         )
-    axis = "xyz"[each.unknown - SharedParameter.MOUNT_X]
+    axis = "xyz"[each.parameter - SharedParameter.MOUNT_X]
     return f"mount is {degrees(each.alone):+.1f} degrees off about body {axis}, beyond [uncertainty] mount_bias_deg"

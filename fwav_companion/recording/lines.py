@@ -161,9 +161,13 @@ def calibration_line(
     mount: Vector3,
     mount_sigma: Vector3,
     status: str,
+    reason: str | None,
     mistake: str = "",
 ) -> Line:
-    """Estimates of self-calibration, written about once a second; ``mistake``: a gross error of the mount."""
+    """Estimates of self-calibration, written about once a second.
+
+    ``reason``: what is missing, null when calibrated; ``mistake``: a gross error of the mount.
+    """
     line: Line = {
         "type": "calibration",
         "time_unix": time_unix,
@@ -172,6 +176,7 @@ def calibration_line(
         "mount_deg": [degrees(angle) for angle in mount],
         "mount_sigma_deg": [degrees(angle) for angle in mount_sigma],
         "status": status,
+        "reason": reason,
     }
     return {**line, "mistake": mistake} if mistake else line
 

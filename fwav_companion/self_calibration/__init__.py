@@ -1,14 +1,23 @@
-"""Self-calibration: the camera's delay, its mount and the height, from targets that are seen again and again.
+"""Self-calibration: the camera's delay, its mount and the height, from targets that are seen repeatedly.
 
-Pure. Reading order: ``delayed_poses``, ``pixel_measurement``, ``rate_denoiser`` (one measurement); ``joint_filter``,
+What is observable: turning that changes within a second shows the delay. One target shows the mount times the height
+minus the position error; turns separate what is fixed to the body from what is fixed to the ground, a descent separates
+the mount from an exact position, and the differences of three targets cancel the position. Heading, position delay and
+lever arm are hardly separated from the mount: they are estimated with it, by their priors.
+
+Pure. In numpy, except for ``calibration_report``: the daemon imports the other modules only where it is switched on.
+Reading order: ``delayed_poses``, ``pixel_measurement``, ``rate_denoiser`` (the measurement); ``joint_filter``,
 ``filter_pass``, ``delay_search``, ``relinearization`` (the estimate); ``innovation_consistency``, ``observability``,
-``prior_inflation``, ``assessment``, ``report`` (what may be believed of it); ``prepared_measurement``;
-``single_sights``, ``mount_check``; ``measurement_queue``, ``calibration_context``, ``calibrator``.
+``prior_inflation``, ``assessment``, ``missing`` (what is believed of it); ``sights``, ``mount_check``;
+``measurement_queue``, ``calibration_context``, ``calibrator``.
 """
 
-from fwav_companion.self_calibration.assessment import CalibrationStatus
-from fwav_companion.self_calibration.pixel_measurement import SharedParameter
-from fwav_companion.self_calibration.prior_inflation import PriorInflation
-from fwav_companion.self_calibration.report import CalibrationReport, KeptCalibration
+from fwav_companion.self_calibration.calibration_report import (
+    CalibrationReport,
+    CalibrationStatus,
+    KeptCalibration,
+    PriorInflation,
+    SharedParameter,
+)
 
 __all__ = ["CalibrationReport", "CalibrationStatus", "KeptCalibration", "PriorInflation", "SharedParameter"]

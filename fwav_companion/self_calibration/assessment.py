@@ -1,61 +1,56 @@
-"""What of a joint estimate is let go, and what the targets and the report are then told.
+"""What is believed of a joint estimate: the observable parameters, and the targets by them.
 
-Three answers are kept apart. The *free* one lets go all that the flight has shown. The *plain* one lets go only the
-delay: where what was shown does not contradict the configuration, the configuration is right, and correcting it by its
-own noise would only spread the targets. The free one with the *heading held* judges that. A mount is told with the
-heading's error in it, which is nearly inseparable from it while the tilt varies little.
+Three estimates are kept apart. The *estimated* one frees all observable parameters. The *fixed* one frees only the
+delay: where the flight does not contradict the configuration, the configuration is right, and correcting it by its own
+noise would only spread the targets. The estimated one with the *heading held* decides that. A mount is reported with
+the heading's error in it, which is nearly inseparable from it while the tilt varies little.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from enum import StrEnum
-from math import sqrt
+from collections.abc import Collection
 
 import msgspec
+import numpy as np
 
 from fwav_companion.geometry.small_matrices import Symmetric2
 from fwav_companion.geometry.vectors import Vector3
+from fwav_companion.self_calibration.arrays import Array
+from fwav_companion.self_calibration.calibration_report import (
+    CalibrationStatus,
+    KeptCalibration,
+    PriorInflation,
+    SharedParameter,
+)
 from fwav_companion.self_calibration.innovation_consistency import InnovationConsistency
 from fwav_companion.self_calibration.joint_filter import JointFilter
 from fwav_companion.self_calibration.observability import (
-    CONSIDERED,
-    MOUNT,
+    MOUNT_AXES,
+    NUISANCE,
+    POSITION,
     TIMING,
     ConstrainedEstimate,
     all_but,
-    cholesky,
-    holding,
+    held_at_priors,
     solved,
 )
-from fwav_companion.self_calibration.pixel_measurement import COMMON_COUNT, SharedParameter
-from fwav_companion.self_calibration.prior_inflation import PriorInflation, prior_inflations
+from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT
+from fwav_companion.self_calibration.prior_inflation import prior_inflations
 
-DELAY_SHOWN = 0.5
-MOUNT_SHOWN = 0.35
-"""Posterior sigma over prior sigma below which an unknown is let go: it then errs much less than its prior."""
+DELAY_OBSERVABLE = 0.5
+MOUNT_OBSERVABLE = 0.35
+"""Posterior sigma over prior sigma below which a parameter is estimated: its error is then much below its prior."""
+RETAINED = 1.1
+"""A parameter that is estimated stays so up to this multiple: innovations that drift widen its sigma, and the places
+would jump back and forth at the bound. With 1.25 a heading that wanders by 2 degrees in 20 s is believed too long: of
+six figure-eights one ended with a normalised square of 53."""
 CONTRADICTION = 13.3
 """Squared Mahalanobis distance of mount and height from the configuration: a right one exceeds it once in 100 flights
 (4 degrees of freedom)."""
-
-
-NO_DRIFT = InnovationConsistency()
-"""What was taught is as sure as it seems."""
-
-
-class CalibrationStatus(StrEnum):
-    """How far self-calibration has come."""
-
-    WAITING = "waiting"
-    """Too little was seen yet; everything stands at its prior."""
-    AMBIGUOUS = "ambiguous"
-    """Several delays explain what was seen alike, as a steady beat repeats itself; everything stands at its prior."""
-    UNEXPLAINED = "unexplained"
-    """No delay within its prior explains what was seen; everything stands at its prior."""
-    TIME = "time"
-    """The delay is known; the mount needs other headings or ranges."""
-    CALIBRATED = "calibrated"
-    """Delay and mount are known."""
+STEADY = 0.6
+"""Share of the stamps' open instant that is the same throughout a flight: a loop that sends at one phase of itself
+makes all of it so, one that sends at any phase none, and flights do not show which. A third of the variance claims
+neither too much of the one nor twice too little of the other."""
 
 
 class CalibratedPlace(msgspec.Struct, frozen=True, gc=False):
@@ -68,136 +63,200 @@ class CalibratedPlace(msgspec.Struct, frozen=True, gc=False):
 
 
 class Assessment(msgspec.Struct, frozen=True):
-    """What may be believed of a joint estimate."""
+    """What is believed of a joint estimate."""
 
     status: CalibrationStatus
-    free: ConstrainedEstimate
-    plain: ConstrainedEstimate
+    estimated: ConstrainedEstimate
+    fixed: ConstrainedEstimate
     contradicted: bool
-    """The configuration, by what was shown."""
-    told: dict[int, tuple[float, float]]
-    """Mean and one sigma of the common unknowns that are let go; of the mount with the heading's error in it."""
+    """Whether the flight contradicts the configuration."""
+    parameters: dict[int, tuple[float, float]]
+    """Mean and one sigma of the estimated parameters; of the mount with the heading's error in it."""
     mount_alone: tuple[tuple[float, float], ...]
-    """Of its axes without that: another flight has another heading error. Empty where it is not let go."""
-    drifting: dict[int, Symmetric2]
-    """What is to be added to each target's covariance, by track, horizontal."""
+    """The mount without that: another flight has another heading error. Empty while it is held."""
+    drift: dict[int, Array]
+    """(2, 2) covariance to add for each target, by track."""
     denied: tuple[PriorInflation, ...] = ()
-    """Priors of the configuration that cannot be right."""
+    """Priors of the configuration that the flight contradicts."""
+    mount_known: float = 1.0
+    """Largest sigma of an axis of the mount in units of its prior, as the flight shows it."""
 
-    def about(self, joint: JointFilter, means: tuple[float, ...]) -> Assessment:
-        """The same judgement, and the targets by a newer joint estimate. What is told stays as it was judged."""
-        for loosening in self.denied:
-            joint = loosening.of(joint)
-        plain = self.plain.about(joint, means)
-        free = plain if self.free is self.plain else self.free.about(joint, means)
-        return msgspec.structs.replace(self, free=free, plain=plain)
+    def about(self, joint: JointFilter, priors: tuple[Array, Array]) -> Assessment:
+        """The same assessment with the targets by a newer joint estimate."""
+        priors = (priors[0], widened(priors[1], self.denied))
+        for each in self.denied:
+            joint = joint.inflated(each)
+        fixed = held_at_priors(joint, self.fixed.held, priors)
+        estimated = fixed if self.estimated is self.fixed else held_at_priors(joint, self.estimated.held, priors)
+        return msgspec.structs.replace(self, estimated=estimated, fixed=fixed)
 
     def places(self) -> dict[int, CalibratedPlace]:
-        """Where each target stands, by track; a new one waits for the next judgement."""
-        joint = self.free.joint
-        return {track: self._placed(joint.place_of(track) or 0, self.drifting[track])
-                for track in joint.tracks if track in self.drifting}  # fmt: skip
+        """The targets, by track; a new one waits for the next assessment."""
+        tracks = enumerate(self.estimated.joint.tracks)
+        return {track: self._place(SHARED_COUNT + 2 * k, self.drift[track]) for k, track in tracks
+                if track in self.drift}  # fmt: skip
 
-    def _placed(self, place: int, drifting: Symmetric2) -> CalibratedPlace:
-        free = self.free
-        wandering = [i for i in CONSIDERED if free.joint.cov[i][i] > 0.0]
-        cov = free.cov((place, place + 1, *wandering))
-        nn, ne, ee = cov[0][0] + drifting[0], cov[0][1] + drifting[1], cov[1][1] + drifting[2]
-        own_nn = own_ne = own_ee = 0.0
-        for i in range(2, 2 + len(wandering)):
-            n, e, variance = cov[0][i], cov[1][i], cov[i][i]
-            own_nn, own_ne, own_ee = own_nn + n * n / variance, own_ne + n * e / variance, own_ee + e * e / variance
-        north, east = free.mean(place), free.mean(place + 1)
-        if not self.contradicted and self.plain is not free:
-            # The configuration stands: the plain answer, which may be off by what parts it from the free one.
-            dn, de = self.plain.mean(place) - north, self.plain.mean(place + 1) - east
-            north, east = north + dn, east + de
-            nn, ne, ee = nn + dn * dn, ne + dn * de, ee + de * de
-        return CalibratedPlace(north, east, (nn, ne, ee), (nn - own_nn, ne - own_ne, ee - own_ee))
+    def _place(self, place: int, drift: Array) -> CalibratedPlace:
+        free, own = self.estimated, slice(place, place + 2)
+        wandering = [i for i in POSITION if free.joint.cov[0, i, i] > 0.0]
+        cov, mean = free.cov[own, own] + drift, free.mean[own]
+        by_position = free.cov[own, wandering] / np.sqrt(np.diag(free.cov)[wandering])
+        if not self.contradicted and self.fixed is not free:
+            # The configuration holds: the fixed answer, which may be off by what separates it from the free one.
+            apart = self.fixed.mean[own] - mean
+            mean, cov = self.fixed.mean[own], cov + np.outer(apart, apart)
+        relative = cov - by_position @ by_position.T
+        return CalibratedPlace(float(mean[0]), float(mean[1]), _symmetric(cov), _symmetric(relative))
 
 
 def assessed(
     joint: JointFilter,
-    means: tuple[float, ...],
-    sigmas: tuple[float, ...],
+    priors: tuple[Array, Array],
     *,
     various: bool,
     down: Vector3 = (0.0, 0.0, 1.0),
-    drift: InnovationConsistency = NO_DRIFT,
+    drift: InnovationConsistency | None = None,
+    before: Assessment | None = None,
 ) -> Assessment:
-    """``various``: the targets were seen from different headings or at different ranges; ``down``: in the body, on the
-    average; ``drift``: of the innovations.
+    """The assessment of a joint estimate. ``priors``: means and one sigma of the shared parameters. ``various``:
+    whether targets were seen from different headings or ranges; ``down``: mean down axis in the body; ``before``: the
+    previous assessment.
     """
+    means, sigmas = priors
     denied = prior_inflations(joint, means, sigmas)
     for each in denied:
-        joint = each.of(joint)
-        sigmas = (*sigmas[: each.unknown], each.wider_sigma, *sigmas[each.unknown + 1 :])
-    wider = drift.factor
+        joint = joint.inflated(each)
+    sigmas = widened(sigmas, denied)
+    priors = (means, sigmas)
+    wider = 1.0 if drift is None else drift.factor
     delay: tuple[int, ...] = TIMING
-    plain = holding(joint, all_but(delay), means, sigmas, wider)
-    if plain.known_sigma(SharedParameter.DELAY) > DELAY_SHOWN * sigmas[SharedParameter.DELAY]:
+    fixed = held_at_priors(joint, all_but(delay), priors, wider)
+    most = DELAY_OBSERVABLE * (RETAINED if before and SharedParameter.DELAY in before.parameters else 1.0)
+    if fixed.sigma(SharedParameter.DELAY, known=True) > most * sigmas[SharedParameter.DELAY]:
         delay = ()
-        plain = holding(joint, all_but(delay), means, sigmas, wider)
+        fixed = held_at_priors(joint, all_but(delay), priors, wider)
     # Where a wrong prior bent the estimate its innovations lean as well, and say nothing of what wanders.
-    shown = _shown(joint, means, sigmas, delay, 1.0 if denied else drift.shown) if various else ()
-    if not shown:
+    shown = 1.0 if denied or drift is None else drift.shown
+    retained = before.parameters if before is not None else {}
+    observable = _observable(joint, priors, held=all_but(delay), wider=shown, retained=retained) if various else []
+    if not observable:
         status = CalibrationStatus.TIME if delay else CalibrationStatus.WAITING
-        return Assessment(status, plain, plain, False, _told(plain), (), _drifting(plain), denied)
-    heading_held = holding(joint, all_but([*delay, *shown]), means, sigmas, wider).undoubting(SharedParameter.HEADING)
-    free = holding(joint, all_but([*delay, *shown, SharedParameter.HEADING]), means, sigmas, wider)
+        return Assessment(
+            status=status,
+            estimated=fixed,
+            fixed=fixed,
+            contradicted=False,
+            parameters=_parameters(fixed),
+            mount_alone=(),
+            drift=_drifts(fixed),
+            denied=denied,
+            mount_known=_mount_known(joint, priors, delay, shown),
+        )
+    heading = SharedParameter.HEADING
+    heading_held = held_at_priors(joint, all_but([*delay, *observable]), priors, wider, trusted=heading)
+    free = held_at_priors(joint, all_but([*delay, *observable, *NUISANCE]), priors, wider)
+    offset = heading_held.mean[list(observable)] - means[list(observable)]
+    distance2 = float(offset @ solved(heading_held.claimed(observable), offset))
     return Assessment(
-        CalibrationStatus.CALIBRATED,
-        free,
-        plain,
-        contradicted=_distance2(heading_held, shown, means) > CONTRADICTION,
-        told=_told(free) | _with_heading(free, down),
-        mount_alone=tuple((free.mean(i), free.sigma(i)) for i in MOUNT),
-        drifting=_drifting(free),
+        status=CalibrationStatus.CALIBRATED,
+        estimated=free,
+        fixed=fixed,
+        contradicted=distance2 > CONTRADICTION,
+        parameters=_parameters(free) | _with_heading(free, down),
+        mount_alone=tuple((float(free.mean[i]), free.sigma(i)) for i in MOUNT_AXES),
+        drift=_drifts(free),
         denied=denied,
     )
 
 
-def _told(free: ConstrainedEstimate) -> dict[int, tuple[float, float]]:
-    let_go = [i for i in range(COMMON_COUNT) if i not in free.held and i not in CONSIDERED]
-    return {i: (free.mean(i), free.sigma(i)) for i in let_go}
+def widened(sigmas: Array, denied: Collection[PriorInflation]) -> Array:
+    """The sigmas with the contradicted ones widened."""
+    sigmas = sigmas.copy()
+    for each in denied:
+        sigmas[each.parameter] = each.wider_sigma
+    return sigmas
+
+
+def _parameters(free: ConstrainedEstimate) -> dict[int, tuple[float, float]]:
+    estimated = [i for i in range(SHARED_COUNT) if i not in free.held and i not in POSITION]
+    return {i: (float(free.mean[i]), free.sigma(i)) for i in estimated}
 
 
 def _with_heading(free: ConstrainedEstimate, down: Vector3) -> dict[int, tuple[float, float]]:
-    """The mount with the heading's error in it, which turns about down.
+    """The mount with the heading's error in it, a rotation about down.
 
-    R(true) Exp(c) = R(told) Exp(c - heading down), to first order, with down in the body.
+    R(true) Exp(c) = R(reported) Exp(c - heading down), to first order, with down in the body.
     """
-    told: dict[int, tuple[float, float]] = {}
-    for axis, share in zip(MOUNT, down, strict=True):
-        (cc, ch), (_, hh) = free.claimed((axis, SharedParameter.HEADING))
-        mean = free.mean(axis) - share * free.mean(SharedParameter.HEADING)
-        told[axis] = (mean, sqrt(max(0.0, cc - 2.0 * share * ch + share * share * hh)))
-    return told
+    found: dict[int, tuple[float, float]] = {}
+    for axis, share in zip(MOUNT_AXES, down, strict=True):
+        by = np.array((1.0, -share))
+        pair = (axis, SharedParameter.HEADING)
+        variance = float(by @ free.claimed(pair) @ by)
+        found[axis] = (float(by @ free.mean[list(pair)]), float(np.sqrt(max(0.0, variance))))
+    return found
 
 
-def _drifting(free: ConstrainedEstimate) -> dict[int, Symmetric2]:
-    drifting = {}
-    for track in free.joint.tracks:
-        place = free.joint.place_of(track) or 0
-        (nn, ne), (_, ee) = free.drifting((place, place + 1))
-        drifting[track] = (nn, ne, ee)
-    return drifting
+def _drifts(free: ConstrainedEstimate) -> dict[int, Array]:
+    places = ((track, SHARED_COUNT + 2 * k) for k, track in enumerate(free.joint.tracks))
+    return {track: free.drift[place : place + 2, place : place + 2] for track, place in places}
 
 
-def _shown(
-    joint: JointFilter, means: tuple[float, ...], sigmas: tuple[float, ...], delay: Sequence[int], wider: float
-) -> tuple[int, ...]:
-    """Of mount and height what the flight has shown, heading taken as right; those without any prior are not asked."""
-    for group in ((*MOUNT, SharedParameter.HEIGHT), MOUNT):
-        asked = tuple(i for i in group if sigmas[i] > 0.0)
-        held = holding(joint, all_but([*delay, *asked]), means, sigmas, wider)
-        if asked and all(held.known_sigma(i) <= MOUNT_SHOWN * sigmas[i] for i in asked):
-            return asked
-    return ()
+def _observable(
+    joint: JointFilter,
+    priors: tuple[Array, Array],
+    *,
+    held: Collection[int],
+    wider: float,
+    retained: Collection[int],
+) -> list[int]:
+    """The observable ones of mount and height, heading taken as right; those without any prior are not tested."""
+    for group in ((*MOUNT_AXES, SharedParameter.HEIGHT), MOUNT_AXES):
+        tested = [int(i) for i in group if priors[1][i] > 0.0]
+        most = {i: MOUNT_OBSERVABLE * (RETAINED if i in retained else 1.0) for i in tested}
+        free = held_at_priors(joint, [i for i in held if i not in tested], priors, wider)
+        if tested and all(free.sigma(i, known=True) <= most[i] * priors[1][i] for i in tested):
+            return tested
+    return []
 
 
-def _distance2(held: ConstrainedEstimate, shown: Sequence[int], means: tuple[float, ...]) -> float:
-    """Squared Mahalanobis distance of what was shown from what was configured."""
-    cov = held.claimed(shown)
-    offset = [held.mean(i) - means[i] for i in shown]
-    return sum(a * b for a, b in zip(offset, solved(cholesky(cov), offset), strict=True))
+def _mount_known(joint: JointFilter, priors: tuple[Array, Array], delay: Collection[int], wider: float) -> float:
+    held = held_at_priors(joint, all_but([*delay, *MOUNT_AXES]), priors, wider)
+    shares = [held.sigma(i, known=True) / priors[1][i] for i in MOUNT_AXES if priors[1][i] > 0.0]
+    return min(1.0, max(shares, default=1.0))
+
+
+def _symmetric(cov: Array) -> Symmetric2:
+    return (float(cov[0, 0]), float(cov[0, 1]), float(cov[1, 1]))
+
+
+def believed(
+    assessment: Assessment | None, priors: tuple[Array, Array], stamp_sigma_s: float
+) -> tuple[list[float], list[float]]:
+    """Mean and one sigma of each shared parameter.
+
+    ``stamp_sigma_s``: open instant of the attitude stamps. Attitudes that are all as late make targets no worse, but
+    the camera seem early.
+    """
+    means, sigmas = priors[0].tolist(), priors[1].tolist()
+    if assessment is not None:
+        for i, (mean, sigma) in assessment.parameters.items():
+            late_s = STEADY * stamp_sigma_s if i == SharedParameter.DELAY else 0.0
+            means[i], sigmas[i] = mean, float(np.hypot(sigma, late_s)) if late_s else sigma
+    return means, sigmas
+
+
+def worth_keeping(assessment: Assessment | None, stamp_sigma_s: float = 0.0) -> KeptCalibration | None:
+    """The calibration for the next flight, whose attitudes may be stamped otherwise; None while there is none."""
+    if assessment is None or assessment.status is not CalibrationStatus.CALIBRATED:
+        return None
+    found = assessment.parameters
+    if not all(i in found for i in (SharedParameter.DELAY, *MOUNT_AXES)):
+        return None
+    x, y, z = assessment.mount_alone
+    delay_s, sigma_s = found[SharedParameter.DELAY]
+    return KeptCalibration(
+        time_offset_s=delay_s,
+        time_offset_sigma_s=float(np.hypot(sigma_s, STEADY * stamp_sigma_s)),
+        mount=(x[0], y[0], z[0]),
+        mount_sigma=(x[1], y[1], z[1]),
+    )

@@ -1,116 +1,158 @@
-"""What of self-calibration never changes in a flight: priors, the delays to try, and whom to ask for states."""
+"""The constants of a flight's self-calibration: priors, hypotheses of the delay, and the source of vehicle states."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import hypot
+from math import ceil, hypot
 
-from fwav_companion.geometry.stamps import BootNs, ns_from_s
-from fwav_companion.self_calibration.delayed_poses import DelayedPoses, StateAt, delayed_poses
-from fwav_companion.self_calibration.filter_pass import FilterPass
+import msgspec
+import numpy as np
+
+from fwav_companion.geometry.stamps import BootNs, ns_from_s, s_from_ns
+from fwav_companion.self_calibration.arrays import Array
+from fwav_companion.self_calibration.calibration_report import KeptCalibration, SharedParameter
+from fwav_companion.self_calibration.delayed_poses import StateAt, delayed_poses
+from fwav_companion.self_calibration.filter_pass import FilterPass, filter_pass
 from fwav_companion.self_calibration.innovation_consistency import drift_of
-from fwav_companion.self_calibration.joint_filter import JointFilter, joint_of
-from fwav_companion.self_calibration.pixel_measurement import COMMON_COUNT, SharedParameter, pixel_measurement
-from fwav_companion.self_calibration.prepared_measurement import PreparedMeasurement, compared
-from fwav_companion.self_calibration.rate_denoiser import SPAN_S, SmoothedMotion, slow_between
-from fwav_companion.self_calibration.report import KeptCalibration
+from fwav_companion.self_calibration.joint_filter import JointFilter, joint_filter
+from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, MeasurementBatch, measurement_batch
+from fwav_companion.self_calibration.rate_denoiser import SPAN_S, SmoothedMotion, smoothed_between
 from fwav_companion.types import Bias, ErrorPriors, GroundFix, Unpaired, VehicleState
+from fwav_companion.types.tracks import GateResult
 
-NO_TRACK = 0
 DELAY_STEP_S = 0.015
-"""Between two hypotheses: a fifth of a beat at 15 Hz, so one of them is always in the linear range."""
+"""Interval of the hypotheses: a fifth of a beat at 15 Hz, so one of them is always in the linear range."""
 STEP_SIGMA_S = 0.6 * DELAY_STEP_S
-"""How far a hypothesis may move: what lies beyond half a step is the next one's."""
+"""One sigma of a hypothesis: what lies beyond half a step belongs to the next one."""
 SEARCH_SIGMAS = 3.0
-MOST_REMEMBERED = 64
-"""Fixes: those of a frame and more."""
+NO_TRACK = 0
+KNOT_S = 0.012
+"""Interval at which states within the readout of a frame are requested. Extrapolated by half of it with linear rates, a
+beat of 5 degrees at 5 Hz errs by 0.006 degrees, at 10 Hz by 0.05: half of an attitude's own noise."""
 
 
 class CalibrationContext:
-    """What never changes: the priors, the delays to try, and whom to ask for the vehicle's states."""
+    """The constants: priors, hypotheses of the delay, and the source of vehicle states."""
 
     def __init__(self, priors: ErrorPriors, state_at: StateAt | None, kept: KeptCalibration | None = None) -> None:
         self.priors = priors
         self.state_at = state_at
         self.kept = kept
-        self._remembered: tuple[tuple[int, tuple[float, ...]], DelayedPoses] | None = None
-        self._compared: dict[int, tuple[GroundFix, PreparedMeasurement | None]] = {}
-        self._compared_by: tuple[float, JointFilter] | None = None
-        self.means, self.sigmas = _prior(priors, kept)
-        reach = SEARCH_SIGMAS * self.sigmas[SharedParameter.DELAY]
+        self.shared_priors = _shared_priors(priors, kept)
+        """Means and one sigma of the shared parameters."""
+        self.means, self.sigmas = self.shared_priors
+        self.delay_s = float(self.means[SharedParameter.DELAY])
+        """Expected delay before any measurement."""
+        reach = SEARCH_SIGMAS * float(self.sigmas[SharedParameter.DELAY])
         steps = int(reach / DELAY_STEP_S + 0.5) if state_at is not None else 0
-        middle = self.means[SharedParameter.DELAY]
-        self.delays = tuple(middle + i * DELAY_STEP_S for i in range(-steps, steps + 1))
+        self.delays = tuple(self.delay_s + i * DELAY_STEP_S for i in range(-steps, steps + 1))
+        # The newest frame: its fixes, their measurements at a delay, and their gates for a joint estimate.
+        self._frame: tuple[GroundFix, ...] = ()
+        self._batch: tuple[float, MeasurementBatch] | None = None
+        self._gates: tuple[JointFilter, list[list[float]], list[list[float]]] | None = None
 
-    def unlearned(self) -> CalibrationContext:
-        """The same without what an earlier flight found."""
+    def without_kept(self) -> CalibrationContext:
+        """The same without the calibration of an earlier flight."""
         return CalibrationContext(self.priors, self.state_at)
 
-    def course(self, nominal: VehicleState, delays_s: tuple[float, ...]) -> DelayedPoses:
-        """The vehicle about a capture. Remembers the last one: the sightings of a frame mostly share it."""
-        key = (nominal.boot_ns, delays_s)
-        if self._remembered is None or self._remembered[0] != key:
-            self._remembered = (key, delayed_poses(nominal, delays_s, self.state_at))
-        return self._remembered[1]
+    @property
+    def searches(self) -> bool:
+        """Whether there is more than one hypothesis of the delay."""
+        return len(self.delays) > 1
 
-    def slow(self, nominal: VehicleState, delay_s: float) -> SmoothedMotion:
-        """The mean motion about a delay; none where the states that tell it are not known."""
+    def batch(self, fixes: Sequence[tuple[int, GroundFix]], delay_s: float | None) -> MeasurementBatch:
+        """The measurements of fixes close in time by track, with poses at the delay, or at all hypotheses."""
+        states = [fix.sighting.state for _, fix in fixes]
+        poses = delayed_poses(states, self._grid(states, delay_s), self.state_at)
+        return measurement_batch(fixes, poses, [0.0] * len(fixes))
+
+    def _grid(self, states: Sequence[VehicleState], delay_s: float | None) -> list[float]:
+        """Delays before the first capture at which the states of all captures are requested."""
+        stamps = [state.boot_ns for state in states]
+        span_s = s_from_ns(max(stamps) - min(stamps))
+        if delay_s is None:
+            more = int(span_s / DELAY_STEP_S + 0.5)
+            return [self.delays[0] - k * DELAY_STEP_S for k in range(more, 0, -1)] + list(self.delays)
+        distinct = sorted(set(stamps))
+        knots = ceil(span_s / KNOT_S)
+        if len(distinct) <= knots + 1:
+            return [delay_s - s_from_ns(stamp - distinct[0]) for stamp in reversed(distinct)]
+        return [delay_s - k * span_s / max(1, knots) for k in range(knots, -1, -1)]
+
+    def expect(self, fixes: Sequence[GroundFix]) -> None:
+        """Remember the fixes of a frame: they are gated and measured as one batch."""
+        self._frame, self._batch, self._gates = tuple(fixes), None, None
+
+    def gate(self, fix: GroundFix, place: int, delay_s: float, joint: JointFilter) -> GateResult:
+        """Gating statistics of a fix against the target at this place of a joint estimate."""
+        index = self._index(fix)
+        if index is None:
+            self.expect([fix])
+            index = 0
+        if self._batch is None or self._batch[0] != delay_s:
+            self._batch = (delay_s, self.batch([(NO_TRACK, each) for each in self._frame], delay_s))
+        if self._gates is None or self._gates[0] is not joint:
+            nis, log_det = joint.gates(self._batch[1])
+            self._gates = (joint, nis.tolist(), log_det.tolist())
+        return GateResult(self._gates[1][place][index], self._gates[2][place][index])
+
+    def prepared(self, fixes: Sequence[tuple[int, GroundFix]], delay_s: float | None) -> MeasurementBatch | None:
+        """The measurements of fixes that were gated with complete poses; None: not yet."""
+        if self._batch is None or self._batch[0] != delay_s or self.state_at is None:
+            return None
+        index = [self._index(fix) for _, fix in fixes]
+        states = [fix.sighting.state for fix in self._frame]
+        if None in index or self._batch[1].poses.delay_s.shape[1] < len(self._grid(states, delay_s)):
+            return None
+        batch = self._batch[1].take([i for i in index if i is not None])
+        return msgspec.structs.replace(batch, tracks=tuple(track for track, _ in fixes))
+
+    def _index(self, fix: GroundFix) -> int | None:
+        return next((i for i, each in enumerate(self._frame) if each is fix), None)
+
+    def smoothed_motion(self, nominal: VehicleState, delay_s: float) -> SmoothedMotion:
+        """The mean motion around a delay; zero where the states around it are not known."""
         half_ns, middle_ns = ns_from_s(0.5 * SPAN_S), nominal.boot_ns - ns_from_s(delay_s)
         if self.state_at is None:
             return SmoothedMotion()
         before, after = self.state_at(BootNs(middle_ns - half_ns)), self.state_at(BootNs(middle_ns + half_ns))
-        return (
-            SmoothedMotion()
-            if isinstance(before, Unpaired) or isinstance(after, Unpaired)
-            else slow_between(before, after)
-        )
+        if isinstance(before, Unpaired) or isinstance(after, Unpaired):
+            return SmoothedMotion()
+        return smoothed_between(before, after)
 
-    @property
-    def searches(self) -> bool:
-        """There is more than one delay to try."""
-        return len(self.delays) > 1
+    def bank(self) -> FilterPass:
+        """A pass with one hypothesis for each delay, each with a prior as wide as their interval."""
+        points = np.tile(self.means, (len(self.delays), 1))
+        points[:, SharedParameter.DELAY] = self.delays
+        return self._hypotheses(points, {})
 
-    def compared(self, fix: GroundFix, delay_s: float, joint: JointFilter) -> PreparedMeasurement | None:
-        """A fix as this estimate sees it. Remembers those of a frame: many tracks are asked about each."""
-        by = self._compared_by
-        if by is None or by[0] != delay_s or by[1] is not joint or len(self._compared) >= MOST_REMEMBERED:
-            self._compared_by, self._compared = (delay_s, joint), {}
-        remembered = self._compared.get(id(fix))
-        if remembered is None or remembered[0] is not fix:
-            glimpse = pixel_measurement(NO_TRACK, fix, self.course(fix.sighting.state, (delay_s,)), 0.0)
-            remembered = self._compared[id(fix)] = (fix, compared(joint, glimpse))
-        return remembered[1]
+    def trials(self, ended: JointFilter) -> FilterPass:
+        """A pass about the end of another, as free to move."""
+        points = ended.mean[:, :SHARED_COUNT].copy()
+        points[:, SharedParameter.NORTH :] = 0.0
+        return self._hypotheses(points, ended.targets)
 
-    def bank(self) -> tuple[FilterPass, ...]:
-        """A fit a delay, each with a prior as wide as the step between them."""
-        return tuple(self.fit((delay,), STEP_SIGMA_S) for delay in self.delays)
+    def served_pass(self, point: Array, hints: dict[int, Array] | None = None) -> FilterPass:
+        """A pass about one linearization point, by the priors of the configuration."""
+        joint = joint_filter(self.priors, self.sigmas, self.means[None], point[None])
+        return filter_pass(joint, hints or {}, drift_of(self.priors))
 
-    def trial(self, ended: JointFilter) -> FilterPass:
-        """A fit about where another ended, as free to move."""
-        return self.fit((*ended.mean[: SharedParameter.NORTH], 0.0, 0.0), STEP_SIGMA_S, ended.places)
-
-    def fit(
-        self,
-        around: Sequence[float],
-        delay_sigma: float | None = None,
-        hints: dict[int, tuple[float, float]] | None = None,
-    ) -> FilterPass:
-        """A fresh fit about a point of linearization; with a sigma, about that delay only."""
-        full = (*around, *self.means[len(around) :])
-        means, sigmas = self.means, self.sigmas
-        if delay_sigma is None:
-            return FilterPass(joint_of(self.priors, sigmas, means, full), hints or {}, drift=drift_of(self.priors))
-        means = (around[SharedParameter.DELAY], *means[1:])
-        sigmas = (delay_sigma, *sigmas[1:])
-        return FilterPass(joint_of(self.priors, sigmas, means, full), hints or {})
+    def _hypotheses(self, points: Array, hints: dict[int, Array]) -> FilterPass:
+        means, sigmas = np.tile(self.means, (len(points), 1)), self.sigmas.copy()
+        means[:, SharedParameter.DELAY], sigmas[SharedParameter.DELAY] = points[:, SharedParameter.DELAY], STEP_SIGMA_S
+        return filter_pass(joint_filter(self.priors, sigmas, means, points), hints)
 
 
-def _prior(priors: ErrorPriors, kept: KeptCalibration | None) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Means and sigmas by Common. The autopilot's own constant roll and pitch errors are part of the correction."""
+def _shared_priors(priors: ErrorPriors, kept: KeptCalibration | None) -> tuple[Array, Array]:
+    """Means and one sigma of the shared parameters. The autopilot's constant roll and pitch errors are part of the
+    mount's correction.
+    """
     b = priors.bias_sigmas
     mount = (hypot(b[Bias.MOUNT_X], b[Bias.ROLL]), hypot(b[Bias.MOUNT_Y], b[Bias.PITCH]), b[Bias.MOUNT_Z])
     rest = (b[Bias.HEADING], b[Bias.HEIGHT], b[Bias.READOUT], b[Bias.POSITION_NORTH], b[Bias.POSITION_EAST])
-    zero = (0.0,) * COMMON_COUNT
+    place = (b[Bias.POSITION_DELAY], b[Bias.LEVER_X], b[Bias.LEVER_Y], b[Bias.LEVER_Z])
+    means = np.zeros(SHARED_COUNT)
     if kept is None:
-        return zero, (b[Bias.TIME_OFFSET], *mount, *rest)
-    return (kept.time_offset_s, *kept.mount, *zero[4:]), (kept.time_offset_sigma_s, *kept.mount_sigma, *rest)
+        return means, np.array((b[Bias.TIME_OFFSET], *mount, *rest, *place))
+    means[: SharedParameter.HEADING] = (kept.time_offset_s, *kept.mount)
+    return means, np.array((kept.time_offset_sigma_s, *kept.mount_sigma, *rest, *place))

@@ -1,11 +1,11 @@
-"""Self-calibration: the camera's delay, its mount and the height, from targets that are seen again and again.
+"""Self-calibration: the camera's delay, its mount and the height, from targets that are seen repeatedly.
 
 It runs a little behind the frames, so that the vehicle's states around each capture are known. First the delay is
-searched for: a bank of joint estimates, one a delay, because a flapping wing is not linear in it. The best of them is
-the point of linearization of a pass over all kept glimpses, and passes are repeated while the estimate settles
-(``passes``). What the flight has not shown is held at its prior (``answer``).
+searched: a bank of joint estimates, one for each delay, because a flapping wing is not linear in it. The best one is
+the linearization point of a pass over all kept measurements, and passes are repeated while the estimate settles
+(``relinearization``). Parameters that the flight has not shown are held at their priors (``assessment``).
 
-Immutable but for :class:`CalibrationContext`, which holds what never changes.
+Immutable except for :class:`CalibrationContext`, which holds the constants.
 """
 
 from __future__ import annotations
@@ -15,133 +15,153 @@ from math import hypot
 
 import msgspec
 
-from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs, ns_from_s
-from fwav_companion.self_calibration.assessment import Assessment, CalibratedPlace, CalibrationStatus, assessed
+from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, BootNs, HostNs, ns_from_s
+from fwav_companion.self_calibration.assessment import (
+    Assessment,
+    CalibratedPlace,
+    assessed,
+    believed,
+    worth_keeping,
+)
 from fwav_companion.self_calibration.calibration_context import DELAY_STEP_S, CalibrationContext
+from fwav_companion.self_calibration.calibration_report import (
+    CalibrationReport,
+    CalibrationStatus,
+    PriorInflation,
+    SharedParameter,
+)
 from fwav_companion.self_calibration.delay_search import UNEXPLAINED, DelaySearch, FoundDelay, NoDelay, delay_search
-from fwav_companion.self_calibration.delayed_poses import DelayedPoses, VehiclePose, vehicle_pose
-from fwav_companion.self_calibration.innovation_consistency import InnovationConsistency
-from fwav_companion.self_calibration.measurement_queue import DelayedMeasurement, MeasurementQueue, Taken, most_taken
+from fwav_companion.self_calibration.measurement_queue import DelayedMeasurement, MeasurementQueue
+from fwav_companion.self_calibration.missing import missing_before_assessment, missing_of
 from fwav_companion.self_calibration.mount_check import NAMED, MountCheck
-from fwav_companion.self_calibration.observability import MOUNT
-from fwav_companion.self_calibration.pixel_measurement import PixelMeasurement, SharedParameter, pixel_measurement
-from fwav_companion.self_calibration.prior_inflation import PriorInflation
+from fwav_companion.self_calibration.observability import MOUNT_AXES
+from fwav_companion.self_calibration.pixel_measurement import MeasurementBatch, joined
 from fwav_companion.self_calibration.rate_denoiser import SPAN_S, RateDenoiser
 from fwav_companion.self_calibration.relinearization import Relinearization
-from fwav_companion.self_calibration.report import CalibrationReport, believed, worth_keeping
 from fwav_companion.self_calibration.view_geometry import ViewGeometry
-from fwav_companion.types import GroundFix, VehicleState
+from fwav_companion.types import GroundFix, Unpaired, VehicleState
 from fwav_companion.types.tracks import GateResult
 
-SEARCH_A_FRAME = 2
-"""Glimpses that the search takes of one frame: each costs a step of every hypothesis."""
+MOST_TARGETS = 30
+"""Targets of the joint estimate: three determine everything that ten do, and a search keeps 20 covariances of them."""
 SEARCH_PAUSE_NS = 20 * NS_PER_S
-"""After a search in vain: it costs as much as ten targets do."""
+"""Pause after a search without result: a search costs as much as ten targets do."""
 LAG_S = 0.06
-"""Behind the newest frame, beside the delays that are asked for: attitudes beyond them must have come."""
-
+"""Lag behind the newest frame, beyond the delays of the hypotheses: later attitudes must have arrived."""
 JUDGED_EVERY_NS = 300 * NS_PER_MS
-"""What a flight has shown changes in seconds; judging it costs as much as ten glimpses."""
+"""Interval of assessments: what a flight has shown changes in seconds."""
 PLACED_EVERY_NS = 90 * NS_PER_MS
-"""Where a target stands changes by millimetres meanwhile."""
+"""Interval of the targets' places: they change by millimetres meanwhile."""
 
 
 class Calibrator(msgspec.Struct, frozen=True):
     """The state of self-calibration. Immutable: each frame gives a new one."""
 
-    shop: CalibrationContext
-    lessons: MeasurementQueue = MeasurementQueue()
+    context: CalibrationContext
+    queue: MeasurementQueue = MeasurementQueue()
     search: DelaySearch | None = None
-    """While the delay is searched for."""
-    vain: NoDelay | None = None
-    """How the last search ended, if it found nothing."""
+    """The search for the delay, while it goes on."""
+    no_delay: NoDelay | None = None
+    """Result of the last search, if it found no delay."""
     replaced: bool = False
-    """What an earlier flight found was denied by this one, and dropped."""
+    """Whether this flight contradicted the calibration of an earlier one, which was dropped."""
     passes: Relinearization = Relinearization()
     views: ViewGeometry = ViewGeometry()
-    turning: RateDenoiser = RateDenoiser()
+    denoiser: RateDenoiser = RateDenoiser()
     stamp_sigma_s: float = 0.0
-    """One sigma of the instant that the stamps of attitudes leave open, by the newest."""
+    """One sigma of the open instant of the newest attitude stamps."""
+    slow_attitude_hz: float | None = None
+    """Rate of the newest attitudes where they distinguish no delay from another; None where they do."""
     idle_until_ns: HostNs = HostNs(0)
-    """After a search that found nothing."""
-    verdict: Assessment | None = None
-    """What of the served estimate may be believed."""
+    """End of the pause after a search without result."""
+    assessment: Assessment | None = None
+    """Assessment of the served estimate."""
     judged_ns: HostNs = HostNs(0)
-    """When that was last asked."""
+    """Instant of that assessment."""
     places: dict[int, CalibratedPlace] = {}
-    """By it, by track."""
+    """Targets by it, by track."""
     placed_ns: HostNs = HostNs(0)
-    """When they were last worked out."""
-    suspicion: MountCheck = MountCheck()
+    """Instant of those."""
+    mount_check: MountCheck = MountCheck()
     host_ns: HostNs = HostNs(0)
 
-    def learned(
+    def updated(
         self,
         host_ns: HostNs,
         seen: Sequence[GroundFix],
         fixes: Sequence[tuple[int, GroundFix]],
         alive: Collection[int],
     ) -> Calibrator:
-        """After a frame with all that was ``seen``; ``fixes`` by track; ``alive``: all tracks there are."""
-        suspicion = self.suspicion.seen(seen, self._stood)
-        if suspicion.text and not self._explained:
-            return Calibrator(self.shop, host_ns=host_ns, suspicion=suspicion, replaced=self.replaced)
-        due, lessons = self.lessons.with_frame(host_ns, fixes).due(HostNs(host_ns - ns_from_s(self._lag_s())))
-        state = msgspec.structs.replace(self, lessons=lessons, host_ns=host_ns, suspicion=suspicion)._forgotten(alive)
-        for lesson in due:
-            if lesson.host_ns >= state.idle_until_ns:
-                state = state._taught(lesson, alive)
-        return state._searched_on()._passed_on()._judged()
+        """The state after a frame with all fixes ``seen``; ``fixes`` by track; ``alive``: all live tracks."""
+        mount_check = self.mount_check.seen(seen, self._state_at_capture, self.delay_s or 0.0)
+        if mount_check.text and not self._explained:
+            return Calibrator(self.context, host_ns=host_ns, mount_check=mount_check, replaced=self.replaced)
+        frame = DelayedMeasurement(host_ns, tuple(fixes), self.context.prepared(fixes, self.delay_s))
+        due, queue = self.queue.with_frame(frame).due(HostNs(host_ns - ns_from_s(self._lag_s())))
+        state = msgspec.structs.replace(self, queue=queue, host_ns=host_ns, mount_check=mount_check)._only(alive)
+        teaching = state._teaching(alive)
+        for frames in due:
+            if frames[0].host_ns >= state.idle_until_ns:
+                state = state._with_frames(frames, teaching)
+        return state._searched()._passed()._assessed()
 
     @property
     def delay_s(self) -> float | None:
-        """The delay about which glimpses are taken, once it was found."""
+        """Delay of the poses of new measurements, once it was found."""
         return self.passes.delay_s
 
+    def expect(self, fixes: Sequence[GroundFix]) -> None:
+        """Announce the fixes of a frame that are going to be gated."""
+        self.context.expect(fixes)
+
     def placed(self, track: int) -> CalibratedPlace | None:
-        """Where a target stands; None while that is not known here."""
+        """A target by the joint estimate; None while that does not hold it."""
         return self.places.get(track)
 
     @property
     def mistake(self) -> str:
-        """What is grossly wrong with the mount, as a sentence; empty: nothing. Nothing is estimated then."""
-        return "" if self._explained else self.suspicion.text
+        """Gross mistake of the mount, as a sentence; empty where there is none. Nothing is estimated meanwhile."""
+        return "" if self._explained else self.mount_check.text
 
     @property
     def misplaced_m(self) -> float:
-        """How far off all places may be told, by a mount that explains what was seen better: one sigma an axis."""
-        found = self.suspicion.mistake
+        """Error of all published places by a mount that explains the sights better: one sigma an axis."""
+        found = self.mount_check.mistake
         return 0.0 if found is None or self._explained else found.misplaced_m
 
     @property
     def _explained(self) -> bool:
-        """Self-calibration explains the flight by a mount not grossly off: a large delay scatters sights, too."""
-        if self.verdict is None or self.verdict.status is not CalibrationStatus.CALIBRATED:
+        """Whether self-calibration explains the flight without a gross mistake: a large delay scatters sights, too."""
+        if self.assessment is None or not self.is_calibrated:
             return False
-        return not self.suspicion.text or hypot(*(self.verdict.told[i][0] for i in MOUNT)) < NAMED
+        return not self.mount_check.text or hypot(*(self.assessment.parameters[i][0] for i in MOUNT_AXES)) < NAMED
 
     @property
     def denied(self) -> tuple[PriorInflation, ...]:
-        """Priors of the configuration that this flight denies."""
-        return () if self.verdict is None else self.verdict.denied
+        """Priors of the configuration that this flight contradicts."""
+        return () if self.assessment is None else self.assessment.denied
+
+    @property
+    def is_calibrated(self) -> bool:
+        """Whether delay and mount are known: the joint estimate is then the answer for every target that it holds."""
+        return self.assessment is not None and self.assessment.status is CalibrationStatus.CALIBRATED
 
     @property
     def mount_off(self) -> float:
-        """How far from the configured mount the true one may be, rad: what was found, and two sigma of the rest."""
-        means, sigmas = believed(self.verdict, self.shop.means, self.shop.sigmas, self.stamp_sigma_s)
-        return hypot(*(means[i] for i in MOUNT)) + 2.0 * max(sigmas[i] for i in MOUNT)
+        """Largest likely error of the configured mount, rad: the estimate, and two sigma of the rest."""
+        means, sigmas = believed(self.assessment, self.context.shared_priors, self.stamp_sigma_s)
+        return hypot(*(means[i] for i in MOUNT_AXES)) + 2.0 * max(sigmas[i] for i in MOUNT_AXES)
 
     def gate(self, track: int, fix: GroundFix) -> GateResult | None:
-        """How little a fix was expected of a target that stands in the joint estimate; None: it does not."""
+        """Gating statistics of a fix against a target of the joint estimate; None where it holds no such target."""
         served = self.passes.served
-        if served is None or self.delay_s is None:
+        if served is None or self.delay_s is None or track not in served.joint.tracks:
             return None
-        comparison = self.shop.compared(fix, self.delay_s, served.joint)
-        return None if comparison is None else comparison.gate(track)
+        return self.context.gate(fix, served.joint.tracks.index(track), self.delay_s, served.joint)
 
     def report(self) -> CalibrationReport:
-        """What is known now."""
-        means, sigmas = believed(self.verdict, self.shop.means, self.shop.sigmas, self.stamp_sigma_s)
+        """The present state of self-calibration."""
+        means, sigmas = believed(self.assessment, self.context.shared_priors, self.stamp_sigma_s)
         return CalibrationReport(
             host_ns=self.host_ns,
             time_offset_s=means[SharedParameter.DELAY],
@@ -150,145 +170,174 @@ class Calibrator(msgspec.Struct, frozen=True):
             mount_sigma=(sigmas[1], sigmas[2], sigmas[3]),
             height_m=means[SharedParameter.HEIGHT],
             height_sigma_m=sigmas[SharedParameter.HEIGHT],
-            status=self._status(),
-            rivals=() if self.vain is None else self.vain.rivals,
+            status=self._status,
+            reason=self._missing,
+            alternatives=() if self.no_delay is None else self.no_delay.alternatives,
             mistake=self.mistake,
             denied=self.denied,
             replaced=self.replaced,
-            keep=worth_keeping(self.verdict, self.stamp_sigma_s),
+            keep=worth_keeping(self.assessment, self.stamp_sigma_s),
         )
 
+    @property
     def _status(self) -> CalibrationStatus:
-        if self.verdict is not None:
-            return self.verdict.status
-        return CalibrationStatus.WAITING if self.vain is None else self.vain.status
+        if self.assessment is not None:
+            return self.assessment.status
+        return CalibrationStatus.WAITING if self.no_delay is None else self.no_delay.status
+
+    @property
+    def _missing(self) -> str | None:
+        if self.mistake:
+            return f"camera mount: {self.mistake}"
+        if self.assessment is None:
+            return missing_before_assessment(self.search, self.no_delay, self.slow_attitude_hz)
+        return missing_of(self.assessment, self.context.priors, various=self.views.various)
 
     def restarted(self) -> Calibrator:
-        """After every target was dropped: what the flight has taught is kept, as a prior."""
-        keep = worth_keeping(self.verdict, self.stamp_sigma_s)
-        shop = self.shop if keep is None else CalibrationContext(self.shop.priors, self.shop.state_at, keep)
-        return Calibrator(shop, host_ns=self.host_ns, suspicion=self.suspicion, replaced=self.replaced)
+        """The state after every target was dropped: the calibration stays, as a prior."""
+        keep = worth_keeping(self.assessment, self.stamp_sigma_s)
+        context = self.context
+        if keep is not None:
+            context = CalibrationContext(context.priors, context.state_at, keep)
+        return Calibrator(context, host_ns=self.host_ns, mount_check=self.mount_check, replaced=self.replaced)
 
     # Each step returns the next state.
 
     def _lag_s(self) -> float:
-        earliest = min(self.shop.delays) if self.delay_s is None else self.delay_s
+        earliest = min(self.context.delays) if self.delay_s is None else self.delay_s
         return LAG_S + 0.5 * SPAN_S + max(0.0, -earliest)
 
-    def _forgotten(self, alive: Collection[int]) -> Calibrator:
+    def _only(self, alive: Collection[int]) -> Calibrator:
         """Without the tracks that ended."""
-        gone = self.passes.gone(alive)
+        gone = self.passes.tracks.difference(alive)
         if not gone:
             return self
         search = None if self.search is None else self.search.without(gone, self.passes.kept)
         return msgspec.structs.replace(self, search=search, passes=self.passes.only(alive))
 
-    def _course(self, nominal: VehicleState) -> DelayedPoses:
-        return self.shop.course(nominal, self.shop.delays if self.delay_s is None else (self.delay_s,))
+    def _teaching(self, alive: Collection[int]) -> set[int]:
+        """The tracks that are measured: those of the estimate, then the oldest of the others."""
+        known = self.passes.tracks.intersection(alive)
+        others = sorted(set(alive) - known)
+        return {*known, *others[: max(0, MOST_TARGETS - len(known))]}
 
-    def _stood(self, nominal: VehicleState) -> VehiclePose:
-        """The vehicle at a capture, by the delay that was found, if one was."""
-        if self.delay_s is None:
-            return vehicle_pose(nominal, 0.0)
-        return self.shop.course(nominal, (self.delay_s,)).at(self.delay_s)
+    def _state_at_capture(self, nominal: VehicleState) -> VehicleState:
+        """The vehicle at a capture, by the delay if one was found."""
+        if self.delay_s is None or self.context.state_at is None:
+            return nominal
+        state = self.context.state_at(BootNs(nominal.boot_ns - ns_from_s(self.delay_s)))
+        return nominal if isinstance(state, Unpaired) else state
 
-    def _taught(self, lesson: DelayedMeasurement, alive: Collection[int]) -> Calibrator:
-        """With one frame's fixes."""
-        fixes, lessons = self._chosen(lesson, alive)
+    def _with_frames(self, frames: Sequence[DelayedMeasurement], alive: Collection[int]) -> Calibrator:
+        """With the fixes of a few frames as one batch. Attitudes that distinguish no delay from another contribute
+        nothing.
+        """
+        queue, fixes, since_s, batches = (
+            self.queue,
+            list[tuple[int, GroundFix]](),
+            list[float](),
+            list[MeasurementBatch](),
+        )
+        for frame in frames:
+            index, since, queue = queue.taken(frame, alive)
+            fixes += [frame.fixes[i] for i in index]
+            since_s += since
+            if frame.batch is not None and index:
+                batches.append(frame.batch.take(index))
         if not fixes:
             return self
-        first = fixes[0][1].sighting
-        if first.state.stamp_sigma_s > DELAY_STEP_S:  # attitudes that tell no delay from another
-            return self
-        slow = self.shop.slow(
-            first.state, self.shop.means[SharedParameter.DELAY] if self.delay_s is None else self.delay_s
-        )
-        turning = self.turning.with_state(first.state, slow, self.shop.priors.attitude_noise)
-        sigma_s = first.state.stamp_sigma_s
-        state = msgspec.structs.replace(self, lessons=lessons, turning=turning, stamp_sigma_s=sigma_s)
-        for track, fix, since_s in fixes:  # each with a course of its own: rows are captured one after another
-            course = turning.freed_of_noise(self._course(fix.sighting.state), slow)
-            state = state._glimpsed(pixel_measurement(track, fix, course, since_s), state.views.with_fix(fix))
-        return state
+        first = fixes[0][1].sighting.state
+        if first.stamp_sigma_s > DELAY_STEP_S:
+            rate_hz = 1.0 / first.spacing_s if first.spacing_s > 0.0 else 0.0
+            return msgspec.structs.replace(self, slow_attitude_hz=rate_hz)
+        context, found, middle = self.context, self.delay_s, fixes[len(fixes) // 2][1].sighting.state
+        slow = context.smoothed_motion(middle, context.delay_s if found is None else found)
+        denoiser = self.denoiser.with_state(middle, slow, context.priors.attitude_noise)
+        complete = found is not None and sum(len(batch.tracks) for batch in batches) == len(fixes)
+        batch = joined(batches) if complete else context.batch(fixes, found)
+        return msgspec.structs.replace(
+            self,
+            queue=queue,
+            denoiser=denoiser,
+            slow_attitude_hz=None,
+            stamp_sigma_s=middle.stamp_sigma_s,
+            views=self.views.with_fixes([fix for _, fix in fixes]),
+        )._measured(msgspec.structs.replace(batch.since(since_s), poses=denoiser.denoised(batch.poses, slow)))
 
-    def _chosen(self, lesson: DelayedMeasurement, alive: Collection[int]) -> tuple[list[Taken], MeasurementQueue]:
-        """As many of a frame's fixes as it may cost; a search goes on with the targets that it began with."""
-        if self.delay_s is None:
-            known = {glimpse.track for glimpse in self.passes.kept}
-            return self.lessons.taken(lesson, SEARCH_A_FRAME, alive, known)
-        served = self.passes.served
-        most = len(lesson.fixes) if served is None else most_taken(len(served.joint.mean))
-        return self.lessons.taken(lesson, most, alive)
-
-    def _glimpsed(self, glimpse: PixelMeasurement, views: ViewGeometry) -> Calibrator:
-        state = msgspec.structs.replace(self, passes=self.passes.with_glimpse(glimpse), views=views)
+    def _measured(self, batch: MeasurementBatch) -> Calibrator:
+        state = msgspec.structs.replace(self, passes=self.passes.with_batch(batch))
         if state.delay_s is not None:
             return state
-        if not self.shop.searches:
-            return state._found(self.shop.means)
-        search = state.search or delay_search(self.shop)
-        return msgspec.structs.replace(state, search=search.fed(glimpse))
+        if not self.context.searches:
+            return state._found(FoundDelay(self.context.means))
+        return msgspec.structs.replace(state, search=(state.search or delay_search(self.context)).fed(batch))
 
-    def _searched_on(self) -> Calibrator:
-        """A frame further with the search; a delay that is found is where the first pass begins."""
+    def _searched(self) -> Calibrator:
+        """After the search's step of a frame; a delay that is found begins the first pass."""
         if self.search is None:
             return self
         search = self.search.advanced(self.passes.kept)
         match search.result(self.passes.kept):
-            case FoundDelay(around):
-                return self._found(around)
-            case NoDelay() as vain:
-                return self._given_up(vain)
+            case FoundDelay() as found:
+                return self._found(found)
+            case NoDelay() as no_delay:
+                return self._given_up(no_delay)
             case None:
                 return msgspec.structs.replace(self, search=search)
 
-    def _given_up(self, vain: NoDelay) -> Calibrator:
-        """What was kept decides nothing; it says why, and another search is begun after a pause."""
-        if self.shop.kept is not None:
-            return self._begun_anew()
-        pause_ns = HostNs(self.host_ns + SEARCH_PAUSE_NS)
+    def _given_up(self, no_delay: NoDelay) -> Calibrator:
+        """After a search without result; another begins after a pause."""
+        if self.context.kept is not None:
+            return self._begun_again()
         return Calibrator(
-            self.shop,
+            self.context,
             host_ns=self.host_ns,
-            lessons=self.lessons,
-            idle_until_ns=pause_ns,
-            suspicion=self.suspicion,
-            vain=vain,
+            queue=self.queue,
+            idle_until_ns=HostNs(self.host_ns + SEARCH_PAUSE_NS),
+            mount_check=self.mount_check,
+            no_delay=no_delay,
             replaced=self.replaced,
         )
 
-    def _found(self, around: tuple[float, ...]) -> Calibrator:
-        """The delay is settled enough for the first pass."""
-        return msgspec.structs.replace(self, search=None, vain=None, passes=self.passes.begun(self.shop, around))
+    def _found(self, found: FoundDelay) -> Calibrator:
+        passes = self.passes.begun(self.context, found.point)
+        return msgspec.structs.replace(self, search=None, no_delay=None, passes=passes)
 
-    def _passed_on(self) -> Calibrator:
-        """A few glimpses further with a pass, if there is one."""
-        passes = self.passes.advanced(self.shop)
+    def _passed(self) -> Calibrator:
+        passes = self.passes.advanced(self.context)
         return self if passes is self.passes else msgspec.structs.replace(self, passes=passes)
 
-    def _judged(self) -> Calibrator:
-        """Let go what is shown, hold the rest."""
+    def _assessed(self) -> Calibrator:
+        """With a new assessment, or newer places, when they are due."""
         served = self.passes.served
         if served is None:
             return self
-        if not served.fits:
+        if not served.fits[0]:
             return self._given_up(UNEXPLAINED)
-        joint, shop, verdict, judged_ns = served.joint, self.shop, self.verdict, self.judged_ns
-        if verdict is None or self.host_ns - judged_ns >= JUDGED_EVERY_NS:
-            views, drift = self.views, served.drift or InnovationConsistency()
-            verdict = assessed(joint, shop.means, shop.sigmas, various=views.various, down=views.down, drift=drift)
+        joint, priors, assessment, judged_ns = served.joint, self.context.shared_priors, self.assessment, self.judged_ns
+        if assessment is None or self.host_ns - judged_ns >= JUDGED_EVERY_NS:
+            views = self.views
+            assessment = assessed(
+                joint, priors, various=views.various, down=views.down, drift=served.drift, before=assessment
+            )
             judged_ns = self.host_ns
-        elif joint is not verdict.free.joint and self.host_ns - self.placed_ns >= PLACED_EVERY_NS:
-            verdict = verdict.about(joint, shop.means)
+        elif self.host_ns - self.placed_ns >= PLACED_EVERY_NS:
+            assessment = assessment.about(joint, priors)
         else:
             return self
-        if self.shop.kept is not None and any(each.unknown != SharedParameter.HEIGHT for each in verdict.denied):
-            return self._begun_anew()
-        places, placed_ns = verdict.places(), self.host_ns
-        return msgspec.structs.replace(self, verdict=verdict, places=places, judged_ns=judged_ns, placed_ns=placed_ns)
+        moved = any(each.parameter != SharedParameter.HEIGHT for each in assessment.denied)
+        if self.context.kept is not None and moved:
+            return self._begun_again()
+        return msgspec.structs.replace(
+            self, assessment=assessment, places=assessment.places(), judged_ns=judged_ns, placed_ns=self.host_ns
+        )
 
-    def _begun_anew(self) -> Calibrator:
-        """Somebody moved the camera since it was calibrated: the configuration is a better beginning."""
+    def _begun_again(self) -> Calibrator:
+        """After the camera was moved since it was calibrated: the configuration is a better start."""
         return Calibrator(
-            self.shop.unlearned(), host_ns=self.host_ns, lessons=self.lessons, suspicion=self.suspicion, replaced=True
+            self.context.without_kept(),
+            host_ns=self.host_ns,
+            queue=self.queue,
+            mount_check=self.mount_check,
+            replaced=True,
         )

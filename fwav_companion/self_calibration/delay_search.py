@@ -1,9 +1,9 @@
-"""The search for the camera's delay: a bank of joint estimates, one a delay, and a trial of what they end at.
+"""The search for the camera's delay: a static bank of hypotheses (Magill 1965), and trials about their ends.
 
-A flapping wing is not linear in the delay, so the bank only tells where to look: of two delays a beat apart it may
+A flapping wing is not linear in the delay, so the bank only shows where to look: of two delays a beat apart it may
 prefer the one that happens to lie nearer to one of its own. So each end is fitted again about itself, over everything
-that was kept, until hypotheses are compared and not linearizations. A delay is found when none that can be told from
-it is nearly as likely, the prior counted in.
+that was kept, until hypotheses are compared and not linearizations. A delay is found when no other distinguishable
+delay is nearly as likely, the prior included.
 
 Immutable: each step returns the next state.
 """
@@ -11,59 +11,59 @@ Immutable: each step returns the next state.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from math import copysign, inf, sqrt
+from math import inf
 from typing import TypeAlias
 
 import msgspec
+import numpy as np
 
-from fwav_companion.self_calibration.assessment import CalibrationStatus
+from fwav_companion.self_calibration.arrays import Array
 from fwav_companion.self_calibration.calibration_context import DELAY_STEP_S, CalibrationContext
+from fwav_companion.self_calibration.calibration_report import CalibrationStatus, SharedParameter
 from fwav_companion.self_calibration.filter_pass import FilterPass
-from fwav_companion.self_calibration.pixel_measurement import COMMON_COUNT, PixelMeasurement, SharedParameter
+from fwav_companion.self_calibration.pixel_measurement import MeasurementBatch
 
 LEAST = 40
 MOST = 240
-"""Glimpses: four beats at 30 frames/s, before anything is decided, and when to give up."""
+"""Frames: four beats at 30 frames/s before any decision, and the end of the search."""
 FLAT = 10.0
-"""Of log-likelihood between the best and the worst of a bank; below it nothing shakes, and any delay fits."""
+"""Log-likelihood between the best and the worst of a bank; below it nothing shakes, and any delay fits."""
 EARLY_MARGIN = 10.0
-"""Of log-likelihood with the prior, over the next delay, to be done before MOST: 20 000 to one, for it is asked again
-with every glimpse."""
+"""Log-likelihood with the prior, over the next delay, to decide before MOST: 20 000 to one, because every frame tests
+it again."""
 MARGIN = 4.5
-"""The same at the end: what a prior alone says of a delay three sigma away."""
-LUCK_SIGMAS = 3.0
-"""Of two delays at which the vehicle moves alike one fits better by luck: so much of a difference says nothing."""
+"""The same at the end: what the prior alone says of a delay three sigma away."""
+CHANCE_SIGMAS = 3.0
+"""Of two delays at which the vehicle moves alike one fits better by chance: such a difference says nothing."""
 SHARP_S = 0.0013
-"""One sigma of a delay. Flapping of 5 degrees at 5 Hz shows 0.4 ms after LEAST glimpses and 0.2 ms after
-MOST; the noise of told attitudes (0.1 deg at 50 Hz), which looks like shaking but is none, 2 ms."""
+"""One sigma of a delay. Flapping of 5 degrees at 5 Hz shows 0.4 ms after LEAST frames and 0.2 ms after MOST; the noise
+of reported attitudes (0.1 deg at 50 Hz), which looks like shaking, 2 ms."""
 WIDE_S = 3.0 * DELAY_STEP_S
-"""Where so little shakes, ends nearer than this are one wide peak: what moves slowly does not repeat itself."""
+"""Where so little shakes, ends nearer than this are one wide peak: slow motion does not repeat itself."""
 APART_S = 0.5 * DELAY_STEP_S
 APART_SIGMAS = 3.0
-"""Two ends nearer than this, or than so many of their sigmas together, are one."""
+"""Two ends nearer than this, or than this number of their sigmas together, are one."""
 MOST_TRIALS = 12
 HOPELESS = 100.0
-"""Of log-likelihood behind the best after the first round: linearization costs less than half of it by then."""
+"""Log-likelihood behind the best after the first round: linearization costs less than half of it by then."""
 ROUNDS = 2
 """Over everything kept: the first ends within 3 ms, half a degree of a beat at 15 Hz, the second within the noise."""
-STEPS = 40
-"""Glimpses a frame that all trials take together: as many as the bank does."""
-LEAST_STEP = 3
-"""By each trial, so that it overtakes what goes on coming."""
+STEP = 2
+"""Kept batches that the trials take in each frame, so that they overtake the new ones."""
 
 
 class FoundDelay(msgspec.Struct, frozen=True):
-    """A delay, with what else fits it: where to linearize."""
+    """A delay, with the other parameters that fit it: the linearization point."""
 
-    around: tuple[float, ...]
+    point: Array
 
 
 class NoDelay(msgspec.Struct, frozen=True):
-    """No delay, and why: AMBIGUOUS, UNEXPLAINED, or WAITING, where too little shakes."""
+    """No delay, and the reason: AMBIGUOUS, UNEXPLAINED, or WAITING, where too little shakes."""
 
     status: CalibrationStatus
-    rivals: tuple[float, ...] = ()
-    """Of AMBIGUOUS: delays that explain what was seen about as well as one another, the likeliest first."""
+    alternatives: tuple[float, ...] = ()
+    """Delays that explain the measurements alike (AMBIGUOUS), the most likely first."""
 
 
 Result: TypeAlias = FoundDelay | NoDelay
@@ -71,123 +71,106 @@ UNEXPLAINED = NoDelay(CalibrationStatus.UNEXPLAINED)
 
 
 class DelaySearch(msgspec.Struct, frozen=True):
-    """A search on its way."""
+    """A search in progress."""
 
-    shop: CalibrationContext
-    bank: tuple[FilterPass, ...]
-    trials: tuple[FilterPass, ...] = ()
+    context: CalibrationContext
+    hypotheses: FilterPass
+    """The bank in round 0, then trials."""
     round: int = 0
     cursor: int = 0
-    """How many of the kept glimpses the trials have taken in this round."""
+    """Kept batches that the trials have taken in this round."""
 
-    def fed(self, glimpse: PixelMeasurement) -> DelaySearch:
-        """With one more glimpse in the bank. Trials take theirs from what is kept."""
-        return msgspec.structs.replace(self, bank=tuple(fit.fed(glimpse) for fit in self.bank))
+    def fed(self, batch: MeasurementBatch) -> DelaySearch:
+        """The search after one more batch; trials take theirs from the kept ones."""
+        if self.round:
+            return self
+        return msgspec.structs.replace(self, hypotheses=self.hypotheses.fed(batch))
 
-    def advanced(self, kept: Sequence[PixelMeasurement]) -> DelaySearch:
-        """A frame further."""
-        if not self.trials:
-            return self._trying(self.bank, 0.0, inf) if _taken(self.bank) >= LEAST and not self._flat else self
-        share = kept[self.cursor : self.cursor + max(LEAST_STEP, STEPS // len(self.trials))]
-        trials = tuple(_fed(fit, share) for fit in self.trials)
-        search = msgspec.structs.replace(self, trials=trials, cursor=self.cursor + len(share))
-        return (
-            search._trying(trials, APART_SIGMAS, HOPELESS)
-            if self.round < ROUNDS and search.cursor >= len(kept)
-            else search
-        )
+    def advanced(self, kept: Sequence[MeasurementBatch]) -> DelaySearch:
+        """The search after its step of this frame."""
+        if not self.round:
+            ready = self.hypotheses.frames >= LEAST and not self._flat
+            return self._next_round(0.0, inf) if ready else self
+        trials = self.hypotheses
+        for batch in kept[self.cursor : self.cursor + STEP]:
+            trials = trials.fed(batch)
+        cursor = min(self.cursor + STEP, len(kept))
+        search = msgspec.structs.replace(self, hypotheses=trials, cursor=cursor)
+        ended = self.round < ROUNDS and cursor >= len(kept)
+        return search._next_round(APART_SIGMAS, HOPELESS) if ended else search
 
-    def result(self, kept: Sequence[PixelMeasurement]) -> Result | None:
-        """None: the search goes on."""
-        if not self.trials:
-            flat = any(fit.fits for fit in self.bank) and self._flat
-            return (FoundDelay(self.shop.means) if flat else UNEXPLAINED) if _taken(self.bank) >= MOST else None
+    def result(self, kept: Sequence[MeasurementBatch]) -> Result | None:
+        """The result; None while the search goes on."""
+        over = self.hypotheses.frames >= MOST
+        if not self.round:
+            flat = bool(self.hypotheses.fits.any()) and self._flat
+            return (FoundDelay(self.context.means) if flat else UNEXPLAINED) if over else None
         if self.round < ROUNDS or self.cursor < len(kept):
             return None
-        over = _taken(self.trials) >= MOST
         margin = MARGIN if over else EARLY_MARGIN
-        ends = self._distinct(self.trials, APART_SIGMAS)
-        best = max(
-            ends, key=lambda end: min((self._lead(end, other) for other in ends if other is not end), default=0.0)
-        )
-        sharp = _sigma(best) < SHARP_S
+        ends = self._distinct(APART_SIGMAS)
+        best = max(ends, key=lambda i: min((self._lead(i, j) for j in ends if j != i), default=0.0))
+        fits, sharp = bool(self.hypotheses.fits[best]), self._sigmas[best] < SHARP_S
         apart_s = 0.0 if sharp else WIDE_S
-        rivals = [end for end in ends if self._lead(best, end) < margin and abs(_delay(end) - _delay(best)) > apart_s]
-        if best.fits and not rivals:
-            return FoundDelay(best.joint.mean[:COMMON_COUNT])
+        delays = self._delays
+        rivals = [i for i in ends if self._lead(best, i) < margin and abs(delays[i] - delays[best]) > apart_s]
+        if fits and not rivals:
+            return FoundDelay(self.hypotheses.joint.mean[best])
         if not over:
             return None
-        if best.fits and sharp:
-            return NoDelay(CalibrationStatus.AMBIGUOUS, tuple(_delay(end) for end in (best, *rivals)))
-        return NoDelay(CalibrationStatus.WAITING) if best.fits else UNEXPLAINED
+        if fits and sharp:
+            return NoDelay(CalibrationStatus.AMBIGUOUS, tuple(float(delays[i]) for i in (best, *rivals)))
+        return NoDelay(CalibrationStatus.WAITING) if fits else UNEXPLAINED
 
-    def without(self, tracks: Collection[int], kept: Sequence[PixelMeasurement]) -> DelaySearch:
-        """With targets forgotten; ``kept`` are the glimpses with theirs."""
-        return msgspec.structs.replace(
-            self,
-            bank=tuple(_without(fit, tracks) for fit in self.bank),
-            trials=tuple(_without(fit, tracks) for fit in self.trials),
-            cursor=sum(glimpse.track not in tracks for glimpse in kept[: self.cursor]),
-        )
+    def without(self, tracks: Collection[int], kept: Sequence[MeasurementBatch]) -> DelaySearch:
+        """The search without some targets; ``kept`` still has theirs."""
+        hypotheses = self.hypotheses
+        for track in sorted(tracks):
+            hypotheses = hypotheses.without(track)
+        left = sum(any(track not in tracks for track in batch.tracks) for batch in kept[: self.cursor])
+        return msgspec.structs.replace(self, hypotheses=hypotheses, cursor=left)
 
     @property
     def _flat(self) -> bool:
-        scores = [fit.score for fit in self.bank]
-        return max(scores) - min(scores) < FLAT
+        return float(np.ptp(self.hypotheses.score)) < FLAT
 
-    def _trying(self, fits: Sequence[FilterPass], apart_sigmas: float, behind: float) -> DelaySearch:
-        """The next round, about the ends of these that are no more than so far behind the best."""
-        best, *others = self._distinct(fits, apart_sigmas)[:MOST_TRIALS]
-        ends = [best, *(fit for fit in others if self._likelihood(fit) > self._likelihood(best) - behind)]
-        return DelaySearch(self.shop, (), tuple(self.shop.trial(fit.joint) for fit in ends), self.round + 1)
+    @property
+    def _delays(self) -> Array:
+        return self.hypotheses.joint.mean[:, SharedParameter.DELAY]
 
-    def _distinct(self, fits: Sequence[FilterPass], apart_sigmas: float) -> list[FilterPass]:
-        """The likeliest first, of those that are one the likelier."""
-        kept: list[FilterPass] = []
-        for fit in sorted(fits, key=self._likelihood, reverse=True):
-            apart = (max(APART_S, apart_sigmas * (_sigma(fit) + _sigma(other))) for other in kept)
-            if all(abs(_delay(fit) - _delay(other)) > least for other, least in zip(kept, apart, strict=True)):
-                kept.append(fit)
+    @property
+    def _sigmas(self) -> Array:
+        return np.sqrt(np.maximum(self.hypotheses.joint.cov[:, SharedParameter.DELAY, SharedParameter.DELAY], 0.0))
+
+    @property
+    def _log_priors(self) -> Array:
+        off = (self._delays - self.context.delay_s) / self.context.sigmas[SharedParameter.DELAY]
+        return np.asarray(-0.5 * off * off)
+
+    def _next_round(self, apart_sigmas: float, behind: float) -> DelaySearch:
+        """The next round, about the ends that are not hopelessly behind the best."""
+        ends, likelihood = self._distinct(apart_sigmas)[:MOST_TRIALS], self.hypotheses.score + self._log_priors
+        tried = [i for i in ends if i == ends[0] or likelihood[i] > likelihood[ends[0]] - behind]
+        trials = self.context.trials(self.hypotheses.joint.take(tried))
+        return DelaySearch(self.context, trials, self.round + 1)
+
+    def _distinct(self, apart_sigmas: float) -> list[int]:
+        """The distinct ends, the most likely first."""
+        delays, sigmas, kept = self._delays, self._sigmas, list[int]()
+        for i in np.argsort(-(self.hypotheses.score + self._log_priors), kind="stable").tolist():
+            near = (max(APART_S, apart_sigmas * (sigmas[i] + sigmas[j])) for j in kept)
+            if all(abs(delays[i] - delays[j]) > least for j, least in zip(kept, near, strict=True)):
+                kept.append(i)
         return kept
 
-    def _lead(self, fit: FilterPass, other: FilterPass) -> float:
-        """How much likelier than the other, a logarithm: what was seen, beyond luck, and the prior."""
-        seen = fit.score - other.score
-        told = max(0.0, abs(seen) - LUCK_SIGMAS * sqrt(max(fit.luck, other.luck)))
-        return copysign(told, seen) + self._prior(fit) - self._prior(other)
-
-    def _likelihood(self, fit: FilterPass) -> float:
-        return fit.score + self._prior(fit)
-
-    def _prior(self, fit: FilterPass) -> float:
-        off = (_delay(fit) - self.shop.means[SharedParameter.DELAY]) / self.shop.sigmas[SharedParameter.DELAY]
-        return -0.5 * off * off
+    def _lead(self, i: int, j: int) -> float:
+        """Log-likelihood ratio of one end over another: the measurements, beyond chance, and the prior."""
+        score, variance, log_prior = self.hypotheses.score, self.hypotheses.score_variance, self._log_priors
+        seen = float(score[i] - score[j])
+        beyond = max(0.0, abs(seen) - CHANCE_SIGMAS * max(variance[i], variance[j]) ** 0.5)
+        return float(np.copysign(beyond, seen) + log_prior[i] - log_prior[j])
 
 
-def delay_search(shop: CalibrationContext) -> DelaySearch:
-    """Before the first glimpse."""
-    return DelaySearch(shop, shop.bank())
-
-
-def _taken(fits: Sequence[FilterPass]) -> int:
-    return max(fit.used + fit.refused for fit in fits)
-
-
-def _fed(fit: FilterPass, glimpses: Sequence[PixelMeasurement]) -> FilterPass:
-    for glimpse in glimpses:
-        fit = fit.fed(glimpse)
-    return fit
-
-
-def _without(fit: FilterPass, tracks: Collection[int]) -> FilterPass:
-    for track in sorted(tracks):
-        fit = fit.without(track)
-    return fit
-
-
-def _delay(fit: FilterPass) -> float:
-    return fit.joint.mean[SharedParameter.DELAY]
-
-
-def _sigma(fit: FilterPass) -> float:
-    return sqrt(max(0.0, fit.joint.cov[SharedParameter.DELAY][SharedParameter.DELAY]))
+def delay_search(context: CalibrationContext) -> DelaySearch:
+    """The search before the first frame."""
+    return DelaySearch(context, context.bank())

@@ -1,103 +1,124 @@
-"""Where the vehicle was at instants near a capture: what an error of the camera's time offset must be judged by.
+"""Poses of the vehicle at instants near the captures: the basis for judging an error of the camera's time offset.
 
-On a flapping wing a delay of 35 ms is a third of a beat: no derivative at the capture tells the attitude then.
-So the states are asked for at a grid of delays, and only between its points are they continued.
+On a flapping wing a delay of 35 ms is a third of a beat: no derivative at the capture gives the attitude then.
+So the states are requested on a grid of delays, and only between its points are they extrapolated.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
 import msgspec
+import numpy as np
+import numpy.typing as npt
 
-from fwav_companion.geometry.rotations import Quaternion, exp, multiply
-from fwav_companion.geometry.stamps import BootNs, ns_from_s
-from fwav_companion.geometry.vectors import ZERO3, Vector3, add, scale, subtract
+from fwav_companion.geometry.rotations import matrix_from_quaternion
+from fwav_companion.geometry.stamps import BootNs, ns_from_s, s_from_ns
+from fwav_companion.geometry.vectors import ZERO3
+from fwav_companion.self_calibration.arrays import Array, rotation, times
 from fwav_companion.types import GimbalAt, Unpaired, VehicleState
 
 StateAt: TypeAlias = Callable[[BootNs], VehicleState | Unpaired]
 
 
-class VehiclePose(msgspec.Struct, frozen=True, gc=False):
-    """The vehicle at one delay before the nominal capture."""
+class DelayedPoses(msgspec.Struct, frozen=True):
+    """Poses of what carries the camera (body or gimbal), with the same leading axes in every array."""
 
-    delay_s: float
-    ned_from_body: Quaternion
-    """Of what carries the camera: the body, or a gimbal."""
-    rates: Vector3
-    """Its rates, rad/s, its own axes."""
-    acceleration: Vector3
-    """Of the rates, rad/s^2; zero where nothing tells it."""
-    position_ned: Vector3
-    velocity_ned: Vector3
+    delay_s: Array
+    """Delay before the nominal capture, s."""
+    ned_from_body: Array
+    """(..., 3, 3)."""
+    rates: Array
+    """(..., 3), rad/s, body axes; so is the next, rad/s^2."""
+    acceleration: Array
+    position_ned: Array
+    """(..., 3), m; so is the next, m/s."""
+    velocity_ned: Array
 
+    def each(self, change: Callable[[Array], Array]) -> DelayedPoses:
+        """The poses with every array changed alike: an index, a new axis."""
+        return DelayedPoses(**{name: change(getattr(self, name)) for name in self.__struct_fields__})
 
-def vehicle_pose(state: VehicleState, delay_s: float, acceleration: Vector3 = ZERO3) -> VehiclePose:
-    """The state as a moment; what is not told of place and motion counts as none."""
-    return VehiclePose(
-        delay_s,
-        state.ned_from_carrier,
-        state.carrier_rates,
-        acceleration,
-        state.position_ned or ZERO3,
-        state.velocity_ned or ZERO3,
-    )
+    def padded(self, index: npt.NDArray[np.intp]) -> DelayedPoses:
+        """These points of the grid, the last one for those beyond it."""
+        i = np.minimum(index, self.delay_s.shape[1] - 1)
+        return self.each(lambda a: a[:, i])
 
+    def extrapolated(self, delay_s: Array) -> DelayedPoses:
+        """The poses at other delays nearby, one each: constant velocity, linearly changing rates."""
+        dt = (self.delay_s - delay_s)[..., None]
+        turn = self.rates * dt + self.acceleration * (0.5 * dt * dt)
+        return msgspec.structs.replace(
+            self,
+            delay_s=delay_s,
+            ned_from_body=times(self.ned_from_body, rotation(turn)),
+            rates=self.rates + self.acceleration * dt,
+            position_ned=self.position_ned + self.velocity_ned * dt,
+        )
 
-def continued(moment: VehiclePose, delay_s: float) -> VehiclePose:
-    """The vehicle a little earlier or later: constant velocity, rates that change linearly."""
-    dt = moment.delay_s - delay_s
-    if dt == 0.0:
-        return moment
-    turn = add(scale(moment.rates, dt), scale(moment.acceleration, 0.5 * dt * dt))
-    return VehiclePose(
-        delay_s,
-        multiply(moment.ned_from_body, exp(turn)),
-        add(moment.rates, scale(moment.acceleration, dt)),
-        moment.acceleration,
-        add(moment.position_ned, scale(moment.velocity_ned, dt)),
-        moment.velocity_ned,
-    )
-
-
-class DelayedPoses(msgspec.Struct, frozen=True, gc=False):
-    """Moments at growing delays."""
-
-    moments: tuple[VehiclePose, ...]
-
-    def at(self, delay_s: float) -> VehiclePose:
-        """The vehicle at this delay, continued from the nearest moment."""
-        moments = self.moments
-        if len(moments) == 1:
-            return continued(moments[0], delay_s)
-        return continued(min(moments, key=lambda moment: abs(moment.delay_s - delay_s)), delay_s)
+    def at(self, delay_s: Array) -> DelayedPoses:
+        """The poses at delays (..., N), each from the nearest point of this grid (N, D)."""
+        if self.delay_s.shape[1] == 1:
+            poses = self.each(lambda a: a[:, 0])
+            return poses if (poses.delay_s == delay_s).all() else poses.extrapolated(delay_s)
+        nearest = np.abs(self.delay_s - delay_s[..., None]).argmin(-1)
+        index = np.arange(self.delay_s.shape[0])
+        return self.each(lambda a: a[index, nearest]).extrapolated(delay_s)
 
 
-def delayed_poses(nominal: VehicleState, delays_s: tuple[float, ...], state_at: StateAt | None) -> DelayedPoses:
-    """The course about a nominal capture; where nothing can be asked, the state of the capture alone.
+def delayed_poses(
+    nominals: Sequence[VehicleState], delays_s: Sequence[float], state_at: StateAt | None
+) -> DelayedPoses:
+    """The poses (N, D) around captures close in time, requested around the first of them and shared by all.
+
+    Where no history is available they are the state of each capture alone.
 
     A state from before the first position would put the vehicle at the origin, on the ground, and one from before a
-    gimbal's first attitude the camera on the body: they are left out, and the course is continued from the others.
+    gimbal's first attitude the camera on the body: those are left out, and extrapolated from the others.
     """
+    first = min(nominals, key=lambda state: state.boot_ns)
     states: list[tuple[float, VehicleState]] = []
     if state_at is not None:
         for delay_s in delays_s:
-            state = state_at(BootNs(nominal.boot_ns - ns_from_s(delay_s)))
-            if not isinstance(state, Unpaired) and _tells_as_much(state, nominal):
+            state = state_at(BootNs(first.boot_ns - ns_from_s(delay_s)))
+            if not isinstance(state, Unpaired) and _is_as_complete(state, first):
                 states.append((delay_s, state))
     if not states:
-        return DelayedPoses((vehicle_pose(nominal, 0.0),))
+        return _poses([(0.0, state) for state in nominals]).each(lambda a: a[:, None])
+    shared = _poses(states)
+    later = np.array([s_from_ns(state.boot_ns - first.boot_ns) for state in nominals])
+    count = len(nominals)
+    poses = shared.each(lambda a: np.broadcast_to(a, (count, *a.shape)))
+    return msgspec.structs.replace(poses, delay_s=later[:, None] + shared.delay_s)
+
+
+def _poses(states: Sequence[tuple[float, VehicleState]]) -> DelayedPoses:
+    delays = np.array([delay_s for delay_s, _ in states])
+    rates = np.array([state.carrier_rates for _, state in states])
+    acceleration = np.zeros_like(rates)
+    if len(states) > 1 and delays[-1] != delays[0]:
+        i = np.arange(len(states))
+        before, after = np.maximum(i - 1, 0), np.minimum(i + 1, len(states) - 1)
+        acceleration = (rates[before] - rates[after]) / (delays[after] - delays[before])[:, None]
     return DelayedPoses(
-        tuple(vehicle_pose(state, delay_s, _acceleration(states, i)) for i, (delay_s, state) in enumerate(states))
+        delay_s=delays,
+        ned_from_body=np.array([matrix_from_quaternion(state.ned_from_carrier) for _, state in states]),
+        rates=rates,
+        acceleration=acceleration,
+        position_ned=np.array([state.position_ned or ZERO3 for _, state in states]),
+        velocity_ned=np.array([state.velocity_ned or ZERO3 for _, state in states]),
     )
 
 
-def _tells_as_much(state: VehicleState, nominal: VehicleState) -> bool:
+def concatenated(poses: Sequence[DelayedPoses]) -> DelayedPoses:
+    """Poses of several batches as one; a shorter grid repeats its last point."""
+    index = np.arange(max(each.delay_s.shape[1] for each in poses))
+    padded = [each.padded(index) for each in poses]
+    names = DelayedPoses.__struct_fields__
+    return DelayedPoses(**{name: np.concatenate([getattr(each, name) for each in padded]) for name in names})
+
+
+def _is_as_complete(state: VehicleState, nominal: VehicleState) -> bool:
     placed, carried = nominal.position_ned is not None, isinstance(nominal.gimbal, GimbalAt)
     return (state.position_ned is not None) is placed and isinstance(state.gimbal, GimbalAt) is carried
-
-
-def _acceleration(states: list[tuple[float, VehicleState]], i: int) -> Vector3:
-    (first, before), (last, after) = states[max(0, i - 1)], states[min(len(states) - 1, i + 1)]
-    return scale(subtract(before.carrier_rates, after.carrier_rates), 1.0 / (last - first)) if last > first else ZERO3

@@ -1,102 +1,142 @@
-"""One pass over glimpses: a joint estimate that takes them one by one, and says how well they fit."""
+"""One pass over measurements: joint estimates that take them frame by frame, and the quality of their fit."""
 
 from __future__ import annotations
 
-from math import hypot, log
-from statistics import median
+from collections.abc import Sequence
 
 import msgspec
+import numpy as np
 
+from fwav_companion.self_calibration.arrays import Array, Mask
 from fwav_companion.self_calibration.innovation_consistency import InnovationConsistency
-from fwav_companion.self_calibration.joint_filter import GATE, JointFilter
-from fwav_companion.self_calibration.pixel_measurement import COMMON_COUNT, PixelMeasurement, camera_pose
+from fwav_companion.self_calibration.joint_filter import GATE, JointFilter, PixelInnovations
+from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, MeasurementBatch, camera_pose, joined
 
-FIRST_GLIMPSES = 8
-"""A new target waits for so many: its point of linearization is their median, not one noisy, perhaps shallow, first."""
-MOST_WAITING = 20 * FIRST_GLIMPSES
+FIRST_MEASUREMENTS = 8
+"""Measurements before a target joins: its linearization point is their median, not one noisy, perhaps shallow, first.
+"""
 WORST = 25.0
-"""Squared distance that a glimpse counts at most: what is gross is gross."""
+"""Largest squared distance that a measurement counts."""
 
 
 class FilterPass(msgspec.Struct, frozen=True):
-    """A joint estimate on its way. Immutable."""
+    """Joint estimates in progress, one for each hypothesis (B). Immutable."""
 
     joint: JointFilter
-    hints: dict[int, tuple[float, float]] = {}
-    """Where targets are known to stand already, by track: where to linearize."""
-    waiting: tuple[PixelMeasurement, ...] = ()
-    """Of targets that are not in the estimate yet."""
-    score: float = 0.0
-    """Log-likelihood, up to a constant."""
-    luck: float = 0.0
-    """Variance of the score against that of another delay at which the vehicle moves alike (``Innovation``)."""
-    used: int = 0
-    refused: int = 0
-    """Glimpses that did not fit at all."""
-    distance2: float = 0.0
-    """Sum over the used and refused, each at most WORST; its mean is 2 where all is well."""
+    score: Array
+    """(B), log-likelihood up to a constant."""
+    score_variance: Array
+    """(B), variance of the score against that of another delay at which the vehicle moves alike."""
+    used: Array
+    """(B), measurements in the estimate; ``refused`` did not fit."""
+    refused: Array
+    hints: dict[int, Array] = {}
+    """(B, 2) linearization points of targets that are known already, by track."""
+    waiting: dict[int, tuple[MeasurementBatch, ...]] = {}
+    """Measurements of targets that are not in the estimate yet, by track."""
+    frames: int = 0
+    """Frames so far."""
     drift: InnovationConsistency | None = None
-    """Of the used; None where nobody asks."""
-
-    def fed(self, glimpse: PixelMeasurement) -> FilterPass:
-        """With one more glimpse."""
-        joint = self.joint.predict(glimpse.host_ns)
-        if glimpse.track in joint.tracks:
-            return self._taken(joint, glimpse)
-        waiting = (*self.waiting, glimpse)[-MOST_WAITING:]
-        own = [each for each in waiting if each.track == glimpse.track]
-        if len(own) < FIRST_GLIMPSES:
-            return msgspec.structs.replace(self, joint=joint, waiting=waiting)
-        others = tuple(each for each in waiting if each.track != glimpse.track)
-        return msgspec.structs.replace(self, joint=joint, waiting=others)._begun(own)
+    """Consistency of the used innovations; None where it is not needed."""
 
     @property
-    def fits(self) -> bool:
-        """Most glimpses agree with it."""
-        return self.refused <= max(FIRST_GLIMPSES, self.used // 2)
+    def fits(self) -> Mask:
+        """(B), whether most measurements agree with the estimate."""
+        return self.refused <= np.maximum(FIRST_MEASUREMENTS, self.used // 2)
+
+    @property
+    def taken(self) -> int:
+        """Measurements that were used or refused."""
+        return int((self.used + self.refused).max())
+
+    def take(self, hypotheses: Sequence[int]) -> FilterPass:
+        """Some of the hypotheses."""
+        i = list(hypotheses)
+        return msgspec.structs.replace(
+            self,
+            joint=self.joint.take(i),
+            score=self.score[i],
+            score_variance=self.score_variance[i],
+            used=self.used[i],
+            refused=self.refused[i],
+            hints={track: hint[i] for track, hint in self.hints.items()},
+        )
 
     def without(self, track: int) -> FilterPass:
-        """With a target forgotten; what it taught about the common unknowns stays."""
-        waiting = tuple(each for each in self.waiting if each.track != track)
+        """The pass without a target; what it contributed to the shared parameters stays."""
+        waiting = {each: batches for each, batches in self.waiting.items() if each != track}
         return msgspec.structs.replace(self, joint=self.joint.without(track), waiting=waiting)
 
-    def _begun(self, own: list[PixelMeasurement]) -> FilterPass:
-        """With a target: the glimpse nearest to the middle of all is the first, for any one of them may be gross."""
-        common = self.joint.around[:COMMON_COUNT]
-        stood = [(camera_pose(glimpse, common).ground_point(glimpse.ray), glimpse) for glimpse in own]
-        points = [(point, glimpse) for point, glimpse in stood if point is not None]
-        if not points:
-            return self
-        middle = (median(n for (n, _), _ in points), median(e for (_, e), _ in points))
-        at = self.hints.get(own[0].track, middle)
-        _, first = min(points, key=lambda each: hypot(each[0][0] - middle[0], each[0][1] - middle[1]))
-        joint = self.joint.with_target(first, at)
-        if joint is None:
-            return self
-        fit = msgspec.structs.replace(self, joint=joint)
-        for glimpse in own:
-            if glimpse is not first:
-                fit = fit._taken(fit.joint, glimpse)
-        return fit
-
-    def _taken(self, joint: JointFilter, glimpse: PixelMeasurement) -> FilterPass:
-        seen = joint.innovation(glimpse.track, glimpse)
-        if seen is None:  # charged as the worst there is: what cannot be seen at all must not win a search
-            su, sv = glimpse.pixel_sigma
-            score = self.score - 0.5 * (WORST + 2.0 * log(su * sv))
-            return msgspec.structs.replace(
-                self, joint=joint, score=score, refused=self.refused + 1, distance2=self.distance2 + WORST
-            )
-        fits = seen.distance2 < GATE
-        worst = min(seen.distance2, WORST)
-        return FilterPass(
-            joint.updated(seen) if fits else joint,
-            self.hints,
-            self.waiting,
-            self.score - 0.5 * (worst + log(seen.determinant)),
-            self.luck + seen.luck,
-            self.used + fits,
-            self.refused + (not fits),
-            self.distance2 + worst,
-            self.drift.seen(glimpse.host_ns, seen, joint.priors) if fits and self.drift is not None else self.drift,
+    def fed(self, batch: MeasurementBatch) -> FilterPass:
+        """The pass after one more batch."""
+        after = msgspec.structs.replace(
+            self, joint=self.joint.predict(batch.host_ns), frames=self.frames + batch.frames
         )
+        known = [k for k, track in enumerate(batch.tracks) if track in self.joint.tracks]
+        if known:
+            after = after._updated(batch if len(known) == len(batch.tracks) else batch.take(known))
+        for track in dict.fromkeys(batch.tracks):
+            if track not in self.joint.tracks:
+                after = after._waited(track, batch.take([k for k, each in enumerate(batch.tracks) if each == track]))
+        return after
+
+    def _waited(self, track: int, new: MeasurementBatch) -> FilterPass:
+        own = (*self.waiting.get(track, ()), new)
+        if sum(len(batch.tracks) for batch in own) < FIRST_MEASUREMENTS:
+            return msgspec.structs.replace(self, waiting=self.waiting | {track: own})
+        others = {each: batches for each, batches in self.waiting.items() if each != track}
+        return msgspec.structs.replace(self, waiting=others)._begun(track, joined(own))
+
+    def _begun(self, track: int, own: MeasurementBatch) -> FilterPass:
+        """The pass with a new target. The measurement nearest to the median is the first: any of them may be gross."""
+        shared = self.joint.linearization_point[:, :SHARED_COUNT]
+        points, hits = camera_pose(own, shared).ground_points(own.ray)
+        met = np.asarray(hits.any(axis=1))
+        if not met.any():
+            return self
+        middle = median_of(np.moveaxis(points, 1, -1), hits[:, None, :])
+        middle = np.where(met[:, None], middle, middle[met.argmax()])
+        apart = np.where(hits, np.hypot(*np.moveaxis(points - middle[:, None], -1, 0)), np.inf)
+        first = np.arange(len(own.tracks)) == apart.argmin(1)[:, None]
+        joint = self.joint.with_target(track, self.hints.get(track, middle))
+        joint, _ = joint.update((seen := joint.innovations(own)), first & seen.valid)
+        return msgspec.structs.replace(self, joint=joint)._updated(own, ~first)
+
+    def _updated(self, batch: MeasurementBatch, wanted: Mask | None = None) -> FilterPass:
+        seen = self.joint.innovations(batch)
+        wanted = np.ones_like(seen.valid) if wanted is None else wanted
+        fits = (seen.nis < GATE) & wanted
+        joint, score = self.joint.update(seen, fits)
+        refused = wanted & ~fits
+        # An impossible measurement is charged as the worst, so that it cannot win a search.
+        log_det = np.where(seen.valid, seen.log_det, 2.0 * np.log(batch.pixel_sigma.prod(1)))
+        charged = np.where(refused, -0.5 * (np.minimum(seen.nis, WORST) + log_det), 0.0)
+        return msgspec.structs.replace(
+            self,
+            joint=joint,
+            score=self.score + score + charged.sum(1),
+            score_variance=self.score_variance + np.where(wanted & seen.valid, seen.score_variance, 0.0).sum(1),
+            used=self.used + fits.sum(1),
+            refused=self.refused + refused.sum(1),
+            drift=self._drift(batch.host_ns, seen, fits),
+        )
+
+    def _drift(self, host_ns: int, seen: PixelInnovations, fits: Mask) -> InnovationConsistency | None:
+        if self.drift is None or not fits[0].any():
+            return self.drift
+        return self.drift.seen(host_ns, seen, fits, self.joint.priors)
+
+
+def filter_pass(joint: JointFilter, hints: dict[int, Array], drift: InnovationConsistency | None = None) -> FilterPass:
+    """The pass before any measurement."""
+    none = np.zeros(len(joint.mean))
+    return FilterPass(joint, none, none, none.astype(int), none.astype(int), hints, drift=drift)
+
+
+def median_of(values: Array, valid: Mask) -> Array:
+    """Medians over the last axis of the valid entries; the largest float where there are none."""
+    ordered = np.sort(np.where(valid, values, np.finfo(float).max), -1)
+    count = np.broadcast_to(valid, values.shape).sum(-1, keepdims=True)
+    low, high = np.maximum(count - 1, 0) // 2, np.minimum(count // 2, values.shape[-1] - 1)
+    pair = np.take_along_axis(ordered, np.concatenate((low, high), -1), -1)
+    return np.asarray(0.5 * pair[..., 0] + 0.5 * pair[..., 1])

@@ -1,246 +1,247 @@
-"""The joint estimate of what all targets share and where each of them stands: an extended Kalman filter on pixels.
+"""The joint estimate of the shared parameters and of every target: an extended Kalman filter on pixels.
 
-Two precautions against inventing knowledge. Every row is taken at a fixed point of linearization, which moves only
-when a whole pass over the kept glimpses is begun anew: a point that follows the noise would make directions look
-observable that are not. And the vehicle's position error is considered, never estimated: what wanders is no constant.
+Two precautions against spurious information. Every row is taken at a fixed linearization point (first-estimates
+Jacobians: Huang, Mourikis & Roumeliotis 2008), which moves only when a pass over the kept measurements is repeated: a
+point that follows the noise would make directions look observable that are not. And the vehicle's position error is
+considered, never estimated (Schmidt 1966): its rows of the gain are zero, its covariances are kept.
 
-Immutable: an update returns a new estimate that shares the rows it did not touch.
+Arrays have a leading axis of hypotheses: the delay search runs many at once, all other uses have one. A measurement
+update takes all measurements of a frame at once; with P the covariance, H the rows and R the noise::
+
+    S = H @ P @ H.T + R;  K = P @ H.T @ inv(S), zero in considered rows
+
+Immutable: an update returns a new estimate.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import zip_longest
 from math import exp
-from operator import sub
-from typing import TypeAlias, TypeVar
 
 import msgspec
+import numpy as np
 
-from fwav_companion.geometry.small_matrices import inner
-from fwav_companion.self_calibration.pixel_measurement import (
-    COMMON_COUNT,
-    PixelMeasurement,
-    PredictedPixel,
-    SharedParameter,
-    camera_pose,
-    pixel_noise,
-    predict,
-)
-from fwav_companion.types import ErrorPriors
-
-Row: TypeAlias = tuple[float, ...]
-Rows: TypeAlias = tuple[Row, ...]
-T = TypeVar("T")
+from fwav_companion.self_calibration.arrays import Array, Mask
+from fwav_companion.self_calibration.calibration_report import PriorInflation, SharedParameter
+from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, MeasurementBatch, pixel_noise, predict
+from fwav_companion.types import Bias, ErrorPriors
 
 GATE = 16.0
 """Squared Mahalanobis distance of two pixels: a true one lies beyond once in 3000 times."""
+DIFFUSE_M = 100.0
+"""One sigma of a new target before its first measurement: hardly any information, and no loss by rounding."""
+CONSIDERED = slice(SharedParameter.NORTH, SharedParameter.EAST + 1)
 
 
-class PixelInnovation(msgspec.Struct, frozen=True, gc=False):
-    """What a glimpse says beyond the estimate."""
+class PixelInnovations(msgspec.Struct, frozen=True):
+    """Innovations of one batch under each hypothesis (B)."""
 
-    difference: tuple[float, float]
-    """Pixels, measured minus predicted."""
-    carried: tuple[tuple[float, ...], tuple[float, ...]]
-    """P H', a column each of u and v."""
-    inverse: tuple[float, float, float]
-    """Of the innovation's covariance: uu, uv, vv, 1/px^2."""
-    determinant: float
-    distance2: float
-    luck: float
-    """Variance of the log-likelihood by which this glimpse may prefer another instant of the same motion: the attitudes
-    told for that are as noisy, but not by the same errors."""
-    noise: tuple[float, float, float]
-    """Covariance of what is fresh in it: uu, uv, vv, px^2."""
-    rows: tuple[Row, Row]
-    """Of u and v, by each of Common and by the target's north and east."""
+    difference: Array
+    """(B, 2N), measured minus predicted, px; u and v alternate, and so below."""
+    rows: Array
+    """(B, 2N, n)."""
+    crossed: Array
+    """(B, 2N, n): H P."""
+    cov: Array
+    """(B, 2N, 2N): S, px^2."""
+    noise: Array
+    """(B, N, 2, 2): R, px^2."""
+    nis: Array
+    """(B, N), of each measurement alone; inf where it is impossible."""
+    log_det: Array
+    """(B, N), of S of each measurement alone."""
+    score_variance: Array
+    """(B, N), variance of the log-likelihood by which the measurement may prefer another instant of the same motion:
+    the attitudes reported for that are as noisy, but not by the same errors."""
+    valid: Mask
+    """(B, N)."""
 
 
 class JointFilter(msgspec.Struct, frozen=True):
-    """Mean and covariance of (common, north and east of each target), about a point of linearization."""
+    """Mean and covariance of (shared parameters, north and east of each target), about a linearization point."""
 
     priors: ErrorPriors
-    mean: tuple[float, ...]
-    cov: Rows
-    """Symmetric."""
-    around: tuple[float, ...]
-    """The point of linearization."""
+    mean: Array
+    """(B, n)."""
+    cov: Array
+    """(B, n, n), symmetric."""
+    linearization_point: Array
+    """(B, n)."""
     tracks: tuple[int, ...]
-    """Whose targets they are, in order."""
+    """The tracks of the targets, in order."""
     host_ns: int
 
     def place_of(self, track: int) -> int | None:
         """Index of the target's north; None where it is not in the estimate."""
-        return COMMON_COUNT + 2 * self.tracks.index(track) if track in self.tracks else None
+        return SHARED_COUNT + 2 * self.tracks.index(track) if track in self.tracks else None
 
     @property
-    def places(self) -> dict[int, tuple[float, float]]:
-        """North and east of each target, by track."""
-        means = self.mean[COMMON_COUNT:]
-        return dict(zip(self.tracks, zip(means[::2], means[1::2], strict=True), strict=True))
+    def targets(self) -> dict[int, Array]:
+        """(B, 2) north and east of each target, by track."""
+        return {track: self.mean[:, (i := SHARED_COUNT + 2 * k) : i + 2] for k, track in enumerate(self.tracks)}
+
+    def take(self, hypotheses: Sequence[int]) -> JointFilter:
+        """Some of the hypotheses."""
+        i = list(hypotheses)
+        return msgspec.structs.replace(
+            self, mean=self.mean[i], cov=self.cov[i], linearization_point=self.linearization_point[i]
+        )
 
     def predict(self, host_ns: int) -> JointFilter:
-        """At another instant: the vehicle's position error has wandered."""
-        sigma2 = self.priors.bias_sigmas[9] ** 2
-        if host_ns <= self.host_ns or sigma2 == 0.0 or not self.priors.position_bias_time_s > 0.0:
+        """The estimate at another instant: the vehicle's position error has wandered."""
+        sigmas = np.array(self.priors.bias_sigmas[Bias.POSITION_NORTH : Bias.POSITION_EAST + 1])
+        if host_ns <= self.host_ns or not sigmas.any() or not self.priors.position_bias_time_s > 0.0:
             return self
         kept = exp(-(host_ns - self.host_ns) * 1e-9 / self.priors.position_bias_time_s)
-        rows = [list(row) for row in self.cov]
-        for i in (SharedParameter.NORTH, SharedParameter.EAST):
-            rows[i] = [c * kept for c in rows[i]]
-            for row in rows:
-                row[i] *= kept
-            rows[i][i] += (1.0 - kept * kept) * self.priors.bias_sigmas[9 + i - SharedParameter.NORTH] ** 2
-        return msgspec.structs.replace(self, cov=tuple(tuple(row) for row in rows), host_ns=host_ns)
+        cov = self.cov.copy()
+        cov[:, CONSIDERED] *= kept
+        cov[:, :, CONSIDERED] *= kept
+        for i, sigma in zip((SharedParameter.NORTH, SharedParameter.EAST), sigmas, strict=True):
+            cov[:, i, i] += (1.0 - kept * kept) * sigma**2
+        return msgspec.structs.replace(self, cov=cov, host_ns=host_ns)
 
-    def innovation(self, track: int, glimpse: PixelMeasurement) -> PixelInnovation | None:
-        """Of a glimpse, taken for this track's; None where that is not in the estimate, or impossible."""
-        place = self.place_of(track)
-        if place is None:
-            return None
-        prediction = predict(glimpse, (self.around[place], self.around[place + 1]), self.around[:COMMON_COUNT])
-        return None if prediction is None else self._weighed(glimpse, prediction, place)
+    def innovations(self, batch: MeasurementBatch) -> PixelInnovations:
+        """The innovations of measurements, all of targets in the estimate."""
+        places = np.array([SHARED_COUNT + 2 * self.tracks.index(track) for track in batch.tracks])
+        point, size = self.linearization_point, self.mean.shape[1]
+        targets = point[:, places[:, None] + np.arange(2)]
+        seen = predict(batch, targets, point[:, :SHARED_COUNT])
+        hypotheses, count = seen.valid.shape
+        rows = np.zeros((hypotheses, count, 2, size))
+        rows[..., :SHARED_COUNT] = seen.rows[..., :SHARED_COUNT]
+        each = np.arange(count)
+        rows[:, each, :, places] = np.moveaxis(seen.rows[..., SHARED_COUNT], 1, 0)
+        rows[:, each, :, places + 1] = np.moveaxis(seen.rows[..., SHARED_COUNT + 1], 1, 0)
+        flat = rows.reshape(hypotheses, 2 * count, size)
+        off = (self.mean - point)[:, :, None]
+        difference = seen.residual.reshape(hypotheses, -1) - (flat @ off)[..., 0]
+        crossed = flat @ self.cov
+        noise, common = pixel_noise(batch, seen.rows, self.priors)
+        cov = crossed @ flat.swapaxes(1, 2) + _full_noise(batch, common)
+        nis, log_det, valid = _alone(difference, cov, seen.valid)
+        variances = np.stack((noise[..., 0, 0], noise[..., 1, 1]), -1)
+        score_variance = 2.0 - ((batch.pixel_sigma**2 / variances) ** 2).sum(-1)
+        return PixelInnovations(
+            difference=difference,
+            rows=flat,
+            crossed=crossed,
+            cov=cov,
+            noise=noise,
+            nis=nis,
+            log_det=log_det,
+            score_variance=score_variance,
+            valid=valid,
+        )
 
-    def _weighed(self, glimpse: PixelMeasurement, prediction: PredictedPixel, place: int) -> PixelInnovation | None:
-        row_u, row_v = prediction.rows
-        off = list(map(sub, _taken(self.mean, place), _taken(self.around, place)))
-        du, dv = prediction.residual[0] - inner(row_u, off), prediction.residual[1] - inner(row_v, off)
-        columns = carried(prediction.rows, _taken(self.cov, place))
-        own_u, own_v = _taken(columns[0], place), _taken(columns[1], place)
-        uu, uv, vv = pixel_noise(glimpse, prediction, self.priors)
-        noise = (uu, uv, vv)
-        su, sv = glimpse.pixel_sigma
-        luck = 2.0 - (su * su / uu) ** 2 - (sv * sv / vv) ** 2
-        uu, uv, vv = uu + inner(row_u, own_u), uv + inner(row_u, own_v), vv + inner(row_v, own_v)
-        determinant = uu * vv - uv * uv
-        if not determinant > 0.0:
-            return None
-        inverse = (vv / determinant, -uv / determinant, uu / determinant)
-        distance2 = inverse[0] * du * du + 2.0 * inverse[1] * du * dv + inverse[2] * dv * dv
-        return PixelInnovation((du, dv), columns, inverse, determinant, distance2, luck, noise, prediction.rows)
+    def update(self, seen: PixelInnovations, used: Mask) -> tuple[JointFilter, Array]:
+        """The estimate after the ``used`` (B, N) of the measurements, and their log-likelihood (B) up to a constant."""
+        each = np.repeat(used, 2, axis=1)
+        weight = each.astype(float)
+        cov = seen.cov * weight[:, :, None] * weight[:, None, :]
+        diagonal = np.arange(cov.shape[1])
+        cov[:, diagonal, diagonal] += 1.0 - weight
+        root = np.linalg.cholesky(cov)
+        right = np.concatenate((seen.crossed, seen.difference[:, :, None]), -1) * weight[:, :, None]
+        whitened = np.linalg.solve(root, right)
+        gain, innovation = whitened[..., :-1], whitened[..., -1]
+        mean = self.mean + (gain.swapaxes(1, 2) @ innovation[..., None])[..., 0]
+        mean[:, CONSIDERED] = self.mean[:, CONSIDERED]
+        cov = self.cov - gain.swapaxes(1, 2) @ gain
+        cov = 0.5 * (cov + cov.swapaxes(1, 2))
+        cov[:, CONSIDERED, CONSIDERED] = self.cov[:, CONSIDERED, CONSIDERED]
+        score = -0.5 * (innovation**2).sum(-1) - np.log(root[:, diagonal, diagonal]).sum(-1)
+        return msgspec.structs.replace(self, mean=mean, cov=cov), score
 
-    def updated(self, seen: PixelInnovation) -> JointFilter:
-        """With the gain of least covariance, but for the vehicle's position, which is only considered."""
-        pu, pv = seen.carried
-        iuu, iuv, ivv = seen.inverse
-        du, dv = seen.difference
-        gain_u = [a * iuu + b * iuv for a, b in zip(pu, pv, strict=True)]
-        gain_v = [a * iuv + b * ivv for a, b in zip(pu, pv, strict=True)]
-        mean = [m + gu * du + gv * dv for m, gu, gv in zip(self.mean, gain_u, gain_v, strict=True)]
-        lower = [  # row i has i + 1 columns
-            [p - gu * a - gv * b for p, a, b in zip(row, pu[: i + 1], pv, strict=False)]
-            for i, (row, gu, gv) in enumerate(zip(self.cov, gain_u, gain_v, strict=True))
-        ]
-        mean[SharedParameter.NORTH : SharedParameter.EAST + 1] = self.mean[
-            SharedParameter.NORTH : SharedParameter.EAST + 1
-        ]
-        for i, j in (
-            (SharedParameter.NORTH, SharedParameter.NORTH),
-            (SharedParameter.EAST, SharedParameter.NORTH),
-            (SharedParameter.EAST, SharedParameter.EAST),
-        ):
-            lower[i][j] = self.cov[i][j]
-        return msgspec.structs.replace(self, mean=tuple(mean), cov=_mirrored(lower))
-
-    def with_target(self, glimpse: PixelMeasurement, around: tuple[float, float] | None) -> JointFilter | None:
-        """With a target that this glimpse is the first of; ``around``: where to linearize, if that is known better."""
-        common = self.around[:COMMON_COUNT]
-        stance = camera_pose(glimpse, common)
-        point = stance.ground_point(glimpse.ray)
-        if point is None:
-            return None
-        at = around or point
-        prediction = predict(glimpse, at, common, stance)
-        if prediction is None:
-            return None
-        (a, b), (c, d) = prediction.by_target
-        determinant = a * d - b * c
-        if abs(determinant) < 1e-12:
-            return None
-        inverse = ((d / determinant, -b / determinant), (-c / determinant, a / determinant))
-        return self._grown(glimpse, prediction, at, inverse)
-
-    def _grown(
-        self,
-        glimpse: PixelMeasurement,
-        prediction: PredictedPixel,
-        at: tuple[float, float],
-        inverse: tuple[tuple[float, float], tuple[float, float]],
-    ) -> JointFilter:
-        rows = prediction.by_common
-        jacobian = [[-(i0 * u + i1 * v) for u, v in zip(*rows, strict=True)] for i0, i1 in inverse]
-        common_rows = self.cov[:COMMON_COUNT]
-        cross = [[sum(j * p for j, p in zip(jac, column, strict=True)) for column in zip(*common_rows, strict=True)]
-                 for jac in jacobian]  # fmt: skip
-        uu, uv, vv = pixel_noise(glimpse, prediction, self.priors)
-        block = [[sum(j * p for j, p in zip(jac, c[:COMMON_COUNT], strict=True)) for c in cross] for jac in jacobian]
-        for i, (a, b) in enumerate(inverse):
-            for j, (c, d) in enumerate(inverse):
-                block[i][j] += a * (uu * c + uv * d) + b * (uv * c + vv * d)
-        offset = [m - o for m, o in zip(self.mean[:COMMON_COUNT], self.around[:COMMON_COUNT], strict=True)]
-        ru, rv = prediction.residual
-        mean = [
-            x + i0 * ru + i1 * rv + sum(j * o for j, o in zip(jac, offset, strict=True))
-            for x, (i0, i1), jac in zip(at, inverse, jacobian, strict=True)
-        ]
-        cov = [(*row, n, e) for row, n, e in zip(self.cov, *cross, strict=True)]
-        cov += [(*cross[0], block[0][0], block[0][1]), (*cross[1], block[1][0], block[1][1])]
+    def with_target(self, track: int, point: Array) -> JointFilter:
+        """The estimate with a target that is not yet measured, linearized at ``point`` (B, 2)."""
+        size = self.mean.shape[1]
+        cov = np.zeros((len(self.mean), size + 2, size + 2))
+        cov[:, :size, :size] = self.cov
+        cov[:, size, size] = cov[:, size + 1, size + 1] = DIFFUSE_M**2
         return msgspec.structs.replace(
             self,
-            mean=(*self.mean, *mean),
-            cov=tuple(cov),
-            around=(*self.around, *at),
-            tracks=(*self.tracks, glimpse.track),
+            mean=np.concatenate((self.mean, point), -1),
+            cov=cov,
+            linearization_point=np.concatenate((self.linearization_point, point), -1),
+            tracks=(*self.tracks, track),
         )
 
     def without(self, track: int) -> JointFilter:
-        """With this target forgotten."""
+        """The estimate without this target."""
         place = self.place_of(track)
         if place is None:
             return self
-
-        def cut(row: tuple[float, ...]) -> tuple[float, ...]:
-            return row[:place] + row[place + 2 :]
-
-        rows = self.cov[:place] + self.cov[place + 2 :]
+        kept = np.delete(np.arange(self.mean.shape[1]), (place, place + 1))
         return msgspec.structs.replace(
             self,
-            mean=cut(self.mean),
-            cov=tuple(cut(row) for row in rows),
-            around=cut(self.around),
-            tracks=tuple(t for t in self.tracks if t != track),
+            mean=self.mean[:, kept],
+            cov=self.cov[:, kept[:, None], kept],
+            linearization_point=self.linearization_point[:, kept],
+            tracks=tuple(each for each in self.tracks if each != track),
         )
 
+    def inflated(self, inflation: PriorInflation) -> JointFilter:
+        """The estimate as it would be with the wider prior.
 
-def _taken(values: tuple[T, ...], place: int) -> tuple[T, ...]:
-    """Those of the common unknowns and of one target."""
-    return values[:COMMON_COUNT] + values[place : place + 2]
+        The information of the configured prior is subtracted (Sherman & Morrison); the considered position stays.
+        """
+        i = inflation.parameter
+        less = inflation.sigma**-2 - inflation.wider_sigma**-2
+        column = self.cov[:, i]
+        factor = (less / (1.0 - less * column[:, i]))[:, None]
+        mean = self.mean + column * (factor * (self.mean[:, i, None] - inflation.mean))
+        cov = self.cov + factor[:, :, None] * column[:, :, None] * column[:, None, :]
+        mean[:, CONSIDERED] = self.mean[:, CONSIDERED]
+        cov[:, CONSIDERED, CONSIDERED] = self.cov[:, CONSIDERED, CONSIDERED]
+        return msgspec.structs.replace(self, mean=mean, cov=cov)
+
+    def gates(self, batch: MeasurementBatch) -> tuple[Array, Array]:
+        """(T, N) NIS and log of det(S) / det(R) of each measurement for each target, linearized at the mean."""
+        mean, cov, shared = self.mean[0], self.cov[0], slice(0, SHARED_COUNT)
+        targets = mean[SHARED_COUNT:].reshape(-1, 1, 2)
+        seen = predict(batch, np.broadcast_to(targets, (len(self.tracks), len(batch.tracks), 2)), mean[None, shared])
+        places = SHARED_COUNT + 2 * np.arange(len(self.tracks))[:, None] + np.arange(2)
+        index = np.concatenate((np.broadcast_to(np.arange(SHARED_COUNT), (len(places), SHARED_COUNT)), places), 1)
+        blocks = cov[index[:, :, None], index[:, None, :]]
+        noise, _ = pixel_noise(batch, seen.rows, self.priors)
+        crossed = np.einsum("tnai,tij->tnaj", seen.rows, blocks)
+        spread = noise + np.einsum("tnaj,tnbj->tnab", crossed, seen.rows)
+        nis, log_det = _two_by_two(seen.residual, spread)
+        possible = seen.valid & np.isfinite(log_det)
+        return np.where(possible, nis, np.inf), log_det - _two_by_two(seen.residual, noise)[1]
 
 
-def _mirrored(lower: list[list[float]]) -> Rows:
-    """The symmetric matrix with this lower triangle, of rows that grow by one."""
-    columns = zip_longest(*lower)  # what a row is too short for comes first, and is cut off
-    return tuple([(*row, *column[i:]) for i, (row, column) in enumerate(zip(lower, columns, strict=True), 1)])
+def _full_noise(batch: MeasurementBatch, common: Array) -> Array:
+    """(B, 2N, 2N) covariance of the fresh errors: those of telemetry are common to the measurements of one frame."""
+    flat = common.reshape(len(common), -1, common.shape[-1])
+    frame = np.repeat(batch.frame, 2)
+    noise = np.where(frame[:, None] == frame, flat @ flat.swapaxes(1, 2), 0.0)
+    each = np.arange(len(frame))
+    noise[:, each, each] += batch.pixel_sigma.ravel() ** 2
+    return noise
 
 
-def carried(rows: tuple[Row, Row], used: Sequence[Row]) -> tuple[Row, Row]:
-    """P H', a column each of u and v; ``used``: the rows of P that H' meets.
-
-    The hottest loop of self-calibration: unrolled on purpose.
-    """
-    u0, u1, u2, u3, u4, u5, u6, u7, u8, u9, u10 = rows[0]
-    v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10 = rows[1]
-    pu, pv = [], []
-    for a, b, c, d, e, f, g, h, i, j, k in zip(*used, strict=True):
-        pu.append(u0 * a + u1 * b + u2 * c + u3 * d + u4 * e + u5 * f + u6 * g + u7 * h + u8 * i + u9 * j + u10 * k)
-        pv.append(v0 * a + v1 * b + v2 * c + v3 * d + v4 * e + v5 * f + v6 * g + v7 * h + v8 * i + v9 * j + v10 * k)
-    return tuple(pu), tuple(pv)
+def _alone(difference: Array, cov: Array, valid: Mask) -> tuple[Array, Array, Mask]:
+    """NIS and log determinant (B, N) of each measurement alone, and whether it is one."""
+    each = 2 * np.arange(valid.shape[1])
+    blocks = cov[:, each[:, None, None] + np.arange(2)[:, None], each[:, None, None] + np.arange(2)]
+    nis, log_det = _two_by_two(difference.reshape(*valid.shape, 2), blocks)
+    valid = valid & np.isfinite(log_det)
+    return np.where(valid, nis, np.inf), log_det, valid
 
 
-def joint_of(
-    priors: ErrorPriors, sigmas: tuple[float, ...], means: tuple[float, ...], around: tuple[float, ...]
-) -> JointFilter:
-    """Before any target: the priors of the common unknowns, about a point of linearization."""
-    cov = tuple(tuple(sigmas[i] ** 2 if i == j else 0.0 for j in range(COMMON_COUNT)) for i in range(COMMON_COUNT))
-    return JointFilter(priors, means, cov, around, (), 0)
+def _two_by_two(difference: Array, cov: Array) -> tuple[Array, Array]:
+    """Squared Mahalanobis distance, and log determinant of the covariance; -inf where that is not positive."""
+    uu, uv, vv = cov[..., 0, 0], cov[..., 0, 1], cov[..., 1, 1]
+    determinant = uu * vv - uv * uv
+    positive = determinant > 0.0
+    safe = np.where(positive, determinant, 1.0)
+    du, dv = difference[..., 0], difference[..., 1]
+    nis = (vv * du * du - 2.0 * uv * du * dv + uu * dv * dv) / safe
+    return nis, np.where(positive, np.log(safe), -np.inf)
+
+
+def joint_filter(priors: ErrorPriors, sigmas: Array, means: Array, point: Array) -> JointFilter:
+    """The estimate before any target: means and points (B, 13), and one sigma (13) of each shared parameter."""
+    cov = np.broadcast_to(np.diag(sigmas**2), (len(means), SHARED_COUNT, SHARED_COUNT))
+    return JointFilter(priors, means, cov, point, (), 0)

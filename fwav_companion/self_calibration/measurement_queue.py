@@ -1,73 +1,61 @@
-"""What self-calibration is to be taught: fixes that wait for the states around their capture, and whose turn it is.
-
-A frame with twenty targets must not cost more than a frame's time. Those wait that were taken last: each target teaches
-less often, and all of them together as much.
-"""
+"""Delayed measurement queue: fixes wait until the vehicle states around their capture are known."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from typing import TypeAlias
+from collections.abc import Collection
 
 import msgspec
 
-from fwav_companion.geometry.stamps import HostNs, s_from_ns
+from fwav_companion.geometry.stamps import NS_PER_MS, HostNs, s_from_ns
+from fwav_companion.self_calibration.pixel_measurement import MeasurementBatch
 from fwav_companion.types import GroundFix
 
-LEAST_TAKEN = 2
-MOST_MOVED = 2000
-"""Of one frame so many fixes are taken as move no more entries of the joint covariance together: all of five targets,
-and two of nine or more. Of ten targets each is taken six times a second then, at 30 frames/s."""
-
-Taken: TypeAlias = tuple[int, GroundFix, float]
-"""A track, its fix, and the seconds since the fix of it that was taken before; 0: none was."""
+BATCH_NS = 70 * NS_PER_MS
+"""Frames within this time are measured as one batch, three at 30 frames/s: an update costs the same whatever its size,
+and places change by millimetres meanwhile."""
 
 
 class DelayedMeasurement(msgspec.Struct, frozen=True):
-    """One frame."""
+    """The fixes of one frame, by track."""
 
     host_ns: HostNs
     fixes: tuple[tuple[int, GroundFix], ...]
-    """By track."""
+    batch: MeasurementBatch | None = None
+    """Their measurements where the gate needed them already."""
 
 
 class MeasurementQueue(msgspec.Struct, frozen=True):
-    """The frames that wait, in the order of their capture, and what was taken of those before. Immutable."""
+    """The waiting frames, in the order of their capture, and the last measurement of each track. Immutable."""
 
     waiting: tuple[DelayedMeasurement, ...] = ()
     taken_ns: dict[int, HostNs] = {}
-    """When each track was taken last, the last one last."""
+    """Capture of the last measurement of each track."""
 
-    def with_frame(self, host_ns: HostNs, fixes: Sequence[tuple[int, GroundFix]]) -> MeasurementQueue:
-        """With one frame more."""
-        return MeasurementQueue((*self.waiting, DelayedMeasurement(host_ns, tuple(fixes))), self.taken_ns)
+    def with_frame(self, frame: DelayedMeasurement) -> MeasurementQueue:
+        """The queue with one more frame."""
+        return MeasurementQueue((*self.waiting, frame), self.taken_ns)
 
-    def due(self, due_ns: HostNs) -> tuple[tuple[DelayedMeasurement, ...], MeasurementQueue]:
-        """The frames up to an instant, and the rest."""
-        count = 0
-        while count < len(self.waiting) and self.waiting[count].host_ns <= due_ns:
-            count += 1
-        return self.waiting[:count], MeasurementQueue(self.waiting[count:], self.taken_ns)
+    def due(self, due_ns: HostNs) -> tuple[list[tuple[DelayedMeasurement, ...]], MeasurementQueue]:
+        """Groups of frames, the first BATCH_NS and more before ``due_ns``, and the rest."""
+        groups, waiting = list[tuple[DelayedMeasurement, ...]](), self.waiting
+        while waiting and waiting[0].host_ns <= due_ns - BATCH_NS:
+            until_ns, count = waiting[0].host_ns + BATCH_NS, 1
+            while count < len(waiting) and waiting[count].host_ns <= until_ns:
+                count += 1
+            groups.append(waiting[:count])
+            waiting = waiting[count:]
+        return groups, MeasurementQueue(waiting, self.taken_ns)
 
     def taken(
-        self, lesson: DelayedMeasurement, most: int, alive: Collection[int], first: Collection[int] = ()
-    ) -> tuple[list[Taken], MeasurementQueue]:
-        """At most so many fixes of a frame, of tracks that are ``alive``: those of ``first`` before others, then those
-        that waited the longest.
+        self, frame: DelayedMeasurement, alive: Collection[int]
+    ) -> tuple[list[int], list[float], MeasurementQueue]:
+        """Indices of the frame's fixes of live tracks in the order of the tracks, and the seconds since the previous
+        measurement of each; 0 for the first.
         """
-        before = {track: taken_ns for track, taken_ns in self.taken_ns.items() if track in alive}
-        turn = {track: place for place, track in enumerate(before)}
-        fixes = [(track, fix) for track, fix in lesson.fixes if track in alive]
-        fixes.sort(key=lambda each: (each[0] not in first, turn.get(each[0], -1)))
-        taken = []
-        for track, fix in fixes[:most]:
-            since_ns = lesson.host_ns - before.pop(track, lesson.host_ns)
-            taken.append((track, fix, s_from_ns(since_ns)))
-        return taken, MeasurementQueue(
-            self.waiting, before | dict.fromkeys([track for track, _ in fixes[:most]], lesson.host_ns)
+        index = sorted(
+            (i for i, (track, _) in enumerate(frame.fixes) if track in alive), key=lambda i: frame.fixes[i][0]
         )
-
-
-def most_taken(unknowns: int) -> int:
-    """Fixes of one frame, by the size of the estimate that each of them updates."""
-    return max(LEAST_TAKEN, MOST_MOVED // (unknowns * unknowns))
+        tracks = [frame.fixes[i][0] for i in index]
+        since = [s_from_ns(frame.host_ns - self.taken_ns.get(track, frame.host_ns)) for track in tracks]
+        before = {track: taken_ns for track, taken_ns in self.taken_ns.items() if track in alive}
+        return index, since, MeasurementQueue(self.waiting, before | dict.fromkeys(tracks, frame.host_ns))

@@ -1,31 +1,25 @@
 """Gross mistakes in the mount, noticed and named rather than estimated: an image upside down, turned or mirrored, or a
-camera that looks elsewhere than it is told to.
+camera that looks elsewhere than configured.
 
-A target that stands makes its sights meet on the ground under the right mount, and scatters them over the field under
-a wrong one, too far for any track to be believed. So single sights are kept whether or not they belong to a track, and
-tried under other mounts: if one of those gathers them, it is told, and by how much all that is told may be wrong.
+The sights of a static target meet on the ground under the right mount, and scatter over the field under a wrong one,
+too far for any confirmed track. So single sights are kept whether or not they belong to a track, and tried under other
+mounts: a mount that gathers them is reported, and with it the error of everything that is published.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from math import acos, degrees, pi, radians
+from math import acos, degrees, inf, pi, radians
 from typing import TypeAlias
 
 import msgspec
+import numpy as np
 
-from fwav_companion.geometry.mounts import corrected_mount, euler_from_body_from_camera
+from fwav_companion.geometry.mounts import euler_from_body_from_camera
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S
-from fwav_companion.geometry.vectors import ZERO3, Matrix3, Vector3, multiply, scale
-from fwav_companion.self_calibration.delayed_poses import VehiclePose
-from fwav_companion.self_calibration.single_sights import (
-    CommonPoint,
-    SingleSight,
-    meeting,
-    misplaced_m,
-    missed,
-    sight_of,
-)
+from fwav_companion.geometry.vectors import Matrix3
+from fwav_companion.self_calibration.arrays import Array, rotation, times
+from fwav_companion.self_calibration.sights import CommonPoint, Sights, SingleSight, sight_of, sights_of
 from fwav_companion.types import GroundFix, VehicleState
 
 Turn: TypeAlias = tuple[int, int, int, int]
@@ -38,7 +32,7 @@ CANDIDATES: tuple[tuple[str, Turn], ...] = (
     ("the image is mirrored left to right", (-1, 0, 0, 1)),
     ("the image is mirrored top to bottom", (1, 0, 0, -1)),
 )
-"""What is wrong, and the turn that rights it."""
+"""The mistake, and the turn that corrects it."""
 
 EVERY_NS = 200 * NS_PER_MS
 """Between two sights that are kept: sixty of them span many headings."""
@@ -46,117 +40,109 @@ MOST_KEPT = 80
 LEAST_KEPT = 30
 FRESH = 10
 """Sights between two judgements, two seconds and more."""
-FORETOLD_NS = 3 * NS_PER_S
-"""By then who walks where nobody should is 4 m away."""
-LEAST_FITTED, LEAST_FORETOLD = 15, 8
+PREDICTED_NS = 3 * NS_PER_S
+"""After that time a person who walks is 4 m away."""
+LEAST_FITTED, LEAST_PREDICTED = 15, 8
 ANOTHER_DELAY_S = 0.01
-"""A delay that was found is so different: the sights before it were of other attitudes."""
+"""Change of the delay from which the earlier sights belong to other attitudes."""
 WILD = 0.12
-"""Spread under the configured mount, rad, above which it is asked why: a delay of 35 ms makes as much on a flapping
-camera, a mount off by a few degrees less. Neither is gathered by another mount."""
+"""Spread under the configured mount, rad, above which another mount is searched: a delay of 35 ms makes as much on a
+flapping camera, a mount off by a few degrees less. Neither is gathered by another mount."""
 CLOSE = 0.08
 """Spread up to which sights meet: 35 ms of delay leave 0.07 on a flapping camera, a metre of wandering 0.05."""
 GATHERED = 0.45
-"""Spread against that of the configured mount, below which a candidate explains it: a metre of wandering position is
-left even by the right one."""
+"""Spread against that of the configured mount, below which a candidate explains the sights: a metre of wandering
+position remains even with the right one."""
 AS_GOOD, SHARP = 1.25, 0.02
-"""Spread against that of mounts near it, up to which a turned image is the simpler word for it, or by itself: a degree,
+"""Spread against that of mounts near it, up to which a turned image is the simpler explanation, or by itself: a degree,
 what pixels leave."""
 SMALL = radians(8.0)
-"""Where a mount off by less gathers the sights, too, there is no gross mistake: few views hardly tell one from another.
-Self-calibration finds the mount then, and the targets are doubted until it did."""
+"""Where a mount off by less gathers the sights, too, there is no gross mistake: few views hardly distinguish them.
+Self-calibration finds that mount, and the targets have wide covariances until it did."""
 NAMED = radians(12.0)
 """A mount off by more is named. Of mounts off by 10 degrees self-calibration found all, of those off by 15 nine in ten,
 by 20 half."""
 
 STEPS = tuple(map(radians, (40.0, 20.0, 10.0, 5.0, 2.0)))
-"""Of the search among mounts: the first reaches half way to the next start."""
+"""Steps of the search among mounts: the first reaches half way to the next start."""
 SMALL_STEPS = tuple(map(radians, (4.0, 2.0, 1.0)))
-QUARTER = radians(90.0)
-STARTS: tuple[Vector3, ...] = (
-    ZERO3,
-    (QUARTER, 0.0, 0.0),
-    (-QUARTER, 0.0, 0.0),
-    (0.0, QUARTER, 0.0),
-    (0.0, -QUARTER, 0.0),
-    (0.0, 0.0, QUARTER),
-    (0.0, 0.0, -QUARTER),
-    (0.0, 0.0, 2.0 * QUARTER),
-)
+STARTS: Array = np.array(
+    [(0, 0, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1), (0, 0, 2)]
+) * radians(90.0)  # fmt: skip
 """Rotation vectors, body axes."""
-AXES: tuple[Vector3, ...] = (
-    (1.0, 0.0, 0.0),
-    (-1.0, 0.0, 0.0),
-    (0.0, 1.0, 0.0),
-    (0.0, -1.0, 0.0),
-    (0.0, 0.0, 1.0),
-    (0.0, 0.0, -1.0),
-)
+AXES: Array = np.array([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)], float)
 
 
 class MountMistake(msgspec.Struct, frozen=True):
-    """A mount that explains what was seen, where the configured one does not."""
+    """A mount that explains the sights, where the configured one does not."""
 
-    there: CommonPoint
+    common: CommonPoint
     text: str
-    """As a sentence for people; empty: no gross one."""
+    """Sentence for people; empty where the mistake is not gross."""
     misplaced_m: float
-    """So far off lies what is told of places, median."""
+    """Median distance of the published places from the common point."""
 
 
 class MountCheck(msgspec.Struct, frozen=True):
-    """The single sights so far, and what they say. Immutable."""
+    """The single sights so far, and their judgement. Immutable."""
 
-    foretold_ns: int = FORETOLD_NS
-    """So far ahead a mount must tell what is seen, before it is believed."""
+    predicted_ns: int = PREDICTED_NS
+    """Time over which a mount must predict the sights, before it is believed."""
     sights: tuple[SingleSight, ...] = ()
     fresh: int = 0
-    """Kept since the last judgement."""
+    """Sights kept since the last judgement."""
+    delay_s: float = 0.0
+    """Delay by which the sights were taken."""
     mistake: MountMistake | None = None
 
     @property
     def text(self) -> str:
-        """What is grossly wrong, as a sentence for people; empty: nothing."""
+        """The gross mistake, as a sentence; empty where there is none."""
         return "" if self.mistake is None else self.mistake.text
 
-    def seen(self, fixes: Sequence[GroundFix], stood: Callable[[VehicleState], VehiclePose]) -> MountCheck:
-        """After a frame; only one that saw a single thing tells what was seen. ``stood``: how the vehicle stood at a
-        capture, by the delay that is known by now.
+    def seen(
+        self, fixes: Sequence[GroundFix], state_at_capture: Callable[[VehicleState], VehicleState], delay_s: float
+    ) -> MountCheck:
+        """The check after a frame; only a frame with a single fix shows which target it was.
+
+        ``state_at_capture``: the vehicle at a capture by ``delay_s``, the delay that is known by now.
         """
         if len(fixes) != 1 or (self.sights and fixes[0].sighting.frame_host_ns - self.sights[-1].host_ns < EVERY_NS):
             return self
-        sight = sight_of(fixes[0], stood(fixes[0].sighting.state))
-        if self.sights and abs(sight.delay_s - self.sights[-1].delay_s) > ANOTHER_DELAY_S:
-            return MountCheck(self.foretold_ns, (sight,), mistake=self.mistake)
+        sight = sight_of(fixes[0], state_at_capture(fixes[0].sighting.state))
+        if self.sights and abs(delay_s - self.delay_s) > ANOTHER_DELAY_S:
+            return MountCheck(self.predicted_ns, (sight,), 0, delay_s, self.mistake)
         sights = (*self.sights, sight)[-MOST_KEPT:]
         own = [each for each in sights if each.label == sight.label]
         if len(own) < LEAST_KEPT or self.fresh + 1 < FRESH:
-            return MountCheck(self.foretold_ns, sights, self.fresh + 1, self.mistake)
-        return MountCheck(self.foretold_ns, sights, 0, _judged(own, self.mistake, self.foretold_ns))
+            return MountCheck(self.predicted_ns, sights, self.fresh + 1, delay_s, self.mistake)
+        return MountCheck(self.predicted_ns, sights, 0, delay_s, _judged(own, self.mistake, self.predicted_ns))
 
 
-def _judged(sights: Sequence[SingleSight], before: MountMistake | None, foretold_ns: int) -> MountMistake | None:
-    """What is wrong by these sights; what was found ``before`` stands until the configured mount gathers them so much
+def _judged(sights: Sequence[SingleSight], before: MountMistake | None, predicted_ns: int) -> MountMistake | None:
+    """The mistake by these sights; the one found ``before`` remains until the configured mount gathers them as much
     better.
     """
-    configured = meeting(sights, sights[-1].body_from_camera)
+    seen = sights_of(sights)
+    (configured,) = seen.meeting(np.array([sights[-1].body_from_camera]))
     if before is not None:
-        there = meeting(sights, before.there.body_from_camera)
-        before = None if configured.spread < GATHERED * there.spread else _mistake(sights, there, before.text)
+        (common,) = seen.meeting(before.common.body_from_camera[None])
+        cleared = configured.spread < GATHERED * common.spread
+        before = None if cleared else _mistake(seen, configured, common, before.text)
     if configured.spread < WILD or (before is not None and before.text):
         return before
-    image = _image(sights, configured)
+    image = _image(seen, configured)
     if image is not None:
-        return _mistake(sights, *image)
-    suspect = _foretelling(sights, configured, foretold_ns)
+        return _mistake(seen, configured, *image)
+    suspect = _predicting(sights, configured, predicted_ns)
     if suspect is None:
         return before
-    there = _searched(sights, [suspect], SMALL_STEPS)
-    return _mistake(sights, there, _named(configured.body_from_camera, there.body_from_camera))
+    common = _searched(seen, suspect.body_from_camera[None], SMALL_STEPS)
+    return _mistake(seen, configured, common, _named(configured.body_from_camera, common.body_from_camera))
 
 
-def _mistake(sights: Sequence[SingleSight], there: CommonPoint, text: str) -> MountMistake:
-    return MountMistake(there, text, misplaced_m(sights, there))
+def _mistake(seen: Sights, configured: CommonPoint, common: CommonPoint, text: str) -> MountMistake:
+    return MountMistake(common, text, seen.misplaced_m(common, configured.body_from_camera))
 
 
 def _enough(configured: CommonPoint) -> float:
@@ -164,48 +150,49 @@ def _enough(configured: CommonPoint) -> float:
     return min(CLOSE, GATHERED * configured.spread)
 
 
-def _image(sights: Sequence[SingleSight], configured: CommonPoint) -> tuple[CommonPoint, str] | None:
+def _image(seen: Sights, configured: CommonPoint) -> tuple[CommonPoint, str] | None:
     """The turned or mirrored image that explains these sights, and better than a mount a little off does."""
     mount = configured.body_from_camera
-    turned = [(meeting(sights, _turned(mount, turn)), text) for text, turn in CANDIDATES]
-    best, text = min(turned, key=lambda each: each[0].spread)
+    turned = seen.meeting(np.array([_turned(mount, turn) for _, turn in CANDIDATES]))
+    best, text = min(((c, text) for c, (text, _) in zip(turned, CANDIDATES, strict=True)), key=lambda e: e[0].spread)
     if best.spread >= _enough(configured):
         return None
-    others = _searched(sights, [configured, best], SMALL_STEPS)
+    others = _searched(seen, np.array([mount, best.body_from_camera]), SMALL_STEPS)
     return (best, text) if best.spread < max(SHARP, AS_GOOD * others.spread) else None
 
 
-def _foretelling(sights: Sequence[SingleSight], configured: CommonPoint, foretold_ns: int) -> CommonPoint | None:
+def _predicting(sights: Sequence[SingleSight], configured: CommonPoint, predicted_ns: int) -> CommonPoint | None:
     """A mount that explains the earlier sights, and thereby the last ones.
 
-    Three numbers can be fitted to much: to a target that walks, too. What they foretell then is where it was.
+    Three parameters can be fitted to many paths: to a walking target, too. They then predict its earlier place.
     """
-    until_ns = sights[-1].host_ns - foretold_ns
+    until_ns = sights[-1].host_ns - predicted_ns
     earlier = [each for each in sights if each.host_ns <= until_ns]
     last = sights[len(earlier) :]
-    if len(earlier) < LEAST_FITTED or len(last) < LEAST_FORETOLD:
+    if len(earlier) < LEAST_FITTED or len(last) < LEAST_PREDICTED:
         return None
-    suspect = _suspect(earlier, meeting(earlier, configured.body_from_camera))
-    return suspect if suspect is not None and missed(last, suspect) < _enough(configured) else None
+    seen = sights_of(earlier)
+    suspect = _suspect(seen, seen.meeting(configured.body_from_camera[None])[0])
+    return suspect if suspect is not None and sights_of(last).missed(suspect) < _enough(configured) else None
 
 
-def _suspect(sights: Sequence[SingleSight], configured: CommonPoint) -> CommonPoint | None:
-    """The mount that explains these sights, one near the configured one first; None: there is none."""
-    near = _searched(sights, [configured], SMALL_STEPS, SMALL)
+def _suspect(seen: Sights, configured: CommonPoint) -> CommonPoint | None:
+    """The mount that explains these sights, one near the configured one first; None where there is none."""
+    mount = configured.body_from_camera
+    near = _searched(seen, mount[None], SMALL_STEPS, SMALL)
     if near.spread < _enough(configured):
         return near
-    starts = [meeting(sights, corrected_mount(configured.body_from_camera, start)) for start in STARTS]
-    found = _searched(sights, starts, STEPS)
+    found = _searched(seen, times(rotation(STARTS), mount), STEPS)
     return found if found.spread < _enough(configured) else None
 
 
-def _spread(there: CommonPoint) -> float:
-    return there.spread
+def _spread(common: CommonPoint) -> float:
+    return common.spread
 
 
-def _turned(mount: Matrix3, turn: Turn) -> Matrix3:
+def _turned(mount: Array, turn: Turn) -> Array:
     a, b, c, d = turn
-    return multiply(mount, ((a, b, 0.0), (c, d, 0.0), (0.0, 0.0, 1.0)))
+    return times(mount, np.array(((a, b, 0.0), (c, d, 0.0), (0.0, 0.0, 1.0))))
 
 
 def _mirrors(turn: Turn) -> bool:
@@ -213,31 +200,27 @@ def _mirrors(turn: Turn) -> bool:
     return a * d < b * c
 
 
-def _searched(
-    sights: Sequence[SingleSight], starts: Sequence[CommonPoint], steps: Sequence[float], within: float = pi
-) -> CommonPoint:
-    """The rotation of the mount that gathers the sights best: from the best start by steps about body axes."""
-    best = start = min(starts, key=_spread)
+def _searched(seen: Sights, starts: Array, steps: Sequence[float], within: float = pi) -> CommonPoint:
+    """The mount that gathers the sights best: from the best start by steps about body axes."""
+    best = start = min(seen.meeting(starts), key=_spread)
     for step in steps:
-        while True:
-            near = [corrected_mount(best.body_from_camera, scale(axis, step)) for axis in AXES]
-            tried = [meeting(sights, each) for each in near if _angle(start.body_from_camera, each) <= within]
-            found = min(tried, key=_spread, default=best)
-            if found.spread >= best.spread:
-                break
-            best = found
+        least = inf
+        while best.spread < least:
+            least = best.spread
+            near = times(rotation(AXES * step), best.body_from_camera)
+            near = near[[_angle(start.body_from_camera, each) <= within for each in near]]
+            best = min([best, *(seen.meeting(near) if len(near) else ())], key=_spread)
     return best
 
 
-def _angle(a: Matrix3, b: Matrix3) -> float:
-    """Of the rotation that carries one mount to the other, rad."""
-    trace = sum(x * y for row, other in zip(a, b, strict=True) for x, y in zip(row, other, strict=True))
-    return acos(max(-1.0, min(1.0, 0.5 * (trace - 1.0))))
+def _angle(a: Array, b: Array) -> float:
+    """Angle of the rotation from one mount to the other, rad."""
+    return acos(max(-1.0, min(1.0, 0.5 * (float((a * b).sum()) - 1.0))))
 
 
-def _named(configured: Matrix3, found: Matrix3) -> str:
-    """What is wrong with a mount, in words; none where it is off by little. A turned image on a mount a little off is
-    still a turned image.
+def _named(configured: Array, found: Array) -> str:
+    """The mistake of a mount in words; empty where it is off by little. A turned image on a mount a little off is still
+    a turned image.
     """
     off = _angle(configured, found)
     if off < NAMED:
@@ -245,7 +228,8 @@ def _named(configured: Matrix3, found: Matrix3) -> str:
     for text, turn in CANDIDATES:
         if not _mirrors(turn) and _angle(_turned(configured, turn), found) < NAMED:
             return text
-    roll, pitch, yaw = (round(degrees(angle)) for angle in euler_from_body_from_camera(found))
+    matrix: Matrix3 = tuple(map(tuple, found.tolist()))  # type: ignore[assignment]
+    roll, pitch, yaw = (round(degrees(angle)) for angle in euler_from_body_from_camera(matrix))
     return (
         f"it is off by about {degrees(off):.0f} degrees: what is seen meets in one place with about "
         f"roll_deg = {roll}, pitch_deg = {pitch}, yaw_deg = {yaw}"

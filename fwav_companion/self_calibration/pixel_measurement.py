@@ -1,253 +1,308 @@
-"""A sighting as a measurement of two pixels, predicted from a target and from what self-calibration estimates.
+"""Sightings as measurements of two pixels, predicted from targets and from the shared parameters.
 
-The prediction is exact geometry, the residual is told in pixels through the lens's own derivatives, and every row is
-d(predicted pixel)/d(unknown). Working with rays instead of ground points keeps the noise where it arises: a pixel of a
-shallow ray is as good as any other, only its point on the ground is not.
+The prediction is exact geometry, the residual is in pixels through the lens's own derivatives, and every row is
+d(predicted pixel)/d(parameter). Rays instead of ground points keep the noise at its origin: a pixel of a shallow ray is
+as accurate as any other, only its point on the ground is not.
+
+Leading axes are hypotheses, then the N measurements of one batch. No entry depends on the others.
 """
 
 from __future__ import annotations
 
-from enum import IntEnum
-from functools import lru_cache
-from math import cos, sin
+from collections.abc import Collection, Sequence
 
 import msgspec
+import numpy as np
 
-from fwav_companion.geometry.rotations import Quaternion, conjugate, exp, matrix_from_quaternion, multiply, rotate
-from fwav_companion.geometry.vectors import (
-    Matrix3,
-    Vector3,
-    add,
+from fwav_companion.geometry.rotations import matrix_from_quaternion
+from fwav_companion.self_calibration.arrays import (
+    Array,
+    Mask,
     cross,
     dot,
-    norm,
-    scale,
-    subtract,
-    transform,
-    transpose,
+    rotation,
+    times,
+    turned,
+    turned_back,
+    vectors,
 )
-from fwav_companion.self_calibration.delayed_poses import DelayedPoses, VehiclePose
+from fwav_companion.self_calibration.calibration_report import SharedParameter
+from fwav_companion.self_calibration.delayed_poses import DelayedPoses, concatenated
 from fwav_companion.types import ErrorPriors, GroundFix
 
-
-class SharedParameter(IntEnum):
-    """What all targets share, in the order of every vector of the joint estimate."""
-
-    DELAY = 0
-    """Of the camera's stamps beyond the configured time offset, s."""
-    MOUNT_X = 1
-    """Rotation vector c of the mount's correction, body axes: the true mount is Exp(c) times the configured one."""
-    MOUNT_Y = 2
-    MOUNT_Z = 3
-    HEADING = 4
-    """Told minus true, rad."""
-    HEIGHT = 5
-    """Camera above ground, told minus true, m."""
-    READOUT = 6
-    """True minus configured, s."""
-    NORTH = 7
-    """Vehicle's position, told minus true, m."""
-    EAST = 8
-
-
-COMMON_COUNT = len(SharedParameter)
-
-
-class PixelMeasurement(msgspec.Struct, frozen=True, gc=False):
-    """What is kept of one sighting."""
-
-    track: int
-    host_ns: int
-    boot_ns: int
-    ray: Vector3
-    """Unit, in the body as the configuration mounts the camera; so are the next two."""
-    by_u: Vector3
-    """Dual to the lens's derivatives: by_u . (change of the ray) is the change of u."""
-    by_v: Vector3
-    pixel_sigma: tuple[float, float]
-    attitude_sigma: float
-    """What interpolation adds, rad."""
-    attitude_spacing_s: float
-    """Between the attitudes that it was interpolated from."""
-    time_noise_s: float
-    row_fraction: float
-    lever: Vector3
-    """Camera in the body, m."""
-    drop_m: float
-    """Height of the camera above the target's ground, as told."""
-    camera_down: float
-    course: DelayedPoses
-    since_s: float
-    """Since the glimpse of this track before; what shares its telemetry averages with the telemetry only."""
-
-
-class PredictedPixel(msgspec.Struct, frozen=True, gc=False):
-    """The pixel residual, measured minus predicted, and the rows of its prediction."""
-
-    residual: tuple[float, float]
-    rows: tuple[tuple[float, ...], tuple[float, ...]]
-    """Of u and v: by each of Common, then by north and east of the target."""
-
-    @property
-    def by_common(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """The first part of the rows."""
-        return (self.rows[0][:COMMON_COUNT], self.rows[1][:COMMON_COUNT])
-
-    @property
-    def by_target(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """The second part."""
-        return (self.rows[0][COMMON_COUNT:], self.rows[1][COMMON_COUNT:])
-
-
-def pixel_measurement(track: int, fix: GroundFix, course: DelayedPoses, since_s: float) -> PixelMeasurement:
-    """What is kept of a fix."""
-    sighting = fix.sighting
-    state, mount = sighting.state, sighting.body_from_camera
-    by_u, by_v = _dual(sighting.ray.d_du, sighting.ray.d_dv)
-    arm = subtract(sighting.camera_ned, state.position_ned) if state.position_ned is not None else sighting.camera_ned
-    return PixelMeasurement(
-        track,
-        sighting.frame_host_ns,
-        sighting.boot_ns,
-        transform(mount, sighting.ray.direction),
-        transform(mount, by_u),
-        transform(mount, by_v),
-        sighting.pixel_sigma,
-        state.carrier_sigma,
-        state.spacing_s,
-        sighting.time_noise_s,
-        sighting.row_fraction,
-        rotate(conjugate(state.ned_from_carrier), arm),
-        fix.position_ned[2] - sighting.camera_ned[2],
-        sighting.camera_ned[2],
-        course,
-        since_s,
-    )
-
-
+SHARED_COUNT = len(SharedParameter)
+ROW_COUNT = SHARED_COUNT + 2
+DELAY, _, _, _, HEADING, HEIGHT, READOUT, NORTH, EAST, POSITION_DELAY = map(int, [*SharedParameter][:10])
+LEVER = slice(int(SharedParameter.LEVER_X), int(SharedParameter.LEVER_Z) + 1)
+MOUNT = slice(int(SharedParameter.MOUNT_X), int(SharedParameter.MOUNT_Z) + 1)
+NOISY = [DELAY, 1, 2, 3, HEIGHT, NORTH, EAST]
+"""Parameters whose rows carry fresh errors: time, attitude about three axes, height, position."""
 LEAST_COSINE = 0.01
-"""Between a ray and its prediction, 89.4 degrees. Rows grow with the square of its inverse: nearer to a right angle
-they exceed the pixel's own noise by more than a double resolves, and covariances are no longer any."""
-
-
-class CameraPose(msgspec.Struct, frozen=True, gc=False):
-    """How the camera stood at a glimpse, by some values of the common unknowns."""
-
-    moment: VehiclePose
-    """The vehicle."""
-    correction: Quaternion
-    """Of the mount."""
-    ned_from_mounted: Matrix3
-    """By the told heading."""
-    heading: tuple[float, float]
-    """Cosine and sine of the heading's error."""
-    camera: Vector3
-    """North, east, and height above the target's ground, m."""
-
-    def ground_point(self, ray: Vector3) -> tuple[float, float] | None:
-        """North and east where a ray of the mounted camera meets the ground; None where it does not."""
-        x, y, z = transform(self.ned_from_mounted, ray)
-        if z <= 0.02:
-            return None
-        (c, s), (north, east, below) = self.heading, self.camera
-        reach = below / z
-        return (north + reach * (c * x + s * y), east + reach * (c * y - s * x))
-
-
-def predict(
-    glimpse: PixelMeasurement, target: tuple[float, float], common: tuple[float, ...], stance: CameraPose | None = None
-) -> PredictedPixel | None:
-    """The residual and rows at one point of linearization; None where the target would lie too far beside the ray.
-
-    ``stance``: of this glimpse by these common values, where it is at hand.
-    """
-    stance = stance or camera_pose(glimpse, common)
-    moment, correction, ned_from_mounted = stance.moment, stance.correction, stance.ned_from_mounted
-    rn, re, rd = ned_from_mounted  # the told axes of the world, as the mounted camera has them
-    (c, s), camera = stance.heading, stance.camera
-    north, east, below = target[0] - camera[0], target[1] - camera[1], camera[2]
-    told_n, told_e = c * north - s * east, s * north + c * east  # as the told heading would have it
-    seen = transform(transpose(ned_from_mounted), (told_n, told_e, below))
-    depth = dot(seen, glimpse.ray)
-    if depth <= LEAST_COSINE * norm(seen):
-        return None
-    # How what is seen changes with each unknown; the mount's correction is left to the rows.
-    by_north, by_east, by_heading = _mixed(c, rn, s, re), _mixed(c, re, -s, rn), _mixed(told_n, re, -told_e, rn)
-    vn, ve, vd = moment.velocity_ned
-    turning = cross(rotate(conjugate(correction), moment.rates), seen)
-    by_delay = add(add(turning, _mixed(vn, by_north, ve, by_east)), scale(rd, vd))
-    mount_vector = (common[SharedParameter.MOUNT_X], common[SharedParameter.MOUNT_Y], common[SharedParameter.MOUNT_Z])
-    rows = []
-    residual = []
-    for dual in (glimpse.by_u, glimpse.by_v):
-        offset = dot(dual, seen) / depth
-        residual.append(-offset)
-        by_seen = _mixed(1.0 / depth, dual, -offset / depth, glimpse.ray)
-        turn = cross(by_seen, seen)
-        # a step of the rotation vector is not quite a rotation: to first order in the correction itself
-        mx, my, mz = subtract(turn, scale(cross(turn, mount_vector), 0.5))
-        delay, n, e = dot(by_seen, by_delay), dot(by_seen, by_north), dot(by_seen, by_east)
-        readout = -glimpse.row_fraction * delay
-        rows.append((delay, mx, my, mz, dot(by_seen, by_heading), -dot(by_seen, rd), readout, n, e, n, e))
-    return PredictedPixel((residual[0], residual[1]), (rows[0], rows[1]))
-
-
-def camera_pose(glimpse: PixelMeasurement, common: tuple[float, ...]) -> CameraPose:
-    """How the camera stood by these common values."""
-    moment = glimpse.course.at(common[SharedParameter.DELAY] - common[SharedParameter.READOUT] * glimpse.row_fraction)
-    correction = _correction(common[SharedParameter.MOUNT_X : SharedParameter.HEADING])
-    north, east, down = add(moment.position_ned, rotate(moment.ned_from_body, glimpse.lever))
-    below = glimpse.drop_m - (down - glimpse.camera_down) - common[SharedParameter.HEIGHT]
-    return CameraPose(
-        moment,
-        correction,
-        matrix_from_quaternion(multiply(moment.ned_from_body, correction)),
-        (cos(common[SharedParameter.HEADING]), sin(common[SharedParameter.HEADING])),
-        (north - common[SharedParameter.NORTH], east - common[SharedParameter.EAST], below),
-    )
-
-
-@lru_cache(maxsize=64)
-def _correction(mount: Vector3) -> Quaternion:
-    """Asked over and over about one point of linearization."""
-    return exp(mount)
-
-
-def _mixed(a: float, x: Vector3, b: float, y: Vector3) -> Vector3:
-    """A x + b y."""
-    return (a * x[0] + b * y[0], a * x[1] + b * y[1], a * x[2] + b * y[2])
-
-
+"""Cosine between a ray and its prediction, 89.4 degrees. Rows grow with the square of its inverse: nearer to a right
+angle they exceed the pixel's own noise by more than a double resolves."""
 TELEMETRY_STEP_S = 0.1
 """Height and position arrive at 10 Hz and are interpolated: frames that come faster share their noise, and that of the
 attitudes where those come no faster."""
 
 
-def pixel_noise(
-    glimpse: PixelMeasurement, prediction: PredictedPixel, priors: ErrorPriors
-) -> tuple[float, float, float]:
-    """Covariance of the residual by everything fresh in this glimpse, px^2: uu, uv, vv."""
-    repeated, turned = _repeated(TELEMETRY_STEP_S, glimpse), _repeated(glimpse.attitude_spacing_s, glimpse)
-    attitude = priors.attitude_noise**2 * turned + glimpse.attitude_sigma**2
-    height, place = priors.height_noise_m**2 * repeated, priors.position_noise_m**2 * repeated
-    (u_sigma, v_sigma), time = glimpse.pixel_sigma, glimpse.time_noise_s**2
-    (ut, ux, uy, uz, _, uh, _, un, ue, *_), (vt, vx, vy, vz, _, vh, _, vn, ve, *_) = prediction.rows
-    uu = attitude * (ux * ux + uy * uy + uz * uz) + height * uh * uh + place * (un * un + ue * ue)
-    uv = attitude * (ux * vx + uy * vy + uz * vz) + height * uh * vh + place * (un * vn + ue * ve)
-    vv = attitude * (vx * vx + vy * vy + vz * vz) + height * vh * vh + place * (vn * vn + ve * ve)
-    return (uu + time * ut * ut + u_sigma * u_sigma, uv + time * ut * vt, vv + time * vt * vt + v_sigma * v_sigma)
+class MeasurementBatch(msgspec.Struct, frozen=True):
+    """N sightings of one frame or of a few, in the order of their capture and of their tracks."""
+
+    tracks: tuple[int, ...]
+    host_ns: int
+    """Capture of the newest frame."""
+    frames: int
+    ray: Array
+    """(N, 3), unit, in the body as the configuration mounts the camera; so is the next."""
+    dual: Array
+    """(N, 2, 3), dual to the lens's derivatives: dual . (change of the ray) is the change of u and v."""
+    pixel_sigma: Array
+    """(N, 2), px."""
+    lever: Array
+    """(N, 3), camera in the body, m."""
+    scalars: Array
+    """(N, 8): see the properties."""
+    poses: DelayedPoses
+    """(N, D)."""
+
+    @property
+    def attitude_sigma(self) -> Array:
+        """One sigma of the attitude by interpolation, rad."""
+        return self.scalars[:, 0]
+
+    @property
+    def attitude_spacing_s(self) -> Array:
+        """Interval of the attitudes that were interpolated."""
+        return self.scalars[:, 1]
+
+    @property
+    def time_noise_s(self) -> Array:
+        """One sigma of the capture, s."""
+        return self.scalars[:, 2]
+
+    @property
+    def row_fraction(self) -> Array:
+        """Position of the row in the readout."""
+        return self.scalars[:, 3]
+
+    @property
+    def drop_m(self) -> Array:
+        """Height of the camera above the target's ground, as reported."""
+        return self.scalars[:, 4]
+
+    @property
+    def camera_down(self) -> Array:
+        """Down coordinate of the camera at the nominal capture, m."""
+        return self.scalars[:, 5]
+
+    @property
+    def since_s(self) -> Array:
+        """Time since the previous measurement of the track; what shares its telemetry averages with the telemetry."""
+        return self.scalars[:, 6]
+
+    @property
+    def frame(self) -> Array:
+        """Number of the frame: its measurements share one sample of telemetry."""
+        return self.scalars[:, 7]
+
+    def take(self, index: Sequence[int]) -> MeasurementBatch:
+        """Some of the measurements."""
+        i = list(index)
+        arrays = {name: getattr(self, name)[i] for name in ARRAYS}
+        tracks = tuple(self.tracks[k] for k in i)
+        return msgspec.structs.replace(self, tracks=tracks, poses=self.poses.each(lambda a: a[i]), **arrays)
+
+    def since(self, since_s: Sequence[float]) -> MeasurementBatch:
+        """The measurements with the time since the previous one of each track."""
+        scalars = self.scalars.copy()
+        scalars[:, 6] = since_s
+        return msgspec.structs.replace(self, scalars=scalars)
+
+    def without(self, tracks: Collection[int]) -> MeasurementBatch:
+        """The measurements of other tracks."""
+        if not any(track in tracks for track in self.tracks):
+            return self
+        return self.take([k for k, track in enumerate(self.tracks) if track not in tracks])
+
+    def at_delay(self, delay_s: float) -> MeasurementBatch:
+        """The measurements with their pose at one delay instead of a grid."""
+        poses = self.poses.at(np.full(len(self.tracks), delay_s)).each(lambda a: a[:, None])
+        return msgspec.structs.replace(self, poses=poses)
 
 
-def _repeated(step_s: float, glimpse: PixelMeasurement) -> float:
-    """How many glimpses share one sample of telemetry that comes at such steps."""
-    return max(1.0, step_s / max(glimpse.since_s, 1e-3)) if glimpse.since_s > 0.0 else 1.0
+ARRAYS = ("ray", "dual", "pixel_sigma", "lever", "scalars")
 
 
-def _dual(a: Vector3, b: Vector3) -> tuple[Vector3, Vector3]:
-    """Two vectors in the plane of a and b with a* . a = 1, a* . b = 0, and so on."""
-    aa, ab, bb = dot(a, a), dot(a, b), dot(b, b)
-    s = 1.0 / (aa * bb - ab * ab)
-    return (
-        subtract(scale(a, bb * s), scale(b, ab * s)),
-        subtract(scale(b, aa * s), scale(a, ab * s)),
+def joined(batches: Sequence[MeasurementBatch]) -> MeasurementBatch:
+    """All measurements of several batches, at the instant of the last."""
+    if len(batches) == 1:
+        return batches[0]
+    arrays = {name: np.concatenate([getattr(b, name) for b in batches]) for name in ARRAYS}
+    return msgspec.structs.replace(
+        batches[-1],
+        tracks=tuple(track for b in batches for track in b.tracks),
+        frames=sum(b.frames for b in batches),
+        poses=concatenated([b.poses for b in batches]),
+        **arrays,
     )
+
+
+def measurement_batch(
+    fixes: Sequence[tuple[int, GroundFix]], poses: DelayedPoses, since_s: Sequence[float]
+) -> MeasurementBatch:
+    """The measurements of fixes by track, with their poses (N, D)."""
+    sightings = [fix.sighting for _, fix in fixes]
+    states = [sighting.state for sighting in sightings]
+    mount = np.array([sighting.body_from_camera for sighting in sightings])
+    rays = np.array([(s.ray.direction, s.ray.d_du, s.ray.d_dv) for s in sightings])
+    a, b = rays[:, 1], rays[:, 2]
+    aa, ab, bb = dot(a, a)[:, None], dot(a, b)[:, None], dot(b, b)[:, None]
+    dual = np.stack((a * bb - b * ab, b * aa - a * ab), 1) / (aa * bb - ab * ab)[:, :, None]
+    arm = np.array([s.camera_ned for s in sightings]) - np.array([st.position_ned or (0.0, 0.0, 0.0) for st in states])
+    ned_from_body = np.array([matrix_from_quaternion(state.ned_from_carrier) for state in states])
+    scalars = [
+        (state.carrier_sigma, state.spacing_s, s.time_noise_s, s.row_fraction,
+         fix.position_ned[2] - s.camera_ned[2], s.camera_ned[2], since, s.frame)
+        for (_, fix), s, state, since in zip(fixes, sightings, states, since_s, strict=True)
+    ]  # fmt: skip
+    return MeasurementBatch(
+        tracks=tuple(track for track, _ in fixes),
+        host_ns=sightings[-1].frame_host_ns,
+        frames=len({sighting.frame_host_ns for sighting in sightings}),
+        ray=turned(mount, rays[:, 0]),
+        dual=turned(mount[:, None], dual),
+        pixel_sigma=np.array([s.pixel_sigma for s in sightings]),
+        lever=turned_back(ned_from_body, arm),
+        scalars=np.array(scalars),
+        poses=poses,
+    )
+
+
+class CameraPose(msgspec.Struct, frozen=True):
+    """The camera at each measurement (..., N), by some values of the shared parameters."""
+
+    poses: DelayedPoses
+    """Of the vehicle."""
+    correction: Array
+    """(..., 1, 3, 3), of the mount."""
+    ned_from_mounted: Array
+    """(..., N, 3, 3), by the reported heading."""
+    heading: tuple[Array, Array]
+    """(..., 1), cosine and sine of the heading error."""
+    camera: Array
+    """(..., N, 3): north, east, and height above the target's ground, m."""
+    velocity_ned: Array
+    """(..., N, 3), of the camera, which swings about the vehicle's reference point, m/s."""
+
+    def ground_points(self, ray: Array) -> tuple[Array, Mask]:
+        """(..., N, 2) north and east where rays of the mounted camera meet the ground, and whether they do."""
+        direction = turned(self.ned_from_mounted, ray)
+        x, y, z = direction[..., 0], direction[..., 1], direction[..., 2]
+        down = z > 0.02
+        reach = self.camera[..., 2] / np.where(down, z, 1.0)
+        c, s = self.heading
+        point = (self.camera[..., 0] + reach * (c * x + s * y), self.camera[..., 1] + reach * (c * y - s * x))
+        return np.stack(point, -1), down
+
+
+def camera_pose(batch: MeasurementBatch, shared: Array) -> CameraPose:
+    """The camera's poses by values (..., 13) of the shared parameters."""
+    value = shared[..., None, :]
+    poses = batch.poses.at(value[..., DELAY] - value[..., READOUT] * batch.row_fraction)
+    correction = rotation(value[..., MOUNT])
+    late = poses.velocity_ned * value[..., POSITION_DELAY, None]
+    lever = batch.lever - value[..., LEVER]
+    place = poses.position_ned + late + turned(poses.ned_from_body, lever)
+    below = batch.drop_m - (place[..., 2] - batch.camera_down)
+    camera = place - value[..., (NORTH, EAST, HEIGHT)]
+    camera[..., 2] = below - value[..., HEIGHT]
+    heading = value[..., HEADING]
+    swinging = turned(poses.ned_from_body, cross(poses.rates, lever))
+    return CameraPose(
+        poses=poses,
+        correction=correction,
+        ned_from_mounted=times(poses.ned_from_body, correction),
+        heading=(np.cos(heading), np.sin(heading)),
+        camera=camera,
+        velocity_ned=poses.velocity_ned + swinging,
+    )
+
+
+class PredictedPixels(msgspec.Struct, frozen=True):
+    """Pixel residuals, measured minus predicted, and the rows of their predictions."""
+
+    residual: Array
+    """(..., N, 2), px; zero where invalid, and so are the rows."""
+    rows: Array
+    """(..., N, 2, 15): by each shared parameter, then by north and east of the target."""
+    valid: Mask
+    """(..., N): the target lies within 89.4 degrees of the ray."""
+
+
+def predict(batch: MeasurementBatch, targets: Array, shared: Array, pose: CameraPose | None = None) -> PredictedPixels:
+    """The predictions of targets (..., N, 2) about shared parameters (..., 13).
+
+    In the frame of the mounted camera, with M its attitude by the reported heading, x the target from the camera and
+    d the measured ray: residual = -dual . x / (d . x), and d(pixel) = (dual - residual' d) . dx / (d . x).
+    """
+    pose = pose or camera_pose(batch, shared)
+    (c, s), m, x = pose.heading, pose.ned_from_mounted, targets - pose.camera[..., :2]
+    told_n, told_e = c * x[..., 0] - s * x[..., 1], s * x[..., 0] + c * x[..., 1]  # by the reported heading
+    seen = turned_back(m, vectors(told_n, told_e, pose.camera[..., 2]))
+    depth = dot(seen, batch.ray)
+    valid = depth > LEAST_COSINE * np.sqrt(dot(seen, seen))
+    inverse = (valid / np.where(valid, depth, 1.0))[..., None]
+    offset = np.einsum("...ai,...i->...a", batch.dual, seen) * inverse
+    by_seen = (batch.dual - offset[..., None] * batch.ray[..., None, :]) * inverse[..., None]
+    rows = np.empty((*valid.shape, 2, ROW_COUNT))
+    linear = np.einsum("...ai,...ij->...aj", by_seen, _columns(pose, seen, told_n[..., None], told_e[..., None]))
+    rows[..., DELAY], rows[..., HEADING], rows[..., HEIGHT] = linear[..., 0], linear[..., 1], linear[..., 2]
+    rows[..., READOUT] = -batch.row_fraction[:, None] * linear[..., 0]
+    rows[..., NORTH : EAST + 1] = rows[..., SHARED_COUNT:] = linear[..., 3:]
+    by_place = linear[..., (3, 4, 2)] * (1.0, 1.0, -1.0)  # of a camera that is reported too far north, east, down
+    rows[..., POSITION_DELAY] = -np.einsum("...ai,...i->...a", by_place, pose.poses.velocity_ned)
+    rows[..., LEVER] = np.einsum("...ai,...ij->...aj", by_place, pose.poses.ned_from_body)
+    # A step of the rotation vector is not quite a rotation: to first order in the correction itself.
+    turn = cross(by_seen, seen[..., None, :])
+    rows[..., MOUNT] = turn - 0.5 * cross(turn, shared[..., None, None, MOUNT])
+    return PredictedPixels(-offset, rows, valid)
+
+
+def _columns(pose: CameraPose, seen: Array, told_n: Array, told_e: Array) -> Array:
+    """(..., N, 3, 5) change of what is seen with delay, heading, height, north and east."""
+    c, s = pose.heading[0][..., None], pose.heading[1][..., None]
+    m, velocity = pose.ned_from_mounted, pose.velocity_ned
+    rn, re, rd = m[..., 0, :], m[..., 1, :], m[..., 2, :]
+    by_north, by_east = c * rn + s * re, c * re - s * rn
+    turning = cross(turned_back(pose.correction, pose.poses.rates), seen)
+    moving = velocity[..., :1] * by_north + velocity[..., 1:2] * by_east + velocity[..., 2:] * rd
+    columns = np.empty((*seen.shape, 5))
+    columns[..., 0] = turning + moving
+    columns[..., 1] = told_n * re - told_e * rn
+    columns[..., 2] = -rd
+    columns[..., 3] = by_north
+    columns[..., 4] = by_east
+    return columns
+
+
+def pixel_noise(batch: MeasurementBatch, rows: Array, priors: ErrorPriors) -> tuple[Array, Array]:
+    """(..., N, 2, 2) covariance of the residuals by every fresh error, px^2, and (..., N, 2, 7) the roots of its share
+    that is common to the measurements of one frame: noise = common @ common' + diag(pixel_sigma^2).
+    """
+    repeated, attitudes = _repeated(TELEMETRY_STEP_S, batch), _repeated(batch.attitude_spacing_s, batch)
+    weights = np.empty((len(batch.tracks), len(NOISY)))
+    weights[:, 0] = batch.time_noise_s**2
+    weights[:, 1:4] = (priors.attitude_noise**2 * attitudes + batch.attitude_sigma**2)[:, None]
+    weights[:, 4] = priors.height_noise_m**2 * repeated
+    weights[:, 5:] = (priors.position_noise_m**2 * repeated)[:, None]
+    common = rows[..., NOISY] * np.sqrt(weights)[:, None, :]
+    noise = np.einsum("...ak,...bk->...ab", common, common)
+    noise[..., 0, 0] += batch.pixel_sigma[:, 0] ** 2
+    noise[..., 1, 1] += batch.pixel_sigma[:, 1] ** 2
+    return noise, common
+
+
+def _repeated(step_s: float | Array, batch: MeasurementBatch) -> Array:
+    """Number of measurements that share one sample of telemetry that comes at such steps."""
+    since_s = batch.since_s
+    return np.where(since_s > 0.0, np.maximum(1.0, step_s / np.maximum(since_s, 1e-3)), 1.0)

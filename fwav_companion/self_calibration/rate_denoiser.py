@@ -1,20 +1,22 @@
-"""How the vehicle really moves, beside the noise of the attitudes and places that its rates are taken from.
+"""Rates of the vehicle without the noise of the attitudes and positions that they are taken from.
 
-Rates are slopes of the attitude's course, and noise makes slopes of its own. In the rows of the camera's delay such a
-slope looks like a motion that shows the delay: a body that hardly turns would find it by noise alone, and be sure of
-it. So rates are told apart. Between two instants far apart noise makes next to no slope: what turns slowly is known.
-What turns faster than that is known as far as it exceeds the noise: errors in a regressor are undone by its
-reliability, the share of its mean square that is no noise. Of all rates together that share would not do: mount and
-place explain a slow turn nearly as well as a delay does, so what shows the delay is little, and the noise is all there.
+Rates are slopes of the attitude over time, and noise makes slopes of its own. In the rows of the camera's delay such a
+slope looks like a motion that shows the delay: a body that hardly turns would find it by noise alone, with a
+small sigma. So rates are split. Between two distant instants noise makes nearly no slope: slow turning is known. Faster
+turning is known as far as it exceeds the noise: errors in a regressor are corrected by its reliability, the share of
+its mean square that is not noise (errors in variables: Fuller 1987). That share of all rates together would not do:
+mount and position explain a slow turn nearly as well as a delay does, so little of it shows the delay, while all of the
+noise remains.
 """
 
 from __future__ import annotations
 
 import msgspec
+import numpy as np
 
 from fwav_companion.geometry.rotations import difference
-from fwav_companion.geometry.vectors import ZERO3, Vector3, add, scale, subtract
-from fwav_companion.self_calibration.delayed_poses import DelayedPoses, VehiclePose
+from fwav_companion.geometry.vectors import ZERO3, Vector3, scale, subtract
+from fwav_companion.self_calibration.delayed_poses import DelayedPoses
 from fwav_companion.types import GimbalAt, VehicleState
 
 SPAN_S = 0.3
@@ -24,22 +26,22 @@ slopes of 0.5 m/s of it, and 1.4 between neighbours."""
 SLOPE_NOISE = 1.6
 """One sigma of a slope of a course through attitudes with fresh noise, in units of that noise over their spacing:
 sqrt(2) for a chord, 1.2 to 1.6 within a cubic through four, 1.1 sqrt(2) on the mean for one with slopes given."""
-MEMORY = 100
-"""Frames: several beats of a slow wing."""
+MEMORY = 50
+"""Batches, five seconds: several beats of a slow wing."""
 BEGUN = 3
-"""Frames of nothing but noise that are counted before the first."""
+"""Batches of nothing but noise that are counted before the first."""
 
 
 class SmoothedMotion(msgspec.Struct, frozen=True, gc=False):
     """The mean motion over SPAN_S."""
 
     rates: Vector3 = ZERO3
-    """Of what carries the camera, rad/s, its own axes."""
+    """Mean angular velocity of the carrier of the camera, rad/s, its own axes."""
     velocity_ned: Vector3 | None = None
-    """m/s; None where it is not told."""
+    """Mean velocity, m/s; None where the position is not known."""
 
 
-def slow_between(before: VehicleState, after: VehicleState) -> SmoothedMotion:
+def smoothed_between(before: VehicleState, after: VehicleState) -> SmoothedMotion:
     """The mean motion between two states that are SPAN_S apart."""
     rates = scale(difference(after.ned_from_carrier, before.ned_from_carrier), 1.0 / SPAN_S)
     if before.position_ned is None or after.position_ned is None:
@@ -48,44 +50,44 @@ def slow_between(before: VehicleState, after: VehicleState) -> SmoothedMotion:
 
 
 class RateDenoiser(msgspec.Struct, frozen=True, gc=False):
-    """Fading sums over frames. Immutable."""
+    """Fading sums over batches. Immutable."""
 
-    told2: Vector3 = ZERO3
-    """Squared rates, beyond the slow ones, about the axes of what carries the camera."""
+    reported2: Vector3 = ZERO3
+    """Squares of the fast rates as reported, about the axes of the carrier."""
     noise2: float = 0.0
-    """What noise alone would have made of each."""
+    """Square that noise alone would have made, about each axis."""
 
     def with_state(self, state: VehicleState, slow: SmoothedMotion, attitude_noise: float) -> RateDenoiser:
-        """With one more frame; ``attitude_noise``: one sigma about an axis, rad, fresh in every attitude.
+        """The sums after one more batch; ``attitude_noise``: one sigma about an axis, rad, fresh in every attitude.
 
-        A gimbal's rates are of its own attitudes, whose spacing is not told: nothing is said of their noise.
+        A gimbal's rates are of its own attitudes, whose interval is not known: they leave the sums unchanged.
         """
         if isinstance(state.gimbal, GimbalAt) or not state.spacing_s > 0.0:
             return self
         noise2 = (SLOPE_NOISE * attitude_noise / state.spacing_s) ** 2
         x, y, z = subtract(state.carrier_rates, slow.rates)
-        if self.told2 == ZERO3:
+        if self.reported2 == ZERO3:
             before, (a, b, c) = BEGUN * noise2, (BEGUN * noise2,) * 3
         else:
             kept = 1.0 - 1.0 / MEMORY
-            before, (a, b, c) = kept * self.noise2, (kept * s for s in self.told2)
+            before, (a, b, c) = kept * self.noise2, (kept * s for s in self.reported2)
         return RateDenoiser((a + x * x, b + y * y, c + z * z), before + noise2)
 
     @property
     def shares(self) -> Vector3:
-        """Of each fast rate, what is no noise; 1 where nothing is known of noise."""
-        x, y, z = (max(0.0, 1.0 - self.noise2 / told2) if told2 > 0.0 else 1.0 for told2 in self.told2)
+        """Share of each fast rate that is not noise; 1 where the noise is not known."""
+        x, y, z = (max(0.0, 1.0 - self.noise2 / square) if square > 0.0 else 1.0 for square in self.reported2)
         return (x, y, z)
 
-    def freed_of_noise(self, course: DelayedPoses, slow: SmoothedMotion) -> DelayedPoses:
-        """The course with the motion to be expected, given what is told."""
-        return DelayedPoses(tuple(self._expected(moment, slow) for moment in course.moments))
-
-    def _expected(self, moment: VehiclePose, slow: SmoothedMotion) -> VehiclePose:
-        (x, y, z), (a, b, c), (p, q, r) = subtract(moment.rates, slow.rates), self.shares, moment.acceleration
+    def denoised(self, poses: DelayedPoses, slow: SmoothedMotion) -> DelayedPoses:
+        """The poses with the expected motion, given the reported one."""
+        shares, rates = np.array(self.shares), np.array(slow.rates)
+        velocity = poses.velocity_ned
+        if slow.velocity_ned is not None:
+            velocity = np.broadcast_to(np.array(slow.velocity_ned), velocity.shape)
         return msgspec.structs.replace(
-            moment,
-            rates=add(slow.rates, (a * x, b * y, c * z)),
-            acceleration=(a * p, b * q, c * r),
-            velocity_ned=slow.velocity_ned or moment.velocity_ned,
+            poses,
+            rates=rates + shares * (poses.rates - rates),
+            acceleration=shares * poses.acceleration,
+            velocity_ned=velocity,
         )

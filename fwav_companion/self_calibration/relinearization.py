@@ -1,7 +1,8 @@
-"""Passes over what was glimpsed: the estimate that is served, and the one that is to follow it.
+"""Passes over the kept measurements: the estimate that is served, and the one that is to follow it.
 
-A glimpse is linear only about a point, and the first point is a poor one. So glimpses are kept, and passes over them
-are repeated, each about where the last one ended. Meanwhile the last one is served, and fed with what goes on coming.
+A measurement is linear only about a point, and the first point is a poor one. So measurements are kept, and passes over
+them are repeated, each about the end of the last one (iterated, relinearized estimation: Bell & Cathey 1993). Meanwhile
+the last one is served, and takes the new measurements.
 """
 
 from __future__ import annotations
@@ -10,89 +11,89 @@ from collections.abc import Collection
 
 import msgspec
 
+from fwav_companion.self_calibration.arrays import Array
 from fwav_companion.self_calibration.calibration_context import CalibrationContext
-from fwav_companion.self_calibration.delayed_poses import DelayedPoses
+from fwav_companion.self_calibration.calibration_report import SharedParameter
 from fwav_companion.self_calibration.filter_pass import FilterPass
-from fwav_companion.self_calibration.pixel_measurement import COMMON_COUNT, PixelMeasurement, SharedParameter
+from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, MeasurementBatch
 
-MOST_KEPT = 1200
-"""Glimpses, a megabyte: 40 s of one target at 30 frames/s. They settle the linearization."""
+MOST_KEPT = 400
+"""Batches: 40 s at 30 frames/s, 1 megabyte of one target and 6 of ten. They settle the linearization."""
 PASSES_AT = (60, 120, 240, 480)
-"""Glimpses kept of each target, at which a new pass is begun."""
-STEP = 8
-"""Glimpses a frame, beside two for each target, so that a pass overtakes what goes on coming."""
+"""Measurements kept of each target, at which a new pass begins."""
+STEP = 2
+"""Batches that a pass takes in each frame, so that it overtakes the new ones."""
 
 
 class Relinearization(msgspec.Struct, frozen=True):
-    """The glimpses that are kept and the passes over them. Immutable."""
+    """The kept frames and the passes over them. Immutable."""
 
-    kept: tuple[PixelMeasurement, ...] = ()
+    kept: tuple[MeasurementBatch, ...] = ()
     complete: bool = True
-    """All that was seen of the targets there are is kept."""
+    """Whether every measurement of the live targets is kept."""
     delay_s: float | None = None
-    """About which glimpses are taken, once it was found."""
+    """Delay of the poses of new measurements, once it was found."""
     served: FilterPass | None = None
     coming: FilterPass | None = None
-    """On its way to be served."""
+    """Pass in progress, to be served next."""
     cursor: int = 0
-    """How many of the kept glimpses that has taken."""
+    """Kept batches that it has taken."""
     done: int = 0
     """Passes begun after the first."""
+    tracks: frozenset[int] = frozenset()
+    """All tracks in this state."""
 
-    def with_glimpse(self, glimpse: PixelMeasurement) -> Relinearization:
-        """With one more; when there are too many to keep, the last pass stays."""
+    def with_batch(self, batch: MeasurementBatch) -> Relinearization:
+        """The state after one more batch; when there are too many to keep, the last pass stays."""
         keeping = self.complete and (len(self.kept) < MOST_KEPT or self.coming is not None)
         return msgspec.structs.replace(
             self,
-            kept=(*self.kept, glimpse) if keeping else (),
+            kept=(*self.kept, batch) if keeping else (),
             complete=keeping,
-            served=None if self.served is None else self.served.fed(glimpse),
+            tracks=self.tracks.union(batch.tracks),
+            served=None if self.served is None else self.served.fed(batch),
         )
 
     def only(self, alive: Collection[int]) -> Relinearization:
-        """Tracks that ended leave the estimates, and their glimpses the passes: most were no targets."""
-        gone = self.gone(alive)
+        """The state without the tracks that ended: most were no targets."""
+        gone = self.tracks.difference(alive)
         served, coming = self.served, self.coming
         for track in sorted(gone):
             served = None if served is None else served.without(track)
             coming = None if coming is None else coming.without(track)
-        taken = sum(glimpse.track not in gone for glimpse in self.kept[: self.cursor])
-        kept = tuple(glimpse for glimpse in self.kept if glimpse.track not in gone)
-        return msgspec.structs.replace(self, served=served, coming=coming, kept=kept, cursor=taken)
-
-    def gone(self, alive: Collection[int]) -> set[int]:
-        """The tracks in all this that are no more."""
-        gone = {glimpse.track for glimpse in self.kept}.difference(alive)
-        return gone if self.served is None else gone | set(self.served.joint.tracks).difference(alive)
-
-    def begun(self, shop: CalibrationContext, around: tuple[float, ...]) -> Relinearization:
-        """The delay is settled enough: glimpses shrink to it, and the first pass begins."""
-        around, delay_s = around[:COMMON_COUNT], around[SharedParameter.DELAY]
-        kept = tuple(
-            msgspec.structs.replace(glimpse, course=DelayedPoses((glimpse.course.at(delay_s),)))
-            for glimpse in self.kept
+        left = [batch.without(gone) for batch in self.kept]
+        taken = sum(bool(batch.tracks) for batch in left[: self.cursor])
+        kept = tuple(batch for batch in left if batch.tracks)
+        return msgspec.structs.replace(
+            self, served=served, coming=coming, kept=kept, cursor=taken, tracks=self.tracks - gone
         )
-        return msgspec.structs.replace(self, kept=kept, delay_s=delay_s, coming=shop.fit(around), cursor=0)
 
-    def advanced(self, shop: CalibrationContext) -> Relinearization:
-        """A few glimpses further with the pass; served when it has them all."""
-        coming, cursor = self.coming, self.cursor
+    def begun(self, context: CalibrationContext, point: Array) -> Relinearization:
+        """The state after the delay was found: kept poses shrink to it, and the first pass begins."""
+        point = point[:SHARED_COUNT]
+        delay_s = float(point[SharedParameter.DELAY])
+        kept = tuple(batch.at_delay(delay_s) for batch in self.kept)
+        return msgspec.structs.replace(self, kept=kept, delay_s=delay_s, coming=context.served_pass(point), cursor=0)
+
+    def advanced(self, context: CalibrationContext) -> Relinearization:
+        """The state after the next step of the pass, which is served when it has taken all."""
+        coming, cursor = self.coming, self.cursor + STEP
         if coming is None:
-            return self._begun_again(shop)
-        step = STEP + 2 * len(coming.joint.tracks)
-        for glimpse in self.kept[cursor : cursor + step]:
-            coming = coming.fed(glimpse)
-        cursor += step
+            return self._begun_again(context)
+        for batch in self.kept[self.cursor : cursor]:
+            coming = coming.fed(batch)
         if cursor < len(self.kept):
             return msgspec.structs.replace(self, coming=coming, cursor=cursor)
         return msgspec.structs.replace(self, served=coming, coming=None, cursor=0)
 
-    def _begun_again(self, shop: CalibrationContext) -> Relinearization:
+    def _begun_again(self, context: CalibrationContext) -> Relinearization:
         if self.served is None or not self.complete or self.done >= len(PASSES_AT):
             return self
         joint = self.served.joint
-        if len(self.kept) < PASSES_AT[self.done] * max(1, len(joint.tracks)):
+        if sum(len(batch.tracks) for batch in self.kept) < PASSES_AT[self.done] * max(1, len(joint.tracks)):
             return self
-        around = (*joint.mean[: SharedParameter.NORTH], 0.0, 0.0)
-        coming = shop.fit(around, hints=joint.places)
-        return msgspec.structs.replace(self, coming=coming, cursor=0, done=self.done + 1, delay_s=around[0])
+        point = joint.mean[0, :SHARED_COUNT].copy()
+        point[SharedParameter.NORTH :] = 0.0
+        coming = context.served_pass(point, joint.targets)
+        delay_s = float(point[SharedParameter.DELAY])
+        return msgspec.structs.replace(self, coming=coming, cursor=0, done=self.done + 1, delay_s=delay_s)

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from fwav_companion.geometry.stamps import NS_PER_S
-from fwav_companion.self_calibration.calibration_context import CalibrationContext
-from fwav_companion.self_calibration.calibrator import Calibrator
-from fwav_companion.self_calibration.delayed_poses import StateAt
-from fwav_companion.self_calibration.mount_check import MountCheck
-from fwav_companion.self_calibration.report import KeptCalibration
+from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.tracking.filters.base import Filter
 from fwav_companion.tracking.filters.kalman import StaticKalman
 from fwav_companion.tracking.filters.lowpass import LowPass
@@ -15,6 +13,10 @@ from fwav_companion.tracking.filters.moving import MovingKalman
 from fwav_companion.tracking.options import TrackingOptions
 from fwav_companion.tracking.tracker import Tracker
 from fwav_companion.types import ErrorPriors
+
+if TYPE_CHECKING:
+    from fwav_companion.self_calibration.calibrator import Calibrator
+    from fwav_companion.self_calibration.delayed_poses import StateAt
 
 KEEP_STATIC_NS = 300 * NS_PER_S
 """What stood is looked for where it stood, five minutes long: several rounds of any survey."""
@@ -24,8 +26,8 @@ PATIENCE_NS = 10 * NS_PER_S
 """Where targets may move, one teaches that stayed so long within the gate of a standing one, a metre or two wide as
 delay and mount are not known yet: who walks left it within seconds."""
 
-FORETOLD_NS = 20 * NS_PER_S
-"""So far ahead a mount must tell what is seen where targets may move: by then who walks is 30 m away."""
+PREDICTED_NS = 20 * NS_PER_S
+"""Time over which a mount must predict the sights where targets may move: a person who walks is 30 m away by then."""
 
 
 def make_tracker(
@@ -43,9 +45,9 @@ def make_tracker(
         paper = LowPass(options.alpha, options.alpha_rate_hz, priors)
         return tracker_with(paper, priors, state_at, kept, self_calibration=options.self_calibration)
     moving = options.motion == "moving"
-    suspicion = MountCheck(FORETOLD_NS) if moving else MountCheck()
-    shop = CalibrationContext(priors, state_at, kept)
-    calibrator = Calibrator(shop, suspicion=suspicion) if options.self_calibration else None
+    calibrator = None
+    if options.self_calibration:
+        calibrator = _calibrator(priors, state_at, kept, PREDICTED_NS if moving else None)
     if not moving:
         return Tracker(StaticKalman(priors), KEEP_STATIC_NS, calibrator)
     if calibrator is None:
@@ -67,5 +69,17 @@ def tracker_with(
 
     Self-calibration then runs beside it: told, but not applied.
     """
-    calibrator = Calibrator(CalibrationContext(priors, state_at, kept)) if self_calibration else None
+    calibrator = _calibrator(priors, state_at, kept) if self_calibration else None
     return Tracker(belief_filter, KEEP_STATIC_NS, calibrator, corrects=False)
+
+
+def _calibrator(
+    priors: ErrorPriors, state_at: StateAt | None, kept: KeptCalibration | None, predicted_ns: int | None = None
+) -> Calibrator:
+    """The start of self-calibration. It needs numpy, which nothing else that flies loads."""
+    from fwav_companion.self_calibration.calibration_context import CalibrationContext
+    from fwav_companion.self_calibration.calibrator import Calibrator
+    from fwav_companion.self_calibration.mount_check import MountCheck
+
+    mount_check = MountCheck() if predicted_ns is None else MountCheck(predicted_ns)
+    return Calibrator(CalibrationContext(priors, state_at, kept), mount_check=mount_check)

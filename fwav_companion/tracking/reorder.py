@@ -12,7 +12,7 @@ from bisect import bisect_right
 import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_MS, HostNs
-from fwav_companion.self_calibration.report import CalibrationReport
+from fwav_companion.self_calibration import CalibrationReport
 from fwav_companion.tracking.tracker import Snapshot, Tracker
 from fwav_companion.types import FrameView, NoFrame, Reason, Track
 

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import msgspec
 
 from fwav_companion.geometry.small_matrices import Symmetric2, add_diagonal
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Matrix3, Vector3
-from fwav_companion.self_calibration.assessment import CalibratedPlace
-from fwav_companion.self_calibration.calibrator import Calibrator
 from fwav_companion.tracking.filters.base import TargetState
 from fwav_companion.types import GroundFix
 from fwav_companion.types.tracks import GateResult
+
+if TYPE_CHECKING:
+    from fwav_companion.self_calibration.assessment import CalibratedPlace
+    from fwav_companion.self_calibration.calibrator import Calibrator
 
 
 class CalibratedTargetState(msgspec.Struct, frozen=True):

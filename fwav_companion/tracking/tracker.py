@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import msgspec
 
 from fwav_companion.geometry.small_matrices import horizontal_sigma
 from fwav_companion.geometry.stamps import HostNs
-from fwav_companion.self_calibration.calibrator import Calibrator
-from fwav_companion.self_calibration.report import CalibrationReport
+from fwav_companion.self_calibration import CalibrationReport
 from fwav_companion.tracking.association import Candidate, associate, clutter, may_be_displaced
 from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.tracking.filters.base import Filter, TargetState
@@ -19,6 +19,9 @@ from fwav_companion.tracking.track_merging import TrackMerging
 from fwav_companion.tracking.track_state import LiveTrack, initiate, innovation
 from fwav_companion.tracking.visibility import is_missed_detection
 from fwav_companion.types import FrameView, GroundFix, Reason, Track, TrackState
+
+if TYPE_CHECKING:
+    from fwav_companion.self_calibration.calibrator import Calibrator
 
 MAX_TRACKS = 200
 """Live tracks at once. A frame has 256 detections at most."""
@@ -143,6 +146,8 @@ class Tracker:
         """The fix of each track that has one, by id, and the fix's log-likelihood ratio against clutter."""
         if not (tracks and view.fixes):
             return {}
+        if self._state.calibrator is not None:
+            self._state.calibrator.expect(view.fixes)
         candidates = [
             Candidate(track.label, track.target, track.detector_id, self._calibrated(track), track.confirmed)
             for track in tracks
@@ -203,7 +208,7 @@ class Tracker:
             return None
         old = [t for t in living if t.confirmed and view.host_ns - t.life.first_ns >= self._patience_ns]
         fixes = [(track.id, track.fix) for track in old if track.fix is not None]
-        return calibrator.learned(view.host_ns, view.fixes, fixes, {track.id for track in old})
+        return calibrator.updated(view.host_ns, view.fixes, fixes, {track.id for track in old})
 
     def _calibrated(self, track: LiveTrack) -> CalibratedTargetState | None:
         """The target by the joint estimate, where that holds it and may correct it."""
@@ -223,15 +228,19 @@ class Tracker:
         return without_fix.report(MisplacedTargetState(self._best_target(track), misplaced_m), view)
 
     def _best_target(self, track: LiveTrack) -> TargetState:
-        """The target by the surer of its own filter and the joint estimate.
+        """The target by the joint estimate once that is calibrated, before that by the one with the smaller covariance.
 
-        A filter whose prior the flight denies does not count as sure.
+        The covariances are not comparable later: a filter rests on the prior of the mount alone, and its covariance may
+        shrink below that of a calibrated estimate, which includes the wander of the innovations. A filter that rests on
+        a prior which the flight contradicts is not used.
         """
         calibrated, calibrator = self._calibrated(track), self._calibrator
         if calibrated is None or calibrator is None:
             return track.target
+        if calibrator.is_calibrated or calibrator.denied:
+            return calibrated
         surer = horizontal_sigma(track.target.cov) < horizontal_sigma(calibrated.cov)
-        return track.target if surer and not calibrator.denied else calibrated
+        return track.target if surer else calibrated
 
 
 def _weakest_first(tracks: Sequence[LiveTrack]) -> list[int]:

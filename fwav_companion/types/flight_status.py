@@ -179,6 +179,8 @@ class SelfCalibrationReport(msgspec.Struct, frozen=True, kw_only=True):
     """Results of self-calibration."""
 
     status: str = ""
+    reason: str | None = None
+    """What is missing; None when calibrated."""
     time_offset_s: float = 0.0
     """Total, with the configured offset."""
     time_offset_sigma_s: float | None = None

@@ -13,7 +13,7 @@ from fwav_companion.links.base import LinkState
 from fwav_companion.mavlink.client.rate_stream import StreamState
 from fwav_companion.mavlink.client.timesync import NotTaken
 from fwav_companion.publishing.landing import Withheld
-from fwav_companion.self_calibration.assessment import CalibrationStatus
+from fwav_companion.self_calibration import CalibrationStatus
 from fwav_companion.tools.doctor.finding import Finding
 from fwav_companion.types import ClockStatus, HeightSource, Reason, TrackState
 

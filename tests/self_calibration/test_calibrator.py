@@ -6,56 +6,58 @@ import pytest
 from simulated_flight import Flight, priors
 from simulated_world import World
 
-from fwav_companion.self_calibration.calibration_context import CalibrationContext
+from fwav_companion.self_calibration.calibration_context import KNOT_S, CalibrationContext
 from fwav_companion.self_calibration.calibrator import Calibrator
-from fwav_companion.self_calibration.filter_pass import FilterPass
-from fwav_companion.self_calibration.joint_filter import joint_of
-from fwav_companion.self_calibration.pixel_measurement import COMMON_COUNT
+from fwav_companion.self_calibration.filter_pass import filter_pass
+from fwav_companion.self_calibration.joint_filter import joint_filter
+from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT
 from fwav_companion.self_calibration.relinearization import Relinearization
 
 DELAY_S = 0.03
-ROW_NS = 2_000_000
-SIGMAS = (0.005, *np.radians([1.0, 1.0, 1.0, 2.0]), 0.1, 0.0, 0.0, 0.0)
+SIGMAS = np.array((0.005, *np.radians([1.0, 1.0, 1.0, 2.0]), 0.1, *[0.0] * 7))
 
 
-def taught(targets):
-    """(measurements that one frame with this number of targets adds, instants requested meanwhile)."""
+def taught(targets, row_ns=2_000_000):
+    """(measurements that one frame with this number of targets adds, delays requested before its first row)."""
     world = World(Flight(seconds=3, shape="hover", height_m=10.0, targets=((4.0, 3.0),), pixel_px=0.5))
     fix = [fix for view in world.frames() for fix in view.fixes][30]
-    asked = []
+    first_ns, asked = fix.sighting.boot_ns, []
 
     def state_at(boot_ns):
         asked.append(boot_ns)
         return world.state_at(boot_ns)
 
-    means = (DELAY_S, *(0.0,) * (COMMON_COUNT - 1))
-    tracks, places = tuple(range(1, targets + 1)), (4.0, 3.0) * targets
-    joint = joint_of(priors(), SIGMAS, means, means)
-    joint = msgspec.structs.replace(
-        joint,
-        mean=(*means, *places),
-        around=(*means, *places),
-        cov=tuple(map(tuple, np.diag([*np.square(SIGMAS), *[0.1] * (2 * targets)]).tolist())),
-        tracks=tracks,
-    )
-    passes = Relinearization(complete=False, delay_s=DELAY_S, served=FilterPass(joint))
+    means = np.zeros((1, SHARED_COUNT))
+    means[0, 0] = DELAY_S
+    tracks = tuple(range(1, targets + 1))
+    joint = joint_filter(priors(), SIGMAS, means, means)
+    for track in tracks:
+        joint = joint.with_target(track, np.array([[4.0, 3.0]]))
+    passes = Relinearization(complete=False, delay_s=DELAY_S, served=filter_pass(joint, {}), tracks=frozenset(tracks))
     calibrator = Calibrator(CalibrationContext(priors(), state_at), passes=passes)
     frame_ns, fixes = fix.sighting.frame_host_ns, []
-    for track in tracks:
-        boot_ns = fix.sighting.boot_ns + track * ROW_NS
-        sighting = msgspec.structs.replace(fix.sighting, state=world.state_at(boot_ns))
+    for k, track in enumerate(tracks):
+        sighting = msgspec.structs.replace(fix.sighting, state=world.state_at(first_ns + k * row_ns))
         fixes.append((track, msgspec.structs.replace(fix, sighting=sighting)))
-    calibrator = calibrator.learned(frame_ns, (), fixes, tracks).learned(frame_ns + 10**9, (), [], tracks)
+    calibrator = calibrator.updated(frame_ns, (), fixes, tracks).updated(frame_ns + 10**9, (), [], tracks)
     after = calibrator.passes.served
-    return after.used + after.refused, {(boot_ns - fix.sighting.boot_ns + 30_000_000) // ROW_NS for boot_ns in asked}
+    return after.taken, sorted(1e-9 * (first_ns - boot_ns) for boot_ns in asked)
 
 
-@pytest.mark.parametrize(("targets", "taken"), [(1, 1), (3, 3), (5, 5), (10, 2), (15, 2)])
-def test_of_many_targets_a_frame_teaches_by_few(targets, taken):
-    assert taught(targets)[0] == taken
+@pytest.mark.parametrize("targets", [1, 3, 10, 20])
+def test_every_target_of_a_frame_teaches(targets):
+    assert taught(targets)[0] == targets
 
 
-def test_each_fix_is_taken_by_the_vehicle_at_its_own_row():
+def test_few_rows_are_measured_with_the_vehicle_at_their_own_instants():
     """Rows of a frame are captured one after another while the vehicle rotates."""
-    _, rows = taught(5)
-    assert rows >= {1, 2, 3, 4, 5}
+    _, delays = taught(3, row_ns=15_000_000)
+    assert [d for d in delays if abs(d - DELAY_S) < 0.05] == pytest.approx([DELAY_S - 0.03, DELAY_S - 0.015, DELAY_S])
+
+
+def test_the_readout_of_many_targets_takes_a_few_states():
+    _, delays = taught(20, row_ns=1_700_000)
+    grid = [d for d in delays if abs(d - DELAY_S) < 0.05]
+    assert (grid[0], grid[-1]) == pytest.approx((DELAY_S - 19 * 0.0017, DELAY_S))
+    assert len(grid) == 4
+    assert max(np.diff(grid)) <= KNOT_S

@@ -38,10 +38,10 @@ def test_delays_a_beat_apart_are_reported_and_not_guessed_between(seed):
     """A hover at a steady 10 Hz repeats itself every 100 ms, well within the prior; one delay fits better by chance."""
     report = calibrated(hovering(0.03, 10.0, seed=seed))
     assert report.status is CalibrationStatus.AMBIGUOUS
-    beats = [round((rival - 0.03) / 0.1) for rival in report.rivals]
+    beats = [round((delay - 0.03) / 0.1) for delay in report.alternatives]
     assert 0 in beats
     assert len(beats) > 1
-    assert report.rivals == pytest.approx([0.03 + 0.1 * beat for beat in beats], abs=0.002)
+    assert report.alternatives == pytest.approx([0.03 + 0.1 * beat for beat in beats], abs=0.002)
     assert (report.time_offset_s, report.time_offset_sigma_s) == (0.0, 0.05)
     assert report.mount == (0.0, 0.0, 0.0)
 
@@ -65,8 +65,10 @@ def test_turns_tell_beats_apart():
 @pytest.mark.parametrize(("refused", "status"), [(300, CalibrationStatus.UNEXPLAINED), (0, None)])
 def test_what_no_delay_explains_is_said_to_be_unexplained(refused, status):
     search = delay_search(CalibrationContext(priors(), World(Flight(seconds=1.0)).state_at))
-    fits = [
-        msgspec.structs.replace(fit, used=300, refused=refused, score=-20.0 * k) for k, fit in enumerate(search.bank)
-    ]
-    result = msgspec.structs.replace(search, bank=(), trials=tuple(fits[::2]), round=ROUNDS).result(())
+    trials = search.hypotheses.take(range(0, len(search.hypotheses.score), 2))
+    count = len(trials.score)
+    trials = msgspec.structs.replace(
+        trials, used=np.full(count, 300), refused=np.full(count, refused), score=-20.0 * np.arange(count), frames=300
+    )
+    result = msgspec.structs.replace(search, hypotheses=trials, round=ROUNDS).result(())
     assert getattr(result, "status", None) is status

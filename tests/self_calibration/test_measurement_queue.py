@@ -1,64 +1,49 @@
-"""The measurement queue: which tracks are taken next, and which measurements wait."""
+"""The measurement queue: which frames are taken together, and which fixes of them."""
 
-from fwav_companion.self_calibration.measurement_queue import DelayedMeasurement, MeasurementQueue, most_taken
-from fwav_companion.self_calibration.pixel_measurement import COMMON_COUNT
+from fwav_companion.self_calibration.measurement_queue import BATCH_NS, DelayedMeasurement, MeasurementQueue
 
 FRAME_NS = 33_000_000
 
 
-def taught(frames, tracks, most, first=()):
-    """Measurements taken from each frame, with every track seen in each; fixes are represented by their track alone."""
-    lessons, taken = MeasurementQueue(), []
-    for k in range(frames):
-        each, lessons = lessons.taken(
-            DelayedMeasurement(k * FRAME_NS, tuple((track, track) for track in tracks)), most, tracks, first
-        )
-        taken.append(each)
-    return taken
+def frame(k, tracks=(1,)):
+    """Fixes are represented by their track alone."""
+    return DelayedMeasurement(k * FRAME_NS, tuple((track, track) for track in tracks))
 
 
-def test_ten_targets_take_turns():
-    taken = taught(50, range(10), 4)
-    assert all(len(each) == 4 for each in taken)
-    counts = [sum(track == t for each in taken for t, _, _ in each) for track in range(10)]
-    assert counts == [20] * 10
+def queued(*indices):
+    queue = MeasurementQueue()
+    for k in indices:
+        queue = queue.with_frame(frame(k))
+    return queue
 
 
-def test_each_measurement_has_the_time_since_the_last_of_its_track():
-    for each in taught(3, range(4), 4)[0]:
-        assert each[2] == 0.0
-    later = taught(12, range(10), 5)[2:]
-    assert {round(since_s / 0.033, 6) for each in later for _, _, since_s in each} == {2.0}
+def grouped(groups):
+    return [[each.host_ns // FRAME_NS for each in group] for group in groups]
 
 
-def test_the_first_are_taken_before_those_that_wait():
-    assert [[track for track, _, _ in each] for each in taught(5, range(4), 2, first=(3, 1))] == [[1, 3]] * 5
+def test_frames_wait_until_their_group_is_due():
+    queue = queued(*range(7))
+    assert grouped(queue.due(BATCH_NS - 1)[0]) == []
+    groups, rest = queue.due(4 * FRAME_NS + BATCH_NS)
+    assert grouped(groups) == [[0, 1, 2], [3, 4, 5]]
+    assert [each.host_ns // FRAME_NS for each in rest.waiting] == [6]
+    assert rest.due(4 * FRAME_NS + BATCH_NS) == ([], rest)
+
+
+def test_photographs_are_taken_one_by_one():
+    assert grouped(queued(0, 200, 400).due(401 * FRAME_NS)[0]) == [[0], [200]]
+
+
+def test_fixes_come_in_the_order_of_their_tracks_with_the_time_since_the_last():
+    index, since_s, queue = MeasurementQueue().taken(frame(0, (3, 1)), {1, 3})
+    assert (index, since_s) == ([1, 0], [0.0, 0.0])
+    index, since_s, _ = queue.taken(frame(2, (1, 2, 3)), {1, 2, 3})
+    assert index == [0, 1, 2]
+    assert [round(each, 6) for each in since_s] == [0.066, 0.0, 0.066]
 
 
 def test_those_that_ended_are_forgotten():
-    lesson = DelayedMeasurement(0, tuple((track, track) for track in range(4)))
-    _, lessons = MeasurementQueue().taken(lesson, 4, range(4))
-    taken, lessons = lessons.taken(DelayedMeasurement(FRAME_NS, lesson.fixes), 4, (2, 3))
-    assert [track for track, _, _ in taken] == [2, 3]
-    assert set(lessons.taken_ns) == {2, 3}
-
-
-def test_frames_wait_until_they_are_due():
-    lessons = MeasurementQueue()
-    for k in range(5):
-        lessons = lessons.with_frame(k * FRAME_NS, [(1, k)])
-    due, rest = lessons.due(2 * FRAME_NS)
-    assert [lesson.host_ns // FRAME_NS for lesson in due] == [0, 1, 2]
-    assert [lesson.host_ns // FRAME_NS for lesson in rest.waiting] == [3, 4]
-    assert rest.due(2 * FRAME_NS) == ((), rest)
-
-
-def test_a_frame_costs_the_same_however_many_targets_it_shows():
-    sizes = {targets: COMMON_COUNT + 2 * targets for targets in range(1, 21)}
-    assert all(most_taken(sizes[targets]) >= targets for targets in range(1, 6))
-    ten = most_taken(sizes[10]) * sizes[10] ** 2
-    assert most_taken(sizes[10]) >= 2
-    assert all(
-        min(targets, most_taken(size)) * size**2 <= 1.5 * ten for targets, size in sizes.items() if targets <= 13
-    )
-    assert most_taken(sizes[20]) == 2
+    _, _, queue = MeasurementQueue().taken(frame(0, range(4)), range(4))
+    index, _, queue = queue.taken(frame(1, range(4)), (2, 3))
+    assert index == [2, 3]
+    assert set(queue.taken_ns) == {2, 3}

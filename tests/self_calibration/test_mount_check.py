@@ -13,9 +13,8 @@ from simulated_world import World
 
 from fwav_companion.geometry.mounts import body_from_camera_from_euler
 from fwav_companion.self_calibration import CalibrationStatus
-from fwav_companion.self_calibration.delayed_poses import VehiclePose, vehicle_pose
 from fwav_companion.self_calibration.mount_check import MountCheck
-from fwav_companion.self_calibration.single_sights import meeting, misplaced_m, missed, sight_of
+from fwav_companion.self_calibration.sights import sight_of, sights_of
 from fwav_companion.tracking import TrackingOptions, make_tracker
 from fwav_companion.types import BIAS_COUNT, Bias
 
@@ -47,7 +46,7 @@ def flown(flight, **options):
 
 
 def nominally(state):
-    return vehicle_pose(state, 0.0)
+    return state
 
 
 @pytest.mark.parametrize(
@@ -94,15 +93,16 @@ def test_who_walks_is_no_crooked_mount(seed):
 def test_sights_meet_under_the_mount_that_is_there_and_nowhere_else():
     world = World(crooked((10, 0, 5), pixel_px=0.1, stamp_late_s=0.0))
     fixes = [view.fixes[0] for view in world.frames() if len(view.fixes) == 1]
-    sights = [sight_of(fix, nominally(fix.sighting.state)) for fix in fixes]
+    sights = [sight_of(fix, fix.sighting.state) for fix in fixes]
+    configured = np.array(sights[0].body_from_camera)
     true = (Rotation.from_rotvec(np.radians([10, 0, 5])) * BODY_FROM_CAMERA).as_matrix()
-    there = meeting(sights, tuple(map(tuple, true)))
-    assert there.spread < 0.005
-    assert (there.north, there.east) == pytest.approx((1.0, 2.0), abs=0.05)
-    assert missed(sights[-5:], there) < 0.005
-    assert meeting(sights, sights[0].body_from_camera).spread > 0.1
+    common, as_configured = sights_of(sights).meeting(np.array([true, configured]))
+    assert common.spread < 0.005
+    assert common.point == pytest.approx((1.0, 2.0), abs=0.05)
+    assert sights_of(sights[-5:]).missed(common) < 0.005
+    assert as_configured.spread > 0.1
     off = [np.hypot(*np.subtract(fix.position_ned[:2], (1.0, 2.0))) for fix in fixes]
-    assert misplaced_m(sights, there) == pytest.approx(np.median(off), rel=0.05)
+    assert sights_of(sights).misplaced_m(common, configured) == pytest.approx(np.median(off), rel=0.05)
 
 
 def test_sights_are_taken_by_the_delay_that_was_found():
@@ -110,16 +110,11 @@ def test_sights_are_taken_by_the_delay_that_was_found():
     fixes = [view.fixes for view in World(crooked((20, 0, 0))).frames() if len(view.fixes) == 1]
     suspicion = MountCheck()
     for seen in fixes:
-        suspicion = suspicion.seen(seen, nominally)
+        suspicion = suspicion.seen(seen, nominally, 0.0)
     assert "20 degrees" in suspicion.text
-
-    def later(state):
-        return VehiclePose(
-            0.05, state.ned_from_body, state.rates, (0.0, 0.0, 0.0), state.position_ned, state.velocity_ned
-        )
 
     sighting = fixes[-1][0].sighting
     after = msgspec.structs.replace(sighting, frame_host_ns=sighting.frame_host_ns + 10**9)
-    suspicion = suspicion.seen([msgspec.structs.replace(fixes[-1][0], sighting=after)], later)
-    assert [sight.delay_s for sight in suspicion.sights] == [0.05]
+    suspicion = suspicion.seen([msgspec.structs.replace(fixes[-1][0], sighting=after)], nominally, 0.05)
+    assert (len(suspicion.sights), suspicion.delay_s) == (1, 0.05)
     assert "20 degrees" in suspicion.text

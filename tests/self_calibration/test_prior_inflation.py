@@ -10,22 +10,22 @@ from simulated_world import World
 from fwav_companion.pipeline.self_calibration_notices import SelfCalibrationNotices
 from fwav_companion.self_calibration import CalibrationStatus, KeptCalibration, SharedParameter
 from fwav_companion.self_calibration.assessment import assessed
-from fwav_companion.self_calibration.joint_filter import joint_of
-from fwav_companion.self_calibration.pixel_measurement import COMMON_COUNT
+from fwav_companion.self_calibration.joint_filter import joint_filter
+from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT
 from fwav_companion.self_calibration.prior_inflation import PriorInflation, prior_inflations
 from fwav_companion.tracking import TrackingOptions, make_tracker
 from fwav_companion.types import BIAS_COUNT, Bias, NoticeCode
 
 TARGET = (2.0, 3.0)
-SIGMAS = np.array([0.01, 0.02, 0.02, 0.02, 0.03, 0.5, 0.0, 0.0, 0.0])
-MEANS = (0.0,) * COMMON_COUNT
+SIGMAS = np.array([0.01, 0.02, 0.02, 0.02, 0.03, 0.5, *[0.0] * 7])
+MEANS = np.zeros(SHARED_COUNT)
 USED = np.flatnonzero(SIGMAS)
 
 
 def informed(truth, sigmas, seed=4, measurements=40):
     """A batch fit of invented measurements of everything together, about as accurate as the usual priors."""
     rng = np.random.default_rng(seed)
-    rows = np.zeros((measurements, COMMON_COUNT))
+    rows = np.zeros((measurements, SHARED_COUNT))
     rows[:, USED] = rng.normal(0.0, 1.0 / SIGMAS[USED], (measurements, len(USED)))
     return fitted(rows, rows @ np.array(truth) + rng.normal(0.0, 1.0, measurements), sigmas)
 
@@ -33,40 +33,40 @@ def informed(truth, sigmas, seed=4, measurements=40):
 def fitted(rows, seen, sigmas):
     """The batch least-squares fit of the measurements ``seen`` with unit sigma, and these priors."""
     rows = rows[:, USED]
-    cov, mean = np.zeros((COMMON_COUNT, COMMON_COUNT)), np.zeros(COMMON_COUNT)
+    cov, mean = np.zeros((SHARED_COUNT, SHARED_COUNT)), np.zeros(SHARED_COUNT)
     cov[np.ix_(USED, USED)] = np.linalg.inv(np.diag(np.array(sigmas)[USED] ** -2.0) + rows.T @ rows)
     mean[USED] = cov[np.ix_(USED, USED)] @ rows.T @ seen
-    blank = joint_of(priors(), tuple(sigmas), MEANS, MEANS)
-    return msgspec.structs.replace(blank, mean=tuple(mean), cov=tuple(map(tuple, cov)))
+    blank = joint_filter(priors(), np.array(sigmas), MEANS[None], MEANS[None])
+    return msgspec.structs.replace(blank, mean=mean[None], cov=cov[None])
 
 
 def test_a_loosened_estimate_is_that_of_the_wider_prior():
-    truth = [0.0, 0.01, -0.02, 0.0, 0.0, 3.0, 0.0, 0.0, 0.0]
+    truth = [0.0, 0.01, -0.02, 0.0, 0.0, 3.0, *[0.0] * 7]
     loosening = PriorInflation(SharedParameter.HEIGHT, 0.0, 0.5, 3.0)
     wide = SIGMAS.copy()
     wide[SharedParameter.HEIGHT] = loosening.wider_sigma
-    loosened, expected = loosening.of(informed(truth, SIGMAS)), informed(truth, wide)
+    loosened, expected = informed(truth, SIGMAS).inflated(loosening), informed(truth, wide)
     assert loosened.mean == pytest.approx(expected.mean, rel=1e-9, abs=1e-12)
-    assert np.array(loosened.cov) == pytest.approx(np.array(expected.cov), rel=1e-9, abs=1e-15)
+    assert loosened.cov == pytest.approx(expected.cov, rel=1e-9, abs=1e-15)
 
 
 def test_what_the_flight_says_alone_is_what_it_says_without_the_prior():
-    truth = [0.0, 0.0, 0.0, 0.3, 0.0, 4.0, 0.0, 0.0, 0.0]
-    found = {each.unknown: each.alone for each in prior_inflations(informed(truth, SIGMAS), MEANS, tuple(SIGMAS))}
+    truth = [0.0, 0.0, 0.0, 0.3, 0.0, 4.0, *[0.0] * 7]
+    found = {each.parameter: each.alone for each in prior_inflations(informed(truth, SIGMAS), MEANS, SIGMAS)}
     free = SIGMAS.copy()
     free[[SharedParameter.MOUNT_Z, SharedParameter.HEIGHT]] = 1e6
     expected = informed(truth, free)
     assert found.keys() == {SharedParameter.MOUNT_Z, SharedParameter.HEIGHT}
-    assert found[SharedParameter.HEIGHT] == pytest.approx(expected.mean[SharedParameter.HEIGHT], rel=0.05)
-    assert found[SharedParameter.MOUNT_Z] == pytest.approx(expected.mean[SharedParameter.MOUNT_Z], rel=0.05)
+    assert found[SharedParameter.HEIGHT] == pytest.approx(expected.mean[0, SharedParameter.HEIGHT], rel=0.05)
+    assert found[SharedParameter.MOUNT_Z] == pytest.approx(expected.mean[0, SharedParameter.MOUNT_Z], rel=0.05)
 
 
 def found_as(mean, sigma):
     """A joint estimate with this height and sigma; all other unknowns are at their priors."""
-    blank = joint_of(priors(), tuple(SIGMAS), MEANS, MEANS)
-    means, cov = np.zeros(COMMON_COUNT), np.diag(SIGMAS**2)
+    blank = joint_filter(priors(), SIGMAS, MEANS[None], MEANS[None])
+    means, cov = np.zeros(SHARED_COUNT), np.diag(SIGMAS**2)
     means[SharedParameter.HEIGHT], cov[SharedParameter.HEIGHT, SharedParameter.HEIGHT] = mean, sigma**2
-    return msgspec.structs.replace(blank, mean=tuple(means.tolist()), cov=tuple(map(tuple, cov.tolist())))
+    return msgspec.structs.replace(blank, mean=means[None], cov=cov[None])
 
 
 @pytest.mark.parametrize(
@@ -76,7 +76,7 @@ def found_as(mean, sigma):
 def test_prior_and_estimate_may_differ_by_four_times_the_sum_of_their_sigmas(found_m, found_sigma_m, denied):
     """The correlation of the two errors is not known, so the sum of their sigmas bounds the difference. The prior is
     0.5 m; an estimate that is not sharper has learned nothing."""
-    unknowns = [each.unknown for each in prior_inflations(found_as(found_m, found_sigma_m), MEANS, tuple(SIGMAS))]
+    unknowns = [each.parameter for each in prior_inflations(found_as(found_m, found_sigma_m), MEANS, SIGMAS)]
     assert unknowns == [SharedParameter.HEIGHT] * denied
 
 
@@ -85,21 +85,21 @@ def test_an_unknown_that_a_wrong_prior_bent_is_judged_without_that_prior():
     of 30 sigma that is held near 0 appears as a mount error of 13 sigma; with the prior widened the mount is right.
     """
     both = [SharedParameter.MOUNT_Y, SharedParameter.HEIGHT]
-    rows = np.zeros((2, COMMON_COUNT))
+    rows = np.zeros((2, SHARED_COUNT))
     rows[0, both] = 30.0 / SIGMAS[both]
     rows[1, SharedParameter.HEIGHT] = 1.0 / SIGMAS[SharedParameter.HEIGHT]
-    truth = np.zeros(COMMON_COUNT)
+    truth = np.zeros(SHARED_COUNT)
     truth[SharedParameter.HEIGHT] = 30.0 * SIGMAS[SharedParameter.HEIGHT]
     joint = fitted(rows, rows @ truth, SIGMAS)
-    assert joint.mean[SharedParameter.MOUNT_Y] > 8.0 * SIGMAS[SharedParameter.MOUNT_Y]
-    assert [each.unknown for each in prior_inflations(joint, MEANS, tuple(SIGMAS))] == [SharedParameter.HEIGHT]
+    assert joint.mean[0, SharedParameter.MOUNT_Y] > 8.0 * SIGMAS[SharedParameter.MOUNT_Y]
+    assert [each.parameter for each in prior_inflations(joint, MEANS, SIGMAS)] == [SharedParameter.HEIGHT]
 
 
 def test_a_prior_that_is_right_is_hardly_ever_denied():
     rng, denied = np.random.default_rng(9), 0
     for seed in range(2000):
-        truth = rng.normal(0.0, 1.0, COMMON_COUNT) * SIGMAS
-        denied += bool(prior_inflations(informed(truth, SIGMAS, seed, measurements=12), MEANS, tuple(SIGMAS)))
+        truth = rng.normal(0.0, 1.0, SHARED_COUNT) * SIGMAS
+        denied += bool(prior_inflations(informed(truth, SIGMAS, seed, measurements=12), MEANS, SIGMAS))
     assert denied <= 1
 
 
@@ -122,7 +122,7 @@ def test_a_filter_that_rests_on_a_denied_prior_is_not_believed_though_it_claims_
     sharp = {f"mount_{axis}": np.radians(0.2) for axis in "xyz"}
     reported = priors(height=0.2, heading=np.radians(0.5), **sharp)
     track, report = flown(Flight(seed=seed, seconds=30, biases=biases, priors=reported))
-    assert [each.unknown for each in report.denied] == [SharedParameter.HEIGHT]
+    assert [each.parameter for each in report.denied] == [SharedParameter.HEIGHT]
     error = np.subtract(track.position_ned[:2], TARGET)
     assert error @ np.linalg.solve(np.array(track.cov)[:2, :2], error) < chi2.ppf(0.99, 2)
 
@@ -137,10 +137,10 @@ def test_targets_stand_by_the_same_joint_estimate_where_they_were_judged():
     for view in world.frames():
         tracker.on_frame(view)
     calibrator = tracker.snapshot().calibrator
-    joint, means = calibrator.passes.served.joint, calibrator.shop.means
-    verdict = assessed(joint, means, calibrator.shop.sigmas, various=True)
-    assert verdict.denied
-    assert verdict.about(joint, means).places() == verdict.places()
+    joint, both = calibrator.passes.served.joint, calibrator.context.shared_priors
+    assessment = assessed(joint, both, various=True)
+    assert assessment.denied
+    assert assessment.about(joint, both).places() == assessment.places()
 
 
 @pytest.mark.parametrize(("height_m", "mount_y_deg"), [(1.5, 0.0), (-2.5, 1.0), (0.0, 6.0)])

@@ -8,14 +8,18 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fwav_companion.geometry.stamps import BootNs
-from fwav_companion.self_calibration.delayed_poses import DelayedPoses, vehicle_pose
-from fwav_companion.self_calibration.rate_denoiser import RateDenoiser, SmoothedMotion, slow_between
+from fwav_companion.self_calibration.delayed_poses import delayed_poses
+from fwav_companion.self_calibration.rate_denoiser import RateDenoiser, SmoothedMotion, smoothed_between
 from fwav_companion.telemetry.attitude.history import AttitudeHistory
 from fwav_companion.types import AttitudeSample, GimbalAt, VehicleState
 
 NOISE = radians(0.1)
 SPACING_S = 0.02
 STILL = VehicleState(BootNs(0), (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.05), 0.0, 0.0, None, None, 0.0, None)
+
+
+def poses_of(state):
+    return delayed_poses([state], (0.0,), None)
 
 
 def rolled(roll_rate, seconds: float, seed: int, noise: float = NOISE):
@@ -37,10 +41,10 @@ def rolled(roll_rate, seconds: float, seed: int, noise: float = NOISE):
         history.insert(AttitudeSample(BootNs(int(k * SPACING_S * 1e9)), tuple(map(float, q)), (0.0, 0.0, 0.0)))
         while (t := len(reported) / 30.0 + 0.2) < (k - 4) * SPACING_S - 0.15:
             state = state_at(t)
-            slow = slow_between(state_at(t - 0.15), state_at(t + 0.15))
+            slow = smoothed_between(state_at(t - 0.15), state_at(t + 0.15))
             found = found.with_state(state, slow, NOISE)
             reported.append(state.rates[0])
-            freed.append(found.freed_of_noise(DelayedPoses((vehicle_pose(state, 0.0),)), slow).moments[0].rates[0])
+            freed.append(found.denoised(poses_of(state), slow).rates[0, 0, 0])
     return found, np.array(reported), np.array(freed)
 
 
@@ -70,7 +74,7 @@ def test_what_noise_makes_of_slow_turning_is_undone_on_the_mean():
         return amplitude * rate * cos(rate * t)
 
     shares = [turning(slow, 10.0, seed).shares[0] for seed in range(8)]
-    noisy, clean = (turning(slow, 10.0, 1, noise).told2[0] for noise in (NOISE, 0.0))
+    noisy, clean = (turning(slow, 10.0, 1, noise).reported2[0] for noise in (NOISE, 0.0))
     assert np.mean(shares) == pytest.approx(clean / noisy, abs=0.1)
 
 
@@ -103,17 +107,19 @@ def test_noise_of_reported_positions_is_not_taken_for_motion():
         VehicleState(BootNs(0), *level, (north, 0.0, -10.0), (velocity, 0.0, 0.0), 0.0, None)
         for north, velocity in ((0.0, 5.0), (1.5, 6.4), (3.0, 3.6))
     )
-    slow = slow_between(before, after)
-    (moment,) = RateDenoiser().freed_of_noise(DelayedPoses((vehicle_pose(here, 0.0),)), slow).moments
-    assert moment.velocity_ned == pytest.approx((10.0, 0.0, 0.0))
+    slow = smoothed_between(before, after)
+    denoised = RateDenoiser().denoised(poses_of(here), slow)
+    assert denoised.velocity_ned[0, 0] == pytest.approx((10.0, 0.0, 0.0))
 
 
 def test_a_slope_that_is_noise_has_no_slope_of_its_own():
     """Acceleration comes from the same rates: over 50 ms the noise of it rotates a body by half a degree."""
     still = turning(lambda t: 0.0, 8.0, 1)
-    moment = msgspec.structs.replace(vehicle_pose(STILL, 0.0), rates=(0.1, 0.0, 0.0), acceleration=(10.0, 0.0, 0.0))
-    freed = still.freed_of_noise(DelayedPoses((moment,)), SmoothedMotion())
-    assert freed.moments[0].acceleration[0] == pytest.approx(10.0 * still.shares[0])
+    poses = msgspec.structs.replace(
+        poses_of(STILL), rates=np.array([[[0.1, 0.0, 0.0]]]), acceleration=np.array([[[10.0, 0.0, 0.0]]])
+    )
+    denoised = still.denoised(poses, SmoothedMotion())
+    assert denoised.acceleration[0, 0, 0] == pytest.approx(10.0 * still.shares[0])
 
 
 def test_attitudes_of_unknown_spacing_say_nothing_of_noise():

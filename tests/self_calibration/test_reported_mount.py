@@ -9,24 +9,23 @@ from simulated_flight import Flight, path, priors
 from simulated_world import World
 
 from fwav_companion.self_calibration import CalibrationStatus
-from fwav_companion.self_calibration.assessment import assessed
+from fwav_companion.self_calibration.assessment import assessed, worth_keeping
 from fwav_companion.self_calibration.delayed_poses import delayed_poses
-from fwav_companion.self_calibration.joint_filter import joint_of
-from fwav_companion.self_calibration.observability import MOUNT, all_but, holding
+from fwav_companion.self_calibration.joint_filter import joint_filter
+from fwav_companion.self_calibration.observability import MOUNT_AXES, all_but, held_at_priors
 from fwav_companion.self_calibration.pixel_measurement import (
-    COMMON_COUNT,
+    SHARED_COUNT,
     SharedParameter,
-    pixel_measurement,
+    measurement_batch,
     pixel_noise,
     predict,
 )
-from fwav_companion.self_calibration.report import worth_keeping
 from fwav_companion.tracking import TrackingOptions, make_tracker
 from fwav_companion.types import BIAS_COUNT, Bias
 
-SIGMAS = (0.05, *np.radians([1.0, 1.0, 1.0, 2.0]), 0.0, 0.0, 0.0, 0.0)
-MEANS = (0.0,) * COMMON_COUNT
-USED = [*range(5), COMMON_COUNT, COMMON_COUNT + 1]
+SIGMAS = np.array((0.05, *np.radians([1.0, 1.0, 1.0, 2.0]), *[0.0] * 8))
+MEANS = np.zeros(SHARED_COUNT)
+USED = [*range(5), SHARED_COUNT, SHARED_COUNT + 1]
 FLIGHTS = 300
 
 
@@ -37,24 +36,20 @@ def seen_from_a_flight():
     fixes = [fix for view in world.frames() for fix in view.fixes]
     information = np.zeros((len(USED), len(USED)))
     for fix in fixes:
-        glimpse = pixel_measurement(1, fix, delayed_poses(fix.sighting.state, (0.0,), world.state_at), 1.0)
-        at = predict(glimpse, flight.targets[0], MEANS)
-        rows = np.array(at.rows)[:, USED]
-        uu, uv, vv = pixel_noise(glimpse, at, flight.priors)
-        information += rows.T @ np.linalg.solve([[uu, uv], [uv, vv]], rows)
+        batch = measurement_batch([(1, fix)], delayed_poses([fix.sighting.state], (0.0,), world.state_at), (1.0,))
+        at = predict(batch, np.array([[flight.targets[0]]]), MEANS[None])
+        rows = at.rows[0, 0][:, USED]
+        information += rows.T @ np.linalg.solve(pixel_noise(batch, at.rows, flight.priors)[0][0, 0], rows)
     _, ypr = path(flight, np.array([(fix.sighting.boot_ns - BOOT_NS) * 1e-9 for fix in fixes]))
     down = Rotation.from_euler("ZYX", ypr).inv().apply([0.0, 0.0, 1.0]).mean(0)
     return information, tuple(map(float, down))
 
 
 def as_joint(mean, cov):
-    places = range(COMMON_COUNT + 2)
-    full_mean, full = np.zeros(COMMON_COUNT + 2), np.zeros((COMMON_COUNT + 2,) * 2)
+    full_mean, full = np.zeros(SHARED_COUNT + 2), np.zeros((SHARED_COUNT + 2,) * 2)
     full_mean[USED], full[np.ix_(USED, USED)] = mean, cov
-    blank = joint_of(priors(), SIGMAS, MEANS, MEANS)
-    return msgspec.structs.replace(
-        blank, mean=tuple(full_mean), cov=tuple(tuple(full[i][j] for j in places) for i in places), tracks=(1,)
-    )
+    blank = joint_filter(priors(), SIGMAS, MEANS[None], MEANS[None])
+    return msgspec.structs.replace(blank, mean=full_mean[None], cov=full[None], tracks=(1,))
 
 
 def test_reported_and_kept_mounts_are_covered_over_drawn_headings():
@@ -66,12 +61,12 @@ def test_reported_and_kept_mounts_are_covered_over_drawn_headings():
     for _ in range(FLIGHTS):
         truth = np.array([*rng.standard_normal(5) * SIGMAS[:5], 0.0, 0.0])
         mean = cov @ (information @ truth + root @ rng.standard_normal(len(USED)))
-        verdict = assessed(as_joint(mean, cov), MEANS, SIGMAS, various=True, down=down)
-        assert verdict.status is CalibrationStatus.CALIBRATED
-        reported, kept = verdict.told, worth_keeping(verdict)
+        assessment = assessed(as_joint(mean, cov), (MEANS, SIGMAS), various=True, down=down)
+        assert assessment.status is CalibrationStatus.CALIBRATED
+        reported, kept = assessment.parameters, worth_keeping(assessment)
         mount, heading = truth[1:4], truth[4]
         expected = mount - heading * np.array(down)
-        told_in += [abs(reported[i][0] - x) < 1.96 * reported[i][1] for i, x in zip(MOUNT, expected, strict=True)]
+        told_in += [abs(reported[i][0] - x) < 1.96 * reported[i][1] for i, x in zip(MOUNT_AXES, expected, strict=True)]
         kept_in += [abs(m - x) < 1.96 * s for m, x, s in zip(kept.mount, mount, kept.mount_sigma, strict=True)]
         assert reported[SharedParameter.MOUNT_Z][1] < 0.35 * SIGMAS[SharedParameter.MOUNT_Z]
     share = np.concatenate([told_in, kept_in]) / FLIGHTS
@@ -104,11 +99,9 @@ def test_what_drifts_is_as_if_measured_with_as_much_more_noise():
     information, _ = seen_from_a_flight()
     prior, wider = np.diag([*(s**-2 for s in SIGMAS[:5]), 1e-6, 1e-6]), 5.0
     joint = as_joint(np.zeros(len(USED)), np.linalg.inv(information + prior))
-    held = holding(joint, all_but([*MOUNT, SharedParameter.HEADING]), MEANS, SIGMAS, wider)
+    held = held_at_priors(joint, all_but([*MOUNT_AXES, SharedParameter.HEADING]), (MEANS, SIGMAS), wider)
     known = np.ix_(range(1, len(USED)), range(1, len(USED)))  # the delay is fixed
     expected = np.linalg.inv(prior[known] + information[known] / wider)[:4, :4]
-    places = [*MOUNT, SharedParameter.HEADING]
-    assert np.array(held.cov(places, doubted=False)) + np.array(held.drifting(places)) == pytest.approx(
-        expected, rel=1e-3
-    )
+    places = np.ix_([*MOUNT_AXES, SharedParameter.HEADING], [*MOUNT_AXES, SharedParameter.HEADING])
+    assert held.known_cov[places] + held.drift[places] == pytest.approx(expected, rel=1e-3)
     assert held.sigma(SharedParameter.HEADING) < SIGMAS[SharedParameter.HEADING]

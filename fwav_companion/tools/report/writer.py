@@ -9,6 +9,7 @@ from typing import Any
 
 from fwav_companion.config import Config
 from fwav_companion.errors import InputFileError
+from fwav_companion.libraries import is_installed
 from fwav_companion.on_disk import made_folder, opened, whole
 from fwav_companion.recording.lines import Line
 from fwav_companion.recording.truth import TruthPoint
@@ -30,9 +31,12 @@ VARIANT_LINES = ("target", "calibration")
 
 
 def other_variants(config: Config, replayed: Callable[[str, Config], Iterator[Line]]) -> list[ReplayedLines]:
-    """The recording in each variant that the configuration is not; ``replayed(name, config)`` runs one replay."""
-    own = variant_of(config)
-    others = [variant for variant in VARIANTS if variant.kind != own.kind]
+    """The recording in each variant that the configuration is not; ``replayed(name, config)`` runs one replay.
+
+    Self-calibration needs numpy: a board without it gets a report without that variant.
+    """
+    own, calibrates = variant_of(config), is_installed("numpy")
+    others = [each for each in VARIANTS if each.kind != own.kind and (calibrates or not each.self_calibration)]
     return [
         ReplayedLines(
             other.name,

@@ -1,0 +1,116 @@
+"""The report of self-calibration, and the part of it that the next flight starts with. Loads without numpy."""
+
+from __future__ import annotations
+
+from enum import IntEnum, StrEnum
+from math import hypot, isfinite
+
+import msgspec
+
+from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.geometry.vectors import Vector3
+
+
+class SharedParameter(IntEnum):
+    """Parameters that all targets share, in the order of every vector of the joint estimate."""
+
+    DELAY = 0
+    """Delay of the camera's stamps beyond the configured time offset, s."""
+    MOUNT_X = 1
+    """Rotation vector c of the mount's correction, body axes: the true mount is Exp(c) times the configured one."""
+    MOUNT_Y = 2
+    MOUNT_Z = 3
+    HEADING = 4
+    """Heading error: reported minus true, rad."""
+    HEIGHT = 5
+    """Error of the camera's height above ground: reported minus true, m."""
+    READOUT = 6
+    """Readout time: true minus configured, s."""
+    NORTH = 7
+    """Error of the vehicle's position: reported minus true, m."""
+    EAST = 8
+    POSITION_DELAY = 9
+    """Age of the reported positions beyond the configured one, s."""
+    LEVER_X = 10
+    """Position of the camera in the body: configured minus true, m; with a gimbal, in its axes."""
+    LEVER_Y = 11
+    LEVER_Z = 12
+
+
+class CalibrationStatus(StrEnum):
+    """Progress of self-calibration."""
+
+    WAITING = "waiting"
+    """Too few measurements yet; every parameter keeps its prior."""
+    AMBIGUOUS = "ambiguous"
+    """Several delays explain the measurements alike, as a steady beat repeats itself; every parameter keeps its prior.
+    """
+    UNEXPLAINED = "unexplained"
+    """No delay within its prior explains the measurements; every parameter keeps its prior."""
+    TIME = "time"
+    """The delay is known; the mount needs other headings or ranges."""
+    CALIBRATED = "calibrated"
+    """Delay and mount are known."""
+
+
+class PriorInflation(msgspec.Struct, frozen=True, gc=False):
+    """A prior that the flight contradicts, and that is wider than configured."""
+
+    parameter: int
+    mean: float
+    sigma: float
+    """One sigma, as configured."""
+    alone: float
+    """Estimate of the flight without this prior."""
+
+    @property
+    def wider_sigma(self) -> float:
+        """One sigma that is wide enough for the flight's estimate."""
+        return hypot(self.sigma, self.alone - self.mean)
+
+
+class KeptCalibration(msgspec.Struct, frozen=True, kw_only=True):
+    """A calibration of an earlier flight: a narrower prior than the configuration's.
+
+    Its mount is as uncertain as the heading leaves it: another flight has another heading error.
+    """
+
+    time_offset_s: float
+    time_offset_sigma_s: float
+    mount: Vector3
+    mount_sigma: Vector3
+
+    @property
+    def is_sound(self) -> bool:
+        """Whether all numbers are finite and all sigmas positive: the file may have been edited."""
+        numbers = (self.time_offset_s, *self.mount)
+        sigmas = (self.time_offset_sigma_s, *self.mount_sigma)
+        return all(map(isfinite, numbers)) and all(isfinite(sigma) and sigma > 0.0 for sigma in sigmas)
+
+
+class CalibrationReport(msgspec.Struct, frozen=True, kw_only=True):
+    """The state of self-calibration: corrections of the configuration."""
+
+    host_ns: HostNs
+    time_offset_s: float
+    """Correction to add to the configured time offset, s."""
+    time_offset_sigma_s: float
+    mount: Vector3
+    """Rotation vector, body axes, rad: the true mount is Exp(mount) times the configured one."""
+    mount_sigma: Vector3
+    height_m: float
+    """Height above ground: reported minus true, m."""
+    height_sigma_m: float
+    status: CalibrationStatus
+    reason: str | None = None
+    """What is missing for CALIBRATED, for people; None when calibrated."""
+    alternatives: tuple[float, ...] = ()
+    """Corrections of the time offset that explain the measurements alike (AMBIGUOUS), the most likely first, s."""
+    mistake: str = ""
+    """A gross mistake in the mount, as a sentence; nothing is estimated meanwhile."""
+    denied: tuple[PriorInflation, ...] = ()
+    """Priors of delay, mount and height that this flight contradicts."""
+    replaced: bool = False
+    """Whether this flight contradicted the calibration of an earlier one, which was dropped."""
+    keep: KeptCalibration | None = None
+    """Calibration for the next flight; None while nothing is worth keeping."""

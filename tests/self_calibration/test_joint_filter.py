@@ -1,0 +1,177 @@
+"""Measurement batches and the joint filter: against dense matrices, derivatives by differences, and one another."""
+
+import msgspec
+import numpy as np
+import pytest
+from simulated_flight import Flight, priors
+from simulated_world import World
+
+from fwav_companion.self_calibration.delayed_poses import delayed_poses
+from fwav_companion.self_calibration.joint_filter import CONSIDERED, joint_filter
+from fwav_companion.self_calibration.pixel_measurement import (
+    SHARED_COUNT,
+    camera_pose,
+    joined,
+    measurement_batch,
+    pixel_noise,
+    predict,
+)
+
+SHARED = np.array([[0.003, 0.01, -0.02, 0.015, 0.02, 0.2, 0.0, 0.1, -0.15, 0.02, 0.01, -0.02, 0.03]])
+SIGMAS = np.array((0.004, 0.01, 0.008, 0.02, 0.03, 0.2, 0.0, 0.5, 0.5, 0.05, 0.03, 0.03, 0.03))
+ELSEWHERE = np.zeros((1, SHARED_COUNT))
+"""The linearization point of the estimate: no gate may depend on it."""
+TRACKS = (3, 5, 8)
+STEP = 1e-6
+PRIORS = priors(position_north=0.5, position_east=0.5)
+
+
+def some_batches():
+    """Single measurements of one target, of different frames."""
+    world = World(Flight(seconds=6, shape="hover", height_m=10.0, targets=((4.0, 3.0),), pixel_px=0.5))
+    fixes = [fix for view in world.frames() for fix in view.fixes][::20]
+    return [
+        measurement_batch([(0, fix)], delayed_poses([fix.sighting.state], (0.0,), world.state_at), (0.0,))
+        for fix in fixes
+    ]
+
+
+def a_frame():
+    """Three targets in one frame, with rows that are captured one after another."""
+    world = World(Flight(seconds=4, shape="hover", height_m=10.0, targets=((4.0, 3.0),), pixel_px=0.5))
+    fix = [fix for view in world.frames() for fix in view.fixes][40]
+    fixes = []
+    for k, track in enumerate(TRACKS):
+        sighting = msgspec.structs.replace(
+            fix.sighting, state=world.state_at(fix.sighting.boot_ns + k * 5_000_000), row_fraction=0.3 * k
+        )
+        fixes.append((track, msgspec.structs.replace(fix, sighting=sighting)))
+    states = [each.sighting.state for _, each in fixes]
+    return measurement_batch(fixes, delayed_poses(states, (-0.015, 0.0, 0.015), world.state_at), (0.1,) * 3)
+
+
+def joint_with(places, rng, hypotheses=1):
+    """A joint estimate of targets whose errors are correlated with one another and with the shared parameters."""
+    size = SHARED_COUNT + places.size
+    root = np.diag([*SIGMAS, *[0.3] * places.size]) @ (np.eye(size) + 0.3 * rng.normal(size=(size, size)))
+    joint = joint_filter(PRIORS, SIGMAS, np.tile(SHARED, (hypotheses, 1)), np.tile(ELSEWHERE, (hypotheses, 1)))
+    mean = np.tile(np.append(SHARED[0], places.ravel()), (hypotheses, 1))
+    return msgspec.structs.replace(
+        joint,
+        mean=mean + 1e-3 * SIGMAS.min() * np.arange(hypotheses)[:, None],
+        cov=np.tile(root @ root.T, (hypotheses, 1, 1)),
+        linearization_point=np.tile(np.append(ELSEWHERE[0], places.ravel() + 0.05), (hypotheses, 1)),
+        tracks=TRACKS,
+    )
+
+
+def densely(joint, batch, place):
+    """Residual, its covariance, and that of the noise alone, with the rows by differences about the mean."""
+    at = SHARED_COUNT + 2 * place
+    taken = [*range(SHARED_COUNT), at, at + 1]
+    point, columns = joint.mean[0, taken], []
+    for step in STEP * np.eye(SHARED_COUNT + 2):
+        ahead, behind = (
+            predict(batch, x[None, None, SHARED_COUNT:], x[None, :SHARED_COUNT]).residual[0, 0]
+            for x in (point + step, point - step)
+        )
+        columns.append((behind - ahead) / (2.0 * STEP))
+    rows = np.array(columns).T
+    there = predict(batch, point[None, None, SHARED_COUNT:], point[None, :SHARED_COUNT])
+    noise = pixel_noise(batch, there.rows, joint.priors)[0][0, 0]
+    return there.residual[0, 0], noise + rows @ joint.cov[0][np.ix_(taken, taken)] @ rows.T, noise
+
+
+def test_gates_are_those_of_dense_matrices():
+    batches = some_batches()
+    assert len(batches) > 5
+    for seed, batch in enumerate(batches):
+        rng = np.random.default_rng(seed)
+        point = camera_pose(batch, SHARED).ground_points(batch.ray)[0][0, 0]
+        joint = joint_with(point + rng.uniform(-3.0, 3.0, (3, 2)), rng)
+        nis, log_det = joint.gates(batch)
+        for place in range(3):
+            residual, cov, noise = densely(joint, batch, place)
+            assert nis[place, 0] == pytest.approx(residual @ np.linalg.solve(cov, residual), rel=1e-3)
+            assert log_det[place, 0] == pytest.approx(np.log(np.linalg.det(cov) / np.linalg.det(noise)), abs=1e-3)
+
+
+def test_what_lies_behind_the_camera_is_outside_every_gate():
+    rng, batch = np.random.default_rng(0), some_batches()[0]
+    joint = joint_with(rng.normal(size=(3, 2)), rng)
+    skyward = msgspec.structs.replace(batch, ray=-batch.ray)
+    assert np.isinf(joint.gates(skyward)[0]).all()
+
+
+def test_a_prediction_depends_on_its_own_measurement_alone():
+    """Not one bit changes with the size or the order of a batch."""
+    batch, targets = a_frame(), np.array([[[4.0, 3.0], [4.1, 3.2], [3.7, 2.9]]])
+    whole = predict(batch, targets, SHARED)
+    for index in ([0], [2], [1, 0], [2, 0, 1], [0, 1, 2, 1, 0]):
+        part = predict(batch.take(index), targets[:, index], SHARED)
+        assert np.array_equal(part.residual, whole.residual[:, index])
+        assert np.array_equal(part.rows, whole.rows[:, index])
+        noise, _ = pixel_noise(batch.take(index), part.rows, PRIORS)
+        assert np.array_equal(noise, pixel_noise(batch, whole.rows, PRIORS)[0][:, index])
+    many = predict(batch, np.tile(targets, (7, 1, 1)), np.tile(SHARED, (7, 1)))
+    assert np.array_equal(many.rows, np.tile(whole.rows, (7, 1, 1, 1)))
+
+
+def test_a_hypothesis_depends_on_no_other():
+    batch, rng = a_frame(), np.random.default_rng(3)
+    joint = joint_with(np.array([[4.0, 3.0], [4.1, 3.2], [3.7, 2.9]]), rng, hypotheses=5)
+    seen = joint.innovations(batch)
+    after, score = joint.update(seen, seen.valid)
+    for k in range(5):
+        alone = joint.take([k])
+        innovations = alone.innovations(batch)
+        one, its_score = alone.update(innovations, innovations.valid)
+        assert np.array_equal(one.mean[0], after.mean[k])
+        assert np.array_equal(one.cov[0], after.cov[k])
+        assert its_score[0] == score[k]
+
+
+def test_one_batch_is_as_good_as_one_measurement_after_another():
+    """Measurements of different frames share no noise: together and one by one they give the same estimate."""
+    batches = [msgspec.structs.replace(each, tracks=(TRACKS[k % 3],)) for k, each in enumerate(some_batches()[:6])]
+    joint = joint_with(np.array([[4.0, 3.0], [4.1, 3.1], [3.9, 2.9]]), np.random.default_rng(2))
+    cov = joint.cov.copy()
+    cov[:, CONSIDERED] = cov[:, :, CONSIDERED] = 0.0  # a gain with zero rows depends on the grouping
+    joint = msgspec.structs.replace(joint, cov=cov)
+    seen = joint.innovations(joined(batches))
+    together, score = joint.update(seen, seen.valid)
+    one_by_one, total = joint, 0.0
+    for batch in batches:
+        seen = one_by_one.innovations(batch)
+        one_by_one, each = one_by_one.update(seen, seen.valid)
+        total += each[0]
+    assert one_by_one.mean == pytest.approx(together.mean, rel=1e-9, abs=1e-12)
+    assert one_by_one.cov == pytest.approx(together.cov, rel=1e-7, abs=1e-13)
+    assert total == pytest.approx(score[0], rel=1e-9)
+
+
+def test_an_update_is_that_of_the_schmidt_kalman_filter():
+    """K = P H' inv(S) with considered rows of zero, and the covariance in Joseph's form."""
+    batch = a_frame()
+    joint = joint_with(np.array([[4.0, 3.0], [4.1, 3.2], [3.7, 2.9]]), np.random.default_rng(4))
+    seen = joint.innovations(batch)
+    after, _ = joint.update(seen, seen.valid)
+    rows, cov = seen.rows[0], joint.cov[0]
+    noise = seen.cov[0] - rows @ cov @ rows.T
+    gain = cov @ rows.T @ np.linalg.inv(seen.cov[0])
+    gain[7:9] = 0.0
+    keep = np.eye(len(cov)) - gain @ rows
+    assert after.mean[0] == pytest.approx(joint.mean[0] + gain @ seen.difference[0], rel=1e-9, abs=1e-12)
+    assert after.cov[0] == pytest.approx(keep @ cov @ keep.T + gain @ noise @ gain.T, rel=1e-6, abs=1e-10)
+
+
+def test_targets_of_one_frame_share_the_noise_of_its_telemetry():
+    """A frame's attitude errs alike for all its targets: many of them show it no better than one."""
+    batch = a_frame()
+    joint = joint_with(np.array([[4.0, 3.0], [4.1, 3.2], [3.7, 2.9]]), np.random.default_rng(4))
+    seen = joint.innovations(batch)
+    noise = seen.cov[0] - seen.rows[0] @ joint.cov[0] @ seen.rows[0].T
+    targets = joint.linearization_point[:, SHARED_COUNT:].reshape(1, 3, 2)
+    _, common = pixel_noise(batch, predict(batch, targets, ELSEWHERE).rows, PRIORS)
+    assert noise[0, 2] == pytest.approx(common[0, 0, 0] @ common[0, 1, 0], rel=1e-6)
+    assert abs(noise[0, 2]) > 0.0

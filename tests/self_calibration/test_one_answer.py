@@ -1,0 +1,60 @@
+"""The published place once self-calibration has found the mount: it is the joint estimate's, and it does not jump."""
+
+from itertools import pairwise
+
+import msgspec
+import numpy as np
+import pytest
+from simulated_flight import Flight
+from simulated_world import World
+
+from fwav_companion.tracking import TrackingOptions, make_tracker
+from fwav_companion.types import BIAS_COUNT, Bias
+
+
+class SureState:
+    """A filter's state that claims a millimetre."""
+
+    position_ned = (9.0, 9.0, 0.0)
+    cov = ((1e-6, 0.0, 0.0), (0.0, 1e-6, 0.0), (0.0, 0.0, 1e-6))
+    relative_cov = cov
+
+
+def test_no_claim_of_a_targets_own_filter_replaces_the_calibrated_place():
+    flight = Flight(seed=1, seconds=30.0)
+    world = World(flight)
+    tracker = make_tracker(TrackingOptions(self_calibration=True), flight.priors, world.state_at)
+    for view in world.frames():
+        tracker.on_frame(view)
+    calibrator = tracker.snapshot().calibrator
+    assert calibrator.is_calibrated
+    (track,) = (each for each in tracker.snapshot().alive if calibrator.placed(each.id) is not None)
+    place = tracker._best_target(msgspec.structs.replace(track, target=SureState())).position_ned
+    assert place[:2] == pytest.approx((2.0, 3.0), abs=0.1)
+
+
+def published(flight):
+    """(calibrated, published place, one sigma, joint estimate's place) of the target after each frame that has all."""
+    world = World(flight)
+    tracker = make_tracker(TrackingOptions(self_calibration=True), flight.priors, world.state_at)
+    for view in world.frames():
+        for track in tracker.on_frame(view):
+            calibrator = tracker.snapshot().calibrator
+            placed = calibrator.placed(track.id)
+            if placed is not None and track.confirmed_host_ns is not None:
+                place = np.array(track.position_ned[:2])
+                yield calibrator.is_calibrated, place, np.sqrt(track.cov[0][0]), (placed.north, placed.east)
+
+
+@pytest.mark.parametrize("seed", [1, 6])
+def test_a_calibrated_place_never_falls_back_to_the_uncalibrated_one(seed):
+    """With a wandering heading the filter of the target alone claims less than the calibrated estimate."""
+    biases = np.zeros(BIAS_COUNT)
+    biases[Bias.TIME_OFFSET] = 0.035
+    biases[[Bias.MOUNT_X, Bias.MOUNT_Y, Bias.MOUNT_Z]] = np.radians([0.5, 1.0, 2.0])
+    flight = Flight(seed=seed, fps=15, biases=biases, heading_wander=np.radians(2.0))
+    seen = [each for each in published(flight) if each[0]]
+    assert len(seen) > 100
+    for before, after in pairwise(seen):
+        assert after[1] == pytest.approx(after[3], abs=1e-12)
+        assert np.hypot(*(after[1] - before[1])) < 3.0 * before[2]
