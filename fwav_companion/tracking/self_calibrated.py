@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from fwav_companion.geometry.small_matrices import Symmetric2, add_diagonal
+from fwav_companion.geometry.small_matrices import Symmetric2, add_diagonal, horizontal_sigma
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.tracking.filters.base import TargetState
-from fwav_companion.types import GroundFix
+from fwav_companion.types import Bias, GroundFix
 from fwav_companion.types.tracks import GateResult
 
 if TYPE_CHECKING:
@@ -38,13 +38,28 @@ class CalibratedTargetState(msgspec.Struct, frozen=True):
 
     @property
     def apparent_ned(self) -> Vector3:
-        """The position itself: the present error of the vehicle's position is not estimated."""
-        return self.position_ned
+        """The target relative to the vehicle's report: by its own filter, unless the joint estimate knows it better.
+
+        The joint estimate averages the error of the vehicle's position; its own filter follows it, with the mount as
+        configured. Both claims hold every error, so the smaller one is the better answer.
+        """
+        return self.own.apparent_ned if self._follows else self.position_ned
 
     @property
     def relative_cov(self) -> Matrix3:
-        """Without the vehicle's own position, m^2, NED."""
-        return _level(self.placed.relative_cov, self.own.relative_cov[2][2])
+        """Covariance of the target relative to the vehicle, NED, m^2."""
+        return self.own.relative_cov if self._follows else self._place_cov
+
+    @property
+    def _place_cov(self) -> Matrix3:
+        """Covariance of the place as the answer relative to the vehicle's report, whose whole error counts."""
+        priors = self.calibrator.context.priors
+        north, east = priors.sigma(Bias.POSITION_NORTH), priors.sigma(Bias.POSITION_EAST)
+        return add_diagonal(self.cov, priors.position_noise_m**2 + 0.5 * (north * north + east * east), 0.0)
+
+    @property
+    def _follows(self) -> bool:
+        return horizontal_sigma(self.own.relative_cov) < horizontal_sigma(self._place_cov)
 
     @property
     def velocity_ned(self) -> Vector3 | None:

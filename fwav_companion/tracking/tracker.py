@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from fwav_companion.geometry.small_matrices import horizontal_sigma
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.self_calibration import CalibrationReport
 from fwav_companion.tracking.association import Candidate, associate, clutter, may_be_displaced
@@ -228,19 +227,16 @@ class Tracker:
         return without_fix.report(MisplacedTargetState(self._best_target(track), misplaced_m), view)
 
     def _best_target(self, track: LiveTrack) -> TargetState:
-        """The target by the joint estimate once that is calibrated, before that by the one with the smaller covariance.
+        """The target by the joint estimate once that is calibrated, by its own filter before.
 
-        The covariances are not comparable later: a filter rests on the prior of the mount alone, and its covariance may
-        shrink below that of a calibrated estimate, which includes the wander of the innovations. A filter that rests on
-        a prior which the flight contradicts is not used.
+        Their covariances are not compared: before, the joint estimate weighs fixes by their noise alone; after, a
+        filter rests on the prior of the mount, and its covariance may shrink below that of the calibrated estimate. A
+        filter that rests on a prior which the flight contradicts is not used.
         """
         calibrated, calibrator = self._calibrated(track), self._calibrator
         if calibrated is None or calibrator is None:
             return track.target
-        if calibrator.is_calibrated or calibrator.denied:
-            return calibrated
-        surer = horizontal_sigma(track.target.cov) < horizontal_sigma(calibrated.cov)
-        return track.target if surer else calibrated
+        return calibrated if calibrator.is_calibrated or calibrator.denied else track.target
 
 
 def _weakest_first(tracks: Sequence[LiveTrack]) -> list[int]:
