@@ -98,7 +98,8 @@ class PlainFilter:
         self.mean3, self.cov3 = move @ self.mean3, move @ self.cov3 @ move.T + more
         self.shared3 = np.einsum("ij,jkl->ikl", move, self.shared3)
         seen = np.array([1.0, 1.0, 0.0])
-        gain = self.cov3 @ seen / (seen @ self.cov3 @ seen + np.trace(self.noise) / 2.0)
+        total = self.noise + self.shared @ self.shared.T
+        gain = self.cov3 @ seen / (seen @ self.cov3 @ seen + np.trace(total) / 2.0)
         self.cov3 = self.cov3 - np.outer(gain, seen @ self.cov3)
         self.mean3 = self.mean3 + np.outer(gain, self.apparent - self.mean3[0] - self.mean3[1])
         self.shared3 = self.shared3 + gain[:, None, None] * (self.shared - self.shared3[0] - self.shared3[1])

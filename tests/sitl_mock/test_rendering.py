@@ -55,7 +55,8 @@ def opencv_pixel(simulation: Simulation, place, flight_s: float) -> np.ndarray:
         [0, 1, 0],
     ]
     body_from_camera = Rotation.from_rotvec(np.radians(simulation.biases.mount_deg)).as_matrix() @ configured
-    in_camera = (ned_from_body @ body_from_camera).T @ (np.array(place) - state.position)
+    lever = np.add(o.position_m, simulation.biases.lever_arm_m)
+    in_camera = body_from_camera.T @ (ned_from_body.T @ (np.array(place) - state.position) - lever)
     k1, *k = o.k_mm
     matrix = np.array([[o.pixels_per_mm[0] * k1, 0, o.principal_point[0]],
                        [0, o.pixels_per_mm[1] * k1, o.principal_point[1]], [0, 0, 1.0]])  # fmt: skip

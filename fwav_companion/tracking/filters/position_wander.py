@@ -87,7 +87,9 @@ class WanderingPlace(msgspec.Struct, frozen=True, gc=False):
         error = ee * ee * pp + 2.0 * ee * er * pr + er * er * vv + s2
         cross = ee * re * pp + (ee * rr + er * re) * pr + er * rr * vv
         rate = re * re * pp + 2.0 * re * rr * pr + rr * rr * vv + r2
-        noise = 0.5 * (apparent.noise[0] + apparent.noise[2])
+        # What the biases do changes with the geometry, too: taken for wander it would be extrapolated.
+        north_variance, _, east_variance = apparent.cov
+        noise = 0.5 * (north_variance + east_variance)
         by_place, by_error, by_rate = tt + te, te + error, tr + cross
         scale = 1.0 / (by_place + by_error + noise)
         k_place, k_error, k_rate = by_place * scale, by_error * scale, by_rate * scale

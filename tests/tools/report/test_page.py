@@ -112,7 +112,7 @@ def test_each_reason_is_of_frames_of_detections_or_of_tracks():
         "too_low", "no_height", "no_range", "range_tilted", "beyond_terrain", "terrain_unfit", "two_grounds",
     }  # fmt: skip
     tracks = {"never_confirmed", "not_seen", "not_seen_long", "origin_set", "autopilot_rebooted", "replaced",
-              "too_many_tracks"}  # fmt: skip
+              "too_many_tracks", "vehicle_changed"}  # fmt: skip
     assert {reason.value for reason in Reason} - tracks == detections | FRAME_REASONS
     assert not detections & FRAME_REASONS
     assert {*REASONS} == detections | FRAME_REASONS  # each is explained
