@@ -18,33 +18,8 @@ from sitl_mock import scenario
 
 CONFIG = LINK + '[camera]\ncalibration = "camera.yaml"\n'
 
+EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "mean_filter.py"
 OWN = """
-import msgspec
-from fwav_companion.types import GroundFix
-from fwav_companion.types.tracks import GateResult
-
-class Mean(msgspec.Struct, frozen=True):
-    fix: GroundFix
-    position_ned: tuple
-    count: int
-    velocity_ned = None
-    velocity_cov = None
-    @property
-    def cov(self): return self.fix.cov
-    @property
-    def apparent_ned(self): return self.position_ned
-    @property
-    def relative_cov(self): return self.fix.relative_cov
-    def predict(self, host_ns): return self
-    def gate(self, fix): return GateResult(0.0, 0.0)
-    def update(self, fix):
-        n = self.count + 1
-        return Mean(fix, tuple(p + (f - p) / n for p, f in zip(self.position_ned, fix.position_ned)), n)
-
-class Means:
-    def __init__(self, priors): self.priors = priors
-    def initiate(self, fix): return Mean(fix, fix.position_ned, 1)
-
 class Refuses:
     def __init__(self, priors): raise RuntimeError("no such luck")
 
@@ -302,11 +277,11 @@ def test_another_vehicles_companion_does_not_set_our_clock(flown):
 
 
 def test_a_filter_of_ones_own_follows_the_targets(site):
-    site.write("mine.py", OWN)
-    done = site.replay_apart("--set", "tracking.filter=mine:Means")
+    site.write("mean_filter.py", EXAMPLE.read_bytes())
+    done = site.replay_apart("--set", "tracking.filter=mean_filter:MeanFilter")
     assert done.returncode == 0, done.stderr
     lines = [json.loads(line) for line in site.targets().splitlines()]
-    assert lines[0]["config"]["tracking"]["filter"] == "mine:Means"
+    assert lines[0]["config"]["tracking"]["filter"] == "mean_filter:MeanFilter"
     confirmed = [line for line in lines if line["type"] == "target" and line["state"] == "confirmed"]
     assert site.flown.error_m(confirmed[-1]) < 1.5
 

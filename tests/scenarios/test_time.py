@@ -37,7 +37,7 @@ NO_BIASES = tuple(
     )
 )
 """The configuration knows it, so that estimates weigh fixes by their noise."""
-GLOBAL_SHUTTER = ("camera.readout_s=0.0",)
+GLOBAL_SHUTTER = ("camera.readout_s=0.0", *NO_BIASES)
 SETTLED_S = 20.0
 WRAP_S = 2**32 / 1000.0
 

@@ -1,36 +1,36 @@
-"""How far the fixes of one target lie from where it is thought to be, beyond their noise."""
+"""Scatter of the fixes of one target beyond their noise (innovation-based adaptive noise, Mehra 1970)."""
 
 from __future__ import annotations
 
 import msgspec
 
 SCATTER_SHARE = 0.02
-"""Of a new fix in what was seen: fifty fixes, eight beats of 5 Hz at 30 frames/s."""
+"""Forgetting factor: time constant of 50 fixes (8 wing beats of 5 Hz at 30 frames/s)."""
 FIXES_TO_LEARN = 20
-"""Three beats of 5 Hz at 30 frames/s: by then what a time offset does to this target was seen."""
+"""Three beats of 5 Hz at 30 frames/s: the effect of a time offset on this target has shown by then."""
 MOST_SCATTER = 4.0
-"""Times what one sigma of the time offset makes: two sigma."""
+"""Largest variance, in those of one sigma of the time offset: two sigma."""
 LEAST_DOUBT = 0.1
-"""A glide does not show what the next beat will."""
+"""Share of the prior that is always kept: a glide does not show the next beat."""
 
 
 class AdaptiveNoise(msgspec.Struct, frozen=True, gc=False):
-    """How far fixes lie from the estimate beyond their noise: what a standing time offset does on a flapping wing.
+    """Variance of fixes about the estimate beyond their noise, as a constant time offset makes it on a flapping wing.
 
-    It throws single fixes much farther than their mean, and not in proportion to the rate of the moment; so what its
-    prior allows is believed of a new target only, and of an old one what was seen.
+    The offset displaces single fixes much farther than their mean, and not in proportion to the present rate. So the
+    variance that its prior allows counts for a new target only, and the observed one for an old target.
     """
 
     variance: float = 0.0
-    """Seen, an axis, m^2; at most what is allowed: clutter must not widen a gate that lets in more clutter."""
+    """Observed variance of each axis, m^2, limited by ``allowed``: clutter must not widen a gate that lets more in."""
     allowed: float = 0.0
-    """By the prior of the time offset, an axis, as a running mean over the fixes, m^2."""
+    """Variance of each axis by the prior of the time offset, running mean over the fixes, m^2."""
     count: int = 1
-    """Fixes blended."""
+    """Number of fixes."""
 
     def with_fix(self, distance2: float, expected2: float, thrown2: float) -> AdaptiveNoise:
-        """With one more fix, so far from the estimate, where noise alone made so much, and one sigma of the time
-        offset throws it so far: squares of two axes, m^2.
+        """The noise after one more fix. Squares of both axes together, m^2: distance from the estimate, its expectation
+        by noise alone, and displacement by one sigma of the time offset.
         """
         share = max(SCATTER_SHARE, 1.0 / (self.count + 1))
         allowed = self.allowed + share * (0.5 * thrown2 - self.allowed)
@@ -39,5 +39,5 @@ class AdaptiveNoise(msgspec.Struct, frozen=True, gc=False):
 
     @property
     def doubt(self) -> float:
-        """The share of what the time offset's prior allows that is still to be reckoned with."""
+        """Share of the time offset's prior that still counts."""
         return max(LEAST_DOUBT, 1.0 - self.count / FIXES_TO_LEARN)

@@ -1,8 +1,8 @@
-"""What the tracker needs of a filter: a belief about one target that is replaced, never changed.
+"""The protocol of a filter: states of one target, replaced and never changed.
 
-A filter of one's own: a class in a module that Python finds (the current folder too), which is made with the
-configuration's :class:`~fwav_companion.types.ErrorPriors` and is a :class:`Filter`; its beliefs need every attribute
-of :class:`TargetState`. ``replay --set tracking.filter=module:Class`` puts a recorded flight through it.
+A user's filter is a class in a module that Python finds (the current folder too). It is made with the configuration's
+:class:`~fwav_companion.types.ErrorPriors` and follows :class:`Filter`; its states follow :class:`TargetState`.
+``docs/examples/mean_filter.py`` is one that runs: ``replay --allow-code --set tracking.filter=module:Class``.
 """
 
 from __future__ import annotations
@@ -16,43 +16,40 @@ from fwav_companion.types.tracks import GateResult, GateShare
 
 
 class TargetState(Protocol):
-    """One target as a filter sees it. Immutable: a snapshot of the tracker is a copy of references."""
+    """One target. Immutable: a snapshot of the tracker is a copy of references."""
 
     @property
     def position_ned(self) -> Vector3:
-        """Metres."""
+        """Place, NED, metres."""
 
     @property
     def cov(self) -> Matrix3:
-        """Every source of error, m^2, NED."""
+        """Covariance of the place by every source of error, NED, m^2."""
 
     @property
     def apparent_ned(self) -> Vector3:
-        """Position plus the present error of the vehicle's position, NED, metres: what single fixes agree with now."""
+        """Place plus the present error of the vehicle's position, NED, metres: what single fixes agree with now."""
 
     @property
     def relative_cov(self) -> Matrix3:
-        """Covariance of ``apparent_ned`` about the true vector from the vehicle, NED, m^2."""
+        """Covariance of ``apparent_ned`` minus the reported position of the vehicle, NED, m^2."""
 
     @property
     def velocity_ned(self) -> Vector3 | None:
-        """m/s; None where the filter has none."""
+        """Velocity, NED, m/s; None where the filter has none."""
 
     @property
     def velocity_cov(self) -> Matrix3 | None:
-        """(m/s)^2, NED."""
+        """Covariance of the velocity, NED, (m/s)^2."""
 
     def predict(self, host_ns: HostNs) -> TargetState:
-        """The same target at a later instant."""
+        """The state at a later instant."""
 
     def gate(self, fix: GroundFix) -> GateResult:
-        """How little a fix at this instant was expected.
-
-        Errors that the belief and the fix share cancel, as they do in the difference that is weighed.
-        """
+        """Gating statistics of a fix at this instant. Errors that state and fix share cancel in the innovation."""
 
     def update(self, fix: GroundFix) -> TargetState:
-        """With a fix of this instant blended in."""
+        """The state after a fix of this instant."""
 
 
 class CoarselyGated(TargetState, Protocol):
@@ -67,7 +64,7 @@ class CoarselyGated(TargetState, Protocol):
 
 
 class Filter(Protocol):
-    """Starts beliefs."""
+    """Initiates targets."""
 
     def initiate(self, fix: GroundFix) -> TargetState:
-        """The belief after the first fix of a target."""
+        """The state after the first fix of a target."""

@@ -1,4 +1,4 @@
-"""How far from where it is expected a fix may lie and still be a target's: squared Mahalanobis distances."""
+"""Gates: the largest normalised innovation squared (NIS) of a fix that may be a target's."""
 
 from __future__ import annotations
 
@@ -11,5 +11,5 @@ ID_GATE = 4.0 * GATE
 
 
 def widest_gate(detection: Detection) -> float:
-    """Beyond it nobody asks how far away this detection is, whatever the target."""
+    """The widest gate that applies to a detection, whatever the target."""
     return GATE if detection.detector_id is None else ID_GATE

@@ -1,7 +1,7 @@
 """The Kalman filter of a target that moves at nearly constant velocity.
 
-State: position and velocity. Errors shared with the biases are carried for both (``kalman`` says why), so a claimed
-velocity, too, knows of a standing time offset or a wandering position.
+State: position and velocity. Both carry their covariance with the biases (``schmidt_kalman``), so the covariance of the
+velocity, too, has a constant time offset and a wandering position in it. The gain is that of the noise.
 """
 
 from __future__ import annotations
@@ -32,47 +32,47 @@ from fwav_companion.types import ErrorPriors, GroundFix
 from fwav_companion.types.tracks import GateResult
 
 START_SPEED_M_S = 3.0
-"""One sigma an axis of an unknown target's velocity: people, animals, vehicles on a field."""
+"""One sigma of each axis of an unknown velocity: people, animals, vehicles on a field."""
 START_CLIMB_M_S = 0.3
-"""Targets stand on the ground."""
+"""One sigma of an unknown vertical velocity: targets are on the ground."""
 
 ACCELERATION_DENSITY = 0.03
 """m^2/s^3, horizontal, white: at 30 fixes/s of 0.1 m the velocity settles at 0.13 m/s one sigma, and a walker who turns
 about within two seconds is lagged by 0.1 m."""
 UNSEEN_DENSITY = 0.5
-"""The same of a target that was not seen for UNSEEN_S: it may have turned about. One sigma is 13 m after ten seconds,
-where a walker who did is 30 m from where he went."""
+"""The same for a target without a fix for UNSEEN_S, which may have turned around: one sigma is 13 m after ten
+seconds. A walker who turned is 30 m from the predicted place by then."""
 UNSEEN_S = 1.0
 LEAST_TURN_S = 0.02
-"""A frame of the fastest camera that is worth the name: a turn in less would be no speed at all."""
+"""Least duration of a turn: one frame of a fast camera."""
 CLIMB_DENSITY = 0.0003
 """m^2/s^3, vertical."""
 
 
 class MovingTargetState(msgspec.Struct, frozen=True):
-    """Position and velocity, the covariances of their noise, and what their errors share with the biases."""
+    """Position and velocity, the covariances of their noise, and their covariances with the biases."""
 
     errors: ConsiderBiases
     position_ned: Vector3
     velocity_ned: Vector3
     noise: Matrix3
-    """Of the position, by noise and unknown acceleration, m^2."""
+    """Covariance of the position by noise and unknown acceleration, m^2."""
     cross: Matrix3
-    """The same of position with velocity."""
+    """Covariance of position and velocity, m^2/s."""
     velocity_noise: Matrix3
     shared: Rows
     """cov(position error, b / sigma), metres."""
     velocity_shared: Rows
     scatter: AdaptiveNoise
-    """How single fixes scatter beyond their noise."""
+    """Scatter of single fixes beyond their noise."""
     lag: ManeuverLag
-    """How far it is behind a target that goes another way by now."""
+    """Running mean of the innovations, which shows a turn."""
     host_ns: HostNs
     fixed_ns: HostNs
 
     @property
     def cov(self) -> Matrix3:
-        """Every source of error, m^2, NED. This filter remembers no older position error than the present one."""
+        """Covariance by every source of error, NED, m^2. Older errors of the vehicle's position are not kept."""
         return _with_biases(self.noise, self.shared, self.errors.count)
 
     @property
@@ -82,7 +82,7 @@ class MovingTargetState(msgspec.Struct, frozen=True):
 
     @property
     def relative_cov(self) -> Matrix3:
-        """Without the vehicle's own position, m^2, NED."""
+        """Covariance without the vehicle's position, NED, m^2."""
         return _with_biases(self.noise, self.shared, self.errors.wandering)
 
     @property
@@ -91,7 +91,7 @@ class MovingTargetState(msgspec.Struct, frozen=True):
         return _with_biases(self.velocity_noise, self.velocity_shared, self.errors.count)
 
     def predict(self, host_ns: HostNs) -> MovingTargetState:
-        """Moved on by its velocity, less certain by what it may have accelerated."""
+        """The state at a later instant: moved by its velocity, less certain by unknown acceleration."""
         dt = s_from_ns(host_ns - self.host_ns)
         if dt <= 0.0:
             return self
@@ -120,22 +120,22 @@ class MovingTargetState(msgspec.Struct, frozen=True):
         return gate_result(place, self.scatter, self.errors.prepared(fix), self.errors.timed)
 
     def update(self, fix: GroundFix) -> MovingTargetState:
-        """With the gain of least noise, the scatter that was seen counted as noise; a target that turned may have."""
+        """The state after a fix by the gain of least noise, with the observed scatter; a target that turned is freed."""
         since_s = s_from_ns(fix.sighting.frame_host_ns - self.fixed_ns)
-        weighed = self.errors.decorrelated(fix, since_s, self.position_ned)
-        north_m, east_m, _ = subtract(weighed.position, self.position_ned)
+        measurement = self.errors.decorrelated(fix, since_s, self.position_ned)
+        north_m, east_m, _ = subtract(measurement.position, self.position_ned)
         lag = self.lag.with_fix(north_m, east_m, since_s)
-        (nn, ne, _), (_, ee, _), _ = self._expected(weighed.noise)
+        (nn, ne, _), (_, ee, _), _ = self._expected(measurement.noise)
         if lag.is_turn((nn, ne, ee)):
-            return self._turned(lag)._blended(weighed, ManeuverLag(), fix.sighting.frame_host_ns)
-        return self._blended(weighed, lag, fix.sighting.frame_host_ns)
+            return self._turned(lag)._updated(measurement, ManeuverLag(), fix.sighting.frame_host_ns)
+        return self._updated(measurement, lag, fix.sighting.frame_host_ns)
 
     def _expected(self, noise: Matrix3) -> Matrix3:
-        """Covariance of how far a fix with this noise lies off."""
+        """Covariance of the innovation of a fix with this noise."""
         return add_diagonal(add_matrices(self.noise, noise), self.scatter.variance, 0.0)
 
     def _turned(self, lag: ManeuverLag) -> MovingTargetState:
-        """As uncertain as it is that the target has gone another way for so long."""
+        """The state with the uncertainty of a target that turned as long ago as the mean looks back."""
         off, per_s = lag.position_cov, 1.0 / max(lag.back_s, LEAST_TURN_S)
         return replace(
             self,
@@ -144,11 +144,11 @@ class MovingTargetState(msgspec.Struct, frozen=True):
             velocity_noise=add_matrices(self.velocity_noise, scaled(off, per_s * per_s)),
         )
 
-    def _blended(self, weighed: Measurement, lag: ManeuverLag, host_ns: HostNs) -> MovingTargetState:
-        inverse = symmetric_inverse(self._expected(weighed.noise))
+    def _updated(self, measurement: Measurement, lag: ManeuverLag, host_ns: HostNs) -> MovingTargetState:
+        inverse = symmetric_inverse(self._expected(measurement.noise))
         gain, velocity_gain = multiply(self.noise, inverse), multiply(transpose(self.cross), inverse)
-        difference = subtract(weighed.position, self.position_ned)
-        noise, cross, velocity_noise = self._blended_noise(weighed.noise, gain, velocity_gain)
+        difference = subtract(measurement.position, self.position_ned)
+        noise, cross, velocity_noise = self._blended_noise(measurement.noise, gain, velocity_gain)
         return MovingTargetState(
             self.errors,
             add(self.position_ned, transform(gain, difference)),
@@ -156,9 +156,9 @@ class MovingTargetState(msgspec.Struct, frozen=True):
             noise,
             cross,
             velocity_noise,
-            blended_shared(self.shared, weighed.shared, self.shared, gain),
-            blended_shared(self.velocity_shared, weighed.shared, self.shared, velocity_gain),
-            scattered(self._place(self.noise), self.scatter, weighed, self.errors.timed),
+            blended_shared(self.shared, measurement.shared, self.shared, gain),
+            blended_shared(self.velocity_shared, measurement.shared, self.shared, velocity_gain),
+            scattered(self._place(self.noise), self.scatter, measurement, self.errors.timed),
             lag,
             self.host_ns,
             host_ns,
@@ -182,7 +182,7 @@ class MovingTargetState(msgspec.Struct, frozen=True):
 
 
 class MovingKalman:
-    """Starts beliefs about moving targets."""
+    """Initiates moving targets."""
 
     __slots__ = ("_errors",)
 
@@ -190,19 +190,19 @@ class MovingKalman:
         self._errors = ConsiderBiases(priors)
 
     def initiate(self, fix: GroundFix) -> MovingTargetState:
-        """The belief after the first fix: there, at any walking or driving speed."""
+        """The state after the first fix: there, at any walking or driving speed."""
         host_ns = fix.sighting.frame_host_ns
-        weighed = self._errors.prepared(fix)
+        measurement = self._errors.prepared(fix)
         nothing = (0.0,) * self._errors.count
         speed = START_SPEED_M_S**2
         return MovingTargetState(
             self._errors,
-            weighed.position,
+            measurement.position,
             ZERO3,
-            weighed.noise,
+            measurement.noise,
             ZERO33,
             ((speed, 0.0, 0.0), (0.0, speed, 0.0), (0.0, 0.0, START_CLIMB_M_S**2)),
-            weighed.shared,
+            measurement.shared,
             (nothing, nothing, nothing),
             AdaptiveNoise(),
             ManeuverLag(),
