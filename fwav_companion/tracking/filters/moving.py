@@ -120,7 +120,7 @@ class MovingTargetState(msgspec.Struct, frozen=True):
         return gate_result(place, self.scatter, self.errors.prepared(fix), self.errors.timed)
 
     def update(self, fix: GroundFix) -> MovingTargetState:
-        """The state after a fix by the gain of least noise, with the observed scatter; a target that turned is freed."""
+        """The state after a fix by the gain of least noise and observed scatter; a target that turned is freed."""
         since_s = s_from_ns(fix.sighting.frame_host_ns - self.fixed_ns)
         measurement = self.errors.decorrelated(fix, since_s, self.position_ned)
         north_m, east_m, _ = subtract(measurement.position, self.position_ned)
