@@ -134,11 +134,13 @@ def _places(room: str, path: Path) -> Iterator[Place]:
 
 
 def _not_run(text: str) -> list[tuple[tuple[int, int], tuple[int, int]]]:
-    """Return the ranges of annotations: they are text at run time, so that no test can notice a change."""
+    """Return the ranges of annotations, which are text at run time, and of the options of classes, as ``gc=False``."""
     found: list[ast.AST] = []
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.AnnAssign) or (isinstance(node, ast.arg) and node.annotation is not None):
             found.append(node.annotation)
+        elif isinstance(node, ast.ClassDef):
+            found += node.keywords
         elif isinstance(node, ast.FunctionDef) and node.returns is not None:
             found.append(node.returns)
     return [((node.lineno, node.col_offset), (node.end_lineno, node.end_col_offset)) for node in found]
