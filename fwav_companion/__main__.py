@@ -4,9 +4,21 @@ from __future__ import annotations
 
 import sys
 
-from fwav_companion.cli.main import main
 
-__all__ = ["main"]
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line. The daemon's signals are handled before any other module is imported."""
+    if argv is None and sys.argv[1:2] == ["run"]:
+        from fwav_companion.service.stop_signals import end_at_once
+
+        end_at_once()
+    from fwav_companion.cli.main import main as run_command_line
+
+    return run_command_line(argv)
+
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -6,7 +6,7 @@ import errno
 import os
 import stat
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO, Final
 
@@ -32,10 +32,12 @@ def content(path: Path) -> bytes:
 
 
 @contextmanager
-def whole(path: Path, *, synced: bool = False) -> Iterator[BinaryIO]:
+def whole(path: Path, *, synced: bool = False, mode: int | None = None) -> Iterator[BinaryIO]:
     """A file to write, which gets its name when it is complete; if writing ends early, the old file remains.
 
-    ``synced``: the new content survives a power cut. Devices and pipes are written directly. OSError names ``path``.
+    ``synced``: the new content survives a power cut. ``mode``: permissions of the file, whatever the umask; by default
+    those of the old file, or those that the umask leaves. Devices and pipes are written directly. OSError names
+    ``path``.
     """
     before = _status(path)
     if before is not None and not stat.S_ISREG(before.st_mode):
@@ -44,9 +46,13 @@ def whole(path: Path, *, synced: bool = False) -> Iterator[BinaryIO]:
         return
     real = Path(os.path.realpath(path))  # replace the target of a symbolic link, not the link
     beside = real.with_name(f".{real.name[:LONGEST_STEM]}.{os.getpid()}")
-    created = _created(beside, path, before)
+    if mode is None and before is not None:
+        mode = stat.S_IMODE(before.st_mode)
+    if before is not None and not os.access(path, os.W_OK):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+    temporary = _temporary(beside, path, mode)
     try:
-        with created as file:
+        with temporary as file:
             yield file
             file.flush()
             if synced:
@@ -69,17 +75,24 @@ def made_folder(path: Path) -> Path:
     return path
 
 
-def _created(beside: Path, path: Path, before: os.stat_result | None) -> BinaryIO:
-    """The temporary file, with the permissions of the file that it will replace. OSError if that is write-protected."""
-    if before is not None and not os.access(path, os.W_OK):
-        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+def created(path: Path, mode: int = 0o666) -> BinaryIO:
+    """A new file, opened for appending without a buffer. FileExistsError if the name exists, also as a link."""
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND | os.O_NOFOLLOW | os.O_CLOEXEC, mode)
+    return open(descriptor, "ab", buffering=0)  # noqa: PTH123 (a descriptor, not a path)
+
+
+def _temporary(beside: Path, path: Path, mode: int | None) -> BinaryIO:
+    """The temporary file, created by this process: not a link, nor a file that another one prepared."""
+    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
     try:
-        file = beside.open("wb")
+        with suppress(FileNotFoundError):
+            beside.unlink()  # left over from a killed process with this process id, as after a reboot
+        descriptor = os.open(beside, flags, 0o666 if mode is None else mode)
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(path)) from None
-    if before is not None:
-        os.fchmod(file.fileno(), stat.S_IMODE(before.st_mode))
-    return file
+    if mode is not None:
+        os.fchmod(descriptor, mode)
+    return open(descriptor, "wb")  # noqa: PTH123 (a descriptor, not a path)
 
 
 def _require_regular(path: Path) -> None:

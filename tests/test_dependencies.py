@@ -19,7 +19,7 @@ PROJECT = Path(__file__).parents[1]
 OURS = {"fwav_companion", "sitl_mock", "tests"}
 DECLARED = tomllib.loads((PROJECT / "pyproject.toml").read_text())["project"]
 NEED, OPTIONAL = DECLARED["dependencies"], DECLARED["optional-dependencies"]
-RUN_BY_NAME = {"pytest-timeout", "pytest-xdist", "import-linter"}
+RUN_BY_NAME = {"pytest-cov", "pytest-timeout", "pytest-xdist", "import-linter"}
 """Plugins and programs of the tests, which no test imports."""
 
 
@@ -71,7 +71,7 @@ def test_what_an_extra_brings_is_imported_only_where_it_is_needed():
 
 
 def test_the_tests_declare_what_only_they_import():
-    own = names(OPTIONAL["test"]) - {"fwav-companion"}
+    own = names(OPTIONAL["test"]) - {"fwav-companion"} | names(OPTIONAL["mutation"])
     assert used("tests") - used("fwav_companion", "sitl_mock") == own - RUN_BY_NAME
 
 
@@ -80,7 +80,7 @@ def test_every_extra_is_known_where_a_missing_library_is_named():
     providers = packages_distributions()
     for module, extra in EXTRAS.items():
         assert {normalised(each) for each in providers[module]} == names(OPTIONAL[extra])
-    assert set(OPTIONAL) == {*EXTRAS.values(), "test", "lint", "vision"}
+    assert set(OPTIONAL) == {*EXTRAS.values(), "test", "lint", "lock", "mutation", "vision"}
     assert OPTIONAL["vision"] == []
 
 

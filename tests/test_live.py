@@ -96,7 +96,7 @@ def deaf_port():
             each.close()
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT], ids=["SIGTERM", "SIGINT"])
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP], ids=["SIGTERM", "SIGINT", "SIGHUP"])
 def test_it_stops_while_a_link_is_being_opened(site: Site, deaf_port: int, number: int):
     site.replace(f"udpin://127.0.0.1:{site.autopilot_port}", f"tcpout://127.0.0.1:{deaf_port}")
     with site.service() as service:

@@ -1,6 +1,6 @@
 """A filter of one's own: the mean of all fixes of a target, and the covariance of a single fix.
 
-Put it beside a recording and replay the flight with it::
+With this file in the current folder, a recorded flight is replayed with it by::
 
     fwav-companion replay flight/ --out targets.jsonl --allow-code --set tracking.filter=mean_filter:MeanFilter
 """

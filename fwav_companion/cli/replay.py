@@ -48,6 +48,9 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
     add("--sightings", action="store_true", help="write a line for every detection, used or not")
     add("--set", metavar="KEY=VALUE", action="append", default=[],
         help="a configuration key, as tracking.filter=lowpass; a filter of your own: module:Class")  # fmt: skip
+    add("--allow-code", action="store_true",
+        help="run the code that tracking.filter = module:Class names, from the working directory; never from the "
+        "recording's folder")  # fmt: skip
     add("--export", metavar="FILE", action="append", default=[],
         help="targets for other tools, by suffix: .geojson, .kml or .csv; may be repeated")  # fmt: skip
     add(

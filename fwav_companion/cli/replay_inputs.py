@@ -76,8 +76,12 @@ def read_replay_inputs(arguments: argparse.Namespace) -> ReplayInputs:
         truth=truth,
         recording=recording,
         elevation=load_elevation(config),
-        own_filter=load_own_filter(config),
+        own_filter=load_own_filter(config, allow_code=arguments.allow_code, never_from=_recorded_files(arguments)),
     )
+
+
+def _recorded_files(arguments: argparse.Namespace) -> list[Path]:
+    return [Path(name) for name in (*arguments.telemetry, *arguments.detections)]
 
 
 def _spare_what_is_read(arguments: argparse.Namespace, config: Config) -> None:

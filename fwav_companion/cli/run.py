@@ -15,7 +15,7 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
     """Register the command."""
     parser = subparsers.add_parser(
         "run",
-        description="Runs until SIGTERM or SIGINT. A link or address that does not exist yet is retried.",
+        description="Runs until SIGTERM, SIGINT or SIGHUP. A link or address that does not exist yet is retried.",
         epilog="example:\n  fwav-companion run --config fwav-companion.toml",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

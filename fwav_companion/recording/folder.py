@@ -14,6 +14,7 @@ from typing import BinaryIO, Final, Literal
 import msgspec
 
 from fwav_companion.errors import CompanionError
+from fwav_companion.on_disk import created
 from fwav_companion.recording.spans import SpanRecord
 
 BYTES_PER_MB: Final = 1_000_000
@@ -22,6 +23,8 @@ FOLDER_NAME: Final = re.compile(r"(\d{5})-\d{8}T\d{6}Z")
 time alone would not be in order."""
 TELEMETRY, DETECTIONS, TARGETS = "telemetry.tlog", "detections.jsonl", "targets.jsonl"
 FILES = (TELEMETRY, DETECTIONS, TARGETS)
+FOLDER_MODE, FILE_MODE = 0o750, 0o640
+"""A recording shows where somebody was, and what was seen: it is for its owner and group."""
 
 
 class SpaceError(CompanionError):
@@ -86,8 +89,9 @@ class RecordingFiles:
             self._space.take(sum(map(len, self._plan.beside.values())), self._plan.directory)
         self.folder = folder = new_folder(self._plan.directory)
         for name, content in self._plan.beside.items():
-            (folder / name).write_bytes(content)
-        self._open = {name: (folder / name).open("ab", buffering=0) for name in FILES}
+            with created(folder / name, FILE_MODE) as file:
+                _write_all(file, content)
+        self._open = {name: created(folder / name, FILE_MODE) for name in FILES}
         # The names must survive a power cut, too.
         for directory in (folder, self._plan.directory):
             _sync_directory(directory)
@@ -155,7 +159,7 @@ def new_folder(directory: Path) -> Path:
     while True:
         folder = directory / f"{number:05d}-{stem}"
         try:
-            folder.mkdir()
+            folder.mkdir(FOLDER_MODE)
         except FileExistsError:  # another recorder was faster
             number += 1
             continue

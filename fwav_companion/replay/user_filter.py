@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable
 from importlib import import_module
+from os.path import realpath
 from pathlib import Path
 
 from fwav_companion.config import Config
@@ -11,15 +13,19 @@ from fwav_companion.errors import ConfigError
 from fwav_companion.tracking.filters.base import Filter
 
 
-def load_own_filter(config: Config) -> Filter | None:
-    """An instance of the configured class; None for a built-in filter. ConfigError if it cannot be loaded."""
+def load_own_filter(config: Config, *, allow_code: bool, never_from: Iterable[Path]) -> Filter | None:
+    """An instance of the configured class; None for a built-in filter. ConfigError if it cannot be loaded.
+
+    A configuration may come from somebody else with a recording: ``allow_code`` says that the user wants its code to
+    run. ``never_from``: the recording's files, from whose folders nothing is imported even so.
+    """
     if not config.tracking.is_own_filter:
         return None
     where = f'{config.file}: [tracking] filter = "{config.tracking.filter}"'
+    if not allow_code:
+        raise ConfigError(f'{where}: this runs Python code; accepted: with --allow-code, or "kalman" | "lowpass"')
     module_name, _, class_name = config.tracking.filter.partition(":")
-    here = str(Path.cwd())
-    if here not in sys.path:
-        sys.path.insert(0, here)
+    _choose_folders({Path(realpath(path)).parent for path in never_from})
     try:
         made = getattr(import_module(module_name), class_name)(config.priors)
     except Exception as error:  # the user's module may raise anything
@@ -31,3 +37,12 @@ def load_own_filter(config: Config) -> Filter | None:
         raise ConfigError(f"{where}: it has no method initiate(fix); accepted: a class like tracking.base.Filter")
     own: Filter = made
     return own
+
+
+def _choose_folders(recorded: set[Path]) -> None:
+    """Make the working directory importable, and the folders of a recording not."""
+    here = str(Path.cwd())
+    folders = [folder or here for folder in sys.path]
+    if here not in folders:
+        folders.insert(0, here)
+    sys.path[:] = [folder for folder in folders if Path(realpath(folder)) not in recorded]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import signal
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
@@ -24,6 +23,7 @@ from fwav_companion.service.network import Outbox, make_node
 from fwav_companion.service.service_factory import make_detections, make_map_link, make_recorder, make_vision
 from fwav_companion.service.signing_store import SigningStore
 from fwav_companion.service.status import StatusReport, SystemdNotifier, encoded
+from fwav_companion.service.stop_signals import end_by
 from fwav_companion.service.timer import NET_NS, HostClock, PipelineTimer
 from fwav_companion.telemetry import Telemetry
 from fwav_companion.types import Frame, NoFrame, Outgoing
@@ -122,10 +122,9 @@ class Service:
         self._witness: Witness | None = None
 
     async def run(self) -> None:
-        """Run until SIGTERM or SIGINT, then stop within two seconds."""
+        """Run until SIGTERM, SIGINT or SIGHUP, then stop within two seconds."""
         loop = asyncio.get_running_loop()
-        for number in (signal.SIGTERM, signal.SIGINT):
-            loop.add_signal_handler(number, self._stop.set)
+        end_by(loop, self._stop.set)
         loop.set_exception_handler(self._on_internal_fault)
         self._start()
         await self._stop.wait()

@@ -10,6 +10,10 @@ from pathlib import Path
 from fwav_companion.on_disk import whole
 
 STATUS_NAME = "status.json"
+STATUS_MODE = 0o644
+"""Every user's `check` may read the status."""
+STATE_MODE = 0o640
+"""The state is for the service and its group."""
 
 
 def status_paths(configured: str, environment: Mapping[str, str] = os.environ) -> list[Path]:
@@ -94,5 +98,6 @@ class LatestFile:
 
     def _replace(self, path: Path, content: bytes) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with whole(path, synced=self._outlives_us) as file:
+        mode = STATE_MODE if self._outlives_us else STATUS_MODE
+        with whole(path, synced=self._outlives_us, mode=mode) as file:
             file.write(content)

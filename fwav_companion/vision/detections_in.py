@@ -20,6 +20,8 @@ LARGEST_DATAGRAM = 65536
 DRAIN_LIMIT = 8
 """Largest number of datagrams per wake-up: frames of 256 detections take 10 ms each, and the links have their turn
 between."""
+SOCKET_MODE = 0o660
+"""Detectors reach the socket as members of the service's group."""
 RETRY_S = 1.0
 """Interval of attempts while an address or a folder does not exist, as at boot."""
 
@@ -135,8 +137,9 @@ def _bound_to_path(path: str) -> tuple[socket.socket, int]:
     try:
         sock.setblocking(False)
         _remove_left_over(path)
+        os.fchmod(sock.fileno(), SOCKET_MODE)  # a socket's file gets these permissions, less the umask, as it appears
         sock.bind(path)
-        Path(path).chmod(0o660)
+        Path(path).chmod(SOCKET_MODE)
         return sock, Path(path).lstat().st_ino
     except OSError:
         sock.close()

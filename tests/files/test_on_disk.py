@@ -7,7 +7,7 @@ import stat
 import pytest
 
 from fwav_companion import on_disk
-from fwav_companion.on_disk import content, made_folder, opened, whole
+from fwav_companion.on_disk import content, created, made_folder, opened, whole
 
 
 def test_a_file_is_read_through_links_and_the_null_device_is_an_empty_one(tmp_path):
@@ -121,6 +121,59 @@ def test_what_is_replaced_keeps_its_links_and_its_permissions(tmp_path):
     assert (tmp_path / "link").is_symlink()
     assert (tmp_path / "real").read_bytes() == b"new"
     assert stat.S_IMODE((tmp_path / "real").stat().st_mode) == 0o640
+
+
+@pytest.mark.parametrize("mask", [0o000, 0o022, 0o027, 0o077])
+@pytest.mark.parametrize("before", [None, 0o600])
+def test_permissions_that_are_given_hold_whatever_the_umask(tmp_path, mask, before):
+    if before is not None:
+        (tmp_path / "out").write_bytes(b"old")
+        (tmp_path / "out").chmod(before)
+    usual = os.umask(mask)
+    try:
+        with whole(tmp_path / "out", mode=0o644):
+            pass
+    finally:
+        os.umask(usual)
+    assert stat.S_IMODE((tmp_path / "out").stat().st_mode) == 0o644
+
+
+def prepared_link(path, other):
+    path.symlink_to(other)
+
+
+def prepared_file(path, other):
+    path.hardlink_to(other)
+
+
+@pytest.mark.parametrize("prepared", [prepared_link, prepared_file])
+def test_a_temporary_file_that_another_process_prepared_is_not_written_through(tmp_path, prepared):
+    """In a folder that others may write, a link in place of the temporary file would overwrite what it leads to."""
+    other = tmp_path / "other"
+    other.write_bytes(b"precious")
+    prepared(tmp_path / f".out.{os.getpid()}", other)
+    with whole(tmp_path / "out") as file:
+        file.write(b"new")
+    assert {each.name: each.read_bytes() for each in tmp_path.iterdir()} == {"other": b"precious", "out": b"new"}
+    assert not (tmp_path / "out").is_symlink()
+
+
+def test_a_temporary_name_that_cannot_be_cleared_is_an_error_by_the_files_name(tmp_path):
+    (tmp_path / f".out.{os.getpid()}").mkdir()
+    with pytest.raises(OSError, match="out") as caught, whole(tmp_path / "out"):
+        pass
+    assert caught.value.filename == str(tmp_path / "out")
+
+
+def test_a_file_that_must_be_new_is_not_written_through_a_link(tmp_path):
+    (tmp_path / "other").write_bytes(b"precious")
+    (tmp_path / "link").symlink_to("other")
+    (tmp_path / "dangling").symlink_to("nowhere")
+    for name in ("other", "link", "dangling"):
+        with pytest.raises(FileExistsError):
+            created(tmp_path / name)
+    assert (tmp_path / "other").read_bytes() == b"precious"
+    assert not (tmp_path / "nowhere").exists()
 
 
 def test_what_is_protected_stays(tmp_path, monkeypatch):

@@ -72,3 +72,9 @@ class TestSeams:
         assert model.height_m(9.95, 179.985) == pytest.approx(np.mean(self.whole[5, 8:10]), abs=1e-5)
         assert model.height_m(9.95, -179.985) == pytest.approx(np.mean(self.whole[5, 11:13]), abs=1e-5)
         assert model.height_m(9.95, 179.999999999) == pytest.approx(self.whole[5, 10], abs=1e-3)
+
+    def test_one_tile_may_cross_the_antimeridian(self):
+        model = ElevationModel([from_array(self.whole, 10.0, 179.9, 0.01)])
+        assert model.height_m(9.95, 179.985) == pytest.approx(np.mean(self.whole[5, 8:10]), abs=1e-5)
+        assert model.height_m(9.95, -179.985) == pytest.approx(np.mean(self.whole[5, 11:13]), abs=1e-5)
+        assert model.height_m(9.95, 180.015) == pytest.approx(np.mean(self.whole[5, 11:13]), abs=1e-5)

@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 from made_up_terrain import LAT, LON, PLANE, STEP, tile
-from true_flights import PRIORS, STEPS, Scene
+from true_flights import PRIORS, STEPS, Noise, Scene
 
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.localization import Datum, ElevationModel, Localizer, TerrainGround
@@ -58,6 +58,20 @@ class TestGround:
             assert fix.bias_jacobian[bias] == pytest.approx(found, rel=2e-3, abs=2e-2), bias.name
         up, down = (self.locate(self.raised(self.slope, h), scene.sighting()).position_ned for h in (0.5, -0.5))
         assert fix.bias_jacobian[Bias.TERRAIN] == pytest.approx(np.subtract(up, down), rel=1e-3, abs=1e-3)
+
+    def test_on_a_slope_the_noise_of_a_pixel_moves_the_point_along_the_slope(self):
+        """All three components, by differences of the simulation; no other fresh error is left."""
+        alone = msgspec.structs.replace(PRIORS, attitude_noise=0.0, position_noise_m=0.0, height_noise_m=0.0)
+        localizer = Localizer(self.ground(self.slope), alone, min_height_m=0.5)
+        scene = Scene(vehicle=(0.0, 0.0), pixel_sigma=(3.0, 5.0), **QUIET)
+        expected = np.zeros((3, 3))
+        for axis, sigma in zip(np.eye(2), scene.pixel_sigma, strict=True):
+            ahead, behind = (
+                localizer.locate(scene.sighting(None, Noise(pixel=by * axis))).position_ned for by in (5.0, -5.0)
+            )
+            column = sigma * np.subtract(ahead, behind) / 10.0
+            expected += np.outer(column, column)
+        assert np.array(localizer.locate(scene.sighting()).noise_cov) == pytest.approx(expected, rel=1e-2, abs=1e-3)
 
     @pytest.mark.parametrize("source", ["files", "report"])
     def test_the_elevation_models_own_error_is_in_the_total_and_never_in_the_noise(self, source):

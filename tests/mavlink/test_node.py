@@ -35,6 +35,19 @@ def destinations(node: Node, to: Destination, now: HostNs = NOW, link: str = "")
     return [name for name, _ in node.encode(heartbeat(to, link=link), now)]
 
 
+@pytest.mark.parametrize("signing", [None, SigningPolicy(key=KEY, timestamp=START)], ids=["unsigned", "signed"])
+def test_own_messages_count_in_a_links_budget_by_their_whole_length(signing: SigningPolicy | None) -> None:
+    node = Node([LinkPolicy("ground", "gcs", max_bytes_per_s=1e6)], [], signing=signing)
+    fields = {"time_boot_ms": 1, "name": "TGT_DIST", "value": 1.5}
+    sent = 0
+    for step in range(200):
+        now = HostNs(NOW + step * 20 * NS_PER_MS)
+        outgoing = Outgoing(name="NAMED_VALUE_FLOAT", fields=fields, to=Destination.GROUND_LINKS, component=191)
+        sent += sum(len(data) for _, data in node.encode(outgoing, now))
+    (link,) = node.statistics(now)
+    assert link.thinning.sent_bytes_per_s == pytest.approx(50.0 * sent / 200, rel=0.01)
+
+
 def test_destinations() -> None:
     node = Node(LINKS, [])
     assert destinations(node, Destination.EVERYONE) == ["autopilot", "spare", "ground", "tablet"]

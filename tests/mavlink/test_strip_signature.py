@@ -43,6 +43,15 @@ def test_every_signed_message_becomes_the_unsigned_one(seed):
         assert unsigned(frame) == plain
 
 
+def test_a_frame_without_a_signature_stays_as_it_is():
+    """A MAVLink 1 frame has its sequence number where MAVLink 2 has the flag of a signature."""
+    for version in (1, 2):
+        wire = Wire(version=version)
+        for _ in range(3):
+            (frame,) = Scanner(datagrams=True).feed(wire.attitude())
+            assert unsigned(frame) == frame.data
+
+
 def test_an_unknown_message_keeps_the_checksum_that_its_own_dialect_expects():
     for seed_byte in range(256):
         header = b"\x03\x01\x00\x07\x01\x01\xef\xcd\xab" + b"abc"

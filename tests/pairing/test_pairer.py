@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from fwav_companion.geometry.rotations import quaternion_from_euler
 from fwav_companion.geometry.stamps import BootNs, HostNs
 from fwav_companion.pairing import CameraTiming, PairedFrame, RefusedFrame
+from fwav_companion.pairing.placement import scaling_from_size
 from fwav_companion.types import Detection, Lens, Reason, StampClock, Unpaired
 
 CENTRE = (320.0, 240.0)
@@ -155,6 +156,26 @@ def test_refusals_of_a_frame(changed, reason):
     """A capture may lie 5 ms and three sigma of 0.5 ms after its arrival, and 0.5 s before it."""
     reported = pairer(timing=CameraTiming(readout_s=0.0)).pair(frame(CENTRE, **changed), StillVehicle())
     assert (reported.reason if isinstance(reported, RefusedFrame) else None) == reason
+
+
+@pytest.mark.parametrize(
+    ("size", "calibrated", "fits"),
+    [
+        ((101, 75), (640, 480), True),  # 100 columns, or 75.75 rows
+        ((75, 101), (480, 640), True),
+        ((75, 100), (480, 640), True),
+        ((102, 75), (640, 480), False),
+        ((75, 102), (480, 640), False),
+        ((100, 76), (640, 480), False),
+        ((76, 100), (480, 640), False),
+    ],
+)
+def test_a_shape_is_the_calibrations_if_one_side_is_rounded(size, calibrated, fits):
+    """A scaler rounds one side to whole pixels, up or down: that side is less than a pixel off."""
+    scaling = scaling_from_size(size, calibrated)
+    assert (scaling is not Reason.WRONG_SIZE) == fits
+    if fits:
+        assert (scaling.horizontal, scaling.vertical) == (calibrated[0] / size[0], calibrated[1] / size[1])
 
 
 def test_no_clock():

@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import stat
 import time
 from pathlib import Path
 from types import SimpleNamespace
@@ -51,6 +52,17 @@ def test_what_is_written_is_on_the_disk_after_close(tmp_path):
     assert (folder / DETECTIONS).read_bytes() == b'{"a":1}\n'
     assert (folder / TARGETS).read_bytes() == b'{"type":"header"}\n{"type":"target"}\n'
     assert (folder / "fwav-companion.toml").read_bytes() == b"# x\n"
+
+
+def test_a_recording_is_for_its_owner_and_group(tmp_path):
+    usual = os.umask(0)
+    try:
+        recorded(tmp_path, beside={"fwav-companion.toml": b"# x\n"})
+    finally:
+        os.umask(usual)
+    (folder,) = recordings(tmp_path)
+    assert stat.S_IMODE(folder.stat().st_mode) == 0o750
+    assert {stat.S_IMODE(path.stat().st_mode) for path in folder.iterdir()} == {0o640}
 
 
 def test_recordings_of_one_second_or_of_a_clock_that_went_back_stay_in_order(tmp_path, monkeypatch):

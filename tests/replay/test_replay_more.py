@@ -1,4 +1,4 @@
-"""Replays of damaged, divided and foreign recordings; filters of one's own; exports by the command line."""
+"""Replays of damaged, divided and foreign recordings; exports by the command line."""
 
 import json
 import os
@@ -17,15 +17,6 @@ from fwav_companion.replay.driver import _drive
 from sitl_mock import scenario
 
 CONFIG = LINK + '[camera]\ncalibration = "camera.yaml"\n'
-
-EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "mean_filter.py"
-OWN = """
-class Refuses:
-    def __init__(self, priors): raise RuntimeError("no such luck")
-
-class Nothing:
-    def __init__(self, priors): pass
-"""
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +38,7 @@ class Site:
         return run_command(*self.words(words, telemetry, detections), folder=self.folder)
 
     def replay_apart(self, *words, stdout=subprocess.PIPE):
-        """In a process of its own: what a user's filter or the standard output's descriptor does stays there."""
+        """In a process of its own: what the standard output's descriptor does stays there."""
         command = [sys.executable, "-m", "fwav_companion", *self.words(words)]
         return subprocess.run(command, stdout=stdout, stderr=subprocess.PIPE, text=True, cwd=self.folder, timeout=120)
 
@@ -274,42 +265,6 @@ def test_another_vehicles_companion_does_not_set_our_clock(flown):
     recording = read_recording(data, bytes(companion.detections), own_components(companion.config))
     assert recording.unix_offset_ns == companion.unix_offset_ns
     assert list(replay(recording, companion.config, companion.calibration)) == companion.lines
-
-
-def test_a_filter_of_ones_own_follows_the_targets(site):
-    site.write("mean_filter.py", EXAMPLE.read_bytes())
-    done = site.replay_apart("--set", "tracking.filter=mean_filter:MeanFilter")
-    assert done.returncode == 0, done.stderr
-    lines = [json.loads(line) for line in site.targets().splitlines()]
-    assert lines[0]["config"]["tracking"]["filter"] == "mean_filter:MeanFilter"
-    confirmed = [line for line in lines if line["type"] == "target" and line["state"] == "confirmed"]
-    assert site.flown.error_m(confirmed[-1]) < 1.5
-
-
-@pytest.mark.parametrize(
-    ("spec", "said"),
-    [
-        ("absent:Means", "No module named 'absent'"),
-        ("mine:Absent", "Absent"),
-        ("mine:Refuses", "no such luck"),
-        ("mine:Nothing", "no method initiate"),
-        ("kalmann", '"kalman" | "lowpass"'),
-    ],
-)
-def test_a_filter_that_cannot_be_had_is_one_line_and_exit_2(site, spec, said):
-    site.write("mine.py", OWN)
-    done = site.replay_apart("--set", f"tracking.filter={spec}")
-    assert done.returncode == 2
-    assert said in done.stderr
-    assert done.stderr.count("\n") == 1
-
-
-def test_run_takes_no_filter_of_ones_own(site):
-    site.write("flight.toml", CONFIG + '[tracking]\nfilter = "mine:Means"\n')
-    command = [sys.executable, "-m", "fwav_companion", "run", "--config", "flight.toml"]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=site.folder, timeout=60)
-    assert done.returncode == 2
-    assert "a filter of your own works only in `replay`" in done.stderr
 
 
 def test_exports_stand_beside_the_targets(site):

@@ -3,8 +3,13 @@ caller.
 """
 
 import json
+import os
+import stat
 import threading
+import time
 from pathlib import Path
+
+import pytest
 
 from fwav_companion.service.latest_file import LatestFile, state_path, status_paths
 
@@ -42,6 +47,22 @@ def test_a_file_about_a_process_goes_with_it(tmp_path):
         written.wait(0.01)
     file.close(5.0)
     assert not path.exists()
+
+
+@pytest.mark.parametrize(("outlives_us", "mode"), [(False, 0o644), (True, 0o640)], ids=["status", "state"])
+def test_every_user_may_read_the_status_and_the_group_the_state(tmp_path, outlives_us, mode):
+    usual = os.umask(0o027)
+    try:
+        path = tmp_path / "file.json"
+        file = LatestFile([path], lambda why: None, outlives_us=outlives_us)
+        file.start()
+        file.write(b"{}")
+        while not path.exists():
+            time.sleep(0.01)
+        assert stat.S_IMODE(path.stat().st_mode) == mode
+        file.close(5.0)
+    finally:
+        os.umask(usual)
 
 
 def test_the_first_path_that_may_be_written_is_taken(tmp_path):

@@ -1,6 +1,9 @@
 """The systemd files of a board against the service's behaviour and its contract."""
 
+import json
 import re
+import shutil
+import subprocess
 from collections import defaultdict
 from pathlib import Path
 
@@ -38,7 +41,10 @@ def the(key: str) -> str:
 
 
 def test_nothing_is_said_twice_but_lists():
-    assert {key for key, values in settings().items() if len(values) > 1} == {"Service.DeviceAllow"}
+    assert {key for key, values in settings().items() if len(values) > 1} == {
+        "Service.DeviceAllow",
+        "Service.SystemCallFilter",
+    }
 
 
 def test_ready_is_notified_and_a_wrong_configuration_is_not_retried():
@@ -86,10 +92,49 @@ def test_its_own_user_and_its_own_folders():
         ("MemoryHigh", "300M"),
         ("MemoryMax", "400M"),
         ("OOMPolicy", "continue"),
+        ("UMask", "0027"),
+        ("RuntimeDirectoryMode", "0755"),
+        ("PrivateMounts", "yes"),
+        ("ProtectProc", "invisible"),
+        ("RemoveIPC", "yes"),
     ],
 )
 def test_what_it_needs_and_no_more(key: str, value: str):
     assert the(f"Service.{key}") == value
+
+
+def test_system_calls_that_change_privileges_or_resources_are_refused():
+    """The allow list comes first; what follows is taken out of it (systemd.exec(5))."""
+    assert settings()["Service.SystemCallFilter"] == ["@system-service", "~@privileged @resources"]
+
+
+OPEN_ON_PURPOSE = {
+    "PrivateDevices": "serial ports and cameras",
+    "DeviceAllow": "serial ports and cameras",
+    "SupplementaryGroups": "dialout, video",
+    "PrivateNetwork": "MAVLink by UDP and TCP",
+    "RestrictAddressFamilies_AF_INET_INET6": "MAVLink by UDP and TCP",
+    "RestrictAddressFamilies_AF_UNIX": "detections and systemd's notifications",
+    "RestrictAddressFamilies_AF_NETLINK": "names of interfaces",
+    "IPAddressDeny": "any address may be a link's",
+    "PrivateUsers": "the group of a device must be known",
+    "ProcSubset": "load, memory and temperature of the board",
+    "RootDirectoryOrRootImage": "libraries of the system, as picamera2",
+    "UMask": "the group reads recordings",
+    "MemoryDenyWriteExecute": "networks are compiled at run time",
+}
+"""What systemd-analyze counts as exposed although the service needs it, and what for."""
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is not installed")
+def test_systemd_finds_nothing_open_that_is_not_needed():
+    command = ["systemd-analyze", "security", "--offline=true", "--json=short", str(UNIT)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    if "unrecognized option" in done.stderr or "Unknown" in done.stderr:
+        pytest.skip("systemd-analyze before systemd 250")
+    assert done.returncode == 0, done.stderr
+    exposed = {each["json_field"] for each in json.loads(done.stdout) if float(each["exposure"] or 0) > 0}
+    assert exposed <= set(OPEN_ON_PURPOSE)
 
 
 def test_devices_that_are_plugged_in_later_are_allowed_by_number():

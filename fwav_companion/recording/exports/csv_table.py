@@ -72,4 +72,4 @@ def _row(line: Line) -> list[Any]:
 
 def _harmless(value: Any) -> Any:
     """The value with a leading quote where a spreadsheet would run it as a formula: labels come from a detector."""
-    return f"'{value}" if isinstance(value, str) and value[:1] in ("=", "+", "-", "@", "\t", "\r") else value
+    return f"'{value}" if isinstance(value, str) and value[:1] in ("=", "+", "-", "@", "\t", "\r", "\n") else value

@@ -42,6 +42,7 @@ CAUSES: Final[Mapping[str, frozenset[str]]] = {
     "garbage": UNHEARD | {"loss"},
     "wrong_signature": UNHEARD | UNDELIVERED,
     "unsigned": UNHEARD | UNDELIVERED,
+    "outdated_signatures": UNHEARD | UNDELIVERED,
     "no_signing_key": UNDELIVERED,
     "loss": SLOW | CLOCK,
     "autopilot_lost": UNHEARD - {"no_autopilot", "autopilot_lost"} | {"rates_undone"},

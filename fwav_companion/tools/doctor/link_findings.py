@@ -57,6 +57,8 @@ def link_findings(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
             yield from _received(evidence, status, link)
         if report.state == "up":
             yield from _claimed_ids(f"link {link.name}", status.traffic_of(link.name))
+            yield from _shed(link, status.traffic_of(link.name))
+            yield from _outdated(status, link)
 
 
 def judged_loss(status: RunStatus, link: LinkConfig, peer: PeerStatistics) -> float | None:
@@ -146,7 +148,7 @@ def _received(evidence: Evidence, status: RunStatus, link: LinkConfig) -> Iterat
             fix = _silent_fix(link.parsed_url)
             yield Finding("nothing_heard", Level.ERROR, where, problem=f"{link.url} received no byte", fix=fix)
         return
-    if traffic.skipped_bytes > max(GARBAGE_BYTES, GARBAGE_SHARE * traffic.bytes_in):
+    if _is_garbage(traffic):
         yield _garbage(link, traffic)
     if traffic.echoes > 0:
         yield Finding(
@@ -180,8 +182,35 @@ def _claimed_ids(where: str, traffic: LinkStatistics) -> Iterator[Finding]:
         )
 
 
+def _shed(link: LinkConfig, traffic: LinkStatistics) -> Iterator[Finding]:
+    if traffic.shed_bytes > 0 and not (link.role == "autopilot" and _is_garbage(traffic)):
+        yield Finding(
+            "shed_bytes",
+            Level.WARNING,
+            f"link {link.name}",
+            problem=f"{traffic.shed_bytes} bytes were dropped unread: too many on this link are not MAVLink",
+            fix="find what sends there; let a firewall pass the known senders alone, or listen on another address",
+        )
+
+
+def _outdated(status: RunStatus, link: LinkConfig) -> Iterator[Finding]:
+    outdated, alone = status.traffic_of(link.name).outdated, link.role == "autopilot" and status.autopilot is None
+    if outdated > 0:
+        yield Finding(
+            "outdated_signatures",
+            Level.ERROR if alone else Level.WARNING,
+            f"link {link.name}",
+            problem=f"{outdated} rightly signed frames were refused: their sender's clock is over a minute behind",
+            fix="give the sender the time (GPS or NTP) and let it send again; check this board's own time: timedatectl",
+        )
+
+
 def _silent_fix(url: LinkUrl) -> str:
     return _SILENT_SERIAL if isinstance(url, SerialUrl) else _SILENT[url.kind]
+
+
+def _is_garbage(traffic: LinkStatistics) -> bool:
+    return traffic.skipped_bytes > max(GARBAGE_BYTES, GARBAGE_SHARE * traffic.bytes_in)
 
 
 def _garbage(link: LinkConfig, traffic: LinkStatistics) -> Finding:
@@ -218,8 +247,8 @@ def _signatures(evidence: Evidence, status: RunStatus, link: LinkConfig) -> Iter
             "wrong_signature",
             level,
             where,
-            problem=f"{traffic.refused_signatures} frames are signed with another key, or with a clock far behind",
-            fix="give the autopilot and [signing] key_file the same key; check that both know the time",
+            problem=f"{traffic.refused_signatures} frames are signed with another key",
+            fix="give the autopilot and [signing] key_file the same key",
         )
     elif traffic.refused_unsigned > 0:
         yield Finding(

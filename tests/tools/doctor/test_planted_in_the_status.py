@@ -10,6 +10,7 @@ from hearing import CAMERA, TEXT, codes, evidence_of, flown, found, heard, silen
 from fwav_companion.camera import parse_calibration
 from fwav_companion.config import parse
 from fwav_companion.tools.doctor.examination import examine
+from fwav_companion.tools.doctor.finding import Level
 from fwav_companion.tools.doctor.report_text import report_lines
 from fwav_companion.tools.doctor.run_status import UNJUDGED, run_status
 from fwav_companion.types import Reason
@@ -44,8 +45,11 @@ def altered(status, path, value):
 
 
 def planted(evidence, path, value):
-    status = run_status(altered(msgspec.to_builtins(evidence.status), path, value))
-    return examine(msgspec.structs.replace(evidence, status=status))
+    return planted_in(evidence, altered(msgspec.to_builtins(evidence.status), path, value))
+
+
+def planted_in(evidence, status):
+    return examine(msgspec.structs.replace(evidence, status=run_status(status)))
 
 
 STATUS = {
@@ -112,6 +116,30 @@ def test_a_calibration_that_holds_in_the_middle_alone_is_named(healthy):
 def test_frames_signed_with_another_key_are_named(healthy):
     traffic = [{**link, "refused_signatures": 7} for link in msgspec.to_builtins(healthy.status.traffic)]
     assert codes(planted(healthy, ["traffic"], traffic)) == ["wrong_signature"]
+
+
+@pytest.mark.parametrize(("field", "code"), [("outdated", "outdated_signatures"), ("shed_bytes", "shed_bytes")])
+@pytest.mark.parametrize("link", ["autopilot", "ground"])
+def test_what_a_link_refuses_for_its_time_or_its_amount_is_a_warning(healthy, link, field, code):
+    traffic = msgspec.to_builtins(healthy.status.traffic)
+    (one,) = [each for each in traffic if each["name"] == link]
+    one[field] = 7
+    (finding,) = planted(healthy, ["traffic"], traffic)
+    assert (finding.code, finding.level, finding.where) == (code, Level.WARNING, f"link {link}")
+
+
+def test_bytes_that_are_shed_are_not_named_where_the_whole_link_is_garbage(healthy):
+    (autopilot, *others) = msgspec.to_builtins(healthy.status.traffic)
+    autopilot |= {"bytes_in": 10_000, "skipped_bytes": 9000, "shed_bytes": 5000}
+    assert "shed_bytes" not in codes(planted(healthy, ["traffic"], [autopilot, *others]))
+
+
+def test_an_autopilot_whose_signatures_are_outdated_is_an_error(healthy):
+    status = altered(msgspec.to_builtins(healthy.status), ["autopilot"], None)
+    (autopilot, *others) = status["traffic"]
+    traffic = [autopilot | {"outdated": 7, "peers": []}, *others]
+    levels = {each.code: each.level for each in planted_in(healthy, altered(status, ["traffic"], traffic))}
+    assert levels["outdated_signatures"] is Level.ERROR
 
 
 LINKS = {

@@ -1,0 +1,268 @@
+"""Mutation test of a drawn sample: the share of small changes of the code that the tests of its room notice.
+
+``python tests/mutation/run.py --count 300 --seed 1`` needs cosmic-ray and pytest-cov; ``--jobs`` processes share the
+sample. A place in the code is drawn, then one of the changes there: another arithmetic or comparison operator, another
+number, a condition reversed, a loop left out. Each change is made in a copy of the project. There the room's default
+tests that reach the line run, the fastest first, until one fails. At the end the script prints the kill rate with its
+lower 95 % bound (Clopper and Pearson 1934) and the survivors. A change of nothing observable (an equal branch, a
+tolerance) survives too, and so does one that only the tests of other rooms notice: the rate is a lower bound.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import os
+import random
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from queue import SimpleQueue
+from typing import NamedTuple
+
+ROOT = Path(__file__).parents[2]
+PACKAGE = ROOT / "fwav_companion"
+COPIED = ("fwav_companion", "sitl_mock", "tests", "systemd", "pyproject.toml", "README.md")
+ROOMS = {
+    "localization": (("localization",), ("localization",)),
+    "pairing": (("pairing",), ("pairing",)),
+    "routing": (("mavlink/router",), ("mavlink",)),
+    "signing": (
+        ("mavlink/wire/signing.py", "mavlink/wire/strip_signature.py", "service/signing_store.py"),
+        ("mavlink/test_signing.py", "mavlink/test_signed_routes.py", "mavlink/test_strip_signature.py", "service"),
+    ),
+    "tracking": (("tracking",), ("tracking",)),
+}
+"""Files of a room in the package, and its tests."""
+NOTICED_S = 300
+"""A change that makes the tests run longer is noticed."""
+ARITHMETIC = ("Add", "Sub", "Mul", "Div")
+OPERATORS = (
+    *(f"core/ReplaceBinaryOperator_{a}_{b}" for a in ARITHMETIC for b in ARITHMETIC if a != b),
+    *("core/NumberReplacer", "core/AddNot", "core/ReplaceAndWithOr", "core/ReplaceOrWithAnd"),
+    *("core/ReplaceTrueWithFalse", "core/ReplaceFalseWithTrue", "core/ZeroIterationForLoop"),
+    *("core/ReplaceBreakWithContinue", "core/ReplaceContinueWithBreak"),
+    *("core/ReplaceUnaryOperator_Delete_Not", "core/ReplaceUnaryOperator_USub_UAdd"),
+)
+COMPARISONS = "core/ReplaceComparisonOperator_"
+
+
+class Place(NamedTuple):
+    """A place in a file, and the changes that can be made there."""
+
+    room: str
+    file: Path
+    line: int
+    column: int
+    changes: tuple[tuple[str, int], ...]
+    """Name of an operator, and the how manieth of its places in the file this is."""
+
+
+class Mutant(NamedTuple):
+    """One change."""
+
+    place: Place
+    operator: str
+    occurrence: int
+
+    def __str__(self) -> str:
+        where = f"{self.place.file.relative_to(ROOT)}:{self.place.line}:{self.place.column}"
+        return f"{where} {self.operator.removeprefix('core/')}"
+
+
+def main() -> int:
+    """Draw the sample, run it, and print the result."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--count", type=int, default=300)
+    parser.add_argument("--seed", type=int, default=random.SystemRandom().randrange(10**6))
+    parser.add_argument("--rooms", nargs="+", choices=ROOMS, default=list(ROOMS))
+    parser.add_argument("--jobs", type=int, default=1)
+    arguments = parser.parse_args()
+    draw = random.Random(arguments.seed)
+    sample = list(_drawn(arguments.rooms, arguments.count, draw))
+    print(f"seed {arguments.seed}, {len(sample)} mutants of {', '.join(arguments.rooms)}", flush=True)
+    with tempfile.TemporaryDirectory() as folder:
+        survivors, ran = _run_all(sample, Path(folder), arguments.jobs)
+    killed = ran - len(survivors)
+    for mutant in survivors:
+        print(f"survived: {mutant}")
+    print(f"killed {killed} of {ran}: {killed / ran:.1%}, at least {_lower_bound(killed, ran):.1%} (95 %)")
+    return 0
+
+
+def _drawn(rooms: Sequence[str], count: int, draw: random.Random) -> Iterator[Mutant]:
+    """Draw different places over all rooms, then a change at each."""
+    places = [place for room in rooms for path in _files(room) for place in _places(room, path)]
+    for place in draw.sample(places, min(count, len(places))):
+        yield Mutant(place, *draw.choice(place.changes))
+
+
+def _files(room: str) -> list[Path]:
+    found = [PACKAGE / name for name in ROOMS[room][0]]
+    return sorted(path for each in found for path in (each.rglob("*.py") if each.is_dir() else [each]))
+
+
+def _places(room: str, path: Path) -> Iterator[Place]:
+    from cosmic_ray.ast import Visitor, get_ast
+    from cosmic_ray.plugins import get_operator, operator_names
+
+    names = [*OPERATORS, *(name for name in operator_names() if name.startswith(COMPARISONS))]
+    operators = {name: get_operator(name)() for name in names}
+    text = path.read_text()
+    left_out = _not_run(text)
+    changes: dict[tuple[int, int], list[tuple[str, int]]] = {}
+    counts = dict.fromkeys(operators, 0)
+
+    class Collector(Visitor):
+        def visit(self, node: object) -> object:
+            for name, operator in operators.items():
+                for (line, column), _ in operator.mutation_positions(node):
+                    if not any(start <= (line, column) < end for start, end in left_out):
+                        changes.setdefault((line, column), []).append((name, counts[name]))
+                    counts[name] += 1
+            return node
+
+    Collector().walk(get_ast(text))
+    for (line, column), found in sorted(changes.items()):
+        yield Place(room, path, line, column, tuple(found))
+
+
+def _not_run(text: str) -> list[tuple[tuple[int, int], tuple[int, int]]]:
+    """Return the ranges of annotations, which are text at run time, and of the options of classes, as ``gc=False``."""
+    found: list[ast.AST] = []
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.AnnAssign) or (isinstance(node, ast.arg) and node.annotation is not None):
+            found.append(node.annotation)
+        elif isinstance(node, ast.ClassDef):
+            found += node.keywords
+        elif isinstance(node, ast.FunctionDef) and node.returns is not None:
+            found.append(node.returns)
+    return [((node.lineno, node.col_offset), (node.end_lineno, node.end_col_offset)) for node in found]
+
+
+def _run_all(sample: Sequence[Mutant], folder: Path, jobs: int) -> tuple[list[Mutant], int]:
+    copies: SimpleQueue[Path] = SimpleQueue()
+    for number in range(jobs):
+        copies.put(_copied(folder / str(number)))
+    tests = {room: _tests_by_line(room, folder / "0") for room in sorted({mutant.place.room for mutant in sample})}
+    survivors, ran = list[Mutant](), 0
+
+    def run(mutant: Mutant) -> bool:
+        copy = copies.get()
+        try:
+            return _survives(mutant, copy, tests[mutant.place.room])
+        finally:
+            copies.put(copy)
+
+    with ThreadPoolExecutor(jobs) as pool:
+        for mutant, survived in zip(sample, pool.map(run, sample), strict=True):
+            ran += 1
+            survivors += [mutant] if survived else []
+            print(f"{ran} {'SURVIVED' if survived else 'killed'} {mutant}", flush=True)
+    return survivors, ran
+
+
+def _copied(folder: Path) -> Path:
+    folder.mkdir()
+    for name in COPIED:
+        source = ROOT / name
+        if source.is_dir():
+            shutil.copytree(source, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+        else:
+            shutil.copy(source, folder / name)
+    return folder
+
+
+def _survives(mutant: Mutant, copy: Path, tests: Tests) -> bool:
+    """Make the change in the copy, run the tests that reach it, and undo it."""
+    from cosmic_ray.mutating import mutate_code
+    from cosmic_ray.plugins import get_operator
+
+    path = copy / mutant.place.file.relative_to(ROOT)
+    before = path.read_text()
+    after = mutate_code(before, get_operator(mutant.operator)(), mutant.occurrence)
+    if after is None:
+        raise RuntimeError(f"{mutant}: not found")
+    path.write_text(after)
+    for compiled in (copy / "bytecode").rglob(f"{path.stem}.*.pyc"):  # told apart by second and size alone
+        compiled.unlink()
+    try:
+        return _passes(tests.of(mutant.place), copy)
+    finally:
+        path.write_text(before)
+
+
+class Tests(NamedTuple):
+    """The default tests of a room."""
+
+    all: list[str]
+    """Their ids, the fastest first."""
+    by_line: dict[tuple[str, int], set[str]]
+    """Those that reach a line of a file."""
+
+    def of(self, place: Place) -> list[str]:
+        """Return the tests for a place; for a line that runs at the import all of the room."""
+        found = self.by_line.get((str(place.file.relative_to(ROOT)), place.line), set())
+        return [test for test in self.all if test in found] or self.all
+
+
+def _tests_by_line(room: str, copy: Path) -> Tests:
+    """Run the tests of a room without a change, and note which lines each reaches."""
+    from coverage import CoverageData
+
+    named = [str(Path("tests") / name) for name in ROOMS[room][1]]
+    words = ["--cov=fwav_companion", "--cov-context=test", "--cov-report=", "--durations=0", "--durations-min=0", "-vv"]
+    done = subprocess.run(_pytest(*words, *named), cwd=copy, env=_environment(copy), capture_output=True, text=True)
+    if done.returncode:
+        raise RuntimeError(f"the tests of {room} fail without a change:\n{done.stdout[-3000:]}")
+    durations = {test: float(s) for s, test in re.findall(r"^([\d.]+)s call +(tests/.*)$", done.stdout, re.MULTILINE)}
+    data = CoverageData(str(copy / ".coverage"))
+    data.read()
+    by_line: dict[tuple[str, int], set[str]] = {}
+    for file in data.measured_files():
+        for line, contexts in data.contexts_by_lineno(file).items():
+            tests = {context.partition("|")[0] for context in contexts if context}
+            by_line[str(Path(file).relative_to(copy)), line] = tests
+    return Tests(sorted(durations, key=durations.__getitem__), by_line)
+
+
+def _pytest(*words: str) -> list[str]:
+    return [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", *words]
+
+
+def _environment(copy: Path) -> dict[str, str]:
+    return {**os.environ, "PYTHONPATH": str(copy), "PYTHONPYCACHEPREFIX": str(copy / "bytecode")}
+
+
+def _passes(tests: Sequence[str], copy: Path) -> bool:
+    process = subprocess.Popen(
+        _pytest(*tests),
+        cwd=copy,
+        env=_environment(copy),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    try:
+        return process.wait(NOTICED_S) == 0
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        return False
+
+
+def _lower_bound(killed: int, ran: int) -> float:
+    """Return the one-sided lower 95 % bound of the share (Clopper and Pearson 1934)."""
+    from scipy.stats import beta
+
+    return float(beta.ppf(0.05, killed, ran - killed + 1)) if killed else 0.0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
