@@ -46,6 +46,7 @@ COMMANDS = (
     CommandModule("calibrate", "fit a camera to pictures of a board"),
     CommandModule("check", "what every link and stream delivers, and what to change"),
     CommandModule("init", "write a commented configuration and the paper's camera file"),
+    CommandModule("install", "the service on this board: user, environment, unit, udev rule, configuration"),
     CommandModule("bench", "the project's benchmarks, as ratios"),
 )
 

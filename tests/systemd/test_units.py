@@ -11,6 +11,7 @@ import pytest
 
 from fwav_companion.config import load
 from fwav_companion.service.status import SystemdNotifier
+from fwav_companion.tools.install.system import CONFIGURATION, ENVIRONMENT
 
 FOLDER = Path(__file__).parents[2] / "systemd"
 UNIT = FOLDER / "fwav-companion.service"
@@ -64,12 +65,10 @@ def test_the_watchdog_is_notified_in_time():
 
 def test_it_runs_the_installed_command_with_the_installed_configuration():
     program, *arguments = the("Service.ExecStart").split()
-    assert program == "/opt/fwav-companion/venv/bin/fwav-companion"
-    assert arguments == ["run", "--config", "/etc/fwav-companion/fwav-companion.toml"]
-    readme = (FOLDER / "README.md").read_text()
-    for reported in (readme, (FOLDER.parent / "README.md").read_text()):
-        assert "python3 -m venv /opt/fwav-companion/venv" in reported
-    assert re.search(r"install -m 644 systemd/fwav-companion.toml .* /etc/fwav-companion/", readme)
+    assert program == f"{ENVIRONMENT}/bin/fwav-companion"
+    assert arguments == ["run", "--config", CONFIGURATION]
+    for readme in (FOLDER / "README.md", FOLDER.parent / "README.md"):
+        assert "bin/fwav-companion install\n" in readme.read_text()
 
 
 def test_its_own_user_and_its_own_folders():

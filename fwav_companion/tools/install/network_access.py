@@ -1,0 +1,58 @@
+"""The addresses that the service may exchange packets with, from the configured links. PURE."""
+
+from __future__ import annotations
+
+import ipaddress
+from collections.abc import Iterator
+from urllib.parse import urlsplit
+
+from fwav_companion.config import Config
+from fwav_companion.errors import UserError
+from fwav_companion.links.url import SerialUrl, UnixUrl, parse_link_url
+
+HEADER = "# Written by `fwav-companion install` from the configured links: run it again when they change.\n"
+
+
+class OpenAccessError(UserError):
+    """An address is configured that does not bound the peers. The message names it."""
+
+
+def drop_in(config: Config) -> str:
+    """Return the unit's drop-in that denies every address but those configured. OpenAccessError."""
+    allowed = sorted({str(network) for network in _networks(config)} - {"127.0.0.0/8", "::1/128"})
+    allow = "".join(f"IPAddressAllow={network}\n" for network in allowed)
+    return f"{HEADER}[Service]\nIPAddressDeny=any\nIPAddressAllow=localhost\n{allow}"
+
+
+def _networks(config: Config) -> Iterator[ipaddress.IPv4Network | ipaddress.IPv6Network]:
+    urls = [link.parsed_url for link in config.link] + [config.detections.parsed_url]
+    if config.publish.cot:
+        urls.append(parse_link_url(config.publish.cot))
+    for url in urls:
+        if not isinstance(url, SerialUrl | UnixUrl | None):
+            yield _network(url.host, str(url), listens=url.kind in ("udpin", "tcpin"))
+    if config.vision is not None:
+        yield from _of_pictures(config.vision.source)
+
+
+def _of_pictures(source: str) -> Iterator[ipaddress.IPv4Network | ipaddress.IPv6Network]:
+    if "://" in source:
+        parts = urlsplit(source)
+        yield _network(parts.hostname or "", source, listens=parts.scheme == "udp")
+
+
+def _network(host: str, url: str, *, listens: bool) -> ipaddress.IPv4Network | ipaddress.IPv6Network:
+    """Return the network of the peers of one URL. A broadcast address ending in .255 is taken for a /24."""
+    try:
+        address = ipaddress.ip_address("127.0.0.1" if host == "localhost" else host)
+    except ValueError:
+        raise OpenAccessError(f"{url} has a name, whose address may change") from None
+    if address.is_loopback:
+        return ipaddress.ip_network("127.0.0.0/8" if address.version == 4 else "::1/128")
+    if listens:
+        raise OpenAccessError(f"{url} hears any address")
+    if url.startswith("udpbcast"):
+        if address.version == 4 and address.packed[3] == 255 and address.packed[:3] != b"\xff" * 3:
+            return ipaddress.ip_network(f"{address}/24", strict=False)
+        raise OpenAccessError(f"{url} reaches a network whose size is not known")
+    return ipaddress.ip_network(address)
