@@ -84,6 +84,8 @@ class CameraPipeline:
         self._waiting = WaitingFrames()
         self._last_view: FrameView | None = None
         self._dropped: list[Settled] = []
+        self.frames_taken = 0
+        """Frames that left the queue for attitudes."""
         self._meter = RateMeter()
         self.refused: Reason | None = None
         """Why the newest picture was refused; None where it was used."""
@@ -115,7 +117,11 @@ class CameraPipeline:
 
     def take_ready(self, now: HostNs) -> list[ProcessedFrame]:
         """Process the frames whose attitudes are known or will not come."""
-        seen = (self._process(frame, now) for frame in self._waiting.take_ready(now, self._telemetry))
+        ready = self._waiting.take_ready(now, self._telemetry)
+        if not ready:
+            return []
+        self.frames_taken += len(ready)
+        seen = (self._process(frame, now) for frame in ready)
         return [each for each in seen if each is not None]
 
     def settle(self, now: HostNs) -> list[Settled]:

@@ -20,11 +20,22 @@ from fwav_companion.publishing.ground_messages import onboard_computer_status
 from fwav_companion.recording.lines import Line, unix_seconds
 from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.telemetry import GIMBAL_MESSAGES, Telemetry
-from fwav_companion.types import BoardReport, Destination, Frame, Message, NoFrame, Notice, Outgoing, Reason
+from fwav_companion.types import (
+    Autopilot,
+    BoardReport,
+    Destination,
+    Frame,
+    Message,
+    NoFrame,
+    Notice,
+    Outgoing,
+    Reason,
+)
 from fwav_companion.types.status import PipelineStatus
 
 ANSWERED = frozenset({"COMMAND_LONG", "COMMAND_INT", "PING"})
 """Requests that are answered from any sender."""
+ATTITUDES = frozenset({"ATTITUDE", "ATTITUDE_QUATERNION"})
 LONGEST_SILENCE_NS = 3600 * NS_PER_S
 """Time without any event through which clock lines are written; longer, a recording has a gap, and nothing is in it."""
 FAULT_SILENCE_NS = 6 * NS_PER_S
@@ -56,6 +67,10 @@ class Pipeline:
         """Handle a message from any sender."""
         self.advance(now)
         components = self._components
+        autopilot = components.identity.autopilot
+        if message.name in ATTITUDES and autopilot is not None:
+            self._on_attitude(message, autopilot, now)
+            return
         self._handlers.of_identity(components.identity.on_message(message, now), now)
         if message.name == "TIMESYNC":
             self._handlers.of_timesync(message, now)
@@ -74,6 +89,23 @@ class Pipeline:
         if self._live and message.name in ANSWERED:
             self._outputs.messages += components.commands.on_message(message, components.situation(now))
             self._outputs.notify(components.publisher.notices(), now)
+
+    def _on_attitude(self, message: Message, autopilot: Autopilot, now: HostNs) -> None:
+        """Handle an attitude: most messages are attitudes, and most of them change nothing that is due."""
+        components = self._components
+        components.rates.on_message(message, now)
+        if message.system != autopilot.system or message.component != autopilot.component:
+            return
+        world = components.telemetry.world
+        due_ns = world.wake_at
+        taken = 0 if components.camera is None else components.camera.frames_taken
+        events = components.telemetry.on_message(message, now)
+        if events:
+            self._handlers.of_telemetry(events, now)
+        if components.camera is not None:
+            self._take_ready(now)
+            taken = components.camera.frames_taken - taken
+        self._due_is_known = not events and not taken and world.wake_at == due_ns
 
     def on_own_message(self, message: Message, now: HostNs) -> None:
         """Handle a recorded message that we sent ourselves: our TIMESYNC requests are read from it."""

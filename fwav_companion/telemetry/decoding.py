@@ -68,8 +68,9 @@ def attitude_from_quaternion(fields: Any) -> Attitude | Implausible:
 
 
 def _rates(fields: Any) -> Vector3 | None:
-    rates = (float(fields.rollspeed), float(fields.pitchspeed), float(fields.yawspeed))
-    return rates if all(abs(r) <= MOST_RATE for r in rates) else None
+    p, q, r = float(fields.rollspeed), float(fields.pitchspeed), float(fields.yawspeed)
+    limit = MOST_RATE  # NaN compares false
+    return (p, q, r) if -limit <= p <= limit and -limit <= q <= limit and -limit <= r <= limit else None
 
 
 def position(fields: Any) -> Position | Implausible:

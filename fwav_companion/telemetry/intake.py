@@ -44,6 +44,8 @@ class Intake:
         self._trim = PitchTrim()
         self.choice = AttitudeChoice(attitude_message)
         """Choice of the message from which attitudes are taken."""
+        self._checked = 0
+        """Checks of the attitude stream whose scatter of stamps was used."""
         self.trim_undone_deg = 0.0
         """Trim added to the pitch of ATTITUDE, degrees."""
         self.stamp_ns = BootNs(0)
@@ -54,7 +56,7 @@ class Intake:
         """Unix nanoseconds and the boot instant at which they held; None while the autopilot does not know UTC."""
         self.refused: dict[str, int] = {}
         """Counts of rejected messages by name."""
-        self._handlers: dict[str, Callable[[Any, HostNs], tuple[TelemetryEvent, ...]]] = {
+        self.handlers: dict[str, Callable[[Any, HostNs], tuple[TelemetryEvent, ...]]] = {
             "ATTITUDE": self._on_attitude,
             "ATTITUDE_QUATERNION": self._on_attitude_quaternion,
             "GLOBAL_POSITION_INT": self._on_position,
@@ -71,14 +73,7 @@ class Intake:
             "PARAM_VALUE": self._on_param_value,
             "STATUSTEXT": self._on_statustext,
         }
-
-    def takes(self, name: str) -> bool:
-        """Whether messages of this name have a handler."""
-        return name in self._handlers
-
-    def take(self, name: str, fields: Any, now: HostNs) -> tuple[TelemetryEvent, ...]:
-        """Handle one such message; its stamp, if it has one, is :attr:`stamp_ns`."""
-        return self._handlers[name](fields, now)
+        """Handlers of fields and arrival by message name; the stamp, if there is one, is :attr:`stamp_ns`."""
 
     def refuse(self, name: str) -> tuple[TelemetryEvent, ...]:
         """Count a message without a usable value."""
@@ -88,7 +83,7 @@ class Intake:
     # Handlers.
 
     def _on_attitude(self, fields: Any, now: HostNs) -> tuple[TelemetryEvent, ...]:
-        events = self._put_trim_back()
+        events = () if self._trim.taken_off_deg == self.trim_undone_deg else self._put_trim_back()
         return events + self._take_attitude(EULER, decoding.attitude_from_euler(fields, self._trim.taken_off), now)
 
     def _on_attitude_quaternion(self, fields: Any, now: HostNs) -> tuple[TelemetryEvent, ...]:
@@ -106,9 +101,13 @@ class Intake:
         if events:
             self._kept.attitudes.clear()
         boot_ns = BootNs(self.stamp_ns + self._stamps.correction_ns)
-        if not self._kept.attitudes.insert(AttitudeSample(boot_ns, attitude.ned_from_body, attitude.rates)):
+        attitudes = self._kept.attitudes
+        if not attitudes.insert(AttitudeSample(boot_ns, attitude.ned_from_body, attitude.rates)):
             self.refuse(name)
-        return events + self._move_stamps(self._stamps.on_scatter(self._kept.attitudes.check.stamp_scatter_s))
+        if attitudes.check.count == self._checked:
+            return events
+        self._checked = attitudes.check.count
+        return events + self._move_stamps(self._stamps.on_scatter(attitudes.check.stamp_scatter_s))
 
     def _on_position(self, fields: Any, _now: HostNs) -> tuple[TelemetryEvent, ...]:
         position = decoding.position(fields)
@@ -211,7 +210,7 @@ class Intake:
 
     def _put_trim_back(self) -> tuple[TelemetryEvent, ...]:
         """Follow a change of ATTITUDE's trim: attitudes stored until now differ from those to come, and are deleted."""
-        if self.choice.source != EULER or self._trim.taken_off_deg == self.trim_undone_deg:
+        if self.choice.source != EULER:
             return ()
         self.trim_undone_deg = self._trim.taken_off_deg
         self._kept.attitudes.clear()

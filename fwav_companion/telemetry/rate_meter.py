@@ -25,7 +25,8 @@ class RateMeter:
 
     def count(self, name: str, now: HostNs) -> None:
         """Count one message of this name."""
-        self._turn(now)
+        if self._since_ns is None or now - self._since_ns >= WINDOW_NS:
+            self._turn(now)
         if name in self._now or len(self._now) < MOST_NAMES:
             self._now[name] = self._now.get(name, 0) + 1
 

@@ -80,10 +80,14 @@ class Telemetry:
 
     def on_message(self, message: Message, arrival_ns: HostNs) -> tuple[TelemetryEvent, ...]:
         """Take one message; messages without a handler are ignored."""
-        if not self._intake.takes(message.name):
+        handler = self._intake.handlers.get(message.name)
+        if handler is None:
             return ()
         self._meter.count(message.name, arrival_ns)
-        events: tuple[TelemetryEvent, ...] = self.on_wake(arrival_ns)
+        wake_at = self.world.wake_at
+        events: tuple[TelemetryEvent, ...] = ()
+        if wake_at is not None and arrival_ns >= wake_at:
+            events = self.world.on_wake(arrival_ns)
         stamp_ms = getattr(message.fields, "time_boot_ms", None)
         if stamp_ms is not None:
             placed = self._timeline.place(stamp_ms, arrival_ns)
@@ -95,7 +99,7 @@ class Telemetry:
                 placed = placed.boot_ns
             self._intake.stamp_ns = placed
             self.clock.on_arrival(placed, arrival_ns)
-        return events + self._intake.take(message.name, message.fields, arrival_ns)
+        return events + handler(message.fields, arrival_ns)
 
     def on_gimbal(self, message: Message, autopilot_component: int, arrival_ns: HostNs) -> tuple[TelemetryEvent, ...]:
         """Take a message of any component of the vehicle that may be the gimbal's."""

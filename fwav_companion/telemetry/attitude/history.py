@@ -63,14 +63,15 @@ class AttitudeAt(msgspec.Struct, frozen=True, gc=False):
 class AttitudeHistory:
     """A bounded store of attitudes in order of time; each interval's interpolation is computed once."""
 
-    __slots__ = ("_check", "_kept_ns", "_most_kept", "_samples", "_segments", "_times")
+    __slots__ = ("_kept_ns", "_most_kept", "_samples", "_segments", "_times", "check")
 
     def __init__(self, kept_ns: int = KEPT_NS) -> None:
         self._kept_ns, self._most_kept = kept_ns, MOST_KEPT * max(1, kept_ns // KEPT_NS)
         self._times: list[BootNs] = []
         self._samples: list[AttitudeSample] = []
         self._segments: list[tuple[Segment, float] | None] = []  # segment and its sigma, by the interval's first sample
-        self._check = AttitudeQuality()
+        self.check = AttitudeQuality()
+        """Measured quality of the stream."""
 
     def __len__(self) -> int:
         return len(self._times)
@@ -84,11 +85,6 @@ class AttitudeHistory:
     def newest(self) -> AttitudeSample | None:
         """The latest sample."""
         return self._samples[-1] if self._samples else None
-
-    @property
-    def check(self) -> AttitudeQuality:
-        """Measured quality of the stream."""
-        return self._check
 
     def insert(self, sample: AttitudeSample) -> bool:
         """Store a sample, in any order. Returns False where its instant is already stored or older than the whole
@@ -105,9 +101,10 @@ class AttitudeHistory:
         self._segments.insert(index, None)
         for near in range(max(0, index - REACH), min(len(times), index + REACH)):
             self._segments[near] = None
-        self._trim()
-        if len(times) >= SEVEN:
-            self._check.look(self._samples[-SEVEN:])
+        if times[0] < times[-1] - self._kept_ns or len(times) > self._most_kept:
+            self._trim()
+        if len(times) >= SEVEN and self.check.is_due(times[-4]):
+            self.check.look(self._samples[-SEVEN:])
         return True
 
     def shift(self, by_ns: int) -> None:
@@ -121,7 +118,7 @@ class AttitudeHistory:
         self._times.clear()
         self._samples.clear()
         self._segments.clear()
-        self._check = AttitudeQuality()
+        self.check = AttitudeQuality()
 
     def _trim(self) -> None:
         excess = max(bisect_left(self._times, self._times[-1] - self._kept_ns), len(self._times) - self._most_kept)
@@ -130,7 +127,7 @@ class AttitudeHistory:
 
     def ready_for(self, boot_ns: BootNs) -> bool:
         """Whether enough samples lie beyond this instant that more samples would not change the answer."""
-        beyond = 3 if self._check.method is Method.SIX else 2
+        beyond = 3 if self.check.method is Method.SIX else 2
         return len(self._times) >= beyond and self._times[-beyond] >= boot_ns
 
     def quaternion_at(self, boot_ns: BootNs) -> Quaternion | Unpaired:
@@ -155,7 +152,7 @@ class AttitudeHistory:
             return self._beyond(boot_ns)
         gap_s = min(boot_ns - times[index], times[index + 1] - boot_ns) * 1e-9
         segment, sigma = self._segments[index] or self._build(index)
-        if sigma > MOST_SIGMA and (times[index + 1] - times[index]) * 1e-9 > HOLE * self._check.spacing_s:
+        if sigma > MOST_SIGMA and (times[index + 1] - times[index]) * 1e-9 > HOLE * self.check.spacing_s:
             return Unpaired(Reason.ATTITUDE_GAP, gap_s)
         spacing_s = (times[index + 1] - times[index]) * 1e-9
         return AttitudeAt(
@@ -168,7 +165,7 @@ class AttitudeHistory:
 
     def _build(self, index: int) -> tuple[Segment, float]:
         """Segment after sample ``index``, by the chosen method as far as the neighbouring samples allow."""
-        times, samples, check = self._times, self._samples, self._check
+        times, samples, check = self._times, self._samples, self.check
         inside_four, inside_six = 1 <= index <= len(times) - 3, 2 <= index <= len(times) - 4
         interval_s = (times[index + 1] - times[index]) * 1e-9
         if check.method is Method.RATES and inside_four:
@@ -202,8 +199,8 @@ class AttitudeHistory:
             segment, _ = self._segments[-2] or self._build(len(self._times) - 2)
             rates = rates_at(segment, last.boot_ns)
         q = multiply(last.ned_from_body, exp(scale(rates, age_s)))
-        sigma = EXTRAPOLATED_SHARE * self._check.angular_acceleration * age_s * age_s + age_s * self._unsure_rate
-        spacing_s = self._check.spacing_s
+        sigma = EXTRAPOLATED_SHARE * self.check.angular_acceleration * age_s * age_s + age_s * self._unsure_rate
+        spacing_s = self.check.spacing_s
         return (
             AttitudeAt(ned_from_body=q, rates=rates, sigma=sigma, gap_s=age_s, spacing_s=spacing_s)
             if sigma <= MOST_SIGMA
@@ -213,8 +210,8 @@ class AttitudeHistory:
     @property
     def _unsure_rate(self) -> float:
         """One sigma of the course's rate at the newest attitude, rad/s."""
-        spacing_s = self._check.spacing_s
-        return UNSURE_RATE + (END_SLOPE * self._check.sigma(spacing_s, Method.FOUR) / spacing_s if spacing_s else 0.0)
+        spacing_s = self.check.spacing_s
+        return UNSURE_RATE + (END_SLOPE * self.check.sigma(spacing_s, Method.FOUR) / spacing_s if spacing_s else 0.0)
 
 
 def _first_guess(first: AttitudeSample, last: AttitudeSample, interval_s: float) -> float:

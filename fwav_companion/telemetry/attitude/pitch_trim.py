@@ -16,26 +16,25 @@ VTOL_TYPES = frozenset(range(19, 26))
 class PitchTrim:
     """Trim of the autopilot, known from its parameters; a vehicle without the parameter has none."""
 
-    __slots__ = ("_deg", "_options", "_vtol")
+    __slots__ = ("_deg", "_options", "_vtol", "taken_off", "taken_off_deg")
 
     def __init__(self) -> None:
         self._deg = 0.0
         self._options = 0
         self._vtol = False
-
-    @property
-    def taken_off_deg(self) -> float:
+        self.taken_off_deg = 0.0
         """Degrees missing in the pitch of ATTITUDE."""
-        return 0.0 if self._vtol or self._options & TRIM_STAYS else self._deg
+        self.taken_off = 0.0
+        """The same, radians."""
 
-    @property
-    def taken_off(self) -> float:
-        """Radians missing in the pitch of ATTITUDE."""
-        return radians(self.taken_off_deg)
+    def _settle(self) -> None:
+        self.taken_off_deg = 0.0 if self._vtol or self._options & TRIM_STAYS else self._deg
+        self.taken_off = radians(self.taken_off_deg)
 
     def on_heartbeat(self, vehicle_type: int) -> None:
         """Take the vehicle type of a HEARTBEAT."""
         self._vtol = vehicle_type in VTOL_TYPES
+        self._settle()
 
     def on_parameter(self, name: str, value: float) -> None:
         """Take a parameter of ArduPilot. The older name is in hundredths of a degree."""
@@ -47,4 +46,5 @@ class PitchTrim:
             case "FLIGHT_OPTIONS" if 0.0 <= value < MOST_OPTIONS:
                 self._options = int(value)
             case _:
-                pass
+                return
+        self._settle()

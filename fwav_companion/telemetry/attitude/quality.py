@@ -92,7 +92,6 @@ class AttitudeQuality:
     __slots__ = (
         "_acceleration2",
         "_bend2",
-        "_count",
         "_four2",
         "_last_ns",
         "_rate2",
@@ -101,13 +100,15 @@ class AttitudeQuality:
         "_spacing",
         "_told",
         "_unbent2",
+        "count",
         "method",
         "rates",
     )
 
     def __init__(self) -> None:
         self._last_ns: BootNs | None = None
-        self._count = 0
+        self.count = 0
+        """Checks so far."""
         self._spacing = 0.0
         self._rate2 = self._acceleration2 = 0.0
         self._four2 = self._six2 = self._rates2 = 0.0
@@ -123,7 +124,7 @@ class AttitudeQuality:
     @property
     def settled(self) -> bool:
         """Whether enough samples were checked for the results to count."""
-        return self._count >= CHECKS_TO_BEGIN
+        return self.count >= CHECKS_TO_BEGIN
 
     @property
     def spacing_s(self) -> float:
@@ -229,18 +230,20 @@ class AttitudeQuality:
 
     # Measurements.
 
+    def is_due(self, middle_ns: BootNs) -> bool:
+        """Whether seven samples around this instant are to be checked."""
+        return self._last_ns is None or not 0 <= middle_ns - self._last_ns < CHECK_EVERY_NS
+
     def look(self, seven: Sequence[AttitudeSample]) -> None:
         """Check seven neighbouring samples, the newest last."""
         middle_ns = seven[3].boot_ns
-        if self._last_ns is not None and 0 <= middle_ns - self._last_ns < CHECK_EVERY_NS:
-            return
         steps = [(b.boot_ns - a.boot_ns) * 1e-9 for a, b in pairwise(seven)]
         if max(steps) > UNEVEN * min(steps) and max(steps) - min(steps) > 3e-3:
             return
         elapsed_s = MEMORY_S if self._last_ns is None else abs(middle_ns - self._last_ns) * 1e-9
         self._last_ns = middle_ns
-        self._count += 1
-        gain = max(1.0 / self._count, 1.0 - exp(-elapsed_s / MEMORY_S))
+        self.count += 1
+        gain = max(1.0 / self.count, 1.0 - exp(-elapsed_s / MEMORY_S))
         self._measure(seven, gain)
         self.rates.insert(seven[1:6], self.frequency, elapsed_s)
         self._try_out(seven, gain)

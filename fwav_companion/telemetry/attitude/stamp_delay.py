@@ -36,7 +36,7 @@ class AttitudeStamps:
     applied.
     """
 
-    __slots__ = ("_automatic", "_loop_hz", "_plane", "delay_s", "in_step")
+    __slots__ = ("_automatic", "_loop_hz", "_plane", "correction_ns", "delay_s", "in_step")
 
     def __init__(self, attitude_stamp_delay_s: float | str) -> None:
         self._automatic = isinstance(attitude_stamp_delay_s, str)
@@ -45,10 +45,10 @@ class AttitudeStamps:
         self.in_step = False
         """Whether stamps are synchronous with sampling."""
         self.delay_s = COPTER_DELAY_S if isinstance(attitude_stamp_delay_s, str) else attitude_stamp_delay_s
-
-    @property
-    def correction_ns(self) -> int:
+        self.correction_ns = self._correction_ns()
         """Nanoseconds to add to a stamp for the mean instant of its attitude."""
+
+    def _correction_ns(self) -> int:
         if self.in_step and (self._automatic or self.delay_s == 0.0):
             return 0
         return HALF_MS_NS - round(self.delay_s * 0.5e9)
@@ -80,17 +80,19 @@ class AttitudeStamps:
         """Take the bound of the stamps' scatter by the attitudes. Returns by how many nanoseconds the correction
         moved.
         """
-        before_ns = self.correction_ns
         self.in_step = scatter_s < (OUT_OF_STEP_S if self.in_step else IN_STEP_S)
-        return self.correction_ns - before_ns
+        return self._moved_ns()
 
     def _settle(self, loop_hz: float | None, plane: bool) -> int:
         self._loop_hz, self._plane = loop_hz, plane
         if not self._automatic:
             return 0
-        before_ns = self.correction_ns
         if loop_hz is not None:
             self.delay_s = 1.0 / loop_hz
         else:
             self.delay_s = PLANE_DELAY_S if plane else COPTER_DELAY_S
+        return self._moved_ns()
+
+    def _moved_ns(self) -> int:
+        before_ns, self.correction_ns = self.correction_ns, self._correction_ns()
         return self.correction_ns - before_ns
