@@ -11,8 +11,8 @@ from fwav_companion.errors import UserError
 
 EXTRAS = {"matplotlib": "demo", "pyulog": "ulog", "rasterio": "terrain"}
 """The extra of this project that installs a library, by the library's import name."""
-DEBIAN = {"cv2": "python3-opencv", "numpy": "python3-numpy", "scipy": "python3-scipy"}
-"""The Debian package of a library that has no wheel for 32-bit Arm, by its import name."""
+WITHOUT_WHEEL = frozenset({"cv2", "numpy", "scipy"})
+"""Import names of the libraries that have no wheel for 32-bit Arm; Debian 12's packages of them are too old."""
 
 
 def require(purpose: str, *modules: str) -> None:
@@ -29,7 +29,7 @@ def is_installed(module: str) -> bool:
 
 def is_known(module: str) -> bool:
     """Whether the module belongs to a library that an installation may lack."""
-    return module.partition(".")[0] in EXTRAS | DEBIAN
+    return module.partition(".")[0] in WITHOUT_WHEEL.union(EXTRAS)
 
 
 def advice(*missing: str) -> str:
@@ -39,7 +39,6 @@ def advice(*missing: str) -> str:
     extras = sorted({EXTRAS[name] for name in names if name in EXTRAS})
     wanted = f"'.[{','.join(extras)}]'" if extras else "."
     line = f"{' and '.join(names)} {verb} not installed; run pip install {wanted} in the project's folder"
-    packages = " ".join(DEBIAN[name] for name in names if name in DEBIAN)
-    if packages:
-        line += f" (32-bit Arm: sudo apt install {packages}, for an environment made with --system-site-packages)"
+    if WITHOUT_WHEEL.intersection(names):
+        line += " (32-bit systems cannot have it: they relay, and take detections by UDP)"
     return line

@@ -13,7 +13,7 @@ import pytest
 from packaging.markers import default_environment
 from packaging.requirements import Requirement
 
-from fwav_companion.libraries import DEBIAN, EXTRAS
+from fwav_companion.libraries import EXTRAS, WITHOUT_WHEEL
 
 PROJECT = Path(__file__).parents[1]
 OURS = {"fwav_companion", "sitl_mock", "tests"}
@@ -93,7 +93,7 @@ def test_32_bit_arm_is_asked_for_nothing_that_has_no_wheel_there(machine: str):
         if each.marker is not None and not each.marker.evaluate(environment)
     }
     providers = packages_distributions()
-    without_wheel = {name for module in DEBIAN for name in providers[module]}
+    without_wheel = {name for module in WITHOUT_WHEEL for name in providers[module]}
     assert left_out == (without_wheel if machine.startswith("armv") else set())
 
 

@@ -10,7 +10,7 @@ from flying import fly
 from fwav_companion.cli import init
 from fwav_companion.cli.main import main
 from fwav_companion.errors import UserError
-from fwav_companion.libraries import DEBIAN, EXTRAS, advice
+from fwav_companion.libraries import EXTRAS, WITHOUT_WHEEL, advice
 from fwav_companion.recording.ulog import HEAD, read_ulog
 from fwav_companion.service.elevation_files import read_elevation
 from sitl_mock import scenario
@@ -70,7 +70,7 @@ def test_without_any_of_them_a_flight_is_served_checked_and_replayed(tmp_path: P
     (tmp_path / "telemetry.tlog").write_bytes(flown.companion.tlog)
     (tmp_path / "detections.jsonl").write_bytes(flown.companion.detections)
     code = (
-        f"import sys\nsys.modules.update(dict.fromkeys({[*DEBIAN, *EXTRAS]!r}))\n"
+        f"import sys\nsys.modules.update(dict.fromkeys({[*sorted(WITHOUT_WHEEL), *EXTRAS]!r}))\n"
         "from fwav_companion.cli.main import main\nfrom fwav_companion.config import load\n"
         "from fwav_companion.service.configured_files import load_calibration\n"
         "from fwav_companion.service.daemon import Service\n"
@@ -115,8 +115,9 @@ def test_a_module_of_our_own_that_is_missing_is_our_mistake(monkeypatch):
         main(["init"])
 
 
-def test_the_line_has_debians_packages_for_boards_without_wheels():
+def test_the_line_says_where_there_are_no_wheels():
     assert advice("cv2", "numpy.linalg") == (
-        "cv2 and numpy are not installed; run pip install . in the project's folder (32-bit Arm: sudo apt install "
-        "python3-opencv python3-numpy, for an environment made with --system-site-packages)"
+        "cv2 and numpy are not installed; run pip install . in the project's folder (32-bit systems cannot have it: "
+        "they relay, and take detections by UDP)"
     )
+    assert "32-bit" not in advice("pyulog")
