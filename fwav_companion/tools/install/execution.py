@@ -16,7 +16,7 @@ from typing import Final
 from fwav_companion.errors import UserError
 from fwav_companion.on_disk import made_folder, whole
 from fwav_companion.tools.install.observing import below
-from fwav_companion.tools.install.source import write_wheel
+from fwav_companion.tools.install.source import installed_package, write_wheel
 from fwav_companion.tools.install.steps import (
     AwaitHeartbeat,
     MakeEnvironment,
@@ -66,7 +66,7 @@ class Execution:
         self._command = command
         self._say = say
         self._heartbeat_s = heartbeat_s
-        self._began_unix_s = time.time()
+        self._began_s = time.monotonic()
 
     def do(self, steps: Sequence[Step]) -> None:
         """Do the steps in order, each said before it is done. StepError at the first that fails."""
@@ -171,10 +171,8 @@ class Execution:
         """Return whether a service that started after us has run long enough to send heartbeats, without a fault."""
         try:
             status = json.loads(below(self._root, STATUS).read_bytes())
-            started_unix_s = status["time_unix"] - status["up_s"]
-            return bool(
-                started_unix_s >= self._began_unix_s and status["up_s"] >= UP_S and status["internal_faults"] == 0
-            )
+            started_s = status["time_monotonic"] - status["up_s"]  # the wall clock may step
+            return bool(started_s >= self._began_s and status["up_s"] >= UP_S and status["internal_faults"] == 0)
         except (OSError, ValueError, KeyError, TypeError):
             return False
 
@@ -186,7 +184,7 @@ def _pip_arguments(step: MakeEnvironment, folder: Path) -> list[list[str]]:
     if step.source:
         wanted, alone = step.source, ["--no-build-isolation"]
     else:
-        wanted, alone = str(write_wheel(folder)), []
+        wanted, alone = str(write_wheel(folder, installed_package())), []
     if locked:
         return [*arguments, ["--no-deps", *alone, wanted]]
     extras = f"[{','.join(step.extras)}]" if step.extras else ""

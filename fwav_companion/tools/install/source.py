@@ -32,7 +32,7 @@ def source() -> Source:
         locks = checkout / "requirements"
     else:
         folder, path, locks = PACKAGE / "tools" / "install" / "board", "", PACKAGE / "tools" / "install" / "board"
-        extras = _distribution().metadata.get_all("Provides-Extra") or []
+        extras = installed_package().metadata.get_all("Provides-Extra") or []
     try:
         texts = {name: content(folder / name).decode() for name in BOARD_FILES}
     except OSError as error:
@@ -47,9 +47,8 @@ def source() -> Source:
     )
 
 
-def write_wheel(folder: Path) -> Path:
-    """Write a wheel of the installed package, with its metadata and entry points, and return its path."""
-    package = _distribution()
+def write_wheel(folder: Path, package: Distribution) -> Path:
+    """Write a wheel of an installed package, with its metadata and entry points, and return its path."""
     name = f"fwav_companion-{package.version}-py3-none-any.whl"
     rows = []
     with zipfile.ZipFile(folder / name, "w", zipfile.ZIP_DEFLATED) as wheel:
@@ -65,7 +64,8 @@ def write_wheel(folder: Path) -> Path:
     return folder / name
 
 
-def _distribution() -> Distribution:
+def installed_package() -> Distribution:
+    """Return the installed package that runs this command. UserError where it was not installed."""
     try:
         return distribution("fwav-companion")
     except PackageNotFoundError:

@@ -2,9 +2,12 @@
 
 import json
 import os
+import subprocess
+import sys
 import time
 import zipfile
 from collections.abc import Sequence
+from importlib.metadata import Distribution
 from pathlib import Path
 
 import pytest
@@ -38,10 +41,10 @@ def in_tree(root: Path, commands: Commands, **options: float) -> tuple[Execution
     return Execution(root, command=commands, say=lines.append, **options), lines
 
 
-def status(root: Path, started_unix_s: float, up_s: float, faults: int = 0) -> None:
+def status(root: Path, started_s: float, up_s: float, faults: int = 0) -> None:
     path = root / STATUS.lstrip("/")
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps({"time_unix": started_unix_s + up_s, "up_s": up_s, "internal_faults": faults}))
+    path.write_text(json.dumps({"time_monotonic": started_s + up_s, "up_s": up_s, "internal_faults": faults}))
 
 
 def test_an_environment_in_a_root_has_the_addresses_of_the_board(tmp_path: Path):
@@ -109,7 +112,7 @@ def test_a_heartbeat_is_that_of_the_service_started_now(
     tmp_path: Path, started_after_s: float, up_s: float, faults: int, came: bool
 ):
     execution, _ = in_tree(tmp_path, Commands(), heartbeat_s=0.1)
-    status(tmp_path, time.time() + started_after_s, up_s, faults)
+    status(tmp_path, time.monotonic() + started_after_s, up_s, faults)
     if came:
         execution.do([AwaitHeartbeat()])
     else:
@@ -176,11 +179,27 @@ def test_another_user_than_root_installs_into_a_folder(tmp_path: Path, monkeypat
     assert left == {"etc/fwav-companion/fwav-companion.toml", "etc/fwav-companion/camera.yaml"}
 
 
-def test_the_wheel_of_an_installed_package_can_be_installed(tmp_path: Path):
-    """pip takes it, without an index, and the command runs from there."""
-    wheel = write_wheel(tmp_path)
+def test_the_wheel_of_an_installed_package_is_one_that_pip_installs(tmp_path: Path):
+    """Without an index; the installer's own files, caches and scripts stay behind, the entry points do not."""
+    before = tmp_path / "before"
+    info = before / "fwav_companion-9.9.dist-info"
+    made = {
+        "fwav_companion/__init__.py": "VALUE = 7\n",
+        "fwav_companion/__pycache__/x.pyc": "old",
+        f"{info.name}/METADATA": "Metadata-Version: 2.1\nName: fwav-companion\nVersion: 9.9\n",
+        f"{info.name}/WHEEL": "Wheel-Version: 1.0\nGenerator: x\nRoot-Is-Purelib: true\nTag: py3-none-any\n",
+        f"{info.name}/entry_points.txt": "[console_scripts]\nfwav-companion = fwav_companion:main\n",
+        f"{info.name}/direct_url.json": "{}",
+    }
+    for name, text in made.items():
+        (before / name).parent.mkdir(parents=True, exist_ok=True)
+        (before / name).write_text(text)
+    (info / "RECORD").write_text("".join(f"{name},,\n" for name in [*made, "../../bin/fwav-companion"]))
+    wheel = write_wheel(tmp_path, Distribution.at(info))
+    after = tmp_path / "after"
+    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-index", "--no-deps", "--target", str(after)]
+    subprocess.run([*pip, str(wheel)], check=True, timeout=120)
+    assert (after / "fwav_companion/__init__.py").read_text() == "VALUE = 7\n"
+    assert (after / "bin/fwav-companion").is_file()
     with zipfile.ZipFile(wheel) as packed:
-        names = packed.namelist()
-        assert packed.testzip() is None
-    assert len(names) == len(set(names))
-    assert any(name.endswith(".dist-info/entry_points.txt") for name in names)
+        assert not any("__pycache__" in name or "direct_url" in name for name in packed.namelist())
