@@ -44,8 +44,8 @@ class Intake:
         self._trim = PitchTrim()
         self.choice = AttitudeChoice(attitude_message)
         """Choice of the message from which attitudes are taken."""
-        self._checked = 0
-        """Checks of the attitude stream whose scatter of stamps was used."""
+        self._trials = 0
+        """Trials of the attitude stream whose scatter of stamps was used."""
         self.trim_undone_deg = 0.0
         """Trim added to the pitch of ATTITUDE, degrees."""
         self.stamp_ns = BootNs(0)
@@ -104,9 +104,9 @@ class Intake:
         attitudes = self._kept.attitudes
         if not attitudes.insert(AttitudeSample(boot_ns, attitude.ned_from_body, attitude.rates)):
             self.refuse(name)
-        if attitudes.check.count == self._checked:
+        if attitudes.check.trials == self._trials:
             return events
-        self._checked = attitudes.check.count
+        self._trials = attitudes.check.trials
         return events + self._move_stamps(self._stamps.on_scatter(attitudes.check.stamp_scatter_s))
 
     def _on_position(self, fields: Any, _now: HostNs) -> tuple[TelemetryEvent, ...]:

@@ -21,6 +21,7 @@ BENCHMARKS = (
     "attitude_at",
     "filter_update",
     "ten_targets",
+    "calls",
     "startup",
     "daemon",
     "camera",

@@ -116,3 +116,36 @@ def test_silence_is_no_reboot(gap_s):
     timeline = after((10_000, 20.0))
     boot_ms = 10_000 + round(gap_s * 1e3)
     assert timeline.place(boot_ms, HostNs(round((20.0 + gap_s) * 1e9))) == boot_ms * MS
+
+
+class Asked(BootTimeline):
+    """The time line that asks every question of every stamp."""
+
+    __slots__ = ()
+
+    def place(self, time_boot_ms: int, arrival_ns: HostNs):
+        placed = self.align(time_boot_ms * 1_000_000, arrival_ns)
+        if isinstance(placed, int):
+            self._advance(placed, arrival_ns)
+        return placed
+
+
+@given(
+    start_ms=st.sampled_from([0, 5, 60_000, 2**32 - 400]),
+    steps=st.lists(
+        st.tuples(
+            st.sampled_from([0, 1, 10, 10, 10, 100, 6_000, 20_000]),
+            st.sampled_from([-1, 0, 0, 0, 3, -500, -2_000, 9_000, 11_000, -70_000]),
+        ),
+        max_size=60,
+    ),
+)
+def test_a_stamp_that_is_placed_at_once_is_placed_as_by_all_questions(start_ms: int, steps: list[tuple[int, int]]):
+    """``steps``: milliseconds that pass, and how far the stamp is off."""
+    quick, asked = BootTimeline(), Asked()
+    elapsed_ms = 0
+    for passed_ms, off_ms in steps:
+        elapsed_ms += passed_ms
+        stamp_ms, arrival_ns = (start_ms + elapsed_ms + off_ms) % 2**32, HostNs(elapsed_ms * 1_000_000)
+        assert quick.place(stamp_ms, arrival_ns) == asked.place(stamp_ms, arrival_ns)
+        assert quick.newest_ns == asked.newest_ns

@@ -24,6 +24,14 @@ SEVEN = 7
 """Neighbouring samples in one check."""
 CHECK_EVERY_NS = 18_000_000
 """Fifty checks a second suffice, and bound their cost."""
+FIRST_TRIALS = 100
+"""Checks that try out every interpolation: two seconds, as long as the memory. Later ones measure the motion alone."""
+THEN_EVERY_NS = 100_000_000
+"""Mean pause between later trials: at 100 Hz about every tenth sample. One costs as much as the rest of two attitudes."""
+PAUSE_SPREAD_NS = 60_000_000
+"""Pauses spread evenly by this around the mean, by the golden ratio: a constant pause would see a motion of ten beats a
+second at one phase only."""
+GOLDEN = 0.6180339887498949
 MEMORY_S = 2.0
 CHECKS_TO_BEGIN = 20
 UNEVEN = 2.5
@@ -94,21 +102,26 @@ class AttitudeQuality:
         "_bend2",
         "_four2",
         "_last_ns",
+        "_pause_ns",
         "_rate2",
         "_rates2",
         "_six2",
         "_spacing",
         "_told",
+        "_tried_ns",
         "_unbent2",
         "count",
         "method",
         "rates",
+        "trials",
     )
 
     def __init__(self) -> None:
         self._last_ns: BootNs | None = None
-        self.count = 0
-        """Checks so far."""
+        self._tried_ns: BootNs | None = None
+        self._pause_ns = 0
+        self.count = self.trials = 0
+        """Checks so far, and those that tried out the interpolations."""
         self._spacing = 0.0
         self._rate2 = self._acceleration2 = 0.0
         self._four2 = self._six2 = self._rates2 = 0.0
@@ -243,13 +256,23 @@ class AttitudeQuality:
         elapsed_s = MEMORY_S if self._last_ns is None else abs(middle_ns - self._last_ns) * 1e-9
         self._last_ns = middle_ns
         self.count += 1
-        gain = max(1.0 / self.count, 1.0 - exp(-elapsed_s / MEMORY_S))
-        self._measure(seven, gain)
+        self._measure(seven, max(1.0 / self.count, 1.0 - exp(-elapsed_s / MEMORY_S)))
+        self._told = None
+        if self._tried_ns is None or not 0 <= middle_ns - self._tried_ns < self._pause_ns:
+            self._try_all(seven, middle_ns)
+
+    def _try_all(self, seven: Sequence[AttitudeSample], middle_ns: BootNs) -> None:
+        """Try out every interpolation and the rates, and choose."""
+        elapsed_s = MEMORY_S if self._tried_ns is None else abs(middle_ns - self._tried_ns) * 1e-9
+        self._tried_ns = middle_ns
+        self.trials += 1
+        if self.trials >= FIRST_TRIALS:
+            self._pause_ns = round(THEN_EVERY_NS + PAUSE_SPREAD_NS * (self.trials * GOLDEN % 1.0 - 0.5))
+        gain = max(1.0 / self.trials, 1.0 - exp(-elapsed_s / MEMORY_S))
         self.rates.insert(seven[1:6], self.frequency, elapsed_s)
         self._try_out(seven, gain)
         self._look_for_alternation(seven[2:6], gain)
         self._choose()
-        self._told = None
 
     def _measure(self, seven: Sequence[AttitudeSample], gain: float) -> None:
         """Measure the motion by the attitudes' differences or by the sent rates, whichever show more of it."""
