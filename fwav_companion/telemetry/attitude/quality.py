@@ -27,11 +27,10 @@ CHECK_EVERY_NS = 18_000_000
 FIRST_TRIALS = 100
 """Checks that try out every interpolation: two seconds, as long as the memory. Later ones measure the motion alone."""
 THEN_EVERY_NS = 100_000_000
-"""Mean pause between later trials: at 100 Hz about every tenth sample. One costs as much as the rest of two attitudes."""
-PAUSE_SPREAD_NS = 60_000_000
-"""Pauses spread evenly by this around the mean, by the golden ratio: a constant pause would see a motion of ten beats a
-second at one phase only."""
+"""Mean pause between later trials: at 100 Hz about every tenth sample. One costs as two attitudes without it."""
 GOLDEN = 0.6180339887498949
+"""Multiples of the golden ratio place each trial in its own pause, evenly: at a constant pause a motion of ten beats a
+second would be seen at one phase only."""
 MEMORY_S = 2.0
 CHECKS_TO_BEGIN = 20
 UNEVEN = 2.5
@@ -100,9 +99,9 @@ class AttitudeQuality:
     __slots__ = (
         "_acceleration2",
         "_bend2",
+        "_due_ns",
         "_four2",
         "_last_ns",
-        "_pause_ns",
         "_rate2",
         "_rates2",
         "_six2",
@@ -119,7 +118,7 @@ class AttitudeQuality:
     def __init__(self) -> None:
         self._last_ns: BootNs | None = None
         self._tried_ns: BootNs | None = None
-        self._pause_ns = 0
+        self._due_ns = 0
         self.count = self.trials = 0
         """Checks so far, and those that tried out the interpolations."""
         self._spacing = 0.0
@@ -258,7 +257,7 @@ class AttitudeQuality:
         self.count += 1
         self._measure(seven, max(1.0 / self.count, 1.0 - exp(-elapsed_s / MEMORY_S)))
         self._told = None
-        if self._tried_ns is None or not 0 <= middle_ns - self._tried_ns < self._pause_ns:
+        if self._tried_ns is None or not self._tried_ns <= middle_ns < self._due_ns:
             self._try_all(seven, middle_ns)
 
     def _try_all(self, seven: Sequence[AttitudeSample], middle_ns: BootNs) -> None:
@@ -267,7 +266,9 @@ class AttitudeQuality:
         self._tried_ns = middle_ns
         self.trials += 1
         if self.trials >= FIRST_TRIALS:
-            self._pause_ns = round(THEN_EVERY_NS + PAUSE_SPREAD_NS * (self.trials * GOLDEN % 1.0 - 0.5))
+            pause_ns = round(THEN_EVERY_NS * (1.0 + (self.trials + 1) * GOLDEN % 1.0 - self.trials * GOLDEN % 1.0))
+            late_ns = middle_ns - self._due_ns
+            self._due_ns = pause_ns + (self._due_ns if 0 <= late_ns < THEN_EVERY_NS else middle_ns)
         gain = max(1.0 / self.trials, 1.0 - exp(-elapsed_s / MEMORY_S))
         self.rates.insert(seven[1:6], self.frequency, elapsed_s)
         self._try_out(seven, gain)
