@@ -109,6 +109,14 @@ class TestRangefinder:
         assert ground.fallback is None
         assert ground.fallbacks == {Reason.NO_RANGE: 2, Reason.RANGE_TILTED: 1}
 
+    @pytest.mark.parametrize(("age_ms", "ground"), [(299, "rangefinder"), (-299, "rangefinder"), (301, "home")])
+    def test_a_reading_counts_up_to_three_tenths_of_a_second_from_the_capture(self, age_ms, ground):
+        still = replace(self.scene, rates=(0.0, 0.0, 0.0))
+        reading = msgspec.structs.replace(still.sighting().state.range, boot_ns=-age_ms * 1_000_000)
+        state = msgspec.structs.replace(still.sighting().state, range=reading)
+        sighting = msgspec.structs.replace(still.sighting(), state=state)
+        assert self.locate(RangefinderGround(0.05), sighting).ground == ground
+
     def test_a_good_reading_makes_a_better_fix_than_home(self):
         by_home = self.locate(HomeGround(), self.with_reading()).budget
         by_beam = self.locate(RangefinderGround(0.05), self.with_reading()).budget

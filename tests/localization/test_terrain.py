@@ -191,6 +191,13 @@ class TestGround:
         assert not isinstance(over_level, NoFix)
         assert over_wall == NoFix(Reason.TWO_GROUNDS)
 
+    @pytest.mark.parametrize("below_m", [0.0, 0.5, 100.0])
+    def test_a_camera_in_or_below_the_model_sees_nothing(self, below_m):
+        ground = self.ground(self.level)
+        sighting = Scene(vehicle=(0.0, 0.0)).sighting()
+        buried = msgspec.structs.replace(sighting, camera_ned=(0.0, 0.0, below_m))
+        assert self.locate(ground, buried) == NoFix(Reason.TOO_LOW)
+
     def test_terrain_report_is_a_ground_where_there_are_no_files(self):
         scene = Scene(vehicle=(0.0, 0.0))
         for sighting in (scene.sighting(), Scene(relative=True).sighting()):

@@ -70,6 +70,16 @@ def test_a_frame_sent_twice_a_round_after_one_of_its_number_was_lost_is_no_late_
     assert (peer.received, peer.lost, peer.late) == (299, 1, 0)
 
 
+def test_after_a_restart_the_counts_begin_again_and_no_frame_is_missing() -> None:
+    """Three times a clock that went back, a second apart, show the restart; its sequence goes on from there."""
+    before, after = Wire(1, 1), Wire(1, 1)
+    frames = [before.frame("SYSTEM_TIME", 0, 90_000 + 1000 * i) for i in range(30)]
+    frames += [after.frame("SYSTEM_TIME", 0, 500 + 1000 * i) for i in range(20)]
+    peer = heard(frames, NS_PER_S)
+    assert peer.received < 20
+    assert (peer.lost, peer.late) == (0, 0)
+
+
 def test_a_long_outage_is_counted_as_far_as_the_counter_shows() -> None:
     frames = sent(600)
     node = Node([LinkPolicy("a", "autopilot", datagrams=True)], [])

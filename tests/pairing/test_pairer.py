@@ -79,6 +79,9 @@ def test_pixel_sigma_is_the_detections_own_or_the_configured():
         (Detection(320.0, 240.0, sigma=(0.0, 1.0)), Reason.NOT_FINITE),
         (Detection(320.0, 240.0, sigma=(1.0, nan)), Reason.NOT_FINITE),
         (Detection(320.0, 240.0, score=nan), Reason.NOT_FINITE),
+        # The image spans [-0.5, width - 0.5]; the lens ends before its corners.
+        (Detection(-0.5, -0.5, label="person"), Reason.OUTSIDE_LENS),
+        (Detection(639.5, 479.5, label="person"), Reason.OUTSIDE_LENS),
         (Detection(-0.6, 240.0, label="person"), Reason.OUTSIDE_IMAGE),
         (Detection(320.0, 479.6, label="person"), Reason.OUTSIDE_IMAGE),
         (Detection(1e300, 240.0, label="person"), Reason.OUTSIDE_IMAGE),
