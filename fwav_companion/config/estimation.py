@@ -26,6 +26,10 @@ MODEL_SIGMA_M, LEAST_MODEL_SIGMA_M = 4.0, 0.01
 of tiles; and the least that is used."""
 
 
+USUAL_POSITION_SIGMA_M = 1.0
+"""One sigma of a receiver without corrections, metres an axis."""
+
+
 class GroundConfig(msgspec.Struct, frozen=True, kw_only=True):
     """[ground]: the surface that rays are intersected with."""
 
@@ -54,8 +58,9 @@ class UncertaintyConfig(msgspec.Struct, frozen=True, kw_only=True):
     """Bias of the heading, degrees."""
     position_noise_m: SigmaM = 0.1
     """Noise of the horizontal position, metres an axis."""
-    position_bias_m: SigmaM = 1.0
-    """Bias of the horizontal position, metres an axis; it wanders with position_bias_time_s."""
+    position_bias_m: Literal["auto"] | SigmaM = "auto"
+    """Bias of the horizontal position, metres an axis; it wanders with position_bias_time_s. ``auto``: by the
+    receiver's own word, 1.0 without one."""
     position_bias_time_s: Positive = 60.0
     """Time constant of the position bias, seconds."""
     position_delay_sigma_s: Annotated[float, Meta(ge=0, le=10)] = 0.05
@@ -90,8 +95,8 @@ class UncertaintyConfig(msgspec.Struct, frozen=True, kw_only=True):
             Bias.TIME_OFFSET: self.time_offset_sigma_s,
             Bias.READOUT: 0.0 if readout_known else READOUT_SIGMA_UNKNOWN_S,
             Bias.HEIGHT: self.height_bias_m,
-            Bias.POSITION_NORTH: self.position_bias_m,
-            Bias.POSITION_EAST: self.position_bias_m,
+            Bias.POSITION_NORTH: self.position_sigma_m,
+            Bias.POSITION_EAST: self.position_sigma_m,
             Bias.TERRAIN: self._terrain_m(surveyed=surveyed),
             Bias.POSITION_DELAY: self.position_delay_sigma_s,
             Bias.LEVER_X: self.lever_arm_sigma_m,
@@ -106,6 +111,11 @@ class UncertaintyConfig(msgspec.Struct, frozen=True, kw_only=True):
             bias_sigmas=tuple(sigmas[Bias(i)] for i in range(BIAS_COUNT)),
             position_bias_time_s=self.position_bias_time_s,
         )
+
+    @property
+    def position_sigma_m(self) -> float:
+        """One sigma of the horizontal position's bias where the receiver has not spoken, metres an axis."""
+        return USUAL_POSITION_SIGMA_M if self.position_bias_m == "auto" else self.position_bias_m
 
     def _terrain_m(self, *, surveyed: bool) -> float:
         """One sigma of the ground's own height, metres; of a model never 0: a doubt of its shift needs a scale.

@@ -168,7 +168,7 @@ def _sigmas(pose: PhotographPose, config: Config) -> tuple[float, float, float]:
     given = config.uncertainty
     attitude_deg = hypot(max(given.attitude_bias_deg, given.heading_bias_deg), given.attitude_noise_deg)
     by_config = (
-        hypot(given.position_bias_m, given.position_noise_m),
+        hypot(given.position_sigma_m, given.position_noise_m),
         hypot(given.height_bias_m, given.height_noise_m),
         attitude_deg / degrees(1.0),
     )

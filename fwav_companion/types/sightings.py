@@ -159,7 +159,9 @@ class GroundFix(msgspec.Struct, frozen=True, gc=False):
     noise_cov: Matrix3
     """Covariance of the errors that are independent in every fix, NED, m^2."""
     bias_jacobian: tuple[Vector3, ...]
-    """d(position_ned)/d(bias), one column for each :class:`Bias`: estimate minus truth per unit of error."""
+    """d(position_ned)/d(bias), one column for each :class:`Bias`: estimate minus truth per unit of error. Where the
+    receiver gives the sigma of its position, the columns of the position are those of a unit times that sigma over the
+    prior's, as the readout's are."""
     errors: FixErrors
     """Covariances and budget, computed when they are first asked for."""
     ground: str

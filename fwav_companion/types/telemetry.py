@@ -161,6 +161,8 @@ class VehicleState(msgspec.Struct, frozen=True, gc=False):
     """One sigma of the instant by the delay of the attitude stamps, seconds."""
     spacing_s: float = 0.0
     """Interval of the attitude samples around this instant, seconds; rates by shorter intervals are noisier."""
+    position_bias_m: float | None = None
+    """One sigma of the position's slow error by the receiver's own word, metres an axis; None: as configured."""
     height_sigma_m: float | None = None
     """One sigma of the height at this instant, metres; None: as ``position_sigma_m``."""
     gimbal: GimbalAt | Reason | None = None

@@ -119,6 +119,22 @@ class WanderingPlace(msgspec.Struct, frozen=True, gc=False):
             rate_shared=(rate_n, rate_e),
         )
 
+    def with_fresh_error(self, wander: PositionWander) -> WanderingPlace:
+        """The state with an error of which nothing is known but the process."""
+        variance, nothing = wander.sigma_m**2, (0.0,) * len(self.shared[0])
+        return msgspec.structs.replace(
+            self,
+            error=(0.0, 0.0),
+            rate=(0.0, 0.0),
+            place_error=0.0,
+            place_rate=0.0,
+            error_variance=variance,
+            error_rate=0.0,
+            rate_variance=variance * wander.rate**2,
+            error_shared=(nothing, nothing),
+            rate_shared=(nothing, nothing),
+        )
+
     def with_jump(self, variance: float) -> WanderingPlace:
         """The state with the error free to have moved by ``variance``, m^2."""
         return msgspec.structs.replace(self, error_variance=self.error_variance + variance)
