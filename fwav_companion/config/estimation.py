@@ -30,6 +30,13 @@ USUAL_POSITION_SIGMA_M = 1.0
 """One sigma of a receiver without corrections, metres an axis."""
 
 
+UNKNOWN_TIMES_S = (60.0, 1800.0)
+"""Time constants of the two processes of equal variance that stand for an unknown one.
+
+Over 300 flights with constants drawn log-uniformly from 30 s to 30 min the claimed 90 % ellipses contained 88 % (11
+fixes of 1 m over 5 min) and 93 % (3 passes of 20 s in 8 min); one process of 60 s contained 64 % and 73 %."""
+
+
 class GroundConfig(msgspec.Struct, frozen=True, kw_only=True):
     """[ground]: the surface that rays are intersected with."""
 
@@ -61,8 +68,8 @@ class UncertaintyConfig(msgspec.Struct, frozen=True, kw_only=True):
     position_bias_m: Literal["auto"] | SigmaM = "auto"
     """Bias of the horizontal position, metres an axis; it wanders with position_bias_time_s. ``auto``: by the
     receiver's own word, 1.0 without one."""
-    position_bias_time_s: Positive = 60.0
-    """Time constant of the position bias, seconds."""
+    position_bias_time_s: Literal["auto"] | Positive = "auto"
+    """Time constant of the position bias, seconds; ``auto``: unknown, between 30 s and 30 min."""
     position_delay_sigma_s: Annotated[float, Meta(ge=0, le=10)] = 0.05
     """Bias of [vehicle] position_delay_s, seconds."""
     lever_arm_sigma_m: SigmaM = 0.03
@@ -109,7 +116,10 @@ class UncertaintyConfig(msgspec.Struct, frozen=True, kw_only=True):
             position_noise_m=self.position_noise_m,
             height_noise_m=self.height_noise_m,
             bias_sigmas=tuple(sigmas[Bias(i)] for i in range(BIAS_COUNT)),
-            position_bias_time_s=self.position_bias_time_s,
+            position_bias_time_s=UNKNOWN_TIMES_S[0]
+            if self.position_bias_time_s == "auto"
+            else self.position_bias_time_s,
+            position_wander_times_s=UNKNOWN_TIMES_S if self.position_bias_time_s == "auto" else (),
         )
 
     @property

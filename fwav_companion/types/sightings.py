@@ -59,7 +59,14 @@ class ErrorPriors(msgspec.Struct, frozen=True, kw_only=True):
     bias_sigmas: tuple[float, ...]
     """One sigma of each :class:`Bias`."""
     position_bias_time_s: float
-    """Time constant of the position bias, seconds."""
+    """Time constant of the position bias, seconds; the shortest likely one where it is not known."""
+    position_wander_times_s: tuple[float, ...] = ()
+    """Time constants among which that of a smoothly wandering position lies, seconds; empty: the one above."""
+
+    @property
+    def position_times_s(self) -> tuple[float, ...]:
+        """Time constants of the position's wander, seconds."""
+        return self.position_wander_times_s or (self.position_bias_time_s,)
 
     def sigma(self, bias: Bias) -> float:
         """One sigma of one bias, in its unit."""

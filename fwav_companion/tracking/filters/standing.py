@@ -36,20 +36,20 @@ FRESH_SHARE = 0.5
 class StandingModel:
     """What all standing targets share: biases, and the wander of the vehicle's position. Immutable."""
 
-    __slots__ = ("_time_s", "errors", "wander")
+    __slots__ = ("_times_s", "errors", "wander")
 
     def __init__(self, priors: ErrorPriors) -> None:
         self.errors = ConsiderBiases(priors, wandering=False)
         north, east = priors.sigma(Bias.POSITION_NORTH), priors.sigma(Bias.POSITION_EAST)
-        self._time_s = priors.position_bias_time_s
-        self.wander = position_wander(sqrt(0.5 * (north * north + east * east)), self._time_s)
+        self._times_s = priors.position_times_s
+        self.wander = position_wander(sqrt(0.5 * (north * north + east * east)), self._times_s)
 
     def wander_at(self, fix: GroundFix) -> PositionWander:
         """The wander by the receiver's own word at this fix, else the configured one."""
         sigma_m = fix.sighting.state.position_bias_m
         if sigma_m is None or sigma_m == self.wander.sigma_m or self.wander.sigma_m == 0.0:
             return self.wander
-        return position_wander(sigma_m, self._time_s)
+        return position_wander(sigma_m, self._times_s)
 
 
 class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True):
