@@ -18,7 +18,7 @@ SCHEDULES = {
     "photographs": (np.arange(11) * 30.0, 1.0),
     "passes": (PASSES, 0.3),
     "two minutes": (np.arange(120.0), 0.2),
-    "ten minutes": (np.arange(0.0, 600.0, 2.0), 0.2),
+    "ten minutes": (np.arange(0.0, 600.0, 10.0), 0.2),
 }
 
 
