@@ -197,6 +197,10 @@ class AutopilotOptions:
     """Home after arming, from the world's origin: north, east."""
     gps: bool = True
     gps_fix_at_s: float = 0.0
+    fix_type: int = 3
+    """GPS_FIX_TYPE of the receiver: 3 without corrections, 5 RTK float, 6 RTK fixed."""
+    h_acc_m: float = 1.0
+    """Accuracy that the receiver claims; 0: it claims none."""
     position_delay_s: float = 0.0
     """Age of a position at its stamp."""
     position_wander: Literal["gauss_markov", "smooth"] = "gauss_markov"

@@ -181,7 +181,7 @@ class Telemetry:
         course = degrees(atan2(velocity[1], velocity[0])) % 360.0
         return {
             "time_usec": self._boot_us(host_ns),
-            "fix_type": 3 if has else 1,
+            "fix_type": self._a.fix_type if has else 1,
             "lat": round(place.lat * 1e7),
             "lon": round(place.lon * 1e7),
             "alt": round(place.alt_amsl * 1e3),
@@ -191,7 +191,7 @@ class Telemetry:
             "cog": round(course * 100) % 36000,
             "satellites_visible": 17 if has else 2,
             "alt_ellipsoid": round((place.alt_amsl + self._a.undulation_m) * 1e3) if has else 0,
-            "h_acc": 1000,
+            "h_acc": round(self._a.h_acc_m * 1e3),
             "v_acc": 1500,
             "vel_acc": 200,
         }

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from fwav_companion.recording.lines import Line
-    from fwav_companion.replay import Recording
+    from fwav_companion.replay import Photographs, Recording
 
     Watched = Callable[[str, Iterator[Line]], Iterator[Line]]
 
@@ -29,9 +29,11 @@ def steps(name: str, total: int) -> Iterator[Callable[[], None]]:
 
 
 @contextmanager
-def replays(recording: Recording) -> Iterator[Watched]:
+def replays(recording: Recording | Photographs) -> Iterator[Watched]:
     """A context that yields a function from a replay's name and lines to the same lines, with a bar by their time."""
-    if not sys.stderr.isatty() or not recording.messages:
+    from fwav_companion.replay import Photographs
+
+    if not sys.stderr.isatty() or isinstance(recording, Photographs) or not recording.messages:
         yield lambda _name, lines: lines
         return
     from rich.console import Console

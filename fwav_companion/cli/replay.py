@@ -41,6 +41,10 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
         help="a recording's folder: telemetry, detections, configuration and camera file are its own")  # fmt: skip
     add("--telemetry", metavar="F.tlog", nargs="+",
         help="the MAVLink recording, in one or more parts; or an ArduPilot .bin or a PX4 .ulg log")  # fmt: skip
+    add("--poses", metavar="CSV",
+        help="in place of --telemetry, for photographs with poses: frame or time_unix, lat, lon, alt_amsl, roll_deg, "
+        "pitch_deg, yaw_deg of the camera, optionally position_sigma_m, height_sigma_m, attitude_sigma_deg; [ground] "
+        "model fixed or terrain")  # fmt: skip
     add("--detections", metavar="D.jsonl", nargs="+", help="one JSON object per frame, in one or more parts")
     add("--config", metavar="FILE", help="the configuration, as `init` writes one")
     add("--out", metavar="T.jsonl", help="the targets file to write; - for stdout: other output then goes to stderr")
@@ -74,7 +78,9 @@ def run(arguments: argparse.Namespace) -> int:
             from fwav_companion.cli.replay_folder import take_from_folder
 
             take_from_folder(arguments)
-        _require(arguments, "telemetry", "detections", "config", "out")
+        if arguments.poses is not None and arguments.telemetry is not None:
+            raise UserError("--poses and --telemetry (or FOLDER): accepted: one of the two")
+        _require(arguments, "telemetry" if arguments.poses is None else "poses", "detections", "config", "out")
         return _replay(arguments)
 
 
@@ -116,7 +122,7 @@ def _replay(arguments: argparse.Namespace) -> int:
     if report is not None:
         path = report.write(
             Path(arguments.report),
-            _title(Path(arguments.telemetry[0])),
+            _title(Path(arguments.poses or arguments.telemetry[0])),
             config=given.config,
             others=others,
             truth=given.truth,

@@ -16,7 +16,7 @@ def take_from_folder(arguments: argparse.Namespace) -> None:
     UserError where another option names the same, InputFileError where the folder does not hold them.
     """
     folder = Path(arguments.folder)
-    for option in ("telemetry", "detections"):
+    for option in ("telemetry", "poses", "detections"):
         if getattr(arguments, option) is not None:
             raise UserError(f"--{option} and the folder {folder}: accepted: one of the two")
     if not folder.is_dir():

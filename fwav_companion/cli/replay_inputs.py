@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterable, Iterator, Sequence
 from os.path import realpath
 from pathlib import Path
+from typing import TypedDict
 
 import msgspec
 
@@ -19,9 +20,20 @@ from fwav_companion.on_disk import content
 from fwav_companion.pipeline.pipeline_factory import own_components
 from fwav_companion.recording.exports import Export, export_for
 from fwav_companion.recording.lines import Line
+from fwav_companion.recording.photograph_poses import PhotographPose, parse_poses
 from fwav_companion.recording.tlog import load_tlog
 from fwav_companion.recording.truth import TruthPoint, parse_truth
-from fwav_companion.replay import Recording, TelemetryRead, join, read_telemetry, replay
+from fwav_companion.replay import (
+    Photographs,
+    Recording,
+    TelemetryRead,
+    join,
+    join_photographs,
+    read_telemetry,
+    replay,
+    replay_photographs,
+    require_photograph_config,
+)
 from fwav_companion.replay.telemetry_files import load_telemetry
 from fwav_companion.replay.user_filter import load_own_filter
 from fwav_companion.service.configured_files import load_calibration, load_elevation
@@ -31,6 +43,15 @@ MOST_TOLD = 10
 """Largest number of damaged places of one file that are reported individually."""
 
 
+class ReplayOptions(TypedDict):
+    """The optional arguments of a replay."""
+
+    elevation: Sequence[ElevationTile]
+    own_filter: Filter | None
+    sightings: bool
+    truth: Sequence[TruthPoint]
+
+
 class ReplayInputs(msgspec.Struct, frozen=True, kw_only=True):
     """Inputs of a replay."""
 
@@ -38,25 +59,35 @@ class ReplayInputs(msgspec.Struct, frozen=True, kw_only=True):
     exports: Sequence[Export]
     calibration: Calibration
     truth: Sequence[TruthPoint]
-    recording: Recording
+    recording: Recording | Photographs
     elevation: Sequence[ElevationTile]
     own_filter: Filter | None
 
     def lines(self, *, sightings: bool) -> Iterator[Line]:
         """The lines of the requested replay."""
-        return replay(
-            self.recording,
-            self.config,
-            self.calibration,
-            elevation=self.elevation,
-            own_filter=self.own_filter,
-            sightings=sightings,
-            truth=self.truth,
-        )
+        return self._replay(self.config, own_filter=self.own_filter, sightings=sightings, truth=self.truth)
 
     def again(self, config: Config) -> Iterator[Line]:
         """The lines of a replay of the same recording with another configuration."""
-        return replay(self.recording, config, self.calibration, elevation=self.elevation)
+        return self._replay(config)
+
+    def _replay(
+        self,
+        config: Config,
+        *,
+        own_filter: Filter | None = None,
+        sightings: bool = False,
+        truth: Sequence[TruthPoint] = (),
+    ) -> Iterator[Line]:
+        options: ReplayOptions = {
+            "elevation": self.elevation,
+            "own_filter": own_filter,
+            "sightings": sightings,
+            "truth": truth,
+        }
+        if isinstance(self.recording, Photographs):
+            return replay_photographs(self.recording, config, self.calibration, **options)
+        return replay(self.recording, config, self.calibration, **options)
 
 
 def read_replay_inputs(arguments: argparse.Namespace) -> ReplayInputs:
@@ -66,6 +97,8 @@ def read_replay_inputs(arguments: argparse.Namespace) -> ReplayInputs:
     _spare_what_is_read(arguments, config)
     calibration = load_calibration(config)
     truth = read_truth(arguments.truth)
+    if arguments.poses is not None:
+        require_photograph_config(config)
     recording = _recording(arguments, config)
     _require_a_frame(arguments, recording)
     _tell_damage(arguments, recording)
@@ -86,7 +119,10 @@ def _recorded_files(arguments: argparse.Namespace) -> list[Path]:
 
 def _spare_what_is_read(arguments: argparse.Namespace, config: Config) -> None:
     """Check that no output would overwrite an input, or another output. InputFileError."""
-    used = {Path(name): f"--{option}" for option in ("telemetry", "detections") for name in getattr(arguments, option)}
+    used = {Path(name): "--telemetry" for name in arguments.telemetry or ()}
+    used |= {Path(name): "--detections" for name in arguments.detections}
+    if arguments.poses is not None:
+        used[Path(arguments.poses)] = "--poses"
     used |= {Path(arguments.config): "--config", config.calibration_path: "--config"}
     if arguments.truth is not None:
         used[Path(arguments.truth)] = "--truth"
@@ -107,13 +143,24 @@ def _is_same(one: Path, other: Path) -> bool:
         return False
 
 
-def _recording(arguments: argparse.Namespace, config: Config) -> Recording:
+def _recording(arguments: argparse.Namespace, config: Config) -> Recording | Photographs:
     own = own_components(config)
     detections = b"\n".join(_content(name).removesuffix(b"\n") for name in arguments.detections)
+    if arguments.poses is not None:
+        return join_photographs(_poses(arguments.poses), detections)
     return join(_telemetry(arguments.telemetry, own), detections, own, config.vehicle.system_id)
 
 
-def _require_a_frame(arguments: argparse.Namespace, recording: Recording) -> None:
+def _poses(name: str) -> list[PhotographPose]:
+    try:
+        return parse_poses(content(Path(name)).decode(), name)
+    except OSError as error:
+        raise InputFileError(f"{name}: {error.strerror}; accepted: a CSV file of poses") from None
+    except UnicodeDecodeError as error:
+        raise InputFileError(f"{name}: byte {error.start} is not UTF-8; accepted: CSV") from None
+
+
+def _require_a_frame(arguments: argparse.Namespace, recording: Recording | Photographs) -> None:
     """Reject a detections file none of whose lines is a frame; an empty one is a flight without a camera."""
     skipped = recording.skipped_lines
     if skipped and len(skipped) == len(recording.frames):
@@ -129,14 +176,15 @@ def _telemetry(names: Sequence[str], own: frozenset[int]) -> TelemetryRead:
     return read_telemetry(b"".join(load_tlog(Path(name)) for name in names))
 
 
-def _tell_damage(arguments: argparse.Namespace, recording: Recording) -> None:
+def _tell_damage(arguments: argparse.Namespace, recording: Recording | Photographs) -> None:
     """Report what was skipped, with offsets; several parts are counted as one file."""
-    telemetry, detections = " + ".join(arguments.telemetry), " + ".join(arguments.detections)
+    telemetry = arguments.poses or " + ".join(arguments.telemetry)
+    detections = " + ".join(arguments.detections)
     for note in recording.notes:
         print(f"{telemetry}: {note}", file=sys.stderr)
     _tell_first(
         f"{telemetry}: skipped {skipped.length} damaged bytes at offset {skipped.offset}"
-        for skipped in recording.skipped
+        for skipped in (recording.skipped if isinstance(recording, Recording) else ())
     )
     _tell_first(
         f"{detections}: line {skipped.number} at offset {skipped.offset} is not a frame: {skipped.why}"

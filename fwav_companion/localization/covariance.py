@@ -81,13 +81,14 @@ def noise_variances(sighting: Sighting, meeting: Intersection, priors: ErrorPrio
     """The noise variances by the configuration and by the sighting."""
     state, (sigma_u, sigma_v) = sighting.state, sighting.pixel_sigma
     age_variance = state.position_sigma_m**2
+    height_sigma_m = state.position_sigma_m if state.height_sigma_m is None else state.height_sigma_m
     height_noise_m = priors.height_noise_m if meeting.height_noise_m is None else meeting.height_noise_m
     return NoiseVariances(
         pixel_u=sigma_u * sigma_u,
         pixel_v=sigma_v * sigma_v,
         attitude=priors.attitude_noise**2,
         bridging=state.carrier_sigma**2,
-        height=height_noise_m**2 + (0.0 if meeting.carried else age_variance),
+        height=height_noise_m**2 + (0.0 if meeting.carried else height_sigma_m**2),
         level=priors.height_noise_m**2,
         time=sighting.time_noise_s**2,
         place=priors.position_noise_m**2 + age_variance,

@@ -10,7 +10,13 @@ import msgspec
 from fwav_companion.geometry.earth import TangentPlane
 from fwav_companion.geometry.rotations import exp, rotate
 from fwav_companion.geometry.vectors import Vector3, add, cross, dot, norm, scale, transform, unit
-from fwav_companion.localization.covariance import ErrorModel, NoiseVariances, bias_variances, noise_variances
+from fwav_companion.localization.covariance import (
+    BiasVariances,
+    ErrorModel,
+    NoiseVariances,
+    bias_variances,
+    noise_variances,
+)
 from fwav_companion.localization.ground import LEVEL_NORMAL, Ground, Intersection
 from fwav_companion.localization.propagation import Propagation, propagate
 from fwav_companion.types import Bias, ErrorPriors, GroundFix, NoFix, Reason, Sighting, TakeOff
@@ -90,12 +96,12 @@ class Localizer:
             if isinstance(rough_m, NoFix):
                 return rough_m
             propagation = self._with_level_doubt(propagation, hypot(meeting.level_doubt_m, rough_m))
-        errors = ErrorModel(propagation, noise, self._bias, meeting)
+        errors = ErrorModel(propagation, noise, self._variances(sighting.state.position_bias_m), meeting)
         return GroundFix(
             sighting=sighting,
             position_ned=_point(meeting, direction),
             noise_cov=errors.noise_cov,
-            bias_jacobian=propagation.biases,
+            bias_jacobian=self._by_receiver(sighting.state.position_bias_m, propagation.biases),
             errors=errors,
             ground=meeting.ground,
             level_sigma_m=errors.level_sigma_m,
@@ -116,6 +122,22 @@ class Localizer:
             + v * v * noise.pixel_v
             + stretch.time**2 * (bias.time_offset + noise.readout_share * bias.readout + noise.time)
         )
+
+    def _by_receiver(self, sigma_m: float | None, columns: tuple[Vector3, ...]) -> tuple[Vector3, ...]:
+        """The columns with those of the position per sigma of the receiver's own word, in units of the prior."""
+        prior_m = self._priors.sigma(Bias.POSITION_NORTH)
+        if sigma_m is None or sigma_m == prior_m or prior_m == 0.0:
+            return columns
+        ratio, scaled = sigma_m / prior_m, list(columns)
+        for bias in (Bias.POSITION_NORTH, Bias.POSITION_EAST):
+            scaled[bias] = scale(columns[bias], ratio)
+        return tuple(scaled)
+
+    def _variances(self, sigma_m: float | None) -> BiasVariances:
+        """The variances of the biases, those of the position by the receiver's own word where it has one."""
+        if sigma_m is None:
+            return self._bias
+        return msgspec.structs.replace(self._bias, north=sigma_m * sigma_m, east=sigma_m * sigma_m)
 
     def _with_level_doubt(self, propagation: Propagation, doubt_m: float) -> Propagation:
         """The propagation with a doubt of the ground's level beyond [uncertainty] terrain_m.

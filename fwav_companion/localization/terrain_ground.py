@@ -79,6 +79,8 @@ class TerrainGround:
             self._raised_m = -undulation_m
         model_m = model.height_m(take_off.place.lat_deg, take_off.place.lon_deg) + self._raised_m
         unshifted = TerrainShift(0.0, ABSOLUTE_ALTITUDE_SIGMA_M, take_off.source)
+        if take_off.source is TakeOffSource.POSES:
+            return ""
         if take_off.source is TakeOffSource.ASSUMED:
             self.shift = unshifted
             return (

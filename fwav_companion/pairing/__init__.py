@@ -7,7 +7,7 @@ a :class:`PairedFrame` or refuses it. Telemetry is passed in behind the protocol
 from fwav_companion.pairing.paired_frame import CameraView, PairedFrame, RefusedFrame, sees_nothing
 from fwav_companion.pairing.pairer import Pairer
 from fwav_companion.pairing.placement import scaling_from_size
-from fwav_companion.pairing.protocols import VehicleSource
+from fwav_companion.pairing.protocols import TwoClocks, VehicleSource
 from fwav_companion.pairing.timing import CameraTiming, StampRule
 from fwav_companion.pairing.waiting import WaitingFrames
 
@@ -18,6 +18,7 @@ __all__ = [
     "Pairer",
     "RefusedFrame",
     "StampRule",
+    "TwoClocks",
     "VehicleSource",
     "WaitingFrames",
     "scaling_from_size",

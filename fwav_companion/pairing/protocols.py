@@ -46,5 +46,8 @@ class VehicleSource(Protocol):
     def state_at(self, boot_ns: BootNs) -> VehicleState | Unpaired:
         """The state of the vehicle at this instant, or the reason why it is not known."""
 
+    def newest_state(self) -> VehicleState | Unpaired:
+        """The newest state of the vehicle, or the reason why it is not known."""
+
     def ready_for(self, boot_ns: BootNs) -> bool:
         """Whether waiting longer cannot improve the state at this instant."""

@@ -12,7 +12,7 @@ from fwav_companion.geometry.rotations import matrix_from_quaternion
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs, s_from_ns
 from fwav_companion.geometry.vectors import Vector3, multiply
 from fwav_companion.localization import Localizer, TerrainGround, TerrainShift
-from fwav_companion.pairing import PairedFrame, Pairer, RefusedFrame, WaitingFrames, sees_nothing
+from fwav_companion.pairing import PairedFrame, Pairer, RefusedFrame, VehicleSource, WaitingFrames, sees_nothing
 from fwav_companion.pipeline.fix_agreement import FixAgreement
 from fwav_companion.pipeline.frame_census import FrameCensus
 from fwav_companion.pipeline.predicted_accuracy import PredictedAccuracy, predicted_accuracy_below
@@ -21,7 +21,7 @@ from fwav_companion.pipeline.self_calibration_notices import SelfCalibrationNoti
 from fwav_companion.pipeline.target_log import TargetLog
 from fwav_companion.recording.lines import Line, sighting_line
 from fwav_companion.self_calibration import CalibrationReport
-from fwav_companion.telemetry import RateMeter, Telemetry
+from fwav_companion.telemetry import RateMeter
 from fwav_companion.tracking import Reorder, Settled
 from fwav_companion.types import (
     Frame,
@@ -57,7 +57,7 @@ class CameraPipeline:
 
     def __init__(
         self,
-        telemetry: Telemetry,
+        telemetry: VehicleSource,
         pairer: Pairer,
         localizer: Localizer,
         reorder: Reorder,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 
 from fwav_companion.geometry.stamps import NS_PER_S, BootNs, HostNs
-from fwav_companion.telemetry.clock.clock import Clock
+from fwav_companion.pairing import TwoClocks
 from fwav_companion.types import Frame, StampClock
 from fwav_companion.types.flight_status import HeardReport
 
@@ -26,7 +26,7 @@ class FrameCensus:
         self._window_ns: HostNs | None = None
         self._least_ns: int | None = None
 
-    def add(self, frame: Frame, clock: Clock) -> None:
+    def add(self, frame: Frame, clock: TwoClocks) -> None:
         """Take one frame as it arrived."""
         for detection in frame.detections:
             label = detection.label
@@ -42,7 +42,7 @@ class FrameCensus:
         ages_s = [age_ns / NS_PER_S for age_ns in self._ages_ns]
         return HeardReport(labels=dict(self._labels), best_score=self._best_score, stamp_ages_s=ages_s)
 
-    def _add_age(self, frame: Frame, arrival_ns: HostNs, clock: Clock) -> None:
+    def _add_age(self, frame: Frame, arrival_ns: HostNs, clock: TwoClocks) -> None:
         on_host = frame.stamp_clock is StampClock.HOST
         stamp_ns = frame.stamp_ns if on_host else clock.host_from_boot(BootNs(frame.stamp_ns))
         if not isinstance(stamp_ns, int):

@@ -31,7 +31,7 @@ from fwav_companion.mavlink.client.identity import Identity
 from fwav_companion.mavlink.client.rates import Rates
 from fwav_companion.mavlink.client.subscriptions import default_subscriptions
 from fwav_companion.mavlink.client.timesync import Timesync
-from fwav_companion.pairing import Pairer
+from fwav_companion.pairing import Pairer, VehicleSource
 from fwav_companion.pipeline.camera_pipeline import CameraPipeline
 from fwav_companion.pipeline.components import Components
 from fwav_companion.pipeline.fix_agreement import FixAgreement
@@ -52,7 +52,7 @@ WANTED = frozenset(
         "ATTITUDE", "ATTITUDE_QUATERNION", "GLOBAL_POSITION_INT", "LOCAL_POSITION_NED", "ALTITUDE", "VFR_HUD",
         "GPS_RAW_INT", "GPS_GLOBAL_ORIGIN", "HOME_POSITION", "DISTANCE_SENSOR", "TERRAIN_REPORT", "SYSTEM_TIME",
         "GIMBAL_DEVICE_ATTITUDE_STATUS", "MOUNT_ORIENTATION", "MOUNT_STATUS", "PARAM_VALUE", "STATUSTEXT",
-        "MESSAGE_INTERVAL",
+        "MESSAGE_INTERVAL", "EKF_STATUS_REPORT", "ESTIMATOR_STATUS",
     }
 )  # fmt: skip
 """Messages that a room uses; no other is decoded."""
@@ -85,25 +85,15 @@ def make_pipeline(
     telemetry = Telemetry(telemetry_options(config, attitudes_kept_s))
     camera = None
     if calibration is not None:
-        localizer = Localizer(_ground(config, elevation), config.priors, min_height_m=config.ground.min_height_m)
-        if own_filter is None:
-            tracker = make_tracker(tracking_options(config), config.priors, telemetry.state_at, kept)
-        else:
-            self_calibration = config.tracking.self_calibration
-            tracker = tracker_with(
-                own_filter, config.priors, telemetry.state_at, kept, self_calibration=self_calibration
-            )
-        tracker.reports_innovations = sightings
-        reorder = Reorder(tracker)
-        camera = CameraPipeline(
+        camera = make_camera(
+            config,
+            calibration,
             telemetry,
-            make_pairer(config, calibration),
-            localizer=localizer,
-            reorder=reorder,
-            target_log=target_log,
+            target_log,
+            elevation=elevation,
+            kept=kept,
+            own_filter=own_filter,
             sightings=sightings,
-            agreement=FixAgreement(config.priors),
-            readout=ReadoutAdvice(config.priors),
         )
     publisher = Publisher(
         publish_options(config, calibration, unit),
@@ -131,6 +121,36 @@ def make_pipeline(
         camera=camera,
     )
     return Pipeline(components, target_log, unix_offset_ns=unix_offset_ns, live=live)
+
+
+def make_camera(
+    config: Config,
+    calibration: Calibration,
+    vehicle: VehicleSource,
+    target_log: TargetLog,
+    *,
+    elevation: Sequence[ElevationTile],
+    kept: KeptCalibration | None = None,
+    own_filter: Filter | None = None,
+    sightings: bool = False,
+) -> CameraPipeline:
+    """The pipeline of one camera. ``vehicle``: its telemetry, or the poses of photographs."""
+    if own_filter is None:
+        tracker = make_tracker(tracking_options(config), config.priors, vehicle.state_at, kept)
+    else:
+        self_calibration = config.tracking.self_calibration
+        tracker = tracker_with(own_filter, config.priors, vehicle.state_at, kept, self_calibration=self_calibration)
+    tracker.reports_innovations = sightings
+    return CameraPipeline(
+        vehicle,
+        make_pairer(config, calibration),
+        localizer=Localizer(_ground(config, elevation), config.priors, min_height_m=config.ground.min_height_m),
+        reorder=Reorder(tracker),
+        target_log=target_log,
+        sightings=sightings,
+        agreement=FixAgreement(config.priors),
+        readout=ReadoutAdvice(config.priors),
+    )
 
 
 def own_components(config: Config) -> frozenset[int]:

@@ -10,8 +10,7 @@ from fwav_companion.geometry.ellipses import radius_95
 from fwav_companion.geometry.rotations import matrix_from_quaternion
 from fwav_companion.geometry.vectors import multiply, transform
 from fwav_companion.localization import Localizer
-from fwav_companion.pairing import Pairer
-from fwav_companion.telemetry import Telemetry
+from fwav_companion.pairing import Pairer, VehicleSource
 from fwav_companion.types import GroundFix, NoFix, NoRay, Reason, Sighting, Unpaired
 
 FLYING_M = 2.0
@@ -29,7 +28,9 @@ class PredictedAccuracy(msgspec.Struct, frozen=True):
     """Height of the camera above the ground for that radius, metres."""
 
 
-def predicted_accuracy_below(pairer: Pairer, localizer: Localizer, telemetry: Telemetry) -> PredictedAccuracy | Reason:
+def predicted_accuracy_below(
+    pairer: Pairer, localizer: Localizer, telemetry: VehicleSource
+) -> PredictedAccuracy | Reason:
     """Accuracy of a fix straight below, by the vehicle's newest state; or the reason why there would be no fix."""
     sighting = _look_down(pairer, telemetry)
     if isinstance(sighting, Reason):
@@ -49,7 +50,7 @@ def predicted_accuracy_below(pairer: Pairer, localizer: Localizer, telemetry: Te
     return PredictedAccuracy(within95_m, height_m) if isfinite(within95_m) else Reason.NOT_FINITE
 
 
-def _look_down(pairer: Pairer, telemetry: Telemetry) -> Sighting | Reason:
+def _look_down(pairer: Pairer, telemetry: VehicleSource) -> Sighting | Reason:
     """Sighting of the point straight below; of the middle of the picture where that point is outside it."""
     state = telemetry.newest_state()
     if isinstance(state, Unpaired):

@@ -69,7 +69,7 @@ def join(telemetry: TelemetryRead, detections: bytes, own: frozenset[int], syste
     own_system = system or _first_autopilot(telemetry.messages)
     unix_offset_ns = _unix_offset_ns(telemetry.messages, own, own_system)
     clock = RecordingClock(unix_offset_ns, boot_is_unix=_boot_is_unix(telemetry.messages))
-    frames, kept, skipped_lines = _frames(detections, clock)
+    frames, kept, skipped_lines = read_frames(detections, clock)
     return Recording(
         messages=telemetry.messages,
         frames=frames,
@@ -83,9 +83,10 @@ def join(telemetry: TelemetryRead, detections: bytes, own: frozenset[int], syste
     )
 
 
-def _frames(
+def read_frames(
     data: bytes, clock: RecordingClock
 ) -> tuple[list[Frame | NoFrame | Refused | RecordingEnd], KeptCalibration | None, list[SkippedLine]]:
+    """The entries of the detections, the self-calibration with which they began, and the lines that are not frames."""
     entries: list[Frame | NoFrame | Refused | RecordingEnd] = []
     kept: KeptCalibration | None = None
     skipped: list[SkippedLine] = []

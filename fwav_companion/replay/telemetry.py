@@ -6,6 +6,7 @@ Damage is skipped and reported with its position.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from statistics import median
 
 import msgspec
 
@@ -21,6 +22,12 @@ from fwav_companion.types import Message
 
 AUTOPILOT_SYSTEM = AUTOPILOT_COMPONENT = 1
 """Sender ids for the messages of a log, which has no MAVLink ids."""
+
+ATTITUDES = ("ATTITUDE", "ATTITUDE_QUATERNION")
+PACE_US = 5_000_000
+"""Microseconds between two attitudes by which the pace is measured: a radio delays messages by tenths of a second."""
+MOST_PACE = 2.0
+"""Rate, or its inverse, up to which an autopilot's clock is followed."""
 
 Timed = tuple[int, Message]
 """(Unix microseconds, message)."""
@@ -49,7 +56,28 @@ def read_telemetry(data: bytes) -> TelemetryRead:
     for record in records:
         latest_us = max(latest_us, record.unix_us)
         messages.extend((latest_us, message) for message in _decoded(scanner, record.frame))
-    return TelemetryRead(messages, skipped, notes)
+    return TelemetryRead(messages, skipped, [*notes, *_pace_notes(messages)])
+
+
+def _pace_notes(messages: Sequence[Timed]) -> list[str]:
+    """A warning where the autopilot's clock does not keep the recorder's pace: a simulator that runs fast or slow.
+
+    The median over pairs of attitudes PACE_US apart: a reboot or a gap spoils only its own pair.
+    """
+    attitudes = [(unix_us, message) for unix_us, message in messages if message.name in ATTITUDES]
+    vehicle = attitudes[0][1].system if attitudes else 0
+    stamped = [(unix_us, message.fields.time_boot_ms) for unix_us, message in attitudes if message.system == vehicle]
+    rates, last = [], None
+    for unix_us, boot_ms in stamped:
+        if last is None or unix_us - last[0] >= PACE_US:
+            if last is not None:
+                rates.append((boot_ms - last[1]) * 1000 / (unix_us - last[0]))
+            last = (unix_us, boot_ms)
+    rate = median(rates) if rates else 1.0
+    if not rate > 0.0 or 1.0 / MOST_PACE < rate < MOST_PACE:
+        return []
+    note = f"the autopilot's clock runs {rate:.1f} times as fast as the recorder's (a simulator?)"
+    return [f"{note}: detections on another clock do not fit; accepted: time_boot"]
 
 
 def of_log(

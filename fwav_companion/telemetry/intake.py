@@ -66,6 +66,8 @@ class Intake:
             "ALTITUDE": self._on_altitude,
             "VFR_HUD": self._on_vfr_hud,
             "GPS_RAW_INT": self._on_gps_raw,
+            "EKF_STATUS_REPORT": self._on_ardupilot_filter,
+            "ESTIMATOR_STATUS": self._on_px4_filter,
             "GPS_GLOBAL_ORIGIN": self._on_global_origin,
             "HOME_POSITION": self._on_home,
             "TERRAIN_REPORT": self._on_terrain,
@@ -169,9 +171,21 @@ class Intake:
 
     def _on_gps_raw(self, fields: Any, _now: HostNs) -> tuple[TelemetryEvent, ...]:
         self._world.on_gps_fix(fields.fix_type)
+        if self._kept.position_bias is not None:
+            self._kept.position_bias.on_gps(fields)
         undulation_m = decoding.undulation_m(fields)
         if undulation_m is not None:
             self.undulation_m = undulation_m
+        return ()
+
+    def _on_ardupilot_filter(self, fields: Any, _now: HostNs) -> tuple[TelemetryEvent, ...]:
+        if self._kept.position_bias is not None:
+            self._kept.position_bias.on_ardupilot_filter(fields)
+        return ()
+
+    def _on_px4_filter(self, fields: Any, _now: HostNs) -> tuple[TelemetryEvent, ...]:
+        if self._kept.position_bias is not None:
+            self._kept.position_bias.on_px4_filter(fields)
         return ()
 
     def _on_global_origin(self, fields: Any, _now: HostNs) -> tuple[TelemetryEvent, ...]:

@@ -18,6 +18,7 @@ from fwav_companion.telemetry.events import GimbalUnused, Rebooted, TelemetryEve
 from fwav_companion.telemetry.gimbal import MESSAGE as GIMBAL_MESSAGE
 from fwav_companion.telemetry.gimbal import Gimbal
 from fwav_companion.telemetry.intake import Intake
+from fwav_companion.telemetry.position_bias import PositionBias
 from fwav_companion.telemetry.rate_meter import RateMeter
 from fwav_companion.telemetry.vehicle_history import VehicleHistory
 from fwav_companion.telemetry.world import World
@@ -34,6 +35,8 @@ class TelemetryOptions(msgspec.Struct, frozen=True, kw_only=True):
     """Message that is used; ``auto``: ATTITUDE_QUATERNION once it is heard, ATTITUDE before or if it is refused."""
     position_delay_s: float = 0.0
     """Age of a position at its stamp, seconds."""
+    position_bias_by_receiver: bool = True
+    """Whether states have the receiver's own word on the error of its position."""
     attitude_stamp_delay_s: Literal["auto"] | float = "auto"
     """Largest age of an attitude at its stamp, seconds, or auto."""
     attitudes_kept_s: float = KEPT_NS / NS_PER_S
@@ -60,7 +63,10 @@ class Telemetry:
         self._timeline = BootTimeline()
         self._stamps = AttitudeStamps(options.attitude_stamp_delay_s)
         self._gimbal = Gimbal(options.gimbal_device_id) if options.gimbal_device_id else None
-        self._kept = VehicleHistory(self.clock, self._stamps, self._gimbal, ns_from_s(options.attitudes_kept_s))
+        bias = PositionBias() if options.position_bias_by_receiver else None
+        self._kept = VehicleHistory(
+            self.clock, self._stamps, self._gimbal, ns_from_s(options.attitudes_kept_s), position_bias=bias
+        )
         self._intake = Intake(
             self._kept,
             self.clock,

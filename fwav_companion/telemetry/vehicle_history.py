@@ -11,6 +11,7 @@ from fwav_companion.telemetry.attitude.stamp_delay import AttitudeStamps
 from fwav_companion.telemetry.clock.clock import Clock
 from fwav_companion.telemetry.gimbal import Gimbal
 from fwav_companion.telemetry.hermite_series import HermiteSeries, RecentValues
+from fwav_companion.telemetry.position_bias import PositionBias
 from fwav_companion.types import HeightSource, RangeSample, Unpaired, VehicleState
 
 RANGE_NEAR_NS = 200_000_000
@@ -22,8 +23,17 @@ TERRAIN_NEAR_NS = 2_000_000_000
 class VehicleHistory:
     """Samples by kind, and the vehicle's state interpolated between them."""
 
-    def __init__(self, clock: Clock, stamps: AttitudeStamps, gimbal: Gimbal | None, attitudes_kept_ns: int) -> None:
-        """``gimbal``: the one that carries the camera, if any."""
+    def __init__(
+        self,
+        clock: Clock,
+        stamps: AttitudeStamps,
+        gimbal: Gimbal | None,
+        attitudes_kept_ns: int,
+        *,
+        position_bias: PositionBias | None = None,
+    ) -> None:
+        """``gimbal``: the one that carries the camera, if any. ``position_bias``: None where it is configured."""
+        self.position_bias = position_bias
         self._clock = clock
         self._stamps = stamps
         self._gimbal = gimbal
@@ -60,6 +70,7 @@ class VehicleHistory:
             position_ned=None if position is None else _vector(position.values),
             velocity_ned=None if position is None else _vector(position.rates),
             position_sigma_m=0.0 if position is None else position.sigma,
+            position_bias_m=None if self.position_bias is None else self.position_bias.sigma_m,
             height_above_home_m=self._height_at(boot_ns),
             range=nearest_range if isinstance(nearest_range, RangeSample) else None,
             terrain_height_m=terrain if isinstance(terrain, float) else None,

@@ -58,6 +58,8 @@ class Reason(StrEnum):
     """The newest attitude of the gimbal is too old to be extrapolated by its rates."""
     NO_POSITION = "no_position"
     """A position is expected, and none was received close to the capture."""
+    NO_POSE = "no_pose"
+    """A photograph has no row in the file of poses."""
 
     # Lens.
     OUTSIDE_LENS = "outside_lens"

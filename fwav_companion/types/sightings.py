@@ -59,7 +59,14 @@ class ErrorPriors(msgspec.Struct, frozen=True, kw_only=True):
     bias_sigmas: tuple[float, ...]
     """One sigma of each :class:`Bias`."""
     position_bias_time_s: float
-    """Time constant of the position bias, seconds."""
+    """Time constant of the position bias, seconds; the shortest likely one where it is not known."""
+    position_wander_times_s: tuple[float, ...] = ()
+    """Time constants among which that of a smoothly wandering position lies, seconds; empty: the one above."""
+
+    @property
+    def position_times_s(self) -> tuple[float, ...]:
+        """Time constants of the position's wander, seconds."""
+        return self.position_wander_times_s or (self.position_bias_time_s,)
 
     def sigma(self, bias: Bias) -> float:
         """One sigma of one bias, in its unit."""
@@ -159,7 +166,9 @@ class GroundFix(msgspec.Struct, frozen=True, gc=False):
     noise_cov: Matrix3
     """Covariance of the errors that are independent in every fix, NED, m^2."""
     bias_jacobian: tuple[Vector3, ...]
-    """d(position_ned)/d(bias), one column for each :class:`Bias`: estimate minus truth per unit of error."""
+    """d(position_ned)/d(bias), one column for each :class:`Bias`: estimate minus truth per unit of error. Where the
+    receiver gives the sigma of its position, the columns of the position are those of a unit times that sigma over the
+    prior's, as the readout's are."""
     errors: FixErrors
     """Covariances and budget, computed when they are first asked for."""
     ground: str

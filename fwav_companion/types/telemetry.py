@@ -109,6 +109,8 @@ class TakeOffSource(StrEnum):
     ARMING = "arming"
     """Where the vehicle was armed."""
     HOME_POSITION = "home_position"
+    POSES = "poses"
+    """Photographs with poses: there is no take-off, and altitudes are above sea level."""
 
 
 class TakeOff(msgspec.Struct, frozen=True):
@@ -159,6 +161,10 @@ class VehicleState(msgspec.Struct, frozen=True, gc=False):
     """One sigma of the instant by the delay of the attitude stamps, seconds."""
     spacing_s: float = 0.0
     """Interval of the attitude samples around this instant, seconds; rates by shorter intervals are noisier."""
+    position_bias_m: float | None = None
+    """One sigma of the position's slow error by the receiver's own word, metres an axis; None: as configured."""
+    height_sigma_m: float | None = None
+    """One sigma of the height at this instant, metres; None: as ``position_sigma_m``."""
     gimbal: GimbalAt | Reason | None = None
     """Gimbal that carries the camera, or the reason why its attitude is not known; None: camera fixed to the body."""
 

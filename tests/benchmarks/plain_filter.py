@@ -21,6 +21,7 @@ from fwav_companion.tracking.filters.consider_biases import (
 from fwav_companion.types import Bias, ErrorPriors, GroundFix
 
 Array = NDArray[np.float64]
+Sample = tuple[Array, Array, Array]
 TELEMETRY_STEP_S = 0.1
 MOST_TURN_COSINE = 0.7
 STEP_S = 1.0
@@ -42,11 +43,12 @@ class FixArrays:
 
 
 class PlainFilter:
-    """The apparent place at every fix; place, position error and its rate once a second."""
+    """The apparent place at every fix; place, position errors and their rates once a second."""
 
     def __init__(self, first: FixArrays, priors: ErrorPriors) -> None:
         self.priors, self.first_ns, self.at_ns, self.placed_ns = priors, first.at_ns, first.at_ns, first.at_ns
-        self.sigma, self.rate = priors.sigma(Bias.POSITION_NORTH), 2.0 / priors.position_bias_time_s
+        self.sigma, self.rates = priors.sigma(Bias.POSITION_NORTH), 2.0 / np.array(priors.position_times_s)
+        self.each = self.sigma**2 / len(self.rates)
         self.apparent, self.shared = first.position, first.shared
         self.noise = first.noise + self._sensitivity_noise(first, FIRST_SENSITIVITY_S)
         self._begin_place()
@@ -54,55 +56,56 @@ class PlainFilter:
     @property
     def cov(self) -> Array:
         """Covariance of the place."""
-        return self.cov3[0, 0] * np.eye(2) + self.shared3[0] @ self.shared3[0].T
+        return self.cov_all[0, 0] * np.eye(2) + self.shared_all[0] @ self.shared_all[0].T
 
     def step(self, fix: FixArrays) -> None:
         since_s = (fix.at_ns - self.at_ns) * 1e-9
         self.at_ns = fix.at_ns
         self.noise = self.noise + self._moved(since_s) * np.eye(2)
         noise = self._turned(fix, self._repeated(fix, since_s)) + self._sensitivity_noise(fix, since_s)
-        d = fix.shared - self.shared
-        gain = (self.noise - self.shared @ d.T) @ np.linalg.inv(self.noise + noise + d @ d.T)
-        rest = np.eye(2) - gain
-        self.apparent = self.apparent + gain @ (fix.position - self.apparent)
-        self.noise = rest @ self.noise @ rest.T + gain @ noise @ gain.T
-        self.shared = self.shared + gain @ d
+        sample = (fix.position, noise, fix.shared)
+        self.apparent, self.noise, self.shared = _updated((self.apparent, self.noise, self.shared), sample)
         placed_s = (fix.at_ns - self.placed_ns) * 1e-9
         if (fix.at_ns - self.first_ns) * 1e-9 < STEP_S:
             self._begin_place()
-        elif placed_s >= STEP_S:
-            self._place(placed_s)
+            return
+        self.fresh = sample if self.fresh is None else _updated(self.fresh, sample)
+        if placed_s >= STEP_S:
+            self._place(placed_s, *self.fresh)
+            self.fresh = None
 
     def _moved(self, since_s: float) -> float:
-        turn = self.rate * since_s
-        moved = 2.0 * self.sigma**2 * (1.0 - (1.0 + turn) * np.exp(-turn))
-        walked = self.rate * self.sigma * np.sqrt(np.trace(self.noise) / 2.0) * since_s
+        turn = self.rates * since_s
+        moved = 2.0 * self.each * np.sum(1.0 - (1.0 + turn) * np.exp(-turn))
+        walked = np.sqrt(np.mean(self.rates**2)) * self.sigma * np.sqrt(np.trace(self.noise) / 2.0) * since_s
         return float(max(moved, walked))
 
     def _begin_place(self) -> None:
-        """States: place, error, rate. ``mean3`` has a row, ``shared3`` a matrix for each."""
-        self.placed_ns = self.at_ns
-        self.mean3 = np.vstack([self.apparent, np.zeros((2, 2))])
-        self.shared3 = np.stack([self.shared, 0.0 * self.shared, 0.0 * self.shared])
-        s2 = self.sigma**2
-        self.cov3 = np.array([[s2, -s2, 0.0], [-s2, s2, 0.0], [0.0, 0.0, s2 * self.rate**2]])
-        self.cov3[0, 0] += np.trace(self.noise) / 2.0
+        """States: place, then error and rate of each process: rows of ``mean_all``, matrices of ``shared_all``."""
+        self.placed_ns, self.fresh = self.at_ns, None
+        steady, count = self._steady(), 1 + 2 * len(self.rates)
+        self.mean_all = np.vstack([self.apparent, np.zeros((count - 1, 2))])
+        self.shared_all = np.stack([self.shared, *[0.0 * self.shared] * (count - 1)])
+        self.cov_all = block_diag(self.sigma**2 + np.trace(self.noise) / 2.0, steady)
+        self.cov_all[0, 1::2] = self.cov_all[1::2, 0] = -self.each
 
-    def _place(self, since_s: float) -> None:
-        """error'' = -w^2 error - 2 w error' by the matrix exponential, and a Kalman update by place + error."""
-        self.placed_ns = self.at_ns
-        w = self.rate
-        process = expm(since_s * np.array([[0.0, 1.0], [-w * w, -2.0 * w]]))
-        steady = self.sigma**2 * np.diag([1.0, w * w])
+    def _steady(self) -> Array:
+        return self.each * np.diag([variance for w in self.rates for variance in (1.0, w * w)])
+
+    def _place(self, since_s: float, position: Array, noise: Array, shared: Array) -> None:
+        """error'' = -w^2 error - 2 w error' by the matrix exponential, and a Kalman update by place + errors."""
+        self.placed_ns, steady = self.at_ns, self._steady()
+        process = block_diag(*(expm(since_s * np.array([[0.0, 1.0], [-w * w, -2.0 * w]])) for w in self.rates))
         move, more = block_diag(1.0, process), block_diag(0.0, steady - process @ steady @ process.T)
-        self.mean3, self.cov3 = move @ self.mean3, move @ self.cov3 @ move.T + more
-        self.shared3 = np.einsum("ij,jkl->ikl", move, self.shared3)
-        seen = np.array([1.0, 1.0, 0.0])
-        total = self.noise + self.shared @ self.shared.T
-        gain = self.cov3 @ seen / (seen @ self.cov3 @ seen + np.trace(total) / 2.0)
-        self.cov3 = self.cov3 - np.outer(gain, seen @ self.cov3)
-        self.mean3 = self.mean3 + np.outer(gain, self.apparent - self.mean3[0] - self.mean3[1])
-        self.shared3 = self.shared3 + gain[:, None, None] * (self.shared - self.shared3[0] - self.shared3[1])
+        self.mean_all, self.cov_all = move @ self.mean_all, move @ self.cov_all @ move.T + more
+        self.shared_all = np.einsum("ij,jkl->ikl", move, self.shared_all)
+        seen = np.array([1.0, *[1.0, 0.0] * len(self.rates)])
+        total = noise + shared @ shared.T
+        gain = self.cov_all @ seen / (seen @ self.cov_all @ seen + np.trace(total) / 2.0)
+        self.cov_all = self.cov_all - np.outer(gain, seen @ self.cov_all)
+        self.mean_all = self.mean_all + np.outer(gain, position - seen @ self.mean_all)
+        off = shared - np.einsum("i,ijk->jk", seen, self.shared_all)
+        self.shared_all = self.shared_all + gain[:, None, None] * off
 
     def _sensitivity_noise(self, fix: FixArrays, since_s: float) -> Array:
         sensitive = fix.shared[:, list(SENSITIVE)]
@@ -124,3 +127,16 @@ class PlainFilter:
         sine = (of_fix[0] * of_target[1] - of_fix[1] * of_target[0]) / both
         turn = np.array([[cosine, -sine], [sine, cosine]])
         return turn @ noise @ turn.T
+
+
+def _updated(before: Sample, sample: Sample) -> Sample:
+    """Place, noise and shared errors after one more fix, by the gain of least total covariance."""
+    (place, noise, shared), (fix_place, fix_noise, fix_shared) = before, sample
+    d = fix_shared - shared
+    gain = (noise - shared @ d.T) @ np.linalg.inv(noise + fix_noise + d @ d.T)
+    rest = np.eye(2) - gain
+    return (
+        place + gain @ (fix_place - place),
+        rest @ noise @ rest.T + gain @ fix_noise @ gain.T,
+        shared + gain @ d,
+    )

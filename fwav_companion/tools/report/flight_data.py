@@ -27,7 +27,7 @@ from fwav_companion.tools.report.true_vehicle_path import (
     mean_position_error,
     position_errors,
 )
-from fwav_companion.tools.report.wording import SIGMAS_95
+from fwav_companion.tools.report.wording import SIGMAS_95, spaced
 
 
 class ClockSample(msgspec.Struct, frozen=True):
@@ -180,12 +180,24 @@ def flight_data(
         refused_detections=refused_detections(sightings, dropped),
         picture=picture,
         hidden=dict(hidden or {}),
-        notes=list(notes),
+        notes=[*notes, *_terrain_notes(summary)],
         moving=header["config"].get("tracking", {}).get("motion") == "moving",
         calibration=calibration,
         calibrated_by=calibrated_by,
         planted=planted,
     )
+
+
+def _terrain_notes(summary: Line) -> list[str]:
+    """The shift of the elevation model that counts at the end; empty without one."""
+    shift = summary.get("terrain")
+    if shift is None:
+        return []
+    doubt = (
+        f", not confirmed: its sigma of {shift['sigma_m']:.1f} m is in every claim" if shift["sigma_m"] > 0.0 else ""
+    )
+    source = spaced(shift["source"])
+    return [f"The elevation model is shifted by {shift['shift_m']:+.1f} m to the take-off height by {source}{doubt}."]
 
 
 def _span(lines: Sequence[Line], unix_offset_s: float) -> tuple[float, float]:

@@ -39,6 +39,7 @@ REASONS = {
     "no_gimbal": "No attitude of the gimbal was close enough to the capture time.",
     "stale_gimbal": "The newest attitude of the gimbal was too old.",
     "no_position": "No position of the vehicle was close enough to the capture time.",
+    "no_pose": "The picture has no row in the file of poses.",
     "outside_lens": "The pixel is outside the calibrated range of the lens.",
     "above_horizon": "The line of sight does not meet the ground.",
     "too_shallow": "The line of sight is so flat that small angle errors move the point far.",

@@ -44,24 +44,24 @@ class StaticTargetState(StandingTargetState, frozen=True, kw_only=True):
 
     def update(self, fix: GroundFix) -> Self:
         """The state after a fix of this instant."""
+        since_s = s_from_ns(fix.sighting.frame_host_ns - self.fixed_ns)
+        return self.under(self.model.wander_at(fix))._updated(fix, since_s)
+
+    def _updated(self, fix: GroundFix, since_s: float) -> Self:
         errors, host_ns = self.model.errors, fix.sighting.frame_host_ns
-        since_s = s_from_ns(host_ns - self.fixed_ns)
         point, measurement = self._measured(fix, since_s)
         freed, before, innovation = self._freed(measurement, host_ns, since_s)
         apparent = before.update(innovation, before.kalman_gain(innovation))
-        wandering, placed_ns = freed.placed(apparent, host_ns)
+        placed = freed.placed(apparent, measurement, host_ns)
         by_delay = errors.by_delay(measurement)
         return replace(
-            self,
+            placed,
             apparent=apparent,
             predicted=None,
-            wandering=wandering,
             down=self.down.update(measurement),
             scatter=scattered(before, self.scatter, errors.prepared(fix), errors.timed),
             point=point.moved(apparent.north_m - before.north_m, apparent.east_m - before.east_m),
             now=relative_estimate(before, innovation.alone(before, fix.noise_cov), errors.position_noise_m2, by_delay),
-            jump=freed.jump,
-            placed_ns=placed_ns,
             fixed_ns=host_ns,
             host_ns=host_ns,
         )
@@ -110,11 +110,12 @@ class StaticKalman:
         model, host_ns = self._model, fix.sighting.frame_host_ns
         measurement = model.errors.with_sensitivity_noise(model.errors.prepared(fix), FIRST_SENSITIVITY_S)
         height_m = fix.position_ned[2] - fix.sighting.camera_ned[2]
-        apparent = first_point_estimate(measurement)
+        apparent, wander = first_point_estimate(measurement), model.wander_at(fix)
         return StaticTargetState(
             model=model,
+            wander=wander,
             apparent=apparent,
-            wandering=first_place(apparent, model.wander) if model.wander.sigma_m > 0.0 else None,
+            wandering=first_place(apparent, wander) if wander.sigma_m > 0.0 else None,
             down=first_down(measurement),
             point=first_point(height_m, model.errors.height_noise_m),
             first_ns=host_ns,

@@ -36,7 +36,10 @@ class LowPassTargetState(StandingTargetState, frozen=True, kw_only=True):
             entering, waiting = sample, None
         state = self if entering is None else self._step(entering, self.filter.share(since_s), host_ns)
         scatter = scattered(self.apparent, self.scatter, errors.prepared(fix), errors.timed)
-        return replace(state, predicted=None, scatter=scatter, fixed_ns=host_ns, host_ns=host_ns, waiting=waiting)
+        wander = self.model.wander_at(fix)
+        return replace(
+            state, wander=wander, predicted=None, scatter=scatter, fixed_ns=host_ns, host_ns=host_ns, waiting=waiting
+        )
 
     def _step(self, sample: Measurement, share: float, host_ns: HostNs) -> Self:
         """One blend. What of the position error is in u is in it as it was when its samples came."""
@@ -47,7 +50,7 @@ class LowPassTargetState(StandingTargetState, frozen=True, kw_only=True):
     @property
     def _place(self) -> PointEstimate:
         """U with the whole prior of the position error: a low-pass of less than a second averages none of it."""
-        variance = self.model.wander.sigma_m**2
+        variance = self.wander.sigma_m**2
         return self.apparent.with_noise((variance, 0.0, variance))
 
 
@@ -73,6 +76,7 @@ class LowPass:
         sample = model.errors.prepared(fix)
         return LowPassTargetState(
             model=model,
+            wander=model.wander_at(fix),
             apparent=first_point_estimate(sample),
             down=first_down(sample),
             first_ns=host_ns,

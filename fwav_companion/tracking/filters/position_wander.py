@@ -1,17 +1,23 @@
 """The target's place, and the error of the vehicle's position, from the apparent place that fixes show.
 
-The apparent place is the place plus the present error of the vehicle's position. That error is a critically damped
-second-order Gauss-Markov process (Gelb 1974, ch. 2): receivers' errors move smoothly. A first-order process with the
-same sigma and time constant would move by 0.18 m within a second (1 m, 60 s), this one by 0.03 m. Its correlation is
-``sigma^2 (1 + w t) exp(-w t)``; the integral is that of a first-order process with the time constant ``2 / w``.
+The apparent place is the place plus the present error of the vehicle's position. That error is a sum of critically
+damped second-order Gauss-Markov processes (Gelb 1974, ch. 2): receivers' errors move smoothly. A first-order process
+with the same sigma and time constant would move by 0.18 m within a second (1 m, 60 s), this one by 0.03 m. Its
+correlation is ``sigma^2 (1 + w t) exp(-w t)``; the integral is that of a first-order process with the time constant
+``2 / w``.
 
-The apparent place is filtered at every fix; place, error and rate once a second, as one scalar Kalman filter for both
+Where the time constant is not known, the error is a sum of several: the mean of their correlations is the correlation
+of an error whose time constant is drawn among them, so that the claim holds in the mean over receivers.
+
+The apparent place is filtered at every fix; place, errors and rates once a second, as one scalar Kalman filter for both
 axes: the wander is the same along each, and what fixes do not show equally along both is small beside it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import exp, inf, sqrt
+from typing import TypeAlias
 
 import msgspec
 
@@ -22,14 +28,22 @@ from fwav_companion.tracking.filters.schmidt_kalman import PointEstimate
 STEP_S = 1.0
 """Least interval of an update: within it the error of 1 m over 60 s moves by 0.03 m."""
 
+Column: TypeAlias = tuple[float, ...]
+"""One number for each state: the place, then error and rate of each process."""
+
 
 class PositionWander(msgspec.Struct, frozen=True, gc=False):
-    """The process of each horizontal axis."""
+    """The error of each horizontal axis: processes of equal variance."""
 
     sigma_m: float
     """One sigma of the error; 0: the position is exact."""
-    rate: float
-    """Angular frequency w, 1/s; 0: the error is constant."""
+    rates: tuple[float, ...]
+    """Angular frequency w of each process, 1/s; 0: that part of the error is constant."""
+
+    @property
+    def variance_each(self) -> float:
+        """Variance of each process, m^2."""
+        return self.sigma_m**2 / len(self.rates)
 
     def apparent_noise(self, interval_s: float, variance: float) -> float:
         """Variance by which the apparent place moves within an interval, each axis, m^2; ``variance``: its own before.
@@ -39,115 +53,148 @@ class PositionWander(msgspec.Struct, frozen=True, gc=False):
         """
         if self.sigma_m == 0.0:
             return 0.0
-        turn = self.rate * interval_s
-        moved = 2.0 * self.sigma_m**2 * (1.0 - (1.0 + turn) * exp(-turn))
-        return max(moved, self.rate * self.sigma_m * sqrt(variance) * interval_s)
+        turns = [rate * interval_s for rate in self.rates]
+        moved = 2.0 * self.variance_each * sum(1.0 - (1.0 + turn) * exp(-turn) for turn in turns)
+        rate = sqrt(sum(rate * rate for rate in self.rates) / len(self.rates))
+        return max(moved, rate * self.sigma_m * sqrt(variance) * interval_s)
 
 
-def position_wander(sigma_m: float, time_constant_s: float) -> PositionWander:
-    """The process with this sigma and the integral time of a first-order process with this time constant."""
-    return PositionWander(sigma_m, 2.0 / time_constant_s if 0.0 < time_constant_s < inf else 0.0)
+def position_wander(sigma_m: float, time_constants_s: Sequence[float]) -> PositionWander:
+    """The error with this sigma, each process with the integral time of a first-order one with its time constant."""
+    return PositionWander(sigma_m, tuple(2.0 / time_s if 0.0 < time_s < inf else 0.0 for time_s in time_constants_s))
 
 
 class WanderingPlace(msgspec.Struct, frozen=True, gc=False):
-    """Place, error of the vehicle's position and its rate; north and east of each, with one covariance for both."""
+    """Place, errors of the vehicle's position and their rates; north and east of each, one covariance for both axes."""
 
-    place: tuple[float, float]
-    error: tuple[float, float]
-    rate: tuple[float, float]
-    place_variance: float
-    place_error: float
-    place_rate: float
-    error_variance: float
-    error_rate: float
-    rate_variance: float
-    shared: tuple[Row, Row]
-    """cov(place error, b / sigma), metres: north and east."""
-    error_shared: tuple[Row, Row]
-    rate_shared: tuple[Row, Row]
+    north: Column
+    east: Column
+    cov: tuple[Column, ...]
+    shared: tuple[tuple[Row, ...], tuple[Row, ...]]
+    """cov(state, b / sigma): the rows of all states for north, and those for east."""
 
     @property
     def estimate(self) -> PointEstimate:
         """The place with its covariance."""
-        noise: Symmetric2 = (self.place_variance, 0.0, self.place_variance)
-        return PointEstimate(self.place[0], self.place[1], noise, self.shared)
+        noise: Symmetric2 = (self.cov[0][0], 0.0, self.cov[0][0])
+        return PointEstimate(self.north[0], self.east[0], noise, (self.shared[0][0], self.shared[1][0]))
 
     def update(self, apparent: PointEstimate, wander: PositionWander, interval_s: float) -> WanderingPlace:
         """The state after the apparent place ``interval_s`` after the last one."""
-        w, s2 = wander.rate, wander.sigma_m**2
-        decay = exp(-w * interval_s)
-        ee, er = decay * (1.0 + w * interval_s), decay * interval_s
-        re, rr = -decay * w * w * interval_s, decay * (1.0 - w * interval_s)
-        r2 = w * w * s2
-        # Transition of the covariance; the process noise is stationary minus what is left of it.
-        tt = self.place_variance
-        te = ee * self.place_error + er * self.place_rate
-        tr = re * self.place_error + rr * self.place_rate
-        pp, pr, vv = self.error_variance - s2, self.error_rate, self.rate_variance - r2
-        error = ee * ee * pp + 2.0 * ee * er * pr + er * er * vv + s2
-        cross = ee * re * pp + (ee * rr + er * re) * pr + er * rr * vv
-        rate = re * re * pp + 2.0 * re * rr * pr + rr * rr * vv + r2
+        steps = [_step(rate, interval_s) for rate in wander.rates]
+        cov = _predicted(self.cov, steps, wander)
+        by_apparent = [row[0] + sum(row[1::2]) for row in cov]
         # What the biases do changes with the geometry, too: taken for wander it would be extrapolated.
         north_variance, _, east_variance = apparent.cov
         noise = 0.5 * (north_variance + east_variance)
-        by_place, by_error, by_rate = tt + te, te + error, tr + cross
-        scale = 1.0 / (by_place + by_error + noise)
-        k_place, k_error, k_rate = by_place * scale, by_error * scale, by_rate * scale
-        values = zip((apparent.north_m, apparent.east_m), self.place, self.error, self.rate, strict=True)
-        north, east = (
-            _blended((a,), (t,), (ee * p + er * v,), (re * p + rr * v,), gains=(k_place, k_error, k_rate))
-            for a, t, p, v in values
-        )
-        rows = []
-        for own, t, p, v in zip(apparent.shared, self.shared, self.error_shared, self.rate_shared, strict=True):
-            moved_p = tuple([ee * x + er * y for x, y in zip(p, v, strict=True)])
-            moved_v = tuple([re * x + rr * y for x, y in zip(p, v, strict=True)])
-            rows.append(_blended(own, t, moved_p, moved_v, gains=(k_place, k_error, k_rate)))
-        (shared_n, error_n, rate_n), (shared_e, error_e, rate_e) = rows
+        scale = 1.0 / (by_apparent[0] + sum(by_apparent[1::2]) + noise)
+        gains = [each * scale for each in by_apparent]
+        rows = zip(apparent.shared, self.shared, strict=True)
+        north, east = (_blended_rows(own, _moved_rows(of, steps), gains) for own, of in rows)
         return WanderingPlace(
-            place=(north[0][0], east[0][0]),
-            error=(north[1][0], east[1][0]),
-            rate=(north[2][0], east[2][0]),
-            place_variance=tt - k_place * by_place,
-            place_error=te - k_place * by_error,
-            place_rate=tr - k_place * by_rate,
-            error_variance=error - k_error * by_error,
-            error_rate=cross - k_error * by_rate,
-            rate_variance=rate - k_rate * by_rate,
-            shared=(shared_n, shared_e),
-            error_shared=(error_n, error_e),
-            rate_shared=(rate_n, rate_e),
+            north=_blended(apparent.north_m, _moved(self.north, steps), gains),
+            east=_blended(apparent.east_m, _moved(self.east, steps), gains),
+            cov=tuple(
+                tuple([p - gain * other for p, other in zip(row, by_apparent, strict=True)])
+                for row, gain in zip(cov, gains, strict=True)
+            ),
+            shared=(north, east),
         )
 
     def with_jump(self, variance: float) -> WanderingPlace:
         """The state with the error free to have moved by ``variance``, m^2."""
-        return msgspec.structs.replace(self, error_variance=self.error_variance + variance)
+        place, error, *others = self.cov
+        return msgspec.structs.replace(self, cov=(place, (error[0], error[1] + variance, *error[2:]), *others))
+
+    def with_fresh_error(self, wander: PositionWander) -> WanderingPlace:
+        """The state with an error of which nothing is known but the processes."""
+        count, place_variance = 1 + 2 * len(wander.rates), self.cov[0][0]
+        variances = (place_variance, *_prior_variances(wander))
+        nothing = (0.0,) * len(self.shared[0][0])
+        return WanderingPlace(
+            north=(self.north[0], *(0.0,) * (count - 1)),
+            east=(self.east[0], *(0.0,) * (count - 1)),
+            cov=tuple(tuple(variances[i] if i == j else 0.0 for j in range(count)) for i in range(count)),
+            shared=(
+                (self.shared[0][0], *(nothing,) * (count - 1)),
+                (self.shared[1][0], *(nothing,) * (count - 1)),
+            ),
+        )
 
 
 def first_place(apparent: PointEstimate, wander: PositionWander) -> WanderingPlace:
     """The state by one apparent place: the place there, and the error at its prior."""
-    variance = wander.sigma_m**2
-    none = (0.0,) * len(apparent.shared[0])
+    others, each = 2 * len(wander.rates), wander.variance_each
+    nothing = (0.0,) * len(apparent.shared[0])
+    variances = _prior_variances(wander)
+    by_place = tuple(-each if i % 2 == 0 else 0.0 for i in range(others))
+    total = 0.5 * (apparent.noise[0] + apparent.noise[2]) + wander.sigma_m**2
+    rest = tuple((by_place[i], *(variances[i] if i == j else 0.0 for j in range(others))) for i in range(others))
     return WanderingPlace(
-        place=(apparent.north_m, apparent.east_m),
-        error=(0.0, 0.0),
-        rate=(0.0, 0.0),
-        place_variance=0.5 * (apparent.noise[0] + apparent.noise[2]) + variance,
-        place_error=-variance,
-        place_rate=0.0,
-        error_variance=variance,
-        error_rate=0.0,
-        rate_variance=variance * wander.rate**2,
-        shared=apparent.shared,
-        error_shared=(none, none),
-        rate_shared=(none, none),
+        north=(apparent.north_m, *(0.0,) * others),
+        east=(apparent.east_m, *(0.0,) * others),
+        cov=((total, *by_place), *rest),
+        shared=((apparent.shared[0], *(nothing,) * others), (apparent.shared[1], *(nothing,) * others)),
     )
 
 
-def _blended(apparent: Row, place: Row, error: Row, rate: Row, *, gains: tuple[float, float, float]) -> tuple[Row, ...]:
-    """Place, error and rate after the apparent place by these gains; values and rows of C alike."""
-    off = [a - t - p for a, t, p in zip(apparent, place, error, strict=True)]
+Step: TypeAlias = tuple[float, float, float, float]
+"""Transition of one process: error by error and rate, rate by error and rate."""
+
+
+def _step(rate: float, interval_s: float) -> Step:
+    decay = exp(-rate * interval_s)
+    return (
+        decay * (1.0 + rate * interval_s),
+        decay * interval_s,
+        -decay * rate * rate * interval_s,
+        decay * (1.0 - rate * interval_s),
+    )
+
+
+def _prior_variances(wander: PositionWander) -> tuple[float, ...]:
+    """Variances of error and rate of each process."""
+    each = wander.variance_each
+    return tuple(variance for rate in wander.rates for variance in (each, each * rate * rate))
+
+
+def _moved(column: Sequence[float], steps: Sequence[Step]) -> Column:
+    """The transition applied to one column."""
+    moved = [column[0]]
+    for i, (ee, er, re, rr) in enumerate(steps):
+        error, rate = column[2 * i + 1], column[2 * i + 2]
+        moved += (ee * error + er * rate, re * error + rr * rate)
+    return tuple(moved)
+
+
+def _moved_rows(rows: tuple[Row, ...], steps: Sequence[Step]) -> tuple[Row, ...]:
+    """The transition applied to the rows of C."""
+    moved = [rows[0]]
+    for i, (ee, er, re, rr) in enumerate(steps):
+        both = list(zip(rows[2 * i + 1], rows[2 * i + 2], strict=True))
+        moved += (tuple([ee * x + er * y for x, y in both]), tuple([re * x + rr * y for x, y in both]))
+    return tuple(moved)
+
+
+def _predicted(cov: tuple[Column, ...], steps: Sequence[Step], wander: PositionWander) -> list[Column]:
+    """The predicted covariance: ``F (P - S) F' + S``, with S that of the stationary processes."""
+    variances = (0.0, *_prior_variances(wander))
+    rest = [[p - (variances[i] if i == j else 0.0) for j, p in enumerate(row)] for i, row in enumerate(cov)]
+    half = [_moved(row, steps) for row in rest]
+    moved = [_moved(column, steps) for column in zip(*half, strict=True)]
+    return [tuple([p + (variances[i] if i == j else 0.0) for j, p in enumerate(row)]) for i, row in enumerate(moved)]
+
+
+def _blended(apparent: float, column: Column, gains: Sequence[float]) -> Column:
+    """The states of one axis after the apparent place by these gains."""
+    off = apparent - column[0] - sum(column[1::2])
+    return tuple([x + gain * off for x, gain in zip(column, gains, strict=True)])
+
+
+def _blended_rows(apparent: Row, rows: tuple[Row, ...], gains: Sequence[float]) -> tuple[Row, ...]:
+    """The same of the rows of C."""
+    shown = [rows[0], *rows[1::2]]
+    off = [a - sum(each) for a, each in zip(apparent, zip(*shown, strict=True), strict=True)]
     return tuple(
-        tuple([x + gain * o for x, o in zip(row, off, strict=True)])
-        for row, gain in zip((place, error, rate), gains, strict=True)
+        tuple([x + gain * o for x, o in zip(row, off, strict=True)]) for row, gain in zip(rows, gains, strict=True)
     )

@@ -12,34 +12,61 @@ from fwav_companion.geometry.small_matrices import inner
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.tracking.filters.adaptive_noise import AdaptiveNoise
-from fwav_companion.tracking.filters.consider_biases import ConsiderBiases
-from fwav_companion.tracking.filters.position_wander import STEP_S, WanderingPlace, first_place, position_wander
-from fwav_companion.tracking.filters.schmidt_kalman import DownEstimate, PointEstimate, gate_result
+from fwav_companion.tracking.filters.consider_biases import ConsiderBiases, Measurement
+from fwav_companion.tracking.filters.position_wander import (
+    STEP_S,
+    PositionWander,
+    WanderingPlace,
+    first_place,
+    position_wander,
+)
+from fwav_companion.tracking.filters.schmidt_kalman import (
+    DownEstimate,
+    PointEstimate,
+    first_point_estimate,
+    gate_result,
+)
 from fwav_companion.types import Bias, ErrorPriors, GroundFix
 from fwav_companion.types.tracks import GateResult, GateShare
+
+FRESH_SHARE = 0.5
+"""Sigma of a receiver over its earlier one, at which its error is a new one: it has found another solution."""
 
 
 class StandingModel:
     """What all standing targets share: biases, and the wander of the vehicle's position. Immutable."""
 
-    __slots__ = ("errors", "wander")
+    __slots__ = ("_times_s", "errors", "wander")
 
     def __init__(self, priors: ErrorPriors) -> None:
         self.errors = ConsiderBiases(priors, wandering=False)
         north, east = priors.sigma(Bias.POSITION_NORTH), priors.sigma(Bias.POSITION_EAST)
-        self.wander = position_wander(sqrt(0.5 * (north * north + east * east)), priors.position_bias_time_s)
+        self._times_s = priors.position_times_s
+        self.wander = position_wander(sqrt(0.5 * (north * north + east * east)), self._times_s)
+
+    def wander_at(self, fix: GroundFix) -> PositionWander:
+        """The wander by the receiver's own word at this fix, else the configured one."""
+        sigma_m = fix.sighting.state.position_bias_m
+        if sigma_m is None or sigma_m == self.wander.sigma_m or self.wander.sigma_m == 0.0:
+            return self.wander
+        return position_wander(sigma_m, self._times_s)
 
 
 class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True):
     """One standing target. A subclass updates it."""
 
     model: StandingModel
+    wander: PositionWander
+    """Wander of the vehicle's position at the last fix."""
     apparent: PointEstimate
     """The place plus the present error of the vehicle's position: what single fixes agree with now."""
     predicted: PointEstimate | None = None
     """The same at ``host_ns``; None at the last fix."""
     wandering: WanderingPlace | None = None
     """The place apart from that error; None where positions are exact."""
+    fresh: PointEstimate | None = None
+    """Mean of the fixes since ``placed_ns``, by which the place is updated next; None before the first. The apparent
+    place would not do: what it is now it was a second before, and it would count again."""
     down: DownEstimate
     scatter: AdaptiveNoise = AdaptiveNoise()
     """Scatter of single fixes beyond their noise."""
@@ -117,19 +144,43 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True):
     def before(self, host_ns: HostNs) -> PointEstimate:
         """The apparent place predicted to an instant: the error of the vehicle's position has wandered on."""
         nn, _, ee = self.apparent.noise
-        more = self.model.wander.apparent_noise(s_from_ns(host_ns - self.fixed_ns), 0.5 * (nn + ee))
+        more = self.wander.apparent_noise(s_from_ns(host_ns - self.fixed_ns), 0.5 * (nn + ee))
         return self.apparent if more == 0.0 else self.apparent.with_noise((more, 0.0, more))
 
-    def placed(self, apparent: PointEstimate, host_ns: HostNs) -> tuple[WanderingPlace | None, HostNs]:
-        """The place by the newest apparent one, and its instant. Within the first second it is that one."""
-        wander, since_s = self.model.wander, s_from_ns(host_ns - self.placed_ns)
+    def under(self, wander: PositionWander) -> Self:
+        """The state by a receiver of another accuracy.
+
+        A better one has an error of its own, of which the old one shows nothing. A worse one's error grows from the
+        present one, as the process does.
+        """
+        if wander == self.wander:
+            return self
+        state = replace(self, wander=wander)
+        if self.wandering is None or not wander.sigma_m <= FRESH_SHARE * self.wander.sigma_m:
+            return state
+        variance, place = wander.sigma_m**2, self.wandering.estimate
+        apparent = place.with_noise((variance, 0.0, variance))
+        return replace(
+            state, apparent=apparent, predicted=None, fresh=None, wandering=self.wandering.with_fresh_error(wander)
+        )
+
+    def placed(self, apparent: PointEstimate, measurement: Measurement, host_ns: HostNs) -> Self:
+        """The state with the place by its newest fix. Within the first second the place is the apparent one."""
         if self.wandering is None:
-            return None, host_ns
+            return replace(self, placed_ns=host_ns)
         if s_from_ns(host_ns - self.first_ns) < STEP_S:
-            return first_place(apparent, wander), host_ns
+            return replace(self, wandering=first_place(apparent, self.wander), placed_ns=host_ns)
+        fresh = self.fresh
+        if fresh is None:
+            fresh = first_point_estimate(measurement)
+        else:
+            innovation = fresh.innovation(measurement)
+            fresh = fresh.update(innovation, fresh.kalman_gain(innovation))
+        since_s = s_from_ns(host_ns - self.placed_ns)
         if since_s < STEP_S:
-            return self.wandering, self.placed_ns
-        return self.wandering.update(apparent, wander, since_s), host_ns
+            return replace(self, fresh=fresh)
+        wandering = self.wandering.update(fresh, self.wander, since_s)
+        return replace(self, wandering=wandering, fresh=None, placed_ns=host_ns)
 
 
 def with_down(place: PointEstimate, down: DownEstimate) -> Matrix3:

@@ -161,3 +161,16 @@ def test_innovations_are_drawn_north_and_east():
     assert len(north) == len(east) == 60
     middle = (max(north) + min(north)) / 2
     assert {round(y - middle, 1) for y in east} == {round((max(north) - middle) / 2, 1)}
+
+
+@pytest.mark.parametrize(
+    ("sigma_m", "source", "said"),
+    [
+        (0.0, "home_position", "shifted by +3.2 m to the take-off height by home position."),
+        (3.2, "arming", "shifted by +3.2 m to the take-off height by arming, not confirmed: its sigma of 3.2 m"),
+    ],
+)
+def test_a_shift_of_the_elevation_model_is_named(sigma_m, source, said):
+    shift = {"shift_m": 3.2, "sigma_m": sigma_m, "source": source}
+    lines = [header(origin=ORIGIN), *approach([0.1, 0.2]), summary(terrain=shift)]
+    assert said in page(flight_data(lines, title="a"), diagnostics(lines))

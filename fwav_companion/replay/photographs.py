@@ -1,0 +1,277 @@
+"""Replays photographs that have their own poses: each frame is paired with the pose of its picture. PURE.
+
+There is no autopilot: the camera's pose takes the place of the vehicle's state, and ``time_boot`` is null.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Iterator, Sequence
+from math import degrees, hypot, sqrt
+
+import msgspec
+
+from fwav_companion import __version__
+from fwav_companion.camera import Calibration
+from fwav_companion.config import Config, MountConfig
+from fwav_companion.errors import ConfigError
+from fwav_companion.geometry.earth import Geodetic, TangentPlane
+from fwav_companion.geometry.stamps import BootNs, HostNs
+from fwav_companion.geometry.vectors import ZERO3
+from fwav_companion.localization import ElevationTile
+from fwav_companion.pipeline.camera_pipeline import CameraPipeline
+from fwav_companion.pipeline.pipeline_factory import make_camera
+from fwav_companion.pipeline.target_log import TargetLog
+from fwav_companion.recording.lines import Line
+from fwav_companion.recording.photograph_poses import SAME_TIME_S, PhotographPose
+from fwav_companion.recording.truth import TruthPoint
+from fwav_companion.recording.truth_errors import ErrorTally
+from fwav_companion.replay.recorded import SkippedLine, read_frames
+from fwav_companion.tracking.filters.base import Filter
+from fwav_companion.types import (
+    ClockEstimate,
+    ClockStatus,
+    Frame,
+    NoFrame,
+    Reason,
+    TakeOff,
+    TakeOffSource,
+    Unpaired,
+    VehicleState,
+)
+from fwav_companion.vision.wall_clock import RecordingClock
+
+GROUNDS = ("fixed", "terrain")
+
+
+class Photographs(msgspec.Struct, frozen=True):
+    """Photographs with poses and detections. Host clock and autopilot clock are Unix time."""
+
+    poses: Sequence[PhotographPose]
+    frames: Sequence[Frame | NoFrame]
+    """The lines of the detections: frames in the order of their stamps, then lines that are not frames."""
+    skipped_lines: Sequence[SkippedLine] = ()
+    """Lines of the detections that are not frames."""
+    notes: Sequence[str] = ()
+    """Warnings to the user."""
+
+
+def join_photographs(poses: Sequence[PhotographPose], detections: bytes) -> Photographs:
+    """Poses and detections of the same pictures."""
+    entries, _, skipped = read_frames(detections, RecordingClock())
+    frames = sorted((entry for entry in entries if isinstance(entry, Frame)), key=lambda frame: frame.stamp_ns)
+    rejected = [entry for entry in entries if isinstance(entry, NoFrame)]
+    source = PhotographSource(poses, Geodetic(0.0, 0.0, 0.0))
+    without = sum(source.pose_of(frame) is None for frame in frames)
+    notes = [f"{without} of {len(frames)} pictures in the detections have no pose in it"] if without else []
+    return Photographs(poses, [*frames, *rejected], skipped, notes)
+
+
+def replay_photographs(
+    photographs: Photographs,
+    config: Config,
+    calibration: Calibration,
+    *,
+    elevation: Sequence[ElevationTile] = (),
+    own_filter: Filter | None = None,
+    sightings: bool = False,
+    truth: Sequence[TruthPoint] = (),
+) -> Iterator[Line]:
+    """The lines of a targets file, header first, summary last. With truth the summary has ``errors``."""
+    origin = _origin(photographs.poses, config)
+    source = PhotographSource(photographs.poses, origin, config)
+    config = _config_for(photographs.poses, config)
+    log = TargetLog(__version__, config.as_builtins(), 0)
+    log.begin(origin)
+    camera = make_camera(
+        config, calibration, source, log, elevation=elevation, own_filter=own_filter, sightings=sightings
+    )
+    camera.placed(source.plane, TakeOff(origin, TakeOffSource.POSES), None)
+    tally = ErrorTally(truth) if truth else None
+    for line in _lines(photographs.frames, source, camera, log):
+        if tally is not None:
+            tally.add(line)
+            if line["type"] == "summary":
+                yield {**line, "errors": tally.summary()}
+                continue
+        yield {**line, "time_boot": None} if "time_boot" in line else line
+
+
+def _lines(
+    frames: Sequence[Frame | NoFrame], source: PhotographSource, camera: CameraPipeline, log: TargetLog
+) -> Iterator[Line]:
+    now = HostNs(0)
+    for frame in frames:
+        if isinstance(frame, NoFrame):
+            log.drop_frames(frame.reason)
+            continue
+        now = HostNs(max(now, frame.stamp_ns))
+        log.settle(camera.settle(now), source.plane)
+        source.take(frame)
+        camera.on_frame(msgspec.structs.replace(frame, arrival_ns=None), now)
+        camera.take_ready(now)
+        yield from log.take()
+    log.settle(camera.finish(now), source.plane)
+    log.write(log.summary())
+    yield from log.take()
+
+
+def require_photograph_config(config: Config) -> None:
+    """ConfigError where the configuration needs an autopilot."""
+    ground = config.ground
+    if ground.model not in GROUNDS:
+        raise ConfigError(
+            f"{config.file}: [ground] model: {ground.model} needs telemetry, --poses has none; accepted: fixed, terrain"
+        )
+    if ground.model == "terrain" and not ground.terrain:
+        raise ConfigError(f"{config.file}: [ground] terrain: empty; accepted with --poses: elevation files")
+    if ground.model == "terrain" and ground.terrain_datum == "ellipsoid":
+        raise ConfigError(
+            f"{config.file}: [ground] terrain_datum: ellipsoid, but alt_amsl of --poses is above sea level; "
+            "accepted: egm96, egm2008"
+        )
+
+
+def _config_for(poses: Sequence[PhotographPose], config: Config) -> Config:
+    """The configuration of a camera that is its own carrier: without mount and lever arm, and by the poses' sigmas.
+
+    The least sigma of all rows is the bias that all pictures share. What a row has beyond it is its own
+    (:meth:`PhotographSource.take`), so that the claim of a single fix is that of its row.
+    """
+    least = _least_sigmas(poses, config)
+    by_rows: dict[str, float] = {"mount_bias_deg": 0.0, "lever_arm_sigma_m": 0.0}
+    if any(pose.position_sigma_m is not None for pose in poses):
+        by_rows |= {"position_bias_m": least[0], "position_noise_m": 0.0}
+    if any(pose.height_sigma_m is not None for pose in poses):
+        by_rows |= {"height_bias_m": least[1], "height_noise_m": 0.0}
+    if any(pose.attitude_sigma is not None for pose in poses):
+        angle = degrees(least[2])
+        by_rows |= {"attitude_bias_deg": angle, "heading_bias_deg": angle, "attitude_noise_deg": 0.0}
+    replace = msgspec.structs.replace
+    return replace(
+        config,
+        camera=replace(config.camera, mount=MountConfig(pitch_deg=0.0)),
+        uncertainty=replace(config.uncertainty, **by_rows),
+        tracking=replace(config.tracking, self_calibration=False),
+    )
+
+
+def _least_sigmas(poses: Sequence[PhotographPose], config: Config) -> tuple[float, float, float]:
+    """The least sigma of position, height and attitude over all pictures, metres and radians."""
+    rows = [_sigmas(pose, config) for pose in poses]
+    position, height, attitude = (min(column) for column in zip(*rows, strict=True))
+    return position, height, attitude
+
+
+def _sigmas(pose: PhotographPose, config: Config) -> tuple[float, float, float]:
+    """One sigma of position, height and attitude of a picture: its row's, else noise and bias of the configuration."""
+    given = config.uncertainty
+    attitude_deg = hypot(max(given.attitude_bias_deg, given.heading_bias_deg), given.attitude_noise_deg)
+    by_config = (
+        hypot(given.position_sigma_m, given.position_noise_m),
+        hypot(given.height_bias_m, given.height_noise_m),
+        attitude_deg / degrees(1.0),
+    )
+    of_row = (pose.position_sigma_m, pose.height_sigma_m, pose.attitude_sigma)
+    position, height, attitude = (b if own is None else own for own, b in zip(of_row, by_config, strict=True))
+    return position, height, attitude
+
+
+def _origin(poses: Sequence[PhotographPose], config: Config) -> Geodetic:
+    """The origin: the ground below the first picture of the file; on an elevation model that picture's own place."""
+    place = poses[0].place
+    below_m = config.ground.height_m if config.ground.model == "fixed" else 0.0
+    return msgspec.structs.replace(place, alt_amsl_m=place.alt_amsl_m - below_m)
+
+
+class UnixClock:
+    """Host clock and autopilot clock that are one."""
+
+    def host_from_boot(self, boot_ns: BootNs) -> HostNs | Unpaired:
+        """The same instant."""
+        return HostNs(boot_ns)
+
+    def boot_from_host(self, host_ns: HostNs) -> BootNs | Unpaired:
+        """The same instant."""
+        return BootNs(host_ns)
+
+    def estimate(self, now: HostNs) -> ClockEstimate:
+        """An exact offset of 0."""
+        return ClockEstimate(
+            at_ns=now,
+            host_from_autopilot_ns=0,
+            skew=0.0,
+            sigma_s=0.0,
+            bound_s=0.0,
+            round_trip_s=None,
+            status=ClockStatus.SETTLED,
+        )
+
+    def rate_at(self, host_ns: HostNs) -> float:  # noqa: ARG002
+        """1: the two are one."""
+        return 1.0
+
+
+class PoseWorld:
+    """The local frame about the origin."""
+
+    relative: bool | None = False
+
+
+class PhotographSource:
+    """Source of the camera's state: the pose of the picture that was taken up last."""
+
+    def __init__(self, poses: Sequence[PhotographPose], origin: Geodetic, config: Config | None = None) -> None:
+        """``config``: without one the poses are only looked up."""
+        self.clock = UnixClock()
+        self.world = PoseWorld()
+        self.plane = TangentPlane(origin)
+        self._by_frame = {pose.frame: pose for pose in poses if pose.frame is not None}
+        timed = [(pose.time_unix, pose) for pose in poses if pose.frame is None and pose.time_unix is not None]
+        self._timed = sorted(timed, key=lambda each: each[0])
+        self._config = config
+        self._least = (0.0, 0.0, 0.0) if config is None else _least_sigmas(poses, config)
+        self._pose: PhotographPose | None = None
+
+    def pose_of(self, frame: Frame) -> PhotographPose | None:
+        """The pose of a frame: by its number, else by its time."""
+        if frame.number in self._by_frame:
+            return self._by_frame[frame.number]
+        time_s = frame.stamp_ns * 1e-9
+        after = bisect_left(self._timed, time_s, key=lambda each: each[0])
+        near = min(self._timed[max(0, after - 1) : after + 1], key=lambda each: abs(each[0] - time_s), default=None)
+        return near[1] if near is not None and abs(near[0] - time_s) <= SAME_TIME_S else None
+
+    def take(self, frame: Frame) -> None:
+        """Take the picture of this frame."""
+        self._pose = self.pose_of(frame)
+
+    def ready_for(self, boot_ns: BootNs) -> bool:  # noqa: ARG002
+        """True: a pose is complete."""
+        return True
+
+    def newest_state(self) -> VehicleState | Unpaired:
+        """NO_POSE: there is no vehicle now."""
+        return Unpaired(Reason.NO_POSE)
+
+    def state_at(self, boot_ns: BootNs) -> VehicleState | Unpaired:
+        """The camera of the picture, in every row of it."""
+        pose = self._pose
+        if pose is None or self._config is None:
+            return Unpaired(Reason.NO_POSE)
+        own = _sigmas(pose, self._config)
+        position, height, attitude = (
+            sqrt(max(0.0, sigma * sigma - shared * shared)) for sigma, shared in zip(own, self._least, strict=True)
+        )
+        return VehicleState(
+            boot_ns=boot_ns,
+            ned_from_body=pose.ned_from_carrier,
+            rates=ZERO3,
+            attitude_sigma=attitude,
+            gap_s=0.0,
+            position_ned=self.plane.ned_from_geodetic(pose.place),
+            velocity_ned=ZERO3,
+            position_sigma_m=position,
+            height_above_home_m=None,
+            height_sigma_m=height,
+        )

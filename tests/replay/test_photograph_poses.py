@@ -1,0 +1,234 @@
+"""`replay --poses`: photographs with poses of their own. The oracle is a pinhole camera and ECEF, in numpy."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from commands import run_command
+
+LENS = """
+image_width: 4000
+image_height: 3000
+distortion_model: plumb_bob
+camera_matrix: {rows: 3, cols: 3, data: [3000.0, 0, 2000.0, 0, 3000.0, 1500.0, 0, 0, 1]}
+distortion_coefficients: {rows: 1, cols: 5, data: [0, 0, 0, 0, 0]}
+"""
+FIXED = '[camera]\ncalibration = "camera.yaml"\nreadout_s = 0.0\n[ground]\nmodel = "fixed"\nheight_m = 60.0\n'
+TARGET = (48.137, 11.575, 519.0)
+BEGUN_S = 1_790_000_000.0
+COLUMNS = "frame,time_unix,lat,lon,alt_amsl,roll_deg,pitch_deg,yaw_deg"
+
+
+def ecef(lat_deg, lon_deg, height_m):
+    lat, lon = np.radians([lat_deg, lon_deg])
+    e2 = (2.0 - 1.0 / 298.257223563) / 298.257223563
+    n = 6378137.0 / np.sqrt(1.0 - e2 * np.sin(lat) ** 2)
+    flat = (n + height_m) * np.cos(lat)
+    return np.array([flat * np.cos(lon), flat * np.sin(lon), (n * (1.0 - e2) + height_m) * np.sin(lat)])
+
+
+def ned_axes(lat_deg, lon_deg):
+    lat, lon = np.radians([lat_deg, lon_deg])
+    north = [-np.sin(lat) * np.cos(lon), -np.sin(lat) * np.sin(lon), np.cos(lat)]
+    east = [-np.sin(lon), np.cos(lon), 0.0]
+    return np.array([north, east, np.cross(north, east)])
+
+
+def attitude(roll, pitch, yaw):
+    """Rz(yaw) Ry(pitch) Rx(roll)."""
+    (cr, cp, cy), (sr, sp, sy) = np.cos([roll, pitch, yaw]), np.sin([roll, pitch, yaw])
+    rz = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
+    ry = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+    rx = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    return rz @ ry @ rx
+
+
+def pixel(place, angles):
+    """The target's pixel: forward, right and down of the camera are the axes of its attitude."""
+    ned = ned_axes(*TARGET[:2]) @ (ecef(*TARGET) - ecef(*place))
+    forward, right, down = attitude(*angles).T @ ned
+    return 2000.0 + 3000.0 * right / forward, 1500.0 + 3000.0 * down / forward
+
+
+def moved(place, ned):
+    lat, lon, alt = place
+    return (
+        lat + np.degrees(ned[0] / 6.367e6),
+        lon + np.degrees(ned[1] / (6.3887e6 * np.cos(np.radians(lat)))),
+        alt - ned[2],
+    )
+
+
+def photographs(count, *, seed=1, sigmas=(0.0, 0.0, 0.0), height_m=60.0):
+    """(true and claimed pose) of each picture around the target, which is in all of them."""
+    draw = np.random.default_rng(seed)
+    position_m, height_sigma_m, angle = sigmas
+    for _ in range(count):
+        tilt, yaw = draw.uniform(0.0, 0.5), draw.uniform(-np.pi, np.pi)
+        away = height_m * np.tan(tilt)
+        place = moved(TARGET, (-away * np.cos(yaw), -away * np.sin(yaw), -height_m))
+        angles = np.array([draw.uniform(-0.1, 0.1), tilt - np.pi / 2, yaw])
+        error = draw.normal(size=3) * (position_m, position_m, height_sigma_m)
+        turn = attitude(*(draw.normal(size=3) * angle))
+        claimed = attitude(*angles) @ turn
+        euler = (
+            np.arctan2(claimed[2, 1], claimed[2, 2]),
+            -np.arcsin(claimed[2, 0]),
+            np.arctan2(claimed[1, 0], claimed[0, 0]),
+        )
+        yield (place, angles), (moved(place, error), euler)
+
+
+def written(folder, pictures, *, config=FIXED, by="frame", sigmas=""):
+    """Writes the files of a flight; returns the words that replay it."""
+    rows = [COLUMNS + (",position_sigma_m,height_sigma_m,attitude_sigma_deg" if sigmas else "")]
+    frames = []
+    for number, (truth, (place, angles)) in enumerate(pictures):
+        at = BEGUN_S + 8.0 * number
+        key = {"frame": f"{number},", "time": f",{at + 0.004:.3f}"}[by]
+        rows.append(f"{key},{place[0]:.9f},{place[1]:.9f},{place[2]:.3f},{_degrees(angles)}{sigmas}")
+        u, v = pixel(*truth)
+        frames.append(
+            {"time_unix": at, "frame": number, "detections": [{"u": u, "v": v, "sigma": 1.0, "label": "rock"}]}
+        )
+    (folder / "poses.csv").write_text("\n".join(rows) + "\n")
+    (folder / "d.jsonl").write_text("".join(json.dumps(frame) + "\n" for frame in frames))
+    (folder / "flight.toml").write_text(config)
+    (folder / "camera.yaml").write_text(LENS)
+    (folder / "truth.csv").write_text(f"label,lat,lon,alt_amsl\nrock,{TARGET[0]},{TARGET[1]},{TARGET[2]}\n")
+    words = ["--poses", "poses.csv", "--detections", "d.jsonl", "--config", "flight.toml"]
+    return ["replay", *words, "--out", "t.jsonl", "--truth", "truth.csv"]
+
+
+def _degrees(angles):
+    return ",".join(f"{angle:.6f}" for angle in np.degrees(angles))
+
+
+def lines_of(folder):
+    return [json.loads(line) for line in (folder / "t.jsonl").read_text().splitlines()]
+
+
+@pytest.mark.parametrize("by", ["frame", "time"])
+def test_exact_poses_give_exact_fixes(tmp_path, by):
+    done = run_command(*written(tmp_path, photographs(12), by=by), "--sightings", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    lines = lines_of(tmp_path)
+    assert lines[-1]["fixes"] == 12
+    assert lines[-1]["errors"]["fixes"]["all"]["rms_m"] < 0.01
+    timed = [line for line in lines if line["type"] in ("target", "sighting")]
+    assert len(timed) >= 24
+    assert all(line["time_boot"] is None for line in timed)
+    assert {line["state"] for line in timed if line["type"] == "target"} == {"tentative", "confirmed"}
+
+
+def test_the_claim_of_a_fix_is_that_of_its_row(tmp_path):
+    sigmas = (0.8, 0.5, np.radians(0.7))
+    config = FIXED.replace('"fixed"', '"terrain"').replace("height_m = 60.0", TERRAIN)
+    pictures = list(photographs(60, sigmas=sigmas))
+    words = written(tmp_path, pictures, config=config, sigmas=",0.8,0.5,0.7")
+    flat_model(tmp_path)
+    done = run_command(*words, "--set", "uncertainty.terrain_m=0.01", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    errors = lines_of(tmp_path)[-1]["errors"]["fixes"]["all"]
+    assert errors["samples"] == 60
+    assert 0.8 < errors["rms_m"] < 2.5
+    assert 1.3 < errors["nees"] < 2.8  # 2 +- 3 * 2 / sqrt(60)
+
+
+def test_a_row_with_a_worse_place_claims_less_and_the_others_stay(tmp_path):
+    pictures = list(photographs(4))
+    words = written(tmp_path, pictures, sigmas=",0.1,0.1,0.1")
+    run_command(*words, folder=tmp_path)
+    before = [line["fix"]["cov"] for line in lines_of(tmp_path) if line["type"] == "target" and line["fix"]]
+    rows = (tmp_path / "poses.csv").read_text().splitlines()
+    rows[2] = rows[2].replace(",0.1,0.1,0.1", ",5.0,0.1,0.1")
+    (tmp_path / "poses.csv").write_text("\n".join(rows))
+    run_command(*words, folder=tmp_path)
+    after = [line["fix"]["cov"] for line in lines_of(tmp_path) if line["type"] == "target" and line["fix"]]
+    assert np.trace(np.subtract(after[1], before[1])) == pytest.approx(2 * (5.0**2 - 0.1**2), rel=1e-6)
+    assert np.allclose(after[0], before[0])
+    assert np.allclose(after[2:], before[2:])
+
+
+TERRAIN = 'terrain = ["N48E011.hgt"]\nterrain_datum = "egm96"'
+
+
+def flat_model(folder):
+    np.full((1201, 1201), TARGET[2], dtype=">i2").tofile(folder / "N48E011.hgt")
+
+
+def test_an_elevation_model_is_not_moved(tmp_path):
+    config = FIXED.replace('"fixed"', '"terrain"').replace("height_m = 60.0", TERRAIN)
+    flat_model(tmp_path)
+    done = run_command(*written(tmp_path, photographs(8, height_m=80.0), config=config), folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    summary = lines_of(tmp_path)[-1]
+    assert summary["fixes"] == 8
+    assert summary["errors"]["fixes"]["all"]["rms_m"] < 0.01
+
+
+def test_the_report_is_written(tmp_path):
+    done = run_command(*written(tmp_path, photographs(6)), "--report", "r", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "r/report.html").stat().st_size > 10_000
+
+
+def test_a_picture_without_a_pose_is_named(tmp_path):
+    words = written(tmp_path, photographs(5))
+    rows = (tmp_path / "poses.csv").read_text().splitlines()
+    (tmp_path / "poses.csv").write_text("\n".join(rows[:-1]) + "\n")
+    done = run_command(*words, folder=tmp_path)
+    assert done.returncode == 0
+    assert "1 of 5 pictures" in done.stderr
+    assert lines_of(tmp_path)[-1]["dropped_detections"] == {"no_pose": 1}
+
+
+GOOD = "0,,48.1,11.5,579,0,-90,0"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "it has no pose"),
+        (f"{COLUMNS}\n", "it has no pose"),
+        (f"{COLUMNS}\n,,48.1,11.5,579,0,-90,0\n", "line 2: no frame and no time_unix"),
+        (f"{COLUMNS}\n{GOOD}\n1,,48.1,,579,0,-90,0\n", "line 3: no lon"),
+        (f"{COLUMNS}\n{GOOD}\n{GOOD}\n", "line 3: a second row for picture 0"),
+        (f"{COLUMNS}\n0,,148.1,11.5,579,0,-90,0\n", "line 2: lat 148.1"),
+        (f"{COLUMNS}\n0,,48.1,11.5,579,0,-900,0\n", "line 2: the angles"),
+        (f"{COLUMNS}\n0,,48.1,11.5,high,0,-90,0\n", "line 2: alt_amsl is 'high'"),
+        (f"{COLUMNS}\n0,,48.1,11.5,nan,0,-90,0\n", "line 2: alt_amsl is 'nan'"),
+        (f"{COLUMNS}\n0.5,,48.1,11.5,579,0,-90,0\n", "line 2: frame is '0.5'"),
+        (f"{COLUMNS},position_sigma_m\n{GOOD},-1\n", "line 2: position_sigma_m is -1"),
+        ("\x00\xff", "byte"),
+    ],
+)
+def test_a_bad_row_is_one_line_and_exit_2(tmp_path, text, said):
+    words = written(tmp_path, photographs(2))
+    (tmp_path / "poses.csv").write_bytes(text.encode("latin-1"))
+    done = run_command(*words, folder=tmp_path)
+    assert done.returncode == 2
+    assert len(done.stderr.splitlines()) == 1
+    assert re.search(f"poses.csv.*{re.escape(said)}.*accepted", done.stderr)
+
+
+@pytest.mark.parametrize(
+    ("config", "said"),
+    [
+        (FIXED.replace('"fixed"', '"home"'), r"\[ground\] model: home"),
+        (FIXED.replace('"fixed"', '"rangefinder"'), r"\[ground\] model: rangefinder"),
+        (FIXED.replace('"fixed"', '"terrain"\nterrain = ["a.hgt"]\nterrain_datum = "ellipsoid"'), "terrain_datum"),
+    ],
+)
+def test_a_ground_that_needs_an_autopilot_is_exit_2(tmp_path, config, said):
+    done = run_command(*written(tmp_path, photographs(2), config=config), folder=tmp_path)
+    assert done.returncode == 2
+    assert len(done.stderr.splitlines()) == 1
+    assert re.search(said, done.stderr)
+
+
+def test_poses_and_telemetry_together_are_exit_2(tmp_path):
+    done = run_command(*written(tmp_path, photographs(2)), "--telemetry", "a.tlog", folder=tmp_path)
+    assert done.returncode == 2
+    assert "--poses" in done.stderr
