@@ -114,7 +114,7 @@ def read_replay_inputs(arguments: argparse.Namespace) -> ReplayInputs:
 
 
 def _recorded_files(arguments: argparse.Namespace) -> list[Path]:
-    return [Path(name) for name in (*arguments.telemetry, *arguments.detections)]
+    return [Path(name) for name in (*(arguments.telemetry or ()), *(arguments.detections or ()))]
 
 
 def _spare_what_is_read(arguments: argparse.Namespace, config: Config) -> None:

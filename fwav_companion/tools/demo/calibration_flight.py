@@ -22,7 +22,7 @@ from fwav_companion.replay import Recording, join, replay
 from fwav_companion.replay.telemetry_files import load_telemetry
 from fwav_companion.service.configured_files import load_calibration
 from fwav_companion.tools.demo.flight import MOCK_MODULE
-from fwav_companion.tools.demo.flight_setup import CAMERA_FILE, CONFIG_FILE, PRIORS
+from fwav_companion.tools.demo.flight_setup import CAMERA_FILE, CONFIG_FILE, mock_priors
 from fwav_companion.tools.report import (
     CALIBRATED,
     FlightData,
@@ -82,7 +82,7 @@ def second_flight(out: Path, seed: int, progress: Callable[[str], None]) -> Seco
 
 def mock_arguments(config: Config, seed: int) -> list[str]:
     """Arguments of the mock: no error but the planted ones; noise as the configuration states it."""
-    chosen: dict[str, Any] = {f"priors.{name}": getattr(config.uncertainty, name) for name in PRIORS}
+    chosen: dict[str, Any] = mock_priors(config)
     chosen |= {"draw_biases": False, "camera.readout_s": 0.0}
     sets = [f"--set={name}={value!r}" for name, value in chosen.items()]
     return [f"--scenario={SCENARIO}", f"--seed={seed}", f"--seconds={SECONDS}", *sets]

@@ -7,6 +7,7 @@ know the drawn errors.
 from __future__ import annotations
 
 from random import Random
+from typing import Any
 
 import msgspec
 
@@ -24,6 +25,12 @@ PRIORS = (
     "height_noise_m", "height_bias_m", "mount_bias_deg", "time_offset_sigma_s",
 )  # fmt: skip
 """Keys of [uncertainty] that the mock draws from, by the same names. Pixels have no prior: pictures are rendered."""
+
+
+def mock_priors(config: Config) -> dict[str, Any]:
+    """The mock's options for the sigmas that the configuration states; "auto" is what the mock has by itself."""
+    stated = {name: getattr(config.uncertainty, name) for name in PRIORS}
+    return {f"priors.{name}": value for name, value in stated.items() if value != "auto"}
 
 
 class FlightSetup(msgspec.Struct, frozen=True):
@@ -74,7 +81,7 @@ file = "status.json"
 
     def mock_arguments(self, config: Config) -> list[str]:
         """Command line arguments for the mock autopilot and the mock camera."""
-        chosen = {f"priors.{name}": getattr(config.uncertainty, name) for name in PRIORS}
+        chosen = mock_priors(config)
         chosen |= {"camera.readout_s": self.readout_s, "camera.first_frame_s": CAMERA_COMES_UP_S}
         sets = [f"--set={name}={value!r}" for name, value in chosen.items()]
         return [f"--scenario={self.scenario}", f"--seed={self.seed}", f"--seconds={self.seconds}", *sets]

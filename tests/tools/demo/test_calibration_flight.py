@@ -27,8 +27,10 @@ def test_only_the_camera_is_wrong_and_the_service_does_not_know():
     add_flight_arguments(parser)
     mock = options_from(parser.parse_args(calibration_flight.mock_arguments(config, 7)), 1.0)
     assert (mock.seed, mock.seconds) == (7, calibration_flight.SECONDS)
+    automatic = {"position_bias_m": 1.0, "position_bias_time_s": 60.0}  # a receiver without a word of its own
     for name in PRIORS:
-        assert getattr(mock.priors, name) == getattr(config.uncertainty, name)
+        stated = getattr(config.uncertainty, name)
+        assert getattr(mock.priors, name) == (automatic[name] if stated == "auto" else stated)
     drawn = draw(mock)
     assert (drawn.time_offset_s, drawn.mount_deg) == (0.035, (0.5, 1.0, 2.0))
     assert config.camera.time_offset_s == 0.0

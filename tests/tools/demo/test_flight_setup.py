@@ -19,8 +19,10 @@ def test_the_mock_draws_from_the_priors_that_the_configuration_states():
     config, mock = options(FlightSetup(seed=3, seconds=12.0))
     assert mock.seed == 3
     assert mock.seconds == 12.0
+    automatic = {"position_bias_m": 1.0, "position_bias_time_s": 60.0}  # a receiver without a word of its own
     for name in PRIORS:
-        assert getattr(mock.priors, name) == getattr(config.uncertainty, name)
+        stated = getattr(config.uncertainty, name)
+        assert getattr(mock.priors, name) == (automatic[name] if stated == "auto" else stated)
     assert mock.draw_biases
     assert mock.camera.readout_s == config.camera.readout_s
     assert mock.camera.time_offset_s == config.camera.time_offset_s
