@@ -1,11 +1,9 @@
 """``python -m fwav_companion`` and the console script."""
 
-from __future__ import annotations
-
 import sys
 
 
-def main(argv: Sequence[str] | None = None) -> int:
+def main(argv: "Sequence[str] | None" = None) -> int:
     """Run the command line. The daemon's signals are handled before any other module is imported."""
     if argv is None and sys.argv[1:2] == ["run"]:
         from fwav_companion.service.stop_signals import end_at_once

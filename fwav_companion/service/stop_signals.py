@@ -4,8 +4,6 @@ Before the service runs nothing is open that needs closing: the process ends at 
 before any other module is imported, so this one imports only ``os`` and ``signal``; annotations need no import.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 
@@ -17,7 +15,7 @@ def end_at_once() -> None:
     _handle(lambda _number, _frame: os._exit(0))
 
 
-def end_by(loop: AbstractEventLoop, stop: Callable[[], object]) -> None:
+def end_by(loop: "AbstractEventLoop", stop: "Callable[[], object]") -> None:
     """Make these signals call ``stop`` in the event loop.
 
     The handlers remain when the loop is closed, unlike those of ``loop.add_signal_handler``: a signal that comes while
@@ -26,7 +24,7 @@ def end_by(loop: AbstractEventLoop, stop: Callable[[], object]) -> None:
     _handle(lambda _number, _frame: None if loop.is_closed() else loop.call_soon_threadsafe(stop))
 
 
-def _handle(handler: Callable[[int, FrameType | None], object]) -> None:
+def _handle(handler: "Callable[[int, FrameType | None], object]") -> None:
     for number in STOP_SIGNALS:
         if number is signal.SIGHUP and signal.getsignal(number) is signal.SIG_IGN:  # nohup
             continue
