@@ -3,6 +3,7 @@
 import ast
 import subprocess
 import sys
+from collections import defaultdict
 from pathlib import Path
 
 import pytest
@@ -23,6 +24,10 @@ PURE = (
     "replay/telemetry.py",
     "self_calibration",
     "telemetry",
+    "tools/install/network_access.py",
+    "tools/install/plan.py",
+    "tools/install/serial_port.py",
+    "tools/install/steps.py",
     "tools/shake",
     "tracking",
     "types",
@@ -86,3 +91,12 @@ def test_pure_code_opens_nothing_and_never_asks_for_the_time(path: Path):
         assert name not in {"open", "read_text", "read_bytes", "print", "input"}, f"{path}:{node.lineno} {name}"
         receiver = getattr(getattr(node.func, "value", None), "id", "")
         assert not (name in CLOCK_READERS and receiver in {"time", "datetime", "date"}), f"{path}:{node.lineno}"
+
+
+def test_a_class_name_stands_once_in_the_package():
+    where = defaultdict(list)
+    for path in sorted(PACKAGE.rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ClassDef):
+                where[node.name].append(str(path.relative_to(PACKAGE)))
+    assert {name: files for name, files in where.items() if len(files) > 1} == {}

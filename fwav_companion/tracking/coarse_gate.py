@@ -34,7 +34,7 @@ Member: TypeAlias = tuple[float, float, float, GateShare, int]
 """A fix in its cell: north, east, metres; distance of its sensitivities north to the cell's, metres; share; index."""
 
 
-class Cell(msgspec.Struct, frozen=True):
+class GateCell(msgspec.Struct, frozen=True):
     """Neighbouring fixes."""
 
     members: tuple[Member, ...]
@@ -64,7 +64,7 @@ def possible_pairs(
     return pairs
 
 
-def _in_reach(position_ned: Vector3, own: GateShare, cells: Sequence[Cell]) -> Iterator[int]:
+def _in_reach(position_ned: Vector3, own: GateShare, cells: Sequence[GateCell]) -> Iterator[int]:
     """Indices of the fixes that a target's gate may accept."""
     north, east, _ = position_ned
     own_nn, own_ee, own_north, own_east = own.nn, own.ee, own.north, own.east
@@ -88,7 +88,7 @@ def _in_reach(position_ned: Vector3, own: GateShare, cells: Sequence[Cell]) -> I
                 yield j
 
 
-def _cells(fixes: list[SharedFix]) -> list[Cell]:
+def _cells(fixes: list[SharedFix]) -> list[GateCell]:
     """Cells of about CELL fixes: strips by north, cut by east."""
     fixes.sort(key=lambda each: each[0].position_ned[0])
     strips = _cut(fixes, ceil(len(fixes) / ceil(sqrt(len(fixes) / CELL))))
@@ -103,12 +103,12 @@ def _cut(fixes: list[SharedFix], length: int) -> Iterator[list[SharedFix]]:
     return (fixes[k : k + length] for k in range(0, len(fixes), length))
 
 
-def _cell(fixes: list[SharedFix]) -> Cell:
+def _cell(fixes: list[SharedFix]) -> GateCell:
     reference = fixes[len(fixes) // 2][1]
     off_north = [dist(share.north, reference.north) for _, share, _ in fixes]
     off_east = [dist(share.east, reference.east) for _, share, _ in fixes]
     norths, easts = [fix.position_ned[0] for fix, _, _ in fixes], [fix.position_ned[1] for fix, _, _ in fixes]
-    return Cell(
+    return GateCell(
         tuple(
             (north, east, off, share, j)
             for north, east, off, (_, share, j) in zip(norths, easts, off_north, fixes, strict=True)

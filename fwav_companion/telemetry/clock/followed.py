@@ -47,7 +47,7 @@ evenly err as much at the shortest round trip."""
 HALF_US_NS, MOST_STEPS = 500, 12
 
 
-class Node(msgspec.Struct, gc=False):
+class Knot(msgspec.Struct, gc=False):
     """Posterior of the filter after one exchange; times and offsets are seconds from the follower's reference."""
 
     t: float
@@ -81,7 +81,7 @@ class FollowedClock:
 
     def __init__(self, before: Iterable[Exchange], contradicting: Iterable[Exchange]) -> None:
         """``before``: exchanges that 600 ppm explain; ``contradicting``: those that they do not."""
-        self._nodes: list[Node] = []
+        self._nodes: list[Knot] = []
         self._recent: list[Exchange] = []
         self._wild: list[Exchange] = []
         self._walk = 0.0
@@ -197,7 +197,7 @@ class FollowedClock:
         trip_s = entry.round_trip_ns * 1e-9
         self._bound, self._calm_from_ns = HardBound(), entry.host_ns
         self._nodes.append(
-            Node(
+            Knot(
                 t=0.0,
                 trip_s=trip_s,
                 level=0.0,
@@ -238,7 +238,7 @@ class FollowedClock:
         k0, k1 = p00 / (p00 + r), p01 / (p00 + r)
         predicted = last.level + last.slope * (t - last.t)
         self._nodes.append(
-            Node(
+            Knot(
                 t=t,
                 trip_s=entry.round_trip_ns * 1e-9,
                 level=predicted + k0 * innovation,
@@ -258,7 +258,7 @@ class FollowedClock:
         if len(self._nodes) > MOST_NODES:
             del self._nodes[0], self._recent[0]
 
-    def _predicted(self, node: Node, t: float, walk: float | None = None) -> tuple[float, float, float, float, float]:
+    def _predicted(self, node: Knot, t: float, walk: float | None = None) -> tuple[float, float, float, float, float]:
         """(level, slope, p00, p01, p11) at a later time; ``walk``: variance of the walk until then."""
         dt = t - node.t
         wander = RATE_WANDER**2 * dt
@@ -285,7 +285,7 @@ class FollowedClock:
         before, after = nodes[index - 1], nodes[index]
         share = (t - before.t) / (after.t - before.t)
         level, slope, p00, p01, p11 = self._predicted(before, t, after.walk * share)
-        here = Node(t=t, trip_s=0.0, level=level, slope=slope, p00=p00, p01=p01, p11=p11, walk=0.0, slipped_s=0.0)
+        here = Knot(t=t, trip_s=0.0, level=level, slope=slope, p00=p00, p01=p01, p11=p11, walk=0.0, slipped_s=0.0)
         level, slope, p00, _, _ = self._back(here, after.t, after.walk * (1.0 - share), self._smoothed_node(index))
         return level, slope, p00
 
@@ -299,7 +299,7 @@ class FollowedClock:
         return state
 
     def _back(
-        self, node: Node, t: float, walk: float, later: tuple[float, float, float, float, float]
+        self, node: Knot, t: float, walk: float, later: tuple[float, float, float, float, float]
     ) -> tuple[float, float, float, float, float]:
         """One backward step: the state at ``node`` given the smoothed state at the later time ``t``."""
         dt = t - node.t

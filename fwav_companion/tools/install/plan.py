@@ -34,8 +34,8 @@ from fwav_companion.tools.install.system import (
     UNIT,
     USERS,
     Installed,
+    Package,
     Request,
-    Source,
     System,
 )
 
@@ -49,7 +49,7 @@ RESTART = Run(command=("systemctl", "restart", SERVICE), optional=True)
 """Optional: whether the service came up is seen by its heartbeat."""
 
 
-def plan(system: System, source: Source, request: Request) -> list[Step]:
+def plan(system: System, source: Package, request: Request) -> list[Step]:
     """Return the steps, in order; only remarks where nothing is to be done. UserError for an unknown extra."""
     if request.uninstall:
         return list(_uninstall(system))
@@ -82,7 +82,7 @@ def _user(system: System) -> Iterator[Step]:
         yield Run(command=("systemd-sysusers", *where, USERS.rpartition("/")[2]), optional=not system.is_running_system)
 
 
-def _files(system: System, source: Source) -> Iterator[Step]:
+def _files(system: System, source: Package) -> Iterator[Step]:
     """Yield unit, udev rules and configuration. Unit and rules are ours; a configuration that exists is the user's."""
     for path in (UNIT, UDEV_RULES):
         content = source.files[path.rpartition("/")[2]]
@@ -96,7 +96,7 @@ def _files(system: System, source: Source) -> Iterator[Step]:
             yield Remark(text=f"{path} is yours: left as it is")
 
 
-def _config(system: System, source: Source) -> Config | ConfigError:
+def _config(system: System, source: Package) -> Config | ConfigError:
     """Return the configuration that the service will run with, or what is wrong with it."""
     try:
         return parse(system.texts.get(CONFIGURATION, source.files["fwav-companion.toml"]), CONFIGURATION)
@@ -104,7 +104,7 @@ def _config(system: System, source: Source) -> Config | ConfigError:
         return error
 
 
-def _network(system: System, source: Source, config: Config) -> Iterator[Step]:
+def _network(system: System, source: Package, config: Config) -> Iterator[Step]:
     """Yield the limits of the network by the configured links; the sample's links are still to be set."""
     if system.texts.get(CONFIGURATION, source.files["fwav-companion.toml"]) == source.files["fwav-companion.toml"]:
         yield Remark(text="the network is not limited: set the links, then run install again")
@@ -123,7 +123,7 @@ def _network(system: System, source: Source, config: Config) -> Iterator[Step]:
 # The environment.
 
 
-def _environment(system: System, source: Source, request: Request, config: Config | ConfigError) -> Iterator[Step]:
+def _environment(system: System, source: Package, request: Request, config: Config | ConfigError) -> Iterator[Step]:
     wanted = _wanted(system, source, request, config)
     if system.installed == wanted and system.environment and not request.upgrade:
         return
@@ -147,7 +147,7 @@ def _environment(system: System, source: Source, request: Request, config: Confi
     yield WriteFile(path=RECORD, content=_encoded(wanted))
 
 
-def _wanted(system: System, source: Source, request: Request, config: Config | ConfigError) -> Installed:
+def _wanted(system: System, source: Package, request: Request, config: Config | ConfigError) -> Installed:
     """Return what the environment is to be made from; extras that were installed before stay."""
     before = system.installed or Installed()
     extras = sorted({*request.extras, *(extra for extra in before.extras if extra in source.extras)})
@@ -161,7 +161,7 @@ def _sees_system(config: Config | ConfigError, before: Installed) -> bool:
     return config.vision.source.startswith("libcamera:")
 
 
-def _locks(source: Source, extras: tuple[str, ...]) -> tuple[str, ...]:
+def _locks(source: Package, extras: tuple[str, ...]) -> tuple[str, ...]:
     """Return the lock files of these extras; all sets have the same versions, so that they can be combined."""
     names = [f"board-{extra}.txt" for extra in extras if f"board-{extra}.txt" in source.locks] or ["board.txt"]
     names += ["build.txt"] if source.path else []

@@ -23,7 +23,7 @@ BLUETOOTH_MOVED: Final = frozenset(
 )
 
 
-class Obstacle(NamedTuple):
+class Blocker(NamedTuple):
     """One thing in the way of the serial port."""
 
     problem: str
@@ -37,22 +37,22 @@ def gpio_port(config: Config) -> str:
     return next((device for device in devices if device in GPIO_PORTS), "")
 
 
-def obstacles(port: str, model: str, cmdline: str, config_txt: str) -> Iterator[Obstacle]:
+def obstacles(port: str, model: str, cmdline: str, config_txt: str) -> Iterator[Blocker]:
     """Yield what is in the way of the port: login console, UART switched off, Bluetooth on the PL011."""
     for console in CONSOLE.finditer(cmdline):
-        yield Obstacle(f"the login console uses the serial port ({console[0].strip()} in cmdline.txt)", "")
+        yield Blocker(f"the login console uses the serial port ({console[0].strip()} in cmdline.txt)", "")
     settings = settings_for_all(config_txt)
     if FIFTH.search(model):
         if port == "/dev/serial0":
-            yield Obstacle("/dev/serial0 is the debug connector on this model; use serial:///dev/ttyAMA0:BAUD", "")
+            yield Blocker("/dev/serial0 is the debug connector on this model; use serial:///dev/ttyAMA0:BAUD", "")
         if not {"dtparam=uart0=on", "dtoverlay=uart0", "dtoverlay=uart0-pi5"} & settings:
-            yield Obstacle("the UART of GPIO 14 and 15 is off (no dtparam=uart0=on in config.txt)", "dtparam=uart0=on")
+            yield Blocker("the UART of GPIO 14 and 15 is off (no dtparam=uart0=on in config.txt)", "dtparam=uart0=on")
         return
     if "enable_uart=1" not in settings:
-        yield Obstacle("the UART is off (no enable_uart=1 in config.txt)", "enable_uart=1")
+        yield Blocker("the UART is off (no enable_uart=1 in config.txt)", "enable_uart=1")
     if WITH_BLUETOOTH.search(model) and not BLUETOOTH_MOVED & settings:
         problem = "Bluetooth has the PL011, and the mini UART's baud rate follows the core's clock"
-        yield Obstacle(f"{problem} (no dtoverlay=disable-bt in config.txt)", "dtoverlay=disable-bt")
+        yield Blocker(f"{problem} (no dtoverlay=disable-bt in config.txt)", "dtoverlay=disable-bt")
 
 
 def settings_for_all(config_txt: str) -> set[str]:

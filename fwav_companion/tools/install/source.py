@@ -15,7 +15,7 @@ from typing import Final
 from fwav_companion import __version__
 from fwav_companion.errors import UserError
 from fwav_companion.on_disk import content
-from fwav_companion.tools.install.system import Source
+from fwav_companion.tools.install.system import Package
 
 PACKAGE: Final = Path(__file__).resolve().parents[2]
 BOARD_FILES: Final = ("fwav-companion.service", "99-fwav-companion.rules", "fwav-companion.toml")
@@ -23,7 +23,7 @@ NOT_COPIED: Final = frozenset({"RECORD", "INSTALLER", "REQUESTED", "direct_url.j
 """Files of a dist-info folder that an installer writes."""
 
 
-def source() -> Source:
+def source() -> Package:
     """Return the program to install. UserError if its files for a board are missing."""
     checkout = PACKAGE.parent
     if (checkout / "pyproject.toml").is_file() and (checkout / "systemd").is_dir():
@@ -38,7 +38,7 @@ def source() -> Source:
     except OSError as error:
         raise UserError(f"install: {error.filename}: {error.strerror}; accepted: a complete package") from None
     texts["camera.yaml"] = (files("fwav_companion.cli.templates") / "camera.yaml").read_text(encoding="utf-8")
-    return Source(
+    return Package(
         version=__version__,
         path=path,
         extras=tuple(sorted(extra for extra in extras if extra not in ("test", "lint", "lock"))),

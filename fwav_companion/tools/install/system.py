@@ -41,7 +41,7 @@ class Installed(msgspec.Struct, frozen=True, kw_only=True):
     system_packages: bool = False
 
 
-class Source(msgspec.Struct, frozen=True, kw_only=True):
+class Package(msgspec.Struct, frozen=True, kw_only=True):
     """The program to install, with its files for a board."""
 
     version: str

@@ -28,14 +28,14 @@ from fwav_companion.tools.install.system import (
     UNIT,
     USERS,
     Installed,
+    Package,
     Platform,
     Request,
-    Source,
     System,
 )
 
 ARM64 = Platform(name="linux-aarch64")
-SOURCE = Source(
+SOURCE = Package(
     version="1.0",
     path="/src",
     extras=("terrain", "ulog"),
