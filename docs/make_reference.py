@@ -1,0 +1,298 @@
+#!/usr/bin/env python3
+"""Writes the pages of docs/reference/ that follow from the code: commands, configuration, reasons, notices, findings.
+
+``.venv/bin/python docs/make_reference.py`` writes them; a test fails where a committed page differs from the code.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import io
+import json
+import os
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import redirect_stdout, suppress
+from inspect import getfile, getsource
+from pathlib import Path
+from typing import Any, Final
+
+import msgspec
+from msgspec import inspect
+
+from fwav_companion.cli.main import COMMANDS, main
+from fwav_companion.config import Config
+from fwav_companion.tools.doctor.detection_findings import DETECTION_REFUSALS, FRAME_REFUSALS
+from fwav_companion.tools.doctor.finding import Finding
+from fwav_companion.types import NoticeCode, Reason
+
+REMEDIES: Final[Mapping[Reason, str]] = {
+    Reason.NO_MONOTONIC_MAP: "record `time_unix`, or use the service's own recording",
+    Reason.TOO_MANY_DETECTIONS: "let the detector send its 256 best",
+    Reason.TOO_MANY_FRAMES: "a lower frame rate; check that frames are not sent twice",
+    Reason.DUPLICATE_FRAME: "send each frame once; number frames without repetition",
+    Reason.LOW_SCORE: "intended; else lower [detections] min_score",
+    Reason.OTHER_LABEL: "intended; else add the label to [detections] labels",
+    Reason.NO_CLOCK: "wait some seconds; if it stays so, check that our TX reaches the autopilot's RX",
+    Reason.NO_ATTITUDE: "let the autopilot send ATTITUDE or ATTITUDE_QUATERNION on this link",
+    Reason.BEFORE_HISTORY: "check the detector's stamps: they are older than the service's memory of attitudes",
+    Reason.NO_GIMBAL: "check gimbal_device_id and that the gimbal reports its attitude",
+    Reason.STALE_GIMBAL: "raise the rate of the gimbal's attitude",
+    Reason.NO_POSITION: 'wait for GPS; [vehicle] position = "none" where there is none on purpose',
+    Reason.NO_POSE: "add the photograph's row to the file of poses",
+    Reason.ABOVE_HORIZON: "usual in turns; if always, check [camera.mount]",
+    Reason.TOO_SHALLOW: "fly higher or look further down",
+    Reason.TOO_LOW: "usual on the ground; else [ground] min_height_m",
+    Reason.NO_HEIGHT: "wait for the position; check the ground model's source of height",
+    Reason.RANGE_TILTED: "usual in steep turns",
+    Reason.TWO_GROUNDS: "look further down, or use a finer elevation model",
+    Reason.NEVER_CONFIRMED: "usual for false detections",
+    Reason.NOT_SEEN: "usual when a target left or was a false detection",
+    Reason.NOT_SEEN_LONG: "usual when the vehicle flew on",
+    Reason.VEHICLE_CHANGED: "nothing: tracks of the other vehicle do not hold",
+    Reason.ORIGIN_SET: "wait for GPS before take-off to avoid it",
+    Reason.REPLACED: "nothing: the senior track goes on",
+    Reason.TOO_MANY_TRACKS: "raise the detector's threshold or [detections] min_score",
+}
+"""What to do about a reason that `check` does not judge."""
+FOLDER: Final = Path(__file__).parent / "reference"
+HELP_COLUMNS: Final = "100"
+"""Width at which argparse wraps its help."""
+GENERATED: Final = "<!-- Written by docs/make_reference.py. Change the code, not this page. -->\n\n"
+
+
+def pages() -> Mapping[str, str]:
+    """Each page's text by its file name."""
+    texts = {
+        "commands.md": commands_page(),
+        "configuration.md": configuration_page(),
+        "reasons.md": reasons_page(),
+        "notices.md": notices_page(),
+        "findings.md": findings_page(),
+    }
+    return {name: GENERATED + text for name, text in texts.items()}
+
+
+def commands_page() -> str:
+    """Every command with its ``--help``."""
+    intro = (
+        "# Commands\n\nExit status: 0 done; 1 the command ran and the result is bad; 2 wrong usage, configuration or "
+        "input file.\n"
+    )
+    sections = [f"## {command.name}\n\n```text\n{help_of(command.name)}```\n" for command in COMMANDS]
+    return "\n".join([intro, *sections])
+
+
+def help_of(command: str) -> str:
+    """What ``fwav-companion COMMAND --help`` prints, at a fixed width."""
+    printed = io.StringIO()
+    columns = os.environ.get("COLUMNS")
+    os.environ["COLUMNS"] = HELP_COLUMNS
+    try:
+        with redirect_stdout(printed), suppress(SystemExit):
+            main([command, "--help"])
+    finally:
+        os.environ.pop("COLUMNS")
+        if columns is not None:
+            os.environ["COLUMNS"] = columns
+    return printed.getvalue()
+
+
+def configuration_page() -> str:
+    """Every table and key: what it accepts, its default, its meaning."""
+    intro = (
+        "# Configuration\n\nA TOML file; `fwav-companion init` writes one with every key. Unknown "
+        "keys are errors that suggest the nearest known one. Paths are relative to the file.\n"
+    )
+    return "\n".join([intro, *tables(Config, "")])
+
+
+def tables(kind: type, path: str) -> Iterator[str]:
+    """The section of each table within the Struct ``kind``, in the file's order."""
+    meanings = meanings_of(kind)
+    for field in msgspec.structs.fields(kind):
+        inner, is_list = struct_in(inspect.type_info(field.type))
+        if inner is None or field.encode_name == "file":
+            continue
+        name = f"{path}{field.encode_name}"
+        heading = f"[[{name}]]" if is_list else f"[{name}]"
+        yield f"## {heading}\n\n{meanings.get(field.name, '')}\n"
+        yield table(inner)
+        yield from tables(inner, f"{name}.")
+
+
+def table(kind: type) -> str:
+    """The keys of one table, a row each; empty where it has tables alone."""
+    meanings = meanings_of(kind)
+    rows = [
+        row(f"`{field.encode_name}`", accepted(inspect.type_info(field.type)), default_of(field), meanings[field.name])
+        for field in msgspec.structs.fields(kind)
+        if struct_in(inspect.type_info(field.type))[0] is None
+    ]
+    return "\n".join(["| key | accepts | default | meaning |", "|---|---|---|---|", *rows, ""]) if rows else ""
+
+
+def struct_in(kind: Any) -> tuple[type | None, bool]:
+    """(Struct of a table, whether it is a list of tables); (None, False) for a plain key."""
+    match kind:
+        case inspect.Metadata(type=inner):
+            return struct_in(inner)
+        case inspect.StructType(cls=found):
+            return found, False
+        case inspect.UnionType(types=types):
+            return next((found for found in map(struct_in, types) if found[0]), (None, False))
+        case inspect.VarTupleType(item_type=item):
+            found, _ = struct_in(item)
+            return found, found is not None
+    return None, False
+
+
+def accepted(kind: Any) -> str:
+    """The accepted values in words."""
+    match kind:
+        case inspect.Metadata(type=inner):
+            return accepted(inner)
+        case inspect.LiteralType(values=values):
+            return ", ".join(f'`"{value}"`' for value in values)
+        case inspect.UnionType(types=types):
+            return " or ".join(accepted(each) for each in types if not isinstance(each, inspect.NoneType))
+        case inspect.FloatType() | inspect.IntType():
+            bounds = {"above": kind.gt, "at least": kind.ge, "below": kind.lt, "at most": kind.le}
+            noun = "integer" if isinstance(kind, inspect.IntType) else "number"
+            return ", ".join([noun, *(f"{word} {bound:g}" for word, bound in bounds.items() if bound is not None)])
+        case inspect.BoolType():
+            return "`true`, `false`"
+        case inspect.StrType():
+            return "text"
+        case inspect.TupleType(item_types=items):
+            return f"{len(items)} of {accepted(items[0])}"
+        case inspect.VarTupleType(item_type=item):
+            return f"list of {accepted(item)}"
+        case inspect.DictType(key_type=key, value_type=value):
+            return f"table of {accepted(key)} to {accepted(value)}"
+    raise AssertionError(f"no word for {kind}")
+
+
+def default_of(field: msgspec.structs.FieldInfo) -> str:
+    """The default as TOML shows it; "required" without one."""
+    if field.required:
+        return "required"
+    value = field.default if field.default_factory is msgspec.NODEFAULT else field.default_factory()
+    return "absent" if value is None else f"`{json.dumps(msgspec.to_builtins(value))}`"
+
+
+def meanings_of(kind: type) -> dict[str, str]:
+    """The docstring below each attribute, of the class and those that it derives from."""
+    meanings: dict[str, str] = {}
+    for base in reversed(kind.__mro__):
+        if base.__module__.startswith("fwav_companion"):
+            meanings |= attribute_docstrings(getsource(base))
+    return meanings
+
+
+def attribute_docstrings(source: str) -> dict[str, str]:
+    """The docstring below each attribute of the first class in ``source``; "" below an attribute without one."""
+    (body,) = [node.body for node in ast.parse(source).body if isinstance(node, ast.ClassDef)][:1]
+    meanings: dict[str, str] = {}
+    for index, node in enumerate(body):
+        names = (
+            [node.target] if isinstance(node, ast.AnnAssign) else node.targets if isinstance(node, ast.Assign) else []
+        )
+        after = body[index + 1] if index + 1 < len(body) else None
+        text = after.value.value if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant) else ""
+        meanings |= {name.id: " ".join(str(text).split()) for name in names if isinstance(name, ast.Name)}
+    return meanings
+
+
+def reasons_page() -> str:
+    """Every reason for which a frame, a detection or a track gives no result, with what to do."""
+    intro = (
+        "# Reasons\n\nEvery frame, detection and track without a result has one of these reasons. Each is "
+        "counted under its name in `dropped` of the status file and of a replay's summary.\n"
+    )
+    fixes = dict(REMEDIES) | {
+        reason: fix for table in (FRAME_REFUSALS, DETECTION_REFUSALS) for reason, (_, _, fix) in table.items()
+    }
+    meanings = attribute_docstrings(getsource(Reason))
+    rows = [row(f"`{reason.value}`", meanings[reason.name], fixes[reason]) for reason in Reason]
+    return "\n".join([intro, "| reason | meaning | what to do |", "|---|---|---|", *rows, ""])
+
+
+def notices_page() -> str:
+    """Every notice of the log and of ground stations."""
+    intro = (
+        "# Notices\n\nThe service reports each event once, in its log and, where an operator needs it, as "
+        "STATUSTEXT. The code is stable; the wording may change.\n"
+    )
+    meanings = attribute_docstrings(getsource(NoticeCode))
+    rows = [row(f"`{code.value}`", meanings[code.name]) for code in NoticeCode]
+    return "\n".join([intro, "| notice | meaning |", "|---|---|", *rows, ""])
+
+
+def findings_page() -> str:
+    """Every finding of ``check``: its level, an example of its problem, and what it says to do."""
+    intro = (
+        "# Findings\n\nWhat `fwav-companion check` reports. ERROR: the service does not do its work; WARNING: it "
+        "works less well than it could; NOTE: worth knowing. `…` is a value of the moment.\n"
+    )
+    rows = sorted(
+        {row for path in sorted(Path(getfile(Finding)).parent.rglob("*.py")) for row in finding_rows(path.read_text())}
+    )
+    return "\n".join([intro, "| finding | level | problem | what to do |", "|---|---|---|---|", *rows, ""])
+
+
+def finding_rows(source: str) -> Iterator[str]:
+    """A table row for every call of ``Finding`` with a constant code."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == Finding.__name__:
+            given = dict(zip(("code", "level", "where", "problem", "fix"), node.args, strict=False))
+            given |= {keyword.arg: keyword.value for keyword in node.keywords if keyword.arg}
+            if isinstance(given["code"], ast.Constant):
+                level = " or ".join(levels_in(given["level"])) or "…"
+                yield row(f"`{given['code'].value}`", level, text_of(given["problem"]), text_of(given["fix"]))
+
+
+def levels_in(node: ast.expr) -> list[str]:
+    """The levels that an expression names, as ``Level.ERROR if late else Level.NOTE``."""
+    return [each.attr for each in ast.walk(node) if isinstance(each, ast.Attribute) and each.attr.isupper()]
+
+
+def text_of(node: ast.expr) -> str:
+    """The text that an expression makes, with … for what is known at run time only."""
+    match node:
+        case ast.Constant(value=str(text)):
+            return text
+        case ast.JoinedStr(values=parts):
+            return "".join(map(text_of, parts))
+        case ast.BinOp(left=left, op=ast.Add(), right=right):
+            return text_of(left) + text_of(right)
+        case ast.IfExp(body=body, orelse=orelse):
+            return " / ".join(filter(None, (text_of(body), text_of(orelse))))
+    return "…"
+
+
+def row(*cells: str) -> str:
+    """A row of a Markdown table; code marks of reStructuredText become those of Markdown."""
+    return "| " + " | ".join(cell.replace("``", "`").replace("|", "\\|").replace("\n", " ") for cell in cells) + " |"
+
+
+def stale(folder: Path = FOLDER) -> list[str]:
+    """Names of pages that differ from the code."""
+    return [
+        name for name, text in pages().items() if not (folder / name).exists() or (folder / name).read_text() != text
+    ]
+
+
+def write(folder: Path, texts: Mapping[str, str]) -> Iterable[Path]:
+    """Write the pages; yields the path of each."""
+    folder.mkdir(exist_ok=True)
+    for name, text in texts.items():
+        (folder / name).write_text(text)
+        yield folder / name
+
+
+if __name__ == "__main__":
+    argparse.ArgumentParser(description=__doc__).parse_args()
+    for path in write(FOLDER, pages()):
+        sys.stdout.write(f"{path}\n")
