@@ -18,7 +18,7 @@ from typing import Any
 
 HERE = Path(__file__).parent
 PYPROJECT = HERE.parent / "pyproject.toml"
-DEVELOPMENT = ("test", "lint", "lock", "mutation")
+DEVELOPMENT = ("test", "docs", "lint", "lock", "mutation")
 """Extras that no board needs."""
 OLDEST_PYTHON = "3.11"
 SBOM, LICENCES = HERE / "sbom.cdx.json", HERE / "LICENCES.md"

@@ -80,7 +80,7 @@ def test_every_extra_is_known_where_a_missing_library_is_named():
     providers = packages_distributions()
     for module, extra in EXTRAS.items():
         assert {normalised(each) for each in providers[module]} == names(OPTIONAL[extra])
-    assert set(OPTIONAL) == {*EXTRAS.values(), "test", "lint", "lock", "mutation", "vision"}
+    assert set(OPTIONAL) == {*EXTRAS.values(), "test", "docs", "lint", "lock", "mutation", "vision"}
     assert OPTIONAL["vision"] == []
 
 

@@ -1,0 +1,104 @@
+"""The handbook's pages: links lead somewhere, commands and keys exist, the examples work."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import socket
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fwav_companion.types import Frame, NoFrame
+from fwav_companion.vision.frame_receiver import FrameReceiver, read_clocks
+from fwav_companion.vision.wall_clock import WallClock
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+PAGES = sorted(DOCS.rglob("*.md"))
+OUTSIDE = ROOT / "tests" / "outside"
+HARDWARE, README = "<!-- hardware", "<!-- as in the README -->"
+
+
+def blocks(page: Path, language: str) -> Iterator[tuple[str, str]]:
+    """(the line above, the text) of every fenced block of a language."""
+    for match in re.finditer(rf"([^\n]*)\n```{language}\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL):
+        yield match[1], match[2]
+
+
+def names(file: str) -> set[str]:
+    return set((OUTSIDE / file).read_text(encoding="utf-8").splitlines()[1:])
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(DOCS)))
+def test_every_link_and_picture_is_there(page):
+    for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8")):
+        if not target.startswith(("https://", "#")):
+            assert (page.parent / target.partition("#")[0]).exists(), target
+
+
+def test_the_navigation_has_every_page_once():
+    listed = re.findall(r"[\w/-]+\.md", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"))
+    assert sorted(listed) == sorted(str(page.relative_to(DOCS)) for page in PAGES)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(DOCS)))
+def test_every_command_is_of_the_readme_or_marked_as_needing_hardware(page):
+    """The README's lines are run as they are; of all others each option must exist."""
+    readme, commands = (ROOT / "README.md").read_text(encoding="utf-8"), names("commands.txt")
+    for above, text in blocks(page, "sh"):
+        assert above.startswith((HARDWARE, README)), text
+        for line in text.replace("\\\n", " ").splitlines():
+            assert above != README or line in readme
+            words = shlex.split(line, comments=True)
+            if not above.startswith(README) and any(word.endswith("fwav-companion") for word in words):
+                after = words[next(k for k, word in enumerate(words) if word.endswith("fwav-companion")) + 1 :]
+                if words[0] in {"journalctl", "systemctl"} or "systemctl" in words:
+                    continue
+                assert after[0] in commands, line
+                for option in (word for word in after if word.startswith("--")):
+                    assert any(known.split(" takes")[0] == f"{after[0]} {option}" for known in commands), line
+
+
+def test_every_key_in_an_example_exists():
+    known = {line.split(":")[0] for line in names("configuration.txt")}
+    shown = 0
+    for page in PAGES:
+        for _, text in blocks(page, "toml"):
+            for table, keys in tomllib.loads(text).items():
+                for key, value in keys.items():
+                    inner = (
+                        [f"{table}.{key}.{each}" for each in value] if isinstance(value, dict) else [f"{table}.{key}"]
+                    )
+                    assert set(inner) <= known, f"{page.name}: {inner}"
+                    shown += 1
+    assert shown > 10
+
+
+def test_every_finding_that_the_troubleshooting_names_exists():
+    known = names("findings.txt") | {line.partition(": ")[2] for line in names("values.txt")}
+    known |= {line.split(":")[0].rpartition(".")[2] for line in names("configuration.txt")}
+    known |= {line.rpartition(".")[2] for line in names("status.txt")} | names("detections.txt")
+    for code in re.findall(r"`([a-z]+_[a-z_]+)`", (DOCS / "troubleshooting.md").read_text(encoding="utf-8")):
+        assert code in known | {"time_monotonic"}, code
+
+
+def test_the_detector_of_the_guide_sends_what_the_service_accepts():
+    """Runs the whole example; the service's own receiver takes the datagram."""
+    (_, example), *_ = blocks(DOCS / "guides" / "detectors.md", "python")
+    received: list[Frame | NoFrame] = []
+    receiver = FrameReceiver(on_frame=received.append, on_step=pytest.fail, wall_clock=WallClock(*read_clocks()))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port:
+        port.bind(("127.0.0.1", 0))
+        port.settimeout(10.0)
+        receiver.arrival()
+        scope: dict[str, Any] = {}
+        exec(example.replace("14601", str(port.getsockname()[1])), scope)
+        scope["sender"].close()
+        receiver.hear(port.recv(65536), receiver.arrival())
+    (frame,) = received
+    assert isinstance(frame, Frame)
+    assert [(each.u, each.v, each.label) for each in frame.detections] == [(312.4, 201.9, "person")]
