@@ -3,9 +3,10 @@
 ``python tests/mutation/run.py --count 300 --seed 1`` needs cosmic-ray and pytest-cov; ``--jobs`` processes share the
 sample. A place in the code is drawn, then one of the changes there: another arithmetic or comparison operator, another
 number, a condition reversed, a loop left out. Each change is made in a copy of the project. There the room's default
-tests that reach the line run, the fastest first, until one fails. At the end the script prints the kill rate with its
-lower 95 % bound (Clopper and Pearson 1934) and the survivors. A change of nothing observable (an equal branch, a
-tolerance) survives too, and so does one that only the tests of other rooms notice: the rate is a lower bound.
+tests that reach the line run, the fastest first, until one fails or those of ``--seconds`` in all have passed. At the
+end the script prints the kill rate with its lower 95 % bound (Clopper and Pearson 1934) and the survivors. A change of
+nothing observable (an equal branch, a tolerance) survives too, and so does one that only slower tests or those of other
+rooms notice: the rate is a lower bound.
 """
 
 from __future__ import annotations
@@ -22,6 +23,8 @@ import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from itertools import accumulate
+from operator import itemgetter
 from pathlib import Path
 from queue import SimpleQueue
 from typing import NamedTuple
@@ -83,12 +86,13 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=random.SystemRandom().randrange(10**6))
     parser.add_argument("--rooms", nargs="+", choices=ROOMS, default=list(ROOMS))
     parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--seconds", type=float, default=60.0, help="longest time of the tests of one change")
     arguments = parser.parse_args()
     draw = random.Random(arguments.seed)
     sample = list(_drawn(arguments.rooms, arguments.count, draw))
     print(f"seed {arguments.seed}, {len(sample)} mutants of {', '.join(arguments.rooms)}", flush=True)
     with tempfile.TemporaryDirectory() as folder:
-        survivors, ran = _run_all(sample, Path(folder), arguments.jobs)
+        survivors, ran = _run_all(sample, Path(folder), arguments.jobs, arguments.seconds)
     killed = ran - len(survivors)
     for mutant in survivors:
         print(f"survived: {mutant}")
@@ -146,7 +150,7 @@ def _not_run(text: str) -> list[tuple[tuple[int, int], tuple[int, int]]]:
     return [((node.lineno, node.col_offset), (node.end_lineno, node.end_col_offset)) for node in found]
 
 
-def _run_all(sample: Sequence[Mutant], folder: Path, jobs: int) -> tuple[list[Mutant], int]:
+def _run_all(sample: Sequence[Mutant], folder: Path, jobs: int, seconds: float) -> tuple[list[Mutant], int]:
     copies: SimpleQueue[Path] = SimpleQueue()
     for number in range(jobs):
         copies.put(_copied(folder / str(number)))
@@ -156,7 +160,7 @@ def _run_all(sample: Sequence[Mutant], folder: Path, jobs: int) -> tuple[list[Mu
     def run(mutant: Mutant) -> bool:
         copy = copies.get()
         try:
-            return _survives(mutant, copy, tests[mutant.place.room])
+            return _survives(mutant, copy, tests[mutant.place.room].of(mutant.place, seconds))
         finally:
             copies.put(copy)
 
@@ -179,8 +183,8 @@ def _copied(folder: Path) -> Path:
     return folder
 
 
-def _survives(mutant: Mutant, copy: Path, tests: Tests) -> bool:
-    """Make the change in the copy, run the tests that reach it, and undo it."""
+def _survives(mutant: Mutant, copy: Path, tests: Sequence[str]) -> bool:
+    """Make the change in the copy, run the tests, and undo it."""
     from cosmic_ray.mutating import mutate_code
     from cosmic_ray.plugins import get_operator
 
@@ -193,7 +197,7 @@ def _survives(mutant: Mutant, copy: Path, tests: Tests) -> bool:
     for compiled in (copy / "bytecode").rglob(f"{path.stem}.*.pyc"):  # told apart by second and size alone
         compiled.unlink()
     try:
-        return _passes(tests.of(mutant.place), copy)
+        return _passes(tests, copy)
     finally:
         path.write_text(before)
 
@@ -201,15 +205,17 @@ def _survives(mutant: Mutant, copy: Path, tests: Tests) -> bool:
 class Tests(NamedTuple):
     """The default tests of a room."""
 
-    all: list[str]
-    """Their ids, the fastest first."""
+    durations: dict[str, float]
+    """Seconds by their ids, the fastest first."""
     by_line: dict[tuple[str, int], set[str]]
     """Those that reach a line of a file."""
 
-    def of(self, place: Place) -> list[str]:
-        """Return the tests for a place; for a line that runs at the import all of the room."""
-        found = self.by_line.get((str(place.file.relative_to(ROOT)), place.line), set())
-        return [test for test in self.all if test in found] or self.all
+    def of(self, place: Place, seconds: float) -> list[str]:
+        """Return the fastest tests for a place, of ``seconds`` together; for a line that runs at the import, any."""
+        found = self.by_line.get((str(place.file.relative_to(ROOT)), place.line)) or set(self.durations)
+        names = [test for test in self.durations if test in found]
+        until_s = accumulate(self.durations[test] for test in names)
+        return [test for test, end_s in zip(names, until_s, strict=True) if end_s <= seconds] or names[:1]
 
 
 def _tests_by_line(room: str, copy: Path) -> Tests:
@@ -229,7 +235,7 @@ def _tests_by_line(room: str, copy: Path) -> Tests:
         for line, contexts in data.contexts_by_lineno(file).items():
             tests = {context.partition("|")[0] for context in contexts if context}
             by_line[str(Path(file).relative_to(copy)), line] = tests
-    return Tests(sorted(durations, key=durations.__getitem__), by_line)
+    return Tests(dict(sorted(durations.items(), key=itemgetter(1))), by_line)
 
 
 def _pytest(*words: str) -> list[str]:

@@ -1,0 +1,154 @@
+"""Fixes as measurements: scales of the biases, inflated noise, turned noise, other sensitivities; against numpy."""
+
+import numpy as np
+import pytest
+from handmade import a_fix, host_ns, matrix, vector
+from msgspec.structs import replace
+from scipy.spatial.transform import Rotation
+from simulated_flight import priors
+
+from fwav_companion.tracking.filters.consider_biases import (
+    DOWN_FLOOR_M2,
+    MOST_REMEMBERED,
+    SENSITIVITY_SHARE,
+    SENSITIVITY_STEP_S,
+    ConsiderBiases,
+    decayed,
+    turned_toward,
+)
+from fwav_companion.tracking.filters.gates import GATE, ID_GATE
+from fwav_companion.tracking.filters.linearization import TELEMETRY_STEP_S, level_columns
+from fwav_companion.types import BIAS_COUNT, Bias
+
+ALL = priors(
+    roll=0.01, pitch=0.02, position_north=1.0, position_east=2.0, height=0.5, position_delay=0.05,
+    attitude_noise=0.004, position_noise_m=0.3, height_noise_m=0.2,
+)  # fmt: skip
+SIGMAS = np.array(ALL.bias_sigmas)
+IN_ORDER = [bias for bias in Bias if SIGMAS[bias] > 0 and bias not in (Bias.POSITION_NORTH, Bias.POSITION_EAST)]
+"""The biases with a prior; the wandering ones follow."""
+
+
+def drawn(seed, **detection):
+    """A fix with any covariance and sensitivities, ten metres below the camera."""
+    rng = np.random.default_rng(seed)
+    root = rng.normal(0.0, 0.3, (3, 3))
+    return a_fix(1.0, (6.0, -4.0, 0.1), root @ root.T, rng.normal(0.0, 3.0, (3, BIAS_COUNT)), SIGMAS, **detection)
+
+
+def jacobian_of(fix):
+    return np.array(fix.bias_jacobian).T
+
+
+def test_a_fix_has_a_column_for_each_bias_with_a_prior_and_the_wandering_ones_come_last():
+    fix, errors = drawn(1), ConsiderBiases(ALL)
+    prepared = errors.prepared(fix)
+    columns = [*IN_ORDER, Bias.POSITION_NORTH, Bias.POSITION_EAST]
+    assert np.array(prepared.shared) == pytest.approx(jacobian_of(fix)[:, columns] * SIGMAS[columns])
+    assert np.array(prepared.noise) == pytest.approx(np.array(fix.noise_cov) + np.diag([0.0, 0.0, DOWN_FLOOR_M2]))
+    assert (errors.wandering, errors.count) == (len(IN_ORDER), len(IN_ORDER) + 2)
+    assert errors.timed == IN_ORDER.index(Bias.TIME_OFFSET)
+    standing = ConsiderBiases(ALL, wandering=False)
+    assert np.array(standing.prepared(fix).shared) == pytest.approx(jacobian_of(fix)[:, IN_ORDER] * SIGMAS[IN_ORDER])
+    assert (standing.wandering, standing.count) == (len(IN_ORDER), len(IN_ORDER))
+
+
+def test_by_delay_are_the_two_sensitivities_of_the_position_delay():
+    fix, errors = drawn(2), ConsiderBiases(ALL)
+    i, north, east = errors.by_delay(errors.prepared(fix))
+    expected = jacobian_of(fix)[:2, Bias.POSITION_DELAY] * SIGMAS[Bias.POSITION_DELAY]
+    assert i == IN_ORDER.index(Bias.POSITION_DELAY)
+    assert (north, east) == pytest.approx(tuple(expected))
+    none = ConsiderBiases(priors())
+    assert none.by_delay(none.prepared(fix)) is None
+    assert ConsiderBiases(priors(time_offset=0)).timed is None
+
+
+def test_a_detectors_id_widens_the_gate():
+    errors = ConsiderBiases(ALL)
+    assert (errors.prepared(drawn(3)).gate, errors.prepared(drawn(4, detector_id=7)).gate) == (GATE, ID_GATE)
+
+
+def test_a_fix_is_prepared_once_and_the_memory_is_bounded():
+    errors, fixes = ConsiderBiases(ALL), [drawn(5) for _ in range(3 * MOST_REMEMBERED)]
+    for fix in fixes:
+        assert errors.prepared(fix) is errors.prepared(fix)
+        assert len(errors._remembered) <= MOST_REMEMBERED
+    equal = replace(fixes[-1])
+    assert errors.prepared(equal) is not errors.prepared(fixes[-1]), "another fix at any address is another fix"
+
+
+@pytest.mark.parametrize(("since_s", "spacing_s"), [(0.03, 0.0), (0.03, 0.25), (0.2, 0.25), (0.0, 0.25), (0.4, 0.25)])
+def test_noise_that_fixes_share_counts_as_often_as_they_share_it(since_s, spacing_s):
+    """Of n fixes with one sample of telemetry, the mean has the variance of one: each must claim n times that."""
+    fix = drawn(6)
+    state = replace(fix.sighting.state, spacing_s=spacing_s)
+    fix = replace(fix, sighting=replace(fix.sighting, state=state))
+    jacobian, expected = jacobian_of(fix), np.array(fix.noise_cov) + np.diag([0.0, 0.0, DOWN_FLOOR_M2])
+    times = max(0.0, TELEMETRY_STEP_S / max(since_s, 1e-3) - 1.0)
+    by_height = jacobian[:, Bias.HEIGHT] * 0.2
+    expected += times * (np.outer(by_height, by_height) + 0.3**2 * np.diag([1.0, 1.0, 0.0]))
+    times = max(0.0, spacing_s / max(since_s, 1e-3) - 1.0)
+    for axis in (Bias.ROLL, Bias.PITCH, Bias.HEADING):
+        by_turn = jacobian[:, axis] * 0.004
+        expected += times * np.outer(by_turn, by_turn)
+    measurement = ConsiderBiases(ALL).decorrelated(fix, since_s)
+    assert np.array(measurement.noise) == pytest.approx(expected)
+    assert measurement.shared == ConsiderBiases(ALL).prepared(fix).shared
+
+
+def test_a_fix_long_after_the_last_one_is_itself():
+    errors, fix = ConsiderBiases(ALL), drawn(7)
+    assert errors.decorrelated(fix, TELEMETRY_STEP_S) is errors.prepared(fix)
+
+
+@pytest.mark.parametrize("turn_deg", [-44.0, -10.0, 0.0, 30.0, 46.0, -60.0, 120.0, 180.0])
+def test_noise_is_turned_into_the_azimuth_of_the_target_up_to_45_degrees(turn_deg):
+    fix, turn = drawn(8), Rotation.from_euler("z", turn_deg, degrees=True)
+    camera = np.array(fix.sighting.camera_ned)
+    toward = camera + 2.5 * turn.apply(np.subtract(fix.position_ned, camera))
+    noise, matrix3 = np.array(fix.noise_cov), turn.as_matrix()
+    expected = matrix3 @ noise @ matrix3.T if abs(turn_deg) < 45.5 else noise
+    assert np.array(turned_toward(fix.noise_cov, fix, vector(toward))) == pytest.approx(expected)
+    errors = ConsiderBiases(ALL)
+    measured = np.array(errors.decorrelated(fix, 9.0, vector(toward)).noise)
+    assert measured == pytest.approx(expected + np.diag([0.0, 0.0, DOWN_FLOOR_M2]))
+
+
+def test_straight_above_the_target_no_azimuth_matters():
+    fix = drawn(9)
+    over = (0.0, 0.0, 0.0)
+    assert turned_toward(fix.noise_cov, fix, over) == fix.noise_cov
+
+
+@pytest.mark.parametrize("since_s", [0.0, 0.1, 3.0, 60.0])
+def test_other_sensitivities_replace_those_to_attitude_mount_and_height_and_add_their_own_error(since_s):
+    fix, errors = drawn(10), ConsiderBiases(ALL)
+    columns = level_columns(fix, 3.0, 2.0, 8.0)
+    measurement = errors.prepared(fix)
+    found = errors.relinearized(measurement, columns, since_s)
+    expected = jacobian_of(fix)[:, [*IN_ORDER, Bias.POSITION_NORTH, Bias.POSITION_EAST]]
+    expected = expected * SIGMAS[[*IN_ORDER, Bias.POSITION_NORTH, Bias.POSITION_EAST]]
+    own = np.zeros((2, 2))
+    for bias, column in columns.items():
+        scaled = np.array(column) * SIGMAS[bias]
+        expected[:2, IN_ORDER.index(bias)] = scaled
+        own += SENSITIVITY_SHARE**2 * np.outer(scaled, scaled)
+    assert np.array(found.shared) == pytest.approx(expected)
+    repeats = max(1.0, SENSITIVITY_STEP_S / max(since_s, 1e-3))
+    more = np.subtract(found.noise, measurement.noise)
+    assert more[:2, :2] == pytest.approx(repeats * own)
+    assert not more[2].any()
+    again = errors.with_sensitivity_noise(replace(measurement, shared=found.shared), since_s)
+    assert np.array(again.noise) == pytest.approx(np.array(found.noise))
+
+
+def test_a_wandering_error_is_forgotten_as_a_first_order_process():
+    errors = ConsiderBiases(ALL)  # 60 s
+    assert errors.decay(host_ns(0.0), host_ns(30.0)) == pytest.approx(np.exp(-0.5))
+    assert errors.decay(host_ns(7.0), host_ns(7.0)) == 1.0
+    assert ConsiderBiases(priors()).decay(host_ns(0.0), host_ns(30.0)) == 1.0, "exact positions have nothing to forget"
+    rows = matrix(np.arange(9.0).reshape(3, 3) + 1.0)
+    assert decayed(rows, 1, 0.5) == ((1.0, 1.0, 1.5), (4.0, 2.5, 3.0), (7.0, 4.0, 4.5))
+    level = ((1.0, 2.0), (3.0, 4.0), (0.0, 0.0))
+    assert decayed(level, 2, 0.5) == level

@@ -1,0 +1,103 @@
+"""Place and wandering error as one Kalman filter in numpy, its transitions by the matrix exponential."""
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.linalg import block_diag, expm
+
+from fwav_companion.tracking.filters.position_wander import PositionWander, first_place, position_wander
+from fwav_companion.tracking.filters.schmidt_kalman import PointEstimate
+
+WANDER = PositionWander(1.5, (0.03, 0.2))
+"""Two processes."""
+BIASES = 3
+SHOWS = np.array([1.0, 1.0, 0.0, 1.0, 0.0])
+"""The apparent place: the place and the error of each process."""
+
+
+def apparent(rng):
+    root = rng.normal(0.0, 0.2, (2, 2))
+    (nn, ne), (_, ee) = (root @ root.T + 0.01 * np.eye(2)).tolist()
+    north, east = rng.normal(0.0, 1.0, 2).tolist()
+    return PointEstimate(north, east, (nn, ne, ee), tuple(map(tuple, rng.normal(0.0, 0.3, (2, BIASES)).tolist())))
+
+
+def transition(dt):
+    """Of place, then error and rate of each process: critically damped."""
+    return block_diag(1.0, *(expm(dt * np.array([[0.0, 1.0], [-(w * w), -2.0 * w]])) for w in WANDER.rates))
+
+
+STEADY = np.diag([0.0, *(v for w in WANDER.rates for v in (1.5**2 / 2, 1.5**2 / 2 * w * w))])
+
+
+def test_it_is_the_kalman_filter_of_place_and_two_processes():
+    rng = np.random.default_rng(7)
+    first = apparent(rng)
+    state = first_place(first, WANDER)
+    north, east = np.zeros(5), np.zeros(5)
+    north[0], east[0] = first.north_m, first.east_m
+    cov = STEADY.copy()
+    cov[0] = cov[:, 0] = -STEADY @ [0.0, 1.0, 0.0, 1.0, 0.0]  # the place is the apparent place minus the errors
+    cov[0, 0] = 1.5**2 + 0.5 * (first.noise[0] + first.noise[2])
+    rows = [np.vstack([axis, np.zeros((4, BIASES))]) for axis in first.shared]
+    for dt in [1.0, 2.5, 1.0, 40.0, 7.0]:
+        move, seen = transition(dt), apparent(rng)
+        cov = move @ (cov - STEADY) @ move.T + STEADY
+        noise = 0.5 * (seen.cov[0] + seen.cov[2])
+        gain = cov @ SHOWS / (SHOWS @ cov @ SHOWS + noise)
+        north, east = move @ north, move @ east
+        north, east = north + gain * (seen.north_m - SHOWS @ north), east + gain * (seen.east_m - SHOWS @ east)
+        rows = [move @ each for each in rows]
+        rows = [each + np.outer(gain, of - SHOWS @ each) for each, of in zip(rows, np.array(seen.shared), strict=True)]
+        cov = cov - np.outer(gain, SHOWS @ cov)
+        state = state.update(seen, WANDER, dt)
+        assert state.north == pytest.approx(north, abs=1e-12)
+        assert state.east == pytest.approx(east, abs=1e-12)
+        assert np.array(state.cov) == pytest.approx(cov, abs=1e-12)
+        assert np.array(state.shared) == pytest.approx(np.array(rows), abs=1e-12)
+        place = state.estimate
+        assert (place.north_m, place.east_m) == (state.north[0], state.east[0])
+        assert place.noise == pytest.approx((cov[0, 0], 0.0, cov[0, 0]))
+        assert place.shared == (state.shared[0][0], state.shared[1][0])
+
+
+def test_a_jump_frees_the_error_of_the_first_process_alone():
+    state = first_place(apparent(np.random.default_rng(8)), WANDER)
+    more = np.subtract(state.with_jump(0.7).cov, state.cov)
+    assert more[1, 1] == pytest.approx(0.7)
+    assert np.count_nonzero(more) == 1
+
+
+def test_a_fresh_error_keeps_the_place_and_forgets_the_rest():
+    rng = np.random.default_rng(9)
+    state = first_place(apparent(rng), WANDER).update(apparent(rng), WANDER, 5.0)
+    other = PositionWander(0.02, (0.1,))
+    fresh = state.with_fresh_error(other)
+    assert fresh.north == (state.north[0], 0.0, 0.0)
+    assert fresh.east == (state.east[0], 0.0, 0.0)
+    assert np.array(fresh.cov) == pytest.approx(np.diag([state.cov[0][0], 0.02**2, 0.02**2 * 0.1**2]))
+    nothing = (0.0,) * BIASES
+    assert fresh.shared == ((state.shared[0][0], nothing, nothing), (state.shared[1][0], nothing, nothing))
+
+
+def test_the_apparent_place_moves_as_the_processes_do_and_at_least_as_a_smooth_error_looks():
+    """The mean square movement is 2 (variance - autocovariance); the autocovariance by the matrix exponential."""
+    for dt in (0.5, 3.0, 20.0, 300.0):
+        each = 1.5**2 / 2
+        moved = sum(
+            2.0 * each * (1.0 - expm(dt * np.array([[0.0, 1.0], [-(w * w), -2.0 * w]]))[0, 0]) for w in WANDER.rates
+        )
+        assert WANDER.apparent_noise(dt, 0.0) == pytest.approx(moved)
+        rate = np.sqrt(np.mean(np.square(WANDER.rates))) * 1.5
+        assert WANDER.apparent_noise(dt, 0.04) == pytest.approx(max(moved, rate * 0.2 * dt))
+    assert PositionWander(0.0, (0.1,)).apparent_noise(5.0, 1.0) == 0.0
+
+
+def test_the_integral_time_is_that_of_a_first_order_process():
+    wander = position_wander(2.0, (60.0, 30.0, 0.0, float("inf")))
+    assert wander.sigma_m == 2.0
+    for rate, time_s in zip(wander.rates[:2], (60.0, 30.0), strict=True):
+        integral, _ = quad(lambda t, w=rate: (1.0 + w * t) * np.exp(-w * t), 0.0, np.inf)
+        assert integral == pytest.approx(time_s)
+    assert wander.rates[2:] == (0.0, 0.0), "without a time constant, or with an infinite one, the error is constant"
+    assert wander.variance_each == pytest.approx(1.0)
