@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from made_up_terrain import LAT, LON, PLANE, STEP, direction, from_array, tile
 
 from fwav_companion.localization import ElevationModel
-from fwav_companion.localization.ray_search import first_hit
+from fwav_companion.localization.ray_search import _first_descent, _unwrapped, first_hit
 
 
 class TestRaySearch:
@@ -72,3 +72,36 @@ class TestRaySearch:
         assert first_hit(ElevationModel([level]), PLANE, (0.0, 0.0, -40.0), direction(0.5, 0.0), 0.0) is None
         assert first_hit(ElevationModel([holed]), PLANE, (0.0, 0.0, -40.0), direction(20.0, 0.0), 0.0) is None
         assert first_hit(ElevationModel([level]), PLANE, (0.0, 0.0, -40.0), direction(-10.0, 0.0), 0.0) is None
+
+
+@pytest.mark.parametrize("seed", range(200))
+def test_the_first_descent_is_the_first_root_in_the_interval(seed):
+    """Against numpy's roots, for heights that begin above the surface."""
+    rng = np.random.default_rng(seed)
+    p, q, r = rng.uniform(0.1, 5.0), *rng.normal(0.0, 5.0, 2)
+    at, end = sorted(rng.uniform(0.0, 1.0, 2))
+    below = p + q * at + r * at * at <= 0.0
+    roots = [root.real for root in np.roots([r, q, p]) if abs(root.imag) < 1e-9 and at <= root.real <= end]
+    expected = at if below else min(roots, default=None)
+    found = _first_descent(p, q, r=r, at=at, end=end)
+    assert (found is None) is (expected is None)
+    if expected is not None:
+        assert found == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("q", "expected"), [(-2.0, 0.5), (-0.5, None), (2.0, None), (0.0, None)])
+def test_over_a_level_cell_the_descent_is_linear(q, expected):
+    assert _first_descent(1.0, q, r=0.0, at=0.0, end=1.0) == expected
+
+
+def test_where_the_ray_only_touches_there_is_one_root():
+    assert _first_descent(1.0, -4.0, r=4.0, at=0.0, end=1.0) == pytest.approx(0.5)
+    assert _first_descent(1.0, -4.0, r=4.0, at=0.6, end=1.0) is None
+
+
+@pytest.mark.parametrize(
+    ("lon", "near", "expected"),
+    [(10.0, 20.0, 10.0), (-179.9, 179.9, 180.1), (179.9, -179.9, -180.1), (350.0, 1.0, -10.0), (181.0, 1.0, -179.0)],
+)
+def test_a_longitude_is_unwrapped_to_within_half_a_turn(lon, near, expected):
+    assert _unwrapped(lon, near) == pytest.approx(expected)

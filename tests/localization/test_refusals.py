@@ -129,6 +129,26 @@ class TestRangefinder:
         old = self.locate(RangefinderGround(0.05), self.with_reading(boot_ns=-200_000_000)).budget.height
         assert old > now
 
+    def test_an_older_reading_of_a_turning_vehicle_is_worth_less_by_half_the_turn_across_the_beam(self):
+        """The beam leans by 0.1 of its length; half of the turn since the reading moves its foot along the slope."""
+        leaning = (0.1, 0.0, np.sqrt(1.0 - 0.01))
+        level = replace(self.scene, pitch_deg=0.0, roll_deg=0.0, rates=(0.0, 0.0, 1.0), beam=leaning)
+        sighting = level.sighting()
+        reading = msgspec.structs.replace(sighting.state.range, boot_ns=-200_000_000, sigma_m=0.3)
+        sighting = msgspec.structs.replace(sighting, state=msgspec.structs.replace(sighting.state, range=reading))
+        met = RangefinderGround(0.05).meet(sighting, (0.0, 0.0, 1.0))
+        by_turn = reading.distance_m * 0.1 * 0.5 * 1.0 * 0.2
+        assert met.height_noise_m == pytest.approx(np.hypot(0.3 * leaning[2], by_turn))
+
+    def test_without_a_velocity_the_height_is_that_of_the_reading(self):
+        sighting = self.with_reading(boot_ns=-100_000_000)
+        still = msgspec.structs.replace(
+            sighting, state=msgspec.structs.replace(sighting.state, velocity_ned=(0.0, 0.0, 0.0))
+        )
+        unknown = msgspec.structs.replace(sighting, state=msgspec.structs.replace(sighting.state, velocity_ned=None))
+        ground = RangefinderGround(0.05)
+        assert self.locate(ground, unknown).position_ned == self.locate(ground, still).position_ned
+
     def test_the_reading_is_brought_to_the_capture_by_rates_and_velocity(self):
         """100 ms ago the vehicle was tilted otherwise and 0.05 m lower: reading and height follow."""
         scene = replace(self.scene, velocity=(3.0, 1.0, -0.5))

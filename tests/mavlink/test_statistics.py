@@ -133,3 +133,28 @@ def test_what_a_link_reports() -> None:
     assert (a.name, a.up, a.bytes_in, a.bad_checksums, a.skipped_bytes) == ("a", False, len(frame), 1, len(frame))
     assert (g.up, g.ground_station) == (True, True)
     assert not node.statistics(HostNs(10 * NS_PER_S))[1].ground_station
+
+
+def test_a_message_that_is_new_since_the_last_look_counts_from_zero() -> None:
+    node, wire = Node([LinkPolicy("a", "autopilot")], []), Wire(1, 1)
+    node.receive("a", wire.heartbeat(), HostNs(0))
+    node.statistics(HostNs(0))
+    for i in range(5):
+        node.receive("a", wire.attitude(i), HostNs(i * STEP))
+    (link,) = node.statistics(HostNs(NS_PER_S))
+    assert link.peers[0].rates_hz == {"HEARTBEAT": 0.0, "ATTITUDE": 5.0}
+
+
+def test_peers_beyond_the_list_are_counted_and_the_vehicle_and_the_busiest_are_listed() -> None:
+    node = Node([LinkPolicy("a", "autopilot"), LinkPolicy("g", "gcs")], [])
+    node.adopt(1)
+    now = HostNs(0)
+    for system in range(200, 2, -1):
+        wire = Wire(system, 1)
+        for _ in range(3 if system < 34 else 1):  # 31 busy ones
+            now = HostNs(now + NS_PER_MS)
+            node.receive("a", wire.heartbeat(), now)
+    node.receive("a", Wire(1, 1).heartbeat(), now)
+    a, _ = node.statistics(now)
+    assert [peer.system for peer in a.peers] == [1, *range(3, 34)]
+    assert a.peers_left_out == 199 - 32

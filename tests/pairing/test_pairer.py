@@ -274,3 +274,27 @@ def test_an_unknown_readout_is_as_doubtful_as_the_frames_are_apart(readout_s, ex
     for number in range(5):
         reported = whole(ours.pair(frame(CENTRE, boot_ms=4500.0 + number * 100.0), vehicle))
     assert reported.sightings[0].row_fraction == pytest.approx(expected, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("u", "v", "inside"),
+    [
+        *((-0.4, 240.0, True), (-0.6, 240.0, False), (639.4, 240.0, True), (639.6, 240.0, False)),
+        *((320.0, -0.4, True), (320.0, -0.6, False), (320.0, 479.4, True), (320.0, 479.6, False)),
+        *((500.0, 470.0, True), (500.0, 480.0, False), (600.0, 5.0, True), (-5.0, 5.0, False), (5.0, -5.0, False)),
+    ],
+)
+def test_an_image_ends_half_a_pixel_beyond_its_outer_pixels_on_all_four_sides(u, v, inside):
+    """Camera straight down, north is up: 10 m below, a pixel is a thirtieth of a metre."""
+    view = whole(pairer(lens=Wide()).pair(frame(CENTRE), StillVehicle())).view
+    place = (100.0 + (240.0 - v) / 30.0, 50.0 + (u - 320.0) / 30.0, 0.0)
+    assert (view.pixel_of(place) is not None) is inside
+    assert view.could_see(place) is inside
+
+
+class Wide(Pinhole):
+    """A pinhole without a limit of its angle."""
+
+    def pixel_from_camera_point(self, point):
+        x, y, z = point
+        return NoRay() if z <= 0.0 else (320.0 + 300.0 * x / z, 240.0 + 300.0 * y / z)
