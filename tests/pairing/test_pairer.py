@@ -297,4 +297,4 @@ class Wide(Pinhole):
 
     def pixel_from_camera_point(self, point):
         x, y, z = point
-        return NoRay() if z <= 0.0 else (320.0 + 300.0 * x / z, 240.0 + 300.0 * y / z)
+        return (320.0 + 300.0 * x / z, 240.0 + 300.0 * y / z)
