@@ -79,10 +79,10 @@ class MockCamera:
         if self._c.corner_noise_px is not None:
             self._tags = {tag.target: tag for tag in tags(options, scene)}
         self._frame = 0
-
-    @property
-    def wake_at(self) -> int | None:
+        self.wake_at = self._ready_ns()
         """Instant at which the last row of the next frame has been read; None: the camera is off or has stopped."""
+
+    def _ready_ns(self) -> int | None:
         row0_s = self.row0_s(self._frame)
         stops_at_s = self._c.stops_at_s
         if not self._c.enabled or (stops_at_s is not None and row0_s >= stops_at_s):
@@ -93,9 +93,9 @@ class MockCamera:
         """Returns the frames whose last row has been read by now."""
         frames = []
         while self.wake_at is not None and self.wake_at <= now_ns:
-            ready_ns = self.wake_at
-            frames.append((ready_ns + round(self._latency_s() * 1e9), *self._shot()))
+            frames.append((self.wake_at + round(self._latency_s() * 1e9), *self._shot()))
             self._frame += 1
+            self.wake_at = self._ready_ns()
         return frames
 
     def row0_s(self, frame: int) -> float:

@@ -36,19 +36,27 @@ class SlowDrift:
     """Smooth drift without direction: three sines with incommensurate periods, RMS about ``size``."""
 
     def __init__(self, size: float, rng: Random) -> None:
-        self._terms = [
+        terms = [
             (size * share, 2.0 * pi / period, rng.uniform(0.0, 2.0 * pi))
             for share, period in ((1.0, 23.7), (0.8, 11.3), (0.6, 6.1))
         ]
+        self._sizes = tuple(size for size, _, _ in terms)
+        self._phases = tuple(number for _, w, phase in terms for number in (w, phase))
+        self._rates = tuple(size * w for size, w, _ in terms)
 
     def at(self, t: float) -> tuple[float, float]:
-        """(value, rate). Unrolled, because a gyro evaluates it three thousand times a second."""
-        (a, u, i), (b, v, j), (c, w, k) = self._terms
+        """(value, rate). Unrolled, because a gyro evaluates it two thousand times a second."""
+        u, i, v, j, w, k = self._phases
+        a, b, c = self._sizes
+        d, e, f = self._rates
         x, y, z = u * t + i, v * t + j, w * t + k
-        return (
-            a * sin(x) + b * sin(y) + c * sin(z),
-            a * u * cos(x) + b * v * cos(y) + c * w * cos(z),
-        )
+        return a * sin(x) + b * sin(y) + c * sin(z), d * cos(x) + e * cos(y) + f * cos(z)
+
+    def rate(self, t: float) -> float:
+        """Rate alone: the yaw itself does not matter to a gyro."""
+        u, i, v, j, w, k = self._phases
+        d, e, f = self._rates
+        return d * cos(u * t + i) + e * cos(v * t + j) + f * cos(w * t + k)
 
 
 class Flight:
@@ -72,20 +80,22 @@ class Flight:
         """State at an instant."""
         path = self._pattern.at(flight_s)
         stroke, stroke_rate = self._stroke(flight_s)
-        roll, roll_rate, pitch, pitch_rate, yaw, yaw_rate = self._angles(flight_s, path, stroke, stroke_rate)
+        roll, roll_rate, pitch, pitch_rate, yaw_rate = self._turning(flight_s, path, stroke, stroke_rate)
         position, velocity = self._place(flight_s, path, stroke, stroke_rate)
         return State(
             flight_s,
             position,
             velocity,
-            (roll, pitch, yaw),
+            (roll, pitch, self._yaw(flight_s, path)),
             body_rates(roll, pitch, roll_rate, pitch_rate, yaw_rate),
         )
 
     def rates(self, flight_s: float) -> Vector:
         """Body rates alone, rad/s: a gyro evaluates them a thousand times a second."""
-        path = self._pattern.at(flight_s)
-        roll, roll_rate, pitch, pitch_rate, _, yaw_rate = self._angles(flight_s, path, *self._stroke(flight_s))
+        stroke, stroke_rate = self._stroke(flight_s)
+        roll, roll_rate, pitch, pitch_rate, yaw_rate = self._turning(
+            flight_s, self._pattern.at(flight_s), stroke, stroke_rate
+        )
         return body_rates(roll, pitch, roll_rate, pitch_rate, yaw_rate)
 
     def _stroke(self, t: float) -> tuple[float, float]:
@@ -94,17 +104,18 @@ class Flight:
         angle = slow * t + self._phases[3]
         return w * t + self._phases[0] + m * sin(angle), w + m * slow * cos(angle)
 
-    def _angles(
+    def _turning(
         self, t: float, path: Path, stroke: float, stroke_rate: float
-    ) -> tuple[float, float, float, float, float, float]:
+    ) -> tuple[float, float, float, float, float]:
+        """(roll, its rate, pitch, its rate, rate of the yaw): what body rates depend on."""
         sway_roll, sway_pitch, sway_yaw = self._sway
-        (roll, roll_rate), (pitch, pitch_rate), (yaw, yaw_rate) = sway_roll.at(t), sway_pitch.at(t), sway_yaw.at(t)
-        course, course_rate, bank, bank_rate = self._course(t, path)
+        (roll, roll_rate), (pitch, pitch_rate), yaw_rate = sway_roll.at(t), sway_pitch.at(t), sway_yaw.rate(t)
+        course_rate, bank, bank_rate = self._course_turn(path)
         level_roll, level_pitch = self._level
         flap_roll, flap_pitch = self._flap
         if self._hand is not None:
             by_hand = self._hand.angles(t)
-            roll, pitch, yaw = roll + by_hand[0][0], pitch + by_hand[1][0], yaw + by_hand[2][0]
+            roll, pitch = roll + by_hand[0][0], pitch + by_hand[1][0]
             roll_rate, pitch_rate = roll_rate + by_hand[0][1], pitch_rate + by_hand[1][1]
             yaw_rate += by_hand[2][1]
         roll_phase = stroke + self._phases[1]
@@ -113,27 +124,42 @@ class Flight:
             roll_rate + bank_rate + flap_roll * stroke_rate * cos(roll_phase),
             pitch + level_pitch + flap_pitch * sin(stroke),
             pitch_rate + flap_pitch * stroke_rate * cos(stroke),
-            yaw + course,
             yaw_rate + course_rate,
         )
 
-    def _course(self, t: float, path: Path) -> tuple[float, float, float, float]:
-        """(heading, its rate, bank, its rate)."""
-        o = self._o
+    def _yaw(self, t: float, path: Path) -> float:
+        yaw, _ = self._sway[2].at(t)
+        if self._hand is not None:
+            yaw += self._hand.angles(t)[2][0]
+        return yaw + self._course(t, path)
+
+    def _course(self, t: float, path: Path) -> float:
+        """Heading without sway and hand."""
         if path.heading_deg is not None:
-            heading_deg, turn_deg_s = path.heading_deg
-            return radians(heading_deg), radians(turn_deg_s), 0.0, 0.0
+            return radians(path.heading_deg[0])
         if self._heading == "fixed":
-            return radians(o.fixed_heading_deg + o.turn_deg_s * t), radians(o.turn_deg_s), 0.0, 0.0
+            return radians(self._o.fixed_heading_deg + self._o.turn_deg_s * t)
+        if self._heading == "centre":
+            north, east = path.at
+            return atan2(-east, -north)
+        north, east = path.velocity
+        return atan2(east, north)
+
+    def _course_turn(self, path: Path) -> tuple[float, float, float]:
+        """(rate of the heading without sway and hand, bank, its rate)."""
+        if path.heading_deg is not None:
+            return radians(path.heading_deg[1]), 0.0, 0.0
+        if self._heading == "fixed":
+            return radians(self._o.turn_deg_s), 0.0, 0.0
         if self._heading == "centre":
             (n, e), (vn, ve) = path.at, path.velocity
-            return atan2(-e, -n), (n * ve - e * vn) / (n * n + e * e), 0.0, 0.0
+            return (n * ve - e * vn) / (n * n + e * e), 0.0, 0.0
         (vn, ve), (an, ae), (jn, je) = path.velocity, path.acceleration, path.jerk
         speed = hypot(vn, ve)
         sideways = (vn * ae - ve * an) / speed
         sideways_rate = (vn * je - ve * jn) / speed - sideways * (vn * an + ve * ae) / speed**2
-        slope, slope_rate = o.bank * sideways / GRAVITY, o.bank * sideways_rate / GRAVITY
-        return atan2(ve, vn), sideways / speed, atan(slope), slope_rate / (1.0 + slope * slope)
+        slope, slope_rate = self._o.bank * sideways / GRAVITY, self._o.bank * sideways_rate / GRAVITY
+        return sideways / speed, atan(slope), slope_rate / (1.0 + slope * slope)
 
     def _place(self, t: float, path: Path, stroke: float, stroke_rate: float) -> tuple[Vector, Vector]:
         o = self._o

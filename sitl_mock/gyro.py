@@ -17,28 +17,36 @@ SETTLING_S = 0.3
 
 
 class TwoPole:
-    """Butterworth low-pass of one axis: bilinear transform with the cut-off prewarped, as in autopilots."""
+    """Butterworth low-pass of three axes: bilinear transform with the cut-off prewarped, as in autopilots."""
 
-    __slots__ = ("_a1", "_a2", "_b0", "_d1", "_d2")
+    __slots__ = ("_coefficients", "_delayed")
 
     def __init__(self, cutoff_hz: float, sample_hz: float) -> None:
         ohm = tan(pi * cutoff_hz / sample_hz)
         c = 1.0 + 2.0 * cos(pi / 4.0) * ohm + ohm * ohm
-        self._b0 = ohm * ohm / c
-        self._a1 = 2.0 * (ohm * ohm - 1.0) / c
-        self._a2 = (1.0 - 2.0 * cos(pi / 4.0) * ohm + ohm * ohm) / c
-        self._d1 = self._d2 = 0.0
+        self._coefficients = (
+            2.0 * (ohm * ohm - 1.0) / c,
+            (1.0 - 2.0 * cos(pi / 4.0) * ohm + ohm * ohm) / c,
+            ohm * ohm / c,
+        )
+        self._delayed: tuple[Vector, Vector] = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
 
-    def start_at(self, value: float) -> None:
+    def start_at(self, values: Vector) -> None:
         """Sets the steady state of a constant input."""
-        self._d1 = self._d2 = value / (1.0 + self._a1 + self._a2)
+        a1, a2, _ = self._coefficients
+        x, y, z = values
+        steady = x / (1.0 + a1 + a2), y / (1.0 + a1 + a2), z / (1.0 + a1 + a2)
+        self._delayed = steady, steady
 
-    def step(self, value: float) -> float:
-        """Filters one sample."""
-        d1, d2 = self._d1, self._d2
-        d0 = value - self._a1 * d1 - self._a2 * d2
-        self._d2, self._d1 = d1, d0
-        return self._b0 * (d0 + 2.0 * d1 + d2)
+    def step(self, values: Vector) -> Vector:
+        """Filters one sample. Unrolled, because it runs a thousand times a second."""
+        a1, a2, b0 = self._coefficients
+        x, y, z = values
+        before, (x2, y2, z2) = self._delayed
+        x1, y1, z1 = before
+        x0, y0, z0 = x - a1 * x1 - a2 * x2, y - a1 * y1 - a2 * y2, z - a1 * z1 - a2 * z2
+        self._delayed = (x0, y0, z0), before
+        return b0 * (x0 + 2.0 * x1 + x2), b0 * (y0 + 2.0 * y1 + y2), b0 * (z0 + 2.0 * z1 + z2)
 
 
 class Gyro:
@@ -49,7 +57,7 @@ class Gyro:
         self._cutoff_hz = cutoff_hz
         self._outputs: deque[Vector] = deque(maxlen=int(KEPT_S * SAMPLE_HZ))
         self._next = 0
-        self._filters: list[TwoPole] = []
+        self._filter: TwoPole | None = None
 
     def rates(self, flight_s: float) -> Vector:
         """Filtered body rates (p, q, r) at an instant, rad/s."""
@@ -57,25 +65,21 @@ class Gyro:
             return self._flight.rates(flight_s)
         index = flight_s * SAMPLE_HZ
         whole = int(index // 1)
-        if not self._filters or whole - self._next > KEPT_S * SAMPLE_HZ:
-            self._restart(whole - int(SETTLING_S * SAMPLE_HZ))
-        while self._next <= whole + 1:
-            self._step()
+        if self._filter is None or whole - self._next > KEPT_S * SAMPLE_HZ:
+            self._filter = self._restarted(whole - int(SETTLING_S * SAMPLE_HZ))
+        rates, step, keep = self._flight.rates, self._filter.step, self._outputs.append
+        for number in range(self._next, whole + 2):
+            keep(step(rates(number / SAMPLE_HZ)))
+        self._next = max(self._next, whole + 2)
         first = self._next - len(self._outputs)
         whole = max(whole, first)
         before, after = self._outputs[whole - first], self._outputs[whole + 1 - first]
         share = min(1.0, max(0.0, index - whole))
         return tuple(a + share * (b - a) for a, b in zip(before, after, strict=True))  # type: ignore[return-value]
 
-    def _restart(self, index: int) -> None:
+    def _restarted(self, index: int) -> TwoPole:
         self._outputs.clear()
         self._next = index
-        self._filters = [TwoPole(self._cutoff_hz, SAMPLE_HZ) for _ in range(3)]
-        for one, value in zip(self._filters, self._flight.rates(index / SAMPLE_HZ), strict=True):
-            one.start_at(value)
-
-    def _step(self) -> None:
-        p, q, r = self._flight.rates(self._next / SAMPLE_HZ)
-        x, y, z = self._filters
-        self._outputs.append((x.step(p), y.step(q), z.step(r)))
-        self._next += 1
+        restarted = TwoPole(self._cutoff_hz, SAMPLE_HZ)
+        restarted.start_at(self._flight.rates(index / SAMPLE_HZ))
+        return restarted

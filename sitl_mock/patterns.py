@@ -32,15 +32,17 @@ class Pattern:
     def __init__(self, options: FlightOptions) -> None:
         self._a, self._b = options.half_axes_m
         self._phase = options.start_phase_deg * pi / 180.0
-        self._still: Pair | None = None
+        self._still: Path | None = None
         self._waypoints = Waypoints(options.waypoints) if options.pattern == "waypoints" else None
         # (multiple of s, phase) of east: an ellipse leads by a quarter turn, a figure eight has twice the frequency.
         self._m, self._east_phase = {"figure_eight": (2.0, 0.0)}.get(options.pattern, (1.0, pi / 2.0))
         if options.pattern in ("hover", "hand"):
-            self._still = options.offset_m
+            self._still = Path(options.offset_m, (0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
         elif options.pattern not in ("orbit", "figure_eight", "racetrack", "waypoints"):
             raise KeyError(f"no pattern {options.pattern!r}: hover, orbit, figure_eight, racetrack, hand or waypoints")
-        self._s_rate = options.speed_m_s * 2.0 * pi / self._length()
+        w = options.speed_m_s * 2.0 * pi / self._length()
+        v = w * self._m
+        self._north_rates, self._east_rates = ((rate, -rate * rate, -(rate**3)) for rate in (w, v))
 
     def at(self, flight_s: float) -> Path:
         """Path at an instant."""
@@ -49,8 +51,9 @@ class Pattern:
             at, velocity, acceleration, jerk = zip(north, east, strict=True)
             return Path(at, velocity, acceleration, jerk, up[:2], heading[:2])
         if self._still is not None:
-            return Path(self._still, (0.0, 0.0), (0.0, 0.0), (0.0, 0.0))
-        w, v = self._s_rate, self._s_rate * self._m
+            return self._still
+        w, north_acceleration, north_jerk = self._north_rates
+        v, east_acceleration, east_jerk = self._east_rates
         s = self._phase + w * flight_s
         sn, cn = self._a * sin(s), self._a * cos(s)
         angle = self._m * s + self._east_phase
@@ -58,8 +61,8 @@ class Pattern:
         return Path(
             (sn, se),
             (w * cn, v * ce),
-            (-w * w * sn, -v * v * se),
-            (-(w**3) * cn, -(v**3) * ce),
+            (north_acceleration * sn, east_acceleration * se),
+            (north_jerk * cn, east_jerk * ce),
         )
 
     def _length(self) -> float:

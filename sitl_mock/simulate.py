@@ -96,11 +96,11 @@ class Simulation:
     @property
     def wake_at(self) -> int | None:
         """Instant of the next event; None: the flight is over."""
-        instants = [self.vehicle.wake_at, self.camera.wake_at, self._truth_at]
-        if self._waiting:
-            instants.append(self._waiting[0][0])
-        due = min((at for at in instants if at is not None), default=None)
-        return None if due is None or due > self.end_ns else due
+        due = self._waiting[0][0] if self._waiting else self.end_ns + 1
+        for at in (self.vehicle.wake_at, self.camera.wake_at, self._truth_at):
+            if at is not None and at < due:
+                due = at
+        return None if due > self.end_ns else due
 
     def advance(self, now_ns: int) -> list[Event]:
         """Returns what arrives by now, in order of time."""

@@ -98,13 +98,16 @@ def test_an_unknown_pattern_is_refused():
 
 
 def test_the_two_pole_filter_is_scipy_s_butterworth():
-    one = TwoPole(20.0, 1000.0)
-    response = [one.step(1.0 if i == 0 else 0.0) for i in range(4000)]
+    filtered = TwoPole(20.0, 1000.0)
+    impulse = (0.25, 1.0, -0.5)
+    responses = np.array([filtered.step(impulse if i == 0 else (0.0, 0.0, 0.0)) for i in range(4000)])
+    response = responses[:, 1]
     b, a = butter(2, 20.0, fs=1000.0)
     frequencies = np.array([1.0, 5.0, 12.0, 20.0, 50.0])
     _, theirs = freqz(b, a, worN=frequencies, fs=1000.0)
     ours = [np.sum(response * np.exp(-2j * pi * f * np.arange(4000) / 1000.0)) for f in frequencies]
     np.testing.assert_allclose(ours, theirs, atol=1e-9)
+    np.testing.assert_allclose(responses, response[:, None] * np.array(impulse), atol=1e-15)
 
 
 @pytest.mark.parametrize("flapping_hz", [5.0, 12.0])
