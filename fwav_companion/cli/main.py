@@ -45,6 +45,7 @@ COMMANDS = (
     CommandModule("paper", "the paper's experiment, its table and figures"),
     CommandModule("calibrate", "fit a camera to pictures of a board"),
     CommandModule("check", "what every link and stream delivers, and what to change"),
+    CommandModule("ground", "the ground picture: vehicles and targets on a web page"),
     CommandModule("init", "write a commented configuration and the paper's camera file"),
     CommandModule("install", "the service on this board: user, environment, unit, udev rule, configuration"),
     CommandModule("bench", "the project's benchmarks, as ratios"),

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from datetime import UTC, datetime, timedelta
 
+import msgspec
+
 from fwav_companion.geometry.stamps import NS_PER_US, ns_from_s
 from fwav_companion.publishing.options import PublishOptions
 from fwav_companion.publishing.target_report import TargetReport, target_report
@@ -19,6 +21,8 @@ from fwav_companion.types.tracks import Track
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 LARGEST_ERROR_M = 9_999_999.0
 """Value of the schema for an unknown error."""
+UNKNOWN_HAE_M = 9_999_999.0
+"""Value of the schema for an unknown height."""
 MAX_UTC_NS = 10**9 * 4 * 10**9
 """The year 2096: a later time is not plausible."""
 
@@ -51,23 +55,58 @@ def cot_event(track: Track, options: PublishOptions, situation: Situation) -> by
     ).encode()
 
 
+class MapEvent(msgspec.Struct, frozen=True, kw_only=True):
+    """The content of one event."""
+
+    uid: str
+    """Name of the marker: a later event with it moves the marker."""
+    kind: str
+    """CoT type, as a-u-G."""
+    utc_ns: int
+    stale_s: float
+    """Validity, seconds."""
+    lat_deg: float
+    lon_deg: float
+    hae_m: float
+    """Height above the ellipsoid, metres; :data:`UNKNOWN_HAE_M` where it is not known."""
+    horizontal_sigma_m: float
+    vertical_sigma_m: float
+    """One sigma, metres; NaN where it is not known."""
+    callsign: str
+    remarks: str
+
+    def as_xml(self) -> str:
+        """The event as one XML document."""
+        time, stale = _utc(self.utc_ns), _utc(self.utc_ns + ns_from_s(self.stale_s))
+        contact = f'<contact callsign="{_xml(self.callsign)}"/>'
+        return (
+            '<?xml version="1.0" encoding="UTF-8"?>'
+            f'<event version="2.0" uid="{_xml(self.uid)}" type="{_xml(self.kind)}"'
+            f' how="m-f" time="{time}" start="{time}" stale="{stale}">'
+            f'<point lat="{self.lat_deg:.7f}" lon="{self.lon_deg:.7f}" hae="{self.hae_m:.2f}"'
+            f' ce="{_error(self.horizontal_sigma_m)}" le="{_error(self.vertical_sigma_m)}"/>'
+            f"<detail>{contact}<remarks>{_xml(self.remarks)}</remarks></detail></event>"
+        )
+
+
 def _event(target: TargetReport, hae_m: float, utc_ns: int, options: PublishOptions, situation: Situation) -> str:
     place, track = target.place, target.track
     if place is None:
         return ""
-    time, stale = _utc(utc_ns), _utc(utc_ns + ns_from_s(options.cot_stale_s))
     system = situation.autopilot.system if situation.autopilot is not None else 0
-    unit = options.unit or "fwav"
-    callsign = options.cot_callsign or track.label or "target"
-    remarks = f"track {track.id}, {track.label or 'no label'}, {track.state}; ce and le are one sigma"
-    return (
-        '<?xml version="1.0" encoding="UTF-8"?>'
-        f'<event version="2.0" uid="{_xml(f"fwav-companion.{unit}.{system}.target")}" type="{_xml(options.cot_type)}"'
-        f' how="m-f" time="{time}" start="{time}" stale="{stale}">'
-        f'<point lat="{place.lat_deg:.7f}" lon="{place.lon_deg:.7f}" hae="{hae_m:.2f}"'
-        f' ce="{_error(target.horizontal_sigma_m)}" le="{_error(target.vertical_sigma_m)}"/>'
-        f'<detail><contact callsign="{_xml(callsign)}"/><remarks>{_xml(remarks)}</remarks></detail></event>'
-    )
+    return MapEvent(
+        uid=f"fwav-companion.{options.unit or 'fwav'}.{system}.target",
+        kind=options.cot_type,
+        utc_ns=utc_ns,
+        stale_s=options.cot_stale_s,
+        lat_deg=place.lat_deg,
+        lon_deg=place.lon_deg,
+        hae_m=hae_m,
+        horizontal_sigma_m=target.horizontal_sigma_m,
+        vertical_sigma_m=target.vertical_sigma_m,
+        callsign=options.cot_callsign or track.label or "target",
+        remarks=f"track {track.id}, {track.label or 'no label'}, {track.state}; ce and le are one sigma",
+    ).as_xml()
 
 
 def _utc(utc_ns: int) -> str:

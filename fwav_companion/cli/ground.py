@@ -1,0 +1,102 @@
+"""``fwav-companion ground``: the ground picture on a web page."""
+
+from __future__ import annotations
+
+import argparse
+import secrets
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from fwav_companion.errors import UserError
+from fwav_companion.libraries import require
+
+if TYPE_CHECKING:
+    from argparse import _SubParsersAction
+
+    from fwav_companion.ground.ground_process import GroundOptions, PictureInput
+    from fwav_companion.ground.picture import GroundPicture
+
+HTTP = "127.0.0.1:8080"
+RATES_HZ = (1.0, 10.0)
+EXAMPLES = """examples:
+  the vehicle's companion, or a radio, sends to this laptop:
+    fwav-companion ground --link udpin://0.0.0.0:14550
+  a radio on USB, and a map without network:
+    fwav-companion ground --link serial:///dev/ttyUSB0:57600 --tiles field.mbtiles
+  for the phones of the field; the printed address has the token:
+    fwav-companion ground --link udpin://0.0.0.0:14550 --http 0.0.0.0:8080"""
+
+
+def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Register the command."""
+    parser = subparsers.add_parser(
+        "ground",
+        description="Listens as a ground station and serves a web page: vehicles and targets on a map, with the 95 %% "
+        "ellipses of the targets. The page only reads, and loads nothing from outside. Beyond loopback it requires the "
+        "token of the printed address.",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add = parser.add_argument
+    add("--link", metavar="URL", action="append", default=[], help="MAVLink, as in [[link]] url; may be repeated")
+    add("--http", metavar="HOST:PORT", default=HTTP, help="where the page is served; default %(default)s")
+    add("--tiles", metavar="FILE.mbtiles", help="map tiles; without them there is a grid with a scale")
+    add("--rate", metavar="HZ", type=float, default=5.0, help="updates of the page; 1 to 10, default %(default)g")
+    add(
+        "--hfov",
+        metavar="DEG",
+        type=float,
+        help="horizontal field of view of cameras that do not report theirs: draws what they see, looking down",
+    )
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Check the arguments, open the inputs, and serve until a signal."""
+    require("ground", "aiohttp")
+    import asyncio
+
+    from fwav_companion.ground.ground_process import GroundClock, GroundProcess
+    from fwav_companion.ground.picture import GroundPicture
+    from fwav_companion.ground.tiles import TileFile
+    from fwav_companion.service.stop_signals import end_by
+
+    options = _options(arguments)
+    picture, clock = GroundPicture(), GroundClock()
+    inputs = _inputs(arguments, picture, clock.now)
+    tiles = None if arguments.tiles is None else TileFile(arguments.tiles)
+    process = GroundProcess(picture, inputs, options, clock=clock.now, tiles=tiles)
+
+    async def serve() -> None:
+        stop = asyncio.Event()
+        end_by(asyncio.get_running_loop(), stop.set)
+        await process.run(stop, lambda: print(f"ground picture: {options.address}", flush=True))
+
+    asyncio.run(serve())
+    return 0
+
+
+def _options(arguments: argparse.Namespace) -> GroundOptions:
+    from fwav_companion.ground.access import is_loopback
+    from fwav_companion.ground.ground_process import GroundOptions
+
+    host, separator, port = arguments.http.rpartition(":")
+    host = host.strip("[]")
+    if not separator or not host or not port.isdecimal() or not 0 < int(port) < 65536:
+        raise UserError(f"--http {arguments.http}: accepted: HOST:PORT, as {HTTP} or 0.0.0.0:8080")
+    if not RATES_HZ[0] <= arguments.rate <= RATES_HZ[1]:
+        raise UserError(f"--rate {arguments.rate:g}: accepted: {RATES_HZ[0]:g} to {RATES_HZ[1]:g}")
+    if arguments.hfov is not None and not 1.0 <= arguments.hfov <= 180.0:
+        raise UserError(f"--hfov {arguments.hfov:g}: accepted: 1 to 180, degrees")
+    token = "" if is_loopback(host) else secrets.token_urlsafe(16)
+    return GroundOptions(host=host, port=int(port), token=token, rate_hz=arguments.rate)
+
+
+def _inputs(arguments: argparse.Namespace, picture: GroundPicture, clock: Callable[[], float]) -> list[PictureInput]:
+    from fwav_companion.ground.station import PictureStation
+    from fwav_companion.links.url import parse_link_url
+
+    if not arguments.link:
+        raise UserError("ground: no input; accepted: --link URL, as --link udpin://0.0.0.0:14550")
+    urls = [parse_link_url(text) for text in arguments.link]
+    return [PictureStation(urls, picture, clock=clock, hfov_deg=arguments.hfov)]

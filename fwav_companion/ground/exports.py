@@ -1,0 +1,181 @@
+"""The targets of the picture as GeoJSON, KML, CSV and Cursor on Target. Pure.
+
+Radii and ellipses are 95 %, and their names say so; ``ce`` of Cursor on Target is one sigma, as its schema defines it.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Iterable, Sequence
+from datetime import UTC, datetime
+from math import cos, nan, pi, radians, sin
+from typing import Any
+from xml.sax.saxutils import escape
+
+from fwav_companion.geometry.earth import Geodetic, TangentPlane
+from fwav_companion.ground.views import EllipseView, LatLon, TargetView, VehicleView
+from fwav_companion.publishing.cot import UNKNOWN_HAE_M, MapEvent
+
+CORNERS = 48
+"""Corners of an ellipse's polygon."""
+SIGMAS_95 = 2.4477
+"""Larger semi-axis of the 95 % ellipse over one sigma: the root of -2 ln 0.05."""
+COT_STALE_S = 30.0
+CSV_COLUMNS = (
+    "id", "vehicle", "track", "label", "state", "lat", "lon", "alt_amsl_m", "radius95_m", "ellipse95_major_m",
+    "ellipse95_minor_m", "ellipse95_bearing_deg", "first_utc", "seen_utc", "source", "seen_by",
+)  # fmt: skip
+
+
+def outline(lat: float, lon: float, ellipse: EllipseView) -> list[LatLon]:
+    """Corners of the 95 % ellipse, closed: the first is repeated at the end."""
+    plane = TangentPlane(Geodetic.from_degrees(lat, lon, 0.0))
+    bearing = radians(ellipse.bearing_deg)
+    corners = []
+    for corner in range(CORNERS + 1):
+        angle = 2.0 * pi * (corner % CORNERS) / CORNERS
+        along, across = ellipse.major_m * cos(angle), ellipse.minor_m * sin(angle)
+        north = along * cos(bearing) - across * sin(bearing)
+        east = along * sin(bearing) + across * cos(bearing)
+        place = plane.geodetic_from_ned((north, east, 0.0))
+        corners.append((place.lat_deg, place.lon_deg))
+    return corners
+
+
+def geojson(targets: Iterable[TargetView], vehicles: Iterable[VehicleView]) -> bytes:
+    """A FeatureCollection (RFC 7946): points of vehicles and targets, polygons of the 95 % ellipses."""
+    features: list[dict[str, Any]] = []
+    for target in targets:
+        properties = {"kind": "target", **_row(target)}
+        features.append(_feature("Point", _position(target.lon, target.lat, target.alt_amsl), properties))
+        if target.ellipse is not None:
+            ring = [[lon, lat] for lat, lon in outline(target.lat, target.lon, target.ellipse)]
+            counterclockwise = ring[::-1]  # RFC 7946, 3.1.6
+            features.append(_feature("Polygon", [counterclockwise], {"kind": "ellipse95", "target": target.id}))
+    for vehicle in vehicles:
+        if vehicle.lat is not None and vehicle.lon is not None:
+            properties = {"kind": "vehicle", "id": vehicle.id, "heading_deg": vehicle.heading_deg}
+            properties["heard_utc"] = _utc(vehicle.heard_unix)
+            features.append(_feature("Point", _position(vehicle.lon, vehicle.lat, vehicle.alt_amsl), properties))
+    return json.dumps({"type": "FeatureCollection", "features": features}).encode()
+
+
+def kml(targets: Iterable[TargetView], vehicles: Iterable[VehicleView]) -> bytes:
+    """A KML 2.2 document with the same content."""
+    parts = ['<?xml version="1.0" encoding="UTF-8"?>\n<kml xmlns="http://www.opengis.net/kml/2.2"><Document>']
+    parts.append("<name>fwav-companion</name>")
+    for target in targets:
+        name = escape(f"{target.label or 'target'} {target.id}")
+        said = escape("; ".join(f"{key}: {value}" for key, value in _row(target).items() if value not in (None, "")))
+        place = f"{target.lon:.8f},{target.lat:.8f},{target.alt_amsl or 0.0:.2f}"
+        parts.append(f"<Placemark><name>{name}</name><description>{said}</description>")
+        if target.ellipse is None:
+            parts.append(f"<Point><coordinates>{place}</coordinates></Point></Placemark>")
+            continue
+        ring = " ".join(f"{lon:.8f},{lat:.8f}" for lat, lon in outline(target.lat, target.lon, target.ellipse)[::-1])
+        parts.append(
+            f"<MultiGeometry><Point><coordinates>{place}</coordinates></Point><Polygon><outerBoundaryIs><LinearRing>"
+            f"<coordinates>{ring}</coordinates></LinearRing></outerBoundaryIs></Polygon></MultiGeometry></Placemark>"
+        )
+    for vehicle in vehicles:
+        if vehicle.lat is not None and vehicle.lon is not None:
+            place = f"{vehicle.lon:.8f},{vehicle.lat:.8f},{vehicle.alt_amsl or 0.0:.2f}"
+            name = escape(f"vehicle {vehicle.id}")
+            parts.append(f"<Placemark><name>{name}</name><Point><coordinates>{place}</coordinates></Point></Placemark>")
+    parts.append("</Document></kml>\n")
+    return "".join(parts).encode()
+
+
+def csv_table(targets: Iterable[TargetView]) -> bytes:
+    """One row a target. A text that a spreadsheet would run as a formula gets an apostrophe."""
+    lines = _Lines()
+    writer = csv.writer(lines, lineterminator="\r\n")
+    writer.writerow(CSV_COLUMNS)
+    for target in targets:
+        row = _row(target)
+        writer.writerow([_inert(row[column]) for column in CSV_COLUMNS])
+    return "".join(lines.written).encode()
+
+
+def cot_events(targets: Iterable[TargetView], utc_ns: int, unit: str) -> list[bytes]:
+    """One event a target that is still seen. ``unit``: name of this machine, for the markers' names."""
+    return [
+        MapEvent(
+            uid=f"fwav-companion.{unit}.ground.{target.id}",
+            kind="a-u-G",
+            utc_ns=utc_ns,
+            stale_s=COT_STALE_S,
+            lat_deg=target.lat,
+            lon_deg=target.lon,
+            hae_m=UNKNOWN_HAE_M,  # the geoid's height is the vehicles' receivers', and they may differ
+            horizontal_sigma_m=nan if target.ellipse is None else target.ellipse.major_m / SIGMAS_95,
+            vertical_sigma_m=nan,
+            callsign=f"{target.label or 'target'} {target.id}",
+            remarks=f"{target.source}, {target.state}; ce is one sigma; altitude above sea level "
+            + ("unknown" if target.alt_amsl is None else f"{target.alt_amsl:.1f} m"),
+        )
+        .as_xml()
+        .encode()
+        for target in targets
+        if target.state not in ("lost", "dropped")
+    ]
+
+
+def one_document(events: Sequence[bytes]) -> bytes:
+    """All events in one XML document, for a file."""
+    bodies = [event.partition(b"?>")[2] for event in events]
+    return b'<?xml version="1.0" encoding="UTF-8"?>\n<events>' + b"".join(bodies) + b"</events>\n"
+
+
+class _Lines:
+    """The text file that csv.writer writes to."""
+
+    def __init__(self) -> None:
+        self.written: list[str] = []
+
+    def write(self, text: str) -> None:
+        """Append a line."""
+        self.written.append(text)
+
+
+def _row(target: TargetView) -> dict[str, Any]:
+    ellipse = target.ellipse
+    return {
+        "id": target.id,
+        "vehicle": target.vehicle,
+        "track": target.track,
+        "label": target.label,
+        "state": target.state,
+        "lat": round(target.lat, 8),
+        "lon": round(target.lon, 8),
+        "alt_amsl_m": _rounded(target.alt_amsl),
+        "radius95_m": _rounded(target.radius95_m),
+        "ellipse95_major_m": None if ellipse is None else _rounded(ellipse.major_m),
+        "ellipse95_minor_m": None if ellipse is None else _rounded(ellipse.minor_m),
+        "ellipse95_bearing_deg": None if ellipse is None else round(ellipse.bearing_deg, 1),
+        "first_utc": _utc(target.first_unix),
+        "seen_utc": _utc(target.seen_unix),
+        "source": target.source,
+        "seen_by": " ".join(f"{vehicle}:{track}" for vehicle, track in target.vehicles.items()),
+    }
+
+
+def _feature(kind: str, coordinates: Any, properties: dict[str, Any]) -> dict[str, Any]:
+    return {"type": "Feature", "geometry": {"type": kind, "coordinates": coordinates}, "properties": properties}
+
+
+def _position(lon: float, lat: float, alt: float | None) -> list[float]:
+    return [lon, lat] if alt is None else [lon, lat, round(alt, 3)]
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else round(value, 3)
+
+
+def _utc(unix_s: float) -> str:
+    return datetime.fromtimestamp(unix_s, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+
+
+def _inert(value: Any) -> Any:
+    return f"'{value}" if isinstance(value, str) and value[:1] in ("=", "+", "-", "@", "\t") else value

@@ -1,0 +1,163 @@
+// Joins the parts: the connection fills the picture; map, lists and details show it.
+import { Connection } from "./connection.js";
+import { Details } from "./details.js";
+import { RowList, targetEntries, textEntries, vehicleEntries } from "./list.js";
+import { PictureMap } from "./map.js";
+import { Picture } from "./picture.js";
+
+const LIST_MS = 500;
+const HISTORY_MS = 2000;
+const TABS = ["targets", "vehicles", "texts"];
+const element = (id) => document.getElementById(id);
+
+const picture = new Picture();
+let point = stored("point");
+let selected = null;
+let setsPoint = false;
+let scheduled = false;
+
+setTheme(stored("theme") ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"));
+const map = new PictureMap(element("map"), { onTarget: select, onClick: clicked });
+const details = new Details(element("details"), { onClose: () => select(null) });
+const lists = {
+  targets: new RowList(element("targets"), select),
+  vehicles: new RowList(element("vehicles"), showVehicle),
+  texts: new RowList(element("texts"), () => {}),
+};
+if (point) map.setPoint(point);
+
+const connection = new Connection({
+  onPaths: (paths) => { picture.takePaths(paths); schedule(); },
+  onPicture: (update) => { picture.takeUpdate(update); schedule(); },
+  onState: showState,
+});
+window.groundPicture = { map: map.map, layers: map, picture, connection };
+
+fetch("settings.json").then((answer) => answer.json()).then((settings) => {
+  element("title").textContent = settings.title;
+  element("from").textContent = `fwav-companion ${settings.version}${settings.replay ? ", a recording" : ""}.`;
+  if (settings.tiles) map.addTiles(settings.tiles);
+});
+setInterval(showLists, LIST_MS);
+setInterval(readHistory, HISTORY_MS);
+
+element("fit").addEventListener("click", () => map.fit());
+element("point").addEventListener("click", () => waitForPoint(!setsPoint));
+element("theme").addEventListener("click", () => {
+  setTheme(document.documentElement.dataset.theme === "dark" ? "light" : "dark");
+  store("theme", document.documentElement.dataset.theme);
+  map.restyle(picture);
+});
+for (const tab of TABS) element(`tab-${tab}`).addEventListener("click", () => showTab(tab));
+
+// One drawing a frame, however many updates come.
+function schedule() {
+  if (scheduled) return;
+  scheduled = true;
+  requestAnimationFrame(() => {
+    scheduled = false;
+    adoptPoint();
+    map.draw(picture, picture.takeChanges());
+  });
+}
+
+// Until the operator chooses a point, it is where the first vehicle was.
+function adoptPoint() {
+  const first = picture.paths.values().next().value?.[0];
+  if (!point && first) setPoint(first, false);
+}
+
+function showLists() {
+  lists.targets.show(targetEntries(picture, point, selected));
+  lists.vehicles.show(vehicleEntries(picture));
+  lists.texts.show(textEntries(picture));
+  element("count-targets").textContent = picture.targets.size;
+  element("count-vehicles").textContent = picture.vehicles.size;
+  details.show(picture.targets.get(selected), point, picture.now());
+  map.restyle(picture);
+  element("sources").replaceChildren(...picture.sources.map((source) => {
+    const item = document.createElement("li");
+    item.textContent = `${source.name}: ${source.text}`;
+    item.className = source.works ? "good" : "bad";
+    return item;
+  }));
+}
+
+function showState(state, seconds) {
+  element("state").dataset.state = state;
+  element("state").textContent = state === "live" ? "live" : "no connection";
+  const silent = [...picture.vehicles.values()].filter((vehicle) => vehicle.silent).map((vehicle) => vehicle.id);
+  const lost = `No connection to the ground program for ${Math.round(seconds)} s. Everything shown is old.`;
+  const vehicles = `Silent: ${silent.join(", ")}. What these vehicles reported is old.`;
+  const text = state === "lost" ? lost : silent.length ? vehicles : "";
+  element("warning").hidden = !text;
+  if (element("warning").textContent !== text) element("warning").textContent = text;
+}
+
+function select(id) {
+  selected = id;
+  map.showHistory([]);
+  showLists();
+  readHistory();
+  const target = picture.targets.get(id);
+  if (target && !map.map.getBounds().contains([target.lat, target.lon])) map.map.panTo([target.lat, target.lon]);
+}
+
+async function readHistory() {
+  const asked = selected;
+  if (!asked) return;
+  const answer = await fetch(`history.json?target=${encodeURIComponent(asked)}`).catch(() => null);
+  const points = answer?.ok ? await answer.json() : [];
+  if (asked !== selected) return;
+  map.showHistory(points);
+  details.showHistory(points);
+}
+
+function showVehicle(id) {
+  const vehicle = picture.vehicles.get(id);
+  if (vehicle && vehicle.lat !== null) map.map.panTo([vehicle.lat, vehicle.lon]);
+}
+
+function clicked(place) {
+  if (setsPoint) {
+    setPoint(place, true);
+    waitForPoint(false);
+  }
+}
+
+function waitForPoint(waits) {
+  setsPoint = waits;
+  element("point").setAttribute("aria-pressed", String(waits));
+  element("point").textContent = waits ? "Tap the map" : "Set point";
+}
+
+function setPoint(place, chosen) {
+  point = place;
+  map.setPoint(place);
+  if (chosen) store("point", place);
+}
+
+function showTab(shown) {
+  for (const tab of TABS) {
+    element(tab).hidden = tab !== shown;
+    element(`tab-${tab}`).setAttribute("aria-selected", String(tab === shown));
+  }
+}
+
+function setTheme(theme) {
+  document.documentElement.dataset.theme = theme;
+}
+
+function stored(key) {
+  try {
+    return JSON.parse(localStorage.getItem(key));
+  } catch {
+    return null;
+  }
+}
+
+function store(key, value) {
+  try {
+    localStorage.setItem(key, JSON.stringify(value));
+  } catch { /* a private window: it lasts until the page is closed */ }
+}

@@ -1,0 +1,39 @@
+// Numbers and times as people read them.
+import { forward } from "./vendor/mgrs.js";
+
+export function age(seconds) {
+  if (seconds < 1.5) return "now";
+  if (seconds < 90) return `${Math.round(seconds)} s ago`;
+  if (seconds < 5400) return `${Math.round(seconds / 60)} min ago`;
+  return `${Math.round(seconds / 3600)} h ago`;
+}
+
+export function clock(unix) {
+  return new Date(unix * 1000).toLocaleTimeString([], { hour12: false });
+}
+
+export function latLon(lat, lon) {
+  return `${lat.toFixed(7)}, ${lon.toFixed(7)}`;
+}
+
+// MGRS to one metre; beyond 80 S and 84 N it is not defined.
+export function mgrs(lat, lon) {
+  if (lat < -80 || lat > 84) return "";
+  const text = forward([lon, lat], 5);
+  return text.replace(/^(\d+[A-Z])([A-Z]{2})(\d{5})(\d{5})$/, "$1 $2 $3 $4");
+}
+
+export function metres(value) {
+  if (value === null || value === undefined) return "unknown";
+  return value < 9.95 ? `${value.toFixed(2)} m` : `${value.toFixed(0)} m`;
+}
+
+export function bearing(north, east) {
+  const degrees = (Math.atan2(east, north) * 180 / Math.PI + 360) % 360;
+  return `${degrees.toFixed(0).padStart(3, "0")}°`;
+}
+
+export function name(target) {
+  const label = target.label || "target";
+  return `${label} ${target.track || ""}`.trim();
+}

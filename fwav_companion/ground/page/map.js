@@ -1,0 +1,197 @@
+// The map: vehicles with heading, path and footprint; targets with their 95 % ellipses.
+import { corners } from "./ellipse.js";
+import { name } from "./format.js";
+import { Graticule } from "./graticule.js";
+
+const L = window.L;
+const START = [0, 0];
+const FIRST_ZOOM = 18;
+const MAX_ZOOM = 24;
+const FINGER_PX = 12;
+const MAX_NAMES = 60;
+const OLD_S = 10;
+const ARROW = "M0,-13 L9,10 L0,5 L-9,10 Z";
+const SVG = "http://www.w3.org/2000/svg";
+
+export class PictureMap {
+  constructor(element, { onTarget, onClick }) {
+    this.map = L.map(element, {
+      center: START, zoom: 2, maxZoom: MAX_ZOOM, zoomSnap: 0.5, worldCopyJump: true,
+      renderer: L.canvas({ tolerance: FINGER_PX, padding: 0.3 }),
+    });
+    this.map.attributionControl.setPrefix("Leaflet");
+    this.map.createPane("graticule").style.zIndex = 250;
+    L.control.scale({ imperial: false, maxWidth: 160 }).addTo(this.map);
+    this.graticule = new Graticule(START).addTo(this.map);
+    this.onTarget = onTarget;
+    this.map.on("click", (event) => onClick([event.latlng.lat, event.latlng.lng]));
+    this.map.on("movestart", (event) => { this.moved ||= !this.fitting; });
+    this.vehicles = new Map();
+    this.targets = new Map();
+    this.history = L.polyline([], { weight: 2, dashArray: "4 4" }).addTo(this.map);
+    this.fitted = false;
+    new ResizeObserver(() => this.map.invalidateSize()).observe(element);
+  }
+
+  addTiles(info) {
+    const options = { minNativeZoom: info.min_zoom, maxNativeZoom: info.max_zoom, maxZoom: MAX_ZOOM,
+      attribution: text(info.attribution) };
+    if (info.bounds.length === 4) {
+      const [west, south, east, north] = info.bounds;
+      options.bounds = [[south, west], [north, east]];
+    }
+    L.tileLayer("tiles/{z}/{x}/{y}", options).addTo(this.map);
+  }
+
+  setPoint(place) {
+    this.graticule.setOrigin(place);
+    this.pointMark ??= L.circleMarker(place, { radius: 7, weight: 3, fillOpacity: 0, interactive: false })
+      .bindTooltip("point", { permanent: true, direction: "right", className: "name" }).addTo(this.map);
+    this.pointMark.setLatLng(place).setStyle({ color: colour("--text") });
+  }
+
+  draw(picture, changes) {
+    for (const id of changes.removed) this.removeTarget(id);
+    for (const id of changes.targets) this.drawTarget(picture.targets.get(id), picture.now());
+    for (const id of changes.vehicles) this.drawVehicle(id, picture);
+    this.showNames();
+    if (!this.fitted && (this.vehicles.size || this.targets.size)) this.fit();
+  }
+
+  // Recolour everything: a target becomes old without an event, and the theme may change.
+  restyle(picture) {
+    for (const target of picture.targets.values()) this.styleTarget(target, picture.now());
+    for (const [id, marks] of this.vehicles) {
+      marks.path.setStyle({ color: colour("--vehicle") });
+      marks.footprint.setStyle({ color: colour("--footprint") });
+      marks.arrow.getElement()?.classList.toggle("silent", picture.vehicles.get(id)?.silent ?? true);
+    }
+    this.history.setStyle({ color: colour("--target") });
+    this.pointMark?.setStyle({ color: colour("--text") });
+    this.graticule.draw();
+  }
+
+  fit() {
+    const places = [...this.targets.values()].map((marks) => marks.centre.getLatLng());
+    for (const marks of this.vehicles.values()) places.push(marks.arrow.getLatLng());
+    if (!places.length) return;
+    this.fitted = true;
+    this.fitting = true;
+    this.map.fitBounds(L.latLngBounds(places).pad(0.25), { maxZoom: FIRST_ZOOM + 2, animate: false });
+    this.fitting = false;
+  }
+
+  showHistory(points) {
+    this.history.setLatLngs(points.map((point) => [point[1], point[2]])).setStyle({ color: colour("--target") });
+  }
+
+  drawTarget(target, now) {
+    if (!target) return;
+    const place = [target.lat, target.lon];
+    const outline = target.ellipse ? corners(place, target.ellipse) : [];
+    let marks = this.targets.get(target.id);
+    if (!marks) {
+      const centre = L.circleMarker(place, { radius: 5, weight: 2, fillOpacity: 0.9 }).addTo(this.map);
+      const ellipse = L.polygon(outline, { weight: 2, fillOpacity: 0.15, smoothFactor: 0 }).addTo(this.map);
+      const choose = (event) => { L.DomEvent.stopPropagation(event); this.onTarget(target.id); };
+      centre.on("click", choose);
+      ellipse.on("click", choose);
+      marks = { centre, ellipse, named: false };
+      this.targets.set(target.id, marks);
+    }
+    marks.label = name(target);
+    marks.centre.setLatLng(place);
+    marks.ellipse.setLatLngs(outline);
+    this.styleTarget(target, now);
+  }
+
+  styleTarget(target, now) {
+    const marks = this.targets.get(target.id);
+    if (!marks) return;
+    const gone = target.state === "lost" || target.state === "dropped" || now - target.seen_unix > OLD_S;
+    const unsure = ["coasting", "tentative", "reported"].includes(target.state);
+    const style = `${gone ? "--old" : unsure ? "--coasting" : "--target"}`;
+    if (marks.style === style + colour(style)) return;
+    marks.style = style + colour(style);
+    marks.centre.setStyle({ color: colour(style), fillColor: colour(style) });
+    marks.ellipse.setStyle({ color: colour(style), fillColor: colour(style), dashArray: gone || unsure ? "6 5" : null });
+  }
+
+  removeTarget(id) {
+    const marks = this.targets.get(id);
+    if (!marks) return;
+    marks.centre.remove();
+    marks.ellipse.remove();
+    this.targets.delete(id);
+  }
+
+  drawVehicle(id, picture) {
+    const vehicle = picture.vehicles.get(id);
+    if (!vehicle) {
+      const marks = this.vehicles.get(id);
+      if (marks) for (const mark of [marks.arrow, marks.path, marks.footprint]) mark.remove();
+      this.vehicles.delete(id);
+      return;
+    }
+    if (vehicle.lat === null || vehicle.lon === null) return;
+    const place = [vehicle.lat, vehicle.lon];
+    let marks = this.vehicles.get(id);
+    if (!marks) {
+      const { icon, shape } = arrow();
+      marks = {
+        shape,
+        footprint: L.polygon([], { weight: 1, fillOpacity: 0.08, interactive: false }).addTo(this.map),
+        path: L.polyline([], { weight: 2, opacity: 0.7, interactive: false }).addTo(this.map),
+        arrow: L.marker(place, { icon, interactive: false }).addTo(this.map)
+          .bindTooltip(text(id), { permanent: true, direction: "bottom", offset: [0, 10], className: "name" }),
+      };
+      this.vehicles.set(id, marks);
+      marks.path.setStyle({ color: colour("--vehicle") });
+      marks.footprint.setStyle({ color: colour("--footprint") });
+    }
+    marks.arrow.setLatLng(place);
+    marks.shape.setAttribute("transform", `rotate(${vehicle.heading_deg ?? 0})`);
+    marks.arrow.getElement()?.classList.toggle("silent", vehicle.silent);
+    marks.path.setLatLngs(picture.paths.get(id) ?? []);
+    marks.footprint.setLatLngs(vehicle.footprint);
+  }
+
+  // Names only while they can be read.
+  showNames() {
+    const show = this.targets.size <= MAX_NAMES;
+    for (const marks of this.targets.values()) {
+      if (show === Boolean(marks.named) && (!show || marks.named === marks.label)) continue;
+      marks.centre.unbindTooltip();
+      if (show) {
+        marks.centre.bindTooltip(text(marks.label),
+          { permanent: true, direction: "right", offset: [8, 0], className: "name" });
+      }
+      marks.named = show ? marks.label : false;
+    }
+  }
+}
+
+// Leaflet reads strings as HTML: names come from radios.
+function text(content) {
+  const element = document.createElement("span");
+  element.textContent = content;
+  return element.innerHTML;
+}
+
+function arrow() {
+  const svg = document.createElementNS(SVG, "svg");
+  svg.setAttribute("viewBox", "-16 -16 32 32");
+  svg.setAttribute("width", "32");
+  svg.setAttribute("height", "32");
+  const shape = document.createElementNS(SVG, "path");
+  shape.setAttribute("d", ARROW);
+  shape.setAttribute("fill", "currentColor");
+  shape.setAttribute("stroke", "white");
+  shape.setAttribute("stroke-width", "1.5");
+  svg.append(shape);
+  return { icon: L.divIcon({ html: svg, className: "vehicle", iconSize: [32, 32], iconAnchor: [16, 16] }), shape };
+}
+
+function colour(variable) {
+  return getComputedStyle(document.documentElement).getPropertyValue(variable).trim();
+}

@@ -1,0 +1,181 @@
+"""The picture: every vehicle, target and text that is known, with bounds for each. Pure.
+
+Each entry keeps the revision of its last change, so that a reader gets what changed since its last visit and no queue
+is needed: a slow reader skips states.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+from math import cos, hypot, radians
+from typing import Any
+
+from msgspec.structs import replace
+
+from fwav_companion.ground.views import PastPoint, PictureUpdate, SourceView, TargetView, TextView, VehicleView
+
+MAX_VEHICLES = 200
+MAX_TARGETS = 2000
+MAX_TEXTS = 200
+MAX_HISTORY = 600
+"""Ten minutes at one point a second."""
+MAX_REMOVED = 2 * MAX_TARGETS
+"""Removals that are remembered; an older reader gets the whole picture."""
+MAX_TEXT = 200
+"""Characters of a text that are kept."""
+SILENT_S = 5.0
+"""Five missed heartbeats (MAVLink, Heartbeat/Connection Protocol)."""
+GONE_S = 60.0
+"""Time after which a lost or dropped target disappears."""
+FORGOTTEN_S = 1800.0
+"""Time without a report after which any target disappears."""
+HISTORY_STEP_S = 1.0
+PATH_STEP_M = 0.5
+METRES_A_DEGREE = 111_320.0
+ENDED = frozenset({"lost", "dropped"})
+WARNING = 4
+"""MAV_SEVERITY_WARNING."""
+NOTICE = 5
+
+
+class GroundPicture:
+    """Joins all inputs. ``now`` is this process's clock in Unix seconds, which never steps."""
+
+    def __init__(self) -> None:
+        self.revision = 0
+        self.refused = 0
+        """Number of vehicles and targets that found no place."""
+        self._vehicles: dict[str, VehicleView] = {}
+        self._targets: dict[str, TargetView] = {}
+        self._texts: deque[TextView] = deque(maxlen=MAX_TEXTS)
+        self._sources: dict[str, SourceView] = {}
+        self._removed: deque[tuple[int, str]] = deque(maxlen=MAX_REMOVED)
+        self._forgotten_revision = 0
+        self._paths: dict[str, deque[PastPoint]] = {}
+        self._histories: dict[str, deque[PastPoint]] = {}
+
+    # What comes in.
+
+    def on_vehicle(self, vehicle: str, now: float, **changes: Any) -> None:
+        """Change fields of a vehicle; an unknown one is added where there is room."""
+        known = self._vehicles.get(vehicle)
+        if known is None:
+            if len(self._vehicles) >= MAX_VEHICLES:
+                self.refused += 1
+                return
+            known = VehicleView(id=vehicle, heard_unix=now)
+            self.say(vehicle, "heard for the first time", now, severity=NOTICE)
+        elif known.silent:
+            self.say(vehicle, "is heard again", now, severity=NOTICE)
+        changed = {"heard_unix": now, "silent": False, **changes}
+        self._vehicles[vehicle] = replace(known, revision=self._next(), **changed)
+        if "lat" in changes and changes["lat"] is not None:
+            self._extend_path(vehicle, PastPoint(now, changes["lat"], changes["lon"]))
+
+    def on_target(self, target: TargetView, now: float) -> None:
+        """Add or replace a target. Its ``first_unix`` remains that of the first report."""
+        known = self._targets.get(target.id)
+        if known is None and len(self._targets) >= MAX_TARGETS and not self._made_room():
+            self.refused += 1
+            return
+        first = target.first_unix if known is None else min(known.first_unix, target.first_unix)
+        self._targets[target.id] = replace(target, revision=self._next(), first_unix=first)
+        history = self._histories.setdefault(target.id, deque(maxlen=MAX_HISTORY))
+        if not history or now >= history[-1].time_unix + HISTORY_STEP_S:
+            history.append(PastPoint(now, target.lat, target.lon, target.radius95_m))
+
+    def remove_target(self, target: str) -> None:
+        """Remove a target; the readers are informed."""
+        if self._targets.pop(target, None) is None:
+            return
+        self._histories.pop(target, None)
+        if len(self._removed) == MAX_REMOVED:
+            self._forgotten_revision = self._removed[0][0]
+        self._removed.append((self._next(), target))
+
+    def say(self, vehicle: str, text: str, now: float, *, severity: int) -> None:
+        """Append a text."""
+        shown = "".join(one if one.isprintable() else " " for one in text[:MAX_TEXT])
+        self._texts.append(
+            TextView(revision=self._next(), time_unix=now, vehicle=vehicle, severity=severity, text=shown)
+        )
+
+    def on_source(self, name: str, works: bool, text: str) -> None:
+        """Set the state of an input."""
+        if self._sources.get(name) != (source := SourceView(name=name, works=works, text=text)):
+            self._sources[name] = source
+            self._next()
+
+    def advance(self, now: float) -> None:
+        """Report vehicles that fell silent, and remove targets that ended or were not reported for long."""
+        for vehicle in [each for each in self._vehicles.values() if not each.silent]:
+            if now > vehicle.heard_unix + SILENT_S:
+                silent_s = now - vehicle.heard_unix
+                self._vehicles[vehicle.id] = replace(vehicle, silent=True, companion=None, revision=self._next())
+                self.say(vehicle.id, f"silent for {silent_s:.0f} s: check its link", now, severity=WARNING)
+        for target in list(self._targets.values()):
+            limit_s = GONE_S if target.state in ENDED else FORGOTTEN_S
+            if now > target.seen_unix + limit_s:
+                self.remove_target(target.id)
+
+    # What is read.
+
+    @property
+    def vehicles(self) -> dict[str, VehicleView]:
+        """Vehicles by id."""
+        return self._vehicles
+
+    @property
+    def targets(self) -> dict[str, TargetView]:
+        """Targets by id."""
+        return self._targets
+
+    def update_since(self, revision: int, now: float) -> PictureUpdate:
+        """What changed after ``revision``; everything where that is 0, unknown, or too long ago."""
+        whole = not max(1, self._forgotten_revision) <= revision <= self.revision
+        since = 0 if whole else revision
+        return PictureUpdate(
+            revision=self.revision,
+            whole=whole,
+            now_unix=now,
+            vehicles=[each for each in self._vehicles.values() if each.revision > since],
+            targets=[each for each in self._targets.values() if each.revision > since],
+            removed=[] if whole else [target for at, target in self._removed if at > since],
+            texts=[each for each in self._texts if each.revision > since],
+            sources=list(self._sources.values()),
+        )
+
+    def paths(self) -> dict[str, list[PastPoint]]:
+        """Past places of every vehicle, the oldest first."""
+        return {vehicle: list(path) for vehicle, path in self._paths.items()}
+
+    def history(self, target: str) -> list[PastPoint]:
+        """Past states of a target, the oldest first; empty for an unknown one."""
+        return list(self._histories.get(target, ()))
+
+    def _extend_path(self, vehicle: str, point: PastPoint) -> None:
+        path = self._paths.setdefault(vehicle, deque(maxlen=MAX_HISTORY))
+        if path:
+            north = (point.lat - path[-1].lat) * METRES_A_DEGREE
+            east = (point.lon - path[-1].lon) * METRES_A_DEGREE * cos(radians(point.lat))
+            if hypot(north, east) < PATH_STEP_M:
+                return
+        path.append(point)
+
+    def _made_room(self) -> bool:
+        """Remove one target that has ended; false where every one lives."""
+        ended = next((each.id for each in self._targets.values() if each.state in ENDED), None)
+        if ended is None:
+            return False
+        self.remove_target(ended)
+        return True
+
+    def _next(self) -> int:
+        self.revision += 1
+        return self.revision
+
+
+def targets_of(picture: GroundPicture, source: str) -> Iterable[TargetView]:
+    """Targets that came from one kind of input."""
+    return [each for each in picture.targets.values() if each.source == source]

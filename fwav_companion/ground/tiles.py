@@ -1,0 +1,83 @@
+"""SHELL: map tiles of an MBTiles file (MBTiles 1.3): one SQLite file, opened read-only."""
+
+from __future__ import annotations
+
+import sqlite3
+from pathlib import Path
+from urllib.parse import quote
+
+import msgspec
+
+from fwav_companion.errors import InputFileError
+
+MIME = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg", b"RIFF": "image/webp"}
+"""Types by the first bytes of a tile; vector tiles are not shown."""
+MAX_TILE_BYTES = 4_000_000
+MAX_ZOOM = 24
+
+
+class TilesInfo(msgspec.Struct, frozen=True, kw_only=True):
+    """What the page must know of the file."""
+
+    min_zoom: int
+    max_zoom: int
+    attribution: str
+    bounds: tuple[float, ...] = ()
+    """West, south, east, north, degrees; empty: not stated."""
+
+
+class TileFile:
+    """One open file."""
+
+    def __init__(self, path: str) -> None:
+        """InputFileError where it is not an MBTiles file with raster tiles."""
+        try:
+            name = quote(str(Path(path).absolute()))
+            self._database = sqlite3.connect(f"file:{name}?mode=ro&immutable=1", uri=True, check_same_thread=False)
+            metadata = dict(self._database.execute("SELECT name, value FROM metadata").fetchall())
+            low, high = self._database.execute("SELECT min(zoom_level), max(zoom_level) FROM tiles").fetchone()
+        except sqlite3.Error as error:
+            raise InputFileError(f"{path}: {error}; accepted: an MBTiles file with PNG, JPEG or WebP tiles") from None
+        if low is None or metadata.get("format") == "pbf":
+            raise InputFileError(f"{path}: no raster tiles; accepted: an MBTiles file with PNG, JPEG or WebP tiles")
+        self.info = TilesInfo(
+            min_zoom=int(low),
+            max_zoom=int(high),
+            attribution=_plain(str(metadata.get("attribution", ""))),
+            bounds=_bounds(str(metadata.get("bounds", ""))),
+        )
+
+    def tile(self, zoom: int, column: int, row: int) -> tuple[str, bytes] | None:
+        """Type and bytes of a tile in XYZ numbering; None where the file has none. MBTiles counts rows from south."""
+        if not (0 <= zoom <= MAX_ZOOM and 0 <= column < 1 << zoom and 0 <= row < 1 << zoom):
+            return None
+        found = self._database.execute(
+            "SELECT tile_data FROM tiles WHERE zoom_level = ? AND tile_column = ? AND tile_row = ?",
+            (zoom, column, (1 << zoom) - 1 - row),
+        ).fetchone()
+        if found is None or not isinstance(found[0], bytes) or len(found[0]) > MAX_TILE_BYTES:
+            return None
+        kind = next((mime for start, mime in MIME.items() if found[0].startswith(start)), None)
+        return None if kind is None else (kind, found[0])
+
+    def close(self) -> None:
+        """Release the file."""
+        self._database.close()
+
+
+def _plain(text: str) -> str:
+    """Text without markup, which attributions of map providers have."""
+    shown, inside = [], False
+    for character in text[:500]:
+        inside = character == "<" or (inside and character != ">")
+        if not inside and character != ">":
+            shown.append(character)
+    return "".join(shown)
+
+
+def _bounds(text: str) -> tuple[float, ...]:
+    try:
+        values = tuple(float(each) for each in text.split(","))
+    except ValueError:
+        return ()
+    return values if len(values) == 4 else ()

@@ -1,0 +1,140 @@
+"""What the page, the exports and the recording receive: plain structs, encoded as JSON. Pure.
+
+Angles are degrees, lengths metres, instants Unix seconds of this process. Unknown is null.
+"""
+
+from __future__ import annotations
+
+import msgspec
+
+LatLon = tuple[float, float]
+"""Latitude and longitude, degrees."""
+
+
+class EllipseView(msgspec.Struct, frozen=True):
+    """Horizontal ellipse that holds the target with a probability of 95 %."""
+
+    major_m: float
+    """Larger semi-axis, metres."""
+    minor_m: float
+    """Smaller semi-axis, metres."""
+    bearing_deg: float
+    """Direction of the larger semi-axis from north, clockwise."""
+
+
+class VehicleView(msgspec.Struct, frozen=True, kw_only=True):
+    """One vehicle."""
+
+    id: str
+    """MAVLink system id, or the vehicle's name in the fleet."""
+    revision: int = 0
+    """Revision of the picture with the last change of this entry."""
+    kind: str = ""
+    """Firmware and type, for example "ArduPilot copter"."""
+    heard_unix: float
+    """Instant of the last message."""
+    placed_unix: float | None = None
+    """Instant of the last position."""
+    silent: bool = False
+    """Whether heartbeats are overdue."""
+    lat: float | None = None
+    lon: float | None = None
+    alt_amsl: float | None = None
+    height_m: float | None = None
+    """Height above home."""
+    roll_deg: float | None = None
+    pitch_deg: float | None = None
+    heading_deg: float | None = None
+    speed_m_s: float | None = None
+    """Horizontal speed."""
+    armed: bool | None = None
+    battery_v: float | None = None
+    battery_percent: int | None = None
+    gps: str | None = None
+    """Kind of the GNSS fix, with the number of satellites."""
+    companion: str | None = None
+    """State of the companion: "healthy", "trouble" or "silent"; None: never heard."""
+    ready: bool | None = None
+    """Whether it can localize targets, by its own report; None: not reported yet."""
+    readiness: str | None = None
+    """That report."""
+    checks: tuple[str, ...] = ()
+    """What `check` says by the status file, worst first."""
+    footprint: tuple[LatLon, ...] = ()
+    """Corners of what the camera sees on the ground; empty: not known."""
+
+
+class TargetView(msgspec.Struct, frozen=True, kw_only=True):
+    """One target."""
+
+    id: str
+    revision: int = 0
+    vehicle: str
+    """Vehicle that reports it; "fleet" for a fused target."""
+    track: str = ""
+    """Track number at that vehicle."""
+    label: str = ""
+    state: str
+    """confirmed | coasting | tentative | selected | reported (by a text) | lost | dropped."""
+    lat: float
+    lon: float
+    alt_amsl: float | None = None
+    ellipse: EllipseView | None = None
+    radius95_m: float | None = None
+    """Radius of the 95 % circle."""
+    bound: bool = False
+    """Whether ellipse and radius are upper bounds: the message carried only the larger semi-axis."""
+    first_unix: float
+    seen_unix: float
+    """Instant at which the vehicle last reported it."""
+    source: str
+    """mavlink | text | status | fleet | fused | recording."""
+    vehicles: dict[str, str] = {}
+    """Fused target: track by vehicle."""
+    left_out: dict[str, str] = {}
+    """Fused target: reason by vehicle."""
+
+
+class TextView(msgspec.Struct, frozen=True, kw_only=True):
+    """One text for people."""
+
+    revision: int
+    time_unix: float
+    vehicle: str
+    severity: int
+    """MAV_SEVERITY: 0 emergency to 7 debug."""
+    text: str
+
+
+class SourceView(msgspec.Struct, frozen=True, kw_only=True):
+    """One input of the ground process: a link, a file, the fleet's bus, a recording."""
+
+    name: str
+    works: bool
+    text: str
+    """State, and what to do where it does not work."""
+
+
+class PictureUpdate(msgspec.Struct, frozen=True, kw_only=True):
+    """Everything that changed after a revision of the picture; the whole picture after revision 0."""
+
+    revision: int
+    whole: bool
+    """Whether entries that are not in it are gone."""
+    now_unix: float
+    """Time of the picture: the clock of this process, or of the recording that is replayed."""
+    vehicles: list[VehicleView]
+    targets: list[TargetView]
+    removed: list[str]
+    """Ids of targets that are gone."""
+    texts: list[TextView]
+    sources: list[SourceView]
+
+
+class PastPoint(msgspec.Struct, frozen=True, array_like=True):
+    """One earlier state of a target or place of a vehicle."""
+
+    time_unix: float
+    lat: float
+    lon: float
+    radius95_m: float | None = None

@@ -1,0 +1,209 @@
+"""The server over real HTTP: what it answers, to whom, and its bounds."""
+
+from __future__ import annotations
+
+import asyncio
+import http.client
+import json
+import sqlite3
+import threading
+import time
+from contextlib import closing, contextmanager
+
+import pytest
+from processes import free_port
+
+pytest.importorskip("aiohttp")
+
+from fwav_companion.errors import InputFileError, UserError
+from fwav_companion.ground import server as limits
+from fwav_companion.ground.access import AccessRules
+from fwav_companion.ground.ground_process import GroundOptions, GroundProcess
+from fwav_companion.ground.picture import GroundPicture
+from fwav_companion.ground.tiles import TileFile
+from fwav_companion.ground.views import TargetView
+
+PNG = b"\x89PNG\r\n\x1a\nrest"
+
+
+@contextmanager
+def served(picture: GroundPicture, token: str = "", tiles: TileFile | None = None):
+    """The port of a server of this picture, in a thread of its own."""
+    port, ready = free_port(), threading.Event()
+    loop = asyncio.new_event_loop()
+    stop = asyncio.Event()
+    options = GroundOptions(host="127.0.0.1", port=port, token=token, rate_hz=10.0)
+    process = GroundProcess(picture, [], options, clock=time.time, tiles=tiles)
+    thread = threading.Thread(target=lambda: loop.run_until_complete(process.run(stop, ready.set)))
+    thread.start()
+    try:
+        assert ready.wait(20.0)
+        yield port
+    finally:
+        loop.call_soon_threadsafe(stop.set)
+        thread.join(20.0)
+        loop.close()
+
+
+def get(port: int, path: str, **headers: str) -> tuple[int, dict[str, str], bytes]:
+    with closing(http.client.HTTPConnection("127.0.0.1", port, timeout=20.0)) as connection:
+        connection.request("GET", path, headers=headers)
+        response = connection.getresponse()
+        return response.status, dict(response.getheaders()), response.read()
+
+
+@pytest.fixture
+def picture():
+    made = GroundPicture()
+    made.on_target(
+        TargetView(
+            id="1/4", vehicle="1", state="confirmed", lat=48.1, lon=11.5, first_unix=time.time(),
+            seen_unix=time.time(), source="status",
+        ),
+        time.time(),
+    )  # fmt: skip
+    return made
+
+
+@pytest.fixture
+def port(picture):
+    with served(picture) as at:
+        yield at
+
+
+def events(port: int, count: int) -> list[tuple[str, object]]:
+    """The first events of a page."""
+    found, name = [], ""
+    with closing(http.client.HTTPConnection("127.0.0.1", port, timeout=20.0)) as connection:
+        connection.request("GET", "/events")
+        response = connection.getresponse()
+        while len(found) < count:
+            line = response.readline().decode().rstrip("\n")
+            if line.startswith("event: "):
+                name = line[7:]
+            elif line.startswith("data: "):
+                found.append((name, json.loads(line[6:])))
+    return found
+
+
+def test_the_page_and_its_files_come_with_a_strict_policy(port):
+    status, headers, body = get(port, "/")
+    assert status == 200
+    assert b"<!doctype html>" in body
+    policy = headers["Content-Security-Policy"]
+    assert "default-src 'none'" in policy
+    assert "unsafe" not in policy
+    for name in limits.PAGE_FILES:
+        assert get(port, f"/page/{name}")[0] == 200
+    assert get(port, "/page/app.js")[1]["Content-Type"].startswith("text/javascript")
+
+
+@pytest.mark.parametrize("path", ["/page/../server.py", "/page/%2e%2e/server.py", "/page/index.html", "/nothing"])
+def test_no_other_file_is_served(port, path):
+    status, headers, _ = get(port, path)
+    assert status == 404
+    assert "Content-Security-Policy" in headers
+
+
+def test_events_bring_the_paths_and_the_picture(port, picture):
+    (first, _), (second, update) = events(port, 2)
+    assert (first, second) == ("paths", "picture")
+    assert update["whole"]
+    assert update["targets"][0]["id"] == "1/4"
+
+
+def test_history_and_exports(port):
+    assert len(json.loads(get(port, "/history.json?target=1/4")[2])) == 1
+    assert json.loads(get(port, "/history.json?target=unknown")[2]) == []
+    for kind in ("geojson", "kml", "csv"):
+        status, headers, body = get(port, f"/export/{kind}")
+        assert status == 200
+        assert b"48.1" in body
+        assert "attachment" in headers["Content-Disposition"]
+    assert get(port, "/export/cot")[0] in (200, 503)  # 503 where this machine's clock is not synchronised
+    assert get(port, "/export/exe")[0] == 404
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [{"Host": "evil.example:80"}, {"Host": "evil.example"}, {"Origin": "http://evil.example"}, {"Origin": "null"},
+     {"Sec-Fetch-Site": "cross-site"}],
+)  # fmt: skip
+def test_requests_of_other_sites_are_refused(port, headers):
+    assert get(port, "/events", **headers)[0] == 403
+
+
+def test_only_reading_is_answered(port):
+    with closing(http.client.HTTPConnection("127.0.0.1", port, timeout=20.0)) as connection:
+        connection.request("POST", "/events", body=b"x")
+        assert connection.getresponse().status == 405
+
+
+def test_the_token_is_required_and_kept_in_a_cookie(picture):
+    with served(picture, token="secret") as port:
+        host = f"127.0.0.1:{port}"
+        assert get(port, "/", Host=host)[0] == 403
+        assert get(port, "/?token=wrong", Host=host)[0] == 403
+        status, headers, _ = get(port, "/?token=secret", Host=host)
+        assert status == 200
+        cookie = headers["Set-Cookie"]
+        assert "HttpOnly" in cookie
+        assert "SameSite=Strict" in cookie
+        assert get(port, "/settings.json", Host=host, Cookie=cookie.partition(";")[0])[0] == 200
+
+
+def test_hosts_of_a_public_address_are_addresses_and_own_names():
+    rules = AccessRules(host="0.0.0.0", port=8080, token="t", names=("laptop", "laptop.local"))
+    for host in ("192.168.1.7:8080", "[fe80::1]:8080", "laptop:8080", "laptop.local:8080"):
+        assert rules.refusal({"Host": host}, "t", "") is None
+    for host in ("evil.example:8080", "192.168.1.7:81", "192.168.1.7", ""):
+        assert rules.refusal({"Host": host}, "t", "") is not None
+
+
+def test_pages_are_bounded(port, monkeypatch):
+    monkeypatch.setattr(limits, "MAX_CLIENTS", 2)
+    opened = [http.client.HTTPConnection("127.0.0.1", port, timeout=20.0) for _ in range(3)]
+    statuses = []
+    for connection in opened:
+        connection.request("GET", "/events")
+        statuses.append(connection.getresponse().status)
+    for connection in opened:
+        connection.close()
+    assert statuses == [200, 200, 503]
+
+
+def tile_file(path, **metadata: str) -> str:
+    with closing(sqlite3.connect(path)) as database:
+        database.execute("CREATE TABLE metadata (name text, value text)")
+        database.execute(
+            "CREATE TABLE tiles (zoom_level integer, tile_column integer, tile_row integer, tile_data blob)"
+        )
+        database.executemany("INSERT INTO metadata VALUES (?, ?)", metadata.items())
+        database.execute("INSERT INTO tiles VALUES (2, 1, 3, ?)", (PNG,))
+        database.commit()
+    return str(path)
+
+
+def test_tiles_are_counted_from_the_north(tmp_path, picture):
+    tiles = TileFile(tile_file(tmp_path / "a.mbtiles", format="png", attribution="<a href='x'>Map</a> makers"))
+    assert tiles.info.attribution == "Map makers"
+    with served(picture, tiles=tiles) as port:
+        status, headers, body = get(port, "/tiles/2/1/0")  # row 3 from the south of four
+        assert (status, headers["Content-Type"], body) == (200, "image/png", PNG)
+        assert get(port, "/tiles/2/1/3")[0] == 404
+        assert get(port, "/tiles/99/1/3")[0] == 404
+        assert json.loads(get(port, "/settings.json")[2])["tiles"]["max_zoom"] == 2
+
+
+def test_a_file_without_tiles_is_one_line(tmp_path):
+    (tmp_path / "b.mbtiles").write_text("no database")
+    for name in ("b.mbtiles", "absent.mbtiles"):
+        with pytest.raises(InputFileError, match="accepted"):
+            TileFile(str(tmp_path / name))
+
+
+def test_a_taken_port_is_one_line(port, picture):
+    options = GroundOptions(host="127.0.0.1", port=port, token="", rate_hz=5.0)
+    process = GroundProcess(picture, [], options, clock=time.time)
+    with pytest.raises(UserError, match="accepted: a free port"):
+        asyncio.run(process.run(asyncio.Event(), lambda: None))
