@@ -7,6 +7,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from math import exp, hypot, isfinite
 from random import Random
 from typing import Any
@@ -29,7 +30,7 @@ from sitl_mock.rotation import (
     plus,
     times,
 )
-from sitl_mock.scene import Target
+from sitl_mock.scene import CORNERS, Target
 from sitl_mock.tags import GroundTag, tags
 
 ROW_SETTLED_PX = 1e-7
@@ -114,6 +115,17 @@ class MockCamera:
         """(pixel, flight time of its row) of a target in the frame whose first row is exposed at row0_s."""
         return self._rolled(target.at, row0_s)
 
+    def box(self, target: Target, row0_s: float) -> tuple[float, float, float, float]:
+        """Left, top, right and bottom of a standing block in the image, cut off at the image's edges."""
+        pixels = [self._rolled(partial(target.corner_at, corner), row0_s)[0] for corner in CORNERS]
+        us, vs = [u for u, _ in pixels], [v for _, v in pixels]
+        return (
+            max(-0.5, min(us)),
+            max(-0.5, min(vs)),
+            min(self.lens.width - 0.5, max(us)),
+            min(self.lens.height - 0.5, max(vs)),
+        )
+
     def pixel_of(self, place: Vector, row0_s: float) -> Pixel:
         """Pixel of a fixed place in NED in the frame whose first row is exposed at row0_s."""
         return self._rolled(lambda _: place, row0_s)[0]
@@ -153,6 +165,9 @@ class MockCamera:
         visible = []
         for index, target in enumerate(self._scene):
             pixel, t = self.true_pixel(target, row0_s)
+            if target.height_m:
+                left, top, right, bottom = self.box(target, row0_s)
+                pixel = (0.5 * (left + right), 0.5 * (top + bottom))
             if not self.lens.sees(*pixel):
                 continue
             visible.append(index)
@@ -228,6 +243,10 @@ class MockCamera:
             detection["sigma"] = self._o.priors.pixel_noise_px
         if self._c.tell_ids and source != CLUTTER:
             detection["id"] = source
+        if source != CLUTTER and self._scene[source].height_m:
+            left, top, right, bottom = self.box(self._scene[source], row0_s)
+            across, along = 0.5 * (right - left), 0.5 * (bottom - top)
+            detection["box"] = [round(x, 4) for x in (u - across, v - along, u + across, v + along)]
         if source in self._tags:
             detection["corners"] = self._corners(self._tags[source], row0_s)
         return detection

@@ -299,6 +299,11 @@ class TargetOptions:
     course_deg: float = 0.0
     leg_m: float = 0.0
     """Length of a walk, then back again; 0: straight on."""
+    height_m: float = 0.0
+    """Height of a block that stands on the ground; its detections have a box and lie at the box's centre. 0: a
+    point."""
+    width_m: float = 0.0
+    """Side of the block's square base, along north and east."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,6 +7,9 @@ from math import cos, radians, sin
 from sitl_mock.options import Options, TargetOptions
 from sitl_mock.rotation import Vector
 
+CORNERS: tuple[Vector, ...] = tuple((x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (0.0, 1.0))
+"""Corners of a block in shares of its width, width and height, from the middle of its base."""
+
 
 class Target:
     """A target on the ground, in the world's NED."""
@@ -16,6 +19,7 @@ class Target:
         self.walks = options.speed_m_s != 0.0
         self._start = (centre[0] + options.north, centre[1] + options.east, -options.up)
         self._leg_m = options.leg_m
+        self.height_m, self._width_m = options.height_m, options.width_m
         course = radians(options.course_deg)
         self._velocity = (options.speed_m_s * cos(course), options.speed_m_s * sin(course))
 
@@ -25,6 +29,11 @@ class Target:
             return self._start
         t = self._walked_s(flight_s)
         return (self._start[0] + self._velocity[0] * t, self._start[1] + self._velocity[1] * t, self._start[2])
+
+    def corner_at(self, corner: Vector, flight_s: float) -> Vector:
+        """A corner of a block, NED, metres."""
+        (north, east, down), (x, y, z) = self.at(flight_s), corner
+        return (north + x * self._width_m, east + y * self._width_m, down - z * self.height_m)
 
     def velocity_at(self, flight_s: float) -> tuple[float, float]:
         """Velocity at an instant: north and east, m/s."""

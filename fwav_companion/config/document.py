@@ -22,7 +22,7 @@ from fwav_companion.errors import ConfigError
 from fwav_companion.links.url import TcpUrl, UdpUrl, parse_cot_url
 from fwav_companion.publishing.options import PublishTable
 from fwav_companion.tracking.options import TrackingOptions
-from fwav_companion.types import ErrorPriors
+from fwav_companion.types import ErrorPriors, StandingTarget
 from fwav_companion.vision.task import VisionTask
 
 
@@ -74,6 +74,8 @@ class Document(msgspec.Struct, frozen=True, kw_only=True):
     """Pixels from another process."""
     vision: VisionTask | None = None
     """The service's own camera; None: no camera is opened."""
+    target: tuple[StandingTarget, ...] = ()
+    """Labels whose things are not flat on the ground."""
     ground: GroundConfig = GroundConfig()
     """Surface that rays are intersected with."""
     uncertainty: UncertaintyConfig = UncertaintyConfig()
@@ -116,7 +118,9 @@ class Config(Document, frozen=True, kw_only=True):
     def priors(self) -> ErrorPriors:
         """[uncertainty] in radians, metres and seconds, with the prior of the readout."""
         return self.uncertainty.priors(
-            readout_known=self.camera.known_readout_s is not None, surveyed=self.ground.model == "terrain"
+            readout_known=self.camera.known_readout_s is not None,
+            surveyed=self.ground.model == "terrain",
+            standing=bool(self.target),
         )
 
     @property

@@ -87,10 +87,10 @@ class UncertaintyConfig(msgspec.Struct, frozen=True, kw_only=True):
     attitude_stamp_delay_s: Literal["auto"] | Annotated[float, Meta(ge=0, le=1)] = "auto"
     """Largest age of an attitude at its stamp, uniformly distributed, seconds; ``auto``: from the autopilot's loop."""
 
-    def priors(self, *, readout_known: bool, surveyed: bool) -> ErrorPriors:
+    def priors(self, *, readout_known: bool, surveyed: bool, standing: bool = False) -> ErrorPriors:
         """The error priors in radians, metres and seconds, the biases in the order of :class:`nouns.Bias`.
 
-        ``surveyed``: the ground is an elevation model.
+        ``surveyed``: the ground is an elevation model. ``standing``: some labels have a height.
         """
         sigmas = {
             Bias.ROLL: radians(self.attitude_bias_deg),
@@ -109,6 +109,7 @@ class UncertaintyConfig(msgspec.Struct, frozen=True, kw_only=True):
             Bias.LEVER_X: self.lever_arm_sigma_m,
             Bias.LEVER_Y: self.lever_arm_sigma_m,
             Bias.LEVER_Z: self.lever_arm_sigma_m,
+            Bias.TARGET_HEIGHT: 1.0 if standing else 0.0,  # in sigmas of the label's own height
         }
         return ErrorPriors(
             pixel_noise_px=self.pixel_noise_px,

@@ -21,6 +21,7 @@ def broken_rules(document: Document) -> Iterator[Complaint]:
     yield from _urls(document)
     yield from _links(document)
     yield from _vehicle_and_camera(document)
+    yield from _targets(document)
     yield from _ground_and_publish(document)
 
 
@@ -70,6 +71,13 @@ def _vehicle_and_camera(document: Document) -> Iterator[Complaint]:
             ("camera", "calibration"),
             f'missing, while {source}; accepted: the path of a camera file (for a relay alone: [detections] url = "")',
         )
+
+
+def _targets(document: Document) -> Iterator[Complaint]:
+    labels = [target.label for target in document.target]
+    for index, label in enumerate(labels):
+        if label in labels[:index]:
+            yield ("target", index, "label"), "another [[target]] has this label; accepted: a label of its own"
 
 
 def _ground_and_publish(document: Document) -> Iterator[Complaint]:

@@ -49,6 +49,7 @@ class BiasVariances(msgspec.Struct, frozen=True, gc=False):
     lever_x: float
     lever_y: float
     lever_z: float
+    target_height: float
 
 
 def bias_variances(priors: ErrorPriors) -> BiasVariances:
@@ -192,6 +193,7 @@ def _noise_terms(propagation: Propagation, noise: NoiseVariances) -> Terms:
 def _bias_terms(propagation: Propagation, noise: NoiseVariances, bias: BiasVariances, meeting: Intersection) -> Terms:
     """The terms of the biases without the vehicle's position; errors with the same column are one term."""
     roll, pitch, heading, mount_x, mount_y, mount_z, time, _, height, _, _, terrain, _, *lever = propagation.biases
+    *lever, target_height = lever
     of_biases: Terms = (
         (mount_x, bias.mount_x + bias.roll),
         (mount_y, bias.mount_y + bias.pitch),
@@ -206,6 +208,8 @@ def _bias_terms(propagation: Propagation, noise: NoiseVariances, bias: BiasVaria
     if meeting.height_by_rotation is not ZERO3:  # attitude and mount then have different columns
         turns = ((mount_x, bias.mount_x), (mount_y, bias.mount_y), (roll, bias.roll), (pitch, bias.pitch))
         of_biases = (*turns, *of_biases[2:])
+    if target_height is not ZERO3:
+        of_biases = (*of_biases, (target_height, bias.target_height))
     surveyed = meeting.surveyed or meeting.uneven
     return (*of_biases, (terrain, bias.terrain)) if surveyed else of_biases
 
@@ -266,6 +270,7 @@ def _budget(
     propagation: Propagation, noise: NoiseVariances, bias: BiasVariances, places: tuple[Matrix3, Matrix3]
 ) -> ErrorBudget:
     roll, pitch, heading, mount_x, mount_y, mount_z, time, _, height, _, _, terrain, _, *lever = propagation.biases
+    *lever, target_height = lever
     attitude = noise.attitude + noise.bridging
     return ErrorBudget(
         pixel=sqrt(_flat(propagation.pixel_u) * noise.pixel_u + _flat(propagation.pixel_v) * noise.pixel_v),
@@ -287,6 +292,7 @@ def _budget(
         ),
         position=sqrt(sum(cov[0][0] + cov[1][1] for cov in places)),
         terrain=sqrt(_flat(terrain) * bias.terrain),
+        target=sqrt(_flat(target_height) * bias.target_height),
     )
 
 

@@ -71,6 +71,18 @@ def camera_above_flat(sighting: Sighting, height_m: float) -> Vector3:
     return (0.0, 0.0, -height_m) if sighting.relative else sighting.camera_ned
 
 
+def lowered(meeting: Intersection, raised_m: float) -> Intersection:
+    """The intersection of the same ray from a camera ``raised_m`` lower, on level ground."""
+    north, east, down = meeting.camera_ned
+    height_m = meeting.height_m - raised_m
+    return msgspec.structs.replace(
+        meeting,
+        camera_ned=(north, east, down + raised_m),
+        distance_m=meeting.distance_m * (height_m / meeting.height_m),
+        height_m=height_m,
+    )
+
+
 def flat_distance(direction: Vector3, height_m: float) -> float | NoFix:
     """The distance along a unit ray to the level surface ``height_m`` below its start, metres."""
     if not direction[2] > LEAST_DESCENT:

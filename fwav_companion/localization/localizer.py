@@ -17,7 +17,7 @@ from fwav_companion.localization.covariance import (
     bias_variances,
     noise_variances,
 )
-from fwav_companion.localization.ground import LEVEL_NORMAL, Ground, Intersection
+from fwav_companion.localization.ground import LEVEL_NORMAL, Ground, Intersection, lowered
 from fwav_companion.localization.propagation import Propagation, propagate
 from fwav_companion.types import Bias, ErrorPriors, GroundFix, NoFix, Reason, Sighting, TakeOff
 
@@ -75,7 +75,7 @@ class Localizer:
 
     def _located(self, sighting: Sighting) -> GroundFix | NoFix:
         direction = transform(sighting.ned_from_camera, sighting.ray.direction)
-        meeting = self.ground.meet(sighting, direction)
+        meeting = self._meet(sighting, direction)
         if isinstance(meeting, NoFix):
             return meeting
         if not meeting.height_m >= self._min_height_m:
@@ -106,6 +106,22 @@ class Localizer:
             ground=meeting.ground,
             level_sigma_m=errors.level_sigma_m,
         )
+
+    def _meet(self, sighting: Sighting, direction: Vector3) -> Intersection | NoFix:
+        """The intersection of the ray with the ground, for a point above it with the ground raised by its height.
+
+        The camera is lowered instead, which moves the point to the target's foot: on level ground afterwards, whatever
+        its height is known by; over a model before.
+        """
+        raised_m = sighting.anchor_height_m
+        meeting = self.ground.meet(sighting, direction)
+        if raised_m == 0.0 or isinstance(meeting, NoFix):
+            return meeting
+        if meeting.normal is LEVEL_NORMAL:
+            return lowered(meeting, raised_m)
+        north, east, down = sighting.camera_ned
+        below = msgspec.structs.replace(sighting, camera_ned=(north, east, down + raised_m))
+        return self.ground.meet(below, direction)
 
     def _stretch_variance(self, propagation: Propagation, noise: NoiseVariances) -> float:
         """The variance of the ray's relative length by every error that turns the ray."""
@@ -169,7 +185,7 @@ class Localizer:
         distances = []
         for sigmas in SIGMA_POINTS:
             turn = exp(scale(axis, sigmas * stretch / (tilt * norm(axis))))
-            other = meeting if sigmas == 0.0 else self.ground.meet(sighting, rotate(turn, direction))
+            other = meeting if sigmas == 0.0 else self._meet(sighting, rotate(turn, direction))
             if isinstance(other, NoFix):
                 return NoFix(Reason.TOO_SHALLOW)
             distances.append(other.distance_m)

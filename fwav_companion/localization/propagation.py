@@ -103,8 +103,9 @@ def propagate(sighting: Sighting, direction: Vector3, meeting: Intersection) -> 
     fixed_to_body = sighting.state.gimbal is None
     lever_axes = body_axes if fixed_to_body else transpose(matrix_from_quaternion(sighting.state.ned_from_body))
     lever_x, lever_y, lever_z = (_by_camera(axis, sighting, direction, meeting=meeting, m=m) for axis in lever_axes)
+    target_height = ZERO3 if sighting.anchor_sigma_m == 0.0 else _by_target_height(sighting, meeting, deeper)
     turning = (roll, pitch, heading, mount_x, mount_y, mount_z)
-    shifting = (height, north, east, terrain, position_delay, lever_x, lever_y, lever_z)
+    shifting = (height, north, east, terrain, position_delay, lever_x, lever_y, lever_z, target_height)
     return Propagation(
         pixel_u,
         pixel_v,
@@ -175,6 +176,15 @@ def _by_height(sighting: Sighting, meeting: Intersection, deeper: Vector3) -> Ve
     if meeting.carried and not sighting.relative:
         return deeper
     return (deeper[0], deeper[1], 0.0 if meeting.normal is LEVEL_NORMAL else deeper[2] - 1.0)
+
+
+def _by_target_height(sighting: Sighting, meeting: Intersection, deeper: Vector3) -> Vector3:
+    """The derivative of the foot with respect to the height of the detected point above it, in that height's sigmas.
+
+    A height that is 1 m too large lowers the camera by 1 m. The foot moves along the ground only.
+    """
+    down = 0.0 if meeting.normal is LEVEL_NORMAL else deeper[2] - 1.0
+    return scale((deeper[0], deeper[1], down), -sighting.anchor_sigma_m)
 
 
 def _by_place(sighting: Sighting, d: Vector3, meeting: Intersection, m: Vector3) -> Columns:

@@ -10,6 +10,7 @@ import msgspec
 from fwav_companion.geometry.rotations import matrix_from_quaternion
 from fwav_companion.geometry.stamps import BootNs, HostNs
 from fwav_companion.geometry.vectors import ZERO3, Matrix3, Vector3, add, multiply, scale, subtract, transform
+from fwav_companion.pairing.anchors import anchor_of
 from fwav_companion.pairing.paired_frame import CameraView, PairedFrame, RefusedFrame
 from fwav_companion.pairing.placement import FramePlacer, Placement, both_clocks
 from fwav_companion.pairing.protocols import TwoClocks, VehicleSource
@@ -24,6 +25,7 @@ from fwav_companion.types import (
     Reason,
     Sighting,
     StampClock,
+    StandingTarget,
     Unpaired,
     VehicleState,
 )
@@ -78,6 +80,7 @@ class Pairer:
         pixel_noise_px: float = 4.0,
         min_score: float = 0.0,
         labels: Collection[str] = (),
+        standing: Collection[StandingTarget] = (),
     ) -> None:
         self.lens = lens
         self.body_from_camera = body_from_camera
@@ -87,6 +90,7 @@ class Pairer:
         self._pixel_sigma = (pixel_noise_px, pixel_noise_px)
         self._min_score = min_score
         self._labels = frozenset(labels)
+        self._standing = {target.label: target for target in standing}
         self._last_number = -1
 
     @property
@@ -140,8 +144,10 @@ class Pairer:
                 pose = poses[row.since_first_ns] = self._pose(at, row.clock_rate, relative=vehicle.world.relative)
             if isinstance(pose, Unpaired):
                 refused.append((index, pose.reason, pose.gap_s))
-            else:
-                sightings.append(self._sighting(row, detection, ray, pose))
+                continue
+            sighting = self._sighting(row, detection, ray, pose)
+            standing = self._standing.get(detection.label)
+            sightings.append(sighting if standing is None else self._anchored(sighting, standing))
         return PairedFrame(
             number=number,
             host_ns=placed.host_ns,
@@ -225,6 +231,20 @@ class Pairer:
             camera_ned=pose.camera_ned,
             camera_height_above_home_m=pose.camera_height_m,
             relative=pose.relative,
+        )
+
+    def _anchored(self, sighting: Sighting, target: StandingTarget) -> Sighting:
+        """The sighting of the point that the detection of a standing target marks.
+
+        The row stays that of the box's centre: over a box of 50 rows the readout of 30 ms lasts 3 ms longer.
+        """
+        anchor = anchor_of(target, sighting.detection, sighting.ned_from_camera, self.lens)
+        ray = None if anchor.pixel is None else self.lens.camera_ray_and_derivatives_from_pixel(*anchor.pixel)
+        return msgspec.structs.replace(
+            sighting,
+            ray=sighting.ray if ray is None or isinstance(ray, NoRay) else ray,
+            anchor_height_m=anchor.height_m,
+            anchor_sigma_m=anchor.sigma_m,
         )
 
     def _look(self, detection: Detection) -> Ray | Reason:

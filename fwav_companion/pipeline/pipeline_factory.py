@@ -171,6 +171,7 @@ def make_pairer(config: Config, calibration: Calibration) -> Pairer:
         pixel_noise_px=config.uncertainty.pixel_noise_px,
         min_score=config.detections.min_score,
         labels=config.detections.labels,
+        standing=config.target,
     )
 
 

@@ -135,7 +135,11 @@ def sighting_line(
 
 
 def _budget_object(budget: ErrorBudget) -> Line:
-    return {name: getattr(budget, name) for name in budget.__struct_fields__}
+    """The budget by cause; that of a standing target's height only where it has one."""
+    line = {name: getattr(budget, name) for name in budget.__struct_fields__}
+    if budget.target == 0.0:
+        del line["target"]
+    return line
 
 
 def clock_line(now_ns: HostNs, estimate: ClockEstimate, time_boot_ns: int, utc_minus_unix_s: float | None) -> Line:

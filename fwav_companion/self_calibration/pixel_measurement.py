@@ -162,7 +162,7 @@ def measurement_batch(
     ned_from_body = np.array([matrix_from_quaternion(state.ned_from_carrier) for state in states])
     scalars = [
         (state.carrier_sigma, state.spacing_s, s.time_noise_s, s.row_fraction,
-         fix.position_ned[2] - s.camera_ned[2], s.camera_ned[2], since, s.frame)
+         fix.drop_m, s.camera_ned[2], since, s.frame)
         for (_, fix), s, state, since in zip(fixes, sightings, states, since_s, strict=True)
     ]  # fmt: skip
     return MeasurementBatch(

@@ -62,7 +62,7 @@ def sight_of(fix: GroundFix, state: VehicleState) -> SingleSight:
         sighting.body_from_camera,
         matrix_from_quaternion(state.ned_from_carrier),
         (north + moved[0], east + moved[1], down + moved[2]),
-        fix.position_ned[2] - down - moved[2],
+        fix.drop_m - moved[2],
     )
 
 

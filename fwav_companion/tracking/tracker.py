@@ -201,13 +201,18 @@ class Tracker:
         return tracks, len(fixes) - number
 
     def _taught(self, view: FrameView, living: tuple[LiveTrack, ...]) -> Calibrator | None:
-        """Self-calibration after this frame; None without it. Confirmed tracks teach: clutter does not."""
+        """Self-calibration after this frame; None without it.
+
+        Confirmed tracks teach: clutter does not. Nor do targets of a height that is not exactly known: the joint
+        estimate has one error of the height for all.
+        """
         calibrator = self._state.calibrator
         if calibrator is None:
             return None
         old = [t for t in living if t.confirmed and view.host_ns - t.life.first_ns >= self._patience_ns]
-        fixes = [(track.id, track.fix) for track in old if track.fix is not None]
-        return calibrator.updated(view.host_ns, view.fixes, fixes, {track.id for track in old})
+        fixes = [(track.id, track.fix) for track in old if track.fix is not None and _teaches(track.fix)]
+        seen = [fix for fix in view.fixes if _teaches(fix)]
+        return calibrator.updated(view.host_ns, seen, fixes, {track.id for track in old})
 
     def _calibrated(self, track: LiveTrack) -> CalibratedTargetState | None:
         """The target by the joint estimate, where that holds it and may correct it."""
@@ -237,6 +242,11 @@ class Tracker:
         if calibrated is None or calibrator is None:
             return track.target
         return calibrated if calibrator.is_calibrated or calibrator.denied else track.target
+
+
+def _teaches(fix: GroundFix) -> bool:
+    """Whether the height of the detected point above the ground is exactly known."""
+    return fix.sighting.anchor_sigma_m == 0.0
 
 
 def _weakest_first(tracks: Sequence[LiveTrack]) -> list[int]:

@@ -30,6 +30,7 @@ from fwav_companion.types.sightings import (
     Unpaired,
 )
 from fwav_companion.types.situation import Autopilot, AutopilotKind, Situation
+from fwav_companion.types.standing import StandingTarget
 from fwav_companion.types.telemetry import (
     AttitudeSample,
     ClockEstimate,
@@ -87,6 +88,7 @@ __all__ = [
     "Sighting",
     "Situation",
     "StampClock",
+    "StandingTarget",
     "TakeOff",
     "TakeOffSource",
     "Track",

@@ -44,6 +44,8 @@ class Bias(IntEnum):
     """Error of the camera's configured position in the body, and of the antenna's, m: configured minus true."""
     LEVER_Y = 14
     LEVER_Z = 15
+    TARGET_HEIGHT = 16
+    """Error of the height at which a standing target is detected, in its own sigmas: each [[target]] has another."""
 
 
 BIAS_COUNT = len(Bias)
@@ -110,6 +112,10 @@ class Sighting(msgspec.Struct, frozen=True, gc=False):
     """Camera height above home by relative altitude and lever arm, metres; None where it is not known."""
     relative: bool
     """Whether there is no global position: the origin is then the point on the ground below the camera, down = 0."""
+    anchor_height_m: float = 0.0
+    """Height of the point on the ray above the target's foot, metres; 0 for what lies on the ground."""
+    anchor_sigma_m: float = 0.0
+    """One sigma of that height, the same in every sighting of a target, metres."""
 
     @property
     def boot_ns(self) -> BootNs:
@@ -128,6 +134,8 @@ class ErrorBudget(msgspec.Struct, frozen=True, gc=False):
     mount: float
     position: float
     terrain: float
+    target: float = 0.0
+    """Height of a standing target."""
 
 
 class NoFix(msgspec.Struct, frozen=True):
@@ -176,6 +184,11 @@ class GroundFix(msgspec.Struct, frozen=True, gc=False):
     level_sigma_m: float = 0.0
     """One sigma of the ground's level, down, metres. It is not among the biases. Its square is part of ``cov``
     and ``relative_cov``, not of ``noise_cov``: the error is the same in every fix and does not average out."""
+
+    @property
+    def drop_m(self) -> float:
+        """Height of the camera above the level of the detected point, metres: the ground, or higher on a target."""
+        return self.position_ned[2] - self.sighting.camera_ned[2] - self.sighting.anchor_height_m
 
     @property
     def cov(self) -> Matrix3:

@@ -10,6 +10,7 @@ import pytest
 from fwav_companion.cli.init import template
 from fwav_companion.config import Config, LinkConfig, SigningConfig, parse
 from fwav_companion.config.document import Document
+from fwav_companion.types import StandingTarget
 from fwav_companion.vision.task import VisionTask
 
 TEXT = template("fwav-companion.toml")
@@ -34,12 +35,12 @@ def builtins_of(value: object) -> Any:
 
 def defaults() -> dict[str, object]:
     flat = flattened(builtins_of(Document()))
-    return {key: value for key, value in flat.items() if key not in ("link", "signing", "vision")}
+    return {key: value for key, value in flat.items() if key not in ("link", "signing", "target", "vision")}
 
 
 def comments_taken_off() -> str:
     """The file with its commented keys alive; prose stays commented."""
-    return re.sub(r"^# (?=\[\w+\]|\w+ = )", "", TEXT, flags=re.MULTILINE)
+    return re.sub(r"^# (?=\[\[?\w+\]|\w+ = )", "", TEXT, flags=re.MULTILINE)
 
 
 def test_it_is_a_configuration_that_run_takes():
@@ -78,6 +79,8 @@ def test_what_is_commented_out_is_right_too():
     shown = tomllib.loads(text)
     assert set(shown["signing"]) == set(SigningConfig.__struct_fields__)
     assert set(shown["vision"]) == set(VisionTask.__struct_fields__)
+    assert config.target == (StandingTarget(label="person", height_m=1.7, height_sigma_m=0.17),)
+    assert set(shown["target"][-1]) == set(StandingTarget.__struct_fields__)
     assert set(shown["link"][-1]) == set(LinkConfig.__struct_fields__)
 
 

@@ -52,8 +52,22 @@ def test_priors_are_in_si_and_in_the_order_of_the_biases():
         Bias.TIME_OFFSET: 0.5, Bias.READOUT: READOUT_SIGMA_UNKNOWN_S, Bias.HEIGHT: 8.0,
         Bias.POSITION_NORTH: 7.0, Bias.POSITION_EAST: 7.0, Bias.TERRAIN: 9.0,
         Bias.POSITION_DELAY: 0.3, Bias.LEVER_X: 0.2, Bias.LEVER_Y: 0.2, Bias.LEVER_Z: 0.2,
+        Bias.TARGET_HEIGHT: 0.0,
     }  # fmt: skip
     assert {bias: priors.sigma(bias) for bias in Bias} == pytest.approx(expected)
+
+
+def test_a_targets_height_is_a_tenth_uncertain_and_counts_in_its_own_sigmas():
+    config = parse(
+        f'{RELAY}[[target]]\nlabel = "person"\nheight_m = 1.7\n'
+        '[[target]]\nlabel = "pad"\nheight_m = 0.8\nheight_sigma_m = 0.0\nanchor = "top"\n',
+        "f.toml",
+    )
+    assert [(each.label, each.anchor, each.sigma_m) for each in config.target] == [
+        ("person", "center", pytest.approx(0.17)),
+        ("pad", "top", 0.0),
+    ]
+    assert config.priors.sigma(Bias.TARGET_HEIGHT) == 1.0
 
 
 @pytest.mark.parametrize("model", ["home", "fixed", "rangefinder"])

@@ -121,7 +121,9 @@ FAULTS = {
     "terrain of an untold datum": (f'{BASE}[ground]\nmodel = "terrain"\nterrain = ["a.hgt"]\n', "[ground] terrain_datum: missing, while [ground] terrain names files, which do not contain it; accepted: egm96, egm2008, ellipsoid"),
     "detections over TCP": (f'{BASE}[detections]\nurl = "tcpin://127.0.0.1:5"\n', '[detections] url = "tcpin://127.0.0.1:5": accepted: udpin://HOST:PORT | unix:///PATH'),
     "CoT to a file": (f'{BASE}[publish]\ncot = "events.xml"\n', '[publish] cot = "events.xml": accepted: udpout://HOST:PORT | udpbcast://HOST:PORT | tcpout://HOST:PORT'),
-    "a key that breaks the line": ('"a\\nb" = 1\n', "a?b = 1: unknown key; accepted tables: vehicle, link, signing, rates, camera, detections, vision, ground, uncertainty, tracking, publish, record, state, status"),
+    "two heights of one label": (f'{BASE}[[target]]\nlabel = "a"\nheight_m = 1.0\n[[target]]\nlabel = "a"\nheight_m = 2.0\n', '[[target]] 2 label = "a": another [[target]] has this label; accepted: a label of its own'),
+    "a target without a height": (f'{BASE}[[target]]\nlabel = "a"\n', "[[target]] 1 height_m: missing; accepted: a number, above 0 and at most 1000"),
+    "a key that breaks the line": ('"a\\nb" = 1\n', "a?b = 1: unknown key; accepted tables: vehicle, link, signing, rates, camera, detections, vision, target, ground, uncertainty, tracking, publish, record, state, status"),
 }  # fmt: skip
 
 

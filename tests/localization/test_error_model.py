@@ -28,7 +28,12 @@ SMALL = 0.03
 LEVEL = 0.95
 SQUARE = chi2.ppf(LEVEL, 2)
 SCENE = Scene(
-    pixel_sigma=(0.1, 0.15), bridging_sigma=6e-5, time_noise_s=6e-5, position_sigma_m=0.0015, beam=(0.0, 0.0, 1.0)
+    pixel_sigma=(0.1, 0.15),
+    bridging_sigma=6e-5,
+    time_noise_s=6e-5,
+    position_sigma_m=0.0015,
+    beam=(0.0, 0.0, 1.0),
+    rises=(0.8, 0.1),
 )
 RANGE_NOISE_M = 0.006
 TERRAIN_M = 0.03

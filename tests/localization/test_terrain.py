@@ -40,15 +40,17 @@ class TestGround:
         assert fix.level_sigma_m == 0.0
         assert fix.budget.terrain == pytest.approx(4.0 * np.hypot(north, east) / 40.0, rel=1e-3)
 
-    def test_on_a_slope_every_column_agrees_with_differences(self):
+    @pytest.mark.parametrize("rises", [(0.0, 0.0), (4.0, 0.4)], ids=["flat", "standing"])
+    def test_on_a_slope_every_column_agrees_with_differences(self, rises):
         """The ground moves as the model says; the target is where an unbiased ray meets it."""
         ground = self.ground(self.slope)
-        scene = Scene(vehicle=(0.0, 0.0), target=(12.0, 25.0))
+        scene = Scene(vehicle=(0.0, 0.0), target=(12.0, 25.0), rises=rises)
         fix = self.locate(ground, scene.sighting())
         rays = np.array(scene.sighting().ned_from_camera) @ scene.sighting().ray.direction
-        # by hand: z = -(0.2 n - 0.1 e) along (0, 0, -40) + s ray
-        s = 40.0 / (rays[2] + 0.2 * rays[0] - 0.1 * rays[1])
-        assert fix.position_ned == pytest.approx((s * rays[0], s * rays[1], -40.0 + s * rays[2]), abs=0.05)
+        # by hand: z = -(0.2 n - 0.1 e) along (0, 0, -40) + s ray, with the camera lowered by what the target rises
+        above = 40.0 - rises[0]
+        s = above / (rays[2] + 0.2 * rays[0] - 0.1 * rays[1])
+        assert fix.position_ned == pytest.approx((s * rays[0], s * rays[1], -above + s * rays[2]), abs=0.05)
         for bias in Bias:
             if bias is Bias.TERRAIN:
                 continue

@@ -35,6 +35,7 @@ PRIORS = ErrorPriors(
         4.0,
         0.05,
         *(0.03,) * 3,
+        1.0,
     ),
     position_bias_time_s=60.0,
 )
@@ -45,7 +46,7 @@ LEVEL_PRIORS = msgspec.structs.replace(
     ),
 )
 """The same over ground that is level."""
-STEPS = np.array([1e-5] * 8 + [1e-3] * 4 + [1e-5] + [1e-3] * 3)
+STEPS = np.array([1e-5] * 8 + [1e-3] * 4 + [1e-5] + [1e-3] * 4)
 """Steps of the differences, by Bias: radians, seconds, metres."""
 
 
@@ -92,6 +93,8 @@ class Scene:
     beam: tuple[float, float, float] | None = None
     on_gimbal: bool = False
     """Whether a gimbal with the attitude of the body carries the camera; attitude errors are then the gimbal's."""
+    rises: tuple[float, float] = (0.0, 0.0)
+    """Assumed height of the detected point above the target on the ground, and one sigma of it, metres."""
 
     def truth(self) -> np.ndarray:
         """The target in the world of the answer."""
@@ -104,7 +107,8 @@ class Scene:
         noise = noise or Noise()
         mount = Rotation.from_rotvec(bias[3:6]) * DOWNWARD_CAMERA
         at_capture = self._attitude(0.0)
-        offset = np.array([*self.target, self.height_m])
+        rises_m = self.rises[0] - bias[Bias.TARGET_HEIGHT] * self.rises[1]
+        offset = np.array([*self.target, self.height_m - rises_m])
         u, v = LENS.pixel_from_camera_point(tuple((at_capture * mount).inv().apply(offset)))
         u, v = float(u + noise.pixel[0]), float(v + noise.pixel[1])
 
@@ -120,7 +124,7 @@ class Scene:
         place[2] -= bias[Bias.HEIGHT] + noise.height
         place -= bias[Bias.POSITION_DELAY] * np.array(self.velocity)
         body = self._attitude(late) if self.on_gimbal else reported
-        place += body.apply(bias[Bias.LEVER_X :])
+        place += body.apply(bias[Bias.LEVER_X : Bias.TARGET_HEIGHT])
         state = VehicleState(
             boot_ns=0,
             ned_from_body=quaternion(body),
@@ -150,11 +154,16 @@ class Scene:
             camera_ned=(0.0, 0.0, 0.0) if self.relative else tuple(place.tolist()),
             camera_height_above_home_m=-float(place[2]),
             relative=self.relative,
+            anchor_height_m=self.rises[0],
+            anchor_sigma_m=self.rises[1],
         )
 
     def draw(self, rng: np.random.Generator, priors: ErrorPriors = PRIORS) -> tuple[np.ndarray, Noise]:
         """Biases and noise drawn from the configured priors."""
-        bias = rng.normal(size=len(Bias)) * priors.bias_sigmas
+        bias = np.zeros(len(Bias))
+        bias[: Bias.TARGET_HEIGHT] = rng.normal(size=int(Bias.TARGET_HEIGHT)) * priors.bias_sigmas[: Bias.TARGET_HEIGHT]
+        if self.rises[1] > 0.0:
+            bias[Bias.TARGET_HEIGHT] = rng.normal() * priors.sigma(Bias.TARGET_HEIGHT)
         age = self.position_sigma_m
         return bias, Noise(
             rng.normal(size=2) * self.pixel_sigma,

@@ -9,9 +9,9 @@ from statistics import median
 from fwav_companion.recording.lines import Line
 from fwav_companion.types import Reason
 
-CAUSES = ("position", "heading", "attitude", "mount", "height", "time", "pixel", "terrain")
+CAUSES = ("position", "heading", "attitude", "mount", "height", "time", "pixel", "terrain", "target")
 """Causes in the error budget of a fix, as a recording names them."""
-ALONG_A_LINE = ("heading", "height", "time", "terrain")
+ALONG_A_LINE = ("heading", "height", "time", "terrain", "target")
 """Causes that move a fix along a line: about the vehicle, along the ray, along the path."""
 ROUND_95, LINE_95 = 1.7308, 1.9600
 """Radius that holds 95 % of the errors, in units of sqrt(trace of the horizontal covariance): sqrt(5.991 / 2) where the
@@ -56,7 +56,7 @@ def budget95_m(used: Sequence[Line]) -> dict[str, float]:
         return {}
     return {
         cause: (LINE_95 if cause in ALONG_A_LINE else ROUND_95)
-        * (sum(each[cause] ** 2 for each in budgets) / len(budgets)) ** 0.5
+        * (sum(each.get(cause, 0.0) ** 2 for each in budgets) / len(budgets)) ** 0.5
         for cause in CAUSES
     }
 

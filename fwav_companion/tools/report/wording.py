@@ -13,6 +13,7 @@ CAUSE_NAMES = {
     "time": "when the picture was taken",
     "pixel": "the detected pixel",
     "terrain": "the height of the ground itself",
+    "target": "the target's own height",
 }
 REASONS = {
     "malformed": "The datagram or line is not a frame in the documented format.",

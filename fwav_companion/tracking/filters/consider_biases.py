@@ -46,7 +46,7 @@ SENSITIVITY_STEP_S = 6.0
 FIRST_SENSITIVITY_S = 0.1
 """Interval that counts for the first fix of a target, which has none. With the whole correlation time its own noise
 would stay in the mean of the first seconds; with a frame's interval its claim would be several times too wide."""
-SENSITIVE = (Bias.ROLL, Bias.PITCH, Bias.MOUNT_X, Bias.MOUNT_Y, Bias.MOUNT_Z, Bias.HEIGHT)
+SENSITIVE = (Bias.ROLL, Bias.PITCH, Bias.MOUNT_X, Bias.MOUNT_Y, Bias.MOUNT_Z, Bias.HEIGHT, Bias.TARGET_HEIGHT)
 WANDERING = (Bias.POSITION_NORTH, Bias.POSITION_EAST)
 
 

@@ -89,8 +89,8 @@ class StaticTargetState(StandingTargetState, frozen=True, kw_only=True):
         measurement = errors.decorrelated(fix, since_s, (apparent.north_m, apparent.east_m, self.down.down_m))
         if not is_level(fix):
             return self.point, errors.with_sensitivity_noise(measurement, since_s)
-        (fix_n, fix_e, fix_d), (camera_n, camera_e, camera_d) = fix.position_ned, fix.sighting.camera_ned
-        point = self.point.with_height(fix_d - camera_d, since_s, errors.height_noise_m)
+        (fix_n, fix_e, _), (camera_n, camera_e, _) = fix.position_ned, fix.sighting.camera_ned
+        point = self.point.with_height(fix.drop_m, since_s, errors.height_noise_m)
         point = point.with_innovation(fix_n - apparent.north_m, fix_e - apparent.east_m, since_s)
         toward_n = apparent.north_m + point.mean_n - camera_n
         toward_e = apparent.east_m + point.mean_e - camera_e
@@ -109,7 +109,6 @@ class StaticKalman:
         """The state after the first fix: the fix itself."""
         model, host_ns = self._model, fix.sighting.frame_host_ns
         measurement = model.errors.with_sensitivity_noise(model.errors.prepared(fix), FIRST_SENSITIVITY_S)
-        height_m = fix.position_ned[2] - fix.sighting.camera_ned[2]
         apparent, wander = first_point_estimate(measurement), model.wander_at(fix)
         return StaticTargetState(
             model=model,
@@ -117,7 +116,7 @@ class StaticKalman:
             apparent=apparent,
             wandering=first_place(apparent, wander) if wander.sigma_m > 0.0 else None,
             down=first_down(measurement),
-            point=first_point(height_m, model.errors.height_noise_m),
+            point=first_point(fix.drop_m, model.errors.height_noise_m),
             first_ns=host_ns,
             placed_ns=host_ns,
             fixed_ns=host_ns,

@@ -100,7 +100,11 @@ def level_columns(fix: GroundFix, north_m: float, east_m: float, height_m: float
     of ``localization.propagation`` at the fix itself.
     """
     per_n, per_e = north_m / height_m, east_m / height_m
-    columns: dict[Bias, tuple[float, float]] = {Bias.HEIGHT: (per_n, per_e)}
+    target_m = fix.sighting.anchor_sigma_m
+    columns: dict[Bias, tuple[float, float]] = {
+        Bias.HEIGHT: (per_n, per_e),
+        Bias.TARGET_HEIGHT: (-target_m * per_n, -target_m * per_e),
+    }
     axes = transpose(matrix_from_quaternion(fix.sighting.state.ned_from_carrier))
     for bias, mount, (x, y, z) in ((Bias.ROLL, Bias.MOUNT_X, axes[0]), (Bias.PITCH, Bias.MOUNT_Y, axes[1])):
         down = x * east_m - y * north_m

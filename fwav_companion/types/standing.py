@@ -1,0 +1,33 @@
+"""Things that rise above the ground: which part of them a detection marks, and how high that is."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta
+
+USUAL_SHARE = 0.1
+"""One sigma of a height as a share of it where the configuration names none: adults are 1.7 m by 0.1 m, and detectors
+do not tell them from children."""
+
+HeightM = Annotated[float, Meta(gt=0, le=1000)]
+
+
+class StandingTarget(msgspec.Struct, frozen=True, kw_only=True):
+    """One [[target]]: a label whose things rise above the ground. What is reported is their foot, on the ground."""
+
+    label: Annotated[str, Meta(min_length=1, max_length=256)]
+    """Label of the detections; unique."""
+    height_m: HeightM
+    """Height above the ground, metres."""
+    height_sigma_m: Annotated[float, Meta(ge=0, le=1000)] | None = None
+    """One sigma of the height, the same in every sighting of a thing, metres; None: a tenth of the height."""
+    anchor: Literal["center", "bottom", "top", "ground"] = "center"
+    """Part that a detection marks. ``bottom``: where the image of the vertical through the box's centre leaves the box
+    downward in the world."""
+
+    @property
+    def sigma_m(self) -> float:
+        """One sigma of the height, metres."""
+        return USUAL_SHARE * self.height_m if self.height_sigma_m is None else self.height_sigma_m

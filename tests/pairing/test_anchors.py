@@ -1,0 +1,70 @@
+"""The point of a standing thing that a detection marks, against projections of its own geometry."""
+
+from math import radians
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from fwav_companion.camera import KannalaBrandt
+from fwav_companion.pairing.anchors import anchor_of, foot_pixel
+from fwav_companion.types import Detection, StandingTarget
+
+LENS = KannalaBrandt((1.0, 0.02, -0.003), (200.0, 201.0), (400.0, 398.0), (800, 800))
+DOWNWARD = Rotation.from_matrix([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
+"""Image top to the nose."""
+
+
+def pole(angle_deg, azimuth_deg, roll_deg=0.0, pitch_deg=0.0, height_m=1.7, camera_m=10.0):
+    """(ned_from_camera, pixels from foot to head) of a pole that far from the nadir."""
+    ned_from_camera = Rotation.from_euler("YX", [pitch_deg, roll_deg], degrees=True) * DOWNWARD
+    away = camera_m * np.tan(radians(angle_deg))
+    north, east = away * np.cos(radians(azimuth_deg)), away * np.sin(radians(azimuth_deg))
+    points = [np.array([north, east, camera_m - h]) for h in np.linspace(0.0, height_m, 30)]
+    pixels = [LENS.pixel_from_camera_point(tuple(ned_from_camera.inv().apply(point))) for point in points]
+    return tuple(map(tuple, ned_from_camera.as_matrix())), np.array(pixels)
+
+
+def box_of(pixels):
+    (left, top), (right, bottom) = pixels.min(axis=0), pixels.max(axis=0)
+    return (left - 1.0, top - 1.0, right + 1.0, bottom + 1.0)
+
+
+@pytest.mark.parametrize("roll_deg", [0.0, 25.0])
+@pytest.mark.parametrize("azimuth_deg", [0.0, 90.0, 180.0, 270.0])
+@pytest.mark.parametrize("angle_deg", [20.0, 37.0, 55.0, 70.0])
+def test_the_foot_of_a_pole_is_where_its_box_ends_toward_the_nadir(angle_deg, azimuth_deg, roll_deg):
+    """Of a camera that looks down: ahead it is the lower edge of the box, behind the upper one, aside a side."""
+    ned_from_camera, pixels = pole(angle_deg, azimuth_deg, roll_deg)
+    box = box_of(pixels)
+    foot = foot_pixel(Detection(0.0, 0.0, box=box), ned_from_camera, LENS)
+    assert foot == pytest.approx(tuple(pixels[0]), abs=3.0)
+    edges = {0.0: box[3], 180.0: box[1]} if roll_deg == 0.0 else {}
+    if azimuth_deg in edges:
+        assert foot[1] == pytest.approx(edges[azimuth_deg], abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("name", "angle_deg", "shift"),
+    [("near the nadir", 8.0, 0.0), ("cut off at the top", 60.0, None), ("no box", 40.0, 0.0)],
+)
+def test_where_the_box_shows_no_foot_its_centre_counts(name, angle_deg, shift):
+    ned_from_camera, pixels = pole(angle_deg, 0.0)
+    box = box_of(pixels)
+    if shift is None:
+        box = (box[0], -0.5, box[2], box[3])
+    detection = Detection(1.0, 1.0, box=None if name == "no box" else box)
+    person = StandingTarget(label="person", height_m=1.7, anchor="bottom")
+    anchor = anchor_of(person, detection, ned_from_camera, LENS)
+    assert anchor.pixel is None
+    assert (anchor.height_m, anchor.sigma_m) == pytest.approx((0.85, 0.085))
+
+
+@pytest.mark.parametrize(
+    ("anchor", "height_m", "sigma_m"), [("center", 0.85, 0.1), ("top", 1.7, 0.2), ("ground", 0.0, 0.0)]
+)
+def test_the_height_of_the_other_anchors(anchor, height_m, sigma_m):
+    person = StandingTarget(label="person", height_m=1.7, height_sigma_m=0.2, anchor=anchor)
+    ned_from_camera, pixels = pole(40.0, 0.0)
+    found = anchor_of(person, Detection(1.0, 1.0, box=box_of(pixels)), ned_from_camera, LENS)
+    assert (found.height_m, found.sigma_m, found.pixel) == (height_m, sigma_m, None)
