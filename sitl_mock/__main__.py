@@ -19,6 +19,7 @@ from sitl_mock.arguments import (
     options_from,
 )
 from sitl_mock.options import Options
+from sitl_mock.service import serve
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -26,6 +27,9 @@ def main(arguments: list[str] | None = None) -> int:
     be opened.
     """
     chosen = _parser().parse_args(arguments)
+    if chosen.serve:
+        serve(sys.stdin.buffer, sys.stdout.buffer)
+        return 0
     try:
         options = options_from(chosen, None if chosen.record else LONGEST_S)
         if chosen.record:
@@ -85,6 +89,8 @@ def _parser() -> argparse.ArgumentParser:
         default="",
         help="write the whole flight to files, as fast as it can be computed, without a link",
     )
+    add("--serve", action="store_true", help="fly one flight after the other: requests on stdin, flights on stdout; "
+        "the format is in sitl_mock/service.py")  # fmt: skip
     return parser
 
 

@@ -83,6 +83,21 @@ def options_from(chosen: argparse.Namespace, endless_s: float | None) -> Options
     return options
 
 
+def with_settings(options: Options, settings: dict[str, Any]) -> Options:
+    """The options with settings as JSON has them. KeyError or ValueError, whose message names the invalid key."""
+    for key, value in settings.items():
+        options = options.but({key: value})
+        options = options.but({key: _targets(value) if key == "targets" else _of_its_kind(options, key, value)})
+    return options
+
+
+def _targets(value: Any) -> tuple[TargetOptions, ...]:
+    try:
+        return msgspec.convert(value, tuple[TargetOptions, ...])
+    except msgspec.ValidationError as error:
+        raise ValueError(f"targets: {error}") from None
+
+
 def message_for_user(error: Exception) -> str:
     """Message for the user about a wrong argument."""
     if isinstance(error, (OverflowError, struct.error)):

@@ -22,7 +22,7 @@ class Belief:
     def __init__(self, options: Options, biases: DrawnBiases, flight: Flight, world: World) -> None:
         self._o, self._biases, self._flight, self.world = options, biases, flight, world
         seed, priors = options.seed, options.priors
-        self._gyro = Gyro(flight, options.autopilot.gyro_filter_hz)
+        self._gyro = Gyro(flight, options.autopilot.gyro_filter_hz, options.autopilot.gyro_sample_hz)
         self.gimbal = Gimbal(options, biases, flight)
         self._noise = Random(f"{seed}/noise")
         wander = SmoothWander if options.autopilot.position_wander == "smooth" else Wander

@@ -9,9 +9,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from math import exp, hypot, isfinite
-from random import Random
 from typing import Any
 
+from sitl_mock.camera_noise import CameraNoise, SharedStream, StreamsByCause
 from sitl_mock.clock import BootClock
 from sitl_mock.draws import DrawnBiases, radians3
 from sitl_mock.flight import Flight
@@ -75,7 +75,7 @@ class MockCamera:
         """gimbal_from_camera where the camera is on a gimbal."""
         self._position_m = plus(self._c.position_m, biases.lever_arm_m)
         self._gimbal = Gimbal(options, biases, flight)
-        self._rng = Random(f"{options.seed}/camera")
+        self._noise: CameraNoise = (StreamsByCause if options.noise_by_cause else SharedStream)(options.seed)
         self._tags: dict[int, GroundTag] = {}
         if self._c.corner_noise_px is not None:
             self._tags = {tag.target: tag for tag in tags(options, scene)}
@@ -154,7 +154,7 @@ class MockCamera:
     def _latency_s(self) -> float:
         latency_s = self._c.latency_s
         if self._c.latency_jitter_s:
-            latency_s += self._rng.expovariate(1.0 / self._c.latency_jitter_s)
+            latency_s += self._noise.latency.expovariate(1.0 / self._c.latency_jitter_s)
         if self._c.late_every and self._frame % self._c.late_every == self._c.late_every - 1:
             latency_s += self._c.late_by_s
         return latency_s
@@ -164,6 +164,7 @@ class MockCamera:
         found: list[tuple[int, str, Pixel]] = []
         visible = []
         for index, target in enumerate(self._scene):
+            self._noise.next_target()
             pixel, t = self.true_pixel(target, row0_s)
             if target.height_m:
                 left, top, right, bottom = self.box(target, row0_s)
@@ -177,9 +178,10 @@ class MockCamera:
             if seen is not None:
                 found.append((index if seen[1] else CLUTTER, target.label, seen[0]))
         found.extend(
-            (CLUTTER, self._rng.choice(self._scene).label, self._anywhere()) for _ in range(self._false_ones())
+            (CLUTTER, self._noise.clutter.choice(self._scene).label, self._anywhere())
+            for _ in range(self._false_ones())
         )
-        self._rng.shuffle(found)
+        self._noise.order.shuffle(found)
         message = {
             **self._stamp(row0_s),
             "frame": self._frame,
@@ -191,14 +193,14 @@ class MockCamera:
 
     def _detected(self, target: Target, pixel: Pixel, t: float) -> tuple[Pixel, bool] | None:
         """(noisy pixel, whether it belongs to the target), or None where the detection is missed or blurred away."""
-        if self._c.missed and self._rng.random() < self._c.missed:
+        if self._noise.is_missed(self._c.missed):
             return None
         if self._c.max_blur_px and self._blur_px(target, t) > self._c.max_blur_px:
             return None
-        if self._c.outliers and self._rng.random() < self._c.outliers:
+        if self._c.outliers and self._noise.clutter.random() < self._c.outliers:
             return self._anywhere(), False
-        sigma = self._o.priors.pixel_noise_px
-        noisy = (pixel[0] + self._rng.gauss(0.0, sigma), pixel[1] + self._rng.gauss(0.0, sigma)) if sigma else pixel
+        off_u, off_v = self._noise.offset(self._o.priors.pixel_noise_px)
+        noisy = (pixel[0] + off_u, pixel[1] + off_v)
         return (noisy, True) if self.lens.sees(*noisy) else None
 
     def _blur_px(self, target: Target, t: float) -> float:
@@ -207,15 +209,16 @@ class MockCamera:
         return hypot(u1 - u0, v1 - v0)
 
     def _anywhere(self) -> Pixel:
-        return (self._rng.uniform(-0.5, self.lens.width - 0.501), self._rng.uniform(-0.5, self.lens.height - 0.501))
+        rng = self._noise.clutter
+        return (rng.uniform(-0.5, self.lens.width - 0.501), rng.uniform(-0.5, self.lens.height - 0.501))
 
     def _false_ones(self) -> int:
         """Number of false detections: Poisson distributed, by Knuth's method."""
         if not self._c.clutter or not self._scene:
             return 0
-        limit, product, count = exp(-self._c.clutter), self._rng.random(), 0
+        limit, product, count = exp(-self._c.clutter), self._noise.clutter.random(), 0
         while product > limit:
-            product *= self._rng.random()
+            product *= self._noise.clutter.random()
             count += 1
         return count
 
@@ -224,9 +227,9 @@ class MockCamera:
         return all(self.lens.sees(*self.pixel_of(corner, row0_s)) for corner in tag.corners)
 
     def _corners(self, tag: GroundTag, row0_s: float) -> list[list[float]]:
-        sigma = self._c.corner_noise_px or 0.0
+        noise, sigma = self._noise.clutter, self._c.corner_noise_px or 0.0
         seen = (self._mirrored(self.pixel_of(corner, row0_s)) for corner in tag.corners)
-        return [[round(u + self._rng.gauss(0.0, sigma), 4), round(v + self._rng.gauss(0.0, sigma), 4)] for u, v in seen]
+        return [[round(u + noise.gauss(0.0, sigma), 4), round(v + noise.gauss(0.0, sigma), 4)] for u, v in seen]
 
     def _mirrored(self, pixel: Pixel) -> Pixel:
         u, v = pixel

@@ -142,8 +142,8 @@ class Flight:
         if self._heading == "centre":
             north, east = path.at
             return atan2(-east, -north)
-        north, east = path.velocity
-        return atan2(east, north)
+        (north, east), (wind_n, wind_e) = path.velocity, self._o.wind_m_s
+        return atan2(east - wind_e, north - wind_n)
 
     def _course_turn(self, path: Path) -> tuple[float, float, float]:
         """(rate of the heading without sway and hand, bank, its rate)."""
@@ -155,6 +155,8 @@ class Flight:
             (n, e), (vn, ve) = path.at, path.velocity
             return (n * ve - e * vn) / (n * n + e * e), 0.0, 0.0
         (vn, ve), (an, ae), (jn, je) = path.velocity, path.acceleration, path.jerk
+        wind_n, wind_e = self._o.wind_m_s
+        vn, ve = vn - wind_n, ve - wind_e  # the nose points along the velocity through the air
         speed = hypot(vn, ve)
         sideways = (vn * ae - ve * an) / speed
         sideways_rate = (vn * je - ve * jn) / speed - sideways * (vn * an + ve * ae) / speed**2

@@ -52,10 +52,10 @@ class TwoPole:
 class Gyro:
     """Filtered body rates of a flight, for instants in mostly ascending order."""
 
-    def __init__(self, flight: Flight, cutoff_hz: float) -> None:
+    def __init__(self, flight: Flight, cutoff_hz: float, sample_hz: float = SAMPLE_HZ) -> None:
         self._flight = flight
-        self._cutoff_hz = cutoff_hz
-        self._outputs: deque[Vector] = deque(maxlen=int(KEPT_S * SAMPLE_HZ))
+        self._cutoff_hz, self._sample_hz = cutoff_hz, sample_hz
+        self._outputs: deque[Vector] = deque(maxlen=max(2, int(KEPT_S * sample_hz)))
         self._next = 0
         self._filter: TwoPole | None = None
 
@@ -63,13 +63,14 @@ class Gyro:
         """Filtered body rates (p, q, r) at an instant, rad/s."""
         if self._cutoff_hz <= 0.0:
             return self._flight.rates(flight_s)
-        index = flight_s * SAMPLE_HZ
+        index = flight_s * self._sample_hz
         whole = int(index // 1)
         if self._filter is None or whole - self._next > KEPT_S * SAMPLE_HZ:
-            self._filter = self._restarted(whole - int(SETTLING_S * SAMPLE_HZ))
+            self._filter = self._restarted(whole - int(SETTLING_S * self._sample_hz))
         rates, step, keep = self._flight.rates, self._filter.step, self._outputs.append
+        sample_hz = self._sample_hz
         for number in range(self._next, whole + 2):
-            keep(step(rates(number / SAMPLE_HZ)))
+            keep(step(rates(number / sample_hz)))
         self._next = max(self._next, whole + 2)
         first = self._next - len(self._outputs)
         whole = max(whole, first)
@@ -80,6 +81,6 @@ class Gyro:
     def _restarted(self, index: int) -> TwoPole:
         self._outputs.clear()
         self._next = index
-        restarted = TwoPole(self._cutoff_hz, SAMPLE_HZ)
-        restarted.start_at(self._flight.rates(index / SAMPLE_HZ))
+        restarted = TwoPole(self._cutoff_hz, self._sample_hz)
+        restarted.start_at(self._flight.rates(index / self._sample_hz))
         return restarted

@@ -91,6 +91,10 @@ class FlightOptions:
     """Position of a hover or of the hand, from the flight centre: north, east."""
     height_m: float = 12.0
     speed_m_s: float = 5.0
+    drift_m_s: tuple[float, float] = (0.0, 0.0)
+    """Velocity of the flight centre, north and east: it makes a pass of a hover, and a survey of a racetrack."""
+    wind_m_s: tuple[float, float] = (0.0, 0.0)
+    """Velocity of the air, north and east: with a course heading the vehicle crabs."""
     start_phase_deg: float = 0.0
     fixed_heading_deg: float = 0.0
     turn_deg_s: float = 0.0
@@ -153,6 +157,8 @@ class AutopilotOptions:
     """FLIGHT_OPTIONS; bit 8 leaves the trim in the reported pitch."""
     gyro_filter_hz: float = 20.0
     """INS_GYRO_FILTER, two-pole cut-off of the reported body rates; 0: no filter."""
+    gyro_sample_hz: Positive = 1000.0
+    """Sample rate of the gyro and its filter. At 250 Hz the rates of a beat of 5 Hz differ by 0.2 %."""
     gyro_noise_deg_s: NotNegative = 0.0
     """One sigma of a reported body rate, each axis."""
     precland_lag_s: float = 0.02
@@ -353,6 +359,9 @@ class Options:
     """World's origin on the take-off ground: latitude, longitude, altitude."""
     truth_hz: TruthRate = 0.0
     """Rate at which the vehicle's true state is output; 0: never."""
+    noise_by_cause: bool = False
+    """Whether missed detections, pixels, clutter and latency are drawn from streams of their own, a frame at a time:
+    flights that differ in one cause then have all other errors in common."""
     draw_biases: bool = True
     """False: biases that are not set are zero; they are not drawn."""
     priors: Priors = field(default_factory=Priors)

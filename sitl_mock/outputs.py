@@ -41,17 +41,24 @@ class Detections:
         self._socket.close()
 
 
-class DetectionFile:
-    """JSON Lines file of detections, each with its instant of arrival."""
+class DetectionLines:
+    """JSON Lines of detections, each with its instant of arrival."""
 
-    def __init__(self, path: Path, unix_minus_host_s: float) -> None:
-        self._file = path.open("w", encoding="utf-8")
+    def __init__(self, file: TextIO, unix_minus_host_s: float) -> None:
+        self._file = file
         self._unix_minus_host_s = unix_minus_host_s
 
     def write(self, frame: dict[str, Any], host_ns: int) -> None:
         """Writes one line."""
         received_unix = round(host_ns * 1e-9 + self._unix_minus_host_s, 6)
         self._file.write(truth.json_line({**frame, "received_unix": received_unix}))
+
+
+class DetectionFile(DetectionLines):
+    """JSON Lines file of detections."""
+
+    def __init__(self, path: Path, unix_minus_host_s: float) -> None:
+        super().__init__(path.open("w", encoding="utf-8"), unix_minus_host_s)
 
     def close(self) -> None:
         """Closes the file."""

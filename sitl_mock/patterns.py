@@ -31,6 +31,7 @@ class Pattern:
 
     def __init__(self, options: FlightOptions) -> None:
         self._a, self._b = options.half_axes_m
+        self._drift = options.drift_m_s
         self._phase = options.start_phase_deg * pi / 180.0
         self._still: Path | None = None
         self._waypoints = Waypoints(options.waypoints) if options.pattern == "waypoints" else None
@@ -46,6 +47,13 @@ class Pattern:
 
     def at(self, flight_s: float) -> Path:
         """Path at an instant."""
+        path = self._about_centre(flight_s)
+        if self._drift == (0.0, 0.0):
+            return path
+        (n, e), (vn, ve), (to_n, to_e) = path.at, path.velocity, self._drift
+        return path._replace(at=(n + to_n * flight_s, e + to_e * flight_s), velocity=(vn + to_n, ve + to_e))
+
+    def _about_centre(self, flight_s: float) -> Path:
         if self._waypoints is not None:
             north, east, up, heading = self._waypoints.at(flight_s)
             at, velocity, acceleration, jerk = zip(north, east, strict=True)

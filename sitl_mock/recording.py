@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -9,8 +10,8 @@ from typing import Any, BinaryIO
 from sitl_mock import truth
 from sitl_mock.codec import NUMBERS, Speaker
 from sitl_mock.options import Options
-from sitl_mock.outputs import DetectionFile, TruthFile
-from sitl_mock.simulate import Simulation
+from sitl_mock.outputs import DetectionFile, DetectionLines, TruthFile
+from sitl_mock.simulate import Event, Simulation
 
 DEFAULT_RATES_HZ = {
     "ATTITUDE_QUATERNION": 100.0,
@@ -61,11 +62,26 @@ class MinimalPeer:
 
 
 class Recorded(Simulation):
-    """Simulation that writes both directions of its link to a .tlog."""
+    """Simulation that writes both directions of its link to a .tlog.
+
+    Whole frames and wall-clock stamps, whatever the options are: recordings hold these.
+    """
 
     def __init__(self, options: Options, tlog: BinaryIO) -> None:
-        super().__init__(options)
+        super().__init__(options.but({"downlink.byte_by_byte": False, "camera.stamp_clock": "time_unix"}))
         self._tlog = tlog
+
+    def fly(
+        self, detections: DetectionLines, on_truth: Callable[[Event], None], rates_hz: dict[str, float] | None = None
+    ) -> None:
+        """Flies to the end; writes telemetry and detections, and passes on the events of the truth."""
+        for host_ns, what in self.drive(MinimalPeer(self.start_host_ns, rates_hz)):
+            if isinstance(what, bytes):
+                self.write(what, host_ns)
+            elif isinstance(what, dict):
+                detections.write(what, host_ns)
+            else:
+                on_truth((host_ns, what))
 
     def on_bytes(self, data: bytes, now_ns: int) -> None:
         """Writes the companion's bytes, then passes them on."""
@@ -79,23 +95,13 @@ class Recorded(Simulation):
 
 
 def record(options: Options, folder: Path, rates_hz: dict[str, float] | None = None) -> Simulation:
-    """Writes the flight into the folder, as fast as it can be computed; returns the simulation for further queries.
-
-    Whole frames and wall-clock stamps, whatever the options are: recordings hold these.
-    """
-    options = options.but({"downlink.byte_by_byte": False, "camera.stamp_clock": "time_unix"})
+    """Writes the flight into the folder, as fast as it can be computed; returns the simulation for further queries."""
     folder.mkdir(parents=True, exist_ok=True)
     with ExitStack() as opened:
         simulation = Recorded(options, opened.enter_context((folder / "telemetry.tlog").open("wb")))
         lines = DetectionFile(folder / "detections.jsonl", simulation.unix_minus_host_s)
         detections = opened.enter_context(closing(lines))
         truth_file = opened.enter_context(closing(TruthFile(folder / "truth.jsonl", simulation)))
-        for host_ns, what in simulation.drive(MinimalPeer(simulation.start_host_ns, rates_hz)):
-            if isinstance(what, bytes):
-                simulation.write(what, host_ns)
-            elif isinstance(what, dict):
-                detections.write(what, host_ns)
-            else:
-                truth_file.take((host_ns, what))
+        simulation.fly(detections, truth_file.take, rates_hz)
     (folder / "truth.csv").write_text(truth.csv_text(simulation, options.seconds), encoding="utf-8")
     return simulation
