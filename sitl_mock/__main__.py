@@ -28,6 +28,7 @@ def main(arguments: list[str] | None = None) -> int:
     """
     chosen = _parser().parse_args(arguments)
     if chosen.serve:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches every process of a terminal: the client decides
         serve(sys.stdin.buffer, sys.stdout.buffer)
         return 0
     try:

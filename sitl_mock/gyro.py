@@ -65,7 +65,7 @@ class Gyro:
             return self._flight.rates(flight_s)
         index = flight_s * self._sample_hz
         whole = int(index // 1)
-        if self._filter is None or whole - self._next > KEPT_S * SAMPLE_HZ:
+        if self._filter is None or whole - self._next > KEPT_S * self._sample_hz:
             self._filter = self._restarted(whole - int(SETTLING_S * self._sample_hz))
         rates, step, keep = self._flight.rates, self._filter.step, self._outputs.append
         sample_hz = self._sample_hz

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import signal
 from io import BytesIO, StringIO
 from typing import Any, BinaryIO
 
@@ -34,16 +33,14 @@ FORMAT = 1
 
 
 def serve(requests: BinaryIO, replies: BinaryIO) -> None:
-    """Answers requests until they end. Ctrl-C in a terminal goes to every process of the group: the client decides."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """Answers requests until they end."""
     for line in requests:
         try:
             header, parts = _reply(json.loads(line))
         except (*MISTAKES, AttributeError, TypeError) as error:
             header, parts = {"error": message_for_user(error)}, []
         replies.write(json.dumps(header, separators=(",", ":")).encode() + b"\n")
-        for part in parts:
-            replies.write(part)
+        replies.writelines(parts)
         replies.flush()
 
 
