@@ -23,6 +23,7 @@ from fwav_companion.recording.lines import Line, sighting_line
 from fwav_companion.self_calibration import CalibrationReport
 from fwav_companion.telemetry import RateMeter
 from fwav_companion.tracking import Reorder, Settled
+from fwav_companion.tracking.filters.base import TargetState
 from fwav_companion.types import (
     Frame,
     FrameView,
@@ -133,6 +134,11 @@ class CameraPipeline:
     def calibration(self) -> CalibrationReport | None:
         """Result of self-calibration by now; None without it."""
         return self._reorder.calibration
+
+    @property
+    def best_targets(self) -> dict[int, TargetState]:
+        """The targets of all live tracks, by id."""
+        return self._reorder.best_targets
 
     def locate(self, u: float, v: float, sigma_px: float, host_ns: HostNs) -> GroundFix | None:
         """The ground at a pixel of a picture taken then; None where it is unknown."""

@@ -20,6 +20,7 @@ from fwav_companion.publishing.ground_messages import onboard_computer_status
 from fwav_companion.recording.lines import Line, unix_seconds
 from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.telemetry import GIMBAL_MESSAGES, Telemetry
+from fwav_companion.tracking.filters.base import TargetState
 from fwav_companion.types import (
     Autopilot,
     BoardReport,
@@ -218,6 +219,11 @@ class Pipeline:
     def summary(self) -> Line:
         """Last line of a targets file that ends now: counts since the start."""
         return self._target_log.summary()
+
+    @property
+    def best_targets(self) -> dict[int, TargetState]:
+        """The targets of all live tracks, by id; a study asks what limits them."""
+        return {} if self._components.camera is None else self._components.camera.best_targets
 
     def assumed_arrival(self, frame: Frame) -> HostNs | None:
         """Assumed arrival time of a recorded frame without ``received_unix``; None while the clock is unknown."""

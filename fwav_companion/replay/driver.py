@@ -19,6 +19,7 @@ from fwav_companion.recording.lines import Line
 from fwav_companion.recording.truth import TruthPoint
 from fwav_companion.recording.truth_errors import ErrorTally
 from fwav_companion.replay.recorded import Recording, is_own
+from fwav_companion.tracking import bias_shares
 from fwav_companion.tracking.filters.base import Filter
 from fwav_companion.types import Frame, Message, NoFrame, StampClock
 
@@ -37,10 +38,12 @@ def replay(
     own_filter: Filter | None = None,
     sightings: bool = False,
     truth: Sequence[TruthPoint] = (),
+    limits: bool = False,
 ) -> Iterator[Line]:
     """The lines of a targets file, header first, summary last. With truth the summary has ``errors``.
 
-    ``own_filter`` replaces the filter of [tracking] filter.
+    ``own_filter`` replaces the filter of [tracking] filter. ``limits``: the summary has, by track, the horizontal
+    variance that each live target would lose if one cause of its error were known, m^2.
     """
     pipeline = make_pipeline(
         _config_for(recording, config),
@@ -57,10 +60,15 @@ def replay(
         for line in pipeline.take().lines:
             if tally is not None:
                 tally.add(line)
-                if line["type"] == "summary":
-                    yield {**line, "errors": tally.summary()}
-                    continue
+            if line["type"] == "summary":
+                errors = {} if tally is None else {"errors": tally.summary()}
+                yield {**line, **errors, **({"limits": _limits(pipeline, config)} if limits else {})}
+                continue
             yield line
+
+
+def _limits(pipeline: Pipeline, config: Config) -> dict[int, dict[str, float]]:
+    return {track: bias_shares(target, config.priors) for track, target in pipeline.best_targets.items()}
 
 
 def _config_for(recording: Recording, config: Config) -> Config:

@@ -53,6 +53,19 @@ makes all of it so, one that sends at any phase none, and flights do not show wh
 neither too much of the one nor twice too little of the other."""
 
 
+GROUPS = (
+    (SharedParameter.DELAY,),
+    MOUNT_AXES,
+    (SharedParameter.HEADING,),
+    (SharedParameter.HEIGHT,),
+    (SharedParameter.READOUT,),
+    POSITION,
+    (SharedParameter.POSITION_DELAY,),
+    (SharedParameter.LEVER_X, SharedParameter.LEVER_Y, SharedParameter.LEVER_Z),
+)
+"""Parameters by cause of error."""
+
+
 class CalibratedPlace(msgspec.Struct, frozen=True, gc=False):
     """A target by the joint estimate, horizontal."""
 
@@ -95,6 +108,18 @@ class Assessment(msgspec.Struct, frozen=True):
         tracks = enumerate(self.estimated.joint.tracks)
         return {track: self._place(SHARED_COUNT + 2 * k, self.drift[track]) for k, track in tracks
                 if track in self.drift}  # fmt: skip
+
+    def bias_shares(self, track: int) -> dict[SharedParameter, float]:
+        """Horizontal variance of a target that it would lose if a parameter were exactly known, m^2.
+
+        The three angles of the mount count together, as do the position's axes and those of the lever arm: the first of
+        them has the share. With the covariance P, target t and group g: trace(P[t, g] inv(P[g, g]) P[g, t]).
+        """
+        free = self.estimated
+        if track not in free.joint.tracks:
+            return {}
+        place = SHARED_COUNT + 2 * free.joint.tracks.index(track)
+        return {group[0]: _explained(free.cov, group, place) for group in GROUPS}
 
     def _place(self, place: int, drift: Array) -> CalibratedPlace:
         free, own = self.estimated, slice(place, place + 2)
@@ -223,6 +248,15 @@ def _mount_known(joint: JointFilter, priors: tuple[Array, Array], delay: Collect
     held = held_at_priors(joint, all_but([*delay, *MOUNT_AXES]), priors, wider)
     shares = [held.sigma(i, known=True) / priors[1][i] for i in MOUNT_AXES if priors[1][i] > 0.0]
     return min(1.0, max(shares, default=1.0))
+
+
+def _explained(cov: Array, group: Collection[SharedParameter], place: int) -> float:
+    """Horizontal variance of the target at ``place`` that knowing a group of parameters would take away, m^2."""
+    known = [int(i) for i in group if cov[i, i] > 0.0]
+    if not known:
+        return 0.0
+    crossed = cov[place : place + 2, known]
+    return float(np.trace(crossed @ solved(cov[np.ix_(known, known)], crossed.T)))
 
 
 def _symmetric(cov: Array) -> Symmetric2:

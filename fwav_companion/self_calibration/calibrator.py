@@ -118,6 +118,10 @@ class Calibrator(msgspec.Struct, frozen=True):
         """A target by the joint estimate; None while that does not hold it."""
         return self.places.get(track)
 
+    def bias_shares(self, track: int) -> dict[SharedParameter, float]:
+        """Horizontal variance of a target by cause, m^2; empty while the joint estimate does not hold it."""
+        return {} if self.assessment is None else self.assessment.bias_shares(track)
+
     @property
     def mistake(self) -> str:
         """Gross mistake of the mount, as a sentence; empty where there is none. Nothing is estimated meanwhile."""

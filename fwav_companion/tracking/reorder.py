@@ -13,6 +13,7 @@ import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_MS, HostNs
 from fwav_companion.self_calibration import CalibrationReport
+from fwav_companion.tracking.filters.base import TargetState
 from fwav_companion.tracking.tracker import Snapshot, Tracker
 from fwav_companion.types import FrameView, NoFrame, Reason, Track
 
@@ -67,6 +68,11 @@ class Reorder:
     def calibration(self) -> CalibrationReport | None:
         """What self-calibration knows by the newest frame; None without it."""
         return self._tracker.calibration
+
+    @property
+    def best_targets(self) -> dict[int, TargetState]:
+        """The targets of all live tracks after the newest frame, by id."""
+        return self._tracker.best_targets()
 
     def put(self, view: FrameView, now_ns: HostNs) -> tuple[Track, ...] | NoFrame:
         """The current tracks after all frames known so far, of the newest capture; or why the frame is refused."""

@@ -77,6 +77,10 @@ class Tracker:
         calibrator = self._calibrator
         return None if calibrator is None else calibrator.report()
 
+    def best_targets(self) -> dict[int, TargetState]:
+        """The reported targets of all live tracks, by id."""
+        return {track.id: self._best_target(track) for track in self._state.alive}
+
     @property
     def refused_fixes(self) -> int:
         """Number of fixes of the newest frame that initiated no track because the table was full."""

@@ -164,6 +164,10 @@ class ConsiderBiases:
         i = self._delayed
         return None if i is None else (i, measurement.shared[0][i], measurement.shared[1][i])
 
+    def shares(self, shared: tuple[Row, Row]) -> dict[Bias, float]:
+        """Horizontal variance of an estimate by each bias in use, m^2. ``shared``: C, north and east."""
+        return {Bias(i): n * n + e * e for (i, _), n, e in zip(self._used, *shared, strict=True)}
+
     def decay(self, from_ns: HostNs, to_ns: HostNs) -> float:
         """The share of the wandering biases that is left after this time, as a first-order Gauss-Markov process."""
         if self.wandering == self.count or to_ns == from_ns or not self._wander_s > 0.0:

@@ -120,6 +120,12 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True):
     def _place(self) -> PointEstimate:
         return self.apparent if self.wandering is None else self.wandering.estimate
 
+    def bias_shares(self) -> dict[Bias, float]:
+        """Horizontal variance of the place by each bias, m^2: what it would lose if that bias were exactly known."""
+        place, (nn, _, ee) = self._place, self.apparent.noise
+        position = max(0.0, place.noise[0] + place.noise[2] - nn - ee)
+        return self.model.errors.shares(place.shared) | {Bias.POSITION_NORTH: position}
+
     @property
     def gate_share(self) -> GateShare:
         """The share of this target in the gate's variance."""

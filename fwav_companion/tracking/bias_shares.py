@@ -1,0 +1,72 @@
+"""What limits a target: the horizontal variance that it would lose if one cause of its error were exactly known."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+from fwav_companion.self_calibration import SharedParameter
+from fwav_companion.tracking.filters.base import TargetState
+from fwav_companion.tracking.filters.standing import StandingTargetState
+from fwav_companion.tracking.self_calibrated import CalibratedTargetState, MisplacedTargetState
+from fwav_companion.types import Bias, ErrorPriors
+
+BY_BIAS: Final[Mapping[Bias, str]] = {
+    Bias.ROLL: "attitude",
+    Bias.PITCH: "attitude",
+    Bias.HEADING: "heading",
+    Bias.MOUNT_X: "mount",
+    Bias.MOUNT_Y: "mount",
+    Bias.MOUNT_Z: "mount",
+    Bias.TIME_OFFSET: "time",
+    Bias.READOUT: "readout",
+    Bias.HEIGHT: "height",
+    Bias.POSITION_NORTH: "position",
+    Bias.POSITION_EAST: "position",
+    Bias.TERRAIN: "terrain",
+    Bias.POSITION_DELAY: "position_delay",
+    Bias.LEVER_X: "lever_arm",
+    Bias.LEVER_Y: "lever_arm",
+    Bias.LEVER_Z: "lever_arm",
+}
+BY_PARAMETER: Final[Mapping[SharedParameter, str]] = {
+    SharedParameter.DELAY: "time",
+    SharedParameter.MOUNT_X: "mount",
+    SharedParameter.HEADING: "heading",
+    SharedParameter.HEIGHT: "height",
+    SharedParameter.READOUT: "readout",
+    SharedParameter.NORTH: "position",
+    SharedParameter.POSITION_DELAY: "position_delay",
+    SharedParameter.LEVER_X: "lever_arm",
+}
+"""The first parameter of each group of the joint estimate."""
+
+
+def bias_shares(target: TargetState, priors: ErrorPriors) -> dict[str, float]:
+    """Horizontal variance of a target by cause, m^2; empty for a filter that keeps no biases apart."""
+    match target:
+        case MisplacedTargetState(taken=taken):
+            return bias_shares(taken, priors)
+        case CalibratedTargetState(calibrator=calibrator, track=track):
+            shares = {BY_PARAMETER[i]: share for i, share in calibrator.bias_shares(track).items()}
+            return _without_attitude(shares, priors)
+        case StandingTargetState():
+            return _summed(target.bias_shares())
+        case _:
+            return {}
+
+
+def _summed(by_bias: Mapping[Bias, float]) -> dict[str, float]:
+    shares: dict[str, float] = {}
+    for bias, share in by_bias.items():
+        shares[BY_BIAS[bias]] = shares.get(BY_BIAS[bias], 0.0) + share
+    return shares
+
+
+def _without_attitude(shares: dict[str, float], priors: ErrorPriors) -> dict[str, float]:
+    """The shares with that of the attitude apart: the joint estimate takes roll and pitch for a part of the mount."""
+    attitude, mount = priors.sigma(Bias.PITCH) ** 2, priors.sigma(Bias.MOUNT_Y) ** 2
+    if "mount" not in shares or attitude + mount == 0.0:
+        return shares
+    of_attitude = shares["mount"] * attitude / (attitude + mount)
+    return {**shares, "mount": shares["mount"] - of_attitude, "attitude": of_attitude}
