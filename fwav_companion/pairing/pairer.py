@@ -12,7 +12,7 @@ from fwav_companion.geometry.stamps import BootNs, HostNs
 from fwav_companion.geometry.vectors import ZERO3, Matrix3, Vector3, add, multiply, scale, subtract, transform
 from fwav_companion.pairing.anchors import anchor_of
 from fwav_companion.pairing.paired_frame import CameraView, PairedFrame, RefusedFrame
-from fwav_companion.pairing.placement import FramePlacer, Placement, both_clocks
+from fwav_companion.pairing.placement import FramePlacer, PictureRows, Placement, both_clocks
 from fwav_companion.pairing.protocols import TwoClocks, VehicleSource
 from fwav_companion.pairing.timing import CameraTiming, RowClock
 from fwav_companion.types import (
@@ -29,6 +29,7 @@ from fwav_companion.types import (
     Unpaired,
     VehicleState,
 )
+from fwav_companion.types.spots import CLICK_LABEL
 
 
 class CapturedRow(msgspec.Struct, frozen=True, gc=False, kw_only=True):
@@ -171,6 +172,16 @@ class Pairer:
             clock_rate=clock[1],
         )
 
+    def camera_at(self, host_ns: HostNs, vehicle: VehicleSource) -> CameraView | None:
+        """The camera at this host instant, in the frame of the tracks; None where it is not known."""
+        both = both_clocks(host_ns, StampClock.HOST, vehicle.clock)
+        state = both if isinstance(both, Unpaired) else vehicle.state_at(both[1])
+        return None if isinstance(state, Unpaired) else self._outlook(state, relative=vehicle.world.relative)
+
+    def picture_rows(self, frame: Frame, clock: TwoClocks) -> PictureRows | None:
+        """A frame in time and scale, whether or not it is paired; None where the clock or the size is not known."""
+        return self._frames.picture_rows(frame, clock)
+
     def look_at(
         self, u: float, v: float, *, sigma_px: float | None, host_ns: HostNs, vehicle: VehicleSource
     ) -> Sighting | Unpaired:
@@ -251,10 +262,11 @@ class Pairer:
         """The ray of a detection, or the reason for its refusal; independent of the vehicle."""
         if not _finite(detection):
             return Reason.NOT_FINITE
-        if detection.score is not None and not detection.score >= self._min_score:
-            return Reason.LOW_SCORE
-        if self._labels and detection.label not in self._labels:
-            return Reason.OTHER_LABEL
+        if detection.label != CLICK_LABEL:
+            if detection.score is not None and not detection.score >= self._min_score:
+                return Reason.LOW_SCORE
+            if self._labels and detection.label not in self._labels:
+                return Reason.OTHER_LABEL
         return self._ray(detection)
 
     def _ray(self, detection: Detection) -> Ray | Reason:

@@ -90,6 +90,24 @@ class Placement(msgspec.Struct, frozen=True, gc=False):
     """Capture of row 0, autopilot clock."""
 
 
+class PictureRows(msgspec.Struct, frozen=True, gc=False):
+    """A frame of our own camera in time, whether or not it is paired."""
+
+    timing: FrameTiming
+    shift_ns: int
+    """Host clock minus the clock of the stamp."""
+    scaling: Scaling
+
+    def host_ns(self, v: float) -> HostNs:
+        """Capture of a row of the calibration's image."""
+        return HostNs(self.timing.capture_ns(v) + self.shift_ns)
+
+    @property
+    def middle_ns(self) -> HostNs:
+        """Capture of the middle row."""
+        return self.host_ns(0.5 * self.timing.height)
+
+
 class FramePlacer:
     """Places frames in time. It keeps their identities and lets the row clock learn the frame rate."""
 
@@ -124,6 +142,15 @@ class FramePlacer:
         if frame.stamp_clock is StampClock.BOOT:
             return clock.host_from_boot(BootNs(latest_ns))
         return HostNs(latest_ns)
+
+    def picture_rows(self, frame: Frame, clock: TwoClocks) -> PictureRows | None:
+        """The rows of a frame on the host clock, and its scale; None where the clock or the size is not known."""
+        timing = self._timing_of(frame)
+        scaling = scaling_from_size(frame.size, self._image_size)
+        both = both_clocks(timing.first_row_ns, frame.stamp_clock, clock)
+        if isinstance(both, Unpaired) or isinstance(scaling, Reason):
+            return None
+        return PictureRows(timing, both[0] - timing.first_row_ns, scaling)
 
     def place(self, frame: Frame, clock: TwoClocks) -> Placement | Reason:
         """The placement of a frame, or the reason why it is refused as a whole."""

@@ -12,7 +12,16 @@ from fwav_companion.geometry.rotations import matrix_from_quaternion
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs, s_from_ns
 from fwav_companion.geometry.vectors import Vector3, multiply
 from fwav_companion.localization import Localizer, TerrainGround, TerrainShift
-from fwav_companion.pairing import PairedFrame, Pairer, RefusedFrame, VehicleSource, WaitingFrames, sees_nothing
+from fwav_companion.pairing import (
+    CameraView,
+    PairedFrame,
+    Pairer,
+    PictureRows,
+    RefusedFrame,
+    VehicleSource,
+    WaitingFrames,
+    sees_nothing,
+)
 from fwav_companion.pipeline.fix_agreement import FixAgreement
 from fwav_companion.pipeline.frame_census import FrameCensus
 from fwav_companion.pipeline.predicted_accuracy import PredictedAccuracy, predicted_accuracy_below
@@ -145,6 +154,14 @@ class CameraPipeline:
         sighting = self._pairer.look_at(u, v, sigma_px=sigma_px, host_ns=host_ns, vehicle=self._telemetry)
         fix = self._localizer.locate(sighting) if isinstance(sighting, Sighting) else None
         return fix if isinstance(fix, GroundFix) else None
+
+    def view_at(self, host_ns: HostNs) -> CameraView | None:
+        """The camera at a host instant, in the frame of the tracks; None where it is unknown."""
+        return self._pairer.camera_at(host_ns, self._telemetry)
+
+    def picture_rows(self, frame: Frame) -> PictureRows | None:
+        """A frame of our own camera in time and scale; None where its clock or size is not known."""
+        return self._pairer.picture_rows(frame, self._telemetry.clock)
 
     def frames_hz(self, now: HostNs) -> float:
         """Rate of frames, Hz; 0 while no frame arrives."""

@@ -12,6 +12,7 @@ from fwav_companion.mavlink.client.identity import Identity
 from fwav_companion.mavlink.client.rates import Rates
 from fwav_companion.mavlink.client.timesync import Timesync
 from fwav_companion.pipeline.camera_pipeline import CameraPipeline, ProcessedFrame
+from fwav_companion.pipeline.clicked_spots import ClickedSpots
 from fwav_companion.pipeline.predicted_accuracy import PredictedAccuracy
 from fwav_companion.pipeline.target_log import TargetLog
 from fwav_companion.publishing.publisher import Publisher
@@ -36,6 +37,8 @@ class Components:
     publisher: Publisher
     camera: CameraPipeline | None
     """None in a relay without a camera."""
+    spots: ClickedSpots | None = None
+    """None where clicks only select tracks."""
     adopted_ns: HostNs | None = None
     """Instant of the adoption of the autopilot."""
     board: BoardReport | None = None

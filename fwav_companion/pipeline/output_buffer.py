@@ -10,6 +10,7 @@ from fwav_companion.pipeline.components import Components
 from fwav_companion.pipeline.target_log import TargetLog
 from fwav_companion.recording.lines import Line
 from fwav_companion.types import Notice, Outgoing
+from fwav_companion.types.spots import SpotMessage
 
 
 @dataclass(slots=True)
@@ -21,6 +22,8 @@ class Outputs:
     notices: list[Notice] = field(default_factory=list)
     datagrams: list[bytes] = field(default_factory=list)
     """Cursor on Target events."""
+    spot_messages: list[SpotMessage] = field(default_factory=list)
+    """Orders for the camera process."""
 
 
 class OutputBuffer:
@@ -45,11 +48,22 @@ class OutputBuffer:
     def has_outputs(self) -> bool:
         """Whether :meth:`take` would return anything; after most messages it would not."""
         return bool(
-            self.messages or self.notices or self._target_log.has_lines or self._components.publisher.has_datagrams
+            self.messages
+            or self.notices
+            or self._target_log.has_lines
+            or self._components.publisher.has_datagrams
+            or (self._components.spots is not None and self._components.spots.has_orders)
         )
 
     def take(self) -> Outputs:
         """Outputs since the last call."""
-        outputs = Outputs(self.messages, self._target_log.take(), self.notices, self._components.publisher.datagrams())
+        components = self._components
+        outputs = Outputs(
+            self.messages,
+            self._target_log.take(),
+            self.notices,
+            components.publisher.datagrams(),
+            [] if components.spots is None else components.spots.take_orders(),
+        )
         self.messages, self.notices = [], []
         return outputs

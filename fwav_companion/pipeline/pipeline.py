@@ -32,6 +32,7 @@ from fwav_companion.types import (
     Outgoing,
     Reason,
 )
+from fwav_companion.types.spots import SpotRefused, SpotViews
 from fwav_companion.types.status import PipelineStatus
 
 ANSWERED = frozenset({"COMMAND_LONG", "COMMAND_INT", "PING"})
@@ -143,6 +144,25 @@ class Pipeline:
             return
         self._components.camera.on_frame(frame, now)
         self._take_ready(now)
+
+    def on_picture(self, frame: Frame) -> None:
+        """Remember a frame of our own camera: a click may mean it."""
+        if self._components.spots is not None:
+            self._components.spots.on_picture(frame)
+
+    def spot_views(self, frame: Frame, now: HostNs) -> SpotViews:
+        """Where the clicked spots must be in a picture that the camera process has just taken."""
+        self.advance(now)
+        spots = self._components.spots
+        return SpotViews(frame.number or 0, {}) if spots is None else spots.views(frame)
+
+    def on_spot_refused(self, refused: SpotRefused, now: HostNs) -> None:
+        """Handle that a clicked spot cannot be followed."""
+        self.advance(now)
+        if self._components.spots is not None:
+            self._components.spots.on_refused(refused.spot)
+        self._components.publisher.on_spot_refused(refused)
+        self._outputs.notify(self._components.publisher.notices(), now)
 
     def on_board(self, board: BoardReport, now: HostNs) -> None:
         """Handle a report of the board's load; it is sent to ground stations once an autopilot is adopted."""
@@ -352,6 +372,8 @@ class Pipeline:
             if self._live:
                 situation = self._components.situation(now, seen)
                 publisher = self._components.publisher
+                if self._components.spots is not None:
+                    self._components.spots.on_tracks(seen.tracks)
                 self._outputs.messages += publisher.on_tracks(seen.tracks, situation, seen.pixel_from_ned)
                 self._outputs.notify(publisher.notices(), now)
 

@@ -33,6 +33,7 @@ from fwav_companion.mavlink.client.subscriptions import default_subscriptions
 from fwav_companion.mavlink.client.timesync import Timesync
 from fwav_companion.pairing import Pairer, VehicleSource
 from fwav_companion.pipeline.camera_pipeline import CameraPipeline
+from fwav_companion.pipeline.clicked_spots import ClickedSpots
 from fwav_companion.pipeline.components import Components
 from fwav_companion.pipeline.fix_agreement import FixAgreement
 from fwav_companion.pipeline.pipeline import Pipeline
@@ -95,8 +96,10 @@ def make_pipeline(
             own_filter=own_filter,
             sightings=sightings,
         )
+    spots = ClickedSpots(camera) if camera is not None and live and config.vision is not None else None
     publisher = Publisher(
         publish_options(config, calibration, unit),
+        spots=spots,
         locate=None if camera is None else camera.locate,
         state_at=telemetry.state_at,
     )
@@ -119,6 +122,7 @@ def make_pipeline(
         telemetry=telemetry,
         publisher=publisher,
         camera=camera,
+        spots=spots,
     )
     return Pipeline(components, target_log, unix_offset_ns=unix_offset_ns, live=live)
 

@@ -18,6 +18,7 @@ from fwav_companion.publishing.selection import (
     Pictures,
     PixelFromNed,
     Selection,
+    Spots,
     moment_of_click,
     track_on_ground,
 )
@@ -53,12 +54,14 @@ class CameraComponent:
         selection: Selection,
         locate: Locate | None,
         on_notice: Callable[[Notice], None],
+        spots: Spots | None = None,
     ):
-        """``on_notice``: takes what is worth a line in the log."""
+        """``on_notice``: takes what is worth a line in the log. ``spots``: None where clicks only select tracks."""
         self._options = options
         self._on_notice = on_notice
         self._selection = selection
         self._locate = locate
+        self._spots = spots
         self._pictures = Pictures(options.image_size)
         self._places: dict[int, ImagePlace] = {}
         default_ns = round(NS_PER_S / options.rate_hz)
@@ -117,6 +120,8 @@ class CameraComponent:
                 return self._on_rectangle(command, situation)
             case enums.MAV_CMD_CAMERA_STOP_TRACKING:
                 self._selection.stop()
+                if self._spots is not None:
+                    self._spots.release_all()
                 return DONE
         if command.number in information.OLD_REQUESTS:
             return self._describe(command, information.OLD_REQUESTS[command.number], situation, command.params[0])
@@ -185,14 +190,21 @@ class CameraComponent:
         return self._choose(command, self._pictures.track_in(when, low, high), middle, when)
 
     def _choose(self, command: Command, hit: int | None, point: tuple[float, float], when: HostNs) -> CommandAnswer:
-        """Select by the picture of that instant; by the ground where it shows no track, or was not processed."""
+        """Select by the picture of that instant; by the ground where it shows no track, or was not processed.
+
+        Where no track is, the spot itself is followed, as soon as the camera process finds that it can be.
+        """
         believed = self._selection.believed
         if hit not in believed and self._locate is not None:
             fix = self._locate(point[0], point[1], self._pictures.finger_px, when)
             hit = track_on_ground(fix, when, believed.values()) if fix is not None else None
-        if hit is None or hit not in believed:
+        if hit is not None and hit in believed:
+            self._selection.click(hit)
+            return DONE
+        spot = None if self._spots is None else self._spots.follow(point, when, self._pictures.finger_px)
+        if spot is None:
             return self._nothing(command, NoticeCode.CLICK_WITHOUT_TARGET)
-        self._selection.click(hit)
+        self._selection.click_spot(spot)
         return DONE
 
     @property

@@ -13,12 +13,13 @@ from fwav_companion.publishing.ground_messages import adsb_vehicle, named_values
 from fwav_companion.publishing.intervals import UNASKED_NS, Cadence
 from fwav_companion.publishing.landing import Landing, StateAt
 from fwav_companion.publishing.options import PublishOptions
-from fwav_companion.publishing.selection import Locate, PixelFromNed, Selection
+from fwav_companion.publishing.selection import Locate, PixelFromNed, Selection, Spots
 from fwav_companion.publishing.tracking_status import FORGOTTEN_NS
 from fwav_companion.types.commands import Command, CommandAnswer
 from fwav_companion.types.flight_status import LandingReport, PublishingReport
 from fwav_companion.types.messages import Destination, Notice, NoticeCode, Outgoing, Severity
 from fwav_companion.types.situation import Situation
+from fwav_companion.types.spots import SpotRefused
 from fwav_companion.types.tracks import Track
 
 VALUES_NS = UNASKED_NS
@@ -30,17 +31,23 @@ MAX_DATAGRAMS = 64
 class Publisher:
     """Publishes the tracks of every processed frame; answers commands to the camera; encodes notices.
 
-    ``locate``: the ground at a pixel of an earlier picture, for clicks between two processed pictures.
-    ``state_at``: the vehicle at an instant, for the attitude that ArduPilot will use; without it the newest state is
-    extrapolated by its rates, which at 5 Hz and 20 ms is a degree worse.
+    ``locate``: the ground at a pixel of an earlier picture, for clicks between two processed pictures. ``spots``:
+    follows what is clicked and is not a track. ``state_at``: the vehicle at an instant, for the attitude that ArduPilot
+    will use; without it the newest state is extrapolated by its rates, which at 5 Hz and 20 ms is a degree worse.
     """
 
-    def __init__(self, options: PublishOptions, locate: Locate | None = None, state_at: StateAt | None = None):
+    def __init__(
+        self,
+        options: PublishOptions,
+        locate: Locate | None = None,
+        state_at: StateAt | None = None,
+        spots: Spots | None = None,
+    ):
         self._options = options
         self.landing = Landing(options, state_at)
         self._selection = Selection(options)
         self._notices: deque[Notice] = deque(maxlen=MAX_DATAGRAMS)
-        self._camera = CameraComponent(options, self._selection, locate, self._notices.append)
+        self._camera = CameraComponent(options, self._selection, locate, self._notices.append, spots)
         self._target_notices = TargetNotices()
         self._announcer = Announcer(options)
         self._values = Cadence()
@@ -99,6 +106,12 @@ class Publisher:
         answer = self._camera.on_command(command, situation)
         self.wake_at = self._next_due()
         return answer
+
+    def on_spot_refused(self, refused: SpotRefused) -> None:
+        """A clicked spot cannot be followed: report it, and select as before the click."""
+        self._selection.forget_spot(refused.spot)
+        text = f"tracking: this spot cannot be followed ({refused.refused.replace('_', ' ')}), click on another"
+        self._notices.append(Notice(NoticeCode.CLICK_REFUSED, Severity.NOTICE, text, to_ground=True))
 
     def forget_targets(self) -> None:
         """All tracks ended, and another notice says why: their places belong to a world that is gone."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterable
 from math import hypot
-from typing import TypeAlias
+from typing import Protocol, TypeAlias
 
 import msgspec
 
@@ -17,10 +17,23 @@ from fwav_companion.geometry.stamps import NS_PER_MS, HostNs, ns_from_s, s_from_
 from fwav_companion.geometry.vectors import Vector3, add, larger_semi_axis, scale
 from fwav_companion.publishing.options import PublishOptions
 from fwav_companion.types.sightings import GroundFix
+from fwav_companion.types.spots import CLICK_LABEL
 from fwav_companion.types.tracks import Track, TrackState
 
 Locate: TypeAlias = Callable[[float, float, float, HostNs], GroundFix | None]
 """(u, v, sigma_px, host_ns) -> the ground at that pixel of a picture taken then; None where it is not known."""
+
+
+class Spots(Protocol):
+    """Follows any spot of the picture by its look."""
+
+    def follow(self, point: tuple[float, float], host_ns: HostNs, sigma_px: float) -> int | None:
+        """Follow the spot at a pixel of the picture of this instant; its number, None where that is not possible."""
+
+    def release_all(self) -> None:
+        """Follow no spot any more."""
+
+
 PixelFromNed: TypeAlias = Callable[[Vector3], tuple[float, float] | None]
 """Pixel of a place in the image of the frame just processed; None outside the image."""
 
@@ -41,6 +54,7 @@ class Selection:
         self._label = options.label
         self._believed: dict[int, Track] = {}
         self._clicked: int | None = None
+        self._awaited: int | None = None
         self._stopped = False
 
     @property
@@ -51,14 +65,14 @@ class Selection:
     @property
     def by_click(self) -> bool:
         """Whether the operator chose the selected track."""
-        return self._clicked is not None
+        return self._clicked is not None or self._awaited is not None
 
     @property
     def selected(self) -> Track | None:
         """The selected track; None where no track is eligible, or the operator stopped the tracking."""
         if self._clicked is not None:
             return self._believed.get(self._clicked)
-        if self._stopped or not self._by_rule:
+        if self._stopped or self._awaited is not None or not self._by_rule:
             return None
         eligible = (track for track in self._believed.values() if self._label in {"", track.label})
         return min(eligible, key=seniority, default=None)
@@ -68,14 +82,32 @@ class Selection:
         self._believed = {track.id: track for track in tracks if track.state in BELIEVED}
         if self._clicked is not None and self._clicked not in self._believed:
             self._clicked = successor(self._clicked, self._believed.values())
+        if self._awaited is not None:
+            found = next((track for track in self._believed.values() if shows_spot(track, self._awaited)), None)
+            if found is not None:
+                self.click(found.id)
 
     def click(self, track_id: int) -> None:
         """Select this track by the operator's choice."""
-        self._clicked, self._stopped = track_id, False
+        self._clicked, self._awaited, self._stopped = track_id, None, False
+
+    def click_spot(self, spot: int) -> None:
+        """Select the track of a clicked spot, once it is confirmed; no track until then."""
+        self._clicked, self._awaited, self._stopped = None, spot, False
+
+    def forget_spot(self, spot: int) -> None:
+        """A spot cannot be followed: the choice is as before any click."""
+        if self._awaited == spot:
+            self._awaited = None
 
     def stop(self) -> None:
         """Select no track until the next click."""
-        self._clicked, self._stopped = None, True
+        self._clicked, self._awaited, self._stopped = None, None, True
+
+
+def shows_spot(track: Track, spot: int) -> bool:
+    """Whether the newest frame shows this clicked spot as this track."""
+    return track.fix is not None and track.label == CLICK_LABEL and track.fix.sighting.detection.detector_id == spot
 
 
 def successor(ended: int, tracks: Iterable[Track]) -> int | None:

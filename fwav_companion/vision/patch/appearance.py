@@ -9,6 +9,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from fwav_companion.types.spots import SpotView
+
 Image = NDArray[np.uint8]
 Matrix2 = NDArray[np.float64]
 
@@ -70,6 +72,11 @@ def cut(picture: Image, at: tuple[float, float], pixel_from_ground: Matrix2) -> 
     side = 2 * KEPT_PX + 1
     pixels = cv2.getRectSubPix(picture, (side, side), at, patchType=cv2.CV_32F)
     return KeyView(pixels, pixel_from_ground)
+
+
+def jacobian(view: SpotView) -> Matrix2:
+    """:attr:`SpotView.pixel_from_ground` as 2 x 2."""
+    return np.array(view.pixel_from_ground).reshape(2, 2)
 
 
 def _distortion(now: Matrix2, then: Matrix2) -> float:

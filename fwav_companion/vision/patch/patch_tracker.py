@@ -17,7 +17,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from fwav_companion.vision.patch.appearance import HALF_PX, Appearance, Image, Matrix2, cut
+from fwav_companion.types.spots import SpotView
+from fwav_companion.vision.patch.appearance import HALF_PX, Appearance, Image, cut, jacobian
 
 LEAST_TEXTURE: Final = 6.0
 """Standard deviation of the patch, grey levels: twice the noise of a small sensor at dusk (2 to 3)."""
@@ -58,22 +59,6 @@ class NoMatch(StrEnum):
     """The refinement did not come back to where it began."""
 
 
-class PatchView(msgspec.Struct, frozen=True):
-    """Where and how a picture must show the spot, by the vehicle's motion."""
-
-    at: tuple[float, float]
-    """Predicted pixel."""
-    pixel_from_ground: tuple[float, float, float, float]
-    """d(u, v) / d(north, east) at the spot, row by row, pixels per metre."""
-    reach_px: float
-    """Radius that holds the spot with three sigma."""
-
-    @property
-    def jacobian(self) -> Matrix2:
-        """:attr:`pixel_from_ground` as 2 x 2."""
-        return np.array(self.pixel_from_ground).reshape(2, 2)
-
-
 class PatchMatch(msgspec.Struct, frozen=True):
     """A spot that was found."""
 
@@ -92,21 +77,21 @@ class PatchTracker:
         self._appearance = appearance
 
     @classmethod
-    def initiate(cls, picture: Image, view: PatchView) -> PatchTracker | NoMatch:
+    def initiate(cls, picture: Image, view: SpotView) -> PatchTracker | NoMatch:
         """The tracker of the spot at ``view.at``, or why this spot cannot be followed."""
-        first = cut(picture, view.at, view.jacobian)
+        first = cut(picture, view.at, jacobian(view))
         if first is None:
             return NoMatch.OUTSIDE
         appearance = Appearance(first)
-        if float(appearance.predicted(view.jacobian).std()) < LEAST_TEXTURE:
+        if float(appearance.predicted(jacobian(view)).std()) < LEAST_TEXTURE:
             return NoMatch.NO_TEXTURE
         return cls(appearance)
 
-    def update(self, picture: Image, view: PatchView) -> PatchMatch | NoMatch:
+    def update(self, picture: Image, view: SpotView) -> PatchMatch | NoMatch:
         """The spot's place in this picture, or why it is not found."""
         if not _inside(picture, view.at):
             return NoMatch.OUTSIDE
-        template = self._appearance.predicted(view.jacobian)
+        template = self._appearance.predicted(jacobian(view))
         if float(template.std()) < LEAST_TEXTURE:
             return NoMatch.NO_TEXTURE
         found = _search(picture, template, view)
@@ -119,10 +104,10 @@ class PatchTracker:
         self._learn(picture, match, view)
         return match
 
-    def _learn(self, picture: Image, match: PatchMatch, view: PatchView) -> None:
+    def _learn(self, picture: Image, match: PatchMatch, view: SpotView) -> None:
         """Keep a good look from a new direction or distance."""
         if match.correlation >= KEY_CORRELATION:
-            look = cut(picture, match.at, view.jacobian)
+            look = cut(picture, match.at, jacobian(view))
             if look is not None:
                 self._appearance.add(look)
 
@@ -132,7 +117,7 @@ class _Peak(msgspec.Struct, frozen=True):
     correlation: float
 
 
-def _search(picture: Image, template: NDArray[np.float32], view: PatchView) -> _Peak | NoMatch:
+def _search(picture: Image, template: NDArray[np.float32], view: SpotView) -> _Peak | NoMatch:
     """The best place within reach, by normalised correlation."""
     reach = ceil(min(view.reach_px, MOST_REACH_PX))
     window, corner = _window(picture, view.at, HALF_PX + reach)

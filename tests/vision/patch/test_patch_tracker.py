@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 from scipy.ndimage import shift
 
-from fwav_companion.vision.patch import KeptPictures, NoMatch, PatchMatch, PatchTracker, PatchView
+from fwav_companion.types.spots import SpotView
+from fwav_companion.vision.patch import KeptPictures, NoMatch, PatchMatch, PatchTracker
 from sitl_mock.options import Options
 from sitl_mock.render import Eye
 from sitl_mock.scenarios import DEMO
@@ -33,14 +34,14 @@ class Flight:
         self.picture = cache(Eye(simulation).picture)
         self.half_exposure_s = options.camera.exposure_s / 2.0
 
-    def view(self, place: tuple[float, float], frame: int, error: tuple[float, float] = (0.0, 0.0)) -> PatchView:
+    def view(self, place: tuple[float, float], frame: int, error: tuple[float, float] = (0.0, 0.0)) -> SpotView:
         """The truth about a place, moved by an error of the prediction."""
         here, north, east = (
             self.camera.pixel_of((place[0] + dn, place[1] + de, 0.0), self.camera.row0_s(frame))
             for dn, de in ((0.0, 0.0), (STEP_M, 0.0), (0.0, STEP_M))
         )
         jacobian = tuple((there[axis] - here[axis]) / STEP_M for axis in (0, 1) for there in (north, east))
-        return PatchView((here[0] + error[0], here[1] + error[1]), jacobian, 40.0)
+        return SpotView((here[0] + error[0], here[1] + error[1]), jacobian, 40.0)
 
     def is_sharp(self, place: tuple[float, float], frame: int) -> bool:
         """Whether the spot moves by less than two pixels during the exposure."""
@@ -109,8 +110,8 @@ def test_other_ground_is_not_the_spot():
     assert not [answer for answer in answers if isinstance(answer, PatchMatch)]
 
 
-def still(at: tuple[float, float], reach_px: float = 30.0) -> PatchView:
-    return PatchView(at, (60.0, 0.0, 0.0, 60.0), reach_px)
+def still(at: tuple[float, float], reach_px: float = 30.0) -> SpotView:
+    return SpotView(at, (60.0, 0.0, 0.0, 60.0), reach_px)
 
 
 def texture(seed: int) -> np.ndarray:
