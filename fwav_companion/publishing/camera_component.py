@@ -40,6 +40,7 @@ STATUS_NAMES = {
 CLICKED_NOTHING = {
     NoticeCode.CLICK_WITHOUT_CAMERA: "tracking: set [camera] calibration first",
     NoticeCode.CLICK_WITHOUT_TARGET: "tracking: no target there, click on a target",
+    NoticeCode.CLICK_AMBIGUOUS: "tracking: several targets there, click nearer to one",
 }
 DENIED = CommandAnswer(CommandResult.DENIED)
 DONE = CommandAnswer(CommandResult.ACCEPTED)
@@ -175,7 +176,15 @@ class CameraComponent:
         point = pixel((x, y), self._options.image_size)
         reach_px = radius * self._options.image_size[0] if _in_image(radius) else 0.0
         when = moment_of_click(situation.now_ns, self._options.video_delay_s)
-        return self._choose(command, self._pictures.track_at(when, point, reach_px), point, when)
+        hit = self._pictures.track_at(when, point, reach_px)
+        if hit not in self._selection.believed:
+            about = [
+                each for each in self._pictures.tracks_about(when, point, reach_px) if each in self._selection.believed
+            ]
+            if len(about) > 1:
+                return self._nothing(command, NoticeCode.CLICK_AMBIGUOUS)
+            hit = about[0] if about else None
+        return self._choose(command, hit, point, when)
 
     def _on_rectangle(self, command: Command, situation: Situation) -> CommandAnswer:
         x1, y1, x2, y2 = command.params[:4]

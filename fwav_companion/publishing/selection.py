@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable
+from itertools import chain
 from math import hypot
 from typing import Protocol, TypeAlias
 
@@ -44,6 +45,10 @@ MAX_APART_NS = 100 * NS_PER_MS
 FINGER = 0.03
 """Accuracy of a finger or mouse on a video, as a share of the image's width."""
 GATE_SIGMAS = 3.0
+DELAY_TOLERANCE_NS = 150 * NS_PER_MS
+"""Error of [publish] video_delay_s, which people estimate by eye."""
+TIE = 0.25
+"""Share of a click's accuracy below which two distances are equal."""
 
 
 class Selection:
@@ -157,6 +162,21 @@ class Pictures:
             if _distance(mark, point) <= max(reach_px, self.finger_px)
         ]
         return min(hits)[1] if hits else None
+
+    def tracks_about(self, host_ns: HostNs, point: tuple[float, float], reach_px: float) -> list[int]:
+        """Tracks that pictures of about that instant show within reach, where the delay of the video is not exact.
+
+        The nearest alone, or all that are as near as a click can tell; what was reported since then counts, too.
+        """
+        nearest: dict[int, float] = {}
+        about = [marks for at, marks in self._pictures if abs(at - host_ns) <= DELAY_TOLERANCE_NS]
+        reported = [marks for at, marks in list(self._pictures)[-1:] if at >= host_ns]
+        for mark in chain.from_iterable(about + reported):
+            apart_px = _distance(mark, point)
+            if apart_px <= max(reach_px, self.finger_px):
+                nearest[mark.track] = min(apart_px, nearest.get(mark.track, apart_px))
+        least = min(nearest.values(), default=0.0)
+        return [track for track, apart_px in nearest.items() if apart_px <= least + TIE * self.finger_px]
 
     def track_in(self, host_ns: HostNs, low: tuple[float, float], high: tuple[float, float]) -> int | None:
         """The track nearest to the rectangle's middle among those inside it, with a finger's width of slack."""

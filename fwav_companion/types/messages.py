@@ -105,6 +105,8 @@ class NoticeCode(StrEnum):
     """A station clicked on the picture, and no camera is configured. Set [camera] calibration."""
     CLICK_WITHOUT_TARGET = "click_without_target"
     """A station clicked where no target is. Click on a target."""
+    CLICK_AMBIGUOUS = "click_ambiguous"
+    """A station clicked where several targets were at about that time. Click nearer to one."""
     CLICK_REFUSED = "click_refused"
     """A clicked spot cannot be followed: it is too uniform, at the edge, or the picture is gone. Click on another."""
     COT_WITHOUT_POSITION = "cot_without_position"

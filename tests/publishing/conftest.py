@@ -84,8 +84,17 @@ def situation(now=NOW, kind=AutopilotKind.ARDUPILOT, **changes):
     return Situation(**usual | changes)
 
 
-def fix(position=(4.0, 3.0, 0.0), pixel=(320.0, 240.0), box=None, at=NOW, ray=(0.0, 0.0, 1.0), sigma_px=4.0, cov=None):
-    detection = Detection(u=pixel[0], v=pixel[1], box=box)
+def fix(
+    position=(4.0, 3.0, 0.0),
+    pixel=(320.0, 240.0),
+    box=None,
+    at=NOW,
+    ray=(0.0, 0.0, 1.0),
+    sigma_px=4.0,
+    cov=None,
+    **detection,
+):
+    detection = Detection(u=pixel[0], v=pixel[1], box=box, **detection)
     sighting = Sighting(
         frame=1,
         index=0,

@@ -8,6 +8,7 @@ from camera_component import MS, OPTIONS, command, run
 from fwav_companion.publishing.options import PublishOptions
 from fwav_companion.publishing.publisher import Publisher
 from fwav_companion.types import CommandResult, NoticeCode, TrackState
+from fwav_companion.types.spots import SpotRefused
 
 
 @pytest.fixture
@@ -55,6 +56,61 @@ def test_a_click_beside_every_target_fails_and_says_so(publisher, world):
 def test_a_click_of_a_time_without_a_picture_fails(publisher, world):
     show(publisher, world, world.NOW, ((120.0, 240.0), None))
     assert click(publisher, world, world.NOW + 600 * MS, 0.2, 0.5).result is CommandResult.FAILED
+
+
+def test_a_delay_that_is_not_exact_still_hits_and_a_tie_is_refused(publisher, world):
+    """The target crosses the picture; 100 ms off it is a quarter of the picture away."""
+    for count in range(11):
+        show(publisher, world, world.NOW + count * 50 * MS, ((60.0 + 52.0 * count, 240.0), None))
+    assert click(publisher, world, world.NOW + 600 * MS, 268.5 / 640, 240.5 / 480).result is CommandResult.ACCEPTED
+    assert publisher.selected.id == 1
+    publisher.on_command(command(2010), world.situation())
+    both = ((200.0, 240.0), None), ((210.0, 240.0), None)
+    for count in range(10):
+        seen = both if count % 2 else (((600.0, 20.0), None), ((600.0, 460.0), None))
+        show(publisher, world, world.NOW + (1000 + count * 100) * MS, *seen)
+    answer = click(publisher, world, world.NOW + (1400 + 300) * MS, 205.5 / 640, 240.5 / 480)
+    assert answer.result is CommandResult.FAILED
+    assert answer.messages[0].notice is NoticeCode.CLICK_AMBIGUOUS
+
+
+class FollowsAnything:
+    """Takes every order."""
+
+    def __init__(self):
+        self.ordered = []
+
+    def follow(self, point, host_ns, sigma_px):
+        self.ordered.append((point, host_ns, sigma_px))
+        return 7
+
+    def release_all(self):
+        self.ordered.clear()
+
+
+def test_a_click_where_no_track_is_follows_the_spot_and_selects_its_track(world):
+    spots = FollowsAnything()
+    publisher = Publisher(OPTIONS, spots=spots)
+    show(publisher, world, world.NOW, ((120.0, 240.0), None))
+    assert click(publisher, world, world.NOW + 300 * MS, 0.8, 0.5).result is CommandResult.ACCEPTED
+    assert spots.ordered == [((511.5, 239.5), world.NOW, pytest.approx(19.2))]
+    assert publisher.selected is None
+    seen = world.fix(pixel=(511.5, 239.5), at=world.NOW + world.S, label="click", detector_id=7)
+    of_spot = world.track(9, "click", at=world.NOW + world.S, confirmed_at=world.NOW + world.S, fix=seen)
+    other = world.track(1, at=world.NOW + world.S, confirmed_at=world.NOW - world.S)
+    publisher.on_tracks((other, of_spot), world.situation(now=world.NOW + world.S))
+    assert publisher.selected.id == 9
+    publisher.on_command(command(2010), world.situation())
+    assert spots.ordered == []
+
+
+def test_a_spot_that_cannot_be_followed_is_reported_and_the_choice_is_as_before(world):
+    publisher = Publisher(OPTIONS, spots=FollowsAnything())
+    show(publisher, world, world.NOW, ((120.0, 240.0), None))
+    click(publisher, world, world.NOW + 300 * MS, 0.8, 0.5)
+    publisher.on_spot_refused(SpotRefused(7, "no_texture"))
+    assert NoticeCode.CLICK_REFUSED in [notice.code for notice in publisher.notices()]
+    assert publisher.selected.id == 1
 
 
 def test_the_box_is_the_target_and_the_radius_widens_the_click(publisher, world):
