@@ -48,6 +48,11 @@ class WaitingFrames:
         self._frames.append(Waiting(frame, until_boot_ns, HostNs(deadline)))
 
     @property
+    def detections(self) -> int:
+        """Number of detections in the queue."""
+        return sum(len(entry.frame.detections) for entry in self._frames) if self._frames else 0
+
+    @property
     def wake_at(self) -> HostNs | None:
         """The next deadline; None for an empty queue."""
         return min(entry.deadline_ns for entry in self._frames) if self._frames else None

@@ -109,6 +109,11 @@ class CameraPipeline:
             return settles if waited is None else waited
         return min(waited, settles)
 
+    @property
+    def waiting_detections(self) -> int:
+        """Number of detections in frames that wait for attitudes."""
+        return self._waiting.detections
+
     def on_frame(self, frame: Frame, now: HostNs) -> None:
         """Take a frame that arrived; :meth:`take_ready` processes it, perhaps at once."""
         self._target_log.frames += 1

@@ -139,7 +139,7 @@ class Pipeline:
         if isinstance(frame, NoFrame) or self._components.camera is None:
             if isinstance(frame, NoFrame):
                 self._target_log.drop_frames(frame.reason)
-                if self._components.camera is not None:
+                if self._components.camera is not None and frame.reason is not Reason.OVERLOAD:
                     self._components.camera.on_refused_frame(frame.reason, now)
             return
         self._components.camera.on_frame(frame, now)
@@ -255,6 +255,11 @@ class Pipeline:
         return 0.0 if self._components.camera is None else self._components.camera.time_offset_s
 
     # What goes out.
+
+    @property
+    def waiting_detections(self) -> int:
+        """Number of detections in frames that wait for attitudes."""
+        return 0 if self._components.camera is None else self._components.camera.waiting_detections
 
     @property
     def calibration_to_keep(self) -> KeptCalibration | None:

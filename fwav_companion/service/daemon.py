@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
@@ -95,7 +96,14 @@ class Service:
         self._first = [self._links[link.name] for link in config.link if link.role == "autopilot"]
         self._board = BoardWatch({link.name: isinstance(link.parsed_url, SerialUrl) for link in config.link})
         self._map_link = make_map_link(config, self._on_link_state)
-        ears = FrameReceiver(self._on_frame, self._log.clock_stepped, self._clock.wall, self._clock.read)
+        ears = FrameReceiver(
+            self._on_frame,
+            self._log.clock_stepped,
+            self._clock.wall,
+            self._clock.read,
+            backlog=lambda: self._pipeline.waiting_detections,
+        )
+        self._frame_queue = ears.queue
         self._detections = self._vision = None
         if calibration is not None:
             self._detections = make_detections(config, ears, self._log.detections_heard)
@@ -205,10 +213,13 @@ class Service:
                 self._arm(now)
             return
         self._heard(now)
+        waiting, began_s = self._pipeline.waiting_detections, time.thread_time()
         for message in received.messages:
             self._pipeline.on_message(message, now)
             if message.signed:
                 self._signing.on_message(message, self._pipeline.autopilot_address, now)
+        if waiting:
+            self._frame_queue.spent(time.thread_time() - began_s, waiting - self._pipeline.waiting_detections)
         self._flush(now)
 
     def _follow(self, passed: Sequence[PassedRequest], now: HostNs) -> Sequence[Outgoing]:
@@ -222,7 +233,11 @@ class Service:
         self._heard(now)
         if self._witness is not None:
             self._witness.on_frame(frame)
+        waiting, began_s = self._pipeline.waiting_detections, time.thread_time()
         self._pipeline.on_frame(frame, now)
+        if isinstance(frame, Frame):
+            processed = waiting + len(frame.detections) - self._pipeline.waiting_detections
+            self._frame_queue.spent(time.thread_time() - began_s, processed)
         self._flush(now)
 
     def _heard(self, now: HostNs) -> None:
@@ -269,8 +284,8 @@ class Service:
             self._flush(now)
 
     def _report_links(self, now: HostNs) -> None:
-        """Report what was refused on the links."""
-        notices = self._node.notices(now)
+        """Report what was refused on the links, and frames that were dropped under overload."""
+        notices = [*self._node.notices(now), *self._frame_queue.notices(now)]
         if notices:
             self._pipeline.on_notices(notices, now)
             self._flush(now)

@@ -76,6 +76,9 @@ class NoticeCode(StrEnum):
     BYTES_SHED = "bytes_shed"
     """Bytes of a link were skipped unread: examining them would cost too much."""
 
+    OVERLOAD = "overload"
+    """Frames were dropped that came faster than the processor handles them."""
+
     READY = "ready"
     """The service localizes: it reports its rates and the accuracy to expect."""
     NOT_READY_PICTURES_REFUSED = "not_ready_pictures_refused"

@@ -31,6 +31,8 @@ class Reason(StrEnum):
     """The frame has more than 256 detections; all of it is refused."""
     TOO_MANY_FRAMES = "too_many_frames"
     """More frames wait than any camera delivers in half a second."""
+    OVERLOAD = "overload"
+    """Frames came faster than the processor handles them, and newer ones were taken."""
     TOO_LATE = "too_late"
     """The frame arrived later than the reorder window of 0.5 s after its capture."""
     DUPLICATE_FRAME = "duplicate_frame"

@@ -18,8 +18,7 @@ from fwav_companion.vision.frame_receiver import FrameReceiver
 LARGEST_DATAGRAM = 65536
 """Over 200 bytes for each of 256 detections; also the largest datagram that UDP carries."""
 DRAIN_LIMIT = 8
-"""Largest number of datagrams per wake-up: frames of 256 detections take 10 ms each, and the links have their turn
-between."""
+"""Largest number of datagrams per wake-up: the links have their turn between."""
 SOCKET_MODE = 0o660
 """Detectors reach the socket as members of the service's group."""
 RETRY_S = 1.0
@@ -104,7 +103,7 @@ class DetectionsIn:
                 detail = f"a datagram of {length} bytes, accepted: {LARGEST_DATAGRAM}"
                 self._ears.on_frame(NoFrame(Reason.MALFORMED, detail))
             else:
-                self._ears.hear(bytes(memoryview(self._buffer)[:length]), self._ears.arrival())
+                self._ears.hear(bytes(memoryview(self._buffer)[:length]))
 
     def _tell(self, *, listens: bool, why: str) -> None:
         if listens is not self._listens:

@@ -1,14 +1,13 @@
-"""SHELL: receiver shared by all detection sources: stamps arrivals and parses frames."""
+"""SHELL: receiver shared by all detection sources: queues datagrams, stamps arrivals and parses frames."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
 
-import msgspec
-
 from fwav_companion.geometry.stamps import HostNs, whole_microseconds
-from fwav_companion.types import Frame, NoFrame
+from fwav_companion.types import Frame, NoFrame, Reason
+from fwav_companion.vision.frame_queue import FrameQueue
 from fwav_companion.vision.wall_clock import ClockStep, WallClock
 from fwav_companion.vision.wire import parse_frame
 
@@ -27,23 +26,31 @@ def read_clocks() -> tuple[HostNs, int]:
     return whole_microseconds((before + after) // 2), unix_ns
 
 
-class FrameReceiver(msgspec.Struct, frozen=True):
+class FrameReceiver:
     """Receiver of one daemon, shared by its sources."""
 
-    on_frame: Callable[[Frame | NoFrame], None]
-    on_step: Callable[[ClockStep], None]
-    """Called when the wall clock was set."""
-    wall_clock: WallClock
-    clocks: Callable[[], tuple[HostNs, int]] = read_clocks
+    def __init__(
+        self,
+        on_frame: Callable[[Frame | NoFrame], None],
+        on_step: Callable[[ClockStep], None],
+        wall_clock: WallClock,
+        clocks: Callable[[], tuple[HostNs, int]] = read_clocks,
+        backlog: Callable[[], int] = lambda: 0,
+    ) -> None:
+        """``on_step`` is called when the wall clock was set. ``backlog``: detections that wait in the pipeline."""
+        self.on_frame = on_frame
+        self._on_step = on_step
+        self._wall_clock = wall_clock
+        self._clocks = clocks
+        self.queue = FrameQueue(self._take, lambda: self.on_frame(NoFrame(Reason.OVERLOAD)), backlog)
 
-    def arrival(self) -> HostNs:
-        """The host instant of an arrival, now. Calls ``on_step`` if the wall clock was set since the last one."""
-        arrival_ns, unix_ns = self.clocks()
-        step = self.wall_clock.observe(arrival_ns, unix_ns)
+    def hear(self, data: bytes) -> None:
+        """Take a datagram: it is parsed, and the frame or the reason why it is not one passed on, in its turn."""
+        self.queue.put(data)
+
+    def _take(self, data: bytes) -> None:
+        arrival_ns, unix_ns = self._clocks()
+        step = self._wall_clock.observe(arrival_ns, unix_ns)
         if step is not None:
-            self.on_step(step)
-        return arrival_ns
-
-    def hear(self, data: bytes, arrival_ns: HostNs) -> None:
-        """Parse a datagram and pass on the frame, or the reason why it is not one."""
-        self.on_frame(parse_frame(data, arrival_ns, self.wall_clock))
+            self._on_step(step)
+        self.on_frame(parse_frame(data, arrival_ns, self._wall_clock))

@@ -16,7 +16,6 @@ from functools import partial
 import msgspec
 
 from fwav_companion.blocking import in_daemon_thread
-from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.types.status import VisionReport
 from fwav_companion.vision.detections_in import DRAIN_LIMIT, LARGEST_DATAGRAM
 from fwav_companion.vision.frame_receiver import FrameReceiver
@@ -140,15 +139,15 @@ class VisionProcess:
                 self._ended.set()
                 return
             self._heard_s = time.monotonic()
-            self._take(data, self._ears.arrival())
+            self._take(data)
 
-    def _take(self, data: bytes, arrival_ns: HostNs) -> None:
+    def _take(self, data: bytes) -> None:
         if data.startswith(_STATE):
             state = msgspec.json.decode(data, type=VisionState)
             self._tell(works=state.vision == "looking", why=state.why)
             return
         self._tell(works=True, why="")
-        self._ears.hear(data, arrival_ns)
+        self._ears.hear(data)
 
     def _tell(self, *, works: bool, why: str) -> None:
         self._why = why

@@ -9,7 +9,6 @@ from contextlib import asynccontextmanager
 from itertools import pairwise
 from pathlib import Path
 
-import msgspec
 import pytest
 
 from fwav_companion.geometry.stamps import HostNs
@@ -91,7 +90,7 @@ def test_each_datagram_has_its_own_arrival_time():
     async def story() -> None:
         async with listening(("127.0.0.1", 0)) as t:
             t.frames = BusyList(t, 20_000_000)
-            object.__setattr__(t.intake, "_ears", msgspec.structs.replace(t.intake._ears, on_frame=t.frames.append))
+            t.intake._ears.on_frame = t.frames.append
             with sender_to(t.intake) as sender:
                 for _ in range(5):
                     sender.send(datagram(1_790_000_499.95))

@@ -53,6 +53,11 @@ FRAME_REFUSALS: Final[Mapping[Reason, tuple[Level, str, str]]] = {
         "were stamped across a step of the wall clock",
         "stamp with time_monotonic: it is never stepped",
     ),
+    Reason.OVERLOAD: (
+        Level.WARNING,
+        "came faster than this board handles them",
+        "send fewer frames, or fewer detections in each ([detections] min_score, labels)",
+    ),
     Reason.TOO_LATE: (
         Level.ERROR,
         "arrived more than 0.5 s after their capture",

@@ -1,0 +1,126 @@
+"""SHELL: the queue of datagrams before the pipeline: a bounded slice of each turn of the loop, and the newest kept.
+
+A frame of 256 detections costs some 50 ms here (15 in the tracker) and ten times as long on a small board. Beyond
+SLICE_S no further frame is begun in a turn, so that heartbeats, TIMESYNC and the relay have theirs between two frames.
+A frame that has waited for PATIENCE_S shows that frames come faster than the processor handles them: from then on the
+newest is taken, and those before it are dropped as OVERLOAD, until no other waits.
+
+Frames that wait in the pipeline for attitudes are processed all at once when one comes. So the queue holds frames back
+while those would take longer than BURST_S, by the CPU time that a detection has cost so far.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Final
+
+from fwav_companion.geometry.stamps import NS_PER_S, HostNs
+from fwav_companion.types import Notice, NoticeCode, Severity
+
+SLICE_S: Final = 0.005
+"""Work of one turn after which no further frame is begun: half the interval of attitudes at 100 Hz."""
+PATIENCE_S: Final = 0.1
+"""Longest wait of a frame while the processor keeps up: three frames at 30 Hz."""
+BURST_S: Final = 0.1
+"""Longest work that may wait in the pipeline: a tenth of the interval of heartbeats, and the interval of TIMESYNC."""
+HELD_S: Final = 0.01
+"""Interval at which frames that are held back are looked at again."""
+MOST_WAITING: Final = 32
+"""Datagrams in the queue, 2 MiB at most: one second at 30 Hz."""
+COST_SHARE: Final = 0.1
+"""Share of a new measurement in the mean cost of a detection."""
+REPORT_NS: Final = 60 * NS_PER_S
+
+
+class FrameQueue:
+    """Datagrams that wait for the processor."""
+
+    def __init__(
+        self,
+        take: Callable[[bytes], None],
+        on_drop: Callable[[], None],
+        backlog: Callable[[], int] = lambda: 0,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """``take`` processes one datagram; ``on_drop`` is called for each that is dropped. ``backlog``: detections that
+        wait in the pipeline.
+        """
+        self._take = take
+        self._on_drop = on_drop
+        self._backlog = backlog
+        self._clock = clock
+        self._waiting: deque[tuple[float, bytes]] = deque()
+        """(arrival, datagram)."""
+        self._resting = False
+        """Whether the next slice is scheduled."""
+        self._shedding = False
+        self._cost_s = 0.0
+        """Mean CPU time of one detection, seconds."""
+        self.came = 0
+        self.dropped = 0
+        self._reported = (0, 0)
+        self._reported_ns: HostNs | None = None
+
+    def put(self, data: bytes) -> None:
+        """Add a datagram; it is processed at once where none waits."""
+        self.came += 1
+        self._waiting.append((self._clock(), data))
+        if len(self._waiting) > MOST_WAITING:
+            self._drop_oldest()
+        if not self._resting:
+            self._work()
+
+    def spent(self, cpu_s: float, detections: int) -> None:
+        """Take the CPU time that so many detections have cost."""
+        if detections > 0:
+            self._cost_s += COST_SHARE * (cpu_s / detections - self._cost_s)
+
+    def notices(self, now: HostNs) -> list[Notice]:
+        """What was dropped since the last notice, at most once a minute."""
+        came, dropped = self.came - self._reported[0], self.dropped - self._reported[1]
+        if dropped == 0 or (self._reported_ns is not None and now - self._reported_ns < REPORT_NS):
+            return []
+        self._reported, self._reported_ns = (self.came, self.dropped), now
+        text = (
+            f"frames come faster than this board handles them: {dropped} of {came} were dropped. Send fewer frames, or"
+            " fewer detections in each"
+        )
+        return [Notice(NoticeCode.OVERLOAD, Severity.WARNING, text, to_ground=True)]
+
+    def _work(self) -> None:
+        """Process frames for one slice; whatever they do, the next turn of the loop goes on."""
+        self._resting = True
+        asyncio.get_running_loop().call_soon(self._go_on)
+        ends_s = self._clock() + SLICE_S
+        while self._waiting and not self._is_held():
+            self._take(self._next())
+            if self._clock() >= ends_s:
+                return
+
+    def _go_on(self) -> None:
+        self._resting = bool(self._waiting) and self._is_held()
+        if self._resting:
+            asyncio.get_running_loop().call_later(HELD_S, self._go_on)
+        elif self._waiting:
+            self._work()
+
+    def _next(self) -> bytes:
+        """The datagram that is processed next: the oldest, and under overload the newest."""
+        if self._clock() - self._waiting[0][0] > PATIENCE_S:
+            self._shedding = True
+        if self._shedding:
+            self._shedding = len(self._waiting) > 1
+            while len(self._waiting) > 1:
+                self._drop_oldest()
+        return self._waiting.popleft()[1]
+
+    def _is_held(self) -> bool:
+        return self._cost_s * self._backlog() > BURST_S
+
+    def _drop_oldest(self) -> None:
+        self._waiting.popleft()
+        self.dropped += 1
+        self._on_drop()
