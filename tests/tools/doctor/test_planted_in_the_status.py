@@ -234,3 +234,9 @@ def lacking(value, path):
     if len(path) == 1:
         return {key: each for key, each in value.items() if key != path[0]}
     return with_another(value, path[:1], lacking(value[path[0]], path[1:]))
+
+
+def test_frames_beyond_the_processor_are_a_warning(healthy):
+    (finding,) = planted(healthy, ["dropped", "overload"], healthy.status.intake.came // 3)
+    assert (finding.code, finding.level) == ("overload", Level.WARNING)
+    assert planted(healthy, ["dropped", "overload"], 3) == []
