@@ -58,6 +58,8 @@ def whole(path: Path, *, synced: bool = False, mode: int | None = None) -> Itera
             if synced:
                 os.fsync(file.fileno())
         beside.replace(real)
+        if synced:
+            _sync_folder(real.parent)
     except BaseException as error:  # Ctrl-C too
         beside.unlink(missing_ok=True)
         if isinstance(error, OSError) and error.filename is None:  # as for a full disk
@@ -93,6 +95,16 @@ def _temporary(beside: Path, path: Path, mode: int | None) -> BinaryIO:
     if mode is not None:
         os.fchmod(descriptor, mode)
     return open(descriptor, "wb")  # noqa: PTH123 (a descriptor, not a path)
+
+
+def _sync_folder(folder: Path) -> None:
+    """Bring the new name in a folder to the disk, where the file system can sync folders."""
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        with suppress(OSError):
+            os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 def _require_regular(path: Path) -> None:
