@@ -13,11 +13,11 @@ from __future__ import annotations
 
 import argparse
 import ast
+import json
 import os
 import random
 import re
 import shutil
-import signal
 import subprocess
 import sys
 import tempfile
@@ -43,8 +43,13 @@ ROOMS = {
     "tracking": (("tracking",), ("tracking",)),
 }
 """Files of a room in the package, and its tests."""
-NOTICED_S = 300
+NOTICED_S = 120
 """A change that makes the tests run longer is noticed."""
+LIBRARIES = (
+    *("numpy", "scipy.stats", "scipy.linalg", "scipy.spatial.transform", "scipy.interpolate", "scipy.optimize"),
+    *("msgspec", "pymavlink.dialects.v20.ardupilotmega", "fastcrc", "hypothesis.strategies", "pytest"),
+)
+"""Loaded once: every run of tests begins as a copy of that process."""
 ARITHMETIC = ("Add", "Sub", "Mul", "Div")
 OPERATORS = (
     *(f"core/ReplaceBinaryOperator_{a}_{b}" for a in ARITHMETIC for b in ARITHMETIC if a != b),
@@ -151,24 +156,36 @@ def _not_run(text: str) -> list[tuple[tuple[int, int], tuple[int, int]]]:
 
 
 def _run_all(sample: Sequence[Mutant], folder: Path, jobs: int, seconds: float) -> tuple[list[Mutant], int]:
-    copies: SimpleQueue[Path] = SimpleQueue()
-    for number in range(jobs):
-        copies.put(_copied(folder / str(number)))
-    tests = {room: _tests_by_line(room, folder / "0") for room in sorted({mutant.place.room for mutant in sample})}
+    servers = [TestServer(_copied(folder / str(number))) for number in range(jobs)]
+    idle: SimpleQueue[TestServer] = SimpleQueue()
+    for server in servers:
+        idle.put(server)
+
+    def measured(room: str) -> Tests:
+        server = idle.get()
+        try:
+            return _tests_by_line(room, server.copy)
+        finally:
+            idle.put(server)
+
     survivors, ran = list[Mutant](), 0
 
     def run(mutant: Mutant) -> bool:
-        copy = copies.get()
+        server = idle.get()
         try:
-            return _survives(mutant, copy, tests[mutant.place.room].of(mutant.place, seconds))
+            return _survives(mutant, server, tests[mutant.place.room].of(mutant.place, seconds))
         finally:
-            copies.put(copy)
+            idle.put(server)
 
     with ThreadPoolExecutor(jobs) as pool:
+        rooms = sorted({mutant.place.room for mutant in sample})
+        tests = dict(zip(rooms, pool.map(measured, rooms), strict=True))
         for mutant, survived in zip(sample, pool.map(run, sample), strict=True):
             ran += 1
             survivors += [mutant] if survived else []
             print(f"{ran} {'SURVIVED' if survived else 'killed'} {mutant}", flush=True)
+    for server in servers:
+        server.close()
     return survivors, ran
 
 
@@ -183,21 +200,21 @@ def _copied(folder: Path) -> Path:
     return folder
 
 
-def _survives(mutant: Mutant, copy: Path, tests: Sequence[str]) -> bool:
-    """Make the change in the copy, run the tests, and undo it."""
+def _survives(mutant: Mutant, server: TestServer, tests: Sequence[str]) -> bool:
+    """Make the change in the server's copy, run the tests, and undo it."""
     from cosmic_ray.mutating import mutate_code
     from cosmic_ray.plugins import get_operator
 
-    path = copy / mutant.place.file.relative_to(ROOT)
+    path = server.copy / mutant.place.file.relative_to(ROOT)
     before = path.read_text()
     after = mutate_code(before, get_operator(mutant.operator)(), mutant.occurrence)
     if after is None:
         raise RuntimeError(f"{mutant}: not found")
     path.write_text(after)
-    for compiled in (copy / "bytecode").rglob(f"{path.stem}.*.pyc"):  # told apart by second and size alone
+    for compiled in (server.copy / "bytecode").rglob(f"{path.stem}.*.pyc"):  # told apart by second and size alone
         compiled.unlink()
     try:
-        return _passes(tests, copy)
+        return server.passes(tests)
     finally:
         path.write_text(before)
 
@@ -246,21 +263,33 @@ def _environment(copy: Path) -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": str(copy), "PYTHONPYCACHEPREFIX": str(copy / "bytecode")}
 
 
-def _passes(tests: Sequence[str], copy: Path) -> bool:
-    process = subprocess.Popen(
-        _pytest(*tests),
-        cwd=copy,
-        env=_environment(copy),
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-    )
-    try:
-        return process.wait(NOTICED_S) == 0
-    except subprocess.TimeoutExpired:
-        os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
-        return False
+class TestServer:
+    """A process of one copy of the project that runs tests in copies of itself, which begin with the libraries."""
+
+    def __init__(self, copy: Path) -> None:
+        self.copy = copy
+        command = [sys.executable, str(Path(__file__).with_name("fork_server.py")), *LIBRARIES]
+        self._process = subprocess.Popen(
+            command, cwd=copy, env=_environment(copy), stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+
+    def passes(self, tests: Sequence[str]) -> bool:
+        """Return whether these tests pass, within NOTICED_S."""
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        words = ["-q", "-x", "-p", "no:cacheprovider", *tests]
+        self._process.stdin.write(json.dumps({"seconds": NOTICED_S, "words": words}) + "\n")
+        self._process.stdin.flush()
+        answer = self._process.stdout.readline()
+        if not answer:
+            raise RuntimeError("the process that runs the tests has ended")
+        return answer == "0\n"
+
+    def close(self) -> None:
+        """End the process."""
+        assert self._process.stdin is not None
+        self._process.stdin.close()
+        self._process.wait()
 
 
 def _lower_bound(killed: int, ran: int) -> float:
