@@ -12,9 +12,10 @@ from typing import Any
 
 import pytest
 
-from fwav_companion.types import Frame, NoFrame
-from fwav_companion.vision.frame_receiver import FrameReceiver, read_clocks
+from fwav_companion.types import Frame
+from fwav_companion.vision.frame_receiver import read_clocks
 from fwav_companion.vision.wall_clock import WallClock
+from fwav_companion.vision.wire import parse_frame
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -87,18 +88,17 @@ def test_every_finding_that_the_troubleshooting_names_exists():
 
 
 def test_the_detector_of_the_guide_sends_what_the_service_accepts():
-    """Runs the whole example; the service's own receiver takes the datagram."""
+    """Runs the whole example; the service's own parser takes the datagram."""
     (_, example), *_ = blocks(DOCS / "guides" / "detectors.md", "python")
-    received: list[Frame | NoFrame] = []
-    receiver = FrameReceiver(on_frame=received.append, on_step=pytest.fail, wall_clock=WallClock(*read_clocks()))
+    wall_clock = WallClock(*read_clocks())
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port:
         port.bind(("127.0.0.1", 0))
         port.settimeout(10.0)
-        receiver.arrival()
         scope: dict[str, Any] = {}
         exec(example.replace("14601", str(port.getsockname()[1])), scope)
         scope["sender"].close()
-        receiver.hear(port.recv(65536), receiver.arrival())
-    (frame,) = received
+        arrival_ns, unix_ns = read_clocks()
+        wall_clock.observe(arrival_ns, unix_ns)
+        frame = parse_frame(port.recv(65536), arrival_ns, wall_clock)
     assert isinstance(frame, Frame)
     assert [(each.u, each.v, each.label) for each in frame.detections] == [(312.4, 201.9, "person")]
