@@ -9,7 +9,15 @@ from importlib.util import find_spec
 
 from fwav_companion.errors import UserError
 
-EXTRAS = {"aiohttp": "ground", "matplotlib": "demo", "pyulog": "ulog", "rasterio": "terrain", "zenoh": "fleet"}
+EXTRAS = {
+    "aiohttp": "ground",
+    "av": "stream",
+    "matplotlib": "demo",
+    "onnxruntime": "onnx",
+    "pyulog": "ulog",
+    "rasterio": "terrain",
+    "zenoh": "fleet",
+}
 """The extra of this project that installs a library, by the library's import name."""
 WITHOUT_WHEEL = frozenset({"cv2", "numpy", "scipy"})
 """Import names of the libraries that have no wheel for 32-bit Arm; Debian 12's packages of them are too old."""

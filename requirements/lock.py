@@ -120,8 +120,9 @@ Written by `requirements/lock.py` from the packages' own metadata, for all extra
 materials is `sbom.cdx.json` (CycloneDX).
 
 If you pass on an image of a board: pymavlink is LGPL-3.0, and the wheels of opencv-python-headless contain FFmpeg,
-which is LGPL-2.1. Pass on these licences. Both are separate packages in the environment, so that the receiver can
-replace them by `pip`, as the LGPL asks. certifi is MPL-2.0: changes to its own files stay under that licence.
+which is LGPL-2.1; those of av (extra `stream`) contain FFmpeg (LGPL-3.0), x264 and x265 (GPL-2.0 or later). Pass on
+these licences. All are separate packages in the environment, so that the receiver can replace them by `pip`, as the
+LGPL asks. certifi is MPL-2.0: changes to its own files stay under that licence.
 
 | package | version | licence |
 |---|---|---|"""

@@ -23,6 +23,7 @@ from fwav_companion.links.url import TcpUrl, UdpUrl, parse_cot_url
 from fwav_companion.publishing.options import PublishTable
 from fwav_companion.tracking.options import TrackingOptions
 from fwav_companion.types import ErrorPriors, StandingTarget
+from fwav_companion.vision.source_names import SourceKind, source_kind
 from fwav_companion.vision.task import VisionTask
 
 
@@ -121,7 +122,14 @@ class Config(Document, frozen=True, kw_only=True):
             readout_known=self.camera.known_readout_s is not None,
             surveyed=self.ground.model == "terrain",
             standing=bool(self.target),
+            stream=self._has_mapped_stream,
         )
+
+    @property
+    def _has_mapped_stream(self) -> bool:
+        """Whether pictures come as a stream whose stamps hold an unknown latency."""
+        vision = self.vision
+        return vision is not None and vision.stream_clock != "utc" and source_kind(vision.source) is SourceKind.STREAM
 
     @property
     def localizes(self) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import radians, sqrt
+from math import hypot, radians, sqrt
 from typing import Annotated, Literal, TypeAlias
 
 import msgspec
@@ -21,6 +21,8 @@ READOUT_SIGMA_UNKNOWN_S = 1.0 / 30.0 / sqrt(12.0)
 most common rate. The pairer replaces it by the median interval of the frames."""
 
 
+STREAM_LATENCY_SIGMA_S = 0.1
+"""One sigma of a stream's constant latency, which its stamps cannot show: encoders and cameras hold back 0 to 0.3 s."""
 MODEL_SIGMA_M, LEAST_MODEL_SIGMA_M = 4.0, 0.01
 """One sigma of an elevation model, metres: global ones differ from one another by 2.4 to 4.5 +- 3 to 4 m on three pairs
 of tiles; and the least that is used."""
@@ -87,10 +89,13 @@ class UncertaintyConfig(msgspec.Struct, frozen=True, kw_only=True):
     attitude_stamp_delay_s: Literal["auto"] | Annotated[float, Meta(ge=0, le=1)] = "auto"
     """Largest age of an attitude at its stamp, uniformly distributed, seconds; ``auto``: from the autopilot's loop."""
 
-    def priors(self, *, readout_known: bool, surveyed: bool, standing: bool = False) -> ErrorPriors:
+    def priors(
+        self, *, readout_known: bool, surveyed: bool, standing: bool = False, stream: bool = False
+    ) -> ErrorPriors:
         """The error priors in radians, metres and seconds, the biases in the order of :class:`nouns.Bias`.
 
         ``surveyed``: the ground is an elevation model. ``standing``: some labels have a height.
+        ``stream``: pictures come as a stream.
         """
         sigmas = {
             Bias.ROLL: radians(self.attitude_bias_deg),
@@ -99,7 +104,7 @@ class UncertaintyConfig(msgspec.Struct, frozen=True, kw_only=True):
             Bias.MOUNT_X: radians(self.mount_bias_deg),
             Bias.MOUNT_Y: radians(self.mount_bias_deg),
             Bias.MOUNT_Z: radians(self.mount_bias_deg),
-            Bias.TIME_OFFSET: self.time_offset_sigma_s,
+            Bias.TIME_OFFSET: hypot(self.time_offset_sigma_s, STREAM_LATENCY_SIGMA_S if stream else 0.0),
             Bias.READOUT: 0.0 if readout_known else READOUT_SIGMA_UNKNOWN_S,
             Bias.HEIGHT: self.height_bias_m,
             Bias.POSITION_NORTH: self.position_sigma_m,

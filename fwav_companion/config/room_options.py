@@ -68,11 +68,12 @@ def camera_timing(config: Config, calibration: Calibration) -> CameraTiming:
     camera = config.camera
     # Our own libcamera source is picamera2's, which exists on a Raspberry Pi alone.
     on_libcamera = config.vision is not None and config.vision.source.startswith("libcamera:")
+    asked_s = "auto" if config.vision is None else config.vision.exposure_s
     return CameraTiming(
         time_offset_s=camera.time_offset_s or calibration.time_offset_s or 0.0,
         readout_s=camera.known_readout_s,
         stamp_rule=StampRule(camera.stamp_rule(libcamera_on_raspberry_pi=on_libcamera)),
-        exposure_s=camera.exposure_s,
+        exposure_s=camera.exposure_s if asked_s == "auto" else asked_s,
     )
 
 

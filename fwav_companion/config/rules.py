@@ -8,6 +8,9 @@ from typing import Final
 from fwav_companion.config.document import Document
 from fwav_companion.config.inputs import MountConfig
 from fwav_companion.links.url import UrlError, parse_cot_url, parse_detections_url, parse_link_url
+from fwav_companion.vision.preview_address import parse_preview
+from fwav_companion.vision.source_names import source_kind
+from fwav_companion.vision.task import VisionTask
 
 CAMERA_COMPONENT_ID: Final = 100
 """MAV_COMP_ID_CAMERA: the second component of this service, where camera_tracking is on."""
@@ -21,6 +24,8 @@ def broken_rules(document: Document) -> Iterator[Complaint]:
     yield from _urls(document)
     yield from _links(document)
     yield from _vehicle_and_camera(document)
+    if document.vision is not None:
+        yield from _vision(document.vision)
     yield from _targets(document)
     yield from _ground_and_publish(document)
 
@@ -71,6 +76,18 @@ def _vehicle_and_camera(document: Document) -> Iterator[Complaint]:
             ("camera", "calibration"),
             f'missing, while {source}; accepted: the path of a camera file (for a relay alone: [detections] url = "")',
         )
+
+
+def _vision(vision: VisionTask) -> Iterator[Complaint]:
+    for key, text, parse in (("source", vision.source, source_kind), ("preview", vision.preview, parse_preview)):
+        try:
+            parse(text)
+        except ValueError as error:
+            yield ("vision", key), str(error)
+    if len(vision.size) not in (0, 2):
+        yield ("vision", "size"), "accepted: [] or [width, height], as [640, 480]"
+    if vision.detector == "onnx" and not vision.model:
+        yield ("vision", "model"), 'missing, while detector = "onnx"; accepted: the path of an .onnx file'
 
 
 def _targets(document: Document) -> Iterator[Complaint]:

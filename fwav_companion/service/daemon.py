@@ -107,7 +107,7 @@ class Service:
         self._detections = self._vision = None
         if calibration is not None:
             self._detections = make_detections(config, ears, self._log.detections_heard)
-            self._vision = make_vision(config, ears, self._log.pictures_seen)
+            self._vision = make_vision(config, calibration.image_size, ears, self._log.pictures_seen)
         self._journal = Journal(make_recorder(config, beside_recording, self._pipeline, warn), self._clock)
         self._outbox = Outbox(
             self._node, self._links, map_link=self._map_link, journal=self._journal, on_fault=self._on_fault

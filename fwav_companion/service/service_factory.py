@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Mapping
 
 import msgspec
@@ -18,6 +19,7 @@ from fwav_companion.pipeline.pipeline import Pipeline
 from fwav_companion.recording.recorder import Recorder
 from fwav_companion.vision.detections_in import DetectionsIn
 from fwav_companion.vision.frame_receiver import FrameReceiver
+from fwav_companion.vision.source_names import SourceKind, is_file_name, source_kind
 from fwav_companion.vision.supervisor import VisionProcess
 from fwav_companion.vision.task import VisionTask
 
@@ -37,10 +39,14 @@ def make_detections(config: Config, ears: FrameReceiver, on_state: Callable[[boo
     return DetectionsIn(endpoint, ears, on_state)
 
 
-def make_vision(config: Config, ears: FrameReceiver, on_state: Callable[[bool, str], None]) -> VisionProcess | None:
-    """Vision process for a camera of our own."""
+def make_vision(
+    config: Config, image_size: tuple[int, int], ears: FrameReceiver, on_state: Callable[[bool, str], None]
+) -> VisionProcess | None:
+    """Vision process for a camera of our own. ``image_size``: of the calibration."""
     task = make_vision_task(config)
-    return None if task is None else VisionProcess(task, ears, on_state)
+    if task is None:
+        return None
+    return VisionProcess(msgspec.structs.replace(task, size=task.size or image_size), ears, on_state)
 
 
 def make_vision_task(config: Config) -> VisionTask | None:
@@ -48,12 +54,39 @@ def make_vision_task(config: Config) -> VisionTask | None:
     vision = config.vision
     if vision is None:
         return None
-    if vision.detector == "onnx":
-        accepted = "apriltag, aruco, color; another detector sends its pixels to [detections] url"
-        raise ConfigError(f'{config.file}: [vision] detector = "onnx": not in this version; accepted: {accepted}')
-    require(f"{config.file}: [vision]", "numpy", "cv2")
-    is_path = not vision.source.startswith(("libcamera:", "/dev/", "rtsp://", "rtsps://"))
-    return msgspec.structs.replace(vision, source=str(config.resolve(vision.source))) if is_path else vision
+    if not vision.python:  # another interpreter has libraries of its own, and its process reports those that it lacks
+        require(f"{config.file}: [vision]", *modules_of(vision))
+    model = _model(config, vision)
+    python = _interpreter(config, vision.python) if vision.python else ""
+    source = str(config.resolve(vision.source)) if is_file_name(vision.source) else vision.source
+    return msgspec.structs.replace(vision, source=source, model=model, python=python)
+
+
+def modules_of(vision: VisionTask) -> tuple[str, ...]:
+    """The modules that the vision process needs, by their import names."""
+    onnx = ("onnxruntime",) if vision.detector == "onnx" else ()
+    stream = ("av",) if source_kind(vision.source) is SourceKind.STREAM else ()
+    return ("numpy", "cv2", *onnx, *stream)
+
+
+def _model(config: Config, vision: VisionTask) -> str:
+    """The path of the model. ConfigError where it does not exist."""
+    if vision.detector != "onnx":
+        return vision.model
+    path = config.resolve(vision.model)
+    if not path.is_file():
+        raise ConfigError(f'{config.file}: [vision] model = "{vision.model}": no such file; accepted: an .onnx file')
+    return str(path)
+
+
+def _interpreter(config: Config, python: str) -> str:
+    """The path of the interpreter. ConfigError where it cannot be run."""
+    found = shutil.which(str(config.resolve(python)) if "/" in python else python)
+    if found is None:
+        raise ConfigError(
+            f'{config.file}: [vision] python = "{python}": cannot be run; accepted: an interpreter, as /usr/bin/python3'
+        )
+    return found
 
 
 def make_recorder(

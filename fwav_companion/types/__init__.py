@@ -7,6 +7,7 @@ second.
 from fwav_companion.types.board import BoardReport, LinkLoad
 from fwav_companion.types.camera import (
     Corners,
+    DeliveryReport,
     Detection,
     Frame,
     Lens,
@@ -60,6 +61,7 @@ __all__ = [
     "CommandAnswer",
     "CommandResult",
     "Corners",
+    "DeliveryReport",
     "Destination",
     "Detection",
     "ErrorBudget",

@@ -60,6 +60,27 @@ class Frame(msgspec.Struct, frozen=True):
     """Exposure time, seconds; None where the source does not report it."""
 
 
+class DeliveryReport(msgspec.Struct, frozen=True, kw_only=True):
+    """What a camera really delivers, by its newest pictures."""
+
+    size: tuple[int, int]
+    """Width and height, pixels."""
+    fps: float
+    """Pictures a second, those that were skipped included."""
+    exposure_s: float | None = None
+    """Exposure of the newest picture, seconds; None where the camera does not report it."""
+    clock: str = ""
+    """Source of the stamps: sensor, driver, arrival, server, file, or the name of a stamp."""
+    age_s: float | None = None
+    """Median age of a picture on arrival, seconds; None where its stamp is on another clock."""
+    detector_hz: float = 0.0
+    """Pictures a second that the detector can process on this board, by its median time."""
+    skipped: int = 0
+    """Pictures that were skipped because a newer one had come."""
+    frozen: bool = False
+    """Whether the camera repeats one picture."""
+
+
 class NoFrame(msgspec.Struct, frozen=True):
     """The reason why a datagram or a line was rejected."""
 

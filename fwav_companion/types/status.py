@@ -11,6 +11,7 @@ from math import inf
 
 import msgspec
 
+from fwav_companion.types.camera import DeliveryReport
 from fwav_companion.types.flight_status import (
     AutopilotReport,
     ClockReport,
@@ -43,6 +44,8 @@ class VisionReport(msgspec.Struct, frozen=True, kw_only=True):
     pid: int | None = None
     deaths: int = 0
     """Processes that ended."""
+    delivery: DeliveryReport | None = None
+    """What the camera delivers; None before the first two pictures."""
 
 
 class PipelineStatus(msgspec.Struct, frozen=True, kw_only=True):

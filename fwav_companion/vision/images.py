@@ -40,6 +40,14 @@ class Picture:
     """Exactly one of time_unix, time_monotonic, time_boot, in seconds."""
     number: int | None = None
     exposure_s: float | None = None
+    clock: str = ""
+    """Source of the stamp: sensor, driver, arrival, server, file; "": the name of the stamp."""
+    skipped: int = 0
+    """Number of pictures that were skipped before it."""
+
+
+class DetectorError(CompanionError):
+    """The detector cannot work: its model or its library."""
 
 
 class Source(Protocol):

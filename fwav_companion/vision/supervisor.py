@@ -12,10 +12,12 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
+from pathlib import Path
 
 import msgspec
 
 from fwav_companion.blocking import in_daemon_thread
+from fwav_companion.types import DeliveryReport
 from fwav_companion.types.status import VisionReport
 from fwav_companion.vision.detections_in import DRAIN_LIMIT, LARGEST_DATAGRAM
 from fwav_companion.vision.frame_receiver import FrameReceiver
@@ -34,6 +36,13 @@ ENVIRONMENT = {"OPENCV_LOG_LEVEL": "ERROR", "OPENCV_FFMPEG_LOGLEVEL": "-8"}
 """FFmpeg repeats its messages at every attempt; the daemon reports a failure once. -8 is FFmpeg's AV_LOG_QUIET."""
 _STATE = b'{"vision":'
 
+BORROWED = (
+    "import runpy, sys; sys.path += sys.argv.pop(1).split(':'); runpy.run_module({worker!r}, run_name='__main__')"
+)
+"""Program of another interpreter: our package and libraries come last in its path, so that it prefers its own. With a
+newer numpy than its own the modules of picamera2, which are compiled for that one, fail."""
+WORKER = "fwav_companion.vision.worker"
+
 Started = tuple[subprocess.Popen[bytes], socket.socket]
 
 
@@ -47,7 +56,7 @@ class VisionProcess:
         on_state: Callable[[bool, str], None],
     ) -> None:
         """``on_state`` is called with whether pictures come, and why not, at each change."""
-        self._command = [sys.executable, "-m", "fwav_companion.vision.worker"]
+        self._command = worker_command(task.python)
         self._task_json = msgspec.json.encode(task).decode()
         self._ears = ears
         self._on_state = on_state
@@ -56,6 +65,8 @@ class VisionProcess:
         self._heard_s = 0.0
         self._works: bool | None = None
         self._why = ""
+        self._frozen = False
+        self._delivery: DeliveryReport | None = None
         self._deaths = 0
         self._supervision: asyncio.Task[None] | None = None
 
@@ -74,7 +85,9 @@ class VisionProcess:
     def status(self) -> VisionReport:
         """Part of the status: the state of the camera process."""
         pid = self._started[0].pid if self._started is not None else None
-        return VisionReport(works=bool(self._works), why=self._why, pid=pid, deaths=self._deaths)
+        return VisionReport(
+            works=bool(self._works), why=self._why, pid=pid, deaths=self._deaths, delivery=self._delivery
+        )
 
     async def _stay_up(self) -> None:
         retry_s = FIRST_RETRY_S
@@ -95,6 +108,7 @@ class VisionProcess:
     async def _lived(self, started: Started) -> str:
         """Serve one process from its start to its end; how it ended."""
         self._started = started
+        self._frozen = False
         self._ended.clear()
         self._heard_s = time.monotonic()
         asyncio.get_running_loop().add_reader(started[1], self._drain, started[1])
@@ -126,6 +140,16 @@ class VisionProcess:
                 raise
         return process, ours
 
+    def send(self, message: bytes) -> bool:
+        """Send a message to the process; False while it takes none: it is not there, or too busy to read."""
+        if self._started is None:
+            return False
+        try:
+            self._started[1].send(message)
+        except OSError:
+            return False
+        return True
+
     def _drain(self, sock: socket.socket) -> None:
         for _ in range(DRAIN_LIMIT):
             try:
@@ -144,9 +168,12 @@ class VisionProcess:
     def _take(self, data: bytes) -> None:
         if data.startswith(_STATE):
             state = msgspec.json.decode(data, type=VisionState)
+            self._frozen = state.vision == "frozen"
+            self._delivery = state.delivery or self._delivery
             self._tell(works=state.vision == "looking", why=state.why)
             return
-        self._tell(works=True, why="")
+        if not self._frozen:
+            self._tell(works=True, why="")
         self._ears.hear(data)
 
     def _tell(self, *, works: bool, why: str) -> None:
@@ -161,6 +188,15 @@ class VisionProcess:
         if started is not None:
             asyncio.get_running_loop().remove_reader(started[1])
         return started
+
+
+def worker_command(python: str) -> list[str]:
+    """The command of the vision process under this interpreter; "": our own."""
+    if not python:
+        return [sys.executable, "-m", WORKER]
+    package = Path(__file__).parents[2]
+    libraries = Path(msgspec.__file__).parents[1]
+    return [python, "-c", BORROWED.format(worker=WORKER), f"{package}:{libraries}"]
 
 
 def _end(started: Started, patience_s: float) -> int | None:

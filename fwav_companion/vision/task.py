@@ -7,6 +7,8 @@ from typing import Annotated, Literal, TypeAlias
 import msgspec
 from msgspec import Meta
 
+from fwav_companion.types import DeliveryReport
+
 ArucoDictionary: TypeAlias = Annotated[
     str,
     Meta(
@@ -22,24 +24,65 @@ def dictionary_key(name: str) -> str:
     return name.strip().lower().removeprefix("dict_")
 
 
+SidePx: TypeAlias = Annotated[int, Meta(ge=16, le=32768)]
+DETECTORS_WITH_A_MODEL = ("onnx",)
+MOST_THREADS = 64
+
+
 class VisionTask(msgspec.Struct, frozen=True):
     """[vision]: if present, this service opens a camera and detects targets itself."""
 
     source: Annotated[str, Meta(min_length=1)] = "libcamera:0"
-    """libcamera:N, /dev/videoN, rtsp://, or the path of a video, of a folder or of a named pipe of images with stamps.
-    Paths are absolute in a task, and relative to the file in a configuration."""
-    detector: Literal["apriltag", "aruco", "color", "onnx"] = "apriltag"
+    """libcamera:N, /dev/videoN, rtsp://, udp://, or the path of a .sdp file, of a video, of a folder or of a named pipe
+    of images with stamps. Paths are absolute in a task, and relative to the file in a configuration."""
+    size: tuple[SidePx, ...] = ()
+    """Width and height that are requested of a camera, pixels; empty: those of the calibration, which the service fills
+    in."""
+    fps: Annotated[float, Meta(ge=0, le=1000)] = 0.0
+    """Frame rate that is requested of a camera, hertz; 0: the driver's own."""
+    exposure_s: Literal["auto"] | Annotated[float, Meta(gt=0, le=1)] = "auto"
+    """Exposure that is requested of a camera, seconds."""
+    gain: Literal["auto"] | Annotated[float, Meta(gt=0, le=1000)] = "auto"
+    """Gain that is requested of a camera: libcamera's AnalogueGain, V4L2's own units."""
+    python: str = ""
+    """Interpreter of the vision process; "": that of the service. A path or a name, as python3."""
+    detector: Literal["apriltag", "aruco", "color", "onnx", "none"] = "apriltag"
     """Detector of the targets."""
+    apriltag_family: Literal["16h5", "25h9", "36h10", "36h11"] = "36h11"
+    """Family of ``apriltag``."""
     aruco_dictionary: ArucoDictionary = "4x4_50"
     """Dictionary of ``aruco``: OpenCV's name in lower case. In a configuration also OpenCV's DICT_4X4_50."""
     color_hue_deg: Annotated[float, Meta(ge=-360, le=360)] = 0.0
     """Hue of ``color``, degrees: 0 red, 60 yellow, 120 green, 240 blue."""
+    model: str = ""
+    """Path of the model of ``onnx``."""
+    model_format: Literal["auto", "yolov5", "yolov8", "yolox", "yolov10", "rtdetr", "nms7", "ssd"] = "auto"
+    """Layout of the model's outputs; ``auto``: by their shapes and the file's metadata."""
+    model_input: Literal["auto", "rgb", "bgr", "rgb255", "bgr255"] = "auto"
+    """Order of the model's colours, and their range: 0 to 1 or 0 to 255."""
+    model_labels: tuple[str, ...] = ()
+    """Labels of the model's classes where its file has none, in their order."""
+    model_confidence: Annotated[float, Meta(ge=0, le=1)] = 0.25
+    """Least score of a detection of the model."""
+    model_iou: Annotated[float, Meta(ge=0, le=1)] = 0.45
+    """Largest overlap of two boxes of one label, intersection over union; of two nearer ones the better is kept."""
+    threads: Annotated[int, Meta(ge=1, le=MOST_THREADS)] = 1
+    """Number of threads of the detector."""
+    stream_clock: Literal["arrival", "utc"] = "arrival"
+    """Clock of a stream's stamps. ``arrival``: the server's clock is mapped to this board's by the arrivals; ``utc``:
+    both are UTC."""
+    track_clicks: bool = True
+    """Whether an operator's click on anything starts a tracker of that patch."""
+    preview: str = ""
+    """HOST:PORT at which a browser sees the pictures; "": nowhere."""
 
 
 class VisionState(msgspec.Struct, frozen=True):
     """State of the vision process, sent between its frames."""
 
-    vision: Literal["looking", "lost", "ended"]
-    """Whether frames come, the camera is lost, or the source has ended."""
+    vision: Literal["looking", "lost", "ended", "frozen"]
+    """Whether frames come, the camera is lost, the source has ended, or the camera repeats one picture."""
     why: str = ""
-    """Reason of a loss or an end."""
+    """Reason why it does not look."""
+    delivery: DeliveryReport | None = None
+    """What the camera delivers."""

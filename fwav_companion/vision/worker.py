@@ -11,14 +11,18 @@ import socket
 import sys
 import threading
 import time
+import zlib
+from collections import deque
 from contextlib import closing, suppress
 from pathlib import Path
 
 import cv2
 import msgspec
 
+from fwav_companion.vision.delivery import DeliveredPicture, DeliveryMeter
 from fwav_companion.vision.detectors import make_detector
-from fwav_companion.vision.images import Detector, Picture, SourceEndedError, SourceLostError
+from fwav_companion.vision.images import Detector, DetectorError, Found, Picture, SourceEndedError, SourceLostError
+from fwav_companion.vision.newest_picture import NewestPicture
 from fwav_companion.vision.sources import open_source
 from fwav_companion.vision.task import VisionState, VisionTask
 from fwav_companion.vision.wire import MAX_DETECTIONS
@@ -29,28 +33,65 @@ OOM_SCORE = "800"
 """oom_score_adj of this process, of 1000 (proc(5)); the daemon has 0."""
 RETRY_S = 1.0
 """Interval of attempts to open a missing source: a camera may be plugged in late."""
+LOOK_STEP_PX = 8
+"""Every eighth pixel of every eighth row tells one picture from the next: 5 kB of 640x480."""
+LARGEST_MESSAGE = 65536
+MOST_MESSAGES = 64
+"""Messages of the daemon that are kept for the detector: two seconds of one a picture."""
+FROZEN = "the camera repeats one picture; power it off and on"
 
 _encode = msgspec.json.Encoder().encode
+
+
+class DaemonSocket:
+    """The socket to the daemon. The process ends with the daemon, however that ended."""
+
+    def __init__(self, sock: socket.socket) -> None:
+        self._socket = sock
+        self._messages: deque[bytes] = deque(maxlen=MOST_MESSAGES)
+        threading.Thread(target=self._receive, name="daemon", daemon=True).start()
+
+    def send(self, message: bytes) -> None:
+        """Send a frame or a state."""
+        self._socket.send(message)
+
+    def report(self, state: VisionState) -> None:
+        """Send the state."""
+        self._socket.send(_encode(state))
+
+    def messages(self) -> list[bytes]:
+        """The daemon's messages since the last call, the oldest first."""
+        taken = []
+        while self._messages:
+            taken.append(self._messages.popleft())
+        return taken
+
+    def _receive(self) -> None:
+        try:
+            while message := self._socket.recv(LARGEST_MESSAGE):
+                self._messages.append(message)
+        finally:
+            os._exit(0)
 
 
 def main() -> None:
     """Detect until the daemon closes its end of the socket."""
     _offer_to_oom_killer()
-    daemon = socket.socket(fileno=int(sys.argv[1]))
+    daemon = DaemonSocket(socket.socket(fileno=int(sys.argv[1])))
     task = msgspec.json.decode(sys.argv[2], type=VisionTask)
-    threading.Thread(target=_end_with, args=(daemon,), daemon=True).start()
-    cv2.setNumThreads(1)  # one core of a small board for pictures, the others for the flight
-    detector = make_detector(task)
-    while True:
-        try:
-            _look(daemon, task.source, detector)
-        except SourceLostError as error:
-            _tell(daemon, VisionState("lost", str(error)))
-            time.sleep(RETRY_S)
-        except SourceEndedError as error:
-            while True:
-                _tell(daemon, VisionState("ended", str(error)))
-                time.sleep(SIGN_OF_LIFE_S)
+    cv2.setNumThreads(task.threads)  # one core of a small board for pictures, the others for the flight
+    try:
+        detector = make_detector(task)
+        while True:
+            try:
+                Watch(daemon, task, detector).watch()
+            except SourceLostError as error:
+                daemon.report(VisionState("lost", str(error)))
+                time.sleep(RETRY_S)
+    except SourceEndedError as error:
+        _repeat(daemon, VisionState("ended", str(error)))
+    except DetectorError as error:
+        _repeat(daemon, VisionState("lost", str(error)))
 
 
 def _offer_to_oom_killer() -> None:
@@ -59,10 +100,17 @@ def _offer_to_oom_killer() -> None:
         Path("/proc/self/oom_score_adj").write_text(OOM_SCORE)
 
 
-def frame_bytes(picture: Picture, detector: Detector) -> bytes:
+def _repeat(daemon: DaemonSocket, state: VisionState) -> None:
+    """Report a state that no attempt can change, for as long as the daemon lives."""
+    while True:
+        daemon.report(state)
+        time.sleep(SIGN_OF_LIFE_S)
+
+
+def frame_bytes(picture: Picture, found: list[Found]) -> bytes:
     """The detections of a picture in the wire format."""
     height, width = picture.pixels.shape[:2]
-    frame = {**picture.stamp, "size": [width, height], "detections": detector.detect(picture.pixels)[:MAX_DETECTIONS]}
+    frame = {**picture.stamp, "size": [width, height], "detections": found[:MAX_DETECTIONS]}
     if picture.number is not None:
         frame["frame"] = picture.number
     if picture.exposure_s is not None:
@@ -70,27 +118,51 @@ def frame_bytes(picture: Picture, detector: Detector) -> bytes:
     return _encode(frame)
 
 
-def _look(daemon: socket.socket, text: str, detector: Detector) -> None:
-    """Detect until the source is lost or ends."""
-    with closing(open_source(text)) as source:
-        while True:
-            picture = source.read(SIGN_OF_LIFE_S)
-            if picture is None:
-                _tell(daemon, VisionState("looking"))
-            else:
-                daemon.send(frame_bytes(picture, detector))
+class Watch:
+    """One opening of the source."""
 
+    def __init__(self, daemon: DaemonSocket, task: VisionTask, detector: Detector) -> None:
+        self._daemon = daemon
+        self._task = task
+        self._detector = detector
+        self._meter = DeliveryMeter()
+        self._reported_s = time.monotonic()
+        self._frozen = False
 
-def _tell(daemon: socket.socket, state: VisionState) -> None:
-    daemon.send(_encode(state))
+    def watch(self) -> None:
+        """Detect until the source is lost or ends."""
+        with closing(open_source(self._task)) as source:
+            while True:
+                picture = source.read(SIGN_OF_LIFE_S)
+                if picture is not None:
+                    self._detect(picture)
+                elif not (isinstance(source, NewestPicture) and source.hangs):  # silence lets the daemon end us
+                    self._report()
 
+    def _detect(self, picture: Picture) -> None:
+        arrived_s = time.monotonic()
+        self._daemon.send(frame_bytes(picture, self._detector.detect(picture.pixels)))
+        height, width = picture.pixels.shape[:2]
+        stamp_s = picture.stamp.get("time_monotonic")
+        self._meter.add(
+            DeliveredPicture(
+                arrived_s=arrived_s,
+                detected_s=time.monotonic(),
+                size=(width, height),
+                look=zlib.crc32(picture.pixels[::LOOK_STEP_PX, ::LOOK_STEP_PX].tobytes()),
+                stamp_s=stamp_s,
+                exposure_s=picture.exposure_s,
+                skipped=picture.skipped,
+                clock=picture.clock or next(iter(picture.stamp)),
+            )
+        )
+        if arrived_s - self._reported_s > SIGN_OF_LIFE_S or self._meter.is_frozen is not self._frozen:
+            self._report()
 
-def _end_with(daemon: socket.socket) -> None:
-    """End this process with the daemon: the daemon sends nothing, so a read returns when it has ended in any way."""
-    try:
-        daemon.recv(1)
-    finally:
-        os._exit(0)
+    def _report(self) -> None:
+        self._reported_s, self._frozen = time.monotonic(), self._meter.is_frozen
+        state = VisionState("frozen", FROZEN) if self._frozen else VisionState("looking")
+        self._daemon.report(msgspec.structs.replace(state, delivery=self._meter.report()))
 
 
 if __name__ == "__main__":

@@ -78,7 +78,9 @@ def test_a_patch_of_the_hue_is_found_and_others_are_not():
 
 
 def test_the_task_names_the_detector():
-    assert make_detector(VisionTask("x", "color", color_hue_deg=240.0)).detect(np.zeros((9, 9), np.uint8)) == []
+    assert (
+        make_detector(VisionTask("x", detector="color", color_hue_deg=240.0)).detect(np.zeros((9, 9), np.uint8)) == []
+    )
     picture = tag_picture(dictionary=cv2.aruco.DICT_5X5_100, modules=7)
-    assert make_detector(VisionTask("x", "aruco", aruco_dictionary="5x5_100")).detect(picture)
+    assert make_detector(VisionTask("x", detector="aruco", aruco_dictionary="5x5_100")).detect(picture)
     assert make_detector(VisionTask("x")).detect(tag_picture())

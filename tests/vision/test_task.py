@@ -39,13 +39,6 @@ def test_without_vision_there_is_nothing_to_do():
     assert make_vision_task(parse(CAMERA, "flight.toml")) is None
 
 
-def test_what_this_version_has_not_is_said_with_what_it_has():
-    with pytest.raises(
-        ConfigError, match=r'flight\.toml: \[vision\] detector = "onnx": not in this version; accepted: '
-    ):
-        make_vision_task(config('detector = "onnx"'))
-
-
 def test_an_unknown_dictionary_is_an_error():
     with pytest.raises(ConfigError, match="aruco_dictionary"):
         config('aruco_dictionary = "8x8_50"')

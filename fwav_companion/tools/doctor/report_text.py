@@ -10,6 +10,7 @@ from fwav_companion.tools.doctor.autopilot_findings import REBOOTED
 from fwav_companion.tools.doctor.evidence import Evidence
 from fwav_companion.tools.doctor.finding import Finding
 from fwav_companion.tools.doctor.link_findings import judged_loss
+from fwav_companion.types.camera import DeliveryReport
 from fwav_companion.types.network_status import StreamReport
 from fwav_companion.types.status import RunStatus
 
@@ -84,11 +85,24 @@ def _camera(evidence: Evidence, status: RunStatus) -> Iterator[str]:
     if calibration is not None:
         width, height = calibration.image_size
         yield f"camera: {width} x {height}, calibrated to {degrees(calibration.lens.max_angle):.0f} deg from the axis"
+    if status.vision is not None and status.vision.delivery is not None:
+        yield _delivery(status.vision.delivery)
     last = "" if status.intake.age_s is None else f", the last {status.intake.age_s:.1f} s ago"
     used = f"{status.detections} detections, {status.fixes} of them localized"
     yield f"frames: {status.intake.came}{last}; {used}"
     if status.dropped:
         yield "  not used: " + ", ".join(f"{count} {reason}" for reason, count in status.dropped.items())
+
+
+def _delivery(delivery: DeliveryReport) -> str:
+    """What the camera delivers, and the rate that the detector reaches on this board."""
+    exposure = "" if delivery.exposure_s is None else f", exposure {1e3 * delivery.exposure_s:.2f} ms"
+    age = "" if delivery.age_s is None else f", {1e3 * delivery.age_s:.0f} ms old on arrival"
+    width, height = delivery.size
+    return (
+        f"pictures: {width} x {height}, {delivery.fps:.1f} Hz{exposure}; stamps by {delivery.clock}{age}; "
+        f"the detector can process {delivery.detector_hz:.1f} Hz, {delivery.skipped} skipped"
+    )
 
 
 def _ms(seconds: float | None) -> str:

@@ -2,16 +2,35 @@
 
 from __future__ import annotations
 
-from fwav_companion.vision.images import Detector
+from fwav_companion.vision.images import Detector, Found, Pixels
 from fwav_companion.vision.task import VisionTask
 
 
+def needs_color(task: VisionTask) -> bool:
+    """Whether the detector of a task needs colour."""
+    return task.detector in ("color", "onnx")
+
+
 def make_detector(task: VisionTask) -> Detector:
-    """The detector that the task names."""
+    """The detector that the task names. DetectorError where it cannot work."""
     if task.detector == "color":
         from fwav_companion.vision.detectors.color import ColorDetector
 
         return ColorDetector(task.color_hue_deg)
+    if task.detector == "onnx":
+        from fwav_companion.vision.detectors.onnx import OnnxDetector
+
+        return OnnxDetector(task)
+    if task.detector == "none":
+        return NoDetector()
     from fwav_companion.vision.detectors.markers import apriltags, aruco
 
-    return aruco(task.aruco_dictionary) if task.detector == "aruco" else apriltags()
+    return aruco(task.aruco_dictionary) if task.detector == "aruco" else apriltags(task.apriltag_family)
+
+
+class NoDetector:
+    """Finds nothing: for pictures in which an operator clicks on targets."""
+
+    def detect(self, pixels: Pixels) -> list[Found]:  # noqa: ARG002
+        """No detections."""
+        return []

@@ -16,6 +16,13 @@ ARUCO_DICTIONARIES: Final = {
     for side in (4, 5, 6, 7)
     for count in (50, 100, 250, 1000)
 }
+APRILTAG_FAMILIES: Final = {
+    "16h5": (cv2.aruco.DICT_APRILTAG_16h5, 6),
+    "25h9": (cv2.aruco.DICT_APRILTAG_25h9, 7),
+    "36h10": (cv2.aruco.DICT_APRILTAG_36h10, 8),
+    "36h11": (cv2.aruco.DICT_APRILTAG_36h11, 8),
+}
+"""Dictionaries of OpenCV, and the number of modules along a side of the black square."""
 SHARP_SIGMA_PX = 0.22
 """Sigma of a centre in a sharp picture, one axis: corners refined to some tenths, and diagonals bent by a fisheye.
 Measured on rendered tags of 30 to 100 px: 0.20 px."""
@@ -72,9 +79,10 @@ class MarkerDetector:
         }
 
 
-def apriltags() -> MarkerDetector:
-    """Detector of the family 36h11."""
-    return MarkerDetector(cv2.aruco.DICT_APRILTAG_36h11, "tag36h11", 8)
+def apriltags(family: str = "36h11") -> MarkerDetector:
+    """Detector of one of APRILTAG_FAMILIES."""
+    dictionary, modules = APRILTAG_FAMILIES[family]
+    return MarkerDetector(dictionary, f"tag{family}", modules)
 
 
 def aruco(dictionary: str) -> MarkerDetector:

@@ -2,32 +2,36 @@
 
 from __future__ import annotations
 
-import re
 import stat
 from pathlib import Path
 
+from fwav_companion.vision.detectors import needs_color
 from fwav_companion.vision.images import Source, SourceLostError
+from fwav_companion.vision.newest_picture import NewestPicture
+from fwav_companion.vision.source_names import SourceKind, source_kind
+from fwav_companion.vision.task import VisionTask
 
-ACCEPTED = "libcamera:0 | /dev/video0 | rtsp://HOST/PATH | a video file | a folder or pipe of pictures"
 
+def open_source(task: VisionTask) -> Source:
+    """The open source that [vision] source names; the kind of a path follows from its file. SourceLostError.
 
-def open_source(text: str) -> Source:
-    """The open source that [vision] source names; the kind of a path follows from its file. SourceLostError."""
-    if match := re.fullmatch(r"libcamera:(\d+)", text):
-        from fwav_companion.vision.sources.libcamera import LibcameraSource
+    Of cameras, streams and pipes the newest picture is delivered, of a folder and of a video one after another.
+    """
+    match source_kind(task.source):
+        case SourceKind.LIBCAMERA:
+            from fwav_companion.vision.sources.libcamera import LibcameraSource
 
-        return LibcameraSource(int(match[1]))
-    if text.startswith(("rtsp://", "rtsps://")):
-        from fwav_companion.vision.sources.capture import StreamSource
+            return NewestPicture(LibcameraSource(task, color=needs_color(task)))
+        case SourceKind.STREAM:
+            from fwav_companion.vision.sources.stream import StreamSource
 
-        return StreamSource(text)
-    if text.startswith("/dev/video"):
-        from fwav_companion.vision.sources.capture import DeviceSource
+            return NewestPicture(StreamSource(task.source, utc=task.stream_clock == "utc"))
+        case SourceKind.DEVICE:
+            from fwav_companion.vision.sources.capture import DeviceSource
 
-        return DeviceSource(text)
-    if re.match(r"libcamera:|\w+:/", text):
-        raise SourceLostError(f"{text}: unknown kind of source; accepted: {ACCEPTED}")
-    return _open_path(Path(text))
+            return NewestPicture(DeviceSource(task))
+        case SourceKind.PATH:
+            return _open_path(Path(task.source))
 
 
 def _open_path(path: Path) -> Source:
@@ -38,7 +42,7 @@ def _open_path(path: Path) -> Source:
     if stat.S_ISFIFO(mode):
         from fwav_companion.vision.sources.pipe import PipeSource
 
-        return PipeSource(path)
+        return NewestPicture(PipeSource(path))
     if stat.S_ISDIR(mode):
         from fwav_companion.vision.sources.folder import FolderSource
 

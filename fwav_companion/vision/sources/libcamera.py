@@ -5,28 +5,44 @@ SensorTimestamp is the end of the first row's readout, on CLOCK_MONOTONIC: that 
 
 from __future__ import annotations
 
+import time
 from importlib import import_module
 from importlib.util import find_spec
 from typing import Any
 
 from fwav_companion.vision.images import Picture, SourceLostError
+from fwav_companion.vision.task import VisionTask
 
 SIZE = (640, 480)
+"""Size where neither the configuration nor a calibration names one."""
+US_PER_S = 1e6
+LIKELY_AGE_S = 1.0
+"""A stamp that is older, or in the future, is on another clock or jumped: the arrival counts then."""
+MISSING = (
+    "picamera2 is not installed for this interpreter: sudo apt install python3-picamera2, and "
+    '[vision] python = "/usr/bin/python3"'
+)
 
 
 class LibcameraSource:
     """One camera of the board."""
 
-    def __init__(self, number: int) -> None:
+    def __init__(self, task: VisionTask, *, color: bool) -> None:
+        """``color``: whether the detector needs colour; grey levels are a third of the work."""
         if find_spec("picamera2") is None:
-            install = "sudo apt install python3-picamera2, in an environment made with --system-site-packages"
-            raise SourceLostError(f"picamera2 is not installed: {install}")
+            raise SourceLostError(MISSING)
+        width, height = task.size or SIZE
+        self._size, self._color = (width, height), color
         try:
-            camera: Any = import_module("picamera2").Picamera2(number)
-            camera.configure(camera.create_video_configuration(main={"size": SIZE, "format": "YUV420"}))
+            camera: Any = import_module("picamera2").Picamera2(int(task.source.partition(":")[2]))
+            # RGB888 is blue, green, red in memory: picamera2's manual, appendix A.
+            main = {"size": (width, height), "format": "RGB888" if color else "YUV420"}
+            camera.configure(camera.create_video_configuration(main=main, controls=controls_of(task)))
             camera.start()
+        except (ImportError, ValueError) as error:  # compiled for another numpy, as a newer one of this environment
+            raise SourceLostError(f'picamera2: {error}; set [vision] python = "/usr/bin/python3"') from None
         except (RuntimeError, IndexError, OSError) as error:
-            raise SourceLostError(f"libcamera:{number}: {error}") from None
+            raise SourceLostError(f"{task.source}: {error}") from None
         self._camera = camera
         self._number = -1
 
@@ -42,10 +58,28 @@ class LibcameraSource:
         finally:
             request.release()
         self._number += 1
-        pixels = planes[: SIZE[1], : SIZE[0]].copy()  # the first plane has the grey levels
-        exposure_s = metadata["ExposureTime"] / 1e6 if "ExposureTime" in metadata else None
-        return Picture(pixels, {"time_monotonic": metadata["SensorTimestamp"] / 1e9}, self._number, exposure_s)
+        width, height = self._size
+        pixels = planes[:height, :width].copy()  # of YUV420 the first plane has the grey levels
+        exposure_s = metadata["ExposureTime"] / US_PER_S if "ExposureTime" in metadata else None
+        now_s = time.monotonic()
+        stamped_s = metadata.get("SensorTimestamp", 0) / 1e9
+        likely = now_s - LIKELY_AGE_S < stamped_s <= now_s
+        stamp = {"time_monotonic": stamped_s if likely else now_s}
+        return Picture(pixels, stamp, self._number, exposure_s, clock="sensor" if likely else "arrival")
 
     def close(self) -> None:
         """Release the camera."""
         self._camera.close()
+
+
+def controls_of(task: VisionTask) -> dict[str, Any]:
+    """The controls of libcamera for the requested frame rate, exposure and gain."""
+    controls: dict[str, Any] = {}
+    if task.fps:
+        interval_us = round(US_PER_S / task.fps)
+        controls["FrameDurationLimits"] = (interval_us, interval_us)
+    if task.exposure_s != "auto":
+        controls["ExposureTime"] = round(US_PER_S * task.exposure_s)
+    if task.gain != "auto":
+        controls["AnalogueGain"] = float(task.gain)
+    return controls

@@ -13,6 +13,8 @@ from fwav_companion.tools.doctor.examination import examine
 from fwav_companion.tools.doctor.finding import Level
 from fwav_companion.tools.doctor.report_text import report_lines
 from fwav_companion.tools.doctor.run_status import run_status
+from fwav_companion.types import DeliveryReport
+from fwav_companion.types.status import VisionReport
 from sitl_mock import scenario, simulate
 
 HEALTHY = scenario("unbiased").but({"seed": 3})
@@ -191,3 +193,17 @@ def test_a_reboot_is_shown_for_a_minute_and_then_forgotten():
     assert any("reboot" in line for line in report_lines(early, [], ""))
     assert not any("reboot" in line for line in report_lines(late, [], ""))
     assert not any("undone" in line for line in report_lines(early, [], ""))
+
+
+def test_what_the_camera_really_delivers_is_reported():
+    delivery = DeliveryReport(
+        size=(640, 480), fps=29.97, exposure_s=0.002, clock="sensor", age_s=0.041, detector_hz=12.5, skipped=7
+    )
+    hearing = Hearing()
+    evidence = evidence_of(hearing)
+    status = msgspec.structs.replace(evidence.status, vision=VisionReport(works=True, delivery=delivery))
+    lines = list(report_lines(msgspec.structs.replace(evidence, status=status), [], ""))
+    assert (
+        "pictures: 640 x 480, 30.0 Hz, exposure 2.00 ms; stamps by sensor, 41 ms old on arrival; "
+        "the detector can process 12.5 Hz, 7 skipped"
+    ) in lines

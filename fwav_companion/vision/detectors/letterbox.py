@@ -1,0 +1,53 @@
+"""Fits a picture into a model's input, and maps boxes back to pixels of the picture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from fwav_companion.vision.images import Pixels
+
+GREY = 114
+"""Level of the margins: what the models of the YOLO family are trained with."""
+
+Placing = Literal["centre", "corner", "stretch"]
+"""Margins on both sides, at the right and bottom, or none: each axis has its own scale."""
+
+
+@dataclass(frozen=True)
+class Letterbox:
+    """A picture's place in the input of a model.
+
+    In edge coordinates, where 0 is the left edge of the first pixel: ``input = scale * picture + margin``. A resize
+    keeps edges, not centres, so the pixel of an edge coordinate x is x - 0.5.
+    """
+
+    scale: tuple[float, float]
+    margin: tuple[float, float]
+
+    def picture_from_input(self, boxes: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(N, 4) boxes left, top, right, bottom in pixels of the picture, of boxes in edge coordinates of the input."""
+        scale, margin = np.array(self.scale * 2), np.array(self.margin * 2)
+        edges: NDArray[np.float64] = (boxes - margin) / scale - 0.5
+        return edges
+
+
+def fit(pixels: Pixels, size: tuple[int, int], placing: Placing) -> tuple[Pixels, Letterbox]:
+    """The picture in colour at ``size`` (width, height), and its place there."""
+    coloured = cv2.cvtColor(pixels, cv2.COLOR_GRAY2BGR) if pixels.ndim == 2 else pixels
+    height, width = coloured.shape[:2]
+    if placing == "stretch":
+        inner = size
+    else:
+        share = min(size[0] / width, size[1] / height)
+        inner = (max(1, round(width * share)), max(1, round(height * share)))
+    resized = coloured if inner == (width, height) else cv2.resize(coloured, inner, interpolation=cv2.INTER_LINEAR)
+    room = (size[0] - inner[0], size[1] - inner[1])
+    left, top = (room[0] // 2, room[1] // 2) if placing == "centre" else (0, 0)
+    fitted: Pixels = np.full((size[1], size[0], 3), GREY, np.uint8)
+    fitted[top : top + inner[1], left : left + inner[0]] = resized
+    return fitted, Letterbox((inner[0] / width, inner[1] / height), (float(left), float(top)))

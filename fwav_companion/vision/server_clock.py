@@ -1,0 +1,108 @@
+"""A stream server's clock in terms of this board's, from its stamps and their arrivals. PURE.
+
+``host = server + offset + rate * (server - first server stamp)``. An arrival is late by the transport and by its
+jitter, and never early, so the line lies below all differences ``arrival - stamp``: the edge of their lower convex hull
+at the middle of the stamps, which of all such lines is nearest to the mean (Zhang, Liu & Xia 2002). Jitter and drift of
+the server's clock cancel. A constant latency stays in the offset.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+BUCKET_S = 1.0
+"""Of all differences within this time only the least can touch the line."""
+BUCKETS = 120
+"""Two minutes: a drift of 50 ppm changes by less than its noise meanwhile, and a warm-up of the crystal is followed."""
+LEAST_SPAN_S = 20.0
+"""Before this time the rate is not used: 5 ms of jitter over 20 s are 250 ppm, over a second 5000."""
+MOST_RATE = 5e-4
+"""500 ppm: crystals err by 100 at most; a hull that is steeper is a network whose delay changes."""
+EARLY_S = 0.1
+"""An arrival so far before the line, by a clock that never errs by so much: the server's clock was set."""
+LATE_S, LATE_PICTURES = 1.0, 30
+"""Pictures in a row so late: the server's clock was set back. A network that stalls delivers again within a second."""
+
+Difference = tuple[float, float]
+"""Stamp of the server and arrival minus stamp, seconds."""
+
+
+@dataclass
+class ServerClock:
+    """The estimate of one stream."""
+
+    steps: int = 0
+    """How often the server's clock was set."""
+    _least: list[Difference] = field(default_factory=list)
+    """The least difference of each bucket, in the order of the stamps."""
+    _line: tuple[float, float, float] | None = None
+    """Stamp, difference there, and rate."""
+    _late: int = 0
+
+    def observe(self, server_s: float, arrival_s: float) -> bool:
+        """Learn from a picture's stamp and arrival; whether the server's clock was set since the last one."""
+        difference_s = arrival_s - server_s
+        stepped = self._is_stepped(server_s, difference_s)
+        if stepped:
+            self.steps += 1
+            self._least, self._line, self._late = [], None, 0
+        self._add(server_s, difference_s)
+        return stepped
+
+    def host_from_server(self, server_s: float) -> float:
+        """The host instant of a server stamp, seconds; after the first picture."""
+        if self._line is None:
+            raise ValueError("no picture was observed")
+        at_s, difference_s, rate = self._line
+        return server_s + difference_s + rate * (server_s - at_s)
+
+    @property
+    def rate(self) -> float:
+        """Seconds that the difference gains a second; negative where the server's clock is fast."""
+        return 0.0 if self._line is None else self._line[2]
+
+    def _is_stepped(self, server_s: float, difference_s: float) -> bool:
+        if self._line is None:
+            return False
+        late_s = difference_s - (self.host_from_server(server_s) - server_s)
+        self._late = self._late + 1 if late_s > LATE_S else 0
+        backwards = server_s < self._least[-1][0] - BUCKET_S
+        return late_s < -EARLY_S - MOST_RATE * self._span_s() or self._late >= LATE_PICTURES or backwards
+
+    def _add(self, server_s: float, difference_s: float) -> None:
+        bucket = int(server_s // BUCKET_S)
+        if self._least and int(self._least[-1][0] // BUCKET_S) >= bucket:
+            if difference_s >= self._least[-1][1]:
+                return
+            self._least[-1] = (server_s, difference_s)
+        else:
+            self._least = [*self._least[-BUCKETS + 1 :], (server_s, difference_s)]
+        self._line = self._fitted()
+
+    def _span_s(self) -> float:
+        return self._least[-1][0] - self._least[0][0]
+
+    def _fitted(self) -> tuple[float, float, float]:
+        lowest = min(self._least, key=lambda each: each[1])
+        if self._span_s() < LEAST_SPAN_S:
+            return (*lowest, 0.0)
+        hull = lower_hull(self._least)
+        middle_s = sum(at_s for at_s, _ in self._least) / len(self._least)
+        (from_s, first_s), (to_s, last_s) = next((a, b) for a, b in pairwise(hull) if a[0] <= middle_s <= b[0])
+        rate = (last_s - first_s) / (to_s - from_s)
+        return (*lowest, 0.0) if abs(rate) > MOST_RATE else (from_s, first_s, rate)
+
+
+def lower_hull(points: list[Difference]) -> list[Difference]:
+    """The lower convex hull of points in the order of their first coordinate (Andrew 1979)."""
+    hull: list[Difference] = []
+    for point in points:
+        while len(hull) > 1 and _turns_right(hull[-2], hull[-1], point):
+            hull.pop()
+        hull.append(point)
+    return hull
+
+
+def _turns_right(a: Difference, b: Difference, c: Difference) -> bool:
+    return (b[0] - a[0]) * (c[1] - a[1]) <= (b[1] - a[1]) * (c[0] - a[0])
