@@ -8,6 +8,7 @@ from typing import Final
 from fwav_companion.config.document import Document
 from fwav_companion.config.inputs import MountConfig
 from fwav_companion.links.url import UrlError, parse_cot_url, parse_detections_url, parse_link_url
+from fwav_companion.types.spots import CLICK_LABEL
 from fwav_companion.vision.preview_address import parse_preview
 from fwav_companion.vision.source_names import source_kind
 from fwav_companion.vision.task import VisionTask
@@ -103,6 +104,8 @@ def _ground_and_publish(document: Document) -> Iterator[Complaint]:
             ("ground", "terrain_datum"),
             "missing, while [ground] terrain names files, which do not contain it; accepted: egm96, egm2008, ellipsoid",
         )
+    if document.publish.landing_label == CLICK_LABEL:
+        yield (("publish", "landing_label"), f'"{CLICK_LABEL}" is of clicked spots, which never steer a landing')
     if document.publish.landing_target and not document.publish.landing_label:
         yield (
             ("publish", "landing_label"),

@@ -67,10 +67,10 @@ class ClickedSpots:
         self._orders: list[SpotMessage] = []
 
     def on_picture(self, frame: Frame) -> None:
-        """Remember a frame of the camera process."""
-        rows = None if frame.number is None else self._camera.picture_rows(frame)
-        if rows is not None and frame.number is not None:
-            self._pictures.append((frame.number, rows))
+        """Remember a frame; it counts if our camera process keeps its picture."""
+        rows = None if frame.picture is None else self._camera.picture_rows(frame)
+        if rows is not None and frame.picture is not None:
+            self._pictures.append((frame.picture, rows))
 
     def follow(self, point: tuple[float, float], host_ns: HostNs, sigma_px: float) -> int | None:
         """Order the spot at a pixel of the picture nearest to this instant to be followed; its number.
@@ -112,7 +112,7 @@ class ClickedSpots:
         if rows is not None:
             seen = {number: self._predicted(spot, rows) for number, spot in self._spots.items()}
             views = {number: in_picture(view, rows.scaling) for number, view in seen.items() if view is not None}
-        return SpotViews(frame.number or 0, views)
+        return SpotViews(frame.picture or 0, views)
 
     def _predicted(self, spot: ClickedSpot, rows: PictureRows) -> SpotView | None:
         """By the camera at the capture of the picture's middle, then at that of the row which shows the spot."""

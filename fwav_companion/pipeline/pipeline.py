@@ -142,19 +142,16 @@ class Pipeline:
                 if self._components.camera is not None and frame.reason is not Reason.OVERLOAD:
                     self._components.camera.on_refused_frame(frame.reason, now)
             return
-        self._components.camera.on_frame(frame, now)
-        self._take_ready(now)
-
-    def on_picture(self, frame: Frame) -> None:
-        """Remember a frame of our own camera: a click may mean it."""
         if self._components.spots is not None:
             self._components.spots.on_picture(frame)
+        self._components.camera.on_frame(frame, now)
+        self._take_ready(now)
 
     def spot_views(self, frame: Frame, now: HostNs) -> SpotViews:
         """Where the clicked spots must be in a picture that the camera process has just taken."""
         self.advance(now)
         spots = self._components.spots
-        return SpotViews(frame.number or 0, {}) if spots is None else spots.views(frame)
+        return SpotViews(frame.picture or 0, {}) if spots is None else spots.views(frame)
 
     def on_spot_refused(self, refused: SpotRefused, now: HostNs) -> None:
         """Handle that a clicked spot cannot be followed."""

@@ -96,7 +96,8 @@ def make_pipeline(
             own_filter=own_filter,
             sightings=sightings,
         )
-    spots = ClickedSpots(camera) if camera is not None and live and config.vision is not None else None
+    follows_clicks = live and config.vision is not None and config.vision.track_clicks
+    spots = ClickedSpots(camera) if camera is not None and follows_clicks else None
     publisher = Publisher(
         publish_options(config, calibration, unit),
         spots=spots,

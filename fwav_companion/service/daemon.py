@@ -7,6 +7,8 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
+import msgspec
+
 from fwav_companion.camera import Calibration
 from fwav_companion.config import Config
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
@@ -28,8 +30,10 @@ from fwav_companion.service.stop_signals import end_by
 from fwav_companion.service.timer import NET_NS, HostClock, PipelineTimer
 from fwav_companion.telemetry import Telemetry
 from fwav_companion.types import Frame, NoFrame, Outgoing
+from fwav_companion.types.spots import SpotRefused
 from fwav_companion.types.status import RunStatus
 from fwav_companion.vision.frame_receiver import FrameReceiver
+from fwav_companion.vision.wire import parse_frame
 
 FILE_STOP_S = 0.4
 """Time to close each file: four of them stay below the two seconds that a stop may take."""
@@ -107,7 +111,14 @@ class Service:
         self._detections = self._vision = None
         if calibration is not None:
             self._detections = make_detections(config, ears, self._log.detections_heard)
-            self._vision = make_vision(config, calibration.image_size, ears, self._log.pictures_seen)
+            self._vision = make_vision(
+                config,
+                calibration.image_size,
+                ears,
+                self._log.pictures_seen,
+                on_question=self._on_spot_question,
+                on_refused=self._on_spot_refused,
+            )
         self._journal = Journal(make_recorder(config, beside_recording, self._pipeline, warn), self._clock)
         self._outbox = Outbox(
             self._node, self._links, map_link=self._map_link, journal=self._journal, on_fault=self._on_fault
@@ -240,6 +251,19 @@ class Service:
             self._frame_queue.spent(time.thread_time() - began_s, processed)
         self._flush(now)
 
+    def _on_spot_question(self, data: bytes) -> None:
+        """Answer where a picture of the camera process shows the clicked spots."""
+        now = self._clock.now()
+        frame = parse_frame(data, now, self._clock.wall)
+        if isinstance(frame, Frame) and self._vision is not None:
+            self._vision.send(msgspec.json.encode(self._pipeline.spot_views(frame, now)))
+            self._flush(now)
+
+    def _on_spot_refused(self, refused: SpotRefused) -> None:
+        now = self._clock.now()
+        self._pipeline.on_spot_refused(refused, now)
+        self._flush(now)
+
     def _heard(self, now: HostNs) -> None:
         """Do and send what is due before the event's own work: a TIMESYNC must not wait for it."""
         self._alarm.heard(now)
@@ -309,6 +333,9 @@ class Service:
             self._outbox.send(outputs.messages, outputs.datagrams, now)
             self._journal.found(outputs.lines, now)
             self._log.noticed(outputs.notices)
+            for order in outputs.spot_messages:
+                if self._vision is not None and not self._vision.send(msgspec.json.encode(order)):
+                    warn("the camera process takes no order: the click is not followed")
         self._journal.armed(self._pipeline.armed, now)
         self._arm(now)
 

@@ -17,6 +17,7 @@ from fwav_companion.links.url import UdpUrl
 from fwav_companion.mount_points import missing_mount_above
 from fwav_companion.pipeline.pipeline import Pipeline
 from fwav_companion.recording.recorder import Recorder
+from fwav_companion.types.spots import SpotRefused
 from fwav_companion.vision.detections_in import DetectionsIn
 from fwav_companion.vision.frame_receiver import FrameReceiver
 from fwav_companion.vision.source_names import SourceKind, is_file_name, source_kind
@@ -40,13 +41,20 @@ def make_detections(config: Config, ears: FrameReceiver, on_state: Callable[[boo
 
 
 def make_vision(
-    config: Config, image_size: tuple[int, int], ears: FrameReceiver, on_state: Callable[[bool, str], None]
+    config: Config,
+    image_size: tuple[int, int],
+    ears: FrameReceiver,
+    on_state: Callable[[bool, str], None],
+    on_question: Callable[[bytes], None],
+    on_refused: Callable[[SpotRefused], None],
 ) -> VisionProcess | None:
     """Vision process for a camera of our own. ``image_size``: of the calibration."""
     task = make_vision_task(config)
     if task is None:
         return None
-    return VisionProcess(msgspec.structs.replace(task, size=task.size or image_size), ears, on_state)
+    return VisionProcess(
+        msgspec.structs.replace(task, size=task.size or image_size), ears, on_state, on_question, on_refused
+    )
 
 
 def make_vision_task(config: Config) -> VisionTask | None:

@@ -58,6 +58,8 @@ class Frame(msgspec.Struct, frozen=True):
     """Width and height of the image that the detections refer to, pixels; None: those of the calibration."""
     exposure_s: float | None = None
     """Exposure time, seconds; None where the source does not report it."""
+    picture: int | None = None
+    """Number of the picture where our own camera process keeps it for clicks."""
 
 
 class DeliveryReport(msgspec.Struct, frozen=True, kw_only=True):

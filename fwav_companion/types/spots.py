@@ -13,6 +13,13 @@ CLICK_LABEL: Final = "click"
 """Label of detections of a clicked spot. [detections] labels and min_score do not apply to it."""
 
 
+QUESTION: Final = b'{"question":'
+"""Prefix of the camera process's question where a picture shows the spots: a frame in the wire format without
+detections follows, and a closing brace."""
+REFUSAL: Final = b'{"spot":'
+"""Prefix of :class:`SpotRefused` as JSON."""
+
+
 class SpotView(msgspec.Struct, frozen=True, gc=False):
     """Where and how a picture must show a spot, by the vehicle's motion."""
 

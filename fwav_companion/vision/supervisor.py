@@ -18,6 +18,7 @@ import msgspec
 
 from fwav_companion.blocking import in_daemon_thread
 from fwav_companion.types import DeliveryReport
+from fwav_companion.types.spots import QUESTION, REFUSAL, SpotRefused
 from fwav_companion.types.status import VisionReport
 from fwav_companion.vision.detections_in import DRAIN_LIMIT, LARGEST_DATAGRAM
 from fwav_companion.vision.frame_receiver import FrameReceiver
@@ -54,12 +55,19 @@ class VisionProcess:
         task: VisionTask,
         ears: FrameReceiver,
         on_state: Callable[[bool, str], None],
+        on_question: Callable[[bytes], None] | None = None,
+        on_refused: Callable[[SpotRefused], None] | None = None,
     ) -> None:
-        """``on_state`` is called with whether pictures come, and why not, at each change."""
+        """``on_state`` is called with whether pictures come, and why not, at each change; ``on_question`` with a frame
+        in the wire format, whose clicked spots the process asks for, and ``on_refused`` with a spot that it cannot
+        follow.
+        """
         self._command = worker_command(task.python)
         self._task_json = msgspec.json.encode(task).decode()
         self._ears = ears
         self._on_state = on_state
+        self._on_question = on_question
+        self._on_refused = on_refused
         self._started: Started | None = None
         self._ended = asyncio.Event()
         self._heard_s = 0.0
@@ -171,6 +179,14 @@ class VisionProcess:
             self._frozen = state.vision == "frozen"
             self._delivery = state.delivery or self._delivery
             self._tell(works=state.vision == "looking", why=state.why)
+            return
+        if data.startswith(QUESTION):
+            if self._on_question is not None:
+                self._on_question(data[len(QUESTION) : -1])
+            return
+        if data.startswith(REFUSAL):
+            if self._on_refused is not None:
+                self._on_refused(msgspec.json.decode(data, type=SpotRefused))
             return
         if not self._frozen:
             self._tell(works=True, why="")

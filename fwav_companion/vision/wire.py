@@ -63,6 +63,8 @@ class WireFrame(msgspec.Struct):
     frame: Int64 | None = None
     size: tuple[Pixels, Pixels] | None = None
     exposure_s: float | None = None
+    picture: Int64 | None = None
+    """Of our own camera process: number of the kept picture."""
 
 
 class _RecordedFrame(msgspec.Struct, omit_defaults=True, kw_only=True):
@@ -115,6 +117,7 @@ def parse_frame(data: bytes | str, arrival_ns: HostNs | None, clocks: StampClock
         detections=tuple(map(_detection, wire.detections)),
         size=wire.size,
         exposure_s=wire.exposure_s,
+        picture=wire.picture,
     )
 
 

@@ -19,6 +19,7 @@ from pathlib import Path
 import cv2
 import msgspec
 
+from fwav_companion.vision.click_watch import ClickWatch
 from fwav_companion.vision.delivery import DeliveredPicture, DeliveryMeter
 from fwav_companion.vision.detectors import make_detector
 from fwav_companion.vision.images import Detector, DetectorError, Found, Picture, SourceEndedError, SourceLostError
@@ -49,6 +50,7 @@ class DaemonSocket:
     def __init__(self, sock: socket.socket) -> None:
         self._socket = sock
         self._messages: deque[bytes] = deque(maxlen=MOST_MESSAGES)
+        self._heard = threading.Event()
         threading.Thread(target=self._receive, name="daemon", daemon=True).start()
 
     def send(self, message: bytes) -> None:
@@ -59,8 +61,10 @@ class DaemonSocket:
         """Send the state."""
         self._socket.send(_encode(state))
 
-    def messages(self) -> list[bytes]:
-        """The daemon's messages since the last call, the oldest first."""
+    def messages(self, timeout_s: float = 0.0) -> list[bytes]:
+        """The daemon's messages since the last call, the oldest first; waits at most this long for one."""
+        self._heard.wait(timeout_s)
+        self._heard.clear()
         taken = []
         while self._messages:
             taken.append(self._messages.popleft())
@@ -70,6 +74,7 @@ class DaemonSocket:
         try:
             while message := self._socket.recv(LARGEST_MESSAGE):
                 self._messages.append(message)
+                self._heard.set()
         finally:
             os._exit(0)
 
@@ -107,14 +112,16 @@ def _repeat(daemon: DaemonSocket, state: VisionState) -> None:
         time.sleep(SIGN_OF_LIFE_S)
 
 
-def frame_bytes(picture: Picture, found: list[Found]) -> bytes:
-    """The detections of a picture in the wire format."""
+def frame_bytes(picture: Picture, found: list[Found], kept: int | None = None) -> bytes:
+    """The detections of a picture in the wire format. ``kept``: its number where it is kept for clicks."""
     height, width = picture.pixels.shape[:2]
     frame = {**picture.stamp, "size": [width, height], "detections": found[:MAX_DETECTIONS]}
     if picture.number is not None:
         frame["frame"] = picture.number
     if picture.exposure_s is not None:
         frame["exposure_s"] = picture.exposure_s
+    if kept is not None:
+        frame["picture"] = kept
     return _encode(frame)
 
 
@@ -125,6 +132,8 @@ class Watch:
         self._daemon = daemon
         self._task = task
         self._detector = detector
+        self._clicks = ClickWatch(daemon) if task.track_clicks else None
+        self._count = 0
         self._meter = DeliveryMeter()
         self._reported_s = time.monotonic()
         self._frozen = False
@@ -141,7 +150,7 @@ class Watch:
 
     def _detect(self, picture: Picture) -> None:
         arrived_s = time.monotonic()
-        self._daemon.send(frame_bytes(picture, self._detector.detect(picture.pixels)))
+        self._daemon.send(self._answer(picture))
         height, width = picture.pixels.shape[:2]
         stamp_s = picture.stamp.get("time_monotonic")
         self._meter.add(
@@ -158,6 +167,15 @@ class Watch:
         )
         if arrived_s - self._reported_s > SIGN_OF_LIFE_S or self._meter.is_frozen is not self._frozen:
             self._report()
+
+    def _answer(self, picture: Picture) -> bytes:
+        """The frame of a picture: what the detector found, and the clicked spots."""
+        if self._clicks is None:
+            return frame_bytes(picture, self._detector.detect(picture.pixels))
+        self._count += 1
+        self._clicks.begin(picture, self._count, frame_bytes(picture, [], self._count))
+        found = self._detector.detect(picture.pixels)
+        return frame_bytes(picture, self._clicks.found(picture, self._count) + found, self._count)
 
     def _report(self) -> None:
         self._reported_s, self._frozen = time.monotonic(), self._meter.is_frozen

@@ -115,6 +115,7 @@ RULES = {
     "a calibration that does not exist": (LINK + '[camera]\ncalibration = "absent.yaml"\n', "absent.yaml"),
     "terrain without a datum": (RELAY + '[ground]\nterrain = ["a.hgt"]\n', "terrain_datum"),
     "landing without a label": (RELAY + "[publish]\nlanding_target = true\n", "landing_label"),
+    "landing on a click": (RELAY + '[publish]\nlanding_target = true\nlanding_label = "click"\n', "landing_label"),
     "the camera component's own id": (RELAY + "[vehicle]\ncomponent_id = 100\n", "component_id"),
     "a gimbal and a mount that looks down": (RELAY + "[camera.mount]\ngimbal_device_id = 1\n", "pitch_deg"),
 }

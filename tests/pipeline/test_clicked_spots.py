@@ -57,7 +57,7 @@ class Camera:
 
 
 def frame(number, at_ms):
-    return SimpleNamespace(number=number, at=at_ms * MS)
+    return SimpleNamespace(picture=number, at=at_ms * MS)
 
 
 @pytest.fixture

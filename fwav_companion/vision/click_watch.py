@@ -1,0 +1,70 @@
+"""Clicked spots in the camera process: keeps pictures, and asks the daemon where each new one shows the spots."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+from typing import Final, Protocol
+
+import msgspec
+
+from fwav_companion.types.spots import QUESTION, FollowSpot, ReleaseSpot, SpotMessage, SpotRefused, SpotViews
+from fwav_companion.vision.images import Found, Picture, grey
+from fwav_companion.vision.patch import FollowedSpots, KeptPictures
+
+ANSWER_S: Final = 0.05
+"""Longest wait for the daemon's answer, which takes a millisecond: a frame must not wait for a busy daemon."""
+
+_decoder = msgspec.json.Decoder(SpotMessage)
+_encode = msgspec.json.Encoder().encode
+
+
+class DaemonEnd(Protocol):
+    """The socket to the daemon."""
+
+    def send(self, message: bytes) -> None:
+        """Send one message."""
+
+    def messages(self, timeout_s: float = 0.0) -> list[bytes]:
+        """The daemon's messages since the last call; waits for the first."""
+
+
+class ClickWatch:
+    """Keeps the newest pictures, and follows the spots that the daemon orders."""
+
+    def __init__(self, daemon: DaemonEnd) -> None:
+        self._daemon = daemon
+        self._pictures = KeptPictures()
+        self._spots = FollowedSpots(self._pictures)
+        self._views: SpotViews | None = None
+
+    def begin(self, picture: Picture, number: int, frame: bytes) -> None:
+        """Take a picture before the detector does; ask where it shows the spots. ``frame``: it without detections."""
+        self._handle(self._daemon.messages())
+        self._pictures.add(number, grey(picture.pixels))
+        if self._spots:
+            self._daemon.send(QUESTION + frame + b"}")
+
+    def found(self, picture: Picture, number: int) -> list[Found]:
+        """Detections of the spots in the picture, after the detector."""
+        if not self._spots:
+            return []
+        give_up_s = time.monotonic() + ANSWER_S
+        while self._views is None or self._views.picture != number:
+            left_s = give_up_s - time.monotonic()
+            if left_s <= 0.0:
+                return []
+            self._handle(self._daemon.messages(left_s))
+        return self._spots.detections(grey(picture.pixels), self._views.views)
+
+    def _handle(self, messages: Iterable[bytes]) -> None:
+        for data in messages:
+            match _decoder.decode(data):
+                case FollowSpot() as order:
+                    refused = self._spots.follow(order)
+                    if refused is not None:
+                        self._daemon.send(_encode(SpotRefused(order.spot, refused.value)))
+                case ReleaseSpot(spot=spot):
+                    self._spots.release(spot)
+                case SpotViews() as views:
+                    self._views = views
