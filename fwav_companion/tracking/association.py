@@ -7,14 +7,14 @@ and fix share cancel in the gate. Labels are kept apart; a detector's own id cou
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import chain
 from math import log, pi, sqrt
 from operator import itemgetter
 
 import msgspec
 
-from fwav_companion.geometry.vectors import cross, dot, subtract
+from fwav_companion.geometry.vectors import Vector3, cross, dot, subtract
 from fwav_companion.tracking.assignment import least_cost_assignment
 from fwav_companion.tracking.coarse_gate import possible_pairs
 from fwav_companion.tracking.detector_model import DetectorModel
@@ -52,6 +52,8 @@ class Clutter(msgspec.Struct, frozen=True):
     """False detections of a frame per square pixel."""
     detection_odds: float
     """Twice the log of the odds of a detection over a missed one, 0 at most."""
+    miss_cost: float = 0.0
+    """The same odds, 0 at least: cost of a target in view that stays without a fix."""
 
     def llr_of(self, fix: GroundFix) -> float:
         """CLUTTER_LLR of a fix: NIS plus log determinant ratio at which target and clutter are equally likely."""
@@ -61,7 +63,8 @@ class Clutter(msgspec.Struct, frozen=True):
 def clutter(detector: DetectorModel, image_px2: float) -> Clutter:
     """The clutter of a frame. ``image_px2``: area of the image, square pixels."""
     probability = detector.detection_probability
-    return Clutter(detector.false_per_frame / image_px2, min(0.0, 2.0 * log(probability / (1.0 - probability))))
+    odds = 2.0 * log(probability / (1.0 - probability))
+    return Clutter(detector.false_per_frame / image_px2, min(0.0, odds), max(0.0, odds))
 
 
 def noise_area_px2(fix: GroundFix) -> float:
@@ -78,9 +81,16 @@ def noise_area_px2(fix: GroundFix) -> float:
 
 
 def associate(
-    candidates: Sequence[Candidate], fixes: Sequence[GroundFix], against: Clutter
+    candidates: Sequence[Candidate],
+    fixes: Sequence[GroundFix],
+    against: Clutter,
+    could_see: Callable[[Vector3], bool] | None = None,
 ) -> dict[int, tuple[int, float]]:
-    """Candidate index -> fix index, each at most once, and the log-likelihood ratio of that fix against clutter."""
+    """Candidate index -> fix index, each at most once, and the log-likelihood ratio of that fix against clutter.
+
+    ``could_see``: whether a place is in view. A target in view that stays without a fix was missed, one out of view was
+    not: where errors that targets share move them by half of their distance, this decides which of them are seen.
+    """
     pairs = _possible(candidates, fixes)
     clutter_llr = {j: against.llr_of(fixes[j]) + against.detection_odds for j in {j for _, j in pairs}}
     costs: dict[tuple[int, int], float] = {}
@@ -89,7 +99,7 @@ def associate(
         if cost is not None:
             costs[i, j] = cost
     costs = _refined(costs, candidates, fixes, clutter_llr)
-    taken = _assigned({(i, j): cost - CONFIRMED_BONUS * candidates[i].confirmed for (i, j), cost in costs.items()})
+    taken = _assigned(_with_priority(costs, candidates, against.miss_cost, could_see))
     return {i: (j, 0.5 * (min(-costs[i, j], clutter_llr[j]) - against.detection_odds)) for i, j in taken.items()}
 
 
@@ -129,6 +139,23 @@ def _refined(
         if cost is not None:
             refined[i, j] = cost
     return refined
+
+
+def _with_priority(
+    costs: dict[tuple[int, int], float],
+    candidates: Sequence[Candidate],
+    miss_cost: float,
+    could_see: Callable[[Vector3], bool] | None,
+) -> dict[tuple[int, int], float]:
+    """The costs with the advantages of confirmed tracks and of tracks in view, where there is a choice."""
+    rows = {i for i, _ in costs}
+    if len(rows) == len({j for _, j in costs}) == len(costs):
+        return costs
+    advantage = {i: CONFIRMED_BONUS if candidates[i].confirmed else 0.0 for i in rows}
+    if could_see is not None and miss_cost > 0.0:
+        for i in rows:
+            advantage[i] += miss_cost if could_see(candidates[i].target.apparent_ned) else 0.0
+    return {(i, j): cost - advantage[i] for (i, j), cost in costs.items()}
 
 
 def _cost(candidate: Candidate, target: TargetState, fix: GroundFix, clutter_llr: float) -> float | None:

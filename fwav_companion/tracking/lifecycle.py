@@ -71,11 +71,13 @@ def detected(life: Life, host_ns: HostNs, log_likelihood_ratio: float, detector:
     confirmed_ns = life.confirmed_ns
     if confirmed_ns is None and detections >= LEAST_DETECTIONS and llr >= detector.confirming_llr:
         confirmed_ns = host_ns
+    if confirmed_ns is not None:  # a bound on tentative tracks could lie below the threshold of confirmation
+        llr = min(llr, DELETED_LLR - KEPT_LOOKS * log(1.0 - probability))
     return Life(
         TrackState.TENTATIVE if confirmed_ns is None else TrackState.CONFIRMED,
         life.first_ns,
         host_ns,
-        min(llr, DELETED_LLR - KEPT_LOOKS * log(1.0 - probability)),
+        llr,
         detections,
         life.looks + 1,
         confirmed_ns=confirmed_ns,

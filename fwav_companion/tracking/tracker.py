@@ -155,7 +155,8 @@ class Tracker:
             Candidate(track.label, track.target, track.detector_id, self._calibrated(track), track.confirmed)
             for track in tracks
         ]
-        pairs = associate(candidates, view.fixes, clutter(self._state.detector, view.image_px2))
+        against = clutter(self._state.detector, view.image_px2)
+        pairs = associate(candidates, view.fixes, against, view.could_see)
         return {tracks[i].id: (view.fixes[j], llr) for i, (j, llr) in pairs.items()}
 
     def _unseen(self, track: LiveTrack, view: FrameView) -> LiveTrack:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 from handmade import BOOT_NS, a_state
 from scipy.interpolate import CubicSpline
+from scipy.linalg import expm
 from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 from simulated_flight import Flight, path
@@ -75,6 +76,8 @@ class Autopilot:
         )
 
     def _wandering(self, times):
+        if self.flight.smooth_wander:
+            return self._smoothly_wandering(times)
         keep = np.exp(-(times[1] - times[0]) / self.flight.priors.position_bias_time_s)
         sigma = np.array(self.flight.priors.bias_sigmas)[POSITION]
         scale = sigma * np.any(self.flight.biases[POSITION] != 0)
@@ -82,6 +85,18 @@ class Autopilot:
         for _ in times[1:]:
             values.append(keep * values[-1] + np.sqrt(1 - keep**2) * scale * self.rng.standard_normal(2))
         return np.array(values)
+
+    def _smoothly_wandering(self, times):
+        """Critically damped second-order process, whose integral time is that of the first-order one."""
+        rate, step = 2.0 / self.flight.priors.position_bias_time_s, times[1] - times[0]
+        moved = expm(np.array([[0.0, 1.0], [-(rate**2), -2.0 * rate]]) * step)
+        stationary = np.diag([1.0, rate**2])
+        drawn = np.linalg.cholesky(stationary - moved @ stationary @ moved.T)
+        values = [np.sqrt(stationary) @ self.rng.standard_normal((2, 2))]
+        for _ in times[1:]:
+            values.append(moved @ values[-1] + drawn @ self.rng.standard_normal((2, 2)))
+        scale = np.array(self.flight.priors.bias_sigmas)[POSITION] * np.any(self.flight.biases[POSITION] != 0)
+        return np.array(values)[:, 0] * scale
 
     def _heading_wander(self, times):
         if not self.flight.heading_wander:

@@ -62,6 +62,9 @@ class Flight:
     heading_wander: float = 0.0
     """One sigma of a Gauss-Markov error of the reported heading, in addition to its constant error, rad."""
     heading_wander_s: float = 20.0
+    smooth_wander: bool = False
+    """Whether the vehicle's position wanders as receivers do, with a rate of its own; else as a first-order
+    Gauss-Markov process, which moves by 0.18 m within a second where this one moves by 0.03 m (1 m over 60 s)."""
     start: tuple = (0.0, 0.0, 0.0)
     """Start of the hover: north, east, heading."""
 

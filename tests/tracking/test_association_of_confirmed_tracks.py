@@ -52,6 +52,28 @@ def test_a_newborn_takes_a_known_targets_fix_where_it_is_more_than_55_times_as_l
     assert (["believed", "newborn"][taker], fix) == (takes, 0)
 
 
+class At(Expecting):
+    """The same at a place."""
+
+    def __init__(self, distance2, north):
+        super().__init__(distance2, 3.0)
+        self.apparent_ned = (north, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(("farther", "takes"), [(2.0, 4.0), (6.0, 9.0)])
+def test_a_target_in_view_takes_the_fix_unless_the_one_out_of_view_is_far_likelier(farther, takes):
+    """A detector that finds 9 of 10: twice the log of 9 is 4.4."""
+    model = DetectorModel(detection_probability=0.9)
+    tracks = [At(1.0 + farther, 4.0), At(1.0, 9.0)]
+    taken = associate(
+        [Candidate("target", track, None) for track in tracks],
+        [a_fix(0.0, (4, 3, 0), label="target")],
+        clutter(model, 640.0 * 480.0),
+        lambda place: place[0] < 5.0,
+    )
+    assert [tracks[i].apparent_ned[0] for i in taken] == [takes]
+
+
 def test_a_newborn_does_not_take_a_known_targets_fix():
     """A gross detection 0.5 m from the target, with 0.2 m of noise, begins a track; the target's fixes stay its own,
     also one that happens to be nearer to the new track.

@@ -10,7 +10,7 @@ from simulated_world import World
 from fwav_companion.pipeline.target_log import TargetLog
 from fwav_companion.tracking import Reorder, TrackingOptions, make_tracker
 from fwav_companion.tracking.tracker import MAX_TRACKS
-from fwav_companion.types import Bias, NoFrame, Reason, TrackState
+from fwav_companion.types import NoFrame, Reason, TrackState
 
 NO_BIAS = priors(time_offset=0, heading=0, mount_x=0, mount_y=0, mount_z=0)
 
@@ -31,13 +31,11 @@ def living(tracks):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "seed",
-    [0, 1, pytest.param(2, marks=pytest.mark.xfail(strict=True, reason="all are found, one of them twice"))],
-)
+@pytest.mark.parametrize("seed", range(10))
 def test_thirty_targets_eight_by_five_metres_apart_are_all_found(seed):
+    """Heading and mount are off by 2 and 1 degrees (one sigma): from another side a target is seen up to 5 m beside."""
     targets = tuple((8.0 * (i - 2.5), 5.0 * (j - 2.0)) for i in range(6) for j in range(5))
-    many = {"targets": targets, "velocities": ((0.0, 0.0),) * 30, "labels": ("",) * 30}
+    many = {"targets": targets, "velocities": ((0.0, 0.0),) * 30, "labels": ("",) * 30, "smooth_wander": True}
     p = priors(time_offset=0.01, position_north=1.0, position_east=1.0, height=0.5, height_noise_m=0.3)
     flight = Flight(height_m=20.0, fps=15.0, seconds=60.0, miss=0.05, clutter=0.02, priors=p, **many).drawn(seed)
     tracker, confirmed = make_tracker(TrackingOptions(), p), {}
@@ -46,9 +44,8 @@ def test_thirty_targets_eight_by_five_metres_apart_are_all_found(seed):
             if track.confirmed_host_ns is not None and track.state is not TrackState.DROPPED:
                 confirmed[track.id] = track.position_ned[:2]
     assert len(confirmed) == 30
-    places = np.array(list(confirmed.values())) - flight.biases[[Bias.POSITION_NORTH, Bias.POSITION_EAST]]
-    distances = np.hypot(*(places[:, None] - np.array(targets)).T)
-    assert distances[linear_sum_assignment(distances)].max() < 5.0, "20 m high, heading and mount are off by 2 degrees"
+    distances = np.hypot(*(np.array(list(confirmed.values()))[:, None] - np.array(targets)).T)
+    assert distances[linear_sum_assignment(distances)].max() < 5.0
 
 
 @pytest.mark.parametrize("motion", ["static", "moving"])
