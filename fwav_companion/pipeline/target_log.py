@@ -7,14 +7,18 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
-from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.recording.lines import Line, header_line, origin_line, target_line, unix_seconds
 from fwav_companion.tracking import Settled
-from fwav_companion.types import Reason
+from fwav_companion.types import Reason, Track, TrackState
 
 MAX_HELD_LINES = 4096
 """Most lines that wait for the header, which waits for the origin: 10 s after the first attitude at the latest. Ten
 detections a frame at 30 frames/s make 3000 sightings in that time."""
+
+
+QUIET_NS = NS_PER_S
+"""Time between two lines of a track that no frame saw, looked for or changed meanwhile."""
 
 
 class TargetLog:
@@ -30,6 +34,8 @@ class TargetLog:
         self._held: list[Line] | None = []
         self._lines: list[Line] = []
         self._sightings: dict[tuple[HostNs, int], list[Line]] = {}
+        self._last_lines: dict[int, tuple[TrackState, HostNs]] = {}
+        """State and capture in the last line of each live track, by id."""
         self.frames = 0
         self.detections = 0
         self.fixes = 0
@@ -89,7 +95,21 @@ class TargetLog:
             for line in self._sightings.pop((frame.view.host_ns, frame.view.frame), ()):
                 self.write(line)
             for track in frame.tracks:
-                self.write(target_line(track, plane, self._unix_offset_ns))
+                if self._is_due(track):
+                    self.write(target_line(track, plane, self._unix_offset_ns))
+
+    def _is_due(self, track: Track) -> bool:
+        """Whether a track has a line of this frame: it was seen, looked for or changed state, or was quiet for long."""
+        state, written_ns = self._last_lines.get(track.id, (None, HostNs(0)))
+        seen = track.last_seen_host_ns == track.host_ns
+        quiet = track.state is state and not (seen or track.looked_for)
+        if quiet and track.host_ns - written_ns < QUIET_NS:
+            return False
+        if track.state is TrackState.DROPPED:
+            self._last_lines.pop(track.id, None)
+        else:
+            self._last_lines[track.id] = (track.state, track.host_ns)
+        return True
 
     @property
     def has_lines(self) -> bool:

@@ -30,6 +30,8 @@ class LiveTrack(msgspec.Struct, frozen=True):
     """Pixel (u, v) of the last fix."""
     fix: GroundFix | None = None
     """Fix of the newest frame; None where the frame brought none."""
+    looked_for: bool = False
+    """Whether the newest frame covers the target, although it brought no fix of it."""
     slant_m: float = 0.0
     """Distance from the camera at the last fix, metres."""
     level_sigma_m: float = 0.0
@@ -95,6 +97,7 @@ class LiveTrack(msgspec.Struct, frozen=True):
             velocity_ned=target.velocity_ned,
             velocity_cov=target.velocity_cov,
             fix=self.fix,
+            looked_for=self.looked_for,
             innovation=self.innovation,
             first_host_ns=life.first_ns,
             confirmed_host_ns=life.confirmed_ns,

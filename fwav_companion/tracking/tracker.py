@@ -106,7 +106,9 @@ class Tracker:
             self._beside.on_frame(view)
         state = self._state
         predicted = [
-            msgspec.structs.replace(track, target=track.target.predict(view.host_ns), fix=None, innovation=None)
+            msgspec.structs.replace(
+                track, target=track.target.predict(view.host_ns), fix=None, looked_for=False, innovation=None
+            )
             for track in state.alive
         ]
         taken = self._associated(predicted, view)
@@ -164,7 +166,7 @@ class Tracker:
         missed = is_missed_detection(view, track.label, self._best_target(track), self._margin_m(track))
         detector = self._state.detector
         life = not_detected(track.life, view.host_ns, missed=missed, keep_ns=self._keep_ns, detector=detector)
-        return track if life is track.life else msgspec.structs.replace(track, life=life)
+        return track if life is track.life else msgspec.structs.replace(track, life=life, looked_for=missed)
 
     def _seen(
         self, track: LiveTrack, fix: GroundFix, llr: float, view: FrameView, absent: Sequence[LiveTrack]

@@ -103,6 +103,8 @@ class Track(msgspec.Struct, frozen=True, kw_only=True):
     """Covariance of the velocity, NED, (m/s)^2."""
     fix: GroundFix | None = None
     """Fix of this frame; None where the frame brought none."""
+    looked_for: bool = False
+    """Whether this frame covers the target, although it brought no fix of it: a missed detection."""
     innovation: Innovation | None = None
     """Innovation of that fix; None for the first fix, and where innovations are not requested."""
     first_host_ns: HostNs

@@ -1,8 +1,11 @@
 """Lines of the target log, and the lines that are not made without a reader."""
 
 import pytest
+from handmade import a_fix, a_view, host_ns
+from simulated_flight import priors
 
 from fwav_companion.pipeline.target_log import TargetLog
+from fwav_companion.tracking import Settled, TrackingOptions, make_tracker
 from fwav_companion.types import Reason
 
 
@@ -20,3 +23,28 @@ def test_lines_are_kept_for_who_takes_them_and_counts_always(written, lines):
     target_log = TargetLog("1.0", {}, 0, written=written)
     assert filled(target_log) == lines
     assert target_log.counts()["dropped"] == {"no_clock": 1}
+
+
+def lines_of(frames):
+    """(seconds, state) of the target lines of these frames: (seconds, seen, looked for)."""
+    tracker, log = make_tracker(TrackingOptions(), priors()), TargetLog("", {}, 0)
+    log.begin(None)
+    for t, seen, sees in frames:
+        view = a_view(t, *([a_fix(t, (4.0, 3.0, 0.0))] if seen else []), sees=sees)
+        log.settle([Settled(view, tracker.on_frame(view))], None)
+    start_s = host_ns(0.0) / 1e9
+    return [(round(line["time_unix"] - start_s, 1), line["state"]) for line in log.take() if line["type"] == "target"]
+
+
+def test_a_track_has_a_line_where_it_is_seen_looked_for_or_changes_state_and_once_a_second():
+    """Ten frames a second: one second in view, one missed, then out of view."""
+    seen = [(k / 10, True, True) for k in range(10)]
+    missed = [(1.0 + k / 10, False, True) for k in range(5)]
+    away = [(1.5 + k / 10, False, False) for k in range(30)]
+    times = [t for t, _ in lines_of(seen + missed + away)]
+    assert times == [k / 10 for k in range(15)] + [2.4, 3.4, 4.4]
+
+
+def test_a_track_out_of_view_has_a_line_of_its_change_of_state():
+    lines = lines_of([(k / 10, k < 10, k < 10) for k in range(15)])
+    assert lines[10:] == [(1.2, "coasting")]
