@@ -31,7 +31,7 @@ LEAST_NOISE_PX2 = 1e-3
 """Lower bound of a fix's noise ellipse, square pixels: a detection that claims less is not believed."""
 
 
-class Candidate(msgspec.Struct, frozen=True):
+class Candidate(msgspec.Struct, frozen=True, gc=False):
     """A track as association sees it."""
 
     label: str

@@ -34,7 +34,7 @@ Member: TypeAlias = tuple[float, float, float, GateShare, int]
 """A fix in its cell: north, east, metres; distance of its sensitivities north to the cell's, metres; share; index."""
 
 
-class GateCell(msgspec.Struct, frozen=True):
+class GateCell(msgspec.Struct, frozen=True, gc=False):
     """Neighbouring fixes."""
 
     members: tuple[Member, ...]

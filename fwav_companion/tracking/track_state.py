@@ -15,7 +15,7 @@ MOST_REPLACED = 16
 """Most ids of merged tracks that a track keeps: the latest."""
 
 
-class LiveTrack(msgspec.Struct, frozen=True):
+class LiveTrack(msgspec.Struct, frozen=True, gc=False):
     """One live track. Immutable."""
 
     id: int

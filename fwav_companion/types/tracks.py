@@ -67,7 +67,7 @@ OUTSIDE_GATE = GateResult(inf, 0.0)
 """The result of a fix outside the coarse gate."""
 
 
-class Track(msgspec.Struct, frozen=True, kw_only=True):
+class Track(msgspec.Struct, frozen=True, gc=False, kw_only=True):
     """One target after one frame; immutable, a new object every frame."""
 
     id: int

@@ -14,10 +14,10 @@ from scipy.linalg import block_diag, expm
 
 from fwav_companion.tracking.filters.consider_biases import (
     FIRST_SENSITIVITY_S,
-    SENSITIVE,
     SENSITIVITY_SHARE,
     SENSITIVITY_STEP_S,
 )
+from fwav_companion.tracking.filters.linearization import SENSITIVE
 from fwav_companion.types import Bias, ErrorPriors, GroundFix
 
 Array = NDArray[np.float64]

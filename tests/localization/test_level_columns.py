@@ -5,7 +5,7 @@ import pytest
 from true_flights import PRIORS, Scene
 
 from fwav_companion.localization import HomeGround, Localizer
-from fwav_companion.tracking.filters.linearization import level_columns
+from fwav_companion.tracking.filters.linearization import SENSITIVE, level_columns
 
 SCENES = [Scene(), Scene(roll_deg=6.0, pitch_deg=20.0), Scene(pitch_deg=-10.0, target=(-3.0, 8.0), height_m=5.0)]
 
@@ -20,5 +20,5 @@ def test_from_any_fix_the_columns_are_those_of_a_fix_that_looks_there(scene):
     fix = located(scene)
     other = located(Scene(**{**vars(scene), "target": (scene.target[0] + 1.5, scene.target[1] - 2.0)}))
     north, east, height = np.subtract(other.position_ned, other.sighting.camera_ned)
-    for bias, column in level_columns(fix, north, east, height).items():
+    for bias, column in zip(SENSITIVE, level_columns(fix, north, east, height), strict=True):
         assert column == pytest.approx(other.bias_jacobian[bias][:2], rel=1e-9, abs=1e-9), bias.name

@@ -17,7 +17,7 @@ from fwav_companion.tracking.filters.consider_biases import (
     turned_toward,
 )
 from fwav_companion.tracking.filters.gates import GATE, ID_GATE
-from fwav_companion.tracking.filters.linearization import TELEMETRY_STEP_S, level_columns
+from fwav_companion.tracking.filters.linearization import SENSITIVE, TELEMETRY_STEP_S, level_columns
 from fwav_companion.types import BIAS_COUNT, Bias
 
 ALL = priors(
@@ -130,7 +130,9 @@ def test_other_sensitivities_replace_those_to_attitude_mount_and_height_and_add_
     expected = jacobian_of(fix)[:, [*IN_ORDER, Bias.POSITION_NORTH, Bias.POSITION_EAST]]
     expected = expected * SIGMAS[[*IN_ORDER, Bias.POSITION_NORTH, Bias.POSITION_EAST]]
     own = np.zeros((2, 2))
-    for bias, column in columns.items():
+    for bias, column in zip(SENSITIVE, columns, strict=True):
+        if bias not in IN_ORDER:
+            continue
         scaled = np.array(column) * SIGMAS[bias]
         expected[:2, IN_ORDER.index(bias)] = scaled
         own += SENSITIVITY_SHARE**2 * np.outer(scaled, scaled)

@@ -6,7 +6,13 @@ from handmade import a_fix
 from msgspec.structs import replace
 from scipy.spatial.transform import Rotation
 
-from fwav_companion.tracking.filters.linearization import CLIMB_DENSITY, first_point, is_level, level_columns
+from fwav_companion.tracking.filters.linearization import (
+    CLIMB_DENSITY,
+    SENSITIVE,
+    first_point,
+    is_level,
+    level_columns,
+)
 from fwav_companion.types import Bias
 
 PLACE = (4.0, 3.0, 0.0)
@@ -52,7 +58,7 @@ def test_columns_of_level_ground_are_the_derivatives_of_where_the_ray_meets_it(s
     fix = a_fix(0.0, PLACE)
     x, y, z, w = ned_from_body.as_quat()
     fix = replace(fix, sighting=replace(fix.sighting, state=replace(fix.sighting.state, ned_from_body=(w, x, y, z))))
-    columns, step = level_columns(fix, *sight), 1e-6
+    columns, step = dict(zip(SENSITIVE, level_columns(fix, *sight), strict=True)), 1e-6
     for axis, attitude, mount in ((0, Bias.ROLL, Bias.MOUNT_X), (1, Bias.PITCH, Bias.MOUNT_Y), (2, None, Bias.MOUNT_Z)):
         turns = [Rotation.from_rotvec(sign * step * np.eye(3)[axis]) for sign in (1.0, -1.0)]
         derivative = (met(turns[0], sight, 10.0) - met(turns[1], sight, 10.0)) / (2.0 * step)

@@ -8,19 +8,19 @@ may keep it as a state, or let its share decay.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import exp, sqrt
 from typing import TypeAlias
 
 import msgspec
 
-from fwav_companion.geometry.small_matrices import add_diagonal
+from fwav_companion.geometry.small_matrices import Row, add_diagonal
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
-from fwav_companion.geometry.vectors import ZERO33, Matrix3, Vector3, add_matrices, outer, scale
+from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.tracking.filters.gates import widest_gate
-from fwav_companion.tracking.filters.linearization import TELEMETRY_STEP_S
+from fwav_companion.tracking.filters.linearization import SENSITIVE, TELEMETRY_STEP_S
 from fwav_companion.types import Bias, ErrorPriors, GroundFix
 
-Row: TypeAlias = tuple[float, ...]
 Rows: TypeAlias = tuple[Row, Row, Row]
 """North, east, down by the biases in use."""
 
@@ -46,7 +46,6 @@ SENSITIVITY_STEP_S = 6.0
 FIRST_SENSITIVITY_S = 0.1
 """Interval that counts for the first fix of a target, which has none. With the whole correlation time its own noise
 would stay in the mean of the first seconds; with a frame's interval its claim would be several times too wide."""
-SENSITIVE = (Bias.ROLL, Bias.PITCH, Bias.MOUNT_X, Bias.MOUNT_Y, Bias.MOUNT_Z, Bias.HEIGHT, Bias.TARGET_HEIGHT)
 WANDERING = (Bias.POSITION_NORTH, Bias.POSITION_EAST)
 
 
@@ -87,7 +86,9 @@ class ConsiderBiases:
         used = [bias for bias in Bias if priors.sigma(bias) > 0.0 and bias not in WANDERING]
         self.wandering = len(used)
         """Index of the first wandering bias."""
-        self._sensitive = tuple((used.index(bias), bias, priors.sigma(bias)) for bias in SENSITIVE if bias in used)
+        self._sensitive = tuple(
+            (used.index(bias), k, priors.sigma(bias)) for k, bias in enumerate(SENSITIVE) if bias in used
+        )
         self.timed = used.index(Bias.TIME_OFFSET) if Bias.TIME_OFFSET in used else None
         """Index of the time offset."""
         self._delayed = used.index(Bias.POSITION_DELAY) if Bias.POSITION_DELAY in used else None
@@ -134,12 +135,14 @@ class ConsiderBiases:
         return Measurement(prepared.position, noise, prepared.shared, prepared.gate)
 
     def relinearized(
-        self, measurement: Measurement, columns: dict[Bias, tuple[float, float]], since_s: float
+        self, measurement: Measurement, columns: Sequence[tuple[float, float]], since_s: float
     ) -> Measurement:
-        """The measurement with other sensitivities, d(north, east)/d(bias), and their own error as noise."""
+        """The measurement with other sensitivities, d(north, east)/d(bias) in the order of SENSITIVE, and their own
+        error as noise.
+        """
         north, east, down = list(measurement.shared[0]), list(measurement.shared[1]), measurement.shared[2]
-        for i, bias, sigma in self._sensitive:
-            n, e = columns[bias]
+        for i, k, sigma in self._sensitive:
+            n, e = columns[k]
             north[i], east[i] = n * sigma, e * sigma
         return self._with_sensitivity(measurement, (tuple(north), tuple(east), down), since_s)
 
@@ -191,11 +194,14 @@ class ConsiderBiases:
         return ((nn, ne, nd), (ne, ee, ed), (nd, ed, dd))
 
     def _with_attitudes(self, noise: Matrix3, fix: GroundFix, repeated: float) -> Matrix3:
-        variance, repeats = repeated * self._attitude_noise2, ZERO33
+        variance = repeated * self._attitude_noise2
+        (nn, ne, nd), (_, ee, ed), (_, _, dd) = noise
         for axis in (Bias.ROLL, Bias.PITCH, Bias.HEADING):
-            by_turn = fix.bias_jacobian[axis]
-            repeats = add_matrices(repeats, outer(by_turn, scale(by_turn, variance)))
-        return add_matrices(noise, repeats)
+            n, e, d = fix.bias_jacobian[axis]
+            by_n, by_e = variance * n, variance * e
+            nn, ne, nd = nn + by_n * n, ne + by_n * e, nd + by_n * d
+            ee, ed, dd = ee + by_e * e, ed + by_e * d, dd + variance * d * d
+        return ((nn, ne, nd), (ne, ee, ed), (nd, ed, dd))
 
 
 def turned_toward(noise: Matrix3, fix: GroundFix, target_ned: Vector3) -> Matrix3:

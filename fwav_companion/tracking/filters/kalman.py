@@ -12,7 +12,6 @@ from fwav_companion.tracking.filters.linearization import LinearizationPoint, fi
 from fwav_companion.tracking.filters.maneuver import ManeuverLag
 from fwav_companion.tracking.filters.position_wander import first_place
 from fwav_companion.tracking.filters.schmidt_kalman import (
-    Innovation2,
     PointEstimate,
     first_down,
     first_point_estimate,
@@ -23,7 +22,7 @@ from fwav_companion.tracking.filters.standing import StandingModel, StandingTarg
 from fwav_companion.types import ErrorPriors, GroundFix
 
 
-class StaticTargetState(StandingTargetState, frozen=True, kw_only=True):
+class StaticTargetState(StandingTargetState, frozen=True, kw_only=True, gc=False):
     """A standing target by the gain of least total covariance: near fixes count for more, their biases are smaller."""
 
     point: LinearizationPoint
@@ -50,38 +49,34 @@ class StaticTargetState(StandingTargetState, frozen=True, kw_only=True):
     def _updated(self, fix: GroundFix, since_s: float) -> Self:
         errors, host_ns = self.model.errors, fix.sighting.frame_host_ns
         point, measurement = self._measured(fix, since_s)
-        freed, before, innovation = self._freed(measurement, host_ns, since_s)
-        apparent = before.update(innovation, before.kalman_gain(innovation))
-        placed = freed.placed(apparent, measurement, host_ns)
-        by_delay = errors.by_delay(measurement)
-        return replace(
-            placed,
-            apparent=apparent,
-            predicted=None,
-            down=self.down.update(measurement),
-            scatter=scattered(before, self.scatter, errors.prepared(fix), errors.timed),
-            point=point.moved(apparent.north_m - before.north_m, apparent.east_m - before.east_m),
-            now=relative_estimate(before, innovation.alone(before, fix.noise_cov), errors.position_noise_m2, by_delay),
-            fixed_ns=host_ns,
-            host_ns=host_ns,
-        )
-
-    def _freed(
-        self, measurement: Measurement, host_ns: HostNs, since_s: float
-    ) -> tuple[Self, PointEstimate, Innovation2]:
-        """The state, its apparent place before the fix, and the innovation.
-
-        Where the last innovations agree beyond any doubt the position has jumped, and is free to have moved so far.
-        """
         before = self.before(host_ns)
         innovation = before.innovation(measurement)
         jump = self.jump.with_fix(innovation.north_m, innovation.east_m, since_s)
-        if self.wandering is None or not jump.is_turn(innovation.cov):
-            return replace(self, jump=jump), before, innovation
-        (nn, ne, _), (_, ee, _), _ = jump.position_cov
-        before = before.with_noise((nn, ne, ee))
-        freed = replace(self, jump=ManeuverLag(), wandering=self.wandering.with_jump(0.5 * (nn + ee)))
-        return freed, before, before.innovation(measurement)
+        state = self
+        if self.wandering is not None and jump.is_turn(innovation.cov):
+            # The position has jumped beyond any doubt, and is free to have moved by as much as the last fixes agree.
+            (nn, ne, _), (_, ee, _), _ = jump.position_cov
+            before, jump = before.with_noise((nn, ne, ee)), ManeuverLag()
+            state = replace(self, wandering=self.wandering.with_jump(0.5 * (nn + ee)))
+            innovation = before.innovation(measurement)
+        apparent = before.update(innovation, before.kalman_gain(innovation))
+        wandering, fresh, placed_ns = state.placed(apparent, measurement, host_ns)
+        alone = innovation.alone(before, fix.noise_cov)
+        return replace(
+            state,
+            apparent=apparent,
+            predicted=None,
+            wandering=wandering,
+            fresh=fresh,
+            placed_ns=placed_ns,
+            jump=jump,
+            down=self.down.update(measurement),
+            scatter=scattered(before, self.scatter, errors.prepared(fix), errors.timed),
+            point=point.moved(apparent.north_m - before.north_m, apparent.east_m - before.east_m),
+            now=relative_estimate(before, alone, errors.position_noise_m2, errors.by_delay(measurement)),
+            fixed_ns=host_ns,
+            host_ns=host_ns,
+        )
 
     def _measured(self, fix: GroundFix, since_s: float) -> tuple[LinearizationPoint, Measurement]:
         """The fix with the sensitivities at the linearization point, and that point."""

@@ -27,6 +27,8 @@ START_CLIMB_VARIANCE = 1.0
 """Variance of the first vertical speed, (m/s)^2."""
 LEAST_HEIGHT_SIGMA_M = 0.02
 """Smallest sigma of one height: its resolution and the level of the ground."""
+SENSITIVE = (Bias.ROLL, Bias.PITCH, Bias.MOUNT_X, Bias.MOUNT_Y, Bias.MOUNT_Z, Bias.HEIGHT, Bias.TARGET_HEIGHT)
+"""Biases whose sensitivities hold the noise of a fix."""
 TELEMETRY_STEP_S = 0.1
 """Interval of heights and positions ([rates] position = 10 Hz), between which they are interpolated."""
 
@@ -93,24 +95,27 @@ def is_level(fix: GroundFix) -> bool:
     return fix.ground == "home" and not fix.sighting.relative
 
 
-def level_columns(fix: GroundFix, north_m: float, east_m: float, height_m: float) -> dict[Bias, tuple[float, float]]:
+def level_columns(fix: GroundFix, north_m: float, east_m: float, height_m: float) -> tuple[tuple[float, float], ...]:
     """d(north, east)/d(bias) of a sight of the level ground at (north, east) from the camera, ``height_m`` below it.
 
-    A rotation w of the vehicle moves the point by w x r, less the way along the ray r back to the ground; the columns
-    of ``localization.propagation`` at the fix itself.
+    A column for each of SENSITIVE. A rotation w of the vehicle moves the point by w x r, less the way along the ray r
+    back to the ground; the columns of ``localization.propagation`` at the fix itself.
     """
     per_n, per_e = north_m / height_m, east_m / height_m
     target_m = fix.sighting.anchor_sigma_m
-    columns: dict[Bias, tuple[float, float]] = {
-        Bias.HEIGHT: (per_n, per_e),
-        Bias.TARGET_HEIGHT: (-target_m * per_n, -target_m * per_e),
-    }
-    axes = transpose(matrix_from_quaternion(fix.sighting.state.ned_from_carrier))
-    for bias, mount, (x, y, z) in ((Bias.ROLL, Bias.MOUNT_X, axes[0]), (Bias.PITCH, Bias.MOUNT_Y, axes[1])):
-        down = x * east_m - y * north_m
-        n, e = y * height_m - z * east_m - down * per_n, z * north_m - x * height_m - down * per_e
-        columns[bias], columns[mount] = (n, e), (-n, -e)
-    x, y, z = axes[2]
-    down = x * east_m - y * north_m
-    columns[Bias.MOUNT_Z] = (z * east_m - y * height_m + down * per_n, x * height_m - z * north_m + down * per_e)
-    return columns
+    (xx, yx, zx), (xy, yy, zy), (xz, yz, zz) = transpose(matrix_from_quaternion(fix.sighting.state.ned_from_carrier))
+    down = xx * east_m - yx * north_m
+    roll_n, roll_e = yx * height_m - zx * east_m - down * per_n, zx * north_m - xx * height_m - down * per_e
+    down = xy * east_m - yy * north_m
+    pitch_n, pitch_e = yy * height_m - zy * east_m - down * per_n, zy * north_m - xy * height_m - down * per_e
+    down = xz * east_m - yz * north_m
+    yaw_n, yaw_e = yz * height_m - zz * east_m - down * per_n, zz * north_m - xz * height_m - down * per_e
+    return (
+        (roll_n, roll_e),
+        (pitch_n, pitch_e),
+        (-roll_n, -roll_e),
+        (-pitch_n, -pitch_e),
+        (-yaw_n, -yaw_e),
+        (per_n, per_e),
+        (-target_m * per_n, -target_m * per_e),
+    )

@@ -19,7 +19,7 @@ from fwav_companion.tracking.filters.standing import StandingModel, StandingTarg
 from fwav_companion.types import ErrorPriors, GroundFix
 
 
-class LowPassTargetState(StandingTargetState, frozen=True, kw_only=True):
+class LowPassTargetState(StandingTargetState, frozen=True, kw_only=True, gc=False):
     """u_k and, in the paper's form, the sample x_k that enters only at the next one."""
 
     filter: LowPass

@@ -21,8 +21,7 @@ from typing import TypeAlias
 
 import msgspec
 
-from fwav_companion.geometry.small_matrices import Symmetric2
-from fwav_companion.tracking.filters.consider_biases import Row
+from fwav_companion.geometry.small_matrices import Row, Symmetric2
 from fwav_companion.tracking.filters.schmidt_kalman import PointEstimate
 
 STEP_S = 1.0

@@ -52,7 +52,7 @@ class StandingModel:
         return position_wander(sigma_m, self._times_s)
 
 
-class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True):
+class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     """One standing target. A subclass updates it."""
 
     model: StandingModel
@@ -149,6 +149,8 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True):
 
     def before(self, host_ns: HostNs) -> PointEstimate:
         """The apparent place predicted to an instant: the error of the vehicle's position has wandered on."""
+        if self.predicted is not None and host_ns == self.host_ns:
+            return self.predicted
         nn, _, ee = self.apparent.noise
         more = self.wander.apparent_noise(s_from_ns(host_ns - self.fixed_ns), 0.5 * (nn + ee))
         return self.apparent if more == 0.0 else self.apparent.with_noise((more, 0.0, more))
@@ -161,21 +163,25 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True):
         """
         if wander == self.wander:
             return self
-        state = replace(self, wander=wander)
+        state = replace(self, wander=wander, predicted=None)
         if self.wandering is None or not wander.sigma_m <= FRESH_SHARE * self.wander.sigma_m:
             return state
         variance, place = wander.sigma_m**2, self.wandering.estimate
         apparent = place.with_noise((variance, 0.0, variance))
         return replace(
-            state, apparent=apparent, predicted=None, fresh=None, wandering=self.wandering.with_fresh_error(wander)
+            state, apparent=apparent, fresh=None, wandering=self.wandering.with_fresh_error(wander)
         )
 
-    def placed(self, apparent: PointEstimate, measurement: Measurement, host_ns: HostNs) -> Self:
-        """The state with the place by its newest fix. Within the first second the place is the apparent one."""
+    def placed(
+        self, apparent: PointEstimate, measurement: Measurement, host_ns: HostNs
+    ) -> tuple[WanderingPlace | None, PointEstimate | None, HostNs]:
+        """``wandering``, ``fresh`` and ``placed_ns`` by the newest fix. Within the first second the place is the
+        apparent one.
+        """
         if self.wandering is None:
-            return replace(self, placed_ns=host_ns)
+            return None, None, host_ns
         if s_from_ns(host_ns - self.first_ns) < STEP_S:
-            return replace(self, wandering=first_place(apparent, self.wander), placed_ns=host_ns)
+            return first_place(apparent, self.wander), None, host_ns
         fresh = self.fresh
         if fresh is None:
             fresh = first_point_estimate(measurement)
@@ -184,9 +190,8 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True):
             fresh = fresh.update(innovation, fresh.kalman_gain(innovation))
         since_s = s_from_ns(host_ns - self.placed_ns)
         if since_s < STEP_S:
-            return replace(self, fresh=fresh)
-        wandering = self.wandering.update(fresh, self.wander, since_s)
-        return replace(self, wandering=wandering, fresh=None, placed_ns=host_ns)
+            return self.wandering, fresh, self.placed_ns
+        return self.wandering.update(fresh, self.wander, since_s), None, host_ns
 
 
 def with_down(place: PointEstimate, down: DownEstimate) -> Matrix3:
