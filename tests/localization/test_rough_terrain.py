@@ -145,3 +145,9 @@ def test_uneven_level_ground_is_in_the_claim_where_it_is_set(ground):
     assert uneven.cov[0][0] - even.cov[0][0] == pytest.approx(4.0, rel=1e-3)
     assert uneven.cov[2][2] - even.cov[2][2] == pytest.approx(4.0, rel=1e-3)
     assert uneven.budget.terrain == pytest.approx(2.0, rel=1e-3)
+
+
+def test_the_rays_of_a_fix_have_the_weights_of_a_normal_distribution():
+    density = norm.pdf(SIGMA_POINTS)
+    assert SIGMA_WEIGHTS == pytest.approx(tuple(density / density.sum()), abs=5e-5)
+    assert sum(SIGMA_WEIGHTS) == pytest.approx(1.0, abs=1e-3)

@@ -1,0 +1,145 @@
+"""What an association returns and compares: likelihood ratios from densities in the image, and who is asked."""
+
+from math import exp, log, pi
+
+import numpy as np
+import pytest
+from handmade import a_fix
+from msgspec.structs import replace
+from scipy.stats import multivariate_normal
+
+from fwav_companion.tracking.association import (
+    LEAST_NOISE_PX2,
+    Candidate,
+    Clutter,
+    associate,
+    clutter,
+    may_be_displaced,
+    noise_area_px2,
+)
+from fwav_companion.tracking.detector_model import DetectorModel
+from fwav_companion.tracking.filters.gates import GATE, ID_GATE
+from fwav_companion.types.tracks import GateResult
+
+IMAGE_PX2 = 640.0 * 480.0
+AGAINST = clutter(DetectorModel(), IMAGE_PX2)
+PLACE = (4.0, 3.0, 0.0)
+
+
+class Predicted:
+    """A target with this result of its gate; counts how often it is asked."""
+
+    def __init__(self, nis, log_det_ratio=0.0):
+        self._result, self.asked = GateResult(nis, log_det_ratio), 0
+
+    def gate(self, _fix):
+        self.asked += 1
+        return self._result
+
+
+def projected(fix, point):
+    """Pixels of a point of the ground, by the ray's derivatives: 0.0015 of its depth a pixel."""
+    north, east, down = np.subtract(point, fix.sighting.camera_ned)
+    return np.array([north / down / 0.0015, east / down / 0.0015])
+
+
+def test_the_noise_of_a_fix_as_an_area_of_the_image():
+    """Straight below the camera, by numbers: 2 pi sqrt(det R) of the ground, at the scale of the image there."""
+    noise = np.array([[0.04, 0.01, 0.0], [0.01, 0.09, 0.0], [0.0, 0.0, 0.0]])
+    fix = a_fix(0.0, (0.0, 0.0, 0.0), noise)
+    centre, step = projected(fix, (0.0, 0.0, 0.0)), 1e-4
+    along_n = (projected(fix, (step, 0.0, 0.0)) - centre) / step
+    along_e = (projected(fix, (0.0, step, 0.0)) - centre) / step
+    px2_a_m2 = abs(np.linalg.det([along_n, along_e]))
+    assert noise_area_px2(fix) == pytest.approx(2.0 * pi * np.sqrt(np.linalg.det(noise[:2, :2])) * px2_a_m2, rel=1e-6)
+
+
+def test_a_detection_that_claims_to_be_perfect_is_not_believed():
+    assert noise_area_px2(a_fix(0.0, PLACE, np.zeros((3, 3)))) == LEAST_NOISE_PX2
+    assert noise_area_px2(a_fix(0.0, PLACE, 1e-12 * np.eye(3))) == LEAST_NOISE_PX2
+
+
+def test_the_ratio_is_that_of_the_predicted_density_and_of_clutter_in_the_image():
+    """Both as densities in the image: the prediction's normal density at the fix, and false detections a square pixel.
+
+    The probability of a detection over a miss belongs to the life of the track, not to the fix.
+    """
+    noise, spread = 0.04 * np.eye(2), 0.25 * np.eye(2)
+    fix = a_fix(0.0, (0.0, 0.0, 0.0), np.diag([0.04, 0.04, 0.0]))
+    innovation = np.array([0.5, -0.3])
+    nis = innovation @ np.linalg.solve(spread, innovation)
+    target = Predicted(nis, log(np.linalg.det(spread) / np.linalg.det(noise)))
+    ((_, (_, llr)),) = associate([Candidate("", target, None)], [fix], AGAINST).items()
+    px2_a_m2 = noise_area_px2(fix) / (2.0 * pi * 0.04)
+    density_a_px2 = multivariate_normal([0.0, 0.0], spread).pdf(innovation) / px2_a_m2
+    assert llr == pytest.approx(log(density_a_px2 / (DetectorModel().false_per_frame / IMAGE_PX2)))
+
+
+def test_a_detectors_own_id_adds_no_more_than_a_perfect_fix():
+    """A pair by id costs less than any other, so it wins; its evidence is that of a fix at the prediction."""
+    fix = a_fix(0.0, (0.0, 0.0, 0.0), np.diag([0.04, 0.04, 0.0]), detector_id=5)
+    near, same = Predicted(0.1), Predicted(ID_GATE - 1.0)
+    pairs = associate([Candidate("", near, None), Candidate("", same, 5)], [fix], AGAINST)
+    assert list(pairs) == [1]
+    assert pairs[1][1] == pytest.approx(0.5 * min(2.0 * ID_GATE - (ID_GATE - 1.0), AGAINST.llr_of(fix) + AGAINST.detection_odds)
+                                        - 0.5 * AGAINST.detection_odds)  # fmt: skip
+    assert associate([Candidate("", Predicted(ID_GATE + 0.1), 5)], [fix], AGAINST) == {}
+    assert associate([Candidate("", Predicted(GATE + 0.1), 4)], [fix], AGAINST) == {}
+
+
+def test_a_rare_detection_costs_its_odds_and_a_likely_one_nothing():
+    assert clutter(DetectorModel(detection_probability=0.2), IMAGE_PX2).detection_odds == pytest.approx(2.0 * log(0.25))
+    assert clutter(DetectorModel(detection_probability=0.8), IMAGE_PX2).detection_odds == 0.0
+    assert clutter(DetectorModel(), 1000.0).false_per_px2 == pytest.approx(1e-4)
+    sure = Clutter(false_per_px2=1e-6, detection_odds=-3.0)
+    fix = a_fix(0.0, PLACE)
+    assert exp(-0.5 * sure.llr_of(fix)) == pytest.approx(1e-6 * noise_area_px2(fix))
+
+
+def test_the_slower_prediction_is_asked_only_where_there_is_a_choice():
+    lone, first, second = (Candidate("", Predicted(1.0), None, refined=Predicted(2.0)) for _ in range(3))
+    apart = replace(lone, label="person")
+    fixes = [a_fix(0.0, PLACE), a_fix(0.0, PLACE, label="person")]
+    associate([first, second, apart], fixes, AGAINST)
+    assert (first.refined.asked, second.refined.asked, apart.refined.asked) == (1, 1, 0)
+    two = [a_fix(0.0, PLACE), a_fix(0.0, (4.1, 3.0, 0.0))]
+    associate([lone], two, AGAINST)
+    assert lone.refined.asked == 2, "one track, two fixes"
+
+
+def test_the_slower_prediction_decides():
+    by_filter, by_refined = Predicted(0.5), Predicted(9.0)
+    first = Candidate("", by_filter, None, refined=by_refined)
+    second = Candidate("", Predicted(3.0), None)
+    assert list(associate([first, second], [a_fix(0.0, PLACE)], AGAINST)) == [1]
+    outside = Candidate("", Predicted(0.5), None, refined=Predicted(GATE + 1.0))
+    assert list(associate([outside, second], [a_fix(0.0, PLACE)], AGAINST)) == [1]
+
+
+@pytest.mark.parametrize(
+    ("off", "may"), [((7.9, 0.0), True), ((8.1, 0.0), False), ((0.0, -7.9), True), ((0.0, 8.1), False)]
+)
+def test_a_fix_may_be_displaced_by_eight_sigma_of_both_along_each_axis(off, may):
+    class Standing:
+        apparent_ned = PLACE
+        relative_cov = ((0.03, 0.0, 0.0), (0.0, 0.03, 0.0), (0.0, 0.0, 0.0))
+
+    sigma = np.sqrt(0.03 + 0.04)
+    fix = a_fix(0.0, (4.0 + off[0] * sigma, 3.0 + off[1] * sigma, 0.0))
+    assert may_be_displaced(Standing(), fix) is may
+
+
+def test_more_fixes_and_tracks_than_pairs_are_assigned_at_the_least_cost():
+    """The nearest neighbour of the first track alone would leave the second without a fix."""
+    places = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)]
+
+    class At:
+        def __init__(self, north):
+            self.north = north
+
+        def gate(self, fix):
+            return GateResult((fix.position_ned[0] - self.north) ** 2, 0.0)
+
+    tracks = [Candidate("", At(0.6), None), Candidate("", At(2.0), None)]
+    found = associate(tracks, [a_fix(0.0, place) for place in places], AGAINST)
+    assert {i: j for i, (j, _) in found.items()} == {0: 0, 1: 1}
