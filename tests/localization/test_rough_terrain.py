@@ -7,9 +7,11 @@ import msgspec
 import numpy as np
 import pytest
 from made_up_terrain import LAT, LON, PLANE, STEP, tile
+from scipy.stats import norm
 from true_flights import PRIORS, Scene
 
 from fwav_companion.localization import Datum, ElevationModel, FixedGround, HomeGround, Localizer, TerrainGround
+from fwav_companion.localization.localizer import SIGMA_POINTS, SIGMA_WEIGHTS
 from fwav_companion.types import Bias, GroundFix, NoFix, Reason, TakeOff, TakeOffSource
 
 FINE = STEP / 30.0
