@@ -151,5 +151,5 @@ def test_uneven_level_ground_is_in_the_claim_where_it_is_set(ground):
 
 def test_the_rays_of_a_fix_have_the_weights_of_a_normal_distribution():
     density = norm.pdf(SIGMA_POINTS)
-    assert SIGMA_WEIGHTS == pytest.approx(tuple(density / density.sum()), abs=5e-5)
+    assert pytest.approx(tuple(density / density.sum()), abs=5e-5) == SIGMA_WEIGHTS
     assert sum(SIGMA_WEIGHTS) == pytest.approx(1.0, abs=1e-3)
