@@ -2,8 +2,8 @@
 
 A frame of 256 detections costs some 50 ms here (15 in the tracker) and ten times as long on a small board. Beyond
 SLICE_S no further frame is begun in a turn, so that heartbeats, TIMESYNC and the relay have theirs between two frames.
-A frame that has waited for PATIENCE_S shows that frames come faster than the processor handles them: from then on the
-newest is taken, and those before it are dropped as OVERLOAD, until no other waits.
+A frame that has waited for PATIENCE_S, or a full queue, shows that frames come faster than the processor handles them:
+from then on the newest is taken, and those before it are dropped as OVERLOAD, until no other waits.
 
 Frames that wait in the pipeline for attitudes are processed all at once when one comes. So the queue holds frames back
 while those would take longer than BURST_S, by the CPU time that a detection has cost so far.
@@ -22,8 +22,8 @@ from fwav_companion.types import Notice, NoticeCode, Severity
 
 SLICE_S: Final = 0.005
 """Work of one turn after which no further frame is begun: half the interval of attitudes at 100 Hz."""
-PATIENCE_S: Final = 0.1
-"""Longest wait of a frame while the processor keeps up: three frames at 30 Hz."""
+PATIENCE_S: Final = 0.25
+"""Longest wait of a frame while the processor keeps up: half of the time after which a frame is too late."""
 BURST_S: Final = 0.1
 """Longest work that may wait in the pipeline: a tenth of the interval of heartbeats, and the interval of TIMESYNC."""
 HELD_S: Final = 0.01
@@ -33,6 +33,8 @@ MOST_WAITING: Final = 32
 COST_SHARE: Final = 0.1
 """Share of a new measurement in the mean cost of a detection."""
 REPORT_NS: Final = 60 * NS_PER_S
+LEAST_REPORTED: Final = 30
+"""Dropped frames that are worth a notice: a second of a camera. Other programs may take the processor for as long."""
 
 
 class FrameQueue:
@@ -69,6 +71,7 @@ class FrameQueue:
         self.came += 1
         self._waiting.append((self._clock(), data))
         if len(self._waiting) > MOST_WAITING:
+            self._shedding = True
             self._drop_oldest()
         if not self._resting:
             self._work()
@@ -81,7 +84,7 @@ class FrameQueue:
     def notices(self, now: HostNs) -> list[Notice]:
         """What was dropped since the last notice, at most once a minute."""
         came, dropped = self.came - self._reported[0], self.dropped - self._reported[1]
-        if dropped == 0 or (self._reported_ns is not None and now - self._reported_ns < REPORT_NS):
+        if dropped < LEAST_REPORTED or (self._reported_ns is not None and now - self._reported_ns < REPORT_NS):
             return []
         self._reported, self._reported_ns = (self.came, self.dropped), now
         text = (

@@ -81,8 +81,8 @@ def test_a_detectors_own_id_adds_no_more_than_a_perfect_fix():
     near, same = Predicted(0.1), Predicted(ID_GATE - 1.0)
     pairs = associate([Candidate("", near, None), Candidate("", same, 5)], [fix], AGAINST)
     assert list(pairs) == [1]
-    assert pairs[1][1] == pytest.approx(0.5 * min(2.0 * ID_GATE - (ID_GATE - 1.0), AGAINST.llr_of(fix) + AGAINST.detection_odds)
-                                        - 0.5 * AGAINST.detection_odds)  # fmt: skip
+    perfect = AGAINST.llr_of(fix) + AGAINST.detection_odds
+    assert pairs[1][1] == pytest.approx(0.5 * (min(ID_GATE + 1.0, perfect) - AGAINST.detection_odds))
     assert associate([Candidate("", Predicted(ID_GATE + 0.1), 5)], [fix], AGAINST) == {}
     assert associate([Candidate("", Predicted(GATE + 0.1), 4)], [fix], AGAINST) == {}
 
