@@ -214,3 +214,24 @@ class TestGround:
 
     def test_degrees_of_the_plane_are_those_of_the_model(self):
         assert degrees(PLANE.origin.lat) == pytest.approx(LAT)
+
+
+def test_the_status_of_an_elevation_model_before_and_after_its_shift():
+    ground = TerrainGround(ElevationModel([tile(lambda *_: 500.0)]), Datum.EGM96)
+    before = ground.status()
+    assert (before.model, before.source, before.datum) == ("terrain", "files", "egm96")
+    assert (before.shift_m, before.shift_sigma_m, before.shift_source) == (0.0, None, None)
+    assert before.trouble == Reason.NO_POSITION.value
+    ground.placed(
+        PLANE, TakeOff(msgspec.structs.replace(PLANE.origin, alt_amsl_m=503.0), TakeOffSource.HOME_POSITION), None
+    )
+    after = ground.status()
+    assert (after.shift_m, after.shift_sigma_m) == (pytest.approx(3.0, abs=0.01), 0.0)
+    assert (after.shift_source, after.trouble) == (TakeOffSource.HOME_POSITION.value, None)
+    far = TerrainGround(ElevationModel([tile(lambda *_: 500.0)]), Datum.EGM96)
+    far.placed(
+        PLANE, TakeOff(msgspec.structs.replace(PLANE.origin, alt_amsl_m=900.0), TakeOffSource.HOME_POSITION), None
+    )
+    assert far.status().trouble == Reason.TERRAIN_UNFIT.value
+    assert TerrainGround(None, Datum.EGM96).status().source == "TERRAIN_REPORT"
+    assert TerrainGround(None, Datum.EGM96).status().trouble is None
