@@ -87,16 +87,35 @@ to 20 ms to be made and a few to arrive; at LATE_S, as with marker detection on 
 the time is our processing alone."""
 
 
-class Work(NamedTuple):
-    """Resources of the daemon during the measurement."""
+class Usage(NamedTuple):
+    """Resources of one process during the measurement."""
 
-    rss_mib: float
     cpu: float
     """Share of one core."""
+    wakes_hz: float
+    """Wake-ups a second of all its threads: the voluntary context switches that the kernel counts."""
+
+
+class Work(NamedTuple):
+    """The measurement of one flight."""
+
+    rss_mib: float
+    daemon: Usage
+    bare: Usage
+    """A process that only forwards the same datagrams of the autopilot, at the same time."""
     latencies_s: list[float]
-    bare_cpu: float
-    """Share of one core of a process that only forwards the same datagrams of the autopilot; 0.0 without such a
-    process."""
+
+    @property
+    def ratio(self) -> float:
+        """CPU of the daemon in that of the bare loop."""
+        return self.daemon.cpu / self.bare.cpu
+
+    def __str__(self) -> str:
+        daemon, bare = self.daemon, self.bare
+        return (
+            f"{100.0 * daemon.cpu:.1f} % of a core, {daemon.wakes_hz:.0f} wake-ups/s; a bare event loop for the"
+            f" autopilot's datagrams {100.0 * bare.cpu:.1f} %, {bare.wakes_hz:.0f}/s"
+        )
 
 
 class Between:
@@ -175,6 +194,14 @@ def cpu_s(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / TICKS_A_SECOND
 
 
+def wakes(pid: int) -> int:
+    """Voluntary context switches of all threads of a process since its start."""
+    return sum(
+        int((task / "status").read_text().partition("\nvoluntary_ctxt_switches:")[2].split()[0])
+        for task in Path(f"/proc/{pid}/task").iterdir()
+    )
+
+
 def rss_mib(pid: int) -> float:
     """Current resident memory of a process, MiB."""
     return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
@@ -211,18 +238,19 @@ def watch(*, camera: bool = True, calibrates: bool = False, ten_sent_after_s: fl
         one = ("-m", "sitl_mock", "--connect", url, "--detections", looks, "--seconds", "600")
         ten = ("-c", TEN_TARGETS, url, looks, str(ten_sent_after_s))
         stack.enter_context(child(*(one if ten_sent_after_s is None else ten), folder=folder))
-        watched = [daemon.pid]
-        if not camera:
-            between.bare = ("127.0.0.1", free_port())
-            ports = (str(between.bare[1]), str(between.port(between.station)))
-            watched.append(stack.enter_context(child("-c", BARE, *ports, folder=folder)).pid)
+        between.bare = ("127.0.0.1", free_port())
+        ports = (str(between.bare[1]), str(between.port(between.station)))
+        watched = [daemon.pid, stack.enter_context(child("-c", BARE, *ports, folder=folder)).pid]
         between.carry(autopilot, detections, SETTLING_S)
         between.latencies_s.clear()
-        before_s, began_s = [cpu_s(pid) for pid in watched], time.monotonic()
+        before, began_s = [(cpu_s(pid), wakes(pid)) for pid in watched], time.monotonic()
         between.carry(autopilot, detections, MEASURED_S)
         elapsed_s = time.monotonic() - began_s
-        share, *bare = [(cpu_s(pid) - taken_s) / elapsed_s for pid, taken_s in zip(watched, before_s, strict=True)]
-        return Work(rss_mib(daemon.pid), share, between.latencies_s, sum(bare))
+        ours, bare = (
+            Usage((cpu_s(pid) - cpu) / elapsed_s, (wakes(pid) - woken) / elapsed_s)
+            for pid, (cpu, woken) in zip(watched, before, strict=True)
+        )
+        return Work(rss_mib(daemon.pid), ours, bare, between.latencies_s)
 
 
 def answered(sent_after_s: float, name: str) -> Figure:
@@ -240,18 +268,16 @@ def measure() -> list[Figure]:
     relay = watch(camera=False)
     plain = watch()
     calibrating = watch(calibrates=True)
-    reported = (
-        f"{100.0 * relay.cpu:.1f} % of a core; a bare event loop for the same datagrams {100.0 * relay.bare_cpu:.1f} %"
-    )
     beside = "100 Hz attitude, 30 frames/s, one relay"
     return [
         answered(EARLY_S, "detection in to MAVLink out, p99, ms"),
         answered(LATE_S, "the same where no frame waits for attitudes, p99, ms"),
-        Figure("pure relay: memory, MiB", relay.rss_mib, 35.0, False, reported),
-        Figure("daemon without a camera: memory, MiB", plain.rss_mib, 50.0, False, beside),
-        Figure("daemon without a camera: % of a core", 100.0 * plain.cpu, 3.0, False, beside),
-        Figure("the same with self-calibration: memory, MiB", calibrating.rss_mib, 50.0, False, beside),
-        Figure("the same with self-calibration: % of a core", 100.0 * calibrating.cpu, 5.0, False, beside),
+        Figure("pure relay: CPU in that of a bare loop", relay.ratio, 2.5, False, str(relay)),
+        Figure("pure relay: memory, MiB", relay.rss_mib, 32.0, False, beside),
+        Figure("daemon with one target: CPU in that of a bare loop", plain.ratio, 4.0, False, str(plain)),
+        Figure("daemon with one target: memory, MiB", plain.rss_mib, 40.0, False, beside),
+        Figure("the same with self-calibration: CPU", calibrating.ratio, 5.0, False, str(calibrating)),
+        Figure("the same with self-calibration: memory, MiB", calibrating.rss_mib, 54.0, False, beside),
     ]
 
 

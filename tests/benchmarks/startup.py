@@ -31,9 +31,9 @@ def _bare() -> float:
     return _cpu_s(subprocess.Popen([sys.executable, "-c", "pass"]))
 
 
-def _daemon(folder: Path, station: socket.socket) -> float:
+def _daemon(folder: Path, station: socket.socket, config: str) -> float:
     """CPU time of a daemon that is killed as soon as its first heartbeat arrives, seconds."""
-    command = [sys.executable, "-m", "fwav_companion", "run", "--config", "relay.toml"]
+    command = [sys.executable, "-m", "fwav_companion", "run", "--config", config]
     process = subprocess.Popen(command, cwd=folder, stderr=subprocess.DEVNULL)
     station.recv(2048)
     process.send_signal(signal.SIGKILL)
@@ -57,11 +57,23 @@ def measure() -> list[Figure]:
     with tempfile.TemporaryDirectory() as name, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as station:
         station.bind(("127.0.0.1", 0))
         station.settimeout(PATIENCE_S)
-        (Path(name) / "relay.toml").write_text(relay_configuration(station.getsockname()[1]))
-        pairs = [(_bare(), _daemon(Path(name), station)) for _ in range(ROUNDS + 1)][1:]
-    bare_s, daemon_s = median(bare for bare, _ in pairs), median(daemon for _, daemon in pairs)
-    detail = f"daemon {daemon_s * 1e3:.0f} ms, python -c pass {bare_s * 1e3:.0f} ms of CPU"
-    return [Figure("start to the first heartbeat, against bare Python", daemon_s / bare_s, 25.0, False, detail)]
+        folder, port = Path(name), station.getsockname()[1]
+        made = [sys.executable, "-m", "fwav_companion", "init", "made"]
+        subprocess.run(made, cwd=folder, check=True, stdout=subprocess.DEVNULL)
+        (folder / "relay.toml").write_text(relay_configuration(port))
+        camera = relay_configuration(port).replace('url = ""', 'url = "unix:///tmp/fwav-benchmark"')
+        camera += '[camera]\ncalibration = "made/camera.yaml"\n'
+        (folder / "camera.toml").write_text(camera)
+        (folder / "calibrating.toml").write_text(f"{camera}[tracking]\nself_calibration = true\n")
+        works = (("relay.toml", "a relay", 15.0), ("camera.toml", "with a camera", 15.0),
+                 ("calibrating.toml", "with self-calibration (numpy)", 25.0))  # fmt: skip
+        rounds = [(_bare(), *(_daemon(folder, station, config) for config, _, _ in works)) for _ in range(ROUNDS + 1)]
+    bare_s, *daemons_s = (median(each) for each in zip(*rounds[1:], strict=True))
+    return [
+        Figure(f"start to the first heartbeat, {name}, against bare Python", spent_s / bare_s, budget, False,
+               f"{spent_s * 1e3:.0f} ms, python -c pass {bare_s * 1e3:.0f} ms of CPU")
+        for spent_s, (_, name, budget) in zip(daemons_s, works, strict=True)
+    ]  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -136,6 +136,33 @@ def test_systemd_finds_nothing_open_that_is_not_needed():
     assert exposed <= set(OPEN_ON_PURPOSE)
 
 
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is not installed")
+def test_the_exposure_is_at_most_one_and_a_half():
+    command = ["systemd-analyze", "security", "--offline=true", "--threshold=15", "--no-pager", str(UNIT)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    if "unrecognized option" in done.stderr:
+        pytest.skip("systemd-analyze before systemd 250")
+    assert done.returncode == 0, done.stdout[-200:]
+
+
+def test_what_stays_open_is_said_in_the_unit():
+    """systemd's own words for it, but for those that a setting of the unit names."""
+    comments = " ".join(line for line in UNIT.read_text().splitlines() if line.startswith("#"))
+    for name in (
+        "MemoryDenyWriteExecute",
+        "PrivateDevices",
+        "PrivateNetwork",
+        "PrivateUsers",
+        "ProcSubset",
+        "RootDirectory",
+    ):
+        assert f"{name}=" in comments, name
+
+
+def test_a_flood_of_lines_does_not_fill_the_journal():
+    assert (the("Service.LogRateLimitIntervalSec"), the("Service.LogRateLimitBurst")) == ("30", "1000")
+
+
 def test_devices_that_are_plugged_in_later_are_allowed_by_number():
     allowed = dict(value.split() for value in settings()["Service.DeviceAllow"])
     majors = {"ttyS": 4, "video4linux": 81, "ttyACM": 166, "ttyUSB": 188, "ttyAMA": 204}  # Linux: devices.txt
