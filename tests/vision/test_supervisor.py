@@ -2,12 +2,15 @@
 
 import asyncio
 import os
+import resource
 import signal
 import subprocess
 import sys
 import threading
+from contextlib import suppress
 from pathlib import Path
 
+import cv2
 import pytest
 from vision_pictures import pipe_bytes, tag_picture
 
@@ -48,7 +51,7 @@ def feed(path: Path, pictures: list[bytes], go_on: threading.Event) -> threading
     """Writes pictures into a named pipe from another thread, and closes it when signalled."""
 
     def write() -> None:
-        with path.open("wb") as file:
+        with suppress(BrokenPipeError), path.open("wb") as file:  # the reader may die of a picture
             for picture in pictures:
                 file.write(picture)
             file.flush()
@@ -57,6 +60,11 @@ def feed(path: Path, pictures: list[bytes], go_on: threading.Event) -> threading
     thread = threading.Thread(target=write, daemon=True)
     thread.start()
     return thread
+
+
+def number_in(path: str) -> int:
+    """The first number in a file of the kernel's."""
+    return int(Path(path).read_text().split()[0])
 
 
 @pytest.fixture
@@ -99,6 +107,42 @@ def test_tags_are_found_in_the_process_and_its_death_is_survived(tmp_path: Path,
         assert (detection.u, detection.v) == pytest.approx((200.0, 120.0), abs=0.3)
     assert [works for works, _ in daemon.states] == [True, False, True]
     assert "SIGKILL" in daemon.states[1][1]
+
+
+def test_a_process_without_memory_ends_and_another_finds_the_tags(tmp_path: Path, quick):
+    """Its address space is as large as it may become: the next picture does not fit. The first to go is the camera."""
+    path = tmp_path / "frames"
+    os.mkfifo(path)
+
+    async def watch() -> Daemon:
+        daemon = Daemon(VisionTask(str(path)))
+        daemon.process.start()
+        leave = threading.Event()
+        first = feed(path, [pipe_bytes(tag_picture(), time_monotonic=1.0)], leave)
+        await daemon.until(lambda: len(daemon.frames) == 1)
+        pid = daemon.process.status().pid
+        assert number_in(f"/proc/{pid}/oom_score_adj") > number_in("/proc/self/oom_score_adj")
+        size = number_in(f"/proc/{pid}/statm") * resource.getpagesize()
+        resource.prlimit(pid, resource.RLIMIT_AS, (size, size))
+        leave.set()
+        await asyncio.to_thread(first.join, 5.0)
+        leave = threading.Event()
+        huge = cv2.resize(tag_picture(), (6000, 4500))
+        pictures = [pipe_bytes(huge, time_monotonic=2.0), pipe_bytes(tag_picture(), time_monotonic=9.0, frame=9)]
+        writers = [feed(path, [pictures[0]], leave)]
+        await daemon.until(lambda: daemon.process.status().deaths == 1)
+        writers.append(feed(path, [pictures[1]], leave))
+        await daemon.until(lambda: any(frame.number == 9 for frame in daemon.frames))
+        assert daemon.process.status().pid != pid
+        daemon.process.close()
+        leave.set()
+        for writer in writers:
+            await asyncio.to_thread(writer.join, 5.0)
+        return daemon
+
+    daemon = asyncio.run(watch())
+    assert False in [works for works, _ in daemon.states]
+    assert daemon.states[-1][0]
 
 
 def test_a_missing_source_is_reported_once_and_taken_when_it_comes(tmp_path: Path, quick):
