@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import secrets
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from fwav_companion.errors import UserError
@@ -13,8 +12,7 @@ from fwav_companion.libraries import require
 if TYPE_CHECKING:
     from argparse import _SubParsersAction
 
-    from fwav_companion.ground.ground_process import GroundOptions, PictureInput
-    from fwav_companion.ground.picture import GroundPicture
+    from fwav_companion.ground.ground_process import GroundOptions
 
 HTTP = "127.0.0.1:8080"
 RATES_HZ = (1.0, 10.0)
@@ -24,7 +22,11 @@ EXAMPLES = """examples:
   a radio on USB, and a map without network:
     fwav-companion ground --link serial:///dev/ttyUSB0:57600 --tiles field.mbtiles
   for the phones of the field; the printed address has the token:
-    fwav-companion ground --link udpin://0.0.0.0:14550 --http 0.0.0.0:8080"""
+    fwav-companion ground --link udpin://0.0.0.0:14550 --http 0.0.0.0:8080
+  on the board, with all tracks and what `check` says:
+    fwav-companion ground --status /run/fwav-companion/status.json
+  a recorded flight, ten times as fast:
+    fwav-companion ground --replay targets.jsonl --speed 10"""
 
 
 def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -41,6 +43,10 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
     add("--link", metavar="URL", action="append", default=[], help="MAVLink, as in [[link]] url; may be repeated")
     add("--http", metavar="HOST:PORT", default=HTTP, help="where the page is served; default %(default)s")
     add("--tiles", metavar="FILE.mbtiles", help="map tiles; without them there is a grid with a scale")
+    add("--status", metavar="FILE|URL", help="status of `run`: all its tracks, and what `check` says")
+    add("--replay", metavar="T.jsonl", help="play a targets file, or a recording of --record")
+    add("--speed", metavar="N", type=float, default=1.0, help="speed of --replay, 1 to 20; default %(default)g")
+    add("--record", metavar="DIR", help="record the picture into this folder")
     add("--rate", metavar="HZ", type=float, default=5.0, help="updates of the page; 1 to 10, default %(default)g")
     add(
         "--hfov",
@@ -56,6 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
     require("ground", "aiohttp")
     import asyncio
 
+    from fwav_companion.cli.ground_inputs import make_inputs
     from fwav_companion.ground.ground_process import GroundClock, GroundProcess
     from fwav_companion.ground.picture import GroundPicture
     from fwav_companion.ground.tiles import TileFile
@@ -63,9 +70,9 @@ def run(arguments: argparse.Namespace) -> int:
 
     options = _options(arguments)
     picture, clock = GroundPicture(), GroundClock()
-    inputs = _inputs(arguments, picture, clock.now)
+    inputs, now = make_inputs(arguments, picture, clock.now)
     tiles = None if arguments.tiles is None else TileFile(arguments.tiles)
-    process = GroundProcess(picture, inputs, options, clock=clock.now, tiles=tiles)
+    process = GroundProcess(picture, inputs, options, clock=now, tiles=tiles, replays=arguments.replay is not None)
 
     async def serve() -> None:
         stop = asyncio.Event()
@@ -90,13 +97,3 @@ def _options(arguments: argparse.Namespace) -> GroundOptions:
         raise UserError(f"--hfov {arguments.hfov:g}: accepted: 1 to 180, degrees")
     token = "" if is_loopback(host) else secrets.token_urlsafe(16)
     return GroundOptions(host=host, port=int(port), token=token, rate_hz=arguments.rate)
-
-
-def _inputs(arguments: argparse.Namespace, picture: GroundPicture, clock: Callable[[], float]) -> list[PictureInput]:
-    from fwav_companion.ground.station import PictureStation
-    from fwav_companion.links.url import parse_link_url
-
-    if not arguments.link:
-        raise UserError("ground: no input; accepted: --link URL, as --link udpin://0.0.0.0:14550")
-    urls = [parse_link_url(text) for text in arguments.link]
-    return [PictureStation(urls, picture, clock=clock, hfov_deg=arguments.hfov)]

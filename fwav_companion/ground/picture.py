@@ -33,6 +33,9 @@ FORGOTTEN_S = 1800.0
 HISTORY_STEP_S = 1.0
 PATH_STEP_M = 0.5
 METRES_A_DEGREE = 111_320.0
+PRECEDENCE = {"text": 0, "mavlink": 1, "recording": 1, "status": 2, "fleet": 2, "fused": 3}
+"""Of two inputs that report the same target, the one that knows more of it counts while it is fresh."""
+FRESH_S = 3.0
 ENDED = frozenset({"lost", "dropped"})
 WARNING = 4
 """MAV_SEVERITY_WARNING."""
@@ -78,6 +81,8 @@ class GroundPicture:
         known = self._targets.get(target.id)
         if known is None and len(self._targets) >= MAX_TARGETS and not self._made_room():
             self.refused += 1
+            return
+        if known is not None and _knows_more(known, target, now):
             return
         first = target.first_unix if known is None else min(known.first_unix, target.first_unix)
         self._targets[target.id] = replace(target, revision=self._next(), first_unix=first)
@@ -174,6 +179,12 @@ class GroundPicture:
     def _next(self) -> int:
         self.revision += 1
         return self.revision
+
+
+def _knows_more(known: TargetView, target: TargetView, now: float) -> bool:
+    """Whether a target is known by a better input than the one that reports it now."""
+    better = PRECEDENCE.get(known.source, 0) > PRECEDENCE.get(target.source, 0)
+    return better and now <= known.seen_unix + FRESH_S
 
 
 def targets_of(picture: GroundPicture, source: str) -> Iterable[TargetView]:

@@ -107,6 +107,7 @@ class Components:
             sight=None if self.camera is None else self.camera.status(),
             calibration=None if self.camera is None or report is None else self.camera.calibration_news.status(report),
             publishing=self.publisher.status(),
+            tracks=self.publisher.track_reports(plane, now),
             frames=log.frames,
             detections=log.detections,
             fixes=log.fixes,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from typing import Any
 
+from fwav_companion.geometry.earth import TangentPlane
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.publishing.announcer import Announcer, TargetNotices
 from fwav_companion.publishing.camera_component import CameraComponent
@@ -13,10 +14,11 @@ from fwav_companion.publishing.ground_messages import adsb_vehicle, named_values
 from fwav_companion.publishing.intervals import UNASKED_NS, Cadence
 from fwav_companion.publishing.landing import Landing, StateAt
 from fwav_companion.publishing.options import PublishOptions
-from fwav_companion.publishing.selection import Locate, PixelFromNed, Selection, Spots
+from fwav_companion.publishing.selection import Locate, PixelFromNed, Selection, Spots, seniority
+from fwav_companion.publishing.target_report import track_report
 from fwav_companion.publishing.tracking_status import FORGOTTEN_NS
 from fwav_companion.types.commands import Command, CommandAnswer
-from fwav_companion.types.flight_status import LandingReport, PublishingReport
+from fwav_companion.types.flight_status import LandingReport, PublishingReport, TrackReport
 from fwav_companion.types.messages import Destination, Notice, NoticeCode, Outgoing, Severity
 from fwav_companion.types.situation import Situation
 from fwav_companion.types.spots import SpotRefused
@@ -26,6 +28,8 @@ VALUES_NS = UNASKED_NS
 """Interval of the numbers for a display: people do not read faster than twice a second."""
 ADSB_NS = NS_PER_S
 MAX_DATAGRAMS = 64
+MAX_TRACK_REPORTS = 64
+"""Tracks in the status: 16 kB of the 64 kB that it may have."""
 
 
 class Publisher:
@@ -137,6 +141,11 @@ class Publisher:
         made = list(self._notices)
         self._notices.clear()
         return made
+
+    def track_reports(self, plane: TangentPlane | None, now: HostNs) -> list[TrackReport]:
+        """Part of the status: the believed tracks, the oldest first."""
+        oldest = sorted(self._selection.believed.values(), key=seniority)[:MAX_TRACK_REPORTS]
+        return [track_report(track, plane, now) for track in oldest]
 
     def status(self) -> PublishingReport:
         """Part of the status: the selected track, and what became of LANDING_TARGET."""

@@ -6,9 +6,10 @@ from math import atan2, hypot, isfinite, nan, sqrt
 
 import msgspec
 
-from fwav_companion.geometry.earth import Geodetic
+from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.stamps import NS_PER_MS, HostNs, s_from_ns
 from fwav_companion.geometry.vectors import Matrix3, Vector3, add, larger_semi_axis, norm, scale, subtract
+from fwav_companion.types.flight_status import TrackReport
 from fwav_companion.types.situation import Situation
 from fwav_companion.types.tracks import Track
 
@@ -58,6 +59,28 @@ def target_report(track: Track, situation: Situation) -> TargetReport:
         horizontal_sigma_m=larger_sigma(track.cov),
         vertical_sigma_m=sqrt(track.cov[2][2]) if track.cov[2][2] >= 0.0 else nan,
     )
+
+
+def track_report(track: Track, plane: TangentPlane | None, now: HostNs) -> TrackReport:
+    """The track for the status."""
+    place = plane.geodetic_from_ned(track.position_ned) if plane is not None else None
+    return TrackReport(
+        track=track.id,
+        label=track.label,
+        state=track.state.value,
+        lat=None if place is None else place.lat_deg,
+        lon=None if place is None else place.lon_deg,
+        alt_amsl=None if place is None else place.alt_amsl_m,
+        cov=upper_triangle(track.cov),
+        last_seen_s=s_from_ns(now - track.last_seen_host_ns),
+        first_seen_s=s_from_ns(now - track.first_host_ns),
+    )
+
+
+def upper_triangle(cov: Matrix3) -> tuple[float, ...]:
+    """The six values of a symmetric matrix, three significant digits each."""
+    (nn, ne, nd), (_, ee, ed), (_, _, dd) = cov
+    return tuple(float(f"{value:.3g}") for value in (nn, ne, nd, ee, ed, dd))
 
 
 def _from_vehicle(position: Vector3, situation: Situation) -> Vector3 | None:

@@ -208,6 +208,25 @@ class LandingReport(msgspec.Struct, frozen=True, kw_only=True):
     last_withheld: str | None = None
 
 
+class TrackReport(msgspec.Struct, frozen=True, kw_only=True):
+    """One confirmed or coasting track."""
+
+    track: int
+    label: str = ""
+    state: str = ""
+    """A :class:`~fwav_companion.types.TrackState`."""
+    lat: float | None = None
+    """Degrees; null without a global position, as is lon."""
+    lon: float | None = None
+    alt_amsl: float | None = None
+    cov: tuple[float, ...] = ()
+    """Upper triangle of the covariance of the position, NED, m^2, every error source."""
+    last_seen_s: float = 0.0
+    """Seconds since the last fix."""
+    first_seen_s: float = 0.0
+    """Seconds since the first fix."""
+
+
 class PublishingReport(msgspec.Struct, frozen=True, kw_only=True):
     """What is published."""
 

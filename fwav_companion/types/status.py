@@ -20,6 +20,7 @@ from fwav_companion.types.flight_status import (
     SelfCalibrationReport,
     SightReport,
     TelemetryReport,
+    TrackReport,
 )
 from fwav_companion.types.network_status import LinkReport, LinkStatistics, StreamReport, TimesyncReport
 from fwav_companion.types.reasons import Reason
@@ -68,6 +69,8 @@ class PipelineStatus(msgspec.Struct, frozen=True, kw_only=True):
     calibration: SelfCalibrationReport | None = None
     """None where self-calibration is off."""
     publishing: PublishingReport = PublishingReport()
+    tracks: list[TrackReport] = []
+    """Confirmed and coasting tracks, the oldest first; at most 64."""
     frames: int = 0
     detections: int = 0
     fixes: int = 0

@@ -1,0 +1,77 @@
+"""The inputs of ``ground`` by its arguments, and what `check` says of a status."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from fwav_companion.errors import UserError
+
+if TYPE_CHECKING:
+    from fwav_companion.ground.ground_process import PictureInput
+    from fwav_companion.ground.picture import GroundPicture
+    from fwav_companion.types.status import RunStatus
+
+SPEEDS = (1.0, 20.0)
+
+
+def make_inputs(
+    arguments: argparse.Namespace, picture: GroundPicture, clock: Callable[[], float]
+) -> tuple[list[PictureInput], Callable[[], float]]:
+    """The inputs, and the clock of the picture: this process's, or that of the recording that is replayed."""
+    if arguments.replay is not None:
+        return _replayed(arguments, picture)
+    inputs: list[PictureInput] = []
+    if arguments.link:
+        from fwav_companion.ground.station import PictureStation
+        from fwav_companion.links.url import parse_link_url
+
+        urls = [parse_link_url(text) for text in arguments.link]
+        inputs.append(PictureStation(urls, picture, clock=clock, hfov_deg=arguments.hfov))
+    if arguments.status is not None:
+        from fwav_companion.ground.status_reader import StatusReader
+        from fwav_companion.tools.doctor.run_status import run_status
+
+        # The configuration of a service on another machine is not here.
+        judge = judged if not arguments.status.startswith(("http://", "https://")) else lambda _status: ()
+        inputs.append(StatusReader(arguments.status, picture, clock=clock, understand=run_status, judge=judge))
+    if not inputs:
+        raise UserError("ground: no input; accepted: --link URL, as --link udpin://0.0.0.0:14550, --status or --replay")
+    if arguments.record is not None:
+        from fwav_companion.ground.picture_recorder import PictureRecorder
+
+        inputs.append(PictureRecorder(arguments.record, picture, clock()))
+    return inputs, clock
+
+
+def _replayed(arguments: argparse.Namespace, picture: GroundPicture) -> tuple[list[PictureInput], Callable[[], float]]:
+    from fwav_companion.ground.replay_reader import ReplayReader
+
+    others = [name for name in ("link", "status", "record") if getattr(arguments, name)]
+    if others:
+        raise UserError(f"--replay with --{others[0]}: accepted: --replay alone, its time is another")
+    if not SPEEDS[0] <= arguments.speed <= SPEEDS[1]:
+        raise UserError(f"--speed {arguments.speed:g}: accepted: {SPEEDS[0]:g} to {SPEEDS[1]:g}")
+    reader = ReplayReader(arguments.replay, picture, arguments.speed)
+    return [reader], reader.now
+
+
+def judged(status: RunStatus) -> tuple[str, ...]:
+    """What `check` says of the service on this board; one line where its configuration cannot be read here."""
+    from fwav_companion.config import load
+    from fwav_companion.tools.doctor.board import Probe
+    from fwav_companion.tools.doctor.evidence import Evidence
+    from fwav_companion.tools.doctor.examination import examine
+    from fwav_companion.tools.doctor.finding import by_level
+    from fwav_companion.tools.doctor.gathering import load_files
+
+    try:
+        config = load(status.config_path)
+        files, _ = load_files(config)
+    except (UserError, OSError):
+        return ("check: its configuration cannot be read here",)
+    unopened = {name: link.why for name, link in status.links.items() if link.state == "down"}
+    board = Probe().board(config, unopened | {"detections": status.intake.why})
+    findings = by_level(examine(Evidence(config=config, board=board, files=files, status=status)))
+    return tuple(f"{finding.level}: {finding.problem}. {finding.fix}" for finding in findings)

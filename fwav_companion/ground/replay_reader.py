@@ -1,0 +1,93 @@
+"""SHELL: a recording, played into the picture at 1 to 20 times its speed. Its clock is the picture's."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import msgspec
+
+from fwav_companion.errors import InputFileError
+from fwav_companion.ground.picture import GroundPicture
+from fwav_companion.ground.recorded_lines import RecordedLines
+from fwav_companion.recording.lines import line_unix_s
+
+MAX_LINE_BYTES = 4_000_000
+MAX_LINES_A_TICK = 20_000
+"""Lines that one tick reads: the page stays alive at any density."""
+ACCEPTED = "accepted: a targets file of `run`, `replay` or `demo`, or a recording of `ground --record`"
+
+
+class ReplayReader:
+    """Plays one file."""
+
+    def __init__(self, path: str, picture: GroundPicture, speed: float) -> None:
+        """InputFileError where the file cannot be read or is not a recording."""
+        self._path, self._picture, self._speed = path, picture, speed
+        self._lines = RecordedLines(picture)
+        try:
+            self._file = Path(path).open("rb")  # noqa: SIM115  # it is read over the whole run
+        except OSError as error:
+            raise InputFileError(f"{path}: {error.strerror}; {ACCEPTED}") from None
+        self._source = self._timed(self._file)
+        self._next: tuple[float, Mapping[str, Any]] | None
+        try:
+            self._next = next(self._source)
+        except StopIteration:
+            self._file.close()
+            raise InputFileError(f"{path}: is not a recording, or has no line with a time; {ACCEPTED}") from None
+        self._start_unix = self._newest_unix = self._next[0]
+        self._began_s: float | None = None
+
+    def now(self) -> float:
+        """Time of the recording."""
+        if self._began_s is None:
+            return self._start_unix
+        if self._next is None:
+            return self._newest_unix
+        return self._start_unix + (time.monotonic() - self._began_s) * self._speed
+
+    def start(self) -> None:
+        """Begin to play."""
+        self._began_s = time.monotonic()
+        self._picture.on_source(self._path, works=True, text=f"plays at {self._speed:g}x")
+
+    def tick(self, now: float) -> None:
+        """Take the lines until now."""
+        for _ in range(MAX_LINES_A_TICK):
+            if self._next is None or self._next[0] > now:
+                return
+            self._newest_unix, line = self._next
+            self._lines.take(line, self._newest_unix)
+            self._next = next(self._source, None)
+            if self._next is None:
+                self._picture.on_source(self._path, works=True, text="has ended: this is its last state")
+
+    def close(self) -> None:
+        """Release the file."""
+        self._file.close()
+
+    def _timed(self, file: BinaryIO) -> Iterator[tuple[float, Mapping[str, Any]]]:
+        """Lines with their times, which never decrease; a line without one belongs to the line before."""
+        newest: float | None = None
+        waiting: list[Mapping[str, Any]] = []
+        while data := file.readline(MAX_LINE_BYTES):
+            try:
+                line = msgspec.json.decode(data)
+                at = line_unix_s(line, self._lines.offset_s)
+            except (msgspec.MsgspecError, KeyError, TypeError, AttributeError):
+                if newest is None:
+                    return
+                continue  # a line that a power cut has shortened
+            if line["type"] == "header":
+                self._lines.offset_s = line.get("unix_offset_s") or 0.0
+            if at is None and newest is None:
+                waiting.append(line)
+                continue
+            newest = max(at or 0.0, newest or 0.0)
+            for early in waiting:
+                yield newest, early
+            waiting.clear()
+            yield newest, line

@@ -1,0 +1,144 @@
+"""SHELL: the status of a `run` on this board or another: all its tracks, and what `check` says."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import aiohttp
+import msgspec
+
+from fwav_companion.geometry.ellipses import radius_95
+from fwav_companion.ground.covariances import ellipse_of, from_triangle
+from fwav_companion.ground.picture import GroundPicture, targets_of
+from fwav_companion.ground.views import TargetView
+from fwav_companion.types.flight_status import TrackReport
+from fwav_companion.types.status import RunStatus
+
+PERIOD_S = 1.0
+"""The service rewrites the file each second."""
+STALE_S = 5.0
+CHECK_PERIOD_S = 10.0
+MAX_BYTES = 262_144
+"""Four times the largest status."""
+TIMEOUT_S = 5.0
+MAX_CHECKS = 12
+
+Understand = Callable[[Any], RunStatus | None]
+"""The decoded JSON as a status; None where it is not one."""
+Judge = Callable[[RunStatus], tuple[str, ...]]
+"""What `check` says of a status. It may block."""
+
+
+class StatusReader:
+    """Reads one status, from a file or over HTTP, once a second."""
+
+    def __init__(
+        self,
+        where: str,
+        picture: GroundPicture,
+        *,
+        clock: Callable[[], float],
+        understand: Understand,
+        judge: Judge,
+    ) -> None:
+        self._where, self._picture, self._clock = where, picture, clock
+        self._understand, self._judge = understand, judge
+        self._task: asyncio.Task[None] | None = None
+        self._checks: tuple[str, ...] = ()
+        self._judged_unix = 0.0
+        self._newest = 0.0
+        self._changed_unix = 0.0
+
+    def start(self) -> None:
+        """Begin to read."""
+        self._task = asyncio.get_running_loop().create_task(self._read_each_second())
+
+    def tick(self, now: float) -> None:
+        """Nothing is due between two readings."""
+
+    def close(self) -> None:
+        """Stop reading."""
+        if self._task is not None:
+            self._task.cancel()
+
+    async def _read_each_second(self) -> None:
+        while True:
+            try:
+                status = self._understand(msgspec.json.decode(await self._bytes()))
+            except (OSError, aiohttp.ClientError, TimeoutError) as error:
+                why = getattr(error, "strerror", None) or str(error) or type(error).__name__
+                self._picture.on_source(self._where, works=False, text=f"not readable: {why}")
+            except msgspec.MsgspecError:
+                self._on_strange()
+            else:
+                await self._take(status) if status is not None else self._on_strange()
+            await asyncio.sleep(PERIOD_S)
+
+    def _on_strange(self) -> None:
+        self._picture.on_source(self._where, works=False, text="not a status of fwav-companion")
+
+    async def _bytes(self) -> bytes:
+        if not self._where.startswith(("http://", "https://")):
+            return await asyncio.to_thread(_head, Path(self._where))
+        timeout = aiohttp.ClientTimeout(total=TIMEOUT_S)
+        async with aiohttp.ClientSession(timeout=timeout) as session, session.get(self._where) as answer:
+            answer.raise_for_status()
+            return await answer.content.read(MAX_BYTES)
+
+    async def _take(self, status: RunStatus) -> None:
+        now = self._clock()
+        if status.time_monotonic != self._newest:
+            self._newest, self._changed_unix = status.time_monotonic, now
+        stale = now > self._changed_unix + STALE_S
+        text = f"not rewritten for {now - self._changed_unix:.0f} s: is the service running?" if stale else "read"
+        self._picture.on_source(self._where, works=not stale, text=text)
+        if status.autopilot is None or stale:
+            return
+        if now >= self._judged_unix + CHECK_PERIOD_S:
+            self._judged_unix = now
+            self._checks = (await asyncio.to_thread(self._judge, status))[:MAX_CHECKS]
+        vehicle = str(status.autopilot.system)
+        self._picture.on_vehicle(vehicle, now, checks=self._checks, armed=status.autopilot.armed)
+        self._show(vehicle, status.tracks, now)
+
+    def _show(self, vehicle: str, tracks: list[TrackReport], now: float) -> None:
+        """Show these tracks, and remove those that the status no longer has."""
+        shown = {f"{vehicle}/{track.track}" for track in tracks}
+        for old in targets_of(self._picture, "status"):
+            if old.id not in shown and old.vehicle == vehicle:
+                self._picture.remove_target(old.id)
+        for track in tracks:
+            view = view_of(vehicle, track, now)
+            if view is not None:
+                self._picture.on_target(view, now)
+
+
+def view_of(vehicle: str, track: TrackReport, now: float) -> TargetView | None:
+    """The track for the picture; None without a place on the earth."""
+    if track.lat is None or track.lon is None:
+        return None
+    cov = from_triangle(track.cov)
+    return TargetView(
+        id=f"{vehicle}/{track.track}",
+        vehicle=vehicle,
+        track=str(track.track),
+        label=track.label,
+        state=track.state,
+        lat=track.lat,
+        lon=track.lon,
+        alt_amsl=track.alt_amsl,
+        ellipse=None if cov is None else ellipse_of(cov),
+        radius95_m=None if cov is None else radius_95(cov),
+        first_unix=now - track.first_seen_s,
+        seen_unix=now - track.last_seen_s,
+        source="status",
+    )
+
+
+def _head(path: Path) -> bytes:
+    """The file, as far as a status can be long."""
+    with path.open("rb") as file:
+        return file.read(MAX_BYTES)

@@ -1,0 +1,159 @@
+"""Recorded and live files as inputs: targets files, recordings of the picture, the status of `run`."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import time
+from math import cos, radians
+
+import msgspec
+import pytest
+from processes import process
+
+pytest.importorskip("aiohttp")
+
+from fwav_companion.errors import InputFileError
+from fwav_companion.geometry.ellipses import circle_radius
+from fwav_companion.ground.picture import GroundPicture
+from fwav_companion.ground.picture_recorder import PictureRecorder
+from fwav_companion.ground.replay_reader import ReplayReader
+from fwav_companion.ground.status_reader import StatusReader
+from fwav_companion.ground.views import TargetView
+from fwav_companion.tools.doctor.run_status import run_status
+from fwav_companion.types.flight_status import AutopilotReport, TrackReport
+from fwav_companion.types.status import RunStatus
+
+START = 1_790_000_000.0
+LAT, LON = 48.1371999, 11.5756003
+COV = [[4.0, 1.0, 0.0], [1.0, 2.0, 0.0], [0.0, 0.0, 1.0]]
+
+
+def targets_file(path, seconds: int = 10) -> str:
+    lines = [{"type": "header", "schema": 1, "unix_offset_s": 0.0,
+              "origin": {"lat": LAT, "lon": LON, "alt_amsl": 519.2}}]  # fmt: skip
+    for second in range(seconds):
+        north = float(second)
+        lines.append(
+            {"type": "target", "time_unix": START + second, "track": 2, "label": "person", "state": "confirmed",
+             "north": 10.0, "east": 5.0, "down": 0.0, "lat": LAT + 10.0 / 111_200.0, "lon": LON, "alt_amsl": 519.2,
+             "cov": COV, "relative": {"north": 10.0 - north, "east": 5.0, "down": 20.0}}
+        )  # fmt: skip
+    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    return str(path)
+
+
+def test_a_targets_file_is_played_by_its_own_clock(tmp_path):
+    picture = GroundPicture()
+    reader = ReplayReader(targets_file(tmp_path / "t.jsonl"), picture, speed=20.0)
+    assert reader.now() == START
+    reader.start()
+    reader.tick(START + 4.5)
+    shown, vehicle = picture.targets["1/2"], picture.vehicles["1"]
+    assert (shown.label, shown.seen_unix) == ("person", START + 4.0)
+    assert shown.radius95_m == pytest.approx(circle_radius(COV, 0.95), rel=2e-3)
+    # The vehicle is four metres north of the origin, 20 m up: target minus relative.
+    assert vehicle.lat == pytest.approx(LAT + 4.0 / 111_200.0, abs=1e-7)
+    assert vehicle.lon == pytest.approx(LON + 0.0 / cos(radians(LAT)), abs=1e-7)
+    assert vehicle.height_m == pytest.approx(20.0)
+    reader.tick(START + 100.0)
+    assert picture.targets["1/2"].seen_unix == START + 9.0
+    assert reader.now() == START + 9.0  # it has ended: its time stands
+    reader.close()
+
+
+@pytest.mark.parametrize("content", ["", "no json\n", '{"type": "header"}\n', "[1]\n"])
+def test_what_is_no_recording_is_one_line(tmp_path, content):
+    (tmp_path / "t.jsonl").write_text(content)
+    with pytest.raises(InputFileError, match="accepted"):
+        ReplayReader(str(tmp_path / "t.jsonl"), GroundPicture(), 1.0)
+
+
+def test_a_recorded_picture_is_played_back(tmp_path):
+    picture = GroundPicture()
+    recorder = PictureRecorder(str(tmp_path), picture, START)
+    recorder.start()
+    for second in range(5):
+        view = TargetView(
+            id="1/2", vehicle="1", state="confirmed", lat=48.0 + 0.001 * second, lon=11.0, first_unix=START,
+            seen_unix=START + second, source="mavlink",
+        )  # fmt: skip
+        picture.on_target(view, START + second)
+        picture.on_vehicle("1", START + second, lat=48.0, lon=11.0, kind="copter")
+        recorder.tick(START + second)
+    recorder.close()
+    played = GroundPicture()
+    reader = ReplayReader(str(recorder.path), played, 1.0)
+    reader.tick(START + 2.5)
+    assert played.targets["1/2"].lat == pytest.approx(48.002)
+    assert played.vehicles["1"].kind == "copter"
+    reader.close()
+
+
+def status_file(path, **changes) -> str:
+    track = TrackReport(track=7, label="person", state="confirmed", lat=LAT, lon=LON, alt_amsl=519.0,
+                        cov=(4.0, 1.0, 0.0, 2.0, 0.0, 1.0), last_seen_s=0.2, first_seen_s=12.0)  # fmt: skip
+    fields = {"autopilot": AutopilotReport(system=3), "tracks": [track], "time_monotonic": 5.0}
+    path.write_bytes(msgspec.json.encode(RunStatus(**{**fields, **changes})))
+    return str(path)
+
+
+def read_status(path: str, picture: GroundPicture, wanted) -> None:
+    """Read the status until the condition is met."""
+
+    async def read() -> None:
+        reader = StatusReader(path, picture, clock=time.time, understand=run_status,
+                              judge=lambda _status: ("WARNING: slow",))  # fmt: skip
+        reader.start()
+        async with asyncio.timeout(30.0):
+            while not wanted():  # noqa: ASYNC110  # the picture has no event
+                await asyncio.sleep(0.01)
+        reader.close()
+
+    asyncio.run(read())
+
+
+def test_the_status_brings_all_tracks_and_what_check_says(tmp_path):
+    picture = GroundPicture()
+    path = status_file(tmp_path / "status.json")
+    read_status(path, picture, lambda: picture.targets)
+    shown = picture.targets["3/7"]
+    assert (shown.label, shown.source) == ("person", "status")
+    assert shown.radius95_m == pytest.approx(circle_radius(COV, 0.95), rel=2e-3)
+    assert picture.vehicles["3"].checks == ("WARNING: slow",)
+    status_file(tmp_path / "status.json", tracks=[], time_monotonic=6.0)
+    read_status(path, picture, lambda: not picture.targets)
+
+
+@pytest.mark.parametrize("content", [None, b"{", b'{"tracks": 3}'])
+def test_a_status_that_cannot_be_read_is_reported(tmp_path, content):
+    picture = GroundPicture()
+    if content is not None:
+        (tmp_path / "status.json").write_bytes(content)
+    read_status(str(tmp_path / "status.json"), picture, lambda: picture.update_since(0, 0.0).sources)
+    assert not picture.update_since(0, 0.0).sources[0].works
+
+
+@pytest.mark.parametrize(
+    "words", [[], ["--replay", "absent.jsonl"], ["--replay", "t.jsonl", "--speed", "21"], ["--link", "nothing"],
+              ["--link", "udpin://127.0.0.1:1", "--http", "8080"], ["--replay", "t.jsonl", "--link", "udpin://h:1"],
+              ["--tiles", "absent", "--link", "udpin://127.0.0.1:14999"]],
+)  # fmt: skip
+def test_wrong_arguments_are_one_line(tmp_path, words, capsys, monkeypatch):
+    from fwav_companion.__main__ import main
+
+    monkeypatch.chdir(tmp_path)
+    targets_file(tmp_path / "t.jsonl")
+    assert main(["ground", *words]) == 2
+    error = capsys.readouterr().err
+    assert "accepted" in error
+    assert error.count("\n") == 1
+
+
+def test_the_program_ends_cleanly(tmp_path):
+    from processes import free_port
+
+    words = ["fwav_companion", "ground", "--replay", targets_file(tmp_path / "t.jsonl"), "--http"]
+    with process(*words, f"127.0.0.1:{free_port()}", folder=tmp_path) as ground:
+        ground.wait_for("ground picture: http")
+        assert ground.stop() == 0
