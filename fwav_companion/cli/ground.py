@@ -23,6 +23,8 @@ EXAMPLES = """examples:
     fwav-companion ground --link serial:///dev/ttyUSB0:57600 --tiles field.mbtiles
   for the phones of the field; the printed address has the token:
     fwav-companion ground --link udpin://0.0.0.0:14550 --http 0.0.0.0:8080
+  three vehicles that look at the same ground, as one picture:
+    fwav-companion ground --fleet survey --listen tcp/0.0.0.0:7447
   on the board, with all tracks and what `check` says:
     fwav-companion ground --status /run/fwav-companion/status.json
   a recorded flight, ten times as fast:
@@ -43,6 +45,12 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
     add("--link", metavar="URL", action="append", default=[], help="MAVLink, as in [[link]] url; may be repeated")
     add("--http", metavar="HOST:PORT", default=HTTP, help="where the page is served; default %(default)s")
     add("--tiles", metavar="FILE.mbtiles", help="map tiles; without them there is a grid with a scale")
+    add("--fleet", metavar="NAME", help="fuse what the vehicles of this fleet see, over Zenoh")
+    add("--connect", metavar="ENDPOINT", action="append", default=[], help="Zenoh endpoint, as tcp/10.0.0.1:7447")
+    add("--listen", metavar="ENDPOINT", action="append", default=[], help="Zenoh endpoint to listen on")
+    add("--scouting", action="store_true", help="find the fleet by multicast on the local network")
+    add("--fleet-config", metavar="FILE", help="Zenoh configuration: TLS, access control")
+    add("--cot", metavar="URL", help="send the targets as Cursor on Target, as udpout://239.2.3.1:6969")
     add("--status", metavar="FILE|URL", help="status of `run`: all its tracks, and what `check` says")
     add("--replay", metavar="T.jsonl", help="play a targets file, or a recording of --record")
     add("--speed", metavar="N", type=float, default=1.0, help="speed of --replay, 1 to 20; default %(default)g")

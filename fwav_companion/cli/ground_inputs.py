@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import re
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from fwav_companion.errors import UserError
+from fwav_companion.fleet.options import FLEET_NAME
+from fwav_companion.libraries import require
 
 if TYPE_CHECKING:
     from fwav_companion.ground.ground_process import PictureInput
@@ -36,8 +39,18 @@ def make_inputs(
         # The configuration of a service on another machine is not here.
         judge = judged if not arguments.status.startswith(("http://", "https://")) else lambda _status: ()
         inputs.append(StatusReader(arguments.status, picture, clock=clock, understand=run_status, judge=judge))
+    if arguments.fleet is not None:
+        inputs.append(_fleet(arguments, picture, clock))
     if not inputs:
-        raise UserError("ground: no input; accepted: --link URL, as --link udpin://0.0.0.0:14550, --status or --replay")
+        accepted = "--link URL, as --link udpin://0.0.0.0:14550, --fleet NAME, --status or --replay"
+        raise UserError(f"ground: no input; accepted: {accepted}")
+    if arguments.cot is not None:
+        from fwav_companion.ground.ground_process import utc_ns
+        from fwav_companion.ground.map_output import MapOutput
+        from fwav_companion.links.url import parse_cot_url
+        from fwav_companion.service.board import board_name
+
+        inputs.append(MapOutput(parse_cot_url(arguments.cot), picture, utc_ns, board_name()))
     if arguments.record is not None:
         from fwav_companion.ground.picture_recorder import PictureRecorder
 
@@ -45,10 +58,27 @@ def make_inputs(
     return inputs, clock
 
 
+def _fleet(arguments: argparse.Namespace, picture: GroundPicture, clock: Callable[[], float]) -> PictureInput:
+    require("--fleet", "zenoh", "numpy")
+    from fwav_companion.fleet.bus import BusPlace
+    from fwav_companion.ground.fleet_input import FleetInput
+
+    if re.fullmatch(FLEET_NAME, arguments.fleet) is None:
+        raise UserError(f"--fleet {arguments.fleet}: accepted: letters, digits, _ . -")
+    place = BusPlace(
+        arguments.fleet,
+        connect=arguments.connect,
+        listen=arguments.listen,
+        scouting=arguments.scouting,
+        config=arguments.fleet_config or "",
+    )
+    return FleetInput(place, picture, clock=clock)
+
+
 def _replayed(arguments: argparse.Namespace, picture: GroundPicture) -> tuple[list[PictureInput], Callable[[], float]]:
     from fwav_companion.ground.replay_reader import ReplayReader
 
-    others = [name for name in ("link", "status", "record") if getattr(arguments, name)]
+    others = [name for name in ("link", "status", "record", "fleet", "cot") if getattr(arguments, name)]
     if others:
         raise UserError(f"--replay with --{others[0]}: accepted: --replay alone, its time is another")
     if not SPEEDS[0] <= arguments.speed <= SPEEDS[1]:

@@ -55,6 +55,7 @@ class GroundPicture:
         self._sources: dict[str, SourceView] = {}
         self._removed: deque[tuple[int, str]] = deque(maxlen=MAX_REMOVED)
         self._forgotten_revision = 0
+        self._covered: frozenset[str] = frozenset()
         self._paths: dict[str, deque[PastPoint]] = {}
         self._histories: dict[str, deque[PastPoint]] = {}
 
@@ -78,6 +79,8 @@ class GroundPicture:
 
     def on_target(self, target: TargetView, now: float) -> None:
         """Add or replace a target. Its ``first_unix`` remains that of the first report."""
+        if target.id in self._covered:
+            return
         known = self._targets.get(target.id)
         if known is None and len(self._targets) >= MAX_TARGETS and not self._made_room():
             self.refused += 1
@@ -98,6 +101,12 @@ class GroundPicture:
         if len(self._removed) == MAX_REMOVED:
             self._forgotten_revision = self._removed[0][0]
         self._removed.append((self._next(), target))
+
+    def cover(self, targets: frozenset[str]) -> None:
+        """Show none of these targets until the next call: fused ones stand for them."""
+        self._covered = targets
+        for target in targets & self._targets.keys():
+            self.remove_target(target)
 
     def say(self, vehicle: str, text: str, now: float, *, severity: int) -> None:
         """Append a text."""

@@ -1,0 +1,174 @@
+"""SHELL: the bus of a fleet, a Zenoh session. The only module that imports zenoh.
+
+Zenoh finds peers, routes and reconnects; a router that ends and comes back needs nothing here. Its callbacks come on
+threads of its own and are handed to the event loop, bounded.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import zenoh
+import zenoh.ext
+
+from fwav_companion.errors import UserError
+from fwav_companion.fleet.payloads import MAX_BYTES, MAX_PARTS
+
+PREFIX = "fwav"
+MAX_WAITING = 4096
+"""Messages that wait for the event loop; further ones are dropped and counted."""
+RETRY_S = 3.0
+
+OnMessage = Callable[[str, str, bytes], None]
+"""(vehicle, kind, payload): kind is the last word of the key."""
+OnAlive = Callable[[str, bool], None]
+"""(vehicle, whether its liveliness token is there)."""
+
+
+class BusPlace:
+    """Where a fleet's bus is: what [fleet] or the command line say of it."""
+
+    def __init__(
+        self,
+        name: str,
+        *,
+        connect: Sequence[str] = (),
+        listen: Sequence[str] = (),
+        scouting: bool = False,
+        config: str = "",
+    ) -> None:
+        """UserError where Zenoh does not accept the configuration file or an endpoint."""
+        self.name = name
+        try:
+            self.configuration = zenoh.Config.from_file(config) if config else zenoh.Config()
+            if not config:
+                self.configuration.insert_json5("mode", '"peer"')
+            # The newest message is kept for late joiners, and these are told apart by their times.
+            self.configuration.insert_json5("timestamping/enabled", "true")
+            if connect:
+                self.configuration.insert_json5("connect/endpoints", json.dumps(list(connect)))
+            if listen or not config:  # nothing listens on all addresses unless that is configured
+                self.configuration.insert_json5("listen/endpoints", json.dumps(list(listen)))
+            if scouting or not config:
+                self.configuration.insert_json5("scouting/multicast/enabled", json.dumps(scouting))
+        except zenoh.ZError as error:
+            where = config or ", ".join([*connect, *listen])
+            why = str(error).partition(" at /")[0].partition('msg: "')[2].partition(":")[0] or str(error)
+            raise UserError(f"[fleet] {where}: {why}; accepted: Zenoh endpoints, as tcp/10.0.0.1:7447") from None
+
+
+class FleetBus:
+    """One session: publishes for one vehicle or for `ground`, and passes on what others publish."""
+
+    def __init__(self, place: BusPlace, on_state: Callable[[bool, str], None]) -> None:
+        """``on_state``: called in the loop with (whether it works, why not)."""
+        self._place, self._on_state = place, on_state
+        self._session: Any = None
+        self._publishers: dict[str, Any] = {}
+        self._held: list[Any] = []
+        self._task: asyncio.Task[None] | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._waiting = 0
+        self._alive_key = ""
+        self._subscription: tuple[OnMessage, OnAlive] | None = None
+        self.dropped = 0
+        """Messages that were dropped because too many waited."""
+
+    def start(self) -> None:
+        """Open the session in the background; what is published before is dropped."""
+        self._loop = asyncio.get_running_loop()
+        self._task = self._loop.create_task(self._open())
+
+    def announce(self, vehicle: str) -> None:
+        """Declare that this vehicle lives, once."""
+        key = f"{PREFIX}/{self._place.name}/{vehicle}/alive"
+        if self._session is not None and key != self._alive_key:
+            self._alive_key = key
+            self._held.append(self._session.liveliness().declare_token(key))
+
+    def subscribe(self, on_message: OnMessage, on_alive: OnAlive) -> None:
+        """Pass on every vehicle's messages, also the newest from before. Called before :meth:`start`."""
+        self._subscription = (on_message, on_alive)
+
+    def publish(self, key: str, parts: Sequence[bytes]) -> None:
+        """Publish the parts of a message under ``fwav/FLEET/key``; never blocks."""
+        if self._session is None:
+            return
+        publisher = self._publishers.get(key)
+        if publisher is None:
+            publisher = self._publishers[key] = zenoh.ext.declare_advanced_publisher(
+                self._session,
+                f"{PREFIX}/{self._place.name}/{key}",
+                cache=zenoh.ext.CacheConfig(max_samples=MAX_PARTS),
+                congestion_control=zenoh.CongestionControl.DROP,
+                encoding=zenoh.Encoding.APPLICATION_JSON,
+            )
+        for part in parts:
+            publisher.put(part)
+
+    def close(self) -> None:
+        """End the session."""
+        if self._task is not None:
+            self._task.cancel()
+        session, self._session = self._session, None
+        if session is not None:
+            session.close()
+
+    async def _open(self) -> None:
+        while True:
+            try:
+                session = await asyncio.to_thread(zenoh.open, self._place.configuration)
+                break
+            except zenoh.ZError as error:
+                self._on_state(False, str(error).splitlines()[0][:200])
+            await asyncio.sleep(RETRY_S)
+        self._session = session
+        if self._subscription is not None:
+            self._subscribe(*self._subscription)
+        self._on_state(True, "")
+
+    def _subscribe(self, on_message: OnMessage, on_alive: OnAlive) -> None:
+        fleet = f"{PREFIX}/{self._place.name}"
+
+        def take(sample: Any) -> None:
+            *_, vehicle, kind = str(sample.key_expr).split("/")
+            size = len(sample.payload)
+            # An oversized one is not copied: its size is enough to refuse it.
+            data = bytes(MAX_BYTES + 1) if size > MAX_BYTES else bytes(sample.payload)
+            self._hand_over(lambda: on_message(vehicle, kind, data))
+
+        def take_token(sample: Any) -> None:
+            vehicle = str(sample.key_expr).split("/")[-2]
+            there = sample.kind == zenoh.SampleKind.PUT
+            self._hand_over(lambda: on_alive(vehicle, there))
+
+        for kind in ("tracks", "state"):
+            self._held.append(
+                zenoh.ext.declare_advanced_subscriber(
+                    self._session,
+                    f"{fleet}/*/{kind}",
+                    take,
+                    history=zenoh.ext.HistoryConfig(detect_late_publishers=True, max_samples=MAX_PARTS),
+                )
+            )
+        tokens = self._session.liveliness().declare_subscriber(f"{fleet}/*/alive", take_token, history=True)
+        self._held.append(tokens)
+
+    def _hand_over(self, work: Callable[[], None]) -> None:
+        """Run in the event loop. On a thread of Zenoh."""
+        if self._waiting >= MAX_WAITING or self._loop is None or self._loop.is_closed():
+            self.dropped += 1
+            return
+        self._waiting += 1
+
+        def run() -> None:
+            self._waiting -= 1
+            work()
+
+        try:
+            self._loop.call_soon_threadsafe(run)
+        except RuntimeError:  # the loop was closed since
+            self.dropped += 1

@@ -1,0 +1,190 @@
+"""A vehicle's tracks as it shares them: each covariance split into its own biases, what others may share, and noise.
+
+PURE. The position part of a track is what its covariance has more than that of the target relative to the vehicle. The
+sensitivities to heading and terrain are the means over the fixes, as in the track's own average.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from math import degrees, sqrt
+
+import msgspec
+
+from fwav_companion.fleet.options import FleetTable
+from fwav_companion.fleet.payloads import (
+    BIAS_NAMES,
+    MAX_TRACKS,
+    SharedTrack,
+    StateMessage,
+    TracksMessage,
+    VehicleBias,
+    shortened,
+    triangle,
+)
+from fwav_companion.geometry.rotations import euler_from_quaternion
+from fwav_companion.geometry.stamps import HostNs, s_from_ns
+from fwav_companion.geometry.vectors import Matrix3, Vector3, add_matrices, outer, scale
+from fwav_companion.types import Bias, ErrorPriors, Situation, Track
+
+MOST_COUNTED = 300
+"""Fixes after which the mean forgets: the track's own average has long settled."""
+LARGEST_SHARE = 0.9
+"""Most of a covariance that heading or terrain may take: the rest is noise, which every track has."""
+
+
+class MeanColumns(msgspec.Struct, gc=False):
+    """Mean sensitivities of one track."""
+
+    count: int = 0
+    heading: Vector3 = (0.0, 0.0, 0.0)
+    terrain: Vector3 = (0.0, 0.0, 0.0)
+    level_m: float = 0.0
+
+    def add(self, heading: Vector3, terrain: Vector3, level_m: float) -> None:
+        """Take the sensitivities of a further fix."""
+        self.count = min(self.count + 1, MOST_COUNTED)
+        share = 1.0 / self.count
+        self.heading = _toward(self.heading, heading, share)
+        self.terrain = _toward(self.terrain, terrain, share)
+        self.level_m = level_m
+
+
+class FleetTracks:
+    """Makes the messages of one vehicle."""
+
+    def __init__(self, options: FleetTable, priors: ErrorPriors, session: str) -> None:
+        """``session``: random name of this run."""
+        self._options, self._priors, self._session = options, priors, session
+        self._columns: dict[int, MeanColumns] = {}
+        self._seq = 0
+
+    def messages(
+        self, tracks: Iterable[Track], situation: Situation, obstacle: str | None
+    ) -> tuple[TracksMessage, StateMessage] | None:
+        """Tracks and state; None without UTC, a global position or a known vehicle.
+
+        ``obstacle``: why the vehicle is not ready; None where it is.
+        """
+        autopilot, plane = situation.autopilot, situation.plane
+        if autopilot is None or situation.utc_minus_host_s is None or plane is None:
+            return None
+        utc_s = situation.now_ns / 1e9 + situation.utc_minus_host_s
+        name = self._options.vehicle or str(autopilot.system)
+        believed = list(tracks)[:MAX_TRACKS]
+        self._learn(believed)
+        splits = [self._position_share(track) for track in believed]
+        position_m = sqrt(max((own for own, _ in splits), default=0.0))
+        sigmas = (position_m, position_m, self._priors.sigma(Bias.HEIGHT), self._priors.sigma(Bias.HEADING))
+        shared = []
+        for track, (own, common) in zip(believed, splits, strict=True):
+            place = plane.geodetic_from_ned(track.position_ned)
+            share = sqrt(own) / position_m if position_m > 0.0 else 0.0
+            heading = self._heading_column(track, own + common)
+            shared.append(
+                SharedTrack(
+                    track=track.id,
+                    label=track.label[:64],
+                    state=track.state.value,
+                    lat=place.lat_deg,
+                    lon=place.lon_deg,
+                    alt_amsl=round(place.alt_amsl_m, 3),
+                    cov=triangle(track.cov),
+                    cov_shared=triangle(self._shared(track, common)),
+                    bias_jacobian=(
+                        (shortened(share), 0.0, 0.0, shortened(heading[0])),
+                        (0.0, shortened(share), 0.0, shortened(heading[1])),
+                        (0.0, 0.0, self._down_share(track), 0.0),
+                    ),
+                    vel=track.velocity_ned,
+                    vel_cov=None if track.velocity_cov is None else triangle(track.velocity_cov),
+                    last_seen_s=round(s_from_ns(HostNs(situation.now_ns - track.last_seen_host_ns)), 2),
+                )
+            )
+        self._seq += 1
+        bias = VehicleBias(
+            names=BIAS_NAMES,
+            sigma=tuple(shortened(sigma) for sigma in sigmas),
+            time_constant_s=self._priors.position_bias_time_s,
+        )
+        message = TracksMessage(
+            vehicle=name, time_unix=utc_s, seq=self._seq, session=self._session, bias=bias, tracks=tuple(shared)
+        )
+        return message, self._state(name, utc_s, situation, obstacle)
+
+    def _state(self, name: str, utc_s: float, situation: Situation, obstacle: str | None) -> StateMessage:
+        vehicle, plane, autopilot = situation.vehicle, situation.plane, situation.autopilot
+        state = StateMessage(
+            vehicle=name,
+            time_unix=utc_s,
+            session=self._session,
+            armed=autopilot is not None and autopilot.armed,
+            ready=obstacle is None,
+            trouble=(obstacle or "")[:300],
+        )
+        if vehicle is None or vehicle.position_ned is None or plane is None:
+            return state
+        place = plane.geodetic_from_ned(vehicle.position_ned)
+        heading = degrees(euler_from_quaternion(vehicle.ned_from_body)[2]) % 360.0
+        return msgspec.structs.replace(
+            state,
+            lat=place.lat_deg,
+            lon=place.lon_deg,
+            alt_amsl=round(place.alt_amsl_m, 2),
+            heading_deg=round(heading, 1),
+        )
+
+    def _learn(self, tracks: Iterable[Track]) -> None:
+        """Take the sensitivities of the newest fixes; forget tracks that ended."""
+        alive = {}
+        for track in tracks:
+            columns = alive[track.id] = self._columns.get(track.id) or MeanColumns()
+            if track.fix is not None:
+                jacobian = track.fix.bias_jacobian
+                columns.add(jacobian[Bias.HEADING], jacobian[Bias.TERRAIN], track.fix.level_sigma_m)
+        self._columns = alive
+
+    def _position_share(self, track: Track) -> tuple[float, float]:
+        """Variance of the position's error in a track, m^2 an axis: its own part, and what others may share."""
+        cov, relative = track.cov, track.relative_cov
+        position = 0.5 * (cov[0][0] + cov[1][1] - relative[0][0] - relative[1][1])
+        position = min(max(position, 0.0), LARGEST_SHARE * min(cov[0][0], cov[1][1]))
+        common = min(self._options.gnss_shared_m**2, position)
+        return position - common, common
+
+    def _heading_column(self, track: Track, position: float) -> Vector3:
+        """d(position)/d(heading), metres a radian, no more than the covariance without the position has room for."""
+        column = self._columns[track.id].heading
+        return scale(column, _room(track.cov, position, column, self._priors.sigma(Bias.HEADING)))
+
+    def _down_share(self, track: Track) -> float:
+        sigma = self._priors.sigma(Bias.HEIGHT)
+        return shortened(min(1.0, sqrt(LARGEST_SHARE * track.cov[2][2]) / sigma)) if sigma > 0.0 else 0.0
+
+    def _shared(self, track: Track, common: float) -> Matrix3:
+        """Covariance of what vehicles may share: GNSS, terrain and the ground's level, m^2."""
+        columns = self._columns[track.id]
+        sigma = self._priors.sigma(Bias.TERRAIN)
+        terrain = scale(columns.terrain, sigma * _room(track.cov, common, columns.terrain, sigma))
+        level = min(columns.level_m**2, LARGEST_SHARE * track.cov[2][2])
+        gnss = ((common, 0.0, 0.0), (0.0, common, 0.0), (0.0, 0.0, level))
+        return add_matrices(gnss, outer(terrain, terrain))
+
+
+def _room(cov: Matrix3, taken: float, column: Vector3, sigma: float) -> float:
+    """The share of a column that fits into a covariance of which ``taken`` is used: at most one."""
+    nn, ne, ee = cov[0][0] - taken, cov[0][1], cov[1][1] - taken
+    determinant = nn * ee - ne * ne
+    north, east = column[0] * sigma, column[1] * sigma
+    if determinant <= 0.0 or nn <= 0.0:
+        return 0.0
+    filled = (ee * north * north - 2.0 * ne * north * east + nn * east * east) / determinant
+    return 1.0 if filled <= LARGEST_SHARE else sqrt(LARGEST_SHARE / filled)
+
+
+def _toward(mean: Vector3, value: Vector3, share: float) -> Vector3:
+    return (
+        mean[0] + share * (value[0] - mean[0]),
+        mean[1] + share * (value[1] - mean[1]),
+        mean[2] + share * (value[2] - mean[2]),
+    )

@@ -1,0 +1,182 @@
+"""The messages of a fleet as JSON, schema 1, at most 64 kB each. Pure.
+
+Covariances are upper triangles (nn, ne, nd, ee, ed, dd) with three significant digits. Whatever arrives is checked: a
+message is one of these structs with finite numbers, or the reason why it is not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import isfinite
+from typing import Annotated, TypeVar
+
+import msgspec
+from msgspec import Meta
+
+from fwav_companion.geometry.vectors import Matrix3
+
+SCHEMA = 1
+MAX_BYTES = 64_000
+MAX_PARTS = 16
+MAX_TRACKS = 256
+"""Tracks of one vehicle in all parts."""
+MAX_TRACKS_A_PART = 64
+BIAS_NAMES = ("position_north", "position_east", "position_down", "heading")
+DIGITS = 3
+
+Triangle = Annotated[tuple[float, ...], Meta(min_length=6, max_length=6)]
+Row = Annotated[tuple[float, ...], Meta(max_length=16)]
+Word = Annotated[str, Meta(max_length=64)]
+Latitude = Annotated[float, Meta(ge=-90, le=90)]
+Longitude = Annotated[float, Meta(ge=-180, le=180)]
+
+
+class VehicleBias(msgspec.Struct, frozen=True, kw_only=True):
+    """A vehicle's own biases."""
+
+    names: Annotated[tuple[Word, ...], Meta(max_length=16)] = BIAS_NAMES
+    sigma: Row = ()
+    """One sigma of each, metres and radians."""
+    time_constant_s: float = 60.0
+    """Of the position."""
+
+
+class SharedTrack(msgspec.Struct, frozen=True, kw_only=True):
+    """One track."""
+
+    track: Annotated[int, Meta(ge=0)]
+    label: Word = ""
+    state: Word = ""
+    lat: Latitude
+    lon: Longitude
+    alt_amsl: float | None = None
+    cov: Triangle
+    """Every error source, m^2."""
+    cov_shared: Triangle
+    """The part that other vehicles may share: terrain, target height, GNSS."""
+    bias_jacobian: Annotated[tuple[Row, ...], Meta(min_length=3, max_length=3)]
+    """d(position)/d(bias): north, east and down by the biases."""
+    vel: Annotated[tuple[float, ...], Meta(min_length=3, max_length=3)] | None = None
+    vel_cov: Triangle | None = None
+    last_seen_s: float = 0.0
+    """Seconds since its last fix."""
+
+
+class TracksMessage(msgspec.Struct, frozen=True, kw_only=True):
+    """Tracks of one vehicle, or a part of them."""
+
+    schema: int = SCHEMA
+    vehicle: Word
+    time_unix: float
+    """UTC, seconds."""
+    seq: Annotated[int, Meta(ge=0)]
+    part: Annotated[int, Meta(ge=1, le=MAX_PARTS)] = 1
+    parts: Annotated[int, Meta(ge=1, le=MAX_PARTS)] = 1
+    session: Word = ""
+    """Random name of the sender's run: two senders with one vehicle's name are found by it."""
+    bias: VehicleBias = VehicleBias()
+    tracks: Annotated[tuple[SharedTrack, ...], Meta(max_length=MAX_TRACKS)] = ()
+
+
+class StateMessage(msgspec.Struct, frozen=True, kw_only=True):
+    """State and health of one vehicle."""
+
+    schema: int = SCHEMA
+    vehicle: Word
+    time_unix: float
+    session: Word = ""
+    lat: Latitude | None = None
+    lon: Longitude | None = None
+    alt_amsl: float | None = None
+    heading_deg: float | None = None
+    armed: bool = False
+    ready: bool = False
+    trouble: Annotated[str, Meta(max_length=300)] = ""
+    """Why it is not ready, and what to do; "": it is."""
+
+
+class FusedTrack(msgspec.Struct, frozen=True, kw_only=True):
+    """One target of the fused picture."""
+
+    track: int
+    label: str = ""
+    state: str = ""
+    lat: float
+    lon: float
+    alt_amsl: float | None = None
+    cov: Triangle
+    last_seen_s: float = 0.0
+    vehicles: dict[str, int] = {}
+    """Track by vehicle."""
+    left_out: dict[str, str] = {}
+    """Reason by vehicle."""
+
+
+class FusedMessage(msgspec.Struct, frozen=True, kw_only=True):
+    """The fused picture, or a part of it."""
+
+    schema: int = SCHEMA
+    time_unix: float
+    seq: int
+    part: int = 1
+    parts: int = 1
+    tracks: tuple[FusedTrack, ...] = ()
+
+
+AnyMessage = TypeVar("AnyMessage", TracksMessage, StateMessage)
+
+
+def triangle(cov: Matrix3) -> tuple[float, ...]:
+    """Upper triangle of a symmetric matrix, three significant digits."""
+    (nn, ne, nd), (_, ee, ed), (_, _, dd) = cov
+    return tuple(shortened(value) for value in (nn, ne, nd, ee, ed, dd))
+
+
+def shortened(value: float) -> float:
+    """The number with three significant digits."""
+    return float(f"{value:.{DIGITS}g}")
+
+
+def encoded(message: TracksMessage | FusedMessage) -> list[bytes]:
+    """The message as parts of at most MAX_BYTES. What exceeds the largest number of parts is left out."""
+    tracks = message.tracks[: MAX_PARTS * MAX_TRACKS_A_PART]
+    size = MAX_TRACKS_A_PART
+    while True:
+        pieces = [tracks[at : at + size] for at in range(0, len(tracks), size)] or [()]
+        pieces = pieces[:MAX_PARTS]
+        parts = [
+            msgspec.json.encode(msgspec.structs.replace(message, part=number, parts=len(pieces), tracks=tuple(piece)))
+            for number, piece in enumerate(pieces, 1)
+        ]
+        if all(len(part) <= MAX_BYTES for part in parts) or size == 1:
+            return [part for part in parts if len(part) <= MAX_BYTES]
+        size = max(1, size // 2)
+
+
+def decoded(data: bytes, kind: type[AnyMessage]) -> AnyMessage | str:
+    """The message, or the reason why it is refused: oversized, malformed, another schema, or not finite."""
+    if len(data) > MAX_BYTES:
+        return "oversized"
+    try:
+        message = msgspec.json.decode(data, type=kind)
+    except (msgspec.MsgspecError, ValueError, RecursionError):
+        return "malformed"
+    if message.schema != SCHEMA:
+        return "another schema"
+    if isinstance(message, TracksMessage):
+        fine = message.part <= message.parts and all(_is_sound(track, message.bias) for track in message.tracks)
+        return message if fine and isfinite(message.time_unix) else "malformed"
+    return message if isfinite(message.time_unix) else "malformed"
+
+
+def _is_sound(track: SharedTrack, bias: VehicleBias) -> bool:
+    """Whether the covariances can be ones, and the Jacobian has a column for each bias."""
+    width = len(bias.names)
+    if len(bias.sigma) != width or any(len(row) != width for row in track.bias_jacobian):
+        return False
+    return _is_covariance(track.cov) and _is_covariance(track.cov_shared)
+
+
+def _is_covariance(values: Sequence[float]) -> bool:
+    nn, ne, _, ee, _, dd = values
+    return min(nn, ee, dd) >= 0.0 and max(nn, ee, dd) < 1e8 and ne * ne <= 1.02 * nn * ee  # three digits round

@@ -1,0 +1,44 @@
+"""SHELL: a fleet's bus as an input of the picture; the fused picture goes back to it, and to maps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from fwav_companion.fleet.bus import BusPlace, FleetBus
+from fwav_companion.ground.fleet_picture import FleetPicture
+from fwav_companion.ground.picture import GroundPicture
+
+
+class FleetInput:
+    """Subscribes to one fleet and publishes what it fused."""
+
+    def __init__(self, place: BusPlace, picture: GroundPicture, *, clock: Callable[[], float]) -> None:
+        self._picture, self._clock = picture, clock
+        self._name = f"fleet {place.name}"
+        self._fleet = FleetPicture(picture)
+        self._bus = FleetBus(place, self._on_state)
+        self._bus.subscribe(self._on_message, self._on_alive)
+
+    def start(self) -> None:
+        """Open the bus."""
+        self._picture.on_source(self._name, works=False, text="opening")
+        self._bus.start()
+
+    def tick(self, now: float) -> None:
+        """Fuse, and publish the result."""
+        parts = self._fleet.step(now)
+        if parts is not None:
+            self._bus.publish("fused", parts)
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self._bus.close()
+
+    def _on_message(self, vehicle: str, kind: str, data: bytes) -> None:
+        self._fleet.on_message(vehicle, kind, data, self._clock())
+
+    def _on_alive(self, vehicle: str, there: bool) -> None:
+        self._fleet.on_alive(vehicle, there, self._clock())
+
+    def _on_state(self, works: bool, why: str) -> None:
+        self._picture.on_source(self._name, works=works, text="open" if works else f"not open: {why}")

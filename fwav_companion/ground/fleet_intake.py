@@ -1,0 +1,141 @@
+"""Messages of vehicles as they arrive: joined, in order, on one clock, and with what is wrong about them. Pure.
+
+A vehicle's clock may be off by any amount: its times count only by their differences. The least difference of arrival
+and stamp is taken as the offset, and what a message is later than that is its delay.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from dataclasses import dataclass, field
+
+from fwav_companion.fleet.payloads import SharedTrack, StateMessage, TracksMessage, VehicleBias, decoded
+
+MAX_VEHICLES = 200
+MAX_SENDERS = 1000
+"""Names whose refused messages are counted."""
+OFFSETS_KEPT = 120
+"""A minute at 2 Hz."""
+CLOCK_OFF_S = 2.0
+"""Offset that is reported: beyond any delay of a network that works."""
+LONGEST_DELAY_S = 5.0
+SESSION_S = 5.0
+"""Silence after which another sender may have a vehicle's name."""
+REPEAT_S = 60.0
+"""Least time between two reports of one kind about one vehicle."""
+
+
+@dataclass(slots=True)
+class WholeReport:
+    """All tracks of one vehicle at one instant."""
+
+    vehicle: str
+    at_unix: float
+    """Instant of validity, on this process's clock."""
+    bias: VehicleBias
+    tracks: tuple[SharedTrack, ...]
+
+
+@dataclass(slots=True)
+class Sender:
+    """One vehicle's sender."""
+
+    session: str
+    heard_unix: float
+    seq: int = -1
+    parts: dict[int, tuple[SharedTrack, ...]] = field(default_factory=dict)
+    parts_seq: int = -1
+    offsets: deque[float] = field(default_factory=lambda: deque(maxlen=OFFSETS_KEPT))
+
+    def delay_s(self, time_unix: float, now: float) -> float:
+        """Delay of a message beyond the quickest one's, seconds."""
+        self.offsets.append(now - time_unix)
+        return min(max(now - time_unix - min(self.offsets), 0.0), LONGEST_DELAY_S)
+
+    @property
+    def clock_offset_s(self) -> float:
+        """Offset of the vehicle's clock: ours minus its own, with the shortest delay, seconds."""
+        return min(self.offsets, default=0.0)
+
+
+class FleetIntake:
+    """Checks and joins messages."""
+
+    def __init__(self) -> None:
+        self.refused: Counter[str] = Counter()
+        """Messages by reason of their refusal."""
+        self._senders: dict[str, Sender] = {}
+        self._said: dict[tuple[str, str], float] = {}
+        self._texts: list[tuple[str, str]] = []
+
+    def take_texts(self) -> list[tuple[str, str]]:
+        """Vehicle and warning, since the last call."""
+        texts, self._texts = self._texts, []
+        return texts
+
+    def on_tracks(self, vehicle: str, data: bytes, now: float) -> WholeReport | None:
+        """The tracks of a vehicle where this message completes them."""
+        message = decoded(data, TracksMessage)
+        if isinstance(message, str):
+            self._refuse(vehicle, message, now)
+            return None
+        sender = self._sender(vehicle, message.session, now)
+        if sender is None:
+            return None
+        if message.seq <= sender.seq:
+            self.refused["late"] += 1
+            return None
+        if message.seq != sender.parts_seq:
+            sender.parts, sender.parts_seq = {}, message.seq
+        sender.parts[message.part] = message.tracks
+        delay_s = sender.delay_s(message.time_unix, now)
+        self._check_clock(vehicle, sender, now)
+        if len(sender.parts) < message.parts:
+            return None
+        sender.seq = message.seq
+        tracks = tuple(track for part in sorted(sender.parts) for track in sender.parts[part])
+        sender.parts = {}
+        return WholeReport(vehicle, now - delay_s, message.bias, tracks)
+
+    def on_state(self, vehicle: str, data: bytes, now: float) -> StateMessage | None:
+        """The state of a vehicle."""
+        message = decoded(data, StateMessage)
+        if isinstance(message, str):
+            self._refuse(vehicle, message, now)
+            return None
+        return None if self._sender(vehicle, message.session, now) is None else message
+
+    def _sender(self, vehicle: str, session: str, now: float) -> Sender | None:
+        """The sender of a vehicle; None for a second one with its name, and where there is no room."""
+        sender = self._senders.get(vehicle)
+        if sender is None or (sender.session != session and now > sender.heard_unix + SESSION_S):
+            if sender is None and len(self._senders) >= MAX_VEHICLES:
+                self._refuse(vehicle, f"more than {MAX_VEHICLES} vehicles", now)
+                return None
+            sender = self._senders[vehicle] = Sender(session, now)
+        if sender.session != session:
+            self.refused["second sender"] += 1
+            text = "two senders have this name; the first counts. Give each its own [fleet] vehicle"
+            self._say(vehicle, "second sender", text, now)
+            return None
+        sender.heard_unix = now
+        return sender
+
+    def _check_clock(self, vehicle: str, sender: Sender, now: float) -> None:
+        off_s = sender.clock_offset_s
+        if abs(off_s) > CLOCK_OFF_S and len(sender.offsets) >= 3:
+            text = f"its clock is off by {-off_s:.0f} s: only time differences are used. Synchronise it"
+            self._say(vehicle, "clock", text, now)
+
+    def _refuse(self, vehicle: str, reason: str, now: float) -> None:
+        self.refused[reason] += 1
+        self._say(vehicle, reason, f"sends what cannot be used ({reason}): update fwav-companion there", now)
+
+    def _say(self, vehicle: str, kind: str, text: str, now: float) -> None:
+        """Report, at most once a minute for a vehicle and kind."""
+        if now < self._said.get((vehicle, kind), -REPEAT_S) + REPEAT_S:
+            return
+        if len(self._said) >= MAX_SENDERS:
+            del self._said[next(iter(self._said))]
+        self._said[vehicle, kind] = now
+        self._texts.append((vehicle, text))

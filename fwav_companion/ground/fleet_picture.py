@@ -1,0 +1,205 @@
+"""A fleet's messages to the fused picture: what is shown, and what is published back. Pure."""
+
+from __future__ import annotations
+
+from math import isfinite
+
+import numpy as np
+
+from fwav_companion.fleet.payloads import FusedMessage, FusedTrack, SharedTrack, VehicleBias, encoded, triangle
+from fwav_companion.geometry.earth import Geodetic, TangentPlane
+from fwav_companion.geometry.ellipses import radius_95
+from fwav_companion.geometry.vectors import Matrix3
+from fwav_companion.ground.covariances import ellipse_of
+from fwav_companion.ground.fleet_intake import FleetIntake
+from fwav_companion.ground.fusion.fleet_fusion import FleetFusion
+from fwav_companion.ground.fusion.fused_targets import FusedTarget
+from fwav_companion.ground.fusion.reported_tracks import BIASES, Array, ReportedTrack
+from fwav_companion.ground.picture import GroundPicture, targets_of
+from fwav_companion.ground.views import TargetView
+
+STEP_S = 0.5
+USED_BIASES = {"position_north": 0, "position_east": 1, "heading": 2}
+"""Columns of the fusion by a bias's name; what others do is noise."""
+LEAST_VARIANCE_M2 = 1e-4
+LARGEST_REACH_M = 200_000.0
+"""Places farther from the first one are not in this picture: one plane does not reach there."""
+WARNING, NOTICE = 4, 5
+"""MAV_SEVERITY."""
+
+
+class FleetPicture:
+    """Takes messages, steps the fusion, and keeps the picture up to date."""
+
+    def __init__(self, picture: GroundPicture) -> None:
+        self._picture = picture
+        self._intake = FleetIntake()
+        self._fusion = FleetFusion()
+        self._plane: TangentPlane | None = None
+        self._due_unix = 0.0
+        self._seq = 0
+
+    def on_message(self, vehicle: str, kind: str, data: bytes, now: float) -> None:
+        """Take one message of a vehicle."""
+        if kind == "state":
+            self._on_state(vehicle, data, now)
+            return
+        report = self._intake.on_tracks(vehicle, data, now)
+        if report is None:
+            return
+        self._picture.on_vehicle(vehicle, now)
+        sigmas = _sigmas(report.bias)
+        tracks = [self._reported(vehicle, track, report.bias, report.at_unix) for track in report.tracks]
+        self._fusion.on_tracks(vehicle, [track for track in tracks if track is not None], sigmas, now)
+
+    def on_alive(self, vehicle: str, there: bool, now: float) -> None:
+        """Take what the bus says of a vehicle's liveliness token."""
+        if not there and vehicle in self._picture.vehicles:
+            self._picture.say(vehicle, "left the fleet, or its network was cut", now, severity=WARNING)
+
+    def step(self, now: float) -> list[bytes] | None:
+        """Fuse and show, twice a second; the message to publish, None between two steps."""
+        if now < self._due_unix:
+            return None
+        self._due_unix = now + STEP_S
+        self._fusion.step(now)
+        for vehicle, text in self._intake.take_texts():
+            self._picture.say(vehicle, text, now, severity=WARNING)
+        for vehicle, text, warning in self._fusion.take_report().texts:
+            self._picture.say(vehicle, text, now, severity=WARNING if warning else NOTICE)
+        self._show(now)
+        return self._message(now)
+
+    def _on_state(self, vehicle: str, data: bytes, now: float) -> None:
+        state = self._intake.on_state(vehicle, data, now)
+        if state is None:
+            return
+        fields: dict[str, object] = {"kind": "fleet", "armed": state.armed, "ready": state.ready}
+        fields["readiness"] = "ready" if state.ready else f"not ready: {state.trouble}"
+        if state.lat is not None and state.lon is not None:
+            fields |= {"lat": state.lat, "lon": state.lon, "alt_amsl": state.alt_amsl, "placed_unix": now}
+            fields["heading_deg"] = state.heading_deg
+        self._picture.on_vehicle(vehicle, now, **fields)
+
+    def _reported(self, vehicle: str, track: SharedTrack, bias: VehicleBias, at_unix: float) -> ReportedTrack | None:
+        """The track in the common plane, its covariance split; None where it is out of reach."""
+        place = Geodetic.from_degrees(track.lat, track.lon, track.alt_amsl or 0.0)
+        if self._plane is None:
+            self._plane = TangentPlane(place)
+        north, east, down = self._plane.ned_from_geodetic(place)
+        if not abs(north) + abs(east) < LARGEST_REACH_M:
+            return None
+        total, shared = _square(track.cov), _square(track.cov_shared)
+        rows = np.array(track.bias_jacobian[:2], float).reshape(2, len(bias.names))
+        jacobian = np.zeros((2, BIASES))
+        for index, name in enumerate(bias.names):
+            if name in USED_BIASES:
+                jacobian[:, USED_BIASES[name]] = rows[:, index]
+        if not np.isfinite(jacobian).all():
+            return None
+        own = jacobian @ np.diag(_sigmas(bias) ** 2) @ jacobian.T
+        velocity = None
+        if track.vel is not None and all(isfinite(each) for each in track.vel):
+            velocity = np.array(track.vel[:2], float)
+        return ReportedTrack(
+            vehicle=vehicle,
+            track=track.track,
+            label=track.label,
+            confirmed=track.state in ("confirmed", "coasting"),
+            position=np.array([north, east]),
+            velocity=velocity,
+            noise=_positive(total - shared - own),
+            shared=_positive(shared),
+            jacobian=jacobian,
+            down_m=down,
+            down_variance=max(track.cov[5], LEAST_VARIANCE_M2),
+            at_unix=at_unix,
+            seen_unix=at_unix - max(track.last_seen_s, 0.0),
+        )
+
+    def _show(self, now: float) -> None:
+        """Put the fused targets into the picture, and take out those that ended."""
+        targets = self._fusion.targets
+        shown = {f"fleet/{target.id}" for target in targets}
+        for old in targets_of(self._picture, "fused"):
+            if old.id not in shown:
+                self._picture.remove_target(old.id)
+        self._picture.cover(
+            frozenset(f"{name}/{track}" for target in targets for name, track in target.members.items())
+        )
+        for target in targets:
+            self._picture.on_target(self._view(target), now)
+
+    def _view(self, target: FusedTarget) -> TargetView:
+        place, cov = self._place(target), _cov3(target)
+        return TargetView(
+            id=f"fleet/{target.id}",
+            vehicle="fleet",
+            track=str(target.id),
+            label=target.label,
+            state="confirmed" if target.confirmed else "coasting",
+            lat=place.lat_deg,
+            lon=place.lon_deg,
+            alt_amsl=place.alt_amsl_m,
+            ellipse=ellipse_of(cov),
+            radius95_m=radius_95(cov),
+            first_unix=target.first_unix,
+            seen_unix=target.seen_unix,
+            source="fused",
+            vehicles={name: str(track) for name, track in target.members.items()},
+            left_out=dict(target.left_out),
+        )
+
+    def _message(self, now: float) -> list[bytes]:
+        """The fused picture for the bus."""
+        self._seq += 1
+        tracks = []
+        for target in self._fusion.targets:
+            place = self._place(target)
+            tracks.append(
+                FusedTrack(
+                    track=target.id,
+                    label=target.label,
+                    state="confirmed" if target.confirmed else "coasting",
+                    lat=place.lat_deg,
+                    lon=place.lon_deg,
+                    alt_amsl=round(place.alt_amsl_m, 3),
+                    cov=triangle(_cov3(target)),
+                    last_seen_s=round(max(now - target.seen_unix, 0.0), 2),
+                    vehicles=dict(target.members),
+                    left_out=dict(target.left_out),
+                )
+            )
+        return encoded(FusedMessage(time_unix=now, seq=self._seq, tracks=tuple(tracks)))
+
+    def _place(self, target: FusedTarget) -> Geodetic:
+        if self._plane is None:  # a target exists only after a track, which has made the plane
+            raise AssertionError
+        north, east = (float(each) for each in target.position)
+        return self._plane.geodetic_from_ned((north, east, target.down_m))
+
+
+def _sigmas(bias: VehicleBias) -> Array:
+    """One sigma of each bias that the fusion estimates."""
+    sigmas = np.zeros(BIASES)
+    for name, sigma in zip(bias.names, bias.sigma, strict=True):
+        if name in USED_BIASES and isfinite(sigma):
+            sigmas[USED_BIASES[name]] = abs(sigma)
+    return sigmas
+
+
+def _square(values: tuple[float, ...]) -> Array:
+    """The horizontal part of a triangle."""
+    return np.array([[values[0], values[1]], [values[1], values[3]]])
+
+
+def _positive(cov: Array) -> Array:
+    """The nearest covariance: what rounding to three digits made negative is the least variance."""
+    values, vectors = np.linalg.eigh(cov)
+    positive: Array = (vectors * np.maximum(values, LEAST_VARIANCE_M2)) @ vectors.T
+    return positive
+
+
+def _cov3(target: FusedTarget) -> Matrix3:
+    (nn, ne), (_, ee) = target.cov.tolist()
+    return ((nn, ne, 0.0), (ne, ee, 0.0), (0.0, 0.0, target.down_variance))

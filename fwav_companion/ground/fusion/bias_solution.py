@@ -1,0 +1,100 @@
+"""All targets and all vehicles' biases at once: weighted least squares with the targets eliminated. Pure.
+
+Parts that vehicles may share are treated by split covariance intersection (Julier & Uhlmann 2001; Li & Nashashibi
+2013): the shared covariance C of a track counts as C / w, with weights w of one target's tracks that add up to one. For
+any correlation of the shared parts the claim then holds. Where they are the same in all tracks it is exact: K tracks
+with weights 1 / K give C + N / K.
+
+In numpy, with z = X + J b + e, cov(e) = M = N + C / w and b ~ (0, Sigma)::
+
+    A = sum inv(M);  B = sum inv(M) J                                            # of one target
+    S = inv(Sigma) + sum J' inv(M) J - sum B' inv(A) B                           # of the biases
+    cov(b) = inv(S);  b = inv(S) (sum J' inv(M) z - sum B' inv(A) sum inv(M) z)
+    X = inv(A) (sum inv(M) z - B b);  cov(X) = inv(A) + inv(A) B inv(S) B' inv(A)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fwav_companion.ground.fusion.reported_tracks import BIASES, Array, Indices, ReportedTrack
+
+SMALLEST_SIGMA = 1e-4
+"""Least prior sigma of a bias: keeps the algebra regular where a vehicle states none."""
+NOISE_FLOOR_M2 = 0.01**2
+
+
+@dataclass(slots=True)
+class BiasSolution:
+    """Targets and biases, in the order in which they were given."""
+
+    targets: Array
+    """North and east, metres: one row a target."""
+    target_covs: Array
+    biases: Array
+    """One row a vehicle."""
+    bias_covs: Array
+
+
+def intersection_weights(covs: Array, targets: Indices, count: int) -> Array:
+    """Weight of each track among those of its target, by the inverse of its total variance."""
+    information = 1.0 / np.trace(covs, axis1=1, axis2=2)
+    weights: Array = information / np.bincount(targets, information, count)[targets]
+    return weights
+
+
+def solve(
+    tracks: Sequence[ReportedTrack],
+    positions: Array,
+    *,
+    vehicles: Indices,
+    targets: Indices,
+    sigmas: Array,
+    target_count: int,
+) -> BiasSolution:
+    """The joint solution. ``vehicles`` and ``targets``: index of each track's. ``sigmas``: one row a vehicle."""
+    jacobians = np.array([track.jacobian for track in tracks])
+    noise = np.array([track.noise for track in tracks]) + NOISE_FLOOR_M2 * np.eye(2)
+    shared = np.array([track.shared for track in tracks])
+    prior = np.maximum(sigmas, SMALLEST_SIGMA) ** -2.0
+    own = jacobians @ (np.eye(BIASES) * (prior[vehicles] ** -1.0)[:, None, :]) @ jacobians.transpose(0, 2, 1)
+    weights = intersection_weights(noise + shared + own, targets, target_count)
+    information = np.linalg.inv(noise + shared / weights[:, None, None])
+    count = len(sigmas)
+
+    by_target = np.zeros((target_count, 2, 2))
+    np.add.at(by_target, targets, information)
+    target_spread = np.linalg.inv(by_target)
+    weighted = np.einsum("mij,mj->mi", information, positions)
+    target_sums = np.zeros((target_count, 2))
+    np.add.at(target_sums, targets, weighted)
+
+    to_bias = information @ jacobians
+    by_vehicle = np.zeros((target_count, count, 2, BIASES))
+    np.add.at(by_vehicle, (targets, vehicles), to_bias)
+    cross = by_vehicle.transpose(0, 2, 1, 3).reshape(target_count, 2, count * BIASES)
+
+    system = np.zeros((count, BIASES, BIASES))
+    np.add.at(system, vehicles, jacobians.transpose(0, 2, 1) @ to_bias)
+    reduced = np.zeros((count * BIASES, count * BIASES))
+    for index in range(count):
+        at = slice(index * BIASES, (index + 1) * BIASES)
+        reduced[at, at] = system[index] + np.diag(prior[index])
+    flat = cross.reshape(target_count * 2, count * BIASES)
+    eliminated = (target_spread @ cross).reshape(target_count * 2, count * BIASES)
+    reduced -= flat.T @ eliminated
+
+    right = np.zeros((count, BIASES))
+    np.add.at(right, vehicles, np.einsum("mij,mi->mj", jacobians, weighted))
+    right_flat = right.ravel() - eliminated.T @ target_sums.ravel()
+    bias_cov = np.asarray(np.linalg.inv(reduced), np.float64)
+    bias = bias_cov @ right_flat
+    places = np.einsum("tij,tj->ti", target_spread, target_sums) - (eliminated @ bias).reshape(target_count, 2)
+    share = eliminated.reshape(target_count, 2, count * BIASES)
+    covs = target_spread + share @ (bias_cov @ share.transpose(0, 2, 1))
+    blocks = bias_cov.reshape(count, BIASES, count, BIASES)
+    each = np.arange(count)
+    return BiasSolution(places, covs, bias.reshape(count, BIASES), blocks[each, :, each, :])

@@ -1,0 +1,224 @@
+"""One picture of many vehicles' tracks. Pure: it is handed the time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from fwav_companion.ground.fusion import association
+from fwav_companion.ground.fusion.association import PlaceIndex
+from fwav_companion.ground.fusion.bias_solution import SMALLEST_SIGMA, solve
+from fwav_companion.ground.fusion.consistency import RIGHT, WRONG, VehicleShift, shift_of, wrong_by_biases
+from fwav_companion.ground.fusion.fused_targets import FusedTarget, TargetBooks
+from fwav_companion.ground.fusion.rebuilding import improved
+from fwav_companion.ground.fusion.reported_tracks import Array, ReportedTrack, ReportingVehicle
+
+FRESH_S = 5.0
+"""Age of a vehicle's report beyond which its tracks no longer count: at 2 Hz ten reports are missing."""
+MAX_VEHICLES = 200
+MAX_TRACKS = 256
+"""Tracks of one vehicle."""
+LOOK_S = 2.0
+"""Interval at which each vehicle's shift is examined."""
+REBUILD_S = 5.0
+"""Interval at which the association is rebuilt for comparison."""
+ADMIT_S = 10.0
+"""Time for which a vehicle that was left out must agree before it counts again."""
+
+
+@dataclass(slots=True)
+class LeftOut:
+    """A vehicle that does not count."""
+
+    reason: str
+    agrees_unix: float | None = None
+    """Since when it has agreed with the others."""
+    pairs: dict[int, int] = field(default_factory=dict)
+
+
+@dataclass(slots=True)
+class FusionReport:
+    """What people must know: each text once, when it begins or ends."""
+
+    texts: list[tuple[str, str, bool]] = field(default_factory=list)
+    """Vehicle, text, whether it is a warning."""
+
+
+class FleetFusion:
+    """Vehicles, their tracks, and the targets that they see together."""
+
+    def __init__(self) -> None:
+        self.vehicles: dict[str, ReportingVehicle] = {}
+        self.left_out: dict[str, LeftOut] = {}
+        self.disagreements: set[frozenset[str]] = set()
+        """Pairs of vehicles that disagree without a third."""
+        self._books = TargetBooks()
+        self._looked_unix: dict[str, float] = {}
+        self._rebuilt_unix = 0.0
+        self._report = FusionReport()
+
+    @property
+    def targets(self) -> list[FusedTarget]:
+        """The fused targets."""
+        return list(self._books.targets.values())
+
+    def on_tracks(self, name: str, tracks: Sequence[ReportedTrack], sigmas: Array, now: float) -> bool:
+        """Replace the tracks of a vehicle; false where there is no room for another vehicle."""
+        vehicle = self.vehicles.get(name)
+        if vehicle is None:
+            if len(self.vehicles) >= MAX_VEHICLES:
+                return False
+            vehicle = self.vehicles[name] = ReportingVehicle(name, sigmas)
+            vehicle.bias_cov = np.diag(np.maximum(sigmas, SMALLEST_SIGMA) ** 2)
+        vehicle.sigmas, vehicle.heard_unix = sigmas, now
+        vehicle.tracks = {track.track: track for track in tracks[:MAX_TRACKS]}
+        return True
+
+    def take_report(self) -> FusionReport:
+        """What happened since the last call."""
+        report, self._report = self._report, FusionReport()
+        return report
+
+    def step(self, now: float) -> None:
+        """Associate, solve and examine. Called about twice a second."""
+        for name in [each.name for each in self.vehicles.values() if now > each.heard_unix + FRESH_S]:
+            self._forget(name)
+        counting = {name: vehicle for name, vehicle in self.vehicles.items() if name not in self.left_out}
+        association.release(self._books, counting, now)
+        index = PlaceIndex(self._books.targets.values())
+        for vehicle in counting.values():
+            association.associate(self._books, vehicle, index, now)
+        self._solve(counting, now)
+        association.merge_targets(self._books)
+        if now >= self._rebuilt_unix + REBUILD_S:
+            self._rebuilt_unix = now
+            self._books = improved(self._books, counting, now) or self._books
+        self._examine(counting, now)
+        self._mark_left_out()
+
+    def _solve(self, counting: dict[str, ReportingVehicle], now: float) -> None:
+        """Positions of all targets, and biases of all vehicles that share some."""
+        books = self._books
+        keys = [key for key in books.of_track if key[0] in counting]
+        if not keys:
+            return
+        names = {name: index for index, name in enumerate(dict.fromkeys(key[0] for key in keys))}
+        order = {target_id: index for index, target_id in enumerate(books.targets)}
+        tracks = [counting[name].tracks[track] for name, track in keys]
+        # Differences about the middle keep the digits: a plane may reach over hundreds of kilometres.
+        positions = np.array([track.at(now) for track in tracks])
+        middle = positions.mean(axis=0)
+        solution = solve(
+            tracks,
+            positions - middle,
+            vehicles=np.array([names[name] for name, _ in keys]),
+            targets=np.array([order[books.of_track[key]] for key in keys]),
+            sigmas=np.array([counting[name].sigmas for name in names]),
+            target_count=len(order),
+        )
+        for name, index in names.items():
+            counting[name].bias, counting[name].bias_cov = solution.biases[index], solution.bias_covs[index]
+        for target_id, index in order.items():
+            target = books.targets[target_id]
+            target.position, target.cov = solution.targets[index] + middle, solution.target_covs[index]
+            _fuse_heights(target, [counting[name].tracks[track] for name, track in target.members.items()])
+
+    def _examine(self, counting: dict[str, ReportingVehicle], now: float) -> None:
+        """Leave out a vehicle that is wrong, and admit one that is right again."""
+        worst = wrong_by_biases(counting, self.targets)
+        if worst is not None:
+            bias = counting[worst[0]].bias
+            self._leave_out(worst[0], float(np.hypot(bias[0], bias[1])))
+        index: PlaceIndex | None = None
+        for name, vehicle in self.vehicles.items():
+            if now < self._looked_unix.get(name, -LOOK_S) + LOOK_S:
+                continue
+            self._looked_unix[name] = now
+            if index is None:
+                index = PlaceIndex(self._books.targets.values())
+            shift = shift_of(vehicle, index, now)
+            if name in self.left_out:
+                self._maybe_admit(name, shift, now)
+            else:
+                self._on_shift(name, shift)
+
+    def _on_shift(self, name: str, shift: VehicleShift | None) -> None:
+        if shift is None:
+            return
+        if shift.nis <= RIGHT:
+            self._agrees(name)
+        elif shift.nis <= WRONG:
+            return
+        elif shift.corroborated:
+            self._leave_out(name, shift.length_m)
+            self.left_out[name].pairs = shift.pairs
+        elif len(shift.others) == 1:
+            pair = frozenset((name, shift.others[0]))
+            if pair not in self.disagreements:
+                self.disagreements.add(pair)
+                first, second = sorted(pair)
+                text = f"disagrees with vehicle {second} by {shift.length_m:.1f} m: check the positions of both"
+                self._report.texts.append((first, text, True))
+
+    def _agrees(self, name: str) -> None:
+        """End a disagreement of which this vehicle is the first; the second is examined in its own turn."""
+        for pair in [pair for pair in self.disagreements if name in pair]:
+            self.disagreements.discard(pair)
+            first, second = sorted(pair)
+            self._report.texts.append((first, f"agrees with vehicle {second} again", False))
+
+    def _leave_out(self, name: str, by_m: float) -> None:
+        reason = f"{by_m:.1f} m from where others see the same targets"
+        self.left_out[name] = LeftOut(reason)
+        for pair in [pair for pair in self.disagreements if name in pair]:
+            self.disagreements.discard(pair)
+        self._remove_tracks(name)
+        vehicle = self.vehicles[name]
+        vehicle.bias = np.zeros_like(vehicle.bias)
+        vehicle.bias_cov = np.diag(np.maximum(vehicle.sigmas, SMALLEST_SIGMA) ** 2)
+        self._report.texts.append((name, f"left out: {reason}. Check its position and heading", True))
+
+    def _maybe_admit(self, name: str, shift: VehicleShift | None, now: float) -> None:
+        left = self.left_out[name]
+        if shift is not None:
+            left.pairs = shift.pairs
+        if shift is None or shift.nis > RIGHT:
+            left.agrees_unix = None
+        elif left.agrees_unix is None:
+            left.agrees_unix = now
+        elif now >= left.agrees_unix + ADMIT_S:
+            del self.left_out[name]
+            self._report.texts.append((name, "agrees with the others again: counts", False))
+
+    def _mark_left_out(self) -> None:
+        """Note at each target which vehicles see it and do not count."""
+        for target in self._books.targets.values():
+            target.left_out = {}
+        for name, left in self.left_out.items():
+            for target_id in left.pairs.values():
+                if target_id in self._books.targets:
+                    self._books.targets[target_id].left_out[name] = left.reason
+
+    def _remove_tracks(self, name: str) -> None:
+        for key in [key for key in self._books.of_track if key[0] == name]:
+            self._books.leave(*key)
+
+    def _forget(self, name: str) -> None:
+        """Forget a silent vehicle; that it is silent is reported by its liveliness."""
+        self._remove_tracks(name)
+        del self.vehicles[name]
+        self.left_out.pop(name, None)
+        self._looked_unix.pop(name, None)
+        self.disagreements = {pair for pair in self.disagreements if name not in pair}
+
+
+def _fuse_heights(target: FusedTarget, tracks: Sequence[ReportedTrack]) -> None:
+    """Height by covariance intersection with weights by information: what vehicles share of it is not known apart."""
+    information = [1.0 / max(track.down_variance, 1e-4) for track in tracks]
+    total = sum(information)
+    target.down_m = sum(weight * track.down_m for weight, track in zip(information, tracks, strict=True)) / total
+    target.down_variance = len(tracks) / total
+    target.seen_unix = max(track.seen_unix for track in tracks)
+    target.confirmed = any(track.confirmed for track in tracks)

@@ -1,0 +1,72 @@
+"""How far a vehicle's pattern of targets is shifted against the targets that others see. Pure.
+
+Every pair of a track and a target with its label votes for the shift between them. The shift with the most tracks that
+agree on it is the vehicle's: a single nearest neighbour would be wrong where targets are as dense as the shift is long.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fwav_companion.ground.fusion.reported_tracks import Array
+
+REACH_M = 40.0
+"""Longest shift that is looked for: several times the worst error of a receiver that still reports a 3D fix."""
+MAX_PAIRS = 400
+"""Pairs that vote; of more, the shortest shifts do."""
+
+
+@dataclass(slots=True)
+class Shift:
+    """The shift of one vehicle."""
+
+    metres: Array
+    """North and east: the vehicle's minus the others'."""
+    pairs: list[tuple[int, int]]
+    """Indices of track and target that agree on it."""
+
+    @property
+    def votes(self) -> int:
+        """Number of tracks that agree."""
+        return len(self.pairs)
+
+
+def registered(
+    positions: Array, labels: Sequence[str], places: Array, place_labels: Sequence[str], *, tolerance_m: float
+) -> Shift | None:
+    """The shift with the most votes, of equal ones the shortest; None where no pair is within reach."""
+    if not len(positions) or not len(places):
+        return None
+    shifts = positions[:, None, :] - places[None, :, :]
+    lengths = np.hypot(shifts[..., 0], shifts[..., 1])
+    same = np.array([[own == other for other in place_labels] for own in labels])
+    tracks, targets = np.nonzero(same & (lengths <= REACH_M))
+    if not len(tracks):
+        return None
+    order = np.argsort(lengths[tracks, targets], kind="stable")[:MAX_PAIRS]
+    tracks, targets = tracks[order], targets[order]
+    found = shifts[tracks, targets]
+    close = np.hypot(*(found[:, None, :] - found[None, :, :]).transpose(2, 0, 1)) <= tolerance_m
+    votes = [len(set(tracks[row].tolist())) for row in close]
+    best = int(np.argmax(votes))  # the first of equals is the shortest
+    pairs = _one_to_one(tracks[close[best]], targets[close[best]], found[close[best]], found[best])
+    metres = np.mean([shifts[track, target] for track, target in pairs], axis=0)
+    return Shift(metres, pairs)
+
+
+def _one_to_one(tracks: Array, targets: Array, found: Array, centre: Array) -> list[tuple[int, int]]:
+    """Pairs in which each track and each target occurs once, those nearest to the shift first."""
+    order = np.argsort(np.hypot(*(found - centre).T), kind="stable")
+    taken_tracks: set[int] = set()
+    taken_targets: set[int] = set()
+    pairs = []
+    for index in order:
+        track, target = int(tracks[index]), int(targets[index])
+        if track not in taken_tracks and target not in taken_targets:
+            taken_tracks.add(track)
+            taken_targets.add(target)
+            pairs.append((track, target))
+    return pairs
