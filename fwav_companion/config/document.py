@@ -19,6 +19,7 @@ from fwav_companion.config.inputs import (
     VehicleConfig,
 )
 from fwav_companion.errors import ConfigError
+from fwav_companion.fleet.options import FleetTable
 from fwav_companion.links.url import TcpUrl, UdpUrl, parse_cot_url
 from fwav_companion.publishing.options import PublishTable
 from fwav_companion.tracking.options import TrackingOptions
@@ -85,6 +86,8 @@ class Document(msgspec.Struct, frozen=True, kw_only=True):
     """How fixes become targets."""
     publish: PublishTable = PublishTable()
     """Which target is reported to which receivers."""
+    fleet: FleetTable | None = None
+    """What is shared with other vehicles; None: nothing."""
     record: RecordConfig = RecordConfig()
     """The recording of a flight."""
     state: StateConfig = StateConfig()

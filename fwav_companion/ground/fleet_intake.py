@@ -37,7 +37,7 @@ class WholeReport:
 
 
 @dataclass(slots=True)
-class Sender:
+class FleetSender:
     """One vehicle's sender."""
 
     session: str
@@ -64,7 +64,7 @@ class FleetIntake:
     def __init__(self) -> None:
         self.refused: Counter[str] = Counter()
         """Messages by reason of their refusal."""
-        self._senders: dict[str, Sender] = {}
+        self._senders: dict[str, FleetSender] = {}
         self._said: dict[tuple[str, str], float] = {}
         self._texts: list[tuple[str, str]] = []
 
@@ -105,14 +105,14 @@ class FleetIntake:
             return None
         return None if self._sender(vehicle, message.session, now) is None else message
 
-    def _sender(self, vehicle: str, session: str, now: float) -> Sender | None:
+    def _sender(self, vehicle: str, session: str, now: float) -> FleetSender | None:
         """The sender of a vehicle; None for a second one with its name, and where there is no room."""
         sender = self._senders.get(vehicle)
         if sender is None or (sender.session != session and now > sender.heard_unix + SESSION_S):
             if sender is None and len(self._senders) >= MAX_VEHICLES:
                 self._refuse(vehicle, f"more than {MAX_VEHICLES} vehicles", now)
                 return None
-            sender = self._senders[vehicle] = Sender(session, now)
+            sender = self._senders[vehicle] = FleetSender(session, now)
         if sender.session != session:
             self.refused["second sender"] += 1
             text = "two senders have this name; the first counts. Give each its own [fleet] vehicle"
@@ -121,7 +121,7 @@ class FleetIntake:
         sender.heard_unix = now
         return sender
 
-    def _check_clock(self, vehicle: str, sender: Sender, now: float) -> None:
+    def _check_clock(self, vehicle: str, sender: FleetSender, now: float) -> None:
         off_s = sender.clock_offset_s
         if abs(off_s) > CLOCK_OFF_S and len(sender.offsets) >= 3:
             text = f"its clock is off by {-off_s:.0f} s: only time differences are used. Synchronise it"

@@ -16,10 +16,10 @@ from fwav_companion.pipeline.clicked_spots import ClickedSpots
 from fwav_companion.pipeline.predicted_accuracy import PredictedAccuracy
 from fwav_companion.pipeline.target_log import TargetLog
 from fwav_companion.publishing.publisher import Publisher
-from fwav_companion.publishing.readiness import Readiness
+from fwav_companion.publishing.readiness import Readiness, obstacle
 from fwav_companion.recording.lines import Line, clock_line
 from fwav_companion.telemetry import Telemetry
-from fwav_companion.types import Autopilot, ClockEstimate, Reason, Situation, Unpaired
+from fwav_companion.types import Autopilot, ClockEstimate, Reason, Situation, Track, Unpaired
 from fwav_companion.types.board import BoardReport
 from fwav_companion.types.flight_status import AutopilotReport, ClockReport, OriginReport
 from fwav_companion.types.status import PipelineStatus
@@ -81,6 +81,14 @@ class Components:
             height_m=expected.height_m if isinstance(expected, PredictedAccuracy) else None,
             autopilot_silent=self.identity.heartbeat_overdue(now),
         )
+
+    def shared(self, now: HostNs) -> tuple[tuple[Track, ...], Situation, str | None]:
+        """The believed tracks, the vehicle, and why it is not ready; None where it is."""
+        trouble = "no camera is configured"
+        if self.camera is not None:
+            found = obstacle(self.readiness(self.camera, now))
+            trouble = "" if found is None else found.text
+        return self.publisher.believed, self.situation(now), trouble or None
 
     def clock_line(self, at: HostNs, unix_offset_ns: int) -> Line | None:
         """Line of the clock at this instant; None while the clock is unknown."""

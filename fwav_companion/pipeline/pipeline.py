@@ -31,6 +31,8 @@ from fwav_companion.types import (
     Notice,
     Outgoing,
     Reason,
+    Situation,
+    Track,
 )
 from fwav_companion.types.spots import SpotRefused, SpotViews
 from fwav_companion.types.status import PipelineStatus
@@ -307,6 +309,10 @@ class Pipeline:
     def take(self) -> Outputs:
         """All outputs since the last call."""
         return self._outputs.take()
+
+    def shared(self, now: HostNs) -> tuple[tuple[Track, ...], Situation, str | None]:
+        """For other vehicles: the believed tracks, the vehicle, and why it is not ready (None: it is)."""
+        return self._components.shared(now)
 
     def status(self, now: HostNs) -> PipelineStatus:
         """The pipeline's part of the status."""

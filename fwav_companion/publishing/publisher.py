@@ -142,10 +142,14 @@ class Publisher:
         self._notices.clear()
         return made
 
+    @property
+    def believed(self) -> tuple[Track, ...]:
+        """Confirmed and coasting tracks after the newest frame, the oldest first."""
+        return tuple(sorted(self._selection.believed.values(), key=seniority))
+
     def track_reports(self, plane: TangentPlane | None, now: HostNs) -> list[TrackReport]:
         """Part of the status: the believed tracks, the oldest first."""
-        oldest = sorted(self._selection.believed.values(), key=seniority)[:MAX_TRACK_REPORTS]
-        return [track_report(track, plane, now) for track in oldest]
+        return [track_report(track, plane, now) for track in self.believed[:MAX_TRACK_REPORTS]]
 
     def status(self) -> PublishingReport:
         """Part of the status: the selected track, and what became of LANDING_TARGET."""

@@ -23,13 +23,19 @@ from fwav_companion.service.journal import Journal
 from fwav_companion.service.latest_file import LatestFile, status_paths
 from fwav_companion.service.log import ServiceLog, warn
 from fwav_companion.service.network import Outbox, make_node
-from fwav_companion.service.service_factory import make_detections, make_map_link, make_recorder, make_vision
+from fwav_companion.service.service_factory import (
+    make_detections,
+    make_fleet,
+    make_map_link,
+    make_recorder,
+    make_vision,
+)
 from fwav_companion.service.signing_store import SigningStore
 from fwav_companion.service.status import StatusReport, SystemdNotifier, encoded
 from fwav_companion.service.stop_signals import end_by
 from fwav_companion.service.timer import NET_NS, HostClock, PipelineTimer
 from fwav_companion.telemetry import Telemetry
-from fwav_companion.types import Frame, NoFrame, Outgoing
+from fwav_companion.types import Frame, NoFrame, Notice, Outgoing
 from fwav_companion.types.spots import SpotRefused
 from fwav_companion.types.status import RunStatus
 from fwav_companion.vision.frame_receiver import FrameReceiver
@@ -100,6 +106,9 @@ class Service:
         self._first = [self._links[link.name] for link in config.link if link.role == "autopilot"]
         self._board = BoardWatch({link.name: isinstance(link.parsed_url, SerialUrl) for link in config.link})
         self._map_link = make_map_link(config, self._on_link_state)
+        self._fleet = make_fleet(
+            config, self._pipeline, now=self._clock.now, warn=warn, on_notice=self._on_fleet_notice
+        )
         ears = FrameReceiver(
             self._on_frame,
             self._log.clock_stepped,
@@ -176,7 +185,7 @@ class Service:
     def _start(self) -> None:
         self._journal.start(self._kept)
         files = (self._status_file, self._signing, self._calibrations)
-        for part in (*files, self._detections, self._vision, self._map_link, *self._links.values()):
+        for part in (*files, self._detections, self._vision, self._map_link, self._fleet, *self._links.values()):
             if part is not None:
                 part.start()
         self._signing.begin(self._node.signing_clock, self._clock.now())
@@ -191,7 +200,7 @@ class Service:
         self._pipeline.finish(now)
         self._flush(now)
         self._journal.end(now)
-        for part in (self._detections, self._vision, self._map_link, *self._links.values()):
+        for part in (self._detections, self._vision, self._map_link, self._fleet, *self._links.values()):
             if part is not None:
                 part.close()
         for file in (self._journal, self._status_file, self._signing, self._calibrations):
@@ -315,8 +324,8 @@ class Service:
             self._flush(now)
 
     def _look_at_board(self, now: HostNs) -> None:
-        """Report the board's load. The wall clock is read only where Cursor on Target is sent."""
-        believed = self._map_link is not None and wall_clock_is_synchronised()
+        """Report the board's load. The wall clock is read only where UTC leaves the board."""
+        believed = (self._map_link is not None or self._fleet is not None) and wall_clock_is_synchronised()
         read_ns, unix_ns = self._clock.read()
         utc_minus_host_s = (unix_ns - read_ns) / NS_PER_S if believed else None
         links = {name: link.status() for name, link in self._links.items()}
@@ -348,6 +357,11 @@ class Service:
         self._log.link_changed(name, up, why)
         if name in self._links:
             (self._node.link_up if up else self._node.link_down)(name)
+
+    def _on_fleet_notice(self, notice: Notice) -> None:
+        now = self._clock.now()
+        self._pipeline.on_notices([notice], now)
+        self._flush(now)
 
     def _on_fault(self, message: str, error: Exception) -> None:
         self._on_internal_fault(asyncio.get_running_loop(), {"message": message, "exception": error})

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
 
 import msgspec
 
 from fwav_companion.config import Config
 from fwav_companion.config.room_options import recording_plan
 from fwav_companion.errors import ConfigError
+from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.libraries import require
 from fwav_companion.links.base import Link, OnState
 from fwav_companion.links.reconnect import make_link
@@ -17,12 +19,16 @@ from fwav_companion.links.url import UdpUrl
 from fwav_companion.mount_points import missing_mount_above
 from fwav_companion.pipeline.pipeline import Pipeline
 from fwav_companion.recording.recorder import Recorder
+from fwav_companion.types import Notice
 from fwav_companion.types.spots import SpotRefused
 from fwav_companion.vision.detections_in import DetectionsIn
 from fwav_companion.vision.frame_receiver import FrameReceiver
 from fwav_companion.vision.source_names import SourceKind, is_file_name, source_kind
 from fwav_companion.vision.supervisor import VisionProcess
 from fwav_companion.vision.task import VisionTask
+
+if TYPE_CHECKING:
+    from fwav_companion.service.fleet_sharing import FleetSharing
 
 
 def make_map_link(config: Config, on_state: OnState) -> Link | None:
@@ -111,6 +117,23 @@ def make_recorder(
             f"Mount {missing.point}, or name another directory"
         )
     return Recorder(plan, on_failure, header=pipeline.header, summary=pipeline.summary)
+
+
+def make_fleet(
+    config: Config,
+    pipeline: Pipeline,
+    *,
+    now: Callable[[], HostNs],
+    warn: Callable[[str], None],
+    on_notice: Callable[[Notice], None],
+) -> FleetSharing | None:
+    """What is shared with other vehicles. Only this loads zenoh."""
+    if config.fleet is None:
+        return None
+    require(f"{config.file}: [fleet]", "zenoh")
+    from fwav_companion.service.fleet_sharing import FleetSharing
+
+    return FleetSharing(config.fleet, config, pipeline, now=now, warn=warn, on_notice=on_notice)
 
 
 def _ignore_bytes(_link: str, _data: bytes) -> bool:

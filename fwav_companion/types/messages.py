@@ -119,6 +119,9 @@ class NoticeCode(StrEnum):
     COT_WITHOUT_UTC = "cot_without_utc"
     """Cursor on Target rests while UTC is unknown. Wait for GPS, or run NTP on the board."""
 
+    FLEET_WITHOUT_UTC = "fleet_without_utc"
+    FLEET_WITHOUT_POSITION = "fleet_without_position"
+
     ORIGIN_SET = "origin_set"
     """The first global position was received: the local frame has its origin."""
     GIMBAL_UNUSED = "gimbal_unused"

@@ -10,6 +10,7 @@ import pytest
 from fwav_companion.cli.init import template
 from fwav_companion.config import Config, LinkConfig, SigningConfig, parse
 from fwav_companion.config.document import Document
+from fwav_companion.fleet.options import FleetTable
 from fwav_companion.types import StandingTarget
 from fwav_companion.vision.task import VisionTask
 
@@ -35,7 +36,7 @@ def builtins_of(value: object) -> Any:
 
 def defaults() -> dict[str, object]:
     flat = flattened(builtins_of(Document()))
-    return {key: value for key, value in flat.items() if key not in ("link", "signing", "target", "vision")}
+    return {key: value for key, value in flat.items() if key not in ("link", "signing", "target", "vision", "fleet")}
 
 
 def comments_taken_off() -> str:
@@ -74,11 +75,13 @@ def test_what_is_commented_out_is_right_too():
     config: Config = parse(text, "f.toml")
     assert config.signing == SigningConfig()
     assert config.vision == VisionTask()
+    assert config.fleet == FleetTable()
     last = config.link[-1]
     assert last == LinkConfig(name=last.name, url=last.url, role=last.role, max_rate_hz={"ATTITUDE": 4.0})
     shown = tomllib.loads(text)
     assert set(shown["signing"]) == set(SigningConfig.__struct_fields__)
     assert set(shown["vision"]) == set(VisionTask.__struct_fields__)
+    assert set(shown["fleet"]) == set(FleetTable.__struct_fields__)
     assert config.target == (StandingTarget(label="person", height_m=1.7, height_sigma_m=0.17),)
     assert set(shown["target"][-1]) == set(StandingTarget.__struct_fields__)
     assert set(shown["link"][-1]) == set(LinkConfig.__struct_fields__)
