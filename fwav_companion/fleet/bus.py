@@ -103,6 +103,7 @@ class FleetBus:
                 self._session,
                 f"{PREFIX}/{self._place.name}/{key}",
                 cache=zenoh.ext.CacheConfig(max_samples=MAX_PARTS),
+                publisher_detection=True,
                 congestion_control=zenoh.CongestionControl.DROP,
                 encoding=zenoh.Encoding.APPLICATION_JSON,
             )
@@ -119,9 +120,13 @@ class FleetBus:
 
     async def _open(self) -> None:
         while True:
+            opening = asyncio.ensure_future(asyncio.to_thread(zenoh.open, self._place.configuration))
             try:
-                session = await asyncio.to_thread(zenoh.open, self._place.configuration)
+                session = await asyncio.shield(opening)
                 break
+            except asyncio.CancelledError:  # a session that opens after the end is closed, or the process would not end
+                opening.add_done_callback(_close_late)
+                raise
             except zenoh.ZError as error:
                 self._on_state(False, str(error).splitlines()[0][:200])
             await asyncio.sleep(RETRY_S)
@@ -172,3 +177,9 @@ class FleetBus:
             self._loop.call_soon_threadsafe(run)
         except RuntimeError:  # the loop was closed since
             self.dropped += 1
+
+
+def _close_late(opening: asyncio.Future[Any]) -> None:
+    """Close a session that nothing waits for any more."""
+    if not opening.cancelled() and opening.exception() is None:
+        opening.result().close()

@@ -1,0 +1,71 @@
+"""A vehicle's tracks as it shares them, from a flight against the mock."""
+
+from __future__ import annotations
+
+from math import hypot
+
+import msgspec
+import numpy as np
+import pytest
+from flying import fly
+
+from fwav_companion.fleet.fleet_tracks import FleetTracks
+from fwav_companion.fleet.options import FleetTable
+from fwav_companion.fleet.payloads import TracksMessage, decoded, encoded
+from fwav_companion.geometry.earth import Geodetic
+from sitl_mock import scenario
+
+
+def square(values) -> np.ndarray:
+    nn, ne, nd, ee, ed, dd = values
+    return np.array([[nn, ne, nd], [ne, ee, ed], [nd, ed, dd]])
+
+
+@pytest.fixture(scope="module")
+def shared():
+    """(message, state, flight) at the end of a flight."""
+    flown = fly(scenario("demo").but({"seconds": 12.0}), ())
+    companion = flown.companion
+    tracks, situation, obstacle = companion.pipeline.shared(companion._now)
+    situation = msgspec.structs.replace(situation, utc_minus_host_s=1000.0)
+    maker = FleetTracks(FleetTable(), companion.config.priors, "session")
+    message, state = maker.messages(tracks, situation, obstacle)
+    assert tracks
+    assert message.tracks
+    return message, state, flown, tracks, situation
+
+
+def test_every_covariance_splits_into_parts_that_are_covariances(shared):
+    message, *_ = shared
+    for track in message.tracks:
+        total, common = square(track.cov), square(track.cov_shared)
+        jacobian = np.array(track.bias_jacobian)
+        own = jacobian @ np.diag(np.array(message.bias.sigma) ** 2) @ jacobian.T
+        noise = (total - common - own)[:2, :2]
+        assert np.linalg.eigvalsh(noise).min() > -0.02 * np.trace(total)  # three digits
+        assert np.linalg.eigvalsh(common).min() >= 0.0
+        assert np.trace(own[:2, :2]) > 0.0
+
+
+def test_places_and_labels_are_the_tracks(shared):
+    message, _, _, tracks, situation = shared
+    for shown, track in zip(message.tracks, tracks, strict=True):
+        ned = situation.plane.ned_from_geodetic(Geodetic.from_degrees(shown.lat, shown.lon, shown.alt_amsl))
+        assert hypot(ned[0] - track.position_ned[0], ned[1] - track.position_ned[1]) < 1e-3
+        assert (shown.track, shown.label) == (track.id, track.label)
+
+
+def test_the_message_is_understood_and_the_state_has_the_vehicle(shared):
+    message, state, *_ = shared
+    (data,) = encoded(message)
+    assert isinstance(decoded(data, TracksMessage), TracksMessage)
+    assert state.vehicle == message.vehicle == "1"
+    assert state.lat is not None
+    assert state.heading_deg is not None
+    assert 0.0 <= state.heading_deg < 360.0
+
+
+def test_without_utc_nothing_is_made(shared):
+    *_, flown, tracks, situation = shared
+    maker = FleetTracks(FleetTable(), flown.companion.config.priors, "s")
+    assert maker.messages(tracks, msgspec.structs.replace(situation, utc_minus_host_s=None), None) is None
