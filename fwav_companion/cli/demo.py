@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from os.path import realpath
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
     from fwav_companion.tools.demo.flight_setup import FlightSetup
 
 SECONDS = (3.0, 3600.0)
+FLEETS = (2, 6)
+"""Vehicles of --fleet: each is two processes of this machine."""
 SCENARIOS = ("demo", "demo_blur")
 
 
@@ -44,6 +47,14 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
     )
     add("--scenario", choices=SCENARIOS, default=SCENARIOS[0], help="demo_blur: a long exposure; tags are readable "
         "mostly while the body turns slowly")  # fmt: skip
+    add(
+        "--fleet",
+        metavar="N",
+        type=int,
+        default=0,
+        help="N vehicles, 2 to 6, that look at the same targets, and one ground process that fuses what they see; its "
+        "address is printed",
+    )
     add("--json", action="store_true", help="end with the result as one JSON object")
     parser.set_defaults(run=run)
 
@@ -52,6 +63,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Exit status 0: every target found, each within its claimed 99.9 % radius; 1: not."""
     if not SECONDS[0] <= arguments.seconds <= SECONDS[1]:
         raise UserError(f"--seconds {arguments.seconds:g}: accepted: {SECONDS[0]:g} to {SECONDS[1]:g}")
+    if arguments.fleet:
+        return _fly_fleet(arguments)
     require("demo", "numpy", "cv2", "sitl_mock")
     from fwav_companion.tools.demo.flight import Demonstration
     from fwav_companion.tools.demo.flight_setup import FlightSetup
@@ -67,6 +80,33 @@ def run(arguments: argparse.Namespace) -> int:
             result = demonstration.fly(table.watch)
         report = _report(console, demonstration, setup, out=out, result=result)
     show_result(console, result, report)
+    if arguments.json:
+        print(json.dumps(result.as_json()))
+    return 1 if result.troubles else 0
+
+
+def _fly_fleet(arguments: argparse.Namespace) -> int:
+    """Exit status 0: every target fused once, within its claimed 99.9 %; 1: not."""
+    if not FLEETS[0] <= arguments.fleet <= FLEETS[1]:
+        raise UserError(f"--fleet {arguments.fleet}: accepted: {FLEETS[0]} to {FLEETS[1]}")
+    require("demo --fleet", "numpy", "aiohttp", "zenoh", "sitl_mock")
+    from fwav_companion.tools.demo.fleet_flight import FleetDemonstration
+    from fwav_companion.tools.demo.processes import locked_folder
+
+    out = Path(realpath(arguments.out))
+    demonstration = FleetDemonstration(arguments.fleet, arguments.seconds, arguments.seed, out)
+    with as_by_ctrl_c(), locked_folder(out):
+        print(f"ground picture: {demonstration.address}", flush=True)
+        result = demonstration.fly(lambda _flown_s, _targets: None)
+    for score in result.scores:
+        error = "not found" if score.error_m is None else f"error {score.error_m:.2f} m"
+        claim = "" if score.claimed95_m is None else f", claimed {score.claimed95_m:.2f} m (95 %)"
+        seen = f", seen by vehicles {', '.join(score.vehicles)}" if score.vehicles else ""
+        print(f"{score.label} at {score.north:.0f} m north, {score.east:.0f} m east: {error}{claim}{seen}")
+    for trouble in result.troubles:
+        print(f"demo: {trouble}", file=sys.stderr)
+    (out / "fleet.json").write_text(json.dumps(result.as_json(), indent=1) + "\n", encoding="utf-8")
+    print(f"report     {out / 'fleet.json'}")
     if arguments.json:
         print(json.dumps(result.as_json()))
     return 1 if result.troubles else 0
