@@ -74,7 +74,7 @@ class ErrorTally:
         for index, (label, truth) in enumerate(self._targets):
             true_ned = truth.ned_at(line["time_unix"], self._plane) if label in ("", line["label"]) else None
             if true_ned is not None:
-                errors[index] = _sample(true_ned, estimate)
+                errors[index] = error_sample(true_ned, estimate)
         return errors
 
     def _add_track(self, line: Line) -> None:
@@ -156,7 +156,8 @@ class ErrorTally:
         }
 
 
-def _sample(true_ned: Vector3, estimate: Line) -> ErrorSample:
+def error_sample(true_ned: Vector3, estimate: Line) -> ErrorSample:
+    """Error of an estimate with a covariance, a target line or its fix."""
     north, east = estimate["north"] - true_ned[0], estimate["east"] - true_ned[1]
     return ErrorSample(hypot(north, east), _normalised2(north, east, estimate["cov"]))
 

@@ -1,0 +1,208 @@
+"""SHELL: workers that fly: a Dask cluster of this machine, or a running one.
+
+The local cluster is one process a worker with one thread each, and listens on loopback alone, without a dashboard. A
+running cluster executes what it is sent: it belongs into a trusted network. A worker that dies costs the repetition of
+its own flights.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from itertools import islice
+from typing import Any, Final, TypeAlias
+
+import cloudpickle
+import dask
+import msgspec
+from distributed import Client, KilledWorker, LocalCluster, WorkerPlugin, as_completed, get_worker
+
+from fwav_companion import __version__
+from fwav_companion.errors import CompanionError, UserError
+from fwav_companion.tools.study import worker_facts
+from fwav_companion.tools.study.record_file import Environment
+
+LOOPBACK: Final = "127.0.0.1"
+WAIT_S: Final = 10.0
+"""Longest wait for a scheduler, and for its first worker, seconds."""
+AHEAD: Final = 3
+"""Flights in the queue for each worker: none waits for work, and Ctrl-C leaves little to cancel."""
+SETTINGS: Final[dict[str, Any]] = {
+    "distributed.scheduler.allowed-failures": 3,
+    "distributed.scheduler.work-stealing": True,
+    "distributed.scheduler.worker-saturation": 1.1,
+    "distributed.scheduler.http.routes": [],
+    "distributed.worker.http.routes": [],
+    "distributed.worker.profile.enabled": False,
+    "distributed.worker.memory.target": False,
+    "distributed.worker.memory.spill": False,
+    "distributed.worker.memory.pause": False,
+    "distributed.worker.memory.terminate": False,
+    "distributed.comm.timeouts.connect": f"{WAIT_S:g}s",
+}
+"""Explicit, so that a user's own Dask configuration changes nothing here; TLS is taken from it."""
+
+Task: TypeAlias = tuple[Any, ...]
+"""Arguments of one piece of work."""
+Job: TypeAlias = Callable[..., bytes]
+"""A piece of work on a worker: its arguments are the state of :class:`JobPlugin` and a task."""
+
+
+class WorkerTrouble(CompanionError):
+    """A piece of work failed on every worker that tried it."""
+
+
+class JobPlugin(WorkerPlugin):  # type: ignore[misc]  # distributed has no types
+    """Keeps on each worker what all its work shares: the plan, and the mock's process."""
+
+    idempotent = True
+
+    def __init__(self, name: str, make: Callable[..., Any], arguments: Task) -> None:
+        """``make(*arguments)`` makes the shared state, at the first piece of work."""
+        self.name = name
+        self._make, self._arguments = make, arguments
+        self._state: Any = None
+
+    def state(self) -> Any:
+        """The shared state."""
+        if self._state is None:
+            self._state = self._make(*self._arguments)
+        return self._state
+
+    def teardown(self, worker: Any) -> None:  # noqa: ARG002  # distributed's signature
+        """Close the shared state with the worker."""
+        if hasattr(self._state, "close"):
+            self._state.close()
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**vars(self), "_state": None}
+
+
+def _work(plugin: str, job: Job, task: Task) -> bytes:
+    """One piece of work, on a worker."""
+    return job(get_worker().plugins[plugin].state(), *task)
+
+
+class Workers:
+    """A connected cluster."""
+
+    def __init__(self, client: Client) -> None:
+        self._client = client
+        facts = _facts(client)
+        self.count = sum(client.nthreads().values())
+        """Flights that are flown at once."""
+        self.environment = Environment(
+            tuple(sorted({each["processor"] for each in facts.values()})),
+            {name: ", ".join(sorted({each["wheels"][name] for each in facts.values()})) for name in _names(facts)},
+        )
+
+    def run(self, job: Job, tasks: Iterable[Task], make: Callable[..., Any], arguments: Task) -> Iterator[bytes]:
+        """Results of ``job(make(*arguments), *task)`` as they finish. WorkerTrouble, or the job's own UserError."""
+        plugin = JobPlugin(f"fwav-{os.urandom(8).hex()}", make, arguments)
+        self._client.register_plugin(plugin)
+        waiting = iter(tasks)
+        submitted = as_completed(loop=self._client.loop, raise_errors=False)
+        try:
+            for task in islice(waiting, AHEAD * max(1, self.count)):
+                submitted.add(self._submitted(plugin.name, job, task))
+            for future in submitted:
+                yield _result(future)
+                future.release()
+                for task in islice(waiting, 1):
+                    submitted.add(self._submitted(plugin.name, job, task))
+        finally:
+            with suppress(Exception):  # the cluster may be gone
+                self._client.cancel(list(submitted.futures))
+                self._client.unregister_worker_plugin(plugin.name)
+
+    def _submitted(self, plugin: str, job: Job, task: Task) -> Any:
+        key = f"{plugin}-{'-'.join(map(str, task))}"
+        return self._client.submit(_work, plugin, job, task, key=key, pure=False)
+
+
+@contextmanager
+def workers(scheduler: str = "", count: int | None = None) -> Iterator[Workers]:
+    """Workers of the scheduler at this address, else of a local cluster with one worker a core. UserError."""
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    logging.getLogger("asyncio").setLevel(logging.CRITICAL)
+    with dask.config.set(SETTINGS), ExitStack() as opened:
+        if scheduler:
+            client = opened.enter_context(_connected(scheduler))
+        else:
+            cluster = opened.enter_context(_local(count or len(os.sched_getaffinity(0))))
+            client = opened.enter_context(Client(cluster, set_as_default=False))
+        yield Workers(client)
+
+
+@contextmanager
+def _local(count: int) -> Iterator[LocalCluster]:
+    folder = tempfile.mkdtemp(prefix="fwav-study-")
+    try:
+        with LocalCluster(
+            n_workers=count,
+            threads_per_worker=1,
+            processes=True,
+            host=LOOPBACK,
+            dashboard_address=f"{LOOPBACK}:0",
+            worker_dashboard_address=f"{LOOPBACK}:0",
+            scheduler_kwargs={"dashboard": False},
+            memory_limit=0,
+            local_directory=folder,
+            silence_logs=logging.CRITICAL,
+        ) as cluster:
+            yield cluster
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+@contextmanager
+def _connected(scheduler: str) -> Iterator[Client]:
+    accepted = "accepted: the address of a running Dask scheduler, as tcp://192.168.1.20:8786"
+    if not scheduler.startswith(("tcp://", "tls://")):
+        raise UserError(f"--scheduler {scheduler}: {accepted}")
+    try:
+        client = Client(scheduler, timeout=WAIT_S, set_as_default=False)
+    except (OSError, ValueError, TypeError) as error:
+        what = " ".join(str(error).split())[:100] or type(error).__name__
+        raise UserError(f"--scheduler {scheduler}: no scheduler answers ({what}); {accepted}") from None
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=WAIT_S)
+        except TimeoutError:
+            raise UserError(f"--scheduler {scheduler}: it has no worker; accepted: one or more `dask worker`") from None
+        yield client
+
+
+def _facts(client: Client) -> dict[str, dict[str, Any]]:
+    """What each worker is, by its address. UserError where one has another version of this package, or none."""
+    cloudpickle.register_pickle_by_value(worker_facts)
+    try:
+        facts: dict[str, dict[str, Any]] = client.run(worker_facts.worker_facts)
+    finally:
+        cloudpickle.unregister_pickle_by_value(worker_facts)
+    for address, each in facts.items():
+        if each["package"] != __version__:
+            has = f"fwav-companion {each['package']}" if each["package"] else "no fwav-companion"
+            raise UserError(f"worker {address} has {has}; accepted: {__version__}, as here")
+    return facts
+
+
+def _names(facts: dict[str, dict[str, Any]]) -> list[str]:
+    return sorted({name for each in facts.values() for name in each["wheels"]})
+
+
+def _result(future: Any) -> bytes:
+    try:
+        result: bytes = future.result()
+    except KilledWorker:
+        raise WorkerTrouble(f"{future.key}: every worker that tried it died; is the memory too small?") from None
+    return result
+
+
+def decoded(result: bytes, kind: type[msgspec.Struct]) -> Any:
+    """A result as the struct that the worker encoded."""
+    return msgspec.json.decode(result, type=kind)

@@ -1,0 +1,285 @@
+"""One flight drawn from the configuration's priors: the mock's options, and the configuration of its replay. PURE.
+
+Each quantity has a stream of random numbers of its own, by (seed, index, quantity). A flight is the same on every
+worker, and two arms of a study differ in one cause alone.
+"""
+
+from __future__ import annotations
+
+from math import cos, exp, log, pi, radians, sin, sqrt, tan
+from random import Random
+from typing import Any, Final
+
+import msgspec
+
+from fwav_companion.config import Config
+from fwav_companion.config.inputs import DetectionsConfig
+from fwav_companion.tools.study.causes import CAUSES
+from fwav_companion.tools.study.keys import FLIGHT, Value, flight_settings, toml_text
+from fwav_companion.tools.study.study_plan import StudyPlan
+
+CONFIGURED: Final = "configured"
+"""Arm of the flights as configured."""
+TWICE: Final = "twice"
+"""Arm with every true sigma twice its prior."""
+WITHOUT: Final = "without_"
+"""Beginning of the arms with the sigma of one cause zero, in truth and prior."""
+
+LABEL: Final = "target"
+FPS: Final = 30.0
+"""Rate of a camera whose configuration states none, hertz."""
+LONGEST_READOUT_S: Final = 0.075
+"""Longest readout of an unknown camera, seconds: [camera] readout_s = "unknown"."""
+USUAL_POSITION_M: Final = 1.0
+"""True sigma of a position whose accuracy is "auto": the mock's receiver claims as much."""
+WANDER_TIMES_S: Final = (30.0, 1800.0)
+"""Time constants of a position error that is "auto", log-uniform, seconds."""
+BIRD_PITCH_DEG: Final = 37.0
+"""Mean pitch of the paper's bird, whose camera looks along the body's down axis, degrees."""
+DOWNWARD_DEG: Final = -70.0
+"""Mount pitch below which a camera is taken to look along the body's down axis."""
+USUAL: Final[dict[str, tuple[float, float]]] = {
+    "height_m": (15.0, 15.0),
+    "speed_m_s": (5.0, 5.0),
+    "flap_hz": (4.0, 6.0),
+    "flap_deg": (3.0, 7.0),
+    "wind_m_s": (0.0, 4.0),
+    "miss_rate": (0.0, 0.2),
+}
+"""Ranges of flight keys that are not set; radius and pitch follow from pattern, height and mount."""
+GUSTS: Final = 0.15
+"""Turbulence intensity: sigma of the gusts over the mean wind (IEC 61400-1, class B at low height)."""
+WANDER_PER_GUST_S: Final = 1.0 / 0.57
+"""RMS of the mock's slow drift over the RMS of its rate: three sines with periods of 24, 11 and 6 s."""
+LEAST_PIXEL_NOISE_PX: Final = 0.05
+ARDUPILOT_DEFAULTS: Final = ("ATTITUDE", "LOCAL_POSITION_NED", "VFR_HUD", "SYS_STATUS", "RAW_IMU", "SERVO_OUTPUT_RAW")
+"""Streams that the pipeline does not use: a simulated flight leaves them out."""
+NOISES: Final = ("pixel_noise_px", "attitude_noise_deg", "position_noise_m", "height_noise_m")
+BIASES: Final = (
+    "attitude_bias_deg", "heading_bias_deg", "height_bias_m", "mount_bias_deg", "time_offset_sigma_s",
+    "position_delay_sigma_s", "lever_arm_sigma_m",
+)  # fmt: skip
+"""Keys of [uncertainty] that the mock has by the same names."""
+
+
+class FlightDraw(msgspec.Struct, frozen=True, kw_only=True):
+    """One flight before it is flown."""
+
+    index: int
+    arm: str
+    varied: dict[str, Value]
+    """Values of the varied keys."""
+    flown: dict[str, float]
+    """Values of the flight: height, speed, wing beat..."""
+    request: dict[str, Any]
+    """Request to the mock (sitl_mock/service.py)."""
+    claim: Config
+    """Configuration of the replay."""
+
+
+def draw_flight(plan: StudyPlan, index: int, arm: str = CONFIGURED) -> FlightDraw:
+    """The flight with this index in an arm of a study."""
+    varied = {each.key: each.drawn(_stream(plan, index, f"vary/{each.key}")) for each in plan.variations}
+    more = tuple((key, toml_text(value)) for key, value in varied.items())
+    zeroed = tuple((f"uncertainty.{key}", "0.0") for key in _zeroed_keys(arm))
+    truth, claim = plan.truth((*more, *zeroed)), plan.claim((*more, *zeroed))
+    flown = _flown(plan, index, varied, truth)
+    readout_s = _readout_s(plan, index, truth)
+    if arm == f"{WITHOUT}readout":
+        claim = _replaced(claim, "camera", readout_s=readout_s)
+    request = {
+        "set": {
+            "seed": _stream(plan, index, "mock").getrandbits(48),
+            "seconds": plan.seconds,
+            "noise_by_cause": True,
+            "biases.readout_s": readout_s,
+            **_of_flight(plan, index, flown, truth),
+            **_of_autopilot(plan, index, truth),
+            **_of_camera(plan, truth, flown["miss_rate"]),
+            **_of_priors(plan, index, truth, 2.0 if arm == TWICE else 1.0),
+        },
+        "rates_hz": _rates_hz(claim),
+    }
+    return FlightDraw(
+        index=index, arm=arm, varied=varied, flown=flown, request=request, claim=_evaluated(claim)
+    )
+
+
+def _zeroed_keys(arm: str) -> tuple[str, ...]:
+    """Keys of [uncertainty] that an arm sets to zero."""
+    return CAUSES[arm.removeprefix(WITHOUT)].keys if arm.startswith(WITHOUT) else ()
+
+
+def _stream(plan: StudyPlan, index: int, quantity: str) -> Random:
+    return Random(f"{plan.seed}/{index}/{quantity}")  # noqa: S311  # a drawn flight, no secret
+
+
+def _replaced(config: Config, table: str, **values: Any) -> Config:
+    replace = msgspec.structs.replace
+    return replace(config, **{table: replace(getattr(config, table), **values)})
+
+
+def _evaluated(claim: Config) -> Config:
+    """The configuration for the mock's detections and level ground; an elevation model is a doubt of that ground."""
+    claim = msgspec.structs.replace(claim, detections=DetectionsConfig(), vision=None)
+    if claim.ground.model == "terrain":
+        sigma_m = _terrain_sigma_m(claim)
+        claim = _replaced(_replaced(claim, "ground", model="home", terrain=()), "uncertainty", terrain_m=sigma_m)
+    return claim
+
+
+def _terrain_sigma_m(config: Config) -> float:
+    """One sigma of the ground's height, metres. On level ground a stated 4.0 counts as none; this does not."""
+    if config.ground.model != "terrain":
+        return 0.0
+    return 4.000001 if config.uncertainty.terrain_m in ("auto", 4.0) else float(config.uncertainty.terrain_m)
+
+
+def _flown(plan: StudyPlan, index: int, varied: dict[str, Value], truth: Config) -> dict[str, float]:
+    """The values of the flight's keys: set, varied, or drawn."""
+    given = flight_settings([*plan.settings, *((key, str(value)) for key, value in varied.items())])
+    values: dict[str, float] = {}
+    for name, (low, high) in USUAL.items():
+        values[name] = given.get(name, _stream(plan, index, FLIGHT + name).uniform(low, high))
+    mount_pitch = truth.camera.mount.pitch_deg
+    level = BIRD_PITCH_DEG if mount_pitch <= DOWNWARD_DEG and not truth.camera.mount.gimbal_device_id else 0.0
+    values["pitch_deg"] = given.get("pitch_deg", level)
+    values["radius_m"] = given.get("radius_m", _radius_m(plan, values, mount_pitch))
+    return values
+
+
+def _radius_m(plan: StudyPlan, values: dict[str, float], mount_pitch_deg: float) -> float:
+    """A radius at which the target is in view: where the camera looks, between 15 and 45 degrees from straight down.
+
+    A figure eight, whose camera sees the target as it comes by, has 1.25 heights, a survey 1.5.
+    """
+    height_m = values["height_m"]
+    if plan.pattern in ("eight", "survey"):
+        return (1.25 if plan.pattern == "eight" else 1.5) * height_m
+    look_deg = min(45.0, max(15.0, values["pitch_deg"] + mount_pitch_deg + 90.0))
+    return height_m * tan(radians(look_deg))
+
+
+def _of_flight(plan: StudyPlan, index: int, flown: dict[str, float], truth: Config) -> dict[str, Any]:
+    """The mock's options of the flight, about a target near the flight centre."""
+    pattern, radius, speed, height = plan.pattern, flown["radius_m"], flown["speed_m_s"], flown["height_m"]
+    place = _stream(plan, index, "place")
+    wind_from = place.uniform(0.0, 2.0 * pi)
+    off, toward = 0.2 * height * sqrt(place.random()), place.uniform(0.0, 2.0 * pi)
+    options: dict[str, Any] = {
+        "flight.height_m": height,
+        "flight.speed_m_s": speed,
+        "flight.start_phase_deg": place.uniform(0.0, 360.0),
+        "flight.pitch_deg": flown["pitch_deg"],
+        "flight.flapping_hz": flown["flap_hz"],
+        "flight.flapping_pitch_deg": flown["flap_deg"],
+        "flight.flapping_roll_deg": 0.1 * flown["flap_deg"],
+        "flight.heave_m": 0.004 * flown["flap_deg"],
+        "flight.wander_m": GUSTS * flown["wind_m_s"] * WANDER_PER_GUST_S,
+        "flight.wind_m_s": (flown["wind_m_s"] * cos(wind_from), flown["wind_m_s"] * sin(wind_from)),
+    }
+    if pattern == "eight":
+        options |= {"flight.pattern": "figure_eight", "flight.half_axes_m": (radius, 0.5 * radius)}
+    elif pattern == "orbit":
+        options |= {"flight.pattern": "orbit", "flight.half_axes_m": (radius, radius)}
+    elif pattern == "hover":
+        options |= {"flight.pattern": "hover", "flight.offset_m": (-radius, 0.0)}
+    elif pattern == "survey":
+        drift = 2.0 * radius / plan.seconds
+        options |= {
+            "flight.pattern": "racetrack",
+            "flight.half_axes_m": (radius, 0.4 * radius),
+            "flight.drift_m_s": (0.0, drift),
+            "flight.centre": (40.0, -25.0 - radius),
+        }
+    else:
+        start = -0.5 * speed * plan.seconds
+        options |= {
+            "flight.pattern": "hover",
+            "flight.heading": "course",
+            "flight.offset_m": (start, 0.0),
+            "flight.drift_m_s": (speed, 0.0),
+        }
+    up = _stream(plan, index, "terrain").gauss(0.0, 1.0) * _terrain_sigma_m(truth)
+    east = off * sin(toward) + (radius if pattern == "survey" else 0.0)
+    options["targets"] = [{"label": LABEL, "north": off * cos(toward), "east": east, "up": up}]
+    return options
+
+
+def _of_autopilot(plan: StudyPlan, index: int, truth: Config) -> dict[str, Any]:
+    """The autopilot, its clock and its link: an ordinary oscillator, and a wire of a millisecond or three."""
+    clock = _stream(plan, index, "clock")
+    stamp_delay_s = truth.uncertainty.attitude_stamp_delay_s
+    off = dict.fromkeys(ARDUPILOT_DEFAULTS, 0.0)
+    if truth.ground.model != "rangefinder":
+        off["DISTANCE_SENSOR"] = 0.0
+    return {
+        "autopilot.system_id": truth.vehicle.system_id or 1,
+        "autopilot.drift_ppm": clock.gauss(0.0, 15.0),
+        "autopilot.pitch_trim_deg": 0.0,
+        "autopilot.gyro_sample_hz": 250.0,
+        "autopilot.position_delay_s": truth.vehicle.position_delay_s,
+        "autopilot.position_wander": "smooth",
+        "autopilot.stamp_delay_s": None if stamp_delay_s == "auto" else stamp_delay_s,
+        "autopilot.rates_hz": off,
+        "downlink.delay_s": clock.uniform(0.0005, 0.003),
+        "downlink.jitter_s": clock.uniform(0.0001, 0.001),
+        "uplink.delay_s": clock.uniform(0.0005, 0.003),
+        "uplink.jitter_s": clock.uniform(0.0001, 0.001),
+    }
+
+
+def _of_camera(plan: StudyPlan, truth: Config, miss_rate: float) -> dict[str, Any]:
+    lens, camera = plan.lens, truth.camera
+    return {
+        "gimbal.device_id": camera.mount.gimbal_device_id,
+        "camera.image_size": lens.image_size,
+        "camera.k_mm": lens.k_mm,
+        "camera.pixels_per_mm": lens.pixels_per_mm,
+        "camera.principal_point": lens.principal_point,
+        "camera.max_angle_deg": lens.max_angle * 180.0 / pi,
+        "camera.mount_deg": camera.mount.angles,
+        "camera.position_m": camera.mount.position_m,
+        "camera.fps": _fps(truth),
+        "camera.stamp": "row0_mid" if camera.stamp == "auto" else camera.stamp,
+        "camera.time_offset_s": camera.time_offset_s,
+        "camera.missed": miss_rate,
+        "camera.tell_sigma": False,
+        **({"camera.exposure_s": camera.exposure_s} if camera.exposure_s else {}),
+    }
+
+
+def _fps(truth: Config) -> float:
+    return float(truth.vision.fps) if truth.vision is not None and truth.vision.fps else FPS
+
+
+def _readout_s(plan: StudyPlan, index: int, truth: Config) -> float:
+    """True readout of the image: as configured, else uniform over what a camera of this rate may have."""
+    if truth.camera.known_readout_s is not None:
+        return truth.camera.known_readout_s
+    return _stream(plan, index, "readout").uniform(0.0, min(1.0 / _fps(truth), LONGEST_READOUT_S))
+
+
+def _of_priors(plan: StudyPlan, index: int, truth: Config, times: float) -> dict[str, Any]:
+    """The sigmas from which the mock draws, each ``times`` that of the configuration."""
+    stated = truth.uncertainty
+    sigmas = {name: times * getattr(stated, name) for name in (*NOISES, *BIASES)}
+    sigmas["pixel_noise_px"] = max(LEAST_PIXEL_NOISE_PX, sigmas["pixel_noise_px"])
+    position_m = USUAL_POSITION_M if stated.position_bias_m == "auto" else stated.position_bias_m
+    time_s = stated.position_bias_time_s
+    if time_s == "auto":
+        low, high = map(log, WANDER_TIMES_S)
+        time_s = exp(_stream(plan, index, "wander").uniform(low, high))
+    sigmas |= {"position_bias_m": times * position_m, "position_bias_time_s": time_s}
+    return {f"priors.{name}": sigma for name, sigma in sigmas.items()}
+
+
+def _rates_hz(claim: Config) -> dict[str, float]:
+    """Rates that the recording companion requests, as the service does."""
+    attitude = "ATTITUDE" if claim.vehicle.attitude_message == "ATTITUDE" else "ATTITUDE_QUATERNION"
+    return {
+        attitude: claim.rates.attitude,
+        "GLOBAL_POSITION_INT": claim.rates.position,
+        "HOME_POSITION": 0.2,
+        "GPS_GLOBAL_ORIGIN": 0.2,
+    }
