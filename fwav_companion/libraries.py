@@ -12,8 +12,12 @@ from fwav_companion.errors import UserError
 EXTRAS = {
     "aiohttp": "ground",
     "av": "stream",
+    "cloudpickle": "study",
+    "dask": "study",
+    "distributed": "study",
     "matplotlib": "demo",
     "onnxruntime": "onnx",
+    "pyarrow": "study",
     "pyulog": "ulog",
     "rasterio": "terrain",
     "zenoh": "fleet",

@@ -13,10 +13,10 @@ from typing import Any, Final
 import msgspec
 
 from fwav_companion.config import Config
-from fwav_companion.config.inputs import DetectionsConfig
 from fwav_companion.tools.study.causes import CAUSES
 from fwav_companion.tools.study.keys import FLIGHT, Value, flight_settings, toml_text
-from fwav_companion.tools.study.study_plan import StudyPlan
+from fwav_companion.tools.study.paper_preset import FIRST_PICTURE_S, TARGET_M
+from fwav_companion.tools.study.study_plan import StudyPlan, terrain_sigma_m
 
 CONFIGURED: Final = "configured"
 """Arm of the flights as configured."""
@@ -73,6 +73,8 @@ class FlightDraw(msgspec.Struct, frozen=True, kw_only=True):
     """Values of the flight: height, speed, wing beat..."""
     request: dict[str, Any]
     """Request to the mock (sitl_mock/service.py)."""
+    settings: tuple[str, ...]
+    """The ``KEY=VALUE`` of the replay."""
     claim: Config
     """Configuration of the replay."""
 
@@ -82,11 +84,13 @@ def draw_flight(plan: StudyPlan, index: int, arm: str = CONFIGURED) -> FlightDra
     varied = {each.key: each.drawn(_stream(plan, index, f"vary/{each.key}")) for each in plan.variations}
     more = tuple((key, toml_text(value)) for key, value in varied.items())
     zeroed = tuple((f"uncertainty.{key}", "0.0") for key in _zeroed_keys(arm))
-    truth, claim = plan.truth((*more, *zeroed)), plan.claim((*more, *zeroed))
+    truth = plan.truth((*more, *zeroed))
     flown = _flown(plan, index, varied, truth)
     readout_s = _readout_s(plan, index, truth)
+    settings = plan.claim_settings((*more, *zeroed))
     if arm == f"{WITHOUT}readout":
-        claim = _replaced(claim, "camera", readout_s=readout_s)
+        settings = (*settings, f"camera.readout_s={readout_s!r}")
+    claim = plan.parsed(settings)
     request = {
         "set": {
             "seed": _stream(plan, index, "mock").getrandbits(48),
@@ -97,12 +101,11 @@ def draw_flight(plan: StudyPlan, index: int, arm: str = CONFIGURED) -> FlightDra
             **_of_autopilot(plan, index, truth),
             **_of_camera(plan, truth, flown["miss_rate"]),
             **_of_priors(plan, index, truth, 2.0 if arm == TWICE else 1.0),
+            **(_paper() if plan.preset == "paper" else {}),
         },
         "rates_hz": _rates_hz(claim),
     }
-    return FlightDraw(
-        index=index, arm=arm, varied=varied, flown=flown, request=request, claim=_evaluated(claim)
-    )
+    return FlightDraw(index=index, arm=arm, varied=varied, flown=flown, request=request, settings=settings, claim=claim)
 
 
 def _zeroed_keys(arm: str) -> tuple[str, ...]:
@@ -112,27 +115,6 @@ def _zeroed_keys(arm: str) -> tuple[str, ...]:
 
 def _stream(plan: StudyPlan, index: int, quantity: str) -> Random:
     return Random(f"{plan.seed}/{index}/{quantity}")  # noqa: S311  # a drawn flight, no secret
-
-
-def _replaced(config: Config, table: str, **values: Any) -> Config:
-    replace = msgspec.structs.replace
-    return replace(config, **{table: replace(getattr(config, table), **values)})
-
-
-def _evaluated(claim: Config) -> Config:
-    """The configuration for the mock's detections and level ground; an elevation model is a doubt of that ground."""
-    claim = msgspec.structs.replace(claim, detections=DetectionsConfig(), vision=None)
-    if claim.ground.model == "terrain":
-        sigma_m = _terrain_sigma_m(claim)
-        claim = _replaced(_replaced(claim, "ground", model="home", terrain=()), "uncertainty", terrain_m=sigma_m)
-    return claim
-
-
-def _terrain_sigma_m(config: Config) -> float:
-    """One sigma of the ground's height, metres. On level ground a stated 4.0 counts as none; this does not."""
-    if config.ground.model != "terrain":
-        return 0.0
-    return 4.000001 if config.uncertainty.terrain_m in ("auto", 4.0) else float(config.uncertainty.terrain_m)
 
 
 def _flown(plan: StudyPlan, index: int, varied: dict[str, Value], truth: Config) -> dict[str, float]:
@@ -200,7 +182,7 @@ def _of_flight(plan: StudyPlan, index: int, flown: dict[str, float], truth: Conf
             "flight.offset_m": (start, 0.0),
             "flight.drift_m_s": (speed, 0.0),
         }
-    up = _stream(plan, index, "terrain").gauss(0.0, 1.0) * _terrain_sigma_m(truth)
+    up = _stream(plan, index, "terrain").gauss(0.0, 1.0) * terrain_sigma_m(truth)
     east = off * sin(toward) + (radius if pattern == "survey" else 0.0)
     options["targets"] = [{"label": LABEL, "north": off * cos(toward), "east": east, "up": up}]
     return options
@@ -272,6 +254,18 @@ def _of_priors(plan: StudyPlan, index: int, truth: Config, times: float) -> dict
         time_s = exp(_stream(plan, index, "wander").uniform(low, high))
     sigmas |= {"position_bias_m": times * position_m, "position_bias_time_s": time_s}
     return {f"priors.{name}": sigma for name, sigma in sigmas.items()}
+
+
+def _paper() -> dict[str, Any]:
+    """What the paper fixes and no key states: the target's place, a still vehicle, 90 pictures."""
+    north, east = TARGET_M
+    return {
+        "flight.offset_m": (0.0, 0.0),
+        "flight.wander_deg": 0.0,
+        "camera.first_frame_s": FIRST_PICTURE_S,
+        "camera.clutter": 0.0,
+        "targets": [{"label": LABEL, "north": north, "east": east}],
+    }
 
 
 def _rates_hz(claim: Config) -> dict[str, float]:

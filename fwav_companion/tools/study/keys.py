@@ -108,7 +108,9 @@ def require_key(key: str, option: str) -> None:
     if bare not in known:
         others = [*known, *(f"{FLIGHT}{name}" for name in FLIGHT_KEYS)]
         if table in hints_of(Document) and table not in TABLES:
-            raise UserError(f"{option}: {key}: [{table}] does not change a flight; accepted tables: {', '.join(TABLES)}")
+            raise UserError(
+                f"{option}: {key}: [{table}] does not change a flight; accepted tables: {', '.join(TABLES)}"
+            )
         raise UserError(f"{option}: {key}: unknown key; {_nearest(bare, others, '')}")
     if bare in UNVARIED:
         raise UserError(f"{option}: {key}: a study cannot vary it; accepted: another key of [{table}]")
@@ -153,9 +155,7 @@ def toml_text(value: Value) -> str:
 
 
 def _without_prefix(settings: Iterable[tuple[str, str]], left_out: str, prefix: str) -> list[str]:
-    return [
-        f"{key.removeprefix(prefix)}={value}" for key, value in settings if not key.startswith((left_out, FLIGHT))
-    ]
+    return [f"{key.removeprefix(prefix)}={value}" for key, value in settings if not key.startswith((left_out, FLIGHT))]
 
 
 def _nearest(name: str, known: Iterable[str], prefix: str) -> str:

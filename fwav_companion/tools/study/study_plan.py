@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterable
 from functools import lru_cache
 from typing import Final, Literal, TypeAlias
 
@@ -71,30 +72,48 @@ class StudyPlan(msgspec.Struct, frozen=True, kw_only=True):
         """Whether --set says whether self-calibration is on."""
         return any(key.endswith(ON_BY_DEFAULT) for key, _ in self.settings)
 
-    def claim(self, more: tuple[tuple[str, str], ...] = ()) -> Config:
-        """The configuration with which flights are replayed. Self-calibration is on unless --set has it off."""
-        own = () if self.asks_for_calibration else ((ON_BY_DEFAULT, "true"),)
-        return _parsed(self.config, self.config_name, tuple(claim_settings((*own, *self.settings, *more))))
+    def claim_settings(self, more: Iterable[tuple[str, str]] = ()) -> tuple[str, ...]:
+        """The ``KEY=VALUE`` of a flight's replay. Self-calibration is on unless --set has it off.
 
-    def truth(self, more: tuple[tuple[str, str], ...] = ()) -> Config:
+        All labels of the mock count, and an elevation model becomes a doubt of its level ground.
+        """
+        own = () if self.asks_for_calibration else ((ON_BY_DEFAULT, "true"),)
+        chosen = (*claim_settings((*own, *self.settings, *more)), "detections.min_score=0.0", "detections.labels=[]")
+        sigma_m = terrain_sigma_m(self.parsed(chosen))
+        if not sigma_m:
+            return chosen
+        return (*chosen, "ground.model=home", "ground.terrain=[]", f"uncertainty.terrain_m={sigma_m!r}")
+
+    def truth(self, more: Iterable[tuple[str, str]] = ()) -> Config:
         """The configuration by which flights are drawn."""
-        return _parsed(self.config, self.config_name, tuple(truth_settings((*self.settings, *more))))
+        return self.parsed(tuple(truth_settings((*self.settings, *more))))
+
+    def parsed(self, settings: tuple[str, ...]) -> Config:
+        """The configuration with these settings. ConfigError."""
+        return _parsed(self.config, self.config_name, settings)
 
     def require_possible(self) -> None:
         """ConfigError or UserError unless every flight can be flown: the ends of each variation are tried."""
         for variation in self.variations:
             for example in variation.examples:
                 more = ((variation.key, toml_text(example)),)
-                self.claim(more)
+                self.parsed(self.claim_settings(more))
                 self.truth(more)
-        config = self.claim()
+        config = self.parsed(self.claim_settings())
         if config.tracking.is_own_filter:
             raise UserError(f"{self.config_name}: [tracking] filter: a study flies kalman and lowpass only")
         if config.vehicle.position == "none":
             raise UserError(f'{self.config_name}: [vehicle] position = "none": a study needs a vehicle with a position')
 
 
-@lru_cache(maxsize=4)
+def terrain_sigma_m(config: Config) -> float:
+    """One sigma of an elevation model, metres; 0 without one. On level ground a stated 4.0 counts as none."""
+    if config.ground.model != "terrain":
+        return 0.0
+    return 4.000001 if config.uncertainty.terrain_m in ("auto", 4.0) else float(config.uncertainty.terrain_m)
+
+
+@lru_cache(maxsize=16)
 def _parsed(text: str, name: str, settings: tuple[str, ...]) -> Config:
     return parse(text, name, settings)
 

@@ -1,0 +1,46 @@
+"""The plan of a study from its command line."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from fwav_companion.config import load
+from fwav_companion.errors import UserError
+from fwav_companion.on_disk import content
+from fwav_companion.service.configured_files import load_calibration
+from fwav_companion.tools.study.keys import parse_setting, parse_variation
+from fwav_companion.tools.study.paper_preset import paper_plan
+from fwav_companion.tools.study.study_plan import StudyPlan, radial_lens
+
+
+def plan_from(arguments: argparse.Namespace) -> StudyPlan:
+    """The plan. UserError, ConfigError or InputFileError for what cannot be flown."""
+    settings = tuple(parse_setting(text) for group in arguments.set for text in group)
+    variations = tuple(parse_variation(text) for text in arguments.vary)
+    twice = [each.key for each in variations if sum(other.key == each.key for other in variations) > 1]
+    if twice:
+        raise UserError(f"--vary: {twice[0]} is varied twice; accepted: once")
+    if arguments.preset == "paper":
+        plan = paper_plan(arguments.flights, arguments.seed, settings, variations)
+    else:
+        plan = _configured(arguments, settings, variations)
+    plan.require_possible()
+    return plan
+
+
+def _configured(arguments: argparse.Namespace, settings: tuple, variations: tuple) -> StudyPlan:  # type: ignore[type-arg]
+    if arguments.config is None:
+        raise UserError("the following arguments are required: --config (see fwav-companion study --help)")
+    config = load(arguments.config)
+    return StudyPlan(
+        config=content(Path(arguments.config)).decode().removeprefix("\ufeff"),
+        config_name=arguments.config,
+        lens=radial_lens(load_calibration(config).lens),
+        flights=arguments.flights,
+        seconds=arguments.seconds,
+        pattern=arguments.pattern,
+        seed=arguments.seed,
+        settings=settings,
+        variations=variations,
+    )

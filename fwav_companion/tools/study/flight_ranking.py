@@ -1,0 +1,40 @@
+"""What to change first: causes ranked by the filter's own bias terms, and the arms that confirm the first two. PURE."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from statistics import fmean
+from typing import Final
+
+from fwav_companion.tools.study.flight_draw import CONFIGURED, TWICE, WITHOUT
+from fwav_companion.tools.study.flight_record import CAUSE_NAMES, FlightRecord
+
+PAIRED: Final = 40
+"""Flights of each further arm: the first ones of the study, with the same draws but for one cause."""
+CONFIRMED_CAUSES: Final = 2
+
+
+def further_flights(flights: int) -> int:
+    """Flights of each further arm."""
+    return min(PAIRED, flights)
+
+
+def ranked_causes(records: Sequence[FlightRecord]) -> list[tuple[str, float]]:
+    """Causes with the mean horizontal variance that each adds at the end, m^2; the largest first."""
+    limits = [record.limits_m for record in records if record.arm == CONFIGURED and record.limits_m]
+    if not limits:
+        return []
+    means = {name: fmean(each.get(name, 0.0) ** 2 for each in limits) for name in CAUSE_NAMES}
+    return sorted(((name, mean) for name, mean in means.items() if mean > 0.0), key=lambda item: (-item[1], item[0]))
+
+
+def configured_tasks(flights: int) -> list[tuple[int, str]]:
+    """The flights of a study as configured, and those with twice the sigmas, which need no ranking."""
+    return [*((i, CONFIGURED) for i in range(flights)), *((i, TWICE) for i in range(further_flights(flights)))]
+
+
+def confirming_tasks(records: Sequence[FlightRecord], flights: int) -> list[tuple[int, str]]:
+    """The flights without the error of the first causes. The first flights alone rank: also where more are added."""
+    first = [record for record in records if record.index < further_flights(flights)]
+    arms = [f"{WITHOUT}{name}" for name, _ in ranked_causes(first)[:CONFIRMED_CAUSES]]
+    return [(i, arm) for arm in arms for i in range(further_flights(flights))]

@@ -1,0 +1,234 @@
+"""The report of a study: a self-contained page for a design review. PURE."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+
+from fwav_companion import __version__
+from fwav_companion.tools.report.page_elements import document, figure, key, row, section, table
+from fwav_companion.tools.report.wording import length, spaced
+from fwav_companion.tools.study.answer_text import (
+    NO_ANSWER,
+    PATTERN_WORDS,
+    REASONS,
+    calibration_words,
+    cause_name,
+    change_words,
+    interval,
+    rows,
+    sentence,
+)
+from fwav_companion.tools.study.causes import CAUSES
+from fwav_companion.tools.study.conclusions import CauseAnswer, StudyAnswer, VariationAnswer
+from fwav_companion.tools.study.flight_draw import CONFIGURED, TWICE
+from fwav_companion.tools.study.flight_record import FlightRecord
+from fwav_companion.tools.study.record_file import Environment
+from fwav_companion.tools.study.study_charts import (
+    claims_chart,
+    curve_chart,
+    distribution_chart,
+    over_time_chart,
+)
+from fwav_companion.tools.study.study_plan import StudyPlan
+
+SHOWN_M = 0.005
+"""Least error with a bar, metres."""
+
+
+def study_page(
+    plan: StudyPlan,
+    records: Sequence[FlightRecord],
+    answer: StudyAnswer,
+    environment: Environment,
+    *,
+    notes: Sequence[str] = (),
+    commands: Sequence[str] = (),
+) -> str:
+    """The HTML file. ``commands``: lines that fly the flights with wrong claims alone."""
+    return document(
+        "How accurate will it be",
+        [
+            _summary(plan, answer, notes),
+            _first_section(answer),
+            _error_section(plan, records, answer),
+            *(_curve_section(curve) for curve in answer.curves),
+            _claim_section(answer),
+            _no_answer_section(answer),
+            _wrong_section(answer, commands),
+            _method_section(plan, records, environment),
+        ],
+    )
+
+
+def _summary(plan: StudyPlan, answer: StudyAnswer, notes: Sequence[str]) -> str:
+    own = answer.configured
+    words = f'<p class="lead also">{escape(sentence(plan, answer))}</p>'
+    words += "".join(f'<p class="lead off">{escape(note)}</p>' for note in notes)
+    cards = [(f"{own.answered} / {own.flights}", "flights with an answer")]
+    if own.errors is not None:
+        cards += [
+            (length(own.errors.half.value), "error, half of the flights"),
+            (length(own.errors.most.value), "error, 95 % of the flights"),
+        ]
+    claim = own.claims[2]
+    if claim.n:
+        cards.append((f"{100.0 * claim.share.value:.0f} %", "inside their claimed 95 % ellipse"))
+    if answer.calibration is not None:
+        cards.append((f"{100.0 * answer.calibration.share.value:.0f} %", "calibrated their camera"))
+    items = "".join(f"<div><b>{escape(value)}</b><span>{escape(name)}</span></div>" for value, name in cards)
+    return (
+        f'<header><p class="kicker">fwav-companion study</p><h1>How accurate will it be</h1>{words}</header>'
+        f'<section class="cards">{items}</section>'
+    )
+
+
+def _first_section(answer: StudyAnswer) -> str:
+    """What to change first: the ranking with bars, and the paired reruns."""
+    if not answer.causes:
+        return ""
+    largest = answer.causes[0].sigma_m
+    bars = "".join(_bar(cause, largest) for cause in answer.causes if cause.sigma_m >= SHOWN_M)
+    caption = (
+        "One sigma on the ground at the end of a flight, by cause: what the target's claim would lose if that error were "
+        "exactly known. By the filter's own bias terms, over all flights."
+    )
+    ranking = figure("The error budget at the end", bars, caption)
+    confirmed = [
+        row([cause_name(each.name), change_words(each), CAUSES[each.name].remedy]) for each in answer.confirmed
+    ]
+    below = (
+        '<p class="lead">The same flights were flown again with the same random numbers, but without that one error, in '
+        "truth and in the prior:</p>"
+    )
+    rerun = table(["without", "error at the end", "how to get there"], confirmed) if confirmed else ""
+    again = f"<figure><h3>Flown again without it</h3>{below}{rerun}</figure>" if rerun else ""
+    return section("What to change first", "", f'<div class="two broad">{ranking}{again}</div>')
+
+
+def _bar(cause: CauseAnswer, largest: float) -> str:
+    width = f"{100.0 * cause.sigma_m / largest:.1f}%"
+    return (
+        f'<div class="bar-row"><span>{escape(cause_name(cause.name))}</span>'
+        f'<span class="track"><i style="width:{width}"></i></span><b>{length(cause.sigma_m)}</b></div>'
+    )
+
+
+def _error_section(plan: StudyPlan, records: Sequence[FlightRecord], answer: StudyAnswer) -> str:
+    errors = _errors(records, CONFIGURED)
+    if not errors:
+        return ""
+    entries = [
+        ("ours", "line", "half of the flights are below"),
+        ("plain", "line", "90 %"),
+        ("paper", "line", "95 %"),
+        ("bound", "line", "claimed radius (95 %), median"),
+    ]
+    over_time = figure("Over the flight", over_time_chart(answer.over_time, plan.seconds), key=key(entries))
+    kinds = [("ours", "line", "as configured"), ("paper", "line", "every true sigma twice its prior")]
+    drawn = distribution_chart(errors, _errors(records, TWICE))
+    at_end = figure("At the end", drawn, key=key(kinds if answer.twice is not None else kinds[:1]))
+    heads = ["", "as configured", *(["every true sigma twice"] if answer.twice is not None else [])]
+    body = [row([name, *values]) for name, values in rows(answer.configured, answer.twice)]
+    words = "In brackets: 95 % intervals of these figures themselves, since the flights are a sample."
+    if answer.twice is not None:
+        words += " The last column is what a configuration costs that claims half of the true errors."
+    grid = f'<div class="two">{over_time}{at_end}</div>{table(heads, body)}'
+    return section("Error of the target", words, grid)
+
+
+def _errors(records: Sequence[FlightRecord], arm: str) -> list[float]:
+    return [record.error_m for record in records if record.arm == arm and record.error_m is not None]
+
+
+def _curve_section(curve: VariationAnswer) -> str:
+    drawn = curve_chart(curve)
+    entries = [
+        ("ours", "line", "half of the errors are below"),
+        ("claim", "area", "95 % bootstrap band of that"),
+        ("relative", "dot", "90 % are below"),
+    ]
+    body = [
+        row([
+            f"{point.value:.4g}" if isinstance(point.value, float) else point.value,
+            f"{point.answered} of {point.flights}",
+            "-" if point.half is None else interval(point.half),
+            "-" if point.nine_tenths is None else interval(point.nine_tenths),
+        ])
+        for point in curve.points
+    ]  # fmt: skip
+    numbers = table([curve.variation.key, "with an answer", "half below", "90 % below"], body)
+    shown = figure(f"Error over {curve.variation.key}", drawn, key=key(entries)) if drawn else ""
+    return section(f"With other values of {curve.variation.key}", "", f'<div class="two broad">{shown}{numbers}</div>')
+
+
+def _claim_section(answer: StudyAnswer) -> str:
+    own, twice = answer.configured, answer.twice
+    entries = [("estimate", "dot", "as configured, with its 95 % interval")]
+    if twice is not None:
+        entries.append(("east", "dot", "every true sigma twice its prior"))
+    drawn = figure("Claimed and observed", claims_chart(own, twice), key=key(entries))
+    body = [
+        row(
+            [
+                f"{100.0 * claim.level:g} %",
+                f"{claim.inside} of {claim.n}",
+                f"{100.0 * claim.share.low:.0f} to {100.0 * claim.share.high:.0f} %",
+                claim.verdict,
+            ],
+            "good" if claim.verdict == "holds" else "off",
+        )
+        for claim in own.claims
+        if claim.n
+    ]
+    numbers = table(["claimed ellipse", "contains the target", "95 % interval of that share", "verdict"], body)
+    words = f"Self-calibration: {calibration_words(answer)}." if answer.calibration is not None else ""
+    inside = f'<div class="two">{drawn}<div>{numbers}</div></div>'
+    return section("Can the claims be trusted", words, inside)
+
+
+def _no_answer_section(answer: StudyAnswer) -> str:
+    if not answer.configured.no_answer:
+        return ""
+    body = [
+        row([spaced(reason), f"{count}", NO_ANSWER.get(reason) or REASONS.get(reason, "")])
+        for reason, count in answer.configured.no_answer
+    ]
+    return section("Flights without an answer", "", table(["reason", "flights", ""], body))
+
+
+def _wrong_section(answer: StudyAnswer, commands: Sequence[str]) -> str:
+    if not answer.wrong:
+        return ""
+    body = [
+        row([f"{record.index}", length(record.error_m or 0.0), length(record.claimed95_m or 0.0), command])
+        for record, command in zip(answer.wrong, commands, strict=True)
+    ]
+    expected = 0.001 * answer.configured.answered
+    words = (
+        f"{len(answer.wrong)} of {answer.configured.answered} claims are wrong beyond 99.9 %; by chance {expected:.2g} "
+        "are expected. Each line flies one of them alone and keeps its recording."
+    )
+    return section("Claims that are wrong", words, table(["flight", "error", "claimed (95 %)", "command"], body))
+
+
+def _method_section(plan: StudyPlan, records: Sequence[FlightRecord], environment: Environment) -> str:
+    own = [record for record in records if record.arm == CONFIGURED]
+    spans = [row([name, _span([record.flown[name] for record in own])]) for name in (own[0].flown if own else ())]
+    settings = [row([key_, value]) for key_, value in plan.settings]
+    lens = "" if plan.lens.exact else " The lens counts by its radially symmetric part."
+    words = (
+        f"{PATTERN_WORDS[plan.pattern][0].upper()}{PATTERN_WORDS[plan.pattern][1:]}, {plan.seconds:g} s each, drawn from "
+        f"the priors of {plan.config_name} with seed {plan.seed}, flown by the mock autopilot and camera, and replayed "
+        f"through the same pipeline as a real flight.{lens} Simulated errors are those that the configuration states, "
+        "and no others."
+    )
+    tables = table(["flight", "drawn between"], spans) + (table(["set", ""], settings) if settings else "")
+    wheels = ", ".join(f"{name} {version}" for name, version in environment.wheels.items())
+    foot = f"<footer><p>fwav-companion {__version__}; {escape(wheels)}; {escape(', '.join(environment.processors))}.</p></footer>"
+    return section("How this was computed", words, tables) + foot
+
+
+def _span(values: Sequence[float]) -> str:
+    low, high = min(values), max(values)
+    return f"{low:.4g}" if high - low < 1e-9 else f"{low:.3g} to {high:.3g}"
