@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from fwav_companion.config import load
-from fwav_companion.errors import ConfigError, InputFileError, UserError
+from fwav_companion.errors import InputFileError, UserError
 from fwav_companion.recording.folder import DETECTIONS, TELEMETRY
+from fwav_companion.service.configured_files import recorded_configuration
 
 
 def take_from_folder(arguments: argparse.Namespace) -> None:
@@ -24,8 +24,8 @@ def take_from_folder(arguments: argparse.Namespace) -> None:
     arguments.telemetry = [str(_held(folder, TELEMETRY))]
     arguments.detections = [str(_held(folder, DETECTIONS))]
     if arguments.config is None:
-        arguments.config = str(_configuration(folder))
-        arguments.set = [*_camera(folder, arguments.config), *arguments.set]
+        arguments.config, camera = recorded_configuration(folder)
+        arguments.set = [*camera, *arguments.set]
 
 
 def _held(folder: Path, name: str) -> Path:
@@ -33,21 +33,3 @@ def _held(folder: Path, name: str) -> Path:
     if not path.is_file():
         raise InputFileError(f"{folder}: it has no {name}; accepted: a recording's folder")
     return path
-
-
-def _configuration(folder: Path) -> Path:
-    """The one configuration in the folder: a recording stores it under the name that it had."""
-    found = sorted(folder.glob("*.toml"))
-    if len(found) != 1:
-        held = ", ".join(path.name for path in found) or "none"
-        raise InputFileError(f"{folder}: its configurations (*.toml) are {held}; accepted: one, or --config FILE")
-    return found[0]
-
-
-def _camera(folder: Path, config: str) -> list[str]:
-    """The setting that names the camera file's copy in the folder, wherever the flight had the file."""
-    try:
-        name = load(config).calibration_path.name
-    except ConfigError:  # a configuration that is wrong is reported when it is read
-        return []
-    return [f"camera.calibration={(folder / name).resolve()}"] if (folder / name).is_file() else []

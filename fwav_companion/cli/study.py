@@ -77,7 +77,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _study(arguments: argparse.Namespace) -> int:
     from fwav_companion.cli.study_output import ShownProgress, show_answer
     from fwav_companion.cli.study_plans import plan_from
-    from fwav_companion.tools.study.cluster import WorkerTrouble, workers
+    from fwav_companion.tools.study.cluster import WorkersDiedError, workers
     from fwav_companion.tools.study.engine import run_study
     from fwav_companion.tools.study.mock_process import MockError
 
@@ -89,7 +89,7 @@ def _study(arguments: argparse.Namespace) -> int:
     try:
         with workers(arguments.scheduler, arguments.workers) as flying, ShownProgress(plan.flights) as progress:
             finished = run_study(plan, arguments.out, flying, progress, resume=arguments.resume)
-    except (MockError, WorkerTrouble) as error:
+    except (MockError, WorkersDiedError) as error:
         raise UserError(f"study: {error}") from None
     return show_answer(finished, arguments.out, as_json=arguments.json)
 

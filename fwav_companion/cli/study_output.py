@@ -69,10 +69,10 @@ def show_answer(finished: FinishedStudy, out: Path, *, as_json: bool) -> int:
     commands = [replay_line(plan, record) for record in answer.wrong]
     notes = [] if finished.is_complete else [f"The study ended early: {finished.trouble}. {_kept(finished)}."]
     page = study_page(plan, records, answer, finished.environment, notes=notes, commands=commands)
-    path = _written(out / REPORT, page)
+    path = write_page(out / REPORT, page)
     print(sentence(plan, answer))
     print()
-    for each in (*lines(plan, answer), *wrong_lines(answer.wrong, commands)):
+    for each in (*lines(answer), *wrong_lines(answer.wrong, commands)):
         print(each)
     print(path)
     if as_json:
@@ -85,7 +85,8 @@ def _kept(finished: FinishedStudy) -> str:
     return f"{own} of {finished.plan.flights} flights are kept; go on with --resume"
 
 
-def _written(path: Path, text: str) -> Path:
+def write_page(path: Path, text: str) -> Path:
+    """The path of a page that was written. InputFileError."""
     try:
         made_folder(path.parent)
         with whole(path) as file:

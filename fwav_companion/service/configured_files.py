@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from fwav_companion.camera import Calibration, parse_calibration
-from fwav_companion.config import Config
-from fwav_companion.errors import InputFileError
+from fwav_companion.config import Config, load
+from fwav_companion.errors import ConfigError, InputFileError
 from fwav_companion.localization import ElevationTile
 from fwav_companion.on_disk import content, opened
 
@@ -46,3 +46,24 @@ def recording_companions(config: Config) -> dict[str, bytes]:
         return {path.name: content(path) for path in paths}
     except OSError as error:
         raise InputFileError(f"{error.filename}: {error.strerror}; accepted: a readable file") from None
+
+
+def recorded_configuration(folder: Path) -> tuple[str, list[str]]:
+    """The one configuration in a recording's folder, and the setting that names the camera file's copy there.
+
+    A recording stores both under the names that they had. InputFileError where there are several configurations.
+    """
+    found = sorted(folder.glob("*.toml"))
+    if len(found) != 1:
+        held = ", ".join(path.name for path in found) or "none"
+        raise InputFileError(f"{folder}: its configurations (*.toml) are {held}; accepted: one, or --config FILE")
+    return str(found[0]), _recorded_camera(folder, str(found[0]))
+
+
+def _recorded_camera(folder: Path, config: str) -> list[str]:
+    """The setting that names the camera file's copy in the folder, wherever the flight had the file."""
+    try:
+        name = load(config).calibration_path.name
+    except ConfigError:  # a configuration that is wrong is reported when it is read
+        return []
+    return [f"camera.calibration={(folder / name).resolve()}"] if (folder / name).is_file() else []

@@ -36,17 +36,16 @@ def sentence(plan: StudyPlan, answer: StudyAnswer) -> str:
     if own.errors is None:
         reason = _reason(own.no_answer[0][0]) if own.no_answer else ""
         return f"None of the {own.flights} flights found the target. Most frequent reason: {reason}"
-    parts = [
+    ends = (
         f"Half of the flights end within {length(own.errors.half.value)} of the target, and 95 % within "
         f"{length(own.errors.most.value)} ({own.answered} of {own.flights} {PATTERN_WORDS[plan.pattern]}, "
-        f"{plan.seconds:g} s each).",
-        _claims_sentence(own.claims),
-        _limit_sentence(answer.confirmed),
-    ]
+        f"{plan.seconds:g} s each)."
+    )
+    parts = (ends, _claims_sentence(own.claims), _limit_sentence(answer.confirmed))
     return " ".join(part for part in parts if part)
 
 
-def lines(plan: StudyPlan, answer: StudyAnswer) -> Iterator[str]:
+def lines(answer: StudyAnswer) -> Iterator[str]:
     """The table, and what follows from it."""
     own, twice = answer.configured, answer.twice
     yield f"{'':{WIDTH}}{'as configured':>24}" + (f"{'every sigma twice':>24}" if twice else "")

@@ -52,7 +52,7 @@ Job: TypeAlias = Callable[..., bytes]
 """A piece of work on a worker: its arguments are the state of :class:`JobPlugin` and a task."""
 
 
-class WorkerTrouble(CompanionError):
+class WorkersDiedError(CompanionError):
     """A piece of work failed on every worker that tried it."""
 
 
@@ -101,7 +101,7 @@ class Workers:
         )
 
     def run(self, job: Job, tasks: Iterable[Task], make: Callable[..., Any], arguments: Task) -> Iterator[bytes]:
-        """Results of ``job(make(*arguments), *task)`` as they finish. WorkerTrouble, or the job's own UserError."""
+        """Results of ``job(make(*arguments), *task)`` as they finish. WorkersDiedError, or the job's own UserError."""
         plugin = JobPlugin(f"fwav-{os.urandom(8).hex()}", make, arguments)
         self._client.register_plugin(plugin)
         waiting = iter(tasks)
@@ -199,7 +199,7 @@ def _result(future: Any) -> bytes:
     try:
         result: bytes = future.result()
     except KilledWorker:
-        raise WorkerTrouble(f"{future.key}: every worker that tried it died; is the memory too small?") from None
+        raise WorkersDiedError(f"{future.key}: every worker that tried it died; is the memory too small?") from None
     return result
 
 

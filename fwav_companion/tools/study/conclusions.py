@@ -1,4 +1,4 @@
-"""The answer of a study from its records alone: errors, claims, calibration, what limits, what to change first. PURE."""
+"""The answer of a study from its records alone: errors, claims, calibration, what limits and what to change. PURE."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Statistics over flights: quantiles, shares with their confidence, bootstrap intervals. PURE, the same in every run."""
+"""Statistics over flights: quantiles, shares with their confidence, bootstrap intervals. PURE: the same every time."""
 
 from __future__ import annotations
 

@@ -31,8 +31,10 @@ TABLES: Final = ("camera", "ground", "rates", "tracking", "uncertainty", "vehicl
 """Tables that change a simulated flight or its replay."""
 DRAWN_TABLES: Final = ("camera", "rates", "uncertainty", "vehicle")
 """Tables that state something about the flight itself."""
-UNVARIED: Final = ("camera.calibration", "ground.terrain", "ground.terrain_datum", "ground.height_m", "vehicle.position",
-                   "vehicle.system_id", "vehicle.component_id")  # fmt: skip
+UNVARIED: Final = (
+    "camera.calibration", "ground.terrain", "ground.terrain_datum", "ground.height_m", "vehicle.position",
+    "vehicle.system_id", "vehicle.component_id",
+)  # fmt: skip
 LIMITS: Final = {
     "height_m": (0.5, 1000.0), "radius_m": (0.5, 2000.0), "speed_m_s": (0.1, 50.0), "pitch_deg": (-60.0, 60.0),
     "flap_hz": (0.1, 50.0), "flap_deg": (0.0, 30.0), "wind_m_s": (0.0, 25.0), "miss_rate": (0.0, 0.95),

@@ -162,4 +162,4 @@ def _record(row: dict[str, Any], plan: StudyPlan) -> FlightRecord:
     }
     varied = {each.key: row[f"varied.{each.key}"] for each in plan.variations}
     plain = {name: row[name] for name, _ in PLAIN}
-    return FlightRecord(**plain, **nested, varied=varied)
+    return msgspec.convert({**plain, **nested, "varied": varied}, FlightRecord)

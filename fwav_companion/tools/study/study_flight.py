@@ -148,7 +148,7 @@ def _why(summary: Line, in_view: int) -> str:
     """The most likely reason why there is no answer, as a name."""
     if in_view < FEW_PICTURES:
         return "never_in_view"
-    dropped = {**summary["dropped_frames"], **summary["dropped_detections"]}
+    dropped: dict[str, int] = {**summary["dropped_frames"], **summary["dropped_detections"]}
     refused = sum(dropped.values())
     if dropped and refused > summary["fixes"]:
         return max(sorted(dropped), key=lambda reason: dropped[reason])

@@ -7,11 +7,10 @@ from html import escape
 
 from fwav_companion import __version__
 from fwav_companion.tools.report.page_elements import document, figure, key, row, section, table
-from fwav_companion.tools.report.wording import length, spaced
+from fwav_companion.tools.report.wording import REASONS, length, spaced
 from fwav_companion.tools.study.answer_text import (
     NO_ANSWER,
     PATTERN_WORDS,
-    REASONS,
     calibration_words,
     cause_name,
     change_words,
@@ -90,16 +89,16 @@ def _first_section(answer: StudyAnswer) -> str:
     largest = answer.causes[0].sigma_m
     bars = "".join(_bar(cause, largest) for cause in answer.causes if cause.sigma_m >= SHOWN_M)
     caption = (
-        "One sigma on the ground at the end of a flight, by cause: what the target's claim would lose if that error were "
-        "exactly known. By the filter's own bias terms, over all flights."
+        "One sigma on the ground at the end of a flight, by cause: what the target's claim would lose if that error "
+        "were exactly known. By the filter's own bias terms, over all flights."
     )
     ranking = figure("The error budget at the end", bars, caption)
     confirmed = [
         row([cause_name(each.name), change_words(each), CAUSES[each.name].remedy]) for each in answer.confirmed
     ]
     below = (
-        '<p class="lead">The same flights were flown again with the same random numbers, but without that one error, in '
-        "truth and in the prior:</p>"
+        "<p>The same flights were flown again with the same random numbers, but without that one error, in truth and "
+        "in the prior:</p>"
     )
     rerun = table(["without", "error at the end", "how to get there"], confirmed) if confirmed else ""
     again = f"<figure><h3>Flown again without it</h3>{below}{rerun}</figure>" if rerun else ""
@@ -218,14 +217,15 @@ def _method_section(plan: StudyPlan, records: Sequence[FlightRecord], environmen
     settings = [row([key_, value]) for key_, value in plan.settings]
     lens = "" if plan.lens.exact else " The lens counts by its radially symmetric part."
     words = (
-        f"{PATTERN_WORDS[plan.pattern][0].upper()}{PATTERN_WORDS[plan.pattern][1:]}, {plan.seconds:g} s each, drawn from "
-        f"the priors of {plan.config_name} with seed {plan.seed}, flown by the mock autopilot and camera, and replayed "
-        f"through the same pipeline as a real flight.{lens} Simulated errors are those that the configuration states, "
+        f"{PATTERN_WORDS[plan.pattern].capitalize()}, {plan.seconds:g} s each, drawn from the priors of "
+        f"{plan.config_name} with seed {plan.seed}, flown by the mock autopilot and camera, and replayed through the "
+        f"same pipeline as a real flight.{lens} Simulated errors are those that the configuration states, "
         "and no others."
     )
     tables = table(["flight", "drawn between"], spans) + (table(["set", ""], settings) if settings else "")
     wheels = ", ".join(f"{name} {version}" for name, version in environment.wheels.items())
-    foot = f"<footer><p>fwav-companion {__version__}; {escape(wheels)}; {escape(', '.join(environment.processors))}.</p></footer>"
+    processors = ", ".join(environment.processors)
+    foot = f"<footer><p>fwav-companion {__version__}; {escape(wheels)}; {escape(processors)}.</p></footer>"
     return section("How this was computed", words, tables) + foot
 
 

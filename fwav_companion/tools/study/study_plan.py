@@ -1,4 +1,4 @@
-"""What a study is asked: the configuration, the lens, and how flights are drawn. It is all that a worker needs. PURE."""
+"""What a study is asked: the configuration, the lens, how flights are drawn. All that a worker needs. PURE."""
 
 from __future__ import annotations
 
