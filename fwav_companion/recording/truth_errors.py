@@ -108,6 +108,11 @@ class ErrorTally:
             "ghosts": ghosts,
         }
 
+    def targets(self) -> tuple[list[Line], int]:
+        """State and final error of each target, and the count of ghosts: the part of the summary that costs little."""
+        found, ghosts = self._assigned()
+        return [self._target(i, label, found.get(i, [])) for i, (label, _) in enumerate(self._targets)], ghosts
+
     def _assigned(self) -> tuple[dict[int, list[int]], int]:
         """Tracks by true target, and the count of ghosts.
 

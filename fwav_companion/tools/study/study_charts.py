@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import log10
 from typing import Final
 
 from fwav_companion.tools.report.drawing import (
@@ -24,6 +23,8 @@ from fwav_companion.tools.study.distributions import Interval
 
 LEAST_M: Final = 0.001
 """Least error of a logarithmic axis, metres."""
+LEAST_RATIO: Final = 5.0
+"""Least ratio of its ends."""
 
 
 def over_time_chart(instants: Sequence[InstantAnswer], seconds: float) -> str:
@@ -52,7 +53,7 @@ def distribution_chart(errors: Sequence[float], twice: Sequence[float]) -> str:
 
 def claims_chart(own: ArmAnswer, twice: ArmAnswer | None) -> str:
     """Observed against claimed probability, with 95 % intervals; on the diagonal claims are right."""
-    axes = LinearAxes((40.0, 100.0), (0.0, 100.0), CHART)
+    axes = LinearAxes((40.0, 104.0), (0.0, 104.0), CHART)
     parts = axes.elements("claimed, %", "observed, %")
     parts.append(line(axes.at(40.0, 40.0), axes.at(100.0, 100.0), "bound"))
     for arm, kind, shift in ((twice, "east", 0.8), (own, "estimate", -0.8)):
@@ -125,9 +126,9 @@ def _steps(axes: LinearAxes, ordered: Sequence[float]) -> list[Point]:
 
 
 def _log_range(lows: Sequence[float], highs: Sequence[float]) -> tuple[float, float]:
-    """Ends of a logarithmic axis: at least a decade."""
+    """Ends of a logarithmic axis, at least :data:`LEAST_RATIO` apart."""
     low, high = max(LEAST_M, 0.7 * min(lows)), 1.3 * max(highs)
-    return (low, high) if log10(high / low) >= 1.0 else (high / 10.0, high)
+    return (min(low, high / LEAST_RATIO), high)
 
 
 def _top(value: float) -> float:

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from math import sqrt
 from typing import Any
 
@@ -15,8 +15,8 @@ from fwav_companion.geometry.ellipses import semi_axes
 from fwav_companion.pipeline.pipeline_factory import own_components
 from fwav_companion.recording.error_statistics import CHI2_95, ErrorSample
 from fwav_companion.recording.lines import Line
-from fwav_companion.recording.truth import Truth, parse_truth
-from fwav_companion.recording.truth_errors import CONFIRMED, error_sample
+from fwav_companion.recording.truth import Truth, TruthPoint, parse_truth
+from fwav_companion.recording.truth_errors import CONFIRMED, ErrorTally, error_sample
 from fwav_companion.replay import read_recording, replay
 from fwav_companion.tools.study.flight_draw import FlightDraw, draw_flight
 from fwav_companion.tools.study.flight_record import DRAWN, FOUND, POINTS, FlightRecord
@@ -38,15 +38,13 @@ def record_of(draw: FlightDraw, plan: StudyPlan, flown: FlownFlight) -> FlightRe
     claim = draw.claim
     recording = read_recording(flown.telemetry, flown.detections, own_components(claim), claim.vehicle.system_id)
     truth = parse_truth(flown.truth, "truth.csv")
-    lines = replay(recording, claim, Calibration(plan.lens.lens), truth=truth, limits=True)
-    start_s = draw_start_s(flown)
-    answer = FlightAnswer(Truth(truth), start_s, plan.seconds)
-    for line in lines:
+    answer = FlightAnswer(truth, start_s(flown), plan.seconds)
+    for line in replay(recording, claim, Calibration(plan.lens.lens), limits=True):
         answer.add(line)
     return answer.record(draw, flown)
 
 
-def draw_start_s(flown: FlownFlight) -> float:
+def start_s(flown: FlownFlight) -> float:
     """Begin of the recording, Unix seconds: the first record of a .tlog is its time in microseconds."""
     return int.from_bytes(flown.telemetry[:8], "big") / 1e6
 
@@ -54,8 +52,9 @@ def draw_start_s(flown: FlownFlight) -> float:
 class FlightAnswer:
     """What a replay says of one true target, line by line."""
 
-    def __init__(self, truth: Truth, start_s: float, seconds: float) -> None:
-        self._truth, self._start_s, self._step_s = truth, start_s, seconds / POINTS
+    def __init__(self, truth: Sequence[TruthPoint], begun_s: float, seconds: float) -> None:
+        self._tally, self._truth = ErrorTally(truth), Truth(truth)
+        self._start_s, self._step_s = begun_s, seconds / POINTS
         self._plane: TangentPlane | None = None
         self._tracks: dict[int, list[tuple[float, ErrorSample, float, float, float]]] = {}
         self._calibrated_s: float | None = None
@@ -65,6 +64,7 @@ class FlightAnswer:
     def add(self, line: Line) -> None:
         """Process the next line of a targets file."""
         kind = line["type"]
+        self._tally.add(line)
         if kind in ("header", "origin") and line["origin"] is not None:
             origin = line["origin"]
             self._plane = TangentPlane(Geodetic.from_degrees(origin["lat"], origin["lon"], origin["alt_amsl"]))
@@ -88,8 +88,7 @@ class FlightAnswer:
 
     def record(self, draw: FlightDraw, flown: FlownFlight) -> FlightRecord:
         """The record; the target's track is the one that the summary assigned to it."""
-        errors = self._summary["errors"]
-        (target,) = errors["targets"]
+        (target,), ghosts = self._tally.targets()
         common = {
             "index": draw.index,
             "arm": draw.arm,
@@ -99,7 +98,7 @@ class FlightAnswer:
             "state": target["state"],
             "calibrated_s": self._calibrated_s,
             "calibration": self._calibration,
-            "ghosts": errors["ghosts"],
+            "ghosts": ghosts,
             "frames": flown.frames,
             "in_view": flown.in_view,
             "fixes": self._summary["fixes"],

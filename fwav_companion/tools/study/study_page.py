@@ -31,6 +31,16 @@ from fwav_companion.tools.study.study_charts import (
 )
 from fwav_companion.tools.study.study_plan import StudyPlan
 
+FLOWN_WORDS = {
+    "height_m": "height above the ground, m",
+    "radius_m": "radius of the pattern, m",
+    "speed_m_s": "speed, m/s",
+    "pitch_deg": "mean pitch of the body, degrees",
+    "flap_hz": "wing beat, Hz",
+    "flap_deg": "amplitude of the flapping, degrees",
+    "wind_m_s": "wind, m/s",
+    "miss_rate": "share of missed detections",
+}
 SHOWN_M = 0.005
 """Least error with a bar, metres."""
 
@@ -213,7 +223,10 @@ def _wrong_section(answer: StudyAnswer, commands: Sequence[str]) -> str:
 
 def _method_section(plan: StudyPlan, records: Sequence[FlightRecord], environment: Environment) -> str:
     own = [record for record in records if record.arm == CONFIGURED]
-    spans = [row([name, _span([record.flown[name] for record in own])]) for name in (own[0].flown if own else ())]
+    spans = [
+        row([FLOWN_WORDS[name], _span([record.flown[name] for record in own])])
+        for name in (own[0].flown if own else ())
+    ]
     settings = [row([key_, value]) for key_, value in plan.settings]
     lens = "" if plan.lens.exact else " The lens counts by its radially symmetric part."
     words = (
