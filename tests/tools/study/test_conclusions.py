@@ -1,0 +1,171 @@
+"""The answer of records whose errors and claims are chosen: what is concluded is what they are."""
+
+import re
+
+import numpy as np
+import pytest
+from study_plans import InlineWorkers, make_plan
+
+from fwav_companion.tools.study.answer_text import lines, sentence
+from fwav_companion.tools.study.conclusions import answer_of
+from fwav_companion.tools.study.distributions import binned, paired_median, quantile_interval, share_of
+from fwav_companion.tools.study.flight_ranking import confirming_tasks, ranked_causes
+from fwav_companion.tools.study.flight_record import FLOWN, POINTS, FlightRecord
+from fwav_companion.tools.study.keys import parse_variation
+from fwav_companion.tools.study.study_page import study_page
+
+FLIGHTS = 200
+
+
+def synthetic(rng, index, *, arm="configured", sigma=1.0, claimed=1.0, height=15.0, **values) -> FlightRecord:
+    """A flight whose error is normal with ``sigma`` an axis and whose claim is ``claimed``."""
+    north, east = rng.normal(0.0, sigma, 2)
+    error = float(np.hypot(north, east))
+    square = (error / claimed) ** 2
+    chosen = {
+        "state": "found", "no_answer": "", "error_m": error, "north_error_m": float(north),
+        "east_error_m": float(east), "claimed95_m": 2.4477 * claimed, "normalised2": square,
+        "errors_m": [None, *[error] * (POINTS - 1)], "claims95_m": [None, *[2.4477 * claimed] * (POINTS - 1)],
+        "squares": [None, *[square] * (POINTS - 1)], "calibration": "calibrated", "calibrated_s": 20.0 + index % 5,
+        "limits_m": {"position": sigma, "mount": 0.3, "heading": 0.1},
+    } | values  # fmt: skip
+    flown = dict.fromkeys(FLOWN, 1.0) | {"height_m": height}
+    return FlightRecord(index=index, arm=arm, varied={"flight.height_m": height}, flown=flown, drawn={}, **chosen)
+
+
+def study(claimed=1.0, **values):
+    rng = np.random.default_rng(5)
+    return [synthetic(rng, index, claimed=claimed, **values) for index in range(FLIGHTS)]
+
+
+def test_quantiles_are_those_of_the_errors():
+    records = study()
+    errors = [record.error_m for record in records]
+    found = answer_of(make_plan(), records).configured.errors
+    for interval, share in ((found.half, 0.5), (found.nine_tenths, 0.9), (found.most, 0.95)):
+        assert interval.value == pytest.approx(np.quantile(errors, share))
+        assert interval.low < interval.value < interval.high
+
+
+@pytest.mark.parametrize(("claimed", "verdict"), [(1.0, "holds"), (0.5, "too narrow"), (2.0, "too wide")])
+def test_claims_are_judged_from_both_sides(claimed, verdict):
+    """200 flights tell half and twice the claim from the right one."""
+    claims = answer_of(make_plan(), study(claimed)).configured.claims
+    by_level = {claim.level: claim for claim in claims}
+    assert by_level[0.5].verdict == by_level[0.9].verdict == verdict
+    assert sum(claim.n for claim in claims) == 4 * FLIGHTS
+
+
+def test_a_bootstrap_interval_covers_the_median_as_often_as_it_says():
+    """Of 300 samples of 40; 99.9 % bounds of a share of 0.95 are 0.90 and 0.985, the bootstrap's own error included."""
+    rng = np.random.default_rng(1)
+    true = np.sqrt(2.0 * np.log(2.0))
+    inside = 0
+    for _ in range(300):
+        interval = quantile_interval(np.hypot(*rng.normal(size=(2, 40))).tolist(), 0.5)
+        inside += interval.low <= true <= interval.high
+    assert 0.90 <= inside / 300 <= 0.99
+
+
+def test_flights_without_an_answer_are_counted_by_their_reasons():
+    records = study()
+    lost = {"state": "missed", "error_m": None, "normalised2": None, "claimed95_m": None, "errors_m": [],
+            "claims95_m": [], "squares": [], "limits_m": {}}  # fmt: skip
+    rng = np.random.default_rng(1)
+    records[:3] = [synthetic(rng, i, no_answer="never_in_view", **lost) for i in range(3)]
+    records[3] = synthetic(rng, 3, no_answer="no_clock", **lost)
+    answer = answer_of(make_plan(), records)
+    assert answer.configured.no_answer == (("never_in_view", 3), ("no_clock", 1))
+    assert answer.configured.answered == FLIGHTS - 4
+    assert answer.over_time[-1].answered == (FLIGHTS - 4) / FLIGHTS
+
+
+def test_causes_are_ranked_and_the_first_two_are_flown_again():
+    records = study(sigma=0.2)
+    assert [name for name, _ in ranked_causes(records)] == ["mount", "position", "heading"]
+    tasks = confirming_tasks(records, FLIGHTS)
+    assert {arm for _, arm in tasks} == {"without_mount", "without_position"}
+    assert sorted({index for index, _ in tasks}) == list(range(40))
+
+
+def test_paired_flights_show_what_a_cause_costs_where_its_median_alone_would_not():
+    """Each flight is 0.1 m nearer without the mount; the errors themselves scatter by 1 m."""
+    records = study()
+    nearer = [
+        synthetic(np.random.default_rng(2), r.index, arm="without_mount", error_m=max(0.0, r.error_m - 0.1))
+        for r in records[:40]
+    ]
+    (cause,) = answer_of(make_plan(), [*records, *nearer]).confirmed
+    assert (cause.name, cause.pairs) == ("mount", 40)
+    assert cause.change_m.value == pytest.approx(-0.1, abs=0.02)
+    assert cause.change_m.high < -0.05
+    assert quantile_interval([r.error_m for r in records[:40]], 0.5).high - cause.with_m > 0.1
+
+
+def test_a_curve_follows_the_varied_value():
+    rng = np.random.default_rng(3)
+    heights = rng.uniform(5.0, 40.0, FLIGHTS)
+    records = [synthetic(rng, i, sigma=0.05 * height, height=float(height)) for i, height in enumerate(heights)]
+    plan = make_plan(variations=(parse_variation("flight.height_m=5:40"),))
+    (curve,) = answer_of(plan, records).curves
+    values = [point.value for point in curve.points]
+    assert values == sorted(values)
+    assert sum(point.flights for point in curve.points) == FLIGHTS
+    covered = [p.half.low <= 0.05 * p.value * np.sqrt(2.0 * np.log(2.0)) <= p.half.high for p in curve.points]
+    assert sum(covered) >= len(covered) - 2
+
+
+def test_bins_have_all_values_once_and_no_empty_one():
+    rng = np.random.default_rng(1)
+    for n in (1, 5, 17, 100):
+        parts = binned(rng.normal(size=n).tolist())
+        assert sorted(i for part in parts for i in part) == list(range(n))
+        assert all(parts)
+
+
+def test_a_share_of_none_is_unknown():
+    assert (share_of(0, 0).low, share_of(0, 0).high) == (0.0, 1.0)
+    assert paired_median([1.0, 2.0, 3.0], [0.5, 1.5, 2.5]).value == pytest.approx(-0.5)
+
+
+def test_a_claim_beyond_99_9_percent_is_kept_with_its_flight():
+    records = study()
+    records[7] = synthetic(np.random.default_rng(1), 7, sigma=30.0)
+    assert [record.index for record in answer_of(make_plan(), records).wrong] == [7]
+
+
+def test_the_sentence_says_error_claims_and_what_limits():
+    records = study()
+    nearer = [synthetic(np.random.default_rng(9), i, arm="without_position", sigma=0.1) for i in range(40)]
+    answer = answer_of(make_plan(), [*records, *nearer])
+    said = sentence(make_plan(), answer)
+    assert re.search(r"Half of the flights end within 1\.\d+ m .* 95 % within 2\.\d+ m \(200 of 200 orbits", said)
+    assert "The claims hold" in said
+    assert "What limits it is the vehicle's own position (GNSS)" in said
+    text = "\n".join(lines(answer))
+    assert "change first: RTK corrections" in text
+
+
+def test_the_page_is_complete_in_itself():
+    rng = np.random.default_rng(4)
+    records = [synthetic(rng, i, height=5.0 + i / 10.0) for i in range(FLIGHTS)]
+    records[3] = synthetic(rng, 3, sigma=30.0)
+    records += [synthetic(rng, i, arm="twice", sigma=2.0) for i in range(40)]
+    plan = make_plan(variations=(parse_variation("flight.height_m=5:40"),))
+    answer = answer_of(plan, records)
+    page = study_page(plan, records, answer, InlineWorkers.environment, commands=["study --only 3 <b>"])
+    assert not re.search(r'(?:src|href)="', page)
+    assert "study --only 3 &lt;b&gt;" in page
+    for heading in ("What to change first", "Error of the target", "With other values of flight.height_m",
+                    "Can the claims be trusted", "Claims that are wrong", "How this was computed"):  # fmt: skip
+        assert f"<h2>{heading}</h2>" in page
+    assert "nan" not in page.lower().replace("finance", "")
+
+
+def test_a_study_without_any_answer_has_a_page_and_a_sentence():
+    lost = {"state": "missed", "no_answer": "never_in_view", "error_m": None, "normalised2": None,
+            "claimed95_m": None, "errors_m": [], "claims95_m": [], "squares": [], "limits_m": {}}  # fmt: skip
+    records = [synthetic(np.random.default_rng(1), i, **lost) for i in range(4)]
+    answer = answer_of(make_plan(), records)
+    assert "None of the 4 flights found the target" in sentence(make_plan(), answer)
+    assert "Flights without an answer" in study_page(make_plan(), records, answer, InlineWorkers.environment)
