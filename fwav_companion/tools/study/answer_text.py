@@ -119,14 +119,14 @@ def change_words(cause: CauseAnswer) -> str:
     """What flights without the cause gained, with its interval."""
     if cause.change_m is None or cause.with_m is None or cause.without_m is None:
         return ""
-    gain, low, high = -cause.change_m.value, -cause.change_m.high, -cause.change_m.low
-    by = f"{signed(gain)} nearer, {signed(low)} to {signed(high)}, {cause.pairs} pairs"
+    ends = (moved(cause.change_m.low), moved(cause.change_m.high))
+    by = f"{moved(cause.change_m.value)}, between {ends[0]} and {ends[1]}, {cause.pairs} pairs"
     return f"median {length(cause.with_m)} to {length(cause.without_m)} ({by})"
 
 
-def signed(metres: float) -> str:
-    """A length with its sign where it is negative."""
-    return f"-{length(-metres)}" if metres < 0.0 else length(metres)
+def moved(change_m: float) -> str:
+    """A change of the error in words."""
+    return f"{length(abs(change_m))} {'nearer' if change_m < 0.0 else 'farther'}"
 
 
 def _claims_sentence(claims: Sequence[ClaimTest]) -> str:

@@ -103,12 +103,14 @@ class StudyRun:
 
     def run(self, out: Path, journal: Journal) -> FinishedStudy:
         """Fly, and write the file, also after Ctrl-C and with a full disk."""
-        trouble = self._trouble_of(lambda: self._fly_all(journal), journal.path)
-        environment = self._workers.environment
-        not_written = self._trouble_of(
-            lambda: write_records(out / FILE, self._records, self._plan, environment), out / FILE
-        )
-        journal.close(remove=not not_written)
+        environment, not_written = self._workers.environment, "the study crashed"
+        try:
+            trouble = self._trouble_of(lambda: self._fly_all(journal), journal.path)
+            not_written = self._trouble_of(
+                lambda: write_records(out / FILE, self._records, self._plan, environment), out / FILE
+            )
+        finally:
+            journal.close(remove=not not_written)
         return FinishedStudy(
             plan=self._plan,
             environment=environment,

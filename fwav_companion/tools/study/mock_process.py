@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from contextlib import suppress
 from types import TracebackType
 from typing import Any, Final, Self
 
@@ -88,7 +89,8 @@ class MockProcess:
         """End the process."""
         for pipe in (self._process.stdin, self._process.stdout):
             if pipe is not None:
-                pipe.close()
+                with suppress(OSError):  # a request that a dead process did not read
+                    pipe.close()
         try:
             self._process.wait(STOP_S)
         except subprocess.TimeoutExpired:
