@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 
 from fwav_companion.geometry.stamps import BootNs, ns_from_s, s_from_ns
+from fwav_companion.geometry.vectors import ZERO3, Vector3
 from fwav_companion.self_calibration.arrays import Array
 from fwav_companion.self_calibration.calibration_report import KeptCalibration, SharedParameter
 from fwav_companion.self_calibration.delayed_poses import StateAt, delayed_poses
@@ -16,7 +17,8 @@ from fwav_companion.self_calibration.filter_pass import FilterPass, filter_pass
 from fwav_companion.self_calibration.innovation_consistency import drift_of
 from fwav_companion.self_calibration.joint_filter import JointFilter, joint_filter
 from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, MeasurementBatch, measurement_batch
-from fwav_companion.self_calibration.rate_denoiser import SPAN_S, SmoothedMotion, smoothed_between
+from fwav_companion.self_calibration.position_error import QUICK, SMOOTH
+from fwav_companion.self_calibration.rate_denoiser import SPAN_S, slow_rates
 from fwav_companion.types import Bias, ErrorPriors, GroundFix, Unpaired, VehicleState
 from fwav_companion.types.tracks import GateResult
 
@@ -49,7 +51,7 @@ class CalibrationContext:
         # The newest frame: its fixes, their measurements at a delay, and their gates for a joint estimate.
         self._frame: tuple[GroundFix, ...] = ()
         self._batch: tuple[float, MeasurementBatch] | None = None
-        self._gates: tuple[JointFilter, list[list[float]], list[list[float]]] | None = None
+        self._gates: tuple[FilterPass, list[list[float]], list[list[float]]] | None = None
 
     def without_kept(self) -> CalibrationContext:
         """The same without the calibration of an earlier flight."""
@@ -83,17 +85,17 @@ class CalibrationContext:
         """Remember the fixes of a frame: they are gated and measured as one batch."""
         self._frame, self._batch, self._gates = tuple(fixes), None, None
 
-    def gate(self, fix: GroundFix, place: int, delay_s: float, joint: JointFilter) -> GateResult:
-        """Gating statistics of a fix against the target at this place of a joint estimate."""
+    def gate(self, fix: GroundFix, place: int, delay_s: float, served: FilterPass) -> GateResult:
+        """Gating statistics of a fix against the target at this place of the joint estimate."""
         index = self._index(fix)
         if index is None:
             self.expect([fix])
             index = 0
         if self._batch is None or self._batch[0] != delay_s:
             self._batch = (delay_s, self.batch([(NO_TRACK, each) for each in self._frame], delay_s))
-        if self._gates is None or self._gates[0] is not joint:
-            nis, log_det = joint.gates(self._batch[1])
-            self._gates = (joint, nis.tolist(), log_det.tolist())
+        if self._gates is None or self._gates[0] is not served:
+            nis, log_det = served.best.gates(self._batch[1])
+            self._gates = (served, nis.tolist(), log_det.tolist())
         return GateResult(self._gates[1][place][index], self._gates[2][place][index])
 
     def prepared(self, fixes: Sequence[tuple[int, GroundFix]], delay_s: float | None) -> MeasurementBatch | None:
@@ -110,15 +112,13 @@ class CalibrationContext:
     def _index(self, fix: GroundFix) -> int | None:
         return next((i for i, each in enumerate(self._frame) if each is fix), None)
 
-    def smoothed_motion(self, nominal: VehicleState, delay_s: float) -> SmoothedMotion:
-        """The mean motion around a delay; zero where the states around it are not known."""
+    def slow_rates(self, nominal: VehicleState, delay_s: float) -> Vector3:
+        """The mean rates around a delay; zero where the states around it are not known."""
         half_ns, middle_ns = ns_from_s(0.5 * SPAN_S), nominal.boot_ns - ns_from_s(delay_s)
         if self.state_at is None:
-            return SmoothedMotion()
+            return ZERO3
         before, after = self.state_at(BootNs(middle_ns - half_ns)), self.state_at(BootNs(middle_ns + half_ns))
-        if isinstance(before, Unpaired) or isinstance(after, Unpaired):
-            return SmoothedMotion()
-        return smoothed_between(before, after)
+        return ZERO3 if isinstance(before, Unpaired) or isinstance(after, Unpaired) else slow_rates(before, after)
 
     def bank(self) -> FilterPass:
         """A pass with one hypothesis for each delay, each with a prior as wide as their interval."""
@@ -129,13 +129,15 @@ class CalibrationContext:
     def trials(self, ended: JointFilter) -> FilterPass:
         """A pass about the end of another, as free to move."""
         points = ended.mean[:, :SHARED_COUNT].copy()
-        points[:, SharedParameter.NORTH :] = 0.0
         return self._hypotheses(points, ended.targets)
 
     def served_pass(self, point: Array, hints: dict[int, Array] | None = None) -> FilterPass:
-        """A pass about one linearization point, by the priors of the configuration."""
-        joint = joint_filter(self.priors, self.sigmas, self.means[None], point[None])
-        return filter_pass(joint, hints or {}, drift_of(self.priors))
+        """A pass about one linearization point, by the priors of the configuration, under both kinds of wander."""
+        count = 2 if self.priors.sigma(Bias.POSITION_NORTH) > 0.0 else 1
+        means, points = np.tile(self.means, (count, 1)), np.tile(point, (count, 1))
+        joint = joint_filter(self.priors, self.sigmas, means, points, (QUICK, SMOOTH) if count == 2 else None)
+        hints = {track: np.tile(hint[:1], (count, 1)) for track, hint in (hints or {}).items()}
+        return filter_pass(joint, hints, drift_of(self.priors))
 
     def _hypotheses(self, points: Array, hints: dict[int, Array]) -> FilterPass:
         means, sigmas = np.tile(self.means, (len(points), 1)), self.sigmas.copy()
@@ -149,7 +151,7 @@ def _shared_priors(priors: ErrorPriors, kept: KeptCalibration | None) -> tuple[A
     """
     b = priors.bias_sigmas
     mount = (hypot(b[Bias.MOUNT_X], b[Bias.ROLL]), hypot(b[Bias.MOUNT_Y], b[Bias.PITCH]), b[Bias.MOUNT_Z])
-    rest = (b[Bias.HEADING], b[Bias.HEIGHT], b[Bias.READOUT], b[Bias.POSITION_NORTH], b[Bias.POSITION_EAST])
+    rest = (b[Bias.HEADING], b[Bias.HEIGHT], b[Bias.READOUT])
     place = (b[Bias.POSITION_DELAY], b[Bias.LEVER_X], b[Bias.LEVER_Y], b[Bias.LEVER_Z])
     means = np.zeros(SHARED_COUNT)
     if kept is None:

@@ -26,15 +26,12 @@ class SharedParameter(IntEnum):
     """Error of the camera's height above ground: reported minus true, m."""
     READOUT = 6
     """Readout time: true minus configured, s."""
-    NORTH = 7
-    """Error of the vehicle's position: reported minus true, m."""
-    EAST = 8
-    POSITION_DELAY = 9
+    POSITION_DELAY = 7
     """Age of the reported positions beyond the configured one, s."""
-    LEVER_X = 10
+    LEVER_X = 8
     """Position of the camera in the body: configured minus true, m; with a gimbal, in its axes."""
-    LEVER_Y = 11
-    LEVER_Z = 12
+    LEVER_Y = 9
+    LEVER_Z = 10
 
 
 class CalibrationStatus(StrEnum):

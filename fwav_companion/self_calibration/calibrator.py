@@ -14,14 +14,16 @@ from collections.abc import Collection, Sequence
 from math import hypot
 
 import msgspec
+import numpy as np
 
-from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, BootNs, HostNs, ns_from_s
+from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, BootNs, HostNs, ns_from_s, s_from_ns
+from fwav_companion.geometry.rotations import conjugate, rotate
+from fwav_companion.geometry.vectors import Vector3, add, scale, subtract
 from fwav_companion.self_calibration.assessment import (
     Assessment,
     CalibratedPlace,
     assessed,
     believed,
-    worth_keeping,
 )
 from fwav_companion.self_calibration.calibration_context import DELAY_STEP_S, CalibrationContext
 from fwav_companion.self_calibration.calibration_report import (
@@ -34,11 +36,11 @@ from fwav_companion.self_calibration.delay_search import UNEXPLAINED, DelaySearc
 from fwav_companion.self_calibration.measurement_queue import DelayedMeasurement, MeasurementQueue
 from fwav_companion.self_calibration.missing import missing_before_assessment, missing_of
 from fwav_companion.self_calibration.mount_check import NAMED, MountCheck
-from fwav_companion.self_calibration.observability import MOUNT_AXES
 from fwav_companion.self_calibration.pixel_measurement import MeasurementBatch, joined
+from fwav_companion.self_calibration.position_smoother import PositionSmoother
+from fwav_companion.self_calibration.posterior import MOUNT_AXES
 from fwav_companion.self_calibration.rate_denoiser import SPAN_S, RateDenoiser
 from fwav_companion.self_calibration.relinearization import Relinearization
-from fwav_companion.self_calibration.view_geometry import ViewGeometry
 from fwav_companion.types import GroundFix, Unpaired, VehicleState
 from fwav_companion.types.tracks import GateResult
 
@@ -54,6 +56,26 @@ PLACED_EVERY_NS = 90 * NS_PER_MS
 """Interval of the targets' places: they change by millimetres meanwhile."""
 
 
+class MeanAxes(msgspec.Struct, frozen=True, gc=False):
+    """Mean directions in the carrier of the camera."""
+
+    down: Vector3 = (0.0, 0.0, 1.0)
+    sight: Vector3 = (0.0, 0.0, 1.0)
+    """Toward the targets."""
+    count: int = 0
+
+    def with_batch(self, state: VehicleState, batch: MeasurementBatch) -> MeanAxes:
+        """The means with one more batch."""
+        share = 1.0 / (self.count + 1)
+        down = rotate(conjugate(state.ned_from_carrier), (0.0, 0.0, 1.0))
+        x, y, z = batch.ray.mean(0).tolist()
+        return MeanAxes(
+            add(self.down, scale(subtract(down, self.down), share)),
+            add(self.sight, scale(subtract((x, y, z), self.sight), share)),
+            self.count + 1,
+        )
+
+
 class Calibrator(msgspec.Struct, frozen=True):
     """The state of self-calibration. Immutable: each frame gives a new one."""
 
@@ -66,8 +88,9 @@ class Calibrator(msgspec.Struct, frozen=True):
     replaced: bool = False
     """Whether this flight contradicted the calibration of an earlier one, which was dropped."""
     passes: Relinearization = Relinearization()
-    views: ViewGeometry = ViewGeometry()
+    axes: MeanAxes = MeanAxes()
     denoiser: RateDenoiser = RateDenoiser()
+    smoother: PositionSmoother = PositionSmoother()
     stamp_sigma_s: float = 0.0
     """One sigma of the open instant of the newest attitude stamps."""
     slow_attitude_hz: float | None = None
@@ -161,7 +184,7 @@ class Calibrator(msgspec.Struct, frozen=True):
         served = self.passes.served
         if served is None or self.delay_s is None or track not in served.joint.tracks:
             return None
-        return self.context.gate(fix, served.joint.tracks.index(track), self.delay_s, served.joint)
+        return self.context.gate(fix, served.joint.tracks.index(track), self.delay_s, served)
 
     def report(self) -> CalibrationReport:
         """The present state of self-calibration."""
@@ -180,7 +203,7 @@ class Calibrator(msgspec.Struct, frozen=True):
             mistake=self.mistake,
             denied=self.denied,
             replaced=self.replaced,
-            keep=worth_keeping(self.assessment, self.stamp_sigma_s),
+            keep=None if self.assessment is None else self.assessment.keep,
         )
 
     @property
@@ -195,11 +218,11 @@ class Calibrator(msgspec.Struct, frozen=True):
             return f"camera mount: {self.mistake}"
         if self.assessment is None:
             return missing_before_assessment(self.search, self.no_delay, self.slow_attitude_hz)
-        return missing_of(self.assessment, self.context.priors, various=self.views.various)
+        return missing_of(self.assessment, self.context.priors)
 
     def restarted(self) -> Calibrator:
         """The state after every target was dropped: the calibration stays, as a prior."""
-        keep = worth_keeping(self.assessment, self.stamp_sigma_s)
+        keep = None if self.assessment is None else self.assessment.keep
         context = self.context
         if keep is not None:
             context = CalibrationContext(context.priors, context.state_at, keep)
@@ -255,18 +278,23 @@ class Calibrator(msgspec.Struct, frozen=True):
             rate_hz = 1.0 / first.spacing_s if first.spacing_s > 0.0 else 0.0
             return msgspec.structs.replace(self, slow_attitude_hz=rate_hz)
         context, found, middle = self.context, self.delay_s, fixes[len(fixes) // 2][1].sighting.state
-        slow = context.smoothed_motion(middle, context.delay_s if found is None else found)
+        slow = context.slow_rates(middle, context.delay_s if found is None else found)
         denoiser = self.denoiser.with_state(middle, slow, context.priors.attitude_noise)
         complete = found is not None and sum(len(batch.tracks) for batch in batches) == len(fixes)
         batch = joined(batches) if complete else context.batch(fixes, found)
+        captures_s = np.array([s_from_ns(fix.sighting.boot_ns) for _, fix in fixes])
+        smoother, batch = self.smoother, batch.since(since_s)
+        if middle.position_ned is not None:
+            smoother, batch = smoother.smoothed(batch, captures_s, context.priors)
         return msgspec.structs.replace(
             self,
             queue=queue,
             denoiser=denoiser,
+            smoother=smoother,
             slow_attitude_hz=None,
             stamp_sigma_s=middle.stamp_sigma_s,
-            views=self.views.with_fixes([fix for _, fix in fixes]),
-        )._measured(msgspec.structs.replace(batch.since(since_s), poses=denoiser.denoised(batch.poses, slow)))
+            axes=self.axes.with_batch(middle, batch),
+        )._measured(msgspec.structs.replace(batch, poses=denoiser.denoised(batch.poses, slow)))
 
     def _measured(self, batch: MeasurementBatch) -> Calibrator:
         state = msgspec.structs.replace(self, passes=self.passes.with_batch(batch))
@@ -316,24 +344,31 @@ class Calibrator(msgspec.Struct, frozen=True):
         served = self.passes.served
         if served is None:
             return self
-        if not served.fits[0]:
+        if not served.fits[served.chosen]:
             return self._given_up(UNEXPLAINED)
-        joint, priors, assessment, judged_ns = served.joint, self.context.shared_priors, self.assessment, self.judged_ns
+        joint, priors, assessment, judged_ns = served.best, self.context.shared_priors, self.assessment, self.judged_ns
         if assessment is None or self.host_ns - judged_ns >= JUDGED_EVERY_NS:
-            views = self.views
+            before = None if assessment is None else assessment.parameters
             assessment = assessed(
-                joint, priors, various=views.various, down=views.down, drift=served.drift, before=assessment
+                joint,
+                priors,
+                axes=(self.axes.down, self.axes.sight),
+                drift=served.drift,
+                before=before,
+                stamp_sigma_s=self.stamp_sigma_s,
             )
             judged_ns = self.host_ns
-        elif self.host_ns - self.placed_ns >= PLACED_EVERY_NS:
-            assessment = assessment.about(joint, priors)
-        else:
+        elif self.host_ns - self.placed_ns < PLACED_EVERY_NS:
             return self
         moved = any(each.parameter != SharedParameter.HEIGHT for each in assessment.denied)
         if self.context.kept is not None and moved:
             return self._begun_again()
         return msgspec.structs.replace(
-            self, assessment=assessment, places=assessment.places(), judged_ns=judged_ns, placed_ns=self.host_ns
+            self,
+            assessment=assessment,
+            places=assessment.places(joint, priors),
+            judged_ns=judged_ns,
+            placed_ns=self.host_ns,
         )
 
     def _begun_again(self) -> Calibrator:

@@ -9,7 +9,8 @@ import numpy as np
 
 from fwav_companion.self_calibration.arrays import Array, Mask
 from fwav_companion.self_calibration.innovation_consistency import InnovationConsistency
-from fwav_companion.self_calibration.joint_filter import GATE, JointFilter, PixelInnovations
+from fwav_companion.self_calibration.joint_filter import GATE, MOST_DISPLACED, JointFilter, PixelInnovations
+from fwav_companion.self_calibration.position_error import QUICK, SMOOTH
 from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, MeasurementBatch, camera_pose, joined
 
 FIRST_MEASUREMENTS = 8
@@ -17,6 +18,9 @@ FIRST_MEASUREMENTS = 8
 """
 WORST = 25.0
 """Largest squared distance that a measurement counts."""
+
+SMOOTH_MARGIN = 5.0
+"""Log-likelihood ratio from which the vehicle's position is believed to wander smoothly."""
 
 
 class FilterPass(msgspec.Struct, frozen=True):
@@ -37,12 +41,22 @@ class FilterPass(msgspec.Struct, frozen=True):
     frames: int = 0
     """Frames so far."""
     drift: InnovationConsistency | None = None
-    """Consistency of the used innovations; None where it is not needed."""
+    """Consistency of the used innovations, and the linearization point follows; None for a hypothesis of a search."""
 
     @property
     def fits(self) -> Mask:
         """(B), whether most measurements agree with the estimate."""
         return self.refused <= np.maximum(FIRST_MEASUREMENTS, self.used // 2)
+
+    @property
+    def chosen(self) -> int:
+        """The hypothesis of the vehicle's wander: the wider one until the other is much likelier."""
+        return int(len(self.score) == 2 and self.score[SMOOTH] > self.score[QUICK] + SMOOTH_MARGIN)
+
+    @property
+    def best(self) -> JointFilter:
+        """The joint estimate under that hypothesis."""
+        return self.joint if len(self.score) == 1 else self.joint.take([self.chosen])
 
     @property
     def taken(self) -> int:
@@ -103,10 +117,13 @@ class FilterPass(msgspec.Struct, frozen=True):
         return msgspec.structs.replace(self, joint=joint)._updated(own, ~first)
 
     def _updated(self, batch: MeasurementBatch, wanted: Mask | None = None) -> FilterPass:
-        seen = self.joint.innovations(batch)
+        joint, seen = self.joint, self.joint.innovations(batch)
+        if self.drift is not None and seen.displaced > MOST_DISPLACED:
+            joint = joint.relinearized()
+            seen = joint.innovations(batch)
         wanted = np.ones_like(seen.valid) if wanted is None else wanted
         fits = (seen.nis < GATE) & wanted
-        joint, score = self.joint.update(seen, fits)
+        joint, score = joint.update(seen, fits)
         refused = wanted & ~fits
         # An impossible measurement is charged as the worst, so that it cannot win a search.
         log_det = np.where(seen.valid, seen.log_det, 2.0 * np.log(batch.pixel_sigma.prod(1)))
@@ -122,9 +139,10 @@ class FilterPass(msgspec.Struct, frozen=True):
         )
 
     def _drift(self, host_ns: int, seen: PixelInnovations, fits: Mask) -> InnovationConsistency | None:
-        if self.drift is None or not fits[0].any():
+        chosen = self.chosen
+        if self.drift is None or not fits[chosen].any():
             return self.drift
-        return self.drift.seen(host_ns, seen, fits, self.joint.priors)
+        return self.drift.seen(host_ns, seen, fits, chosen)
 
 
 def filter_pass(joint: JointFilter, hints: dict[int, Array], drift: InnovationConsistency | None = None) -> FilterPass:

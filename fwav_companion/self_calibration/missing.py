@@ -26,12 +26,10 @@ def missing_before_assessment(search: DelaySearch | None, no_delay: NoDelay | No
     return "no target was seen long enough" if no_delay is None else WITHOUT_DELAY[no_delay.status]
 
 
-def missing_of(assessment: Assessment, priors: ErrorPriors, *, various: bool) -> str | None:
+def missing_of(assessment: Assessment, priors: ErrorPriors) -> str | None:
     """The reason of an estimate's status; None where it is calibrated."""
     if assessment.status is CalibrationStatus.CALIBRATED:
         return None
-    if not various:
-        return f"all sights are from one heading and one angle: {ADVICE}"
     position_m = priors.sigma(Bias.POSITION_NORTH)
     if position_m > 0.0:
         return f"a position error of {position_m:g} m hides the mount: {ADVICE}"

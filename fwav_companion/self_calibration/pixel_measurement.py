@@ -32,7 +32,9 @@ from fwav_companion.types import ErrorPriors, GroundFix
 
 SHARED_COUNT = len(SharedParameter)
 ROW_COUNT = SHARED_COUNT + 2
-DELAY, _, _, _, HEADING, HEIGHT, READOUT, NORTH, EAST, POSITION_DELAY = map(int, [*SharedParameter][:10])
+DELAY, _, _, _, HEADING, HEIGHT, READOUT, POSITION_DELAY = map(int, [*SharedParameter][:8])
+NORTH, EAST = SHARED_COUNT, SHARED_COUNT + 1
+"""Columns of a row by the apparent place: the target, or as well the error of the vehicle's position."""
 LEVER = slice(int(SharedParameter.LEVER_X), int(SharedParameter.LEVER_Z) + 1)
 MOUNT = slice(int(SharedParameter.MOUNT_X), int(SharedParameter.MOUNT_Z) + 1)
 NOISY = [DELAY, 1, 2, 3, HEIGHT, NORTH, EAST]
@@ -40,6 +42,8 @@ NOISY = [DELAY, 1, 2, 3, HEIGHT, NORTH, EAST]
 LEAST_COSINE = 0.01
 """Cosine between a ray and its prediction, 89.4 degrees. Rows grow with the square of its inverse: nearer to a right
 angle they exceed the pixel's own noise by more than a double resolves."""
+RANGED = ("rangefinder", "fixed")
+"""Grounds at a distance below the camera, whatever its height."""
 TELEMETRY_STEP_S = 0.1
 """Height and position arrive at 10 Hz and are interpolated: frames that come faster share their noise, and that of the
 attitudes where those come no faster."""
@@ -61,7 +65,7 @@ class MeasurementBatch(msgspec.Struct, frozen=True):
     lever: Array
     """(N, 3), camera in the body, m."""
     scalars: Array
-    """(N, 8): see the properties."""
+    """(N, 9): see the properties."""
     poses: DelayedPoses
     """(N, D)."""
 
@@ -104,6 +108,11 @@ class MeasurementBatch(msgspec.Struct, frozen=True):
     def frame(self) -> Array:
         """Number of the frame: its measurements share one sample of telemetry."""
         return self.scalars[:, 7]
+
+    @property
+    def ranged(self) -> Mask:
+        """Whether the ground is at a distance below the camera, whatever its reported height."""
+        return np.asarray(self.scalars[:, 8] > 0.0)
 
     def take(self, index: Sequence[int]) -> MeasurementBatch:
         """Some of the measurements."""
@@ -162,7 +171,7 @@ def measurement_batch(
     ned_from_body = np.array([matrix_from_quaternion(state.ned_from_carrier) for state in states])
     scalars = [
         (state.carrier_sigma, state.spacing_s, s.time_noise_s, s.row_fraction,
-         fix.drop_m, s.camera_ned[2], since, s.frame)
+         fix.drop_m, s.camera_ned[2], since, s.frame, fix.ground in RANGED)
         for (_, fix), s, state, since in zip(fixes, sightings, states, since_s, strict=True)
     ]  # fmt: skip
     return MeasurementBatch(
@@ -190,7 +199,7 @@ class CameraPose(msgspec.Struct, frozen=True):
     heading: tuple[Array, Array]
     """(..., 1), cosine and sine of the heading error."""
     camera: Array
-    """(..., N, 3): north, east, and height above the target's ground, m."""
+    """(..., N, 3): reported north and east, and height above the target's ground, m."""
     velocity_ned: Array
     """(..., N, 3), of the camera, which swings about the vehicle's reference point, m/s."""
 
@@ -206,7 +215,7 @@ class CameraPose(msgspec.Struct, frozen=True):
 
 
 def camera_pose(batch: MeasurementBatch, shared: Array) -> CameraPose:
-    """The camera's poses by values (..., 13) of the shared parameters."""
+    """The camera's poses by values (..., 11) of the shared parameters, as if the reported position were right."""
     value = shared[..., None, :]
     poses = batch.poses.at(value[..., DELAY] - value[..., READOUT] * batch.row_fraction)
     correction = rotation(value[..., MOUNT])
@@ -214,8 +223,7 @@ def camera_pose(batch: MeasurementBatch, shared: Array) -> CameraPose:
     lever = batch.lever - value[..., LEVER]
     place = poses.position_ned + late + turned(poses.ned_from_body, lever)
     below = batch.drop_m - (place[..., 2] - batch.camera_down)
-    camera = place - value[..., (NORTH, EAST, HEIGHT)]
-    camera[..., 2] = below - value[..., HEIGHT]
+    place[..., 2] = below - value[..., HEIGHT]
     heading = value[..., HEADING]
     swinging = turned(poses.ned_from_body, cross(poses.rates, lever))
     return CameraPose(
@@ -223,7 +231,7 @@ def camera_pose(batch: MeasurementBatch, shared: Array) -> CameraPose:
         correction=correction,
         ned_from_mounted=times(poses.ned_from_body, correction),
         heading=(np.cos(heading), np.sin(heading)),
-        camera=camera,
+        camera=place,
         velocity_ned=poses.velocity_ned + swinging,
     )
 
@@ -234,13 +242,13 @@ class PredictedPixels(msgspec.Struct, frozen=True):
     residual: Array
     """(..., N, 2), px; zero where invalid, and so are the rows."""
     rows: Array
-    """(..., N, 2, 15): by each shared parameter, then by north and east of the target."""
+    """(..., N, 2, 13): by each shared parameter, then by north and east of the apparent place."""
     valid: Mask
     """(..., N): the target lies within 89.4 degrees of the ray."""
 
 
 def predict(batch: MeasurementBatch, targets: Array, shared: Array, pose: CameraPose | None = None) -> PredictedPixels:
-    """The predictions of targets (..., N, 2) about shared parameters (..., 13).
+    """The predictions of apparent places (..., N, 2) about shared parameters (..., 11).
 
     In the frame of the mounted camera, with M its attitude by the reported heading, x the target from the camera and
     d the measured ray: residual = -dual . x / (d . x), and d(pixel) = (dual - residual' d) . dx / (d . x).
@@ -258,7 +266,7 @@ def predict(batch: MeasurementBatch, targets: Array, shared: Array, pose: Camera
     linear = np.einsum("...ai,...ij->...aj", by_seen, _columns(pose, seen, told_n[..., None], told_e[..., None]))
     rows[..., DELAY], rows[..., HEADING], rows[..., HEIGHT] = linear[..., 0], linear[..., 1], linear[..., 2]
     rows[..., READOUT] = -batch.row_fraction[:, None] * linear[..., 0]
-    rows[..., NORTH : EAST + 1] = rows[..., SHARED_COUNT:] = linear[..., 3:]
+    rows[..., NORTH:] = linear[..., 3:]
     by_place = linear[..., (3, 4, 2)] * (1.0, 1.0, -1.0)  # of a camera that is reported too far north, east, down
     rows[..., POSITION_DELAY] = -np.einsum("...ai,...i->...a", by_place, pose.poses.velocity_ned)
     rows[..., LEVER] = np.einsum("...ai,...ij->...aj", by_place, pose.poses.ned_from_body)

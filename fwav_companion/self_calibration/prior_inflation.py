@@ -12,7 +12,7 @@ from math import sqrt
 from fwav_companion.self_calibration.arrays import Array
 from fwav_companion.self_calibration.calibration_report import PriorInflation, SharedParameter
 from fwav_companion.self_calibration.joint_filter import JointFilter
-from fwav_companion.self_calibration.observability import MOUNT_AXES
+from fwav_companion.self_calibration.posterior import MOUNT_AXES
 
 DENIED = 4.0
 """Sigma between configuration and estimate, at which one of the two is wrong."""

@@ -1,4 +1,4 @@
-"""Rates of the vehicle without the noise of the attitudes and positions that they are taken from.
+"""Rates of the vehicle without the noise of the attitudes that they are taken from.
 
 Rates are slopes of the attitude over time, and noise makes slopes of its own. In the rows of the camera's delay such a
 slope looks like a motion that shows the delay: a body that hardly turns would find it by noise alone, with a
@@ -21,8 +21,7 @@ from fwav_companion.types import GimbalAt, VehicleState
 
 SPAN_S = 0.3
 """Between the two instants: noise of 0.1 deg makes a slope of 0.5 deg/s of it, where neighbours at 50 Hz make 8. A
-vehicle banks into its turns as slowly, and three beats of 10 Hz cancel. Places with 0.1 m of noise, ten a second, make
-slopes of 0.5 m/s of it, and 1.4 between neighbours."""
+vehicle banks into its turns as slowly, and three beats of 10 Hz cancel."""
 SLOPE_NOISE = 1.6
 """One sigma of a slope of a course through attitudes with fresh noise, in units of that noise over their spacing:
 sqrt(2) for a chord, 1.2 to 1.6 within a cubic through four, 1.1 sqrt(2) on the mean for one with slopes given."""
@@ -32,21 +31,9 @@ BEGUN = 3
 """Batches of nothing but noise that are counted before the first."""
 
 
-class SmoothedMotion(msgspec.Struct, frozen=True, gc=False):
-    """The mean motion over SPAN_S."""
-
-    rates: Vector3 = ZERO3
-    """Mean angular velocity of the carrier of the camera, rad/s, its own axes."""
-    velocity_ned: Vector3 | None = None
-    """Mean velocity, m/s; None where the position is not known."""
-
-
-def smoothed_between(before: VehicleState, after: VehicleState) -> SmoothedMotion:
-    """The mean motion between two states that are SPAN_S apart."""
-    rates = scale(difference(after.ned_from_carrier, before.ned_from_carrier), 1.0 / SPAN_S)
-    if before.position_ned is None or after.position_ned is None:
-        return SmoothedMotion(rates)
-    return SmoothedMotion(rates, scale(subtract(after.position_ned, before.position_ned), 1.0 / SPAN_S))
+def slow_rates(before: VehicleState, after: VehicleState) -> Vector3:
+    """Mean angular velocity of the carrier of the camera between two states SPAN_S apart, rad/s, its own axes."""
+    return scale(difference(after.ned_from_carrier, before.ned_from_carrier), 1.0 / SPAN_S)
 
 
 class RateDenoiser(msgspec.Struct, frozen=True, gc=False):
@@ -57,7 +44,7 @@ class RateDenoiser(msgspec.Struct, frozen=True, gc=False):
     noise2: float = 0.0
     """Square that noise alone would have made, about each axis."""
 
-    def with_state(self, state: VehicleState, slow: SmoothedMotion, attitude_noise: float) -> RateDenoiser:
+    def with_state(self, state: VehicleState, slow: Vector3, attitude_noise: float) -> RateDenoiser:
         """The sums after one more batch; ``attitude_noise``: one sigma about an axis, rad, fresh in every attitude.
 
         A gimbal's rates are of its own attitudes, whose interval is not known: they leave the sums unchanged.
@@ -65,7 +52,7 @@ class RateDenoiser(msgspec.Struct, frozen=True, gc=False):
         if isinstance(state.gimbal, GimbalAt) or not state.spacing_s > 0.0:
             return self
         noise2 = (SLOPE_NOISE * attitude_noise / state.spacing_s) ** 2
-        x, y, z = subtract(state.carrier_rates, slow.rates)
+        x, y, z = subtract(state.carrier_rates, slow)
         if self.reported2 == ZERO3:
             before, (a, b, c) = BEGUN * noise2, (BEGUN * noise2,) * 3
         else:
@@ -79,15 +66,9 @@ class RateDenoiser(msgspec.Struct, frozen=True, gc=False):
         x, y, z = (max(0.0, 1.0 - self.noise2 / square) if square > 0.0 else 1.0 for square in self.reported2)
         return (x, y, z)
 
-    def denoised(self, poses: DelayedPoses, slow: SmoothedMotion) -> DelayedPoses:
-        """The poses with the expected motion, given the reported one."""
-        shares, rates = np.array(self.shares), np.array(slow.rates)
-        velocity = poses.velocity_ned
-        if slow.velocity_ned is not None:
-            velocity = np.broadcast_to(np.array(slow.velocity_ned), velocity.shape)
+    def denoised(self, poses: DelayedPoses, slow: Vector3) -> DelayedPoses:
+        """The poses with the expected rates, given the reported ones."""
+        shares, rates = np.array(self.shares), np.array(slow)
         return msgspec.structs.replace(
-            poses,
-            rates=rates + shares * (poses.rates - rates),
-            acceleration=shares * poses.acceleration,
-            velocity_ned=velocity,
+            poses, rates=rates + shares * (poses.rates - rates), acceleration=shares * poses.acceleration
         )

@@ -89,11 +89,10 @@ class Relinearization(msgspec.Struct, frozen=True):
     def _begun_again(self, context: CalibrationContext) -> Relinearization:
         if self.served is None or not self.complete or self.done >= len(PASSES_AT):
             return self
-        joint = self.served.joint
+        joint = self.served.best
         if sum(len(batch.tracks) for batch in self.kept) < PASSES_AT[self.done] * max(1, len(joint.tracks)):
             return self
         point = joint.mean[0, :SHARED_COUNT].copy()
-        point[SharedParameter.NORTH :] = 0.0
         coming = context.served_pass(point, joint.targets)
         delay_s = float(point[SharedParameter.DELAY])
         return msgspec.structs.replace(self, coming=coming, cursor=0, done=self.done + 1, delay_s=delay_s)

@@ -26,7 +26,8 @@ class HermitePoint(msgspec.Struct, frozen=True, gc=False):
 
     values: Values
     rates: Values
-    """Per second."""
+    """As reported, per second. The slope of the curve would hold the noise of two values over their interval: 0.3 m of
+    height noise at 10 Hz are 4 m/s."""
     sigma: float
     """One sigma of each value that interpolation or extrapolation adds."""
 
@@ -94,7 +95,7 @@ class HermiteSeries:
             # The chord, plus the departure of each end's slope from it, which fades toward the other end.
             p, q = (r0 - slope) * step_s, (slope - r1) * step_s
             values.append(v0 + s * (v1 - v0) + s * (1.0 - s) * (p * (1.0 - s) + q * s))
-            rates.append(slope + ((1.0 - s) * (1.0 - 3.0 * s) * p + s * (2.0 - 3.0 * s) * q) / step_s)
+            rates.append(r0 + s * (r1 - r0))
         # Error of a cubic Hermite under an acceleration that differs by this from the samples' own.
         sigma = UNMEASURED_ACCELERATION * step_s * step_s / 2.0 * (s * (1.0 - s)) ** 2 * sqrt(4.0)
         return HermitePoint(tuple(values), tuple(rates), sigma)

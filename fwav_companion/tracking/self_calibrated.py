@@ -10,7 +10,7 @@ from fwav_companion.geometry.small_matrices import Symmetric2, add_diagonal, hor
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.tracking.filters.base import TargetState
-from fwav_companion.types import Bias, GroundFix
+from fwav_companion.types import GroundFix
 from fwav_companion.types.tracks import GateResult
 
 if TYPE_CHECKING:
@@ -38,12 +38,9 @@ class CalibratedTargetState(msgspec.Struct, frozen=True):
 
     @property
     def apparent_ned(self) -> Vector3:
-        """The target relative to the vehicle's report: by its own filter, unless the joint estimate knows it better.
-
-        The joint estimate averages the error of the vehicle's position; its own filter follows it, with the mount as
-        configured. Both claims hold every error, so the smaller one is the better answer.
-        """
-        return self.own.apparent_ned if self._follows else self.position_ned
+        """The target relative to the vehicle's report: by the smaller claim, as both hold every error."""
+        placed = self.placed
+        return self.own.apparent_ned if self._follows else (placed.apparent_north, placed.apparent_east, self.position_ned[2])
 
     @property
     def relative_cov(self) -> Matrix3:
@@ -52,10 +49,9 @@ class CalibratedTargetState(msgspec.Struct, frozen=True):
 
     @property
     def _place_cov(self) -> Matrix3:
-        """Covariance of the place as the answer relative to the vehicle's report, whose whole error counts."""
-        priors = self.calibrator.context.priors
-        north, east = priors.sigma(Bias.POSITION_NORTH), priors.sigma(Bias.POSITION_EAST)
-        return add_diagonal(self.cov, priors.position_noise_m**2 + 0.5 * (north * north + east * east), 0.0)
+        """Covariance of the apparent place of the joint estimate, with the noise of the vehicle's report."""
+        noise = self.calibrator.context.priors.position_noise_m**2
+        return add_diagonal(_level(self.placed.relative_cov, self.own.cov[2][2]), noise, 0.0)
 
     @property
     def _follows(self) -> bool:

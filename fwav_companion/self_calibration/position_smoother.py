@@ -1,0 +1,59 @@
+"""The reported position, smoothed with the reported velocity.
+
+A row at a noisy position holds the same noise as its residual, and a filter takes that for information: a copter that
+hovered and turned at 10 m with 0.3 m of height noise lost 1.3 m of height at a sigma of 0.34 m. Smoothed, the noise is
+a fifth, and what it makes of the rows a thirtieth. The noise of a measurement stays that of single positions: as often
+as they come, their mean is as good.
+"""
+
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+
+from fwav_companion.self_calibration.arrays import Array
+from fwav_companion.self_calibration.pixel_measurement import TELEMETRY_STEP_S, MeasurementBatch
+from fwav_companion.types import ErrorPriors
+
+VELOCITY_DENSITY = 0.1**2 * TELEMETRY_STEP_S
+"""Density of what reported velocities leave open, m^2/s: 0.1 m/s, fresh in every report."""
+JUMP_SIGMAS, JUMP_LEAST_M = 6.0, 0.05
+LONGEST_S = 2.0
+"""A step of the position, and an interval, after which smoothing begins again."""
+
+
+class PositionSmoother(msgspec.Struct, frozen=True):
+    """A Kalman filter of each axis with the velocity as its input. Immutable."""
+
+    at_s: float = 0.0
+    position: Array | None = None
+    velocity: Array = np.zeros(3)
+    variance: Array = np.zeros(3)
+
+    def smoothed(
+        self, batch: MeasurementBatch, captures_s: Array, priors: ErrorPriors
+    ) -> tuple[PositionSmoother, MeasurementBatch]:
+        """The filter after one more batch, and the batch along the smoothed path; ``captures_s``: nominal captures."""
+        poses, middle = batch.poses, len(captures_s) // 2
+        times_s = captures_s[:, None] - poses.delay_s
+        k = (middle, poses.delay_s.shape[1] // 2)
+        state = self._after(float(times_s[k]), poses.position_ned[k], poses.velocity_ned[k], priors)
+        path = state.position + 0.5 * (poses.velocity_ned + state.velocity) * (times_s - state.at_s)[..., None]
+        scalars = batch.scalars.copy()
+        nominal = state.position[2] + state.velocity[2] * (captures_s - state.at_s)
+        scalars[:, 5] = np.where(batch.ranged, nominal, scalars[:, 5])
+        poses = msgspec.structs.replace(poses, position_ned=path)
+        return state, msgspec.structs.replace(batch, poses=poses, scalars=scalars)
+
+    def _after(self, at_s: float, position: Array, velocity: Array, priors: ErrorPriors) -> PositionSmoother:
+        noise = np.array((priors.position_noise_m, priors.position_noise_m, priors.height_noise_m)) ** 2
+        seconds = at_s - self.at_s
+        if self.position is None or not 0.0 < seconds < LONGEST_S:
+            return PositionSmoother(at_s, position, velocity, noise)
+        variance = self.variance + VELOCITY_DENSITY * seconds
+        gain = variance / (variance + noise * max(1.0, TELEMETRY_STEP_S / seconds))
+        predicted = self.position + 0.5 * (self.velocity + velocity) * seconds
+        off = position - predicted
+        if (np.abs(off) > JUMP_SIGMAS * np.sqrt(variance + noise + JUMP_LEAST_M**2)).any():
+            return PositionSmoother(at_s, position, velocity, noise)
+        return PositionSmoother(at_s, predicted + gain * off, velocity, (1.0 - gain) * variance)

@@ -1,0 +1,72 @@
+"""Covariances of a joint estimate under other assumptions: parameters that are known, measurements that drift."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fwav_companion.self_calibration.arrays import Array
+from fwav_companion.self_calibration.calibration_report import SharedParameter
+from fwav_companion.self_calibration.joint_filter import JointFilter
+from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT
+
+MOUNT_AXES = (SharedParameter.MOUNT_X, SharedParameter.MOUNT_Y, SharedParameter.MOUNT_Z)
+NUISANCE = (SharedParameter.HEADING, SharedParameter.POSITION_DELAY, *list(SharedParameter)[SharedParameter.LEVER_X :])
+"""Parameters that a flight hardly separates from the mount, and that no report states: estimated with the mount by
+their priors, so that the claims of the mount hold them."""
+TIMING = (SharedParameter.DELAY, SharedParameter.READOUT)
+"""A delay of the later rows is a delay, too. Fast shaking shows both: slow drift says nothing of them."""
+
+
+def given(mean: Array, cov: Array, known: Sequence[int], values: Array) -> tuple[Array, Array]:
+    """Mean and covariance where these states have these values; states that are certain anyway are left out.
+
+    With c = P[:, k] inv(P[k, k])::
+
+        mean - c (mean[k] - values);  P - c P[k, :]
+    """
+    used = [j for j, i in enumerate(known) if cov[i, i] > 0.0]
+    if not used:
+        return mean, cov
+    k = [known[j] for j in used]
+    crossed = cov[:, k]
+    pull = solved(cov[np.ix_(k, k)], crossed.T).T
+    return mean - pull @ (mean[k] - values[used]), cov - pull @ crossed.T
+
+
+def with_drift(joint: JointFilter, sigmas: Array, factor: float) -> Array:
+    """The covariance where every measurement has ``factor`` times its variance; priors and the vehicle's position error
+    are as they were.
+
+    (prior^-1 + information / k)^-1 is k times the covariance after another measurement of each prior with the variance
+    prior / (k - 1).
+    """
+    cov = joint.cov[0]
+    if factor <= 1.0:
+        return cov
+    free = [i for i in range(SHARED_COUNT) if sigmas[i] > 0.0]
+    known = [*range(SHARED_COUNT, joint.first), *free]
+    block = cov[np.ix_(known, known)].copy()
+    last = np.arange(len(known) - len(free), len(known))
+    block[last, last] += sigmas[free] ** 2 / (factor - 1.0)
+    rows = np.linalg.solve(lower_root(block), cov[known])
+    own = rows[last]
+    return np.asarray(cov + (factor - 1.0) * (cov - rows.T @ rows) - own.T @ own)
+
+
+def lower_root(matrix: Array) -> Array:
+    """Cholesky factor of a covariance whose scales differ, with a pivot that rounding lost kept at 1e-12 of itself."""
+    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    try:
+        return np.asarray(scale[:, None] * np.linalg.cholesky(matrix / scale / scale[:, None]))
+    except np.linalg.LinAlgError:
+        values, axes = np.linalg.eigh(matrix / scale / scale[:, None])
+        root = np.asarray(np.linalg.qr((axes * np.sqrt(np.maximum(values, 1e-12))).T, mode="r")).T
+        return np.asarray(scale[:, None] * root)
+
+
+def solved(matrix: Array, right: Array) -> Array:
+    """X of matrix @ x = right, for a covariance."""
+    root = lower_root(matrix)
+    return np.asarray(np.linalg.solve(root.T, np.linalg.solve(root, right)))
