@@ -36,6 +36,9 @@ RETAINED = 1.1
 """A parameter that is reported stays so up to this multiple: innovations that drift widen its sigma, and the places
 would jump back and forth at the bound. With 1.25 a heading that wanders by 2 degrees in 20 s is believed too long: of
 six figure-eights one ended with a normalised square of 53."""
+MOST_DRIFT = 4.0
+"""Factor of drifting innovations from which no constant mount explains the flight. Where all errors are constant it is
+1 to 2.8 over descents, circles and eights; with a heading that wanders by 2 degrees in 20 s it ends at 9 and 10."""
 CONTRADICTION = 13.3
 """Squared Mahalanobis distance of mount and height from the configuration: a right one exceeds it once in 100 flights
 (4 degrees of freedom)."""
@@ -73,6 +76,8 @@ class Assessment(msgspec.Struct, frozen=True):
     """Priors of the configuration that the flight contradicts."""
     mount_known: float = 1.0
     """Largest sigma of the mount across the line of sight in units of its prior, as the flight shows it."""
+    drift: float = 1.0
+    """Factor of drifting innovations, as the flight shows it."""
 
     def places(self, joint: JointFilter, priors: tuple[Array, Array]) -> dict[int, CalibratedPlace]:
         """The targets by a joint estimate, by track."""
@@ -112,8 +117,10 @@ def assessed(
     before: Mapping[int, object] | None = None,
     stamp_sigma_s: float = 0.0,
 ) -> Assessment:
-    """The assessment of a joint estimate. ``priors``: means and one sigma of the shared parameters. ``axes``: mean
-    directions in the body, down and toward the targets. ``before``: the parameters observable so far. ``stamp_sigma_s``: open instant of attitude stamps.
+    """The assessment of a joint estimate.
+
+    ``priors``: means and one sigma of the shared parameters. ``axes``: mean directions in the body, down and toward the
+    targets. ``before``: the parameters observable so far. ``stamp_sigma_s``: open instant of attitude stamps.
     """
     means, sigmas = priors
     denied = prior_inflations(joint, means, sigmas)
@@ -126,16 +133,19 @@ def assessed(
     mean, cov = joint.mean[0], with_drift(joint, sigmas, factor)
     delay_s, delay_sigma_s = float(mean[0]), float(np.sqrt(joint.cov[0, 0, 0]))
     parameters: dict[int, tuple[float, float]] = {}
-    retained = {i: RETAINED if before and i in before else 1.0 for i in (SharedParameter.DELAY, SharedParameter.MOUNT_X)}
+    retained = {
+        i: RETAINED if before and i in before else 1.0 for i in (SharedParameter.DELAY, SharedParameter.MOUNT_X)
+    }
     status, keep = CalibrationStatus.WAITING, None
-    if delay_sigma_s <= DELAY_OBSERVABLE * retained[SharedParameter.DELAY] * sigmas[SharedParameter.DELAY]:
+    if delay_sigma_s <= DELAY_OBSERVABLE * retained.get(SharedParameter.DELAY, 1.0) * sigmas[SharedParameter.DELAY]:
         status = CalibrationStatus.TIME
         parameters[SharedParameter.DELAY] = (delay_s, delay_sigma_s)
-    if known <= MOUNT_OBSERVABLE * retained[SharedParameter.MOUNT_X]:
+    mount_retained = retained.get(SharedParameter.MOUNT_X, 1.0)
+    if known <= MOUNT_OBSERVABLE * mount_retained and (denied or shown <= MOST_DRIFT * mount_retained):
         status = CalibrationStatus.CALIBRATED
         parameters |= {SharedParameter.HEIGHT: _estimate(mean, cov, SharedParameter.HEIGHT)}
         parameters |= _with_heading(mean, cov, axes[0])
-        keep = _kept(mean, cov, stamp_sigma_s)
+        keep = _kept(mean, cov, delay_sigma_s, stamp_sigma_s)
     return Assessment(
         status=status,
         contradicted=_distance2(mean, cov, means, sigmas) > CONTRADICTION,
@@ -144,6 +154,7 @@ def assessed(
         factor=factor,
         denied=denied,
         mount_known=known,
+        drift=shown,
     )
 
 
@@ -193,12 +204,11 @@ def _with_heading(mean: Array, cov: Array, down: Vector3) -> dict[int, tuple[flo
     return found
 
 
-def _kept(mean: Array, cov: Array, stamp_sigma_s: float) -> KeptCalibration:
-    delay_s, sigma_s = _estimate(mean, cov, SharedParameter.DELAY)
+def _kept(mean: Array, cov: Array, delay_sigma_s: float, stamp_sigma_s: float) -> KeptCalibration:
     x, y, z = (_estimate(mean, cov, i) for i in MOUNT_AXES)
     return KeptCalibration(
-        time_offset_s=delay_s,
-        time_offset_sigma_s=float(np.hypot(sigma_s, STEADY * stamp_sigma_s)),
+        time_offset_s=float(mean[SharedParameter.DELAY]),
+        time_offset_sigma_s=float(np.hypot(delay_sigma_s, STEADY * stamp_sigma_s)),
         mount=(x[0], y[0], z[0]),
         mount_sigma=(x[1], y[1], z[1]),
     )

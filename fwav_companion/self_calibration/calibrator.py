@@ -16,8 +16,8 @@ from math import hypot
 import msgspec
 import numpy as np
 
-from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, BootNs, HostNs, ns_from_s, s_from_ns
 from fwav_companion.geometry.rotations import conjugate, rotate
+from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, BootNs, HostNs, ns_from_s, s_from_ns
 from fwav_companion.geometry.vectors import Vector3, add, scale, subtract
 from fwav_companion.self_calibration.assessment import (
     Assessment,

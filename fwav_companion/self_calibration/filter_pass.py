@@ -10,8 +10,8 @@ import numpy as np
 from fwav_companion.self_calibration.arrays import Array, Mask
 from fwav_companion.self_calibration.innovation_consistency import InnovationConsistency
 from fwav_companion.self_calibration.joint_filter import GATE, MOST_DISPLACED, JointFilter, PixelInnovations
-from fwav_companion.self_calibration.position_error import QUICK, SMOOTH
 from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, MeasurementBatch, camera_pose, joined
+from fwav_companion.self_calibration.position_error import QUICK, SMOOTH
 
 FIRST_MEASUREMENTS = 8
 """Measurements before a target joins: its linearization point is their median, not one noisy, perhaps shallow, first.

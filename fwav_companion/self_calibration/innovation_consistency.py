@@ -47,7 +47,9 @@ class InnovationConsistency(msgspec.Struct, frozen=True):
     closed: Array = np.zeros((SCALES, 2))
     """Statistics of the closed blocks of each length."""
 
-    def seen(self, host_ns: int, innovations: PixelInnovations, used: Mask, hypothesis: int = 0) -> InnovationConsistency:
+    def seen(
+        self, host_ns: int, innovations: PixelInnovations, used: Mask, hypothesis: int = 0
+    ) -> InnovationConsistency:
         """The statistics after a batch, in the order of capture; earlier ones count as of the newest."""
         start_ns = host_ns if self.start_ns is None else self.start_ns
         index = max(self.index, max(0, host_ns - start_ns) // SHORTEST_NS)
@@ -58,8 +60,7 @@ class InnovationConsistency(msgspec.Struct, frozen=True):
 
     @property
     def factor(self) -> float:
-        """Factor, at least 1, of the variance of what the innovations contributed: by the block length that shows most.
-        """
+        """Factor, at least 1, of the measurements' variance, by the block length that shows most."""
         return self._factor(self.expected)
 
     @property

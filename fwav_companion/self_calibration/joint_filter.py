@@ -24,7 +24,13 @@ import numpy as np
 
 from fwav_companion.self_calibration.arrays import Array, Mask
 from fwav_companion.self_calibration.calibration_report import PriorInflation
-from fwav_companion.self_calibration.pixel_measurement import HEIGHT, SHARED_COUNT, MeasurementBatch, pixel_noise, predict
+from fwav_companion.self_calibration.pixel_measurement import (
+    HEIGHT,
+    SHARED_COUNT,
+    MeasurementBatch,
+    pixel_noise,
+    predict,
+)
 from fwav_companion.self_calibration.position_error import SMOOTH, PositionError, position_error
 from fwav_companion.types import ErrorPriors
 
@@ -35,8 +41,8 @@ DIFFUSE_M = 100.0
 ENOUGH_TARGETS = 3
 """Targets whose distances show the height."""
 MOST_DISPLACED = 0.02
-"""Angle between the prediction at the linearization point and at the mean, beyond which the point moves: its square is
-0.02 degrees, a tenth of a pixel's noise."""
+"""Angle by which the mean predicts better than the linearization point, beyond which the point moves there: its square
+is 0.02 degrees, a tenth of a pixel's noise."""
 
 
 class PixelInnovations(msgspec.Struct, frozen=True):
@@ -60,7 +66,7 @@ class PixelInnovations(msgspec.Struct, frozen=True):
     """(B, N), variance of the log-likelihood by which the measurement may prefer another instant of the same motion:
     the attitudes reported for that are as noisy, but not by the same errors."""
     displaced: float
-    """Largest angle between the predictions at the linearization point and at the mean."""
+    """Largest angle by which the mean predicts a measurement better than the linearization point does."""
     valid: Mask
     """(B, N)."""
 
@@ -177,6 +183,7 @@ class JointFilter(msgspec.Struct, frozen=True):
         variances = np.stack((noise[..., 0, 0], noise[..., 1, 1]), -1)
         score_variance = 2.0 - ((batch.pixel_sigma**2 / variances) ** 2).sum(-1)
         per_radian = np.sqrt((batch.dual**2).sum(-1))
+        gained = np.abs(seen.residual) - np.abs(seen.residual - displaced)
         return PixelInnovations(
             difference=difference,
             rows=flat,
@@ -186,7 +193,7 @@ class JointFilter(msgspec.Struct, frozen=True):
             nis=nis,
             log_det=log_det,
             score_variance=score_variance,
-            displaced=float(np.abs(displaced / per_radian).max()),
+            displaced=float((np.where(seen.valid[..., None], gained, 0.0) / per_radian).max()),
             valid=valid,
         )
 
@@ -253,7 +260,7 @@ class JointFilter(msgspec.Struct, frozen=True):
 
     def gates(self, batch: MeasurementBatch) -> tuple[Array, Array]:
         """(T, N) NIS and log of det(S) / det(R) of each measurement for each target, linearized at the mean."""
-        mean, first = self.mean[0], self.first
+        mean = self.mean[0]
         targets = self.apparent[0].reshape(-1, 1, 2)
         seen = predict(
             batch, np.broadcast_to(targets, (len(self.tracks), len(batch.tracks), 2)), mean[None, :SHARED_COUNT]
@@ -265,7 +272,6 @@ class JointFilter(msgspec.Struct, frozen=True):
         nis, log_det = _two_by_two(seen.residual, spread)
         possible = seen.valid & np.isfinite(log_det)
         return np.where(possible, nis, np.inf), log_det - _two_by_two(seen.residual, noise)[1]
-
 
     def apparent_covs(self) -> Array:
         """(T, 13, 13) covariance of the shared parameters and of the apparent place of each target."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fwav_companion.self_calibration.assessment import Assessment
+from fwav_companion.self_calibration.assessment import MOUNT_OBSERVABLE, Assessment
 from fwav_companion.self_calibration.calibration_report import CalibrationStatus
 from fwav_companion.self_calibration.delay_search import LEAST, DelaySearch, NoDelay
 from fwav_companion.types import Bias, ErrorPriors
@@ -30,6 +30,8 @@ def missing_of(assessment: Assessment, priors: ErrorPriors) -> str | None:
     """The reason of an estimate's status; None where it is calibrated."""
     if assessment.status is CalibrationStatus.CALIBRATED:
         return None
+    if assessment.mount_known <= MOUNT_OBSERVABLE:
+        return "no constant mount explains the flight: check the compass and the mount's screws"
     position_m = priors.sigma(Bias.POSITION_NORTH)
     if position_m > 0.0:
         return f"a position error of {position_m:g} m hides the mount: {ADVICE}"

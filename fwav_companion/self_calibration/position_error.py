@@ -36,7 +36,7 @@ class PositionError(msgspec.Struct, frozen=True):
     @property
     def count(self) -> int:
         """Number of states."""
-        return self.by_state.shape[1]
+        return len(self.by_state[0])
 
     def take(self, hypotheses: list[int]) -> PositionError:
         """Some of the hypotheses."""

@@ -26,7 +26,8 @@ class PositionSmoother(msgspec.Struct, frozen=True):
     """A Kalman filter of each axis with the velocity as its input. Immutable."""
 
     at_s: float = 0.0
-    position: Array | None = None
+    position: Array = np.full(3, np.nan)
+    """NaN before the first."""
     velocity: Array = np.zeros(3)
     variance: Array = np.zeros(3)
 
@@ -48,7 +49,7 @@ class PositionSmoother(msgspec.Struct, frozen=True):
     def _after(self, at_s: float, position: Array, velocity: Array, priors: ErrorPriors) -> PositionSmoother:
         noise = np.array((priors.position_noise_m, priors.position_noise_m, priors.height_noise_m)) ** 2
         seconds = at_s - self.at_s
-        if self.position is None or not 0.0 < seconds < LONGEST_S:
+        if np.isnan(self.position[0]) or not 0.0 < seconds < LONGEST_S:
             return PositionSmoother(at_s, position, velocity, noise)
         variance = self.variance + VELOCITY_DENSITY * seconds
         gain = variance / (variance + noise * max(1.0, TELEMETRY_STEP_S / seconds))

@@ -32,7 +32,7 @@ def given(mean: Array, cov: Array, known: Sequence[int], values: Array) -> tuple
     k = [known[j] for j in used]
     crossed = cov[:, k]
     pull = solved(cov[np.ix_(k, k)], crossed.T).T
-    return mean - pull @ (mean[k] - values[used]), cov - pull @ crossed.T
+    return np.asarray(mean - pull @ (mean[k] - values[used])), np.asarray(cov - pull @ crossed.T)
 
 
 def with_drift(joint: JointFilter, sigmas: Array, factor: float) -> Array:
@@ -42,7 +42,7 @@ def with_drift(joint: JointFilter, sigmas: Array, factor: float) -> Array:
     (prior^-1 + information / k)^-1 is k times the covariance after another measurement of each prior with the variance
     prior / (k - 1).
     """
-    cov = joint.cov[0]
+    cov: Array = joint.cov[0]
     if factor <= 1.0:
         return cov
     free = [i for i in range(SHARED_COUNT) if sigmas[i] > 0.0]

@@ -40,7 +40,11 @@ class CalibratedTargetState(msgspec.Struct, frozen=True):
     def apparent_ned(self) -> Vector3:
         """The target relative to the vehicle's report: by the smaller claim, as both hold every error."""
         placed = self.placed
-        return self.own.apparent_ned if self._follows else (placed.apparent_north, placed.apparent_east, self.position_ned[2])
+        return (
+            self.own.apparent_ned
+            if self._follows
+            else (placed.apparent_north, placed.apparent_east, self.position_ned[2])
+        )
 
     @property
     def relative_cov(self) -> Matrix3:

@@ -14,7 +14,7 @@ from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT
 from fwav_companion.self_calibration.relinearization import Relinearization
 
 DELAY_S = 0.03
-SIGMAS = np.array((0.005, *np.radians([1.0, 1.0, 1.0, 2.0]), 0.1, *[0.0] * 7))
+SIGMAS = np.array((0.005, *np.radians([1.0, 1.0, 1.0, 2.0]), 0.1, *[0.0] * 5))
 
 
 def taught(targets, row_ns=2_000_000):

@@ -6,8 +6,9 @@ import pytest
 from simulated_flight import Flight, priors
 from simulated_world import World
 
+from fwav_companion.self_calibration import joint_filter as joint_filter_module
 from fwav_companion.self_calibration.delayed_poses import delayed_poses
-from fwav_companion.self_calibration.joint_filter import CONSIDERED, joint_filter
+from fwav_companion.self_calibration.joint_filter import joint_filter
 from fwav_companion.self_calibration.pixel_measurement import (
     SHARED_COUNT,
     camera_pose,
@@ -16,14 +17,18 @@ from fwav_companion.self_calibration.pixel_measurement import (
     pixel_noise,
     predict,
 )
+from fwav_companion.self_calibration.position_error import QUICK, SMOOTH
 
-SHARED = np.array([[0.003, 0.01, -0.02, 0.015, 0.02, 0.2, 0.0, 0.1, -0.15, 0.02, 0.01, -0.02, 0.03]])
-SIGMAS = np.array((0.004, 0.01, 0.008, 0.02, 0.03, 0.2, 0.0, 0.5, 0.5, 0.05, 0.03, 0.03, 0.03))
+SHARED = np.array([[0.003, 0.01, -0.02, 0.015, 0.02, 0.2, 0.0, 0.02, 0.01, -0.02, 0.03]])
+SIGMAS = np.array((0.004, 0.01, 0.008, 0.02, 0.03, 0.2, 0.0, 0.05, 0.03, 0.03, 0.03))
 ELSEWHERE = np.zeros((1, SHARED_COUNT))
 """The linearization point of the estimate: no gate may depend on it."""
 TRACKS = (3, 5, 8)
 STEP = 1e-6
 PRIORS = priors(position_north=0.5, position_east=0.5)
+FIRST = SHARED_COUNT + 4
+"""Index of the first target: position errors north and east with their rates come before."""
+POSITION = np.array([0.1, -0.15, 0.0, 0.0])
 
 
 def some_batches():
@@ -52,10 +57,13 @@ def a_frame():
 
 def joint_with(places, rng, hypotheses=1):
     """A joint estimate of targets whose errors are correlated with one another and with the shared parameters."""
-    size = SHARED_COUNT + places.size
-    root = np.diag([*SIGMAS, *[0.3] * places.size]) @ (np.eye(size) + 0.3 * rng.normal(size=(size, size)))
+    size = FIRST + places.size
+    scale = np.diag([*SIGMAS, 0.5, 0.5, 0.02, 0.02, *[0.3] * places.size])
+    root = scale @ (
+        np.eye(size) + 0.3 * rng.normal(size=(size, size))
+    )
     joint = joint_filter(PRIORS, SIGMAS, np.tile(SHARED, (hypotheses, 1)), np.tile(ELSEWHERE, (hypotheses, 1)))
-    mean = np.tile(np.append(SHARED[0], places.ravel()), (hypotheses, 1))
+    mean = np.tile(np.concatenate((SHARED[0], POSITION, places.ravel())), (hypotheses, 1))
     return msgspec.structs.replace(
         joint,
         mean=mean + 1e-3 * SIGMAS.min() * np.arange(hypotheses)[:, None],
@@ -67,9 +75,10 @@ def joint_with(places, rng, hypotheses=1):
 
 def densely(joint, batch, place):
     """Residual, its covariance, and that of the noise alone, with the rows by differences about the mean."""
-    at = SHARED_COUNT + 2 * place
+    at = FIRST + 2 * place
     taken = [*range(SHARED_COUNT), at, at + 1]
     point, columns = joint.mean[0, taken], []
+    point[SHARED_COUNT:] += POSITION[:2]
     for step in STEP * np.eye(SHARED_COUNT + 2):
         ahead, behind = (
             predict(batch, x[None, None, SHARED_COUNT:], x[None, :SHARED_COUNT]).residual[0, 0]
@@ -79,7 +88,10 @@ def densely(joint, batch, place):
     rows = np.array(columns).T
     there = predict(batch, point[None, None, SHARED_COUNT:], point[None, :SHARED_COUNT])
     noise = pixel_noise(batch, there.rows, joint.priors)[0][0, 0]
-    return there.residual[0, 0], noise + rows @ joint.cov[0][np.ix_(taken, taken)] @ rows.T, noise
+    full = np.zeros((2, joint.mean.shape[1]))
+    full[:, taken] = rows
+    full[:, SHARED_COUNT : SHARED_COUNT + 2] = rows[:, SHARED_COUNT:]
+    return there.residual[0, 0], noise + full @ joint.cov[0] @ full.T, noise
 
 
 def test_gates_are_those_of_dense_matrices():
@@ -135,9 +147,6 @@ def test_one_batch_is_as_good_as_one_measurement_after_another():
     """Measurements of different frames share no noise: together and one by one they give the same estimate."""
     batches = [msgspec.structs.replace(each, tracks=(TRACKS[k % 3],)) for k, each in enumerate(some_batches()[:6])]
     joint = joint_with(np.array([[4.0, 3.0], [4.1, 3.1], [3.9, 2.9]]), np.random.default_rng(2))
-    cov = joint.cov.copy()
-    cov[:, CONSIDERED] = cov[:, :, CONSIDERED] = 0.0  # a gain with zero rows depends on the grouping
-    joint = msgspec.structs.replace(joint, cov=cov)
     seen = joint.innovations(joined(batches))
     together, score = joint.update(seen, seen.valid)
     one_by_one, total = joint, 0.0
@@ -150,16 +159,19 @@ def test_one_batch_is_as_good_as_one_measurement_after_another():
     assert total == pytest.approx(score[0], rel=1e-9)
 
 
-def test_an_update_is_that_of_the_schmidt_kalman_filter():
-    """K = P H' inv(S) with considered rows of zero, and the covariance in Joseph's form."""
+@pytest.mark.parametrize("enough", [3, 4])
+def test_an_update_is_that_of_the_schmidt_kalman_filter(enough, monkeypatch):
+    """K = P H' inv(S) with a row of zero for a considered height, and the covariance in Joseph's form."""
+    monkeypatch.setattr(joint_filter_module, "ENOUGH_TARGETS", enough)
     batch = a_frame()
     joint = joint_with(np.array([[4.0, 3.0], [4.1, 3.2], [3.7, 2.9]]), np.random.default_rng(4))
+    assert joint.considers_height is (enough == 4)
     seen = joint.innovations(batch)
     after, _ = joint.update(seen, seen.valid)
     rows, cov = seen.rows[0], joint.cov[0]
     noise = seen.cov[0] - rows @ cov @ rows.T
     gain = cov @ rows.T @ np.linalg.inv(seen.cov[0])
-    gain[7:9] = 0.0
+    gain[5] *= enough == 3
     keep = np.eye(len(cov)) - gain @ rows
     assert after.mean[0] == pytest.approx(joint.mean[0] + gain @ seen.difference[0], rel=1e-9, abs=1e-12)
     assert after.cov[0] == pytest.approx(keep @ cov @ keep.T + gain @ noise @ gain.T, rel=1e-6, abs=1e-10)
@@ -175,3 +187,31 @@ def test_targets_of_one_frame_share_the_noise_of_its_telemetry():
     _, common = pixel_noise(batch, predict(batch, targets, ELSEWHERE).rows, PRIORS)
     assert noise[0, 2] == pytest.approx(common[0, 0, 0] @ common[0, 1, 0], rel=1e-6)
     assert abs(noise[0, 2]) > 0.0
+
+
+@pytest.mark.parametrize("kind", [QUICK, SMOOTH])
+def test_a_wandering_position_keeps_its_variance_and_forgets_itself(kind):
+    """Stationary from the start, and its correlation is that of the process's two poles."""
+    priors_ = priors(position_north=0.5, position_east=0.5, position_bias_time_s=20.0)
+    joint = joint_filter(priors_, SIGMAS, SHARED, SHARED, (kind,)).predict(1_000_000_000)
+    joint = msgspec.structs.replace(joint, mean=joint.mean + np.eye(1, FIRST, SHARED_COUNT))
+    after, seconds = joint, 0.0
+    for seconds in (0.5, 1.5, 7.0):
+        after = after.predict(1_000_000_000 + int(seconds * 1e9))
+        assert after.cov == pytest.approx(joint.cov, rel=1e-9, abs=1e-12)
+    w = 0.1
+    expected = (1.0 + w * seconds) * np.exp(-w * seconds) if kind == SMOOTH else np.exp(-seconds / 20.0)
+    assert after.position_error[0] == pytest.approx([expected, 0.0], abs=0.06 if kind == QUICK else 1e-3)
+
+
+def test_the_linearization_point_moves_where_the_estimate_left_it_in_view():
+    """On a descent the first guess of a target is degrees off."""
+    batch = a_frame()
+    places = camera_pose(batch, SHARED).ground_points(batch.ray)[0][0] - POSITION[:2]
+    joint = joint_with(places, np.random.default_rng(4))
+    far = msgspec.structs.replace(joint, linearization_point=joint.linearization_point + 0.5)
+    moved = far.relinearized()
+    assert moved.innovations(batch).displaced < 1e-9
+    assert far.innovations(batch).displaced > 0.02
+    exact = predict(batch, moved.apparent.reshape(1, 3, 2), moved.mean[:, :SHARED_COUNT]).residual
+    assert moved.innovations(batch).difference == pytest.approx(exact.reshape(1, -1), abs=1e-9)

@@ -34,7 +34,7 @@ def test_a_hover_counts_its_sights_and_then_advises_other_views():
     assert counted[0].startswith("3 ")
     status, reason = seen[-1]
     assert status is CalibrationStatus.TIME
-    assert "one heading" in reason
+    assert "of its prior" in reason
     assert "turn twice, climb 5 m; or three targets" in reason
 
 

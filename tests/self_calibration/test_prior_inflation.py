@@ -9,7 +9,7 @@ from simulated_world import World
 
 from fwav_companion.pipeline.self_calibration_notices import SelfCalibrationNotices
 from fwav_companion.self_calibration import CalibrationStatus, KeptCalibration, SharedParameter
-from fwav_companion.self_calibration.assessment import assessed
+from fwav_companion.self_calibration.assessment import assessed, widened
 from fwav_companion.self_calibration.joint_filter import joint_filter
 from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT
 from fwav_companion.self_calibration.prior_inflation import PriorInflation, prior_inflations
@@ -17,7 +17,7 @@ from fwav_companion.tracking import TrackingOptions, make_tracker
 from fwav_companion.types import BIAS_COUNT, Bias, NoticeCode
 
 TARGET = (2.0, 3.0)
-SIGMAS = np.array([0.01, 0.02, 0.02, 0.02, 0.03, 0.5, *[0.0] * 7])
+SIGMAS = np.array([0.01, 0.02, 0.02, 0.02, 0.03, 0.5, *[0.0] * 5])
 MEANS = np.zeros(SHARED_COUNT)
 USED = np.flatnonzero(SIGMAS)
 
@@ -41,7 +41,7 @@ def fitted(rows, seen, sigmas):
 
 
 def test_a_loosened_estimate_is_that_of_the_wider_prior():
-    truth = [0.0, 0.01, -0.02, 0.0, 0.0, 3.0, *[0.0] * 7]
+    truth = [0.0, 0.01, -0.02, 0.0, 0.0, 3.0, *[0.0] * 5]
     loosening = PriorInflation(SharedParameter.HEIGHT, 0.0, 0.5, 3.0)
     wide = SIGMAS.copy()
     wide[SharedParameter.HEIGHT] = loosening.wider_sigma
@@ -51,7 +51,7 @@ def test_a_loosened_estimate_is_that_of_the_wider_prior():
 
 
 def test_what_the_flight_says_alone_is_what_it_says_without_the_prior():
-    truth = [0.0, 0.0, 0.0, 0.3, 0.0, 4.0, *[0.0] * 7]
+    truth = [0.0, 0.0, 0.0, 0.3, 0.0, 4.0, *[0.0] * 5]
     found = {each.parameter: each.alone for each in prior_inflations(informed(truth, SIGMAS), MEANS, SIGMAS)}
     free = SIGMAS.copy()
     free[[SharedParameter.MOUNT_Z, SharedParameter.HEIGHT]] = 1e6
@@ -128,7 +128,7 @@ def test_a_filter_that_rests_on_a_denied_prior_is_not_believed_though_it_claims_
 
 
 def test_targets_stand_by_the_same_joint_estimate_where_they_were_judged():
-    """Between two assessments the newest estimate is evaluated with the wider priors of the last one."""
+    """Between two assessments the newest estimate has the wider priors of the last one."""
     biases = np.zeros(BIAS_COUNT)
     biases[Bias.TIME_OFFSET], biases[Bias.HEIGHT] = 0.035, 1.5
     flight = Flight(seed=4, seconds=30, biases=biases, priors=priors(height=0.2))
@@ -137,10 +137,12 @@ def test_targets_stand_by_the_same_joint_estimate_where_they_were_judged():
     for view in world.frames():
         tracker.on_frame(view)
     calibrator = tracker.snapshot().calibrator
-    joint, both = calibrator.passes.served.joint, calibrator.context.shared_priors
-    assessment = assessed(joint, both, various=True)
-    assert assessment.denied
-    assert assessment.about(joint, both).places() == assessment.places()
+    joint, both = calibrator.passes.served.best, calibrator.context.shared_priors
+    assessment = assessed(joint, both)
+    assert [each.parameter for each in assessment.denied] == [SharedParameter.HEIGHT]
+    wide = joint.inflated(*assessment.denied)
+    same = msgspec.structs.replace(assessment, denied=())
+    assert assessment.places(joint, both) == same.places(wide, (both[0], widened(both[1], assessment.denied)))
 
 
 @pytest.mark.parametrize(("height_m", "mount_y_deg"), [(1.5, 0.0), (-2.5, 1.0), (0.0, 6.0)])

@@ -8,8 +8,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fwav_companion.geometry.stamps import BootNs
+from fwav_companion.geometry.vectors import ZERO3
 from fwav_companion.self_calibration.delayed_poses import delayed_poses
-from fwav_companion.self_calibration.rate_denoiser import RateDenoiser, SmoothedMotion, smoothed_between
+from fwav_companion.self_calibration.rate_denoiser import RateDenoiser, slow_rates
 from fwav_companion.telemetry.attitude.history import AttitudeHistory
 from fwav_companion.types import AttitudeSample, GimbalAt, VehicleState
 
@@ -41,7 +42,7 @@ def rolled(roll_rate, seconds: float, seed: int, noise: float = NOISE):
         history.insert(AttitudeSample(BootNs(int(k * SPACING_S * 1e9)), tuple(map(float, q)), (0.0, 0.0, 0.0)))
         while (t := len(reported) / 30.0 + 0.2) < (k - 4) * SPACING_S - 0.15:
             state = state_at(t)
-            slow = smoothed_between(state_at(t - 0.15), state_at(t + 0.15))
+            slow = slow_rates(state_at(t - 0.15), state_at(t + 0.15))
             found = found.with_state(state, slow, NOISE)
             reported.append(state.rates[0])
             freed.append(found.denoised(poses_of(state), slow).rates[0, 0, 0])
@@ -98,37 +99,23 @@ def test_a_slow_turn_shows_a_delay_beside_what_else_explains_it(seed):
     assert shown(freed) == pytest.approx(delay, rel=0.15)
 
 
-def test_noise_of_reported_positions_is_not_taken_for_motion():
-    """Positions with 0.1 m of noise, ten a second, make slopes of 1.4 m/s; over a longer interval the slopes are
-    small.
-    """
-    level = ((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0)
-    before, here, after = (
-        VehicleState(BootNs(0), *level, (north, 0.0, -10.0), (velocity, 0.0, 0.0), 0.0, None)
-        for north, velocity in ((0.0, 5.0), (1.5, 6.4), (3.0, 3.6))
-    )
-    slow = smoothed_between(before, after)
-    denoised = RateDenoiser().denoised(poses_of(here), slow)
-    assert denoised.velocity_ned[0, 0] == pytest.approx((10.0, 0.0, 0.0))
-
-
 def test_a_slope_that_is_noise_has_no_slope_of_its_own():
     """Acceleration comes from the same rates: over 50 ms the noise of it rotates a body by half a degree."""
     still = turning(lambda t: 0.0, 8.0, 1)
     poses = msgspec.structs.replace(
         poses_of(STILL), rates=np.array([[[0.1, 0.0, 0.0]]]), acceleration=np.array([[[10.0, 0.0, 0.0]]])
     )
-    denoised = still.denoised(poses, SmoothedMotion())
+    denoised = still.denoised(poses, ZERO3)
     assert denoised.acceleration[0, 0, 0] == pytest.approx(10.0 * still.shares[0])
 
 
 def test_attitudes_of_unknown_spacing_say_nothing_of_noise():
-    assert RateDenoiser().with_state(STILL, SmoothedMotion(), NOISE).shares == (1.0, 1.0, 1.0)
+    assert RateDenoiser().with_state(STILL, ZERO3, NOISE).shares == (1.0, 1.0, 1.0)
 
 
 def test_a_gimbal_is_not_judged_by_the_attitudes_of_the_body():
     gimbal = GimbalAt((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.05), 0.0, 0.0)
     body = msgspec.structs.replace(STILL, spacing_s=SPACING_S)
     carried = msgspec.structs.replace(body, gimbal=gimbal)
-    assert RateDenoiser().with_state(body, SmoothedMotion(), NOISE).shares[2] < 1.0
-    assert RateDenoiser().with_state(carried, SmoothedMotion(), NOISE).shares == (1.0, 1.0, 1.0)
+    assert RateDenoiser().with_state(body, ZERO3, NOISE).shares[2] < 1.0
+    assert RateDenoiser().with_state(carried, ZERO3, NOISE).shares == (1.0, 1.0, 1.0)

@@ -9,10 +9,9 @@ from simulated_flight import Flight, path, priors
 from simulated_world import World
 
 from fwav_companion.self_calibration import CalibrationStatus
-from fwav_companion.self_calibration.assessment import assessed, worth_keeping
+from fwav_companion.self_calibration.assessment import assessed
 from fwav_companion.self_calibration.delayed_poses import delayed_poses
 from fwav_companion.self_calibration.joint_filter import joint_filter
-from fwav_companion.self_calibration.observability import MOUNT_AXES, all_but, held_at_priors
 from fwav_companion.self_calibration.pixel_measurement import (
     SHARED_COUNT,
     SharedParameter,
@@ -20,10 +19,11 @@ from fwav_companion.self_calibration.pixel_measurement import (
     pixel_noise,
     predict,
 )
+from fwav_companion.self_calibration.posterior import MOUNT_AXES, with_drift
 from fwav_companion.tracking import TrackingOptions, make_tracker
 from fwav_companion.types import BIAS_COUNT, Bias
 
-SIGMAS = np.array((0.05, *np.radians([1.0, 1.0, 1.0, 2.0]), *[0.0] * 8))
+SIGMAS = np.array((0.05, *np.radians([1.0, 1.0, 1.0, 2.0]), *[0.0] * 6))
 MEANS = np.zeros(SHARED_COUNT)
 USED = [*range(5), SHARED_COUNT, SHARED_COUNT + 1]
 FLIGHTS = 300
@@ -61,9 +61,9 @@ def test_reported_and_kept_mounts_are_covered_over_drawn_headings():
     for _ in range(FLIGHTS):
         truth = np.array([*rng.standard_normal(5) * SIGMAS[:5], 0.0, 0.0])
         mean = cov @ (information @ truth + root @ rng.standard_normal(len(USED)))
-        assessment = assessed(as_joint(mean, cov), (MEANS, SIGMAS), various=True, down=down)
+        assessment = assessed(as_joint(mean, cov), (MEANS, SIGMAS), axes=(down, (0.0, 0.0, 1.0)))
         assert assessment.status is CalibrationStatus.CALIBRATED
-        reported, kept = assessment.parameters, worth_keeping(assessment)
+        reported, kept = assessment.parameters, assessment.keep
         mount, heading = truth[1:4], truth[4]
         expected = mount - heading * np.array(down)
         told_in += [abs(reported[i][0] - x) < 1.96 * reported[i][1] for i, x in zip(MOUNT_AXES, expected, strict=True)]
@@ -99,9 +99,7 @@ def test_what_drifts_is_as_if_measured_with_as_much_more_noise():
     information, _ = seen_from_a_flight()
     prior, wider = np.diag([*(s**-2 for s in SIGMAS[:5]), 1e-6, 1e-6]), 5.0
     joint = as_joint(np.zeros(len(USED)), np.linalg.inv(information + prior))
-    held = held_at_priors(joint, all_but([*MOUNT_AXES, SharedParameter.HEADING]), (MEANS, SIGMAS), wider)
-    known = np.ix_(range(1, len(USED)), range(1, len(USED)))  # the delay is fixed
-    expected = np.linalg.inv(prior[known] + information[known] / wider)[:4, :4]
-    places = np.ix_([*MOUNT_AXES, SharedParameter.HEADING], [*MOUNT_AXES, SharedParameter.HEADING])
-    assert held.known_cov[places] + held.drift[places] == pytest.approx(expected, rel=1e-3)
-    assert held.sigma(SharedParameter.HEADING) < SIGMAS[SharedParameter.HEADING]
+    wide = with_drift(joint, SIGMAS, wider)
+    expected = np.linalg.inv(prior + information / wider)[:5, :5]
+    assert wide[:5, :5] == pytest.approx(expected, rel=1e-3, abs=1e-9)
+    assert wide[SharedParameter.HEADING, SharedParameter.HEADING] < SIGMAS[SharedParameter.HEADING] ** 2

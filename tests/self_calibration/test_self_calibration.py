@@ -11,7 +11,6 @@ from simulated_flight import Flight, priors
 from simulated_world import World
 
 from fwav_companion.self_calibration import CalibrationStatus, KeptCalibration, SharedParameter
-from fwav_companion.self_calibration.assessment import assessed
 from fwav_companion.self_calibration.delayed_poses import delayed_poses
 from fwav_companion.self_calibration.filter_pass import filter_pass
 from fwav_companion.self_calibration.joint_filter import joint_filter
@@ -91,7 +90,7 @@ def test_the_rows_of_a_frame_share_the_states_around_its_first():
 def test_a_target_square_to_the_ray_is_no_prediction():
     """Its Jacobian rows are unbounded: the prediction's variance exceeds the rounding of the pixel's own noise."""
     shared = np.zeros((1, SHARED_COUNT))
-    sigmas = np.array((0.05, *np.radians([1.0, 1.0, 1.0, 2.0]), *[0.0] * 8))
+    sigmas = np.array((0.05, *np.radians([1.0, 1.0, 1.0, 2.0]), *[0.0] * 6))
     batch = min(some_batches(10), key=lambda each: abs(each.drop_m[0]))
     point = camera_pose(batch, shared).ground_points(batch.ray)[0][0, 0]
     camera = batch.poses.position_ned[0, 0]
@@ -119,7 +118,7 @@ def test_a_target_square_to_the_ray_is_no_prediction():
 
 
 def test_rows_are_the_differences_of_the_residual():
-    shared = np.array([0.002, 0.01, -0.02, 0.03, 0.04, 0.3, 0.0, 0.2, -0.1, 0.02, 0.01, -0.02, 0.03])
+    shared = np.array([0.002, 0.01, -0.02, 0.03, 0.04, 0.3, 0.0, 0.02, 0.01, -0.02, 0.03])
     target = np.array([4.1, 3.2])
     for batch in some_batches(10):
         at = predicted(batch, target, shared).rows[0, 0]
@@ -137,7 +136,7 @@ def test_rows_are_the_differences_of_the_residual():
 
 
 def test_the_ground_point_is_where_the_residual_vanishes():
-    shared = np.array([[0.0, 0.01, -0.02, 0.03, 0.04, 0.3, 0.0, 0.2, -0.1, 0.02, 0.01, -0.02, 0.03]])
+    shared = np.array([[0.0, 0.01, -0.02, 0.03, 0.04, 0.3, 0.0, 0.02, 0.01, -0.02, 0.03]])
     for batch in some_batches(5):
         points, hits = camera_pose(batch, shared).ground_points(batch.ray)
         assert hits.all()
@@ -162,7 +161,7 @@ def test_measurements_between_the_same_two_attitudes_share_their_noise():
 def test_the_joint_estimate_is_the_batch_fit():
     """Information added in numpy, with the same rows at the same linearization point."""
     p = priors(time_offset=0.01, height=0.5)
-    sigmas = np.array((0.01, 0.0175, 0.0175, 0.0175, 0.035, 0.5, *[0.0] * 7))
+    sigmas = np.array((0.01, 0.0175, 0.0175, 0.0175, 0.035, 0.5, *[0.0] * 5))
     point, target = np.zeros((1, SHARED_COUNT)), (4.0, 3.0)
     joint = joint_filter(p, sigmas, point, point).with_target(1, np.array([target]))
     used = np.flatnonzero(sigmas)
@@ -348,20 +347,9 @@ def test_one_gross_measurement_among_the_first_does_not_place_a_target():
     turn = Rotation.from_rotvec([0.15, 0.0, 0.0])
     first = batches[0]
     gross = msgspec.structs.replace(first, ray=turn.apply(first.ray), dual=turn.apply(first.dual[0])[None])
-    sigmas, none = np.array((0.001, 0.001, 0.001, 0.001, 0.001, *[0.0] * 8)), np.zeros((1, SHARED_COUNT))
+    sigmas, none = np.array((0.001, 0.001, 0.001, 0.001, 0.001, *[0.0] * 6)), np.zeros((1, SHARED_COUNT))
     fit = filter_pass(joint_filter(priors(), sigmas, none, none), {})
     for batch in (gross, *batches[1:]):
         fit = fit.fed(batch)
     assert fit.refused[0] == 1
     assert fit.joint.mean[0, SHARED_COUNT:] == pytest.approx((4.0, 3.0), abs=0.05)
-
-
-@pytest.mark.parametrize(("various", "status"), [(False, CalibrationStatus.TIME), (True, CalibrationStatus.CALIBRATED)])
-def test_a_mount_is_estimated_only_after_various_views(various, status):
-    """Even with a small covariance: one view from one side shows a mount only through its own errors."""
-    sigmas = np.array((0.05, 0.0175, 0.0175, 0.0175, 0.035, *[0.0] * 8))
-    none = np.zeros((1, SHARED_COUNT))
-    joint = joint_filter(priors(), sigmas / 100, none + 0.01, none)
-    assessment = assessed(joint, (none[0], sigmas), various=various)
-    assert assessment.status is status
-    assert (SharedParameter.MOUNT_X in assessment.parameters) is various

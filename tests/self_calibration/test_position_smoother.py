@@ -1,0 +1,69 @@
+"""Smoothed positions: their noise, their path between reports, and steps of the position."""
+
+import msgspec
+import numpy as np
+import pytest
+from simulated_flight import Flight, priors
+from simulated_world import World
+
+from fwav_companion.self_calibration.delayed_poses import delayed_poses
+from fwav_companion.self_calibration.pixel_measurement import measurement_batch
+from fwav_companion.self_calibration.position_smoother import PositionSmoother
+
+PRIORS = priors(position_noise_m=0.1, height_noise_m=0.3)
+TURN = 0.7
+"""Angular frequency of a circle of 3 m, rad/s."""
+
+
+@pytest.fixture(scope="module")
+def batch():
+    world = World(Flight(seconds=2, shape="hover", height_m=10.0, targets=((4.0, 3.0),)))
+    fix = next(fix for view in world.frames() for fix in view.fixes)
+    return measurement_batch([(1, fix)], delayed_poses([fix.sighting.state], (0.0,), world.state_at), (0.0,))
+
+
+def true_path(t):
+    position = np.array([3.0 * np.cos(TURN * t), 3.0 * np.sin(TURN * t), -10.0])
+    return position, TURN * np.array([-position[1], position[0], 0.0])
+
+
+def smoothed(batch, count=300, noise=(0.1, 0.1, 0.3), step_m=0.0, delays=(0.0,), seed=1):
+    """(true, smoothed) positions of batches ten times a second; a step of the position to the north half way."""
+    rng, state, found = np.random.default_rng(seed), PositionSmoother(), []
+    for k in range(count):
+        at = 0.1 * k - np.array(delays)
+        path = np.array([true_path(t)[0] for t in at])
+        reported = path + np.array(noise) * rng.standard_normal(3) + (step_m * (2 * k > count), 0.0, 0.0)
+        poses = msgspec.structs.replace(
+            batch.poses,
+            delay_s=np.array([delays]),
+            position_ned=reported[None],
+            velocity_ned=np.array([[true_path(t)[1] for t in at]]),
+        )
+        state, after = state.smoothed(msgspec.structs.replace(batch, poses=poses), np.array([0.1 * k]), PRIORS)
+        found.append((path, after.poses.position_ned[0]))
+    true, path = map(np.array, zip(*found, strict=True))
+    return true, path
+
+
+def test_positions_and_heights_lose_most_of_their_noise(batch):
+    """The steady Kalman filter of a random walk: the variance is the root of both densities."""
+    true, path = smoothed(batch, 3000)
+    off = (path - true)[100:, 0]
+    density = 0.1**2 * 0.1
+    expected = [(density * 0.1 * sigma**2) ** 0.25 for sigma in (0.1, 0.1, 0.3)]
+    assert np.all(off.std(0) < 1.15 * np.array(expected))
+    assert np.abs(off.mean(0)).max() < 0.01
+
+
+def test_all_delays_lie_on_one_path(batch):
+    """States around one capture are interpolated between other reports, each with noise of its own."""
+    true, path = smoothed(batch, 200, delays=(-0.06, 0.0, 0.06))
+    off = (path - true)[50:]
+    assert np.abs(off[:, 0] - off[:, 1]).max() < 0.005
+    assert np.abs(off[:, 2] - off[:, 1]).max() < 0.005
+
+
+def test_a_step_of_the_position_is_followed_at_once(batch):
+    true, path = smoothed(batch, 200, step_m=3.0)
+    assert np.abs((path - true)[101:, 0, 0] - 3.0).max() < 0.5
