@@ -116,7 +116,7 @@ class Calibrator(msgspec.Struct, frozen=True):
         alive: Collection[int],
     ) -> Calibrator:
         """The state after a frame with all fixes ``seen``; ``fixes`` by track; ``alive``: all live tracks."""
-        mount_check = self.mount_check.seen(seen, self._state_at_capture, self.delay_s or 0.0)
+        mount_check = self.mount_check.seen(seen, self._state_at_capture, self._shown_delay_s)
         if mount_check.text and not self._explained:
             return Calibrator(self.context, host_ns=host_ns, mount_check=mount_check, replaced=self.replaced)
         frame = DelayedMeasurement(host_ns, tuple(fixes), self.context.prepared(fixes, self.delay_s))
@@ -248,11 +248,17 @@ class Calibrator(msgspec.Struct, frozen=True):
         others = sorted(set(alive) - known)
         return {*known, *others[: max(0, MOST_TARGETS - len(known))]}
 
+    @property
+    def _shown_delay_s(self) -> float:
+        """The delay that the flight shows; 0 until then: a search that a wrong mount misleads finds any delay."""
+        shown = self.assessment is not None and SharedParameter.DELAY in self.assessment.parameters
+        return self.delay_s or 0.0 if shown else 0.0
+
     def _state_at_capture(self, nominal: VehicleState) -> VehicleState:
-        """The vehicle at a capture, by the delay if one was found."""
-        if self.delay_s is None or self.context.state_at is None:
+        """The vehicle at a capture, by the delay if the flight shows one."""
+        if not self._shown_delay_s or self.context.state_at is None:
             return nominal
-        state = self.context.state_at(BootNs(nominal.boot_ns - ns_from_s(self.delay_s)))
+        state = self.context.state_at(BootNs(nominal.boot_ns - ns_from_s(self._shown_delay_s)))
         return nominal if isinstance(state, Unpaired) else state
 
     def _with_frames(self, frames: Sequence[DelayedMeasurement], alive: Collection[int]) -> Calibrator:

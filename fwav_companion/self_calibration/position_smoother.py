@@ -15,7 +15,7 @@ from fwav_companion.self_calibration.arrays import Array
 from fwav_companion.self_calibration.pixel_measurement import TELEMETRY_STEP_S, MeasurementBatch
 from fwav_companion.types import ErrorPriors
 
-VELOCITY_DENSITY = 0.1**2 * TELEMETRY_STEP_S
+VELOCITY_DENSITY = 0.05**2 * TELEMETRY_STEP_S
 """Density of what reported velocities leave open, m^2/s: 0.1 m/s, fresh in every report."""
 JUMP_SIGMAS, JUMP_LEAST_M = 6.0, 0.05
 LONGEST_S = 2.0
