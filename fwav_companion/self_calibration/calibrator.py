@@ -38,7 +38,7 @@ from fwav_companion.self_calibration.missing import missing_before_assessment, m
 from fwav_companion.self_calibration.mount_check import NAMED, MountCheck
 from fwav_companion.self_calibration.pixel_measurement import MeasurementBatch, joined
 from fwav_companion.self_calibration.position_smoother import PositionSmoother
-from fwav_companion.self_calibration.posterior import MOUNT_AXES
+from fwav_companion.self_calibration.posterior import MOUNT_AXES, bias_shares
 from fwav_companion.self_calibration.rate_denoiser import SPAN_S, RateDenoiser
 from fwav_companion.self_calibration.relinearization import Relinearization
 from fwav_companion.types import GroundFix, Unpaired, VehicleState
@@ -141,9 +141,9 @@ class Calibrator(msgspec.Struct, frozen=True):
         """A target by the joint estimate; None while that does not hold it."""
         return self.places.get(track)
 
-    def bias_shares(self, track: int) -> dict[SharedParameter, float]:
+    def bias_shares(self, track: int) -> dict[str, float]:
         """Horizontal variance of a target by cause, m^2; empty while the joint estimate does not hold it."""
-        return {} if self.assessment is None else self.assessment.bias_shares(track)
+        return {} if self.passes.served is None else bias_shares(self.passes.served.best, track)
 
     @property
     def mistake(self) -> str:

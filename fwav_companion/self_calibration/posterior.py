@@ -19,6 +19,35 @@ TIMING = (SharedParameter.DELAY, SharedParameter.READOUT)
 """A delay of the later rows is a delay, too. Fast shaking shows both: slow drift says nothing of them."""
 
 
+CAUSES = {
+    "time": (SharedParameter.DELAY,),
+    "mount": MOUNT_AXES,
+    "heading": (SharedParameter.HEADING,),
+    "height": (SharedParameter.HEIGHT,),
+    "readout": (SharedParameter.READOUT,),
+    "position_delay": (SharedParameter.POSITION_DELAY,),
+    "lever_arm": (SharedParameter.LEVER_X, SharedParameter.LEVER_Y, SharedParameter.LEVER_Z),
+}
+"""Parameters by cause of error."""
+
+
+def bias_shares(joint: JointFilter, track: int) -> dict[str, float]:
+    """Horizontal variance of a target by cause that it would lose if that were exactly known, m^2.
+
+    The three angles of the mount count together, as do the position's states and the lever arm. With the covariance P,
+    target t and group g: trace(P[t, g] inv(P[g, g]) P[g, t]).
+    """
+    place, cov = joint.place_of(track), joint.cov[0]
+    if place is None:
+        return {}
+    shares = dict[str, float]()
+    for cause, group in {**CAUSES, "position": range(SHARED_COUNT, joint.first)}.items():
+        known = [int(i) for i in group if cov[i, i] > 0.0]
+        crossed = cov[place : place + 2, known]
+        shares[cause] = float(np.trace(crossed @ solved(cov[np.ix_(known, known)], crossed.T))) if known else 0.0
+    return shares
+
+
 def given(mean: Array, cov: Array, known: Sequence[int], values: Array) -> tuple[Array, Array]:
     """Mean and covariance where these states have these values; states that are certain anyway are left out.
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from fwav_companion.self_calibration import SharedParameter
 from fwav_companion.tracking.filters.base import TargetState
 from fwav_companion.tracking.filters.standing import StandingTargetState
 from fwav_companion.tracking.self_calibrated import CalibratedTargetState, MisplacedTargetState
@@ -29,17 +28,6 @@ BY_BIAS: Final[Mapping[Bias, str]] = {
     Bias.LEVER_Y: "lever_arm",
     Bias.LEVER_Z: "lever_arm",
 }
-BY_PARAMETER: Final[Mapping[SharedParameter, str]] = {
-    SharedParameter.DELAY: "time",
-    SharedParameter.MOUNT_X: "mount",
-    SharedParameter.HEADING: "heading",
-    SharedParameter.HEIGHT: "height",
-    SharedParameter.READOUT: "readout",
-    SharedParameter.NORTH: "position",
-    SharedParameter.POSITION_DELAY: "position_delay",
-    SharedParameter.LEVER_X: "lever_arm",
-}
-"""The first parameter of each group of the joint estimate."""
 
 
 def bias_shares(target: TargetState, priors: ErrorPriors) -> dict[str, float]:
@@ -48,8 +36,7 @@ def bias_shares(target: TargetState, priors: ErrorPriors) -> dict[str, float]:
         case MisplacedTargetState(taken=taken):
             return bias_shares(taken, priors)
         case CalibratedTargetState(calibrator=calibrator, track=track):
-            shares = {BY_PARAMETER[i]: share for i, share in calibrator.bias_shares(track).items()}
-            return _without_attitude(shares, priors)
+            return _without_attitude(calibrator.bias_shares(track), priors)
         case StandingTargetState():
             return _summed(target.bias_shares())
         case _:
