@@ -70,12 +70,12 @@ def test_the_package_declares_what_it_imports_and_imports_what_it_declares():
 
 
 def test_what_an_extra_brings_is_imported_only_where_it_is_needed():
-    """The room of `study` is loaded by that command alone, which requires its extra first."""
-    rooms = [str(path.relative_to(PROJECT)) for path in (PROJECT / "fwav_companion" / "tools").iterdir()]
-    others = [path for path in rooms if Path(path).name not in ("study", "__pycache__", "__init__.py")]
-    folders = (str(path.relative_to(PROJECT)) for path in (PROJECT / "fwav_companion").iterdir() if path.is_dir())
-    rest = [path for path in folders if Path(path).name not in ("tools", "__pycache__")]
-    assert used(*rest, *others, "sitl_mock", at_start=True) <= names(NEED)
+    """The rooms of `study` and `ground` and the fleet's bus are loaded only after their extra was required."""
+    apart = {"tools/study", "ground", "fleet"}
+    package = PROJECT / "fwav_companion"
+    rooms = [path for path in (*package.iterdir(), *(package / "tools").iterdir()) if (path / "__init__.py").exists()]
+    rest = [str(path.relative_to(PROJECT)) for path in rooms if str(path.relative_to(package)) not in apart | {"tools"}]
+    assert used(*rest, "sitl_mock", at_start=True) <= names(NEED)
 
 
 def test_the_tests_declare_what_only_they_import():

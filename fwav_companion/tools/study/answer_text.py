@@ -10,7 +10,7 @@ import msgspec
 from fwav_companion.tools.report.wording import REASONS, length, spaced
 from fwav_companion.tools.study.causes import CAUSES
 from fwav_companion.tools.study.conclusions import ArmAnswer, CauseAnswer, ClaimTest, StudyAnswer
-from fwav_companion.tools.study.distributions import Interval
+from fwav_companion.tools.study.distributions import IntervalEstimate
 from fwav_companion.tools.study.flight_record import FlightRecord
 from fwav_companion.tools.study.study_plan import StudyPlan
 
@@ -71,7 +71,7 @@ def rows(own: ArmAnswer, twice: ArmAnswer | None) -> Iterator[tuple[str, list[st
         yield name, [share(arm.claims[k]) for arm in arms]
 
 
-def interval(value: Interval) -> str:
+def interval(value: IntervalEstimate) -> str:
     """A length with its 95 % interval."""
     return f"{length(value.value)} ({length(value.low)} to {length(value.high)})"
 
@@ -165,7 +165,7 @@ def _cause_lines(answer: StudyAnswer) -> Iterator[str]:
     for cause in shown:
         again = f"; without it: {change_words(cause)}" if cause.change_m is not None else ""
         yield f"  {cause_name(cause.name):{WIDTH - 2}}{length(cause.sigma_m):>9}{again}"
-    if answer.confirmed and (answer.confirmed[0].change_m or Interval(0.0, 0.0, 0.0)).high < 0.0:
+    if answer.confirmed and (answer.confirmed[0].change_m or IntervalEstimate(0.0, 0.0, 0.0)).high < 0.0:
         yield f"change first: {CAUSES[answer.confirmed[0].name].remedy}"
 
 

@@ -12,7 +12,7 @@ import msgspec
 
 from fwav_companion.tools.study.distributions import (
     ErrorQuantiles,
-    Interval,
+    IntervalEstimate,
     binned,
     error_quantiles,
     paired_median,
@@ -35,7 +35,7 @@ class ClaimTest(msgspec.Struct, frozen=True):
     level: float
     inside: int
     n: int
-    share: Interval
+    share: IntervalEstimate
 
     @property
     def verdict(self) -> str:
@@ -61,9 +61,9 @@ class ArmAnswer(msgspec.Struct, frozen=True, kw_only=True):
 class CalibrationAnswer(msgspec.Struct, frozen=True):
     """How soon self-calibration knew the camera."""
 
-    share: Interval
+    share: IntervalEstimate
     """Share of flights that were calibrated at the end or before."""
-    seconds: Interval | None
+    seconds: IntervalEstimate | None
     """Median time until then, over these flights."""
     statuses: tuple[tuple[str, int], ...]
 
@@ -92,7 +92,7 @@ class CauseAnswer(msgspec.Struct, frozen=True, kw_only=True):
     with_m: float | None = None
     """Median error of the paired flights with it."""
     without_m: float | None = None
-    change_m: Interval | None = None
+    change_m: IntervalEstimate | None = None
     """Median of the paired differences, without minus with."""
 
 
@@ -102,8 +102,8 @@ class CurvePoint(msgspec.Struct, frozen=True):
     value: Value
     flights: int
     answered: int
-    half: Interval | None
-    nine_tenths: Interval | None
+    half: IntervalEstimate | None
+    nine_tenths: IntervalEstimate | None
 
 
 class VariationAnswer(msgspec.Struct, frozen=True):

@@ -17,7 +17,7 @@ RESAMPLES: Final = 1000
 """Bootstrap resamples: the ends of a 95 % interval then vary by 3 % of its width."""
 
 
-class Interval(msgspec.Struct, frozen=True):
+class IntervalEstimate(msgspec.Struct, frozen=True):
     """An estimate with its 95 % interval."""
 
     value: float
@@ -28,27 +28,27 @@ class Interval(msgspec.Struct, frozen=True):
 class ErrorQuantiles(msgspec.Struct, frozen=True):
     """Errors that half, 90 % and 95 % of flights stay below, metres."""
 
-    half: Interval
-    nine_tenths: Interval
-    most: Interval
+    half: IntervalEstimate
+    nine_tenths: IntervalEstimate
+    most: IntervalEstimate
 
 
-def share_of(inside: int, n: int) -> Interval:
+def share_of(inside: int, n: int) -> IntervalEstimate:
     """A share with its interval (Wilson 1927); of no flights it is unknown between 0 and 1."""
     if n == 0:
-        return Interval(0.0, 0.0, 1.0)
-    return Interval(inside / n, *wilson(inside / n, n))
+        return IntervalEstimate(0.0, 0.0, 1.0)
+    return IntervalEstimate(inside / n, *wilson(inside / n, n))
 
 
-def bootstrap(values: Sequence[float], statistic: Callable[[Floats], Floats]) -> Interval:
+def bootstrap(values: Sequence[float], statistic: Callable[[Floats], Floats]) -> IntervalEstimate:
     """A statistic with its percentile bootstrap interval (Efron 1979). ``statistic`` is over the last axis."""
     sample = np.asarray(values, dtype=np.float64)
     drawn = sample[np.random.default_rng(0).integers(0, len(sample), (RESAMPLES, len(sample)))]
     low, high = np.quantile(statistic(drawn), (0.025, 0.975))
-    return Interval(float(statistic(sample)), float(low), float(high))
+    return IntervalEstimate(float(statistic(sample)), float(low), float(high))
 
 
-def quantile_interval(values: Sequence[float], share: float) -> Interval:
+def quantile_interval(values: Sequence[float], share: float) -> IntervalEstimate:
     """A quantile with its bootstrap interval."""
     return bootstrap(values, lambda drawn: np.quantile(drawn, share, axis=-1))
 
@@ -60,7 +60,7 @@ def error_quantiles(errors_m: Sequence[float]) -> ErrorQuantiles | None:
     return ErrorQuantiles(*(quantile_interval(errors_m, share) for share in (0.5, 0.9, 0.95)))
 
 
-def paired_median(before: Sequence[float], after: Sequence[float]) -> Interval:
+def paired_median(before: Sequence[float], after: Sequence[float]) -> IntervalEstimate:
     """The median of the paired differences, after minus before, with its bootstrap interval."""
     return quantile_interval(list(np.subtract(after, before)), 0.5)
 

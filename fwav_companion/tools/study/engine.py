@@ -25,7 +25,7 @@ from fwav_companion.tools.study.record_file import (
     FILE,
     JOURNAL,
     Environment,
-    Journal,
+    FlightJournal,
     ordered,
     read_journal,
     read_records,
@@ -101,7 +101,7 @@ class StudyRun:
         self._records = list(known)
         self._done = {(record.index, record.arm) for record in known}
 
-    def run(self, out: Path, journal: Journal) -> FinishedStudy:
+    def run(self, out: Path, journal: FlightJournal) -> FinishedStudy:
         """Fly, and write the file, also after Ctrl-C and with a full disk."""
         environment, not_written = self._workers.environment, "the study crashed"
         try:
@@ -129,7 +129,7 @@ class StudyRun:
             return f"{error.filename or path}: {error.strerror}"
         return ""
 
-    def _fly_all(self, journal: Journal) -> None:
+    def _fly_all(self, journal: FlightJournal) -> None:
         flights = self._plan.flights
         tasks = self._missing(configured_tasks(flights))
         confirming = CONFIRMED_CAUSES * further_flights(flights)
@@ -140,7 +140,7 @@ class StudyRun:
         self._fly(tasks, journal)
         self._fly(self._missing(confirming_tasks(self._records, flights)), journal)
 
-    def _time_first(self, first: list[tuple[int, str]], total: int, journal: Journal) -> None:
+    def _time_first(self, first: list[tuple[int, str]], total: int, journal: FlightJournal) -> None:
         begun = time.monotonic()
         self._fly(first, journal)
         self._progress.expected((time.monotonic() - begun) * total / max(1, self._workers.count))
@@ -148,7 +148,7 @@ class StudyRun:
     def _missing(self, tasks: Sequence[tuple[int, str]]) -> list[tuple[int, str]]:
         return [task for task in tasks if task not in self._done]
 
-    def _fly(self, tasks: Sequence[tuple[int, str]], journal: Journal) -> None:
+    def _fly(self, tasks: Sequence[tuple[int, str]], journal: FlightJournal) -> None:
         for record in self._flown(tasks):
             journal.add(record)
             self._records.append(record)
@@ -160,11 +160,11 @@ class StudyRun:
             yield decoded(result, FlightRecord)
 
 
-def _fresh_journal(out: Path, plan: StudyPlan, known: Sequence[FlightRecord]) -> Journal:
+def _fresh_journal(out: Path, plan: StudyPlan, known: Sequence[FlightRecord]) -> FlightJournal:
     """The journal of this run: continued if its flights are known, else begun."""
     if not known:
         (out / JOURNAL).unlink(missing_ok=True)
-    return Journal(out, plan)
+    return FlightJournal(out, plan)
 
 
 def _difference(plan: StudyPlan, earlier: StudyPlan) -> str:

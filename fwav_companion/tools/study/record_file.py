@@ -92,7 +92,7 @@ def read_records(path: Path) -> tuple[list[FlightRecord], StudyPlan, Environment
         raise InputFileError(f"{path}: not readable ({' '.join(str(error).split())[:120]}); {accepted}") from None
 
 
-class Journal:
+class FlightJournal:
     """Finished flights, appended one by one: what survives a study that is interrupted."""
 
     def __init__(self, folder: Path, plan: StudyPlan) -> None:

@@ -19,7 +19,7 @@ from fwav_companion.tools.report.drawing import (
     text,
 )
 from fwav_companion.tools.study.conclusions import ArmAnswer, ClaimTest, InstantAnswer, VariationAnswer
-from fwav_companion.tools.study.distributions import Interval
+from fwav_companion.tools.study.distributions import IntervalEstimate
 
 LEAST_M: Final = 0.001
 """Least error of a logarithmic axis, metres."""
@@ -98,7 +98,7 @@ def _bar(axes: LinearAxes, x: float, claim: ClaimTest, kind: str) -> list[str]:
     ]
 
 
-def _whisker(axes: LinearAxes, x: float, value: Interval) -> list[str]:
+def _whisker(axes: LinearAxes, x: float, value: IntervalEstimate) -> list[str]:
     return [
         line(axes.at(x, value.low), axes.at(x, value.high), "bar"),
         circle(axes.at(x, value.value), 4.0, "estimate"),

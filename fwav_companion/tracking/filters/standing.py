@@ -168,9 +168,7 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
             return state
         variance, place = wander.sigma_m**2, self.wandering.estimate
         apparent = place.with_noise((variance, 0.0, variance))
-        return replace(
-            state, apparent=apparent, fresh=None, wandering=self.wandering.with_fresh_error(wander)
-        )
+        return replace(state, apparent=apparent, fresh=None, wandering=self.wandering.with_fresh_error(wander))
 
     def placed(
         self, apparent: PointEstimate, measurement: Measurement, host_ns: HostNs

@@ -15,7 +15,14 @@ from fwav_companion.tools.study.engine import earlier_records
 from fwav_companion.tools.study.flight_draw import draw_flight
 from fwav_companion.tools.study.flight_record import POINTS, FlightRecord
 from fwav_companion.tools.study.keys import parse_variation
-from fwav_companion.tools.study.record_file import FILE, Journal, ordered, read_journal, read_records, write_records
+from fwav_companion.tools.study.record_file import (
+    FILE,
+    FlightJournal,
+    ordered,
+    read_journal,
+    read_records,
+    write_records,
+)
 from fwav_companion.tools.study.study_flight import record_of
 
 PLAN = make_plan(
@@ -94,7 +101,7 @@ def test_a_file_that_is_none_is_one_line(tmp_path):
 
 
 def test_a_journal_whose_last_line_was_cut_keeps_the_others(tmp_path):
-    journal = Journal(tmp_path, PLAN)
+    journal = FlightJournal(tmp_path, PLAN)
     for index in range(3):
         journal.add(made(index))
     journal.close(remove=False)
