@@ -31,7 +31,7 @@ class Belief:
             wander(biases.position_sigma_m, priors.position_bias_time_s, Random(f"{seed}/wander/{axis}"))
             for axis in ("north", "east")
         )
-        origin = world.place(options.autopilot.ekf_origin_m)
+        origin = self._reported(options.autopilot.ekf_origin_m)
         self.projection: LocalProjection = (
             Px4Projection(origin) if options.autopilot.firmware == "px4" else ArduPilotProjection(origin)
         )
@@ -57,7 +57,7 @@ class Belief:
         down = -(self._biases.height_m + self._fresh(p.height_noise_m))
         v = p.velocity_noise_m_s
         velocity = plus(state.velocity, (self._fresh(v), self._fresh(v), self._fresh(v)))
-        return self.world.place(plus(state.position, (north, east, down))), velocity
+        return self._reported(plus(state.position, (north, east, down))), velocity
 
     def wander(self, flight_s: float) -> tuple[float, float]:
         """Horizontal position error at an instant without noise, for the truth file: north, east, metres."""
@@ -70,7 +70,7 @@ class Belief:
         north, east, down = (*a.home_m, 0.0)
         if not armed:
             north, east, down = plus((north, east, down), a.home_moves_m)
-        return self.world.place((north, east, down))
+        return self._reported((north, east, down))
 
     def has_position(self, flight_s: float) -> bool:
         """Whether the autopilot has a global position at this instant."""
@@ -83,6 +83,10 @@ class Belief:
         if cosine <= 0.05:
             return 1e3
         return max(0.0, -state.position[2] / cosine + self._fresh(0.03))
+
+    def _reported(self, ned: Vector) -> Place:
+        """A place by the receiver's altitude above sea level."""
+        return self.world.place(plus(ned, (0.0, 0.0, -self._biases.altitude_m)))
 
     def _rates(self, flight_s: float) -> Vector:
         sigma = radians(self._o.autopilot.gyro_noise_deg_s)

@@ -23,6 +23,7 @@ class DrawnBiases:
     mount_deg: Vector
     time_offset_s: float
     height_m: float
+    altitude_m: float
     position_sigma_m: float
     readout_s: float
     position_delay_s: float
@@ -47,6 +48,7 @@ def draw(options: Options) -> DrawnBiases:
         mount,  # type: ignore[arg-type]
         one("time", biases.time_offset_s, priors.time_offset_sigma_s),
         one("height", biases.height_m, priors.height_bias_m),
+        biases.altitude_m,
         _position_sigma(options),
         _readout(options),
         one("position_delay", biases.position_delay_s, priors.position_delay_sigma_s),

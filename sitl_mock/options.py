@@ -62,6 +62,9 @@ class Biases:
     """Error of the camera's stamps, in addition to camera.time_offset_s; positive: late."""
     height_m: float | None = None
     """Reported height minus true height."""
+    altitude_m: float = 0.0
+    """Reported altitude above sea level minus the true one: of positions, of home and of the EKF origin alike. Heights
+    above home do not have it. Never drawn."""
     position_m: float | None = None
     """Sigma of the wandering horizontal position error; None: the prior."""
     position_delay_s: float | None = None

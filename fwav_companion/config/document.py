@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta
 
-from fwav_companion.config.estimation import GroundConfig, UncertaintyConfig
+from fwav_companion.config.estimation import GroundConfig, LandmarkConfig, UncertaintyConfig
 from fwav_companion.config.inputs import (
     CameraConfig,
     DetectionsConfig,
@@ -78,6 +78,8 @@ class Document(msgspec.Struct, frozen=True, kw_only=True):
     """The service's own camera; None: no camera is opened."""
     target: tuple[StandingTarget, ...] = ()
     """Labels whose things are not flat on the ground."""
+    landmark: tuple[LandmarkConfig, ...] = ()
+    """Surveyed things that cancel what they show of the common errors."""
     ground: GroundConfig = GroundConfig()
     """Surface that rays are intersected with."""
     uncertainty: UncertaintyConfig = UncertaintyConfig()

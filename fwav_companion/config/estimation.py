@@ -9,7 +9,8 @@ import msgspec
 from msgspec import Meta
 
 from fwav_companion.config.inputs import NotNegative, Positive
-from fwav_companion.types import BIAS_COUNT, Bias, ErrorPriors
+from fwav_companion.geometry.earth import Geodetic
+from fwav_companion.types import BIAS_COUNT, Bias, ErrorPriors, Landmark
 
 SigmaDeg: TypeAlias = Annotated[float, Meta(ge=0, le=180)]
 SigmaM: TypeAlias = Annotated[float, Meta(ge=0, le=10_000)]
@@ -52,6 +53,26 @@ class GroundConfig(msgspec.Struct, frozen=True, kw_only=True):
     """Paths of .hgt or GeoTIFF files."""
     terrain_datum: Literal["", "egm96", "egm2008", "ellipsoid"] = ""
     """Datum of the heights in these files."""
+
+
+class LandmarkConfig(msgspec.Struct, frozen=True, kw_only=True):
+    """[[landmark]]: a surveyed thing that the camera sees."""
+
+    label: Annotated[str, Meta(min_length=1)]
+    """Label of its detections."""
+    lat: Annotated[float, Meta(ge=-90, le=90)]
+    """Latitude, degrees."""
+    lon: Annotated[float, Meta(ge=-180, le=180)]
+    """Longitude, degrees."""
+    alt_amsl: Annotated[float, Meta(ge=-1000, le=10_000)]
+    """Altitude above mean sea level of the autopilot's geoid, metres."""
+    sigma_m: Annotated[float, Meta(gt=0, le=100)] = 0.05
+    """One sigma of the survey, metres an axis."""
+
+    @property
+    def known(self) -> Landmark:
+        """The landmark as the rooms take it."""
+        return Landmark(self.label, Geodetic.from_degrees(self.lat, self.lon, self.alt_amsl), self.sigma_m)
 
 
 class UncertaintyConfig(msgspec.Struct, frozen=True, kw_only=True):

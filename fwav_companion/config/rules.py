@@ -16,6 +16,9 @@ from fwav_companion.vision.task import VisionTask
 CAMERA_COMPONENT_ID: Final = 100
 """MAV_COMP_ID_CAMERA: the second component of this service, where camera_tracking is on."""
 
+MOST_LANDMARKS: Final = 32
+"""Each adds three states to a filter whose cost grows with their square."""
+
 Complaint = tuple[tuple[str | int, ...], str]
 """The path of a key, and what is wrong with its value."""
 
@@ -28,6 +31,7 @@ def broken_rules(document: Document) -> Iterator[Complaint]:
     if document.vision is not None:
         yield from _vision(document.vision)
     yield from _targets(document)
+    yield from _landmarks(document)
     yield from _ground_and_publish(document)
 
 
@@ -96,6 +100,16 @@ def _targets(document: Document) -> Iterator[Complaint]:
     for index, label in enumerate(labels):
         if label in labels[:index]:
             yield ("target", index, "label"), "another [[target]] has this label; accepted: a label of its own"
+
+
+def _landmarks(document: Document) -> Iterator[Complaint]:
+    labels = [landmark.label for landmark in document.landmark]
+    for index, label in enumerate(labels):
+        if label in labels[:index]:
+            yield ("landmark", index, "label"), "another [[landmark]] has this label; accepted: a label of its own"
+        if index >= MOST_LANDMARKS:
+            yield ("landmark", index, "label"), f"accepted: at most {MOST_LANDMARKS} landmarks"
+            return
 
 
 def _ground_and_publish(document: Document) -> Iterator[Complaint]:

@@ -11,7 +11,7 @@ from fwav_companion.geometry.earth import TangentPlane
 from fwav_companion.geometry.rotations import matrix_from_quaternion
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs, s_from_ns
 from fwav_companion.geometry.vectors import Vector3, multiply
-from fwav_companion.localization import Localizer, TerrainGround, TerrainShift
+from fwav_companion.localization import LandmarkSights, Localizer, TerrainGround, TerrainShift
 from fwav_companion.pairing import (
     CameraView,
     PairedFrame,
@@ -24,6 +24,7 @@ from fwav_companion.pairing import (
 )
 from fwav_companion.pipeline.fix_agreement import FixAgreement
 from fwav_companion.pipeline.frame_census import FrameCensus
+from fwav_companion.pipeline.landmark_notices import LandmarkNotices, landmark_reports
 from fwav_companion.pipeline.predicted_accuracy import PredictedAccuracy, predicted_accuracy_below
 from fwav_companion.pipeline.readout_advice import ReadoutAdvice
 from fwav_companion.pipeline.self_calibration_notices import SelfCalibrationNotices
@@ -37,6 +38,7 @@ from fwav_companion.types import (
     Frame,
     FrameView,
     GroundFix,
+    LandmarkRecord,
     NoFix,
     NoFrame,
     Reason,
@@ -76,6 +78,7 @@ class CameraPipeline:
         sightings: bool,
         agreement: FixAgreement,
         readout: ReadoutAdvice,
+        landmarks: LandmarkSights,
     ) -> None:
         """``sightings``: write a line for every detection, used or not. ``agreement``: of fixes, for the status.
         ``readout``: whether its being unknown matters.
@@ -90,6 +93,8 @@ class CameraPipeline:
         self._sightings = sightings
         self._agreement = agreement
         self.readout = readout
+        self._landmarks = landmarks
+        self.landmark_news = LandmarkNotices()
         self._census = FrameCensus()
         self._waiting = WaitingFrames()
         self._last_view: FrameView | None = None
@@ -154,6 +159,11 @@ class CameraPipeline:
         """The targets of all live tracks, by id."""
         return self._reorder.best_targets
 
+    @property
+    def landmarks(self) -> tuple[LandmarkRecord, ...]:
+        """What each landmark showed so far."""
+        return self._reorder.landmarks
+
     def locate(self, u: float, v: float, sigma_px: float, host_ns: HostNs) -> GroundFix | None:
         """The ground at a pixel of a picture taken then; None where it is unknown."""
         sighting = self._pairer.look_at(u, v, sigma_px=sigma_px, host_ns=host_ns, vehicle=self._telemetry)
@@ -185,6 +195,7 @@ class CameraPipeline:
             heard=self._census.status(),
             agreement=self._agreement.status(),
             readout=self.readout.status(),
+            landmarks=landmark_reports(self.landmarks),
         )
 
     def _axis_elevation_deg(self) -> float | None:
@@ -215,6 +226,7 @@ class CameraPipeline:
 
     def placed(self, plane: TangentPlane, take_off: TakeOff, undulation_m: float | None) -> str:
         """Give the ground the world's origin and the take-off place; returns the ground's notice, or ""."""
+        self._landmarks.placed(plane)
         return self._localizer.placed(plane, take_off, undulation_m)
 
     @property
@@ -255,6 +267,7 @@ class CameraPipeline:
                 sighting for sighting, fix in zip(paired.sightings, located, strict=True) if isinstance(fix, NoFix)
             ),
             image_px2=self._image_px2,
+            landmarks=self._landmarks.sights(paired.sightings),
         )
         self._agreement.add(view.fixes, view.host_ns)
         self.readout.add(view.fixes)

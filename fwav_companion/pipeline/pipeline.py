@@ -396,6 +396,7 @@ class Pipeline:
             self._target_log.write(clock_line)
         if components.camera is not None:
             self._outputs.notify(components.camera.readout.notices(), at)
+            self._outputs.notify(components.camera.landmark_news.notices(components.camera.landmarks), at)
         report = components.camera.calibration if components.camera is not None else None
         if components.camera is not None and report is not None:
             self._target_log.write(

@@ -22,6 +22,7 @@ from fwav_companion.localization import (
     FixedGround,
     Ground,
     HomeGround,
+    LandmarkSights,
     Localizer,
     RangefinderGround,
     TerrainGround,
@@ -140,8 +141,9 @@ def make_camera(
     sightings: bool = False,
 ) -> CameraPipeline:
     """The pipeline of one camera. ``vehicle``: its telemetry, or the poses of photographs."""
+    landmarks = [landmark.known for landmark in config.landmark]
     if own_filter is None:
-        tracker = make_tracker(tracking_options(config), config.priors, vehicle.state_at, kept)
+        tracker = make_tracker(tracking_options(config), config.priors, vehicle.state_at, kept, landmarks=landmarks)
     else:
         self_calibration = config.tracking.self_calibration
         tracker = tracker_with(own_filter, config.priors, vehicle.state_at, kept, self_calibration=self_calibration)
@@ -155,6 +157,7 @@ def make_camera(
         sightings=sightings,
         agreement=FixAgreement(config.priors),
         readout=ReadoutAdvice(config.priors),
+        landmarks=LandmarkSights(landmarks, config.priors, min_height_m=config.ground.min_height_m),
     )
 
 

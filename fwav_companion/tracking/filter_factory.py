@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from fwav_companion.geometry.stamps import NS_PER_S
@@ -12,11 +13,12 @@ from fwav_companion.tracking.filters.lowpass import LowPass
 from fwav_companion.tracking.filters.moving import MovingKalman
 from fwav_companion.tracking.options import TrackingOptions
 from fwav_companion.tracking.tracker import Tracker
-from fwav_companion.types import ErrorPriors
+from fwav_companion.types import ErrorPriors, Landmark
 
 if TYPE_CHECKING:
     from fwav_companion.self_calibration.calibrator import Calibrator
     from fwav_companion.self_calibration.delayed_poses import StateAt
+    from fwav_companion.tracking.landmarks.landmark_target import LandmarkTracking
 
 KEEP_STATIC_NS = 300 * NS_PER_S
 """What stood is looked for where it stood, five minutes long: several rounds of any survey."""
@@ -35,6 +37,8 @@ def make_tracker(
     priors: ErrorPriors,
     state_at: StateAt | None = None,
     kept: KeptCalibration | None = None,
+    *,
+    landmarks: Sequence[Landmark] = (),
 ) -> Tracker:
     """The tracker that [tracking] asks for.
 
@@ -49,7 +53,8 @@ def make_tracker(
     if options.self_calibration:
         calibrator = _calibrator(priors, state_at, kept, PREDICTED_NS if moving else None)
     if not moving:
-        return Tracker(StaticKalman(priors), KEEP_STATIC_NS, calibrator)
+        corrected = _landmark_tracking(priors, landmarks) if landmarks else None
+        return Tracker(StaticKalman(priors), KEEP_STATIC_NS, calibrator, landmarks=corrected)
     if calibrator is None:
         return Tracker(MovingKalman(priors), KEEP_MOVING_NS)
     # What stands is followed once more, as standing: only what is known to stand again where it stood can calibrate.
@@ -71,6 +76,13 @@ def tracker_with(
     """
     calibrator = _calibrator(priors, state_at, kept) if self_calibration else None
     return Tracker(belief_filter, KEEP_STATIC_NS, calibrator, corrects=False)
+
+
+def _landmark_tracking(priors: ErrorPriors, landmarks: Sequence[Landmark]) -> LandmarkTracking:
+    """The start of landmarks. They need numpy, as self-calibration does."""
+    from fwav_companion.tracking.landmarks.landmark_target import landmark_tracking
+
+    return landmark_tracking(priors, landmarks)
 
 
 def _calibrator(

@@ -15,7 +15,7 @@ from fwav_companion.geometry.stamps import NS_PER_MS, HostNs
 from fwav_companion.self_calibration import CalibrationReport
 from fwav_companion.tracking.filters.base import TargetState
 from fwav_companion.tracking.tracker import Snapshot, Tracker
-from fwav_companion.types import FrameView, NoFrame, Reason, Track
+from fwav_companion.types import FrameView, LandmarkRecord, NoFrame, Reason, Track
 
 WINDOW_NS = 500 * NS_PER_MS
 MAX_WAITING = 128
@@ -73,6 +73,11 @@ class Reorder:
     def best_targets(self) -> dict[int, TargetState]:
         """The targets of all live tracks after the newest frame, by id."""
         return self._tracker.best_targets()
+
+    @property
+    def landmarks(self) -> tuple[LandmarkRecord, ...]:
+        """What each landmark showed by the newest frame."""
+        return self._tracker.landmarks
 
     def put(self, view: FrameView, now_ns: HostNs) -> tuple[Track, ...] | NoFrame:
         """The current tracks after all frames known so far, of the newest capture; or why the frame is refused."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
+from fwav_companion.geometry.small_matrices import horizontal_sigma
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.self_calibration import CalibrationReport
 from fwav_companion.tracking.association import Candidate, associate, clutter, may_be_displaced
@@ -17,10 +18,11 @@ from fwav_companion.tracking.self_calibrated import CalibratedTargetState, Mispl
 from fwav_companion.tracking.track_merging import TrackMerging
 from fwav_companion.tracking.track_state import LiveTrack, initiate, innovation
 from fwav_companion.tracking.visibility import is_missed_detection
-from fwav_companion.types import FrameView, GroundFix, Reason, Track, TrackState
+from fwav_companion.types import FrameView, GroundFix, LandmarkRecord, Reason, Track, TrackState
 
 if TYPE_CHECKING:
     from fwav_companion.self_calibration.calibrator import Calibrator
+    from fwav_companion.tracking.landmarks.landmark_target import LandmarkTracking
 
 MAX_TRACKS = 200
 """Live tracks at once. A frame has 256 detections at most."""
@@ -40,6 +42,8 @@ class Snapshot(msgspec.Struct, frozen=True):
     detector: DetectorModel = DetectorModel()
     refused_fixes: int = 0
     """Fixes of the newest frame that initiated no track because the table was full."""
+    landmarks: LandmarkTracking | None = None
+    """None without landmarks."""
 
 
 class Tracker:
@@ -56,11 +60,12 @@ class Tracker:
         corrects: bool = True,
         patience_ns: int = 0,
         beside: Tracker | None = None,
+        landmarks: LandmarkTracking | None = None,
     ) -> None:
         """``corrects``: whether the result of self-calibration moves the tracks, or is only reported.
 
         ``patience_ns``: least age of a track that teaches. ``beside``: a tracker of the same frames that calibrates in
-        the place of this one.
+        the place of this one. ``landmarks``: corrects the targets in the place of ``target_filter``.
         """
         self.reports_innovations = False
         """Whether tracks report innovations, which flying does not use."""
@@ -69,7 +74,9 @@ class Tracker:
         self._corrects = corrects
         self._patience_ns = patience_ns
         self._beside = beside
-        self._state = Snapshot(calibrator=calibrator, beside=None if beside is None else beside.snapshot())
+        self._state = Snapshot(
+            calibrator=calibrator, beside=None if beside is None else beside.snapshot(), landmarks=landmarks
+        )
 
     @property
     def calibration(self) -> CalibrationReport | None:
@@ -80,6 +87,12 @@ class Tracker:
     def best_targets(self) -> dict[int, TargetState]:
         """The reported targets of all live tracks, by id."""
         return {track.id: self._best_target(track) for track in self._state.alive}
+
+    @property
+    def landmarks(self) -> tuple[LandmarkRecord, ...]:
+        """What each landmark showed so far."""
+        landmarks = self._state.landmarks
+        return () if landmarks is None else landmarks.records
 
     @property
     def refused_fixes(self) -> int:
@@ -105,12 +118,17 @@ class Tracker:
         if self._beside is not None:
             self._beside.on_frame(view)
         state = self._state
+        landmarks = None if state.landmarks is None else state.landmarks.predicted(view)
         predicted = [
             msgspec.structs.replace(
                 track, target=track.target.predict(view.host_ns), fix=None, looked_for=False, innovation=None
             )
             for track in state.alive
         ]
+        if landmarks is not None:
+            predicted = [
+                msgspec.structs.replace(track, target=landmarks.corrected(track.target)) for track in predicted
+            ]
         taken = self._associated(predicted, view)
         unseen = {track.id: self._unseen(track, view) for track in predicted if track.id not in taken}
         missed = [
@@ -125,12 +143,15 @@ class Tracker:
         merging = state.merging.after_frame(after, [track.id for track in missed], elapsed_ns, self._best_target)
         used = {id(fix) for fix, _ in taken.values()}
         unassociated = [fix for fix in view.fixes if id(fix) not in used]
-        tracks, refused = self._with_new(list(merging.merged(after)), unassociated, view.host_ns)
+        tracks, refused = self._with_new(list(merging.merged(after)), unassociated, view.host_ns, landmarks)
         next_id = state.next_id + len(unassociated) - refused
         detector = _detector_after(state.detector, view.host_ns, predicted, after, new_fixes=len(unassociated))
+        if landmarks is not None:
+            landmarks = landmarks.seen(view.landmarks, [t.fix for t in tracks if t.confirmed and t.fix is not None])
+            tracks = [msgspec.structs.replace(track, target=landmarks.corrected(track.target)) for track in tracks]
         living = tuple(track for track in tracks if track.life.state is not TrackState.DROPPED)
         calibrator = self._taught(view, living)
-        self._state = Snapshot(living, next_id, calibrator, self._beside_state(), merging, detector, refused)
+        self._state = Snapshot(living, next_id, calibrator, self._beside_state(), merging, detector, refused, landmarks)
         return tuple(self._reported(track, view) for track in tracks)
 
     def drop_all(self, reason: Reason, view: FrameView) -> tuple[Track, ...]:
@@ -141,7 +162,10 @@ class Tracker:
         restarted = None if state.calibrator is None else state.calibrator.restarted()
         if self._beside is not None:
             self._beside.drop_all(reason, view)
-        self._state = Snapshot((), state.next_id, restarted, self._beside_state(), detector=state.detector)
+        landmarks = None if state.landmarks is None else state.landmarks.restarted()
+        self._state = Snapshot(
+            (), state.next_id, restarted, self._beside_state(), detector=state.detector, landmarks=landmarks
+        )
         return reported
 
     def _beside_state(self) -> Snapshot | None:
@@ -195,7 +219,11 @@ class Tracker:
         return 0.0 if calibrator is None else calibrator.mount_off * track.slant_m
 
     def _with_new(
-        self, tracks: list[LiveTrack], fixes: Sequence[GroundFix], host_ns: HostNs
+        self,
+        tracks: list[LiveTrack],
+        fixes: Sequence[GroundFix],
+        host_ns: HostNs,
+        landmarks: LandmarkTracking | None,
     ) -> tuple[list[LiveTrack], int]:
         """The tracks with one initiated for each of these fixes, and the number of fixes that found the table full."""
         room = MAX_TRACKS - sum(track.life.state is not TrackState.DROPPED for track in tracks)
@@ -204,7 +232,8 @@ class Tracker:
             tracks[i] = tracks[i].deleted(Reason.TOO_MANY_TRACKS)
         number = min(len(fixes), room + len(yielding))
         for next_id, fix in enumerate(fixes[:number], self._state.next_id):
-            tracks.append(initiate(next_id, fix, self._filter.initiate(fix), host_ns))
+            target = self._filter.initiate(fix) if landmarks is None else landmarks.initiate(fix)
+            tracks.append(initiate(next_id, fix, target, host_ns))
         return tracks, len(fixes) - number
 
     def _taught(self, view: FrameView, living: tuple[LiveTrack, ...]) -> Calibrator | None:
@@ -243,10 +272,14 @@ class Tracker:
 
         Their covariances are not compared: before, the joint estimate weighs fixes by their noise alone; after, a
         filter rests on the prior of the mount, and its covariance may shrink below that of the calibrated estimate. A
-        filter that rests on a prior which the flight contradicts is not used.
+        filter that rests on a prior which the flight contradicts is not used. What landmarks show is compared: both
+        claims then rest on the flight.
         """
         calibrated, calibrator = self._calibrated(track), self._calibrator
         if calibrated is None or calibrator is None:
+            return track.target
+        by_landmarks = self._state.landmarks is not None and self._state.landmarks.shows and not calibrator.denied
+        if by_landmarks and horizontal_sigma(track.target.cov) < horizontal_sigma(calibrated.cov):
             return track.target
         return calibrated if calibrator.is_calibrated or calibrator.denied else track.target
 

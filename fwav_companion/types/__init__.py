@@ -18,6 +18,7 @@ from fwav_companion.types.camera import (
     StampClock,
 )
 from fwav_companion.types.commands import Command, CommandAnswer, CommandResult
+from fwav_companion.types.landmarks import Landmark, LandmarkRecord, LandmarkSight, LandmarkState
 from fwav_companion.types.messages import Destination, Message, Notice, NoticeCode, Outgoing, Severity
 from fwav_companion.types.reasons import Reason
 from fwav_companion.types.sightings import (
@@ -72,6 +73,10 @@ __all__ = [
     "GroundFix",
     "HeightSource",
     "Innovation",
+    "Landmark",
+    "LandmarkRecord",
+    "LandmarkSight",
+    "LandmarkState",
     "Lens",
     "LinkLoad",
     "Message",

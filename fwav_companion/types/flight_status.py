@@ -162,6 +162,20 @@ class ReadoutReport(msgspec.Struct, frozen=True, kw_only=True):
     """One sigma of fixes relative to the vehicle, metres."""
 
 
+class LandmarkReport(msgspec.Struct, frozen=True, kw_only=True):
+    """What one landmark showed."""
+
+    label: str
+    state: str = "unseen"
+    """unseen | used | left_out."""
+    used: int = 0
+    """Sights that were used."""
+    refused: int = 0
+    """Sights that disagreed with all else."""
+    off_m: float = 0.0
+    """Distance between its known place and where refused sights show it, metres."""
+
+
 class SightReport(msgspec.Struct, frozen=True, kw_only=True):
     """From detections to fixes."""
 
@@ -173,6 +187,7 @@ class SightReport(msgspec.Struct, frozen=True, kw_only=True):
     heard: HeardReport = HeardReport()
     agreement: AgreementReport = AgreementReport()
     readout: ReadoutReport = ReadoutReport()
+    landmarks: list[LandmarkReport] = []
 
 
 class SelfCalibrationReport(msgspec.Struct, frozen=True, kw_only=True):

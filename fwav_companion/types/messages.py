@@ -152,6 +152,10 @@ class NoticeCode(StrEnum):
     INTERVALS_UNKNOWN = "intervals_unknown"
     """The autopilot has no SET_MESSAGE_INTERVAL."""
 
+    LANDMARK_USED = "landmark_used"
+    """The first sights of a landmark agree with all else."""
+    LANDMARK_LEFT_OUT = "landmark_left_out"
+    """A landmark disagrees with all else by more than its claim."""
     READOUT_UNKNOWN = "readout_unknown"
     """The unknown readout limits the accuracy."""
     MOUNT_MISTAKE = "mount_mistake"

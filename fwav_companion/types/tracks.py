@@ -10,6 +10,7 @@ import msgspec
 
 from fwav_companion.geometry.stamps import BootNs, HostNs
 from fwav_companion.geometry.vectors import Matrix3, Vector3
+from fwav_companion.types.landmarks import LandmarkSight
 from fwav_companion.types.reasons import Reason
 from fwav_companion.types.sightings import GroundFix, Sighting
 
@@ -134,3 +135,5 @@ class FrameView(msgspec.Struct, frozen=True):
     """Sightings without a fix, as too shallow ones."""
     image_px2: float = 640.0 * 480.0
     """Area of the image, square pixels of the calibration."""
+    landmarks: tuple[LandmarkSight, ...] = ()
+    """Sights of landmarks."""

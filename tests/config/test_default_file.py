@@ -36,12 +36,13 @@ def builtins_of(value: object) -> Any:
 
 def defaults() -> dict[str, object]:
     flat = flattened(builtins_of(Document()))
-    return {key: value for key, value in flat.items() if key not in ("link", "signing", "target", "vision", "fleet")}
+    tables = ("link", "landmark", "signing", "target", "vision", "fleet")
+    return {key: value for key, value in flat.items() if key not in tables}
 
 
 def comments_taken_off() -> str:
     """The file with its commented keys alive; prose stays commented."""
-    return re.sub(r"^# (?=\[\[?\w+\]|\w+ = )", "", TEXT, flags=re.MULTILINE)
+    return re.sub(r"^# (?=\[+\w+\]+|\w+ = )", "", TEXT, flags=re.MULTILINE)
 
 
 def test_it_is_a_configuration_that_run_takes():

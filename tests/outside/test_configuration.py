@@ -105,6 +105,7 @@ def test_the_file_of_init_has_every_key_and_only_those(tmp_path):
 
 LINK = '[[link]]\nname = "a"\nurl = "udpin://127.0.0.1:14540"\nrole = "autopilot"\n'
 RELAY = LINK + '[detections]\nurl = ""\n'
+MARK = '[[landmark]]\nlabel = "a"\nlat = 48.0\nlon = 11.0\nalt_amsl = 500.0\n'
 RULES = {
     "no link": ('[detections]\nurl = ""\n', "link"),
     "no autopilot link": (RELAY.replace('"autopilot"', '"gcs"'), "role"),
@@ -117,6 +118,9 @@ RULES = {
     "landing without a label": (RELAY + "[publish]\nlanding_target = true\n", "landing_label"),
     "landing on a click": (RELAY + '[publish]\nlanding_target = true\nlanding_label = "click"\n', "landing_label"),
     "the camera component's own id": (RELAY + "[vehicle]\ncomponent_id = 100\n", "component_id"),
+    "two landmarks of one label": (RELAY + 2 * MARK, "label"),
+    "a landmark beyond the pole": (RELAY + MARK.replace("48.0", "98.0"), "lat"),
+    "a landmark without an altitude": (RELAY + MARK.replace("alt_amsl = 500.0\n", ""), "alt_amsl"),
     "a gimbal and a mount that looks down": (RELAY + "[camera.mount]\ngimbal_device_id = 1\n", "pitch_deg"),
 }
 """Broken rules: the configuration, and the text that the error must contain."""

@@ -102,6 +102,10 @@ class ConsiderBiases:
         self._height_noise2 = priors.height_noise_m**2
         self.position_noise_m2 = priors.position_noise_m**2
 
+    def index_of(self, bias: Bias) -> int | None:
+        """The index of a bias in every row; None where it has no prior."""
+        return next((i for i, (each, _) in enumerate(self._used) if each == bias), None)
+
     def prepared(self, fix: GroundFix) -> Measurement:
         """The fix alone with its scaled Jacobian; prepared once for all tracks of a frame."""
         remembered = self._remembered.get(id(fix))
@@ -140,11 +144,16 @@ class ConsiderBiases:
         """The measurement with other sensitivities, d(north, east)/d(bias) in the order of SENSITIVE, and their own
         error as noise.
         """
+        moved = self.with_columns(measurement, columns)
+        return self._with_sensitivity(moved, moved.shared, since_s)
+
+    def with_columns(self, measurement: Measurement, columns: Sequence[tuple[float, float]]) -> Measurement:
+        """The measurement with other sensitivities, d(north, east)/d(bias) in the order of SENSITIVE."""
         north, east, down = list(measurement.shared[0]), list(measurement.shared[1]), measurement.shared[2]
         for i, k, sigma in self._sensitive:
             n, e = columns[k]
             north[i], east[i] = n * sigma, e * sigma
-        return self._with_sensitivity(measurement, (tuple(north), tuple(east), down), since_s)
+        return Measurement(measurement.position, measurement.noise, (tuple(north), tuple(east), down), measurement.gate)
 
     def with_sensitivity_noise(self, measurement: Measurement, since_s: float) -> Measurement:
         """The measurement with the error of its sensitivities in its noise."""

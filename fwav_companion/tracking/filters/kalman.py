@@ -46,6 +46,10 @@ class StaticTargetState(StandingTargetState, frozen=True, kw_only=True, gc=False
         since_s = s_from_ns(fix.sighting.frame_host_ns - self.fixed_ns)
         return self.under(self.model.wander_at(fix))._updated(fix, since_s)
 
+    def measured(self, fix: GroundFix) -> Measurement:
+        """A fix of this instant as :meth:`update` takes it."""
+        return self._measured(fix, s_from_ns(fix.sighting.frame_host_ns - self.fixed_ns))[1]
+
     def _updated(self, fix: GroundFix, since_s: float) -> Self:
         errors, host_ns = self.model.errors, fix.sighting.frame_host_ns
         point, measurement = self._measured(fix, since_s)

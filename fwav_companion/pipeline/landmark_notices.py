@@ -1,0 +1,53 @@
+"""Reports of landmarks: a notice when one is used or left out, once each, and the status. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from fwav_companion.types import LandmarkRecord, LandmarkState, Notice, NoticeCode, Severity
+from fwav_companion.types.flight_status import LandmarkReport
+
+FEWEST = 5
+"""Sights after which a landmark is reported as used."""
+
+
+class LandmarkNotices:
+    """The landmarks that were reported."""
+
+    def __init__(self) -> None:
+        self._reported: set[tuple[str, LandmarkState]] = set()
+
+    def notices(self, records: Sequence[LandmarkRecord]) -> tuple[Notice, ...]:
+        """Notices of landmarks that are used, and of those that are left out."""
+        news = [
+            record
+            for record in records
+            if (record.label, record.state) not in self._reported
+            and (record.state is LandmarkState.LEFT_OUT or record.used >= FEWEST)
+        ]
+        self._reported.update((record.label, record.state) for record in news)
+        return tuple(map(_notice, news))
+
+
+def landmark_reports(records: Sequence[LandmarkRecord]) -> list[LandmarkReport]:
+    """The part of the status."""
+    return [
+        LandmarkReport(
+            label=record.label,
+            state=record.state.value,
+            used=record.used,
+            refused=record.refused,
+            off_m=record.off_m,
+        )
+        for record in records
+    ]
+
+
+def _notice(record: LandmarkRecord) -> Notice:
+    if record.state is LandmarkState.LEFT_OUT:
+        text = (
+            f"landmark {record.label} is left out: it appears {record.off_m:.1f} m from its place, "
+            "check its lat, lon and alt_amsl"
+        )
+        return Notice(NoticeCode.LANDMARK_LEFT_OUT, Severity.WARNING, text, to_ground=True)
+    return Notice(NoticeCode.LANDMARK_USED, Severity.INFO, f"landmark {record.label} is seen and used")

@@ -1,0 +1,54 @@
+"""Landmarks: surveyed things that a camera sees, and what their sights showed."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+import msgspec
+
+from fwav_companion.geometry.earth import Geodetic
+from fwav_companion.types.sightings import GroundFix
+
+
+class Landmark(msgspec.Struct, frozen=True):
+    """A thing whose place is known."""
+
+    label: str
+    """Label of its detections."""
+    place: Geodetic
+    sigma_m: float
+    """One sigma of the survey, metres an axis."""
+
+
+class LandmarkSight(msgspec.Struct, frozen=True, gc=False):
+    """One detection of a landmark, intersected with the level of its known altitude."""
+
+    landmark: int
+    """Index of the landmark in the configuration."""
+    fix: GroundFix
+    north_m: float
+    """Known place, NED, metres."""
+    east_m: float
+
+
+class LandmarkState(StrEnum):
+    """Use that is made of a landmark."""
+
+    UNSEEN = "unseen"
+    """No sight agreed with it yet."""
+    USED = "used"
+    LEFT_OUT = "left_out"
+    """It disagrees with all else by more than its claim."""
+
+
+class LandmarkRecord(msgspec.Struct, frozen=True, gc=False):
+    """What the sights of one landmark showed so far."""
+
+    label: str
+    state: LandmarkState = LandmarkState.UNSEEN
+    used: int = 0
+    """Sights that were used."""
+    refused: int = 0
+    """Sights that disagreed with all else."""
+    off_m: float = 0.0
+    """Distance between its known place and where sights that disagree show it, metres."""

@@ -1,0 +1,134 @@
+"""Landmarks: with one in view targets are right to a decimetre on a receiver of 1 m, and the claim says so.
+
+The mock draws every bias from the configured priors, an error of the altitude above sea level, and the survey's own. One
+target a flight is judged, since a flight's biases are one draw.
+"""
+
+from functools import partial
+from random import Random
+from statistics import median
+
+import numpy as np
+import pytest
+from flying import LINK, Companion
+from kept import kept
+from scipy.stats import binom, chi2
+
+from fwav_companion.types import LandmarkState, NoticeCode
+from sitl_mock import Options, Simulation, TargetOptions, scenario, simulate
+from sitl_mock.earth import Place
+
+SURVEY_M = 0.05
+MARKS = {"mark": (3.0, -2.0), "second": (-3.0, -2.0), "third": (0.0, 4.0)}
+TARGET = TargetOptions(label="target", north=-2.0, east=2.5)
+FEW, MANY = 3, 60
+OVER_THE_TARGETS = {"default": {}, "figure_eight": {"flight.half_axes_m": (10.0, 6.0)}}
+
+
+def flown(name: str, seed: int, marks: dict, seconds: float, settings=(), **differences) -> tuple[Simulation, Companion]:
+    """A flight over landmarks; ``marks``: label -> error of the configured place, (north, east) in metres."""
+    scene = tuple(TargetOptions(label=label, north=n, east=e) for label, (n, e) in MARKS.items() if label in marks)
+    altitude_m = Random(f"{seed}/altitude").gauss(0.0, 2.0)
+    options = scenario(name, Options(seed=seed)).but(
+        {
+            "seconds": seconds, "targets": (*scene, TARGET), "biases.altitude_m": altitude_m,
+            "autopilot.position_wander": "smooth", **OVER_THE_TARGETS[name], **differences,
+        }
+    )  # fmt: skip
+    mock = simulate(options)
+    text = LINK + '[camera]\ncalibration = "camera.yaml"\n'
+    for target in mock.scene[:-1]:
+        rng = Random(f"{seed}/survey/{target.label}")
+        wrong = (*marks[target.label], 0.0)
+        surveyed = [x + rng.gauss(0.0, SURVEY_M) + off for x, off in zip(target.at(0.0), wrong, strict=True)]
+        place = mock.world.place(tuple(surveyed))
+        text += f'[[landmark]]\nlabel = "{target.label}"\nlat = {place.lat:.9f}\nlon = {place.lon:.9f}\n'
+        text += f"alt_amsl = {place.alt_amsl:.4f}\nsigma_m = {SURVEY_M}\n"
+    companion = Companion(settings, unix_minus_host_s=mock.unix_minus_host_s, text=text)
+    for _ in mock.drive(companion):
+        pass
+    companion.finish()
+    return mock, companion
+
+
+def ended(mock: Simulation, companion: Companion) -> tuple[float, float, float]:
+    """Horizontal error of the target at the end, metres; one sigma claimed, larger semi-axis; normalised square."""
+    lines = [line for line in companion.targets("target") if line["state"] in ("confirmed", "coasting")]
+    origin = companion.pipeline.telemetry.world.plane.origin
+    shift = mock.world.ned(Place(origin.lat_deg, origin.lon_deg, origin.alt_amsl_m))
+    true = mock.scene[-1].at(0.0)
+    error = np.array([lines[-1]["north"] - (true[0] - shift[0]), lines[-1]["east"] - (true[1] - shift[1])])
+    cov = np.array(lines[-1]["cov"])[:2, :2]
+    return float(np.hypot(*error)), float(np.linalg.eigvalsh(cov)[-1] ** 0.5), float(error @ np.linalg.solve(cov, error))
+
+
+def end_of(name: str, settings: tuple[str, ...], seconds: float, seed: int) -> tuple[float, float, float]:
+    return ended(*flown(name, seed, {"mark": (0.0, 0.0)}, seconds, settings))
+
+
+def ends(name: str, settings: tuple[str, ...], flights: int, seconds: float) -> list[tuple[float, float, float]]:
+    return [
+        kept(f"landmarks/{name}/{settings}/{seconds}/{seed}", partial(end_of, name, settings, seconds, seed))
+        for seed in range(7000, 7000 + flights)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("name", "settings"), [("default", ()), ("figure_eight", ("tracking.self_calibration=true",))]
+)
+@pytest.mark.parametrize(
+    ("flights", "seconds"), [(FEW, 15.0), pytest.param(MANY, 45.0, marks=pytest.mark.slow)]
+)
+def test_a_landmark_in_view_cancels_what_it_shows_and_the_claim_says_so(name, settings, flights, seconds):
+    results = ends(name, settings, flights, seconds)
+    squares = [square for _, _, square in results]
+    low, high = chi2.ppf([0.0005, 0.9995], 2 * flights)
+    assert low < sum(squares) < high, f"mean square {sum(squares) / flights:.2f}, of 2 when honest"
+    inside = sum(square < chi2.ppf(0.9, 2) for square in squares)
+    low, high = binom.ppf([0.0005, 0.9995], flights, 0.9)
+    assert low <= inside <= high
+    assert median(sigma for _, sigma, _ in results) < 0.3  # 1.1 m without a landmark
+
+
+@pytest.mark.slow
+def test_targets_beside_a_landmark_are_right_to_a_decimetre_on_a_receiver_of_1_m():
+    results = ends("default", (), MANY, 45.0)
+    assert median(error for error, _, _ in results) < 0.12
+    assert median(sigma for _, sigma, _ in results) < 0.12
+
+
+def state_of(companion: Companion) -> dict[str, LandmarkState]:
+    return {record.label: record.state for record in companion.pipeline._components.camera.landmarks}
+
+
+def test_a_landmark_that_disagrees_is_named_and_left_out():
+    marks = {"mark": (0.0, 0.0), "second": (1.5, 1.0), "third": (0.0, 0.0)}
+    mock, companion = flown("default", 1, marks, 12.0)
+    assert state_of(companion) == {
+        "mark": LandmarkState.USED, "second": LandmarkState.LEFT_OUT, "third": LandmarkState.USED,
+    }  # fmt: skip
+    (text,) = companion.texts(NoticeCode.LANDMARK_LEFT_OUT)
+    assert "second" in text
+    assert [each.label for each in companion.pipeline.status(companion._now).sight.landmarks if each.refused or
+            each.state == "left_out"] == ["second"]  # fmt: skip
+    error_m, sigma_m, square = ended(mock, companion)
+    assert sigma_m < 0.2
+    assert square < chi2.ppf(0.999, 2)
+
+
+def test_a_lone_landmark_far_from_all_that_the_receiver_says_is_left_out():
+    _, companion = flown("default", 1, {"mark": (25.0, 0.0)}, 8.0)
+    assert state_of(companion) == {"mark": LandmarkState.LEFT_OUT}
+    assert companion.codes.count(NoticeCode.LANDMARK_LEFT_OUT) == 1
+
+
+def test_a_position_that_jumps_does_not_cost_a_landmark():
+    """Seven metres for the rest of the flight: the landmark that agreed still counts, and the target stays."""
+    shifts = ((6.0, 6.1, 5.0, -5.0),)
+    mock, companion = flown(
+        "default", 3, {"mark": (0.0, 0.0)}, 16.0, **{"autopilot.position_shifts": shifts}
+    )
+    assert state_of(companion) == {"mark": LandmarkState.USED}
+    error_m, _, square = ended(mock, companion)
+    assert error_m < 0.5
+    assert square < chi2.ppf(0.999, 2)
