@@ -21,7 +21,7 @@ from msgspec.structs import replace
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs, s_from_ns
 from fwav_companion.geometry.vectors import scale
 from fwav_companion.self_calibration.arrays import Array
-from fwav_companion.tracking.filters.linearization import LinearizationPoint, first_point, level_columns
+from fwav_companion.tracking.filters.linearization import SENSITIVE, LinearizationPoint, first_point, level_columns
 from fwav_companion.tracking.filters.standing import FRESH_SHARE
 from fwav_companion.tracking.landmarks.joint_place import Correction, Transition
 from fwav_companion.tracking.landmarks.state_vector import SharedErrors
@@ -207,7 +207,7 @@ class LandmarkFilter(msgspec.Struct, frozen=True):
         columns = level_columns(fix, *toward, height_m)
         measurement = errors.with_columns(errors.decorrelated(fix, since_s), columns)
         rows = model.rows(measurement, fix)
-        by_height, survey = np.array(columns[Bias.HEIGHT]), model.survey(sight.landmark)
+        by_height, survey = np.array(columns[SENSITIVE.index(Bias.HEIGHT)]), model.survey(sight.landmark)
         rows[:, model.altitude] = by_height
         rows[0, survey.start] = rows[1, survey.start + 1] = 1.0
         rows[:, survey.start + 2] = by_height
