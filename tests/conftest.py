@@ -15,6 +15,8 @@ import pytest
 from hypothesis import settings
 from kept import FOLDER
 
+from fwav_companion.cli.main import BLAS_THREADS
+
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.load_profile("repeatable")
 """What fails here fails everywhere."""
@@ -33,6 +35,7 @@ def pytest_xdist_auto_num_workers() -> int | None:
 def pytest_configure(config: pytest.Config) -> None:
     """Workers inherit the folder of the process that starts them, and write their services' status files apart."""
     worker = os.environ.get("PYTEST_XDIST_WORKER", "main")
+    os.environ.update(dict.fromkeys(BLAS_THREADS, "1"))  # as the commands do; the workers use the cores already
     if not hasattr(config, "workerinput"):
         os.environ[FOLDER] = tempfile.mkdtemp(prefix="fwav-tests-")
         config.add_cleanup(lambda: shutil.rmtree(os.environ.pop(FOLDER), ignore_errors=True))

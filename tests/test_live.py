@@ -8,6 +8,7 @@ import signal
 import socket
 
 import pytest
+from draws import first_of
 from processes import process
 from sites import Site
 
@@ -57,7 +58,7 @@ def test_the_terminal_shows_what_the_ground_station_shows(site: Site):
 
 
 @pytest.mark.timeout(120)
-@pytest.mark.parametrize("scenario", ["old_ardupilot", "unbiased", "px4"])
+@pytest.mark.parametrize("scenario", first_of("old_ardupilot", "unbiased", "px4"))
 def test_every_landing_consumer_takes_what_is_sent(site: Site, scenario: str):
     site.replace("landing_target = false", "landing_target = true")
     site.replace('landing_label = ""', 'landing_label = "target"')

@@ -154,6 +154,7 @@ class Radio:
                 self.heard += self._listener.feed(os.read(self._near, 4096))
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(300)
 def test_a_serial_radio_is_not_filled_and_its_commands_and_parameters_arrive(site: Site):
     """PX4 streams 26 kB/s; 57 600 baud carry 5.76."""

@@ -107,6 +107,7 @@ def test_mavproxy_prints_our_texts_once_it_listens_to_every_component(site: Site
         assert service.stop() == 0
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(400)
 def test_mavproxy_gets_its_streams_of_an_autopilot_that_sends_nothing_by_itself(site: Site, mavproxy: tuple[str, str]):
     """It asks for all groups at 4 Hz, again every 15 s; our own rates stay where they are."""

@@ -109,6 +109,7 @@ def test_mavsdks_camera_plugin_finds_the_camera_its_stream_and_its_storage(site:
     }
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(300)
 def test_mavsdk_gets_the_streams_that_it_asks_of_an_autopilot_that_sends_nothing_by_itself(site: Site):
     """By SET_MESSAGE_INTERVAL, which the autopilot answers; the service only merges."""

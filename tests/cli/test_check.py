@@ -8,6 +8,7 @@ import socket
 import threading
 
 import pytest
+from draws import first_of
 from processes import STARTING_S, process
 
 from fwav_companion.cli.main import main
@@ -121,7 +122,7 @@ def test_a_wrong_configuration_is_one_line_and_exit_2(tmp_path, capsys):
 
 
 @pytest.mark.parametrize("words", [(), ("--shake", "--tag-size", "0.16")], ids=["", "shake"])
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
+@pytest.mark.parametrize("number", first_of(signal.SIGTERM, signal.SIGHUP, signal.SIGINT))
 def test_ended_from_outside_it_leaves_nothing_behind(site, tmp_path, words, number):
     socket_file, temporary = site.folder / "detections", tmp_path / "temporary"
     temporary.mkdir()

@@ -13,6 +13,7 @@ from fwav_companion.cli.main import main
 SHAKE = ("--shake", "--tag-size", "0.16")
 
 
+@pytest.mark.slow
 def test_a_new_user_finds_a_late_camera_and_its_crooked_mount(site):
     with site.mock("--scenario", "shake_late_and_crooked", seconds=90.0) as mock:
         mock.wait_for("sitl-mock ready")

@@ -13,6 +13,7 @@ from typing import Any
 
 import msgspec
 from flying import Companion
+from kept import kept
 from mavlink_wire import Wire
 
 from fwav_companion.geometry.stamps import HostNs
@@ -69,6 +70,10 @@ class Observed(Companion):
         self.datagrams: list[bytes] = []
         self._take, self.pipeline.take = self.pipeline.take, self._taken
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Everything but what only flies it."""
+        return {name: value for name, value in super().__getstate__().items() if name not in ("_alter", "_station")}
+
     @property
     def now(self) -> Any:
         """The last instant of the flight."""
@@ -106,12 +111,17 @@ def _flown(
     changes: Mapping[str, Any] | None = None,
     alter: Callable[[int, dict[str, Any]], dict[str, Any]] = lambda _number, frame: frame,
 ) -> Observed:
-    mock = simulate(scenario(name).but({"seconds": seconds, **(changes or {})}))
-    companion = Observed(settings, unix_minus_host_s=mock.unix_minus_host_s, sightings=True, alter=alter)
-    for _ in mock.drive(companion):
-        pass
-    companion.finish()
-    return companion
+    """A copy of the flight, which is flown once in a run of the tests."""
+
+    def fly() -> Observed:
+        mock = simulate(scenario(name).but({"seconds": seconds, **(changes or {})}))
+        companion = Observed(settings, unix_minus_host_s=mock.unix_minus_host_s, sightings=True, alter=alter)
+        for _ in mock.drive(companion):
+            pass
+        companion.finish()
+        return companion
+
+    return kept(repr(("outside", name, seconds, settings, changes, alter.__qualname__)), fly)
 
 
 def _two_that_are_one(number: int, frame: dict[str, Any]) -> dict[str, Any]:

@@ -79,6 +79,7 @@ def test_clock(name, differences, clock_s, target_m):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1200)
 def test_a_slow_clock_behind_ten_milliseconds_of_jitter_is_a_millisecond_off_and_claims_about_that():
     """Forty seeds of 103. The mock's wire keeps the order of messages, so a hundred a second delay one another: the
     fastest answers are later than the fastest requests by some tenths of a millisecond, which no exchange shows. A

@@ -11,7 +11,7 @@ from flying import fly
 
 from sitl_mock import scenario
 
-ORBIT = {"seconds": 30.0}
+ORBIT = {"seconds": 30.0, "camera.fps": 15.0}
 
 
 @pytest.mark.parametrize("seed", first_of(2, 3, 5))

@@ -74,7 +74,13 @@ FAULTS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", FAULTS)
+FEWER = ("charuco, motion", "charuco, dictionary and swapped", "aprilgrid, defocused", "charuco, far")
+"""Each of these differs from another fault in the kind of board, or joins two."""
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow) if name in FEWER else name for name in FAULTS]
+)
 def test_the_reason_is_named(name, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     board, draw, expected = FAULTS[name]

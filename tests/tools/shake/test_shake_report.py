@@ -5,6 +5,7 @@ from math import radians
 
 import numpy as np
 import pytest
+from frozen import hold, keys
 from hands import FORWARD_DOWN, Hands
 
 from fwav_companion.geometry.mounts import body_from_camera_from_euler
@@ -44,6 +45,10 @@ def test_people_read_it_all(shaken):
     assert "rates come 11." in said or "rates come 10." in said
     for line in CONFIGURED.toml_lines(shaken):
         assert line in said.splitlines()
+
+
+def test_its_json_has_the_keys_that_others_read(shaken):
+    hold("shake", keys([CONFIGURED.json_object(shaken, ok=True)], "shake"))
 
 
 def test_a_wrong_sign_offers_no_lines_and_its_name():
