@@ -10,31 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mavlink_wire import Wire, unknown_frame
+from scanned_streams import LONGEST, corrupted, good_frames, is_subsequence, scanned
 
-from fwav_companion.mavlink.wire.scanner import BURST, MAX_FLOWS, TRIALS_PER_KIB, Scanner
-from tests.benchmarks.adversary import CHUNK, patterns, scan
+from fwav_companion.mavlink.wire.scanner import Scanner
 
 CORPUS = sorted((Path(__file__).parent / "corpus").glob("*.bin"))
-LONGEST = 280
-
-
-def scanned(data: bytes, cuts: list[int] | None = None) -> list[bytes]:
-    """The frames of a stream that is then quiet, divided at the given places."""
-    scanner = Scanner()
-    edges = [0, *sorted(cut % (len(data) + 1) for cut in cuts or []), len(data)]
-    frames = [frame for start, end in pairwise(edges) for frame in scanner.feed(data[start:end])]
-    return [frame.data for frame in frames + scanner.settle()]
-
-
-def good_frames(count: int = 40) -> list[bytes]:
-    one, two, old = Wire(1, 1), Wire(255, 190), Wire(3, 1, version=1)
-    makers = (one.attitude, one.heartbeat, two.heartbeat, old.attitude, lambda: two.command(1, 1))
-    return [makers[i % len(makers)]() for i in range(count)]
-
-
-def is_subsequence(wanted: list[bytes], found: list[bytes]) -> bool:
-    rest = iter(found)
-    return all(any(frame == other for other in rest) for frame in wanted)
 
 
 @pytest.mark.parametrize("path", CORPUS, ids=lambda path: path.stem)
@@ -132,7 +112,7 @@ def test_no_good_frame_is_lost_beside_a_corrupted_one() -> None:
     stream, wanted = [], []
     for i, frame in enumerate(frames):
         if i % 7 == 3:
-            stream.append(_corrupted(frame, rng))
+            stream.append(corrupted(frame, rng))
         else:
             stream.append(frame)
             wanted.append(frame)
@@ -142,146 +122,6 @@ def test_no_good_frame_is_lost_beside_a_corrupted_one() -> None:
     known = [frame for frame in wanted if frame[7:10] != b"\xef\xcd\xab"]
     assert is_subsequence(known, found)
     assert len(found) < 10_200 * 1.05
-
-
-@pytest.mark.parametrize("datagrams", [False, True])
-@pytest.mark.parametrize("name", patterns())
-def test_the_trials_are_bounded_for_any_bytes(monkeypatch: pytest.MonkeyPatch, name: str, datagrams: bool) -> None:
-    """Counted, not timed: headers that are examined one by one."""
-    trials = 0
-    examine = Scanner._frame_at
-
-    def counted(scanner: Scanner, buffer: bytes, position: int) -> object:
-        nonlocal trials
-        trials += 1
-        return examine(scanner, buffer, position)
-
-    monkeypatch.setattr(Scanner, "_frame_at", counted)
-    data = patterns()[name]
-    scanner = scan(data, datagrams=datagrams)
-    chunks = len(data) / CHUNK
-    earned = BURST + TRIALS_PER_KIB * len(data) / 1024
-    assert trials <= 1.1 * earned + 4 * chunks, "and a few where a chunk ends"
-    assert scanner.skipped_bytes <= len(data)
-    assert 0 <= scanner.shed_bytes <= scanner.skipped_bytes
-
-
-def test_what_is_shed_costs_no_frame_of_a_known_sender() -> None:
-    wire = Wire(1, 1)
-    scanner = Scanner(datagrams=True)
-    assert len(scanner.feed(wire.attitude())) == 1
-    for number in range(2000):
-        assert scanner.feed(b"\xfe" * 500) == []
-        assert len(scanner.feed(wire.attitude(number))) == 1
-    assert scanner.shed_bytes > 900_000
-
-
-def test_noise_and_a_stream_of_which_half_is_corrupted_shed_nothing() -> None:
-    rng = random.Random(4)
-    noise = Scanner()
-    for _ in range(2000):
-        noise.feed(rng.randbytes(512))
-    assert noise.shed_bytes == 0
-    frames = [Wire(1, 1).attitude(i) for i in range(4000)]
-    data = b"".join(_corrupted(frame, rng) if i % 2 else frame for i, frame in enumerate(frames))
-    scanner = Scanner()
-    found = [frame.data for at in range(0, len(data), 256) for frame in scanner.feed(data[at : at + 256])]
-    assert is_subsequence(frames[:-2:2], found)
-    assert scanner.shed_bytes == 0
-
-
-def test_senders_beyond_the_table_forget_the_unused_ones_alone() -> None:
-    wire, scanner = Wire(1, 1), Scanner(max_flows=64)
-    for number in range(500):
-        assert scanner.feed(wire.attitude(number) + Wire(2 + number % 250, number % 7).heartbeat())
-        assert len(scanner._flows) <= 64
-    assert scanner.shed_bytes == 0
-
-
-def _corrupted(frame: bytes, rng: random.Random) -> bytes:
-    at = rng.randrange(len(frame))
-    kind = rng.choice(("altered", "lost", "added", "burst"))
-    if kind == "lost":
-        return frame[:at] + frame[at + 1 :]
-    if kind == "added":
-        return frame[:at] + bytes((rng.randrange(256),)) + frame[at:]
-    width = 1 if kind == "altered" else 6
-    noise = bytes(byte ^ rng.randrange(1, 256) for byte in frame[at : at + width])
-    return frame[:at] + noise + frame[at + width :]
-
-
-def test_an_unknown_frame_of_a_stream_waits_for_what_follows() -> None:
-    scanner = Scanner()
-    wire = Wire()
-    assert len(scanner.feed(wire.heartbeat())) == 1
-    assert scanner.feed(unknown_frame()) == []
-    assert scanner.undecided
-    (unknown, known) = scanner.feed(wire.heartbeat())
-    assert (unknown.known, known.known, scanner.undecided) == (False, True, False)
-    assert unknown.data == unknown_frame()
-
-
-def test_an_unknown_frame_before_a_pause_is_taken_when_the_line_is_quiet() -> None:
-    scanner = Scanner()
-    scanner.feed(Wire().heartbeat() + unknown_frame())
-    (unknown,) = scanner.settle()
-    assert unknown.data == unknown_frame()
-    assert scanner.settle() == []
-
-
-def test_an_unknown_frame_that_no_frame_follows_is_noise() -> None:
-    wire = Wire()
-    first, second = wire.heartbeat(), wire.heartbeat()
-    assert scanned(first + unknown_frame() + b"x" + second) == [first, second]
-
-
-def unknown_header(length: int) -> bytes:
-    return b"\xfd" + bytes((length, 0, 0, 0, 1, 1)) + b"\xaa\xbb\xcc"
-
-
-def test_noise_like_an_unknown_frame_that_ends_where_another_begins_swallows_none() -> None:
-    wire = Wire()
-    inside, after = wire.attitude(), wire.heartbeat()
-    assert scanned(b"noise" + unknown_header(len(inside) - 2) + inside + after) == [inside, after]
-
-
-def test_noise_like_an_unknown_frame_that_ends_inside_a_known_one_swallows_none() -> None:
-    """Judged when the known one has only come in part."""
-    known = Wire().attitude(0xFDFDFDFD)
-    noise = b"noise" + unknown_header(9)  # with two bytes of checksum it ends at the second byte of known's payload
-    for cut in range(1, len(noise + known)):
-        assert scanned(noise + known, [cut]) == [known]
-
-
-def test_noise_in_an_unknown_frame_after_noise_holds_nothing_up_unless_its_id_is_known() -> None:
-    wire = Wire()
-    start_of_unknown = b"\xfd\xff\x00\x00\x00\x01\x01\xaa\xbb\xcc"
-    assert len(Scanner().feed(b"noise" + unknown_frame(payload=start_of_unknown) + wire.heartbeat())) == 2
-    start_of_known = b"\xfd\xff\x00\x00\x00\x01\x01\x00\x00\x00"
-    scanner = Scanner()
-    assert scanner.feed(b"noise" + unknown_frame(payload=start_of_known) + wire.heartbeat()) == []
-    assert len(scanner.feed(wire.attitude() * 7)) == 9
-
-
-def test_what_was_found_clear_in_bytes_that_are_gone_is_not_clear_in_those_that_follow() -> None:
-    wire = Wire()
-    scanner = Scanner()
-    assert len(scanner.feed(b"noise" + unknown_frame(payload=b"\xfd\x00\x09" * 15) + wire.heartbeat())) == 2
-    inside, after = wire.attitude(), wire.heartbeat()
-    found = scanner.feed(b"noise" + unknown_header(len(inside) - 2) + inside + after)
-    assert [frame.data for frame in found] == [inside, after]
-
-
-def test_an_unknown_frame_after_noise_is_taken_where_nothing_known_is_inside() -> None:
-    wire = Wire()
-    before, after = wire.heartbeat(), wire.heartbeat()
-    unknown = unknown_frame(payload=b"\xfd\xfe\xfd\x00\x00" * 9)
-    assert scanned(before + b"noise" + unknown + after) == [before, unknown, after]
-
-
-def test_an_unknown_frame_in_a_datagram_is_taken_at_its_end() -> None:
-    (unknown,) = Scanner(datagrams=True).feed(unknown_frame())
-    assert unknown.data == unknown_frame()
 
 
 def test_a_datagram_that_was_cut_off_does_not_hold_up_the_next() -> None:
@@ -319,38 +159,6 @@ def test_a_reset_forgets_what_was_begun() -> None:
     scanner.feed(wire.attitude()[:30])
     scanner.reset()
     assert len(scanner.feed(wire.heartbeat())) == 1
-
-
-RUN = b"\xfe\xe0" * 112 + Wire().attitude()
-"""Unknown frames of MAVLink 1, each beginning inside the one before, and a known one that refutes them all."""
-
-
-@pytest.mark.parametrize(
-    "pattern", [b"\xfd", b"\xfe", b"\xfd\x00", b"\xfe\x0d", b"\xfd\x01\x00", b"\xfe\xff\xfd\x00\x00", RUN]
-)
-def test_hostile_patterns_cost_linear_time(pattern) -> None:
-    """Counted, not timed: the number of checksums that are computed for a megabyte of the worst pattern."""
-    scanner = Scanner()
-    calls = 0
-    plain = scanner._frame_at
-
-    def counted(buffer, position):
-        nonlocal calls
-        calls += 1
-        return plain(buffer, position)
-
-    scanner._frame_at = counted
-    for _ in range(20):
-        scanner.feed(pattern * (5000 // len(pattern)))
-    assert calls <= 3 * 100_000
-
-
-def test_strangers_do_not_fill_the_table_of_flows() -> None:
-    scanner = Scanner()
-    for system in range(1, 101):
-        for component in range(1, 101):
-            scanner.feed(Wire(system, component).heartbeat())
-    assert len(scanner._flows) <= MAX_FLOWS
 
 
 @settings(max_examples=300)

@@ -1,0 +1,98 @@
+"""What hostile bytes cost the scanner: counted checksums and bounded tables."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+from mavlink_wire import Wire
+from scanned_streams import corrupted, is_subsequence
+
+from fwav_companion.mavlink.wire.scanner import BURST, MAX_FLOWS, TRIALS_PER_KIB, Scanner
+from tests.benchmarks.adversary import CHUNK, patterns, scan
+
+
+@pytest.mark.parametrize("datagrams", [False, True])
+@pytest.mark.parametrize("name", patterns())
+def test_the_trials_are_bounded_for_any_bytes(monkeypatch: pytest.MonkeyPatch, name: str, datagrams: bool) -> None:
+    """Counted, not timed: headers that are examined one by one."""
+    trials = 0
+    examine = Scanner._frame_at
+
+    def counted(scanner: Scanner, buffer: bytes, position: int) -> object:
+        nonlocal trials
+        trials += 1
+        return examine(scanner, buffer, position)
+
+    monkeypatch.setattr(Scanner, "_frame_at", counted)
+    data = patterns()[name]
+    scanner = scan(data, datagrams=datagrams)
+    chunks = len(data) / CHUNK
+    earned = BURST + TRIALS_PER_KIB * len(data) / 1024
+    assert trials <= 1.1 * earned + 4 * chunks, "and a few where a chunk ends"
+    assert scanner.skipped_bytes <= len(data)
+    assert 0 <= scanner.shed_bytes <= scanner.skipped_bytes
+
+
+def test_what_is_shed_costs_no_frame_of_a_known_sender() -> None:
+    wire = Wire(1, 1)
+    scanner = Scanner(datagrams=True)
+    assert len(scanner.feed(wire.attitude())) == 1
+    for number in range(2000):
+        assert scanner.feed(b"\xfe" * 500) == []
+        assert len(scanner.feed(wire.attitude(number))) == 1
+    assert scanner.shed_bytes > 900_000
+
+
+def test_noise_and_a_stream_of_which_half_is_corrupted_shed_nothing() -> None:
+    rng = random.Random(4)
+    noise = Scanner()
+    for _ in range(2000):
+        noise.feed(rng.randbytes(512))
+    assert noise.shed_bytes == 0
+    frames = [Wire(1, 1).attitude(i) for i in range(4000)]
+    data = b"".join(corrupted(frame, rng) if i % 2 else frame for i, frame in enumerate(frames))
+    scanner = Scanner()
+    found = [frame.data for at in range(0, len(data), 256) for frame in scanner.feed(data[at : at + 256])]
+    assert is_subsequence(frames[:-2:2], found)
+    assert scanner.shed_bytes == 0
+
+
+def test_senders_beyond_the_table_forget_the_unused_ones_alone() -> None:
+    wire, scanner = Wire(1, 1), Scanner(max_flows=64)
+    for number in range(500):
+        assert scanner.feed(wire.attitude(number) + Wire(2 + number % 250, number % 7).heartbeat())
+        assert len(scanner._flows) <= 64
+    assert scanner.shed_bytes == 0
+
+
+RUN = b"\xfe\xe0" * 112 + Wire().attitude()
+"""Unknown frames of MAVLink 1, each beginning inside the one before, and a known one that refutes them all."""
+
+
+@pytest.mark.parametrize(
+    "pattern", [b"\xfd", b"\xfe", b"\xfd\x00", b"\xfe\x0d", b"\xfd\x01\x00", b"\xfe\xff\xfd\x00\x00", RUN]
+)
+def test_hostile_patterns_cost_linear_time(pattern) -> None:
+    """Counted, not timed: the number of checksums that are computed for a megabyte of the worst pattern."""
+    scanner = Scanner()
+    calls = 0
+    plain = scanner._frame_at
+
+    def counted(buffer, position):
+        nonlocal calls
+        calls += 1
+        return plain(buffer, position)
+
+    scanner._frame_at = counted
+    for _ in range(20):
+        scanner.feed(pattern * (5000 // len(pattern)))
+    assert calls <= 3 * 100_000
+
+
+def test_strangers_do_not_fill_the_table_of_flows() -> None:
+    scanner = Scanner()
+    for system in range(1, 101):
+        for component in range(1, 101):
+            scanner.feed(Wire(system, component).heartbeat())
+    assert len(scanner._flows) <= MAX_FLOWS
