@@ -42,9 +42,9 @@ without a request: ``{"ATTITUDE_QUATERNION": 100.0, "GLOBAL_POSITION_INT": 10.0}
 Live, as a separate process: ``sitl-mock --connect udpout:127.0.0.1:14540 --detections 127.0.0.1:14601 --seconds 20``.
 """
 
+from sitl_mock.autopilot_options import AutopilotOptions
 from sitl_mock.camera import FrameTruth
 from sitl_mock.options import (
-    AutopilotOptions,
     Biases,
     CameraOptions,
     FlightOptions,

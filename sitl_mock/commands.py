@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import isfinite
 
+from sitl_mock.autopilot_options import AutopilotOptions
 from sitl_mock.broadcast import Broadcast
 from sitl_mock.codec import NAMES, NUMBERS, Heard
-from sitl_mock.options import AutopilotOptions
 from sitl_mock.radio import Radio
 
 ACCEPTED, DENIED, UNSUPPORTED, FAILED = 0, 2, 3, 4

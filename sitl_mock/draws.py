@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from math import exp, radians, sqrt
 from random import Random
 
-from sitl_mock.options import Options, PositionShift
+from sitl_mock.option_types import PositionShift
+from sitl_mock.options import Options
 from sitl_mock.rotation import Vector
 
 GRID_PARTS = 60

@@ -7,8 +7,8 @@ from math import isfinite
 from typing import Any
 
 from sitl_mock.agenda import Agenda
+from sitl_mock.autopilot_options import AutopilotOptions
 from sitl_mock.codec import Heard
-from sitl_mock.options import AutopilotOptions
 from sitl_mock.radio import Radio
 
 INT32, REAL32 = 6, 9

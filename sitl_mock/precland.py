@@ -8,10 +8,10 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
+from sitl_mock.autopilot_options import AutopilotOptions
 from sitl_mock.belief import Belief
 from sitl_mock.codec import Heard
 from sitl_mock.landing import CONSUMERS, Situation
-from sitl_mock.options import AutopilotOptions
 from sitl_mock.radio import Radio
 from sitl_mock.rotation import minus, norm
 from sitl_mock.scene import Target

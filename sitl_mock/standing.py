@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from sitl_mock.options import AutopilotOptions
+from sitl_mock.autopilot_options import AutopilotOptions
 
 FLAPPING_WING = 16
 ARDUPILOT, PX4 = 3, 12

@@ -14,7 +14,7 @@ GCS_Common.cpp (set_message_interval, handle_request_data_stream); PX4 1.14, src
 
 from __future__ import annotations
 
-from sitl_mock.options import AutopilotOptions
+from sitl_mock.autopilot_options import AutopilotOptions
 
 ARDUPILOT_HZ = {
     "HEARTBEAT": 1.0,

@@ -10,7 +10,7 @@ from bisect import bisect_right
 from itertools import pairwise
 from typing import NamedTuple
 
-from sitl_mock.options import Waypoint
+from sitl_mock.option_types import Waypoint
 
 Curve = tuple[float, float, float, float]
 """A value and its first three derivatives."""

@@ -160,8 +160,8 @@ class StayingConnected:
     def _went_down(self, why: str) -> None:
         """Report the loss unless the link was down already: one report per outage, whatever later attempts say."""
         self._release()
-        told, self.state, self._why = self.state is LinkState.DOWN, LinkState.DOWN, why
-        if not told:
+        was_down, self.state, self._why = self.state is LinkState.DOWN, LinkState.DOWN, why
+        if not was_down:
             self._on_state(self.name, False, why)
 
     def _release(self) -> None:

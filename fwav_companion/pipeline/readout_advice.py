@@ -1,4 +1,4 @@
-"""Tells whether an unknown readout limits the accuracy: then `readout_s` should be set. Pure."""
+"""Decides whether an unknown readout limits the accuracy: then `readout_s` should be set. Pure."""
 
 from __future__ import annotations
 

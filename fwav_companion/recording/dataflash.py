@@ -66,21 +66,21 @@ def is_dataflash(data: bytes) -> bool:
 def read_records(data: bytes, wanted: Mapping[str, Wanted]) -> Iterator[tuple[str, Values] | SkippedBytes]:
     """The wanted records in file order, and the damaged stretches between them."""
     formats = {_FMT: _Format("FMT", HEAD_BYTES + _FMT_BODY.size)}
-    at = told = 0
+    at = reported = 0
     while 0 <= at < len(data):
         found = _format_at(data, at, formats)
         if found is None:
             at = data.find(HEAD, at + 1)
             continue
-        if told < at:
-            yield SkippedBytes(told, at - told)
+        if reported < at:
+            yield SkippedBytes(reported, at - reported)
         if data[at + 2] == _FMT:
             _learn(data, at, formats, wanted)
         elif found.struct is not None:
             yield found.name, found.values(data, at)
-        at = told = at + found.length
-    if told < len(data):
-        yield SkippedBytes(told, len(data) - told)
+        at = reported = at + found.length
+    if reported < len(data):
+        yield SkippedBytes(reported, len(data) - reported)
 
 
 def _format_at(data: bytes, at: int, formats: Mapping[int, _Format]) -> _Format | None:

@@ -24,7 +24,7 @@ time alone would not be in order."""
 TELEMETRY, DETECTIONS, TARGETS = "telemetry.tlog", "detections.jsonl", "targets.jsonl"
 FILES = (TELEMETRY, DETECTIONS, TARGETS)
 FOLDER_MODE, FILE_MODE = 0o750, 0o640
-"""A recording shows where somebody was, and what was seen: it is for its owner and group."""
+"""Recordings show places and people: only the owner and the group may read them."""
 
 
 class SpaceError(CompanionError):

@@ -35,11 +35,11 @@ MAV_MODE_FLAG_SAFETY_ARMED: Final = 128
 BEYOND: Final = 2.0**62
 """More than any message field can hold."""
 
-Told = tuple[int, str, Mapping[str, Any]]
+TimedMessage = tuple[int, str, Mapping[str, Any]]
 """(boot time in microseconds, MAVLink name of the message, its fields)."""
 
 
-def messages_of(log: FlightLog) -> Iterator[Told]:
+def messages_of(log: FlightLog) -> Iterator[TimedMessage]:
     """The autopilot's messages in order of time; each TIMESYNC request of ours is followed by its answer."""
     streams = (
         _beats(log),
@@ -48,10 +48,10 @@ def messages_of(log: FlightLog) -> Iterator[Told]:
         map(_position, log.positions, _velocities(log.positions)),
         map(_range, log.ranges),
     )
-    return merge(*streams, key=lambda told: told[0])
+    return merge(*streams, key=lambda timed: timed[0])
 
 
-def _beats(log: FlightLog) -> Iterator[Told]:
+def _beats(log: FlightLog) -> Iterator[TimedMessage]:
     """Heartbeats and clock exchanges around the samples only: a damaged sample days away does not fill the days."""
     times = [each.boot_us for series in (log.attitudes, log.positions) for each in series]
     if not times:
@@ -91,7 +91,7 @@ _HEARTBEAT: Final = {
 }
 
 
-def _attitude(attitude: LoggedAttitude) -> Told:
+def _attitude(attitude: LoggedAttitude) -> TimedMessage:
     w, x, y, z = attitude.ned_from_body
     p, q, r = attitude.rates
     fields = {"time_boot_ms": _ms(attitude.boot_us), "q1": w, "q2": x, "q3": y, "q4": z}
@@ -114,7 +114,7 @@ def _mean_velocity(before: LoggedPosition, after: LoggedPosition) -> Vector3:
     return scale(moved, US_PER_S / span_us)
 
 
-def _position(position: LoggedPosition, velocity_ned: Vector3) -> Told:
+def _position(position: LoggedPosition, velocity_ned: Vector3) -> TimedMessage:
     north, east, down = (max(-32767, min(32767, _whole(speed, 100.0))) for speed in velocity_ned)
     return (
         position.boot_us,
@@ -133,7 +133,7 @@ def _position(position: LoggedPosition, velocity_ned: Vector3) -> Told:
     )
 
 
-def _range(reading: LoggedRange) -> Told:
+def _range(reading: LoggedRange) -> TimedMessage:
     fields = {
         "time_boot_ms": _ms(reading.boot_us),
         "min_distance": 0,
@@ -147,7 +147,7 @@ def _range(reading: LoggedRange) -> Told:
     return reading.boot_us, "DISTANCE_SENSOR", fields
 
 
-def _gps(fix: LoggedGps) -> Told:
+def _gps(fix: LoggedGps) -> TimedMessage:
     fields = dict.fromkeys(("lat", "lon", "alt"), 0) | dict.fromkeys(("eph", "epv", "vel", "cog"), 65535)
     fields |= {"time_usec": fix.boot_us, "fix_type": fix.fix_type, "satellites_visible": 255}
     return fix.boot_us, "GPS_RAW_INT", fields

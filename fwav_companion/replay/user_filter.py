@@ -16,8 +16,8 @@ from fwav_companion.tracking.filters.base import Filter
 def load_own_filter(config: Config, *, allow_code: bool, never_from: Iterable[Path]) -> Filter | None:
     """An instance of the configured class; None for a built-in filter. ConfigError if it cannot be loaded.
 
-    A configuration may come from somebody else with a recording: ``allow_code`` says that the user wants its code to
-    run. ``never_from``: the recording's files, from whose folders nothing is imported even so.
+    A configuration may come from another person with a recording: ``allow_code`` says that the user wants its code
+    to run. ``never_from``: the recording's files, from whose folders nothing is imported even so.
     """
     if not config.tracking.is_own_filter:
         return None

@@ -12,7 +12,7 @@ from fwav_companion.types.board import BoardReport, LinkLoad
 from fwav_companion.types.network_status import LinkReport
 
 NAME_LENGTH = 12
-"""Hexadecimal digits: enough to tell the boards of one operation apart."""
+"""Hexadecimal digits: enough to distinguish the boards of one operation."""
 TIME_ERROR = 5
 """Return value of adjtimex(2) while the clock is not synchronised."""
 TIMEX_BYTES = 256

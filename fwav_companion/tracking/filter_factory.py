@@ -42,8 +42,8 @@ def make_tracker(
 ) -> Tracker:
     """The tracker that [tracking] asks for.
 
-    ``state_at`` tells the vehicle's state at an instant of the last second or so; self-calibration finds a large time
-    offset only with it. ``kept``: a calibration of an earlier flight with this camera.
+    ``state_at`` returns the vehicle's state at an instant of the last second or so; self-calibration finds a large
+    time offset only with it. ``kept``: a calibration of an earlier flight with this camera.
     """
     if options.filter == "lowpass":
         paper = LowPass(options.alpha, options.alpha_rate_hz, priors)
@@ -72,7 +72,7 @@ def tracker_with(
 ) -> Tracker:
     """A tracker by a filter that stays as it is, be it the paper's or one of the user's own.
 
-    Self-calibration then runs beside it: told, but not applied.
+    Self-calibration then runs in parallel: its values are reported and not applied.
     """
     calibrator = _calibrator(priors, state_at, kept) if self_calibration else None
     return Tracker(belief_filter, KEEP_STATIC_NS, calibrator, corrects=False)

@@ -63,12 +63,12 @@ class CalibratedTargetState(msgspec.Struct, frozen=True):
 
     @property
     def velocity_ned(self) -> Vector3 | None:
-        """A standing target has none to tell."""
+        """None: the target is known to stand."""
         return None
 
     @property
     def velocity_cov(self) -> Matrix3 | None:
-        """A standing target has none to tell."""
+        """None: the target is known to stand."""
         return None
 
     def predict(self, host_ns: HostNs) -> TargetState:
@@ -86,7 +86,7 @@ class CalibratedTargetState(msgspec.Struct, frozen=True):
 
 
 class MisplacedTargetState(msgspec.Struct, frozen=True):
-    """A track that is told while the mount is known to be wrong: where it was taken to be, and hardly surely so."""
+    """State of a track that is published while the mount is known to be wrong: its position with a large sigma."""
 
     taken: TargetState
     misplaced_m: float
@@ -119,7 +119,7 @@ class MisplacedTargetState(msgspec.Struct, frozen=True):
 
     @property
     def velocity_cov(self) -> Matrix3 | None:
-        """None is told."""
+        """None, as the velocity."""
         return None
 
     def predict(self, host_ns: HostNs) -> TargetState:

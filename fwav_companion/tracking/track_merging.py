@@ -106,5 +106,5 @@ def _substitutes(
 
 
 def _differ_by_id(one: LiveTrack, other: LiveTrack) -> bool:
-    """Whether the detector's own ids tell two tracks apart."""
+    """Whether the detector's own ids distinguish two tracks."""
     return one.detector_id is not None and other.detector_id is not None and one.detector_id != other.detector_id

@@ -45,7 +45,7 @@ def test_a_rate_that_falls_without_a_visible_cause_is_requested_again_and_report
     them.run(8)
     got = status(them, "ATTITUDE_QUATERNION")
     assert got.measured_hz == pytest.approx(100, rel=0.02)
-    assert got.undone_by == "nobody seen"
+    assert got.undone_by == "no station seen"
     assert NoticeCode.RATE_FELL in [notice.code for notice in them.rates.notices()]
 
 

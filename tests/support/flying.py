@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from math import hypot
 from typing import Any
 
+from configured_links import AUTOPILOT
 from kept import kept
 
 from fwav_companion.camera import parse_calibration
@@ -33,7 +34,7 @@ k_mm: [3.55, 0.03, 0.0, 0.0, 0.0]
 pixels_per_mm: [188.0, 188.0]
 principal_point: [320.0, 240.0]
 """
-LINK = '[[link]]\nname = "autopilot"\nurl = "udpin://127.0.0.1:14540"\nrole = "autopilot"\n'
+LINK = AUTOPILOT
 
 
 class Companion:

@@ -15,6 +15,7 @@ from contextlib import contextmanager
 from math import hypot
 from pathlib import Path
 
+from configured_links import AUTOPILOT, GROUND
 from fastcrc.crc16 import mcrf4xx
 from flying import CAMERA
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -35,21 +36,14 @@ from fwav_companion.vision.wall_clock import WallClock
 from fwav_companion.vision.wire import parse_frame
 
 KEY = bytes(range(32))
-LINKS = """
-[[link]]
-name = "autopilot"
-url = "udpin://127.0.0.1:14540"
-role = "autopilot"
-[[link]]
-name = "ground"
-url = "udpout://127.0.0.1:14550"
-role = "gcs"
+CAMERA_AND_LANDING = """
 [camera]
 calibration = "camera.yaml"
 [publish]
 landing_target = true
 landing_label = "pad"
 """
+LINKS = AUTOPILOT + GROUND + CAMERA_AND_LANDING
 SIGNED = LINKS + '[signing]\nkey_file = "signing.key"\n'
 RADIO = {dialect.MAVLINK_MSG_ID_RADIO, dialect.MAVLINK_MSG_ID_RADIO_STATUS}
 START = 1_000 * NS_PER_S

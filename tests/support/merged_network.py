@@ -9,6 +9,8 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 from typing import Any
 
+from configured_links import AUTOPILOT, GROUND, TABLET
+
 from fwav_companion.config import parse
 from fwav_companion.geometry.stamps import HostNs, whole_microseconds
 from fwav_companion.mavlink.router.node import Received
@@ -19,22 +21,7 @@ from sitl_mock.codec import NUMBERS, Heard, Listener, Speaker
 
 SECOND_NS = 1_000_000_000
 SET_MESSAGE_INTERVAL, REQUEST_MESSAGE = 511, 512
-LINKS = """
-[[link]]
-name = "autopilot"
-url = "udpin://127.0.0.1:14540"
-role = "autopilot"
-[[link]]
-name = "ground"
-url = "udpout://127.0.0.1:14550"
-role = "gcs"
-[[link]]
-name = "tablet"
-url = "udpout://127.0.0.1:14551"
-role = "gcs"
-[detections]
-url = ""
-"""
+LINKS = AUTOPILOT + GROUND + TABLET + '[detections]\nurl = ""\n'
 
 
 class Station:

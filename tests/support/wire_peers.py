@@ -8,6 +8,7 @@ import select
 import socket
 import time
 import tty
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 
 from mavlink_wire import Wire
@@ -20,7 +21,7 @@ HELLO = Wire(200, 200).frame("PING", 0, 1, *(1, 191))
 """A valid frame that makes its source a peer of a UDP server, and that the daemon does not forward: it is for it."""
 
 
-class Peer:
+class Peer(ABC):
     """Sends bytes and collects what arrives; :attr:`url` is the daemon's configured URL for it."""
 
     url: str
@@ -36,24 +37,27 @@ class Peer:
             assert time.monotonic() < deadline, f"no heartbeat by {self.url}"
             self.greet()
 
-    def connect(self) -> None:
+    def connect(self) -> None:  # noqa: B027  # a serial line is there
         """Connect from this side."""
 
-    def greet(self) -> None:
+    def greet(self) -> None:  # noqa: B027  # only a UDP server learns its peers
         """Greet again: the daemon may not have listened."""
 
+    @abstractmethod
     def send(self, data: bytes) -> None:
-        raise NotImplementedError
+        """Send bytes to the daemon."""
 
+    @abstractmethod
     def fileno(self) -> int:
-        raise NotImplementedError
+        """The descriptor that becomes readable when bytes have come."""
 
+    @abstractmethod
     def take(self) -> bytes:
         """The bytes that can be read now."""
-        raise NotImplementedError
 
+    @abstractmethod
     def close(self) -> None:
-        raise NotImplementedError
+        """Close the link."""
 
     def collect(self, count: int) -> list[bytes]:
         """Foreign frames, once ``count`` of them have arrived."""

@@ -13,7 +13,7 @@ PRESENT_NS = 15 * NS_PER_S
 """Time after a ground station's last heartbeat for which it counts as present."""
 MOST_STATIONS = 8
 COMMANDS = frozenset({"COMMAND_LONG", "COMMAND_INT"})
-NO_STATION = "nobody seen"
+NO_STATION = "no station seen"
 
 
 class RateCompetitors:

@@ -72,7 +72,7 @@ class _Nothing(Enum):
     """Reason why no frame begins at a byte."""
 
     HERE = "no frame"
-    YET = "more bytes are needed to tell"
+    YET = "more bytes are needed to decide"
     BAD_CHECKSUM = "its checksum is wrong"
     NOT_UNDERSTOOD = "it asks for what we do not know"
 

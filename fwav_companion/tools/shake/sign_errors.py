@@ -65,7 +65,7 @@ OF_ATTITUDE: Final = (
 """Errors of the attitude, and the map of each on turns in body axes."""
 
 CORNER_ORDER: Final = SignError(
-    "corners told in another order",
+    "corners sent in another order",
     "send the tag's corners round the tag, not in rows: top left, top right, bottom right, bottom left of the print",
     False,
 )

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import msgspec
+from configured_links import AUTOPILOT, GROUND
 from flying import CAMERA
 from kept import kept
 
@@ -26,8 +27,6 @@ from fwav_companion.vision.wall_clock import WallClock
 from fwav_companion.vision.wire import parse_frame
 from sitl_mock import Options, simulate
 
-AUTOPILOT = '[[link]]\nname = "autopilot"\nurl = "udpin://127.0.0.1:14540"\nrole = "autopilot"\n'
-GROUND = '[[link]]\nname = "ground"\nurl = "udpout://127.0.0.1:14550"\nrole = "gcs"\n'
 TEXT = AUTOPILOT + GROUND + '[camera]\ncalibration = "camera.yaml"\n'
 SECONDS = 13.0
 

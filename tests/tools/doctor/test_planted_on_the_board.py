@@ -5,7 +5,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from hearing import AUTOPILOT, codes
+from configured_links import AUTOPILOT
+from hearing import codes
 
 from fwav_companion.config import parse
 from fwav_companion.tools.doctor.board import Probe

@@ -4,7 +4,8 @@ import re
 
 import msgspec
 import pytest
-from hearing import AUTOPILOT, TEXT, Hearing, codes, consequences, evidence_of, flown, found, heard
+from configured_links import AUTOPILOT
+from hearing import TEXT, Hearing, codes, consequences, evidence_of, flown, found, heard
 from mavlink_wire import Wire
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 

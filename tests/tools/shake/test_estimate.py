@@ -89,7 +89,7 @@ def test_a_gross_mistake_is_named(name, configured):
 def test_corners_that_are_sent_in_rows_are_named(order, image):
     """They are not reported as a tag that was never seen."""
     shaken = SHORT.but(reorder=order, image=image).found()
-    assert [error.name for error in shaken.sign_errors] == ["corners told in another order"]
+    assert [error.name for error in shaken.sign_errors] == ["corners sent in another order"]
     assert (shaken.delay, shaken.mount) == (None, None)
     assert not any("seen whole" in reason for reason in shaken.not_shown)
 
