@@ -35,10 +35,17 @@ def normalised(name: str) -> str:
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
+@cache
+def statements(path: Path, *, at_start: bool) -> tuple[ast.Import | ast.ImportFrom, ...]:
+    """The imports of a file: all, or those at its top level."""
+    tree = ast.parse(path.read_text())
+    nodes = tree.body if at_start else ast.walk(tree)
+    return tuple(node for node in nodes if isinstance(node, (ast.Import, ast.ImportFrom)))
+
+
 def imported(path: Path, *, at_start: bool = False) -> Iterator[str]:
     """Top-level names of other projects' modules. ``at_start``: only those that importing the file loads."""
-    tree = ast.parse(path.read_text())
-    for node in tree.body if at_start else ast.walk(tree):
+    for node in statements(path, at_start=at_start):
         if isinstance(node, ast.Import):
             modules = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.level == 0:

@@ -24,7 +24,7 @@ CONFIG = LINK + '[camera]\ncalibration = "camera.yaml"\n'
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
     folder = tmp_path_factory.mktemp("flight")
-    flown = fly(scenario("unbiased").but({"seconds": 14.0, "seed": 8}), ["tracking.self_calibration=true"])
+    flown = fly(scenario("unbiased").but({"seconds": 11.0, "seed": 8}), ["tracking.self_calibration=true"])
     for name, content in (("flight.toml", CONFIG), ("camera.yaml", CAMERA)):
         (folder / name).write_text(content)
     (folder / "telemetry.tlog").write_bytes(flown.companion.tlog)

@@ -17,9 +17,12 @@ SHOWN = ("SYS_STATUS", "VFR_HUD", "BATTERY_STATUS", "RC_CHANNELS", "EKF_STATUS_R
 ALL = 0
 
 
-def flown(name: str, *stations: Station, seconds: float = 20.0, **differences: Any) -> MergedNetwork:
+def flown(
+    name: str, *stations: Station, seconds: float = 20.0, attitude_hz: float = 30.0, **differences: Any
+) -> MergedNetwork:
+    """Stations ask for at most 20 Hz: where our own rate is not judged, 30 Hz stand for the usual 100."""
     options = scenario(name).but({"seconds": seconds, "camera.enabled": False, **differences})
-    return MergedNetwork(options, stations).fly()
+    return MergedNetwork(options, stations, text=f"{LINKS}[rates]\nattitude = {attitude_hz}\n").fly()
 
 
 def heard_in(data: bytes) -> list[Heard]:
@@ -35,7 +38,7 @@ def test_arducopter_sends_its_heartbeat_alone_to_a_station_that_asks_for_nothing
 
 def test_a_station_that_asks_arducopter_as_mavproxy_does_gets_all_groups_and_nothing_that_only_we_want():
     station = Station("ground").ask_group(6.0, ALL, 4).ask_group(21.0, ALL, 4)
-    network = flown("arducopter", station, seconds=32.0)
+    network = flown("arducopter", station, seconds=32.0, attitude_hz=100.0)
     rates = station.rates(8.0, 32.0)
     assert {name: rates.get(name) for name in SHOWN} == pytest.approx(dict.fromkeys(SHOWN, 4.0), abs=0.2)
     assert not station.of("ATTITUDE_QUATERNION")
@@ -77,7 +80,7 @@ def test_a_station_that_asks_message_by_message_is_answered_by_the_autopilot_and
 def test_our_rates_follow_in_the_write_that_carries_the_request_unchanged():
     """ArduPilot's own rates fall between the two for no longer than the write takes."""
     station = Station("ground").ask_group(9.0, ALL, 2)
-    network = flown("arducopter", station, seconds=12.0)
+    network = flown("arducopter", station, seconds=12.0, attitude_hz=100.0)
     (write,) = [data for _, data in network.to_autopilot if b"\x42\x00\x00" in data and b"\xff\xbe" in data]
     names = [(heard.name, heard.system) for heard in heard_in(write)]
     assert names[0] == ("REQUEST_DATA_STREAM", 255)
@@ -149,7 +152,7 @@ def test_px4_for_a_radio_keeps_its_own_streams_and_sends_no_quaternion():
 
 def test_px4_for_a_companion_passes_with_attitude_at_four_hertz():
     station = Station("ground")
-    network = flown("px4_onboard", station)
+    network = flown("px4_onboard", station, attitude_hz=100.0)
     rates = station.rates(6.0, 20.0)
     assert (rates["ATTITUDE"], rates["ATTITUDE_QUATERNION"]) == pytest.approx((4.0, 4.0), abs=0.3)
     own = {"VFR_HUD": 10.0, "SYS_STATUS": 5.0, "GLOBAL_POSITION_INT": 50.0, "LOCAL_POSITION_NED": 30.0}

@@ -21,6 +21,7 @@ class Flown:
         options = scenario("unbiased").but({"seconds": SECONDS, "seed": 5, "camera.clutter": 0.0})
         self.mock = simulate(options)
         self.frames = []
+        self._states = {}
         while (at := self.mock.wake_at) is not None:
             for _, what in self.mock.advance(at):
                 if isinstance(what, dict):
@@ -37,10 +38,12 @@ class Flown:
         return "\n".join(lines) + "\n"
 
     def states(self, hz):
-        for count in range(round(SECONDS * hz)):
-            host_ns = self.start_ns + round(count / hz * 1e9)
-            boot_us = self.mock.clock.boot_ns(host_ns) // 1000
-            yield boot_us, self.mock.state_at(host_ns)
+        """(boot time in us, true state) at this rate; every log of the flight has the same ones."""
+        if hz not in self._states:
+            hosts_ns = [self.start_ns + round(count / hz * 1e9) for count in range(round(SECONDS * hz))]
+            boot_us = [self.mock.clock.boot_ns(host_ns) // 1000 for host_ns in hosts_ns]
+            self._states[hz] = list(zip(boot_us, map(self.mock.state_at, hosts_ns), strict=True))
+        return self._states[hz]
 
     def place(self, position):
         return self.mock.world.place(position)
