@@ -13,8 +13,10 @@ from fwav_companion.tracking.filters.maneuver import ManeuverLag
 from fwav_companion.tracking.filters.position_wander import first_place
 from fwav_companion.tracking.filters.schmidt_kalman import (
     PointEstimate,
+    RelativeEstimate,
     first_down,
     first_point_estimate,
+    gain_of,
     relative_estimate,
     scattered,
 )
@@ -27,13 +29,13 @@ class StaticTargetState(StandingTargetState, frozen=True, kw_only=True, gc=False
 
     point: LinearizationPoint
     """Where sensitivities are taken."""
-    now: PointEstimate | None = None
+    now: RelativeEstimate | None = None
     """The place in the frame of the vehicle's report at this fix; None in a frame without one."""
     jump: ManeuverLag = ManeuverLag()
     """Running mean of the innovations, which shows a jump of the vehicle's position."""
 
     @property
-    def relative(self) -> PointEstimate:
+    def relative(self) -> PointEstimate | RelativeEstimate:
         """The place in the frame of the vehicle's report."""
         return super().relative if self.now is None else self.now
 
@@ -63,9 +65,16 @@ class StaticTargetState(StandingTargetState, frozen=True, kw_only=True, gc=False
             before, jump = before.with_noise((nn, ne, ee)), ManeuverLag()
             state = replace(self, wandering=self.wandering.with_jump(0.5 * (nn + ee)))
             innovation = before.innovation(measurement)
-        apparent = before.update(innovation, before.kalman_gain(innovation))
+        weighed = before.weighed(innovation)
+        apparent = before.update(innovation, gain_of(weighed, innovation.cov))
         wandering, fresh, placed_ns = state.placed(apparent, measurement, host_ns)
-        alone = innovation.alone(before, fix.noise_cov)
+        now = relative_estimate(
+            before,
+            innovation.alone(before, fix.noise_cov),
+            weighed,
+            position_noise_m2=errors.position_noise_m2,
+            by_delay=errors.by_delay(measurement),
+        )
         return replace(
             state,
             apparent=apparent,
@@ -77,7 +86,7 @@ class StaticTargetState(StandingTargetState, frozen=True, kw_only=True, gc=False
             down=self.down.update(measurement),
             scatter=scattered(before, self.scatter, errors.prepared(fix), errors.timed),
             point=point.moved(apparent.north_m - before.north_m, apparent.east_m - before.east_m),
-            now=relative_estimate(before, alone, errors.position_noise_m2, errors.by_delay(measurement)),
+            now=now,
             fixed_ns=host_ns,
             host_ns=host_ns,
         )

@@ -84,17 +84,25 @@ class PointEstimate(msgspec.Struct, frozen=True, gc=False):
         north, east, _ = fix.position
         return Innovation2(north - self.north_m, east - self.east_m, (d_n, d_e), (nn, ne, ee), cov)
 
+    def weighed(self, innovation: Innovation2) -> Gain:
+        """P - C D', the covariance of the error with that of the innovation: the gain times S."""
+        (nn, ne, ee), (c_n, c_e), (d_n, d_e) = self.noise, self.shared, innovation.shared
+        # inner products by polarization, as ``inner`` has it, each length once
+        c_nn, c_ee, d_nn, d_ee = hypot(*c_n) ** 2, hypot(*c_e) ** 2, hypot(*d_n) ** 2, hypot(*d_e) ** 2
+        return (
+            nn - 0.5 * (c_nn + d_nn - dist(c_n, d_n) ** 2),
+            ne - 0.5 * (c_nn + d_ee - dist(c_n, d_e) ** 2),
+            ne - 0.5 * (c_ee + d_nn - dist(c_e, d_n) ** 2),
+            ee - 0.5 * (c_ee + d_ee - dist(c_e, d_e) ** 2),
+        )
+
     def kalman_gain(self, innovation: Innovation2) -> Gain:
         """K = (P - C D') inv(S): the gain of least total covariance, noise and considered biases together."""
-        (nn, ne, ee), (c_n, c_e), (d_n, d_e) = self.noise, self.shared, innovation.shared
-        s_nn, s_ne, s_ee = innovation.cov
-        # C D' by polarization, as ``inner`` has it, each length once
-        c_nn, c_ee, d_nn, d_ee = hypot(*c_n) ** 2, hypot(*c_e) ** 2, hypot(*d_n) ** 2, hypot(*d_e) ** 2
-        a, b = nn - 0.5 * (c_nn + d_nn - dist(c_n, d_n) ** 2), ne - 0.5 * (c_nn + d_ee - dist(c_n, d_e) ** 2)
-        c, d = ne - 0.5 * (c_ee + d_nn - dist(c_e, d_n) ** 2), ee - 0.5 * (c_ee + d_ee - dist(c_e, d_e) ** 2)
-        scale = 1.0 / (s_nn * s_ee - s_ne * s_ne)
-        i_nn, i_ne, i_ee = s_ee * scale, -s_ne * scale, s_nn * scale
-        return (a * i_nn + b * i_ne, a * i_ne + b * i_ee, c * i_nn + d * i_ne, c * i_ne + d * i_ee)
+        return gain_of(self.weighed(innovation), innovation.cov)
+
+    def along(self, row: Row) -> tuple[float, float]:
+        """C times the row of another error: their covariance by the biases, north and east, m^2."""
+        return inner(self.shared[0], row), inner(self.shared[1], row)
 
     def update(self, innovation: Innovation2, gain: Gain) -> PointEstimate:
         """The estimate after a fix by any gain, in Joseph's form.
@@ -154,21 +162,69 @@ def first_down(fix: Measurement) -> DownEstimate:
     return DownEstimate(fix.position[2], fix.noise[2][2], fix.shared[2])
 
 
+def gain_of(weighed: Gain, cov: Symmetric2) -> Gain:
+    """A covariance with an innovation, times the inverse of the innovation's own."""
+    (a, b, c, d), (s_nn, s_ne, s_ee) = weighed, cov
+    scale = 1.0 / (s_nn * s_ee - s_ne * s_ne)
+    i_nn, i_ne, i_ee = s_ee * scale, -s_ne * scale, s_nn * scale
+    return (a * i_nn + b * i_ne, a * i_ne + b * i_ee, c * i_nn + d * i_ne, c * i_ne + d * i_ee)
+
+
+class RelativeEstimate(msgspec.Struct, frozen=True, gc=False):
+    """The target in the frame of the vehicle's report at one fix; what it shares with the biases only where asked."""
+
+    north_m: float
+    east_m: float
+    cov: Symmetric2
+    """Covariance by every source, m^2."""
+    before: PointEstimate
+    shared: tuple[Row, Row]
+    """D of the innovation."""
+    gain: Gain
+    by_delay: BiasShare | None
+
+    def along(self, row: Row) -> tuple[float, float]:
+        """The covariance by the biases with another error of this row, north and east, m^2."""
+        (north, east), (a, b, c, d) = self.before.along(row), self.gain
+        if self.by_delay is not None:
+            i, by_north, by_east = self.by_delay
+            north, east = north - by_north * row[i], east - by_east * row[i]
+        of_north, of_east = inner(self.shared[0], row), inner(self.shared[1], row)
+        return north + a * of_north + b * of_east, east + c * of_north + d * of_east
+
+
 def relative_estimate(
-    before: PointEstimate, innovation: Innovation2, position_noise_m2: float, by_delay: BiasShare | None
-) -> PointEstimate:
+    before: PointEstimate,
+    innovation: Innovation2,
+    weighed: Gain,
+    *,
+    position_noise_m2: float,
+    by_delay: BiasShare | None,
+) -> RelativeEstimate:
     """The target in the frame of the vehicle's report *at this fix*, whose noise and delay the fix shares.
 
     An update of this instant alone. Its prior is wider by the noise of one position, which is no noise of the fix then;
-    and what the position delay does to the fix, it does to the report.
+    and what the position delay does to the fix, it does to the report. ``weighed``: P - C D' of the apparent place.
     """
-    now = before.with_noise((position_noise_m2, 0.0, position_noise_m2))
+    (c_n, c_e), (d_n, d_e), (a, b, c, d) = before.shared, innovation.shared, weighed
+    (nn, ne, ee), (by_nn, by_ne, by_ee) = before.noise, gram(c_n, c_e)
+    nn, ne, ee = nn + by_nn + position_noise_m2, ne + by_ne, ee + by_ee + position_noise_m2
+    a, d = a + position_noise_m2, d + position_noise_m2
     if by_delay is not None:
-        (north, east), (i, by_north, by_east) = now.shared, by_delay
-        north = (*north[:i], north[i] - by_north, *north[i + 1 :])
-        east = (*east[:i], east[i] - by_east, *east[i + 1 :])
-        now = PointEstimate(now.north_m, now.east_m, now.noise, (north, east))
-    return now.update(innovation, now.kalman_gain(innovation))
+        i, n, e = by_delay
+        a, b, c, d = a + n * d_n[i], b + n * d_e[i], c + e * d_n[i], d + e * d_e[i]
+        nn, ne, ee = nn + n * (n - 2.0 * c_n[i]), ne + n * e - n * c_e[i] - e * c_n[i], ee + e * (e - 2.0 * c_e[i])
+    gain = gain_of((a, b, c, d), innovation.cov)
+    k_nn, k_ne, k_en, k_ee = gain
+    return RelativeEstimate(
+        before.north_m + k_nn * innovation.north_m + k_ne * innovation.east_m,
+        before.east_m + k_en * innovation.north_m + k_ee * innovation.east_m,
+        (nn - k_nn * a - k_ne * b, ne - k_nn * c - k_ne * d, ee - k_en * c - k_ee * d),
+        before,
+        innovation.shared,
+        gain,
+        by_delay,
+    )
 
 
 def gate_result(estimate: PointEstimate, scatter: AdaptiveNoise, fix: Measurement, timed: int | None) -> GateResult:

@@ -23,6 +23,7 @@ from fwav_companion.tracking.filters.position_wander import (
 from fwav_companion.tracking.filters.schmidt_kalman import (
     DownEstimate,
     PointEstimate,
+    RelativeEstimate,
     first_point_estimate,
     gate_result,
 )
@@ -101,7 +102,7 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
         return with_down(self.relative, self.down)
 
     @property
-    def relative(self) -> PointEstimate:
+    def relative(self) -> PointEstimate | RelativeEstimate:
         """The place in the frame of the vehicle's report, whose own noise is unknown: all of it counts."""
         noise = self.model.errors.position_noise_m2
         return (self.predicted or self.apparent).with_noise((noise, 0.0, noise))
@@ -180,22 +181,21 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
             return None, None, host_ns
         if s_from_ns(host_ns - self.first_ns) < STEP_S:
             return first_place(apparent, self.wander), None, host_ns
-        fresh = self.fresh
+        fresh, since_s = self.fresh, s_from_ns(host_ns - self.placed_ns)
         if fresh is None:
             fresh = first_point_estimate(measurement)
         else:
             innovation = fresh.innovation(measurement)
             fresh = fresh.update(innovation, fresh.kalman_gain(innovation))
-        since_s = s_from_ns(host_ns - self.placed_ns)
         if since_s < STEP_S:
             return self.wandering, fresh, self.placed_ns
         return self.wandering.update(fresh, self.wander, since_s), None, host_ns
 
 
-def with_down(place: PointEstimate, down: DownEstimate) -> Matrix3:
+def with_down(place: PointEstimate | RelativeEstimate, down: DownEstimate) -> Matrix3:
     """The covariance of a point and its height, NED, m^2."""
-    (nn, ne, ee), (n, e), d = place.cov, place.shared, down.shared
+    (nn, ne, ee), d = place.cov, down.shared
     if not any(d):
         return ((nn, ne, 0.0), (ne, ee, 0.0), (0.0, 0.0, down.variance))
-    nd, ed = inner(n, d), inner(e, d)
+    nd, ed = place.along(d)
     return ((nn, ne, nd), (ne, ee, ed), (nd, ed, down.variance + inner(d, d)))
