@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from math import asin, atan2, cos, sin, sqrt
 from typing import TypeAlias
 
-from fwav_companion.geometry.vectors import Matrix3, Vector3
+from fwav_companion.geometry.vectors import Matrix3, Vector3, transpose
 
 Quaternion: TypeAlias = tuple[float, float, float, float]
 
@@ -75,6 +76,12 @@ def matrix_from_quaternion(q: Quaternion) -> Matrix3:
         (xy + wz, 1.0 - (xx + zz), yz - wx),
         (xz - wy, yz + wx, 1.0 - (xx + yy)),
     )
+
+
+@lru_cache(maxsize=32)
+def body_axes_ned(ned_from_body: Quaternion) -> Matrix3:
+    """The axes x, y, z of the body in NED. Cached: the detections of one row, and every use of one, share it."""
+    return transpose(matrix_from_quaternion(ned_from_body))
 
 
 def quaternion_from_matrix(m: Matrix3) -> Quaternion:

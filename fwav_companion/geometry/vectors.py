@@ -68,18 +68,20 @@ def transpose(m: Matrix3) -> Matrix3:
 
 def multiply(a: Matrix3, b: Matrix3) -> Matrix3:
     """The matrix product of a and b."""
-    c0, c1, c2 = transpose(b)
-    r0, r1, r2 = a
+    (b00, b01, b02), (b10, b11, b12), (b20, b21, b22) = b
+    (x0, y0, z0), (x1, y1, z1), (x2, y2, z2) = a
     return (
-        (dot(r0, c0), dot(r0, c1), dot(r0, c2)),
-        (dot(r1, c0), dot(r1, c1), dot(r1, c2)),
-        (dot(r2, c0), dot(r2, c1), dot(r2, c2)),
+        (x0 * b00 + y0 * b10 + z0 * b20, x0 * b01 + y0 * b11 + z0 * b21, x0 * b02 + y0 * b12 + z0 * b22),
+        (x1 * b00 + y1 * b10 + z1 * b20, x1 * b01 + y1 * b11 + z1 * b21, x1 * b02 + y1 * b12 + z1 * b22),
+        (x2 * b00 + y2 * b10 + z2 * b20, x2 * b01 + y2 * b11 + z2 * b21, x2 * b02 + y2 * b12 + z2 * b22),
     )
 
 
 def add_matrices(a: Matrix3, b: Matrix3) -> Matrix3:
     """The sum of the matrices a and b."""
-    return (add(a[0], b[0]), add(a[1], b[1]), add(a[2], b[2]))
+    (a00, a01, a02), (a10, a11, a12), (a20, a21, a22) = a
+    (b00, b01, b02), (b10, b11, b12), (b20, b21, b22) = b
+    return ((a00 + b00, a01 + b01, a02 + b02), (a10 + b10, a11 + b11, a12 + b12), (a20 + b20, a21 + b21, a22 + b22))
 
 
 def outer(a: Vector3, b: Vector3) -> Matrix3:

@@ -25,7 +25,7 @@ from typing import TypeAlias
 
 import msgspec
 
-from fwav_companion.geometry.rotations import matrix_from_quaternion
+from fwav_companion.geometry.rotations import body_axes_ned
 from fwav_companion.geometry.vectors import (
     ZERO3,
     Matrix3,
@@ -35,7 +35,6 @@ from fwav_companion.geometry.vectors import (
     dot,
     scale,
     transform,
-    transpose,
 )
 from fwav_companion.localization.ground import LEVEL_NORMAL, Intersection
 from fwav_companion.types import Sighting
@@ -77,10 +76,12 @@ def propagate(sighting: Sighting, direction: Vector3, meeting: Intersection) -> 
     deeper = scale(direction, m[2])  # d(point)/d(height of the camera above the ground)
     turned = cross(direction, m)
     by_rotation = _by_rotation(direction, turned, meeting)
-    body_axes = transpose(matrix_from_quaternion(sighting.state.ned_from_carrier))
-    x_axis, y_axis, z_axis = body_axes
-    roll, pitch, yaw = transform(by_rotation, x_axis), transform(by_rotation, y_axis), transform(by_rotation, z_axis)
-    heading = (by_rotation[0][2], by_rotation[1][2], by_rotation[2][2])
+    body_axes = body_axes_ned(sighting.state.ned_from_carrier)
+    (nx, ny, nz), (ex, ey, ez), (dx, dy, dz) = by_rotation
+    roll, pitch, yaw = (
+        (nx * x + ny * y + nz * z, ex * x + ey * y + ez * z, dx * x + dy * y + dz * z) for x, y, z in body_axes
+    )
+    heading = (nz, ez, dz)
     # The true mount is Exp(bias) times the configured one, so the estimate turns the other way.
     mount_x, mount_y, mount_z = scale(roll, -1.0), scale(pitch, -1.0), scale(yaw, -1.0)
     height = _by_height(sighting, meeting, deeper)
@@ -99,10 +100,10 @@ def propagate(sighting: Sighting, direction: Vector3, meeting: Intersection) -> 
     terrain = scale(deeper, -1.0) if meeting.surveyed or meeting.uneven else ZERO3
     stretch_body = transform(body_axes, turned)
     vn, ve, vd = sighting.state.velocity_ned or ZERO3
-    position_delay = _by_camera((-vn, -ve, -vd), sighting, direction, meeting=meeting, m=m)
     fixed_to_body = sighting.state.gimbal is None
-    lever_axes = body_axes if fixed_to_body else transpose(matrix_from_quaternion(sighting.state.ned_from_body))
-    lever_x, lever_y, lever_z = (_by_camera(axis, sighting, direction, meeting=meeting, m=m) for axis in lever_axes)
+    lever_axes = body_axes if fixed_to_body else body_axes_ned(sighting.state.ned_from_body)
+    shifts = ((-vn, -ve, -vd), *lever_axes)
+    position_delay, lever_x, lever_y, lever_z = _by_camera(shifts, sighting, direction, meeting=meeting, m=m)
     target_height = ZERO3 if sighting.anchor_sigma_m == 0.0 else _by_target_height(sighting, meeting, deeper)
     turning = (roll, pitch, heading, mount_x, mount_y, mount_z)
     shifting = (height, north, east, terrain, position_delay, lever_x, lever_y, lever_z, target_height)
@@ -151,20 +152,22 @@ def _by_time(sighting: Sighting, d: Vector3, meeting: Intersection, m: Vector3, 
     )
 
 
-def _by_camera(shift_ned: Vector3, sighting: Sighting, d: Vector3, *, meeting: Intersection, m: Vector3) -> Vector3:
-    """The derivative of the point along a shift of the camera, NED.
+def _by_camera(shifts: Columns, sighting: Sighting, d: Vector3, *, meeting: Intersection, m: Vector3) -> Columns:
+    """The derivative of the point along each of these shifts of the camera, NED.
 
     In a relative world the horizontal axes move with the vehicle, and only the camera's height counts. Where the ground
     is known by its distance from the camera, it moves with the camera.
     """
-    north, east, down = shift_ned
     if sighting.relative:
-        north = east = 0.0
+        shifts = tuple([(0.0, 0.0, down) for _, _, down in shifts])
     if meeting.carried:
-        return (north, east, 0.0 if sighting.relative else down)
-    along = m[0] * north + m[1] * east + m[2] * down
-    level = meeting.normal is LEVEL_NORMAL
-    return (north - along * d[0], east - along * d[1], 0.0 if level else down - along * d[2])
+        return tuple([(north, east, 0.0 if sighting.relative else down) for north, east, down in shifts])
+    (m_n, m_e, m_d), (d_n, d_e, d_d), level = m, d, meeting.normal is LEVEL_NORMAL
+    columns = []
+    for north, east, down in shifts:
+        along = m_n * north + m_e * east + m_d * down
+        columns.append((north - along * d_n, east - along * d_e, 0.0 if level else down - along * d_d))
+    return tuple(columns)
 
 
 def _by_height(sighting: Sighting, meeting: Intersection, deeper: Vector3) -> Vector3:

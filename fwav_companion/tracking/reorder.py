@@ -85,9 +85,9 @@ class Reorder:
         refusal = self._refusal(view, now_ns)
         if refusal is not None:
             return NoFrame(refusal)
-        place = bisect_right(self._placed, view.host_ns, key=lambda placed: placed.view.host_ns)
-        views = [view, *(placed.view for placed in self._placed[place:])]
+        place, views = self._place_of(view.host_ns), [view]
         if place < len(self._placed):
+            views += [placed.view for placed in self._placed[place:]]
             self._tracker.restore(self._placed[place].before)
             del self._placed[place:]
         for each in views:
@@ -109,16 +109,28 @@ class Reorder:
         return self._tracker.drop_all(reason, view)
 
     def _settle(self, now_ns: HostNs) -> None:
-        due = bisect_right(self._placed, now_ns - WINDOW_NS, key=lambda placed: placed.view.host_ns)
+        due = self._place_of(HostNs(now_ns - WINDOW_NS))
         for placed in self._placed[:due]:
             self._settled.append(placed.settled())
             self._settled_to_ns = placed.view.host_ns
         del self._placed[:due]
 
+    def _place_of(self, host_ns: HostNs) -> int:
+        """Number of the frames that were captured until then: nearly always the first or the last few."""
+        placed = self._placed
+        if not placed or placed[0].view.host_ns > host_ns:
+            return 0
+        if placed[-1].view.host_ns <= host_ns:
+            return len(placed)
+        return bisect_right(placed, host_ns, key=lambda each: each.view.host_ns)
+
     def _refusal(self, view: FrameView, now_ns: HostNs) -> Reason | None:
         settled_to_ns = self._settled_to_ns
         if view.host_ns <= now_ns - WINDOW_NS or (settled_to_ns is not None and view.host_ns < settled_to_ns):
             return Reason.TOO_LATE
-        if any(view.host_ns == placed.view.host_ns and view.frame == placed.view.frame for placed in self._placed):
-            return Reason.DUPLICATE_FRAME
+        for placed in reversed(self._placed):  # by capture
+            if placed.view.host_ns < view.host_ns:
+                break
+            if placed.view.host_ns == view.host_ns and placed.view.frame == view.frame:
+                return Reason.DUPLICATE_FRAME
         return Reason.TOO_MANY_FRAMES if len(self._placed) >= MAX_WAITING else None

@@ -13,9 +13,8 @@ from math import exp
 
 import msgspec
 
-from fwav_companion.geometry.rotations import matrix_from_quaternion
+from fwav_companion.geometry.rotations import body_axes_ned
 from fwav_companion.geometry.small_matrices import Symmetric2
-from fwav_companion.geometry.vectors import transpose
 from fwav_companion.types import Bias, GroundFix
 
 MEAN_S = 0.7
@@ -103,7 +102,7 @@ def level_columns(fix: GroundFix, north_m: float, east_m: float, height_m: float
     """
     per_n, per_e = north_m / height_m, east_m / height_m
     target_m = fix.sighting.anchor_sigma_m
-    (xx, yx, zx), (xy, yy, zy), (xz, yz, zz) = transpose(matrix_from_quaternion(fix.sighting.state.ned_from_carrier))
+    (xx, yx, zx), (xy, yy, zy), (xz, yz, zz) = body_axes_ned(fix.sighting.state.ned_from_carrier)
     down = xx * east_m - yx * north_m
     roll_n, roll_e = yx * height_m - zx * east_m - down * per_n, zx * north_m - xx * height_m - down * per_e
     down = xy * east_m - yy * north_m
