@@ -85,8 +85,9 @@ class Reorder:
         refusal = self._refusal(view, now_ns)
         if refusal is not None:
             return NoFrame(refusal)
-        place, views = self._place_of(view.host_ns), [view]
-        if place < len(self._placed):
+        place, views = len(self._placed), [view]
+        if self._placed and view.host_ns < self._placed[-1].view.host_ns:
+            place = bisect_right(self._placed, view.host_ns, key=lambda placed: placed.view.host_ns)
             views += [placed.view for placed in self._placed[place:]]
             self._tracker.restore(self._placed[place].before)
             del self._placed[place:]
@@ -109,20 +110,14 @@ class Reorder:
         return self._tracker.drop_all(reason, view)
 
     def _settle(self, now_ns: HostNs) -> None:
-        due = self._place_of(HostNs(now_ns - WINDOW_NS))
-        for placed in self._placed[:due]:
+        due = 0
+        for placed in self._placed:  # by capture
+            if placed.view.host_ns > now_ns - WINDOW_NS:
+                break
             self._settled.append(placed.settled())
             self._settled_to_ns = placed.view.host_ns
+            due += 1
         del self._placed[:due]
-
-    def _place_of(self, host_ns: HostNs) -> int:
-        """Number of the frames that were captured until then: nearly always the first or the last few."""
-        placed = self._placed
-        if not placed or placed[0].view.host_ns > host_ns:
-            return 0
-        if placed[-1].view.host_ns <= host_ns:
-            return len(placed)
-        return bisect_right(placed, host_ns, key=lambda each: each.view.host_ns)
 
     def _refusal(self, view: FrameView, now_ns: HostNs) -> Reason | None:
         settled_to_ns = self._settled_to_ns

@@ -10,7 +10,6 @@ from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.tracking.filters.consider_biases import FIRST_SENSITIVITY_S, Measurement
 from fwav_companion.tracking.filters.linearization import LinearizationPoint, first_point, is_level, level_columns
 from fwav_companion.tracking.filters.maneuver import ManeuverLag
-from fwav_companion.tracking.filters.position_wander import first_place
 from fwav_companion.tracking.filters.schmidt_kalman import (
     PointEstimate,
     RelativeEstimate,
@@ -59,15 +58,16 @@ class StaticTargetState(StandingTargetState, frozen=True, kw_only=True, gc=False
         innovation = before.innovation(measurement)
         jump = self.jump.with_fix(innovation.north_m, innovation.east_m, since_s)
         state = self
-        if self.wandering is not None and jump.is_turn(innovation.cov):
+        if self.wander.sigma_m > 0.0 and jump.is_turn(innovation.cov):
             # The position has jumped beyond any doubt, and is free to have moved by as much as the last fixes agree.
             (nn, ne, _), (_, ee, _), _ = jump.position_cov
             before, jump = before.with_noise((nn, ne, ee)), ManeuverLag()
-            state = replace(self, wandering=self.wandering.with_jump(0.5 * (nn + ee)))
+            if self.wandering is not None:
+                state = replace(self, wandering=self.wandering.with_jump(0.5 * (nn + ee)))
             innovation = before.innovation(measurement)
         weighed = before.weighed(innovation)
         apparent = before.update(innovation, gain_of(weighed, innovation.cov))
-        wandering, fresh, placed_ns = state.placed(apparent, measurement, host_ns)
+        wandering, fresh, placed_ns = state.placed(measurement, host_ns)
         now = relative_estimate(
             before,
             innovation.alone(before, fix.noise_cov),
@@ -122,7 +122,6 @@ class StaticKalman:
             model=model,
             wander=wander,
             apparent=apparent,
-            wandering=first_place(apparent, wander) if wander.sigma_m > 0.0 else None,
             down=first_down(measurement),
             point=first_point(fix.drop_m, model.errors.height_noise_m),
             first_ns=host_ns,

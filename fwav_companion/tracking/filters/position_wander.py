@@ -121,6 +121,12 @@ class WanderingPlace(msgspec.Struct, frozen=True, gc=False):
         )
 
 
+def first_place_estimate(apparent: PointEstimate, wander: PositionWander) -> PointEstimate:
+    """The place by one apparent place, as :func:`first_place` has it."""
+    total = 0.5 * (apparent.noise[0] + apparent.noise[2]) + wander.sigma_m**2
+    return PointEstimate(apparent.north_m, apparent.east_m, (total, 0.0, total), apparent.shared)
+
+
 def first_place(apparent: PointEstimate, wander: PositionWander) -> WanderingPlace:
     """The state by one apparent place: the place there, and the error at its prior."""
     others, each = 2 * len(wander.rates), wander.variance_each

@@ -18,6 +18,7 @@ from fwav_companion.tracking.filters.position_wander import (
     PositionWander,
     WanderingPlace,
     first_place,
+    first_place_estimate,
     position_wander,
 )
 from fwav_companion.tracking.filters.schmidt_kalman import (
@@ -64,7 +65,7 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     predicted: PointEstimate | None = None
     """The same at ``host_ns``; None at the last fix."""
     wandering: WanderingPlace | None = None
-    """The place apart from that error; None where positions are exact."""
+    """The place apart from that error; None where positions are exact, and within the first second."""
     fresh: PointEstimate | None = None
     """Mean of the fixes since ``placed_ns``, by which the place is updated next; None before the first. The apparent
     place would not do: what it is now it was a second before, and it would count again."""
@@ -119,7 +120,9 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
 
     @property
     def _place(self) -> PointEstimate:
-        return self.apparent if self.wandering is None else self.wandering.estimate
+        if self.wandering is not None:
+            return self.wandering.estimate
+        return self.apparent if self.wander.sigma_m == 0.0 else first_place_estimate(self.apparent, self.wander)
 
     def bias_shares(self) -> dict[Bias, float]:
         """Horizontal variance of the place by each bias, m^2: what it would lose if that bias were exactly known."""
@@ -165,22 +168,22 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
         if wander == self.wander:
             return self
         state = replace(self, wander=wander, predicted=None)
-        if self.wandering is None or not wander.sigma_m <= FRESH_SHARE * self.wander.sigma_m:
+        if self.wander.sigma_m == 0.0 or not wander.sigma_m <= FRESH_SHARE * self.wander.sigma_m:
             return state
-        variance, place = wander.sigma_m**2, self.wandering.estimate
+        known = self.wandering or first_place(self.apparent, self.wander)
+        variance, place = wander.sigma_m**2, known.estimate
         apparent = place.with_noise((variance, 0.0, variance))
-        return replace(state, apparent=apparent, fresh=None, wandering=self.wandering.with_fresh_error(wander))
+        return replace(state, apparent=apparent, fresh=None, wandering=known.with_fresh_error(wander))
 
     def placed(
-        self, apparent: PointEstimate, measurement: Measurement, host_ns: HostNs
+        self, measurement: Measurement, host_ns: HostNs
     ) -> tuple[WanderingPlace | None, PointEstimate | None, HostNs]:
         """``wandering``, ``fresh`` and ``placed_ns`` by the newest fix. Within the first second the place is the
         apparent one.
         """
-        if self.wandering is None:
+        if self.wander.sigma_m == 0.0 or s_from_ns(host_ns - self.first_ns) < STEP_S:
             return None, None, host_ns
-        if s_from_ns(host_ns - self.first_ns) < STEP_S:
-            return first_place(apparent, self.wander), None, host_ns
+        wandering = self.wandering or first_place(self.apparent, self.wander)
         fresh, since_s = self.fresh, s_from_ns(host_ns - self.placed_ns)
         if fresh is None:
             fresh = first_point_estimate(measurement)
@@ -188,8 +191,8 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
             innovation = fresh.innovation(measurement)
             fresh = fresh.update(innovation, fresh.kalman_gain(innovation))
         if since_s < STEP_S:
-            return self.wandering, fresh, self.placed_ns
-        return self.wandering.update(fresh, self.wander, since_s), None, host_ns
+            return wandering, fresh, self.placed_ns
+        return wandering.update(fresh, self.wander, since_s), None, host_ns
 
 
 def with_down(place: PointEstimate | RelativeEstimate, down: DownEstimate) -> Matrix3:
