@@ -123,7 +123,7 @@ def _in_root(root: Path, way: str, *words: str) -> int:
     inside = "" if way != "qemu -L" else str(root)
     environment = {
         **{key: value for key, value in os.environ.items() if key in {"LANG", "TERM"}},
-        "PATH": "/usr/bin:/bin",
+        "PATH": "/usr/sbin:/usr/bin:/sbin:/bin",
         "HOME": "/tmp",
         "PYTHONPATH": f"{inside}/{HOME}:{inside}/{SITE}",
         "PYTHONDONTWRITEBYTECODE": "1",
