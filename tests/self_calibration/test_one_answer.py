@@ -58,3 +58,33 @@ def test_a_calibrated_place_never_falls_back_to_the_uncalibrated_one(seed):
     for before, after in pairwise(seen):
         assert after[1] == pytest.approx(after[3], abs=1e-12)
         assert np.hypot(*(after[1] - before[1])) < 3.0 * before[2]
+
+
+@pytest.mark.parametrize(
+    "slip",
+    [pytest.param({Bias.MOUNT_Y: np.radians(3.0)}, id="mount"), pytest.param({Bias.TIME_OFFSET: 0.06}, id="delay")],
+)
+def test_what_slips_in_flight_moves_the_published_place_by_no_more_than_its_claim(slip):
+    """The mount slips by 2 degrees, or the camera is late by another 25 ms, once both were known."""
+    before, after = np.zeros(BIAS_COUNT), np.zeros(BIAS_COUNT)
+    for biases in (before, after):
+        biases[Bias.TIME_OFFSET] = 0.035
+        biases[[Bias.MOUNT_X, Bias.MOUNT_Y, Bias.MOUNT_Z]] = np.radians([0.5, 1.0, 2.0])
+    for bias, value in slip.items():
+        after[bias] = value
+    worlds = [World(Flight(seed=2, fps=15, biases=biases)) for biases in (before, after)]
+    frames = worlds[0].frames()[:500] + worlds[1].frames()[500:]
+    tracker = make_tracker(TrackingOptions(self_calibration=True), worlds[0].flight.priors, worlds[0].state_at)
+    last, statuses, jumps = None, [], []
+    for view in frames:
+        confirmed = [track for track in tracker.on_frame(view) if track.confirmed_host_ns is not None]
+        status = tracker.calibration.status
+        if confirmed:
+            track = min(confirmed, key=lambda each: each.id)
+            place, cov = np.array(track.position_ned[:2]), np.array(track.cov)[:2, :2]
+            if last is not None and last[0] == track.id:
+                step = place - last[1]
+                jumps.append(np.sqrt(step @ np.linalg.solve(last[2] + cov, step)))
+                statuses.append((status, jumps[-1], view.frame))
+            last = (track.id, place, cov)
+    assert max(jumps) < 3.0

@@ -40,7 +40,7 @@ class Flight:
     seconds: float = 60.0
     fps: float = 30.0
     height_m: float = 12.0
-    shape: str = "eight"  # eight | hover
+    shape: str = "eight"  # eight | hover | turns (a turn, a climb of 5 m, another turn) | descent (from 15 m to 1 m)
     flapping_deg: float = 5.0
     flapping_hz: float = 5.0
     pitch_deg: float = 37.0
@@ -79,7 +79,20 @@ def path(flight: Flight, t):
     t = np.asarray(t, float)
     flap = np.radians(flight.flapping_deg) * np.sin(2 * np.pi * flight.flapping_hz * t)
     pitch = np.radians(flight.pitch_deg) + flap
-    if flight.shape == "hover":
+    climb = 0.0 * t
+    if flight.shape in ("turns", "descent"):
+        n0, e0, heading = flight.start
+        sway = np.radians(2.0)
+        north, east = n0 + 0.1 * np.sin(0.8 * t), e0 + 0.1 * np.sin(0.65 * t + 0.5)
+        yaw, roll = heading + sway * np.sin(0.5 * t), sway * np.sin(0.9 * t + 1.0)
+        pitch = pitch + sway * np.sin(1.1 * t + 2.0)
+        if flight.shape == "turns":
+            climb = 5.0 * _eased(t, 22.0, 30.0)
+            yaw = yaw + 2.0 * np.pi * (_eased(t, 3.0, 21.0) + _eased(t, 31.0, 49.0))
+        else:
+            gone = _eased(t, 3.0, 42.0)
+            climb, north, east = -14.0 * gone, north * (1.0 - gone), east * (1.0 - gone)
+    elif flight.shape == "hover":
         n0, e0, heading = flight.start
         north, east = n0 + 0 * t, e0 + 0 * t
         yaw = heading + np.radians(2.0) * np.sin(0.7 * t)
@@ -92,8 +105,14 @@ def path(flight: Flight, t):
         an, ae = -a * w * w * np.sin(w * t), -4 * b * w * w * np.sin(2 * w * t)
         yaw = np.unwrap(np.arctan2(ve, vn)) if t.ndim else np.arctan2(ve, vn)
         roll = np.arctan((vn * ae - ve * an) / np.hypot(vn, ve) / 9.81)
-    down = -flight.height_m + 0 * t
+    down = -flight.height_m - climb
     return np.stack([north, east, down], -1), np.stack([yaw, pitch, roll], -1)
+
+
+def _eased(t, start, end):
+    """0 before ``start``, 1 after ``end``, smooth between."""
+    x = np.clip((t - start) / (end - start), 0.0, 1.0)
+    return x * x * (3.0 - 2.0 * x)
 
 
 def pixel_from_camera(d):
