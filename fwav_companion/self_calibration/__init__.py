@@ -2,14 +2,15 @@
 
 What is observable: turning that changes within a second shows the delay. One target shows the mount times the height
 minus the position error; turns separate what is fixed to the body from what is fixed to the ground, a descent separates
-the mount from an exact position, and the differences of three targets cancel the position. Heading, position delay and
-lever arm are hardly separated from the mount: they are estimated with it, by their priors.
+the mount from a position that wanders slower, and the differences of three targets cancel the position. Heading,
+position delay and lever arm are hardly separated from the mount: they are estimated with it, by their priors. The error
+of the vehicle's position is estimated as it wanders; the height is considered then, until three targets show it.
 
 Pure. In numpy, except for ``calibration_report``: the daemon imports the other modules only where it is switched on.
-Reading order: ``delayed_poses``, ``pixel_measurement``, ``rate_denoiser`` (the measurement); ``joint_filter``,
-``filter_pass``, ``delay_search``, ``relinearization`` (the estimate); ``innovation_consistency``, ``observability``,
-``prior_inflation``, ``assessment``, ``missing`` (what is believed of it); ``sights``, ``mount_check``;
-``measurement_queue``, ``calibration_context``, ``calibrator``.
+Reading order: ``delayed_poses``, ``pixel_measurement``, ``position_smoother``, ``rate_denoiser`` (the measurement);
+``position_error``, ``joint_filter``, ``filter_pass``, ``delay_search``, ``relinearization`` (the estimate);
+``innovation_consistency``, ``posterior``, ``prior_inflation``, ``assessment``, ``missing`` (what is believed of it);
+``sights``, ``mount_check``; ``measurement_queue``, ``calibration_context``, ``calibrator``.
 """
 
 from fwav_companion.self_calibration.calibration_report import (
