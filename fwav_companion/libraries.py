@@ -17,6 +17,7 @@ EXTRAS = {
     "distributed": "study",
     "matplotlib": "demo",
     "onnxruntime": "onnx",
+    "PIL": "photos",
     "pyarrow": "study",
     "pyulog": "ulog",
     "rasterio": "terrain",

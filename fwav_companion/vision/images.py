@@ -10,10 +10,12 @@ from dataclasses import dataclass
 from math import isfinite, nan
 from typing import Any, Protocol
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from fwav_companion.errors import CompanionError
+from fwav_companion.vision.wire import MAX_DETECTIONS
 
 Pixels = NDArray[np.uint8]
 """(height, width) grey levels, or (height, width, 3) in OpenCV's order blue, green, red."""
@@ -115,3 +117,16 @@ def _number(value: float) -> float:
         return float(value)
     except OverflowError:
         return nan
+
+
+def frame_bytes(picture: Picture, found: list[Found], kept: int | None = None) -> bytes:
+    """The detections of a picture in the wire format. ``kept``: its number where it is kept for clicks."""
+    height, width = picture.pixels.shape[:2]
+    frame = {**picture.stamp, "size": [width, height], "detections": found[:MAX_DETECTIONS]}
+    if picture.number is not None:
+        frame["frame"] = picture.number
+    if picture.exposure_s is not None:
+        frame["exposure_s"] = picture.exposure_s
+    if kept is not None:
+        frame["picture"] = kept
+    return msgspec.json.encode(frame)

@@ -22,11 +22,17 @@ import msgspec
 from fwav_companion.vision.click_watch import ClickWatch
 from fwav_companion.vision.delivery import DeliveredPicture, DeliveryMeter
 from fwav_companion.vision.detectors import make_detector
-from fwav_companion.vision.images import Detector, DetectorError, Found, Picture, SourceEndedError, SourceLostError
+from fwav_companion.vision.images import (
+    Detector,
+    DetectorError,
+    Picture,
+    SourceEndedError,
+    SourceLostError,
+    frame_bytes,
+)
 from fwav_companion.vision.newest_picture import NewestPicture
 from fwav_companion.vision.sources import open_source
 from fwav_companion.vision.task import VisionState, VisionTask
-from fwav_companion.vision.wire import MAX_DETECTIONS
 
 SIGN_OF_LIFE_S = 2.0
 """Longest time between two messages while nothing hangs."""
@@ -110,19 +116,6 @@ def _repeat(daemon: DaemonSocket, state: VisionState) -> None:
     while True:
         daemon.report(state)
         time.sleep(SIGN_OF_LIFE_S)
-
-
-def frame_bytes(picture: Picture, found: list[Found], kept: int | None = None) -> bytes:
-    """The detections of a picture in the wire format. ``kept``: its number where it is kept for clicks."""
-    height, width = picture.pixels.shape[:2]
-    frame = {**picture.stamp, "size": [width, height], "detections": found[:MAX_DETECTIONS]}
-    if picture.number is not None:
-        frame["frame"] = picture.number
-    if picture.exposure_s is not None:
-        frame["exposure_s"] = picture.exposure_s
-    if kept is not None:
-        frame["picture"] = kept
-    return _encode(frame)
 
 
 class Watch:

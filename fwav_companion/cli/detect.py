@@ -1,0 +1,133 @@
+"""``fwav-companion detect``: the configured detector over recorded pictures."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import io
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fwav_companion.cli.signals import as_by_ctrl_c
+from fwav_companion.errors import ConfigError, InputFileError
+from fwav_companion.libraries import require
+
+if TYPE_CHECKING:
+    from argparse import _SubParsersAction
+    from collections.abc import Mapping, Sequence
+
+    from fwav_companion.config import Config
+    from fwav_companion.tools.detect.recorded_pictures import RecordedPictures
+    from fwav_companion.vision.images import Detector
+
+COLUMNS = (
+    "frame", "lat", "lon", "alt_amsl", "roll_deg", "pitch_deg", "yaw_deg", "position_sigma_m", "height_sigma_m",
+)  # fmt: skip
+"""Columns of a file of poses, as `replay --poses` reads it."""
+
+
+def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Register the command."""
+    parser = subparsers.add_parser(
+        "detect",
+        description=(
+            "Runs the detector of [vision] over recorded pictures and writes what it finds as `replay` reads it. Times "
+            "are those of stamps.jsonl, of the pictures' EXIF (with its zone, else by GPS), or the video's own from "
+            "--start on."
+        ),
+        epilog=(
+            "examples:\n"
+            "  fwav-companion detect flight.mp4 --start 2026-05-01T09:30:00+02:00 --config c.toml --out d.jsonl\n"
+            "  fwav-companion replay --telemetry flight.tlog --detections d.jsonl --config c.toml --out t.jsonl"
+        ),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add = parser.add_argument
+    add("pictures", metavar="PICTURES|VIDEO", type=Path, help="a folder of pictures, a picture, or a video")
+    add("--config", metavar="FILE", required=True, help="the configuration; its [vision] names the detector")
+    add("--out", metavar="D.jsonl", type=Path, required=True, help="the detections, a line a picture")
+    add("--start", metavar="TIME", help="time of the first picture, ISO 8601 with a zone; for a video required")
+    add("--poses-out", metavar="CSV", type=Path, help="the poses that the pictures' metadata has (DJI, Parrot, Autel)")
+    add("--json", action="store_true", help="end with the counts as one JSON object")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Detect in every picture; 0. UserError: the pictures, their times or the configuration are wrong."""
+    with as_by_ctrl_c():
+        return _detected(arguments)
+
+
+def _detected(arguments: argparse.Namespace) -> int:
+    require("detect", "numpy", "cv2")
+    from fwav_companion.config import load
+    from fwav_companion.tools.detect.recorded_pictures import parse_start, recorded_pictures
+
+    config = load(arguments.config)
+    detector = _detector(config)
+    start = None if arguments.start is None else parse_start(arguments.start)
+    if not _has_own_times(arguments.pictures):
+        require("detect", "PIL")
+    pictures = recorded_pictures(arguments.pictures, start)
+    counts = _write_detections(arguments.out, pictures, detector)
+    if arguments.poses_out is not None:
+        _write_poses(arguments.poses_out, pictures.poses, arguments.pictures)
+        counts["poses"] = len(pictures.poses)
+    print(json.dumps(counts) if arguments.json else ", ".join(f"{number} {name}" for name, number in counts.items()))
+    return 0
+
+
+def _has_own_times(path: Path) -> bool:
+    """Whether no EXIF is needed: a folder with stamps, or a video."""
+    from fwav_companion.tools.detect.recorded_pictures import SUFFIXES
+    from fwav_companion.vision.sources.folder import STAMPS_FILE
+
+    return (path / STAMPS_FILE).is_file() or (path.is_file() and path.suffix.lower() not in SUFFIXES)
+
+
+def _detector(config: Config) -> Detector:
+    """The configured detector. ConfigError where there is none, or where it cannot work."""
+    from fwav_companion.service.service_factory import make_vision_task
+    from fwav_companion.vision.detectors import make_detector
+    from fwav_companion.vision.images import DetectorError
+
+    task = make_vision_task(config)
+    if task is None:
+        raise ConfigError(f'{config.file}: [vision]: missing; accepted: a table with detector = "apriltag" or another')
+    try:
+        return make_detector(task)
+    except DetectorError as error:
+        raise ConfigError(f"{config.file}: {error}") from None
+
+
+def _write_detections(out: Path, pictures: RecordedPictures, detector: Detector) -> dict[str, int]:
+    from fwav_companion.cli.progress import steps
+    from fwav_companion.on_disk import whole
+    from fwav_companion.vision.images import DetectorError, frame_bytes
+
+    frames = detections = 0
+    with whole(out) as file, steps("detect", pictures.count) as step:
+        for picture in pictures.pictures:
+            try:
+                found = detector.detect(picture.pixels)
+            except DetectorError as error:
+                raise InputFileError(str(error)) from None
+            file.write(frame_bytes(picture, found) + b"\n")
+            frames, detections = frames + 1, detections + len(found)
+            step()
+    return {"frames": frames, "detections": detections}
+
+
+def _write_poses(out: Path, poses: Sequence[Mapping[str, float]], pictures: Path) -> None:
+    from fwav_companion.on_disk import whole
+
+    if not poses:
+        raise InputFileError(f"{pictures}: no picture has a pose in its XMP; accepted: those of DJI, Parrot or Autel")
+    columns = [name for name in COLUMNS if any(name in pose for pose in poses)]
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns, restval="")
+    writer.writeheader()
+    writer.writerows(poses)
+    with whole(out) as file:
+        file.write(text.getvalue().encode())

@@ -1,0 +1,170 @@
+"""``detect``: the configured detector over pictures with known content, times and poses."""
+
+import csv
+import json
+import sys
+from datetime import UTC, datetime
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+
+from fwav_companion.cli.main import main
+from fwav_companion.recording.photograph_poses import parse_poses
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "vision"))
+from vision_pictures import tag_picture
+
+EXIF_IFD, GPS_IFD = 0x8769, 0x8825
+NOON_S = datetime(2026, 5, 1, 12, 0, 0, tzinfo=UTC).timestamp()
+DJI = (
+    '<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:Description drone-dji:GpsLatitude="+48.1371999" '
+    'drone-dji:GpsLongtitude="+11.5756003" drone-dji:AbsoluteAltitude="+560.40" drone-dji:GimbalRollDegree="+0.10" '
+    'drone-dji:GimbalYawDegree="-33.50" drone-dji:GimbalPitchDegree="-89.90" drone-dji:RtkStdLon="0.011" '
+    'drone-dji:RtkStdLat="0.012" drone-dji:RtkStdHgt="0.031"/></x:xmpmeta>'
+)
+
+
+@pytest.fixture
+def config(tmp_path):
+    assert main(["init", str(tmp_path)]) == 0
+    path = tmp_path / "fwav-companion.toml"
+    path.write_text(path.read_text() + '[vision]\nsource = "pictures"\n')
+    return path
+
+
+def photograph(path, *, time=None, offset=None, gps=None, exposure=None, xmp=None, centre=(320.0, 240.0)):
+    image = Image.fromarray(tag_picture(centre, side_px=90.0))
+    exif = image.getexif()
+    own = exif.get_ifd(EXIF_IFD)
+    own |= {tag: value for tag, value in ((0x9003, time), (0x9011, offset), (0x829A, exposure)) if value is not None}
+    if gps is not None:
+        exif.get_ifd(GPS_IFD).update(gps)
+    extra = {"xmp": xmp.encode()} if xmp else {}
+    image.save(path, exif=exif, quality=95, **extra)
+
+
+def detected(config, pictures, *words):
+    out = config.parent / "d.jsonl"
+    status = main(["detect", str(pictures), "--config", str(config), "--out", str(out), *words])
+    return status, [json.loads(line) for line in out.read_text().splitlines()] if out.exists() else None
+
+
+def test_a_folder_with_stamps_keeps_them(tmp_path, config, capsys):
+    folder = tmp_path / "pictures"
+    folder.mkdir()
+    lines = []
+    for i in range(3):
+        cv2.imwrite(str(folder / f"{i}.png"), tag_picture((200.0 + 10 * i, 120.0), side_px=60.0))
+        lines.append(json.dumps({"file": f"{i}.png", "time_monotonic": 10.0 + i, "frame": 7 + i, "exposure_s": 0.002}))
+    (folder / "stamps.jsonl").write_text("\n".join(lines) + "\n")
+    status, frames = detected(config, folder, "--json")
+    assert status == 0
+    assert json.loads(capsys.readouterr().out.splitlines()[-1]) == {"frames": 3, "detections": 3}
+    for i, frame in enumerate(frames):
+        assert (frame["time_monotonic"], frame["frame"], frame["exposure_s"]) == (10.0 + i, 7 + i, 0.002)
+        assert frame["size"] == [640, 480]
+        assert frame["detections"][0]["label"] == "tag36h11:7"
+        assert frame["detections"][0]["u"] == pytest.approx(200.0 + 10 * i, abs=0.3)
+
+
+def test_photographs_by_the_zone_of_their_clock_and_by_gps(tmp_path, config):
+    folder = tmp_path / "pictures"
+    folder.mkdir()
+    photograph(folder / "b.jpg", time="2026:05:01 14:00:02", offset="+02:00", exposure=0.001)
+    gps = {29: "2026:05:01", 7: (12.0, 0.0, 1.0)}
+    photograph(folder / "c.jpg", time="2026:05:01 09:00:01", gps=gps)
+    photograph(folder / "a.jpg", time="2026:05:01 08:30:00", offset="-03:30")
+    status, frames = detected(config, folder)
+    assert status == 0
+    assert [frame["time_unix"] for frame in frames] == [NOON_S, NOON_S + 1.0, NOON_S + 2.0]
+    assert [frame["frame"] for frame in frames] == [0, 1, 2]
+    assert frames[2]["exposure_s"] == pytest.approx(0.001)
+    assert all(len(frame["detections"]) == 1 for frame in frames)
+
+
+def test_photographs_without_a_zone_ask_for_a_start_and_count_from_it(tmp_path, config, capsys):
+    folder = tmp_path / "pictures"
+    folder.mkdir()
+    photograph(folder / "a.jpg", time="2026:05:01 09:00:01")
+    photograph(folder / "b.jpg", time="2026:05:01 09:00:03")
+    status, frames = detected(config, folder)
+    assert (status, frames) == (2, None)
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "neither a time with a zone nor GPS time; give the first picture's time with its zone, as --start" in error
+    _, frames = detected(config, folder, "--start", "2026-05-01T14:00:00+02:00")
+    assert [frame["time_unix"] for frame in frames] == [NOON_S, NOON_S + 2.0]
+
+
+@pytest.mark.parametrize("start", ["2026-05-01T14:00:00", "yesterday", ""])
+def test_a_start_without_a_zone_is_refused(tmp_path, config, capsys, start):
+    status, _ = detected(config, tmp_path, "--start", start)
+    assert status == 2
+    assert "accepted: ISO 8601 with a zone" in capsys.readouterr().err
+
+
+def test_a_video_counts_from_its_start(tmp_path, config, capsys):
+    path = tmp_path / "flight.avi"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 20.0, (640, 480))
+    for i in range(4):
+        writer.write(cv2.cvtColor(tag_picture((300.0 + 5 * i, 200.0), side_px=90.0), cv2.COLOR_GRAY2BGR))
+    writer.release()
+    assert detected(config, path)[0] == 2
+    assert "--start" in capsys.readouterr().err
+    _, frames = detected(config, path, "--start", "2026-05-01T12:00:00Z")
+    times = np.array([frame["time_unix"] for frame in frames])
+    assert times - times[0] == pytest.approx([0.0, 0.05, 0.1, 0.15], abs=1e-3)
+    assert times[0] == pytest.approx(NOON_S, abs=0.051)
+    assert [round(frame["detections"][0]["u"]) for frame in frames] == [300, 305, 310, 315]
+
+
+def test_the_poses_of_a_makers_metadata_are_what_replay_reads(tmp_path, config):
+    folder, out = tmp_path / "pictures", tmp_path / "poses.csv"
+    folder.mkdir()
+    photograph(folder / "a.jpg", time="2026:05:01 14:00:00", offset="+02:00", xmp=DJI)
+    parrot = (
+        '<x:xmpmeta xmlns:x="adobe:ns:meta/"><drone-parrot:CameraRollDegree>1.5</drone-parrot:CameraRollDegree>'
+        "<drone-parrot:CameraPitchDegree>-45</drone-parrot:CameraPitchDegree>"
+        "<drone-parrot:CameraYawDegree>90</drone-parrot:CameraYawDegree></x:xmpmeta>"
+    )
+    gps = {1: "S", 2: (33.0, 30.0, 0.0), 3: "W", 4: (70.0, 36.0, 0.0), 5: b"\x00", 6: 620.5}
+    photograph(folder / "b.jpg", time="2026:05:01 14:00:01", offset="+02:00", xmp=parrot, gps=gps)
+    photograph(folder / "c.jpg", time="2026:05:01 14:00:02", offset="+02:00")
+    assert detected(config, folder, "--poses-out", str(out))[0] == 0
+    poses = parse_poses(out.read_text(), "poses.csv")
+    assert [pose.frame for pose in poses] == [0, 1]
+    first, second = csv.DictReader(out.read_text().splitlines())
+    assert {key: float(value) for key, value in first.items()} == {
+        "frame": 0, "lat": 48.1371999, "lon": 11.5756003, "alt_amsl": 560.4, "roll_deg": 0.1, "pitch_deg": -89.9,
+        "yaw_deg": -33.5, "position_sigma_m": 0.012, "height_sigma_m": 0.031,
+    }  # fmt: skip
+    assert [float(second[key]) for key in ("lat", "lon", "alt_amsl")] == pytest.approx([-33.5, -70.6, 620.5])
+    assert second["position_sigma_m"] == ""
+
+
+@pytest.mark.parametrize(
+    ("what", "reported"),
+    [
+        ("nowhere", "no such file"),
+        ("empty", "no pictures in it"),
+        ("text.jpg", "not a picture"),
+        ("text.mp4", "not a video or picture"),
+    ],
+)
+def test_what_is_no_picture_is_one_line(tmp_path, config, capsys, what, reported):
+    (tmp_path / "empty").mkdir()
+    for name in ("text.jpg", "text.mp4"):
+        (tmp_path / name).write_text("text")
+    status, frames = detected(config, tmp_path / what, "--start", "2026-05-01T12:00:00Z")
+    error = capsys.readouterr().err
+    assert (status, frames, error.count("\n")) == (2, None, 1)
+    assert reported in error
+
+
+def test_without_vision_there_is_no_detector(tmp_path, config, capsys):
+    config.write_text(config.read_text().replace('[vision]\nsource = "pictures"\n', ""))
+    assert detected(config, tmp_path)[0] == 2
+    assert '[vision]: missing; accepted: a table with detector = "apriltag"' in capsys.readouterr().err
