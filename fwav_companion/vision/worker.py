@@ -25,12 +25,15 @@ from fwav_companion.vision.detectors import make_detector
 from fwav_companion.vision.images import (
     Detector,
     DetectorError,
+    Found,
     Picture,
     SourceEndedError,
     SourceLostError,
     frame_bytes,
 )
 from fwav_companion.vision.newest_picture import NewestPicture
+from fwav_companion.vision.preview import Preview
+from fwav_companion.vision.preview_address import parse_preview
 from fwav_companion.vision.sources import open_source
 from fwav_companion.vision.task import VisionState, VisionTask
 
@@ -92,10 +95,11 @@ def main() -> None:
     task = msgspec.json.decode(sys.argv[2], type=VisionTask)
     cv2.setNumThreads(task.threads)  # one core of a small board for pictures, the others for the flight
     try:
-        detector = make_detector(task)
+        detector, address = make_detector(task), parse_preview(task.preview)
+        preview = None if address is None else Preview(address)
         while True:
             try:
-                Watch(daemon, task, detector).watch()
+                Watch(daemon, task, detector, preview).watch()
             except SourceLostError as error:
                 daemon.report(VisionState("lost", str(error)))
                 time.sleep(RETRY_S)
@@ -121,8 +125,11 @@ def _repeat(daemon: DaemonSocket, state: VisionState) -> None:
 class Watch:
     """One opening of the source."""
 
-    def __init__(self, daemon: DaemonSocket, task: VisionTask, detector: Detector) -> None:
+    def __init__(
+        self, daemon: DaemonSocket, task: VisionTask, detector: Detector, preview: Preview | None = None
+    ) -> None:
         self._daemon = daemon
+        self._preview = preview
         self._task = task
         self._detector = detector
         self._clicks = ClickWatch(daemon) if task.track_clicks else None
@@ -143,7 +150,10 @@ class Watch:
 
     def _detect(self, picture: Picture) -> None:
         arrived_s = time.monotonic()
-        self._daemon.send(self._answer(picture))
+        found, number = self._found(picture)
+        self._daemon.send(frame_bytes(picture, found, number))
+        if self._preview is not None:
+            self._preview.offer(picture.pixels, found)
         height, width = picture.pixels.shape[:2]
         stamp_s = picture.stamp.get("time_monotonic")
         self._meter.add(
@@ -161,14 +171,14 @@ class Watch:
         if arrived_s - self._reported_s > SIGN_OF_LIFE_S or self._meter.is_frozen is not self._frozen:
             self._report()
 
-    def _answer(self, picture: Picture) -> bytes:
-        """The frame of a picture: what the detector found, and the clicked spots."""
+    def _found(self, picture: Picture) -> tuple[list[Found], int | None]:
+        """(what the detector found and the clicked spots, number of the picture where it is kept for clicks)."""
         if self._clicks is None:
-            return frame_bytes(picture, self._detector.detect(picture.pixels))
+            return self._detector.detect(picture.pixels), None
         self._count += 1
         self._clicks.begin(picture, self._count, frame_bytes(picture, [], self._count))
         found = self._detector.detect(picture.pixels)
-        return frame_bytes(picture, self._clicks.found(picture, self._count) + found, self._count)
+        return self._clicks.found(picture, self._count) + found, self._count
 
     def _report(self) -> None:
         self._reported_s, self._frozen = time.monotonic(), self._meter.is_frozen

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from fwav_companion.vision.detectors.nested_tags import NestedTags
 from fwav_companion.vision.images import Found, Pixels, grey
 
 ARUCO_DICTIONARIES: Final = {
@@ -47,6 +48,7 @@ class MarkerDetector:
         self._detector = detector
         self._label = label
         self._modules = modules
+        self._nested = NestedTags()
 
     def detect(self, pixels: Pixels) -> list[Found]:
         """The markers, each at the crossing of its diagonals."""
@@ -58,7 +60,7 @@ class MarkerDetector:
             self._found(picture, quad.reshape(4, 2), int(number))
             for quad, number in zip(quads, np.ravel(ids), strict=True)
         )
-        return [each for each in found if each is not None]
+        return self._nested.joined([each for each in found if each is not None])
 
     def _found(self, picture: Pixels, quad: NDArray[np.float32], number: int) -> Found | None:
         centre = crossing_of_diagonals(quad)

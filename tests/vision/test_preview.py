@@ -1,0 +1,125 @@
+"""The pictures in a browser: as an HTTP client gets them."""
+
+import http.client
+import logging
+import socket
+import time
+
+import cv2
+import numpy as np
+import pytest
+
+from fwav_companion.vision import preview as module
+from fwav_companion.vision.preview import Preview
+from fwav_companion.vision.preview_address import PreviewAddress, parse_preview
+
+TOKEN = "0123456789abcdef"
+FOUND = {"u": 40.0, "v": 30.0, "label": "person", "score": 0.8, "box": [30.0, 20.0, 50.0, 40.0]}
+
+
+@pytest.fixture
+def preview():
+    made = Preview(PreviewAddress("127.0.0.1", 0, TOKEN))
+    yield made
+    made.close()
+
+
+def looking(preview, path=f"/{TOKEN}"):
+    connection = http.client.HTTPConnection("127.0.0.1", preview.port, timeout=10)
+    connection.request("GET", path)
+    return connection, connection.getresponse()
+
+
+def picture_of(response):
+    """The next picture of the stream."""
+    length = 0
+    while True:
+        line = response.fp.readline().strip()
+        if line.startswith(b"Content-Length:"):
+            length = int(line.split(b":")[1])
+        if not line and length:
+            return cv2.imdecode(np.frombuffer(response.fp.read(length), np.uint8), cv2.IMREAD_COLOR)
+
+
+def test_a_browser_sees_the_newest_picture_with_what_was_detected(preview):
+    connection, response = looking(preview)
+    assert response.status == 200
+    assert response.getheader("Content-Type") == "multipart/x-mixed-replace; boundary=picture"
+    grey = np.full((60, 80), 100, np.uint8)
+    preview.offer(grey, [FOUND])
+    shown = picture_of(response)
+    assert shown.shape == (60, 80, 3)
+    assert shown[20, 40, 1] > shown[20, 40, 2] + 50, "the box is drawn"
+    assert (grey == 100).all(), "and not into the detector's own picture"
+    begun_s = time.monotonic()
+    for level in (10, 20, 30):
+        preview.offer(np.full((60, 80), level, np.uint8), [])
+    assert abs(float(picture_of(response).mean()) - 30.0) < 3.0
+    assert time.monotonic() - begun_s > 0.1, "five a second at most"
+    connection.close()
+
+
+def test_nothing_is_kept_while_no_one_looks(preview):
+    preview.offer(np.zeros((60, 80), np.uint8), [FOUND])
+    assert preview._shown is None
+
+
+@pytest.mark.parametrize("path", ["/", "/0123456789abcdeg", f"/{TOKEN}/", "/../etc/passwd"])
+def test_without_the_token_nothing_is_shown(preview, path):
+    connection, response = looking(preview, path)
+    assert response.status == 404
+    connection.close()
+
+
+def test_only_a_few_may_look(preview):
+    connections = [looking(preview) for _ in range(module.MOST_WATCHERS)]
+    connection, response = looking(preview)
+    assert response.status == 503
+    for each, _ in [*connections, (connection, response)]:
+        each.close()
+
+
+def test_a_browser_that_takes_nothing_delays_no_detection(preview):
+    with socket.create_connection(("127.0.0.1", preview.port)) as client:
+        client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        client.sendall(f"GET /{TOKEN} HTTP/1.1\r\n\r\n".encode())
+        while not preview._watchers:
+            time.sleep(0.01)
+        noise = np.random.default_rng(0).integers(0, 255, (480, 640), np.uint8)
+        before_s = time.process_time()
+        for _ in range(1000):
+            preview.offer(noise, [])
+        assert time.process_time() - before_s < 1.0, "a thousand pictures are handed over, not drawn"
+
+
+def test_a_port_that_is_taken_is_a_warning_and_no_end(caplog):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        with caplog.at_level(logging.WARNING):
+            busy = Preview(PreviewAddress("127.0.0.1", taken.getsockname()[1], ""))
+        assert "Address already in use" in caplog.text
+        busy.offer(np.zeros((4, 4), np.uint8), [])
+        busy.close()
+
+
+@pytest.mark.parametrize(
+    ("text", "address"),
+    [
+        ("", None),
+        ("127.0.0.1:8089", PreviewAddress("127.0.0.1", 8089, "")),
+        ("[::1]:8089", PreviewAddress("::1", 8089, "")),
+        ("localhost:80", PreviewAddress("localhost", 80, "")),
+        (f"0.0.0.0:8089/{TOKEN}", PreviewAddress("0.0.0.0", 8089, TOKEN)),
+    ],
+)
+def test_addresses(text, address):
+    assert parse_preview(text) == address
+
+
+@pytest.mark.parametrize(
+    "text", ["8089", "127.0.0.1", "127.0.0.1:0", "a b:1", "10.0.0.2:8089", "0.0.0.0:1/short", "h:99999"]
+)
+def test_other_addresses_are_refused(text):
+    with pytest.raises(ValueError, match="accepted: HOST:PORT"):
+        parse_preview(text)
