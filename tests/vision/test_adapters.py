@@ -1,0 +1,155 @@
+"""The example senders for detectors of others, against pretended modules made from their public documentation."""
+
+import importlib.util
+import json
+import sys
+import time
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+
+import numpy as np
+import pytest
+
+from fwav_companion.types import Frame
+from fwav_companion.vision.frame_receiver import read_clocks
+from fwav_companion.vision.wall_clock import WallClock
+from fwav_companion.vision.wire import parse_frame
+
+EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
+SHOWN = (100.0, 60.0, 140.0, 180.0)
+"""Left, top, right, bottom of the one object, edges of pixels: the middle is the pixel (119.5, 119.5)."""
+
+
+class Request:
+    def __init__(self, shape):
+        self.shape, self.held = shape, True
+
+    def get_metadata(self):
+        return metadata()
+
+    def make_array(self, name):
+        assert self.held
+        return np.zeros(self.shape[name], np.uint8)
+
+    def release(self):
+        self.held = False
+
+
+def metadata():
+    return {"SensorTimestamp": time.monotonic_ns() - 30_000_000, "ExposureTime": 2000}
+
+
+class Picamera2:
+    def __init__(self, number=0):
+        self.number = number
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        pass
+
+    def create_video_configuration(self, **streams):
+        return streams
+
+    create_preview_configuration = create_video_configuration
+
+    def configure(self, streams):
+        self.shape = {name: (stream["size"][1], stream["size"][0], 3) for name, stream in streams.items()}
+
+    def start(self):
+        self.started = True
+
+    def capture_request(self):
+        return Request(self.shape)
+
+    def capture_metadata(self):
+        return metadata()
+
+
+class Hailo:
+    def __init__(self, path):
+        assert path == "model"
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        pass
+
+    def get_input_shape(self):
+        return (320, 320, 3)
+
+    def run(self, picture):
+        assert picture.shape == (320, 320, 3)
+        left, top, right, bottom = SHOWN
+        row = np.array([top / 480, left / 640, bottom / 480, right / 640, 0.9], np.float32)
+        return [np.zeros((0, 5)), [row, np.array([0, 0, 1, 1, 0.1])]]
+
+
+class IMX500:
+    camera_num = 1
+    network_intrinsics = SimpleNamespace(labels=["person", "car"])
+    waits = True
+
+    def __init__(self, path):
+        assert path == "model"
+
+    def get_outputs(self, metadata, add_batch):
+        if IMX500.waits:
+            IMX500.waits = False
+            return None
+        return [np.array([[[0.1, 0.2, 0.3, 0.4], [0, 0, 1, 1]]]), np.array([[0.9, 0.1]]), np.array([[1.0, 0.0]])]
+
+    def convert_inference_coords(self, place, metadata, camera):
+        assert camera.number == 1
+        left, top, right, bottom = SHOWN
+        return (left, top, right - left, bottom - top)
+
+
+class Column(list):
+    def tolist(self):
+        return list(self)
+
+
+class YOLO:
+    names = {0: "person", 1: "car"}  # noqa: RUF012
+
+    def __init__(self, path):
+        assert path == "model"
+
+    def __call__(self, picture, verbose):
+        assert picture.shape == (480, 640, 3)
+        assert verbose is False
+        return [SimpleNamespace(boxes=SimpleNamespace(xyxy=Column([SHOWN]), conf=Column([0.9]), cls=Column([1.0])))]
+
+
+@pytest.fixture
+def modules(monkeypatch):
+    for name, content in {
+        "picamera2": {"Picamera2": Picamera2},
+        "picamera2.devices": {"Hailo": Hailo, "IMX500": IMX500},
+        "ultralytics": {"YOLO": YOLO},
+    }.items():
+        module = ModuleType(name)
+        vars(module).update(content)
+        monkeypatch.setitem(sys.modules, name, module)
+
+
+@pytest.mark.parametrize("name", ["ultralytics", "hailo", "imx500"])
+def test_what_they_find_arrives_with_the_time_of_its_exposure(modules, tmp_path, name):
+    spec = importlib.util.spec_from_file_location(f"detections_of_{name}", EXAMPLES / f"detections_of_{name}.py")
+    example = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(example)
+    (tmp_path / "labels.txt").write_text("person\ncar\n")
+    words = ["model", str(tmp_path / "labels.txt")] if name == "hailo" else ["model"]
+    data = json.dumps(next(iter(example.frames(*words, pictures=2))))
+    arrival_ns, unix_ns = read_clocks()
+    frame = parse_frame(data, arrival_ns, WallClock(arrival_ns, unix_ns))
+    assert isinstance(frame, Frame)
+    assert 0.03 <= (arrival_ns - frame.stamp_ns) / 1e9 < 10.0
+    assert (frame.exposure_s, frame.size) == (0.002, (640, 480))
+    (detection,) = frame.detections
+    assert (detection.u, detection.v) == pytest.approx((119.5, 119.5), abs=1e-3)
+    assert detection.box == pytest.approx((99.5, 59.5, 139.5, 179.5), abs=1e-3)
+    assert (detection.label, detection.score) == ("car", pytest.approx(0.9))
