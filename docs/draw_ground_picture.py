@@ -33,7 +33,7 @@ def main() -> None:
     """Fly, and take both pictures."""
     with TemporaryDirectory() as folder:
         words = [sys.executable, "-m", "fwav_companion", "demo", "--fleet", "3", f"--seconds={FLIGHT_S}"]
-        flight = subprocess.Popen([*words, f"--out={folder}"], stdout=subprocess.PIPE, text=True)  # noqa: S603  # our own program
+        flight = subprocess.Popen([*words, f"--out={folder}"], stdout=subprocess.PIPE, text=True)  # noqa: S603
         try:
             found = re.search(r"http://\S+", flight.stdout.readline() if flight.stdout else "")
             if found is None:

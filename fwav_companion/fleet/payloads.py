@@ -93,6 +93,8 @@ class StateMessage(msgspec.Struct, frozen=True, kw_only=True):
     ready: bool = False
     trouble: Annotated[str, Meta(max_length=300)] = ""
     """Why it is not ready, and what to do; "": it is."""
+    footprint: Annotated[tuple[tuple[Latitude, Longitude], ...], Meta(max_length=16)] = ()
+    """Border of what the camera sees on the ground; empty where not known."""
 
 
 class FusedTrack(msgspec.Struct, frozen=True, kw_only=True):

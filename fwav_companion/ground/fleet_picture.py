@@ -76,6 +76,7 @@ class FleetPicture:
             return
         fields: dict[str, object] = {"kind": "fleet", "armed": state.armed, "ready": state.ready}
         fields["readiness"] = "ready" if state.ready else f"not ready: {state.trouble}"
+        fields["footprint"] = state.footprint
         if state.lat is not None and state.lon is not None:
             fields |= {"lat": state.lat, "lon": state.lon, "alt_amsl": state.alt_amsl, "placed_unix": now}
             fields["heading_deg"] = state.heading_deg

@@ -102,6 +102,8 @@ class StatusReader:
             self._checks = (await asyncio.to_thread(self._judge, status))[:MAX_CHECKS]
         vehicle = str(status.autopilot.system)
         self._picture.on_vehicle(vehicle, now, checks=self._checks, armed=status.autopilot.armed)
+        if status.footprint:
+            self._picture.on_vehicle(vehicle, now, footprint=tuple(status.footprint))
         self._show(vehicle, status.tracks, now)
 
     def _show(self, vehicle: str, tracks: list[TrackReport], now: float) -> None:

@@ -53,6 +53,14 @@ from fwav_companion.types.flight_status import SightReport
 LONG_AFTER_NS = 60 * NS_PER_S
 """Longer than every wait and window."""
 
+FOOTPRINT_NS = NS_PER_S
+"""Age of a picture up to which it shows where the camera looks."""
+BORDER = ((-0.5, -0.5), (0.0, -0.5), (0.5, -0.5), (0.5, 0.0), (0.5, 0.5), (0.0, 0.5), (-0.5, 0.5), (-0.5, 0.0))
+"""Corners and middles of the border, right and down, as shares of the image."""
+BORDER_SHARES = (0.99, 0.8, 0.6, 0.4)
+"""Shares of the way from the centre to the border that are tried; the border itself may count as outside."""
+BORDER_SIGMA_PX = 1.0
+
 
 class ProcessedFrame(msgspec.Struct, frozen=True):
     """All tracks after a processed frame."""
@@ -169,6 +177,24 @@ class CameraPipeline:
         sighting = self._pairer.look_at(u, v, sigma_px=sigma_px, host_ns=host_ns, vehicle=self._telemetry)
         fix = self._localizer.locate(sighting) if isinstance(sighting, Sighting) else None
         return fix if isinstance(fix, GroundFix) else None
+
+    def footprint(self, size: tuple[int, int], now: HostNs) -> list[Vector3]:
+        """Where the border of the newest picture meets the ground, NED, clockwise from its top left.
+
+        A pixel without ground is replaced by one nearer to the centre, or left out. Empty without a recent picture.
+        """
+        view = self._last_view
+        if view is None or now - view.host_ns > FOOTPRINT_NS:
+            return []
+        places = []
+        for right, down in BORDER:
+            for share in BORDER_SHARES:
+                u, v = (0.5 + share * right) * size[0] - 0.5, (0.5 + share * down) * size[1] - 0.5
+                fix = self.locate(u, v, BORDER_SIGMA_PX, view.host_ns)
+                if fix is not None:
+                    places.append(fix.position_ned)
+                    break
+        return places if len(places) > 2 else []
 
     def view_at(self, host_ns: HostNs) -> CameraView | None:
         """The camera at a host instant, in the frame of the tracks; None where it is unknown."""

@@ -90,6 +90,14 @@ class Components:
             trouble = "" if found is None else found.text
         return self.publisher.believed, self.situation(now), trouble or None
 
+    def footprint(self, now: HostNs) -> tuple[tuple[float, float], ...]:
+        """Corners of what the camera sees on the ground, latitude and longitude, degrees; empty where not known."""
+        plane = self.telemetry.world.plane
+        if plane is None or self.camera is None:
+            return ()
+        places = [plane.geodetic_from_ned(each) for each in self.camera.footprint(self.publisher.image_size, now)]
+        return tuple((round(place.lat_deg, 7), round(place.lon_deg, 7)) for place in places)
+
     def clock_line(self, at: HostNs, unix_offset_ns: int) -> Line | None:
         """Line of the clock at this instant; None while the clock is unknown."""
         boot_ns = self.telemetry.clock.boot_from_host(at)
@@ -116,6 +124,7 @@ class Components:
             calibration=None if self.camera is None or report is None else self.camera.calibration_news.status(report),
             publishing=self.publisher.status(),
             tracks=self.publisher.track_reports(plane, now),
+            footprint=list(self.footprint(now)),
             frames=log.frames,
             detections=log.detections,
             fixes=log.fixes,

@@ -314,6 +314,10 @@ class Pipeline:
         """For other vehicles: the believed tracks, the vehicle, and why it is not ready (None: it is)."""
         return self._components.shared(now)
 
+    def footprint(self, now: HostNs) -> tuple[tuple[float, float], ...]:
+        """Corners of what the camera sees on the ground, latitude and longitude, degrees; empty where not known."""
+        return self._components.footprint(now)
+
     def status(self, now: HostNs) -> PipelineStatus:
         """The pipeline's part of the status."""
         return self._components.status(now, self._target_log)

@@ -143,6 +143,11 @@ class Publisher:
         return made
 
     @property
+    def image_size(self) -> tuple[int, int]:
+        """Width and height of the calibration, pixels."""
+        return self._options.image_size
+
+    @property
     def believed(self) -> tuple[Track, ...]:
         """Confirmed and coasting tracks after the newest frame, the oldest first."""
         return tuple(sorted(self._selection.believed.values(), key=seniority))

@@ -57,12 +57,14 @@ class FleetSharing:
 
     def _tick(self) -> None:
         self._timer = asyncio.get_running_loop().call_later(1.0 / self._table.rate_hz, self._tick)
-        tracks, situation, obstacle = self._pipeline.shared(self._now())
+        now = self._now()
+        tracks, situation, obstacle = self._pipeline.shared(now)
         messages = self._tracks.messages(tracks, situation, obstacle)
         if messages is None:
             self._report(situation)
             return
         message, state = messages
+        state = msgspec.structs.replace(state, footprint=self._pipeline.footprint(now))
         self._bus.announce(message.vehicle)
         self._bus.publish(f"{message.vehicle}/tracks", encoded(message))
         if len(data := msgspec.json.encode(state)) <= MAX_BYTES:

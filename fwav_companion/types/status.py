@@ -71,6 +71,8 @@ class PipelineStatus(msgspec.Struct, frozen=True, kw_only=True):
     publishing: PublishingReport = PublishingReport()
     tracks: list[TrackReport] = []
     """Confirmed and coasting tracks, the oldest first; at most 64."""
+    footprint: list[tuple[float, float]] = []
+    """Latitude and longitude of the border of what the camera sees, degrees; empty without a recent picture."""
     frames: int = 0
     detections: int = 0
     fixes: int = 0

@@ -65,6 +65,23 @@ def test_the_message_is_understood_and_the_state_has_the_vehicle(shared):
     assert 0.0 <= state.heading_deg < 360.0
 
 
+def test_the_footprint_is_the_border_of_the_image_on_the_ground():
+    """Projected back by the camera, each corner is on the border, or on the way to it where there is no ground."""
+    companion = fly(scenario("demo").but({"seconds": 12.0}), ()).companion
+    camera, plane = companion.pipeline._components.camera, companion.pipeline.telemetry.world.plane
+    corners = companion.pipeline.footprint(camera._last_view.host_ns)
+    assert len(corners) >= 3
+    view = camera.view_at(camera._last_view.host_ns)
+    home_m = plane.origin.alt_amsl_m - companion.pipeline.telemetry.world.home_down_m
+    for lat, lon in corners:
+        ned = plane.ned_from_geodetic(Geodetic.from_degrees(lat, lon, home_m))
+        pixel = view.pixel_of(ned)
+        assert pixel is not None
+        across = max(abs(pixel[0] - 319.5) / 320.0, abs(pixel[1] - 239.5) / 240.0)
+        assert min(abs(across - share) for share in (0.99, 0.8, 0.6, 0.4)) < 0.01
+    assert companion.pipeline.footprint(camera._last_view.host_ns + 5_000_000_000) == ()
+
+
 def test_without_utc_nothing_is_made(shared):
     *_, flown, tracks, situation = shared
     maker = FleetTracks(FleetTable(), flown.companion.config.priors, "s")

@@ -9,6 +9,7 @@ const FIRST_ZOOM = 18;
 const MAX_ZOOM = 24;
 const FINGER_PX = 12;
 const MAX_NAMES = 60;
+const MAX_TRAIL = 150;
 const OLD_S = 10;
 const ARROW = "M0,-13 L9,10 L0,5 L-9,10 Z";
 const SVG = "http://www.w3.org/2000/svg";
@@ -152,7 +153,7 @@ export class PictureMap {
     marks.arrow.setLatLng(place);
     marks.shape.setAttribute("transform", `rotate(${vehicle.heading_deg ?? 0})`);
     marks.arrow.getElement()?.classList.toggle("silent", vehicle.silent);
-    marks.path.setLatLngs(picture.paths.get(id) ?? []);
+    marks.path.setLatLngs((picture.paths.get(id) ?? []).slice(-MAX_TRAIL));
     marks.footprint.setLatLngs(vehicle.footprint);
   }
 
