@@ -68,9 +68,9 @@ function adoptPoint() {
 }
 
 function showLists() {
-  lists.targets.show(targetEntries(picture, point, selected));
-  lists.vehicles.show(vehicleEntries(picture));
-  lists.texts.show(textEntries(picture));
+  if (!element("targets").hidden) lists.targets.show(targetEntries(picture, point, selected));
+  if (!element("vehicles").hidden) lists.vehicles.show(vehicleEntries(picture));
+  if (!element("texts").hidden) lists.texts.show(textEntries(picture));
   element("count-targets").textContent = picture.targets.size;
   element("count-vehicles").textContent = picture.vehicles.size;
   details.show(picture.targets.get(selected), point, picture.now());
@@ -142,6 +142,7 @@ function showTab(shown) {
     element(tab).hidden = tab !== shown;
     element(`tab-${tab}`).setAttribute("aria-selected", String(tab === shown));
   }
+  showLists();
 }
 
 function setTheme(theme) {

@@ -17,12 +17,13 @@ export class RowList {
   show(entries) {
     const wanted = new Set(entries.map((entry) => entry.id));
     for (const [id, row] of this.rows) if (!wanted.has(id)) { row.button.remove(); this.rows.delete(id); }
-    entries.forEach((entry, index) => {
+    let place = this.empty.nextElementSibling;
+    for (const entry of entries) {
       const row = this.rows.get(entry.id) ?? this.addRow(entry.id);
       this.fill(row, entry);
-      const place = this.element.querySelectorAll(".row")[index];
-      if (place !== row.button) this.element.insertBefore(row.button, place ?? null);
-    });
+      if (row.button === place) place = place.nextElementSibling;
+      else this.element.insertBefore(row.button, place);
+    }
     this.empty.hidden = entries.length > 0;
   }
 
@@ -34,7 +35,6 @@ export class RowList {
     head.append(row.title, row.tag, row.age);
     button.append(head);
     button.addEventListener("click", () => this.onRow(id));
-    this.element.append(button);
     this.rows.set(id, row);
     return row;
   }

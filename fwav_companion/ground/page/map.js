@@ -62,10 +62,11 @@ export class PictureMap {
   // Recolour everything: a target becomes old without an event, and the theme may change.
   restyle(picture) {
     for (const target of picture.targets.values()) this.styleTarget(target, picture.now());
-    for (const [id, marks] of this.vehicles) {
+    if (this.theme === colour("--vehicle")) return;
+    this.theme = colour("--vehicle");
+    for (const marks of this.vehicles.values()) {
       marks.path.setStyle({ color: colour("--vehicle") });
       marks.footprint.setStyle({ color: colour("--footprint") });
-      marks.arrow.getElement()?.classList.toggle("silent", picture.vehicles.get(id)?.silent ?? true);
     }
     this.history.setStyle({ color: colour("--target") });
     this.pointMark?.setStyle({ color: colour("--text") });
@@ -114,8 +115,9 @@ export class PictureMap {
     const style = `${gone ? "--old" : unsure ? "--coasting" : "--target"}`;
     if (marks.style === style + colour(style)) return;
     marks.style = style + colour(style);
-    marks.centre.setStyle({ color: colour(style), fillColor: colour(style) });
-    marks.ellipse.setStyle({ color: colour(style), fillColor: colour(style), dashArray: gone || unsure ? "6 5" : null });
+    const paint = colour(style);
+    marks.centre.setStyle({ color: paint, fillColor: paint });
+    marks.ellipse.setStyle({ color: paint, fillColor: paint, dashArray: gone || unsure ? "6 5" : null });
   }
 
   removeTarget(id) {
@@ -193,6 +195,16 @@ function arrow() {
   return { icon: L.divIcon({ html: svg, className: "vehicle", iconSize: [32, 32], iconAnchor: [16, 16] }), shape };
 }
 
+// Colours of the theme, read once: asking the browser for one costs as much as drawing a target.
+const colours = new Map();
+
 function colour(variable) {
-  return getComputedStyle(document.documentElement).getPropertyValue(variable).trim();
+  if (colours.theme !== document.documentElement.dataset.theme) {
+    colours.clear();
+    colours.theme = document.documentElement.dataset.theme;
+  }
+  if (!colours.has(variable)) {
+    colours.set(variable, getComputedStyle(document.documentElement).getPropertyValue(variable).trim());
+  }
+  return colours.get(variable);
 }
