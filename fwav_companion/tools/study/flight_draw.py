@@ -27,7 +27,7 @@ WITHOUT: Final = "without_"
 
 LABEL: Final = "target"
 FPS: Final = 30.0
-"""Rate of the camera, hertz: the most common one."""
+"""Rate of a camera whose configuration states none, hertz: the most common one."""
 LONGEST_READOUT_S: Final = 0.075
 """Longest readout of an unknown camera, seconds: [camera] readout_s = "unknown"."""
 USUAL_POSITION_M: Final = 1.0
@@ -222,7 +222,7 @@ def _of_camera(plan: StudyPlan, truth: Config, miss_rate: float) -> dict[str, An
         "camera.max_angle_deg": lens.max_angle * 180.0 / pi,
         "camera.mount_deg": camera.mount.angles,
         "camera.position_m": camera.mount.position_m,
-        "camera.fps": FPS,
+        "camera.fps": _fps(truth),
         "camera.stamp": "row0_mid" if camera.stamp == "auto" else camera.stamp,
         "camera.time_offset_s": camera.time_offset_s,
         "camera.missed": miss_rate,
@@ -231,11 +231,15 @@ def _of_camera(plan: StudyPlan, truth: Config, miss_rate: float) -> dict[str, An
     }
 
 
+def _fps(truth: Config) -> float:
+    return truth.vision.fps if truth.vision is not None and truth.vision.fps else FPS
+
+
 def _readout_s(plan: StudyPlan, index: int, truth: Config) -> float:
     """True readout of the image: as configured, else uniform over what a camera of this rate may have."""
     if truth.camera.known_readout_s is not None:
         return truth.camera.known_readout_s
-    return _stream(plan, index, "readout").uniform(0.0, min(1.0 / FPS, LONGEST_READOUT_S))
+    return _stream(plan, index, "readout").uniform(0.0, min(1.0 / _fps(truth), LONGEST_READOUT_S))
 
 
 def _of_priors(plan: StudyPlan, index: int, truth: Config, times: float) -> dict[str, Any]:
