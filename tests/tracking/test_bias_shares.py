@@ -1,10 +1,13 @@
 """What limits a target: the variance that each cause adds, against the covariance that the filter itself claims."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from flying import fly
 
-from fwav_companion.self_calibration import SharedParameter
+from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT
+from fwav_companion.self_calibration.posterior import bias_shares as joint_shares
 from fwav_companion.tracking import bias_shares
 from sitl_mock import scenario
 
@@ -43,18 +46,15 @@ def test_the_share_of_a_receiver_is_its_variance():
 
 
 def test_the_joint_estimates_shares_are_what_conditioning_takes_away():
-    """Of a multivariate normal, knowing g takes P[t, g] inv(P[g, g]) P[g, t]: by inverting the whole matrix."""
-    settings = ("tracking.self_calibration=true",)
-    _, _, target = shares_of(settings, seconds=40.0)
-    calibrator = getattr(target, "calibrator", None)
-    if calibrator is None:
-        pytest.skip("this flight did not calibrate its camera")
-    assessment, track = calibrator.assessment, target.track
-    found = assessment.bias_shares(track)
-    cov = assessment.estimated.cov
-    place = 13 + 2 * assessment.estimated.joint.tracks.index(track)
-    own = [place, place + 1]
-    for first, group in ((SharedParameter.HEADING, [4]), (SharedParameter.MOUNT_X, [1, 2, 3])):
+    """Of a multivariate normal, knowing a group leaves inv(inv(P)[t, t]) of the target's covariance."""
+    rng, first = np.random.default_rng(1), SHARED_COUNT + 4
+    root = rng.normal(size=(first + 2, first + 2))
+    cov = root @ root.T
+    joint = SimpleNamespace(cov=cov[None], first=first, place_of=lambda track: first if track == 7 else None)
+    own = [first, first + 1]
+    found = joint_shares(joint, 7)
+    for cause, group in (("heading", [4]), ("mount", [1, 2, 3]), ("position", list(range(SHARED_COUNT, first)))):
         block = cov[np.ix_([*own, *group], [*own, *group])]
-        known = np.linalg.inv(np.linalg.inv(block)[:2, :2])  # covariance of the target given the group
-        assert found[first] == pytest.approx(np.trace(cov[np.ix_(own, own)] - known), rel=1e-3, abs=1e-9)
+        known = np.linalg.inv(np.linalg.inv(block)[:2, :2])
+        assert found[cause] == pytest.approx(np.trace(cov[np.ix_(own, own)] - known), rel=1e-6)
+    assert joint_shares(joint, 8) == {}
