@@ -25,6 +25,7 @@ BENCHMARKS = (
     "startup",
     "daemon",
     "camera",
+    "study",
 )
 """Modules of this package, each with ``measure() -> list[Figure]``."""
 
