@@ -103,16 +103,22 @@ def _first_section(answer: StudyAnswer) -> str:
         "were exactly known. By the filter's own bias terms, over all flights."
     )
     ranking = figure("The error budget at the end", bars, caption)
-    confirmed = [
-        row([cause_name(each.name), change_words(each), CAUSES[each.name].remedy]) for each in answer.confirmed
-    ]
-    below = (
-        "<p>The same flights were flown again with the same random numbers, but without that one error, in truth and "
-        "in the prior:</p>"
-    )
-    rerun = table(["without", "error at the end", "how to get there"], confirmed) if confirmed else ""
-    again = f"<figure><h3>Flown again without it</h3>{below}{rerun}</figure>" if rerun else ""
+    again = f"<figure><h3>Flown again without it</h3>{_reruns(answer)}</figure>" if answer.confirmed else ""
     return section("What to change first", "", f'<div class="two broad">{ranking}{again}</div>')
+
+
+def _reruns(answer: StudyAnswer) -> str:
+    """A paragraph for each cause that was flown again without."""
+    words = (
+        "The same flights were flown again with the same random numbers, but without that one error, in truth and in "
+        "the prior."
+    )
+    causes = "".join(
+        f"<p><b>{escape(cause_name(each.name))}</b><br>{escape(change_words(each))}.<br>"
+        f"To get there: {escape(CAUSES[each.name].remedy)}.</p>"
+        for each in answer.confirmed
+    )
+    return f"<p>{words}</p>{causes}"
 
 
 def _bar(cause: CauseAnswer, largest: float) -> str:
