@@ -1,7 +1,7 @@
 """Landmarks: with one in view targets are right to a decimetre on a receiver of 1 m, and the claim says so.
 
-The mock draws every bias from the configured priors, an error of the altitude above sea level, and the survey's own. One
-target a flight is judged, since a flight's biases are one draw.
+The mock draws every bias from the configured priors, an error of the altitude above sea level, and the survey's own.
+One target a flight is judged, since a flight's biases are one draw.
 """
 
 from functools import partial
@@ -25,7 +25,9 @@ FEW, MANY = 3, 60
 OVER_THE_TARGETS = {"default": {}, "figure_eight": {"flight.half_axes_m": (10.0, 6.0)}}
 
 
-def flown(name: str, seed: int, marks: dict, seconds: float, settings=(), **differences) -> tuple[Simulation, Companion]:
+def flown(
+    name: str, seed: int, marks: dict, seconds: float, settings=(), **differences
+) -> tuple[Simulation, Companion]:
     """A flight over landmarks; ``marks``: label -> error of the configured place, (north, east) in metres."""
     scene = tuple(TargetOptions(label=label, north=n, east=e) for label, (n, e) in MARKS.items() if label in marks)
     altitude_m = Random(f"{seed}/altitude").gauss(0.0, 2.0)
@@ -59,7 +61,11 @@ def ended(mock: Simulation, companion: Companion) -> tuple[float, float, float]:
     true = mock.scene[-1].at(0.0)
     error = np.array([lines[-1]["north"] - (true[0] - shift[0]), lines[-1]["east"] - (true[1] - shift[1])])
     cov = np.array(lines[-1]["cov"])[:2, :2]
-    return float(np.hypot(*error)), float(np.linalg.eigvalsh(cov)[-1] ** 0.5), float(error @ np.linalg.solve(cov, error))
+    return (
+        float(np.hypot(*error)),
+        float(np.linalg.eigvalsh(cov)[-1] ** 0.5),
+        float(error @ np.linalg.solve(cov, error)),
+    )
 
 
 def end_of(name: str, settings: tuple[str, ...], seconds: float, seed: int) -> tuple[float, float, float]:
@@ -73,12 +79,8 @@ def ends(name: str, settings: tuple[str, ...], flights: int, seconds: float) -> 
     ]
 
 
-@pytest.mark.parametrize(
-    ("name", "settings"), [("default", ()), ("figure_eight", ("tracking.self_calibration=true",))]
-)
-@pytest.mark.parametrize(
-    ("flights", "seconds"), [(FEW, 15.0), pytest.param(MANY, 45.0, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize(("name", "settings"), [("default", ()), ("figure_eight", ("tracking.self_calibration=true",))])
+@pytest.mark.parametrize(("flights", "seconds"), [(FEW, 15.0), pytest.param(MANY, 45.0, marks=pytest.mark.slow)])
 def test_a_landmark_in_view_cancels_what_it_shows_and_the_claim_says_so(name, settings, flights, seconds):
     results = ends(name, settings, flights, seconds)
     squares = [square for _, _, square in results]
@@ -125,9 +127,7 @@ def test_a_lone_landmark_far_from_all_that_the_receiver_says_is_left_out():
 def test_a_position_that_jumps_does_not_cost_a_landmark():
     """Seven metres for the rest of the flight: the landmark that agreed still counts, and the target stays."""
     shifts = ((6.0, 6.1, 5.0, -5.0),)
-    mock, companion = flown(
-        "default", 3, {"mark": (0.0, 0.0)}, 16.0, **{"autopilot.position_shifts": shifts}
-    )
+    mock, companion = flown("default", 3, {"mark": (0.0, 0.0)}, 16.0, **{"autopilot.position_shifts": shifts})
     assert state_of(companion) == {"mark": LandmarkState.USED}
     error_m, _, square = ended(mock, companion)
     assert error_m < 0.5
