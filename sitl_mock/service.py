@@ -15,6 +15,7 @@ a .tlog, detections in JSON lines and the truth as CSV, of the announced numbers
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import json
 from io import BytesIO, StringIO
@@ -33,7 +34,12 @@ FORMAT = 1
 
 
 def serve(requests: BinaryIO, replies: BinaryIO) -> None:
-    """Answers requests until they end."""
+    """Answers requests until they end, or until no client reads the replies."""
+    with contextlib.suppress(BrokenPipeError):
+        _serve(requests, replies)
+
+
+def _serve(requests: BinaryIO, replies: BinaryIO) -> None:
     for line in requests:
         try:
             header, parts = _reply(json.loads(line))

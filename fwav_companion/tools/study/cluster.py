@@ -10,6 +10,7 @@ from __future__ import annotations
 import logging
 import os
 import shutil
+import signal
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
@@ -82,6 +83,18 @@ class JobPlugin(WorkerPlugin):  # type: ignore[misc]  # distributed has no types
         return {**vars(self), "_state": None}
 
 
+class InterruptPlugin(WorkerPlugin):
+    """Leaves Ctrl-C, which reaches every process of a terminal, to the process that started the cluster."""
+
+    name = "fwav-interrupt"
+    idempotent = True
+
+    def setup(self, worker: Any) -> None:  # noqa: ARG002  # distributed's signature
+        """Ignore SIGINT in the worker's process."""
+        with suppress(ValueError):  # not the main thread
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
 def _work(plugin: str, job: Job, task: Task) -> bytes:
     """One piece of work, on a worker."""
     return job(get_worker().plugins[plugin].state(), *task)
@@ -135,6 +148,7 @@ def workers(scheduler: str = "", count: int | None = None) -> Iterator[Workers]:
         else:
             cluster = opened.enter_context(_local(count or len(os.sched_getaffinity(0))))
             client = opened.enter_context(Client(cluster, set_as_default=False))
+            client.register_plugin(InterruptPlugin())
         yield Workers(client)
 
 
