@@ -10,7 +10,7 @@ import msgspec
 from fwav_companion.geometry.rotations import matrix_from_quaternion
 from fwav_companion.geometry.stamps import BootNs, HostNs
 from fwav_companion.geometry.vectors import ZERO3, Matrix3, Vector3, add, multiply, scale, subtract, transform
-from fwav_companion.pairing.anchors import anchor_of
+from fwav_companion.pairing.anchors import anchor_of, marker_centre
 from fwav_companion.pairing.paired_frame import CameraView, PairedFrame, RefusedFrame
 from fwav_companion.pairing.placement import FramePlacer, PictureRows, Placement, both_clocks
 from fwav_companion.pairing.protocols import TwoClocks, VehicleSource
@@ -273,7 +273,8 @@ class Pairer:
         width, height = self.lens.image_size
         if not (-0.5 <= detection.u <= width - 0.5 and -0.5 <= detection.v <= height - 0.5):
             return Reason.OUTSIDE_IMAGE
-        ray = self.lens.camera_ray_and_derivatives_from_pixel(detection.u, detection.v)
+        u, v = (detection.u, detection.v) if detection.corners is None else marker_centre(detection, self.lens)
+        ray = self.lens.camera_ray_and_derivatives_from_pixel(u, v)
         return ray.reason if isinstance(ray, NoRay) else ray
 
     def _view(self, state: VehicleState, *, relative: bool | None) -> CameraView | None:

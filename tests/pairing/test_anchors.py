@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fwav_companion.camera import KannalaBrandt
-from fwav_companion.pairing.anchors import anchor_of, foot_pixel
+from fwav_companion.pairing.anchors import anchor_of, foot_pixel, marker_centre
 from fwav_companion.types import Detection, StandingTarget
 
 LENS = KannalaBrandt((1.0, 0.02, -0.003), (200.0, 201.0), (400.0, 398.0), (800, 800))
@@ -68,3 +68,20 @@ def test_the_height_of_the_other_anchors(anchor, height_m, sigma_m):
     ned_from_camera, pixels = pole(40.0, 0.0)
     found = anchor_of(person, Detection(1.0, 1.0, box=box_of(pixels)), ned_from_camera, LENS)
     assert (found.height_m, found.sigma_m, found.pixel) == (height_m, sigma_m, None)
+
+
+@pytest.mark.parametrize("off", [(0.0, 0.0), (0.25, -0.15), (-0.4, 0.3)])
+def test_the_centre_of_a_marker_is_not_bent_by_the_lens(off):
+    """A square in space; its centre's pixel by the projection, against the crossing of diagonals in the image."""
+    square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) @ Rotation.from_euler("z", 0.3).as_matrix()[:2, :2]
+    corners = [LENS.pixel_from_camera_point((off[0] + 0.2 * x, off[1] + 0.2 * y, 1.0 + 0.05 * x)) for x, y in square]
+    true = LENS.pixel_from_camera_point((off[0], off[1], 1.0))
+    a, b, c, d = np.array(corners)
+    share = np.linalg.solve(np.array([c - a, b - d]).T, b - a)[0]
+    crossing = a + share * (c - a)
+    found = marker_centre(Detection(*crossing, corners=tuple(map(tuple, corners))), LENS)
+    assert found == pytest.approx(true, abs=1e-6)
+    if off != (0.0, 0.0):
+        assert np.hypot(*(crossing - true)) > 0.1
+    elsewhere = (crossing[0] + 3.0, crossing[1])
+    assert marker_centre(Detection(*elsewhere, corners=tuple(map(tuple, corners))), LENS) == elsewhere

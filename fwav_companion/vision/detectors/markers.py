@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from math import hypot, sqrt
+from math import sqrt
 from typing import Final
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from fwav_companion.vision.detectors.marker_sigma import marker_sigma_px
 from fwav_companion.vision.detectors.nested_tags import NestedTags
 from fwav_companion.vision.images import Found, Pixels, grey
 
@@ -24,14 +25,6 @@ APRILTAG_FAMILIES: Final = {
     "36h11": (cv2.aruco.DICT_APRILTAG_36h11, 8),
 }
 """Dictionaries of OpenCV, and the number of modules along a side of the black square."""
-SHARP_SIGMA_PX = 0.22
-"""Sigma of a centre in a sharp picture, one axis: corners refined to some tenths, and diagonals bent by a fisheye.
-Measured on rendered tags of 30 to 100 px: 0.20 px."""
-SIGMA_OF_WIDTH = 0.13
-"""Contribution of an edge's excess width, one axis. Measured where motion blurs by 0.5 to 1, 1 to 1.5, and 1.5 to 3
-modules of a tag: 0.3 to 0.5, 0.5 to 0.75, and 1.0 px."""
-SHARP_WIDTH_PX = 2.5
-"""Width of an edge that only lens and sensor blur."""
 PROFILES = 5
 """Number of profiles across each side."""
 
@@ -66,14 +59,14 @@ class MarkerDetector:
         centre = crossing_of_diagonals(quad)
         if centre is None:
             return None
-        width_px = edge_width(picture, quad, self._modules)
-        excess_px = sqrt(max(0.0, width_px**2 - SHARP_WIDTH_PX**2))
+        module_px = max(1.0, sqrt(cv2.contourArea(quad))) / self._modules
+        sigma_px = marker_sigma_px(module_px, edge_width(picture, quad, self._modules))
         left, top = quad.min(axis=0)
         right, bottom = quad.max(axis=0)
         return {
             "u": round(centre[0], 3),
             "v": round(centre[1], 3),
-            "sigma": round(hypot(SHARP_SIGMA_PX, SIGMA_OF_WIDTH * excess_px), 3),
+            "sigma": round(sigma_px, 3),
             "label": f"{self._label}:{number}",
             "box": [round(float(side), 1) for side in (left, top, right, bottom)],
             "id": number,
