@@ -24,6 +24,7 @@ BENCHMARKS = (
     "calls",
     "startup",
     "daemon",
+    "detection",
     "camera",
     "study",
 )
