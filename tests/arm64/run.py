@@ -30,7 +30,7 @@ SUITE, MIRROR = "bookworm", "https://deb.debian.org/debian"
 PYTHON = "3.11"
 """Of that Debian."""
 PLATFORMS = ("manylinux_2_17_aarch64", "manylinux2014_aarch64", "manylinux_2_28_aarch64", "manylinux_2_35_aarch64")
-TEST_LIBRARIES = ("pytest>=8", "pytest-timeout>=2.3", "hypothesis>=6.100")
+TEST_LIBRARIES = ("pytest>=8", "pytest-timeout>=2.3", "pytest-xdist>=3.6", "hypothesis>=6.100", "pymap3d>=3.1")
 QEMU = "qemu-aarch64-static"
 SITE, HOME = "opt/fwav/site", "opt/fwav/project"
 COPIED = ("fwav_companion", "sitl_mock", "tests", "systemd", "requirements", "pyproject.toml", "README.md", "docs")

@@ -91,7 +91,12 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=random.SystemRandom().randrange(10**6))
     parser.add_argument("--rooms", nargs="+", choices=ROOMS, default=list(ROOMS))
     parser.add_argument("--jobs", type=int, default=1)
-    parser.add_argument("--seconds", type=float, default=60.0, help="longest time of the tests of one change")
+    parser.add_argument(
+        "--seconds",
+        type=float,
+        default=60.0,
+        help="longest time of the tests of one change, as measured with coverage: double it on a busy machine",
+    )
     arguments = parser.parse_args()
     draw = random.Random(arguments.seed)
     sample = list(_drawn(arguments.rooms, arguments.count, draw))
@@ -143,16 +148,29 @@ def _places(room: str, path: Path) -> Iterator[Place]:
 
 
 def _not_run(text: str) -> list[tuple[tuple[int, int], tuple[int, int]]]:
-    """Return the ranges of annotations, which are text at run time, and of the options of classes, as ``gc=False``."""
-    found: list[ast.AST] = []
+    """Return the ranges of what no test can notice.
+
+    These are annotations, which are text at run time; the options of classes, as ``gc=False``; the star before keyword
+    parameters; and ``strict`` of ``zip``, which holds what is true of every call.
+    """
+    found: list[tuple[tuple[int, int], tuple[int, int]]] = []
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.AnnAssign) or (isinstance(node, ast.arg) and node.annotation is not None):
-            found.append(node.annotation)
-        elif isinstance(node, ast.ClassDef):
-            found += node.keywords
-        elif isinstance(node, ast.FunctionDef) and node.returns is not None:
-            found.append(node.returns)
-    return [((node.lineno, node.col_offset), (node.end_lineno, node.end_col_offset)) for node in found]
+            found.append(_range(node.annotation))
+        elif isinstance(node, ast.ClassDef) or (isinstance(node, ast.Call) and ast.unparse(node.func) == "zip"):
+            found += [_range(keyword) for keyword in node.keywords]
+        elif isinstance(node, ast.FunctionDef):
+            found += [] if node.returns is None else [_range(node.returns)]
+            before = (node.args.posonlyargs + node.args.args)[-1:]
+            if node.args.kwonlyargs:
+                first = node.args.kwonlyargs[0]
+                begin = _range(before[0])[1] if before else (node.lineno, node.col_offset)
+                found.append((begin, (first.lineno, first.col_offset)))
+    return found
+
+
+def _range(node: ast.AST) -> tuple[tuple[int, int], tuple[int, int]]:
+    return (node.lineno, node.col_offset), (node.end_lineno, node.end_col_offset)
 
 
 def _run_all(sample: Sequence[Mutant], folder: Path, jobs: int, seconds: float) -> tuple[list[Mutant], int]:
