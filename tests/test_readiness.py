@@ -216,4 +216,4 @@ def test_of_several_autopilots_none_is_adopted_and_only_the_log_says_so():
     assert companion.codes == [NoticeCode.SEVERAL_AUTOPILOTS]
     assert "(1, 2)" in companion.notices[0]
     assert {(outgoing.name, outgoing.component) for _, outgoing in companion.sent} == {("HEARTBEAT", 191)}
-    assert companion.pipeline.system == 1
+    assert companion.pipeline.identity.system == 1

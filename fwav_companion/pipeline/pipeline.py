@@ -9,15 +9,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
+from fwav_companion.mavlink.client.identity import Identity
 from fwav_companion.mavlink.router.node import PassedRequest
-from fwav_companion.mavlink.wire.enums import MAV_COMP_ID_AUTOPILOT1
 from fwav_companion.mavlink.wire.rate_messages import OwnStreams
 from fwav_companion.pipeline.components import Components
 from fwav_companion.pipeline.event_handlers import EventHandlers
 from fwav_companion.pipeline.output_buffer import OutputBuffer, Outputs
+from fwav_companion.pipeline.second_lines import SecondLines
+from fwav_companion.pipeline.speaker import Speaker
 from fwav_companion.pipeline.target_log import TargetLog
 from fwav_companion.publishing.ground_messages import onboard_computer_status
-from fwav_companion.recording.lines import Line, unix_seconds
+from fwav_companion.recording.lines import Line
 from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.telemetry import GIMBAL_MESSAGES, Telemetry
 from fwav_companion.tracking.filters.base import TargetState
@@ -55,7 +57,6 @@ class Pipeline:
         """``unix_offset_ns``: recording's clock minus host clock. ``live``: false in a replay: no message is sent."""
         self._components = components
         self._target_log = target_log
-        self._unix_offset_ns = unix_offset_ns
         self._live = live
         self._clock_line_ns: HostNs | None = None
         self._fault_over_ns: HostNs | None = None
@@ -63,6 +64,8 @@ class Pipeline:
         self._due_is_known = False
         self._outputs = OutputBuffer(components, target_log, live=live)
         self._handlers = EventHandlers(components, target_log, self._outputs, unix_offset_ns=unix_offset_ns, live=live)
+        self._seconds = SecondLines(components, target_log, self._outputs, unix_offset_ns)
+        self._speaker = Speaker(components, self._outputs, self._handlers)
         self._ended = False
 
     # What comes in.
@@ -202,12 +205,12 @@ class Pipeline:
     def advance(self, now: HostNs) -> None:
         """Do all that was due until now, in order and at its own time."""
         if self._clock_line_ns is None:
-            self._clock_line_ns = self._next_whole_second(now)
+            self._clock_line_ns = self._seconds.next_after(now)
             if self._live:
-                self._speak(now)
+                self._speaker.speak(now)
             self._due_is_known = False
         if now - self._clock_line_ns > LONGEST_SILENCE_NS:
-            self._clock_line_ns = self._next_whole_second(HostNs(now - NS_PER_S))
+            self._clock_line_ns = self._seconds.next_after(HostNs(now - NS_PER_S))
             self._due_is_known = False
         while (due := self.wake_at) is not None and due <= now:
             self._wake(due, now)
@@ -267,23 +270,9 @@ class Pipeline:
         return None if report is None else report.keep
 
     @property
-    def system(self) -> int:
-        """Our MAVLink system id."""
-        return self._components.identity.system
-
-    @property
-    def autopilot_component(self) -> int | None:
-        """Component id of our autopilot; None before the vehicle is known."""
-        identity = self._components.identity
-        if identity.autopilot is not None:
-            return identity.autopilot.component
-        return MAV_COMP_ID_AUTOPILOT1 if identity.knows_its_vehicle else None
-
-    @property
-    def autopilot_address(self) -> tuple[int, int] | None:
-        """(system, component) of the adopted autopilot."""
-        autopilot = self._components.identity.autopilot
-        return None if autopilot is None else (autopilot.system, autopilot.component)
+    def identity(self) -> Identity:
+        """Our system id, and the adopted autopilot."""
+        return self._components.identity
 
     @property
     def own_streams(self) -> OwnStreams:
@@ -294,12 +283,6 @@ class Pipeline:
     def telemetry(self) -> Telemetry:
         """Telemetry of the vehicle."""
         return self._components.telemetry
-
-    @property
-    def armed(self) -> bool:
-        """Whether the adopted autopilot is armed."""
-        autopilot = self._components.identity.autopilot
-        return autopilot is not None and autopilot.armed
 
     @property
     def has_outputs(self) -> bool:
@@ -336,13 +319,7 @@ class Pipeline:
         )
         if not self._live:
             return always
-        live = (
-            components.timesync.wake_at,
-            components.rates.wake_at,
-            components.publisher.wake_at,
-            self._handlers.wake_at,
-        )
-        return always + live
+        return always + self._speaker.dues()
 
     def _wake(self, due: HostNs, now: HostNs) -> None:
         """Let every room do what is due: estimation at the time it was due, messages at the present time."""
@@ -352,29 +329,13 @@ class Pipeline:
         self._take_ready(due)
         self._settle(due)
         if self._clock_line_ns is not None and due >= self._clock_line_ns:
-            self._write_each_second(self._clock_line_ns)
-            self._clock_line_ns = self._next_whole_second(due)
+            self._seconds.write(self._clock_line_ns)
+            self._clock_line_ns = self._seconds.next_after(due)
         if self._fault_over_ns is not None and due >= self._fault_over_ns:
             self._fault_over_ns = None
             components.identity.fault_over()
         if self._live:
-            self._speak(now)
-
-    def _speak(self, now: HostNs) -> None:
-        components, messages = self._components, self._outputs.messages
-        healthy = components.identity.autopilot is not None and not components.identity.autopilot_lost
-        messages += components.identity.heartbeats(now, healthy)
-        request = components.timesync.on_wake(now)
-        if request is not None:
-            messages.append(request)
-        if components.rates.wake_at is not None and components.rates.wake_at <= now:
-            messages += components.rates.on_wake(now)
-            self._outputs.notify(components.rates.notices(), now)
-        if components.publisher.wake_at is not None and components.publisher.wake_at <= now:
-            messages += components.publisher.on_wake(now, components.situation(now))
-            self._outputs.notify(components.publisher.notices(), now)
-        if self._handlers.wake_at is not None and self._handlers.wake_at <= now:
-            self._handlers.on_wake(now)
+            self._speaker.speak(now)
 
     def _take_ready(self, now: HostNs) -> None:
         """Localize, track and publish the frames whose attitudes are there."""
@@ -392,22 +353,3 @@ class Pipeline:
     def _settle(self, now: HostNs) -> None:
         if self._components.camera is not None:
             self._target_log.settle(self._components.camera.settle(now), self._components.telemetry.world.plane)
-
-    def _write_each_second(self, at: HostNs) -> None:
-        components = self._components
-        clock_line = components.clock_line(at, self._unix_offset_ns)
-        if clock_line is not None:
-            self._target_log.write(clock_line)
-        if components.camera is not None:
-            self._outputs.notify(components.camera.readout.notices(), at)
-            self._outputs.notify(components.camera.landmark_news.notices(components.camera.landmarks), at)
-        report = components.camera.calibration if components.camera is not None else None
-        if components.camera is not None and report is not None:
-            self._target_log.write(
-                components.camera.calibration_news.line(report, unix_seconds(at, self._unix_offset_ns))
-            )
-            self._outputs.notify(components.camera.calibration_news.notices(report), at)
-
-    def _next_whole_second(self, now: HostNs) -> HostNs:
-        """The next whole second of the recording's clock: a replay then writes its lines at the same instants."""
-        return HostNs(now + NS_PER_S - (now + self._unix_offset_ns) % NS_PER_S)

@@ -7,8 +7,6 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import Protocol
 
-import msgspec
-
 from fwav_companion.camera import Calibration
 from fwav_companion.config import Config
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
@@ -31,15 +29,14 @@ from fwav_companion.service.service_factory import (
     make_vision,
 )
 from fwav_companion.service.signing_store import SigningStore
+from fwav_companion.service.spot_desk import SpotDesk
 from fwav_companion.service.status import StatusReport, SystemdNotifier, encoded
 from fwav_companion.service.stop_signals import end_by
 from fwav_companion.service.timer import NET_NS, HostClock, PipelineTimer
 from fwav_companion.telemetry import Telemetry
 from fwav_companion.types import Frame, NoFrame, Notice, Outgoing
-from fwav_companion.types.spots import SpotRefused
 from fwav_companion.types.status import RunStatus
 from fwav_companion.vision.frame_receiver import FrameReceiver
-from fwav_companion.vision.wire import parse_frame
 
 FILE_STOP_S = 0.4
 """Time to close each file: four of them stay below the two seconds that a stop may take."""
@@ -117,6 +114,7 @@ class Service:
             backlog=lambda: self._pipeline.waiting_detections,
         )
         self._frame_queue = ears.queue
+        self._spots = SpotDesk(self._pipeline, self._clock, self._flush)
         self._detections = self._vision = None
         if calibration is not None:
             self._detections = make_detections(config, ears, self._log.detections_heard)
@@ -125,9 +123,10 @@ class Service:
                 calibration.image_size,
                 ears,
                 self._log.pictures_seen,
-                on_question=self._on_spot_question,
-                on_refused=self._on_spot_refused,
+                on_question=self._spots.on_question,
+                on_refused=self._spots.on_refused,
             )
+            self._spots.vision = self._vision
         self._journal = Journal(make_recorder(config, beside_recording, self._pipeline, warn), self._clock)
         self._outbox = Outbox(
             self._node, self._links, map_link=self._map_link, journal=self._journal, on_fault=self._on_fault
@@ -237,7 +236,7 @@ class Service:
         for message in received.messages:
             self._pipeline.on_message(message, now)
             if message.signed:
-                self._signing.on_message(message, self._pipeline.autopilot_address, now)
+                self._signing.on_message(message, self._pipeline.identity.autopilot_address, now)
         if waiting:
             self._frame_queue.spent(time.thread_time() - began_s, waiting - self._pipeline.waiting_detections)
         self._flush(now)
@@ -258,19 +257,6 @@ class Service:
         if isinstance(frame, Frame):
             processed = waiting + len(frame.detections) - self._pipeline.waiting_detections
             self._frame_queue.spent(time.thread_time() - began_s, processed)
-        self._flush(now)
-
-    def _on_spot_question(self, data: bytes) -> None:
-        """Answer where a picture of the camera process shows the clicked spots."""
-        now = self._clock.now()
-        frame = parse_frame(data, now, self._clock.wall)
-        if isinstance(frame, Frame) and self._vision is not None:
-            self._vision.send(msgspec.json.encode(self._pipeline.spot_views(frame, now)))
-            self._flush(now)
-
-    def _on_spot_refused(self, refused: SpotRefused) -> None:
-        now = self._clock.now()
-        self._pipeline.on_spot_refused(refused, now)
         self._flush(now)
 
     def _heard(self, now: HostNs) -> None:
@@ -337,15 +323,13 @@ class Service:
     def _flush(self, now: HostNs) -> None:
         if self._pipeline.has_outputs:  # most messages make none
             outputs = self._pipeline.take()
-            self._node.adopt(self._pipeline.system, self._pipeline.autopilot_component)
+            self._node.adopt(self._pipeline.identity.system, self._pipeline.identity.autopilot_component)
             self._node.share(self._pipeline.own_streams)
             self._outbox.send(outputs.messages, outputs.datagrams, now)
             self._journal.found(outputs.lines, now)
             self._log.noticed(outputs.notices)
-            for order in outputs.spot_messages:
-                if self._vision is not None and not self._vision.send(msgspec.json.encode(order)):
-                    warn("the camera process takes no order: the click is not followed")
-        self._journal.armed(self._pipeline.armed, now)
+            self._spots.send(outputs.spot_messages)
+        self._journal.armed(self._pipeline.identity.armed, now)
         self._arm(now)
 
     def _arm(self, now: HostNs) -> None:

@@ -173,7 +173,7 @@ class Service:
 
     def _outputs(self, now: HostNs) -> list[bytes]:
         outputs = self.pipeline.take()
-        self._node.adopt(self.pipeline.system, self.pipeline.autopilot_component)
+        self._node.adopt(self.pipeline.identity.system, self.pipeline.identity.autopilot_component)
         self._node.share(self.pipeline.own_streams)
         return [data for message in outputs.messages for _, data in self._node.encode(message, now)]
 

@@ -88,7 +88,7 @@ def test_before_an_autopilot_is_adopted_only_heartbeats_are_said():
         companion.on_wake(second * 1_000_000_000)
     assert {outgoing.name for _, outgoing in companion.sent} == {"HEARTBEAT"}
     assert {outgoing.component for _, outgoing in companion.sent} == {191}
-    assert companion.pipeline.system == 1
+    assert companion.pipeline.identity.system == 1
     assert len(companion.sent) in range(9, 12)
 
 
@@ -257,7 +257,7 @@ def test_another_autopilot_on_the_link_drops_every_track_and_begins_a_new_world(
     )
     for _ in simulate(options).drive(AfterAWhile(companion, ended_ns + 2 * seconds)):
         pass
-    assert companion.pipeline.system == 7
+    assert companion.pipeline.identity.system == 7
     assert companion.codes.count(NoticeCode.AUTOPILOT_REPLACED) == 1
     assert "tracks are dropped" in companion.texts_to_ground(NoticeCode.AUTOPILOT_REPLACED)[0]
     dropped = [line for line in companion.targets() if line["state"] == "dropped"]

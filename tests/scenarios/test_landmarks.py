@@ -113,7 +113,7 @@ def test_a_landmark_that_disagrees_is_named_and_left_out():
     assert "second" in text
     assert [each.label for each in companion.pipeline.status(companion._now).sight.landmarks if each.refused or
             each.state == "left_out"] == ["second"]  # fmt: skip
-    error_m, sigma_m, square = ended(mock, companion)
+    _, sigma_m, square = ended(mock, companion)
     assert sigma_m < 0.2
     assert square < chi2.ppf(0.999, 2)
 

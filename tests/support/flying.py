@@ -159,7 +159,7 @@ class Companion:
         for outgoing in outputs.messages:
             self.sent.append((now, outgoing))
             encoder = self._encoders.setdefault(outgoing.component, Encoder(1, outgoing.component))
-            encoder.system = self.pipeline.system
+            encoder.system = self.pipeline.identity.system
             frames.append(encoder.encode(outgoing.name, outgoing.fields))
             self._record(now, frames[-1])
         return frames

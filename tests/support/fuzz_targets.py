@@ -90,7 +90,7 @@ class Daemon:
     def flush(self) -> None:
         """Encode everything that would leave: messages for the links, lines for the recording."""
         outputs = self.pipeline.take()
-        self.node.adopt(self.pipeline.system, self.pipeline.autopilot_component)
+        self.node.adopt(self.pipeline.identity.system, self.pipeline.identity.autopilot_component)
         self.node.share(self.pipeline.own_streams)
         for outgoing in outputs.messages:
             self.sent += len(self.node.encode(outgoing, self.now))

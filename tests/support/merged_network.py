@@ -170,7 +170,7 @@ class MergedNetwork:
 
     def _flush(self, now: HostNs) -> None:
         outputs = self.pipeline.take()
-        self.node.adopt(self.pipeline.system, self.pipeline.autopilot_component)
+        self.node.adopt(self.pipeline.identity.system, self.pipeline.identity.autopilot_component)
         self.node.share(self.pipeline.own_streams)
         self.pipeline.stations_want(self.node.demanded)
         self._outbox.send(outputs.messages, outputs.datagrams, now)

@@ -132,6 +132,23 @@ class Identity:
         return self._configured_system or UNASSIGNED_SYSTEM
 
     @property
+    def autopilot_component(self) -> int | None:
+        """Component id of our autopilot; None before the vehicle is known."""
+        if self.autopilot is not None:
+            return self.autopilot.component
+        return enums.MAV_COMP_ID_AUTOPILOT1 if self.knows_its_vehicle else None
+
+    @property
+    def autopilot_address(self) -> tuple[int, int] | None:
+        """(system, component) of the adopted autopilot."""
+        return None if self.autopilot is None else (self.autopilot.system, self.autopilot.component)
+
+    @property
+    def armed(self) -> bool:
+        """Whether the adopted autopilot is armed."""
+        return self.autopilot is not None and self.autopilot.armed
+
+    @property
     def knows_its_vehicle(self) -> bool:
         """Whether an autopilot is adopted or the configuration names the system: our messages then belong to that
         vehicle.

@@ -83,7 +83,7 @@ class JobPlugin(WorkerPlugin):  # type: ignore[misc]  # distributed has no types
         return {**vars(self), "_state": None}
 
 
-class InterruptPlugin(WorkerPlugin):
+class InterruptPlugin(WorkerPlugin):  # type: ignore[misc]  # distributed has no types
     """Leaves Ctrl-C, which reaches every process of a terminal, to the process that started the cluster."""
 
     name = "fwav-interrupt"

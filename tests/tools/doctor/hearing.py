@@ -110,7 +110,7 @@ class Hearing:
         return self._now
 
     def _flushed(self, now: HostNs) -> list[bytes]:
-        self._node.adopt(self._pipeline.system, self._pipeline.autopilot_component)
+        self._node.adopt(self._pipeline.identity.system, self._pipeline.identity.autopilot_component)
         self._node.share(self._pipeline.own_streams)
         frames = self._to_autopilot(self._pipeline.take().messages, now)
         if self._crossed:

@@ -1,0 +1,41 @@
+"""What is written and reported once a second: the clock, self-calibration, landmarks, an unknown readout. Pure."""
+
+from __future__ import annotations
+
+from fwav_companion.geometry.stamps import NS_PER_S, HostNs
+from fwav_companion.pipeline.components import Components
+from fwav_companion.pipeline.output_buffer import OutputBuffer
+from fwav_companion.pipeline.target_log import TargetLog
+from fwav_companion.recording.lines import unix_seconds
+
+
+class SecondLines:
+    """Lines and notices of each whole second of the recording's clock: a replay writes them at the same instants."""
+
+    def __init__(
+        self, components: Components, target_log: TargetLog, outputs: OutputBuffer, unix_offset_ns: int
+    ) -> None:
+        """``unix_offset_ns``: recording's clock minus host clock."""
+        self._components = components
+        self._target_log = target_log
+        self._outputs = outputs
+        self._unix_offset_ns = unix_offset_ns
+
+    def next_after(self, now: HostNs) -> HostNs:
+        """The next whole second."""
+        return HostNs(now + NS_PER_S - (now + self._unix_offset_ns) % NS_PER_S)
+
+    def write(self, at: HostNs) -> None:
+        """Write the lines of this second."""
+        clock_line = self._components.clock_line(at, self._unix_offset_ns)
+        if clock_line is not None:
+            self._target_log.write(clock_line)
+        camera = self._components.camera
+        if camera is None:
+            return
+        self._outputs.notify(camera.readout.notices(), at)
+        self._outputs.notify(camera.landmark_news.notices(camera.landmarks), at)
+        report = camera.calibration
+        if report is not None:
+            self._target_log.write(camera.calibration_news.line(report, unix_seconds(at, self._unix_offset_ns)))
+            self._outputs.notify(camera.calibration_news.notices(report), at)

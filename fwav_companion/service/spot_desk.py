@@ -1,0 +1,50 @@
+"""SHELL: carries messages about clicked spots between the pipeline and the camera process."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import msgspec
+
+from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.pipeline.pipeline import Pipeline
+from fwav_companion.service.log import warn
+from fwav_companion.service.timer import HostClock
+from fwav_companion.types import Frame
+from fwav_companion.types.spots import SpotMessage, SpotRefused
+from fwav_companion.vision.supervisor import VisionProcess
+from fwav_companion.vision.wire import parse_frame
+
+_encode = msgspec.json.Encoder().encode
+
+
+class SpotDesk:
+    """Answers the camera process, and hands it the pipeline's orders."""
+
+    def __init__(self, pipeline: Pipeline, clock: HostClock, flush: Callable[[HostNs], None]) -> None:
+        """``flush``: sends the pipeline's outputs."""
+        self._pipeline = pipeline
+        self._clock = clock
+        self._flush = flush
+        self.vision: VisionProcess | None = None
+        """The camera process, once it is made."""
+
+    def on_question(self, data: bytes) -> None:
+        """Answer where a picture of the camera process, a frame in the wire format, shows the spots."""
+        now = self._clock.now()
+        frame = parse_frame(data, now, self._clock.wall)
+        if isinstance(frame, Frame) and self.vision is not None:
+            self.vision.send(_encode(self._pipeline.spot_views(frame, now)))
+            self._flush(now)
+
+    def on_refused(self, refused: SpotRefused) -> None:
+        """Take a spot that the camera process cannot follow."""
+        now = self._clock.now()
+        self._pipeline.on_spot_refused(refused, now)
+        self._flush(now)
+
+    def send(self, orders: Iterable[SpotMessage]) -> None:
+        """Hand over the pipeline's orders."""
+        for order in orders:
+            if self.vision is not None and not self.vision.send(_encode(order)):
+                warn("the camera process takes no order: the click is not followed")
