@@ -191,6 +191,7 @@ def test_a_shift_is_found_though_other_targets_are_nearer():
     assert found is not None
     assert found.metres == pytest.approx(shift, abs=1e-9)
     assert sorted(found.pairs) == [(at, at) for at in range(8)]
+    assert registered(places[:8] + shift, ["x"] * 8, places, ["y"] * 12, tolerance_m=0.5) is None
 
 
 def test_labels_stay_apart_and_equal_numbers_mean_nothing():

@@ -130,7 +130,7 @@ def test_history_and_exports(port):
      {"Sec-Fetch-Site": "cross-site"}],
 )  # fmt: skip
 def test_requests_of_other_sites_are_refused(port, headers):
-    assert get(port, "/events", **headers)[0] == 403
+    assert get(port, "/settings.json", **headers)[0] == 403
 
 
 def test_only_reading_is_answered(port):
