@@ -5,6 +5,7 @@ from math import radians
 from typing import Any
 
 import pytest
+from draws import first_of
 from flying import Companion, Flight, fly
 from mavlink_wire import Wire
 
@@ -77,7 +78,7 @@ def test_the_line_has_the_rates_and_says_which_share_lies_within():
     assert line.endswith("m, relative to the vehicle)")
 
 
-@pytest.mark.parametrize("mount_deg", [1.0, 4.0])
+@pytest.mark.parametrize("mount_deg", first_of(4.0, 1.0))
 def test_what_is_expected_is_the_angle_times_the_height(mount_deg: float):
     settings = (*NOTHING_ELSE, f"uncertainty.mount_bias_deg={mount_deg}", "camera.readout_s=0.0")
     (line,) = flight("perfect", *settings, **LEVEL).companion.texts(NoticeCode.READY)
