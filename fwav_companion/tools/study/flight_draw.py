@@ -28,6 +28,10 @@ WITHOUT: Final = "without_"
 LABEL: Final = "target"
 FPS: Final = 30.0
 """Rate of a camera whose configuration states none, hertz: the most common one."""
+LATENCY_S: Final = 0.03
+MOST_LATENCY_S: Final = 0.4
+"""Time from a picture to its detections, seconds. No stamp is later than its arrival: late stamps come with as much
+more, four sigma of them also where sigmas are twice. Half a second later the pipeline refuses a picture."""
 LONGEST_READOUT_S: Final = 0.075
 """Longest readout of an unknown camera, seconds: [camera] readout_s = "unknown"."""
 USUAL_POSITION_M: Final = 1.0
@@ -212,7 +216,7 @@ def _of_autopilot(plan: StudyPlan, index: int, truth: Config) -> dict[str, Any]:
 
 
 def _of_camera(plan: StudyPlan, truth: Config, miss_rate: float) -> dict[str, Any]:
-    lens, camera = plan.lens, truth.camera
+    lens, camera, doubt_s = plan.lens, truth.camera, truth.uncertainty.time_offset_sigma_s
     return {
         "gimbal.device_id": camera.mount.gimbal_device_id,
         "camera.image_size": lens.image_size,
@@ -225,6 +229,7 @@ def _of_camera(plan: StudyPlan, truth: Config, miss_rate: float) -> dict[str, An
         "camera.fps": _fps(truth),
         "camera.stamp": "row0_mid" if camera.stamp == "auto" else camera.stamp,
         "camera.time_offset_s": camera.time_offset_s,
+        "camera.latency_s": min(MOST_LATENCY_S, LATENCY_S + max(0.0, camera.time_offset_s) + 8.0 * doubt_s),
         "camera.missed": miss_rate,
         "camera.tell_sigma": False,
         **({"camera.exposure_s": camera.exposure_s} if camera.exposure_s else {}),
