@@ -29,7 +29,8 @@ DEFAULTS = ErrorPriors(
     + (radians(2.0),)
     + (radians(1.0),) * 3
     + (0.01, 0.01, 0.5, 1.0, 1.0, 4.0, 0.05)
-    + (0.03,) * 3,
+    + (0.03,) * 3
+    + (0.0,),  # what is seen lies on the ground
     position_bias_time_s=60.0,
 )
 FIXES = 500

@@ -74,6 +74,7 @@ def naive_fix(
             *(roll, pitch, heading, -roll, -pitch, -yaw, time, row_fraction * time, higher, north, east, np.zeros(3)),
             onto_ground @ -velocity,
             *(onto_ground @ axis for axis in body_axes),
+            np.zeros(3),
         ]
     )
 
@@ -108,5 +109,6 @@ def naive_fix(
         "mount": share(none, 3, 4, 5, 13, 14, 15),
         "position": share(place_cov, 9, 10, 12),
         "terrain": share(none, 11),
+        "target": share(none, 16),
     }
     return NaiveFix(position, noise_cov, jacobian, cov, cov - place_cov - place_bias_cov, budget)
