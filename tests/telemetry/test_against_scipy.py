@@ -118,6 +118,22 @@ def test_a_still_vehicle_shows_no_motion_whose_ekf_aligns_its_yaw():
     assert (check.status().too_slow_for_motion, check.status().motion_hz) == (False, 0.0)
 
 
+@pytest.mark.parametrize(("tremble_hz", "tremble_deg"), [(2.3, 0.25)])
+def test_a_smooth_vehicle_by_a_radio_has_noisy_attitudes_and_no_doubt_of_their_instants(tremble_hz, tremble_deg):
+    """3.3 attitudes a second follow the sway; the gyros show a tremble that they miss, of a quarter of a degree."""
+    sway, tremble = nodding(0.3, 2.0), nodding(tremble_hz, tremble_deg)
+
+    def motion(t):
+        return (0.0, sway(t)[1] + tremble(t)[1], 0.0)
+
+    samples = flapping.stream(motion, 3.3, 40.0)
+    check = flapping.history_of(samples).check
+    assert check.too_slow
+    assert check.instant_sigma_s == 0.0
+    errors, claims = errors_and_claims(motion, samples, from_s=20.0)
+    assert 0.5 < rms(claims) / rms(errors[:, 1]) < 3.0
+
+
 @pytest.mark.parametrize("hz", [13, 15, 25, 50, 100])
 def test_faster_attitudes_leave_nothing_open(hz):
     check = flapping.history_of(flapping.stream(flying(5.0), hz, 8.0)).check
