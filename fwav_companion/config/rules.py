@@ -107,6 +107,8 @@ def _landmarks(document: Document) -> Iterator[Complaint]:
     for index, label in enumerate(labels):
         if label in labels[:index]:
             yield ("landmark", index, "label"), "another [[landmark]] has this label; accepted: a label of its own"
+        if label in (target.label for target in document.target):
+            yield ("landmark", index, "label"), "a [[target]] has this label; accepted: a label of its own"
         if index >= MOST_LANDMARKS:
             yield ("landmark", index, "label"), f"accepted: at most {MOST_LANDMARKS} landmarks"
             return

@@ -9,7 +9,7 @@ import msgspec
 
 from fwav_companion.geometry.earth import TangentPlane
 from fwav_companion.geometry.rotations import matrix_from_quaternion
-from fwav_companion.geometry.stamps import NS_PER_S, HostNs, s_from_ns
+from fwav_companion.geometry.stamps import NS_PER_S, BootNs, HostNs, s_from_ns
 from fwav_companion.geometry.vectors import Vector3, multiply
 from fwav_companion.localization import LandmarkSights, Localizer, TerrainGround, TerrainShift
 from fwav_companion.pairing import (
@@ -107,6 +107,8 @@ class CameraPipeline:
         self._waiting = WaitingFrames()
         self._last_view: FrameView | None = None
         self._dropped: list[Settled] = []
+        self._jump: tuple[BootNs, float] | None = None
+        """Instant and size, metres, of a jump of the vehicle's position that no frame has seen yet."""
         self.frames_taken = 0
         """Frames that left the queue for attitudes."""
         self._meter = RateMeter()
@@ -255,6 +257,19 @@ class CameraPipeline:
         self._landmarks.placed(plane)
         return self._localizer.placed(plane, take_off, undulation_m)
 
+    def position_jumped(self, boot_ns: BootNs, jump_m: float) -> None:
+        """Take a jump of the vehicle's reported position; the next frame after it opens the tracks to it."""
+        before_m = 0.0 if self._jump is None else self._jump[1]
+        self._jump = (boot_ns, before_m + jump_m)
+
+    def _jumped_m(self, boot_ns: BootNs) -> float:
+        """The jump that a frame of this instant is the first to see, metres."""
+        if self._jump is None or boot_ns < self._jump[0]:
+            return 0.0
+        _, jump_m = self._jump
+        self._jump = None
+        return jump_m
+
     @property
     def terrain_shift(self) -> TerrainShift | None:
         """Shift of the elevation model; None on other grounds, and while it has none."""
@@ -293,6 +308,7 @@ class CameraPipeline:
                 sighting for sighting, fix in zip(paired.sightings, located, strict=True) if isinstance(fix, NoFix)
             ),
             image_px2=self._image_px2,
+            jumped_m=self._jumped_m(paired.boot_ns),
             landmarks=self._landmarks.sights(paired.sightings),
         )
         self._agreement.add(view.fixes, view.host_ns)

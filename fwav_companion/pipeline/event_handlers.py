@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from math import hypot
 
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.mavlink.client.identity import Adopted, ArmedChanged, AutopilotBack, AutopilotLost, IdentityEvent
@@ -16,6 +17,7 @@ from fwav_companion.recording.lines import home_line, terrain_line, unix_seconds
 from fwav_companion.telemetry import (
     HomeMoved,
     OriginSet,
+    PositionJumped,
     Rebooted,
     RelativeWorld,
     TakeOffFound,
@@ -115,13 +117,22 @@ class EventHandlers:
                     self._place_ground(now)
                 case RelativeWorld():
                     self._target_log.begin(None)
-                case HomeMoved(down_m):
-                    if self._components.camera is not None:
-                        self._components.camera.home_moved(down_m)
-                    self._target_log.write(home_line(unix_seconds(now, self._unix_offset_ns), down_m))
+                case HomeMoved() | PositionJumped():
+                    self._of_position(event, now)
             self._outputs.notify(notice_text(event), now)
         if self._placed_without_undulation and self._components.telemetry.undulation_m is not None:
             self._place_ground(now)
+
+    def _of_position(self, event: HomeMoved | PositionJumped, now: HostNs) -> None:
+        camera = self._components.camera
+        match event:
+            case PositionJumped(boot_ns, north_m, east_m):
+                if camera is not None:
+                    camera.position_jumped(boot_ns, hypot(north_m, east_m))
+            case HomeMoved(down_m):
+                if camera is not None:
+                    camera.home_moved(down_m)
+                self._target_log.write(home_line(unix_seconds(now, self._unix_offset_ns), down_m))
 
     def _place_ground(self, now: HostNs) -> None:
         """Give the ground the world's origin; again when the geoid is known, which an elevation model may need."""

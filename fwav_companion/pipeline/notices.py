@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import hypot
+
 from fwav_companion.mavlink.client.identity import (
     Adopted,
     AutopilotBack,
@@ -18,6 +20,7 @@ from fwav_companion.telemetry import (
     HomeMoved,
     OriginSet,
     PitchTrimUndone,
+    PositionJumped,
     Rebooted,
     RelativeWorld,
     StampDelay,
@@ -53,6 +56,9 @@ def _of_the_vehicle(event: IdentityEvent | TelemetryEvent) -> tuple[Notice, ...]
         case PitchTrimUndone(deg):
             text = f"ATTITUDE lacks the pitch trim: {deg:.1f} deg are added"
             return (Notice(NoticeCode.PITCH_TRIM_RESTORED, Severity.INFO, text),)
+        case PositionJumped(_, north_m, east_m):
+            text = f"the autopilot's position jumped by {hypot(north_m, east_m):.1f} m: its filter was reset"
+            return (Notice(NoticeCode.POSITION_JUMPED, Severity.WARNING, text, to_ground=True),)
         case StampDelay(in_step=True):
             text = "attitude timestamps are synchronous with sampling: no stamp-delay correction applied"
             return (Notice(NoticeCode.ATTITUDE_STAMPS, Severity.INFO, text),)

@@ -58,6 +58,8 @@ WANTED = frozenset(
     }
 )  # fmt: skip
 """Messages that a room uses; no other is decoded."""
+FILTER_STATUS_HZ = 0.5
+"""Whether the autopilot's filter uses the receiver: 20 bytes/s, and known two seconds after a change."""
 
 
 def make_pipeline(
@@ -198,8 +200,12 @@ def _ground(config: Config, elevation: Sequence[ElevationTile]) -> Ground:
 
 
 def _wanted_by(config: Config) -> dict[str, float]:
-    """Further messages by rate, Hz, that an elevation ground or a gimbal behind the autopilot needs."""
+    """Further messages by rate, Hz, that a position by the receiver's own word, an elevation ground or a gimbal behind
+    the autopilot needs.
+    """
     wanted = {"TERRAIN_REPORT": 1.0} if config.ground.model == "terrain" else {}
+    if config.localizes and config.uncertainty.position_bias_m == "auto":
+        wanted |= {"EKF_STATUS_REPORT": FILTER_STATUS_HZ, "ESTIMATOR_STATUS": FILTER_STATUS_HZ}
     if 0 < config.camera.mount.gimbal_device_id <= LAST_NON_MAVLINK_DEVICE:
         wanted["GIMBAL_DEVICE_ATTITUDE_STATUS"] = config.rates.position
     return wanted

@@ -7,7 +7,7 @@ from typing import TypeAlias
 import msgspec
 
 from fwav_companion.geometry.earth import Geodetic
-from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.geometry.stamps import BootNs, HostNs
 from fwav_companion.telemetry.clock.clock_news import ClockRate, ClockSlipped
 
 
@@ -81,6 +81,15 @@ class PitchTrimUndone(msgspec.Struct, frozen=True):
     """Trim in degrees; 0: no trim is added any more."""
 
 
+class PositionJumped(msgspec.Struct, frozen=True):
+    """The autopilot's position jumped beyond its velocity: its filter was reset."""
+
+    boot_ns: BootNs
+    """Instant of the first position after the jump."""
+    north_m: float
+    east_m: float
+
+
 TelemetryEvent: TypeAlias = (
     Rebooted
     | ClockSlipped
@@ -93,4 +102,5 @@ TelemetryEvent: TypeAlias = (
     | StampDelay
     | GimbalUnused
     | PitchTrimUndone
+    | PositionJumped
 )

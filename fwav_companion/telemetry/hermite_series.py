@@ -35,11 +35,16 @@ class HermitePoint(msgspec.Struct, frozen=True, gc=False):
 class HermiteSeries:
     """Samples in order of their instants: a cubic Hermite between two, a straight line beyond the newest."""
 
-    __slots__ = ("_samples", "_times")
+    __slots__ = ("_samples", "_splits", "_times")
 
     def __init__(self) -> None:
         self._times: list[BootNs] = []
         self._samples: list[tuple[Values, Values]] = []
+        self._splits: set[BootNs] = set()
+
+    def split_at(self, boot_ns: BootNs) -> None:
+        """Interpolate no more between the sample of this instant and the one before it: the values jumped."""
+        self._splits = {each for each in self._splits if self._times and each >= self._times[0]} | {boot_ns}
 
     def insert(self, boot_ns: BootNs, values: Values, rates: Values) -> None:
         """Store a sample, in any order. A second one of the same instant replaces the first."""
@@ -58,6 +63,7 @@ class HermiteSeries:
         """Forget everything."""
         self._times.clear()
         self._samples.clear()
+        self._splits.clear()
 
     @property
     def newest_ns(self) -> BootNs | None:
@@ -73,17 +79,20 @@ class HermiteSeries:
             return self._beyond(boot_ns)
         return self._between(index - 1, boot_ns)
 
-    def _beyond(self, boot_ns: BootNs) -> HermitePoint | None:
-        age_ns = boot_ns - self._times[-1]
+    def _beyond(self, boot_ns: BootNs, last: int = -1) -> HermitePoint | None:
+        """The values by one sample alone, the newest or the last before a jump."""
+        age_ns = boot_ns - self._times[last]
         if age_ns > LONGEST_BRIDGE_NS:
             return None
         age_s = age_ns * 1e-9
-        values, rates = self._samples[-1]
+        values, rates = self._samples[last]
         moved = tuple(v + r * age_s for v, r in zip(values, rates, strict=True))
         return HermitePoint(moved, rates, 0.5 * UNMEASURED_ACCELERATION * age_s * age_s)
 
     def _between(self, index: int, boot_ns: BootNs) -> HermitePoint | None:
         start_ns, end_ns = self._times[index], self._times[index + 1]
+        if self._splits and end_ns in self._splits:
+            return self._beyond(boot_ns, index)
         if end_ns - start_ns > LONGEST_BRIDGE_NS:
             return None
         step_s = (end_ns - start_ns) * 1e-9

@@ -13,7 +13,8 @@ from fwav_companion.telemetry.attitude.sources import EULER, AttitudeChoice
 from fwav_companion.telemetry.attitude.stamp_delay import HALF_MS_NS, AttitudeStamps
 from fwav_companion.telemetry.clock.clock import Clock
 from fwav_companion.telemetry.decoding import Implausible
-from fwav_companion.telemetry.events import PitchTrimUndone, StampDelay, TelemetryEvent
+from fwav_companion.telemetry.events import PitchTrimUndone, PositionJumped, StampDelay, TelemetryEvent
+from fwav_companion.telemetry.position_jump import PositionJumps
 from fwav_companion.telemetry.vehicle_history import VehicleHistory
 from fwav_companion.telemetry.world import World
 from fwav_companion.types import AttitudeSample, HeightSource, Unpaired
@@ -42,6 +43,7 @@ class Intake:
         self._stamps = stamps
         self._position_delay_ns = ns_from_s(position_delay_s)
         self._trim = PitchTrim()
+        self._jumps = PositionJumps()
         self.choice = AttitudeChoice(attitude_message)
         """Choice of the message from which attitudes are taken."""
         self._trials = 0
@@ -122,6 +124,10 @@ class Intake:
         if self._world.plane is not None and position.place is not None:
             place_ned = self._world.plane.ned_from_geodetic(position.place)
             self._kept.positions.insert(boot_ns, place_ned, position.velocity_ned)
+            jump = self._jumps.on_position(boot_ns, place_ned, position.velocity_ned)
+            if jump is not None:
+                self._kept.jumped(boot_ns)
+                return (*events, PositionJumped(boot_ns, *jump))
         return events
 
     def _on_local_position(self, fields: Any, _now: HostNs) -> tuple[TelemetryEvent, ...]:

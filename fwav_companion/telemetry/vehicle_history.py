@@ -44,6 +44,13 @@ class VehicleHistory:
         self.heights = {source: HermiteSeries() for source in HeightSource}
         self.ranges = RecentValues()
         self.terrain = RecentValues()
+        self._jumped_ns: BootNs | None = None
+        """Instant of the first position after the last jump."""
+
+    def jumped(self, boot_ns: BootNs) -> None:
+        """Split the history: the position of this instant jumped beyond its velocity."""
+        self.positions.split_at(boot_ns)
+        self._jumped_ns = boot_ns
 
     def clear(self) -> None:
         """Delete all samples: the autopilot's clock began again, and old stamps cannot be placed any more."""
@@ -52,6 +59,7 @@ class VehicleHistory:
             course.clear()
         for latest in (self.ranges, self.terrain):
             latest.clear()
+        self._jumped_ns = None
 
     def state_at(self, boot_ns: BootNs) -> VehicleState | Unpaired:
         """Vehicle state at this instant, or why its attitude there is not known."""
@@ -92,6 +100,9 @@ class VehicleHistory:
 
     def local_position_at(self, boot_ns: BootNs) -> Vector3 | None:
         """Autopilot's LOCAL_POSITION_NED at the instant, metres from its own origin; never mixed with our NED."""
+        jumped_ns, newest_ns = self._jumped_ns, self.local.newest_ns
+        if jumped_ns is not None and newest_ns is not None and newest_ns < jumped_ns <= boot_ns:
+            return None  # in the frame of before the jump
         point = self.local.at(boot_ns)
         return None if point is None else _vector(point.values)
 

@@ -121,7 +121,11 @@ class Tracker:
         landmarks = None if state.landmarks is None else state.landmarks.predicted(view)
         predicted = [
             msgspec.structs.replace(
-                track, target=track.target.predict(view.host_ns), fix=None, looked_for=False, innovation=None
+                track,
+                target=_opened(track.target, view).predict(view.host_ns),
+                fix=None,
+                looked_for=False,
+                innovation=None,
             )
             for track in state.alive
         ]
@@ -287,6 +291,13 @@ class Tracker:
 def _teaches(fix: GroundFix) -> bool:
     """Whether the height of the detected point above the ground is exactly known."""
     return fix.sighting.anchor_sigma_m == 0.0
+
+
+def _opened(target: TargetState, view: FrameView) -> TargetState:
+    """The target after a jump of the vehicle's reported position, where its filter follows that."""
+    jumped = getattr(target, "jumped", None) if view.jumped_m else None
+    opened: TargetState = target if jumped is None else jumped(view.jumped_m)
+    return opened
 
 
 def _weakest_first(tracks: Sequence[LiveTrack]) -> list[int]:

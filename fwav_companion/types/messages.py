@@ -132,6 +132,8 @@ class NoticeCode(StrEnum):
     """No global position came within 10 s: targets are relative to the point below the camera."""
     HOME_MOVED = "home_moved"
     """The autopilot's home changed: the `home` ground surface moves with it."""
+    POSITION_JUMPED = "position_jumped"
+    """The autopilot's position jumped beyond its velocity."""
     TERRAIN_PLACED = "terrain_placed"
     """The elevation model was shifted to the take-off height."""
     ATTITUDE_SOURCE = "attitude_source"

@@ -135,5 +135,7 @@ class FrameView(msgspec.Struct, frozen=True):
     """Sightings without a fix, as too shallow ones."""
     image_px2: float = 640.0 * 480.0
     """Area of the image, square pixels of the calibration."""
+    jumped_m: float = 0.0
+    """Jump of the vehicle's reported position since the frame before, metres; 0 where there was not any."""
     landmarks: tuple[LandmarkSight, ...] = ()
     """Sights of landmarks."""

@@ -119,6 +119,7 @@ RULES = {
     "landing on a click": (RELAY + '[publish]\nlanding_target = true\nlanding_label = "click"\n', "landing_label"),
     "the camera component's own id": (RELAY + "[vehicle]\ncomponent_id = 100\n", "component_id"),
     "two landmarks of one label": (RELAY + 2 * MARK, "label"),
+    "a landmark that is a target": (RELAY + MARK + '[[target]]\nlabel = "a"\nheight_m = 1.0\n', "[[target]]"),
     "a landmark beyond the pole": (RELAY + MARK.replace("48.0", "98.0"), "lat"),
     "a landmark without an altitude": (RELAY + MARK.replace("alt_amsl = 500.0\n", ""), "alt_amsl"),
     "a gimbal and a mount that looks down": (RELAY + "[camera.mount]\ngimbal_device_id = 1\n", "pitch_deg"),

@@ -19,7 +19,7 @@ from fwav_companion.mavlink.client.rate_competitors import RateCompetitors
 from fwav_companion.mavlink.client.rate_merging import follow_up
 from fwav_companion.mavlink.client.rate_requests import RateRequests
 from fwav_companion.mavlink.client.rate_stream import RateStream, StreamState
-from fwav_companion.mavlink.client.subscriptions import MESSAGE_IDS, ONLY_PX4
+from fwav_companion.mavlink.client.subscriptions import MESSAGE_IDS, other_firmwares
 from fwav_companion.mavlink.wire.rate_messages import OwnStreams, RateRequest
 from fwav_companion.types.messages import Message, Notice, NoticeCode, Outgoing, Severity
 from fwav_companion.types.network_status import StreamReport
@@ -83,7 +83,7 @@ class Rates:
     def adopt(self, autopilot: Autopilot, now: HostNs) -> None:
         """Send requests to this autopilot from now on."""
         self._autopilot = autopilot
-        names = [name for name in self._wanted if name not in ONLY_PX4 or autopilot.kind is not AutopilotKind.ARDUPILOT]
+        names = [name for name in self._wanted if name not in other_firmwares(autopilot.kind)]
         self._streams = {name: RateStream(name, self._wanted[name]) for name in names}
         self._begin(now)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fwav_companion.mavlink.wire import enums
+from fwav_companion.types.situation import AutopilotKind
 
 MESSAGE_IDS = {
     "SYSTEM_TIME": 2,
@@ -16,6 +17,8 @@ MESSAGE_IDS = {
     "DISTANCE_SENSOR": 132,
     "TERRAIN_REPORT": 136,
     "ALTITUDE": 141,
+    "EKF_STATUS_REPORT": 193,
+    "ESTIMATOR_STATUS": 230,
     "HOME_POSITION": 242,
     "GIMBAL_DEVICE_ATTITUDE_STATUS": 285,
 }
@@ -27,9 +30,11 @@ DATA_STREAMS = {
     "GPS_RAW_INT": enums.MAV_DATA_STREAM_EXTENDED_STATUS,
 }
 """Stream of REQUEST_DATA_STREAM that contains the message; EXTRA3 for the others."""
-ONLY_PX4 = frozenset({"ALTITUDE", "LOCAL_POSITION_NED"})
+ONLY_ARDUPILOT = frozenset({"EKF_STATUS_REPORT"})
+"""Messages that PX4 does not have."""
+ONLY_PX4 = frozenset({"ALTITUDE", "LOCAL_POSITION_NED", "ESTIMATOR_STATUS"})
 """ArduPilot never sends ALTITUDE, and reports a request for it as an error; LOCAL_POSITION_NED serves only PX4's
-landing profile."""
+landing profile; of its filter EKF_STATUS_REPORT reports."""
 
 
 def default_subscriptions(attitude_hz: float, position_hz: float) -> dict[str, float]:
@@ -45,3 +50,10 @@ def default_subscriptions(attitude_hz: float, position_hz: float) -> dict[str, f
         "SYSTEM_TIME": 1.0,
         "HOME_POSITION": 0.2,
     }
+
+
+def other_firmwares(kind: AutopilotKind) -> frozenset[str]:
+    """The messages that an autopilot of this kind does not have."""
+    if kind is AutopilotKind.ARDUPILOT:
+        return ONLY_PX4
+    return ONLY_ARDUPILOT if kind is AutopilotKind.PX4 else frozenset()

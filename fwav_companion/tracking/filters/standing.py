@@ -146,6 +146,15 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
         """The state at a later instant: the target stays, the error of the vehicle's position wanders on."""
         return replace(self, host_ns=host_ns, predicted=self.before(host_ns))
 
+    def jumped(self, jump_m: float) -> Self:
+        """The state after a jump of the vehicle's position by up to ``jump_m`` along each axis."""
+        if self.wandering is None:
+            return self
+        variance = jump_m * jump_m
+        apparent = self.apparent.with_noise((variance, 0.0, variance))
+        wandering = self.wandering.with_jump(variance)
+        return replace(self, apparent=apparent, predicted=None, fresh=None, wandering=wandering)
+
     def gate(self, fix: GroundFix) -> GateResult:
         """Gating statistics of a fix at this instant, horizontal."""
         errors = self.model.errors

@@ -89,6 +89,10 @@ class LandmarkTargetState(msgspec.Struct, frozen=True, kw_only=True):
         """The state at a later instant; :meth:`after` takes the landmarks' steps."""
         return replace(self, own=self.own.predict(host_ns))
 
+    def jumped(self, jump_m: float) -> Self:
+        """The state after a jump of the vehicle's position; the landmarks take it themselves."""
+        return replace(self, own=self.own.jumped(jump_m))
+
     def after(self, landmarks: LandmarkFilter) -> Self:
         """The state after the landmarks of a frame."""
         joint = self.joint

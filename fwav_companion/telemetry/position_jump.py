@@ -1,0 +1,33 @@
+"""Jumps of the autopilot's position beyond its velocity: its filter was reset to another solution."""
+
+from __future__ import annotations
+
+from math import hypot
+
+from fwav_companion.geometry.stamps import NS_PER_S, BootNs
+from fwav_companion.geometry.vectors import Vector3
+
+LEAST_JUMP_M = 1.0
+"""Horizontal distance from the predicted position, metres: a receiver's noise of 0.1 m stays seven sigma below it."""
+MOST_ACCELERATION = 10.0
+"""m/s^2: between two positions the vehicle leaves the mean of their velocities by an eighth of it times the interval
+squared."""
+LONGEST_S = 1.0
+"""Longest interval between two positions that are compared: with a longer one the vehicle's own motion is unknown."""
+
+
+class PositionJumps:
+    """Compares each position with the one before it."""
+
+    def __init__(self) -> None:
+        self._last: tuple[BootNs, Vector3, Vector3] | None = None
+
+    def on_position(self, boot_ns: BootNs, place_ned: Vector3, velocity_ned: Vector3) -> tuple[float, float] | None:
+        """The jump since the last position, north and east, metres; None where there was not any."""
+        last, self._last = self._last, (boot_ns, place_ned, velocity_ned)
+        if last is None or not 0 < boot_ns - last[0] <= LONGEST_S * NS_PER_S:
+            return None
+        step_s = (boot_ns - last[0]) / NS_PER_S
+        north_m, east_m = (place_ned[k] - last[1][k] - 0.5 * (last[2][k] + velocity_ned[k]) * step_s for k in (0, 1))
+        allowed_m = LEAST_JUMP_M + MOST_ACCELERATION * step_s * step_s / 8.0
+        return (north_m, east_m) if hypot(north_m, east_m) > allowed_m else None
