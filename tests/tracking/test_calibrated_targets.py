@@ -39,7 +39,14 @@ class Own:
 
 def calibrated(relative=RELATIVE, gate=None):
     calibrator = SimpleNamespace(context=SimpleNamespace(priors=PRIORS), gate=lambda _track, _fix: gate)
-    placed = SimpleNamespace(north=10.0, east=20.0, cov=(0.02, 0.005, 0.03))
+    placed = SimpleNamespace(
+        north=10.0,
+        east=20.0,
+        cov=(0.02, 0.005, 0.03),
+        apparent_north=11.0,
+        apparent_east=22.0,
+        relative_cov=(0.12, 0.015, 0.13),
+    )
     return CalibratedTargetState(calibrator, 4, placed, Own(relative))
 
 
@@ -52,13 +59,13 @@ def test_the_place_is_the_joint_estimates_and_the_height_its_own():
 
 
 def test_relative_to_the_vehicle_the_smaller_claim_is_the_answer():
-    """The joint estimate's claim then has the whole error of the vehicle's position: noise, and the axes' mean."""
-    more = 0.2**2 + 0.5 * (0.3**2 + 0.5**2)
-    joint = np.array([[0.02 + more, 0.005, 0.0], [0.005, 0.03 + more, 0.0], [0.0, 0.0, 0.07]])
+    """The joint estimate's claim then has the noise of the vehicle's report, too."""
+    noise = 0.2**2
+    joint = np.array([[0.12 + noise, 0.015, 0.0], [0.015, 0.13 + noise, 0.0], [0.0, 0.0, 0.07]])
     own_is_larger = np.diag([0.3, 0.3, 0.01])
     assert calibrated().apparent_ned == (1.5, 2.5, 3.5)
     assert np.array(calibrated().relative_cov) == pytest.approx(RELATIVE)
-    assert calibrated(own_is_larger).apparent_ned == (10.0, 20.0, 3.0)
+    assert calibrated(own_is_larger).apparent_ned == (11.0, 22.0, 3.0)
     assert np.array(calibrated(own_is_larger).relative_cov) == pytest.approx(joint)
 
 
