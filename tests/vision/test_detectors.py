@@ -20,7 +20,7 @@ def test_a_tag_is_found_at_its_centre_within_what_it_claims(centre, side_px):
     assert found["label"] == "tag36h11:7"
     assert found["id"] == 7
     assert hypot(found["u"] - centre[0], found["v"] - centre[1]) < max(0.15, 4.0 * found["sigma"])
-    assert 0.03 < found["sigma"] < 0.2
+    assert 0.03 < found["sigma"] < 0.3
     left, top, right, bottom = found["box"]
     assert left < centre[0] < right
     assert top < centre[1] < bottom
@@ -47,7 +47,7 @@ def test_sigma_grows_with_motion_blur():
     sigmas = [apriltags().detect(tag_picture(side_px=80.0, blur_px=blur))[0]["sigma"] for blur in (0, 5, 9)]
     assert sigmas[0] < 0.4
     assert sigmas == sorted(sigmas)
-    assert sigmas[2] > 0.7
+    assert sigmas[2] > 0.6
 
 
 def test_another_family_is_no_tag_of_ours():
