@@ -26,7 +26,7 @@ class NewestPicture:
         self._changed = threading.Condition()
         self._picture: Picture | None = None
         self._skipped = 0
-        self._failure: SourceLostError | SourceEndedError | None = None
+        self._failure: SourceLostError | SourceEndedError | MemoryError | None = None
         self._closed = False
         self._reads_since_s = time.monotonic()
         threading.Thread(target=self._read_all, name="camera", daemon=True).start()
@@ -34,7 +34,7 @@ class NewestPicture:
     def read(self, timeout_s: float) -> Picture | None:
         """The newest picture that was not delivered yet, with the number of those skipped; None if none comes in time.
 
-        Raises SourceLostError or SourceEndedError as the source does, after its last picture.
+        Raises SourceLostError or SourceEndedError as the source does, after its last picture; MemoryError.
         """
         with self._changed:
             self._changed.wait_for(lambda: self._picture is not None or self._failure is not None, timeout_s)
@@ -62,7 +62,7 @@ class NewestPicture:
                 picture = self._source.read(READ_S)
                 if picture is not None:
                     self._put(picture)
-        except (SourceLostError, SourceEndedError) as error:
+        except (SourceLostError, SourceEndedError, MemoryError) as error:  # without memory the process starts again
             self._fail(error)
         except Exception as error:  # noqa: BLE001  # of a driver's binding: a thread that ends silently would look like a hang
             self._fail(SourceLostError(f"{type(error).__name__}: {error}"))
@@ -76,7 +76,7 @@ class NewestPicture:
             self._picture = picture
             self._changed.notify()
 
-    def _fail(self, error: SourceLostError | SourceEndedError) -> None:
+    def _fail(self, error: SourceLostError | SourceEndedError | MemoryError) -> None:
         with self._changed:
             self._failure = error
             self._changed.notify()

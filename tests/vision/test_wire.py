@@ -232,6 +232,7 @@ frames = st.builds(
     detections=st.lists(detections, max_size=3).map(tuple),
     size=st.none() | st.tuples(st.integers(1, 8192), st.integers(1, 8192)),
     exposure_s=st.none() | st.floats(0.0, 10.0),
+    picture=st.none(),  # of the camera process alone
 )
 
 

@@ -4,9 +4,11 @@
 95 % radius, which is 1.5 times the RMS error.
 """
 
-import json
-
 from rendered_flights import results
+
+from fwav_companion.pairing.anchors import marker_centre
+from fwav_companion.types import Frame
+from fwav_companion.vision.wire import parse_frame
 
 
 def test_every_tag_that_was_readable_is_found_where_it_was_claimed(flight):
@@ -26,13 +28,17 @@ def test_what_was_seen_was_used(flight):
 
 
 def test_the_detector_places_tags_as_surely_as_it_claims(flight):
+    """The centre is the one that pairing takes: where the diagonals cross in space, not in the lens's image."""
     companion, _ = flight
     squares = []
-    lines = map(json.loads, companion.detections.splitlines())
-    for frame in (line for line in lines if "detections" in line):
-        true = {f"tag36h11:{view.tag_id}": view.pixel for view in companion.eye.views(frame["frame"])}
-        for found in frame["detections"]:
-            u, v = true[found["label"]]
-            squares.append(((found["u"] - u) ** 2 + (found["v"] - v) ** 2) / (2 * found["sigma"][0] ** 2))
+    for line in companion.detections.splitlines():
+        frame = parse_frame(line, None, companion.wall_clock)
+        if not isinstance(frame, Frame):
+            continue
+        true = {f"tag36h11:{view.tag_id}": view.pixel for view in companion.eye.views(frame.number)}
+        for found in frame.detections:
+            assert found.sigma is not None
+            (u, v), (centre_u, centre_v) = true[found.label], marker_centre(found, companion.calibration.lens)
+            squares.append(((centre_u - u) ** 2 + (centre_v - v) ** 2) / (2 * found.sigma[0] ** 2))
     assert len(squares) > 20
     assert 0.2 < sum(squares) / len(squares) < 1.5

@@ -223,8 +223,8 @@ def test_a_part_that_is_not_judged_may_have_any_form(healthy, written, path, oth
 
 
 def test_every_part_that_another_version_may_lack_has_a_default(written):
-    """Only what names a part is required: an autopilot's system, an origin's place, names, and peers' addresses."""
-    required = {"system", "component", "name", "lat", "lon", "message"}
+    """Only what names a part is required: ids, an origin's place, names, numbers, and peers' addresses."""
+    required = {"system", "component", "name", "lat", "lon", "message", "track"}
     for path in places(written):
         if path[-1] not in required and not isinstance(path[-1], int):
             assert run_status(lacking(written, path)) is not None, path
