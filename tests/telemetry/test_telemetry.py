@@ -81,7 +81,10 @@ def test_the_uncertainty_of_stamps_is_reported():
     [
         ("PARAM_VALUE", {"param_id": "SCHED_LOOP_RATE", "param_value": 50.0}, 0.02),
         ("PARAM_VALUE", {"param_id": "SCHED_LOOP_RATE", "param_value": 1000.0}, 0.001),
-        ("PARAM_VALUE", {"param_id": "SCHED_LOOP_RATE", "param_value": float("nan")}, 0.0025),
+        *(
+            ("PARAM_VALUE", {"param_id": "SCHED_LOOP_RATE", "param_value": beyond}, 0.0025)
+            for beyond in (float("nan"), -50.0, 0.0, 1e-30, 49.0, 2001.0, 1e10, float("inf"))
+        ),
         ("PARAM_VALUE", {"param_id": "SYSID_THISMAV", "param_value": 50.0}, 0.0025),
         ("HEARTBEAT", {"type": 1}, 0.02),
         ("HEARTBEAT", {"type": 21}, 0.02),
