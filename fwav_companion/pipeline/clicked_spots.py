@@ -28,6 +28,8 @@ STEP_M: Final = 0.05
 LEAST_REACH_PX: Final = 12.0
 """Attitudes are extrapolated by up to 10 ms for the newest picture: at 150 deg/s and 500 px/rad 13 pixels."""
 SIGMAS: Final = 3.0
+LOST_SIGMA_M: Final = 0.5
+"""One sigma of a place that had no track for some time: the vehicle's position has wandered since."""
 MOST_SPOTS: Final = 4
 """Spots at once, as the camera process follows."""
 
@@ -122,7 +124,7 @@ class ClickedSpots:
         return None if camera is None else spot_view(camera, spot.place_ned, spot.sigma_m)
 
     def on_tracks(self, tracks: Iterable[Track]) -> None:
-        """Follow each spot's place by its track; a spot whose track ended is released."""
+        """Follow each spot's place by its track; after its end the spot is looked for where it was."""
         of_spot: dict[int, Track] = {}
         alive = set()
         for track in tracks:
@@ -135,8 +137,9 @@ class ClickedSpots:
             if spot is not None:
                 spot.place_ned, spot.sigma_m = track.apparent_ned, larger_semi_axis(track.relative_cov)
                 spot.track = track.id
-        for number in [k for k, each in self._spots.items() if each.track is not None and each.track not in alive]:
-            self.release(number)
+        for spot in self._spots.values():
+            if spot.track is not None and spot.track not in alive:
+                spot.track, spot.sigma_m = None, max(spot.sigma_m, LOST_SIGMA_M)
 
     def on_refused(self, spot: int) -> None:
         """Forget a spot that the camera process cannot follow."""

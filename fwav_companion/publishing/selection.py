@@ -60,6 +60,7 @@ class Selection:
         self._believed: dict[int, Track] = {}
         self._clicked: int | None = None
         self._awaited: int | None = None
+        self._spot: int | None = None
         self._stopped = False
 
     @property
@@ -87,27 +88,29 @@ class Selection:
         self._believed = {track.id: track for track in tracks if track.state in BELIEVED}
         if self._clicked is not None and self._clicked not in self._believed:
             self._clicked = successor(self._clicked, self._believed.values())
+            if self._clicked is None:
+                self._awaited = self._spot
         if self._awaited is not None:
             found = next((track for track in self._believed.values() if shows_spot(track, self._awaited)), None)
             if found is not None:
-                self.click(found.id)
+                self._clicked, self._awaited = found.id, None
 
     def click(self, track_id: int) -> None:
         """Select this track by the operator's choice."""
-        self._clicked, self._awaited, self._stopped = track_id, None, False
+        self._clicked, self._awaited, self._spot, self._stopped = track_id, None, None, False
 
     def click_spot(self, spot: int) -> None:
-        """Select the track of a clicked spot, once it is confirmed; no track until then."""
-        self._clicked, self._awaited, self._stopped = None, spot, False
+        """Select the track of a clicked spot, whenever it has one that is confirmed; no track until then."""
+        self._clicked, self._awaited, self._spot, self._stopped = None, spot, spot, False
 
     def forget_spot(self, spot: int) -> None:
         """A spot cannot be followed: the choice is as before any click."""
-        if self._awaited == spot:
-            self._awaited = None
+        if self._spot == spot:
+            self._awaited, self._spot = None, None
 
     def stop(self) -> None:
         """Select no track until the next click."""
-        self._clicked, self._awaited, self._stopped = None, None, True
+        self._clicked, self._awaited, self._spot, self._stopped = None, None, None, True
 
 
 def shows_spot(track: Track, spot: int) -> bool:

@@ -110,14 +110,15 @@ def track(number, spot, place=(1.0, 2.0, 0.0)):
     return SimpleNamespace(id=number, label=CLICK_LABEL, fix=fix, apparent_ned=place, relative_cov=cov)
 
 
-def test_the_track_of_a_spot_predicts_it_and_its_end_releases_it(spots):
+def test_the_track_of_a_spot_predicts_it_and_its_end_widens_the_search(spots):
     spots.follow((320.0, 240.0), HostNs(300 * MS), 5.0)
     spots.take_orders()
     spots.on_tracks([track(8, 1, place=(2.5, 1.0, 0.0))])
     assert spots.views(frame(20, 500)).views[1].at == pytest.approx((370.0, 240.0))
+    reach_px = spots.views(frame(20, 500)).views[1].reach_px
     spots.on_tracks([])
-    assert spots.take_orders() == [ReleaseSpot(1)]
-    assert spots.views(frame(21, 600)).views == {}
+    assert not spots.has_orders
+    assert spots.views(frame(20, 500)).views[1].reach_px > reach_px + 3.0 * 0.2 * 50.0
 
 
 def test_the_number_of_spots_is_bounded_and_stop_releases_all(spots):

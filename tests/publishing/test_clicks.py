@@ -100,6 +100,11 @@ def test_a_click_where_no_track_is_follows_the_spot_and_selects_its_track(world)
     other = world.track(1, at=world.NOW + world.S, confirmed_at=world.NOW - world.S)
     publisher.on_tracks((other, of_spot), world.situation(now=world.NOW + world.S))
     assert publisher.selected.id == 9
+    publisher.on_tracks((other,), world.situation(now=world.NOW + 2 * world.S))
+    assert publisher.selected is None, "the spot is out of view, and no other target is chosen"
+    again = world.track(12, "click", at=world.NOW + 3 * world.S, confirmed_at=world.NOW + 3 * world.S, fix=seen)
+    publisher.on_tracks((other, again), world.situation(now=world.NOW + 3 * world.S))
+    assert publisher.selected.id == 12
     publisher.on_command(command(2010), world.situation())
     assert spots.ordered == []
 

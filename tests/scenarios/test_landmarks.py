@@ -21,7 +21,7 @@ from sitl_mock.earth import Place
 SURVEY_M = 0.05
 MARKS = {"mark": (3.0, -2.0), "second": (-3.0, -2.0), "third": (0.0, 4.0)}
 TARGET = TargetOptions(label="target", north=-2.0, east=2.5)
-FEW, MANY = 3, 60
+FEW, MANY = 3, 24
 OVER_THE_TARGETS = {"default": {}, "figure_eight": {"flight.half_axes_m": (10.0, 6.0)}}
 
 
@@ -79,6 +79,7 @@ def ends(name: str, settings: tuple[str, ...], flights: int, seconds: float) -> 
     ]
 
 
+@pytest.mark.timeout(900)
 @pytest.mark.parametrize(("name", "settings"), [("default", ()), ("figure_eight", ("tracking.self_calibration=true",))])
 @pytest.mark.parametrize(("flights", "seconds"), [(FEW, 15.0), pytest.param(MANY, 45.0, marks=pytest.mark.slow)])
 def test_a_landmark_in_view_cancels_what_it_shows_and_the_claim_says_so(name, settings, flights, seconds):
@@ -93,6 +94,7 @@ def test_a_landmark_in_view_cancels_what_it_shows_and_the_claim_says_so(name, se
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(900)
 def test_targets_near_a_landmark_are_right_to_two_decimetres_on_a_receiver_of_1_m():
     """After 45 s; the errors are those of sensitivities at 60 degrees off the nadir, not of the receiver."""
     results = ends("default", (), MANY, 45.0)

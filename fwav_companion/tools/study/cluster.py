@@ -12,6 +12,7 @@ import os
 import shutil
 import signal
 import tempfile
+import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from itertools import islice
@@ -51,6 +52,11 @@ Task: TypeAlias = tuple[Any, ...]
 """Arguments of one piece of work."""
 Job: TypeAlias = Callable[..., bytes]
 """A piece of work on a worker: its arguments are the state of :class:`JobPlugin` and a task."""
+
+
+WORKERLESS_S, LOOK_S, NAP_S = 60.0, 5.0, 0.02
+"""Longest time without any worker (a nanny that gave up starts none), interval of looking for one, and of waiting for a
+result, seconds."""
 
 
 class WorkersDiedError(CompanionError):
@@ -122,7 +128,7 @@ class Workers:
         try:
             for task in islice(waiting, AHEAD * max(1, self.count)):
                 submitted.add(self._submitted(plugin.name, job, task))
-            for future in submitted:
+            for future in self._finished(submitted):
                 yield _result(future)
                 future.release()
                 for task in islice(waiting, 1):
@@ -131,6 +137,23 @@ class Workers:
             with suppress(Exception):  # the cluster may be gone
                 self._client.cancel(list(submitted.futures))
                 self._client.unregister_worker_plugin(plugin.name)
+
+    def _finished(self, submitted: Any) -> Iterator[Any]:
+        """Each future as it finishes. WorkersDiedError where no worker came for WORKERLESS_S."""
+        seen_s = looked_s = time.monotonic()
+        while submitted.count():
+            batch = submitted.next_batch(block=False)
+            yield from batch
+            now_s = time.monotonic()
+            if batch:
+                seen_s = now_s
+                continue
+            if now_s > looked_s + LOOK_S:
+                looked_s = now_s
+                seen_s = now_s if self._client.nthreads() else seen_s
+            if now_s > seen_s + WORKERLESS_S:
+                raise WorkersDiedError(f"no worker for {WORKERLESS_S:.0f} s: every one died; is the memory too small?")
+            time.sleep(NAP_S)
 
     def _submitted(self, plugin: str, job: Job, task: Task) -> Any:
         key = f"{plugin}-{'-'.join(map(str, task))}"
