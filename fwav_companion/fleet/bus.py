@@ -46,7 +46,7 @@ class BusPlace:
             self.configuration = zenoh.Config.from_file(config) if config else zenoh.Config()
             if not config:
                 self.configuration.insert_json5("mode", '"peer"')
-            # The newest message is kept for late joiners, and these are told apart by their times.
+            # Messages that are kept for late joiners are distinguished by their times.
             self.configuration.insert_json5("timestamping/enabled", "true")
             if connect:
                 self.configuration.insert_json5("connect/endpoints", json.dumps(list(connect)))

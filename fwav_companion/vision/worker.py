@@ -44,7 +44,7 @@ OOM_SCORE = "800"
 RETRY_S = 1.0
 """Interval of attempts to open a missing source: a camera may be plugged in late."""
 LOOK_STEP_PX = 8
-"""Every eighth pixel of every eighth row tells one picture from the next: 5 kB of 640x480."""
+"""Every eighth pixel of every eighth row distinguishes one picture from the next: 5 kB of 640x480."""
 LARGEST_MESSAGE = 65536
 MOST_MESSAGES = 64
 """Messages of the daemon that are kept for the detector: two seconds of one a picture."""

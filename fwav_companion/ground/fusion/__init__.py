@@ -5,5 +5,5 @@
 for each vehicle's own biases at once, ``consistency`` names a vehicle that is wrong. ``fleet_fusion`` joins them.
 
 The fusion keeps no estimate between two steps: a track already is the average of all that its vehicle has seen, so
-every step solves anew from the present tracks, and nothing is counted twice. It keeps which tracks are one target.
+every step solves from the present tracks alone, and nothing is counted twice. It keeps which tracks are one target.
 """

@@ -89,7 +89,7 @@ class StreamSource:
         if self._utc:
             return {"time_unix": server_s}, "utc"
         if self._clock.observe(server_s, arrival_s):
-            _log.warning("%s: the server's clock was set; its stamps are mapped anew", self._name)
+            _log.warning("%s: the server's clock was set; the mapping of its stamps begins again", self._name)
         return {"time_monotonic": self._clock.host_from_server(server_s)}, "server"
 
 
