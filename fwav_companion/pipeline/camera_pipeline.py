@@ -28,8 +28,8 @@ from fwav_companion.pipeline.landmark_notices import LandmarkNotices, landmark_r
 from fwav_companion.pipeline.predicted_accuracy import PredictedAccuracy, predicted_accuracy_below
 from fwav_companion.pipeline.readout_advice import ReadoutAdvice
 from fwav_companion.pipeline.self_calibration_notices import SelfCalibrationNotices
-from fwav_companion.pipeline.target_log import TargetLog
-from fwav_companion.recording.lines import Line, sighting_line
+from fwav_companion.pipeline.target_log import TargetLog, sighting_lines
+from fwav_companion.recording.lines import sighting_line
 from fwav_companion.self_calibration import CalibrationReport
 from fwav_companion.telemetry import RateMeter
 from fwav_companion.tracking import Reorder, Settled
@@ -320,7 +320,7 @@ class CameraPipeline:
         self._count(paired, located)
         self._last_view = view
         if self._sightings:
-            self._target_log.keep_sightings(view.host_ns, view.frame, _sighting_lines(paired, located))
+            self._target_log.keep_sightings(view.host_ns, view.frame, sighting_lines(paired, located))
         state = paired.state if isinstance(paired.state, VehicleState) else None
         return ProcessedFrame(tracks, state, paired.view.pixel_of if paired.view is not None else None)
 
@@ -340,16 +340,3 @@ class CameraPipeline:
                 self._target_log.write(
                     sighting_line(refused.number, index, sighting=None, fix=None, reason=refused.reason, gap_s=None)
                 )
-
-
-def _sighting_lines(paired: PairedFrame, located: list[GroundFix | NoFix]) -> list[Line]:
-    """One sighting line for each detection, in the order of the frame."""
-    lines: dict[int, Line] = {}
-    for index, reason, gap_s in paired.refused:
-        lines[index] = sighting_line(paired.number, index, sighting=None, fix=None, reason=reason, gap_s=gap_s)
-    for sighting, fix in zip(paired.sightings, located, strict=True):
-        known, reason_or_none = (fix, None) if isinstance(fix, GroundFix) else (None, fix.reason)
-        lines[sighting.index] = sighting_line(
-            paired.number, sighting.index, sighting=sighting, fix=known, reason=reason_or_none, gap_s=None
-        )
-    return [lines[index] for index in sorted(lines)]

@@ -19,7 +19,6 @@ from fwav_companion.pipeline.second_lines import SecondLines
 from fwav_companion.pipeline.speaker import Speaker
 from fwav_companion.pipeline.target_log import TargetLog
 from fwav_companion.publishing.ground_messages import onboard_computer_status
-from fwav_companion.recording.lines import Line
 from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.telemetry import GIMBAL_MESSAGES, Telemetry
 from fwav_companion.tracking.filters.base import TargetState
@@ -192,8 +191,6 @@ class Pipeline:
         self._due_is_known = False
         self._fault_over_ns = HostNs(now + FAULT_SILENCE_NS)
 
-    # Time.
-
     @property
     def wake_at(self) -> HostNs | None:
         """Instant at which :meth:`advance` has work; None: not before the next event. Computed once an event."""
@@ -234,13 +231,10 @@ class Pipeline:
         self.advance(now)
         self._target_log.drop_frames(reason, count)
 
-    def header(self) -> Line | None:
-        """First line of a targets file that begins now; None before the origin is decided."""
-        return self._target_log.header()
-
-    def summary(self) -> Line:
-        """Last line of a targets file that ends now: counts since the start."""
-        return self._target_log.summary()
+    @property
+    def target_log(self) -> TargetLog:
+        """The lines of the targets file, with its first and last one."""
+        return self._target_log
 
     @property
     def best_targets(self) -> dict[int, TargetState]:

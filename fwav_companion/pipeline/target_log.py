@@ -8,9 +8,10 @@ from typing import Any
 
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
-from fwav_companion.recording.lines import Line, header_line, origin_line, target_line, unix_seconds
+from fwav_companion.pairing import PairedFrame
+from fwav_companion.recording.lines import Line, header_line, origin_line, sighting_line, target_line, unix_seconds
 from fwav_companion.tracking import Settled
-from fwav_companion.types import Reason, Track, TrackState
+from fwav_companion.types import GroundFix, NoFix, Reason, Track, TrackState
 
 MAX_HELD_LINES = 4096
 """Most lines that wait for the header, which waits for the origin: 10 s after the first attitude at the latest. Ten
@@ -159,3 +160,16 @@ class TargetLog:
 
 def _by_name(counts: Counter[Reason]) -> dict[str, int]:
     return {reason.value: count for reason, count in sorted(counts.items())}
+
+
+def sighting_lines(paired: PairedFrame, located: list[GroundFix | NoFix]) -> list[Line]:
+    """One sighting line for each detection, in the order of the frame."""
+    lines: dict[int, Line] = {}
+    for index, reason, gap_s in paired.refused:
+        lines[index] = sighting_line(paired.number, index, sighting=None, fix=None, reason=reason, gap_s=gap_s)
+    for sighting, fix in zip(paired.sightings, located, strict=True):
+        known, reason_or_none = (fix, None) if isinstance(fix, GroundFix) else (None, fix.reason)
+        lines[sighting.index] = sighting_line(
+            paired.number, sighting.index, sighting=sighting, fix=known, reason=reason_or_none, gap_s=None
+        )
+    return [lines[index] for index in sorted(lines)]

@@ -16,9 +16,7 @@ from math import hypot
 import msgspec
 import numpy as np
 
-from fwav_companion.geometry.rotations import conjugate, rotate
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, BootNs, HostNs, ns_from_s, s_from_ns
-from fwav_companion.geometry.vectors import Vector3, add, scale, subtract
 from fwav_companion.self_calibration.assessment import (
     Assessment,
     CalibratedPlace,
@@ -33,12 +31,13 @@ from fwav_companion.self_calibration.calibration_report import (
     SharedParameter,
 )
 from fwav_companion.self_calibration.delay_search import UNEXPLAINED, DelaySearch, FoundDelay, NoDelay, delay_search
+from fwav_companion.self_calibration.mean_axes import MeanAxes
 from fwav_companion.self_calibration.measurement_queue import DelayedMeasurement, MeasurementQueue
-from fwav_companion.self_calibration.missing import missing_before_assessment, missing_of
 from fwav_companion.self_calibration.mount_check import NAMED, MountCheck
 from fwav_companion.self_calibration.pixel_measurement import MeasurementBatch, joined
 from fwav_companion.self_calibration.position_smoother import PositionSmoother
 from fwav_companion.self_calibration.posterior import MOUNT_AXES, bias_shares
+from fwav_companion.self_calibration.present_report import report_of
 from fwav_companion.self_calibration.rate_denoiser import SPAN_S, RateDenoiser
 from fwav_companion.self_calibration.relinearization import Relinearization
 from fwav_companion.types import GroundFix, Unpaired, VehicleState
@@ -54,26 +53,6 @@ JUDGED_EVERY_NS = 300 * NS_PER_MS
 """Interval of assessments: what a flight has shown changes in seconds."""
 PLACED_EVERY_NS = 90 * NS_PER_MS
 """Interval of the targets' places: they change by millimetres meanwhile."""
-
-
-class MeanAxes(msgspec.Struct, frozen=True, gc=False):
-    """Mean directions in the carrier of the camera."""
-
-    down: Vector3 = (0.0, 0.0, 1.0)
-    sight: Vector3 = (0.0, 0.0, 1.0)
-    """Toward the targets."""
-    count: int = 0
-
-    def with_batch(self, state: VehicleState, batch: MeasurementBatch) -> MeanAxes:
-        """The means with one more batch."""
-        share = 1.0 / (self.count + 1)
-        down = rotate(conjugate(state.ned_from_carrier), (0.0, 0.0, 1.0))
-        x, y, z = batch.ray.mean(0).tolist()
-        return MeanAxes(
-            add(self.down, scale(subtract(down, self.down), share)),
-            add(self.sight, scale(subtract((x, y, z), self.sight), share)),
-            self.count + 1,
-        )
 
 
 class Calibrator(msgspec.Struct, frozen=True):
@@ -188,37 +167,7 @@ class Calibrator(msgspec.Struct, frozen=True):
 
     def report(self) -> CalibrationReport:
         """The present state of self-calibration."""
-        means, sigmas = believed(self.assessment, self.context.shared_priors, self.stamp_sigma_s)
-        return CalibrationReport(
-            host_ns=self.host_ns,
-            time_offset_s=means[SharedParameter.DELAY],
-            time_offset_sigma_s=sigmas[SharedParameter.DELAY],
-            mount=(means[1], means[2], means[3]),
-            mount_sigma=(sigmas[1], sigmas[2], sigmas[3]),
-            height_m=means[SharedParameter.HEIGHT],
-            height_sigma_m=sigmas[SharedParameter.HEIGHT],
-            status=self._status,
-            reason=self._missing,
-            alternatives=() if self.no_delay is None else self.no_delay.alternatives,
-            mistake=self.mistake,
-            denied=self.denied,
-            replaced=self.replaced,
-            keep=None if self.assessment is None else self.assessment.keep,
-        )
-
-    @property
-    def _status(self) -> CalibrationStatus:
-        if self.assessment is not None:
-            return self.assessment.status
-        return CalibrationStatus.WAITING if self.no_delay is None else self.no_delay.status
-
-    @property
-    def _missing(self) -> str | None:
-        if self.mistake:
-            return f"camera mount: {self.mistake}"
-        if self.assessment is None:
-            return missing_before_assessment(self.search, self.no_delay, self.slow_attitude_hz)
-        return missing_of(self.assessment, self.context.priors)
+        return report_of(self)
 
     def restarted(self) -> Calibrator:
         """The state after every target was dropped: the calibration stays, as a prior."""

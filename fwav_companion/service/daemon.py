@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import Mapping, Sequence
-from typing import Protocol
 
 from fwav_companion.camera import Calibration
 from fwav_companion.config import Config
@@ -33,7 +32,7 @@ from fwav_companion.service.spot_desk import SpotDesk
 from fwav_companion.service.status import StatusReport, SystemdNotifier, encoded
 from fwav_companion.service.stop_signals import end_by
 from fwav_companion.service.timer import NET_NS, HostClock, PipelineTimer
-from fwav_companion.telemetry import Telemetry
+from fwav_companion.service.witness import Witness
 from fwav_companion.types import Frame, NoFrame, Notice, Outgoing
 from fwav_companion.types.status import RunStatus
 from fwav_companion.vision.frame_receiver import FrameReceiver
@@ -46,16 +45,6 @@ BOARD_TICKS = 5
 SMALL_BYTES = 2048
 """Bytes of one read that cost a tenth of a millisecond at most: the autopilot's links need not go first."""
 WITNESS_INTERVAL_S = 0.2
-
-
-class Witness(Protocol):
-    """Observer of a running service."""
-
-    def on_frame(self, frame: Frame | NoFrame) -> None:
-        """Take a frame that arrived."""
-
-    def enough(self, status: RunStatus, telemetry: Telemetry) -> bool:
-        """Whether the service may stop; called a few times a second with the status and the vehicle."""
 
 
 class Service:

@@ -116,7 +116,7 @@ def make_recorder(
             f"[record] directory = {config.record.directory}: {missing}: recordings go to the disk of the system. "
             f"Mount {missing.point}, or name another directory"
         )
-    return Recorder(plan, on_failure, header=pipeline.header, summary=pipeline.summary)
+    return Recorder(plan, on_failure, header=pipeline.target_log.header, summary=pipeline.target_log.summary)
 
 
 def make_fleet(

@@ -1,6 +1,7 @@
 """The log at the start names the place of recordings when their disk is not mounted."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -10,7 +11,7 @@ from fwav_companion.service import service_factory as parts
 from fwav_companion.service.service_factory import make_recorder
 
 
-class NoPipeline:
+class NoLog:
     def header(self) -> None:
         """Never asked."""
 
@@ -23,7 +24,7 @@ def test_a_disk_that_is_not_mounted_is_named_once(missing, tmp_path: Path, monke
     asked, said = [], []
     monkeypatch.setattr(parts, "missing_mount_above", lambda path: asked.append(path) or missing)
     config = parse('[detections]\nurl = ""\n[record]\ndirectory = "usb/flights"\n', str(tmp_path / "f.toml"))
-    make_recorder(config, {}, NoPipeline(), said.append)
+    make_recorder(config, {}, SimpleNamespace(target_log=NoLog()), said.append)
     assert asked == [tmp_path / "usb" / "flights"]
     expected = (
         "[record] directory = usb/flights: nothing is mounted at /media/usb (/dev/sda1 in /etc/fstab): recordings go "

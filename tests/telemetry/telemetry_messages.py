@@ -1,11 +1,15 @@
 """Messages of an autopilot as telemetry receives them, with plain defaults: a test states only its differences."""
 
+from math import degrees, radians
 from types import SimpleNamespace
 from typing import Any
 
-from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.geometry.rotations import euler_from_quaternion
+from fwav_companion.geometry.stamps import BootNs, HostNs
 from fwav_companion.telemetry import Telemetry, TelemetryOptions
 from fwav_companion.types import Message
+
+MS = 1_000_000
 
 HOST_AT_BOOT = 1_000_000_000_000
 """Nanoseconds on the host's clock when the autopilot's began, where a test does not say otherwise."""
@@ -95,3 +99,13 @@ class Autopilot:
         """Send level attitudes."""
         for boot_ms in range(from_ms, until_ms, every_ms):
             self.tell(name, boot_ms)
+
+
+def pitch_deg(autopilot: Autopilot, boot_ms: float) -> float:
+    return degrees(euler_from_quaternion(autopilot.telemetry.state_at(BootNs(round(boot_ms * MS))).ned_from_body)[1])
+
+
+def climbing(autopilot: Autopilot, until_ms: int, every_ms: int = 10) -> None:
+    """Pitch rises by one degree in a second: too slowly to show whether stamps scatter."""
+    for boot_ms in range(0, until_ms, every_ms):
+        autopilot.tell("ATTITUDE", boot_ms, pitch=radians(boot_ms / 1000.0))

@@ -1,0 +1,30 @@
+"""Mean directions of the vertical and of the targets: about which axes errors are observable. PURE."""
+
+from __future__ import annotations
+
+import msgspec
+
+from fwav_companion.geometry.rotations import conjugate, rotate
+from fwav_companion.geometry.vectors import Vector3, add, scale, subtract
+from fwav_companion.self_calibration.pixel_measurement import MeasurementBatch
+from fwav_companion.types import VehicleState
+
+
+class MeanAxes(msgspec.Struct, frozen=True, gc=False):
+    """Mean directions in the carrier of the camera."""
+
+    down: Vector3 = (0.0, 0.0, 1.0)
+    sight: Vector3 = (0.0, 0.0, 1.0)
+    """Toward the targets."""
+    count: int = 0
+
+    def with_batch(self, state: VehicleState, batch: MeasurementBatch) -> MeanAxes:
+        """The means with one more batch."""
+        share = 1.0 / (self.count + 1)
+        down = rotate(conjugate(state.ned_from_carrier), (0.0, 0.0, 1.0))
+        x, y, z = batch.ray.mean(0).tolist()
+        return MeanAxes(
+            add(self.down, scale(subtract(down, self.down), share)),
+            add(self.sight, scale(subtract((x, y, z), self.sight), share)),
+            self.count + 1,
+        )
