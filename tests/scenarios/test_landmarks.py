@@ -21,7 +21,7 @@ from sitl_mock.earth import Place
 SURVEY_M = 0.05
 MARKS = {"mark": (3.0, -2.0), "second": (-3.0, -2.0), "third": (0.0, 4.0)}
 TARGET = TargetOptions(label="target", north=-2.0, east=2.5)
-FEW, MANY = 3, 24
+FEW, MANY = 3, 60
 OVER_THE_TARGETS = {"default": {}, "figure_eight": {"flight.half_axes_m": (10.0, 6.0)}}
 
 
