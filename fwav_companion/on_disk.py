@@ -10,6 +10,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO, Final
 
+from fwav_companion.errors import InputFileError
+
 KINDS: Final = {stat.S_IFIFO: "a pipe", stat.S_IFSOCK: "a socket", stat.S_IFCHR: "a device", stat.S_IFBLK: "a device"}
 LONGEST_STEM: Final = 50
 """Characters of a temporary name: in any alphabet fewer than the 255 bytes that file systems accept."""
@@ -74,6 +76,17 @@ def made_folder(path: Path) -> Path:
     except FileExistsError:
         path.stat()  # raises the better error for a circle of links
         raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(path)) from None
+    return path
+
+
+def write_page(path: Path, text: str) -> Path:
+    """The path of a page that was written, its folder made. InputFileError."""
+    try:
+        made_folder(path.parent)
+        with whole(path) as file:
+            file.write(text.encode())
+    except OSError as error:
+        raise InputFileError(f"{error.filename}: {error.strerror}; accepted: a folder to write to") from None
     return path
 
 

@@ -8,8 +8,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from fwav_companion.errors import InputFileError
-from fwav_companion.on_disk import made_folder, whole
+from fwav_companion.on_disk import write_page
 from fwav_companion.tools.study.answer_text import as_object, lines, sentence, wrong_lines
 from fwav_companion.tools.study.conclusions import answer_of
 from fwav_companion.tools.study.engine import FinishedStudy, replay_line
@@ -83,17 +82,6 @@ def show_answer(finished: FinishedStudy, out: Path, *, as_json: bool) -> int:
 def _kept(finished: FinishedStudy) -> str:
     own = sum(record.arm == CONFIGURED for record in finished.records)
     return f"{own} of {finished.plan.flights} flights are kept; go on with --resume"
-
-
-def write_page(path: Path, text: str) -> Path:
-    """The path of a page that was written. InputFileError."""
-    try:
-        made_folder(path.parent)
-        with whole(path) as file:
-            file.write(text.encode())
-    except OSError as error:
-        raise InputFileError(f"{error.filename}: {error.strerror}; accepted: a folder to write to") from None
-    return path
 
 
 def _duration(seconds: float) -> str:

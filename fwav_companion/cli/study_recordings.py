@@ -10,8 +10,9 @@ from pathlib import Path
 import msgspec
 
 from fwav_companion import __version__
-from fwav_companion.cli.study_output import REPORT, ShownProgress, write_page
+from fwav_companion.cli.study_output import REPORT, ShownProgress
 from fwav_companion.errors import UserError
+from fwav_companion.on_disk import write_page
 from fwav_companion.tools.study.cluster import Workers, WorkersDiedError, decoded, workers
 from fwav_companion.tools.study.keys import CLAIM, FLIGHT, TRUTH, parse_setting
 from fwav_companion.tools.study.paired_settings import compared

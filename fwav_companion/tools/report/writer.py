@@ -10,7 +10,7 @@ from typing import Any
 from fwav_companion.config import Config
 from fwav_companion.errors import InputFileError
 from fwav_companion.libraries import is_installed
-from fwav_companion.on_disk import made_folder, opened, whole
+from fwav_companion.on_disk import opened, write_page
 from fwav_companion.recording.lines import Line
 from fwav_companion.recording.truth import TruthPoint
 from fwav_companion.tools.report import (
@@ -76,7 +76,7 @@ class ReportWriter:
         flight = flight_data(
             self._lines, title=title, variant=variant_of(config), others=others, truth=truth, notes=notes
         )
-        return _write(folder / "report.html", page(flight, diagnostics(self._lines)))
+        return write_page(folder / "report.html", page(flight, diagnostics(self._lines)))
 
 
 def write_comparison(folder: Path, first: Path, second: Path, truth: Sequence[TruthPoint]) -> Path:
@@ -92,7 +92,7 @@ def write_comparison(folder: Path, first: Path, second: Path, truth: Sequence[Tr
         if damaged
     ]
     differences = _differences(ours[0]["config"], theirs[0]["config"])
-    return _write(folder / "compare.html", comparison(_names(first, second), flights, differences, notes))
+    return write_page(folder / "compare.html", comparison(_names(first, second), flights, differences, notes))
 
 
 def _names(first: Path, second: Path) -> tuple[str, str]:
@@ -126,13 +126,3 @@ def _differences(ours: Mapping[str, Any], theirs: Mapping[str, Any], prefix: str
         elif a != b:
             found.append(ConfigDifference(f"{prefix}{key}", json.dumps(a), json.dumps(b)))
     return found
-
-
-def _write(path: Path, text: str) -> Path:
-    try:
-        made_folder(path.parent)
-        with whole(path) as file:
-            file.write(text.encode())
-    except OSError as error:
-        raise InputFileError(f"{error.filename}: {error.strerror}; accepted: a folder to write to") from None
-    return path
