@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from math import radians
 from typing import Any
 
@@ -64,10 +65,12 @@ def _read(fields: Fields, imu_is_frd: bool) -> Calibration:
         return Calibration(tool_files.ros_lens(fields))
     if any(key in fields for key in tool_files.OPENCV_MATRIX_KEYS):
         return Calibration(tool_files.opencv_lens(fields))
-    if "model" in fields and fields.text("model") != NATIVE_MODEL:
-        raise fields.refusal("model", f"{NATIVE_MODEL}, or another model's name next to OpenCV's matrices")
     if "model" in fields:
-        return Calibration(_native_lens(fields))
+        reader = LENS_READERS.get(fields.text("model"))
+        if reader is None:
+            accepted = " or ".join(LENS_READERS)
+            raise fields.refusal("model", f"{accepted}, or another model's name next to OpenCV's matrices")
+        return Calibration(reader(fields))
     raise InputFileError(f"{fields.name}: its keys are {', '.join(list(fields)[:6])}; {ACCEPTED}")
 
 
@@ -91,6 +94,10 @@ def _native_lens(fields: Fields) -> KannalaBrandt:
         if max_angle > radians(180.0):
             raise fields.refusal("max_angle_deg", "an angle from the optical axis of at most 180 degrees")
     return KannalaBrandt(k_mm, (m_u, m_v), (u0, v0), image_size, max_angle=max_angle)
+
+
+LENS_READERS: dict[str, Callable[[Fields], Lens]] = {NATIVE_MODEL: _native_lens}
+"""Reader of the project's own camera file, by its ``model``."""
 
 
 def _kalibr(fields: Fields, imu_is_frd: bool) -> Calibration:
