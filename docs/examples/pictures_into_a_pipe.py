@@ -24,6 +24,8 @@ EXPOSURE_S = 0.002
 DISC = ((400.0, 200.0), 12.0)
 """Centre and radius of a red disc, pixels: what the camera sees in place of a world."""
 
+GENERATOR = np.random.default_rng(1)
+
 
 def captured() -> tuple[np.ndarray, float]:
     """A picture (blue, green, red), and the CLOCK_MONOTONIC second of its exposure: replace it by your camera's."""
@@ -31,8 +33,9 @@ def captured() -> tuple[np.ndarray, float]:
     columns, rows = np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1]))
     (u, v), radius = DISC
     picture = np.full((SIZE[1], SIZE[0], 3), 90, np.uint8)
-    picture[(columns - u) ** 2 + (rows - v) ** 2 <= radius**2] = (0, 0, 255)
-    return picture, stamp
+    picture[(columns - u) ** 2 + (rows - v) ** 2 <= radius**2] = (0, 0, 235)
+    noise = GENERATOR.integers(0, 20, picture.shape, np.uint8)  # equal pictures are those of a frozen camera
+    return picture + noise, stamp
 
 
 def messages(pictures: int | None = None) -> Iterator[bytes]:

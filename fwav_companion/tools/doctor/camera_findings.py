@@ -107,14 +107,15 @@ def _hgt_name(lat: float, lon: float) -> str:
 
 def _stream(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
     config, intake = evidence.config, status.intake
-    where = config.detections.url or (config.vision.source if config.vision else "")
+    camera = config.vision.source if config.vision else ""
+    where = config.detections.url or camera
     if status.vision is not None and not status.vision.works:
         if status.vision.why or status.up_s >= FIRST_FRAME_S:
             yield Finding(
                 "no_camera",
                 Level.ERROR,
                 "[vision] source",
-                problem=f"no pictures of {where}: {status.vision.why or 'the camera is still silent'}",
+                problem=f"no pictures of {camera}: {status.vision.why or 'the camera is still silent'}",
                 fix="check that the camera is connected and its name right: libcamera:0 | /dev/video0",
             )
     elif intake.why:

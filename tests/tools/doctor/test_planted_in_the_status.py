@@ -76,6 +76,14 @@ def test_what_the_service_reports_of_itself_is_named(healthy, code):
     assert all(finding.problem and finding.fix for finding in findings)
 
 
+def test_a_camera_without_pictures_is_named_by_its_own_source(healthy):
+    """Not by the port of the other detector, though both feed the one camera."""
+    config = parse(TEXT + '[vision]\nsource = "camera.pipe"\n', "fwav-companion.toml")
+    lost = {"works": False, "why": "the camera repeats one picture"}
+    (finding,) = planted(msgspec.structs.replace(healthy, config=config), ["vision"], lost)
+    assert finding.problem.startswith("no pictures of camera.pipe: ")
+
+
 REASONS = (
     "across_clock_step",
     "attitude_gap",
