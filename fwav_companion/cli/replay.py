@@ -191,8 +191,17 @@ def _print_summary(summary: Line, stream: TextIO) -> None:
         shift = summary["terrain"]
         by = f"{shift['source']}, sigma {shift['sigma_m']:.1f} m"
         print(f"  terrain: shifted by {shift['shift_m']:+.1f} m ({by})", file=stream)
+    _print_landmarks(summary.get("landmarks", ()), stream)
     if "errors" in summary:
         _print_errors(summary["errors"], stream)
+
+
+def _print_landmarks(landmarks: Sequence[Line], stream: TextIO) -> None:
+    from fwav_companion.recording.labels import landmark_result
+
+    for landmark in landmarks:
+        sights = f"{landmark['used']} sights" + (f", {landmark['refused']} refused" if landmark["refused"] else "")
+        print(f"  landmark {landmark['label']}: {landmark_result(landmark)} ({sights})", file=stream)
 
 
 def _print_errors(errors: Line, stream: TextIO) -> None:

@@ -8,7 +8,17 @@ from fwav_companion.geometry.earth import TangentPlane
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.localization.ground import Intersection, flat_distance
 from fwav_companion.localization.localizer import Localizer
-from fwav_companion.types import ErrorPriors, GroundFix, Landmark, LandmarkSight, NoFix, Sighting, TakeOff
+from fwav_companion.types import (
+    ErrorPriors,
+    GroundFix,
+    Landmark,
+    LandmarkRecord,
+    LandmarkSight,
+    LandmarkState,
+    NoFix,
+    Sighting,
+    TakeOff,
+)
 from fwav_companion.types.flight_status import GroundReport
 
 
@@ -47,6 +57,8 @@ class LandmarkSights:
         self._priors = priors
         self._min_height_m = min_height_m
         self._places: list[tuple[Vector3, Localizer]] = []
+        self.unapplied = tuple(LandmarkRecord(each.label, LandmarkState.NOT_APPLIED) for each in self.landmarks)
+        """The record of each landmark where no filter uses their sights."""
 
     def placed(self, plane: TangentPlane) -> None:
         """Take the world's origin."""

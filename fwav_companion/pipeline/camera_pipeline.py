@@ -48,7 +48,7 @@ from fwav_companion.types import (
     Unpaired,
     VehicleState,
 )
-from fwav_companion.types.flight_status import SightReport
+from fwav_companion.types.flight_status import LandmarkReport, SightReport
 
 LONG_AFTER_NS = 60 * NS_PER_S
 """Longer than every wait and window."""
@@ -103,6 +103,7 @@ class CameraPipeline:
         self.readout = readout
         self._landmarks = landmarks
         self.landmark_news = LandmarkNotices()
+        target_log.landmarks = self._landmark_reports
         self._census = FrameCensus()
         self._waiting = WaitingFrames()
         self._last_view: FrameView | None = None
@@ -171,8 +172,8 @@ class CameraPipeline:
 
     @property
     def landmarks(self) -> tuple[LandmarkRecord, ...]:
-        """What each landmark showed so far."""
-        return self._reorder.landmarks
+        """What each landmark showed so far; a filter that they do not correct leaves them unapplied."""
+        return self._reorder.landmarks or self._landmarks.unapplied
 
     def locate(self, u: float, v: float, sigma_px: float, host_ns: HostNs) -> GroundFix | None:
         """The ground at a pixel of a picture taken then; None where it is unknown."""
@@ -223,8 +224,11 @@ class CameraPipeline:
             heard=self._census.status(),
             agreement=self._agreement.status(),
             readout=self.readout.status(),
-            landmarks=landmark_reports(self.landmarks),
+            landmarks=self._landmark_reports(),
         )
+
+    def _landmark_reports(self) -> list[LandmarkReport]:
+        return landmark_reports(self.landmarks)
 
     def _axis_elevation_deg(self) -> float | None:
         """Elevation of the optical axis above the horizon now, degrees; None while the attitude is not known."""

@@ -1,4 +1,4 @@
-"""Reports of landmarks: a notice when one is used or left out, once each, and the status. Pure."""
+"""Reports of landmarks: a notice when one is used, left out, or not applied, once each, and the status. Pure."""
 
 from __future__ import annotations
 
@@ -9,6 +9,9 @@ from fwav_companion.types.flight_status import LandmarkReport
 
 FEWEST = 5
 """Sights after which a landmark is reported as used."""
+NOT_APPLIED = (
+    'landmarks are not used: they correct standing targets ([tracking] motion = "static") by filter = "kalman" alone'
+)
 
 
 class LandmarkNotices:
@@ -16,9 +19,13 @@ class LandmarkNotices:
 
     def __init__(self) -> None:
         self._reported: set[tuple[str, LandmarkState]] = set()
+        self._said_unapplied = False
 
     def notices(self, records: Sequence[LandmarkRecord]) -> tuple[Notice, ...]:
-        """Notices of landmarks that are used, and of those that are left out."""
+        """Notices of landmarks that are used, of those that are left out, and one where the filter uses none."""
+        if not self._said_unapplied and any(record.state is LandmarkState.NOT_APPLIED for record in records):
+            self._said_unapplied = True
+            return (Notice(NoticeCode.LANDMARKS_NOT_APPLIED, Severity.WARNING, NOT_APPLIED),)
         news = [
             record
             for record in records

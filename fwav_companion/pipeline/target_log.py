@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
+
+import msgspec
 
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
@@ -12,6 +14,7 @@ from fwav_companion.pairing import PairedFrame
 from fwav_companion.recording.lines import Line, header_line, origin_line, sighting_line, target_line, unix_seconds
 from fwav_companion.tracking import Settled
 from fwav_companion.types import GroundFix, NoFix, Reason, Track, TrackState
+from fwav_companion.types.flight_status import LandmarkReport
 
 MAX_HELD_LINES = 4096
 """Most lines that wait for the header, which waits for the origin: 10 s after the first attitude at the latest. Ten
@@ -42,6 +45,8 @@ class TargetLog:
         self.fixes = 0
         self.terrain: Line | None = None
         """Last shift of the elevation model, for the summary."""
+        self.landmarks: Callable[[], list[LandmarkReport]] = list
+        """What each landmark showed by now, for the summary."""
         self._dropped_frames: Counter[Reason] = Counter()
         self._dropped_detections: Counter[Reason] = Counter()
 
@@ -155,7 +160,9 @@ class TargetLog:
     def summary(self) -> Line:
         """Last line of the file."""
         terrain = {} if self.terrain is None else {"terrain": self.terrain}
-        return {"type": "summary", **self.counts(), **terrain}
+        shown = [msgspec.structs.asdict(landmark) for landmark in self.landmarks()]
+        landmarks = {"landmarks": shown} if shown else {}
+        return {"type": "summary", **self.counts(), **terrain, **landmarks}
 
 
 def _by_name(counts: Counter[Reason]) -> dict[str, int]:

@@ -1,9 +1,10 @@
-"""Names of targets for people, alike in the report, in exports and on the terminal. Pure."""
+"""Names of targets and results of landmarks for people, alike in report, exports and terminal. Pure."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 
 def display_name(label: str) -> str:
@@ -19,3 +20,15 @@ def display_names(labels: Iterable[str]) -> dict[str, str]:
     unique = dict.fromkeys(labels)
     count = Counter(map(display_name, unique))
     return {label: display_name(label) if count[display_name(label)] == 1 else label for label in unique}
+
+
+def landmark_result(landmark: Mapping[str, Any]) -> str:
+    """What a landmark of the summary did: used, left out, not seen, or not used by this filter."""
+    match landmark["state"]:
+        case "used":
+            return "used"
+        case "left_out":
+            return f"left out: it appears {landmark['off_m']:.1f} m from its place"
+        case "not_applied":
+            return "not used by this filter"
+    return "not seen" if not landmark["refused"] else "not used: its sights do not agree with all else yet"

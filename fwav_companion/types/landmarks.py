@@ -39,6 +39,8 @@ class LandmarkState(StrEnum):
     USED = "used"
     LEFT_OUT = "left_out"
     """It disagrees with all else by more than its claim."""
+    NOT_APPLIED = "not_applied"
+    """[tracking] chooses a filter or a motion that landmarks do not correct."""
 
 
 class LandmarkRecord(msgspec.Struct, frozen=True, gc=False):

@@ -156,6 +156,8 @@ class NoticeCode(StrEnum):
 
     LANDMARK_USED = "landmark_used"
     """The first sights of a landmark agree with all else."""
+    LANDMARKS_NOT_APPLIED = "landmarks_not_applied"
+    """[tracking] chooses a filter or a motion that landmarks do not correct."""
     LANDMARK_LEFT_OUT = "landmark_left_out"
     """A landmark disagrees with all else by more than its claim."""
     READOUT_UNKNOWN = "readout_unknown"

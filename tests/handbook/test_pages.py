@@ -69,7 +69,8 @@ def test_every_key_in_an_example_exists():
     shown = 0
     for page in PAGES:
         for _, text in blocks(page, "toml"):
-            for table, keys in tomllib.loads(text).items():
+            for name, given in tomllib.loads(text).items():
+                table, keys = (f"{name}[]", given[0]) if isinstance(given, list) else (name, given)
                 for key, value in keys.items():
                     inner = (
                         [f"{table}.{key}.{each}" for each in value] if isinstance(value, dict) else [f"{table}.{key}"]

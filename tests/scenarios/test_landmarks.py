@@ -119,6 +119,17 @@ def test_a_landmark_that_disagrees_is_named_and_left_out():
     _, sigma_m, square = ended(mock, companion)
     assert sigma_m < 0.3
     assert square < chi2.ppf(0.999, 2)
+    shown = {each["label"]: each for each in companion.lines[-1]["landmarks"]}
+    assert [shown[label]["state"] for label in marks] == ["used", "left_out", "used"]
+    assert shown["second"]["off_m"] == pytest.approx(np.hypot(1.5, 1.0), abs=0.5)
+
+
+@pytest.mark.parametrize("setting", ["tracking.filter=lowpass", "tracking.motion=moving"])
+def test_a_filter_that_uses_no_landmark_is_reported_once(setting):
+    _, companion = flown("default", 1, {"mark": (0.0, 0.0)}, 4.0, [setting])
+    assert companion.codes.count(NoticeCode.LANDMARKS_NOT_APPLIED) == 1
+    assert [each["state"] for each in companion.lines[-1]["landmarks"]] == ["not_applied"]
+    assert [each.state for each in companion.pipeline.status(companion._now).sight.landmarks] == ["not_applied"]
 
 
 def test_a_lone_landmark_far_from_all_that_the_receiver_says_is_left_out():

@@ -23,12 +23,14 @@ OF_MOUNTS: Final = frozenset({"above_horizon", "fixes_disagree"})
 CLOCK: Final = frozenset({"no_clock", "timesync_unanswered", "clock_followed", "clock_unsettled", "long_round_trip"})
 BY_CLOCK: Final = frozenset({"from_the_future", "too_late"})
 """What stamps by a clock in doubt look like."""
-UNHEARD: Final = frozenset({"no_autopilot", "autopilot_lost", "no_attitude", "no_position", *CLOCK, *SLOW})
+UNHEARD: Final = frozenset(
+    {"no_autopilot", "autopilot_lost", "no_attitude", "no_position", "landmark_without_sights", *CLOCK, *SLOW}
+)
 """Whatever the vehicle cannot do without its link."""
 UNDELIVERED: Final = frozenset({"no_attitude", "rates_undone", *CLOCK, *SLOW})
 """Whatever the autopilot does not do while it ignores this service."""
-UNSEEN: Final = frozenset({"no_camera", "no_detections", "stale_detections", "landing_label"})
-UNUSED: Final = frozenset({"landing_label", "fixes_disagree"})
+UNSEEN: Final = frozenset({"no_camera", "no_detections", "stale_detections", "landing_label", "landmark_unseen"})
+UNUSED: Final = frozenset({"landing_label", "landmark_unseen", "fixes_disagree"})
 
 CAUSES: Final[Mapping[str, frozenset[str]]] = {
     "port_missing": UNHEARD | {"link_down", "nothing_heard"},
@@ -59,8 +61,9 @@ CAUSES: Final[Mapping[str, frozenset[str]]] = {
     "camera_permission": UNSEEN,
     "no_camera": UNSEEN - {"no_camera"},
     "detections_port": UNSEEN,
-    "no_detections": frozenset({"landing_label"}),
-    "stale_detections": frozenset({"landing_label"}),
+    "no_detections": frozenset({"landing_label", "landmark_unseen"}),
+    "stale_detections": frozenset({"landing_label", "landmark_unseen"}),
+    "landmark_far": frozenset({"landmark_unseen", "landmark_without_sights", "landmark_left_out"}),
     "malformed": UNUSED,
     "no_time": UNUSED,
     "stamps_grow_old": frozenset({"too_late", "fixes_disagree"}),

@@ -12,6 +12,7 @@ from fwav_companion.tools.doctor.detection_findings import detection_findings
 from fwav_companion.tools.doctor.evidence import Evidence
 from fwav_companion.tools.doctor.finding import Finding, Level
 from fwav_companion.tools.doctor.landing_findings import landing_findings
+from fwav_companion.tools.doctor.landmark_findings import landmark_findings
 from fwav_companion.tools.doctor.link_findings import link_findings, port_findings
 from fwav_companion.tools.doctor.mount_findings import mount_findings
 from fwav_companion.tools.doctor.run_status import ADOPTION_S, MEASURED_S
@@ -25,6 +26,7 @@ FROM_STATUS = (
     camera_findings,
     detection_findings,
     mount_findings,
+    landmark_findings,
     landing_findings,
     service_findings,
 )

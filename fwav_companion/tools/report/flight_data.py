@@ -9,6 +9,7 @@ from typing import Any
 import msgspec
 
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
+from fwav_companion.recording.labels import landmark_result
 from fwav_companion.recording.lines import Line, line_unix_s
 from fwav_companion.recording.truth import TruthPoint
 from fwav_companion.tools.report.series_builder import target_series
@@ -71,6 +72,22 @@ class CameraPicture(msgspec.Struct, frozen=True):
     """Detections in the wire format."""
 
 
+class LandmarkSeries(msgspec.Struct, frozen=True):
+    """One landmark of the configuration, and what its sights did."""
+
+    label: str
+    north: float
+    """Known place, metres from the origin."""
+    east: float
+    sigma_m: float
+    used: int
+    """Sights that were used."""
+    refused: int
+    result: str
+    """What it did, in words."""
+    left_out: bool
+
+
 class FlightData(msgspec.Struct, frozen=True, kw_only=True):
     """One flight."""
 
@@ -116,6 +133,7 @@ class FlightData(msgspec.Struct, frozen=True, kw_only=True):
     calibrated_by: str
     """Name of that other variant; empty: this replay."""
     planted: PlantedErrors | None
+    landmarks: list[LandmarkSeries] = []
 
     @property
     def has_truth(self) -> bool:
@@ -185,7 +203,33 @@ def flight_data(
         calibration=calibration,
         calibrated_by=calibrated_by,
         planted=planted,
+        landmarks=_landmarks(header["config"].get("landmark", ()), summary, plane),
     )
+
+
+def _landmarks(configured: Sequence[Line], summary: Line, plane: TangentPlane | None) -> list[LandmarkSeries]:
+    """The landmarks with their results; empty without an origin."""
+    shown = {each["label"]: each for each in summary.get("landmarks", ())}
+    found = []
+    for landmark in configured if plane is not None else ():
+        result = shown.get(landmark["label"])
+        if plane is None or result is None:
+            continue
+        place = Geodetic.from_degrees(landmark["lat"], landmark["lon"], landmark["alt_amsl"])
+        north, east, _ = plane.ned_from_geodetic(place)
+        found.append(
+            LandmarkSeries(
+                label=landmark["label"],
+                north=north,
+                east=east,
+                sigma_m=landmark["sigma_m"],
+                used=result["used"],
+                refused=result["refused"],
+                result=landmark_result(result),
+                left_out=result["state"] == "left_out",
+            )
+        )
+    return found
 
 
 def _terrain_notes(summary: Line) -> list[str]:

@@ -51,6 +51,8 @@ def flight_map(flight: FlightData, other: FlightData | None = None) -> str:
         parts.append(circle(at(flight.path[0][0]), 4, "path-start", "the vehicle at the start"))
     for target in flight.targets:
         parts += [circle(at((fix.north, fix.east)), 1.6, "fix") for fix in target.fixes[:MOST_POINTS]]
+    for landmark in flight.landmarks:
+        parts.append(circle(at((landmark.north, landmark.east)), 6, "landmark", f"{landmark.label}: {landmark.result}"))
     for target in flight.targets:
         parts += _target(target, at)
     parts += _scale_bar(scale)

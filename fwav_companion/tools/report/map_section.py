@@ -37,7 +37,7 @@ def map_section(flight: FlightData, right: str = "") -> str:
         caption = f"{FROM_ORIGIN if flight.origin else FROM_VEHICLE} {MAP_WORDS}"
         drawn = figure("Map", drawn, caption, key=_key(flight))
     both = f'<section class="two">{drawn}{right}</section>' if drawn or right else ""
-    return f"{both}{_table(flight)}"
+    return f"{both}{_table(flight)}{_landmark_table(flight)}"
 
 
 def _key(flight: FlightData) -> str:
@@ -52,7 +52,27 @@ def _key(flight: FlightData) -> str:
         entries.append(("relative", "dot", "estimate without the GNSS error"))
     if any(target.true_ned for target in flight.targets):
         entries.append(("truth", "cross", "truth"))
+    if flight.landmarks:
+        entries.append(("landmark", "dot", "landmark"))
     return key(entries)
+
+
+def _landmark_table(flight: FlightData) -> str:
+    """What each landmark did; empty without landmarks."""
+    if not flight.landmarks:
+        return ""
+    head = ["landmark", "north, m", "east, m", "surveyed to, 95 %", "sights used", "sights refused", "result"]
+    rows = [
+        row(
+            [
+                display_name(each.label), f"{each.north:.2f}", f"{each.east:.2f}",
+                table_length(SIGMAS_95 * each.sigma_m), f"{each.used}", f"{each.refused}", each.result,
+            ],
+            "off" if each.left_out else "",
+        )
+        for each in flight.landmarks
+    ]  # fmt: skip
+    return f"<section>{table(head, rows)}</section>"
 
 
 def _table(flight: FlightData) -> str:

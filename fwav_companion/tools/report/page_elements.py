@@ -94,6 +94,7 @@ svg .grid{stroke:var(--line);stroke-width:1}.axis{stroke:var(--soft);stroke-widt
 .path{fill:none;stroke:var(--path);stroke-width:1.6;stroke-linejoin:round}.path-start{fill:var(--path)}
 .fix{fill:var(--fix);opacity:.55}.east{fill:var(--plain);opacity:.45}.estimate{fill:var(--ours);stroke:var(--card);stroke-width:1.2}
 .relative{fill:var(--card);stroke:var(--ours);stroke-width:1.6}
+.landmark{fill:none;stroke:var(--good);stroke-width:2.2}
 .ellipse{fill:var(--claim);stroke:var(--ours);stroke-width:1.3}.truth{stroke:var(--truth);stroke-width:2}
 .label{fill:var(--ink);font-size:13px;font-weight:600;paint-order:stroke;stroke:var(--card);stroke-width:3px;
 stroke-linejoin:round}
@@ -122,6 +123,7 @@ linear-gradient(var(--truth),var(--truth)) center/100% 2px no-repeat}
 border-top-width:2px}.k-ours,.k-calibrated{border-color:var(--ours)}.k-paper{border-color:var(--other)}
 .k-plain{border-color:var(--plain)}.k-own{border-color:var(--good)}.k-planted{border-color:var(--truth)}
 .k-dot.k-fix{background:var(--fix)}.k-dot.k-east{background:var(--plain)}.k-dot.k-estimate{background:var(--ours)}
+.k-dot.k-landmark{border:2px solid var(--good)}
 .k-dot.k-relative{border:2px solid var(--ours)}
 table{border-collapse:collapse;width:100%;font-size:15px;font-variant-numeric:tabular-nums}
 th{font-weight:600;text-align:right;color:var(--soft);font-size:13px}
