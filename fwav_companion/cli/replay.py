@@ -183,14 +183,14 @@ def _write(out: str, lines: Iterator[Line]) -> Line:
 
 
 def _print_summary(summary: Line, stream: TextIO) -> None:
+    from fwav_companion.recording.labels import shift_text
+
     print(f"{summary['frames']} frames, {summary['detections']} detections, {summary['fixes']} fixes", file=stream)
     for things in ("frames", "detections"):
         for reason, count in summary[f"dropped_{things}"].items():
             print(f"  not used: {count} {things} {reason}", file=stream)
     if "terrain" in summary:
-        shift = summary["terrain"]
-        by = f"{shift['source']}, sigma {shift['sigma_m']:.1f} m"
-        print(f"  terrain: shifted by {shift['shift_m']:+.1f} m ({by})", file=stream)
+        print(f"  terrain: {shift_text(summary['terrain'])}", file=stream)
     _print_landmarks(summary.get("landmarks", ()), stream)
     if "errors" in summary:
         _print_errors(summary["errors"], stream)

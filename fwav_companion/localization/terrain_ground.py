@@ -1,7 +1,8 @@
 """The ground by an elevation model, or by the autopilot's TERRAIN_REPORT where there is no model.
 
-The model is shifted to the take-off ground only where that is known: by HOME_POSITION, by arming, or because the
-vehicle stands. A vehicle that is first heard in the air shows no ground, and the model keeps its own heights.
+The model is shifted to the take-off ground only where that is known: by HOME_POSITION, by a landing, by arming, or
+because the vehicle stands. A vehicle that is first heard in the air shows no ground: the model keeps its own heights.
+The square of a shift is part of the claim until HOME_POSITION, a landing or a landmark confirms it.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from math import cos, degrees, isnan, radians, sin, sqrt
 
 import msgspec
 
-from fwav_companion.geometry.earth import ECCENTRICITY2, SEMI_MAJOR_M, TangentPlane
+from fwav_companion.geometry.earth import ECCENTRICITY2, SEMI_MAJOR_M, Geodetic, TangentPlane
 from fwav_companion.geometry.vectors import Vector3, unit
 from fwav_companion.localization.elevation import ElevationModel
 from fwav_companion.localization.ground import Intersection, camera_above_flat, flat_distance
@@ -22,7 +23,13 @@ from fwav_companion.types.flight_status import GroundReport
 MOST_SHIFT_M = 30.0
 """Largest shift of a model, metres: ArduPilot's TERRAIN_OFS_MAX. More means a datum other than the configured one."""
 
+CONFIRMED = (TakeOffSource.HOME_POSITION, TakeOffSource.LANDING)
+"""Sources of a take-off place that is known to be on the ground. A vehicle that stands or is armed may be in a hand, on
+a roof, or flying by hand launch."""
 
+WORTH = 0.7
+"""Sigma of a shift by a landmark over that of the present shift, below which the model is shifted again: a few times a
+flight, and not at every sight."""
 ABSOLUTE_ALTITUDE_SIGMA_M = 5.0
 """One sigma of the vehicle's altitude above sea level against a model that is not shifted: consumer GNSS is worse in
 height than its 2 to 3 m in place, by 1.5 to 2 times."""
@@ -97,11 +104,31 @@ class TerrainGround:
                 f"terrain: the model lies {-shift_m:+.1f} m from the take-off height, more than {MOST_SHIFT_M:.0f} m; "
                 f"no fixes: is its datum {self._datum}?"
             )
-        confirmed = take_off.source is TakeOffSource.HOME_POSITION
+        confirmed = take_off.source in CONFIRMED
         self.shift = TerrainShift(shift_m, 0.0 if confirmed else abs(shift_m), take_off.source)
         self._raised_m += shift_m
         by = "" if confirmed else f" (by {take_off.source.value}: not confirmed yet)"
-        return f"terrain: datum {self._datum}, shifted by {shift_m:+.1f} m to the take-off height{by}"
+        to = "height where the vehicle landed" if take_off.source is TakeOffSource.LANDING else "take-off height"
+        return f"terrain: datum {self._datum}, shifted by {shift_m:+.1f} m to the {to}{by}"
+
+    def shown(self, place: Geodetic, too_high_m: float, sigma_m: float) -> str:
+        """Shift the model to the ground at a landmark, while the shift is not confirmed; the notice, or "".
+
+        ``too_high_m``: reported minus true altitude of the vehicle, by sights of the landmark; ``sigma_m``: one sigma
+        of both. A shift is replaced where this is clearly less than the present one's.
+        """
+        if self._model is None or self._trouble is not None or self.shift is None:
+            return ""
+        if not sigma_m < WORTH * self.shift.sigma_m:
+            return ""
+        unshifted_m = self._raised_m - self.shift.shift_m
+        model_m = self._model.height_m(place.lat_deg, place.lon_deg) + unshifted_m
+        shift_m = place.alt_amsl_m + too_high_m - model_m
+        if isnan(model_m) or abs(shift_m) > MOST_SHIFT_M:
+            return ""
+        before_m, self.shift = self.shift.shift_m, TerrainShift(shift_m, sigma_m, TakeOffSource.LANDMARK)
+        self._raised_m = unshifted_m + shift_m
+        return f"terrain: shifted by {shift_m:+.1f} m by a landmark ({before_m:+.1f} m before)"
 
     def meet(self, sighting: Sighting, direction: Vector3) -> Intersection | NoFix:
         """The intersection with the model; without a model, with a level at the autopilot's height above terrain."""

@@ -280,6 +280,17 @@ class CameraPipeline:
         ground = self._localizer.ground
         return ground.shift if isinstance(ground, TerrainGround) else None
 
+    def shift_by_landmark(self) -> str:
+        """Shift an elevation model whose shift is not confirmed by what a landmark shows; the notice, or ""."""
+        ground = self._localizer.ground
+        if not isinstance(ground, TerrainGround) or ground.shift is None or not ground.shift.sigma_m:
+            return ""
+        altitude = self._reorder.landmark_altitude
+        if altitude is None:
+            return ""
+        place = self._landmarks.landmarks[altitude.landmark].place
+        return ground.shown(place, altitude.too_high_m, altitude.sigma_m)
+
     def drop_all(self, reason: Reason) -> None:
         """Drop every track for this reason."""
         view = self._last_view

@@ -11,9 +11,10 @@ from fwav_companion.pipeline.components import Components
 from fwav_companion.pipeline.notices import notice_text
 from fwav_companion.pipeline.output_buffer import OutputBuffer
 from fwav_companion.pipeline.target_log import TargetLog
+from fwav_companion.pipeline.terrain_reports import TerrainReports
 from fwav_companion.publishing.landing import DEFAULT_LAG_S, LEAST_LAG_S, MOST_LAG_S
 from fwav_companion.publishing.readiness import Readiness, ReadinessReports
-from fwav_companion.recording.lines import home_line, terrain_line, unix_seconds
+from fwav_companion.recording.lines import home_line, unix_seconds
 from fwav_companion.telemetry import (
     HomeMoved,
     OriginSet,
@@ -23,7 +24,7 @@ from fwav_companion.telemetry import (
     TakeOffFound,
     TelemetryEvent,
 )
-from fwav_companion.types import ClockExchange, Message, Notice, NoticeCode, Outgoing, Reason, Severity
+from fwav_companion.types import ClockExchange, Message, Notice, Outgoing, Reason
 
 
 class EventHandlers:
@@ -37,6 +38,7 @@ class EventHandlers:
         self._outputs = outputs
         self._unix_offset_ns = unix_offset_ns
         self._live = live
+        self._terrain = TerrainReports(target_log, outputs, unix_offset_ns)
         self._placed_without_undulation = False
         self._readiness = ReadinessReports()
 
@@ -141,16 +143,7 @@ class EventHandlers:
         if camera is None or plane is None or take_off is None:
             return
         self._placed_without_undulation = telemetry.undulation_m is None
-        text = camera.placed(plane, take_off, telemetry.undulation_m)
-        shift = camera.terrain_shift
-        if shift is not None:
-            line = terrain_line(
-                unix_seconds(now, self._unix_offset_ns), shift.shift_m, shift.sigma_m, shift.source.value
-            )
-            self._target_log.write(line)
-            self._target_log.terrain = {name: line[name] for name in ("shift_m", "sigma_m", "source")}
-        if text:
-            self._outputs.notify((Notice(NoticeCode.TERRAIN_PLACED, Severity.INFO, text, to_ground=True),), now)
+        self._terrain.report(camera, camera.placed(plane, take_off, telemetry.undulation_m), now)
 
     def _current_readiness(self, now: HostNs) -> Readiness | None:
         camera = self._components.camera

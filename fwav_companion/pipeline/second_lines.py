@@ -1,4 +1,7 @@
-"""What is written and reported once a second: the clock, self-calibration, landmarks, an unknown readout. Pure."""
+"""What is written and reported once a second: the clock, self-calibration, landmarks, an unknown readout.
+
+Pure.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,7 @@ from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.pipeline.components import Components
 from fwav_companion.pipeline.output_buffer import OutputBuffer
 from fwav_companion.pipeline.target_log import TargetLog
+from fwav_companion.pipeline.terrain_reports import TerrainReports
 from fwav_companion.recording.lines import unix_seconds
 
 
@@ -20,6 +24,7 @@ class SecondLines:
         self._target_log = target_log
         self._outputs = outputs
         self._unix_offset_ns = unix_offset_ns
+        self._terrain = TerrainReports(target_log, outputs, unix_offset_ns)
 
     def next_after(self, now: HostNs) -> HostNs:
         """The next whole second."""
@@ -35,6 +40,9 @@ class SecondLines:
             return
         self._outputs.notify(camera.readout.notices(), at)
         self._outputs.notify(camera.landmark_news.notices(camera.landmarks), at)
+        text = camera.shift_by_landmark()
+        if text:
+            self._terrain.report(camera, text, at)
         report = camera.calibration
         if report is not None:
             self._target_log.write(camera.calibration_news.line(report, unix_seconds(at, self._unix_offset_ns)))

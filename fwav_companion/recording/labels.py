@@ -22,6 +22,17 @@ def display_names(labels: Iterable[str]) -> dict[str, str]:
     return {label: display_name(label) if count[display_name(label)] == 1 else label for label in unique}
 
 
+def shift_text(shift: Mapping[str, Any]) -> str:
+    """The last shift of an elevation model in the summary, and what it adds to every claim."""
+    source, sigma_m = shift["source"].replace("_", " "), shift["sigma_m"]
+    text = f"the model is shifted by {shift['shift_m']:+.1f} m, by {source}"
+    if shift["source"] == "assumed":
+        text = "the model's own heights, since the take-off height is not known"
+    elif shift["source"] == "landmark":
+        return f"{text}; its sigma of {sigma_m:.1f} m is in every claim since"
+    return f"{text}; a sigma of {sigma_m:.1f} m is in every claim" if sigma_m else text
+
+
 def landmark_result(landmark: Mapping[str, Any]) -> str:
     """What a landmark of the summary did: used, left out, not seen, or not used by this filter."""
     match landmark["state"]:

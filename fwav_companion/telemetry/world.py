@@ -14,6 +14,8 @@ PATIENCE_NS = 10 * NS_PER_S
 """Wait from the first attitude for a position, after which the world is relative."""
 STANDING_M_S = 0.5
 """Speed below which a disarmed vehicle stands: a GNSS velocity at rest is a few tenths."""
+FLIGHT_M = 2.0
+"""Change of the height above home of an armed vehicle that has flown: its height at rest drifts by decimetres."""
 LEAST_HOME_MOVE_M = 0.01
 """Smaller moves of home are not reported."""
 MOST_HOME_DISTANCE_M = 100_000.0
@@ -48,6 +50,9 @@ class World:
         self._home_alt_amsl_m: float | None = None
         self._take_off: TakeOff | None = None
         self._armed: bool | None = None
+        self._armed_height_m: float | None = None
+        """Height above home at the first position while armed; None while disarmed."""
+        self._flew = False
         self._last: Position | None = None
         """Newest position by which the vehicle may be known to stand."""
         self._position: Position | None = None
@@ -69,8 +74,8 @@ class World:
 
     @property
     def take_off(self) -> TakeOff | None:
-        """Take-off place as far as known: the first home received; until then where the vehicle was armed, or stood;
-        until then the origin.
+        """Take-off place as far as known: the first home received; until then where the vehicle landed, was armed, or
+        stood; until then the origin.
 
         A service that starts in flight has its origin where the vehicle was first heard, not where it took off.
         """
@@ -113,7 +118,17 @@ class World:
             self._position = position
         if self._gps_fix_type is None or self._gps_fix_type >= FIX_3D:
             self._last = position
+        self._flies(position)
         return (*self._decide(position), *self._stands(position))
+
+    def _flies(self, position: Position) -> None:
+        """Take whether an armed vehicle leaves its height; one that is first heard in the air comes down from it."""
+        if self._armed is not True:
+            self._armed_height_m = None
+        elif self._armed_height_m is None:
+            self._armed_height_m = position.height_above_home_m
+        elif abs(position.height_above_home_m - self._armed_height_m) > FLIGHT_M:
+            self._flew = True
 
     def _decide(self, position: Position) -> tuple[WorldEvent, ...]:
         if self.plane is not None or position.place is None or not self._use_position:
@@ -144,7 +159,9 @@ class World:
         if self._armed is not False or position is not self._last or position.place is None:
             return ()
         speed_m_s = hypot(*position.velocity_ned)
-        return self._found(position.place, TakeOffSource.STANDING) if speed_m_s < STANDING_M_S else ()
+        if not speed_m_s < STANDING_M_S:
+            return ()
+        return self._found(position.place, TakeOffSource.LANDING if self._flew else TakeOffSource.STANDING)
 
     def _found(self, place: Geodetic, source: TakeOffSource) -> tuple[WorldEvent, ...]:
         """Take a take-off place that is better known than the one before."""

@@ -15,7 +15,7 @@ from fwav_companion.geometry.stamps import NS_PER_MS, HostNs
 from fwav_companion.self_calibration import CalibrationReport
 from fwav_companion.tracking.filters.base import TargetState
 from fwav_companion.tracking.tracker import Snapshot, Tracker
-from fwav_companion.types import FrameView, LandmarkRecord, NoFrame, Reason, Track
+from fwav_companion.types import FrameView, LandmarkAltitude, LandmarkRecord, NoFrame, Reason, Track
 
 WINDOW_NS = 500 * NS_PER_MS
 MAX_WAITING = 128
@@ -78,6 +78,11 @@ class Reorder:
     def landmarks(self) -> tuple[LandmarkRecord, ...]:
         """What each landmark showed by the newest frame."""
         return self._tracker.landmarks
+
+    @property
+    def landmark_altitude(self) -> LandmarkAltitude | None:
+        """The vehicle's altitude against a landmark; None before one was seen often enough."""
+        return self._tracker.landmark_altitude
 
     def put(self, view: FrameView, now_ns: HostNs) -> tuple[Track, ...] | NoFrame:
         """The current tracks after all frames known so far, of the newest capture; or why the frame is refused."""

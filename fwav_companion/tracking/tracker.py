@@ -18,7 +18,7 @@ from fwav_companion.tracking.self_calibrated import CalibratedTargetState, Mispl
 from fwav_companion.tracking.track_merging import TrackMerging
 from fwav_companion.tracking.track_state import LiveTrack, initiate, innovation
 from fwav_companion.tracking.visibility import is_missed_detection
-from fwav_companion.types import FrameView, GroundFix, LandmarkRecord, Reason, Track, TrackState
+from fwav_companion.types import FrameView, GroundFix, LandmarkAltitude, LandmarkRecord, Reason, Track, TrackState
 
 if TYPE_CHECKING:
     from fwav_companion.self_calibration.calibrator import Calibrator
@@ -93,6 +93,12 @@ class Tracker:
         """What each landmark showed so far."""
         landmarks = self._state.landmarks
         return () if landmarks is None else landmarks.records
+
+    @property
+    def landmark_altitude(self) -> LandmarkAltitude | None:
+        """The vehicle's altitude against a landmark; None before one was seen often enough."""
+        landmarks = self._state.landmarks
+        return None if landmarks is None else landmarks.altitude
 
     @property
     def refused_fixes(self) -> int:

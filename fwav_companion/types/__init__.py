@@ -18,7 +18,7 @@ from fwav_companion.types.camera import (
     StampClock,
 )
 from fwav_companion.types.commands import Command, CommandAnswer, CommandResult
-from fwav_companion.types.landmarks import Landmark, LandmarkRecord, LandmarkSight, LandmarkState
+from fwav_companion.types.landmarks import Landmark, LandmarkAltitude, LandmarkRecord, LandmarkSight, LandmarkState
 from fwav_companion.types.messages import Destination, Message, Notice, NoticeCode, Outgoing, Severity
 from fwav_companion.types.reasons import Reason
 from fwav_companion.types.sightings import (
@@ -74,6 +74,7 @@ __all__ = [
     "HeightSource",
     "Innovation",
     "Landmark",
+    "LandmarkAltitude",
     "LandmarkRecord",
     "LandmarkSight",
     "LandmarkState",

@@ -54,3 +54,14 @@ class LandmarkRecord(msgspec.Struct, frozen=True, gc=False):
     """Sights that disagreed with all else."""
     off_m: float = 0.0
     """Distance between its known place and where sights that disagree show it, metres."""
+
+
+class LandmarkAltitude(msgspec.Struct, frozen=True, gc=False):
+    """The vehicle's altitude above sea level against that of a landmark."""
+
+    landmark: int
+    """Index of the landmark in the configuration."""
+    too_high_m: float
+    """Reported minus true altitude, metres."""
+    sigma_m: float
+    """One sigma of it and of the landmark's own altitude, metres."""

@@ -108,9 +108,13 @@ class TakeOffSource(StrEnum):
     """A disarmed vehicle at rest."""
     ARMING = "arming"
     """Where the vehicle was armed."""
+    LANDING = "landing"
+    """Where a vehicle that has flown stands disarmed."""
     HOME_POSITION = "home_position"
     POSES = "poses"
     """Photographs with poses: there is no take-off, and altitudes are above sea level."""
+    LANDMARK = "landmark"
+    """No place of the vehicle: what a landmark shows of its altitude."""
 
 
 class TakeOff(msgspec.Struct, frozen=True):

@@ -104,14 +104,42 @@ def test_the_square_of_an_unconfirmed_shift_is_in_the_claim():
     made = tile(lambda _i, _j: 494.0)
     scene = Scene(vehicle=(0.0, 0.0))
     fixes = {}
-    for source in (TakeOffSource.HOME_POSITION, TakeOffSource.STANDING):
+    for source in (TakeOffSource.HOME_POSITION, TakeOffSource.LANDING, TakeOffSource.STANDING):
         ground = TerrainGround(ElevationModel([made]), Datum.EGM96)
         text = ground.placed(PLANE, TakeOff(PLANE.origin, source), None)
         assert ("not confirmed" in text) is (source is TakeOffSource.STANDING)
         fixes[source] = Localizer(ground, PRIORS, min_height_m=0.5).locate(scene.sighting())
-    sure, unsure = fixes.values()
+    sure, landed, unsure = fixes.values()
+    assert landed.cov == sure.cov
     assert unsure.position_ned == sure.position_ned
     assert unsure.cov[2][2] - sure.cov[2][2] == pytest.approx(36.0, rel=1e-6)
+
+
+def test_a_landmark_shifts_a_model_whose_shift_is_not_confirmed():
+    """Level ground at 494 m by the model, at 500 m by the landmark; the vehicle reports its altitude 1.5 m too high."""
+    place = PLANE.origin
+    ground = TerrainGround(ElevationModel([tile(lambda _i, _j: 494.0)]), Datum.EGM96)
+    ground.placed(PLANE, TakeOff(place, TakeOffSource.ASSUMED), None)
+    locate = Localizer(ground, PRIORS, min_height_m=0.5).locate
+    before = locate(Scene(vehicle=(0.0, 0.0)).sighting())
+    assert ground.shown(place, 1.5, 4.0) == "", "hardly better than the 5 m of the model's own heights"
+    assert "landmark" in ground.shown(place, 1.5, 0.3)
+    assert (ground.shift.shift_m, ground.shift.source) == (pytest.approx(7.5), TakeOffSource.LANDMARK)
+    after = locate(Scene(vehicle=(0.0, 0.0)).sighting())
+    assert after.position_ned[2] == pytest.approx(-1.5, abs=0.01)
+    assert before.cov[2][2] - after.cov[2][2] == pytest.approx(5.0**2 - 0.3**2, rel=1e-4)
+    assert ground.shown(place, 1.4, 0.25) == "", "hardly better"
+    assert ground.shown(place, 40.0, 0.1) == "", "beyond any shift of a model"
+
+
+def test_a_landmark_changes_nothing_where_the_shift_is_confirmed_or_the_model_has_no_height():
+    confirmed = TerrainGround(ElevationModel([tile(lambda _i, _j: 494.0)]), Datum.EGM96)
+    confirmed.placed(PLANE, TakeOff(PLANE.origin, TakeOffSource.HOME_POSITION), None)
+    assert confirmed.shown(PLANE.origin, 0.0, 0.1) == ""
+    void = TerrainGround(ElevationModel([tile(lambda _i, _j: float("nan"))]), Datum.EGM96)
+    void.placed(PLANE, TakeOff(PLANE.origin, TakeOffSource.ASSUMED), None)
+    assert void.shown(PLANE.origin, 0.0, 0.1) == ""
+    assert void.shift.source is TakeOffSource.ASSUMED
 
 
 def test_without_a_take_off_the_model_keeps_its_heights_and_the_claim_says_so():

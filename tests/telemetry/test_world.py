@@ -162,6 +162,36 @@ def test_arming_shows_the_take_off_and_home_position_better():
     assert autopilot.telemetry.world.take_off.place.alt_amsl_m == pytest.approx(511.9)
 
 
+@pytest.mark.parametrize("down_m", [60.0, 1.0])
+def test_a_vehicle_that_came_down_and_is_disarmed_shows_where_it_landed(down_m):
+    """First heard 60 m up, or on a bench, where a metre of drift is not a flight."""
+    autopilot = Autopilot()
+    world = autopilot.telemetry.world
+    autopilot.tell("HEARTBEAT", 50, base_mode=ARMED)
+    for step in range(4):
+        height_m = down_m * (1.0 - step / 3.0)
+        autopilot.tell(
+            "GLOBAL_POSITION_INT", 100 + step, alt=round(1e3 * (507.0 + height_m)), relative_alt=round(1e3 * height_m)
+        )
+    autopilot.tell("HEARTBEAT", 350, base_mode=DISARMED)
+    assert world.take_off.source is (TakeOffSource.LANDING if down_m > 2.0 else TakeOffSource.STANDING)
+    assert world.take_off.place.alt_amsl_m == pytest.approx(507.0)
+
+
+def test_a_landing_is_not_where_the_vehicle_still_moves_and_yields_to_home_position():
+    autopilot = Autopilot()
+    world = autopilot.telemetry.world
+    autopilot.tell("HEARTBEAT", 50, base_mode=ARMED)
+    autopilot.tell("GLOBAL_POSITION_INT", 100, alt=560_000, relative_alt=60_000)
+    autopilot.tell("GLOBAL_POSITION_INT", 200, alt=530_000, relative_alt=30_000, vx=500)
+    autopilot.tell("HEARTBEAT", 250, base_mode=DISARMED)
+    assert world.take_off.source is TakeOffSource.ASSUMED, "disarmed in the air, at 5 m/s"
+    autopilot.tell("GLOBAL_POSITION_INT", 300, alt=507_000, relative_alt=7_000)
+    assert world.take_off.source is TakeOffSource.LANDING
+    autopilot.tell("HOME_POSITION", 400, latitude=LAT, longitude=LON, altitude=506_000)
+    assert world.take_off.source is TakeOffSource.HOME_POSITION
+
+
 def test_a_home_reported_before_the_origin_is_known_from_its_start():
     autopilot = Autopilot()
     autopilot.tell("HOME_POSITION", 50, latitude=LAT, altitude=490_000)

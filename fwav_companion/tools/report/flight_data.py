@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
-from fwav_companion.recording.labels import landmark_result
+from fwav_companion.recording.labels import landmark_result, shift_text
 from fwav_companion.recording.lines import Line, line_unix_s
 from fwav_companion.recording.truth import TruthPoint
 from fwav_companion.tools.report.series_builder import target_series
@@ -28,7 +28,7 @@ from fwav_companion.tools.report.true_vehicle_path import (
     mean_position_error,
     position_errors,
 )
-from fwav_companion.tools.report.wording import SIGMAS_95, spaced
+from fwav_companion.tools.report.wording import SIGMAS_95
 
 
 class ClockSample(msgspec.Struct, frozen=True):
@@ -235,13 +235,7 @@ def _landmarks(configured: Sequence[Line], summary: Line, plane: TangentPlane | 
 def _terrain_notes(summary: Line) -> list[str]:
     """The shift of the elevation model that counts at the end; empty without one."""
     shift = summary.get("terrain")
-    if shift is None:
-        return []
-    doubt = (
-        f", not confirmed: its sigma of {shift['sigma_m']:.1f} m is in every claim" if shift["sigma_m"] > 0.0 else ""
-    )
-    source = spaced(shift["source"])
-    return [f"The elevation model is shifted by {shift['shift_m']:+.1f} m to the take-off height by {source}{doubt}."]
+    return [] if shift is None else [f"Elevation model: {shift_text(shift)}."]
 
 
 def _span(lines: Sequence[Line], unix_offset_s: float) -> tuple[float, float]:

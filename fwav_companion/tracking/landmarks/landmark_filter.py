@@ -11,7 +11,7 @@ of the targets take with it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import exp, hypot
+from math import exp, hypot, sqrt
 from typing import TypeAlias
 
 import msgspec
@@ -26,7 +26,7 @@ from fwav_companion.tracking.filters.standing import FRESH_SHARE
 from fwav_companion.tracking.landmarks.joint_place import Correction, Transition
 from fwav_companion.tracking.landmarks.state_vector import SharedErrors
 from fwav_companion.tracking.landmarks.turned_fix import rotation_error, turned_point
-from fwav_companion.types import Bias, FrameView, LandmarkRecord, LandmarkSight, LandmarkState
+from fwav_companion.types import Bias, FrameView, LandmarkAltitude, LandmarkRecord, LandmarkSight, LandmarkState
 
 GATE = 25.0
 """Squared Mahalanobis distance of a sight beyond which it is not used: a right one exceeds it once in 300 000."""
@@ -123,6 +123,19 @@ class LandmarkFilter(msgspec.Struct, frozen=True):
     def shows(self) -> bool:
         """Whether any landmark was seen and is used."""
         return any(record.state is LandmarkState.USED for record in self.records)
+
+    @property
+    def altitude(self) -> LandmarkAltitude | None:
+        """The vehicle's altitude against the landmark that was used most; None before :data:`IN_A_ROW` sights of it."""
+        used = max(range(len(self.records)), key=lambda i: self.records[i].used * self._is_used(i))
+        if not self._is_used(used) or self.records[used].used < IN_A_ROW:
+            return None
+        altitude, sigma_m = self.model.altitude, self.model.landmarks[used].sigma_m
+        variance = float(self.cov[altitude, altitude]) + sigma_m * sigma_m
+        return LandmarkAltitude(used, float(self.mean[altitude]), sqrt(variance))
+
+    def _is_used(self, landmark: int) -> bool:
+        return self.records[landmark].state is LandmarkState.USED
 
     @property
     def shared(self) -> tuple[Array, Array]:

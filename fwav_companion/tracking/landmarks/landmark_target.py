@@ -20,7 +20,15 @@ from fwav_companion.tracking.landmarks.joint_place import JointPlace, first_join
 from fwav_companion.tracking.landmarks.landmark_filter import LandmarkFilter, landmark_filter
 from fwav_companion.tracking.landmarks.state_vector import SharedErrors
 from fwav_companion.tracking.landmarks.turned_fix import rotation_error, turned_point
-from fwav_companion.types import ErrorPriors, FrameView, GroundFix, Landmark, LandmarkRecord, LandmarkSight
+from fwav_companion.types import (
+    ErrorPriors,
+    FrameView,
+    GroundFix,
+    Landmark,
+    LandmarkAltitude,
+    LandmarkRecord,
+    LandmarkSight,
+)
 from fwav_companion.types.tracks import GateResult, GateShare
 
 
@@ -126,6 +134,11 @@ class LandmarkTracking(msgspec.Struct, frozen=True):
     def shows(self) -> bool:
         """Whether any landmark was seen and is used."""
         return self.landmarks.shows
+
+    @property
+    def altitude(self) -> LandmarkAltitude | None:
+        """The vehicle's altitude against a landmark; None before one was seen often enough."""
+        return self.landmarks.altitude
 
     def predicted(self, view: FrameView) -> LandmarkTracking:
         """The landmarks at the instant of a frame."""

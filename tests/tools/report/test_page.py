@@ -166,8 +166,8 @@ def test_innovations_are_drawn_north_and_east():
 @pytest.mark.parametrize(
     ("sigma_m", "source", "said"),
     [
-        (0.0, "home_position", "shifted by +3.2 m to the take-off height by home position."),
-        (3.2, "arming", "shifted by +3.2 m to the take-off height by arming, not confirmed: its sigma of 3.2 m"),
+        (0.0, "home_position", "shifted by +3.2 m, by home position."),
+        (3.2, "arming", "shifted by +3.2 m, by arming; a sigma of 3.2 m is in every claim"),
     ],
 )
 def test_a_shift_of_the_elevation_model_is_named(sigma_m, source, said):

@@ -1,4 +1,4 @@
-"""Landmarks in the report and on the terminal: a ring on the map, a row of the table, and a line of the summary."""
+"""Landmarks and the shift of an elevation model, in the report and on the terminal."""
 
 import re
 from io import StringIO
@@ -58,3 +58,29 @@ def test_the_terminal_has_a_line_for_each_landmark():
         "landmark pad: left out: it appears 1.8 m from its place (20 sights, 9 refused)",
         "landmark post: not seen (0 sights)",
     ]
+
+
+@pytest.mark.parametrize(
+    ("shift", "text"),
+    [
+        (
+            {"shift_m": 0.0, "sigma_m": 5.0, "source": "assumed"},
+            "the model's own heights, since the take-off height is not known; a sigma of 5.0 m is in every claim",
+        ),
+        (
+            {"shift_m": 2.0, "sigma_m": 2.0, "source": "standing"},
+            "the model is shifted by +2.0 m, by standing; a sigma of 2.0 m is in every claim",
+        ),
+        ({"shift_m": -3.1, "sigma_m": 0.0, "source": "landing"}, "the model is shifted by -3.1 m, by landing"),
+        (
+            {"shift_m": 1.5, "sigma_m": 0.4, "source": "landmark"},
+            "the model is shifted by +1.5 m, by landmark; its sigma of 0.4 m is in every claim since",
+        ),
+    ],
+)
+def test_the_shift_of_an_elevation_model_is_named(shift, text):
+    out = StringIO()
+    _print_summary(summary(terrain=shift, dropped_frames={}, dropped_detections={}), out)
+    assert f"terrain: {text}" in out.getvalue()
+    lines = [header(), target(0.0, 1.0, 1.0), summary(terrain=shift)]
+    assert text in Markup(page(flight_data(lines, title=""))).text

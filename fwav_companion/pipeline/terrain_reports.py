@@ -1,0 +1,31 @@
+"""Reports of every shift of an elevation model: a notice, a line, and the summary. Pure."""
+
+from __future__ import annotations
+
+from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.pipeline.camera_pipeline import CameraPipeline
+from fwav_companion.pipeline.output_buffer import OutputBuffer
+from fwav_companion.pipeline.target_log import TargetLog
+from fwav_companion.recording.lines import terrain_line, unix_seconds
+from fwav_companion.types import Notice, NoticeCode, Severity
+
+
+class TerrainReports:
+    """Writes what the ground says of its shift."""
+
+    def __init__(self, target_log: TargetLog, outputs: OutputBuffer, unix_offset_ns: int) -> None:
+        """``unix_offset_ns``: recording's clock minus host clock."""
+        self._target_log = target_log
+        self._outputs = outputs
+        self._unix_offset_ns = unix_offset_ns
+
+    def report(self, camera: CameraPipeline, text: str, now: HostNs) -> None:
+        """Write the present shift, and the ground's text as a notice; "" is no notice."""
+        shift = camera.terrain_shift
+        if shift is not None:
+            at_s = unix_seconds(now, self._unix_offset_ns)
+            line = terrain_line(at_s, shift.shift_m, shift.sigma_m, shift.source.value)
+            self._target_log.write(line)
+            self._target_log.terrain = {name: line[name] for name in ("shift_m", "sigma_m", "source")}
+        if text:
+            self._outputs.notify((Notice(NoticeCode.TERRAIN_PLACED, Severity.INFO, text, to_ground=True),), now)
