@@ -44,7 +44,12 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
-    add("pictures", metavar="PICTURES|VIDEO", type=Path, help="a folder of pictures, a picture, or a video")
+    add(
+        "pictures",
+        metavar="PICTURES|VIDEO",
+        type=Path,
+        help="a folder of pictures, a recording with pictures, a picture, or a video",
+    )
     add("--config", metavar="FILE", required=True, help="the configuration; its [vision] names the detector")
     add("--out", metavar="D.jsonl", type=Path, required=True, help="the detections, a line a picture")
     add("--start", metavar="TIME", help="time of the first picture, ISO 8601 with a zone; for a video required")
@@ -80,10 +85,10 @@ def _detected(arguments: argparse.Namespace) -> int:
 
 def _has_own_times(path: Path) -> bool:
     """Whether no EXIF is needed: a folder with stamps, or a video."""
-    from fwav_companion.tools.detect.recorded_pictures import SUFFIXES
+    from fwav_companion.tools.detect.recorded_pictures import SUFFIXES, folder_of
     from fwav_companion.vision.sources.folder import STAMPS_FILE
 
-    return (path / STAMPS_FILE).is_file() or (path.is_file() and path.suffix.lower() not in SUFFIXES)
+    return (folder_of(path) / STAMPS_FILE).is_file() or (path.is_file() and path.suffix.lower() not in SUFFIXES)
 
 
 def _detector(config: Config) -> Detector:

@@ -25,7 +25,7 @@ from fwav_companion.publishing.options import PublishTable
 from fwav_companion.tracking.options import TrackingOptions
 from fwav_companion.types import ErrorPriors, StandingTarget
 from fwav_companion.vision.source_names import SourceKind, source_kind
-from fwav_companion.vision.task import VisionTask
+from fwav_companion.vision.task import KeptPicturesRule, VisionTask
 
 
 class RecordConfig(msgspec.Struct, frozen=True, kw_only=True):
@@ -35,6 +35,9 @@ class RecordConfig(msgspec.Struct, frozen=True, kw_only=True):
     """Path of the recordings; "": nothing is recorded."""
     when: Literal["always", "armed"] = "always"
     """Whether recording waits for arming."""
+    pictures: KeptPicturesRule = 0
+    """Pictures of [vision] that are kept as JPEG with their stamps. 0: none; N: every Nth; ``detections``: those with
+    a detection."""
     sync_s: Annotated[float, Meta(gt=0, le=3600)] = 1.0
     """Interval of writing to the disk, seconds: a power cut loses at most this."""
     max_used_mb: NotNegative = 4096.0

@@ -30,6 +30,8 @@ def broken_rules(document: Document) -> Iterator[Complaint]:
     yield from _vehicle_and_camera(document)
     if document.vision is not None:
         yield from _vision(document.vision)
+    elif document.record.pictures != 0:
+        yield ("record", "pictures"), "there is no [vision], whose pictures would be kept; accepted: 0"
     yield from _targets(document)
     yield from _landmarks(document)
     yield from _ground_and_publish(document)

@@ -15,14 +15,17 @@ from fwav_companion.pipeline.camera_pipeline import CameraPipeline, ProcessedFra
 from fwav_companion.pipeline.clicked_spots import ClickedSpots
 from fwav_companion.pipeline.predicted_accuracy import PredictedAccuracy
 from fwav_companion.pipeline.target_log import TargetLog
+from fwav_companion.pipeline.track_marks import track_marks
 from fwav_companion.publishing.publisher import Publisher
 from fwav_companion.publishing.readiness import Readiness, obstacle
 from fwav_companion.recording.lines import Line, clock_line
 from fwav_companion.telemetry import Telemetry
-from fwav_companion.types import Autopilot, ClockEstimate, Reason, Situation, Track, Unpaired
+from fwav_companion.types import Autopilot, ClockEstimate, Frame, Notice, Reason, Situation, Track, Unpaired
 from fwav_companion.types.board import BoardReport
 from fwav_companion.types.flight_status import AutopilotReport, ClockReport, OriginReport
+from fwav_companion.types.spots import SpotRefused, SpotViews
 from fwav_companion.types.status import PipelineStatus
+from fwav_companion.types.track_marks import TrackMarks
 
 
 @dataclass(slots=True)
@@ -89,6 +92,23 @@ class Components:
             found = obstacle(self.readiness(self.camera, now))
             trouble = "" if found is None else found.text
         return self.publisher.believed, self.situation(now), trouble or None
+
+    def spot_views(self, frame: Frame) -> SpotViews:
+        """Where the clicked spots must be in a picture that the camera process has just taken."""
+        return SpotViews(frame.picture or 0, {}) if self.spots is None else self.spots.views(frame)
+
+    def on_spot_refused(self, refused: SpotRefused) -> list[Notice]:
+        """Notices after the camera process could not follow a clicked spot."""
+        if self.spots is not None:
+            self.spots.on_refused(refused.spot)
+        self.publisher.on_spot_refused(refused)
+        return self.publisher.notices()
+
+    def track_marks(self, frame: Frame) -> TrackMarks:
+        """Where a picture that someone looks at shows the confirmed and coasting tracks."""
+        if self.camera is None:
+            return TrackMarks(frame.picture or 0, ())
+        return track_marks(self.camera, frame, self.publisher.believed, self.publisher.selected)
 
     def footprint(self, now: HostNs) -> tuple[tuple[float, float], ...]:
         """Corners of what the camera sees on the ground, latitude and longitude, degrees; empty where not known."""

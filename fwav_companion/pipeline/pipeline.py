@@ -37,6 +37,7 @@ from fwav_companion.types import (
 )
 from fwav_companion.types.spots import SpotRefused, SpotViews
 from fwav_companion.types.status import PipelineStatus
+from fwav_companion.types.track_marks import TrackMarks
 
 ANSWERED = frozenset({"COMMAND_LONG", "COMMAND_INT", "PING"})
 """Requests that are answered from any sender."""
@@ -154,16 +155,17 @@ class Pipeline:
     def spot_views(self, frame: Frame, now: HostNs) -> SpotViews:
         """Where the clicked spots must be in a picture that the camera process has just taken."""
         self.advance(now)
-        spots = self._components.spots
-        return SpotViews(frame.picture or 0, {}) if spots is None else spots.views(frame)
+        return self._components.spot_views(frame)
+
+    def track_marks(self, frame: Frame, now: HostNs) -> TrackMarks:
+        """Where a picture that someone looks at shows the tracks."""
+        self.advance(now)
+        return self._components.track_marks(frame)
 
     def on_spot_refused(self, refused: SpotRefused, now: HostNs) -> None:
         """Handle that a clicked spot cannot be followed."""
         self.advance(now)
-        if self._components.spots is not None:
-            self._components.spots.on_refused(refused.spot)
-        self._components.publisher.on_spot_refused(refused)
-        self._outputs.notify(self._components.publisher.notices(), now)
+        self._outputs.notify(self._components.on_spot_refused(refused), now)
 
     def on_board(self, board: BoardReport, now: HostNs) -> None:
         """Handle a report of the board's load; it is sent to ground stations once an autopilot is adopted."""

@@ -15,7 +15,7 @@ import msgspec
 
 from fwav_companion.errors import CompanionError
 from fwav_companion.on_disk import created
-from fwav_companion.recording.spans import SpanRecord
+from fwav_companion.recording.spans import PictureRecord, SpanRecord
 
 BYTES_PER_MB: Final = 1_000_000
 FOLDER_NAME: Final = re.compile(r"(\d{5})-\d{8}T\d{6}Z")
@@ -23,8 +23,17 @@ FOLDER_NAME: Final = re.compile(r"(\d{5})-\d{8}T\d{6}Z")
 time alone would not be in order."""
 TELEMETRY, DETECTIONS, TARGETS = "telemetry.tlog", "detections.jsonl", "targets.jsonl"
 FILES = (TELEMETRY, DETECTIONS, TARGETS)
+PICTURES = "pictures"
+"""Folder of the kept pictures in a recording; ``detect`` reads it."""
+STAMPS = f"{PICTURES}/stamps.jsonl"
 FOLDER_MODE, FILE_MODE = 0o750, 0o640
 """Recordings show places and people: only the owner and the group may read them."""
+
+
+PICTURE_SHARE: Final = 0.9
+"""Share of [record] max_used_mb that pictures may fill: the rest is for the flight's data, 400 MB of 4096 or hours."""
+PICTURES_LEAVE_BYTES: Final = 20 * BYTES_PER_MB
+"""Bytes that pictures leave beyond [record] min_free_mb: some minutes of the flight's data."""
 
 
 class SpaceError(CompanionError):
@@ -74,6 +83,7 @@ class RecordingFiles:
         self._space: Space | None = None
         self._open: dict[str, BinaryIO] = {}
         self._unsynced: set[str] = set()
+        self._unsynced_pictures: list[Path] = []
         self.folder: Path | None = None
         """The folder whose files are open."""
 
@@ -105,8 +115,31 @@ class RecordingFiles:
         self._unsynced.add(record.file)
         return removed
 
+    def write_picture(self, picture: PictureRecord) -> list[Path]:
+        """Write a picture, then its stamp; the folders that were removed. SpaceError if there is no room for it."""
+        if self._space is None or self.folder is None:
+            return []
+        removed = self._space.take(picture.size, self.folder, for_picture=True)
+        if STAMPS not in self._open:
+            (self.folder / PICTURES).mkdir(FOLDER_MODE)
+            self._open[STAMPS] = created(self.folder / STAMPS, FILE_MODE)
+            _sync_directory(self.folder)
+        path = self.folder / PICTURES / picture.file
+        with created(path, FILE_MODE) as file:
+            _write_all(file, picture.jpeg)
+        _write_all(self._open[STAMPS], picture.line)
+        self._unsynced_pictures.append(path)
+        self._unsynced.add(STAMPS)
+        return removed
+
     def sync(self) -> None:
-        """Bring everything written so far to the disk."""
+        """Bring everything written so far to the disk: pictures before their stamps."""
+        for path in self._unsynced_pictures:
+            with path.open("rb") as file:
+                os.fdatasync(file.fileno())
+        if self._unsynced_pictures and self.folder is not None:
+            _sync_directory(self.folder / PICTURES)
+        self._unsynced_pictures.clear()
         for name in sorted(self._unsynced):
             descriptor = self._open[name].fileno()
             os.fdatasync(descriptor)
@@ -126,6 +159,7 @@ class RecordingFiles:
             file.close()
         self._open = {}
         self._unsynced.clear()
+        self._unsynced_pictures.clear()
 
 
 def _write_all(file: BinaryIO, data: bytes) -> None:
@@ -174,10 +208,13 @@ class Space:
         self._policy = policy
         self._used = sum(map(_size, recordings(directory)))
 
-    def take(self, count: int, current: Path) -> list[Path]:
-        """Reserve bytes; the folders that were removed for them. SpaceError if that was not enough."""
+    def take(self, count: int, current: Path, *, for_picture: bool = False) -> list[Path]:
+        """Reserve bytes; the folders that were removed for them. SpaceError if that was not enough.
+
+        Pictures leave some room for the flight's data.
+        """
         removed: list[Path] = []
-        while (complaint := self._complaint(count)) is not None:
+        while (complaint := self._complaint(count, for_picture=for_picture)) is not None:
             oldest = next((path for path in recordings(self._directory) if path != current), None)
             if oldest is None or not self._policy.remove_oldest:
                 raise SpaceError(complaint)
@@ -192,16 +229,18 @@ class Space:
         """Whether the bytes fit without removing a recording."""
         return self._complaint(count) is None
 
-    def _complaint(self, count: int) -> str | None:
+    def _complaint(self, count: int, *, for_picture: bool = False) -> str | None:
         policy = self._policy
-        if policy.most_used_bytes and self._used + count > policy.most_used_bytes:
+        most_bytes = policy.most_used_bytes * (PICTURE_SHARE if for_picture else 1.0)
+        least_free_bytes = policy.least_free_bytes + (PICTURES_LEAVE_BYTES if for_picture else 0)
+        if policy.most_used_bytes and self._used + count > most_bytes:
             self._used = sum(map(_size, recordings(self._directory)))  # the user may have made room meanwhile
-        if policy.most_used_bytes and self._used + count > policy.most_used_bytes:
+        if policy.most_used_bytes and self._used + count > most_bytes:
             most = policy.most_used_bytes // BYTES_PER_MB
             return f"recordings take {self._used // BYTES_PER_MB} of {most} MB ([record] max_used_mb)"
         disk = os.statvfs(self._directory)
         free = disk.f_bavail * disk.f_frsize
-        if free - count < policy.least_free_bytes:
+        if free - count < least_free_bytes:
             least = policy.least_free_bytes // BYTES_PER_MB
             limit = f", {least} MB must stay free ([record] min_free_mb)" if least else ": the disk is full"
             return f"{free / BYTES_PER_MB:.1f} MB are free{limit}"

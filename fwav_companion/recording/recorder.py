@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Final
@@ -19,11 +20,13 @@ from fwav_companion.recording.folder import (
     has_room,
 )
 from fwav_companion.recording.lines import Line, encode_line
-from fwav_companion.recording.spans import BeginSpan, SpanRecord, Spans, Step
+from fwav_companion.recording.spans import BeginSpan, PictureRecord, SpanRecord, Spans, Step
 from fwav_companion.recording.tlog import tlog_record
 
 MAX_WAITING_BYTES = 8 << 20
 """Largest queue for a disk that hangs: over a minute of a busy 921 600 baud link with all its lines."""
+MOST_PICTURE_BYTES = MAX_WAITING_BYTES // 2
+"""Queue from which pictures are left out, so that the flight's data keeps its part of it."""
 ROOM_TO_GO_ON_BYTES = 20 * BYTES_PER_MB
 """A stopped recording continues only with room for some minutes, so that it does not stop again within seconds."""
 
@@ -72,6 +75,8 @@ class Recorder:
         self._lock = threading.Lock()
         self._stop = threading.Event()
         self._begins_anew = False
+        self._pictures_slow = False
+        self._pictures_rest_until_s: float | None = None
         self.failure: str | None = None
         """Why the recording is stopped; None while it records."""
         self.folder: Path | None = None
@@ -94,6 +99,16 @@ class Recorder:
     def target(self, unix_us: int, line: Line) -> None:
         """Queue one line of the targets."""
         self._put(SpanRecord(unix_us, TARGETS, encode_line(line), line["type"] == "header"))
+
+    def picture(self, file: str, jpeg: bytes, line: bytes) -> None:
+        """Queue a picture and its line of stamps. It is left out where the disk or its space does not suffice."""
+        picture = PictureRecord(file, jpeg, line)
+        if self._waiting_bytes + picture.size > MOST_PICTURE_BYTES:
+            if not self._pictures_slow:
+                self._on_news("recording: pictures are left out: the disk is too slow for them ([record] pictures)")
+            self._pictures_slow = True
+        elif self.failure is None and not self._begins_anew:
+            self._queue(self._spans.on_picture(picture))
 
     def on_armed(self, armed: bool, unix_us: int) -> None:
         """Begin or end a folder by the arming state; repeated calls with one state have no effect."""
@@ -129,7 +144,7 @@ class Recorder:
             if self.failure is not None:
                 return
             for step in steps:
-                self._waiting_bytes += len(step.data) if isinstance(step, SpanRecord) else 0
+                self._waiting_bytes += _size(step)
                 self._waiting.append(step)
             full = self._waiting_bytes > MAX_WAITING_BYTES
         if full:
@@ -172,14 +187,30 @@ class Recorder:
     def _write(self, files: RecordingFiles, steps: list[Step]) -> None:
         for step in _joined(steps):
             if isinstance(step, SpanRecord):
-                for removed in files.write(step):
-                    self._on_news(f"recording: removed the oldest, {removed}, to make room")
+                self._report_removed(files.write(step))
+            elif isinstance(step, PictureRecord):
+                self._write_picture(files, step)
             elif isinstance(step, BeginSpan):
                 files.begin()
             else:
                 files.end()
             self.folder = files.folder
         files.sync()
+
+    def _write_picture(self, files: RecordingFiles, picture: PictureRecord) -> None:
+        """Write a picture; without room for it the rest of the recording continues."""
+        if self._pictures_rest_until_s is not None and time.monotonic() < self._pictures_rest_until_s:
+            return
+        try:
+            self._report_removed(files.write_picture(picture))
+        except SpaceError as error:
+            if self._pictures_rest_until_s is None:
+                self._on_news(f"recording: no more pictures are kept, all else is: {error}")
+            self._pictures_rest_until_s = time.monotonic() + self._plan.retry_s
+
+    def _report_removed(self, removed: Iterable[Path]) -> None:
+        for folder in removed:
+            self._on_news(f"recording: removed the oldest, {folder}, to make room")
 
     def _take(self) -> list[Step]:
         with self._lock:
@@ -200,19 +231,31 @@ def _frame_record(at_us: int, line: Line | None, *, is_header: bool = False) -> 
     return None if line is None else SpanRecord(at_us, TARGETS, encode_line(line), is_header)
 
 
+def _size(step: Step) -> int:
+    """Bytes of a step in the queue."""
+    if isinstance(step, PictureRecord):
+        return step.size
+    return len(step.data) if isinstance(step, SpanRecord) else 0
+
+
 def _joined(steps: Iterable[Step]) -> list[Step]:
     """The steps, with the records of each file between two other steps joined: one system call, not hundreds."""
     joined: list[Step] = []
+    pictures: list[PictureRecord] = []
     pieces: dict[str, list[bytes]] = {}
 
     def settle() -> None:
         # The inputs of a target's line reach the disk before the line does.
         joined.extend(SpanRecord(0, name, b"".join(pieces[name])) for name in FILES if name in pieces)
+        joined.extend(pictures)
         pieces.clear()
+        pictures.clear()
 
     for step in steps:
         if isinstance(step, SpanRecord):
             pieces.setdefault(step.file, []).append(step.data)
+        elif isinstance(step, PictureRecord):
+            pictures.append(step)
         else:
             settle()
             joined.append(step)

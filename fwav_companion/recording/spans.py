@@ -30,6 +30,19 @@ class SpanRecord(msgspec.Struct, frozen=True, gc=False):
     """Whether it is the first line of a targets file."""
 
 
+class PictureRecord(msgspec.Struct, frozen=True, gc=False):
+    """A kept picture: a file of its own, and its line in the file of stamps."""
+
+    file: str
+    jpeg: bytes
+    line: bytes
+
+    @property
+    def size(self) -> int:
+        """Bytes on the disk."""
+        return len(self.jpeg) + len(self.line)
+
+
 class BeginSpan(msgspec.Struct, frozen=True):
     """Step: create a new folder."""
 
@@ -38,7 +51,7 @@ class EndSpan(msgspec.Struct, frozen=True):
     """Step: complete the folder."""
 
 
-Step = SpanRecord | BeginSpan | EndSpan
+Step = SpanRecord | PictureRecord | BeginSpan | EndSpan
 FrameLine = Callable[[int], SpanRecord | None]
 """The header or the summary of a targets file at an instant; None while it is not known."""
 
@@ -96,6 +109,10 @@ class Spans:
         if not self._open or self._folder_bytes + len(record.data) > self._most_folder_bytes:
             steps += self._begin(record.at_us)
         return steps + self._take(record)
+
+    def on_picture(self, picture: PictureRecord) -> list[Step]:
+        """Steps that follow from a picture: it is kept while a folder is open, and none is held in memory."""
+        return [picture] if self._open else []
 
     def begin_anew(self, now_us: int) -> list[Step]:
         """Steps after the open folder could not be written: begin another one if records are kept at present."""

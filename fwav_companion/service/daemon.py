@@ -16,6 +16,7 @@ from fwav_companion.mavlink.router.node import PassedRequest, Received
 from fwav_companion.pipeline.pipeline_factory import make_pipeline
 from fwav_companion.service.board import BoardWatch, board_name, wall_clock_is_synchronised
 from fwav_companion.service.calibration_store import CalibrationStore
+from fwav_companion.service.camera_desk import CameraDesk
 from fwav_companion.service.journal import Journal
 from fwav_companion.service.latest_file import LatestFile, status_paths
 from fwav_companion.service.log import ServiceLog, warn
@@ -28,7 +29,6 @@ from fwav_companion.service.service_factory import (
     make_vision,
 )
 from fwav_companion.service.signing_store import SigningStore
-from fwav_companion.service.spot_desk import SpotDesk
 from fwav_companion.service.status import StatusReport, SystemdNotifier, encoded
 from fwav_companion.service.stop_signals import end_by
 from fwav_companion.service.timer import NET_NS, HostClock, PipelineTimer
@@ -103,20 +103,15 @@ class Service:
             backlog=lambda: self._pipeline.waiting_detections,
         )
         self._frame_queue = ears.queue
-        self._spots = SpotDesk(self._pipeline, self._clock, self._flush)
+        self._journal = Journal(make_recorder(config, beside_recording, self._pipeline, warn), self._clock)
+        self._camera = CameraDesk(self._pipeline, self._clock, self._journal, self._flush)
         self._detections = self._vision = None
         if calibration is not None:
             self._detections = make_detections(config, ears, self._log.detections_heard)
             self._vision = make_vision(
-                config,
-                calibration.image_size,
-                ears,
-                self._log.pictures_seen,
-                on_question=self._spots.on_question,
-                on_refused=self._spots.on_refused,
+                config, calibration.image_size, ears, on_state=self._log.pictures_seen, desk=self._camera
             )
-            self._spots.vision = self._vision
-        self._journal = Journal(make_recorder(config, beside_recording, self._pipeline, warn), self._clock)
+            self._camera.vision = self._vision
         self._outbox = Outbox(
             self._node, self._links, map_link=self._map_link, journal=self._journal, on_fault=self._on_fault
         )
@@ -317,7 +312,7 @@ class Service:
             self._outbox.send(outputs.messages, outputs.datagrams, now)
             self._journal.found(outputs.lines, now)
             self._log.noticed(outputs.notices)
-            self._spots.send(outputs.spot_messages)
+            self._camera.send(outputs.spot_messages)
         self._journal.armed(self._pipeline.identity.armed, now)
         self._arm(now)
 

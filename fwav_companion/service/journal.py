@@ -16,7 +16,7 @@ from fwav_companion.recording.recorder import Recorder
 from fwav_companion.self_calibration import KeptCalibration
 from fwav_companion.service.timer import HostClock
 from fwav_companion.types import Frame, NoFrame, Reason
-from fwav_companion.vision.wire import encode_frame
+from fwav_companion.vision.wire import encode_frame, stamp_line
 
 
 class Journal:
@@ -27,6 +27,7 @@ class Journal:
         self._recorder = recorder
         self._clock = clock
         self._refused: Counter[Reason] = Counter()
+        self._pictures = 0
 
     def start(self, kept: KeptCalibration | None) -> None:
         """Start the recorder. ``kept``: calibration of an earlier flight, with which this one starts."""
@@ -59,6 +60,13 @@ class Journal:
             self._refused[frame.reason] += 1
         elif self._recorder is not None:
             self._recorder.detection(self._clock.unix_us(now), encode_frame(frame, self._clock.unix_offset_ns))
+
+    def picture(self, frame: Frame, jpeg: bytes) -> None:
+        """Record a picture of our own camera. ``frame``: its stamp and number."""
+        if self._recorder is not None:
+            self._pictures += 1
+            file = f"{self._pictures:06d}.jpg"
+            self._recorder.picture(file, jpeg, stamp_line(frame, file, self._clock.unix_offset_ns))
 
     def found(self, lines: Sequence[Line], now: HostNs) -> None:
         """Record lines of the targets file."""

@@ -20,11 +20,10 @@ from fwav_companion.mount_points import missing_mount_above
 from fwav_companion.pipeline.pipeline import Pipeline
 from fwav_companion.recording.recorder import Recorder
 from fwav_companion.types import Notice
-from fwav_companion.types.spots import SpotRefused
 from fwav_companion.vision.detections_in import DetectionsIn
 from fwav_companion.vision.frame_receiver import FrameReceiver
 from fwav_companion.vision.source_names import SourceKind, is_file_name, source_kind
-from fwav_companion.vision.supervisor import VisionProcess
+from fwav_companion.vision.supervisor import VisionDesk, VisionProcess
 from fwav_companion.vision.task import VisionTask
 
 if TYPE_CHECKING:
@@ -51,16 +50,14 @@ def make_vision(
     image_size: tuple[int, int],
     ears: FrameReceiver,
     on_state: Callable[[bool, str], None],
-    on_question: Callable[[bytes], None],
-    on_refused: Callable[[SpotRefused], None],
+    desk: VisionDesk,
 ) -> VisionProcess | None:
     """Vision process for a camera of our own. ``image_size``: of the calibration."""
     task = make_vision_task(config)
     if task is None:
         return None
-    return VisionProcess(
-        msgspec.structs.replace(task, size=task.size or image_size), ears, on_state, on_question, on_refused
-    )
+    kept = config.record.pictures if config.record.directory else 0
+    return VisionProcess(msgspec.structs.replace(task, size=task.size or image_size), ears, on_state, desk, kept=kept)
 
 
 def make_vision_task(config: Config) -> VisionTask | None:

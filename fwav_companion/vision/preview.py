@@ -1,7 +1,7 @@
-"""SHELL: the pictures for a browser, as MJPEG, with what was detected drawn in.
+"""SHELL: the pictures for a browser, as MJPEG, with detections and tracks drawn in.
 
-For setting a camera up. Drawing and compression happen in the threads of those who look: the detector's thread hands a
-picture over, and does nothing while no one looks.
+For setting a camera up. Drawing and compression happen in a thread of each browser, which also asks the daemon where
+its picture shows the tracks. The detector's thread hands pictures over, and does nothing while no browser is connected.
 """
 
 from __future__ import annotations
@@ -11,13 +11,16 @@ import logging
 import socket
 import threading
 import time
+from collections.abc import Callable
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
-import cv2
+import msgspec
 
-from fwav_companion.vision.images import Found, Pixels
+from fwav_companion.types.track_marks import MARKS_QUESTION, TrackMark, TrackMarks
+from fwav_companion.vision.images import Found, Picture, frame_bytes
 from fwav_companion.vision.preview_address import PreviewAddress
+from fwav_companion.vision.preview_drawing import drawn
 
 _log = logging.getLogger(__name__)
 INTERVAL_S = 0.2
@@ -27,16 +30,22 @@ SEND_S = 5.0
 """Longest time for a browser to take a picture; then it is disconnected."""
 WAIT_S = 2.0
 """Longest wait for a picture; the last one is sent again then, which shows whether the browser is still there."""
-QUALITY = 70
+ANSWER_S = 0.1
+"""Longest wait for the daemon's answer, which takes some milliseconds; then the picture is shown without tracks."""
 BOUNDARY = "picture"
-GREEN = (64, 255, 64)
-Shown = tuple[Pixels, list[Found]]
+Shown = tuple[Picture, list[Found]]
+
+_decode = msgspec.json.Decoder(TrackMarks).decode
 
 
 class Preview:
     """The newest picture, and the server that shows it."""
 
-    def __init__(self, address: PreviewAddress) -> None:
+    def __init__(self, address: PreviewAddress, ask: Callable[[bytes], None] | None = None) -> None:
+        """``ask``: sends the daemon a question about tracks, whose answer comes by :meth:`on_marks`."""
+        self._ask = ask
+        self._marks = TrackMarks(0, ())
+        self._answered = threading.Condition()
         self._changed = threading.Condition()
         self._shown: Shown | None = None
         self._number = 0
@@ -55,12 +64,28 @@ class Preview:
         """Port of the server; 0 where it could not listen."""
         return self._server.server_address[1] if self._server is not None else 0
 
-    def offer(self, pixels: Pixels, found: list[Found]) -> None:
+    def offer(self, picture: Picture, found: list[Found]) -> None:
         """Show a picture to those who look; the caller does not change it afterwards."""
         if self._watchers:
             with self._changed:
-                self._shown, self._number = (pixels, found), self._number + 1
+                self._shown, self._number = (picture, found), self._number + 1
                 self._changed.notify_all()
+
+    def on_marks(self, message: bytes) -> None:
+        """Take the daemon's answer: where a picture shows the tracks."""
+        with self._answered:
+            self._marks = _decode(message)
+            self._answered.notify_all()
+
+    def marks_of(self, number: int, picture: Picture) -> tuple[TrackMark, ...]:
+        """The tracks in a picture; none where the daemon does not answer in time."""
+        if self._ask is None:
+            return ()
+        with self._answered:
+            if self._marks.picture != number:
+                self._ask(MARKS_QUESTION + frame_bytes(picture, [], number) + b"}")
+                self._answered.wait_for(lambda: self._marks.picture == number, ANSWER_S)
+            return self._marks.marks if self._marks.picture == number else ()
 
     def close(self) -> None:
         """Stop the server."""
@@ -131,23 +156,10 @@ def _handler_of(preview: Preview) -> type[BaseHTTPRequestHandler]:
             while True:
                 number, shown = preview.newer_than(number)
                 if shown is not None:
-                    data = drawn(*shown)
+                    picture, found = shown
+                    data = drawn(picture.pixels, found, preview.marks_of(number, picture))
                     head = f"--{BOUNDARY}\r\nContent-Type: image/jpeg\r\nContent-Length: {len(data)}\r\n\r\n"
                     self.wfile.write(head.encode() + data + b"\r\n")
                 time.sleep(INTERVAL_S)
 
     return Handler
-
-
-def drawn(pixels: Pixels, found: list[Found]) -> bytes:
-    """The picture as JPEG, with boxes, points and labels of what was detected."""
-    shown = cv2.cvtColor(pixels, cv2.COLOR_GRAY2BGR) if pixels.ndim == 2 else pixels.copy()
-    for each in found:
-        place = (round(each["u"]), round(each["v"]))
-        cv2.drawMarker(shown, place, GREEN, cv2.MARKER_CROSS, 9, 1)
-        if "box" in each:
-            left, top, right, bottom = (round(side) for side in each["box"])
-            cv2.rectangle(shown, (left, top), (right, bottom), GREEN, 1)
-        text = f"{each.get('label', '')} {each['score']:.2f}" if "score" in each else str(each.get("label", ""))
-        cv2.putText(shown, text, (place[0] + 6, place[1] - 6), cv2.FONT_HERSHEY_SIMPLEX, 0.4, GREEN, 1)
-    return bytes(cv2.imencode(".jpg", shown, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1])

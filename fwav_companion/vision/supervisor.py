@@ -13,6 +13,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
+from typing import Protocol
 
 import msgspec
 
@@ -20,9 +21,10 @@ from fwav_companion.blocking import in_daemon_thread
 from fwav_companion.types import DeliveryReport
 from fwav_companion.types.spots import QUESTION, REFUSAL, SpotRefused
 from fwav_companion.types.status import VisionReport
+from fwav_companion.types.track_marks import MARKS_QUESTION
 from fwav_companion.vision.detections_in import DRAIN_LIMIT, LARGEST_DATAGRAM
 from fwav_companion.vision.frame_receiver import FrameReceiver
-from fwav_companion.vision.task import VisionState, VisionTask
+from fwav_companion.vision.task import KEPT_PICTURE, KeptPicturesRule, VisionState, VisionTask
 
 FIRST_RETRY_S, LONGEST_RETRY_S = 1.0, 30.0
 LIVED_LONG_S = 60.0
@@ -44,7 +46,25 @@ BORROWED = (
 newer numpy than its own the modules of picamera2, which are compiled for that one, fail."""
 WORKER = "fwav_companion.vision.worker"
 
+MOST_JPEG = 16 << 20
+"""Bytes of a kept picture: 64 megapixels in grey."""
 Started = tuple[subprocess.Popen[bytes], socket.socket]
+
+
+class VisionDesk(Protocol):
+    """Takes what the process sends besides detections. A frame in the wire format is that of the picture meant."""
+
+    def on_question(self, data: bytes) -> None:
+        """Answer where a frame's picture shows the clicked spots."""
+
+    def on_shown(self, data: bytes) -> None:
+        """Answer where a frame's picture shows the tracks."""
+
+    def on_picture(self, data: bytes, jpeg: bytes) -> None:
+        """Record a frame's picture."""
+
+    def on_refused(self, refused: SpotRefused) -> None:
+        """Take a clicked spot that cannot be followed."""
 
 
 class VisionProcess:
@@ -55,19 +75,19 @@ class VisionProcess:
         task: VisionTask,
         ears: FrameReceiver,
         on_state: Callable[[bool, str], None],
-        on_question: Callable[[bytes], None] | None = None,
-        on_refused: Callable[[SpotRefused], None] | None = None,
+        desk: VisionDesk | None = None,
+        *,
+        kept: KeptPicturesRule = 0,
     ) -> None:
-        """``on_state`` is called with whether pictures come, and why not, at each change; ``on_question`` with a frame
-        in the wire format, whose clicked spots the process asks for, and ``on_refused`` with a spot that it cannot
-        follow.
+        """``on_state`` is called with whether pictures come, and why not, at each change. ``kept``: the pictures that
+        the desk gets as JPEG.
         """
         self._command = worker_command(task.python)
         self._task_json = msgspec.json.encode(task).decode()
         self._ears = ears
         self._on_state = on_state
-        self._on_question = on_question
-        self._on_refused = on_refused
+        self._desk = desk
+        self._kept_json = msgspec.json.encode(kept).decode()
         self._started: Started | None = None
         self._ended = asyncio.Event()
         self._heard_s = 0.0
@@ -137,7 +157,7 @@ class VisionProcess:
             ours.setblocking(False)
             try:
                 process = subprocess.Popen(  # noqa: S603  # our own interpreter and module
-                    [*self._command, str(theirs.fileno()), self._task_json],
+                    [*self._command, str(theirs.fileno()), self._task_json, self._kept_json],
                     pass_fds=[theirs.fileno()],
                     stdin=subprocess.DEVNULL,
                     stdout=subprocess.DEVNULL,
@@ -161,17 +181,27 @@ class VisionProcess:
     def _drain(self, sock: socket.socket) -> None:
         for _ in range(DRAIN_LIMIT):
             try:
-                data = sock.recv(LARGEST_DATAGRAM)
+                data, descriptors, _, _ = socket.recv_fds(sock, LARGEST_DATAGRAM, 1)
             except BlockingIOError:
                 return
             except OSError:
-                data = b""
+                data, descriptors = b"", []
             if not data:
                 asyncio.get_running_loop().remove_reader(sock)
                 self._ended.set()
                 return
             self._heard_s = time.monotonic()
-            self._take(data)
+            if descriptors:
+                self._take_picture(data, descriptors[0])
+            else:
+                self._take(data)
+
+    def _take_picture(self, data: bytes, descriptor: int) -> None:
+        """Hand a kept picture over; one that is too large is left out."""
+        with open(descriptor, "rb") as file:
+            if self._desk is not None and data.startswith(KEPT_PICTURE) and os.fstat(descriptor).st_size <= MOST_JPEG:
+                file.seek(0)
+                self._desk.on_picture(data[len(KEPT_PICTURE) : -1], file.read())
 
     def _take(self, data: bytes) -> None:
         if data.startswith(_STATE):
@@ -180,13 +210,9 @@ class VisionProcess:
             self._delivery = state.delivery or self._delivery
             self._tell(works=state.vision == "looking", why=state.why)
             return
-        if data.startswith(QUESTION):
-            if self._on_question is not None:
-                self._on_question(data[len(QUESTION) : -1])
-            return
-        if data.startswith(REFUSAL):
-            if self._on_refused is not None:
-                self._on_refused(msgspec.json.decode(data, type=SpotRefused))
+        if data.startswith((QUESTION, MARKS_QUESTION, REFUSAL)):
+            if self._desk is not None:
+                _hand_over(data, self._desk)
             return
         if not self._frozen:
             self._tell(works=True, why="")
@@ -204,6 +230,15 @@ class VisionProcess:
         if started is not None:
             asyncio.get_running_loop().remove_reader(started[1])
         return started
+
+
+def _hand_over(data: bytes, desk: VisionDesk) -> None:
+    if data.startswith(QUESTION):
+        desk.on_question(data[len(QUESTION) : -1])
+    elif data.startswith(MARKS_QUESTION):
+        desk.on_shown(data[len(MARKS_QUESTION) : -1])
+    else:
+        desk.on_refused(msgspec.json.decode(data, type=SpotRefused))
 
 
 def worker_command(python: str) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Final, Literal, TypeAlias
 
 import msgspec
 from msgspec import Meta
@@ -25,6 +25,11 @@ def dictionary_key(name: str) -> str:
 
 
 SidePx: TypeAlias = Annotated[int, Meta(ge=16, le=32768)]
+KeptPicturesRule: TypeAlias = Literal["detections"] | Annotated[int, Meta(ge=0, le=100_000)]
+"""[record] pictures. 0: none; N: every Nth; ``detections``: those in which something was detected."""
+KEPT_PICTURE: Final = b'{"kept":'
+"""Prefix of a kept picture's message: its frame in the wire format without detections, and a closing brace, with the
+descriptor of a file that has the JPEG."""
 DETECTORS_WITH_A_MODEL = ("onnx",)
 MOST_THREADS = 64
 

@@ -151,6 +151,18 @@ def encode_frame(frame: Frame, unix_offset_ns: int) -> bytes:
     return _encoder.encode(line) + b"\n"
 
 
+def stamp_line(frame: Frame, file: str, unix_offset_ns: int) -> bytes:
+    """The line of a kept picture in stamps.jsonl, on the recording's clock, as :func:`encode_frame` has it."""
+    on_host = frame.stamp_clock is StampClock.HOST
+    seconds = _seconds(frame.stamp_ns + unix_offset_ns) if on_host else _seconds(frame.stamp_ns)
+    line: dict[str, str | float] = {"file": file, "time_unix" if on_host else "time_boot": seconds}
+    if frame.number is not None:
+        line["frame"] = frame.number
+    if frame.exposure_s is not None:
+        line["exposure_s"] = frame.exposure_s
+    return _encoder.encode(line) + b"\n"
+
+
 def _decode(data: bytes | str) -> WireFrame | NoFrame:
     try:
         return _decoder.decode(data)

@@ -1,6 +1,7 @@
-"""``python -m fwav_companion.vision.worker FD TASK``: a camera and a detector in a process of their own.
+"""``python -m fwav_companion.vision.worker FD TASK KEPT``: a camera and a detector in a process of their own.
 
-It sends detections over the inherited socket in the wire format, and its state in between. A camera that hangs blocks
+It sends detections over the inherited socket in the wire format, its state in between, and the pictures that a
+recording keeps. A camera that hangs blocks
 this process and not the daemon, which then ends it and starts another.
 """
 
@@ -13,12 +14,14 @@ import threading
 import time
 import zlib
 from collections import deque
+from collections.abc import Callable
 from contextlib import closing, suppress
 from pathlib import Path
 
 import cv2
 import msgspec
 
+from fwav_companion.types.track_marks import MARKS_ANSWER
 from fwav_companion.vision.click_watch import ClickWatch
 from fwav_companion.vision.delivery import DeliveredPicture, DeliveryMeter
 from fwav_companion.vision.detectors import make_detector
@@ -32,10 +35,11 @@ from fwav_companion.vision.images import (
     frame_bytes,
 )
 from fwav_companion.vision.newest_picture import NewestPicture
+from fwav_companion.vision.picture_keeper import PictureKeeper
 from fwav_companion.vision.preview import Preview
 from fwav_companion.vision.preview_address import parse_preview
 from fwav_companion.vision.sources import open_source
-from fwav_companion.vision.task import VisionState, VisionTask
+from fwav_companion.vision.task import KeptPicturesRule, VisionState, VisionTask
 
 SIGN_OF_LIFE_S = 2.0
 """Longest time between two messages while nothing hangs."""
@@ -60,11 +64,17 @@ class DaemonSocket:
         self._socket = sock
         self._messages: deque[bytes] = deque(maxlen=MOST_MESSAGES)
         self._heard = threading.Event()
+        self.on_marks: Callable[[bytes], None] = _ignore
+        """Takes the daemon's answers about tracks, in the socket's thread."""
         threading.Thread(target=self._receive, name="daemon", daemon=True).start()
 
     def send(self, message: bytes) -> None:
         """Send a frame or a state."""
         self._socket.send(message)
+
+    def send_file(self, message: bytes, descriptor: int) -> None:
+        """Send a message with the descriptor of a file."""
+        socket.send_fds(self._socket, [message], [descriptor])
 
     def report(self, state: VisionState) -> None:
         """Send the state."""
@@ -82,8 +92,11 @@ class DaemonSocket:
     def _receive(self) -> None:
         try:
             while message := self._socket.recv(LARGEST_MESSAGE):
-                self._messages.append(message)
-                self._heard.set()
+                if message.startswith(MARKS_ANSWER):
+                    self.on_marks(message)
+                else:
+                    self._messages.append(message)
+                    self._heard.set()
         finally:
             os._exit(0)
 
@@ -96,10 +109,13 @@ def main() -> None:
     cv2.setNumThreads(task.threads)  # one core of a small board for pictures, the others for the flight
     try:
         detector, address = make_detector(task), parse_preview(task.preview)
-        preview = None if address is None else Preview(address)
+        preview = None if address is None else Preview(address, daemon.send)
+        if preview is not None:
+            daemon.on_marks = preview.on_marks
+        keeper = PictureKeeper(msgspec.json.decode(sys.argv[3], type=KeptPicturesRule), daemon.send_file)
         while True:
             try:
-                Watch(daemon, task, detector, preview).watch()
+                Watch(daemon, task, detector, keeper, preview=preview).watch()
             except SourceLostError as error:
                 daemon.report(VisionState("lost", str(error)))
                 time.sleep(RETRY_S)
@@ -107,6 +123,10 @@ def main() -> None:
         _repeat(daemon, VisionState("ended", str(error)))
     except DetectorError as error:
         _repeat(daemon, VisionState("lost", str(error)))
+
+
+def _ignore(_message: bytes) -> None:
+    """Take no answer about tracks: there is no preview."""
 
 
 def _offer_to_oom_killer() -> None:
@@ -126,9 +146,16 @@ class Watch:
     """One opening of the source."""
 
     def __init__(
-        self, daemon: DaemonSocket, task: VisionTask, detector: Detector, preview: Preview | None = None
+        self,
+        daemon: DaemonSocket,
+        task: VisionTask,
+        detector: Detector,
+        keeper: PictureKeeper,
+        *,
+        preview: Preview | None = None,
     ) -> None:
         self._daemon = daemon
+        self._keeper = keeper
         self._preview = preview
         self._task = task
         self._detector = detector
@@ -152,8 +179,9 @@ class Watch:
         arrived_s = time.monotonic()
         found, number = self._found(picture)
         self._daemon.send(frame_bytes(picture, found, number))
+        self._keeper.offer(picture, found)
         if self._preview is not None:
-            self._preview.offer(picture.pixels, found)
+            self._preview.offer(picture, found)
         height, width = picture.pixels.shape[:2]
         stamp_s = picture.stamp.get("time_monotonic")
         self._meter.add(

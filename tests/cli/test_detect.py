@@ -12,7 +12,9 @@ import pytest
 from PIL import Image
 
 from fwav_companion.cli.main import main
+from fwav_companion.recording.folder import RecordingPlan
 from fwav_companion.recording.photograph_poses import parse_poses
+from fwav_companion.recording.recorder import Recorder
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "vision"))
 from vision_pictures import tag_picture
@@ -68,6 +70,23 @@ def test_a_folder_with_stamps_keeps_them(tmp_path, config, capsys):
         assert frame["size"] == [640, 480]
         assert frame["detections"][0]["label"] == "tag36h11:7"
         assert frame["detections"][0]["u"] == pytest.approx(200.0 + 10 * i, abs=0.3)
+
+
+def test_a_recording_with_pictures_is_read_but_for_the_line_that_a_power_cut_left(tmp_path, config, capsys):
+    recorder = Recorder(RecordingPlan(directory=tmp_path / "records", sync_s=0.05), [].append)
+    recorder.start()
+    recorder.detection(1, b"{}\n")
+    for i in range(2):
+        jpeg = cv2.imencode(".jpg", tag_picture((200.0 + 10 * i, 120.0)))[1].tobytes()
+        recorder.picture(f"{i}.jpg", jpeg, b'{"file":"%d.jpg","time_unix":%d.25,"frame":%d}\n' % (i, 100 + i, 7 + i))
+    recorder.close(5.0)
+    (recording,) = (tmp_path / "records").iterdir()
+    with (recording / "pictures" / "stamps.jsonl").open("a") as stamps:
+        stamps.write('{"file":"2.jpg","time_un')
+    status, frames = detected(config, recording)
+    assert status == 0
+    assert [(frame["time_unix"], frame["frame"]) for frame in frames] == [(100.25, 7), (101.25, 8)]
+    assert [frame["detections"][0]["u"] for frame in frames] == pytest.approx([200.0, 210.0], abs=0.3)
 
 
 def test_photographs_by_the_zone_of_their_clock_and_by_gps(tmp_path, config):

@@ -1,6 +1,7 @@
 """The vision process under the daemon: tags arrive; a crash, silence or absence is survived and reported once."""
 
 import asyncio
+import json
 import os
 import resource
 import signal
@@ -11,6 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import cv2
+import numpy as np
 import pytest
 from vision_pictures import pipe_bytes, tag_picture
 
@@ -25,15 +27,20 @@ from fwav_companion.vision.wall_clock import WallClock
 class Daemon:
     """Keeps the output of the vision process."""
 
-    def __init__(self, task: VisionTask) -> None:
+    def __init__(self, task: VisionTask, kept: int = 0) -> None:
         self.frames: list[Frame] = []
         self.states: list[tuple[bool, str]] = []
         self.changed = asyncio.Event()
         ears = FrameReceiver(self._frame, lambda step: None, WallClock(*read_clocks()))
-        self.process = VisionProcess(task, ears, self._state)
+        self.pictures: list[tuple[bytes, bytes]] = []
+        self.process = VisionProcess(task, ears, self._state, self, kept=kept)
 
     def _frame(self, frame) -> None:
         self.frames.append(frame)
+        self.changed.set()
+
+    def on_picture(self, data: bytes, jpeg: bytes) -> None:
+        self.pictures.append((data, jpeg))
         self.changed.set()
 
     def _state(self, works: bool, why: str) -> None:
@@ -78,19 +85,19 @@ def test_tags_are_found_in_the_process_and_its_death_is_survived(tmp_path: Path,
     os.mkfifo(path)
 
     async def watch() -> Daemon:
-        daemon = Daemon(VisionTask(str(path)))
+        daemon = Daemon(VisionTask(str(path)), kept=1)
         daemon.process.start()
         leave = threading.Event()
         picture = tag_picture((200.0, 120.0))
         first = feed(path, [pipe_bytes(picture, time_monotonic=1.0 + i, frame=i) for i in range(1)], leave)
-        await daemon.until(lambda: len(daemon.frames) == 1)
+        await daemon.until(lambda: len(daemon.frames) == 1 and daemon.pictures)
         os.kill(daemon.process.status().pid, signal.SIGKILL)
         leave.set()
         await daemon.until(lambda: daemon.states and not daemon.states[-1][0])
         await asyncio.to_thread(first.join, 5.0)
         leave = threading.Event()
         second = feed(path, [pipe_bytes(picture, time_monotonic=9.0, frame=9)], leave)
-        await daemon.until(lambda: len(daemon.frames) == 2)
+        await daemon.until(lambda: len(daemon.frames) == 2 and len(daemon.pictures) == 2)
         assert daemon.process.status().deaths == 1
         daemon.process.close()
         leave.set()
@@ -105,6 +112,10 @@ def test_tags_are_found_in_the_process_and_its_death_is_survived(tmp_path: Path,
         (detection,) = frame.detections
         assert detection.label == "tag36h11:7"
         assert (detection.u, detection.v) == pytest.approx((200.0, 120.0), abs=0.3)
+    for (data, jpeg), number in zip(daemon.pictures, (0, 9), strict=True):
+        assert json.loads(data)["frame"] == number
+        shown = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_GRAYSCALE)
+        assert np.abs(shown.astype(float) - tag_picture((200.0, 120.0))).mean() < 1.5
     assert [works for works, _ in daemon.states] == [True, False, True]
     assert "SIGKILL" in daemon.states[1][1]
 

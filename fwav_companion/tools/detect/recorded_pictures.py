@@ -12,6 +12,7 @@ import msgspec
 
 from fwav_companion.errors import InputFileError
 from fwav_companion.on_disk import content
+from fwav_companion.recording.folder import PICTURES, STAMPS
 from fwav_companion.tools.detect.photo_metadata import PhotoMetadata, read_metadata
 from fwav_companion.vision.images import (
     Picture,
@@ -51,12 +52,18 @@ def parse_start(text: str) -> datetime:
 
 
 def recorded_pictures(path: Path, start: datetime | None) -> RecordedPictures:
-    """The pictures of a folder, a file or a video. InputFileError where they, or their times, are missing."""
+    """The pictures of a folder, recording, file or video. InputFileError where they, or their times, are missing."""
+    path = folder_of(path)
     if path.is_dir():
         return _stamped(path) if (path / STAMPS_FILE).is_file() else _photographs(_files(path), start)
     if not path.is_file():
         raise InputFileError(f"{path}: no such file; accepted: a folder of pictures, a picture, or a video")
     return _photographs([path], start) if path.suffix.lower() in SUFFIXES else _video(path, start)
+
+
+def folder_of(path: Path) -> Path:
+    """The folder of kept pictures where the path is that of a recording with such a folder; else the path."""
+    return path / PICTURES if (path / STAMPS).is_file() else path
 
 
 def _files(folder: Path) -> list[Path]:
@@ -68,7 +75,10 @@ def _files(folder: Path) -> list[Path]:
 
 def _stamped(folder: Path) -> RecordedPictures:
     """A folder with ``stamps.jsonl``, as the folder source has it."""
-    lines = content(folder / STAMPS_FILE).splitlines()
+    text = content(folder / STAMPS_FILE)
+    lines = text.splitlines()
+    if lines and not text.endswith((b"\n", b"}")):  # a power cut may leave an incomplete line
+        del lines[-1]
 
     def read() -> Iterator[Picture]:
         for number, line in enumerate(lines, start=1):

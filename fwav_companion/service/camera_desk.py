@@ -1,4 +1,4 @@
-"""SHELL: carries messages about clicked spots between the pipeline and the camera process."""
+"""SHELL: carries messages between the pipeline, the recording and the camera process."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import msgspec
 
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.pipeline.pipeline import Pipeline
+from fwav_companion.service.journal import Journal
 from fwav_companion.service.log import warn
 from fwav_companion.service.timer import HostClock
 from fwav_companion.types import Frame
@@ -18,13 +19,14 @@ from fwav_companion.vision.wire import parse_frame
 _encode = msgspec.json.Encoder().encode
 
 
-class SpotDesk:
-    """Answers the camera process, and hands it the pipeline's orders."""
+class CameraDesk:
+    """Answers the camera process, records its pictures, and hands it the pipeline's orders."""
 
-    def __init__(self, pipeline: Pipeline, clock: HostClock, flush: Callable[[HostNs], None]) -> None:
+    def __init__(self, pipeline: Pipeline, clock: HostClock, journal: Journal, flush: Callable[[HostNs], None]) -> None:
         """``flush``: sends the pipeline's outputs."""
         self._pipeline = pipeline
         self._clock = clock
+        self._journal = journal
         self._flush = flush
         self.vision: VisionProcess | None = None
         """The camera process, once it is made."""
@@ -32,10 +34,24 @@ class SpotDesk:
     def on_question(self, data: bytes) -> None:
         """Answer where a picture of the camera process, a frame in the wire format, shows the spots."""
         now = self._clock.now()
-        frame = parse_frame(data, now, self._clock.wall)
-        if isinstance(frame, Frame) and self.vision is not None:
+        frame = self._frame(data, now)
+        if frame is not None and self.vision is not None:
             self.vision.send(_encode(self._pipeline.spot_views(frame, now)))
             self._flush(now)
+
+    def on_shown(self, data: bytes) -> None:
+        """Answer where a picture that someone looks at, a frame in the wire format, shows the tracks."""
+        now = self._clock.now()
+        frame = self._frame(data, now)
+        if frame is not None and self.vision is not None:
+            self.vision.send(_encode(self._pipeline.track_marks(frame, now)))
+            self._flush(now)
+
+    def on_picture(self, data: bytes, jpeg: bytes) -> None:
+        """Record a picture. ``data``: its frame in the wire format."""
+        frame = self._frame(data, self._clock.now())
+        if frame is not None:
+            self._journal.picture(frame, jpeg)
 
     def on_refused(self, refused: SpotRefused) -> None:
         """Take a spot that the camera process cannot follow."""
@@ -48,3 +64,7 @@ class SpotDesk:
         for order in orders:
             if self.vision is not None and not self.vision.send(_encode(order)):
                 warn("the camera process takes no order: the click is not followed")
+
+    def _frame(self, data: bytes, now: HostNs) -> Frame | None:
+        frame = parse_frame(data, now, self._clock.wall)
+        return frame if isinstance(frame, Frame) else None
