@@ -19,7 +19,7 @@ from sitl_mock.arguments import (
     options_from,
 )
 from sitl_mock.options import Options
-from sitl_mock.service import serve
+from sitl_mock.service import serve, spare_garbage_collection
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -29,6 +29,7 @@ def main(arguments: list[str] | None = None) -> int:
     chosen = _parser().parse_args(arguments)
     if chosen.serve:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches every process of a terminal: the client decides
+        spare_garbage_collection()
         serve(sys.stdin.buffer, sys.stdout.buffer)
         return 0
     try:

@@ -6,7 +6,7 @@ import argparse
 import ast
 import dataclasses
 import struct
-from functools import reduce
+from functools import cache, reduce
 from math import inf, isfinite
 from typing import Any, NoReturn, get_type_hints
 
@@ -110,13 +110,18 @@ def message_for_user(error: Exception) -> str:
 def _of_its_kind(options: Options, key: str, value: Any) -> Any:
     """Value converted to the type of the option. Raises ValueError where the type does not fit. The key is known."""
     *path, last = key.split(".")
-    kind = get_type_hints(type(reduce(getattr, path, options)), include_extras=True)[last]
+    kind = _kinds_of(type(reduce(getattr, path, options)))[last]  # type: ignore[arg-type]  # a type is hashable
     if dataclasses.is_dataclass(kind) or key == "targets":
         raise ValueError(f"--set {key}={value!r}: expected one of its own options, or --target")
     try:
         return msgspec.convert(value, kind)
     except msgspec.ValidationError as error:
         raise ValueError(f"--set {key}={value!r}: {str(error)[0].lower()}{str(error)[1:]}") from None
+
+
+@cache
+def _kinds_of(options: type[Any]) -> dict[str, Any]:
+    return get_type_hints(options, include_extras=True)
 
 
 def _target(text: str) -> TargetOptions:

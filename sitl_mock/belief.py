@@ -27,6 +27,8 @@ class Belief:
         self._noise = Random(f"{seed}/noise")
         wander = SmoothWander if options.autopilot.position_wander == "smooth" else Wander
         self._gyro_noise = Random(f"{seed}/gyro")
+        axes = ("roll", "pitch", "yaw")
+        self._signs = tuple(-1.0 if axis in options.autopilot.reversed_axes else 1.0 for axis in axes)
         self._wander = tuple(
             wander(biases.position_sigma_m, priors.position_bias_time_s, Random(f"{seed}/wander/{axis}"))
             for axis in ("north", "east")
@@ -44,10 +46,9 @@ class Belief:
         """Estimated (roll, pitch, yaw) and filtered body rates at an instant, rad and rad/s."""
         b, noise = self._biases, self._o.priors.attitude_noise_deg
         errors = (b.attitude_roll_deg, b.attitude_pitch_deg, b.heading_deg)
-        euler = self._flight.at(flight_s).euler
-        believed = tuple(a + radians(e + self._fresh(noise)) for a, e in zip(euler, errors, strict=True))
-        signs = tuple(-1.0 if axis in self._o.autopilot.reversed_axes else 1.0 for axis in ("roll", "pitch", "yaw"))
-        return _signed(signs, believed), _signed(signs, self._rates(flight_s))
+        euler = self._flight.euler(flight_s)
+        roll, pitch, yaw = (a + radians(e + self._fresh(noise)) for a, e in zip(euler, errors, strict=True))
+        return self._signed((roll, pitch, yaw)), self._signed(self._rates(flight_s))
 
     def position(self, flight_s: float) -> tuple[Place, Vector]:
         """Estimated (place, NED velocity) at an instant, with delay, wander, bias and noise."""
@@ -99,7 +100,6 @@ class Belief:
     def _fresh(self, sigma: float) -> float:
         return self._noise.gauss(0.0, sigma) if sigma else 0.0
 
-
-def _signed(signs: tuple[float, ...], values: tuple[float, ...]) -> Vector:
-    x, y, z = (sign * value for sign, value in zip(signs, values, strict=True))
-    return (x, y, z)
+    def _signed(self, values: Vector) -> Vector:
+        (roll, pitch, yaw), (x, y, z) = self._signs, values
+        return (roll * x, pitch * y, yaw * z)

@@ -144,10 +144,11 @@ class MockCamera:
         return pixel, t
 
     def _project(self, place: Vector, t: float) -> Pixel:
-        state = self._flight.at(t)
-        in_body = minus(apply_transposed(state.ned_from_body, minus(place, state.position)), self._position_m)
+        position, euler = self._flight.pose(t)
+        ned_from_body = matrix_from_euler(*euler)
+        in_body = minus(apply_transposed(ned_from_body, minus(place, position)), self._position_m)
         if self._o.gimbal.device_id:
-            in_ned = apply(state.ned_from_body, in_body)
+            in_ned = apply(ned_from_body, in_body)
             in_body = apply_transposed(self._gimbal.ned_from_gimbal(t), in_ned)
         return self.lens.pixel(apply_transposed(self.body_from_camera, in_body))
 

@@ -18,7 +18,9 @@ class SimulatorTime:
 
     def simulated_ns(self, host_ns: int) -> int:
         """Simulator's time at this time of the host."""
-        running_ns = host_ns - sum(max(0, min(by, host_ns - at)) for at, by in self._pauses)
+        running_ns = host_ns
+        for at, by in self._pauses:
+            running_ns -= max(0, min(by, host_ns - at))
         return running_ns if self._rate == 1.0 else round(running_ns * self._rate)
 
     def host_ns(self, simulated_ns: int) -> int:

@@ -52,6 +52,12 @@ class SlowDrift:
         x, y, z = u * t + i, v * t + j, w * t + k
         return a * sin(x) + b * sin(y) + c * sin(z), d * cos(x) + e * cos(y) + f * cos(z)
 
+    def value(self, t: float) -> float:
+        """Value alone: a picture does not depend on the rate."""
+        u, i, v, j, w, k = self._phases
+        a, b, c = self._sizes
+        return a * sin(u * t + i) + b * sin(v * t + j) + c * sin(w * t + k)
+
     def rate(self, t: float) -> float:
         """Rate alone: the yaw itself does not matter to a gyro."""
         u, i, v, j, w, k = self._phases
@@ -98,6 +104,43 @@ class Flight:
         )
         return body_rates(roll, pitch, roll_rate, pitch_rate, yaw_rate)
 
+    def euler(self, flight_s: float) -> Vector:
+        """Roll, pitch and yaw alone, radians: an autopilot reports them a hundred times a second."""
+        path = self._pattern.at(flight_s)
+        return self._angles(flight_s, path, self._phase(flight_s))
+
+    def pose(self, flight_s: float) -> tuple[Vector, Vector]:
+        """Position and Euler angles alone: a picture is projected from them several times."""
+        path, stroke = self._pattern.at(flight_s), self._phase(flight_s)
+        return self._position(flight_s, path, stroke), self._angles(flight_s, path, stroke)
+
+    def _phase(self, t: float) -> float:
+        """Phase of the wing stroke."""
+        w, slow, m = self._beat
+        return w * t + self._phases[0] + m * sin(slow * t + self._phases[3])
+
+    def _angles(self, t: float, path: Path, stroke: float) -> Vector:
+        """Euler angles, by the sums of :meth:`_turning` in their order."""
+        sway_roll, sway_pitch, _ = self._sway
+        roll, pitch = sway_roll.value(t), sway_pitch.value(t)
+        if self._hand is not None:
+            by_hand = self._hand.angles(t)
+            roll, pitch = roll + by_hand[0][0], pitch + by_hand[1][0]
+        (level_roll, level_pitch), (flap_roll, flap_pitch) = self._level, self._flap
+        return (
+            roll + level_roll + self._bank(path) + flap_roll * sin(stroke + self._phases[1]),
+            pitch + level_pitch + flap_pitch * sin(stroke),
+            self._yaw(t, path),
+        )
+
+    def _bank(self, path: Path) -> float:
+        """Bank of a turn, radians."""
+        if path.heading_deg is not None or self._heading in ("fixed", "centre"):
+            return 0.0
+        (vn, ve), (an, ae), (wind_n, wind_e) = path.velocity, path.acceleration, self._o.wind_m_s
+        vn, ve = vn - wind_n, ve - wind_e
+        return atan(self._o.bank * ((vn * ae - ve * an) / hypot(vn, ve)) / GRAVITY)
+
     def _stroke(self, t: float) -> tuple[float, float]:
         """Phase of the wing stroke and its rate."""
         w, slow, m = self._beat
@@ -128,7 +171,7 @@ class Flight:
         )
 
     def _yaw(self, t: float, path: Path) -> float:
-        yaw, _ = self._sway[2].at(t)
+        yaw = self._sway[2].value(t)
         if self._hand is not None:
             yaw += self._hand.angles(t)[2][0]
         return yaw + self._course(t, path)
@@ -176,6 +219,14 @@ class Flight:
             (path.velocity[0] + north_rate, path.velocity[1] + east_rate, -up_rate * climb - up * climb_rate),
         )
 
+    def _position(self, t: float, path: Path, stroke: float) -> Vector:
+        """Position, by the sums of :meth:`_place` in their order."""
+        o = self._o
+        north, east, up = (drift.value(t) for drift in self._wander)
+        height, _ = path.up or (o.height_m, 0.0)
+        up += height + o.heave_m * sin(stroke + self._phases[2])
+        return (path.at[0] + north + o.centre[0], path.at[1] + east + o.centre[1], -up * self._climb(t)[0])
+
     def _climb(self, t: float) -> tuple[float, float]:
         """(fraction of the flight height, its rate): 1 in flight, smooth through the climb."""
         if self._o.takeoff_at_s is None:
@@ -198,6 +249,14 @@ class SimulatedFlight(Flight):
     def rates(self, flight_s: float) -> Vector:
         """Body rates at an instant of the host."""
         return super().rates(self._simulated_s(flight_s))
+
+    def euler(self, flight_s: float) -> Vector:
+        """Euler angles at an instant of the host."""
+        return super().euler(self._simulated_s(flight_s))
+
+    def pose(self, flight_s: float) -> tuple[Vector, Vector]:
+        """Position and Euler angles at an instant of the host."""
+        return super().pose(self._simulated_s(flight_s))
 
     def _simulated_s(self, flight_s: float) -> float:
         return self._time.simulated_ns(round(flight_s * 1e9)) * 1e-9

@@ -40,12 +40,12 @@ class Gimbal:
     def ned_from_gimbal(self, flight_s: float) -> Matrix:
         """True orientation; x is the optical axis, y the image's right."""
         pitch, yaw = self._angles(flight_s)
-        return matrix_from_euler(0.0, pitch, yaw + self._flight.at(flight_s).euler[2])
+        return matrix_from_euler(0.0, pitch, yaw + self._flight.euler(flight_s)[2])
 
     def fields(self, flight_s: float, stamp_ms: int) -> dict[str, Any]:
         """Fields of the message: with the gimbal's own errors, and the heading's error where yaw counts from north."""
         pitch, yaw = self._angles(flight_s)
-        heading = self._flight.at(flight_s).euler[2] + radians(self._biases.heading_deg)
+        heading = self._flight.euler(flight_s)[2] + radians(self._biases.heading_deg)
         if self._o.yaw in ("north", "old_lock"):
             yaw += heading
         euler: Vector = (

@@ -15,6 +15,9 @@ from sitl_mock.simulate import Simulation, VehicleTruth
 LONGEST_COURSE_S = 3600.0
 """Longest track of a walker in the CSV, seconds; it bounds the track of an endless flight."""
 
+_encoded = json.JSONEncoder(separators=(",", ":")).encode
+"""Made once: json.dumps makes an encoder for each line."""
+
 
 def header(simulation: Simulation) -> dict[str, Any]:
     """First line: options, biases, home, origin, and the targets at the start."""
@@ -81,7 +84,7 @@ def csv_text(simulation: Simulation, seconds: float) -> str:
 
 def json_line(value: dict[str, Any]) -> str:
     """Line of the truth file."""
-    return json.dumps(value, separators=(",", ":")) + "\n"
+    return _encoded(value) + "\n"
 
 
 def _place(place: Place) -> dict[str, float]:

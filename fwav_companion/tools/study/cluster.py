@@ -25,6 +25,7 @@ from distributed import Client, KilledWorker, LocalCluster, WorkerPlugin, as_com
 
 from fwav_companion import __version__
 from fwav_companion.errors import CompanionError, UserError
+from fwav_companion.service.lean import leave_the_rest_alone
 from fwav_companion.tools.study import worker_facts
 from fwav_companion.tools.study.record_file import Environment
 
@@ -75,9 +76,10 @@ class JobPlugin(WorkerPlugin):  # type: ignore[misc]  # distributed has no types
         self._state: Any = None
 
     def state(self) -> Any:
-        """The shared state."""
+        """The shared state. From then on the worker searches for garbage as rarely as the service: 6 % of a flight."""
         if self._state is None:
             self._state = self._make(*self._arguments)
+            leave_the_rest_alone()
         return self._state
 
     def teardown(self, worker: Any) -> None:  # noqa: ARG002  # distributed's signature
