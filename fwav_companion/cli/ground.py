@@ -25,6 +25,8 @@ EXAMPLES = """examples:
     fwav-companion ground --link udpin://0.0.0.0:14550 --http 0.0.0.0:8080
   three vehicles that look at the same ground, as one picture:
     fwav-companion ground --fleet survey --listen tcp/0.0.0.0:7447
+  the same through a Zenoh router, as TLS in the file says:
+    fwav-companion ground --fleet survey --connect tls/router.example.org:7447 --fleet-config zenoh.json5
   on the board, with all tracks and what `check` says:
     fwav-companion ground --status /run/fwav-companion/status.json
   a recorded flight, ten times as fast:
@@ -35,7 +37,7 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
     """Register the command."""
     parser = subparsers.add_parser(
         "ground",
-        description="Listens as a ground station and serves a web page: vehicles and targets on a map, with the 95 %% "
+        description="Listens as a ground station and serves a web page: vehicles and targets on a map, with the 95 % "
         "ellipses of the targets. The page only reads, and loads nothing from outside. Beyond loopback it requires the "
         "token of the printed address.",
         epilog=EXAMPLES,
@@ -46,8 +48,16 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
     add("--http", metavar="HOST:PORT", default=HTTP, help="where the page is served; default %(default)s")
     add("--tiles", metavar="FILE.mbtiles", help="map tiles; without them there is a grid with a scale")
     add("--fleet", metavar="NAME", help="fuse what the vehicles of this fleet see, over Zenoh")
-    add("--connect", metavar="ENDPOINT", action="append", default=[], help="Zenoh endpoint, as tcp/10.0.0.1:7447")
-    add("--listen", metavar="ENDPOINT", action="append", default=[], help="Zenoh endpoint to listen on")
+    add(
+        "--connect",
+        metavar="ENDPOINT",
+        action="append",
+        default=[],
+        help="Zenoh endpoint of a router or of a program that listens, as tcp/10.0.0.1:7447; may be repeated",
+    )
+    add(
+        "--listen", metavar="ENDPOINT", action="append", default=[], help="Zenoh endpoint to listen on; may be repeated"
+    )
     add("--scouting", action="store_true", help="find the fleet by multicast on the local network")
     add("--fleet-config", metavar="FILE", help="Zenoh configuration: TLS, access control")
     add("--cot", metavar="URL", help="send the targets as Cursor on Target, as udpout://239.2.3.1:6969")

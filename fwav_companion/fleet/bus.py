@@ -21,6 +21,8 @@ PREFIX = "fwav"
 MAX_WAITING = 4096
 """Messages that wait for the event loop; further ones are dropped and counted."""
 RETRY_S = 3.0
+CONNECT, LISTEN, SCOUTING = "connect/endpoints", "listen/endpoints", "scouting/multicast/enabled"
+"""Zenoh's own defaults listen on all addresses, unencrypted, and answer multicast: both must be configured here."""
 
 OnMessage = Callable[[str, str, bytes], None]
 """(vehicle, kind, payload): kind is the last word of the key."""
@@ -44,27 +46,36 @@ class BusPlace:
         self.name = name
         try:
             self.configuration = zenoh.Config.from_file(config) if config else zenoh.Config()
-            if not config:
-                self.configuration.insert_json5("mode", '"peer"')
             # Messages that are kept for late joiners are distinguished by their times.
             self.configuration.insert_json5("timestamping/enabled", "true")
             if connect:
-                self.configuration.insert_json5("connect/endpoints", json.dumps(list(connect)))
-            if listen or not config:  # nothing listens on all addresses unless that is configured
-                self.configuration.insert_json5("listen/endpoints", json.dumps(list(listen)))
-            if scouting or not config:
-                self.configuration.insert_json5("scouting/multicast/enabled", json.dumps(scouting))
+                self.configuration.insert_json5(CONNECT, json.dumps(list(connect)))
+            if listen or _is_default(self.configuration, LISTEN):
+                self.configuration.insert_json5(LISTEN, json.dumps(list(listen)))
+            if scouting or _is_default(self.configuration, SCOUTING):
+                self.configuration.insert_json5(SCOUTING, json.dumps(scouting))
+            if _is_default(self.configuration, "mode"):
+                self.configuration.insert_json5("mode", json.dumps(_mode(self.configuration)))
         except zenoh.ZError as error:
             where = config or ", ".join([*connect, *listen])
-            why = str(error).partition(" at /")[0].partition('msg: "')[2].partition(":")[0] or str(error)
-            raise UserError(f"[fleet] {where}: {why}; accepted: Zenoh endpoints, as tcp/10.0.0.1:7447") from None
+            plain = str(error).partition(" at /")[0]
+            why = plain.partition('msg: "')[2].partition(":")[0] or plain
+            accepted = "a Zenoh configuration (.json5)" if config else "Zenoh endpoints, as tcp/10.0.0.1:7447"
+            raise UserError(f"[fleet] {where}: {why}; accepted: {accepted}") from None
+
+    def why_closed(self, error: str) -> str:
+        """Why the session does not open, without the places in Zenoh's own code."""
+        if "Unable to connect" in error:
+            endpoints = ", ".join(json.loads(self.configuration.get_json(CONNECT)))
+            return f"no connection to {endpoints}: check address, network, and with TLS the certificates"
+        return error.partition(" at /")[0].strip()[:200]
 
 
 class FleetBus:
     """One session: publishes for one vehicle or for `ground`, and passes on what others publish."""
 
     def __init__(self, place: BusPlace, on_state: Callable[[bool, str], None]) -> None:
-        """``on_state``: called in the loop with (whether it works, why not)."""
+        """``on_state``: called in the loop with (whether it works, why not), once for each reason."""
         self._place, self._on_state = place, on_state
         self._session: Any = None
         self._publishers: dict[str, Any] = {}
@@ -119,6 +130,7 @@ class FleetBus:
             session.close()
 
     async def _open(self) -> None:
+        reported = ""
         while True:
             opening = asyncio.ensure_future(asyncio.to_thread(zenoh.open, self._place.configuration))
             try:
@@ -128,7 +140,10 @@ class FleetBus:
                 opening.add_done_callback(_close_late)
                 raise
             except zenoh.ZError as error:
-                self._on_state(False, str(error).splitlines()[0][:200])
+                why = self._place.why_closed(str(error))
+                if why != reported:  # it is tried again each few seconds
+                    self._on_state(False, why)
+                reported = why
             await asyncio.sleep(RETRY_S)
         self._session = session
         if self._subscription is not None:
@@ -177,6 +192,21 @@ class FleetBus:
             self._loop.call_soon_threadsafe(run)
         except RuntimeError:  # the loop was closed since
             self.dropped += 1
+
+
+def _mode(configuration: Any) -> str:
+    """Client where one endpoint is all there is, else peer.
+
+    Routers pass on what clients send; between peers they do not (Zenoh 1.10), since peers are taken to reach one
+    another. A client has one endpoint at a time; a peer is connected to all of them, each a program that listens.
+    """
+    connect, listen, scouting = (json.loads(configuration.get_json(key)) for key in (CONNECT, LISTEN, SCOUTING))
+    return "client" if len(connect) == 1 and not listen and not scouting else "peer"
+
+
+def _is_default(configuration: Any, key: str) -> bool:
+    """Whether a configuration leaves this key as Zenoh has it."""
+    return bool(configuration.get_json(key) == zenoh.Config().get_json(key))
 
 
 def _close_late(opening: asyncio.Future[Any]) -> None:

@@ -19,7 +19,8 @@ class FleetTable(msgspec.Struct, frozen=True, kw_only=True):
     vehicle: Annotated[str, Meta(pattern=r"^[A-Za-z0-9_.-]{0,64}$", description="letters, digits, _ . -")] = ""
     """Name of this vehicle, unique in the fleet; "": the MAVLink system id."""
     connect: tuple[str, ...] = ()
-    """Zenoh endpoints to connect to, for example "tcp/10.0.0.1:7447"; retried while they are not there."""
+    """Zenoh endpoints to connect to, for example "tcp/10.0.0.1:7447"; retried while they are not there. One: a router
+    or a program that listens. Several: programs that listen; nothing passes through routers then."""
     listen: tuple[str, ...] = ()
     """Zenoh endpoints to listen on."""
     scouting: bool = False

@@ -42,6 +42,7 @@ class FleetSharing:
         self._bus = FleetBus(place, self._on_state)
         self._tracks = FleetTracks(table, config.priors, secrets.token_hex(8))
         self._reported: set[NoticeCode] = set()
+        self._reported_closed = False
         self._timer: asyncio.TimerHandle | None = None
 
     def start(self) -> None:
@@ -83,4 +84,7 @@ class FleetSharing:
 
     def _on_state(self, works: bool, why: str) -> None:
         if not works:
-            self._warn(f"[fleet] the bus does not open: {why}")
+            self._warn(f"[fleet] the bus does not open: {why}; trying again")
+            self._reported_closed = True
+        elif self._reported_closed:
+            self._warn("[fleet] the bus is open")

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import asyncio
+import json
+import shutil
+import subprocess
+import sys
 from collections.abc import Callable
 from contextlib import ExitStack
 from itertools import count
+from pathlib import Path
 from typing import Any
 
 import msgspec
 import pytest
 from fleet_messages import NOW, shared, tracks_message
-from processes import free_port
+from processes import Process, free_port
 
 zenoh = pytest.importorskip("zenoh")
 
@@ -49,46 +54,177 @@ def run(story: Callable[[ExitStack], Any]) -> None:
     asyncio.run(told())
 
 
-def opened_input(stack: ExitStack, endpoint: str) -> tuple[GroundPicture, FleetInput]:
-    """A ground process's input that listens, and its picture."""
+def opened_input(stack: ExitStack, place: BusPlace) -> tuple[GroundPicture, FleetInput]:
+    """A ground process's input, and its picture."""
     picture = GroundPicture()
-    made = FleetInput(BusPlace("t", listen=[endpoint]), picture, clock=Clock().now)
+    made = FleetInput(place, picture, clock=Clock().now)
     stack.callback(made.close)
     made.start()
     return picture, made
 
 
-def test_a_late_joiner_gets_the_newest_and_a_router_may_end_and_come_back():
-    """A vehicle connects to a hub; `ground` joins later; the hub ends and another takes its place."""
+class Vehicle:
+    """A vehicle with one target; each message is newer than the last."""
+
+    def __init__(self, stack: ExitStack, place: BusPlace) -> None:
+        self.clock, self._seq = Clock(), count(1)
+        self.refusals: list[str] = []
+        self.bus = FleetBus(place, lambda works, why: None if works else self.refusals.append(why))
+        stack.callback(self.bus.close)
+        self.bus.start()
+
+    def publish(self) -> None:
+        now = self.clock.now()
+        self.bus.announce("1")
+        self.bus.publish("1/tracks", encoded(tracks_message(shared(7), seq=next(self._seq), time_unix=now)))
+        state = StateMessage(vehicle="1", time_unix=now, session="a", ready=True, lat=48.0, lon=11.0)
+        self.bus.publish("1/state", [msgspec.json.encode(state)])
+
+
+def test_a_ground_process_that_listens_may_end_and_come_back():
+    """It is the hub itself: the vehicle connects to it, also before it is there."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
 
     async def story(stack: ExitStack) -> None:
-        clock, seq = Clock(), count(1)
-        vehicle = FleetBus(BusPlace("t", connect=[endpoint]), lambda _works, _why: None)
-        stack.callback(vehicle.close)
+        vehicle = Vehicle(stack, BusPlace("t", connect=[endpoint]))
+        for _ in range(2):
+            picture, ground = opened_input(stack, BusPlace("t", listen=[endpoint]))
 
-        def publish() -> None:
-            vehicle.announce("1")
-            vehicle.publish("1/tracks", encoded(tracks_message(shared(7), seq=next(seq), time_unix=clock.now())))
-            state = StateMessage(vehicle="1", time_unix=clock.now(), session="a", ready=True, lat=48.0, lon=11.0)
-            vehicle.publish("1/state", [msgspec.json.encode(state)])
+            def step(ground: FleetInput = ground) -> None:
+                vehicle.publish()
+                ground.tick(vehicle.clock.now())
 
-        vehicle.start()
-        await until(lambda: vehicle._session is not None)
-        publish()  # before the ground process is there: it is kept
-        picture, ground = opened_input(stack, endpoint)
-        await until(lambda: picture.targets and picture.vehicles["1"].ready, lambda: ground.tick(clock.now()))
-        (target,) = picture.targets.values()
-        assert target.vehicles == {"1": "7"}
-        assert (target.lat, target.lon) == pytest.approx((48.0, 11.0), abs=1e-6)
-
-        ground.close()
-        picture, ground = opened_input(stack, endpoint)
-        await until(lambda: picture.targets, lambda: (publish(), ground.tick(clock.now())))
-        vehicle.close()
-        await until(lambda: any("left the fleet" in text.text for text in picture.update_since(0, NOW).texts))
+            await until(lambda: picture.targets and picture.vehicles["1"].ready, step)  # noqa: B023
+            (target,) = picture.targets.values()
+            assert target.vehicles == {"1": "7"}
+            assert (target.lat, target.lon) == pytest.approx((48.0, 11.0), abs=1e-6)
+            ground.close()
+        picture, _ = opened_input(stack, BusPlace("t", listen=[endpoint]))
+        await until(lambda: "1" in picture.vehicles, vehicle.publish)
+        vehicle.bus.close()
+        await until(lambda: said(picture, "left the fleet"))
 
     run(story)
+
+
+def said(picture: GroundPicture, words: str) -> bool:
+    return any(words in text.text for text in picture.update_since(0, NOW).texts)
+
+
+ROUTER = """
+import sys, time, zenoh
+configuration = zenoh.Config()
+configuration.insert_json5("mode", '"router"')
+configuration.insert_json5("listen/endpoints", f'["{sys.argv[1]}"]')
+configuration.insert_json5("scouting/multicast/enabled", "false")
+session = zenoh.open(configuration)
+print("router open", flush=True)
+time.sleep(600.0)
+"""
+
+
+def test_through_a_router_a_late_joiner_gets_the_newest_and_the_router_may_be_killed(tmp_path):
+    """Vehicle and ground process meet through the router alone."""
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+
+    def router(stack: ExitStack) -> Process:
+        started = Process(ROUTER, endpoint, folder=tmp_path, program=(sys.executable, "-c"))
+        stack.callback(started.kill)
+        started.wait_for("router open")
+        return started
+
+    async def story(stack: ExitStack) -> None:
+        first = router(stack)
+        vehicle = Vehicle(stack, BusPlace("t", connect=[endpoint]))
+        now = vehicle.clock.now
+        await until(lambda: vehicle.bus._session is not None)
+        vehicle.publish()  # before the ground process is there: it is kept
+        picture, ground = opened_input(stack, BusPlace("t", connect=[endpoint]))
+        await until(lambda: picture.targets, lambda: ground.tick(now()))
+
+        first.kill()
+        await until(lambda: said(picture, "left the fleet"), vehicle.publish)
+        seen = max(target.seen_unix for target in picture.targets.values())
+        router(stack)
+        await until(
+            lambda: any(target.seen_unix > seen for target in picture.targets.values()),
+            lambda: (vehicle.publish(), ground.tick(now())),
+        )
+        assert len(picture.targets) == 1
+
+    run(story)
+
+
+@pytest.mark.parametrize(
+    ("keys", "mode"),
+    [
+        ({"connect": ["tcp/127.0.0.1:1"]}, "client"),  # a router passes nothing on between peers
+        ({"connect": ["tcp/127.0.0.1:1", "tcp/127.0.0.1:2"]}, "peer"),
+        ({"connect": ["tcp/127.0.0.1:1"], "listen": ["tcp/127.0.0.1:2"]}, "peer"),
+        ({"connect": ["tcp/127.0.0.1:1"], "scouting": True}, "peer"),
+        ({"listen": ["tcp/127.0.0.1:1"]}, "peer"),
+    ],
+)
+def test_one_endpoint_makes_a_client(keys, mode):
+    assert json.loads(BusPlace("t", **keys).configuration.get_json("mode")) == mode
+
+
+def certificates(folder: Path) -> None:
+    """A certificate authority and a certificate for 127.0.0.1, of elliptic curves: RSA keys take seconds."""
+    curve = ("-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes", "-days", "2")
+    (folder / "server.ext").write_text("subjectAltName=IP:127.0.0.1\nextendedKeyUsage=serverAuth\n")
+    for words in (
+        ("req", "-x509", *curve, "-subj", "/CN=fleet", "-keyout", "ca.key", "-out", "ca.pem"),
+        ("req", *curve, "-subj", "/CN=127.0.0.1", "-keyout", "server.key", "-out", "server.csr"),
+        ("x509", "-req", "-in", "server.csr", "-CA", "ca.pem", "-CAkey", "ca.key", "-CAcreateserial",
+         "-days", "2", "-extfile", "server.ext", "-out", "server.pem"),
+    ):  # fmt: skip
+        subprocess.run(["openssl", *words], cwd=folder, check=True, capture_output=True, timeout=60)
+
+
+def tls_file(path: Path, **keys: Path) -> str:
+    """A Zenoh configuration as the handbook shows it."""
+    path.write_text(json.dumps({"transport": {"link": {"tls": {name: str(each) for name, each in keys.items()}}}}))
+    return str(path)
+
+
+@pytest.mark.skipif(shutil.which("openssl") is None, reason="openssl makes the certificates")
+def test_with_tls_a_client_without_the_authority_is_refused(tmp_path):
+    certificates(tmp_path)
+    endpoint = f"tls/127.0.0.1:{free_port()}"
+    hub = tls_file(tmp_path / "hub.json5", listen_certificate=tmp_path / "server.pem",
+                   listen_private_key=tmp_path / "server.key")  # fmt: skip
+    trusting = tls_file(tmp_path / "vehicle.json5", root_ca_certificate=tmp_path / "ca.pem")
+
+    async def story(stack: ExitStack) -> None:
+        picture, ground = opened_input(stack, BusPlace("t", listen=[endpoint], config=hub))
+        await until(lambda: picture.update_since(0, NOW).sources[0].works)
+        stranger = Vehicle(stack, BusPlace("t", connect=[endpoint]))
+        vehicle = Vehicle(stack, BusPlace("t", connect=[endpoint], config=trusting))
+        await until(lambda: picture.targets, lambda: (vehicle.publish(), ground.tick(vehicle.clock.now())))
+        await until(lambda: stranger.refusals)
+        assert stranger.bus._session is None
+        assert stranger.refusals == [
+            f"no connection to {endpoint}: check address, network, and with TLS the certificates"
+        ]
+
+    run(story)
+
+
+@pytest.mark.parametrize(
+    ("content", "listen", "multicast"),
+    [
+        ("{}", [], False),
+        ('{"listen": {"endpoints": ["tls/0.0.0.0:7447"]}}', ["tls/0.0.0.0:7447"], False),
+        ('{"scouting": {"multicast": {"enabled": true}}}', [], True),
+    ],
+)
+def test_nothing_listens_and_answers_multicast_unless_that_is_configured(tmp_path, content, listen, multicast):
+    """Zenoh's own default is an unencrypted port on all addresses, also beside a file with TLS."""
+    (tmp_path / "zenoh.json5").write_text(content)
+    made = BusPlace("t", config=str(tmp_path / "zenoh.json5")).configuration
+    assert json.loads(made.get_json("listen/endpoints")) == listen
+    assert json.loads(made.get_json("scouting/multicast/enabled")) is multicast
 
 
 def test_the_fused_picture_is_published_back():
@@ -96,7 +232,7 @@ def test_the_fused_picture_is_published_back():
     heard: list[str] = []
 
     async def story(stack: ExitStack) -> None:
-        picture, ground = opened_input(stack, endpoint)
+        picture, ground = opened_input(stack, BusPlace("t", listen=[endpoint]))
         await until(lambda: picture.update_since(0, NOW).sources[0].works)
         session = await asyncio.to_thread(zenoh.open, BusPlace("t", connect=[endpoint]).configuration)
         stack.callback(session.close)

@@ -9,11 +9,12 @@ import time
 from math import hypot
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from simulated_fleet import START, STEP_S, FleetOptions, SimulatedFleet, SimulatedVehicle
 
-from fwav_companion.fleet.payloads import SharedTrack, TracksMessage, VehicleBias, encoded
+from fwav_companion.fleet.payloads import SharedTrack, StateMessage, TracksMessage, VehicleBias, encoded
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.ground.fleet_picture import FleetPicture
 from fwav_companion.ground.picture import GroundPicture
@@ -104,6 +105,51 @@ def test_a_vehicle_with_a_wrong_clock_takes_part():
         fleet.seconds += STEP_S
     assert all("2" in target.vehicles for target in picture.targets.values())
     assert any("clock is off" in text.text for text in picture.update_since(0, START).texts)
+
+
+def test_a_network_that_is_cut_for_a_minute_is_reported_once_and_every_target_comes_back_once():
+    """Two of three vehicles are cut off; what they sent in that minute is lost."""
+    fleet, picture = SimulatedFleet(FleetOptions(targets=6, seen_each=6), 3), GroundPicture()
+    fused, texts = FleetPicture(picture), []
+    cut, back = range(round(15.0 / STEP_S), round(75.0 / STEP_S)), round(75.0 / STEP_S)
+    for seq in range(1, back + round(20.0 / STEP_S)):
+        for vehicle in fleet.vehicles:
+            is_cut = seq in cut and vehicle.name != "1"
+            if vehicle.name != "1" and seq in (cut.start, back):
+                fused.on_alive(vehicle.name, not is_cut, fleet.now)
+            data = as_message(fleet, vehicle, seq)
+            if not is_cut:
+                fused.on_message(vehicle.name, "tracks", data, fleet.now)
+                fused.on_message(vehicle.name, "state", state_message(vehicle.name, fleet.now), fleet.now)
+        fused.step(fleet.now)
+        picture.advance(fleet.now)
+        texts = [(text.vehicle, text.text) for text in picture.update_since(0, START).texts]
+        if seq == cut.stop - 1:  # the vehicle that remains goes on alone
+            assert len(picture.targets) == len(fleet.truth)
+            assert all(target.vehicles.keys() == {"1"} for target in picture.targets.values())
+        fleet.seconds += STEP_S
+    assert len(picture.targets) == len(fleet.truth)
+    assert all(target.vehicles.keys() == {"1", "2", "3"} for target in picture.targets.values())
+    assert sorted(vehicle for vehicle, text in texts if "left the fleet" in text) == ["2", "3"]
+    assert sorted(vehicle for vehicle, text in texts if text.startswith("silent")) == ["2", "3"]
+
+
+def state_message(vehicle: str, now: float, session: str = "a") -> bytes:
+    return msgspec.json.encode(StateMessage(vehicle=vehicle, time_unix=now, session=session, lat=48.0, lon=11.0))
+
+
+def test_two_vehicles_with_one_name_are_reported_and_shown_as_the_first():
+    fleet, picture = SimulatedFleet(FleetOptions(vehicles=2, targets=3, seen_each=3), 2), GroundPicture()
+    fused = FleetPicture(picture)
+    for seq in range(1, 12):
+        for vehicle, session in zip(fleet.vehicles, "ab", strict=True):
+            data = as_message(fleet, vehicle, seq, session=session)
+            fused.on_message("1", "tracks", data, fleet.now)
+        fused.step(fleet.now)
+        fleet.seconds += STEP_S
+    assert len(picture.targets) == len(fleet.truth)
+    texts = [text.text for text in picture.update_since(0, START).texts]
+    assert sum("two senders have this name" in text for text in texts) == 1, texts
 
 
 def test_malformed_messages_change_nothing_and_are_reported():
