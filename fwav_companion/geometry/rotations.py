@@ -64,8 +64,9 @@ def normalized(q: Quaternion) -> Quaternion:
     return (w * s, x * s, y * s, z * s)
 
 
+@lru_cache(maxsize=32)
 def matrix_from_quaternion(q: Quaternion) -> Matrix3:
-    """The 3x3 rotation matrix of a unit quaternion."""
+    """The 3x3 rotation matrix of a unit quaternion. Cached: the detections of a row, and every use of one, share it."""
     w, x, y, z = q
     x2, y2, z2 = x + x, y + y, z + z
     xx, yy, zz = x * x2, y * y2, z * z2
@@ -80,7 +81,7 @@ def matrix_from_quaternion(q: Quaternion) -> Matrix3:
 
 @lru_cache(maxsize=32)
 def body_axes_ned(ned_from_body: Quaternion) -> Matrix3:
-    """The axes x, y, z of the body in NED. Cached: the detections of one row, and every use of one, share it."""
+    """The axes x, y, z of the body in NED. Cached as the matrix is."""
     return transpose(matrix_from_quaternion(ned_from_body))
 
 

@@ -7,7 +7,7 @@ does: of two targets with occasional missed detections some frame shows both, an
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import msgspec
 
@@ -58,11 +58,13 @@ class TrackMerging(msgspec.Struct, frozen=True):
     def after_frame(
         self,
         tracks: Sequence[LiveTrack],
-        missed: Iterable[int],
+        missed: Sequence[int],
         elapsed_ns: int,
         target_of: Callable[[LiveTrack], TargetState],
     ) -> TrackMerging:
         """The pairs after a frame. ``missed``: ids of the tracks that it missed; ``elapsed_ns``: since the last one."""
+        if not missed and not self.pairs:
+            return self
         found = {track.id for track in tracks if track.fix is not None}
         living = {track.id for track in tracks if track.life.state is not TrackState.DROPPED}
         pairs = {
@@ -80,6 +82,8 @@ class TrackMerging(msgspec.Struct, frozen=True):
 
     def merged(self, tracks: Sequence[LiveTrack]) -> Sequence[LiveTrack]:
         """The tracks, juniors deleted whose senior has a fix in this frame, so that no fix is lost with them."""
+        if not self.pairs:
+            return tracks
         by_id = {track.id: track for track in tracks}
         for (senior, junior), turns in self.pairs.items():
             alive = by_id[junior].life.state is not TrackState.DROPPED

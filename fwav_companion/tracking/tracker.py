@@ -153,7 +153,9 @@ class Tracker:
         merging = state.merging.after_frame(after, [track.id for track in missed], elapsed_ns, self._best_target)
         used = {id(fix) for fix, _ in taken.values()}
         unassociated = [fix for fix in view.fixes if id(fix) not in used]
-        tracks, refused = self._with_new(list(merging.merged(after)), unassociated, view.host_ns, landmarks)
+        tracks, refused = list(merging.merged(after)), 0
+        if unassociated:
+            tracks, refused = self._with_new(tracks, unassociated, view.host_ns, landmarks)
         next_id = state.next_id + len(unassociated) - refused
         detector = _detector_after(state.detector, view.host_ns, predicted, after, new_fixes=len(unassociated))
         if landmarks is not None:
@@ -162,13 +164,13 @@ class Tracker:
         living = tuple(track for track in tracks if track.life.state is not TrackState.DROPPED)
         calibrator = self._taught(view, living)
         self._state = Snapshot(living, next_id, calibrator, self._beside_state(), merging, detector, refused, landmarks)
-        return tuple(self._reported(track, view) for track in tracks)
+        return self._reports(tracks, view)
 
     def drop_all(self, reason: Reason, view: FrameView) -> tuple[Track, ...]:
         """Delete every track, as of the newest frame; their ids are not used again."""
         state = self._state
         dropped = [msgspec.structs.replace(track.deleted(reason), fix=None, innovation=None) for track in state.alive]
-        reported = tuple(self._reported(track, view) for track in dropped)
+        reported = self._reports(dropped, view)
         restarted = None if state.calibrator is None else state.calibrator.restarted()
         if self._beside is not None:
             self._beside.drop_all(reason, view)
@@ -268,14 +270,18 @@ class Tracker:
             return None
         return CalibratedTargetState(calibrator, track.id, placed, track.target)
 
-    def _reported(self, track: LiveTrack, view: FrameView) -> Track:
-        """The track's report. While the mount is known to be wrong, it has no fix, and its covariance is inflated."""
+    def _reports(self, tracks: Sequence[LiveTrack], view: FrameView) -> tuple[Track, ...]:
+        """The tracks' reports. While the mount is known to be wrong, they have no fix, and wide covariances."""
         calibrator = self._calibrator
         misplaced_m = 0.0 if calibrator is None else calibrator.misplaced_m
         if misplaced_m == 0.0:
-            return track.report(self._best_target(track), view)
-        without_fix = msgspec.structs.replace(track, fix=None, innovation=None)
-        return without_fix.report(MisplacedTargetState(self._best_target(track), misplaced_m), view)
+            return tuple([track.report(self._best_target(track), view) for track in tracks])
+        return tuple(
+            msgspec.structs.replace(track, fix=None, innovation=None).report(
+                MisplacedTargetState(self._best_target(track), misplaced_m), view
+            )
+            for track in tracks
+        )
 
     def _best_target(self, track: LiveTrack) -> TargetState:
         """The target by the joint estimate once that is calibrated, by its own filter before.
@@ -285,8 +291,11 @@ class Tracker:
         filter that rests on a prior which the flight contradicts is not used. What landmarks show is compared: both
         claims then rest on the flight.
         """
-        calibrated, calibrator = self._calibrated(track), self._calibrator
-        if calibrated is None or calibrator is None:
+        calibrator = self._calibrator
+        if calibrator is None:
+            return track.target
+        calibrated = self._calibrated(track)
+        if calibrated is None:
             return track.target
         by_landmarks = self._state.landmarks is not None and self._state.landmarks.shows and not calibrator.denied
         if by_landmarks and horizontal_sigma(track.target.cov) < horizontal_sigma(calibrated.cov):

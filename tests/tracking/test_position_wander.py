@@ -5,10 +5,10 @@ import pytest
 from scipy.integrate import quad
 from scipy.linalg import block_diag, expm
 
-from fwav_companion.tracking.filters.position_wander import PositionWander, first_place, position_wander
+from fwav_companion.tracking.filters.position_wander import first_place, position_wander, wander_with_rates
 from fwav_companion.tracking.filters.schmidt_kalman import PointEstimate
 
-WANDER = PositionWander(1.5, (0.03, 0.2))
+WANDER = wander_with_rates(1.5, (0.03, 0.2))
 """Two processes."""
 BIASES = 3
 SHOWS = np.array([1.0, 1.0, 0.0, 1.0, 0.0])
@@ -71,7 +71,7 @@ def test_a_jump_frees_the_error_of_the_first_process_alone():
 def test_a_fresh_error_keeps_the_place_and_forgets_the_rest():
     rng = np.random.default_rng(9)
     state = first_place(apparent(rng), WANDER).update(apparent(rng), WANDER, 5.0)
-    other = PositionWander(0.02, (0.1,))
+    other = wander_with_rates(0.02, (0.1,))
     fresh = state.with_fresh_error(other)
     assert fresh.north == (state.north[0], 0.0, 0.0)
     assert fresh.east == (state.east[0], 0.0, 0.0)
@@ -90,7 +90,7 @@ def test_the_apparent_place_moves_as_the_processes_do_and_at_least_as_a_smooth_e
         assert WANDER.apparent_noise(dt, 0.0) == pytest.approx(moved)
         rate = np.sqrt(np.mean(np.square(WANDER.rates))) * 1.5
         assert WANDER.apparent_noise(dt, 0.04) == pytest.approx(max(moved, rate * 0.2 * dt))
-    assert PositionWander(0.0, (0.1,)).apparent_noise(5.0, 1.0) == 0.0
+    assert wander_with_rates(0.0, (0.1,)).apparent_noise(5.0, 1.0) == 0.0
 
 
 def test_the_integral_time_is_that_of_a_first_order_process():

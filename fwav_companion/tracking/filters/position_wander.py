@@ -39,10 +39,10 @@ class PositionWander(msgspec.Struct, frozen=True, gc=False):
     rates: tuple[float, ...]
     """Angular frequency w of each process, 1/s; 0: that part of the error is constant."""
 
-    @property
-    def variance_each(self) -> float:
-        """Variance of each process, m^2."""
-        return self.sigma_m**2 / len(self.rates)
+    variance_each: float
+    """Variance of each process, m^2."""
+    rms_rate: float
+    """Root mean square of the angular frequencies, 1/s."""
 
     def apparent_noise(self, interval_s: float, variance: float) -> float:
         """Variance by which the apparent place moves within an interval, each axis, m^2; ``variance``: its own before.
@@ -52,15 +52,22 @@ class PositionWander(msgspec.Struct, frozen=True, gc=False):
         """
         if self.sigma_m == 0.0:
             return 0.0
-        turns = [rate * interval_s for rate in self.rates]
-        moved = 2.0 * self.variance_each * sum(1.0 - (1.0 + turn) * exp(-turn) for turn in turns)
-        rate = sqrt(sum(rate * rate for rate in self.rates) / len(self.rates))
-        return max(moved, rate * self.sigma_m * sqrt(variance) * interval_s)
+        apart = 0.0
+        for rate in self.rates:
+            turn = rate * interval_s
+            apart += 1.0 - (1.0 + turn) * exp(-turn)
+        return max(2.0 * self.variance_each * apart, self.rms_rate * self.sigma_m * sqrt(variance) * interval_s)
 
 
 def position_wander(sigma_m: float, time_constants_s: Sequence[float]) -> PositionWander:
     """The error with this sigma, each process with the integral time of a first-order one with its time constant."""
-    return PositionWander(sigma_m, tuple(2.0 / time_s if 0.0 < time_s < inf else 0.0 for time_s in time_constants_s))
+    return wander_with_rates(sigma_m, [2.0 / time_s if 0.0 < time_s < inf else 0.0 for time_s in time_constants_s])
+
+
+def wander_with_rates(sigma_m: float, rates: Sequence[float]) -> PositionWander:
+    """The error with this sigma and these angular frequencies, 1/s."""
+    rms_rate = sqrt(sum(rate * rate for rate in rates) / len(rates))
+    return PositionWander(sigma_m, tuple(rates), variance_each=sigma_m**2 / len(rates), rms_rate=rms_rate)
 
 
 class WanderingPlace(msgspec.Struct, frozen=True, gc=False):
