@@ -125,7 +125,7 @@ class Pairer:
         number = self._last_number = self._last_number + 1 if frame.number is None else frame.number
         clock_sigma_s, clock_rate = 0.0, 1.0
         if frame.stamp_clock is not StampClock.BOOT:
-            clock_sigma_s = vehicle.clock.estimate(placed.host_ns).sigma_s
+            clock_sigma_s = vehicle.clock.sigma_s_at(placed.host_ns)
             clock_rate = vehicle.clock.rate_at(placed.host_ns)
         state = vehicle.state_at(placed.boot_ns)
         view = None if isinstance(state, Unpaired) else self._outlook(state, relative=vehicle.world.relative)
@@ -203,7 +203,7 @@ class Pairer:
             first_boot_ns=both[1],
             since_first_ns=0,
             fraction=0.5,
-            clock_sigma_s=vehicle.clock.estimate(host_ns).sigma_s,
+            clock_sigma_s=vehicle.clock.sigma_s_at(host_ns),
             clock_rate=vehicle.clock.rate_at(host_ns),
         )
         pose = self._pose(vehicle.state_at(_row_boot_ns(row)), row.clock_rate, relative=vehicle.world.relative)

@@ -126,8 +126,8 @@ class FramePlacer:
         """
         timing, height = self._timing_of(frame), self._image_size[1]
         scale = 1.0 if frame.size is None else height / max(1, frame.size[1])
-        rows = (scale * (detection.v + 0.5) - 0.5 for detection in frame.detections)
-        latest_ns = max(timing.capture_ns(v) for v in (0.0, *(v for v in rows if 0.0 <= v <= height)))
+        rows = [scale * (detection.v + 0.5) - 0.5 for detection in frame.detections]
+        latest_ns = max([timing.capture_ns(v) for v in (0.0, *[v for v in rows if 0.0 <= v <= height])])
         if frame.stamp_clock is StampClock.BOOT:
             return BootNs(latest_ns)
         boot_ns = clock.boot_from_host(HostNs(latest_ns))
@@ -199,7 +199,7 @@ def _untimely(capture_ns: HostNs, arrival_ns: HostNs, stamp_clock: StampClock, c
     if -LATEST_NS <= early_ns <= FUTURE_SLACK_NS:
         return None
     # Rare: the clock is evaluated only here. About a slip it is known worse at the capture than at the arrival.
-    sigma_s = max(clock.estimate(arrival_ns).sigma_s, clock.estimate(capture_ns).sigma_s)
+    sigma_s = max(clock.sigma_s_at(arrival_ns), clock.sigma_s_at(capture_ns))
     doubt_ns = FUTURE_SIGMAS * sigma_s * 1e9
     if early_ns > 0:
         return Reason.FROM_THE_FUTURE if early_ns > FUTURE_SLACK_NS + doubt_ns else None

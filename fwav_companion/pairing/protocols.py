@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from fwav_companion.geometry.stamps import BootNs, HostNs
-from fwav_companion.types import ClockEstimate, Unpaired, VehicleState
+from fwav_companion.types import Unpaired, VehicleState
 
 
 class TwoClocks(Protocol):
@@ -17,8 +17,8 @@ class TwoClocks(Protocol):
     def boot_from_host(self, host_ns: HostNs) -> BootNs | Unpaired:
         """The autopilot instant of a host instant, or NO_CLOCK."""
 
-    def estimate(self, now: HostNs) -> ClockEstimate:
-        """The estimate of the clock offset with its uncertainty."""
+    def sigma_s_at(self, host_ns: HostNs) -> float:
+        """One sigma of the clock offset at a host instant, seconds."""
 
     def rate_at(self, host_ns: HostNs) -> float:
         """Autopilot seconds per host second; 1 for a clock that is a crystal's."""

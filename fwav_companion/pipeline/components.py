@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from math import inf
 
 from fwav_companion.geometry.earth import Geodetic
@@ -20,7 +21,17 @@ from fwav_companion.publishing.publisher import Publisher
 from fwav_companion.publishing.readiness import Readiness, obstacle
 from fwav_companion.recording.lines import Line, clock_line
 from fwav_companion.telemetry import Telemetry
-from fwav_companion.types import Autopilot, ClockEstimate, Frame, Notice, Reason, Situation, Track, Unpaired
+from fwav_companion.types import (
+    Autopilot,
+    ClockEstimate,
+    Frame,
+    Notice,
+    Reason,
+    Situation,
+    Track,
+    Unpaired,
+    VehicleState,
+)
 from fwav_companion.types.board import BoardReport
 from fwav_companion.types.flight_status import AutopilotReport, ClockReport, OriginReport
 from fwav_companion.types.spots import SpotRefused, SpotViews
@@ -49,20 +60,23 @@ class Components:
 
     def situation(self, now: HostNs, seen: ProcessedFrame | None = None) -> Situation:
         """State of autopilot, vehicle and clock for publishing. ``seen``: the frame that is published."""
-        telemetry = self.telemetry
-        vehicle, at_capture = telemetry.newest_state(), seen.state if seen else None
+        telemetry, at_capture = self.telemetry, seen.state if seen else None
         return Situation(
             now_ns=now,
             autopilot=self.identity.autopilot,
             plane=telemetry.world.plane,
-            vehicle=None if isinstance(vehicle, Unpaired) else vehicle,
+            newest_state=self._vehicle,
             at_capture=at_capture,
             local_position_ned=telemetry.local_position_at(at_capture.boot_ns) if at_capture else None,
-            clock=telemetry.clock.estimate(now),
+            clock_estimate=partial(telemetry.clock.estimate, now),
             undulation_m=telemetry.undulation_m,
             utc_minus_host_s=self.utc_minus_host_s(),
             board=self.board,
         )
+
+    def _vehicle(self) -> VehicleState | None:
+        state = self.telemetry.newest_state()
+        return None if isinstance(state, Unpaired) else state
 
     def utc_minus_host_s(self) -> float | None:
         """UTC minus host clock by the autopilot, else by the board's synchronised wall clock; None where unknown."""
@@ -75,7 +89,7 @@ class Components:
         return Readiness(
             attitude_hz=self.telemetry.attitude_hz(now),
             wanted_attitude_hz=self.rates.wanted_attitude_hz,
-            clock_sigma_s=self.telemetry.clock.estimate(now).sigma_s,
+            clock_sigma_s=self.telemetry.clock.sigma_s_at(now),
             frames_hz=camera.frames_hz(now),
             frame_age_s=camera.frame_age_s(now),
             refused=camera.refused,

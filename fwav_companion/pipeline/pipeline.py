@@ -197,7 +197,7 @@ class Pipeline:
     def wake_at(self) -> HostNs | None:
         """Instant at which :meth:`advance` has work; None: not before the next event. Computed once an event."""
         if not self._due_is_known:
-            self._due_ns = min((due for due in self._dues() if due is not None), default=None)
+            self._due_ns = min([due for due in self._dues() if due is not None], default=None)
             self._due_is_known = True
         return self._due_ns
 

@@ -29,8 +29,6 @@ from fwav_companion.recording.truth_errors import ErrorTally
 from fwav_companion.replay.recorded import SkippedLine, read_frames
 from fwav_companion.tracking.filters.base import Filter
 from fwav_companion.types import (
-    ClockEstimate,
-    ClockStatus,
     Frame,
     NoFrame,
     Reason,
@@ -195,17 +193,9 @@ class UnixClock:
         """The same instant."""
         return BootNs(host_ns)
 
-    def estimate(self, now: HostNs) -> ClockEstimate:
-        """An exact offset of 0."""
-        return ClockEstimate(
-            at_ns=now,
-            host_from_autopilot_ns=0,
-            skew=0.0,
-            sigma_s=0.0,
-            bound_s=0.0,
-            round_trip_s=None,
-            status=ClockStatus.SETTLED,
-        )
+    def sigma_s_at(self, host_ns: HostNs) -> float:  # noqa: ARG002
+        """0: the offset is exact."""
+        return 0.0
 
     def rate_at(self, host_ns: HostNs) -> float:  # noqa: ARG002
         """1: the two are one."""

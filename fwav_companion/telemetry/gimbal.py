@@ -243,7 +243,7 @@ class Gimbal:
             return (boot_ns, 0.0) if self._by_autopilot else None
         if self._by_autopilot and abs(stamp_ns - boot_ns) <= SAME_CLOCK_NS:
             return boot_ns, 0.0
-        return stamp_ns, self._clock.estimate(host_ns).sigma_s
+        return stamp_ns, self._clock.sigma_s_at(host_ns)
 
     def _reported_at(self, stamp_ns: int) -> tuple[Quaternion, Vector3, float, float, bool] | Reason:
         """(attitude, rates, sigma, gap, whether its yaw counts from north) in the messages' own terms."""

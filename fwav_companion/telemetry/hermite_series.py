@@ -86,7 +86,7 @@ class HermiteSeries:
             return None
         age_s = age_ns * 1e-9
         values, rates = self._samples[last]
-        moved = tuple(v + r * age_s for v, r in zip(values, rates, strict=True))
+        moved = tuple([v + r * age_s for v, r in zip(values, rates, strict=True)])
         return HermitePoint(moved, rates, 0.5 * UNMEASURED_ACCELERATION * age_s * age_s)
 
     def _between(self, index: int, boot_ns: BootNs) -> HermitePoint | None:

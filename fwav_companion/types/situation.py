@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from enum import StrEnum
+from functools import cached_property
 
 import msgspec
 
@@ -34,23 +36,34 @@ class Autopilot(msgspec.Struct, frozen=True):
     """Name of the link on which the last heartbeat arrived."""
 
 
-class Situation(msgspec.Struct, frozen=True, kw_only=True):
-    """State of vehicle and clocks at the moment of publishing."""
+class Situation(msgspec.Struct, frozen=True, kw_only=True, dict=True):
+    """State of vehicle and clocks at the moment of publishing; what most frames do not need is computed on demand."""
 
     now_ns: HostNs
     autopilot: Autopilot | None
     plane: TangentPlane | None
     """Local tangent plane; None without a global position."""
-    vehicle: VehicleState | None
-    """Newest usable state of the vehicle."""
+    newest_state: Callable[[], VehicleState | None]
+    """Computes :attr:`vehicle`."""
     at_capture: VehicleState | None = None
     """State of the vehicle at the capture of the published frame."""
     local_position_ned: Vector3 | None = None
     """LOCAL_POSITION_NED of the autopilot at that capture, metres, in its own local frame."""
-    clock: ClockEstimate | None = None
+    clock_estimate: Callable[[], ClockEstimate | None] = lambda: None
+    """Computes :attr:`clock`."""
     undulation_m: float | None = None
     """Geoid height above the ellipsoid, metres, by alt_ellipsoid - alt of GPS_RAW_INT."""
     utc_minus_host_s: float | None = None
     """UTC minus host clock, seconds, by SYSTEM_TIME, else by a synchronised wall clock; None without either."""
     board: BoardReport | None = None
     """Latest report of the companion computer; None before the first."""
+
+    @cached_property
+    def vehicle(self) -> VehicleState | None:
+        """Newest usable state of the vehicle."""
+        return self.newest_state()
+
+    @cached_property
+    def clock(self) -> ClockEstimate | None:
+        """Estimate of the autopilot's clock now."""
+        return self.clock_estimate()

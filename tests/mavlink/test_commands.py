@@ -55,7 +55,7 @@ def commands(camera):
 
 def situation(now=T0, system=5):
     pilot = Autopilot(system=system, component=1, kind=AutopilotKind.PX4, vehicle_type=16, armed=False, link="fc")
-    return Situation(now_ns=now, autopilot=pilot if system else None, plane=None, vehicle=None)
+    return Situation(now_ns=now, autopilot=pilot if system else None, plane=None, newest_state=lambda: None)
 
 
 def long(command=HANDLED, target=(5, 100), params=(0.5, 0.5), confirmation=0, sender=(255, 190), signed=False):

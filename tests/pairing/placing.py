@@ -10,8 +10,6 @@ from fwav_companion.geometry.stamps import BootNs, HostNs
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.pairing import Pairer
 from fwav_companion.types import (
-    ClockEstimate,
-    ClockStatus,
     Detection,
     Frame,
     NoRay,
@@ -62,8 +60,8 @@ class Clocks:
     def boot_from_host(self, host_ns: HostNs) -> BootNs | Unpaired:
         return BootNs(host_ns - HOST_FROM_BOOT_NS) if self.known else Unpaired(Reason.NO_CLOCK)
 
-    def estimate(self, now: HostNs) -> ClockEstimate:
-        return ClockEstimate(now, HOST_FROM_BOOT_NS, 0.0, self.sigma_s, 0.01, 0.01, ClockStatus.SETTLED)
+    def sigma_s_at(self, host_ns: HostNs) -> float:
+        return self.sigma_s
 
     def rate_at(self, host_ns: HostNs) -> float:
         return 1.0

@@ -81,7 +81,9 @@ def situation(now=NOW, kind=AutopilotKind.ARDUPILOT, **changes):
         "undulation_m": 47.3,
         "utc_minus_host_s": 1_790_000_000.0,
     }
-    return Situation(**usual | changes)
+    given = usual | changes
+    vehicle, estimate = given.pop("vehicle"), given.pop("clock")
+    return Situation(newest_state=lambda: vehicle, clock_estimate=lambda: estimate, **given)
 
 
 def fix(

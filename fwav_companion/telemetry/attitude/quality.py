@@ -117,6 +117,8 @@ class AttitudeQuality:
         "count",
         "method",
         "rates",
+        "settled",
+        "swing",
         "trials",
     )
 
@@ -126,6 +128,10 @@ class AttitudeQuality:
         self._due_ns = 0
         self.count = self.trials = 0
         """Checks so far, and those that tried out the interpolations."""
+        self.settled = False
+        """Whether enough samples were checked for the results to count."""
+        self.swing = MOST_SWING
+        """RMS amplitude of the motion about its mean, rad."""
         self._spacing = 0.0
         self._rate2 = self._acceleration2 = 0.0
         self._four2 = self._six2 = self._rates2 = 0.0
@@ -137,11 +143,6 @@ class AttitudeQuality:
         """Method in use."""
 
     # Results.
-
-    @property
-    def settled(self) -> bool:
-        """Whether enough samples were checked for the results to count."""
-        return self.count >= CHECKS_TO_BEGIN
 
     @property
     def spacing_s(self) -> float:
@@ -162,9 +163,7 @@ class AttitudeQuality:
             return pi / self._spacing
         return sqrt(self._acceleration2 / self._rate2) if self._rate2 > 1e-12 else 0.0
 
-    @property
-    def swing(self) -> float:
-        """RMS amplitude of the motion about its mean, rad."""
+    def _swing(self) -> float:
         if self.alternates:  # attitudes and rates then show the sine and the cosine of the motion at the samples
             peak2 = 0.25 * self._bend2 + self._rate2 / self.frequency**2
             return min(MOST_SWING, sqrt(0.5 * peak2))
@@ -265,7 +264,9 @@ class AttitudeQuality:
         elapsed_s = MEMORY_S if self._last_ns is None else abs(middle_ns - self._last_ns) * 1e-9
         self._last_ns = middle_ns
         self.count += 1
+        self.settled = self.count >= CHECKS_TO_BEGIN
         self._measure(seven, max(1.0 / self.count, 1.0 - exp(-elapsed_s / MEMORY_S)))
+        self.swing = self._swing()
         self._told = None
         if self._tried_ns is None or not self._tried_ns <= middle_ns < self._due_ns:
             self._try_all(seven, middle_ns)
@@ -283,6 +284,7 @@ class AttitudeQuality:
         self.rates.insert(seven[1:6], self.frequency, elapsed_s)
         self._try_out(seven, gain)
         self._look_for_alternation(seven[2:6], gain)
+        self.swing = self._swing()
         self._choose()
 
     def _measure(self, seven: Sequence[AttitudeSample], gain: float) -> None:

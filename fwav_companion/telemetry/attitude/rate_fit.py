@@ -71,7 +71,22 @@ AS_SENT = RateModel()
 class RateFit:
     """Recursive least squares with a short memory, five samples at a time."""
 
-    __slots__ = ("_count", "_normal", "_right", "_sent2", "_step2", "_undone2", "_weight", "_yy", "model", "usable")
+    __slots__ = (
+        "_count",
+        "_normal",
+        "_right",
+        "_sent2",
+        "_step2",
+        "_undone",
+        "_undone2",
+        "_weight",
+        "_yy",
+        "alternates",
+        "disagreement",
+        "model",
+        "sent_rms",
+        "usable",
+    )
 
     def __init__(self) -> None:
         self._count = 0
@@ -80,6 +95,15 @@ class RateFit:
         self._right = [0.0] * 3
         self._yy = 0.0
         self._sent2 = self._step2 = self._undone2 = 0.0
+        self._undone = 0.0
+        """Share of each step that the next step undoes."""
+        self.alternates = False
+        """Whether half a period of the motion lies between two samples."""
+        self.sent_rms = 0.0
+        """RMS of the rates as sent, rad/s."""
+        self.disagreement = 0.0
+        """RMS difference of the corrected rates and the attitudes' course, rad/s; all that alternates where the two
+        cannot be compared."""
         self.model = AS_SENT
         """Best fit of the correction."""
         self.usable = False
@@ -102,30 +126,15 @@ class RateFit:
         self._undone2 = keep * self._undone2 - dot(step, next_step)
         self._weight = keep * self._weight + 1.0
         self._count += 1
+        self.sent_rms = sqrt(self._sent2 / self._weight)
+        self._undone = min(1.0, self._undone2 / self._step2) if self._step2 > 0.0 else 0.0
+        self.alternates = self._undone > ALTERNATING
         if self._count >= SAMPLES_TO_BEGIN:
             spacing_s = (five[3].boot_ns - five[2].boot_ns) * 1e-9
             self._judge([frequency, *([acos(-self._undone) / spacing_s] if self._undone > SWIFT else [])])
+        self.disagreement = self._disagreement()
 
-    @property
-    def sent_rms(self) -> float:
-        """RMS of the rates as sent, rad/s."""
-        return sqrt(self._sent2 / self._weight) if self._weight else 0.0
-
-    @property
-    def alternates(self) -> bool:
-        """Whether half a period of the motion lies between two samples."""
-        return self._undone > ALTERNATING
-
-    @property
-    def _undone(self) -> float:
-        """Share of each step that the next step undoes."""
-        return min(1.0, self._undone2 / self._step2) if self._step2 > 0.0 else 0.0
-
-    @property
-    def disagreement(self) -> float:
-        """RMS difference of the corrected rates and the attitudes' course, rad/s; all that alternates where the two
-        cannot be compared.
-        """
+    def _disagreement(self) -> float:
         if self._count < SAMPLES_TO_BEGIN or self.sent_rms < QUIET:
             return 0.0
         if self.alternates:

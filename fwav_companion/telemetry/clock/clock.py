@@ -103,6 +103,14 @@ class Clock:
         line = self._line()
         return UNKNOWN if line is None else BootNs(host_ns - line.offset_ns_at(host_ns))
 
+    def sigma_s_at(self, host_ns: HostNs) -> float:
+        """One sigma of the offset at this host instant, seconds; infinite while nothing is known."""
+        followed = self._answering
+        if followed is not None:
+            return followed.offset_at(host_ns)[2]
+        line = self._line()
+        return inf if line is None else line.sigma_s(host_ns)
+
     def rate_at(self, host_ns: HostNs) -> float:
         """Autopilot seconds per host second at this instant; 1 for a clock that is a crystal's."""
         followed = self._answering

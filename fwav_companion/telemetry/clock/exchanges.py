@@ -109,8 +109,8 @@ class ExchangeFit:
     @property
     def best_round_trip_s(self) -> float | None:
         """Least round trip in the window, seconds."""
-        if self._best_ns is None and self._window:  # asked for with every message, changed with few
-            self._best_ns = min(e.round_trip_ns for e in self._window)
+        if self._best_ns is None and self._window:
+            self._best_ns = min([e.round_trip_ns for e in self._window])
         return None if self._best_ns is None else self._best_ns * 1e-9
 
     def insert(self, entry: Exchange) -> bool:
@@ -138,10 +138,13 @@ class ExchangeFit:
 
     def _take(self, entry: Exchange) -> None:
         self._bound.take(entry)
-        self._best_ns = None
         self._window.append(entry)
+        if self._best_ns is not None:
+            self._best_ns = min(self._best_ns, entry.round_trip_ns)
         oldest_ns = entry.host_ns - WINDOW_NS
         while self._window[0].host_ns < oldest_ns or len(self._window) > MOST_KEPT:
+            if self._window[0].round_trip_ns == self._best_ns:
+                self._best_ns = None
             del self._window[0]
         if len(self._window) <= FITTED_EACH or entry.host_ns - self._fitted_ns >= FIT_EVERY_NS:
             self.line = self._fit()
@@ -191,6 +194,7 @@ class ExchangeFit:
         if len(self._window) >= EXCHANGES_TO_WEIGH:
             self._weigh_from = length + EXCHANGES_TO_WEIGH_AGAIN
         del self._window[:-length]
+        self._best_ns = None
         return self._fit()
 
     def _described(self, window: list[Exchange], *, weigh: bool = False, between: bool | None = None) -> Description:

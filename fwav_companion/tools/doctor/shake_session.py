@@ -134,7 +134,7 @@ class ShakeSession:
     ) -> ShakeData:
         newest = telemetry.newest_state()
         clock_sigma_s = max(
-            (telemetry.clock.estimate(frame.arrival_ns).sigma_s for frame in self.frames[:1] if frame.arrival_ns),
+            (telemetry.clock.sigma_s_at(frame.arrival_ns) for frame in self.frames[:1] if frame.arrival_ns),
             default=0.0,
         )
         return ShakeData(
