@@ -104,7 +104,8 @@ def test_a_peer_that_reads_nothing_costs_the_others_nothing(site: Site, until: U
                 vehicle.write(wire.frame("DATA96", 1, 96, payload[:96]))
             time.sleep(0.05)
         site.ground.listen(until="HEARTBEAT", count=4)
-        site.ground.listen(until="SYSTEM_TIME", count=2)
+        vehicle.write(wire.frame("DATA64", 1, 64, payload[:64]))
+        site.ground.listen(until="DATA64")
         status = until(follows)
         assert service.stop() == 0
         vehicle.close()
