@@ -71,7 +71,7 @@ def show_answer(finished: FinishedStudy, out: Path, *, as_json: bool) -> int:
     path = write_page(out / REPORT, page)
     print(sentence(plan, answer))
     print()
-    for each in (*lines(answer), *wrong_lines(answer.wrong, commands)):
+    for each in (*lines(plan, answer), *wrong_lines(answer.wrong, commands)):
         print(each)
     print(path)
     if as_json:

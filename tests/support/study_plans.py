@@ -21,8 +21,8 @@ CAMERA = (TEMPLATES / "camera.yaml").read_text()
 def make_plan(**differences) -> StudyPlan:
     """A short orbit, in which the target is always in view."""
     lens = radial_lens(parse_calibration(CAMERA, "camera.yaml").lens)
-    chosen = {"flights": 3, "seconds": 8.0, "pattern": "orbit", "seed": 1} | differences
-    return StudyPlan(config=CONFIG, config_name="fwav-companion.toml", lens=lens, **chosen)
+    chosen = {"config": CONFIG, "flights": 3, "seconds": 8.0, "pattern": "orbit", "seed": 1} | differences
+    return StudyPlan(config_name="fwav-companion.toml", lens=lens, **chosen)
 
 
 def fly(request: dict) -> FlownFlight:

@@ -7,6 +7,7 @@ from typing import Any, Final
 
 import msgspec
 
+from fwav_companion.tools.report.calibration_section import STATUSES
 from fwav_companion.tools.report.wording import REASONS, length, spaced
 from fwav_companion.tools.study.causes import CAUSES
 from fwav_companion.tools.study.conclusions import ArmAnswer, CauseAnswer, ClaimTest, StudyAnswer
@@ -22,39 +23,46 @@ PATTERN_WORDS: Final = {
     "straight": "straight passes over the target",
 }
 NO_ANSWER: Final = {
-    "never_in_view": "The target was in fewer than three pictures.",
-    "not_confirmed": "Detections were too few, or did not agree.",
+    "never_in_view": "The target was in fewer than three pictures: fly closer, higher or longer, or tilt the camera.",
+    "not_confirmed": "It was detected too rarely, or detections did not agree: fly longer in view of the target.",
 }
 SMALL_M: Final = 0.03
 """Causes below this are in no table, metres."""
-WIDTH: Final = 44
+WIDTH: Final = 40
+COLUMN: Final = 28
+"""Width of a column of values: that of "12.34 m (10.00 to 14.00 m)"."""
 
 
 def sentence(plan: StudyPlan, answer: StudyAnswer) -> str:
     """The answer in three or four sentences."""
     own = answer.configured
     if own.errors is None:
-        reason = _reason(own.no_answer[0][0]) if own.no_answer else ""
+        reason = no_answer_words(own.no_answer[0][0]) if own.no_answer else ""
         return f"None of the {own.flights} flights found the target. Most frequent reason: {reason}"
     ends = (
         f"Half of the flights end within {length(own.errors.half.value)} of the target, and 95 % within "
-        f"{length(own.errors.most.value)} ({own.answered} of {own.flights} {PATTERN_WORDS[plan.pattern]}, "
-        f"{plan.seconds:g} s each)."
+        f"{length(own.errors.most.value)} ({own.answered} of {own.flights} {flights_words(plan)})."
     )
-    parts = (ends, _claims_sentence(own.claims), _limit_sentence(answer.confirmed))
+    parts = (ends, _claims_sentence(own.claims), _limit_sentence(answer))
     return " ".join(part for part in parts if part)
 
 
-def lines(answer: StudyAnswer) -> Iterator[str]:
+def flights_words(plan: StudyPlan) -> str:
+    """What was flown."""
+    if plan.preset == "paper":
+        return "hovers at 10 m with 90 pictures each: the paper's case"
+    return f"{PATTERN_WORDS[plan.pattern]}, {plan.seconds:g} s each"
+
+
+def lines(plan: StudyPlan, answer: StudyAnswer) -> Iterator[str]:
     """The table, and what follows from it."""
     own, twice = answer.configured, answer.twice
-    yield f"{'':{WIDTH}}{'as configured':>24}" + (f"{'every sigma twice':>24}" if twice else "")
+    yield f"{'':{WIDTH}}{'as configured':>{COLUMN}}" + (f"{'every true sigma twice':>{COLUMN}}" if twice else "")
     for name, values in rows(own, twice):
-        yield f"{name:{WIDTH}}" + "".join(f"{value:>24}" for value in values)
-    if answer.calibration is not None and answer.calibration.statuses:
-        yield f"self-calibration: {calibration_words(answer)}"
+        yield f"{name:{WIDTH}}" + "".join(f"{value:>{COLUMN}}" for value in values)
     for reason, count in own.no_answer:
-        yield f"no answer: {count} flights, {spaced(reason)}: {_reason(reason)}"
+        yield f"no answer: {count} flights, {spaced(reason)}: {no_answer_words(reason)}"
+    yield from _calibration_lines(plan, answer)
     yield from _cause_lines(answer)
     yield from _curve_lines(answer)
 
@@ -72,26 +80,44 @@ def rows(own: ArmAnswer, twice: ArmAnswer | None) -> Iterator[tuple[str, list[st
 
 
 def interval(value: IntervalEstimate) -> str:
-    """A length with its 95 % interval."""
-    return f"{length(value.value)} ({length(value.low)} to {length(value.high)})"
+    """A length with its 95 % interval, in one unit."""
+    unit, times, digits = ("m", 1.0, 2) if value.value >= 0.0995 else ("cm", 100.0, 1)
+    middle, low, high = (f"{times * each:.{digits}f}" for each in (value.value, value.low, value.high))
+    return f"{middle} {unit} ({low} to {high} {unit})"
 
 
 def share(claim: ClaimTest) -> str:
     """A share with its 95 % interval."""
-    low, high = 100.0 * claim.share.low, 100.0 * claim.share.high
-    return "-" if claim.n == 0 else f"{100.0 * claim.share.value:.0f} % ({low:.0f} to {high:.0f} %)"
+    return "-" if claim.n == 0 else share_words(claim.share)
 
 
-def calibration_words(answer: StudyAnswer) -> str:
-    """How soon the camera was calibrated, and how flights ended."""
+def calibration_words(plan: StudyPlan, answer: StudyAnswer) -> str:
+    """Whether self-calibration is on, and how soon the camera was calibrated."""
     calibration = answer.calibration
     if calibration is None:
-        return "off"
-    share_words = f"{100.0 * calibration.share.value:.0f} % of flights calibrated the camera"
+        return "Self-calibration is off."
+    on = "Self-calibration is on."
+    if plan.switches_calibration_on:
+        on = (
+            f"The study has self-calibration on, {plan.config_name} has it off: set [tracking] self_calibration = true "
+            "to fly so, or study it off by --set tracking.self_calibration=false."
+        )
+    found = f"{share_words(calibration.share)} of the flights calibrated the camera"
     if calibration.seconds is not None:
-        share_words += f", half of them within {calibration.seconds.value:.0f} s"
-    ends = ", ".join(f"{status} {count}" for status, count in calibration.statuses)
-    return f"{share_words}; at the end: {ends}"
+        found += f", half of these within {calibration.seconds.value:.0f} s"
+    return f"{on} {found}."
+
+
+def share_words(value: IntervalEstimate) -> str:
+    """A share with its 95 % interval."""
+    return f"{100.0 * value.value:.0f} % ({100.0 * value.low:.0f} to {100.0 * value.high:.0f} %)"
+
+
+def calibration_rows(answer: StudyAnswer) -> Iterator[tuple[str, str, str]]:
+    """Status at the end, its number of flights, and what it means, with what most of these flights lacked."""
+    for end in answer.calibration.ends if answer.calibration is not None else ():
+        lacks = f" Most of these flights end with: {end.lacks}." if end.lacks else ""
+        yield end.status, f"{end.flights}", f"{STATUSES.get(end.status, '')}{lacks}"
 
 
 def as_object(plan: StudyPlan, answer: StudyAnswer, report: str, wrong: Sequence[str]) -> dict[str, Any]:
@@ -116,12 +142,12 @@ def cause_name(name: str) -> str:
 
 
 def change_words(cause: CauseAnswer) -> str:
-    """What flights without the cause gained, with its interval."""
+    """What flights without the cause gained, with its interval; empty where none was flown."""
     if cause.change_m is None or cause.with_m is None or cause.without_m is None:
         return ""
-    ends = (moved(cause.change_m.low), moved(cause.change_m.high))
-    by = f"{moved(cause.change_m.value)}, between {ends[0]} and {ends[1]}, {cause.pairs} pairs"
-    return f"median {length(cause.with_m)} to {length(cause.without_m)} ({by})"
+    low, high = (moved(end) for end in (cause.change_m.low, cause.change_m.high))
+    ends = f"half of {cause.pairs} flights end within {length(cause.without_m)} instead of {length(cause.with_m)}"
+    return f"{ends}; each flight alone {moved(cause.change_m.value)} ({low} to {high})"
 
 
 def moved(change_m: float) -> str:
@@ -141,10 +167,12 @@ def _claims_sentence(claims: Sequence[ClaimTest]) -> str:
     return f"{words}: the claimed 95 % ellipses contain the target in {share(claim)} of these flights."
 
 
-def _limit_sentence(confirmed: Sequence[CauseAnswer]) -> str:
-    if not confirmed:
+def _limit_sentence(answer: StudyAnswer) -> str:
+    if not answer.causes:
+        return "No lasting error limits it: what is left is noise, which more pictures average out."
+    if not answer.confirmed:
         return ""
-    first = confirmed[0]
+    first = answer.confirmed[0]
     if first.change_m is None or first.without_m is None or first.with_m is None:
         return ""
     if first.change_m.high < 0.0:
@@ -158,13 +186,22 @@ def _limit_sentence(confirmed: Sequence[CauseAnswer]) -> str:
     )
 
 
+def _calibration_lines(plan: StudyPlan, answer: StudyAnswer) -> Iterator[str]:
+    yield calibration_words(plan, answer)
+    for status, flights, words in calibration_rows(answer):
+        yield f"  {status:<14}{flights:>6}  {words}"
+
+
 def _cause_lines(answer: StudyAnswer) -> Iterator[str]:
     shown = [each for each in answer.causes if each.sigma_m >= SMALL_M or each.change_m is not None]
     if shown:
         yield "what limits the end of a flight, by the filter's own terms (one sigma):"
     for cause in shown:
-        again = f"; without it: {change_words(cause)}" if cause.change_m is not None else ""
-        yield f"  {cause_name(cause.name):{WIDTH - 2}}{length(cause.sigma_m):>9}{again}"
+        yield f"  {cause_name(cause.name):{WIDTH - 2}}{length(cause.sigma_m):>9}"
+    if answer.confirmed:
+        yield "the same flights again without one of these errors, in truth and prior:"
+    for cause in answer.confirmed:
+        yield f"  {cause_name(cause.name)}: {change_words(cause)}"
     if answer.confirmed and (answer.confirmed[0].change_m or IntervalEstimate(0.0, 0.0, 0.0)).high < 0.0:
         yield f"change first: {CAUSES[answer.confirmed[0].name].remedy}"
 
@@ -178,5 +215,6 @@ def _curve_lines(answer: StudyAnswer) -> Iterator[str]:
             yield f"  {value:>{WIDTH - 2}}  {errors}  ({point.answered} of {point.flights} flights)"
 
 
-def _reason(name: str) -> str:
+def no_answer_words(name: str) -> str:
+    """A reason why a flight has no answer, as a sentence."""
     return NO_ANSWER.get(name) or REASONS.get(name, f"{spaced(name)}.")

@@ -58,6 +58,15 @@ class ArmAnswer(msgspec.Struct, frozen=True, kw_only=True):
     """Reasons and their counts, the most frequent first."""
 
 
+class CalibrationEnd(msgspec.Struct, frozen=True):
+    """The flights that ended with one status of self-calibration."""
+
+    status: str
+    flights: int
+    lacks: str
+    """What most of them lacked, as their last calibration line has it."""
+
+
 class CalibrationAnswer(msgspec.Struct, frozen=True):
     """How soon self-calibration knew the camera."""
 
@@ -65,7 +74,8 @@ class CalibrationAnswer(msgspec.Struct, frozen=True):
     """Share of flights that were calibrated at the end or before."""
     seconds: IntervalEstimate | None
     """Median time until then, over these flights."""
-    statuses: tuple[tuple[str, int], ...]
+    ends: tuple[CalibrationEnd, ...]
+    """The most frequent first."""
 
 
 class InstantAnswer(msgspec.Struct, frozen=True):
@@ -215,8 +225,17 @@ def _calibration(records: Sequence[FlightRecord]) -> CalibrationAnswer | None:
     return CalibrationAnswer(
         share_of(len(times), len(flown)),
         quantile_interval(times, 0.5) if times else None,
-        tuple(sorted(statuses.items(), key=lambda item: (-item[1], item[0]))),
+        tuple(
+            CalibrationEnd(status, count, _most_lacked(status, flown))
+            for status, count in sorted(statuses.items(), key=lambda item: (-item[1], item[0]))
+        ),
     )
+
+
+def _most_lacked(status: str, flown: Sequence[FlightRecord]) -> str:
+    """The reason that most flights with this status ended with; of equally frequent ones the first by name."""
+    reasons = Counter(record.calibration_lacks for record in flown if record.calibration == status)
+    return min(reasons, key=lambda reason: (-reasons[reason], reason))
 
 
 def _cause(name: str, variance: float, records: Sequence[FlightRecord]) -> CauseAnswer:

@@ -28,6 +28,8 @@ WITHOUT: Final = "without_"
 LABEL: Final = "target"
 FPS: Final = 30.0
 """Rate of a camera whose configuration states none, hertz: the most common one."""
+FALSE_DETECTIONS: Final = 0.02
+"""Mean number of false detections in a picture."""
 LATENCY_S: Final = 0.03
 MOST_LATENCY_S: Final = 0.4
 """Time from a picture to its detections, seconds. No stamp is later than its arrival: late stamps come with as much
@@ -231,6 +233,7 @@ def _of_camera(plan: StudyPlan, truth: Config, miss_rate: float) -> dict[str, An
         "camera.time_offset_s": camera.time_offset_s,
         "camera.latency_s": min(MOST_LATENCY_S, LATENCY_S + max(0.0, camera.time_offset_s) + 8.0 * doubt_s),
         "camera.missed": miss_rate,
+        "camera.clutter": FALSE_DETECTIONS,
         "camera.tell_sigma": False,
         **({"camera.exposure_s": camera.exposure_s} if camera.exposure_s else {}),
     }

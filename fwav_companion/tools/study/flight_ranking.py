@@ -12,6 +12,8 @@ from fwav_companion.tools.study.flight_record import CAUSE_NAMES, FlightRecord
 PAIRED: Final = 40
 """Flights of each further arm: the first ones of the study, with the same draws but for one cause."""
 CONFIRMED_CAUSES: Final = 2
+LEAST_CAUSE_M: Final = 0.001
+"""Error below which a cause is not ranked, one sigma, metres: rounding leaves as much of a sigma that is zero."""
 
 
 def further_flights(flights: int) -> int:
@@ -25,7 +27,9 @@ def ranked_causes(records: Sequence[FlightRecord]) -> list[tuple[str, float]]:
     if not limits:
         return []
     means = {name: fmean(each.get(name, 0.0) ** 2 for each in limits) for name in CAUSE_NAMES}
-    return sorted(((name, mean) for name, mean in means.items() if mean > 0.0), key=lambda item: (-item[1], item[0]))
+    return sorted(
+        ((name, mean) for name, mean in means.items() if mean > LEAST_CAUSE_M**2), key=lambda item: (-item[1], item[0])
+    )
 
 
 def configured_tasks(flights: int) -> list[tuple[int, str]]:

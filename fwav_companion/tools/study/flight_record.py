@@ -57,6 +57,8 @@ class FlightRecord(msgspec.Struct, frozen=True, kw_only=True):
     """When self-calibration knew delay and mount for the first time; None: never, or it was off."""
     calibration: str = ""
     """Status of self-calibration at the end; empty where it was off."""
+    calibration_lacks: str = ""
+    """What was missing then for ``calibrated``."""
     ghosts: int = 0
     """Confirmed tracks that belong to no target."""
     frames: int = 0

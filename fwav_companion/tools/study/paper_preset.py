@@ -44,6 +44,7 @@ SETTINGS: Final = (
     ("flight.flap_deg", "0.0"),
     ("flight.wind_m_s", "0.0"),
     ("flight.miss_rate", "0.0"),
+    ("tracking.self_calibration", "false"),
 )
 TARGET_M: Final = (4.0, -3.0)
 """North and east of the vehicle, whose heading is north."""

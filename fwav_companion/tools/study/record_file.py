@@ -37,6 +37,7 @@ PLAIN: Final = (
     ("normalised2", pa.float64()),
     ("calibrated_s", pa.float64()),
     ("calibration", pa.string()),
+    ("calibration_lacks", pa.string()),
     ("ghosts", pa.int64()),
     ("frames", pa.int64()),
     ("in_view", pa.int64()),

@@ -58,7 +58,7 @@ class FlightAnswer:
         self._plane: TangentPlane | None = None
         self._tracks: dict[int, list[tuple[float, ErrorSample, float, float, float]]] = {}
         self._calibrated_s: float | None = None
-        self._calibration = ""
+        self._calibration = self._calibration_lacks = ""
         self._summary: Line = {}
 
     def add(self, line: Line) -> None:
@@ -71,7 +71,7 @@ class FlightAnswer:
         elif kind == "target" and line["state"] in CONFIRMED:
             self._add_target(line)
         elif kind == "calibration":
-            self._calibration = line["status"]
+            self._calibration, self._calibration_lacks = line["status"], line["reason"] or ""
             if self._calibrated_s is None and line["status"] == "calibrated":
                 self._calibrated_s = line["time_unix"] - self._start_s
         elif kind == "summary":
@@ -98,13 +98,14 @@ class FlightAnswer:
             "state": target["state"],
             "calibrated_s": self._calibrated_s,
             "calibration": self._calibration,
+            "calibration_lacks": self._calibration_lacks,
             "ghosts": ghosts,
             "frames": flown.frames,
             "in_view": flown.in_view,
             "fixes": self._summary["fixes"],
         }
         if target["state"] != FOUND:
-            return FlightRecord(**common, no_answer=_why(self._summary, flown.in_view))
+            return FlightRecord(**common, no_answer=_why(self._summary, flown))
         series = self._tracks[target["track"]]
         _, sample, claimed95_m, north, east = series[-1]
         limits = self._summary["limits"].get(target["track"], {})
@@ -143,12 +144,17 @@ def _drawn(biases: dict[str, Any]) -> dict[str, float]:
     return {name: spread[name] if name in spread else biases[name] for name in DRAWN}
 
 
-def _why(summary: Line, in_view: int) -> str:
-    """The most likely reason why there is no answer, as a name."""
-    if in_view < FEW_PICTURES:
+def _why(summary: Line, flown: FlownFlight) -> str:
+    """The most likely reason why there is no answer, as a name.
+
+    A reason that dropped most of the pictures or detections; those of the first seconds, before the clock is known, are
+    in every flight.
+    """
+    if flown.in_view < FEW_PICTURES:
         return "never_in_view"
-    dropped: dict[str, int] = {**summary["dropped_frames"], **summary["dropped_detections"]}
-    refused = sum(dropped.values())
-    if dropped and refused > summary["fixes"]:
-        return max(sorted(dropped), key=lambda reason: dropped[reason])
+    frames: dict[str, int] = summary["dropped_frames"]
+    detections: dict[str, int] = summary["dropped_detections"]
+    for dropped, kept in ((frames, flown.frames - sum(frames.values())), (detections, summary["fixes"])):
+        if sum(dropped.values()) > kept:
+            return max(sorted(dropped), key=lambda reason: dropped[reason])
     return "not_confirmed"

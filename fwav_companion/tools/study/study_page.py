@@ -7,20 +7,21 @@ from html import escape
 
 from fwav_companion import __version__
 from fwav_companion.tools.report.page_elements import document, figure, key, row, section, table
-from fwav_companion.tools.report.wording import REASONS, length, spaced
+from fwav_companion.tools.report.wording import length, spaced
 from fwav_companion.tools.study.answer_text import (
-    NO_ANSWER,
-    PATTERN_WORDS,
+    calibration_rows,
     calibration_words,
     cause_name,
     change_words,
+    flights_words,
     interval,
+    no_answer_words,
     rows,
     sentence,
 )
 from fwav_companion.tools.study.causes import CAUSES
 from fwav_companion.tools.study.conclusions import CauseAnswer, StudyAnswer, VariationAnswer
-from fwav_companion.tools.study.flight_draw import CONFIGURED, TWICE
+from fwav_companion.tools.study.flight_draw import CONFIGURED, FALSE_DETECTIONS, TWICE
 from fwav_companion.tools.study.flight_record import FlightRecord
 from fwav_companion.tools.study.record_file import Environment
 from fwav_companion.tools.study.study_charts import (
@@ -63,6 +64,7 @@ def study_page(
             _error_section(plan, records, answer),
             *(_curve_section(curve) for curve in answer.curves),
             _claim_section(answer),
+            _calibration_section(plan, answer),
             _no_answer_section(answer),
             _wrong_section(answer, commands),
             _method_section(plan, records, environment),
@@ -86,8 +88,9 @@ def _summary(plan: StudyPlan, answer: StudyAnswer, notes: Sequence[str]) -> str:
     if answer.calibration is not None:
         cards.append((f"{100.0 * answer.calibration.share.value:.0f} %", "calibrated their camera"))
     items = "".join(f"<div><b>{escape(value)}</b><span>{escape(name)}</span></div>" for value, name in cards)
+    kicker = f"fwav-companion study \u00b7 {plan.config_name}"
     return (
-        f'<header><p class="kicker">fwav-companion study</p><h1>How accurate will it be</h1>{words}</header>'
+        f'<header><p class="kicker">{escape(kicker)}</p><h1>How accurate will it be</h1>{words}</header>'
         f'<section class="cards">{items}</section>'
     )
 
@@ -114,11 +117,15 @@ def _reruns(answer: StudyAnswer) -> str:
         "the prior."
     )
     causes = "".join(
-        f"<p><b>{escape(cause_name(each.name))}</b><br>{escape(change_words(each))}.<br>"
+        f"<p><b>{escape(cause_name(each.name))}</b><br>{escape(_sentence(change_words(each)))}<br>"
         f"To get there: {escape(CAUSES[each.name].remedy)}.</p>"
         for each in answer.confirmed
     )
     return f"<p>{words}</p>{causes}"
+
+
+def _sentence(words: str) -> str:
+    return f"{words[:1].upper()}{words[1:]}."
 
 
 def _bar(cause: CauseAnswer, largest: float) -> str:
@@ -197,19 +204,22 @@ def _claim_section(answer: StudyAnswer) -> str:
         if claim.n
     ]
     numbers = table(["claimed ellipse", "contains the target", "95 % interval of that share", "verdict"], body)
-    words = f"Self-calibration: {calibration_words(answer)}." if answer.calibration is not None else ""
     inside = f'<div class="two">{drawn}<div>{numbers}</div></div>'
-    return section("Can the claims be trusted", words, inside)
+    return section("Can the claims be trusted", "", inside)
+
+
+def _calibration_section(plan: StudyPlan, answer: StudyAnswer) -> str:
+    body = [row(each) for each in calibration_rows(answer)]
+    ends = f'<div class="reasons">{table(["at the end", "flights", ""], body)}</div>' if body else ""
+    return section("Self-calibration of the camera", calibration_words(plan, answer), ends)
 
 
 def _no_answer_section(answer: StudyAnswer) -> str:
     if not answer.configured.no_answer:
         return ""
-    body = [
-        row([spaced(reason), f"{count}", NO_ANSWER.get(reason) or REASONS.get(reason, "")])
-        for reason, count in answer.configured.no_answer
-    ]
-    return section("Flights without an answer", "", table(["reason", "flights", ""], body))
+    body = [row([spaced(reason), f"{count}", no_answer_words(reason)]) for reason, count in answer.configured.no_answer]
+    inside = f'<div class="reasons">{table(["reason", "flights", ""], body)}</div>'
+    return section("Flights without an answer", "", inside)
 
 
 def _wrong_section(answer: StudyAnswer, commands: Sequence[str]) -> str:
@@ -236,18 +246,39 @@ def _method_section(plan: StudyPlan, records: Sequence[FlightRecord], environmen
     settings = [row([key_, value]) for key_, value in plan.settings]
     lens = "" if plan.lens.exact else " The lens counts by its radially symmetric part."
     words = (
-        f"{PATTERN_WORDS[plan.pattern].capitalize()}, {plan.seconds:g} s each, drawn from the priors of "
+        f"{_sentence(flights_words(plan))[:-1]}, drawn from the priors of "
         f"{plan.config_name} with seed {plan.seed}, flown by the mock autopilot and camera, and replayed through the "
-        f"same pipeline as a real flight.{lens} Simulated errors are those that the configuration states, "
-        "and no others."
+        f"same pipeline as a real flight.{lens} Simulated errors are those that the configuration states, missed "
+        f"detections, and {_false_words(plan)}; no others."
     )
-    tables = table(["flight", "drawn between"], spans) + (table(["set", ""], settings) if settings else "")
+    tables = f'<div class="two"><div>{table(["flight", "drawn"], spans)}</div><div>{_priors(plan)}</div></div>'
+    tables += table(["set", ""], settings) if settings else ""
     wheels = ", ".join(f"{name} {version}" for name, version in environment.wheels.items())
     processors = ", ".join(environment.processors)
     foot = f"<footer><p>fwav-companion {__version__}; {escape(wheels)}; {escape(processors)}.</p></footer>"
     return section("How this was computed", words, tables) + foot
 
 
+def _false_words(plan: StudyPlan) -> str:
+    return "no false one" if plan.preset else f"a false one in every {1.0 / FALSE_DETECTIONS:.0f}th picture"
+
+
+def _priors(plan: StudyPlan) -> str:
+    """The sigmas by which flights are drawn, and those that are claimed where they differ."""
+    drawn, claimed = plan.truth().uncertainty, plan.parsed(plan.claim_settings()).uncertainty
+    names = drawn.__struct_fields__
+    differs = any(getattr(drawn, name) != getattr(claimed, name) for name in names)
+    body = [
+        row([name, _prior(getattr(drawn, name)), *([_prior(getattr(claimed, name))] if differs else [])])
+        for name in names
+    ]
+    return table(["[uncertainty]", "drawn", *(["claimed"] if differs else [])], body)
+
+
+def _prior(value: float | str) -> str:
+    return value if isinstance(value, str) else f"{value:g}"
+
+
 def _span(values: Sequence[float]) -> str:
     low, high = min(values), max(values)
-    return f"{low:.4g}" if high - low < 1e-9 else f"{low:.3g} to {high:.3g}"
+    return f"{low:.4g}" if high - low < 1e-9 else f"{low:.2g} to {high:.2g}"

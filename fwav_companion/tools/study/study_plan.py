@@ -72,6 +72,11 @@ class StudyPlan(msgspec.Struct, frozen=True, kw_only=True):
         """Whether --set says whether self-calibration is on."""
         return any(key.endswith(ON_BY_DEFAULT) for key, _ in self.settings)
 
+    @property
+    def switches_calibration_on(self) -> bool:
+        """Whether flights are replayed with self-calibration though the configuration has it off."""
+        return not (self.asks_for_calibration or self.parsed(()).tracking.self_calibration)
+
     def claim_settings(self, more: Iterable[tuple[str, str]] = ()) -> tuple[str, ...]:
         """The ``KEY=VALUE`` of a flight's replay. Self-calibration is on unless --set has it off.
 

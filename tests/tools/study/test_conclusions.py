@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from study_plans import InlineWorkers, make_plan
+from study_plans import CONFIG, InlineWorkers, make_plan
 
 from fwav_companion.tools.study.answer_text import lines, sentence
 from fwav_companion.tools.study.conclusions import answer_of
@@ -142,8 +142,45 @@ def test_the_sentence_says_error_claims_and_what_limits():
     assert re.search(r"Half of the flights end within 1\.\d+ m .* 95 % within 2\.\d+ m \(200 of 200 orbits", said)
     assert "The claims hold" in said
     assert "What limits it is the vehicle's own position (GNSS)" in said
-    text = "\n".join(lines(answer))
+    text = "\n".join(lines(make_plan(), answer))
     assert "change first: RTK corrections" in text
+
+
+def test_self_calibration_that_the_study_switches_on_is_said_in_one_line():
+    answer = answer_of(make_plan(), study())
+    (on,) = [line for line in lines(make_plan(), answer) if "elf-calibration" in line]
+    assert "fwav-companion.toml has it off" in on
+    configured = make_plan(config=CONFIG.replace("self_calibration = false", "self_calibration = true"))
+    assert "has it off" not in "".join(lines(configured, answer))
+    off = make_plan(settings=(("tracking.self_calibration", "false"),))
+    answer = answer_of(off, study(calibration="", calibrated_s=None))
+    assert "Self-calibration is off." in list(lines(off, answer))
+
+
+def test_flights_that_did_not_calibrate_say_what_they_lacked():
+    hidden = "a position error of 1 m hides the mount: hover"
+    records = study(calibration="time", calibrated_s=None, calibration_lacks=hidden)
+    records[:20] = study()[:20]
+    records[20] = synthetic(np.random.default_rng(1), 20, calibration="time", calibration_lacks="something rare")
+    answer = answer_of(make_plan(), records)
+    assert [(end.status, end.flights, end.lacks) for end in answer.calibration.ends] == [
+        ("time", 180, hidden),
+        ("calibrated", 20, ""),
+    ]
+    assert hidden in study_page(make_plan(), records, answer, InlineWorkers.environment)
+
+
+def test_causes_that_are_zero_are_not_flown_again():
+    records = study(limits_m={"position": 1e-7, "mount": 0.0})
+    assert confirming_tasks(records, FLIGHTS) == []
+    assert "No lasting error limits it" in sentence(make_plan(), answer_of(make_plan(), records))
+
+
+def test_no_line_of_the_table_runs_into_the_next_column():
+    records = [*study(sigma=12.0), *study(sigma=24.0, arm="twice")]
+    table = list(lines(make_plan(), answer_of(make_plan(), records)))[:6]
+    assert all("  " in line[40:] and len(line) <= 96 for line in table)
+    assert not any(re.search(r"\)\d", line) for line in table)
 
 
 def test_the_page_is_complete_in_itself():
