@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from fwav_companion.cli.study import PATTERN, SECONDS
 from fwav_companion.config import load
 from fwav_companion.errors import UserError
 from fwav_companion.on_disk import content
@@ -22,11 +23,24 @@ def plan_from(arguments: argparse.Namespace) -> StudyPlan:
     if twice:
         raise UserError(f"--vary: {twice[0]} is varied twice; accepted: once")
     if arguments.preset == "paper":
+        _require_nothing_of_a_flight(arguments)
         plan = paper_plan(arguments.flights, arguments.seed, settings, variations)
     else:
         plan = _configured(arguments, settings, variations)
     plan.require_possible()
     return plan
+
+
+def _require_nothing_of_a_flight(arguments: argparse.Namespace) -> None:
+    """UserError where the command line has an option that the preset decides."""
+    chosen = {
+        "--config": arguments.config is not None,
+        "--pattern": arguments.pattern != PATTERN,
+        "--seconds": arguments.seconds != SECONDS,
+    }
+    for option, is_chosen in chosen.items():
+        if is_chosen:
+            raise UserError(f"{option}: --preset paper has its own; accepted with it: --set, --vary, --flights, --seed")
 
 
 def _configured(arguments: argparse.Namespace, settings: tuple, variations: tuple) -> StudyPlan:  # type: ignore[type-arg]

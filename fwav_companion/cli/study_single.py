@@ -12,8 +12,8 @@ from fwav_companion.config import Config
 from fwav_companion.errors import InputFileError, UserError
 from fwav_companion.on_disk import made_folder, whole
 from fwav_companion.tools.report.wording import length
-from fwav_companion.tools.study.causes import CAUSES
-from fwav_companion.tools.study.flight_draw import CONFIGURED, TWICE, WITHOUT, draw_flight
+from fwav_companion.tools.study.causes import CAUSES, NOISES
+from fwav_companion.tools.study.flight_draw import CONFIGURED, PAPER_FILTER, TWICE, WITHOUT, draw_flight
 from fwav_companion.tools.study.mock_process import MockError, MockProcess
 from fwav_companion.tools.study.study_flight import record_of
 from fwav_companion.tools.study.study_plan import RadialLens, StudyPlan
@@ -76,7 +76,7 @@ def camera_text(lens: RadialLens) -> str:
 
 def _chosen(text: str) -> tuple[int, str]:
     index, _, arm = text.partition("/")
-    arms = (CONFIGURED, TWICE, *(f"{WITHOUT}{name}" for name in CAUSES))
+    arms = (CONFIGURED, TWICE, PAPER_FILTER, *(f"{WITHOUT}{name}" for name in (*CAUSES, *NOISES)))
     arm = arm or CONFIGURED
     if not (index.isascii() and index.isdecimal()) or arm not in arms:
         raise UserError(f"--only {text}: accepted: INDEX or INDEX/ARM, ARM of {', '.join(arms)}")

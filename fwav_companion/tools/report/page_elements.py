@@ -131,6 +131,7 @@ td,th{padding:6px 10px 6px 0;border-bottom:1px solid var(--line);text-align:righ
 td:first-child,th:first-child{text-align:left}td,.broad th{white-space:nowrap}figure td:first-child{white-space:normal}
 .reasons td:last-child{text-align:left;white-space:normal;padding-left:18px;color:var(--soft)}
 .reasons td:nth-child(2){width:70px}
+.wrapped td:first-child,.wrapped td:last-child{white-space:normal;overflow-wrap:anywhere}
 .good{color:var(--good);font-weight:600}.off{color:var(--other);font-weight:600}
 .scroll{overflow-x:auto;margin-top:18px}figure .scroll{margin-top:0}
 .bar-row{display:grid;grid-template-columns:minmax(0,1.4fr) minmax(60px,1fr) 64px;gap:12px;align-items:center;

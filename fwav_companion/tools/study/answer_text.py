@@ -9,10 +9,11 @@ import msgspec
 
 from fwav_companion.tools.report.calibration_section import STATUSES
 from fwav_companion.tools.report.wording import REASONS, length, spaced
-from fwav_companion.tools.study.causes import CAUSES
+from fwav_companion.tools.study.causes import error_cause
 from fwav_companion.tools.study.conclusions import ArmAnswer, CauseAnswer, ClaimTest, StudyAnswer
 from fwav_companion.tools.study.distributions import IntervalEstimate
 from fwav_companion.tools.study.flight_record import FlightRecord
+from fwav_companion.tools.study.paper_preset import NOTES
 from fwav_companion.tools.study.study_plan import StudyPlan
 
 PATTERN_WORDS: Final = {
@@ -56,25 +57,34 @@ def flights_words(plan: StudyPlan) -> str:
 
 def lines(plan: StudyPlan, answer: StudyAnswer) -> Iterator[str]:
     """The table, and what follows from it."""
-    own, twice = answer.configured, answer.twice
-    yield f"{'':{WIDTH}}{'as configured':>{COLUMN}}" + (f"{'every true sigma twice':>{COLUMN}}" if twice else "")
-    for name, values in rows(own, twice):
+    for name, values in (("", [name for name, _ in columns(answer)]), *rows(answer)):
         yield f"{name:{WIDTH}}" + "".join(f"{value:>{COLUMN}}" for value in values)
-    for reason, count in own.no_answer:
+    for reason, count in answer.configured.no_answer:
         yield f"no answer: {count} flights, {spaced(reason)}: {no_answer_words(reason)}"
     yield from _calibration_lines(plan, answer)
     yield from _cause_lines(answer)
     yield from _curve_lines(answer)
+    yield from NOTES if plan.preset == "paper" else ()
 
 
-def rows(own: ArmAnswer, twice: ArmAnswer | None) -> Iterator[tuple[str, list[str]]]:
-    """Name and values, one for each arm."""
-    arms = [own] if twice is None else [own, twice]
+def columns(answer: StudyAnswer) -> list[tuple[str, ArmAnswer]]:
+    """Name and answer of each arm that is compared as a whole."""
+    arms = (
+        ("as configured", answer.configured),
+        ("the paper's low-pass", answer.paper_filter),
+        ("every true sigma twice", answer.twice),
+    )
+    return [(name, arm) for name, arm in arms if arm is not None]
+
+
+def rows(answer: StudyAnswer) -> Iterator[tuple[str, list[str]]]:
+    """Name and values, one for each of :func:`columns`."""
+    arms = [arm for _, arm in columns(answer)]
     yield "flights with an answer", [f"{arm.answered} of {arm.flights}" for arm in arms]
     for name, field in (("half of the errors below", "half"), ("90 % below", "nine_tenths"), ("95 % below", "most")):
         yield name, ["-" if arm.errors is None else interval(getattr(arm.errors, field)) for arm in arms]
     yield "claimed radius (95 %), median", ["-" if arm.claimed95_m is None else length(arm.claimed95_m) for arm in arms]
-    for k, claim in enumerate(own.claims):
+    for k, claim in enumerate(answer.configured.claims):
         name = f"inside the claimed {claim.level * 100.0:g} % ellipse"
         yield name, [share(arm.claims[k]) for arm in arms]
 
@@ -138,7 +148,7 @@ def wrong_lines(wrong: Sequence[FlightRecord], commands: Sequence[str]) -> Itera
 
 def cause_name(name: str) -> str:
     """The cause in words."""
-    return CAUSES[name].name
+    return error_cause(name).name
 
 
 def change_words(cause: CauseAnswer) -> str:
@@ -193,7 +203,7 @@ def _calibration_lines(plan: StudyPlan, answer: StudyAnswer) -> Iterator[str]:
 
 
 def _cause_lines(answer: StudyAnswer) -> Iterator[str]:
-    shown = [each for each in answer.causes if each.sigma_m >= SMALL_M or each.change_m is not None]
+    shown = [each for each in answer.causes if each.sigma_m >= SMALL_M or (each.sigma_m and each.change_m is not None)]
     if shown:
         yield "what limits the end of a flight, by the filter's own terms (one sigma):"
     for cause in shown:
@@ -203,7 +213,7 @@ def _cause_lines(answer: StudyAnswer) -> Iterator[str]:
     for cause in answer.confirmed:
         yield f"  {cause_name(cause.name)}: {change_words(cause)}"
     if answer.confirmed and (answer.confirmed[0].change_m or IntervalEstimate(0.0, 0.0, 0.0)).high < 0.0:
-        yield f"change first: {CAUSES[answer.confirmed[0].name].remedy}"
+        yield f"change first: {error_cause(answer.confirmed[0].name).remedy}"
 
 
 def _curve_lines(answer: StudyAnswer) -> Iterator[str]:

@@ -41,3 +41,15 @@ CAUSES: Final[Mapping[str, ErrorCause]] = {
     "terrain": ErrorCause(("terrain_m",), "the height of the ground itself", "a better elevation model"),
 }
 """By the names of the shares that the tracker reports."""
+
+NOISES: Final[Mapping[str, ErrorCause]] = {
+    "pixel_noise": ErrorCause(("pixel_noise_px",), "the noise of the detected pixel", "a finer detector or lens"),
+    "attitude_noise": ErrorCause(("attitude_noise_deg",), "the noise of the attitude", "a better autopilot"),
+    "height_noise": ErrorCause(("height_noise_m",), "the noise of the height", "a rangefinder"),
+}
+"""The paper's three errors: independent in every sample, so that more pictures average them out."""
+
+
+def error_cause(name: str) -> ErrorCause:
+    """The cause or noise with this name."""
+    return CAUSES.get(name) or NOISES[name]

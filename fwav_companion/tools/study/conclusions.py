@@ -10,6 +10,7 @@ from typing import Final
 
 import msgspec
 
+from fwav_companion.tools.study.causes import NOISES
 from fwav_companion.tools.study.distributions import (
     ErrorQuantiles,
     IntervalEstimate,
@@ -19,7 +20,7 @@ from fwav_companion.tools.study.distributions import (
     quantile_interval,
     share_of,
 )
-from fwav_companion.tools.study.flight_draw import CONFIGURED, TWICE, WITHOUT
+from fwav_companion.tools.study.flight_draw import CONFIGURED, PAPER_FILTER, TWICE, WITHOUT
 from fwav_companion.tools.study.flight_ranking import ranked_causes
 from fwav_companion.tools.study.flight_record import POINTS, FlightRecord
 from fwav_companion.tools.study.keys import Value, Variation
@@ -93,7 +94,10 @@ class InstantAnswer(msgspec.Struct, frozen=True):
 
 
 class CauseAnswer(msgspec.Struct, frozen=True, kw_only=True):
-    """What a cause of error does, by the filter's own bias terms; and flown again without it, where it was."""
+    """What a cause of error does, by the filter's own bias terms; and flown again without it, where it was.
+
+    A noise has no bias term: its sigma is 0.
+    """
 
     name: str
     sigma_m: float
@@ -128,6 +132,8 @@ class StudyAnswer(msgspec.Struct, frozen=True, kw_only=True):
 
     configured: ArmAnswer
     twice: ArmAnswer | None
+    paper_filter: ArmAnswer | None
+    """The same flights by the paper's low-pass, in the paper's case."""
     over_time: tuple[InstantAnswer, ...]
     calibration: CalibrationAnswer | None
     causes: tuple[CauseAnswer, ...]
@@ -145,13 +151,15 @@ class StudyAnswer(msgspec.Struct, frozen=True, kw_only=True):
 def answer_of(plan: StudyPlan, records: Sequence[FlightRecord]) -> StudyAnswer:
     """The conclusions from the records of a study."""
     own = [record for record in records if record.arm == CONFIGURED]
-    twice = [record for record in records if record.arm == TWICE]
+    twice, paper_filter = ([record for record in records if record.arm == arm] for arm in (TWICE, PAPER_FILTER))
+    noises = [(name, 0.0) for name in NOISES if any(record.arm == f"{WITHOUT}{name}" for record in records)]
     return StudyAnswer(
         configured=_arm(own),
         twice=_arm(twice) if twice else None,
+        paper_filter=_arm(paper_filter) if paper_filter else None,
         over_time=_over_time(plan, own),
         calibration=_calibration(own),
-        causes=tuple(_cause(name, variance, records) for name, variance in ranked_causes(own)),
+        causes=tuple(_cause(name, variance, records) for name, variance in (*ranked_causes(own), *noises)),
         curves=tuple(_curve(variation, own) for variation in plan.variations),
         wrong=tuple(record for record in own if record.is_wrong),
     )

@@ -14,10 +14,9 @@ from fwav_companion.on_disk import made_folder
 from fwav_companion.tools.study.cluster import Workers, decoded
 from fwav_companion.tools.study.flight_draw import CONFIGURED
 from fwav_companion.tools.study.flight_ranking import (
-    CONFIRMED_CAUSES,
     configured_tasks,
+    confirming_flights,
     confirming_tasks,
-    further_flights,
 )
 from fwav_companion.tools.study.flight_record import FlightRecord
 from fwav_companion.tools.study.flight_worker import FlightWorker, fly_on_worker
@@ -132,13 +131,13 @@ class StudyRun:
     def _fly_all(self, journal: FlightJournal) -> None:
         flights = self._plan.flights
         tasks = self._missing(configured_tasks(flights))
-        confirming = CONFIRMED_CAUSES * further_flights(flights)
+        confirming = confirming_flights(self._plan)
         self._progress.total(len(tasks) + confirming)
         if flights >= MANY and tasks:
             self._time_first(tasks[:1], len(tasks) + confirming, journal)
             tasks = tasks[1:]
         self._fly(tasks, journal)
-        self._fly(self._missing(confirming_tasks(self._records, flights)), journal)
+        self._fly(self._missing(confirming_tasks(self._plan, self._records)), journal)
 
     def _time_first(self, first: list[tuple[int, str]], total: int, journal: FlightJournal) -> None:
         begun = time.monotonic()

@@ -13,7 +13,7 @@ from typing import Any, Final
 import msgspec
 
 from fwav_companion.config import Config
-from fwav_companion.tools.study.causes import CAUSES
+from fwav_companion.tools.study.causes import error_cause
 from fwav_companion.tools.study.keys import FLIGHT, Value, flight_settings, toml_text
 from fwav_companion.tools.study.paper_preset import FIRST_PICTURE_S, TARGET_M
 from fwav_companion.tools.study.study_plan import StudyPlan, terrain_sigma_m
@@ -22,6 +22,8 @@ CONFIGURED: Final = "configured"
 """Arm of the flights as configured."""
 TWICE: Final = "twice"
 """Arm with every true sigma twice its prior."""
+PAPER_FILTER: Final = "paper_filter"
+"""Arm of the same flights, tracked by the paper's low-pass."""
 WITHOUT: Final = "without_"
 """Beginning of the arms with the sigma of one cause zero, in truth and prior."""
 
@@ -58,6 +60,7 @@ GUSTS: Final = 0.15
 WANDER_PER_GUST_S: Final = 1.0 / 0.57
 """RMS of the mock's slow drift over the RMS of its rate: three sines with periods of 24, 11 and 6 s."""
 LEAST_PIXEL_NOISE_PX: Final = 0.05
+LOW_PASS: Final = ("tracking.filter", "lowpass")
 ARDUPILOT_DEFAULTS: Final = ("ATTITUDE", "LOCAL_POSITION_NED", "VFR_HUD", "SYS_STATUS", "RAW_IMU", "SERVO_OUTPUT_RAW")
 """Streams that the pipeline does not use: a simulated flight leaves them out."""
 NOISES: Final = ("pixel_noise_px", "attitude_noise_deg", "position_noise_m", "height_noise_m")
@@ -89,11 +92,11 @@ def draw_flight(plan: StudyPlan, index: int, arm: str = CONFIGURED) -> FlightDra
     """The flight with this index in an arm of a study."""
     varied = {each.key: each.drawn(_stream(plan, index, f"vary/{each.key}")) for each in plan.variations}
     more = tuple((key, toml_text(value)) for key, value in varied.items())
-    zeroed = tuple((f"uncertainty.{key}", "0.0") for key in _zeroed_keys(arm))
+    zeroed = _zeroed(arm)
     truth = plan.truth((*more, *zeroed))
     flown = _flown(plan, index, varied, truth)
     readout_s = _readout_s(plan, index, truth)
-    settings = plan.claim_settings((*more, *zeroed))
+    settings = plan.claim_settings((*more, *zeroed, *((LOW_PASS,) if arm == PAPER_FILTER else ())))
     if arm == f"{WITHOUT}readout":
         settings = (*settings, f"camera.readout_s={readout_s!r}")
     claim = plan.parsed(settings)
@@ -114,9 +117,11 @@ def draw_flight(plan: StudyPlan, index: int, arm: str = CONFIGURED) -> FlightDra
     return FlightDraw(index=index, arm=arm, varied=varied, flown=flown, request=request, settings=settings, claim=claim)
 
 
-def _zeroed_keys(arm: str) -> tuple[str, ...]:
-    """Keys of [uncertainty] that an arm sets to zero."""
-    return CAUSES[arm.removeprefix(WITHOUT)].keys if arm.startswith(WITHOUT) else ()
+def _zeroed(arm: str) -> tuple[tuple[str, str], ...]:
+    """Keys of [uncertainty] that an arm sets to zero, the noise of pixels to the least; with these values."""
+    keys = error_cause(arm.removeprefix(WITHOUT)).keys if arm.startswith(WITHOUT) else ()
+    least = {"pixel_noise_px": LEAST_PIXEL_NOISE_PX}
+    return tuple((f"uncertainty.{key}", repr(least.get(key, 0.0))) for key in keys)
 
 
 def _stream(plan: StudyPlan, index: int, quantity: str) -> Random:

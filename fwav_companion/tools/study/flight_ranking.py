@@ -6,8 +6,10 @@ from collections.abc import Sequence
 from statistics import fmean
 from typing import Final
 
-from fwav_companion.tools.study.flight_draw import CONFIGURED, TWICE, WITHOUT
+from fwav_companion.tools.study.causes import NOISES
+from fwav_companion.tools.study.flight_draw import CONFIGURED, PAPER_FILTER, TWICE, WITHOUT
 from fwav_companion.tools.study.flight_record import CAUSE_NAMES, FlightRecord
+from fwav_companion.tools.study.study_plan import StudyPlan
 
 PAIRED: Final = 40
 """Flights of each further arm: the first ones of the study, with the same draws but for one cause."""
@@ -37,8 +39,23 @@ def configured_tasks(flights: int) -> list[tuple[int, str]]:
     return [*((i, CONFIGURED) for i in range(flights)), *((i, TWICE) for i in range(further_flights(flights)))]
 
 
-def confirming_tasks(records: Sequence[FlightRecord], flights: int) -> list[tuple[int, str]]:
-    """The flights without the error of the first causes. The first flights alone rank: also where more are added."""
-    first = [record for record in records if record.index < further_flights(flights)]
-    arms = [f"{WITHOUT}{name}" for name, _ in ranked_causes(first)[:CONFIRMED_CAUSES]]
-    return [(i, arm) for arm in arms for i in range(further_flights(flights))]
+def confirming_arms(plan: StudyPlan, records: Sequence[FlightRecord]) -> list[str]:
+    """The arms without the error of the first causes. The first flights alone rank: also where more are added.
+
+    The paper's case has no lasting error: its arms are those without one of its noises, and that of its filter.
+    """
+    if plan.preset == "paper":
+        return [PAPER_FILTER, *(f"{WITHOUT}{name}" for name in NOISES)]
+    first = [record for record in records if record.index < further_flights(plan.flights)]
+    return [f"{WITHOUT}{name}" for name, _ in ranked_causes(first)[:CONFIRMED_CAUSES]]
+
+
+def confirming_flights(plan: StudyPlan) -> int:
+    """Number of flights in these arms, before any is flown."""
+    arms = len(confirming_arms(plan, [])) if plan.preset else CONFIRMED_CAUSES
+    return arms * further_flights(plan.flights)
+
+
+def confirming_tasks(plan: StudyPlan, records: Sequence[FlightRecord]) -> list[tuple[int, str]]:
+    """The flights of these arms."""
+    return [(i, arm) for arm in confirming_arms(plan, records) for i in range(further_flights(plan.flights))]

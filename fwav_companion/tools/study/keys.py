@@ -108,7 +108,7 @@ def require_key(key: str, option: str) -> None:
     bare = key.removeprefix(TRUTH).removeprefix(CLAIM)
     table, known = bare.partition(".")[0], known_keys()
     if bare not in known:
-        others = [*known, *(f"{FLIGHT}{name}" for name in FLIGHT_KEYS)]
+        others = [*(f"{FLIGHT}{name}" for name in FLIGHT_KEYS), *(each for each in known if each not in UNVARIED)]
         if table in hints_of(Document) and table not in TABLES:
             raise UserError(
                 f"{option}: {key}: [{table}] does not change a flight; accepted tables: {', '.join(TABLES)}"
@@ -167,7 +167,9 @@ def _nearest(name: str, known: Iterable[str], prefix: str) -> str:
         near = [key for key in known if key.rpartition(".")[2] == name.rpartition(".")[2]][:1]
     if near:
         return f'did you mean "{prefix}{near[0]}"?'
-    return f"accepted: {', '.join(prefix + key for key in known)}"
+    named = [prefix + key for key in known if prefix or key.startswith(FLIGHT)]
+    tables = "" if prefix else f", or a key of [{'], ['.join(TABLES)}], as uncertainty.mount_bias_deg"
+    return f"accepted: {', '.join(named)}{tables}"
 
 
 def _require_flight_value(key: str, value: Value, option: str) -> None:

@@ -40,7 +40,8 @@ def lines(comparisons: Sequence[MeasureComparison], names: Sequence[str]) -> Ite
         yield f"{measure.name}"
         for each in (each for each in comparisons if each.measure == measure):
             cells = cells_of(each, names)
-            setting, _, before, after, change, between, counts, p, verdict = cells
+            setting, _, before, after, change, between, _, p, verdict = cells
+            counts = f"{each.better} better, {each.worse} worse"
             yield f"  {setting}: {before} -> {after}, change {change} ({between}), {counts}, p {p}: {verdict}"
             for flight in each.got_worse[:MOST_NAMED]:
                 yield f"    worse: {flight.flight}: {shown(flight.before, measure)} -> {shown(flight.after, measure)}"
@@ -92,7 +93,7 @@ def settings_page(
         ]
         more = table(["setting", "got worse", "as recorded", "with the setting"], worse) if worse else ""
         title = f"{measure.name[0].upper()}{measure.name[1:]}"
-        sections.append(section(title, "", table(HEADS, body) + more))
+        sections.append(section(title, "", f'<div class="wrapped">{table(HEADS, body)}{more}</div>'))
     damaged = {record.flight: record.damage for record in records if record.damage}
     if damaged:
         body = [row([flight, why]) for flight, why in damaged.items()]

@@ -13,16 +13,18 @@ from fwav_companion.tools.study.answer_text import (
     calibration_words,
     cause_name,
     change_words,
+    columns,
     flights_words,
     interval,
     no_answer_words,
     rows,
     sentence,
 )
-from fwav_companion.tools.study.causes import CAUSES
+from fwav_companion.tools.study.causes import error_cause
 from fwav_companion.tools.study.conclusions import CauseAnswer, StudyAnswer, VariationAnswer
 from fwav_companion.tools.study.flight_draw import CONFIGURED, FALSE_DETECTIONS, TWICE
 from fwav_companion.tools.study.flight_record import FlightRecord
+from fwav_companion.tools.study.paper_preset import NOTES
 from fwav_companion.tools.study.record_file import Environment
 from fwav_companion.tools.study.study_charts import (
     claims_chart,
@@ -105,9 +107,10 @@ def _first_section(answer: StudyAnswer) -> str:
         "One sigma on the ground at the end of a flight, by cause: what the target's claim would lose if that error "
         "were exactly known. By the filter's own bias terms, over all flights."
     )
-    ranking = figure("The error budget at the end", bars, caption)
+    ranking = figure("The error budget at the end", bars, caption) if bars else ""
     again = f"<figure><h3>Flown again without it</h3>{_reruns(answer)}</figure>" if answer.confirmed else ""
-    return section("What to change first", "", f'<div class="two broad">{ranking}{again}</div>')
+    form = "two broad" if ranking and again else "one"
+    return section("What to change first", "", f'<div class="{form}">{ranking}{again}</div>')
 
 
 def _reruns(answer: StudyAnswer) -> str:
@@ -118,7 +121,7 @@ def _reruns(answer: StudyAnswer) -> str:
     )
     causes = "".join(
         f"<p><b>{escape(cause_name(each.name))}</b><br>{escape(_sentence(change_words(each)))}<br>"
-        f"To get there: {escape(CAUSES[each.name].remedy)}.</p>"
+        f"To get there: {escape(error_cause(each.name).remedy)}.</p>"
         for each in answer.confirmed
     )
     return f"<p>{words}</p>{causes}"
@@ -150,8 +153,8 @@ def _error_section(plan: StudyPlan, records: Sequence[FlightRecord], answer: Stu
     kinds = [("ours", "line", "as configured"), ("paper", "line", "every true sigma twice its prior")]
     drawn = distribution_chart(errors, _errors(records, TWICE))
     at_end = figure("At the end", drawn, key=key(kinds if answer.twice is not None else kinds[:1]))
-    heads = ["", "as configured", *(["every true sigma twice"] if answer.twice is not None else [])]
-    body = [row([name, *values]) for name, values in rows(answer.configured, answer.twice)]
+    heads = ["", *(name for name, _ in columns(answer))]
+    body = [row([name, *values]) for name, values in rows(answer)]
     words = "In brackets: 95 % intervals of these figures themselves, since the flights are a sample."
     if answer.twice is not None:
         words += " The last column is what a configuration costs that claims half of the true errors."
@@ -256,7 +259,8 @@ def _method_section(plan: StudyPlan, records: Sequence[FlightRecord], environmen
     wheels = ", ".join(f"{name} {version}" for name, version in environment.wheels.items())
     processors = ", ".join(environment.processors)
     foot = f"<footer><p>fwav-companion {__version__}; {escape(wheels)}; {escape(processors)}.</p></footer>"
-    return section("How this was computed", words, tables) + foot
+    notes = "".join(f"<p>{escape(note)}</p>" for note in (NOTES if plan.preset == "paper" else ()))
+    return section("How this was computed", words, notes + tables) + foot
 
 
 def _false_words(plan: StudyPlan) -> str:

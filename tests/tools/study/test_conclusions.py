@@ -83,7 +83,7 @@ def test_flights_without_an_answer_are_counted_by_their_reasons():
 def test_causes_are_ranked_and_the_first_two_are_flown_again():
     records = study(sigma=0.2)
     assert [name for name, _ in ranked_causes(records)] == ["mount", "position", "heading"]
-    tasks = confirming_tasks(records, FLIGHTS)
+    tasks = confirming_tasks(make_plan(flights=FLIGHTS), records)
     assert {arm for _, arm in tasks} == {"without_mount", "without_position"}
     assert sorted({index for index, _ in tasks}) == list(range(40))
 
@@ -172,7 +172,7 @@ def test_flights_that_did_not_calibrate_say_what_they_lacked():
 
 def test_causes_that_are_zero_are_not_flown_again():
     records = study(limits_m={"position": 1e-7, "mount": 0.0})
-    assert confirming_tasks(records, FLIGHTS) == []
+    assert confirming_tasks(make_plan(flights=FLIGHTS), records) == []
     assert "No lasting error limits it" in sentence(make_plan(), answer_of(make_plan(), records))
 
 

@@ -19,11 +19,14 @@ from fwav_companion.cli.main import main
 from fwav_companion.errors import UserError
 from fwav_companion.tools.study import cluster as cluster_module
 from fwav_companion.tools.study import engine
+from fwav_companion.tools.study.answer_text import lines
 from fwav_companion.tools.study.cluster import WorkersDiedError, decoded, workers
+from fwav_companion.tools.study.conclusions import answer_of
 from fwav_companion.tools.study.engine import run_study
 from fwav_companion.tools.study.flight_record import FlightRecord
 from fwav_companion.tools.study.flight_worker import FlightWorker, fly_on_worker
 from fwav_companion.tools.study.mock_process import MockError, MockProcess
+from fwav_companion.tools.study.paper_preset import paper_plan
 from fwav_companion.tools.study.record_file import FILE, JOURNAL, read_records
 
 
@@ -62,6 +65,18 @@ def test_a_study_flies_all_arms_and_writes_the_file(tmp_path):
     assert finished.is_complete
     assert not (tmp_path / JOURNAL).exists()
     assert read_records(tmp_path / FILE)[0] == finished.records
+
+
+def test_the_papers_case_flies_its_filter_and_each_of_its_noises(tmp_path):
+    progress = Quiet()
+    finished = run_study(paper_plan(6, 1, (), ()), tmp_path, InlineWorkers(invented), progress)
+    arms = {record.arm for record in finished.records}
+    noises = ("pixel_noise", "attitude_noise", "height_noise")
+    assert arms == {"configured", "twice", "paper_filter", *(f"without_{name}" for name in noises)}
+    assert progress.count == progress.total_flights == 36
+    answer = answer_of(finished.plan, finished.records)
+    assert {cause.name for cause in answer.confirmed} == set(noises)
+    assert "the paper's low-pass" in next(iter(lines(finished.plan, answer)))
 
 
 def test_what_an_interrupted_study_flew_is_kept_and_not_flown_again(tmp_path):
@@ -212,6 +227,9 @@ def site(tmp_path, monkeypatch):
         ("study --config c.toml --scheduler host:8786", "accepted: the address of a running Dask scheduler"),
         ("study --config c.toml --only x", "accepted: INDEX"),
         ("study --config c.toml --report-only", "study.parquet: No such file"),
+        ("study --preset paper --pattern orbit", "--preset paper has its own"),
+        ("study --preset paper --config c.toml", "--preset paper has its own"),
+        ("study --config c.toml --vary nonsense=1:2", "flight.height_m, "),
         ("study --recordings empty --set tracking.alpha=0.2", "no recorded flight in it"),
         ("study --recordings absent --set tracking.alpha=0.2", "not a folder"),
         ("study --recordings empty", "no setting to compare"),

@@ -6,8 +6,10 @@ import pytest
 from study_plans import fly, make_plan
 
 from fwav_companion.camera import BrownConrady
-from fwav_companion.tools.study.flight_draw import CONFIGURED, TWICE, draw_flight
+from fwav_companion.tools.study.causes import NOISES
+from fwav_companion.tools.study.flight_draw import CONFIGURED, PAPER_FILTER, TWICE, WITHOUT, draw_flight
 from fwav_companion.tools.study.keys import parse_setting, parse_variation
+from fwav_companion.tools.study.paper_preset import paper_plan
 from fwav_companion.tools.study.study_plan import PATTERNS, radial_lens
 from sitl_mock.arguments import with_settings
 from sitl_mock.draws import draw
@@ -46,6 +48,23 @@ def test_without_a_cause_all_other_errors_stay():
         ours.heading_deg, ours.time_offset_s, ours.readout_s,
     )  # fmt: skip
     assert draw_flight(plan, 0, "without_mount").claim.uncertainty.mount_bias_deg == 0.0
+
+
+def test_the_papers_filter_flies_the_same_flight():
+    plan = paper_plan(2, 1, (), ())
+    own, by_paper = draw_flight(plan, 1), draw_flight(plan, 1, PAPER_FILTER)
+    assert own.request == by_paper.request
+    assert (own.claim.tracking.filter, by_paper.claim.tracking.filter) == ("kalman", "lowpass")
+
+
+@pytest.mark.parametrize("name", NOISES)
+def test_without_one_of_the_papers_noises_the_others_stay(name):
+    plan = paper_plan(2, 1, (), ())
+    own, without = draw_flight(plan, 1), draw_flight(plan, 1, f"{WITHOUT}{name}")
+    (key,) = NOISES[name].keys
+    changed = {each for each, value in own.request["set"].items() if without.request["set"][each] != value}
+    assert changed == {f"priors.{key}"}
+    assert getattr(without.claim.uncertainty, key) == without.request["set"][f"priors.{key}"] <= 0.05
 
 
 def test_without_the_doubt_of_the_readout_the_replay_knows_it():
