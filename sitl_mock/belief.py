@@ -98,7 +98,8 @@ class Belief:
         return (p + x, q + y, r + z)
 
     def _fresh(self, sigma: float) -> float:
-        return self._noise.gauss(0.0, sigma) if sigma else 0.0
+        """A drawn noise; by cause a noise of zero takes its draw too, so that all others stay as they are."""
+        return self._noise.gauss(0.0, sigma) if sigma or self._o.noise_by_cause else 0.0
 
     def _signed(self, values: Vector) -> Vector:
         (roll, pitch, yaw), (x, y, z) = self._signs, values

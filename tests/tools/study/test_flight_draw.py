@@ -6,6 +6,7 @@ import pytest
 from study_plans import fly, make_plan
 
 from fwav_companion.camera import BrownConrady
+from fwav_companion.replay import read_telemetry
 from fwav_companion.tools.study.causes import NOISES
 from fwav_companion.tools.study.flight_draw import CONFIGURED, PAPER_FILTER, TWICE, WITHOUT, draw_flight
 from fwav_companion.tools.study.keys import parse_setting, parse_variation
@@ -65,6 +66,21 @@ def test_without_one_of_the_papers_noises_the_others_stay(name):
     changed = {each for each, value in own.request["set"].items() if without.request["set"][each] != value}
     assert changed == {f"priors.{key}"}
     assert getattr(without.claim.uncertainty, key) == without.request["set"][f"priors.{key}"] <= 0.05
+
+
+def test_without_the_noise_of_the_attitude_positions_and_heights_are_the_same():
+    """Messages that the pipeline needs no attitude for are equal, byte for byte."""
+    plan = msgspec.structs.replace(paper_plan(2, 1, (), ()), seconds=3.0)
+    own, without = (
+        read_telemetry(fly(draw_flight(plan, 1, arm).request).telemetry).messages
+        for arm in (CONFIGURED, f"{WITHOUT}attitude_noise")
+    )
+    positions = [
+        [(m.fields.lat, m.fields.lon, m.fields.relative_alt) for _, m in messages if m.name == "GLOBAL_POSITION_INT"]
+        for messages in (own, without)
+    ]
+    assert len(positions[0]) > 20
+    assert positions[0] == positions[1]
 
 
 def test_without_the_doubt_of_the_readout_the_replay_knows_it():
