@@ -112,6 +112,11 @@ class Config(Document, frozen=True, kw_only=True):
         return Path(self.file).parent / path
 
     @property
+    def status_path(self) -> Path | None:
+        """The path of the status file; None: in a runtime directory."""
+        return self.resolve(self.status.file) if self.status.file else None
+
+    @property
     def calibration_path(self) -> Path:
         """The path of the camera file. ConfigError where the file names none: pixels cannot be localized."""
         if not self.camera.calibration:

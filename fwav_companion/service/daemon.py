@@ -115,7 +115,7 @@ class Service:
         self._outbox = Outbox(
             self._node, self._links, map_link=self._map_link, journal=self._journal, on_fault=self._on_fault
         )
-        self._status_file = LatestFile(status_paths(config.status.file), warn, outlives_us=False)
+        self._status_file = LatestFile(status_paths(config.status_path), warn, outlives_us=False)
         self._status = StatusReport(
             config,
             self._clock,

@@ -16,10 +16,10 @@ STATE_MODE = 0o640
 """The state is for the service and its group."""
 
 
-def status_paths(configured: str, environment: Mapping[str, str] = os.environ) -> list[Path]:
+def status_paths(configured: Path | None, environment: Mapping[str, str] = os.environ) -> list[Path]:
     """Candidate paths of the status file, in order: the configured one, otherwise in a runtime directory."""
-    if configured:
-        return [Path(configured)]
+    if configured is not None:
+        return [configured]
     folders = [Path("/run/fwav-companion")]
     if environment.get("RUNTIME_DIRECTORY"):
         folders.insert(0, Path(environment["RUNTIME_DIRECTORY"].partition(":")[0]))

@@ -5,11 +5,20 @@ import inspect
 import math
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from fwav_companion.config import READOUT_SIGMA_UNKNOWN_S, MountConfig, document, estimation, inputs, parse
+from fwav_companion.config import (
+    READOUT_SIGMA_UNKNOWN_S,
+    MountConfig,
+    StatusConfig,
+    document,
+    estimation,
+    inputs,
+    parse,
+)
 from fwav_companion.config.document import Document
 from fwav_companion.errors import ConfigError
 from fwav_companion.publishing import options as publishing_options
@@ -126,6 +135,9 @@ def test_paths_count_from_the_file():
     config = parse('[camera]\ncalibration = "lens/camera.yaml"\n', "/etc/fwav/f.toml")
     assert config.calibration_path == Path("/etc/fwav/lens/camera.yaml")
     assert config.resolve("/abs/x") == Path("/abs/x")
+    assert config.status_path is None
+    named = msgspec.structs.replace(config, status=StatusConfig(file="run/status.json"))
+    assert named.status_path == Path("/etc/fwav/run/status.json")
 
 
 def test_what_one_command_needs_and_another_does_not():

@@ -94,14 +94,14 @@ def test_where_nothing_can_be_written_that_is_reported_once(tmp_path):
 
 
 def test_where_the_status_may_lie():
-    assert status_paths("/tmp/here.json", {}) == [Path("/tmp/here.json")]
+    assert status_paths(Path("/tmp/here.json"), {}) == [Path("/tmp/here.json")]
     everything = {"RUNTIME_DIRECTORY": "/run/fwav:/run/other", "XDG_RUNTIME_DIR": "/run/user/7"}
-    assert status_paths("", everything) == [
+    assert status_paths(None, everything) == [
         Path("/run/fwav/status.json"),
         Path("/run/fwav-companion/status.json"),
         Path("/run/user/7/fwav-companion/status.json"),
     ]
-    assert status_paths("", {}) == [Path("/run/fwav-companion/status.json")]
+    assert status_paths(None, {}) == [Path("/run/fwav-companion/status.json")]
 
 
 def test_where_state_is_kept():

@@ -69,7 +69,7 @@ def load_files(config: Config) -> tuple[Files, bytes | None]:
 
 def running_status(config: Config) -> HeardStatus | None:
     """Return the freshest status of a service that runs with this configuration; None if none runs."""
-    found = [status for path in status_paths(config.status.file) if (status := _status_of(path, config)) is not None]
+    found = [status for path in status_paths(config.status_path) if (status := _status_of(path, config)) is not None]
     return max(found, key=lambda status: status.typed.time_monotonic, default=None)
 
 
