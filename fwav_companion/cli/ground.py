@@ -29,6 +29,8 @@ EXAMPLES = """examples:
     fwav-companion ground --fleet survey --connect tls/router.example.org:7447 --fleet-config zenoh.json5
   on the board, with all tracks and what `check` says:
     fwav-companion ground --status /run/fwav-companion/status.json
+  the same from a laptop, where the board serves this file:
+    fwav-companion ground --status http://192.168.1.20:8081/status.json --config fwav-companion.toml
   a recorded flight, ten times as fast:
     fwav-companion ground --replay targets.jsonl --speed 10"""
 
@@ -62,6 +64,7 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
     add("--fleet-config", metavar="FILE", help="Zenoh configuration: TLS, access control")
     add("--cot", metavar="URL", help="send the targets as Cursor on Target, as udpout://239.2.3.1:6969")
     add("--status", metavar="FILE|URL", help="status of `run`: all its tracks, and what `check` says")
+    add("--config", metavar="FILE", help="configuration of that `run`; for a URL, what `check` says needs it")
     add("--replay", metavar="T.jsonl", help="play a targets file, or a recording of --record")
     add("--speed", metavar="N", type=float, default=1.0, help="speed of --replay, 1 to 20; default %(default)g")
     add("--record", metavar="DIR", help="record the picture into this folder")

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 from fwav_companion.errors import UserError
@@ -12,10 +13,13 @@ from fwav_companion.fleet.options import FLEET_NAME
 from fwav_companion.libraries import require
 
 if TYPE_CHECKING:
+    from fwav_companion.config import Config
     from fwav_companion.ground.ground_process import PictureInput
     from fwav_companion.ground.picture import GroundPicture
+    from fwav_companion.tools.doctor.finding import Finding
     from fwav_companion.types.status import RunStatus
 
+WITHOUT_CONFIG = "NOTE: what `check` says needs --config FILE, a copy of that service's configuration"
 SPEEDS = (1.0, 20.0)
 
 
@@ -36,9 +40,10 @@ def make_inputs(
         from fwav_companion.ground.status_reader import StatusReader
         from fwav_companion.tools.doctor.run_status import run_status
 
-        # The configuration of a service on another machine is not here.
-        judge = judged if not arguments.status.startswith(("http://", "https://")) else lambda _status: ()
+        judge = _judge(arguments.status, arguments.config)
         inputs.append(StatusReader(arguments.status, picture, clock=clock, understand=run_status, judge=judge))
+    elif arguments.config is not None:
+        raise UserError("--config: accepted: with --status, the configuration of that service")
     if arguments.fleet is not None:
         inputs.append(_fleet(arguments, picture, clock))
     if not inputs:
@@ -87,21 +92,55 @@ def _replayed(arguments: argparse.Namespace, picture: GroundPicture) -> tuple[li
     return [reader], reader.now
 
 
+def _judge(where: str, config_file: str | None) -> Callable[[RunStatus], tuple[str, ...]]:
+    """What `check` says: on this board by its files too; of a service elsewhere by its status and a configuration."""
+    is_elsewhere = where.startswith(("http://", "https://"))
+    if config_file is not None:
+        from fwav_companion.config import load
+
+        return partial(judged_elsewhere if is_elsewhere else judged_here, load(config_file))
+    if is_elsewhere:
+        return lambda _status: (WITHOUT_CONFIG,)
+    return judged
+
+
 def judged(status: RunStatus) -> tuple[str, ...]:
     """What `check` says of the service on this board; one line where its configuration cannot be read here."""
     from fwav_companion.config import load
+
+    try:
+        return judged_here(load(status.config_path), status)
+    except (UserError, OSError):
+        return ("check: its configuration cannot be read here",)
+
+
+def judged_here(config: Config, status: RunStatus) -> tuple[str, ...]:
+    """What `check` says of the service on this board."""
     from fwav_companion.tools.doctor.board import Probe
     from fwav_companion.tools.doctor.evidence import Evidence
     from fwav_companion.tools.doctor.examination import examine
-    from fwav_companion.tools.doctor.finding import by_level
     from fwav_companion.tools.doctor.gathering import load_files
 
-    try:
-        config = load(status.config_path)
-        files, _ = load_files(config)
-    except (UserError, OSError):
-        return ("check: its configuration cannot be read here",)
+    files, _ = load_files(config)
     unopened = {name: link.why for name, link in status.links.items() if link.state == "down"}
     board = Probe().board(config, unopened | {"detections": status.intake.why})
-    findings = by_level(examine(Evidence(config=config, board=board, files=files, status=status)))
-    return tuple(f"{finding.level}: {finding.problem}. {finding.fix}" for finding in findings)
+    return _lines(examine(Evidence(config=config, board=board, files=files, status=status)))
+
+
+def judged_elsewhere(config: Config, status: RunStatus) -> tuple[str, ...]:
+    """What `check` says of a service on another machine: by its status alone."""
+    from fwav_companion.tools.doctor.evidence import Board, Evidence
+    from fwav_companion.tools.doctor.examination import examine
+    from fwav_companion.tools.doctor.gathering import load_files
+
+    files, _ = load_files(config)
+    said = _lines(examine(Evidence(config=config, board=Board(), files=files, status=status), elsewhere=True))
+    if files.calibration_error:
+        said += (f"NOTE: {files.calibration_error}. What `check` says of the camera is left out",)
+    return said
+
+
+def _lines(findings: Sequence[Finding]) -> tuple[str, ...]:
+    from fwav_companion.tools.doctor.finding import by_level
+
+    return tuple(f"{finding.level}: {finding.problem}. {finding.fix}" for finding in by_level(findings))

@@ -86,7 +86,10 @@ class StatusReader:
         timeout = aiohttp.ClientTimeout(total=TIMEOUT_S)
         async with aiohttp.ClientSession(timeout=timeout) as session, session.get(self._where) as answer:
             answer.raise_for_status()
-            return await answer.content.read(MAX_BYTES)
+            content = bytearray()
+            while len(content) < MAX_BYTES and (chunk := await answer.content.read(MAX_BYTES)):  # as they come
+                content += chunk
+            return bytes(content[:MAX_BYTES])
 
     async def _take(self, status: RunStatus) -> None:
         now = self._clock()
@@ -94,12 +97,14 @@ class StatusReader:
             self._newest, self._changed_unix = status.time_monotonic, now
         stale = now > self._changed_unix + STALE_S
         text = f"not rewritten for {now - self._changed_unix:.0f} s: is the service running?" if stale else "read"
+        if not stale and now >= self._judged_unix + CHECK_PERIOD_S:
+            self._judged_unix = now
+            self._checks = (await asyncio.to_thread(self._judge, status))[:MAX_CHECKS]
+        if status.autopilot is None and not stale:  # there is no vehicle yet that could show what `check` says
+            text = f"read, no autopilot yet. {'; '.join(self._checks[:1])}".strip()
         self._picture.on_source(self._where, works=not stale, text=text)
         if status.autopilot is None or stale:
             return
-        if now >= self._judged_unix + CHECK_PERIOD_S:
-            self._judged_unix = now
-            self._checks = (await asyncio.to_thread(self._judge, status))[:MAX_CHECKS]
         vehicle = str(status.autopilot.system)
         self._picture.on_vehicle(vehicle, now, checks=self._checks, armed=status.autopilot.armed)
         if status.footprint:

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import json
+import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from math import cos, radians
 
 import msgspec
@@ -13,6 +17,7 @@ from processes import process
 
 pytest.importorskip("aiohttp")
 
+from fwav_companion.cli.ground_inputs import WITHOUT_CONFIG, _judge
 from fwav_companion.errors import InputFileError
 from fwav_companion.geometry.ellipses import circle_radius
 from fwav_companion.ground.picture import GroundPicture
@@ -98,12 +103,15 @@ def status_file(path, **changes) -> str:
     return str(path)
 
 
-def read_status(path: str, picture: GroundPicture, wanted) -> None:
+def slow(_status: RunStatus) -> tuple[str, ...]:
+    return ("WARNING: slow",)
+
+
+def read_status(path: str, picture: GroundPicture, wanted, judge=slow) -> None:
     """Read the status until the condition is met."""
 
     async def read() -> None:
-        reader = StatusReader(path, picture, clock=time.time, understand=run_status,
-                              judge=lambda _status: ("WARNING: slow",))  # fmt: skip
+        reader = StatusReader(path, picture, clock=time.time, understand=run_status, judge=judge)
         reader.start()
         async with asyncio.timeout(30.0):
             while not wanted():  # noqa: ASYNC110  # the picture has no event
@@ -125,6 +133,68 @@ def test_the_status_brings_all_tracks_and_what_check_says(tmp_path):
     read_status(path, picture, lambda: not picture.targets)
 
 
+@contextmanager
+def served(content: bytes) -> Iterator[str]:
+    """URL at which a server sends these bytes in two pieces, as a network does."""
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            self.send_response(200)
+            self.send_header("Content-Length", str(len(content)))
+            self.end_headers()
+            self.wfile.write(content[:20])
+            time.sleep(0.05)  # two packets, not one
+            self.wfile.write(content[20:])
+
+        def log_message(self, *words: object) -> None:
+            """Nothing."""
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        try:
+            yield f"http://127.0.0.1:{server.server_port}/status.json"
+        finally:
+            server.shutdown()
+            thread.join()
+
+
+CONFIG = """
+[[link]]
+name = "autopilot"
+url = "serial:///dev/nowhere:921600"
+role = "autopilot"
+[camera]
+calibration = "camera.yaml"
+"""
+
+
+def test_a_status_on_another_machine_is_judged_by_a_copy_of_its_configuration(tmp_path):
+    """By the status alone: this machine's ports and files say nothing of that one."""
+    (tmp_path / "c.toml").write_text(CONFIG)
+    status_file(tmp_path / "status.json", internal_faults=2, up_s=60.0)
+    picture = GroundPicture()
+    with served((tmp_path / "status.json").read_bytes()) as url:
+        read_status(url, picture, lambda: picture.targets, _judge(url, str(tmp_path / "c.toml")))
+        checks = picture.vehicles["3"].checks
+        assert any(line.startswith("WARNING: internal errors of the service: 2") for line in checks)
+        assert not any("/dev/nowhere" in line for line in checks), "that port is on the other machine"
+        assert any(line.startswith("NOTE: ") and "camera.yaml" in line for line in checks)
+
+        without = GroundPicture()
+        read_status(url, without, lambda: without.targets, _judge(url, None))
+        assert without.vehicles["3"].checks == (WITHOUT_CONFIG,)
+
+
+def test_before_an_autopilot_is_heard_the_source_shows_what_check_says(tmp_path):
+    picture = GroundPicture()
+    path = status_file(tmp_path / "status.json", autopilot=None)
+    read_status(path, picture, lambda: picture.update_since(0, 0.0).sources)
+    (source,) = picture.update_since(0, 0.0).sources
+    assert source.works
+    assert source.text == "read, no autopilot yet. WARNING: slow"
+
+
 @pytest.mark.parametrize("content", [None, b"{", b'{"tracks": 3}'])
 def test_a_status_that_cannot_be_read_is_reported(tmp_path, content):
     picture = GroundPicture()
@@ -137,7 +207,8 @@ def test_a_status_that_cannot_be_read_is_reported(tmp_path, content):
 @pytest.mark.parametrize(
     "words", [[], ["--replay", "absent.jsonl"], ["--replay", "t.jsonl", "--speed", "21"], ["--link", "nothing"],
               ["--link", "udpin://127.0.0.1:1", "--http", "8080"], ["--replay", "t.jsonl", "--link", "udpin://h:1"],
-              ["--tiles", "absent", "--link", "udpin://127.0.0.1:14999"]],
+              ["--link", "udpin://127.0.0.1:1", "--config", "c.toml"],
+              ["--status", "http://127.0.0.1:1/", "--config", "absent.toml"], ["--tiles", "absent", "--link", "udpin://127.0.0.1:14999"]],
 )  # fmt: skip
 def test_wrong_arguments_are_one_line(tmp_path, words, capsys, monkeypatch):
     from fwav_companion.__main__ import main

@@ -55,8 +55,9 @@ def test_every_command_is_of_the_readme_or_marked_as_needing_hardware(page):
         for line in text.replace("\\\n", " ").splitlines():
             assert above != README or line in readme
             words = shlex.split(line, comments=True)
-            if not above.startswith(README) and any(word.endswith("fwav-companion") for word in words):
-                after = words[next(k for k, word in enumerate(words) if word.endswith("fwav-companion")) + 1 :]
+            at = [k for k, word in enumerate(words) if word == "fwav-companion" or word.endswith("/bin/fwav-companion")]
+            if not above.startswith(README) and at:
+                after = words[at[0] + 1 :]
                 if words[0] in {"journalctl", "systemctl"} or "systemctl" in words:
                     continue
                 assert after[0] in commands, line

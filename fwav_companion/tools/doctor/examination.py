@@ -32,9 +32,12 @@ FROM_STATUS = (
 )
 
 
-def examine(evidence: Evidence) -> list[Finding]:
-    """Return the root findings, the worst first, each with what follows from it."""
-    findings = [finding for topic in FROM_FILES for finding in topic(evidence)]
+def examine(evidence: Evidence, *, elsewhere: bool = False) -> list[Finding]:
+    """Return the root findings, the worst first, each with what follows from it.
+
+    ``elsewhere``: the service runs on another machine, so that this one's ports, disks and files say nothing of it.
+    """
+    findings = [] if elsewhere else [finding for topic in FROM_FILES for finding in topic(evidence)]
     if evidence.status is not None:
         findings += [finding for topic in FROM_STATUS for finding in topic(evidence, evidence.status)]
         findings += _not_judged(evidence.status)
