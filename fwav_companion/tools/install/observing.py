@@ -5,7 +5,8 @@ from __future__ import annotations
 import shutil
 import struct
 import sysconfig
-from pathlib import Path
+from os.path import normpath
+from pathlib import Path, PurePosixPath
 
 import msgspec
 
@@ -14,6 +15,7 @@ from fwav_companion.tools.install.source import is_environment_name
 from fwav_companion.tools.install.system import (
     BOOT_FOLDERS,
     CAMERA_FILE,
+    COMMAND,
     CONFIGURATION,
     ENVIRONMENT,
     HOME,
@@ -55,6 +57,7 @@ def observed(root: Path) -> System:
         environment=link.name if is_folder else _target(link),
         environment_is_folder=is_folder,
         environments=tuple(names),
+        command=_pointed(below(root, COMMAND), COMMAND),
         installed=_installed(texts.get(RECORD)),
         model=model if "Raspberry Pi" in model else "",
         has_systemd=shutil.which("systemctl") is not None and Path("/run/systemd/system").is_dir(),
@@ -81,6 +84,13 @@ def _target(link: Path) -> str:
         return ""
     name = link.readlink().name
     return name if (link.parent / name).is_dir() else ""
+
+
+def _pointed(link: Path, path: str) -> str | None:
+    """Return the path on the board that the link points to, "" where it is a file; None where there is neither."""
+    if link.is_symlink():
+        return normpath(PurePosixPath(path).parent / link.readlink())
+    return "" if link.exists() else None
 
 
 def _installed(record: str | None) -> Installed | None:

@@ -24,10 +24,12 @@ from fwav_companion.tools.install.steps import (
 from fwav_companion.tools.install.system import (
     BOOT_FOLDERS,
     CAMERA_FILE,
+    COMMAND,
     CONFIGURATION,
     ENVIRONMENT,
     HOME,
     NETWORK_DROP_IN,
+    PROGRAM,
     RECORD,
     SERVICE,
     UDEV_RULES,
@@ -63,7 +65,7 @@ def plan(system: System, source: Package, request: Request) -> list[Step]:
     else:
         written += _network(system, source, config)
     environment = list(_environment(system, source, request, config))
-    steps: list[Step] = [*_user(system), *environment, *written]
+    steps: list[Step] = [*_user(system), *environment, *_command(system), *written]
     changed = any(isinstance(step, WriteFile | RemovePath | MakeEnvironment) for step in steps)
     steps += _service(system, steps, changed=changed)
     if not isinstance(config, ConfigError):
@@ -177,13 +179,22 @@ def _encoded(installed: Installed) -> str:
     return msgspec.json.format(msgspec.json.encode(installed), indent=1).decode() + "\n"
 
 
+def _command(system: System) -> Iterator[Step]:
+    """Yield the link by which every shell finds the program; a file of that name that is not ours stays."""
+    if system.command is None:
+        yield PointLink(path=COMMAND, target=PROGRAM)
+    elif system.command != PROGRAM:
+        yield Remark(text=f"{COMMAND} is yours: left as it is; the service's own program is {PROGRAM}")
+
+
 # The service.
 
 
 def _service(system: System, steps: list[Step], *, changed: bool) -> Iterator[Step]:
     """Yield what makes systemd and udev take the changes; a root that does not run gets the link of `enable` alone."""
     if not changed:
-        yield Remark(text="all of it is there already")
+        if all(isinstance(step, Remark) for step in steps):
+            yield Remark(text="all of it is there already")
         return
     if not system.is_running_system or not system.has_systemd:
         yield PointLink(path=f"/etc/systemd/system/multi-user.target.wants/{SERVICE}.service", target=UNIT)
@@ -224,6 +235,8 @@ def _uninstall(system: System) -> Iterator[Step]:
     wanted_by = f"/etc/systemd/system/multi-user.target.wants/{SERVICE}.service"
     for path in (wanted_by, NETWORK_DROP_IN, NETWORK_DROP_IN.rpartition("/")[0], UNIT, UDEV_RULES, USERS, HOME):
         yield RemovePath(path=path)
+    if system.command == PROGRAM:
+        yield RemovePath(path=COMMAND)
     if system.is_running_system and system.has_systemd:
         yield RELOAD_UNITS
     yield Remark(text=f"left: {CONFIGURATION}, /var/lib/{SERVICE} and the user {SERVICE}")

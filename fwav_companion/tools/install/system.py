@@ -10,6 +10,9 @@ SERVICE: Final = "fwav-companion"
 HOME: Final = "/opt/fwav-companion"
 ENVIRONMENT: Final = f"{HOME}/venv"
 """Symbolic link to the environment in use; the unit's ExecStart goes through it."""
+PROGRAM: Final = f"{ENVIRONMENT}/bin/{SERVICE}"
+COMMAND: Final = f"/usr/local/bin/{SERVICE}"
+"""Symbolic link to PROGRAM: the command in every user's shell."""
 CONFIGURATION_FOLDER: Final = "/etc/fwav-companion"
 CONFIGURATION: Final = f"{CONFIGURATION_FOLDER}/fwav-companion.toml"
 CAMERA_FILE: Final = f"{CONFIGURATION_FOLDER}/camera.yaml"
@@ -88,6 +91,8 @@ class System(msgspec.Struct, frozen=True, kw_only=True):
     """Whether ENVIRONMENT is a folder, as made by hand, in place of a symbolic link."""
     environments: tuple[str, ...] = ()
     """Names of all environments below HOME, the one in use included."""
+    command: str | None = None
+    """Where COMMAND points to, "" where it is a file; None where there is no such path."""
     installed: Installed | None = None
     model: str = ""
     """Of a Raspberry Pi; "" elsewhere."""

@@ -171,11 +171,14 @@ def test_another_user_than_root_installs_into_a_folder(tmp_path: Path, monkeypat
     assert main(["install", "--root", str(tmp_path)]) == 0
     first = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*") if path.is_file()}
     commands.ran.clear()
+    command = tmp_path / "usr" / "local" / "bin" / "fwav-companion"
+    assert command.readlink() == Path("../../../opt/fwav-companion/venv/bin/fwav-companion")
     assert main(["install", "--root", str(tmp_path)]) == 0
     assert commands.ran == [], "the second run changes nothing"
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*") if path.is_file()} == first
     assert main(["install", "--root", str(tmp_path), "--uninstall"]) == 0
     left = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
+    assert not command.is_symlink()
     assert left == {"etc/fwav-companion/fwav-companion.toml", "etc/fwav-companion/camera.yaml"}
 
 

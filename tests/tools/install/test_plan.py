@@ -20,10 +20,12 @@ from fwav_companion.tools.install.steps import (
 )
 from fwav_companion.tools.install.system import (
     CAMERA_FILE,
+    COMMAND,
     CONFIGURATION,
     ENVIRONMENT,
     HOME,
     NETWORK_DROP_IN,
+    PROGRAM,
     UDEV_RULES,
     UNIT,
     USERS,
@@ -68,7 +70,7 @@ def done(steps: list[Step], system: System) -> System:
     name = made.path.rpartition("/")[2]
     return System(
         platform=system.platform, texts=texts, environment=name, environments=(name,), installed=installed,
-        model=system.model,
+        model=system.model, command=PROGRAM,
     )  # fmt: skip
 
 
@@ -78,7 +80,9 @@ EMPTY = System(platform=ARM64)
 def test_a_fresh_board_gets_everything_and_the_second_run_changes_nothing():
     steps = plan(EMPTY, SOURCE, Request())
     assert set(written(steps)) >= {USERS, UNIT, UDEV_RULES, CONFIGURATION, CAMERA_FILE}
-    assert kinds(steps, PointLink) == [PointLink(path=ENVIRONMENT, target=f"{HOME}/venv-1")]
+    assert kinds(steps, PointLink) == [
+        PointLink(path=ENVIRONMENT, target=f"{HOME}/venv-1"), PointLink(path=COMMAND, target=PROGRAM),
+    ]  # fmt: skip
     assert kinds(steps, Run)[0].command == ("systemd-sysusers", "fwav-companion.conf")
     assert kinds(steps, AwaitHeartbeat) == [AwaitHeartbeat()], "nothing to go back to"
     assert {type(step) for step in plan(done(steps, EMPTY), SOURCE, Request())} == {Remark}
@@ -143,7 +147,7 @@ def test_an_environment_made_by_hand_is_kept_behind_a_link():
     system = System(platform=ARM64, environment="venv", environment_is_folder=True)
     steps = plan(system, SOURCE, Request())
     (renamed,) = kinds(steps, RenamePath)
-    first, last = kinds(steps, PointLink)
+    first, last, _ = kinds(steps, PointLink)
     assert (first.target, last.target) == (renamed.to, f"{HOME}/venv-1")
     (wait,) = kinds(steps, AwaitHeartbeat)
     assert wait.otherwise[0] == PointLink(path=ENVIRONMENT, target=renamed.to)
@@ -215,6 +219,21 @@ def test_uninstall_leaves_configuration_and_recordings():
     removed = {step.path for step in kinds(steps, RemovePath)}
     assert {UNIT, UDEV_RULES, USERS, HOME} <= removed
     assert not any(path.startswith(("/etc/fwav-companion", "/var")) for path in removed)
+
+
+@pytest.mark.parametrize("there", ["", "/home/pi/fwav/bin/fwav-companion"])
+def test_a_command_of_that_name_that_is_not_ours_is_left_alone(there: str):
+    system = System(platform=ARM64, command=there)
+    steps = plan(system, SOURCE, Request())
+    assert COMMAND not in {step.path for step in kinds(steps, PointLink)}
+    assert any(step.text.startswith(f"{COMMAND} is yours") for step in kinds(steps, Remark))
+    assert COMMAND not in {step.path for step in kinds(plan(system, SOURCE, Request(uninstall=True)), RemovePath)}
+
+
+def test_the_command_goes_with_the_program():
+    there = done(plan(EMPTY, SOURCE, Request()), EMPTY)
+    removed = {step.path for step in kinds(plan(there, SOURCE, Request(uninstall=True)), RemovePath)}
+    assert COMMAND in removed
 
 
 def test_the_source_is_this_checkout():
