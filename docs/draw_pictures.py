@@ -38,7 +38,7 @@ def draw(report: Path, folder: Path) -> None:
 
 
 def _screenshot(html: str, path: Path) -> None:
-    """Render the page, and crop the empty space above and below; 256 colours keep the file small."""
+    """Render the page, and crop the empty space above and below."""
     browser = next(filter(None, map(which, BROWSERS)), None)
     if browser is None:
         sys.exit(f"no browser found: install one of {', '.join(BROWSERS)}")
@@ -57,9 +57,7 @@ def _screenshot(html: str, path: Path) -> None:
         drawn = Image.open(picture).convert("RGB")
     background = Image.new("RGB", drawn.size, drawn.getpixel((0, TALLEST - 1)))
     box = ImageChops.difference(drawn, background).getbbox() or (0, 0, WIDTH, TALLEST)
-    drawn.crop((0, max(0, box[1] - MARGIN), WIDTH, min(TALLEST, box[3] + MARGIN))).quantize(256).save(
-        path, optimize=True
-    )
+    drawn.crop((0, max(0, box[1] - MARGIN), WIDTH, min(TALLEST, box[3] + MARGIN))).save(path, optimize=True)
 
 
 if __name__ == "__main__":

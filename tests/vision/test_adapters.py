@@ -7,6 +7,7 @@ import time
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -30,6 +31,9 @@ class Request:
     def make_array(self, name):
         assert self.held
         return np.zeros(self.shape[name], np.uint8)
+
+    def save(self, name, path):
+        cv2.imwrite(path, self.make_array(name))
 
     def release(self):
         self.held = False
@@ -62,6 +66,9 @@ class Picamera2:
 
     def capture_request(self):
         return Request(self.shape)
+
+    def close(self):
+        self.started = False
 
     def capture_metadata(self):
         return metadata()
@@ -153,3 +160,14 @@ def test_what_they_find_arrives_with_the_time_of_its_exposure(modules, tmp_path,
     assert (detection.u, detection.v) == pytest.approx((119.5, 119.5), abs=1e-3)
     assert detection.box == pytest.approx((99.5, 59.5, 139.5, 179.5), abs=1e-3)
     assert (detection.label, detection.score) == ("car", pytest.approx(0.9))
+
+
+def test_pictures_of_a_board_have_the_size_of_the_flight(modules, tmp_path, monkeypatch):
+    spec = importlib.util.spec_from_file_location("pictures_of_a_board", EXAMPLES / "pictures_of_a_board.py")
+    example = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(example)
+    monkeypatch.setattr(example, "STEP_S", 0.0)
+    example.take((640, 480), tmp_path / "pictures", 3)
+    names = sorted(path.name for path in (tmp_path / "pictures").iterdir())
+    assert names == ["000.png", "001.png", "002.png"]
+    assert cv2.imread(str(tmp_path / "pictures" / "002.png")).shape == (480, 640, 3)

@@ -22,6 +22,9 @@ export class PictureMap {
     });
     this.map.attributionControl.setPrefix("Leaflet");
     this.map.createPane("graticule").style.zIndex = 250;
+    const vehicles = this.map.createPane("vehicles");  // above the names of targets and of the point (Leaflet's 650)
+    vehicles.style.zIndex = 660;
+    vehicles.style.pointerEvents = "none";
     L.control.scale({ imperial: false, maxWidth: 160 }).addTo(this.map);
     this.graticule = new Graticule(START).addTo(this.map);
     this.onTarget = onTarget;
@@ -145,7 +148,7 @@ export class PictureMap {
         shape,
         footprint: L.polygon([], { weight: 1, fillOpacity: 0.08, interactive: false }).addTo(this.map),
         path: L.polyline([], { weight: 2, opacity: 0.7, interactive: false }).addTo(this.map),
-        arrow: L.marker(place, { icon, interactive: false }).addTo(this.map)
+        arrow: L.marker(place, { icon, interactive: false, pane: "vehicles" }).addTo(this.map)
           .bindTooltip(text(id), { permanent: true, direction: "bottom", offset: [0, 10], className: "name" }),
       };
       this.vehicles.set(id, marks);
