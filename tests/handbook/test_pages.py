@@ -104,3 +104,12 @@ def test_the_detector_of_the_guide_sends_what_the_service_accepts():
         frame = parse_frame(port.recv(65536), arrival_ns, wall_clock)
     assert isinstance(frame, Frame)
     assert [(each.u, each.v, each.label) for each in frame.detections] == [(312.4, 201.9, "person")]
+
+
+def test_every_fault_of_the_architecture_names_its_test():
+    rows = re.findall(
+        r"^\| ([^|]+) \| `([\w/]+\.py)` `(test_\w+)` \|$", (ROOT / "ARCHITECTURE.md").read_text(), re.MULTILINE
+    )
+    assert len(rows) > 30
+    for fault, file, name in rows:
+        assert f"def {name}(" in (ROOT / "tests" / file).read_text(encoding="utf-8"), fault
