@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
-"""Redraws docs/report.png and docs/self-calibration.png from the report of a demonstration, with headless Chromium.
+"""Redraws docs/report.png and docs/self-calibration.png from the report of a demonstration, or docs/study.png.
 
-``.venv/bin/fwav-companion demo && .venv/bin/python docs/draw_pictures.py demo-out/report.html``
+``.venv/bin/fwav-companion demo && .venv/bin/python docs/draw_pictures.py demo-out/report.html``, or the same with the
+report of ``study --vary flight.height_m=5:40``, in headless Chromium.
 
 It needs Chromium and Pillow, which the extra ``[demo]`` brings with matplotlib. docs/calibration.png is the figure that
 ``calibrate --report`` writes.
@@ -25,16 +26,23 @@ MARGIN = 24
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 
 
+DEMO = {
+    "report.png": r'<main>(.*?<section class="two">.*?</section>)',
+    "self-calibration.png": r'(<div class="chapter">.*?</section></div>)',
+}
+STUDY = {"study.png": r"<main>(.*?What to change first.*?</section>)"}
+"""Part of the page that each picture shows."""
+
+
 def draw(report: Path, folder: Path) -> None:
-    """Write both pictures: the first screen, and the second flight."""
+    """Write the pictures: of a demonstration the first screen and the second flight, of a study the first screen."""
     html = report.read_text(encoding="utf-8")
-    head, body = html.split("<main>", 1)
-    first_screen = re.match(r'.*?<section class="two">.*?</section>', body, re.DOTALL)
-    chapter = re.search(r'<div class="chapter">.*?</section></div>', body, re.DOTALL)
-    if first_screen is None or chapter is None:
-        sys.exit(f"{report}: not the report of a demonstration")
-    for name, part in (("report.png", first_screen), ("self-calibration.png", chapter)):
-        _screenshot(f"{head}<main>{part.group()}</main></body></html>", folder / name)
+    head, _ = html.split("<main>", 1)
+    for name, pattern in (STUDY if "fwav-companion study" in html else DEMO).items():
+        part = re.search(pattern, html, re.DOTALL)
+        if part is None:
+            sys.exit(f"{report}: not the report of a demonstration or a study")
+        _screenshot(f"{head}<main>{part[1]}</main></body></html>", folder / name)
 
 
 def _screenshot(html: str, path: Path) -> None:
@@ -62,5 +70,5 @@ def _screenshot(html: str, path: Path) -> None:
 
 if __name__ == "__main__":
     if len(sys.argv) != 2:
-        sys.exit("usage: docs/draw_pictures.py demo-out/report.html")
+        sys.exit("usage: docs/draw_pictures.py REPORT.html")
     draw(Path(sys.argv[1]), Path(__file__).parent)

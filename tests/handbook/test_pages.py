@@ -21,7 +21,8 @@ ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.rglob("*.md"))
 OUTSIDE = ROOT / "tests" / "outside"
-HARDWARE, README = "<!-- hardware", "<!-- as in the README -->"
+HARDWARE, README, TESTED = "<!-- hardware", "<!-- as in the README -->", "<!-- tested in short: "
+"""What is written above a block of commands."""
 
 
 def blocks(page: Path, language: str) -> Iterator[tuple[str, str]]:
@@ -48,10 +49,13 @@ def test_the_navigation_has_every_page_once():
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(DOCS)))
 def test_every_command_is_of_the_readme_or_marked_as_needing_hardware(page):
-    """The README's lines are run as they are; of all others each option must exist."""
+    """The README's lines are run as they are, some others by a shorter test; of all others each option must exist."""
     readme, commands = (ROOT / "README.md").read_text(encoding="utf-8"), names("commands.txt")
+    assert not re.search(r"^```\n(\S*/)?fwav-companion ", page.read_text(encoding="utf-8"), re.MULTILINE), "```sh"
     for above, text in blocks(page, "sh"):
-        assert above.startswith((HARDWARE, README)), text
+        assert above.startswith((HARDWARE, README, TESTED)), text
+        for folder in above.removeprefix(TESTED).removesuffix(" -->").split(", ") if above.startswith(TESTED) else ():
+            assert list((ROOT / folder).glob("test_*.py")), folder
         for line in text.replace("\\\n", " ").splitlines():
             assert above != README or line in readme
             words = shlex.split(line, comments=True)
