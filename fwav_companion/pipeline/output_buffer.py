@@ -50,7 +50,7 @@ class OutputBuffer:
         return bool(
             self.messages
             or self.notices
-            or self._target_log.has_lines
+            or self._target_log.lines
             or self._components.publisher.has_datagrams
             or (self._components.spots is not None and self._components.spots.has_orders)
         )

@@ -36,7 +36,8 @@ class TargetLog:
         self._origin: Geodetic | None = None
         self._unix_offset_ns = unix_offset_ns
         self._held: list[Line] | None = []
-        self._lines: list[Line] = []
+        self.lines: list[Line] = []
+        """Lines that wait for :meth:`take`."""
         self._sightings: dict[tuple[HostNs, int], list[Line]] = {}
         self._last_lines: dict[int, tuple[TrackState, HostNs]] = {}
         """State and capture in the last line of each live track, by id."""
@@ -63,8 +64,8 @@ class TargetLog:
         if self._held is None:
             return
         held, self._held, self._origin = self._held, None, origin
-        self._lines.append(self._header())
-        self._lines.extend(held)
+        self.lines.append(self._header())
+        self.lines.extend(held)
 
     def origin_moved_in(self, now_ns: HostNs, origin: Geodetic) -> None:
         """Take the origin into the header, or into a line of its own where the header is written."""
@@ -72,14 +73,14 @@ class TargetLog:
             self.begin(origin)
         else:
             self._origin = origin
-            self._lines.append(origin_line(unix_seconds(now_ns, self._unix_offset_ns), origin))
+            self.lines.append(origin_line(unix_seconds(now_ns, self._unix_offset_ns), origin))
 
     def write(self, line: Line) -> None:
         """Append one line."""
         if not self._written:
             return
         if self._held is None:
-            self._lines.append(line)
+            self.lines.append(line)
             return
         self._held.append(line)
         if len(self._held) >= MAX_HELD_LINES:
@@ -117,14 +118,9 @@ class TargetLog:
             self._last_lines[track.id] = (track.state, track.host_ns)
         return True
 
-    @property
-    def has_lines(self) -> bool:
-        """Whether lines wait to be taken."""
-        return bool(self._lines)
-
     def take(self) -> list[Line]:
         """Lines since the last call."""
-        lines, self._lines = self._lines, []
+        lines, self.lines = self.lines, []
         return lines
 
     def counts(self) -> dict[str, Any]:

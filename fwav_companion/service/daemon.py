@@ -216,7 +216,8 @@ class Service:
                 self._arm(now)
             return
         self._heard(now)
-        waiting, began_s = self._pipeline.waiting_detections, time.thread_time()
+        waiting = self._pipeline.waiting_detections
+        began_s = time.thread_time() if waiting else 0.0
         for message in received.messages:
             self._pipeline.on_message(message, now)
             if message.signed:
@@ -313,7 +314,8 @@ class Service:
             self._journal.found(outputs.lines, now)
             self._log.noticed(outputs.notices)
             self._camera.send(outputs.spot_messages)
-        self._journal.armed(self._pipeline.identity.armed, now)
+        if self._journal.records:
+            self._journal.armed(self._pipeline.identity.armed, now)
         self._arm(now)
 
     def _arm(self, now: HostNs) -> None:

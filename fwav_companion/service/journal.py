@@ -25,6 +25,8 @@ class Journal:
     def __init__(self, recorder: Recorder | None, clock: HostClock) -> None:
         """``recorder``: None where recording is off."""
         self._recorder = recorder
+        self.records = recorder is not None
+        """Whether recording is on."""
         self._clock = clock
         self._refused: Counter[Reason] = Counter()
         self._pictures = 0

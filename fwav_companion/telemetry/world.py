@@ -58,12 +58,10 @@ class World:
         self._position: Position | None = None
         """Newest position with a place."""
         self._gps_fix_type: int | None = None
-        self._decide_ns: HostNs | None = None
-
-    @property
-    def wake_at(self) -> HostNs | None:
-        """End of the wait for a position."""
-        return self._decide_ns if self.relative is None else None
+        self._waits = use_position
+        """Whether the wait for a position has not begun yet."""
+        self.wake_at: HostNs | None = None
+        """End of the wait for a position; None before it, and after it was decided."""
 
     @property
     def home_alt_amsl_m(self) -> float | None:
@@ -85,15 +83,15 @@ class World:
 
     def on_wake(self, now: HostNs) -> tuple[WorldEvent, ...]:
         """Decide for a relative world when the wait for a position is over."""
-        if self.relative is not None or self._decide_ns is None or now < self._decide_ns:
+        if self.wake_at is None or now < self.wake_at:
             return ()
-        self.relative = True
+        self.relative, self.wake_at = True, None
         return (RelativeWorld(),)
 
     def on_attitude(self, now: HostNs) -> None:
         """Start the wait for a position at the first attitude."""
-        if self._decide_ns is None:
-            self._decide_ns = HostNs(now + PATIENCE_NS)
+        if self._waits:
+            self._waits, self.wake_at = False, HostNs(now + PATIENCE_NS)
 
     def on_gps_fix(self, fix_type: int) -> None:
         """Take the fix type of GPS_RAW_INT: from now on positions count only with a 3D fix."""
@@ -142,7 +140,7 @@ class World:
         at = self._global_origin or position.place
         self.plane = TangentPlane(Geodetic(at.lat, at.lon, ground_m))
         late = self.relative is True
-        self.relative = False
+        self.relative, self.wake_at, self._waits = False, None, False
         return (OriginSet(self.plane.origin, late), *self._move_home())
 
     def on_home(self, place: Geodetic) -> tuple[WorldEvent, ...] | None:

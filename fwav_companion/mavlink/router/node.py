@@ -64,7 +64,7 @@ class Received(msgspec.Struct):
     @property
     def subscribes(self) -> bool:
         """Whether a frame with a right checksum came from a sender that may subscribe to the link."""
-        return self.copied or any(frame.known for frame in self.frames)
+        return self.copied or any(frame.flow.definition is not None for frame in self.frames)
 
 
 class Node:

@@ -21,6 +21,8 @@ _BOOT_OFFSET: Final = _SYSTEM_TIME.fields["time_boot_ms"].offset
 _TXBUF_OFFSET: Final = BY_NAME["RADIO_STATUS"].fields["txbuf"].offset
 """The older message RADIO has the field at the same offset."""
 _MAV_TYPE_GCS: Final = constant("MAV_TYPE_GCS")
+FOLLOWED: Final = RADIO_REPORTS | {_HEARTBEAT.msgid, _SYSTEM_TIME.msgid}
+"""Ids of the messages that the router needs itself."""
 
 
 class FrameReader:
@@ -31,25 +33,26 @@ class FrameReader:
         self._router = router
         self._acceptance = acceptance
         self._wanted = frozenset(BY_NAME[name].msgid for name in wanted)
-        self.watched = self._wanted | {_HEARTBEAT.msgid, _SYSTEM_TIME.msgid} | RADIO_REPORTS
+        self.watched = self._wanted | FOLLOWED
         """Ids of the messages that are read."""
 
     def read(self, port: Port, frame: RawFrame, *, trust: Trust, messages: list[Message], now: HostNs) -> bool:
         """Read a watched message of a known sender if it is addressed to us. Returns False if it is not believed."""
         if not self._acceptance.is_believed(port, frame):
             return False
-        targeted = frame.flow.stream.targeted
-        if targeted and not self._router.is_for_us(frame.target_system, frame.target_component):
+        flow = frame.flow
+        if flow.stream.targeted and not self._router.is_for_us(frame.target_system, frame.target_component):
             return True
         if trust is Trust.UNSIGNED_REQUEST:
             port.refused_unsigned += 1
             return False
         port.signed_unverified += trust is Trust.OPEN and frame.signed
-        if frame.msgid in RADIO_REPORTS:
-            self.on_radio(port, frame, messages, now)
-            return True
-        self._follow(port, frame, now)
-        if frame.msgid in self._wanted:
+        if flow.msgid in FOLLOWED:
+            if flow.msgid in RADIO_REPORTS:
+                self.on_radio(port, frame, messages, now)
+                return True
+            self._follow(port, frame, now)
+        if flow.msgid in self._wanted:
             messages.append(decode(frame, port.name, signed=trust is Trust.SIGNED))
         return True
 

@@ -62,12 +62,9 @@ class Keyring:
     def __init__(self, policy: SigningPolicy | None) -> None:
         self.clock = SigningClock(policy.timestamp) if policy else None
         self._policy = policy
-        self._verifier = Verifier(policy.key, self.clock) if policy and self.clock else None
-
-    @property
-    def has_key(self) -> bool:
+        self.has_key = policy is not None
         """Whether a key is configured."""
-        return self._policy is not None
+        self._verifier = Verifier(policy.key, self.clock) if policy and self.clock else None
 
     def signer(self, port: Port) -> Signer | None:
         """Return the signer of one link, which has a link id of its own; None without a key."""

@@ -52,7 +52,7 @@ class ArrivalEnvelope:
 
     def bound_s(self, now: HostNs, offset_ns: int) -> float:
         """Bound of the offset's error: below by the assumed bound of the least delay, above by drift alone."""
-        least_ns = min(o + MOST_SKEW * abs(now - at) for _, at, o in self._buckets)
+        least_ns = min([o + MOST_SKEW * abs(now - at) for _, at, o in self._buckets])
         return max(abs(least_ns - offset_ns) * 1e-9, 0.0) + LEAST_DELAY_BOUND_S
 
     def _fit(self) -> ClockLine:
@@ -60,15 +60,15 @@ class ArrivalEnvelope:
         _, ref_ns, ref_offset_ns = self._buckets[-1]
         points = [((at - ref_ns) * 1e-9, (offset - ref_offset_ns) * 1e-9) for _, at, offset in self._buckets]
         hull = lower_hull(points)
-        mean_t = sum(t for t, _ in points) / len(points)
+        mean_t = sum([t for t, _ in points]) / len(points)
         (t0, y0), slope = hull[-1], 0.0
         for (ta, ya), (tb, yb) in pairwise(hull):
             if tb >= mean_t and tb > ta:  # messages of one datagram arrived at one instant, whatever their stamps
                 t0, y0, slope = ta, ya, (yb - ya) / (tb - ta)
                 break
         slope = max(-MOST_SKEW, min(MOST_SKEW, slope))
-        level = min(y - slope * t for t, y in points) if points else y0 - slope * t0
-        above = sum((y - slope * t - level) ** 2 for t, y in points) / len(points)
+        level = min([y - slope * t for t, y in points]) if points else y0 - slope * t0
+        above = sum([(y - slope * t - level) ** 2 for t, y in points]) / len(points)
         span = max(1.0, -points[0][0])
         return ClockLine(
             ref_host_ns=ref_ns,
