@@ -126,7 +126,7 @@ class Localizer:
     def _stretch_variance(self, propagation: Propagation, noise: NoiseVariances) -> float:
         """The variance of the ray's relative length by every error that turns the ray."""
         bias, stretch = self._bias, propagation.stretch
-        x, y, z = (s * s for s in stretch.body)
+        x, y, z = [s * s for s in stretch.body]
         u, v = stretch.pixel
         attitude = noise.attitude + noise.bridging
         return (

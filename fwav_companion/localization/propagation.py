@@ -78,12 +78,12 @@ def propagate(sighting: Sighting, direction: Vector3, meeting: Intersection) -> 
     by_rotation = _by_rotation(direction, turned, meeting)
     body_axes = body_axes_ned(sighting.state.ned_from_carrier)
     (nx, ny, nz), (ex, ey, ez), (dx, dy, dz) = by_rotation
-    roll, pitch, yaw = (
+    roll, pitch, yaw = [
         (nx * x + ny * y + nz * z, ex * x + ey * y + ez * z, dx * x + dy * y + dz * z) for x, y, z in body_axes
-    )
+    ]
     heading = (nz, ez, dz)
     # The true mount is Exp(bias) times the configured one, so the estimate turns the other way.
-    mount_x, mount_y, mount_z = scale(roll, -1.0), scale(pitch, -1.0), scale(yaw, -1.0)
+    mount_x, mount_y, mount_z = [(-n, -e, -d) for n, e, d in (roll, pitch, yaw)]
     height = _by_height(sighting, meeting, deeper)
     lift = meeting.height_by_rotation
     # A beam on the body turns with the body, and the measured height changes; a gimbal's attitude does not turn it.

@@ -12,8 +12,8 @@ from fwav_companion.geometry.stamps import NS_PER_S, BootNs
 from fwav_companion.geometry.vectors import Vector3, add, dot, scale, subtract
 from fwav_companion.telemetry.attitude.interpolation import (
     Segment,
+    course_at,
     quaternion_at,
-    rates_at,
     segment_through,
     segment_with_rates,
 )
@@ -155,13 +155,8 @@ class AttitudeHistory:
         if sigma > MOST_SIGMA and (times[index + 1] - times[index]) * 1e-9 > HOLE * self.check.spacing_s:
             return Unpaired(Reason.ATTITUDE_GAP, gap_s)
         spacing_s = (times[index + 1] - times[index]) * 1e-9
-        return AttitudeAt(
-            ned_from_body=quaternion_at(segment, boot_ns),
-            rates=rates_at(segment, boot_ns),
-            sigma=sigma,
-            gap_s=gap_s,
-            spacing_s=spacing_s,
-        )
+        ned_from_body, rates = course_at(segment, boot_ns)
+        return AttitudeAt(ned_from_body=ned_from_body, rates=rates, sigma=sigma, gap_s=gap_s, spacing_s=spacing_s)
 
     def _build(self, index: int) -> tuple[Segment, float]:
         """Segment after sample ``index``, by the chosen method as far as the neighbouring samples allow."""
@@ -197,7 +192,7 @@ class AttitudeHistory:
         rates = last.rates
         if len(self._times) >= 2:
             segment, _ = self._segments[-2] or self._build(len(self._times) - 2)
-            rates = rates_at(segment, last.boot_ns)
+            _, rates = course_at(segment, last.boot_ns)
         q = multiply(last.ned_from_body, exp(scale(rates, age_s)))
         sigma = EXTRAPOLATED_SHARE * self.check.angular_acceleration * age_s * age_s + age_s * self._unsure_rate
         spacing_s = self.check.spacing_s

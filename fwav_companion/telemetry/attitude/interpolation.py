@@ -40,14 +40,15 @@ def quaternion_at(segment: Segment, boot_ns: BootNs) -> Quaternion:
     return (w * n, x * n, y * n, z * n)
 
 
-def rates_at(segment: Segment, boot_ns: BootNs) -> Vector3:
-    """Body rates of the course, rad/s, body axes: 2 q* dq/dt."""
-    s = (boot_ns - segment[0]) * 1e-9
-    n0, n1, n2, n3, n4 = segment[1]
+def course_at(segment: Segment, boot_ns: BootNs) -> tuple[Quaternion, Vector3]:
+    """Unit quaternion at the instant, and body rates of the course there, rad/s, body axes: 2 q* dq/dt."""
+    t0, (n0, n1, n2, n3, n4), *components = segment
+    s = (boot_ns - t0) * 1e-9
     since = (s - n0, s - n1, s - n2, s - n3, s - n4)
-    (w, dw), (x, dx), (y, dy), (z, dz) = [_value_and_slope(c, since) for c in segment[2:]]
-    twice = 2.0 / (w * w + x * x + y * y + z * z)
-    return (
+    (w, dw), (x, dx), (y, dy), (z, dz) = [_value_and_slope(c, since) for c in components]
+    square = w * w + x * x + y * y + z * z
+    n, twice = 1.0 / sqrt(square), 2.0 / square
+    return (w * n, x * n, y * n, z * n), (
         twice * (w * dx - x * dw - y * dz + z * dy),
         twice * (w * dy - y * dw - z * dx + x * dz),
         twice * (w * dz - z * dw - x * dy + y * dx),
