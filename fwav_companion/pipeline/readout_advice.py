@@ -28,15 +28,15 @@ class ReadoutAdvice:
         self._advised = False
 
     def add(self, fixes: Sequence[GroundFix]) -> None:
-        """Take the fixes of one frame."""
-        if self._variance == 0.0:
+        """Take one of the fixes of a frame."""
+        if self._variance == 0.0 or not fixes:
             return
-        for fix in fixes:
-            self._count += 1
-            gain = max(1.0 / self._count, 1.0 / MEMORY)
-            north, east, _ = fix.bias_jacobian[Bias.READOUT]
-            self._by_readout2 += gain * (self._variance * (north * north + east * east) - self._by_readout2)
-            self._total2 += gain * (fix.relative_cov[0][0] + fix.relative_cov[1][1] - self._total2)
+        fix = fixes[self._count % len(fixes)]  # one after the other: each costs a covariance
+        self._count += 1
+        gain = max(1.0 / self._count, 1.0 / MEMORY)
+        north, east, _ = fix.bias_jacobian[Bias.READOUT]
+        self._by_readout2 += gain * (self._variance * (north * north + east * east) - self._by_readout2)
+        self._total2 += gain * (fix.relative_cov[0][0] + fix.relative_cov[1][1] - self._total2)
 
     @property
     def matters(self) -> bool:
