@@ -152,8 +152,7 @@ class CameraPipeline:
         if not ready:
             return []
         self.frames_taken += len(ready)
-        seen = (self._process(frame, now) for frame in ready)
-        return [each for each in seen if each is not None]
+        return [seen for frame in ready if (seen := self._process(frame, now)) is not None]
 
     def settle(self, now: HostNs) -> list[Settled]:
         """Frames whose lines are final, in the order of capture."""
@@ -316,11 +315,11 @@ class CameraPipeline:
             frame=paired.number,
             host_ns=paired.host_ns,
             boot_ns=paired.boot_ns,
-            fixes=tuple(fix for fix in located if isinstance(fix, GroundFix)),
+            fixes=tuple([fix for fix in located if isinstance(fix, GroundFix)]),
             could_see=paired.view.could_see if paired.view is not None else sees_nothing,
             vehicle_ned=paired.view.vehicle_ned if paired.view is not None else None,
             unplaced=tuple(
-                sighting for sighting, fix in zip(paired.sightings, located, strict=True) if isinstance(fix, NoFix)
+                [sighting for sighting, fix in zip(paired.sightings, located, strict=True) if isinstance(fix, NoFix)]
             ),
             image_px2=self._image_px2,
             jumped_m=self._jumped_m(paired.boot_ns),

@@ -80,7 +80,7 @@ class Publisher:
         landing = self.landing.on_tracks(tracks, situation)
         out = [landing] if landing is not None else []
         self._selection.on_tracks(tracks)
-        captured_ns = max((track.host_ns for track in tracks), default=None)
+        captured_ns = max([track.host_ns for track in tracks], default=None)
         self._camera.on_tracks(captured_ns, pixel_from_ned)
         self._notices.extend(self._target_notices.on_tracks(tracks, situation))
         if not self._started:

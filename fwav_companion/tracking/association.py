@@ -99,7 +99,10 @@ def associate(
         if cost is not None:
             costs[i, j] = cost
     costs = _refined(costs, candidates, fixes, clutter_llr)
-    taken = _assigned(_with_priority(costs, candidates, against.miss_cost, could_see))
+    if len({i for i, _ in costs}) == len({j for _, j in costs}) == len(costs):
+        taken = dict(costs.keys())
+    else:
+        taken = _assigned(_with_priority(costs, candidates, against.miss_cost, could_see))
     return {i: (j, 0.5 * (min(-costs[i, j], clutter_llr[j]) - against.detection_odds)) for i, j in taken.items()}
 
 
@@ -149,10 +152,8 @@ def _with_priority(
     miss_cost: float,
     could_see: Callable[[Vector3], bool] | None,
 ) -> dict[tuple[int, int], float]:
-    """The costs with the advantages of confirmed tracks and of tracks in view, where there is a choice."""
+    """The costs with the advantages of confirmed tracks and of tracks in view."""
     rows = {i for i, _ in costs}
-    if len(rows) == len({j for _, j in costs}) == len(costs):
-        return costs
     advantage = {i: CONFIRMED_BONUS if candidates[i].confirmed else 0.0 for i in rows}
     if could_see is not None and miss_cost > 0.0:
         for i in rows:
@@ -173,8 +174,6 @@ def _cost(candidate: Candidate, target: TargetState, fix: GroundFix, clutter_llr
 def _assigned(costs: dict[tuple[int, int], float]) -> dict[int, int]:
     """The pairs of least total cost, where a pair that is left out costs nothing."""
     rows = sorted({i for i, _ in costs})
-    if len(rows) == len({j for _, j in costs}) == len(costs):
-        return dict(costs.keys())
     by_row: dict[int, dict[int, float]] = {i: {-1 - i: 0.0} for i in rows}
     for (i, j), cost in costs.items():
         by_row[i][j] = cost

@@ -161,7 +161,7 @@ class Tracker:
         if landmarks is not None:
             landmarks = landmarks.seen(view.landmarks, [t.fix for t in tracks if t.confirmed and t.fix is not None])
             tracks = [msgspec.structs.replace(track, target=landmarks.corrected(track.target)) for track in tracks]
-        living = tuple(track for track in tracks if track.life.state is not TrackState.DROPPED)
+        living = tuple([track for track in tracks if track.life.state is not TrackState.DROPPED])
         calibrator = self._taught(view, living)
         self._state = Snapshot(living, next_id, calibrator, self._beside_state(), merging, detector, refused, landmarks)
         return self._reports(tracks, view)

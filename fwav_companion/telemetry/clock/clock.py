@@ -39,19 +39,22 @@ class Clock:
     that leaves this range is followed exchange by exchange until it has been a crystal's again for 20 s.
     """
 
-    __slots__ = ("_arrivals", "_exchanges", "_followed", "_reports")
+    __slots__ = ("_arrivals", "_basis", "_exchanges", "_followed", "_reports")
 
     def __init__(self) -> None:
         self._exchanges = ExchangeFit()
         self._arrivals = ArrivalEnvelope()
         self._followed: FollowedClock | None = None
         self._reports = ClockReports()
+        self._basis: FollowedClock | ClockLine | None = None
+        """What answers until the next exchange or arrival; None until it is asked for."""
 
     def on_exchange(self, exchange: ClockExchange) -> ClockNews | None:
         """Take an answered request. Returns a slip of the autopilot's clock, or its rate, when it is found."""
         entry = exchange_from(exchange)
         if entry is None:
             return None
+        self._basis = None
         if self._followed is None:
             if self._exchanges.insert(entry):
                 self._follow()
@@ -65,17 +68,18 @@ class Clock:
 
     def on_arrival(self, stamp_ns: BootNs, arrival_ns: HostNs) -> None:
         """Take the truncated stamp and the arrival of a message."""
+        self._basis = None
         self._arrivals.insert(stamp_ns, arrival_ns)
 
     def skip(self) -> None:
         """Forget how stamps arrived: they continue far ahead of where they were expected."""
-        self._arrivals = ArrivalEnvelope()
+        self._arrivals, self._basis = ArrivalEnvelope(), None
 
     def reset(self) -> None:
         """Forget everything: the autopilot's clock began again."""
         self._exchanges = ExchangeFit()
         self._arrivals = ArrivalEnvelope()
-        self._followed = None
+        self._followed = self._basis = None
         self._reports = ClockReports()
 
     @property
@@ -89,32 +93,28 @@ class Clock:
 
     def host_from_boot(self, boot_ns: BootNs) -> HostNs | Unpaired:
         """Host instant of an autopilot instant; NO_CLOCK while nothing is known."""
-        followed = self._answering
-        if followed is not None:
-            return followed.host_from_boot(boot_ns)
-        line = self._line()
-        return UNKNOWN if line is None else line.host_from_boot(boot_ns)
+        basis = self._basis or self._chosen()
+        return UNKNOWN if basis is None else basis.host_from_boot(boot_ns)
 
     def boot_from_host(self, host_ns: HostNs) -> BootNs | Unpaired:
         """Autopilot instant of a host instant; NO_CLOCK while nothing is known."""
-        followed = self._answering
-        if followed is not None:
-            return BootNs(host_ns - followed.offset_at(host_ns)[0])
-        line = self._line()
-        return UNKNOWN if line is None else BootNs(host_ns - line.offset_ns_at(host_ns))
+        basis = self._basis or self._chosen()
+        if basis is None:
+            return UNKNOWN
+        offset_ns = basis.offset_ns_at(host_ns) if isinstance(basis, ClockLine) else basis.offset_at(host_ns)[0]
+        return BootNs(host_ns - offset_ns)
 
     def sigma_s_at(self, host_ns: HostNs) -> float:
         """One sigma of the offset at this host instant, seconds; infinite while nothing is known."""
-        followed = self._answering
-        if followed is not None:
-            return followed.offset_at(host_ns)[2]
-        line = self._line()
-        return inf if line is None else line.sigma_s(host_ns)
+        basis = self._basis or self._chosen()
+        if basis is None:
+            return inf
+        return basis.sigma_s(host_ns) if isinstance(basis, ClockLine) else basis.offset_at(host_ns)[2]
 
     def rate_at(self, host_ns: HostNs) -> float:
         """Autopilot seconds per host second at this instant; 1 for a clock that is a crystal's."""
-        followed = self._answering
-        return 1.0 if followed is None else 1.0 - followed.offset_at(host_ns)[1]
+        basis = self._basis or self._chosen()
+        return 1.0 - basis.offset_at(host_ns)[1] if isinstance(basis, FollowedClock) else 1.0
 
     def estimate(self, now: HostNs) -> ClockEstimate:
         """Clock estimate at this host instant; status UNKNOWN has infinite sigma and bound."""
@@ -170,6 +170,11 @@ class Clock:
             status=ClockStatus.FOLLOWED,
             doubtful=sigma_s > DOUBTFUL_SIGMA_S,
         )
+
+    def _chosen(self) -> FollowedClock | ClockLine | None:
+        """What answers now; None while nothing is known."""
+        self._basis = self._answering or self._line()
+        return self._basis
 
     @property
     def _answering(self) -> FollowedClock | None:
