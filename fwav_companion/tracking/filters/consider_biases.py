@@ -144,16 +144,19 @@ class ConsiderBiases:
         """The measurement with other sensitivities, d(north, east)/d(bias) in the order of SENSITIVE, and their own
         error as noise.
         """
-        moved = self.with_columns(measurement, columns)
-        return self._with_sensitivity(moved, moved.shared, since_s)
+        return self._with_sensitivity(measurement, self._moved(measurement.shared, columns), since_s)
 
     def with_columns(self, measurement: Measurement, columns: Sequence[tuple[float, float]]) -> Measurement:
         """The measurement with other sensitivities, d(north, east)/d(bias) in the order of SENSITIVE."""
-        north, east, down = list(measurement.shared[0]), list(measurement.shared[1]), measurement.shared[2]
+        shared = self._moved(measurement.shared, columns)
+        return Measurement(measurement.position, measurement.noise, shared, measurement.gate)
+
+    def _moved(self, shared: Rows, columns: Sequence[tuple[float, float]]) -> Rows:
+        north, east = list(shared[0]), list(shared[1])
         for i, k, sigma in self._sensitive:
             n, e = columns[k]
             north[i], east[i] = n * sigma, e * sigma
-        return Measurement(measurement.position, measurement.noise, (tuple(north), tuple(east), down), measurement.gate)
+        return (tuple(north), tuple(east), shared[2])
 
     def with_sensitivity_noise(self, measurement: Measurement, since_s: float) -> Measurement:
         """The measurement with the error of its sensitivities in its noise."""

@@ -38,6 +38,11 @@ class StaticTargetState(StandingTargetState, frozen=True, kw_only=True, gc=False
         """The place in the frame of the vehicle's report."""
         return super().relative if self.now is None else self.now
 
+    @property
+    def reported(self) -> PointEstimate | RelativeEstimate:
+        """The same without the noise of the report."""
+        return self.now or self.predicted or self.apparent
+
     def predict(self, host_ns: HostNs) -> Self:
         """The state at a later instant."""
         return replace(self, host_ns=host_ns, predicted=self.before(host_ns), now=None)

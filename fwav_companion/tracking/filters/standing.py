@@ -94,7 +94,7 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     @property
     def apparent_ned(self) -> Vector3:
         """The place plus the present error of the vehicle's position, NED, metres."""
-        place = self.relative
+        place = self.reported
         return (place.north_m, place.east_m, self.down.down_m)
 
     @property
@@ -104,9 +104,14 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
 
     @property
     def relative(self) -> PointEstimate | RelativeEstimate:
-        """The place in the frame of the vehicle's report, whose own noise is unknown: all of it counts."""
+        """The same with the noise of that report, which is unknown: all of it counts."""
         noise = self.model.errors.position_noise_m2
         return (self.predicted or self.apparent).with_noise((noise, 0.0, noise))
+
+    @property
+    def reported(self) -> PointEstimate | RelativeEstimate:
+        """The place in the frame of the vehicle's report."""
+        return self.predicted or self.apparent
 
     @property
     def velocity_ned(self) -> Vector3 | None:
