@@ -301,11 +301,11 @@ class Calibrator(msgspec.Struct, frozen=True):
             return self
         if not served.fits[served.chosen]:
             return self._given_up(UNEXPLAINED)
-        joint, priors, assessment, judged_ns = served.best, self.context.shared_priors, self.assessment, self.judged_ns
+        priors, assessment, judged_ns = self.context.shared_priors, self.assessment, self.judged_ns
         if assessment is None or self.host_ns - judged_ns >= JUDGED_EVERY_NS:
             before = None if assessment is None else assessment.parameters
             assessment = assessed(
-                joint,
+                served.best,
                 priors,
                 axes=(self.axes.down, self.axes.sight),
                 drift=served.drift,
@@ -321,7 +321,7 @@ class Calibrator(msgspec.Struct, frozen=True):
         return msgspec.structs.replace(
             self,
             assessment=assessment,
-            places=assessment.places(joint, priors),
+            places=assessment.places(served.best, priors),
             judged_ns=judged_ns,
             placed_ns=self.host_ns,
         )

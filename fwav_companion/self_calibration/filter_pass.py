@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import msgspec
 import numpy as np
@@ -23,7 +24,7 @@ SMOOTH_MARGIN = 5.0
 """Log-likelihood ratio from which the vehicle's position is believed to wander smoothly."""
 
 
-class FilterPass(msgspec.Struct, frozen=True):
+class FilterPass(msgspec.Struct, frozen=True, dict=True):
     """Joint estimates in progress, one for each hypothesis (B). Immutable."""
 
     joint: JointFilter
@@ -53,9 +54,9 @@ class FilterPass(msgspec.Struct, frozen=True):
         """The hypothesis of the vehicle's wander: the wider one until the other is much likelier."""
         return int(len(self.score) == 2 and self.score[SMOOTH] > self.score[QUICK] + SMOOTH_MARGIN)
 
-    @property
+    @cached_property
     def best(self) -> JointFilter:
-        """The joint estimate under that hypothesis."""
+        """The joint estimate under that hypothesis: copied once, for the gates and for the report of a frame."""
         return self.joint if len(self.score) == 1 else self.joint.take([self.chosen])
 
     @property
