@@ -130,6 +130,11 @@ class MockCamera:
         """Pixel of a fixed place in NED in the frame whose first row is exposed at row0_s."""
         return self._rolled(lambda _: place, row0_s)[0]
 
+    def below(self, row0_s: float) -> tuple[float, float]:
+        """North and east of the vehicle when the first row of a frame is exposed."""
+        north, east, _ = self._flight.at(row0_s).position
+        return north, east
+
     def _rolled(self, place_at: Callable[[float], Vector], row0_s: float) -> tuple[Pixel, float]:
         readout, height = self._biases.readout_s, self.lens.height
         pixel, t = (0.0, height / 2.0), row0_s

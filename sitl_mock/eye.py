@@ -15,6 +15,7 @@ import signal
 import stat
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -52,7 +53,9 @@ def main(arguments: list[str] | None = None) -> int:
         from sitl_mock.render import Eye
 
         eye = Eye(simulation)
-        if chosen.picture:
+        if chosen.unpaced:
+            _write_all(simulation, eye, chosen.frame)
+        elif chosen.picture:
             _keep(eye.picture(chosen.frame), Path(chosen.picture))
         else:
             _run(simulation, eye, Path(chosen.pipe), chosen.truth)
@@ -60,6 +63,17 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"sitl_mock.eye: {message_for_user(error)}", file=sys.stderr)  # noqa: T201
         return 2
     return 0
+
+
+def _write_all(simulation: Simulation, eye: Eye, frame: int) -> None:
+    """Writes all frames from this one on to standard output, in the format of the pipe."""
+    with suppress(BrokenPipeError):  # the reader has seen enough
+        while simulation.camera.due_ns(frame) <= simulation.end_ns:
+            picture = eye.picture(frame)
+            header = json.dumps(_header(simulation, frame, picture)).encode() + b"\n"
+            sys.stdout.buffer.write(header + picture.tobytes())
+            sys.stdout.buffer.flush()
+            frame += 1
 
 
 def _run(simulation: Simulation, eye: Eye, path: Path, truth: str) -> None:
@@ -192,7 +206,8 @@ def _parser() -> argparse.ArgumentParser:
         help="write the truth about each frame, and whether it was delivered (.jsonl)",
     )
     add("--picture", metavar="FILE", default="", help="write the frame --frame to an image file, without a pipe")
-    add("--frame", type=int, default=0, help="frame number for --picture; default %(default)s")
+    add("--unpaced", action="store_true", help="write all frames from --frame on to standard output, without a clock")
+    add("--frame", type=int, default=0, help="frame number for --picture, or the first; default %(default)s")
     add_flight_arguments(parser)
     return parser
 

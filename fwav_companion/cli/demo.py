@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 SECONDS = (3.0, 3600.0)
 FLEETS = (2, 6)
 """Vehicles of --fleet: each is two processes of this machine."""
+SHORTEST_CLICK_S = 12.0
+"""Adoption, a settled clock, a click and some seconds of pictures after it."""
 SCENARIOS = ("demo", "demo_blur")
 
 
@@ -55,6 +57,11 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
         help="N vehicles, 2 to 6, that look at the same targets, and one ground process that fuses what they see; its "
         "address is printed",
     )
+    add(
+        "--click",
+        action="store_true",
+        help="a flight in simulated time on which an operator clicks on a place in the picture, which is then followed",
+    )
     add("--json", action="store_true", help="end with the result as one JSON object")
     parser.set_defaults(run=run)
 
@@ -63,8 +70,12 @@ def run(arguments: argparse.Namespace) -> int:
     """Exit status 0: every target found, each within its claimed 99.9 % radius; 1: not."""
     if not SECONDS[0] <= arguments.seconds <= SECONDS[1]:
         raise UserError(f"--seconds {arguments.seconds:g}: accepted: {SECONDS[0]:g} to {SECONDS[1]:g}")
+    if arguments.click and arguments.fleet:
+        raise UserError("--click and --fleet are two demonstrations: accepted: one of them")
     if arguments.fleet:
         return _fly_fleet(arguments)
+    if arguments.click:
+        return _fly_with_click(arguments)
     require("demo", "numpy", "cv2", "sitl_mock")
     from fwav_companion.tools.demo.flight import Demonstration
     from fwav_companion.tools.demo.flight_setup import FlightSetup
@@ -110,6 +121,33 @@ def _fly_fleet(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(json.dumps(result.as_json()))
     return 1 if result.troubles else 0
+
+
+def _fly_with_click(arguments: argparse.Namespace) -> int:
+    """Exit status 0: the clicked spot was followed, and nothing else; 1: not."""
+    if arguments.seconds < SHORTEST_CLICK_S:
+        raise UserError(f"--click --seconds {arguments.seconds:g}: accepted: {SHORTEST_CLICK_S:g} to {SECONDS[1]:g}")
+    require("demo --click", "numpy", "cv2", "sitl_mock")
+    from fwav_companion.tools.click_flight.click_demonstration import ClickDemonstration
+    from fwav_companion.tools.demo.live_table import UnpipedConsole, report_progress
+    from fwav_companion.tools.demo.processes import locked_folder
+
+    out = Path(realpath(arguments.out))
+    with as_by_ctrl_c(), locked_folder(out), report_progress(UnpipedConsole()) as progress:
+        score, report = ClickDemonstration(out, arguments.seed, arguments.seconds).fly(progress)
+    if score.added95_m is not None:
+        print(
+            f"click      found in {score.sharp_found} of {score.sharp} frames that show it sharply, in {score.passes} "
+            f"passes; the tracker adds {score.added95_m:.2f} m (95 %)"
+        )
+    if score.error_m is not None:
+        print(f"target     {score.error_m:.2f} m from the spot on the map, claimed {score.claimed95_m:.2f} m (95 %)")
+    for trouble in score.troubles:
+        print(f"demo: {trouble}", file=sys.stderr)
+    print(f"report     {report}")
+    if arguments.json:
+        print(json.dumps(score.as_json()))
+    return 1 if score.troubles else 0
 
 
 def _report(

@@ -25,6 +25,7 @@ from fwav_companion.vision.wire import parse_frame
 from sitl_mock.arguments import add_flight_arguments, options_from
 from sitl_mock.render import Eye
 from sitl_mock.simulate import Simulation
+from sitl_mock.spot import ground_at
 
 TRACK_POINT, STATION, CAMERA = 2004, (255, 190), 100
 EDGE_PX = 40.0
@@ -110,27 +111,6 @@ class ClickCompanion(Companion):
         self.seen["sharp found"] += sharp and bool(found)
         if found:
             self.pixel_errors.append(hypot(found[0]["u"] - u, found[0]["v"] - v))
-
-
-def ground_at(camera: Any, at: tuple[float, float], row0_s: float) -> tuple[float, float] | None:
-    """The place on the ground that a picture shows at a pixel, by Newton's method on the mock's projection."""
-    state = camera._flight.at(row0_s)
-    n, e = state.position[0], state.position[1]
-    for _ in range(30):
-        here = camera.pixel_of((n, e, 0.0), row0_s)
-        du, dv = at[0] - here[0], at[1] - here[1]
-        step = 1e-3
-        (a, c), (b, d) = (
-            ((there[0] - here[0]) / step, (there[1] - here[1]) / step)
-            for there in (camera.pixel_of((n + step, e, 0.0), row0_s), camera.pixel_of((n, e + step, 0.0), row0_s))
-        )
-        det = a * d - b * c
-        if not abs(det) > 1e-9:
-            return None
-        n, e = n + (d * du - b * dv) / det, e + (a * dv - c * du) / det
-        if hypot(du, dv) < 1e-6:
-            return n, e
-    return None
 
 
 def fly_with_a_click(

@@ -1,0 +1,1 @@
+"""``demo --click``: a click on a rendered flight, in simulated time. SHELL."""
