@@ -41,11 +41,15 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
         epilog=(
             "examples:\n"
             "  fwav-companion check --config fwav-companion.toml\n"
-            "  fwav-companion check --config fwav-companion.toml --shake --tag-size 0.16\n\n"
+            "  fwav-companion check --config fwav-companion.toml --shake --tag-size 0.16\n"
+            "  fwav-companion check --config fwav-companion.toml --click-delay\n\n"
             "--shake: lay a printed tag (AprilTag 36h11, or what [vision] names) on level ground, hold the vehicle\n"
             "half a metre to a metre above it so that the camera sees it, and follow the instructions: shake it for\n"
             "10 s, turn it by 90 deg, shake it for 10 s more. It prints the camera's delay and mount, and the lines\n"
-            "to paste into the configuration."
+            "to paste into the configuration.\n\n"
+            "--click-delay: let something that the detector finds blink evenly before the camera, once in 1 to 2 s: a\n"
+            "lamp for `color`, a tag on a telephone's screen. In the ground station's video, click on it each time\n"
+            "that it appears, in its rhythm, ten times. It prints [publish] video_delay_s."
         ),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -54,7 +58,7 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
         "--seconds",
         type=_number(0.1, 3600.0, "seconds"),
         help=f"seconds to listen if no `run` is active, default {SECONDS:g}; with --shake, seconds to wait for vehicle "
-        f"and tag, default {WAIT_S:g}",
+        f"and tag, default {WAIT_S:g}; with --click-delay, seconds for the clicks, default 60",
     )
     parser.add_argument("--shake", action="store_true", help="find the camera's delay and mount with a printed tag")
     parser.add_argument(
@@ -62,6 +66,11 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
         metavar="M",
         type=_number(0.01, 10.0, "metres"),
         help="with --shake: the side of the tag's black square, metres",
+    )
+    parser.add_argument(
+        "--click-delay",
+        action="store_true",
+        help="find the delay of the operator's video, who clicks on something that blinks",
     )
     parser.add_argument(
         "--json", action="store_true", help="end with everything as one JSON object: ok, how, findings, status"
@@ -89,7 +98,16 @@ def run(arguments: argparse.Namespace) -> int:
     with as_by_ctrl_c():
         if arguments.shake or arguments.tag_size is not None:
             return _shaken(arguments)
-        return _checked(arguments)
+        return _clicked(arguments) if arguments.click_delay else _checked(arguments)
+
+
+def _clicked(arguments: argparse.Namespace) -> int:
+    from fwav_companion.cli.click_delay import WAIT_S, run_click_delay
+    from fwav_companion.config import load
+
+    config = load(arguments.config)
+    config.require_links()
+    return run_click_delay(config, WAIT_S if arguments.seconds is None else arguments.seconds, as_json=arguments.json)
 
 
 def _checked(arguments: argparse.Namespace) -> int:
@@ -124,6 +142,8 @@ def _checked(arguments: argparse.Namespace) -> int:
 def _shaken(arguments: argparse.Namespace) -> int:
     from fwav_companion.config import load
 
+    if arguments.click_delay:
+        raise UserError("--shake and --click-delay are two sessions: accepted: one of them")
     if not arguments.shake or arguments.tag_size is None:
         raise UserError(
             "--shake and --tag-size go together: --shake --tag-size 0.16, metres of the black square's side"

@@ -219,6 +219,8 @@ class Service:
         waiting = self._pipeline.waiting_detections
         began_s = time.thread_time() if waiting else 0.0
         for message in received.messages:
+            if self._witness is not None:
+                self._witness.on_message(message)
             self._pipeline.on_message(message, now)
             if message.signed:
                 self._signing.on_message(message, self._pipeline.identity.autopilot_address, now)

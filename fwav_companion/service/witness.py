@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from fwav_companion.telemetry import Telemetry
-from fwav_companion.types import Frame, NoFrame
+from fwav_companion.types import Frame, Message, NoFrame
 from fwav_companion.types.status import RunStatus
 
 
@@ -14,6 +14,9 @@ class Witness(Protocol):
 
     def on_frame(self, frame: Frame | NoFrame) -> None:
         """Take a frame that arrived."""
+
+    def on_message(self, message: Message) -> None:
+        """Take a message that arrived."""
 
     def enough(self, status: RunStatus, telemetry: Telemetry) -> bool:
         """Whether the service may stop; called a few times a second with the status and the vehicle."""

@@ -23,7 +23,7 @@ from fwav_companion.tools.doctor.gathering import quiet
 from fwav_companion.tools.shake.estimate import ShakeData
 from fwav_companion.tools.shake.instructions import Instruction, Instructor, ShakeInputs, ShakePhase
 from fwav_companion.tools.shake.observations import TagObservation
-from fwav_companion.types import Corners, Detection, Frame, NoFrame, Reason, Unpaired
+from fwav_companion.types import Corners, Detection, Frame, Message, NoFrame, Reason, Unpaired
 from fwav_companion.types.status import RunStatus
 
 KEPT_S: Final = 120.0
@@ -83,6 +83,9 @@ class ShakeSession:
         self._tags += 1
         if self._guide.begun and len(self.frames) < MOST_FRAMES:
             self.frames.append(msgspec.structs.replace(frame, detections=tags[:MOST_TAGS]))
+
+    def on_message(self, _message: Message) -> None:
+        """Take no message: the telemetry has what counts."""
 
     def enough(self, status: RunStatus, telemetry: Telemetry) -> bool:
         """Show the person the next step; return whether the session is over."""
