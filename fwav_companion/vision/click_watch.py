@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Iterable
 from typing import Final, Protocol
@@ -10,11 +11,15 @@ import msgspec
 
 from fwav_companion.types.spots import QUESTION, FollowSpot, ReleaseSpot, SpotMessage, SpotRefused, SpotViews
 from fwav_companion.vision.images import Found, Picture, grey
-from fwav_companion.vision.patch import FollowedSpots, KeptPictures
+from fwav_companion.vision.patch import FollowedSpots, KeptPictures, LookRate
 
 ANSWER_S: Final = 0.05
 """Longest wait for the daemon's answer, which takes a millisecond: a frame must not wait for a busy daemon."""
 
+SLOW_S: Final = 0.05
+"""Interval of looks that is worth a line in the log: 20 Hz, below the 30 frames/s of most cameras."""
+
+_log = logging.getLogger(__name__)
 _decoder = msgspec.json.Decoder(SpotMessage)
 _encode = msgspec.json.Encoder().encode
 
@@ -37,17 +42,22 @@ class ClickWatch:
         self._pictures = KeptPictures()
         self._spots = FollowedSpots(self._pictures)
         self._views: SpotViews | None = None
+        self._rate = LookRate()
+        self._asked = -1
+        """Number of the newest picture in which the spots are looked for."""
+        self._is_slow = False
 
     def begin(self, picture: Picture, number: int, frame: bytes) -> None:
         """Take a picture before the detector does; ask where it shows the spots. ``frame``: it without detections."""
         self._handle(self._daemon.messages())
         self._pictures.add(number, grey(picture.pixels))
-        if self._spots:
+        if self._spots and self._rate.is_due(time.monotonic()):
+            self._asked = number
             self._daemon.send(QUESTION + frame + b"}")
 
     def found(self, picture: Picture, number: int) -> list[Found]:
         """Detections of the spots in the picture, after the detector."""
-        if not self._spots:
+        if not self._spots or self._asked != number:
             return []
         give_up_s = time.monotonic() + ANSWER_S
         while self._views is None or self._views.picture != number:
@@ -55,7 +65,20 @@ class ClickWatch:
             if left_s <= 0.0:
                 return []
             self._handle(self._daemon.messages(left_s))
-        return self._spots.detections(grey(picture.pixels), self._views.views)
+        began_s = time.thread_time()
+        found = self._spots.detections(grey(picture.pixels), self._views.views)
+        self._rate.spent(time.thread_time() - began_s)
+        self._report_slow()
+        return found
+
+    def _report_slow(self) -> None:
+        """Log once that this board looks for spots more seldom than at common frame rates."""
+        if not self._is_slow and self._rate.interval_s > SLOW_S:
+            self._is_slow = True
+            _log.warning(
+                "clicked spots are looked for at %.0f Hz: at more they would take over a tenth of a core",
+                1.0 / self._rate.interval_s,
+            )
 
     def _handle(self, messages: Iterable[bytes]) -> None:
         for data in messages:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from types import SimpleNamespace
 
 import cv2
 import msgspec
@@ -13,6 +14,7 @@ from fwav_companion.types.spots import QUESTION, REFUSAL, FollowSpot, ReleaseSpo
 from fwav_companion.vision import click_watch
 from fwav_companion.vision.click_watch import ClickWatch
 from fwav_companion.vision.images import Picture
+from fwav_companion.vision.patch import FollowedSpots
 
 SCALE = (60.0, 0.0, 0.0, 60.0)
 
@@ -80,6 +82,28 @@ def test_an_answer_about_another_picture_is_not_taken(watch, daemon, monkeypatch
     monkeypatch.setattr(click_watch, "ANSWER_S", 0.01)
     daemon.queue(SpotViews(1, {3: SpotView((160.0, 120.0), SCALE, 20.0)}))
     assert see(watch, 2, picture()) == []
+
+
+def test_a_board_on_which_spots_cost_much_is_asked_for_fewer_pictures(watch, daemon, monkeypatch, caplog):
+    """30 ms of CPU a picture: at 30 frames/s every tenth picture is a tenth of a core."""
+    now, cpu = [100.0], [0.0]
+    real = FollowedSpots.detections
+
+    def costly(self, shown, views):
+        cpu[0] += 0.03
+        return real(self, shown, views)
+
+    monkeypatch.setattr(FollowedSpots, "detections", costly)
+    clock = SimpleNamespace(monotonic=lambda: now[0], thread_time=lambda: cpu[0])
+    monkeypatch.setattr(click_watch, "time", clock)
+    seen = []
+    for number in range(2, 182):
+        now[0] += 1.0 / 30.0
+        daemon.queue(SpotViews(number, {3: SpotView((160.0, 120.0), SCALE, 20.0)}))
+        seen.append(bool(see(watch, number, picture())))
+    assert sum(seen) == len(daemon.sent)
+    assert 8 <= sum(seen[-90:]) <= 10
+    assert caplog.text.count("over a tenth of a core") == 1
 
 
 def test_a_spot_that_is_released_is_not_asked_for(watch, daemon):
