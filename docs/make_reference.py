@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes the pages of docs/reference/ that follow from the code: commands, configuration, reasons, notices, findings.
+"""Writes the pages of docs/reference/ that follow from the code: commands, keys, reasons, notices, findings, scenarios.
 
 ``.venv/bin/python docs/make_reference.py`` writes them; a test fails where a committed page differs from the code.
 """
@@ -26,6 +26,7 @@ from fwav_companion.config import Config
 from fwav_companion.tools.doctor.detection_findings import DETECTION_REFUSALS, FRAME_REFUSALS
 from fwav_companion.tools.doctor.finding import Finding
 from fwav_companion.types import NoticeCode, Reason
+from sitl_mock.scenarios import SCENARIOS
 
 REMEDIES: Final[Mapping[Reason, str]] = {
     Reason.NO_MONOTONIC_MAP: "record `time_unix`, or use the service's own recording",
@@ -70,6 +71,7 @@ def pages() -> Mapping[str, str]:
         "reasons.md": reasons_page(),
         "notices.md": notices_page(),
         "findings.md": findings_page(),
+        "scenarios.md": scenarios_page(),
     }
     return {name: GENERATED + text for name, text in texts.items()}
 
@@ -240,6 +242,17 @@ def findings_page() -> str:
         {row for path in sorted(Path(getfile(Finding)).parent.rglob("*.py")) for row in finding_rows(path.read_text())}
     )
     return "\n".join([intro, "| finding | level | problem | what to do |", "|---|---|---|---|", *rows, ""])
+
+
+def scenarios_page() -> str:
+    """The scenarios of the mock autopilot."""
+    rows = [row(f"`{name}`", text) for name, (text, _) in SCENARIOS.items()]
+    intro = (
+        "# Scenarios of the mock\n\n"
+        "`sitl-mock --scenario NAME` flies one, `--record DIR` writes it to files at once, `--set KEY=VALUE` changes\n"
+        "an option. The seed (`--seed`) decides every error. What one names but does not show is as in `default`.\n"
+    )
+    return "\n".join([intro, "| scenario | flight |", "|---|---|", *rows, ""])
 
 
 def finding_rows(source: str) -> Iterator[str]:

@@ -33,6 +33,7 @@ Available afterwards, or at any instant::
     flight.clock.boot_ns(host_ns)                   # the autopilot's boot clock
     flight.world.place(ned), flight.world.ned(place)  # NED about the take-off-ground origin (options.origin)
     flight.scene[0].at(flight.flight_s(host_ns))    # position of a target in that NED
+    flight.surface.height_m(north, east)            # height of the ground above the take-off ground in that NED
     flight.vehicle.precland.accepted, .refused      # results of LANDING_TARGET
     flight.vehicle.belief.home(armed=True), flight.vehicle.belief.projection.origin
 

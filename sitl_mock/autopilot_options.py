@@ -79,6 +79,10 @@ class AutopilotOptions:
     poll_delay_s: float = 0.0
     """Largest delay of an answer to TIMESYNC, uniform from 0."""
     arms_at_s: float | None = 4.0
+    """0: armed from the start, as in a recording that begins in the air."""
+    disarms_at_s: float | None = None
+    sends_home: bool = True
+    """Whether HOME_POSITION is ever sent."""
     home_moves_m: Triple = (2.0, -1.5, 0.0)
     """Offset of home before arming from home after arming: north, east, down."""
     ekf_origin_m: Triple = (0.0, 0.0, -2.3)
@@ -96,6 +100,8 @@ class AutopilotOptions:
     position_wander: Literal["gauss_markov", "smooth"] = "gauss_markov"
     """Model of the position error's wander, with ``priors.position_bias_time_s``. smooth: second order, as in GNSS
     receivers."""
+    position_wander_times_s: tuple[Positive, Positive] | None = None
+    """Range from which the seed draws the wander's time constant, uniform in its logarithm; None: the prior's."""
     position_shifts: tuple[PositionShift, ...] = ()
     """Smooth shifts of the position error, as when an estimator corrects itself."""
     rangefinder: bool = True

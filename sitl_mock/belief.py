@@ -7,13 +7,14 @@ from __future__ import annotations
 from math import radians
 from random import Random
 
-from sitl_mock.draws import DrawnBiases, SmoothWander, Wander, shifted
+from sitl_mock.draws import DrawnBiases, SmoothWander, Wander, shifted, wander_time_s
 from sitl_mock.earth import ArduPilotProjection, LocalProjection, Place, Px4Projection, World
 from sitl_mock.flight import Flight, State
 from sitl_mock.gimbal import Gimbal
 from sitl_mock.gyro import Gyro
 from sitl_mock.options import Options
 from sitl_mock.rotation import Vector, plus
+from sitl_mock.surface import Surface
 
 
 class Belief:
@@ -21,7 +22,7 @@ class Belief:
 
     def __init__(self, options: Options, biases: DrawnBiases, flight: Flight, world: World) -> None:
         self._o, self._biases, self._flight, self.world = options, biases, flight, world
-        seed, priors = options.seed, options.priors
+        seed = options.seed
         self._gyro = Gyro(flight, options.autopilot.gyro_filter_hz, options.autopilot.gyro_sample_hz)
         self.gimbal = Gimbal(options, biases, flight)
         self._noise = Random(f"{seed}/noise")
@@ -29,8 +30,9 @@ class Belief:
         self._gyro_noise = Random(f"{seed}/gyro")
         axes = ("roll", "pitch", "yaw")
         self._signs = tuple(-1.0 if axis in options.autopilot.reversed_axes else 1.0 for axis in axes)
+        self._surface = Surface(options)
         self._wander = tuple(
-            wander(biases.position_sigma_m, priors.position_bias_time_s, Random(f"{seed}/wander/{axis}"))
+            wander(biases.position_sigma_m, wander_time_s(options), Random(f"{seed}/wander/{axis}"))
             for axis in ("north", "east")
         )
         origin = self._reported(options.autopilot.ekf_origin_m)
@@ -83,7 +85,9 @@ class Belief:
         cosine = state.ned_from_body[2][2]
         if cosine <= 0.05:
             return 1e3
-        return max(0.0, -state.position[2] / cosine + self._fresh(0.03))
+        north, east, down = state.position
+        above_m = -down - self._surface.height_m(north, east)
+        return max(0.0, above_m / cosine + self._fresh(0.03))
 
     def _reported(self, ned: Vector) -> Place:
         """A place by the receiver's altitude above sea level."""

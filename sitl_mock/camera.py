@@ -31,6 +31,7 @@ from sitl_mock.rotation import (
     times,
 )
 from sitl_mock.scene import CORNERS, Target
+from sitl_mock.surface import Surface
 from sitl_mock.tags import GroundTag, tags
 
 ROW_SETTLED_PX = 1e-7
@@ -75,6 +76,7 @@ class MockCamera:
         """gimbal_from_camera where the camera is on a gimbal."""
         self._position_m = plus(self._c.position_m, biases.lever_arm_m)
         self._gimbal = Gimbal(options, biases, flight)
+        self._surface = Surface(options)
         self._noise: CameraNoise = (StreamsByCause if options.noise_by_cause else SharedStream)(options.seed)
         self._tags: dict[int, GroundTag] = {}
         if self._c.corner_noise_px is not None:
@@ -175,7 +177,7 @@ class MockCamera:
             if target.height_m:
                 left, top, right, bottom = self.box(target, row0_s)
                 pixel = (0.5 * (left + right), 0.5 * (top + bottom))
-            if not self.lens.sees(*pixel):
+            if not self.lens.sees(*pixel) or self._surface.hides(target.at(t), self._flight.at(t).position):
                 continue
             visible.append(index)
             seen = self._detected(target, pixel, t)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import exp, radians, sqrt
+from math import exp, log, radians, sqrt
 from random import Random
 
 from sitl_mock.option_types import PositionShift
@@ -69,6 +69,14 @@ def _readout(options: Options) -> float:
     if options.camera.readout_s is not None:
         return options.camera.readout_s
     return Random(f"{options.seed}/bias/readout").uniform(0.0, 1.0 / options.camera.fps)
+
+
+def wander_time_s(options: Options) -> float:
+    """Time constant of the position's wander, seconds."""
+    drawn_from = options.autopilot.position_wander_times_s
+    if drawn_from is None:
+        return options.priors.position_bias_time_s
+    return exp(Random(f"{options.seed}/wander/time").uniform(*map(log, drawn_from)))
 
 
 class Wander:

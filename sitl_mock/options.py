@@ -21,6 +21,7 @@ from sitl_mock.option_types import (
     TruthRate,
     Waypoint,
 )
+from sitl_mock.surface_options import SurfaceOptions
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -275,6 +276,7 @@ class Options:
     autopilot: AutopilotOptions = field(default_factory=AutopilotOptions)
     camera: CameraOptions = field(default_factory=CameraOptions)
     gimbal: GimbalOptions = field(default_factory=GimbalOptions)
+    surface: SurfaceOptions = field(default_factory=SurfaceOptions)
     targets: tuple[TargetOptions, ...] = (TargetOptions(),)
     downlink: WireOptions = field(default_factory=WireOptions)
     uplink: WireOptions = field(default_factory=WireOptions)

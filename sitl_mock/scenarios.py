@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from sitl_mock.copter_scenarios import COPTER_SCENARIOS
 from sitl_mock.options import Options, TargetOptions, WireOptions
 
 QUIET_WIRE = WireOptions(delay_s=0.001, jitter_s=0.0)
@@ -64,74 +65,6 @@ BY_HAND: dict[str, Any] = {
     "camera.clutter": 0.0,
     "targets": (TargetOptions(label="tag36h11:7"),),
 }
-
-COPTER: dict[str, Any] = {
-    "flight.pitch_deg": 0.0,
-    "flight.flapping_pitch_deg": 0.0,
-    "flight.flapping_roll_deg": 0.0,
-    "flight.heave_m": 0.0,
-    "flight.wander_m": 0.15,
-    "autopilot.pitch_trim_deg": 0.0,
-    "camera.readout_s": 0.0,
-    "priors.pixel_noise_px": 1.5,
-    "targets": (TargetOptions(label="pad"),),
-}
-"""A multicopter with a camera that looks straight down through a global shutter: no wings, 2 deg of slow sway."""
-EXACT_POSITION: dict[str, Any] = {
-    "biases.position_m": 0.0,
-    "biases.position_delay_s": 0.0,
-    "biases.lever_arm_m": (0.0, 0.0, 0.0),
-    "priors.position_noise_m": 0.01,
-}
-DESCENT: dict[str, Any] = {
-    **COPTER,
-    "flight.pattern": "waypoints",
-    "flight.waypoints": ((0.0, -2.0, 1.0, 15.0, 30.0), (5.0, -2.0, 1.0, 15.0, 30.0), (50.0, 0.0, 0.0, 1.0, 30.0)),
-    "flight.wander_m": 0.05,
-    "camera.time_offset_s": 0.04,
-    "seconds": 60.0,
-}
-"""15 m to 1 m in 45 s (0.31 m/s on average, 0.58 at most), then ten seconds at 1 m; stamps 40 ms late, as
-configured."""
-PHOTOGRAPHS: dict[str, Any] = {
-    **COPTER,
-    "flight.pattern": "racetrack",
-    "flight.half_axes_m": (40.0, 15.0),
-    "flight.height_m": 60.0,
-    "flight.speed_m_s": 6.0,
-    "camera.fps": 0.1,
-    "camera.clutter": 0.0,
-    "autopilot.rates_hz": {"ATTITUDE": 4.0, "ATTITUDE_QUATERNION": 4.0, "GLOBAL_POSITION_INT": 4.0},
-    "autopilot.true_ceiling_hz": 4.0,
-    "targets": tuple(TargetOptions(label="cow", north=n, east=e) for n, e in ((-12.0, 6.0), (3.0, -9.0), (15.0, 2.0))),
-    "seconds": 300.0,
-}
-"""A picture every 10 s from 60 m at 6 m/s over three targets 14 to 19 m apart; attitudes and positions at 4 Hz."""
-HOVER_TURNS_CLIMB: dict[str, Any] = {
-    **COPTER,
-    "flight.pattern": "waypoints",
-    "flight.waypoints": (
-        (0.0, -2.0, 1.0, 10.0, 0.0),
-        (10.0, -2.0, 1.0, 10.0, 0.0),
-        (30.0, -2.0, 1.0, 10.0, 360.0),
-        (35.0, -2.0, 1.0, 10.0, 360.0),
-        (45.0, -2.0, 1.0, 15.0, 360.0),
-        (65.0, -2.0, 1.0, 15.0, 720.0),
-        (70.0, -2.0, 1.0, 15.0, 720.0),
-    ),
-    "seconds": 75.0,
-}
-"""10 m above a point 2.2 m from the target: a turn in 20 s (34 deg/s at most), a climb of 5 m, another turn."""
-COPTER_CIRCLES: dict[str, Any] = {
-    **COPTER,
-    "flight.pattern": "orbit",
-    "flight.half_axes_m": (3.0, 3.0),
-    "flight.heading": "course",
-    "flight.height_m": 14.0,
-    "flight.speed_m_s": 2.0,
-    "seconds": 110.0,
-}
-"""Nose-first circles of 3 m radius at 14 m and 2 m/s about the target: a turn in 9.4 s."""
 
 SCENARIOS: dict[str, tuple[str, dict[str, Any]]] = {
     "default": ("orbit of 8 m radius around one target, biases drawn from the priors", {}),
@@ -279,25 +212,11 @@ SCENARIOS: dict[str, tuple[str, dict[str, Any]]] = {
         "the same with stamps 35 ms late and the mount off by 0.5, 1, 2 deg",
         {**BY_HAND, "biases.time_offset_s": 0.035, "biases.mount_deg": (0.5, 1.0, 2.0)},
     ),
-    "descent": ("a copter descends from 15 m to 1 m over its target, exact position", {**DESCENT, **EXACT_POSITION}),
-    "descent_wander": (
-        "the same with a position that wanders smoothly by 1 m",
-        {**DESCENT, "autopilot.position_wander": "smooth"},
-    ),
-    "descent_shift": (
-        "the same with a position that shifts by 0.4 m in the last ten seconds",
-        {**DESCENT, **EXACT_POSITION, "autopilot.position_shifts": ((50.0, 58.0, 0.32, -0.24),)},
-    ),
-    "photographs": ("a picture every 10 s from 60 m over three targets, attitudes at 4 Hz", PHOTOGRAPHS),
-    "copter_hover_turns_climb": (
-        "a copter hovers at 10 m, turns once, climbs 5 m, turns again; no flapping",
-        {**HOVER_TURNS_CLIMB, **EXACT_POSITION},
-    ),
-    "copter_circles": ("a copter flies nose-first circles of 3 m radius at 14 m; no flapping", COPTER_CIRCLES),
     "walker": (
         "a target that walks at 1.5 m/s",
         {"targets": (TargetOptions(label="person", north=-4.0, speed_m_s=1.5, leg_m=8.0),)},
     ),
+    **COPTER_SCENARIOS,
 }
 """name: (one-line description, differences from the default)."""
 

@@ -6,6 +6,7 @@ from math import cos, radians, sin
 
 from sitl_mock.options import Options, TargetOptions
 from sitl_mock.rotation import Vector
+from sitl_mock.surface import Surface
 
 CORNERS: tuple[Vector, ...] = tuple((x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (0.0, 1.0))
 """Corners of a block in shares of its width, width and height, from the middle of its base."""
@@ -14,10 +15,12 @@ CORNERS: tuple[Vector, ...] = tuple((x, y, z) for x in (-0.5, 0.5) for y in (-0.
 class Target:
     """A target on the ground, in the world's NED."""
 
-    def __init__(self, options: TargetOptions, centre: tuple[float, float]) -> None:
+    def __init__(self, options: TargetOptions, centre: tuple[float, float], surface: Surface) -> None:
         self.label = options.label
         self.walks = options.speed_m_s != 0.0
-        self._start = (centre[0] + options.north, centre[1] + options.east, -options.up)
+        north, east = centre[0] + options.north, centre[1] + options.east
+        self._surface, self._up = surface, options.up
+        self._start = (north, east, -options.up - surface.height_m(north, east))
         self._leg_m = options.leg_m
         self.height_m, self._width_m = options.height_m, options.width_m
         course = radians(options.course_deg)
@@ -28,7 +31,8 @@ class Target:
         if not self.walks:
             return self._start
         t = self._walked_s(flight_s)
-        return (self._start[0] + self._velocity[0] * t, self._start[1] + self._velocity[1] * t, self._start[2])
+        north, east = self._start[0] + self._velocity[0] * t, self._start[1] + self._velocity[1] * t
+        return (north, east, -self._up - self._surface.height_m(north, east))
 
     def corner_at(self, corner: Vector, flight_s: float) -> Vector:
         """A corner of a block, NED, metres."""
@@ -53,5 +57,6 @@ class Target:
 
 
 def targets(options: Options) -> list[Target]:
-    """Targets of a flight."""
-    return [Target(one, options.flight.centre) for one in options.targets]
+    """Targets of a flight, on its surface."""
+    surface = Surface(options)
+    return [Target(one, options.flight.centre, surface) for one in options.targets]

@@ -15,6 +15,7 @@ from sitl_mock.earth import Place, World
 from sitl_mock.flight import Flight, SimulatedFlight, State
 from sitl_mock.options import Options
 from sitl_mock.scene import targets
+from sitl_mock.surface import Surface
 from sitl_mock.vehicle import MockVehicle
 
 
@@ -75,6 +76,7 @@ class Simulation:
             SimulatedFlight(options.flight, options.seed, time) if simulated else Flight(options.flight, options.seed)
         )
         self.world = World(Place(*options.origin))
+        self.surface = Surface(options)
         self.scene = targets(options)
         boot_ns = round(options.autopilot.boot_at_start_s * 1e9)
         self.clock = BootClock(self.start_host_ns, boot_ns, options.autopilot.drift_ppm, time)

@@ -230,7 +230,7 @@ class Telemetry:
         }
 
     def _home_position(self, host_ns: int) -> Fields | None:
-        if not self._belief.has_position(self.flight_s(host_ns)):
+        if not self._a.sends_home or not self._belief.has_position(self.flight_s(host_ns)):
             return None
         home = self._belief.home(self.armed)
         x, y, z = self._belief.projection.local(home)

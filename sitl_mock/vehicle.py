@@ -86,8 +86,11 @@ class MockVehicle:
         return self._broadcast.streams.rates_hz
 
     def _begin(self, start_ns: int) -> None:
-        self._broadcast.start(start_ns)
         o = self._o
+        self._telemetry.armed = o.autopilot.arms_at_s is not None and o.autopilot.arms_at_s <= 0.0
+        self._broadcast.start(start_ns)
+        if o.autopilot.disarms_at_s is not None:
+            self._agenda.at(start_ns + round(o.autopilot.disarms_at_s * 1e9), partial(self._arm, False))
         if o.autopilot.arms_at_s is not None:
             self._agenda.at(start_ns + round(o.autopilot.arms_at_s * 1e9), partial(self._arm, True))
         if o.autopilot.gps and o.autopilot.gps_fix_at_s > 0.0:

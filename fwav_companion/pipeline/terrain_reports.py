@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.localization import TerrainShift
 from fwav_companion.pipeline.camera_pipeline import CameraPipeline
 from fwav_companion.pipeline.output_buffer import OutputBuffer
 from fwav_companion.pipeline.target_log import TargetLog
@@ -18,10 +19,14 @@ class TerrainReports:
         self._target_log = target_log
         self._outputs = outputs
         self._unix_offset_ns = unix_offset_ns
+        self._reported: tuple[TerrainShift | None, str] = (None, "")
 
     def report(self, camera: CameraPipeline, text: str, now: HostNs) -> None:
-        """Write the present shift, and the ground's text as a notice; "" is no notice."""
+        """Write the present shift, and the ground's text as a notice, each where it is news; "" is no notice."""
         shift = camera.terrain_shift
+        before, self._reported = self._reported, (shift, text)
+        if before == self._reported:
+            return
         if shift is not None:
             at_s = unix_seconds(now, self._unix_offset_ns)
             line = terrain_line(at_s, shift.shift_m, shift.sigma_m, shift.source.value)

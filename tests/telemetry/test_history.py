@@ -34,6 +34,15 @@ def test_reasons():
     assert history.at(BootNs(1300 * MS)).gap_s == pytest.approx(0.28)
 
 
+@pytest.mark.parametrize(("spacing_ms", "gap"), [(240, False), (286, True)])
+def test_a_lost_sample_of_a_radio_is_a_gap_beyond_half_a_second(spacing_ms, gap):
+    """Twice the spacing of a slow stream is no hole of it; the vehicle does not move, yet 0.57 s do not show that."""
+    history = level(*(1000 + spacing_ms * k for k in range(20) if k != 10))
+    at = history.at(BootNs((1000 + 10 * spacing_ms) * MS))
+    assert isinstance(at, Unpaired) is gap
+    assert not gap or at.reason is Reason.ATTITUDE_GAP
+
+
 def test_a_hole_that_the_motion_does_not_bear_is_a_gap():
     motion = flapping.nodding(5.0, 15.0)
     samples = [s for s in flapping.stream(motion, 100, 4.0) if not 3.5e9 < s.boot_ns < 3.72e9]

@@ -152,7 +152,8 @@ class AttitudeHistory:
             return self._beyond(boot_ns)
         gap_s = min(boot_ns - times[index], times[index + 1] - boot_ns) * 1e-9
         segment, sigma = self._segments[index] or self._build(index)
-        if sigma > MOST_SIGMA and (times[index + 1] - times[index]) * 1e-9 > HOLE * self.check.spacing_s:
+        hole = (times[index + 1] - times[index]) * 1e-9 > HOLE * self.check.spacing_s
+        if sigma == inf or (sigma > MOST_SIGMA and hole):
             return Unpaired(Reason.ATTITUDE_GAP, gap_s)
         spacing_s = (times[index + 1] - times[index]) * 1e-9
         ned_from_body, rates = course_at(segment, boot_ns)
