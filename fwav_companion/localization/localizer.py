@@ -187,7 +187,7 @@ class Localizer:
             turn = exp(scale(axis, sigmas * stretch / (tilt * norm(axis))))
             other = meeting if sigmas == 0.0 else self._meet(sighting, rotate(turn, direction))
             if isinstance(other, NoFix):
-                return NoFix(Reason.TOO_SHALLOW)
+                return NoFix(Reason.TOO_SHALLOW) if other.reason is Reason.ABOVE_HORIZON else other
             distances.append(other.distance_m)
         planar = [meeting.distance_m / (1.0 + sigmas * stretch) for sigmas in SIGMA_POINTS]
         steps = (abs((b - a) - (d - c)) for (a, b), (c, d) in zip(pairwise(distances), pairwise(planar), strict=True))

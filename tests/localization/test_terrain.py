@@ -10,7 +10,7 @@ from true_flights import PRIORS, STEPS, Noise, Scene
 
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
 from fwav_companion.localization import Datum, ElevationModel, Localizer, TerrainGround
-from fwav_companion.types import Bias, NoFix, Reason, TakeOff, TakeOffSource
+from fwav_companion.types import Bias, GroundFix, NoFix, Reason, TakeOff, TakeOffSource
 
 QUIET = {"bridging_sigma": 0.0, "time_noise_s": 0.0, "position_sigma_m": 0.0}
 """A sighting without independent errors."""
@@ -178,6 +178,16 @@ class TestGround:
         assert self.locate(ground, under) == NoFix(Reason.TOO_LOW)
         nowhere = Scene(relative=True).sighting()
         assert self.locate(ground, nowhere) == NoFix(Reason.NO_HEIGHT)
+
+    @pytest.mark.parametrize(("north_m", "answered"), [(60.0, True), (88.0, False)])
+    def test_a_ray_whose_error_reaches_beyond_the_model_is_refused_by_that_name(self, north_m, answered):
+        """The model ends 92.6 m north: from 40 m above it, two sigma of a ray to 88 m are some 9 m."""
+        ground = self.ground(ElevationModel([tile(lambda _i, _j: 500.0, rows=64, north=LAT + 3 * STEP)]))
+        sighting = Scene(
+            roll_deg=0.0, pitch_deg=65.0, yaw_deg=0.0, vehicle=(0.0, 0.0), target=(north_m, 0.0)
+        ).sighting()
+        answer = self.locate(ground, sighting)
+        assert isinstance(answer, GroundFix) if answered else answer == NoFix(Reason.BEYOND_TERRAIN)
 
     def test_behind_a_crest_a_fix_is_refused(self):
         """The ray grazes a wall's top: a little lower it ends there, a little higher far behind."""

@@ -13,7 +13,7 @@ from kept import kept
 from scipy.stats import binom, chi2
 from surface_tiles import surface_tile
 
-from fwav_companion.types import GroundFix
+from fwav_companion.types import GroundFix, Reason
 from sitl_mock import FrameTruth, Options, Simulation, scenario, simulate
 from sitl_mock.earth import Place
 
@@ -125,6 +125,17 @@ def test_fixes_are_as_good_as_they_claim(name, flights):
 def test_a_claimed_ellipse_of_90_percent_holds_85_to_95_of_100():
     together = [each for name in SHORT for each in squares_of(name, MANY)]
     assert 0.85 < sum(each < chi2.ppf(0.9, 2) for each in together) / len(together) < 0.95
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_rays_onto_a_village_are_answered_but_where_an_edge_leaves_two_answers():
+    """40 to 75 deg down between trees and houses; 64 % of such rays were once refused as too shallow."""
+    answers = [answer for seed in range(500, 508) for _, answer in flown("village", seed, 30.0)[2]]
+    refused = [answer.reason for answer in answers if not isinstance(answer, GroundFix)]
+    assert len(answers) > 1500
+    assert len(refused) < 0.06 * len(answers)
+    assert refused.count(Reason.TWO_GROUNDS) >= 0.95 * len(refused)
 
 
 def test_a_flight_first_heard_in_the_air_takes_its_ground_from_the_landing():
