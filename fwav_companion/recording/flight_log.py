@@ -130,7 +130,7 @@ class FlightLog(msgspec.Struct, frozen=True, kw_only=True):
                 "detections on another clock drift away; accepted: time_boot"
             )
         if not self.knows_utc:
-            warnings.append("the log has no UTC from GPS: detections must be stamped with time_boot")
+            warnings.append("the log has no UTC from GPS: it fits only detections that are stamped with time_boot")
         return warnings
 
     def _rate_hz(self) -> float:

@@ -24,6 +24,9 @@ from fwav_companion.recording.flight_log import (
 )
 
 EXCHANGE_EVERY_US: Final = 500_000
+FIRST_EXCHANGES: Final = 20
+"""Clock exchanges a millisecond apart before the first sample: the clock of a log is known from its beginning."""
+MS_US: Final = 1000
 BEATS_A_HEARTBEAT: Final = 2
 """One heartbeat a second."""
 AUTOPILOTS: Final = {"ardupilot": 3, "px4": 12}
@@ -57,6 +60,10 @@ def _beats(log: FlightLog) -> Iterator[TimedMessage]:
     if not times:
         return
     first_us = min(times)
+    heartbeat = _HEARTBEAT | {"autopilot": AUTOPILOTS[log.autopilot]}
+    yield max(0, first_us - FIRST_EXCHANGES * MS_US), "HEARTBEAT", heartbeat
+    for before in range(FIRST_EXCHANGES, 0, -1):
+        yield from _exchange(max(0, first_us - before * MS_US))
     if log.origin is not None:
         lat, lon, alt_m = log.origin
         fields = {"latitude": _whole(lat, 1e7), "longitude": _whole(lon, 1e7), "altitude": _whole(alt_m, 1e3)}
@@ -78,9 +85,14 @@ def _beats(log: FlightLog) -> Iterator[TimedMessage]:
     for beat in sorted({(at_us - first_us) // EXCHANGE_EVERY_US for at_us in times}):
         at_us = first_us + beat * EXCHANGE_EVERY_US
         if beat % BEATS_A_HEARTBEAT == 0:
-            yield at_us, "HEARTBEAT", _HEARTBEAT | {"autopilot": AUTOPILOTS[log.autopilot]}
-        yield at_us, "TIMESYNC", {"tc1": 0, "ts1": at_us * 1000}
-        yield at_us, "TIMESYNC", {"tc1": max(1, at_us * 1000), "ts1": at_us * 1000}
+            yield at_us, "HEARTBEAT", heartbeat
+        yield from _exchange(at_us)
+
+
+def _exchange(at_us: int) -> Iterator[TimedMessage]:
+    """A request for the clock, and its answer at once: host time is boot time."""
+    yield at_us, "TIMESYNC", {"tc1": 0, "ts1": at_us * 1000}
+    yield at_us, "TIMESYNC", {"tc1": max(1, at_us * 1000), "ts1": at_us * 1000}
 
 
 _HEARTBEAT: Final = {

@@ -72,11 +72,17 @@ def _limits(pipeline: Pipeline, config: Config) -> dict[int, dict[str, float]]:
 
 
 def _config_for(recording: Recording, config: Config) -> Config:
-    """The configuration; without an attitude stamp delay if attitude stamps are exact, as in an autopilot's log."""
-    if not recording.exact_stamps or config.uncertainty.attitude_stamp_delay_s != "auto":
+    """The configuration, for an autopilot's own log that of its one vehicle: there is no other to wait for.
+
+    Attitude stamps are exact there, without a delay.
+    """
+    if not recording.exact_stamps:
         return config
-    uncertainty = msgspec.structs.replace(config.uncertainty, attitude_stamp_delay_s=0.0)
-    return msgspec.structs.replace(config, uncertainty=uncertainty)
+    replace = msgspec.structs.replace
+    config = replace(config, vehicle=replace(config.vehicle, system_id=recording.own_system or 0))
+    if config.uncertainty.attitude_stamp_delay_s != "auto":
+        return config
+    return replace(config, uncertainty=replace(config.uncertainty, attitude_stamp_delay_s=0.0))
 
 
 def _drive(pipeline: Pipeline, recording: Recording, own: frozenset[int]) -> Iterator[None]:

@@ -15,7 +15,7 @@ from fwav_companion.recording.events import BeganWith, RecordingEnd, Refused, pa
 from fwav_companion.recording.tlog import SkippedBytes
 from fwav_companion.replay.telemetry import TelemetryRead, Timed, read_telemetry
 from fwav_companion.self_calibration import KeptCalibration
-from fwav_companion.types import Frame, Message, NoFrame, Reason
+from fwav_companion.types import Frame, Message, NoFrame, Reason, StampClock
 from fwav_companion.vision.wall_clock import RecordingClock
 from fwav_companion.vision.wire import parse_frame
 
@@ -66,10 +66,13 @@ def read_recording(telemetry: bytes, detections: bytes, own: frozenset[int], sys
 
 def join(telemetry: TelemetryRead, detections: bytes, own: frozenset[int], system: int = 0) -> Recording:
     """Telemetry and detections as one flight."""
-    own_system = system or _first_autopilot(telemetry.messages)
+    of_log = _first_autopilot(telemetry.messages) if telemetry.exact_stamps else None
+    own_system = of_log or system or _first_autopilot(telemetry.messages)
     unix_offset_ns = _unix_offset_ns(telemetry.messages, own, own_system)
     clock = RecordingClock(unix_offset_ns, boot_is_unix=_boot_is_unix(telemetry.messages))
     frames, kept, skipped_lines = read_frames(detections, clock)
+    if telemetry.exact_stamps:
+        frames = _by_boot_time_alone(frames)
     return Recording(
         messages=telemetry.messages,
         frames=frames,
@@ -81,6 +84,25 @@ def join(telemetry: TelemetryRead, detections: bytes, own: frozenset[int], syste
         notes=telemetry.notes,
         exact_stamps=telemetry.exact_stamps,
     )
+
+
+def _by_boot_time_alone(
+    entries: Sequence[Frame | NoFrame | Refused | RecordingEnd],
+) -> list[Frame | NoFrame | Refused | RecordingEnd]:
+    """The entries beside an autopilot's own log, without the arrivals of frames with its boot time.
+
+    They are of another computer's wall clock, which the log may lack (no UTC) or contradict. The end of that computer's
+    recording is on this clock too.
+    """
+    on_boot = [entry for entry in entries if isinstance(entry, Frame) and entry.stamp_clock is StampClock.BOOT]
+    if not on_boot:
+        return list(entries)
+    replace = msgspec.structs.replace
+    return [
+        replace(entry, arrival_ns=None) if isinstance(entry, Frame) and entry.stamp_clock is StampClock.BOOT else entry
+        for entry in entries
+        if not isinstance(entry, RecordingEnd)
+    ]
 
 
 def read_frames(

@@ -1,5 +1,7 @@
 """A mock flight as the autopilot's own log would have it, .bin and .ulg, replayed with detections made afterwards."""
 
+import json
+
 import pytest
 from autopilot_logs import DataFlash, ulog, usual
 from logged_flights import Flown, bin_log, final_error_m, on_boot, on_unix, px4_log, replayed
@@ -10,12 +12,21 @@ def flown():
     return Flown()
 
 
-@pytest.mark.parametrize("stamp", [on_boot, on_unix])
+def recorded(boot_ns):
+    """As the service records a frame with a boot time: it arrived by a wall clock that is 400 s off."""
+    return on_boot(boot_ns) | {"received_unix": 1_790_000_400.0 + boot_ns / 1e9}
+
+
+@pytest.mark.parametrize("stamp", [recorded, on_unix])
 @pytest.mark.parametrize(("name", "make"), [("flight.bin", bin_log), ("flight.ulg", px4_log)])
 def test_a_flight_that_people_already_have(tmp_path, flown, name, make, stamp):
+    """From its first frame on: a log has one vehicle and a clock of its own, for which nothing waits."""
     (tmp_path / name).write_bytes(make(flown))
-    done, lines = replayed(tmp_path, tmp_path / name, flown.detections(stamp))
+    ends = [json.dumps({"event": "end", "received_unix": 1.0})] if stamp is recorded else []
+    text = "\n".join([*ends, flown.detections(stamp)])
+    done, lines = replayed(tmp_path, tmp_path / name, text, "--set", "vehicle.system_id=7")
     summary = lines[-1]
+    assert summary["dropped_frames"] == {}
     assert summary["fixes"] > 0.8 * summary["detections"]
     assert final_error_m(flown, lines) < 0.5
     assert "too slow" not in done.stderr

@@ -7,6 +7,7 @@ One random fix of a flight is judged, since a flight's biases are one draw. Each
 from functools import partial
 from random import Random
 
+import numpy as np
 import pytest
 from flying import Companion
 from kept import kept
@@ -125,6 +126,36 @@ def test_fixes_are_as_good_as_they_claim(name, flights):
 def test_a_claimed_ellipse_of_90_percent_holds_85_to_95_of_100():
     together = [each for name in SHORT for each in squares_of(name, MANY)]
     assert 0.85 < sum(each < chi2.ppf(0.9, 2) for each in together) / len(together) < 0.95
+
+
+def final_square(seed: int) -> float | None:
+    """The normalised square of one target after five minutes of a receiver of unknown time constant."""
+    mock, companion, _ = flown("consumer_gnss", seed, 300.0)
+    origin = companion.pipeline.telemetry.world.plane.origin
+    shift = mock.world.ned(Place(origin.lat_deg, origin.lon_deg, origin.alt_amsl_m))
+    lines = [line for line in companion.targets() if line["state"] in ("confirmed", "coasting")]
+    last = {line["track"]: line for line in lines}
+    if not last:
+        return None
+    line = Random(seed).choice(list(last.values()))
+    offs = [
+        [line["north"] - (true[0] - shift[0]), line["east"] - (true[1] - shift[1])]
+        for true in (target.at(0.0) for target in mock.scene)
+    ]
+    off = np.array(min(offs, key=lambda each: np.hypot(*each)))
+    return float(off @ np.linalg.solve(np.array(line["cov"])[:2, :2], off))
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+def test_targets_after_minutes_of_a_consumer_receiver_are_as_good_as_they_claim():
+    """Its time constant is drawn from 30 s to 30 min; [uncertainty] has its defaults."""
+    squares = [square for square in map(final_square, range(600, 624)) if square is not None]
+    assert len(squares) >= 22
+    low, high = chi2.ppf([0.0005, 0.9995], 2 * len(squares))
+    assert low < sum(squares) < high
+    low, high = binom.ppf([0.0005, 0.9995], len(squares), 0.9)
+    assert low <= sum(square < chi2.ppf(0.9, 2) for square in squares) <= high
 
 
 @pytest.mark.slow
