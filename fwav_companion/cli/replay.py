@@ -183,7 +183,7 @@ def _write(out: str, lines: Iterator[Line]) -> Line:
 
 
 def _print_summary(summary: Line, stream: TextIO) -> None:
-    from fwav_companion.recording.labels import shift_text
+    from fwav_companion.recording.labels import notice_texts, shift_text
 
     print(f"{summary['frames']} frames, {summary['detections']} detections, {summary['fixes']} fixes", file=stream)
     for things in ("frames", "detections"):
@@ -191,6 +191,8 @@ def _print_summary(summary: Line, stream: TextIO) -> None:
             print(f"  not used: {count} {things} {reason}", file=stream)
     if "terrain" in summary:
         print(f"  terrain: {shift_text(summary['terrain'])}", file=stream)
+    for text in notice_texts(summary):
+        print(f"  {text}", file=stream)
     _print_landmarks(summary.get("landmarks", ()), stream)
     if "errors" in summary:
         _print_errors(summary["errors"], stream)
@@ -223,5 +225,6 @@ def _print_errors(errors: Line, stream: TextIO) -> None:
             share = f"{1e2 * coverage['inside'] / coverage['n']:.0f} %"
             interval = f"{1e2 * coverage['low']:.0f} to {1e2 * coverage['high']:.0f} %"
             errors_m = ", ".join(f"{name} {numbers[key]:.3f} m" for name, key in ERROR_SIZES)
-            claims = f"{share} inside their 95 % ellipses ({interval}); normalised squares {numbers['nees']:.1f} (2)"
-            print(f"  {things}: {errors_m}; {claims}", file=stream)
+            claims = f"{share} inside their claimed 95 % ellipses (true share {interval})"
+            print(f"  {things}: {errors_m}", file=stream)
+            print(f"    {claims}; mean normalised square {numbers['nees']:.1f}, 2 is right", file=stream)

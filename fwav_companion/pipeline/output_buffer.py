@@ -41,6 +41,7 @@ class OutputBuffer:
         """Take notices for the log, and for ground stations once the vehicle is known."""
         for notice in notices:
             self.notices.append(notice)
+            self._target_log.note(notice)
             if self._live and self._components.identity.knows_its_vehicle:
                 self.messages += self._components.publisher.on_notice(notice, now)
 

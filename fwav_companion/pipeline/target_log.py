@@ -13,14 +13,21 @@ from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.pairing import PairedFrame
 from fwav_companion.recording.lines import Line, header_line, origin_line, sighting_line, target_line, unix_seconds
 from fwav_companion.tracking import Settled
-from fwav_companion.types import GroundFix, NoFix, Reason, Track, TrackState
+from fwav_companion.types import GroundFix, NoFix, Notice, NoticeCode, Reason, Track, TrackState
 from fwav_companion.types.flight_status import LandmarkReport
 
 MAX_HELD_LINES = 4096
 """Most lines that wait for the header, which waits for the origin: 10 s after the first attitude at the latest. Ten
 detections a frame at 30 frames/s make 3000 sightings in that time."""
 
-
+SUMMARIZED = frozenset(
+    {
+        NoticeCode.AUTOPILOT_REBOOTED, NoticeCode.CLOCK_SLIPPED, NoticeCode.CLOCK_RATE, NoticeCode.GIMBAL_UNUSED,
+        NoticeCode.POSITION_JUMPED, NoticeCode.RELATIVE_WORLD, NoticeCode.READOUT_UNKNOWN, NoticeCode.PRIOR_EXCEEDED,
+        NoticeCode.CALIBRATION_DROPPED,
+    }
+)  # fmt: skip
+"""Notices that the summary repeats: a replay has no log, and these say why its targets are as they are."""
 QUIET_NS = NS_PER_S
 """Time between two lines of a track that no frame saw, looked for or changed meanwhile."""
 
@@ -48,8 +55,16 @@ class TargetLog:
         """Last shift of the elevation model, for the summary."""
         self.landmarks: Callable[[], list[LandmarkReport]] = list
         """What each landmark showed by now, for the summary."""
+        self._notices: dict[NoticeCode, tuple[str, int]] = {}
+        """First text and count of the notices for the summary."""
         self._dropped_frames: Counter[Reason] = Counter()
         self._dropped_detections: Counter[Reason] = Counter()
+
+    def note(self, notice: Notice) -> None:
+        """Count a notice, where the summary repeats it."""
+        if notice.code in SUMMARIZED:
+            text, count = self._notices.get(notice.code, (notice.text, 0))
+            self._notices[notice.code] = (text, count + 1)
 
     def drop_frames(self, reason: Reason, count: int = 1) -> None:
         """Count frames that were refused as a whole."""
@@ -158,7 +173,9 @@ class TargetLog:
         terrain = {} if self.terrain is None else {"terrain": self.terrain}
         shown = [msgspec.structs.asdict(landmark) for landmark in self.landmarks()]
         landmarks = {"landmarks": shown} if shown else {}
-        return {"type": "summary", **self.counts(), **terrain, **landmarks}
+        noted = [{"code": code.value, "text": text, "times": n} for code, (text, n) in self._notices.items()]
+        notices = {"notices": noted} if noted else {}
+        return {"type": "summary", **self.counts(), **terrain, **landmarks, **notices}
 
 
 def _by_name(counts: Counter[Reason]) -> dict[str, int]:

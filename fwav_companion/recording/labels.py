@@ -22,6 +22,14 @@ def display_names(labels: Iterable[str]) -> dict[str, str]:
     return {label: display_name(label) if count[display_name(label)] == 1 else label for label in unique}
 
 
+def notice_texts(summary: Mapping[str, Any]) -> list[str]:
+    """What happened to the clock, the position and the camera, by the notices of the summary."""
+    return [
+        each["text"] + (f" ({each['times']} times in all)" if each["times"] > 1 else "")
+        for each in summary.get("notices", ())
+    ]
+
+
 def shift_text(shift: Mapping[str, Any]) -> str:
     """The last shift of an elevation model in the summary, and what it adds to every claim."""
     source, sigma_m = shift["source"].replace("_", " "), shift["sigma_m"]

@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 
 from fwav_companion.geometry.earth import Geodetic, TangentPlane
-from fwav_companion.recording.labels import landmark_result, shift_text
+from fwav_companion.recording.labels import landmark_result, notice_texts, shift_text
 from fwav_companion.recording.lines import Line, line_unix_s
 from fwav_companion.recording.truth import TruthPoint
 from fwav_companion.tools.report.series_builder import target_series
@@ -198,7 +198,7 @@ def flight_data(
         refused_detections=refused_detections(sightings, dropped),
         picture=picture,
         hidden=dict(hidden or {}),
-        notes=[*notes, *_terrain_notes(summary)],
+        notes=[*notes, *_terrain_notes(summary), *map(_sentence, notice_texts(summary))],
         moving=header["config"].get("tracking", {}).get("motion") == "moving",
         calibration=calibration,
         calibrated_by=calibrated_by,
@@ -230,6 +230,10 @@ def _landmarks(configured: Sequence[Line], summary: Line, plane: TangentPlane | 
             )
         )
     return found
+
+
+def _sentence(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}."
 
 
 def _terrain_notes(summary: Line) -> list[str]:
