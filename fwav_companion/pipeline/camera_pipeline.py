@@ -119,11 +119,9 @@ class CameraPipeline:
 
     @property
     def wake_at(self) -> HostNs | None:
-        """Instant at which a frame has waited long enough, or is settled."""
-        waited, settles = self._waiting.wake_at, self._reorder.wake_at
-        if waited is None or settles is None:
-            return settles if waited is None else waited
-        return min(waited, settles)
+        """Instant at which a frame has waited long enough, is settled, or is due to self-calibration."""
+        dues = (self._waiting.wake_at, self._reorder.wake_at, self._reorder.due_ns)
+        return min((due for due in dues if due is not None), default=None)
 
     @property
     def waiting_detections(self) -> int:
@@ -156,6 +154,10 @@ class CameraPipeline:
 
     def settle(self, now: HostNs) -> list[Settled]:
         """Frames whose lines are final, in the order of capture."""
+        self._reorder.catch_up(now)
+        return self._closed(now)
+
+    def _closed(self, now: HostNs) -> list[Settled]:
         settled, self._dropped = [*self._reorder.close(now), *self._dropped], []
         return settled
 
@@ -302,7 +304,7 @@ class CameraPipeline:
         end_ns = HostNs(now + LONG_AFTER_NS)
         for frame in self._waiting.take_ready(end_ns, self._telemetry):
             self._process(frame, now)
-        return self.settle(end_ns)
+        return self._closed(end_ns)
 
     def _process(self, frame: Frame, now: HostNs) -> ProcessedFrame | None:
         paired = self._pairer.pair(frame, self._telemetry)

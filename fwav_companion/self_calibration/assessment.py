@@ -15,6 +15,7 @@ import msgspec
 import numpy as np
 
 from fwav_companion.geometry.small_matrices import Symmetric2
+from fwav_companion.geometry.stamps import NS_PER_MS
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.self_calibration.arrays import Array
 from fwav_companion.self_calibration.calibration_report import (
@@ -29,6 +30,10 @@ from fwav_companion.self_calibration.pixel_measurement import MOUNT, SHARED_COUN
 from fwav_companion.self_calibration.posterior import MOUNT_AXES, NUISANCE, TIMING, given, solved, with_drift
 from fwav_companion.self_calibration.prior_inflation import prior_inflations
 
+JUDGED_EVERY_NS = 300 * NS_PER_MS
+"""Interval of assessments: what a flight has shown changes in seconds."""
+PLACED_EVERY_NS = 90 * NS_PER_MS
+"""Interval of the targets' places: they change by millimetres meanwhile."""
 DELAY_OBSERVABLE = 0.5
 MOUNT_OBSERVABLE = 0.35
 """Posterior sigma over prior sigma below which a parameter is reported: its error is then much below its prior."""
@@ -117,11 +122,13 @@ def assessed(
     drift: InnovationConsistency | None = None,
     before: Mapping[int, object] | None = None,
     stamp_sigma_s: float = 0.0,
+    photographs: bool = False,
 ) -> Assessment:
     """The assessment of a joint estimate.
 
     ``priors``: means and one sigma of the shared parameters. ``axes``: mean directions in the body, down and toward the
     targets. ``before``: the parameters observable so far. ``stamp_sigma_s``: open instant of attitude stamps.
+    ``photographs``: no shaking shows the delay, only motion as slow as the errors that wander.
     """
     means, sigmas = priors
     denied = prior_inflations(joint, means, sigmas)
@@ -132,7 +139,7 @@ def assessed(
     # Where a wrong prior bent the estimate its innovations lean as well, and say nothing of what wanders.
     known = _mount_known(joint, sigmas, 1.0 if denied else shown, axes[1])
     mean, cov = joint.mean[0], with_drift(joint, sigmas, factor)
-    delay_s, delay_sigma_s = float(mean[0]), float(np.sqrt(joint.cov[0, 0, 0]))
+    delay_s, delay_sigma_s = float(mean[0]), float(np.sqrt((cov if photographs else joint.cov[0])[0, 0]))
     parameters: dict[int, tuple[float, float]] = {}
     retained = {
         i: RETAINED if before and i in before else 1.0 for i in (SharedParameter.DELAY, SharedParameter.MOUNT_X)

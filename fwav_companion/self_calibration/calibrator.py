@@ -16,8 +16,10 @@ from math import hypot
 import msgspec
 import numpy as np
 
-from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, BootNs, HostNs, ns_from_s, s_from_ns
+from fwav_companion.geometry.stamps import NS_PER_S, BootNs, HostNs, ns_from_s, s_from_ns
 from fwav_companion.self_calibration.assessment import (
+    JUDGED_EVERY_NS,
+    PLACED_EVERY_NS,
     Assessment,
     CalibratedPlace,
     assessed,
@@ -39,7 +41,7 @@ from fwav_companion.self_calibration.position_smoother import PositionSmoother
 from fwav_companion.self_calibration.posterior import MOUNT_AXES, bias_shares
 from fwav_companion.self_calibration.present_report import report_of
 from fwav_companion.self_calibration.rate_denoiser import SPAN_S, RateDenoiser
-from fwav_companion.self_calibration.relinearization import Relinearization
+from fwav_companion.self_calibration.relinearization import STEP, Relinearization, steps_within
 from fwav_companion.types import GroundFix, Unpaired, VehicleState
 from fwav_companion.types.tracks import GateResult
 
@@ -49,10 +51,6 @@ SEARCH_PAUSE_NS = 20 * NS_PER_S
 """Pause after a search without result: a search costs as much as ten targets do."""
 LAG_S = 0.06
 """Lag behind the newest frame, beyond the delays of the hypotheses: later attitudes must have arrived."""
-JUDGED_EVERY_NS = 300 * NS_PER_MS
-"""Interval of assessments: what a flight has shown changes in seconds."""
-PLACED_EVERY_NS = 90 * NS_PER_MS
-"""Interval of the targets' places: they change by millimetres meanwhile."""
 
 
 class Calibrator(msgspec.Struct, frozen=True):
@@ -99,13 +97,24 @@ class Calibrator(msgspec.Struct, frozen=True):
         if mount_check.text and not self._explained:
             return Calibrator(self.context, host_ns=host_ns, mount_check=mount_check, replaced=self.replaced)
         frame = DelayedMeasurement(host_ns, tuple(fixes), self.context.prepared(fixes, self.delay_s))
-        due, queue = self.queue.with_frame(frame).due(HostNs(host_ns - ns_from_s(self._lag_s())))
-        state = msgspec.structs.replace(self, queue=queue, host_ns=host_ns, mount_check=mount_check)._only(alive)
+        state = msgspec.structs.replace(self, queue=self.queue.with_frame(frame), mount_check=mount_check)
+        return state.caught_up(host_ns, alive)
+
+    @property
+    def due_ns(self) -> HostNs | None:
+        """Instant to measure what waits even if no further frame comes: later, the vehicle's states are forgotten."""
+        return self.queue.due_without_frame(ns_from_s(self._lag_s()))
+
+    def caught_up(self, host_ns: HostNs, alive: Collection[int]) -> Calibrator:
+        """The state after everything that is due is measured; ``alive``: all live tracks."""
+        due, queue = self.queue.due(HostNs(host_ns - ns_from_s(self._lag_s())))
+        state = msgspec.structs.replace(self, queue=queue, host_ns=host_ns)._only(alive)
         teaching = state._teaching(alive)
         for frames in due:
             if frames[0].host_ns >= state.idle_until_ns:
                 state = state._with_frames(frames, teaching)
-        return state._searched()._passed()._assessed()
+        steps = steps_within(host_ns - self.host_ns)
+        return state._searched(steps)._passed(steps)._assessed()
 
     @property
     def delay_s(self) -> float | None:
@@ -180,7 +189,7 @@ class Calibrator(msgspec.Struct, frozen=True):
     # Each step returns the next state.
 
     def _lag_s(self) -> float:
-        earliest = min(self.context.delays) if self.delay_s is None else self.delay_s
+        earliest = self.context.delays[0] if self.delay_s is None else self.delay_s
         return LAG_S + 0.5 * SPAN_S + max(0.0, -earliest)
 
     def _only(self, alive: Collection[int]) -> Calibrator:
@@ -214,12 +223,8 @@ class Calibrator(msgspec.Struct, frozen=True):
         """With the fixes of a few frames as one batch. Attitudes that distinguish no delay from another contribute
         nothing.
         """
-        queue, fixes, since_s, batches = (
-            self.queue,
-            list[tuple[int, GroundFix]](),
-            list[float](),
-            list[MeasurementBatch](),
-        )
+        queue, fixes, since_s = self.queue, list[tuple[int, GroundFix]](), list[float]()
+        batches = list[MeasurementBatch]()
         for frame in frames:
             index, since, queue = queue.taken(frame, alive)
             fixes += [frame.fixes[i] for i in index]
@@ -259,12 +264,14 @@ class Calibrator(msgspec.Struct, frozen=True):
             return state._found(FoundDelay(self.context.means))
         return msgspec.structs.replace(state, search=(state.search or delay_search(self.context)).fed(batch))
 
-    def _searched(self) -> Calibrator:
-        """After the search's step of a frame; a delay that is found begins the first pass."""
+    def _searched(self, steps: int) -> Calibrator:
+        """After the search's step of a frame, or all of them between photographs; a delay begins the first pass."""
         if self.search is None:
             return self
-        search = self.search.advanced(self.passes.kept)
-        match search.result(self.passes.kept):
+        search, kept = self.search.advanced(self.passes.kept, steps), self.passes.kept
+        while steps > STEP and search.round and not search.complete(kept):
+            search = search.advanced(kept, steps)
+        match search.result(kept):
             case FoundDelay() as found:
                 return self._found(found)
             case NoDelay() as no_delay:
@@ -290,8 +297,8 @@ class Calibrator(msgspec.Struct, frozen=True):
         passes = self.passes.begun(self.context, found.point)
         return msgspec.structs.replace(self, search=None, no_delay=None, passes=passes)
 
-    def _passed(self) -> Calibrator:
-        passes = self.passes.advanced(self.context)
+    def _passed(self, steps: int) -> Calibrator:
+        passes = self.passes.advanced(self.context, steps)
         return self if passes is self.passes else msgspec.structs.replace(self, passes=passes)
 
     def _assessed(self) -> Calibrator:
@@ -311,6 +318,7 @@ class Calibrator(msgspec.Struct, frozen=True):
                 drift=served.drift,
                 before=before,
                 stamp_sigma_s=self.stamp_sigma_s,
+                photographs=served.photographs,
             )
             judged_ns = self.host_ns
         elif self.host_ns - self.placed_ns < PLACED_EVERY_NS:

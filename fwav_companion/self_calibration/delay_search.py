@@ -26,6 +26,9 @@ from fwav_companion.self_calibration.pixel_measurement import MeasurementBatch
 LEAST = 40
 MOST = 240
 """Frames: four beats at 30 frames/s before any decision, and the end of the search."""
+LEAST_SIGHTS = 16
+"""Sights on photographs before a decision: 32 numbers for the 11 shared parameters, which have priors, and for two of
+each target. Each photograph has its own samples of telemetry; frames at 30/s share three of them."""
 FLAT = 10.0
 """Log-likelihood between the best and the worst of a bank; below it nothing shakes, and any delay fits."""
 EARLY_MARGIN = 10.0
@@ -43,13 +46,13 @@ WIDE_S = 3.0 * DELAY_STEP_S
 APART_S = 0.5 * DELAY_STEP_S
 APART_SIGMAS = 3.0
 """Two ends nearer than this, or than this number of their sigmas together, are one."""
+VALLEY = 1.0
+"""Log-likelihood of a rise beyond the noise of a linearization."""
 MOST_TRIALS = 12
 HOPELESS = 100.0
 """Log-likelihood behind the best after the first round: linearization costs less than half of it by then."""
 ROUNDS = 2
 """Over everything kept: the first ends within 3 ms, half a degree of a beat at 15 Hz, the second within the noise."""
-STEP = 2
-"""Kept batches that the trials take in each frame, so that they overtake the new ones."""
 
 
 class FoundDelay(msgspec.Struct, frozen=True):
@@ -79,6 +82,20 @@ class DelaySearch(msgspec.Struct, frozen=True):
     round: int = 0
     cursor: int = 0
     """Kept batches that the trials have taken in this round."""
+    photographs: bool = False
+    """Whether the frames of the bank were photographs."""
+
+    @property
+    def progress(self) -> tuple[int, int]:
+        """Sights of the bank so far, and the number that the search needs on this flight."""
+        bank = self.hypotheses
+        return (bank.sights, LEAST_SIGHTS) if bank.photographs else (bank.frames, LEAST)
+
+    @property
+    def begun(self) -> bool:
+        """Whether the bank has seen enough."""
+        sights, needed = self.progress
+        return self.round > 0 or sights >= needed
 
     def fed(self, batch: MeasurementBatch) -> DelaySearch:
         """The search after one more batch; trials take theirs from the kept ones."""
@@ -86,18 +103,21 @@ class DelaySearch(msgspec.Struct, frozen=True):
             return self
         return msgspec.structs.replace(self, hypotheses=self.hypotheses.fed(batch))
 
-    def advanced(self, kept: Sequence[MeasurementBatch]) -> DelaySearch:
-        """The search after its step of this frame."""
+    def advanced(self, kept: Sequence[MeasurementBatch], steps: int) -> DelaySearch:
+        """The search after its step of this frame, of so many kept batches."""
         if not self.round:
-            ready = self.hypotheses.frames >= LEAST and not self._flat
-            return self._next_round(0.0, inf) if ready else self
+            return self._next_round(0.0, inf) if self.begun and not self._flat else self
         trials = self.hypotheses
-        for batch in kept[self.cursor : self.cursor + STEP]:
+        for batch in kept[self.cursor : self.cursor + steps]:
             trials = trials.fed(batch)
-        cursor = min(self.cursor + STEP, len(kept))
+        cursor = min(self.cursor + steps, len(kept))
         search = msgspec.structs.replace(self, hypotheses=trials, cursor=cursor)
         ended = self.round < ROUNDS and cursor >= len(kept)
         return search._next_round(APART_SIGMAS, HOPELESS) if ended else search
+
+    def complete(self, kept: Sequence[MeasurementBatch]) -> bool:
+        """Whether the trials have taken everything kept, in every round."""
+        return self.round == ROUNDS and self.cursor >= len(kept)
 
     def result(self, kept: Sequence[MeasurementBatch]) -> Result | None:
         """The result; None while the search goes on."""
@@ -105,7 +125,7 @@ class DelaySearch(msgspec.Struct, frozen=True):
         if not self.round:
             flat = bool(self.hypotheses.fits.any()) and self._flat
             return (FoundDelay(self.context.means) if flat else UNEXPLAINED) if over else None
-        if self.round < ROUNDS or self.cursor < len(kept):
+        if not self.complete(kept):
             return None
         margin = MARGIN if over else EARLY_MARGIN
         ends = self._distinct(APART_SIGMAS)
@@ -114,6 +134,8 @@ class DelaySearch(msgspec.Struct, frozen=True):
         apart_s = 0.0 if sharp else WIDE_S
         delays = self._delays
         rivals = [i for i in ends if self._lead(best, i) < margin and abs(delays[i] - delays[best]) > apart_s]
+        if self.photographs and not sharp:
+            rivals = [i for i in rivals if self._valley(best, i, ends)]
         if fits and not rivals:
             return FoundDelay(self.hypotheses.joint.mean[best])
         if not over:
@@ -152,7 +174,8 @@ class DelaySearch(msgspec.Struct, frozen=True):
         ends, likelihood = self._distinct(apart_sigmas)[:MOST_TRIALS], self.hypotheses.score + self._log_priors
         tried = [i for i in ends if i == ends[0] or likelihood[i] > likelihood[ends[0]] - behind]
         trials = self.context.trials(self.hypotheses.joint.take(tried))
-        return DelaySearch(self.context, trials, self.round + 1)
+        photographs = self.photographs if self.round else self.hypotheses.photographs
+        return DelaySearch(self.context, trials, self.round + 1, photographs=photographs)
 
     def _distinct(self, apart_sigmas: float) -> list[int]:
         """The distinct ends, the most likely first."""
@@ -162,6 +185,13 @@ class DelaySearch(msgspec.Struct, frozen=True):
             if all(abs(delays[i] - delays[j]) > least for j, least in zip(kept, near, strict=True)):
                 kept.append(i)
         return kept
+
+    def _valley(self, best: int, i: int, ends: Sequence[int]) -> bool:
+        """Whether the likelihood falls and rises again from one end to another: two delays, not one wide peak."""
+        delays, likelihood = self._delays, self.hypotheses.score + self._log_priors
+        low, high = sorted((float(delays[best]), float(delays[i])))
+        between = [float(likelihood[k]) for k in ends if low < delays[k] < high]
+        return bool(between) and min(between) < float(likelihood[i]) - VALLEY
 
     def _lead(self, i: int, j: int) -> float:
         """Log-likelihood ratio of one end over another: the measurements, beyond chance, and the prior."""

@@ -17,6 +17,10 @@ from fwav_companion.self_calibration.position_error import QUICK, SMOOTH
 FIRST_MEASUREMENTS = 8
 """Measurements before a target joins: its linearization point is their median, not one noisy, perhaps shallow, first.
 """
+FIRST_PHOTOGRAPHS, PHOTOGRAPHED_NS = 3, 1_500_000_000
+"""The same where so few span this time, and that time: eight would span a minute, in which the position wanders."""
+PHOTOGRAPH_NS = 500_000_000
+"""Mean interval of frames from which they are photographs."""
 WORST = 25.0
 """Largest squared distance that a measurement counts."""
 
@@ -41,6 +45,11 @@ class FilterPass(msgspec.Struct, frozen=True, dict=True):
     """Measurements of targets that are not in the estimate yet, by track."""
     frames: int = 0
     """Frames so far."""
+    sights: int = 0
+    """Measurements so far."""
+    first_ns: int | None = None
+    last_ns: int = 0
+    """Captures of the first and of the last batch."""
     drift: InnovationConsistency | None = None
     """Consistency of the used innovations, and the linearization point follows; None for a hypothesis of a search."""
 
@@ -58,6 +67,12 @@ class FilterPass(msgspec.Struct, frozen=True, dict=True):
     def best(self) -> JointFilter:
         """The joint estimate under that hypothesis: copied once, for the gates and for the report of a frame."""
         return self.joint if len(self.score) == 1 else self.joint.take([self.chosen])
+
+    @property
+    def photographs(self) -> bool:
+        """Whether frames come so slowly that each has its own samples of telemetry, and motion of its own."""
+        spanned_ns = self.last_ns - (self.first_ns or 0)
+        return self.frames > 1 and spanned_ns >= PHOTOGRAPH_NS * (self.frames - 1)
 
     @property
     def taken(self) -> int:
@@ -85,7 +100,12 @@ class FilterPass(msgspec.Struct, frozen=True, dict=True):
     def fed(self, batch: MeasurementBatch) -> FilterPass:
         """The pass after one more batch."""
         after = msgspec.structs.replace(
-            self, joint=self.joint.predict(batch.host_ns), frames=self.frames + batch.frames
+            self,
+            joint=self.joint.predict(batch.host_ns),
+            frames=self.frames + batch.frames,
+            sights=self.sights + len(batch.tracks),
+            first_ns=batch.host_ns if self.first_ns is None else self.first_ns,
+            last_ns=batch.host_ns,
         )
         known = [k for k, track in enumerate(batch.tracks) if track in self.joint.tracks]
         if known:
@@ -97,7 +117,9 @@ class FilterPass(msgspec.Struct, frozen=True, dict=True):
 
     def _waited(self, track: int, new: MeasurementBatch) -> FilterPass:
         own = (*self.waiting.get(track, ()), new)
-        if sum(len(batch.tracks) for batch in own) < FIRST_MEASUREMENTS:
+        sparse = own[-1].host_ns - own[0].host_ns >= PHOTOGRAPHED_NS
+        needed = FIRST_PHOTOGRAPHS if sparse else FIRST_MEASUREMENTS
+        if sum(len(batch.tracks) for batch in own) < needed:
             return msgspec.structs.replace(self, waiting=self.waiting | {track: own})
         others = {each: batches for each, batches in self.waiting.items() if each != track}
         return msgspec.structs.replace(self, waiting=others)._begun(track, joined(own))

@@ -13,6 +13,8 @@ from fwav_companion.types import GroundFix
 BATCH_NS = 70 * NS_PER_MS
 """Frames within this time are measured as one batch, three at 30 frames/s: an update costs the same whatever its size,
 and places change by millimetres meanwhile."""
+NO_FRAME_NS = 500 * NS_PER_MS
+"""Wait for a further frame, before what is due is measured without one. Attitudes are kept for 3 s."""
 
 
 class DelayedMeasurement(msgspec.Struct, frozen=True):
@@ -45,6 +47,10 @@ class MeasurementQueue(msgspec.Struct, frozen=True):
             groups.append(waiting[:count])
             waiting = waiting[count:]
         return groups, MeasurementQueue(waiting, self.taken_ns)
+
+    def due_without_frame(self, lag_ns: int) -> HostNs | None:
+        """Instant at which what waits is due although no further frame comes; None where nothing waits."""
+        return HostNs(self.waiting[0].host_ns + lag_ns + BATCH_NS + NO_FRAME_NS) if self.waiting else None
 
     def taken(
         self, frame: DelayedMeasurement, alive: Collection[int]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fwav_companion.self_calibration.assessment import MOUNT_OBSERVABLE, Assessment
 from fwav_companion.self_calibration.calibration_report import CalibrationStatus
-from fwav_companion.self_calibration.delay_search import LEAST, DelaySearch, NoDelay
+from fwav_companion.self_calibration.delay_search import DelaySearch, NoDelay
 from fwav_companion.types import Bias, ErrorPriors
 
 ADVICE = "hover, turn twice, climb 5 m; or three targets"
@@ -20,9 +20,8 @@ def missing_before_assessment(search: DelaySearch | None, no_delay: NoDelay | No
     if attitude_hz is not None:
         return f"attitudes at {attitude_hz:.1f} Hz"
     if search is not None:
-        sights = search.hypotheses.frames
-        begun = search.round > 0 or sights >= LEAST
-        return "the delay is being searched" if begun else f"{sights} of {LEAST} sights"
+        sights, needed = search.progress
+        return "the delay is being searched" if search.begun else f"{sights} of {needed} sights"
     return "no target was seen long enough" if no_delay is None else WITHOUT_DELAY[no_delay.status]
 
 

@@ -11,10 +11,11 @@ from collections.abc import Collection
 
 import msgspec
 
+from fwav_companion.geometry.stamps import NS_PER_S
 from fwav_companion.self_calibration.arrays import Array
 from fwav_companion.self_calibration.calibration_context import CalibrationContext
 from fwav_companion.self_calibration.calibration_report import SharedParameter
-from fwav_companion.self_calibration.filter_pass import FilterPass
+from fwav_companion.self_calibration.filter_pass import PHOTOGRAPH_NS, FilterPass
 from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, MeasurementBatch
 
 MOST_KEPT = 400
@@ -22,7 +23,14 @@ MOST_KEPT = 400
 PASSES_AT = (60, 120, 240, 480)
 """Measurements kept of each target, at which a new pass begins."""
 STEP = 2
-"""Batches that a pass takes in each frame, so that it overtakes the new ones."""
+"""Batches that a pass, or a trial of the delay search, takes in each frame, so that it overtakes the new ones."""
+STEPS_PER_S = 60.0
+"""The same between two photographs, for which there is as much time as for frames at 30/s."""
+
+
+def steps_within(elapsed_ns: int) -> int:
+    """Number of kept batches to be taken in a frame, by the time since the one before it."""
+    return STEP if elapsed_ns < PHOTOGRAPH_NS else min(MOST_KEPT, int(STEPS_PER_S * elapsed_ns / NS_PER_S))
 
 
 class Relinearization(msgspec.Struct, frozen=True):
@@ -75,9 +83,9 @@ class Relinearization(msgspec.Struct, frozen=True):
         kept = tuple(batch.at_delay(delay_s) for batch in self.kept)
         return msgspec.structs.replace(self, kept=kept, delay_s=delay_s, coming=context.served_pass(point), cursor=0)
 
-    def advanced(self, context: CalibrationContext) -> Relinearization:
-        """The state after the next step of the pass, which is served when it has taken all."""
-        coming, cursor = self.coming, self.cursor + STEP
+    def advanced(self, context: CalibrationContext, steps: int = STEP) -> Relinearization:
+        """The state after the next steps of the pass, which is served when it has taken all."""
+        coming, cursor = self.coming, self.cursor + steps
         if coming is None:
             return self._begun_again(context)
         for batch in self.kept[self.cursor : cursor]:

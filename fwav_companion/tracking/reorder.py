@@ -101,6 +101,17 @@ class Reorder:
             self._placed.append(_Placed(each, before, tracks, self._tracker.refused_fixes))
         return self._placed[-1].tracks
 
+    @property
+    def due_ns(self) -> HostNs | None:
+        """Instant at which self-calibration catches up even if no further frame comes."""
+        return self._tracker.due_ns
+
+    def catch_up(self, now_ns: HostNs) -> None:
+        """Let self-calibration take what is due. A frame that comes late returns to before, and takes it again."""
+        due_ns = self._tracker.due_ns
+        if due_ns is not None and due_ns <= now_ns:
+            self._tracker.catch_up(now_ns)
+
     def close(self, now_ns: HostNs) -> list[Settled]:
         """The lines that have settled by now, in the order of capture, each once."""
         self._settle(now_ns)

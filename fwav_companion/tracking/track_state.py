@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import msgspec
 
 from fwav_companion.geometry.stamps import HostNs
@@ -9,7 +11,7 @@ from fwav_companion.geometry.vectors import Matrix3, norm, subtract
 from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.tracking.filters.base import TargetState
 from fwav_companion.tracking.lifecycle import Life, deleted, detected, initiated
-from fwav_companion.types import FrameView, GroundFix, Innovation, Reason, Track
+from fwav_companion.types import FrameView, GroundFix, Innovation, Reason, Track, TrackState
 
 MOST_REPLACED = 16
 """Most ids of merged tracks that a track keeps: the latest."""
@@ -132,3 +134,17 @@ def _with_level(cov: Matrix3, level_sigma_m: float) -> Matrix3:
     """The covariance with the variance of the ground's level, which every fix shares."""
     north, east, (down_north, down_east, down_down) = cov
     return (north, east, (down_north, down_east, down_down + level_sigma_m * level_sigma_m))
+
+
+def weakest_first(tracks: Sequence[LiveTrack]) -> list[int]:
+    """Places of the tracks without a fix in this frame that yield to a new one, in that order.
+
+    Tentative ones first, by their score; then coasting ones, the one unseen the longest first, so that tracks out of
+    view do not keep new targets out.
+    """
+    unseen = [(track.life, i) for i, track in enumerate(tracks) if track.fix is None]
+    tentative = [
+        (life.log_likelihood_ratio, life.last_seen_ns, i) for life, i in unseen if life.state is TrackState.TENTATIVE
+    ]
+    coasting = [(life.last_seen_ns, i) for life, i in unseen if life.state is TrackState.COASTING]
+    return [i for *_, i in sorted(tentative)] + [i for _, i in sorted(coasting)]

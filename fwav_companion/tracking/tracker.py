@@ -16,7 +16,7 @@ from fwav_companion.tracking.filters.base import Filter, TargetState
 from fwav_companion.tracking.lifecycle import not_detected
 from fwav_companion.tracking.self_calibrated import CalibratedTargetState, MisplacedTargetState
 from fwav_companion.tracking.track_merging import TrackMerging
-from fwav_companion.tracking.track_state import LiveTrack, initiate, innovation
+from fwav_companion.tracking.track_state import LiveTrack, initiate, innovation, weakest_first
 from fwav_companion.tracking.visibility import is_missed_detection
 from fwav_companion.types import FrameView, GroundFix, LandmarkAltitude, LandmarkRecord, Reason, Track, TrackState
 
@@ -166,6 +166,26 @@ class Tracker:
         self._state = Snapshot(living, next_id, calibrator, self._beside_state(), merging, detector, refused, landmarks)
         return self._reports(tracks, view)
 
+    @property
+    def due_ns(self) -> HostNs | None:
+        """Instant at which self-calibration catches up even if no further frame comes."""
+        calibrator = self._calibrator
+        return None if calibrator is None else calibrator.due_ns
+
+    def catch_up(self, now_ns: HostNs) -> None:
+        """Let self-calibration take the fixes that are due, between frames that come seldom."""
+        if self._beside is not None:
+            self._beside.catch_up(now_ns)
+            self._state = msgspec.structs.replace(self._state, beside=self._beside.snapshot())
+        calibrator, living = self._state.calibrator, self._state.alive
+        if calibrator is not None and calibrator.due_ns is not None and calibrator.due_ns <= now_ns:
+            caught_up = calibrator.caught_up(now_ns, {track.id for track in self._teachers(living, now_ns)})
+            self._state = msgspec.structs.replace(self._state, calibrator=caught_up)
+
+    def _teachers(self, living: Sequence[LiveTrack], now_ns: HostNs) -> list[LiveTrack]:
+        """The tracks that teach self-calibration."""
+        return [t for t in living if t.confirmed and now_ns - t.life.first_ns >= self._patience_ns]
+
     def drop_all(self, reason: Reason, view: FrameView) -> tuple[Track, ...]:
         """Delete every track, as of the newest frame; their ids are not used again."""
         state = self._state
@@ -239,7 +259,7 @@ class Tracker:
     ) -> tuple[list[LiveTrack], int]:
         """The tracks with one initiated for each of these fixes, and the number of fixes that found the table full."""
         room = MAX_TRACKS - sum(track.life.state is not TrackState.DROPPED for track in tracks)
-        yielding = _weakest_first(tracks) if len(fixes) > room else []
+        yielding = weakest_first(tracks) if len(fixes) > room else []
         for i in yielding[: max(0, len(fixes) - room)]:
             tracks[i] = tracks[i].deleted(Reason.TOO_MANY_TRACKS)
         number = min(len(fixes), room + len(yielding))
@@ -257,7 +277,7 @@ class Tracker:
         calibrator = self._state.calibrator
         if calibrator is None:
             return None
-        old = [t for t in living if t.confirmed and view.host_ns - t.life.first_ns >= self._patience_ns]
+        old = self._teachers(living, view.host_ns)
         fixes = [(track.id, track.fix) for track in old if track.fix is not None and _teaches(track.fix)]
         seen = [fix for fix in view.fixes if _teaches(fix)]
         return calibrator.updated(view.host_ns, seen, fixes, {track.id for track in old})
@@ -313,20 +333,6 @@ def _opened(target: TargetState, view: FrameView) -> TargetState:
     jumped = getattr(target, "jumped", None) if view.jumped_m else None
     opened: TargetState = target if jumped is None else jumped(view.jumped_m)
     return opened
-
-
-def _weakest_first(tracks: Sequence[LiveTrack]) -> list[int]:
-    """Places of the tracks without a fix in this frame that yield to a new one, in that order.
-
-    Tentative ones first, by their score; then coasting ones, the one unseen the longest first, so that tracks out of
-    view do not keep new targets out.
-    """
-    unseen = [(track.life, i) for i, track in enumerate(tracks) if track.fix is None]
-    tentative = [
-        (life.log_likelihood_ratio, life.last_seen_ns, i) for life, i in unseen if life.state is TrackState.TENTATIVE
-    ]
-    coasting = [(life.last_seen_ns, i) for life, i in unseen if life.state is TrackState.COASTING]
-    return [i for *_, i in sorted(tentative)] + [i for _, i in sorted(coasting)]
 
 
 def _detector_after(

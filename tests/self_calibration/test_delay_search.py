@@ -72,3 +72,36 @@ def test_what_no_delay_explains_is_said_to_be_unexplained(refused, status):
     )
     result = msgspec.structs.replace(search, hypotheses=trials, round=ROUNDS).result(())
     assert getattr(result, "status", None) is status
+
+
+def bank(frames, seconds, sights):
+    """A search whose bank has seen so many frames and sights within a time."""
+    search = delay_search(CalibrationContext(priors(), World(Flight(seconds=1.0)).state_at))
+    seen = {"frames": frames, "sights": sights, "first_ns": 10**9, "last_ns": 10**9 + round(seconds * 1e9)}
+    return msgspec.structs.replace(search, hypotheses=msgspec.structs.replace(search.hypotheses, **seen))
+
+
+@pytest.mark.parametrize(
+    ("frames", "seconds", "sights", "progress", "begun"),
+    [
+        (39, 1.3, 78, (39, 40), False),
+        (40, 1.3, 40, (40, 40), True),
+        (9, 36.0, 15, (15, 16), False),
+        (9, 36.0, 17, (17, 16), True),
+    ],
+)
+def test_photographs_are_searched_by_their_sights_and_frames_by_their_number(frames, seconds, sights, progress, begun):
+    """A photograph every 4 s has its own telemetry and its own motion; frames at 30/s share both."""
+    search = bank(frames, seconds, sights)
+    assert (search.progress, search.begun) == (progress, begun)
+
+
+@pytest.mark.parametrize(("dip", "valley"), [(0.0, False), (6.0, True)])
+def test_one_wide_peak_is_no_choice_between_delays(dip, valley):
+    """Log-likelihoods over five delays that fall steadily, and with a dip between the last two."""
+    search = delay_search(CalibrationContext(priors(), World(Flight(seconds=1.0)).state_at))
+    trials = search.hypotheses.take(range(5))
+    score = np.array((0.0, -1.0, -2.0, -3.0 - dip, -4.0))
+    search = msgspec.structs.replace(search, hypotheses=msgspec.structs.replace(trials, score=score))
+    search = msgspec.structs.replace(search, context=CalibrationContext(priors(time_offset=10.0), None))
+    assert search._valley(0, 4, range(5)) is valley
