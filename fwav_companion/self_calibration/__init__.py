@@ -8,7 +8,8 @@ of the vehicle's position is estimated as it wanders; the height is considered t
 
 Pure. In numpy, except for ``calibration_report``: the daemon imports the other modules only where it is switched on.
 Reading order: ``delayed_poses``, ``pixel_measurement``, ``position_smoother``, ``rate_denoiser`` (the measurement);
-``position_error``, ``joint_filter``, ``filter_pass``, ``delay_search``, ``relinearization`` (the estimate);
+``position_error``, ``joint_filter``, ``filter_pass``, ``delay_search``, ``reassociation``,
+``relinearization`` (the estimate);
 ``innovation_consistency``, ``posterior``, ``prior_inflation``, ``assessment``, ``missing`` (what is believed of it);
 ``sights``, ``mount_check``; ``measurement_queue``, ``calibration_context``, ``calibrator``.
 """

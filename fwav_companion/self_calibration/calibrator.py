@@ -10,7 +10,7 @@ Immutable except for :class:`CalibrationContext`, which holds the constants.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from math import hypot
 
 import msgspec
@@ -254,10 +254,13 @@ class Calibrator(msgspec.Struct, frozen=True):
             slow_attitude_hz=None,
             stamp_sigma_s=middle.stamp_sigma_s,
             axes=self.axes.with_batch(middle, batch),
-        )._measured(msgspec.structs.replace(batch, poses=denoiser.denoised(batch.poses, slow)))
+        )._measured(
+            msgspec.structs.replace(batch, poses=denoiser.denoised(batch.poses, slow)),
+            {track: fix.sighting.detection.label for track, fix in fixes},
+        )
 
-    def _measured(self, batch: MeasurementBatch) -> Calibrator:
-        state = msgspec.structs.replace(self, passes=self.passes.with_batch(batch))
+    def _measured(self, batch: MeasurementBatch, kinds: Mapping[int, str]) -> Calibrator:
+        state = msgspec.structs.replace(self, passes=self.passes.with_batch(batch, kinds))
         if state.delay_s is not None:
             return state
         if not self.context.searches:
@@ -294,7 +297,7 @@ class Calibrator(msgspec.Struct, frozen=True):
         )
 
     def _found(self, found: FoundDelay) -> Calibrator:
-        passes = self.passes.begun(self.context, found.point)
+        passes = self.passes.begun(self.context, found.point, found.places)
         return msgspec.structs.replace(self, search=None, no_delay=None, passes=passes)
 
     def _passed(self, steps: int) -> Calibrator:

@@ -59,6 +59,8 @@ class FoundDelay(msgspec.Struct, frozen=True):
     """A delay, with the other parameters that fit it: the linearization point."""
 
     point: Array
+    places: dict[int, Array] = {}
+    """Apparent places (2) of the targets, by track."""
 
 
 class NoDelay(msgspec.Struct, frozen=True):
@@ -137,7 +139,8 @@ class DelaySearch(msgspec.Struct, frozen=True):
         if self.photographs and not sharp:
             rivals = [i for i in rivals if self._valley(best, i, ends)]
         if fits and not rivals:
-            return FoundDelay(self.hypotheses.joint.mean[best])
+            joint = self.hypotheses.joint
+            return FoundDelay(joint.mean[best], {track: place[best] for track, place in joint.targets.items()})
         if not over:
             return None
         if fits and sharp:

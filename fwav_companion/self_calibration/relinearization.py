@@ -7,7 +7,7 @@ the last one is served, and takes the new measurements.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 
 import msgspec
 
@@ -17,6 +17,7 @@ from fwav_companion.self_calibration.calibration_context import CalibrationConte
 from fwav_companion.self_calibration.calibration_report import SharedParameter
 from fwav_companion.self_calibration.filter_pass import PHOTOGRAPH_NS, FilterPass
 from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, MeasurementBatch
+from fwav_companion.self_calibration.reassociation import near_places, reassociated
 
 MOST_KEPT = 400
 """Batches: 40 s at 30 frames/s, 1 megabyte of one target and 6 of ten. They settle the linearization."""
@@ -50,15 +51,22 @@ class Relinearization(msgspec.Struct, frozen=True):
     """Passes begun after the first."""
     tracks: frozenset[int] = frozenset()
     """All tracks in this state."""
+    kinds: dict[int, str] = {}
+    """Label of each track."""
+    point: Array | None = None
+    """Linearization point of the pass in progress."""
+    places: dict[int, Array] = {}
+    """Apparent places (2) about it of targets near to one another."""
 
-    def with_batch(self, batch: MeasurementBatch) -> Relinearization:
-        """The state after one more batch; when there are too many to keep, the last pass stays."""
+    def with_batch(self, batch: MeasurementBatch, kinds: Mapping[int, str] | None = None) -> Relinearization:
+        """The state after one more batch; when there are too many to keep, the last pass stays. ``kinds``: labels."""
         keeping = self.complete and (len(self.kept) < MOST_KEPT or self.coming is not None)
         return msgspec.structs.replace(
             self,
             kept=(*self.kept, batch) if keeping else (),
             complete=keeping,
             tracks=self.tracks.union(batch.tracks),
+            kinds=self.kinds if kinds is None else {**self.kinds, **kinds},
             served=None if self.served is None else self.served.fed(batch),
         )
 
@@ -73,15 +81,30 @@ class Relinearization(msgspec.Struct, frozen=True):
         taken = sum(bool(batch.tracks) for batch in left[: self.cursor])
         kept = tuple(batch for batch in left if batch.tracks)
         return msgspec.structs.replace(
-            self, served=served, coming=coming, kept=kept, cursor=taken, tracks=self.tracks - gone
+            self,
+            served=served,
+            coming=coming,
+            kept=kept,
+            cursor=taken,
+            tracks=self.tracks - gone,
+            kinds={track: kind for track, kind in self.kinds.items() if track not in gone},
         )
 
-    def begun(self, context: CalibrationContext, point: Array) -> Relinearization:
-        """The state after the delay was found: kept poses shrink to it, and the first pass begins."""
+    def begun(
+        self, context: CalibrationContext, point: Array, places: Mapping[int, Array] | None = None
+    ) -> Relinearization:
+        """The state after the delay was found: kept poses shrink to it, and the first pass begins.
+
+        ``places``: apparent places (2) of the targets, by which measurements are associated again.
+        """
         point = point[:SHARED_COUNT]
         delay_s = float(point[SharedParameter.DELAY])
         kept = tuple(batch.at_delay(delay_s) for batch in self.kept)
-        return msgspec.structs.replace(self, kept=kept, delay_s=delay_s, coming=context.served_pass(point), cursor=0)
+        coming = context.served_pass(point)
+        near = self._near(places or {})
+        return msgspec.structs.replace(
+            self, kept=kept, delay_s=delay_s, coming=coming, cursor=0, point=point, places=near
+        )
 
     def advanced(self, context: CalibrationContext, steps: int = STEP) -> Relinearization:
         """The state after the next steps of the pass, which is served when it has taken all."""
@@ -89,10 +112,16 @@ class Relinearization(msgspec.Struct, frozen=True):
         if coming is None:
             return self._begun_again(context)
         for batch in self.kept[self.cursor : cursor]:
-            coming = coming.fed(batch)
+            coming = coming.fed(self._associated(batch))
         if cursor < len(self.kept):
             return msgspec.structs.replace(self, coming=coming, cursor=cursor)
         return msgspec.structs.replace(self, served=coming, coming=None, cursor=0)
+
+    def _near(self, places: Mapping[int, Array]) -> dict[int, Array]:
+        return near_places(places, self.kinds, float(self.kept[-1].drop_m.max())) if self.kept else {}
+
+    def _associated(self, batch: MeasurementBatch) -> MeasurementBatch:
+        return batch if self.point is None else reassociated(batch, self.point, self.places, self.kinds)
 
     def _begun_again(self, context: CalibrationContext) -> Relinearization:
         if self.served is None or not self.complete or self.done >= len(PASSES_AT):
@@ -103,4 +132,7 @@ class Relinearization(msgspec.Struct, frozen=True):
         point = joint.mean[0, :SHARED_COUNT].copy()
         coming = context.served_pass(point, joint.targets)
         delay_s = float(point[SharedParameter.DELAY])
-        return msgspec.structs.replace(self, coming=coming, cursor=0, done=self.done + 1, delay_s=delay_s)
+        places = self._near({track: place[0] for track, place in joint.targets.items()})
+        return msgspec.structs.replace(
+            self, coming=coming, cursor=0, done=self.done + 1, delay_s=delay_s, point=point, places=places
+        )
