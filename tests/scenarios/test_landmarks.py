@@ -132,6 +132,24 @@ def test_a_filter_that_uses_no_landmark_is_reported_once(setting):
     assert [each.state for each in companion.pipeline.status(companion._now).sight.landmarks] == ["not_applied"]
 
 
+def left_out(off_m: float, seed: int) -> list[str]:
+    """The landmarks that a flight of 45 s over three leaves out, of which the second is off to some side."""
+    direction = 2.4 * seed
+    marks = dict.fromkeys(MARKS, (0.0, 0.0)) | {"second": (off_m * np.cos(direction), off_m * np.sin(direction))}
+    _, companion = flown("default", seed, marks, 45.0)
+    return [label for label, state in state_of(companion).items() if state is LandmarkState.LEFT_OUT]
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize(("off_m", "named"), [(0.4, range(7, 13)), (0.0, range(1))])
+def test_of_three_landmarks_the_one_that_is_wrong_by_0_4_m_is_named(off_m, named):
+    """In most of 12 flights, and never another one: where all else shows it within 0.12 m, it is off by 3.3 sigma."""
+    found = [label for seed in range(1, 13) for label in left_out(off_m, seed)]
+    assert set(found) <= {"second"}
+    assert len(found) in named
+
+
 def test_a_lone_landmark_far_from_all_that_the_receiver_says_is_left_out():
     _, companion = flown("default", 1, {"mark": (25.0, 0.0)}, 8.0)
     assert state_of(companion) == {"mark": LandmarkState.LEFT_OUT}

@@ -34,7 +34,7 @@ def test_three_targets_3_m_apart_under_a_late_camera_are_told_apart(seed):
     last = [line for line in flight.companion.lines if line["type"] == "calibration"][-1]
     assert last["status"] == "calibrated", last["reason"]
     lines = [line for line in flight.companion.targets("target") if line["state"] in ("confirmed", "coasting")]
-    newest = {line["track"]: line for line in lines if line["time_unix"] > lines[-1]["time_unix"] - 1.0}
+    newest = {line["track"]: line for line in lines if line["time_unix"] > lines[-1]["time_unix"] - 5.0}
     found = set()
     for line in newest.values():
         index = min(range(3), key=lambda k: flight.error_m(line, k))

@@ -11,7 +11,7 @@ of the targets take with it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import exp, hypot, sqrt
+from math import hypot, sqrt
 from typing import TypeAlias
 
 import msgspec
@@ -19,13 +19,14 @@ import numpy as np
 from msgspec.structs import replace
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs, s_from_ns
-from fwav_companion.geometry.vectors import ZERO3, Vector3, add, scale, subtract
+from fwav_companion.geometry.vectors import scale
 from fwav_companion.self_calibration.arrays import Array
 from fwav_companion.tracking.filters.linearization import SENSITIVE, level_columns
 from fwav_companion.tracking.filters.standing import FRESH_SHARE
 from fwav_companion.tracking.landmarks.joint_place import Correction, Transition
 from fwav_companion.tracking.landmarks.state_vector import SharedErrors
 from fwav_companion.tracking.landmarks.turned_fix import rotation_error, turned_point
+from fwav_companion.tracking.landmarks.view_line import Sequel, continued
 from fwav_companion.types import Bias, FrameView, LandmarkAltitude, LandmarkRecord, LandmarkSight, LandmarkState
 
 GATE = 25.0
@@ -35,6 +36,11 @@ IN_A_ROW = 5
 LEFT_OUT = 30.0
 """Squared Mahalanobis distance of a landmark from where all else shows it, beyond which it is left out: it is examined
 once a second, and a right one exceeds this once in three million."""
+DOUBTED = 16.3
+"""The same distance beyond which it is left out when it stays there, and all others are clearly nearer: a right one
+exceeds it once in a thousand. One of three, off by 0.4 m at a survey of 0.05 m, is at 16 to 23 after half a minute."""
+DOUBTED_TIMES = 10
+"""Examinations in a row."""
 CLEAR = 9.0
 """Landmarks whose distances differ by less contradict one another, and the flight does not show which is wrong."""
 ALL_LEFT_OUT = 2.0 * LEFT_OUT
@@ -48,51 +54,12 @@ of sensitivities has the noise of the telemetry in it, and what the first sights
 0.05 and 0.1 targets were claimed to 0.12 m and off by 0.2 m after 45 s, at mean squares of 3.2 and 2.7."""
 SENSITIVITY_STEP_S = 6.0
 """Twice the correlation time of that error, as for targets."""
-SMOOTHING_S = 0.3
-"""Time constant of the smoothed vector to a landmark: three samples of telemetry, and a turn of 20 degrees/s."""
-EARLIER_NS = 250_000_000
-"""Least age of the vector that is used: two samples of telemetry, which sights between them share."""
-STALE_NS = 1_500_000_000
-"""Interval of sights beyond which each is used with its own vector: they are few, and share no noise."""
 LEAST_HEIGHT_M = 0.3
 """Least height above a landmark at which sensitivities are taken, metres."""
 FIRST_S = 1e9
 """Interval before a first sight: it repeats no telemetry."""
 
 Step: TypeAlias = Transition | Correction
-
-
-class ViewLine(msgspec.Struct, frozen=True, gc=False):
-    """The vector from the camera to a landmark by an alpha-beta filter of the sights."""
-
-    vector: Vector3
-    """North, east and down, metres."""
-    slope: Vector3
-    """m/s."""
-    at_ns: HostNs
-
-    def at(self, host_ns: HostNs) -> Vector3:
-        """The vector at another instant."""
-        return add(self.vector, scale(self.slope, s_from_ns(host_ns - self.at_ns)))
-
-    def with_sight(self, vector: Vector3, host_ns: HostNs) -> ViewLine:
-        """The vector after one more sight."""
-        since_s = max(s_from_ns(host_ns - self.at_ns), 1e-3)
-        ahead, left = self.at(host_ns), exp(-since_s / SMOOTHING_S)
-        off = subtract(vector, ahead)
-        slope = add(self.slope, scale(off, (1.0 - left) ** 2 / since_s))
-        return ViewLine(add(ahead, scale(off, 1.0 - left * left)), slope, host_ns)
-
-
-class Sequel(msgspec.Struct, frozen=True, gc=False):
-    """What the next sight of a landmark continues."""
-
-    smooth: ViewLine
-    """The vector by all sights."""
-    earlier: ViewLine
-    """The same a while ago: what it holds of noise is not that of the next sight."""
-    in_a_row: int = 0
-    """Refused sights since the last one that agreed."""
 
 
 class PreparedSight(msgspec.Struct, frozen=True, gc=False):
@@ -116,6 +83,8 @@ class LandmarkFilter(msgspec.Struct, frozen=True):
     sequels: tuple[Sequel | None, ...]
     host_ns: HostNs | None = None
     examined_ns: HostNs = HostNs(0)
+    doubted: tuple[int, int] = (-1, 0)
+    """The landmark beyond DOUBTED, and the number of examinations in a row that found it there."""
     steps: tuple[Step, ...] = ()
     """The newest steps, in order, for the places of the targets."""
 
@@ -244,7 +213,7 @@ class LandmarkFilter(msgspec.Struct, frozen=True):
         seen_n, seen_e = turned_point(fix, turn, reported_m - lift_m)
         off_n, off_e = seen_n - sight.north_m, seen_e - sight.east_m
         vector = (seen_n - camera_n, seen_e - camera_e, reported_m)
-        sequel, (north_m, east_m, down_m) = _continued(before, vector, host_ns)
+        sequel, (north_m, east_m, down_m) = continued(before, vector, host_ns)
         toward, height_m = (north_m, east_m), max(down_m - lift_m, LEAST_HEIGHT_M)
         columns = level_columns(fix, *toward, height_m)
         measurement = errors.with_columns(errors.decorrelated(fix, since_s), columns)
@@ -303,9 +272,10 @@ class LandmarkFilter(msgspec.Struct, frozen=True):
         distances = {i: released[i]._distance2(i) for i in used}
         worst = max(distances.values(), default=0.0)
         wrong = [i for i in used if distances[i] > worst - CLEAR]
-        if worst <= (LEFT_OUT if len(wrong) == 1 else ALL_LEFT_OUT):
-            return self
-        state = self
+        state = self._doubting(wrong, worst)
+        stays = state.doubted[1] >= DOUBTED_TIMES
+        if worst <= (LEFT_OUT if len(wrong) == 1 else ALL_LEFT_OUT) and not stays:
+            return state
         for i in wrong:
             state = state._released(i)
             record = replace(
@@ -313,6 +283,13 @@ class LandmarkFilter(msgspec.Struct, frozen=True):
             )
             state = replace(state, records=state._with(i, record))
         return state
+
+    def _doubting(self, wrong: Sequence[int], worst: float) -> LandmarkFilter:
+        """The state with one more examination that found the same single landmark beyond DOUBTED, or without any."""
+        if len(wrong) != 1 or worst <= DOUBTED:
+            return replace(self, doubted=(-1, 0))
+        landmark, times = self.doubted
+        return replace(self, doubted=(wrong[0], times + 1 if landmark == wrong[0] else 1))
 
     def _released(self, landmark: int) -> LandmarkFilter:
         """The state without the claim of one landmark: its place is as good as unknown.
@@ -337,19 +314,6 @@ class LandmarkFilter(msgspec.Struct, frozen=True):
         cov = self.cov[survey, survey] + self.model.landmarks[landmark].sigma_m ** 2 * np.eye(3)
         off = self._off(landmark)
         return float(off @ np.linalg.solve(cov, off))
-
-
-def _continued(before: Sequel | None, vector: Vector3, host_ns: HostNs) -> tuple[Sequel, Vector3]:
-    """The sequel with one more sight, and the vector at which its sensitivities are taken.
-
-    That vector is predicted from sights a while ago. With the noise of this sight in it the filter would take the noise
-    for information: 30 sights/s make much of little.
-    """
-    if before is None or host_ns - before.smooth.at_ns > STALE_NS:
-        line = ViewLine(vector, ZERO3, host_ns)
-        return Sequel(line, line, 0 if before is None else before.in_a_row), vector
-    earlier = before.smooth if before.smooth.at_ns - before.earlier.at_ns >= EARLIER_NS else before.earlier
-    return Sequel(before.smooth.with_sight(vector, host_ns), earlier, before.in_a_row), earlier.at(host_ns)
 
 
 def landmark_filter(model: SharedErrors) -> LandmarkFilter:

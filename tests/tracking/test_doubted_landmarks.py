@@ -1,0 +1,53 @@
+"""A landmark that disagrees a little, for long: named where it alone does."""
+
+import numpy as np
+import pytest
+from msgspec.structs import replace
+from simulated_flight import priors
+
+from fwav_companion.geometry.earth import Geodetic
+from fwav_companion.tracking.landmarks.joint_place import Correction
+from fwav_companion.tracking.landmarks.landmark_filter import DOUBTED_TIMES, landmark_filter
+from fwav_companion.tracking.landmarks.state_vector import SharedErrors
+from fwav_companion.types import Landmark, LandmarkState
+
+SURVEY_M, SEEN_M = 0.05, 0.07
+USED, LEFT_OUT = LandmarkState.USED, LandmarkState.LEFT_OUT
+
+
+def shown(*off_m):
+    """The filter after sights that show each landmark off by so much in the north, one sigma of SEEN_M."""
+    place = Geodetic(0.0, 0.0, 0.0)
+    model = SharedErrors(priors(), [Landmark(f"mark {i}", place, SURVEY_M) for i in range(len(off_m))])
+    state = landmark_filter(model)
+    state = replace(state, records=tuple(replace(record, state=USED) for record in state.records))
+    for i, off in enumerate(off_m):
+        rows = np.zeros((3, model.size))
+        rows[:, model.survey(i)] = np.eye(3)
+        crossed = rows @ state.cov
+        inverse = np.linalg.inv(crossed @ rows.T + SEEN_M**2 * np.eye(3))
+        state = state._corrected(Correction(rows, crossed, inverse, np.array((-off, 0.0, 0.0))))
+    return state
+
+
+def states_after(state, examinations):
+    for _ in range(examinations):
+        state = state._examined()
+    return [record.state for record in state.records]
+
+
+def test_one_that_stays_beyond_a_thousandth_is_left_out_after_ten_looks():
+    """0.38 m at a sigma of 0.086 m: a squared distance of 19.5."""
+    state = shown(0.0, 0.38, 0.0)
+    assert states_after(state, DOUBTED_TIMES - 1) == [USED, USED, USED]
+    assert states_after(state, DOUBTED_TIMES) == [USED, LEFT_OUT, USED]
+
+
+@pytest.mark.parametrize("off_m", [(0.0, 0.32, 0.0), (0.0, 0.40, 0.36)])
+def test_what_chance_makes_and_what_may_be_either_stays(off_m):
+    """14 for one alone; 21.6 and 17.5 for two, of which either may be right."""
+    assert set(states_after(shown(*off_m), 3 * DOUBTED_TIMES)) == {USED}
+
+
+def test_what_is_far_off_is_left_out_at_once():
+    assert states_after(shown(0.0, 0.6, 0.0), 1) == [USED, LEFT_OUT, USED]
