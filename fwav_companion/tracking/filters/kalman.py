@@ -26,8 +26,8 @@ from fwav_companion.types import ErrorPriors, GroundFix
 OWN_RAY = 0.05
 """Distance of the predicted target from the ray, over the height, beyond which the place relative to the vehicle takes
 the sensitivities of the ray. The camera's reported place is as noisy as one position, 0.1 m: from 1 m that turns the
-line to a predicted target by 6 degrees, and 0.5 m of height bias then seemed to move it by 0.05 m. Where one position
-erred by 0.3 m, the place was 0.2 m off at a claim of 0.055 m. Nothing accumulates here: the ray's noise does no harm."""
+line to a predicted target by 6 degrees, and a height bias of 0.5 m then seemed to move it by 0.05 m. Where a position
+erred by 0.3 m, the place was 0.2 m off at a claim of 0.055 m. Nothing accumulates here: noise does no harm."""
 
 
 class StaticTargetState(StandingTargetState, frozen=True, kw_only=True, gc=False):
