@@ -6,7 +6,8 @@ import sys
 import tomllib
 from collections.abc import Iterator
 from functools import cache
-from importlib.metadata import distributions, packages_distributions
+from importlib import metadata
+from importlib.metadata import distributions
 from pathlib import Path
 
 import pytest
@@ -24,6 +25,10 @@ RUN_BY_NAME = {"pytest-cov", "pytest-timeout", "pytest-xdist", "import-linter"}
 
 OF_THE_SYSTEM = {"gi", "picamera2"}
 """What an operating system brings and no index: GStreamer's bindings, and a Raspberry Pi's camera."""
+
+
+packages_distributions = cache(metadata.packages_distributions)
+"""Distributions by the module that each brings, read once: half a second."""
 
 
 def names(requirements: list[str]) -> set[str]:

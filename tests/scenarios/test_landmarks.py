@@ -80,7 +80,13 @@ def ends(name: str, settings: tuple[str, ...], flights: int, seconds: float) -> 
 
 
 @pytest.mark.timeout(900)
-@pytest.mark.parametrize(("name", "settings"), [("default", ()), ("figure_eight", ("tracking.self_calibration=true",))])
+@pytest.mark.parametrize(
+    ("name", "settings"),
+    [
+        ("default", ()),
+        pytest.param("figure_eight", ("tracking.self_calibration=true",), marks=pytest.mark.slow),
+    ],
+)
 @pytest.mark.parametrize(("flights", "seconds"), [(FEW, 15.0), pytest.param(MANY, 45.0, marks=pytest.mark.slow)])
 def test_a_landmark_in_view_cancels_what_it_shows_and_the_claim_says_so(name, settings, flights, seconds):
     results = ends(name, settings, flights, seconds)

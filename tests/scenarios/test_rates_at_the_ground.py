@@ -7,6 +7,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from draws import first_of
 from merged_network import LINKS, MergedNetwork, Station
 
 from sitl_mock import scenario
@@ -182,7 +183,7 @@ def test_after_a_reboot_the_autopilots_own_rates_are_learned_again():
     assert station.rates(18.0, 30.0)["GLOBAL_POSITION_INT"] == pytest.approx(2.0, abs=0.2)
 
 
-@pytest.mark.parametrize("setting", ["true", "false"])
+@pytest.mark.parametrize("setting", first_of("false", "true"))
 def test_where_requests_are_not_merged_everything_goes_to_the_ground_as_before(setting):
     text = LINKS.replace('role = "gcs"', f'role = "gcs"\nforward_rate_requests = {setting}')
     station = Station("ground").ask_group(8.0, ALL, 4)

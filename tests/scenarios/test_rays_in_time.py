@@ -76,7 +76,7 @@ def test_203_with_cut_stamps_their_delay_and_the_estimated_clock(hz):
     assert nadir_mm(jitter, f"rates.attitude={hz}") < 20.0
 
 
-@pytest.mark.parametrize("trouble", [{"has_quaternion": False}, {"knows_set_message_interval": False}])
+@pytest.mark.parametrize("trouble", first_of({"has_quaternion": False}, {"knows_set_message_interval": False}))
 def test_204_attitude_alone_has_its_pitch_trim_put_back(trouble):
     """5 degrees that ArduPlane takes off: 0.87 m from 10 m."""
     differences = {f"autopilot.{name}": value for name, value in trouble.items()}
@@ -100,7 +100,11 @@ def test_205_a_stream_too_slow_for_the_motion_says_so_and_carries_it():
 
 @pytest.mark.parametrize(
     ("name", "most_m"),
-    [("perfect", 1e-4), ("rolling_shutter", 5e-3), pytest.param("unbiased", 5e-3, marks=pytest.mark.slow)],
+    [
+        ("perfect", 1e-4),
+        pytest.param("rolling_shutter", 5e-3, marks=pytest.mark.slow),
+        pytest.param("unbiased", 5e-3, marks=pytest.mark.slow),
+    ],
 )
 def test_301_frames_300_ms_late_leave_the_final_estimate_as_in_time(name, most_m):
     """A late frame may find a position behind it where one in time had to go on from the last: with noise in the

@@ -69,8 +69,8 @@ def flown(name: str, station: Station, text: str = ON_A_RADIO, **differences: An
 @pytest.mark.parametrize(
     ("name", "group_hz"),
     [
-        ("arducopter", 50),
         ("px4_onboard", 0),
+        pytest.param("arducopter", 50, marks=pytest.mark.slow),
         pytest.param("arducopter", 10, marks=pytest.mark.slow),
         pytest.param("px4_normal", 0, marks=pytest.mark.slow),
     ],

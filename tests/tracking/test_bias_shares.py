@@ -11,7 +11,7 @@ from fwav_companion.self_calibration.posterior import bias_shares as joint_share
 from fwav_companion.tracking import bias_shares
 from sitl_mock import scenario
 
-QUIET = {"seconds": 25.0, "autopilot.rates_hz": {"ATTITUDE_QUATERNION": 100.0}}
+QUIET = {"seconds": 15.0, "autopilot.rates_hz": {"ATTITUDE_QUATERNION": 100.0}}
 
 
 def shares_of(settings=(), **differences):
@@ -39,7 +39,7 @@ def test_a_cause_that_is_known_has_no_share():
 
 
 def test_the_share_of_a_receiver_is_its_variance():
-    """25 s show nothing of an error that wanders over minutes: 2 sigma^2 in the plane."""
+    """15 s show nothing of an error that wanders over minutes: 2 sigma^2 in the plane."""
     shares, total, _ = shares_of(("uncertainty.position_bias_m=2.0", "uncertainty.position_bias_time_s=1800.0"))
     assert shares["position"] == pytest.approx(8.0, rel=0.15)
     assert shares["position"] / total > 0.9

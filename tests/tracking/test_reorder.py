@@ -46,7 +46,7 @@ def test_late_frames_leave_what_they_leave_in_time(delays, kind):
 
 
 def test_a_late_frame_leaves_the_same_with_self_calibration():
-    flight = Flight(seconds=16, fps=20, shape="hover", height_m=10.0, targets=((4.0, 3.0),))
+    flight = Flight(seconds=8, fps=20, shape="hover", height_m=10.0, targets=((4.0, 3.0),))
     flight.biases[6] = 0.035
     world = World(flight)
     views = world.frames()

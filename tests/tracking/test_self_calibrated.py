@@ -31,6 +31,7 @@ def is_found(report):
     return True
 
 
+@pytest.mark.slow  # a filter of one's own is flown by the default run
 def test_beside_the_papers_filter_it_finds_its_values_and_moves_nothing():
     flight = Flight(seed=1, biases=PLANTED)
     tracks, report = flown(flight, filter="lowpass", self_calibration=True)

@@ -188,9 +188,9 @@ def test_frames_that_are_not_believed_are_one_finding(sign, code):
 
 
 def test_a_reboot_is_shown_for_a_minute_and_then_forgotten():
-    rebooting = HEALTHY.but({"others.reboots_at_s": (8.0,), "camera.enabled": False})
+    rebooting = HEALTHY.but({"others.reboots_at_s": (4.0,), "camera.enabled": False})
     text = AUTOPILOT + '[detections]\nurl = ""\n'
-    early, late = (evidence_of(flown(rebooting, text=text, seconds=seconds)) for seconds in (30.0, 85.0))
+    early, late = (evidence_of(flown(rebooting, text=text, seconds=seconds)) for seconds in (12.0, 82.0))
     assert any("reboot" in line for line in report_lines(early, [], ""))
     assert not any("reboot" in line for line in report_lines(late, [], ""))
     assert not any("undone" in line for line in report_lines(early, [], ""))
