@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import ipaddress
+import re
 from collections.abc import Iterator
 from urllib.parse import urlsplit
 
 from fwav_companion.config import Config
 from fwav_companion.errors import UserError
+from fwav_companion.fleet.options import FleetTable
 from fwav_companion.links.url import SerialUrl, UnixUrl, parse_link_url
+from fwav_companion.vision.preview_address import parse_preview
 
+IP_PROTOCOLS = ("tcp", "udp", "tls", "quic", "ws")
+"""Of Zenoh's endpoints; the others are sockets and serial lines of this board."""
 HEADER = "# Written by `fwav-companion install` from the configured links: run it again when they change.\n"
 
 
@@ -33,12 +38,34 @@ def _networks(config: Config) -> Iterator[ipaddress.IPv4Network | ipaddress.IPv6
             yield _network(url.host, str(url), listens=url.kind in ("udpin", "tcpin"))
     if config.vision is not None:
         yield from _of_pictures(config.vision.source)
+        yield from _of_preview(config.vision.preview)
+    if config.fleet is not None:
+        yield from _of_fleet(config.fleet)
 
 
 def _of_pictures(source: str) -> Iterator[ipaddress.IPv4Network | ipaddress.IPv6Network]:
     if "://" in source:
         parts = urlsplit(source)
         yield _network(parts.hostname or "", source, listens=parts.scheme == "udp")
+
+
+def _of_preview(preview: str) -> Iterator[ipaddress.IPv4Network | ipaddress.IPv6Network]:
+    address = parse_preview(preview)
+    if address is not None:
+        yield _network(address.host, f"[vision] preview {address.host}:{address.port}", listens=True)
+
+
+def _of_fleet(fleet: FleetTable) -> Iterator[ipaddress.IPv4Network | ipaddress.IPv6Network]:
+    """Yield the endpoints of the bus. OpenAccessError where peers are found, or named in a file of Zenoh's."""
+    if fleet.scouting:
+        raise OpenAccessError("[fleet] scouting finds peers at any address")
+    if fleet.config and not fleet.connect:
+        raise OpenAccessError(f"[fleet] config {fleet.config} may name any address")
+    for endpoint in (*fleet.connect, *fleet.listen):
+        protocol, _, rest = endpoint.partition("/")
+        if protocol in IP_PROTOCOLS:
+            host = re.split(r"[?#]", rest)[0].rpartition(":")[0].strip("[]")
+            yield _network(host, f"[fleet] {endpoint}", listens=endpoint in fleet.listen)
 
 
 def _network(host: str, url: str, *, listens: bool) -> ipaddress.IPv4Network | ipaddress.IPv6Network:

@@ -187,6 +187,14 @@ def link(url: str, more: str = "") -> str:
     return f'{SERIAL}[[link]]\nname = "ground"\nurl = "{url}"\nrole = "gcs"\n{more}'
 
 
+def preview(address: str) -> str:
+    return f'{SERIAL}[camera]\ncalibration = "c.yaml"\n[vision]\nsource = "/dev/video0"\npreview = "{address}"\n'
+
+
+def fleet(lines: str) -> str:
+    return f"{SERIAL}[fleet]\n{lines}\n"
+
+
 @pytest.mark.parametrize(
     ("config", "allowed"),
     [
@@ -200,6 +208,15 @@ def link(url: str, more: str = "") -> str:
         (link("udpbcast://255.255.255.255:14550"), None),
         (link("tcpout://10.0.0.9:5760", '[publish]\ncot = "udpout://239.2.3.1:6969"\n'),
          ["localhost", "10.0.0.9/32", "239.2.3.1/32"]),
+        (fleet('connect = ["tcp/10.0.0.1:7447", "tls/[fd00::2]:7447"]'), ["localhost", "10.0.0.1/32", "fd00::2/128"]),
+        (fleet('connect = ["unixsock-stream//run/zenoh"]'), ["localhost"]),
+        (fleet('connect = ["tcp/10.0.0.1:7447"]\nconfig = "zenoh.json5"'), ["localhost", "10.0.0.1/32"]),
+        (fleet('connect = ["tcp/hub.local:7447"]'), None),
+        (fleet('listen = ["tcp/0.0.0.0:7447"]'), None),
+        (fleet("scouting = true"), None),
+        (fleet('config = "zenoh.json5"'), None),
+        (preview("127.0.0.1:8089"), ["localhost"]),
+        (preview("0.0.0.0:8089/abcdefghijklmnop"), None),
     ],
 )  # fmt: skip
 def test_the_network_is_limited_to_the_configured_links(config: str, allowed: list[str] | None):
