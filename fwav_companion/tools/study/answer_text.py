@@ -155,9 +155,17 @@ def change_words(cause: CauseAnswer) -> str:
     """What flights without the cause gained, with its interval; empty where none was flown."""
     if cause.change_m is None or cause.with_m is None or cause.without_m is None:
         return ""
-    low, high = (moved(end) for end in (cause.change_m.low, cause.change_m.high))
     ends = f"half of {cause.pairs} flights end within {length(cause.without_m)} instead of {length(cause.with_m)}"
-    return f"{ends}; each flight alone {moved(cause.change_m.value)} ({low} to {high})"
+    return f"{ends}; {_paired_words(cause.change_m)}"
+
+
+def _paired_words(change_m: IntervalEstimate) -> str:
+    """The median of the paired changes, with its interval."""
+    low, high = change_m.low, change_m.high
+    if low < 0.0 < high or low == high == 0.0:
+        return f"no change shown: the same flight ends between {moved(low)} and {moved(high)} (median)"
+    near, far = sorted((abs(low), abs(high)))
+    return f"the same flight ends {moved(change_m.value)} (median, {length(near)} to {length(far)})"
 
 
 def moved(change_m: float) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from html import escape
 
 from fwav_companion import __version__
+from fwav_companion.config import UncertaintyConfig
 from fwav_companion.tools.report.page_elements import document, figure, key, row, section, table
 from fwav_companion.tools.report.wording import length, spaced
 from fwav_companion.tools.study.answer_text import (
@@ -22,7 +23,13 @@ from fwav_companion.tools.study.answer_text import (
 )
 from fwav_companion.tools.study.causes import error_cause
 from fwav_companion.tools.study.conclusions import CauseAnswer, StudyAnswer, VariationAnswer
-from fwav_companion.tools.study.flight_draw import CONFIGURED, FALSE_DETECTIONS, TWICE
+from fwav_companion.tools.study.flight_draw import (
+    CONFIGURED,
+    FALSE_DETECTIONS,
+    TWICE,
+    USUAL_POSITION_M,
+    WANDER_TIMES_S,
+)
 from fwav_companion.tools.study.flight_record import FlightRecord
 from fwav_companion.tools.study.paper_preset import NOTES
 from fwav_companion.tools.study.record_file import Environment
@@ -272,15 +279,18 @@ def _priors(plan: StudyPlan) -> str:
     drawn, claimed = plan.truth().uncertainty, plan.parsed(plan.claim_settings()).uncertainty
     names = drawn.__struct_fields__
     differs = any(getattr(drawn, name) != getattr(claimed, name) for name in names)
-    body = [
-        row([name, _prior(getattr(drawn, name)), *([_prior(getattr(claimed, name))] if differs else [])])
-        for name in names
-    ]
+    body = [row([name, _prior(drawn, name), *([_prior(claimed, name)] if differs else [])]) for name in names]
     return table(["[uncertainty]", "drawn", *(["claimed"] if differs else [])], body)
 
 
-def _prior(value: float | str) -> str:
-    return value if isinstance(value, str) else f"{value:g}"
+def _prior(sigmas: UncertaintyConfig, name: str) -> str:
+    """The value of a key of [uncertainty]; of ``auto``, what is drawn."""
+    value = getattr(sigmas, name)
+    if value != "auto":
+        return f"{value:g}"
+    low, high = WANDER_TIMES_S
+    means = {"position_bias_m": f" ({USUAL_POSITION_M:g})", "position_bias_time_s": f" ({low:g} to {high:g})"}
+    return f"auto{means.get(name, '')}"
 
 
 def _span(values: Sequence[float]) -> str:
