@@ -6,7 +6,7 @@ worker, and two arms of a study differ in one cause alone.
 
 from __future__ import annotations
 
-from math import cos, exp, log, pi, radians, sin, sqrt, tan
+from math import cos, exp, hypot, log, pi, radians, sin, sqrt, tan
 from random import Random
 from typing import Any, Final
 
@@ -100,16 +100,17 @@ def draw_flight(plan: StudyPlan, index: int, arm: str = CONFIGURED) -> FlightDra
     if arm == f"{WITHOUT}readout":
         settings = (*settings, f"camera.readout_s={readout_s!r}")
     claim = plan.parsed(settings)
+    times = 2.0 if arm == TWICE else 1.0
     request = {
         "set": {
             "seed": _stream(plan, index, "mock").getrandbits(48),
             "seconds": plan.seconds,
             "noise_by_cause": True,
             "biases.readout_s": readout_s,
-            **_of_flight(plan, index, flown, truth),
+            **_of_flight(plan, index, flown, truth, times=times),
             **_of_autopilot(plan, index, truth),
             **_of_camera(plan, truth, flown["miss_rate"]),
-            **_of_priors(plan, index, truth, 2.0 if arm == TWICE else 1.0),
+            **_of_priors(plan, index, truth, times),
             **(_paper() if plan.preset == "paper" else {}),
         },
         "rates_hz": _rates_hz(claim),
@@ -132,7 +133,8 @@ def _flown(plan: StudyPlan, index: int, varied: dict[str, Value], truth: Config)
     """The values of the flight's keys: set, varied, or drawn."""
     given = flight_settings([*plan.settings, *((key, str(value)) for key, value in varied.items())])
     values: dict[str, float] = {}
-    for name, (low, high) in USUAL.items():
+    usual = USUAL if truth.ground.model != "fixed" else USUAL | {"height_m": (truth.ground.height_m,) * 2}
+    for name, (low, high) in usual.items():
         values[name] = given.get(name, _stream(plan, index, FLIGHT + name).uniform(low, high))
     mount_pitch = truth.camera.mount.pitch_deg
     level = BIRD_PITCH_DEG if mount_pitch <= DOWNWARD_DEG and not truth.camera.mount.gimbal_device_id else 0.0
@@ -153,8 +155,12 @@ def _radius_m(plan: StudyPlan, values: dict[str, float], mount_pitch_deg: float)
     return height_m * tan(radians(look_deg))
 
 
-def _of_flight(plan: StudyPlan, index: int, flown: dict[str, float], truth: Config) -> dict[str, Any]:
-    """The mock's options of the flight, about a target near the flight centre."""
+def _of_flight(plan: StudyPlan, index: int, flown: dict[str, float], truth: Config, *, times: float) -> dict[str, Any]:
+    """The mock's options of the flight, about a target near the flight centre. ``times``: true over configured sigmas.
+
+    A camera at a fixed height holds it, but for the error of that height, by which its target is higher or lower.
+    """
+    is_fixed = truth.ground.model == "fixed"
     pattern, radius, speed, height = plan.pattern, flown["radius_m"], flown["speed_m_s"], flown["height_m"]
     place = _stream(plan, index, "place")
     wind_from = place.uniform(0.0, 2.0 * pi)
@@ -168,7 +174,7 @@ def _of_flight(plan: StudyPlan, index: int, flown: dict[str, float], truth: Conf
         "flight.flapping_pitch_deg": flown["flap_deg"],
         "flight.flapping_roll_deg": 0.1 * flown["flap_deg"],
         "flight.heave_m": 0.004 * flown["flap_deg"],
-        "flight.wander_m": GUSTS * flown["wind_m_s"] * WANDER_PER_GUST_S,
+        "flight.wander_m": 0.0 if is_fixed else GUSTS * flown["wind_m_s"] * WANDER_PER_GUST_S,
         "flight.wind_m_s": (flown["wind_m_s"] * cos(wind_from), flown["wind_m_s"] * sin(wind_from)),
     }
     if pattern == "eight":
@@ -193,7 +199,8 @@ def _of_flight(plan: StudyPlan, index: int, flown: dict[str, float], truth: Conf
             "flight.offset_m": (start, 0.0),
             "flight.drift_m_s": (speed, 0.0),
         }
-    up = _stream(plan, index, "terrain").gauss(0.0, 1.0) * terrain_sigma_m(truth)
+    sigma_m = hypot(terrain_sigma_m(truth), truth.uncertainty.height_bias_m if is_fixed else 0.0)
+    up = _stream(plan, index, "terrain").gauss(0.0, 1.0) * times * sigma_m
     east = off * sin(toward) + (radius if pattern == "survey" else 0.0)
     options["targets"] = [{"label": LABEL, "north": off * cos(toward), "east": east, "up": up}]
     return options

@@ -51,6 +51,19 @@ def test_without_a_cause_all_other_errors_stay():
     assert draw_flight(plan, 0, "without_mount").claim.uncertainty.mount_bias_deg == 0.0
 
 
+def test_a_camera_at_a_fixed_height_flies_there_and_errs_by_its_bias():
+    """The error of 300 drawn heights has the configured sigma; 99.9 % bounds of a sample's are 0.87 and 1.14."""
+    config = make_plan().config.replace('model = "home"', 'model = "fixed"').replace("height_m = 1.2", "height_m = 8.0")
+    plan = make_plan(config=config)
+    draws = [draw_flight(plan, index) for index in range(300)]
+    assert {(each.flown["height_m"], each.claim.ground.height_m) for each in draws} == {(8.0, 8.0)}
+    ups = np.array([each.request["set"]["targets"][0]["up"] for each in draws])
+    assert 0.87 < np.std(ups) / plan.truth().uncertainty.height_bias_m < 1.14
+    twice = draw_flight(plan, 0, TWICE).request["set"]["targets"][0]["up"]
+    assert twice == pytest.approx(2.0 * ups[0])
+    assert draws[0].request["set"]["flight.wander_m"] == 0.0
+
+
 def test_the_papers_filter_flies_the_same_flight():
     plan = paper_plan(2, 1, (), ())
     own, by_paper = draw_flight(plan, 1), draw_flight(plan, 1, PAPER_FILTER)
