@@ -67,12 +67,12 @@ def show_answer(finished: FinishedStudy, out: Path, *, as_json: bool) -> int:
     answer = answer_of(plan, records)
     commands = [replay_line(plan, record) for record in answer.wrong]
     notes = [] if finished.is_complete else [f"The study ended early: {finished.trouble}. {_kept(finished)}."]
-    page = study_page(plan, records, answer, finished.environment, notes=notes, commands=commands)
-    path = write_page(out / REPORT, page)
     print(sentence(plan, answer))
     print()
     for each in (*lines(plan, answer), *wrong_lines(answer.wrong, commands)):
         print(each)
+    page = study_page(plan, records, answer, finished.environment, notes=notes, commands=commands)
+    path = write_page(out / REPORT, page)
     print(path)
     if as_json:
         print(json.dumps(as_object(plan, answer, str(path), commands)))
