@@ -84,8 +84,9 @@ def marker_scene(rng, side_px, *, dictionary, modules, blur_px=0.0):
 
 def blob_scene(rng, side_px, *, blur_px=0.0):
     """A red panel on grey ground. Its truth is the mean of its own area."""
+    red = rng.uniform(140.0, 230.0)
     flat = np.zeros((64, 64, 3), np.uint8)
-    flat[:] = (30, 30, 210)
+    flat[:] = (red * rng.uniform(0.1, 0.3), red * rng.uniform(0.1, 0.3), red)
     centre, corners = square_corners(rng, side_px, tilt=0.0)
-    picture, shift = rendered(flat, corners, rng, blur_px=blur_px)
+    picture, shift = rendered(flat, corners, rng, blur_px=blur_px, ground=rng.uniform(80.0, 140.0))
     return Scene(picture, tuple(centre - shift))

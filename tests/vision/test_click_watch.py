@@ -106,6 +106,17 @@ def test_a_board_on_which_spots_cost_much_is_asked_for_fewer_pictures(watch, dae
     assert caplog.text.count("over a tenth of a core") == 1
 
 
+def test_a_camera_that_changes_its_size_in_flight_keeps_its_spots(watch, daemon):
+    """The daemon's views are in pixels of the picture: half the size, half the pixels a metre."""
+    half = Picture(cv2.resize(picture().pixels, (160, 120), interpolation=cv2.INTER_AREA), {"time_monotonic": 1.1})
+    daemon.queue(SpotViews(2, {3: SpotView((81.0, 58.0), (30.0, 0.0, 0.0, 30.0), 12.0)}))
+    (found,) = see(watch, 2, half)
+    assert (found["u"], found["v"]) == pytest.approx((79.75, 59.75), abs=0.3)
+    daemon.queue(SpotViews(3, {3: SpotView((160.0, 120.0), SCALE, 20.0)}))
+    (found,) = see(watch, 3, picture(shift=5))
+    assert found["u"] == pytest.approx(165.0, abs=0.2)
+
+
 def test_a_spot_that_is_released_is_not_asked_for(watch, daemon):
     daemon.queue(ReleaseSpot(3))
     assert see(watch, 2, picture()) == []

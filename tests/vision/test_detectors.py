@@ -9,7 +9,7 @@ from vision_pictures import tag_picture
 
 from fwav_companion.vision.detectors import make_detector
 from fwav_companion.vision.detectors.color import ColorDetector
-from fwav_companion.vision.detectors.markers import ARUCO_DICTIONARIES, apriltags, aruco
+from fwav_companion.vision.detectors.markers import APRILTAG_FAMILIES, ARUCO_DICTIONARIES, apriltags, aruco
 from fwav_companion.vision.task import VisionTask
 
 
@@ -58,6 +58,20 @@ def test_another_family_is_no_tag_of_ours():
     assert hypot(found["u"] - 320.0, found["v"] - 240.0) < 0.4
 
 
+@pytest.mark.parametrize("family", APRILTAG_FAMILIES)
+def test_each_family_of_opencv_is_found(family):
+    dictionary, modules = APRILTAG_FAMILIES[family]
+    picture = tag_picture((300.0, 200.0), dictionary=dictionary, modules=modules, number=3)
+    (found,) = [each for each in apriltags(family).detect(picture) if each["id"] == 3]
+    assert found["label"] == f"tag{family}:3"
+    assert (found["u"], found["v"]) == pytest.approx((300.0, 200.0), abs=0.3)
+
+
+def test_every_family_of_opencv_may_be_named():
+    of_opencv = {name.removeprefix("DICT_APRILTAG_").lower() for name in dir(cv2.aruco) if "DICT_APRILTAG_" in name}
+    assert set(APRILTAG_FAMILIES) == of_opencv
+
+
 def test_every_dictionary_that_may_be_named_is_opencvs():
     assert len(ARUCO_DICTIONARIES) == 16
     for name in ARUCO_DICTIONARIES:
@@ -72,7 +86,7 @@ def test_a_patch_of_the_hue_is_found_and_others_are_not():
     assert (red["u"], red["v"]) == pytest.approx((200.0, 150.0), abs=0.1)
     (blue,) = ColorDetector(240.0).detect(picture)
     assert (blue["u"], blue["v"]) == pytest.approx((400.0, 300.0), abs=0.1)
-    assert red["sigma"] == pytest.approx(0.1 * 12 * np.pi**0.5, rel=0.1)
+    assert red["sigma"] == pytest.approx(0.25 / (12 * np.pi**0.5) ** 0.5, rel=0.1)
     assert ColorDetector(120.0).detect(picture) == []
     assert ColorDetector(0.0).detect(picture[:, :, 0].copy()) == []
 

@@ -119,6 +119,26 @@ def test_a_folder_is_followed_as_it_grows(tmp_path: Path, caplog: pytest.LogCapt
     lines.close()
 
 
+def test_a_truncated_jpeg_in_a_folder_is_left_out(tmp_path: Path, caplog: pytest.LogCaptureFixture):
+    noise = np.random.default_rng(1).integers(0, 255, (48, 64), np.uint8)
+    whole = cv2.imencode(".jpg", noise)[1].tobytes()
+    lines = []
+    for number, data in enumerate((whole, b"", whole[:20], whole)):
+        (tmp_path / f"{number}.jpg").write_bytes(data)
+        lines.append(json.dumps({"file": f"{number}.jpg", "time_unix": 1.0 + number, "frame": number}))
+    (tmp_path / "stamps.jsonl").write_text("\n".join(lines) + "\n")
+    source = open_source(str(tmp_path))
+    assert [source.read(5.0).number for _ in range(2)] == [0, 3]
+    assert caplog.text.count("skipped;") == 1
+    source.close()
+
+
+def test_pictures_that_change_their_size_keep_their_own(pipe: Writer):
+    pipe.write(pipe_bytes(GREY, time_monotonic=1.0) + pipe_bytes(COLOURED[:6, :8].copy(), time_monotonic=2.0))
+    assert [pipe.source.read(0.0).pixels.shape for _ in range(2)] == [(12, 16), (6, 8, 3)]
+    pipe.close()
+
+
 def test_lines_that_begin_again_are_read_again(tmp_path: Path):
     """A camera program that is started again opens its file for writing, and the file keeps its inode."""
     cv2.imwrite(str(tmp_path / "0.png"), GREY)

@@ -1,6 +1,7 @@
 """Streams of a real server: GStreamer's, where it is installed (always in CI)."""
 
 import os
+import shutil
 import subprocess
 import sys
 import threading
@@ -145,6 +146,92 @@ def test_a_transport_stream_by_udp_is_stamped_on_arrival(tmp_path):
     finally:
         sender.kill()
         sender.wait()
+
+
+SDP = "v=0\r\no=- 0 0 IN IP4 127.0.0.1\r\ns=a\r\nc=IN IP4 127.0.0.1\r\nt=0 0\r\n"
+FFMPEG = (
+    "import av, time, numpy as np\n"
+    "out = av.open('rtp://127.0.0.1:{port}', 'w', format='rtp')\n"
+    "s = out.add_stream('mpeg2video', rate=25)\n"
+    "s.width, s.height, s.pix_fmt, s.gop_size = 160, 120, 'yuv420p', 5\n"
+    "for i in range(1500):\n"
+    "    frame = av.VideoFrame.from_ndarray(np.full((120, 160, 3), 100 + i % 100, np.uint8), format='rgb24')\n"
+    "    [out.mux(p) for p in s.encode(frame)]\n"
+    "    time.sleep(0.04)\n"
+)
+GSTREAMER = (
+    "-q videotestsrc is-live=true ! video/x-raw,width=160,height=120,framerate=25/1 ! x264enc tune=zerolatency "
+    "key-int-max=10 ! rtph264pay pt=96 config-interval=-1 ! udpsink host=127.0.0.1 port={port}"
+)
+H264 = "a=rtpmap:96 H264/90000\r\na=fmtp:96 packetization-mode=1\r\n"
+SENDERS = {
+    "FFmpeg": ("m=video {port} RTP/AVP 32\r\n", [sys.executable, "-c", FFMPEG]),
+    "GStreamer": ("m=video {port} RTP/AVP 96\r\n" + H264, ["gst-launch-1.0", *GSTREAMER.split()]),
+}
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "FFmpeg",
+        pytest.param(
+            "GStreamer",
+            marks=[
+                pytest.mark.slow,
+                pytest.mark.skipif(shutil.which("gst-launch-1.0") is None, reason="gst-launch-1.0 is not installed"),
+            ],
+        ),
+    ],
+)
+def test_rtp_is_received_by_its_sdp_file(tmp_path, name):
+    media, command = SENDERS[name]
+    port = 2 * (20500 + os.getpid() % 5000)
+    (tmp_path / "camera.sdp").write_text(SDP + media.format(port=port))
+    sender = subprocess.Popen([word.replace("{port}", str(port)) for word in command], stderr=subprocess.DEVNULL)
+    try:
+        source = StreamSource(str(tmp_path / "camera.sdp"), utc=False)
+        pictures = [source.read(5.0) for _ in range(10)]
+        source.close()
+    finally:
+        sender.kill()
+        sender.wait()
+    assert {picture.pixels.shape for picture in pictures} == {(120, 160, 3)}
+    assert all(picture.pixels.std() < 2.0 or name == "GStreamer" for picture in pictures)
+    assert [picture.number for picture in pictures] == list(range(10))
+    assert abs(time.monotonic() - pictures[-1].stamp["time_monotonic"]) < 2.0
+
+
+def test_a_stream_that_changes_its_size_in_flight_goes_on(tmp_path):
+    """The encoder of a camera is set to another resolution: pictures before and after are whole."""
+    port = 41000 + (os.getpid() + 7919) % 20000
+    code = (
+        "import av, sys, time, numpy as np\n"
+        "from fractions import Fraction\n"
+        f"out = av.open('udp://127.0.0.1:{port}?pkt_size=1316', 'w', format='mpegts')\n"
+        "s = out.add_stream('mpeg2video', rate=25); s.width, s.height, s.pix_fmt = 160, 120, 'yuv420p'\n"
+        "clock = 0\n"
+        "for size in ((160, 120), (320, 240)) * 30:\n"
+        "    c = av.CodecContext.create('mpeg2video', 'w')\n"
+        "    c.width, c.height, c.pix_fmt, c.framerate, c.gop_size, c.max_b_frames = *size, 'yuv420p', 25, 5, 0\n"
+        "    c.time_base = Fraction(1, 25)\n"
+        "    for i in range(25):\n"
+        "        f = av.VideoFrame.from_ndarray(np.full((size[1], size[0], 3), 120, np.uint8), format='rgb24')\n"
+        "        f.pts, clock = clock, clock + 1\n"
+        "        for p in c.encode(f):\n"
+        "            p.stream = s; out.mux(p)\n"
+        "        time.sleep(0.04)\n"
+    )
+    sender = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.DEVNULL)
+    try:
+        source = StreamSource(f"udp://127.0.0.1:{port}", utc=False)
+        shapes, until_s = [], time.monotonic() + 30.0
+        while len(set(shapes)) < 2 and time.monotonic() < until_s:
+            shapes.append(source.read(5.0).pixels.shape)
+        source.close()
+    finally:
+        sender.kill()
+        sender.wait()
+    assert set(shapes) == {(120, 160, 3), (240, 320, 3)}
 
 
 @pytest.mark.parametrize(

@@ -1,11 +1,13 @@
-"""A marker's sigma is true: on rendered scenes of known truth the normalised square of its error is 1, in each class of
-size and blur."""
+"""The sigma of a marker and of a coloured panel is true: on rendered scenes of known truth the normalised square of its
+error is 1, in each class of size and blur."""
 
 import cv2
 import numpy as np
 import pytest
-from rendered_scenes import marker_scene
+from rendered_scenes import blob_scene, marker_scene
 
+from fwav_companion.vision.detectors.color import ColorDetector
+from fwav_companion.vision.detectors.color_sigma import blob_sigma_px
 from fwav_companion.vision.detectors.marker_sigma import MODULES_PX, SIGMAS_PX, WIDTHS, marker_sigma_px
 from fwav_companion.vision.detectors.markers import apriltags, aruco
 
@@ -43,6 +45,39 @@ def test_the_normalised_square_is_one_in_each_class(kind, size, blur):
     found = squares(kind, size, blur, 400, seed=77, least=151)
     assert len(found) > 150
     assert 0.8 < found.mean() < 1.25
+
+
+BLOB_SIZES = {"small": (6.0, 15.0), "middle": (15.0, 40.0), "large": (40.0, 110.0)}
+BLOB_BLURS = {"sharp": (0.0, 0.0), "slightly blurred": (0.02, 0.3), "blurred": (0.3, 0.9)}
+"""Motion in sides of the blob."""
+
+
+def blob_squares(size, blur, draws, seed):
+    """Normalised squares of both axes of coloured panels."""
+    detector, rng, found = ColorDetector(0.0), np.random.default_rng(seed), []
+    for _ in range(draws):
+        side_px = np.exp(rng.uniform(*np.log(BLOB_SIZES[size])))
+        scene = blob_scene(rng, side_px, blur_px=rng.uniform(*BLOB_BLURS[blur]) * side_px)
+        for each in detector.detect(scene.picture)[:1]:
+            off = np.array([each["u"] - scene.centre[0], each["v"] - scene.centre[1]])
+            found.append(off @ off / each["sigma"] ** 2 / 2.0)
+    return np.array(found)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("blur", BLOB_BLURS)
+@pytest.mark.parametrize("size", BLOB_SIZES)
+def test_the_normalised_square_of_a_coloured_panel_is_one_in_each_class(size, blur):
+    found = blob_squares(size, blur, 300, seed=78)
+    assert len(found) > 290
+    assert 0.8 < found.mean() < 1.25
+
+
+def test_a_coloured_panel_is_claimed_to_a_tenth_of_a_pixel_and_holds_it():
+    found = blob_squares("small", "sharp", 60, seed=6)
+    assert len(found) > 50
+    assert 0.6 < found.mean() < 1.5
+    assert blob_sigma_px(100.0, 0.1) < 0.1 < blob_sigma_px(100.0, 0.5)
 
 
 def test_the_table_is_met_at_its_nodes_and_bounded_beyond():

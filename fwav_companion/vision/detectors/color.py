@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from math import sqrt
-
 import cv2
 import numpy as np
 
+from fwav_companion.vision.detectors.color_sigma import blob_sigma_px
 from fwav_companion.vision.images import Found, Pixels
 
 HUE_HALF_WIDTH_DEG = 15.0
@@ -14,8 +13,10 @@ LEAST_SATURATION, LEAST_VALUE = 110, 60
 """Of 255; grass, soil and concrete are below."""
 LEAST_AREA_PX = 16
 MOST_BLOBS = 32
-SIGMA_OF_SIZE = 0.1
-"""One sigma as a share of the blob's size: the blob's centre is not exactly the target's."""
+FULL_COLOUR = 0.65
+"""Share of a blob's strongest colour from which a pixel is not of its edge."""
+STRONGEST_PERCENTILE = 90.0
+"""Of the colour of its pixels: noise makes some stronger."""
 
 
 class ColorDetector:
@@ -32,17 +33,31 @@ class ColorDetector:
         hue, saturation, value = cv2.split(cv2.cvtColor(pixels, cv2.COLOR_BGR2HSV))
         away = np.abs((hue.astype(np.float32) - self._hue + 90.0) % 180.0 - 90.0)
         like = (away <= HUE_HALF_WIDTH_DEG / 2.0) & (saturation >= LEAST_SATURATION) & (value >= LEAST_VALUE)
-        _, _, stats, centres = cv2.connectedComponentsWithStats(like.astype(np.uint8), connectivity=8)
+        _, labels, stats, centres = cv2.connectedComponentsWithStats(like.astype(np.uint8), connectivity=8)
         order = sorted(range(1, len(stats)), key=lambda blob: -int(stats[blob][cv2.CC_STAT_AREA]))[:MOST_BLOBS]
-        return [_found(stats[blob], centres[blob]) for blob in order if stats[blob][cv2.CC_STAT_AREA] >= LEAST_AREA_PX]
+        found = []
+        for blob in order:
+            left, top, width, height, area = (int(number) for number in stats[blob])
+            if area >= LEAST_AREA_PX:
+                here = (slice(top, top + height), slice(left, left + width))
+                inside = labels[here] == blob
+                edge = edge_share(saturation[here][inside], value[here][inside])
+                found.append(_found(stats[blob], centres[blob], blob_sigma_px(area, edge)))
+        return found
 
 
-def _found(stats: np.ndarray, centre: np.ndarray) -> Found:
-    left, top, width, height, area = (int(number) for number in stats)
+def edge_share(saturation: Pixels, value: Pixels) -> float:
+    """Share of a blob's pixels that have clearly less than its full colour: those of its edge and of its motion."""
+    colour = saturation.astype(np.float32) * value
+    return float(np.mean(colour < FULL_COLOUR * np.percentile(colour, STRONGEST_PERCENTILE)))
+
+
+def _found(stats: np.ndarray, centre: np.ndarray, sigma_px: float) -> Found:
+    left, top, width, height, _ = (int(number) for number in stats)
     return {
         "u": round(float(centre[0]), 3),
         "v": round(float(centre[1]), 3),
-        "sigma": round(max(0.5, SIGMA_OF_SIZE * sqrt(area)), 3),
+        "sigma": round(sigma_px, 3),
         "label": "color",
         "box": [left - 0.5, top - 0.5, left + width - 0.5, top + height - 0.5],
     }
