@@ -40,6 +40,8 @@ UPRIGHT: Vector3 = unit((0.0, 0.0, 1.0))
 SIGMA_POINTS = (-2.0, -1.0, 0.0, 1.0, 2.0)
 SIGMA_WEIGHTS = (0.0545, 0.2442, 0.4026, 0.2442, 0.0545)
 """Density of a normal distribution at these sigmas, normalised."""
+MOST_REACH = 0.3
+"""Largest reach that is examined: two sigma of it still lead to the plane about the point."""
 EDGE_SIGMAS, LEAST_EDGE_M = 4.0, 2.0
 """Departure of the step between two neighbouring rays from that on a plane, in sigmas of the ray's length, and in
 metres: beyond both, the two answers lie further apart than the claim of either."""
@@ -92,7 +94,7 @@ class Localizer:
         if not stretch <= LARGEST_STRETCH:
             return NoFix(Reason.TOO_SHALLOW)
         if meeting.surveyed:
-            rough_m = self._roughness_m(sighting, direction, meeting, stretch)
+            rough_m = self._roughness_m(sighting, direction, meeting, self._reach(direction, meeting, stretch))
             if isinstance(rough_m, NoFix):
                 return rough_m
             propagation = self._with_level_doubt(propagation, hypot(meeting.level_doubt_m, rough_m))
@@ -139,6 +141,14 @@ class Localizer:
             + stretch.time**2 * (bias.time_offset + noise.readout_share * bias.readout + noise.time)
         )
 
+    def _reach(self, direction: Vector3, meeting: Intersection, stretch: float) -> float:
+        """One sigma of the ray's relative length by every error, those of the level of the ground included: where on a
+        rough surface the ray may end.
+        """
+        level_m2 = meeting.level_doubt_m**2 + self._bias.terrain + self._bias.height
+        descent_m = dot(meeting.normal, direction) * meeting.distance_m
+        return min(MOST_REACH, hypot(stretch, meeting.normal[2] * sqrt(level_m2) / descent_m))
+
     def _by_receiver(self, sigma_m: float | None, columns: tuple[Vector3, ...]) -> tuple[Vector3, ...]:
         """The columns with those of the position per sigma of the receiver's own word, in units of the prior."""
         prior_m = self._priors.sigma(Bias.POSITION_NORTH)
@@ -168,30 +178,30 @@ class Localizer:
         return msgspec.structs.replace(propagation, biases=tuple(columns))
 
     def _roughness_m(
-        self, sighting: Sighting, direction: Vector3, meeting: Intersection, stretch: float
+        self, sighting: Sighting, direction: Vector3, meeting: Intersection, reach: float
     ) -> float | NoFix:
         """One sigma of the ground's level by which its shape about the point widens the fix, metres.
 
-        Rays that are steeper and shallower by one and two sigma are intersected too, and weighed as a normal
-        distribution weighs them: what their distances scatter beyond those on a plane is the ground's shape. Where two
-        neighbours lie much further apart than on a plane, an edge hides the ground between: there are two answers, and
-        an ellipse cannot describe them.
+        Rays that are steeper and shallower by one and two sigma of the ray's length are intersected too, and weighed as
+        a normal distribution weighs them: what their distances scatter beyond those on a plane is the ground's shape.
+        Where two neighbours lie much further apart than on a plane, an edge hides the ground between: there are two
+        answers, and an ellipse cannot describe them.
         """
         axis = cross(direction, meeting.normal)
         descent = dot(meeting.normal, direction)
         tilt = norm(axis) / descent
         if tilt < LEAST_TILT:
             return 0.0
-        distances = []
+        distances, planar = [], []
         for sigmas in SIGMA_POINTS:
-            turn = exp(scale(axis, sigmas * stretch / (tilt * norm(axis))))
-            other = meeting if sigmas == 0.0 else self._meet(sighting, rotate(turn, direction))
+            turned = rotate(exp(scale(axis, sigmas * reach / (tilt * norm(axis)))), direction)
+            other = meeting if sigmas == 0.0 else self._meet(sighting, turned)
             if isinstance(other, NoFix):
                 return NoFix(Reason.TOO_SHALLOW) if other.reason is Reason.ABOVE_HORIZON else other
             distances.append(other.distance_m)
-        planar = [meeting.distance_m / (1.0 + sigmas * stretch) for sigmas in SIGMA_POINTS]
+            planar.append(meeting.distance_m * descent / dot(meeting.normal, turned))
         steps = (abs((b - a) - (d - c)) for (a, b), (c, d) in zip(pairwise(distances), pairwise(planar), strict=True))
-        if max(steps) > max(EDGE_SIGMAS * stretch * meeting.distance_m, LEAST_EDGE_M):
+        if max(steps) > max(EDGE_SIGMAS * reach * meeting.distance_m, LEAST_EDGE_M):
             return NoFix(Reason.TWO_GROUNDS)
         extra = sum(w * ((a - b) ** 2) for w, a, b in zip(SIGMA_WEIGHTS, distances, planar, strict=True))
         return sqrt(extra) * descent

@@ -18,9 +18,9 @@ from fwav_companion.types import GroundFix, Reason
 from sitl_mock import FrameTruth, Options, Simulation, scenario, simulate
 from sitl_mock.earth import Place
 
-FEW, MANY = 2, 40
-"""Flights of each kind by default and in the slow part: 18 and 360 draws."""
-FIRST_SEED = 9000
+FEW, MANY = 2, 30
+"""Flights of each kind by default and in the slow part: 18 and 270 draws."""
+FIRST_SEED = 20000
 TERRAIN_M = 0.5
 COPTER = ("camera.readout_s=0.0",)
 SURFACE = (
