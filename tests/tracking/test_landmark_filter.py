@@ -1,9 +1,15 @@
 """The filter of landmarks against one batch of linear algebra over all errors and places together."""
 
+import msgspec
 import numpy as np
 import pytest
 
+from fwav_companion.config.estimation import UncertaintyConfig
+from fwav_companion.geometry.earth import Geodetic
 from fwav_companion.tracking.landmarks.joint_place import Correction, Transition, first_joint_place
+from fwav_companion.tracking.landmarks.landmark_filter import landmark_filter
+from fwav_companion.tracking.landmarks.state_vector import SharedErrors
+from fwav_companion.types import Landmark, LandmarkRecord, LandmarkState
 
 RNG = np.random.default_rng(5)
 SHARED = 4
@@ -55,3 +61,22 @@ def test_a_place_and_its_claim_are_those_of_the_whole_filter_with_considered_err
         assert place.place == pytest.approx(full_mean[:2], abs=1e-9)
         assert place.cov == pytest.approx(full_cov[:2, :2], abs=1e-9)
         assert place.cross == pytest.approx(full_cov[:2, 2:], abs=1e-9)
+
+
+@pytest.mark.parametrize(("used", "known"), [(9, True), (2, False)])
+def test_the_altitude_is_what_sights_show_without_its_prior(used, known):
+    """Sights that show 4 m with 3 m of sigma, on a receiver of 1 m, whose altitude has a prior of 2 m."""
+    landmark = Landmark("mark", Geodetic.from_degrees(48.0, 11.0, 500.0), 0.4)
+    state = landmark_filter(SharedErrors(UncertaintyConfig().priors(readout_known=True, surveyed=False), [landmark]))
+    index, prior = state.model.altitude, (2.0 * state.sigma_m) ** 2
+    cov, mean = state.cov.copy(), state.mean.copy()
+    cov[index, index] = 1.0 / (1.0 / prior + 1.0 / 9.0)
+    mean[index] = cov[index, index] * 4.0 / 9.0
+    record = LandmarkRecord("mark", LandmarkState.USED, used=used)
+    seen = msgspec.structs.replace(state, cov=cov, mean=mean, records=(record,))
+    assert state.altitude is None, "not seen"
+    if not known:
+        assert seen.altitude is None, "hardly seen"
+        return
+    assert seen.altitude.too_high_m == pytest.approx(4.0)
+    assert seen.altitude.sigma_m == pytest.approx(np.hypot(3.0, 0.4))

@@ -24,7 +24,7 @@ from fwav_companion.self_calibration.arrays import Array
 from fwav_companion.tracking.filters.linearization import SENSITIVE, level_columns
 from fwav_companion.tracking.filters.standing import FRESH_SHARE
 from fwav_companion.tracking.landmarks.joint_place import Correction, Transition
-from fwav_companion.tracking.landmarks.state_vector import SharedErrors
+from fwav_companion.tracking.landmarks.state_vector import ALTITUDE_SHARE, SharedErrors
 from fwav_companion.tracking.landmarks.turned_fix import rotation_error, turned_point
 from fwav_companion.tracking.landmarks.view_line import Sequel, continued
 from fwav_companion.types import Bias, FrameView, LandmarkAltitude, LandmarkRecord, LandmarkSight, LandmarkState
@@ -95,13 +95,20 @@ class LandmarkFilter(msgspec.Struct, frozen=True):
 
     @property
     def altitude(self) -> LandmarkAltitude | None:
-        """The vehicle's altitude against the landmark that was used most; None before :data:`IN_A_ROW` sights of it."""
+        """The vehicle's altitude by sights of the landmark that was used most; None before :data:`IN_A_ROW` of them.
+
+        The prior is taken back, with its information: an altitude above sea level may be worse than twice the place.
+        """
         used = max(range(len(self.records)), key=lambda i: self.records[i].used * self._is_used(i))
         if not self._is_used(used) or self.records[used].used < IN_A_ROW:
             return None
-        altitude, sigma_m = self.model.altitude, self.model.landmarks[used].sigma_m
-        variance = float(self.cov[altitude, altitude]) + sigma_m * sigma_m
-        return LandmarkAltitude(used, float(self.mean[altitude]), sqrt(variance))
+        index, prior = self.model.altitude, (ALTITUDE_SHARE * self.sigma_m) ** 2
+        variance = float(self.cov[index, index])
+        if not variance < prior:
+            return None
+        shown = 1.0 / (1.0 / variance - 1.0 / prior)
+        sigma_m = hypot(sqrt(shown), self.model.landmarks[used].sigma_m)
+        return LandmarkAltitude(used, float(self.mean[index]) * shown / variance, sigma_m)
 
     def _is_used(self, landmark: int) -> bool:
         return self.records[landmark].state is LandmarkState.USED
