@@ -232,12 +232,15 @@ def gate_result(estimate: PointEstimate, scatter: AdaptiveNoise, fix: Measuremen
     (fix_n, fix_e, _), (own_n, own_e) = fix.shared, estimate.shared
     p_nn, p_ne, p_ee = estimate.noise
     (f_nn, f_ne, _), (_, f_ee, _), _ = fix.noise
-    nn = p_nn + f_nn + scatter.variance + dist(fix_n, own_n) ** 2
-    ee = p_ee + f_ee + scatter.variance + dist(fix_e, own_e) ** 2
+    by_nn, by_ee = dist(fix_n, own_n) ** 2, dist(fix_e, own_e) ** 2
+    nn = p_nn + f_nn + scatter.variance + by_nn
+    ee = p_ee + f_ee + scatter.variance + by_ee
     n, e = fix.position[0] - estimate.north_m, fix.position[1] - estimate.east_m
     if n * n > fix.gate * nn or e * e > fix.gate * ee:  # the distance along either axis is a lower bound
         return OUTSIDE_GATE
-    ne = p_ne + f_ne + inner(tuple(map(sub, fix_n, own_n)), tuple(map(sub, fix_e, own_e)))
+    # the inner product by polarization, as ``inner`` has it, with the lengths that are known
+    across = dist(tuple(map(sub, fix_n, own_n)), tuple(map(sub, fix_e, own_e)))
+    ne = p_ne + f_ne + 0.5 * (by_nn + by_ee - across**2)
     if timed is not None:
         certain = 1.0 - scatter.doubt
         north, east = fix_n[timed] - own_n[timed], fix_e[timed] - own_e[timed]
