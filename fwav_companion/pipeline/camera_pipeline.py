@@ -119,9 +119,13 @@ class CameraPipeline:
 
     @property
     def wake_at(self) -> HostNs | None:
-        """Instant at which a frame has waited long enough, is settled, or is due to self-calibration."""
-        dues = (self._waiting.wake_at, self._reorder.wake_at, self._reorder.due_ns)
-        return min((due for due in dues if due is not None), default=None)
+        """Instant at which a frame has waited long enough, its lines are due, or self-calibration is.
+
+        Where lines are not used, a frame may settle with whatever comes next.
+        """
+        settles = self._reorder.wake_at if self._target_log.written else None
+        dues = (self._waiting.wake_at, settles, self._reorder.due_ns)
+        return min([due for due in dues if due is not None], default=None)
 
     @property
     def waiting_detections(self) -> int:

@@ -37,7 +37,8 @@ class TargetLog:
 
     def __init__(self, version: str, config: Mapping[str, Any], unix_offset_ns: int, *, written: bool = True) -> None:
         """``written``: false where the lines are not used: only counts are kept then."""
-        self._written = written
+        self.written = written
+        """Whether lines are used; without them only counts are kept."""
         self._version = version
         self._config = config
         self._origin: Geodetic | None = None
@@ -92,7 +93,7 @@ class TargetLog:
 
     def write(self, line: Line) -> None:
         """Append one line."""
-        if not self._written:
+        if not self.written:
             return
         if self._held is None:
             self.lines.append(line)
@@ -103,7 +104,7 @@ class TargetLog:
 
     def keep_sightings(self, host_ns: HostNs, frame: int, lines: list[Line]) -> None:
         """Keep the sighting lines of a frame until it is settled."""
-        if not self._written:
+        if not self.written:
             return
         self._sightings[host_ns, frame] = lines
 
@@ -112,7 +113,7 @@ class TargetLog:
         for frame in frames:
             if frame.refused_fixes:
                 self.drop_detection(Reason.TOO_MANY_TRACKS, frame.refused_fixes)
-            if not self._written:
+            if not self.written:
                 continue
             for line in self._sightings.pop((frame.view.host_ns, frame.view.frame), ()):
                 self.write(line)

@@ -1,12 +1,14 @@
 """Lines of the target log, and the lines that are not made without a reader."""
 
 import pytest
+from flying import Companion
 from handmade import a_fix, a_view, host_ns
 from simulated_flight import priors
 
 from fwav_companion.pipeline.target_log import TargetLog
 from fwav_companion.tracking import Settled, TrackingOptions, make_tracker
 from fwav_companion.types import Reason
+from sitl_mock import scenario, simulate
 
 
 def filled(target_log):
@@ -48,3 +50,29 @@ def test_a_track_has_a_line_where_it_is_seen_looked_for_or_changes_state_and_onc
 def test_a_track_out_of_view_has_a_line_of_its_change_of_state():
     lines = lines_of([(k / 10, k < 10, k < 10) for k in range(15)])
     assert lines[10:] == [(1.2, "coasting")]
+
+
+class Waking(Companion):
+    """A companion that counts how often it is woken."""
+
+    wakes = 0
+
+    def on_wake(self, now_ns: int) -> list[bytes]:
+        self.wakes += 1
+        return super().on_wake(now_ns)
+
+
+def test_without_lines_no_wake_settles_a_frame_and_the_counts_are_the_same():
+    flown = []
+    for written in (True, False):
+        mock = simulate(scenario("nadir").but({"seconds": 5.0, "seed": 3}))
+        companion = Waking(unix_minus_host_s=mock.unix_minus_host_s)
+        companion.pipeline.target_log.written = written
+        for _ in mock.drive(companion):
+            pass
+        companion.finish()
+        flown.append((companion.pipeline.target_log.counts(), companion.wakes))
+    (counts, wakes), (counts_without, wakes_without) = flown
+    assert counts_without == counts
+    assert counts["fixes"] > 20
+    assert wakes_without < wakes - 20
