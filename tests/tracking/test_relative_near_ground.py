@@ -1,7 +1,6 @@
 """The target relative to the vehicle near the ground: as right as the ray, whatever one reported position errs by."""
 
 import numpy as np
-import pytest
 from handmade import a_fix, host_ns
 from msgspec.structs import replace
 from simulated_flight import priors
@@ -53,13 +52,3 @@ def test_the_noise_of_one_position_moves_it_by_less_than_its_claim():
 def test_sensitivities_at_the_predicted_target_would_take_the_noise_for_a_bias(monkeypatch):
     monkeypatch.setattr(kalman, "OWN_RAY", 1e9)
     assert max(error_m / sigma_m for error_m, sigma_m in errors_of((-0.35, 0.35))) > 2.0
-
-
-@pytest.mark.parametrize("off_m", [0.0, 0.1])
-def test_far_from_the_ground_it_is_the_same(monkeypatch, off_m):
-    fix = seen_from(0.0, np.zeros(2))
-    state = StaticKalman(PRIORS).initiate(fix)
-    own = replace(fix, sighting=replace(fix.sighting, camera_ned=(off_m, 0.0, -10.0)))
-    measurement = state.model.errors.prepared(own)
-    shown = state._at_its_own_ray(own, replace(state.point, height_m=10.0), measurement)
-    assert shown is measurement
