@@ -84,6 +84,8 @@ class Assessment(msgspec.Struct, frozen=True):
     """Largest sigma of the mount across the line of sight in units of its prior, as the flight shows it."""
     drift: float = 1.0
     """Factor of drifting innovations, as the flight shows it."""
+    posterior: tuple[Array, Array] | None = None
+    """Mean and covariance of the joint estimate, as it is believed."""
 
     def places(self, joint: JointFilter, priors: tuple[Array, Array]) -> dict[int, CalibratedPlace]:
         """The targets by a joint estimate, by track."""
@@ -163,6 +165,7 @@ def assessed(
         denied=denied,
         mount_known=known,
         drift=shown,
+        posterior=(mean, cov),
     )
 
 

@@ -25,6 +25,7 @@ from fwav_companion.self_calibration.assessment import (
     assessed,
     believed,
 )
+from fwav_companion.self_calibration.calibrated_fix import CalibratedFix, fix_by
 from fwav_companion.self_calibration.calibration_context import DELAY_STEP_S, CalibrationContext
 from fwav_companion.self_calibration.calibration_report import (
     CalibrationReport,
@@ -133,6 +134,10 @@ class Calibrator(msgspec.Struct, frozen=True):
         """Horizontal variance of a target by cause, m^2; empty while the joint estimate does not hold it."""
         return {} if self.passes.served is None else bias_shares(self.passes.served.best, track)
 
+    def by_fix(self, fix: GroundFix) -> CalibratedFix | None:
+        """A target relative to the vehicle by one fix, where this estimate lags behind the vehicle's position."""
+        return fix_by(self, fix)
+
     @property
     def mistake(self) -> str:
         """Gross mistake of the mount, as a sentence; empty where there is none. Nothing is estimated meanwhile."""
@@ -203,8 +208,7 @@ class Calibrator(msgspec.Struct, frozen=True):
     def _teaching(self, alive: Collection[int]) -> set[int]:
         """The tracks that are measured: those of the estimate, then the oldest of the others."""
         known = self.passes.tracks.intersection(alive)
-        others = sorted(set(alive) - known)
-        return {*known, *others[: max(0, MOST_TARGETS - len(known))]}
+        return {*known, *sorted(set(alive) - known)[: max(0, MOST_TARGETS - len(known))]}
 
     @property
     def _shown_delay_s(self) -> float:
@@ -220,9 +224,7 @@ class Calibrator(msgspec.Struct, frozen=True):
         return nominal if isinstance(state, Unpaired) else state
 
     def _with_frames(self, frames: Sequence[DelayedMeasurement], alive: Collection[int]) -> Calibrator:
-        """With the fixes of a few frames as one batch. Attitudes that distinguish no delay from another contribute
-        nothing.
-        """
+        """With the fixes of a few frames as one batch; attitudes that distinguish no delay contribute nothing."""
         queue, fixes, since_s = self.queue, list[tuple[int, GroundFix]](), list[float]()
         batches = list[MeasurementBatch]()
         for frame in frames:

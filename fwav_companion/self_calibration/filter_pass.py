@@ -63,6 +63,11 @@ class FilterPass(msgspec.Struct, frozen=True, dict=True):
         """The hypothesis of the vehicle's wander: the wider one until the other is much likelier."""
         return int(len(self.score) == 2 and self.score[SMOOTH] > self.score[QUICK] + SMOOTH_MARGIN)
 
+    @property
+    def wanders_quickly(self) -> bool:
+        """Whether the vehicle's position is known not to wander smoothly."""
+        return len(self.score) == 2 and bool(self.score[QUICK] > self.score[SMOOTH] + SMOOTH_MARGIN)
+
     @cached_property
     def best(self) -> JointFilter:
         """The joint estimate under that hypothesis: copied once, for the gates and for the report of a frame."""

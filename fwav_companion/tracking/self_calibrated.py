@@ -15,6 +15,7 @@ from fwav_companion.types.tracks import GateResult
 
 if TYPE_CHECKING:
     from fwav_companion.self_calibration.assessment import CalibratedPlace
+    from fwav_companion.self_calibration.calibrated_fix import CalibratedFix
     from fwav_companion.self_calibration.calibrator import Calibrator
 
 
@@ -25,6 +26,8 @@ class CalibratedTargetState(msgspec.Struct, frozen=True):
     track: int
     placed: CalibratedPlace
     own: TargetState
+    fix: GroundFix | None = None
+    """The target's fix in this frame."""
 
     @property
     def position_ned(self) -> Vector3:
@@ -39,17 +42,25 @@ class CalibratedTargetState(msgspec.Struct, frozen=True):
     @property
     def apparent_ned(self) -> Vector3:
         """The target relative to the vehicle's report: by the smaller claim, as both hold every error."""
-        placed = self.placed
-        return (
-            self.own.apparent_ned
-            if self._follows
-            else (placed.apparent_north, placed.apparent_east, self.position_ned[2])
-        )
+        placed, by_fix = self.placed, self._by_fix
+        if by_fix is not None:
+            return (by_fix.north, by_fix.east, self.position_ned[2])
+        if self._follows:
+            return self.own.apparent_ned
+        return (placed.apparent_north, placed.apparent_east, self.position_ned[2])
 
     @property
     def relative_cov(self) -> Matrix3:
         """Covariance of the target relative to the vehicle, NED, m^2."""
+        by_fix = self._by_fix
+        if by_fix is not None:
+            return _level(by_fix.cov, self.own.cov[2][2])
         return self.own.relative_cov if self._follows else self._place_cov
+
+    @property
+    def _by_fix(self) -> CalibratedFix | None:
+        """The fix of this frame, where the joint estimate lags behind the error of the vehicle's position."""
+        return None if self.fix is None else self.calibrator.by_fix(self.fix)
 
     @property
     def _place_cov(self) -> Matrix3:

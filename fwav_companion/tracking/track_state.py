@@ -148,3 +148,10 @@ def weakest_first(tracks: Sequence[LiveTrack]) -> list[int]:
     ]
     coasting = [(life.last_seen_ns, i) for life, i in unseen if life.state is TrackState.COASTING]
     return [i for *_, i in sorted(tentative)] + [i for _, i in sorted(coasting)]
+
+
+def opened(target: TargetState, view: FrameView) -> TargetState:
+    """The target after a jump of the vehicle's reported position, where its filter follows that."""
+    jumped = getattr(target, "jumped", None) if view.jumped_m else None
+    after: TargetState = target if jumped is None else jumped(view.jumped_m)
+    return after

@@ -16,7 +16,7 @@ from fwav_companion.tracking.filters.base import Filter, TargetState
 from fwav_companion.tracking.lifecycle import not_detected
 from fwav_companion.tracking.self_calibrated import CalibratedTargetState, MisplacedTargetState
 from fwav_companion.tracking.track_merging import TrackMerging
-from fwav_companion.tracking.track_state import LiveTrack, initiate, innovation, weakest_first
+from fwav_companion.tracking.track_state import LiveTrack, initiate, innovation, opened, weakest_first
 from fwav_companion.tracking.visibility import is_missed_detection
 from fwav_companion.types import FrameView, GroundFix, LandmarkAltitude, LandmarkRecord, Reason, Track, TrackState
 
@@ -128,7 +128,7 @@ class Tracker:
         predicted = [
             msgspec.structs.replace(
                 track,
-                target=_opened(track.target, view).predict(view.host_ns),
+                target=opened(track.target, view).predict(view.host_ns),
                 fix=None,
                 looked_for=False,
                 innovation=None,
@@ -288,7 +288,7 @@ class Tracker:
         placed = None if calibrator is None else calibrator.placed(track.id)
         if calibrator is None or placed is None:
             return None
-        return CalibratedTargetState(calibrator, track.id, placed, track.target)
+        return CalibratedTargetState(calibrator, track.id, placed, track.target, track.fix)
 
     def _reports(self, tracks: Sequence[LiveTrack], view: FrameView) -> tuple[Track, ...]:
         """The tracks' reports. While the mount is known to be wrong, they have no fix, and wide covariances."""
@@ -326,13 +326,6 @@ class Tracker:
 def _teaches(fix: GroundFix) -> bool:
     """Whether the height of the detected point above the ground is exactly known."""
     return fix.sighting.anchor_sigma_m == 0.0
-
-
-def _opened(target: TargetState, view: FrameView) -> TargetState:
-    """The target after a jump of the vehicle's reported position, where its filter follows that."""
-    jumped = getattr(target, "jumped", None) if view.jumped_m else None
-    opened: TargetState = target if jumped is None else jumped(view.jumped_m)
-    return opened
 
 
 def _detector_after(

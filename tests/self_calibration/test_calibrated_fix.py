@@ -1,0 +1,64 @@
+"""A single fix without what the estimated parameters make of it: right where they are."""
+
+import numpy as np
+import pytest
+from simulated_flight import Flight, priors
+from simulated_world import World
+
+from fwav_companion.self_calibration import SharedParameter
+from fwav_companion.self_calibration.calibrated_fix import COLUMNS, calibrated_fix
+from fwav_companion.types import BIAS_COUNT, Bias
+
+TARGET = (4.0, 3.0)
+SMALL = {
+    Bias.TIME_OFFSET: 0.3, Bias.MOUNT_X: 0.02, Bias.MOUNT_Y: -0.02, Bias.MOUNT_Z: 0.03,
+    Bias.HEADING: 0.03, Bias.HEIGHT: 0.4,
+}  # fmt: skip
+
+LEAST_M = 0.1
+
+
+def fixes_with(biases):
+    values = np.zeros(BIAS_COUNT)
+    for bias, value in biases.items():
+        values[bias] = value
+    quiet = {"pixel_px": 0.0, "flapping_deg": 0.0, "late_by": 0.0, "priors": priors(attitude_noise=0.0)}
+    shape = "eight" if Bias.TIME_OFFSET in biases else "hover"
+    flight = Flight(seconds=2.0, shape=shape, height_m=10.0, targets=(TARGET,), biases=values, **quiet)
+    return [fix for view in World(flight).frames() for fix in view.fixes]
+
+
+def parameters(biases):
+    """The parameters of a world with these biases, and their covariance when they are known to a hundredth.
+
+    The world turns its true mount by the opposite of its bias.
+    """
+    mean = np.zeros(len(SharedParameter))
+    for shared, bias, sign in (
+        (SharedParameter.DELAY, Bias.TIME_OFFSET, 1.0), (SharedParameter.MOUNT_X, Bias.MOUNT_X, -1.0),
+        (SharedParameter.MOUNT_Y, Bias.MOUNT_Y, -1.0), (SharedParameter.MOUNT_Z, Bias.MOUNT_Z, -1.0),
+        (SharedParameter.HEADING, Bias.HEADING, 1.0), (SharedParameter.HEIGHT, Bias.HEIGHT, 1.0),
+    ):  # fmt: skip
+        mean[shared] = sign * biases.get(bias, 0.0)
+    return mean, np.eye(len(mean)) * 1e-4
+
+
+@pytest.mark.parametrize("bias", list(SMALL))
+def test_each_parameter_takes_out_what_its_bias_makes(bias):
+    """The world projects with the bias, the fix is corrected with the parameter: the second order is left."""
+    only = {bias: SMALL[bias]}
+    fixes, known = fixes_with(only), parameters(only)
+    found = [calibrated_fix(fix, *known, 0.0) for fix in fixes]
+    off = np.hypot(*(np.mean([fix.position_ned[:2] for fix in fixes], 0) - TARGET))
+    left = np.hypot(*(np.mean([(each.north, each.east) for each in found], 0) - TARGET))
+    assert off > LEAST_M
+    assert left < 0.02 + 0.1 * off
+
+
+def test_the_claim_holds_noise_and_parameters_but_not_the_position():
+    fix = fixes_with({})[0]
+    mean, cov = parameters({})
+    noise, by = np.array(fix.noise_cov)[:2, :2], np.array([fix.bias_jacobian[bias][:2] for _, bias, _ in COLUMNS])
+    found = calibrated_fix(fix, mean, cov, 0.01)
+    expected = noise - 0.01 * np.eye(2) + 1e-4 * by.T @ by
+    assert found.cov == pytest.approx((expected[0, 0], expected[0, 1], expected[1, 1]))
