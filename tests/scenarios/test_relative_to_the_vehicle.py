@@ -1,0 +1,59 @@
+"""The target relative to the vehicle while the reported position wanders: right, and as right as claimed."""
+
+from functools import partial
+from statistics import mean, median
+
+import numpy as np
+import pytest
+from flying import fly
+from kept import kept
+
+from sitl_mock import scenario
+
+SETTINGS = ("camera.readout_s=0", "uncertainty.pixel_noise_px=1.5")
+LATE = "camera.time_offset_s=0.04"
+
+
+def relative_errors(name: str, settings: tuple[str, ...], from_s: float, seed: int) -> list[tuple[float, float]]:
+    """Errors relative to the vehicle, metres, and their normalised squares, of all fixes after a time of flight."""
+    flight, found = fly(scenario(name).but({"seed": seed}), SETTINGS + settings), []
+    for line in flight.companion.targets("pad"):
+        host_ns = round(line["time_unix"] * 1e9) - flight.companion.unix_offset_ns
+        at_s = flight.mock.flight_s(host_ns)
+        if line["state"] != "confirmed" or line["fix"] is None or at_s < from_s:
+            continue
+        vehicle, relative = np.array(flight.mock.flight.at(at_s).position), line["relative"]
+        true = np.array(flight.mock.scene[0].at(at_s))[:2] - vehicle[:2]
+        error, cov = np.array((relative["north"], relative["east"])) - true, np.array(relative["cov"])[:2, :2]
+        found.append((float(np.hypot(*error)), float(error @ np.linalg.solve(cov, error))))
+    return found
+
+
+def flights(name: str, settings: tuple[str, ...], from_s: float) -> list[list[tuple[float, float]]]:
+    seeds = range(1, 13)
+    return [
+        kept(f"relative/{name}/{settings}/{seed}", partial(relative_errors, name, settings, from_s, seed))
+        for seed in seeds
+    ]
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3600)
+@pytest.mark.parametrize("calibrates", [False, True])
+def test_a_descent_with_a_wandering_position_ends_right_to_a_decimetre(calibrates):
+    """12 flights to 1 m: the lever arm and the mount are left, whatever a position errs by."""
+    settings = (LATE, f"tracking.self_calibration={str(calibrates).lower()}")
+    ends = [errors[-1][0] for errors in flights("descent_wander", settings, 50.0) if errors]
+    assert len(ends) >= 10
+    assert median(ends) < 0.06
+    assert max(ends) < 0.3
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3600)
+def test_circles_over_one_target_claim_what_is_true():
+    """A wander of first order, of which an estimate lags behind: the mean square over 12 flights, of 2 when honest."""
+    squares = [mean(square for _, square in errors) for errors in
+               flights("copter_circles", ("tracking.self_calibration=true",), 85.0) if errors]  # fmt: skip
+    assert len(squares) >= 10
+    assert 0.4 < mean(squares) < 4.0
