@@ -4,8 +4,7 @@
 ``.venv/bin/fwav-companion demo && .venv/bin/python docs/draw_pictures.py demo-out/report.html``, or the same with the
 report of ``study --vary flight.height_m=5:40``, in headless Chromium.
 
-It needs Chromium and Pillow, which the extra ``[demo]`` brings with matplotlib. docs/calibration.png is the figure that
-``calibrate --report`` writes.
+It needs Chromium and Pillow, which the extra ``[demo]`` brings with matplotlib.
 """
 
 from __future__ import annotations
