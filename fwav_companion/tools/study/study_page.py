@@ -31,6 +31,7 @@ from fwav_companion.tools.study.flight_draw import (
     WANDER_TIMES_S,
 )
 from fwav_companion.tools.study.flight_record import FlightRecord
+from fwav_companion.tools.study.keys import Value
 from fwav_companion.tools.study.paper_preset import NOTES
 from fwav_companion.tools.study.record_file import Environment
 from fwav_companion.tools.study.study_charts import (
@@ -182,16 +183,19 @@ def _curve_section(curve: VariationAnswer) -> str:
     ]
     body = [
         row([
-            f"{point.value:.4g}" if isinstance(point.value, float) else point.value,
-            f"{point.answered} of {point.flights}",
+            f"{_value(point.value)} ({point.answered} of {point.flights})",
             "-" if point.half is None else interval(point.half),
             "-" if point.nine_tenths is None else interval(point.nine_tenths),
         ])
         for point in curve.points
     ]  # fmt: skip
-    numbers = table([curve.variation.key, "with an answer", "half below", "90 % below"], body)
+    numbers = table(["value (flights with an answer)", "half below", "90 % below"], body)
     shown = figure(f"Error over {curve.variation.key}", drawn, key=key(entries)) if drawn else ""
-    return section(f"With other values of {curve.variation.key}", "", f'<div class="two broad">{shown}{numbers}</div>')
+    return section(f"With other values of {curve.variation.key}", "", f'<div class="two">{shown}{numbers}</div>')
+
+
+def _value(value: Value) -> str:
+    return f"{value:.3g}" if isinstance(value, float) else value
 
 
 def _claim_section(answer: StudyAnswer) -> str:
