@@ -125,6 +125,8 @@ FAULTS = {
     "a stream without a port": (f'{BASE}[vision]\nsource = "udp://0.0.0.0"\n', '[vision] source = "udp://0.0.0.0": no port; accepted: udp://HOST:PORT, as udp://0.0.0.0:5600'),
     "three sides of a picture": (f'{BASE}[vision]\nsize = [640, 480, 480]\n', "[vision] size = [640, 480, 480]: accepted: [] or [width, height], as [640, 480]"),
     "onnx without a model": (f'{BASE}[vision]\ndetector = "onnx"\n', '[vision] model: missing, while detector = "onnx"; accepted: the path of an .onnx file'),
+    "pictures of no camera": (f"{BASE}[record]\npictures = 10\n", "[record] pictures = 10: there is no [vision], whose pictures would be kept; accepted: 0"),
+    "pictures of another choice": (f'{BASE}[vision]\n[record]\npictures = "all"\n', '[record] pictures = "all": accepted: "detections" | an integer from 0 to 100000'),
     "a preview for everyone": (f'{BASE}[vision]\npreview = "0.0.0.0:8089"\n', '[vision] preview = "0.0.0.0:8089": beyond loopback anyone may look; accepted: HOST:PORT/TOKEN with a token of 16 characters or more, or 127.0.0.1:PORT'),
     "two heights of one label": (f'{BASE}[[target]]\nlabel = "a"\nheight_m = 1.0\n[[target]]\nlabel = "a"\nheight_m = 2.0\n', '[[target]] 2 label = "a": another [[target]] has this label; accepted: a label of its own'),
     "a target without a height": (f'{BASE}[[target]]\nlabel = "a"\n', "[[target]] 1 height_m: missing; accepted: a number, above 0 and at most 1000"),
