@@ -150,8 +150,9 @@ def left_out(off_m: float, seed: int) -> list[str]:
 @pytest.mark.timeout(1800)
 @pytest.mark.parametrize(("off_m", "named"), [(0.4, range(2, 13)), (0.0, range(1))])
 def test_of_three_landmarks_the_one_that_is_wrong_by_0_4_m_is_named(off_m, named):
-    """In about every third flight, and never another one: all else shows its place to 0.12 m, and in most flights one of
-    the others looks nearly as wrong. None of 12 was named before.
+    """In about every third flight, and never another one.
+
+    All else shows its place to 0.12 m, and in most flights one of the others looks nearly as wrong.
     """
     found = [label for seed in range(1, 13) for label in left_out(off_m, seed)]
     assert set(found) <= {"second"}
