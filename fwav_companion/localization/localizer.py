@@ -142,12 +142,15 @@ class Localizer:
         )
 
     def _reach(self, direction: Vector3, meeting: Intersection, stretch: float) -> float:
-        """One sigma of the ray's relative length by every error, those of the level of the ground included: where on a
-        rough surface the ray may end.
+        """One sigma of the relative length of a turned ray that ends where, by every error, this one may end.
+
+        An error of the level moves the end along the ground by its product with the tangent of the tilt: a turn of the
+        ray that does the same changes its length by the square of the sine.
         """
         level_m2 = meeting.level_doubt_m**2 + self._bias.terrain + self._bias.height
-        descent_m = dot(meeting.normal, direction) * meeting.distance_m
-        return min(MOST_REACH, hypot(stretch, meeting.normal[2] * sqrt(level_m2) / descent_m))
+        descent = dot(meeting.normal, direction)
+        level = meeting.normal[2] * sqrt(level_m2) / (descent * meeting.distance_m)
+        return min(MOST_REACH, hypot(stretch, (1.0 - descent**2) * level))
 
     def _by_receiver(self, sigma_m: float | None, columns: tuple[Vector3, ...]) -> tuple[Vector3, ...]:
         """The columns with those of the position per sigma of the receiver's own word, in units of the prior."""
