@@ -103,9 +103,8 @@ def first_seed(name: str) -> int:
 
 
 def squares_of(name: str, flights: int) -> list[float]:
-    squares = [
-        kept(f"wide/{name}/{seed}", partial(square_of, name, seed)) for seed in range(FIRST_SEED, FIRST_SEED + flights)
-    ]
+    first = first_seed(name)
+    squares = [kept(f"wide/{name}/{seed}", partial(square_of, name, seed)) for seed in range(first, first + flights)]
     return [each for each in squares if each is not None]
 
 
