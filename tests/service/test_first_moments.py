@@ -19,6 +19,7 @@ sys.exit(main())
 """As pip writes it."""
 MODULES_BEFORE = """
 import signal, sys
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # under nohup it is ignored, and then left alone
 before = set(sys.modules)
 sys.argv = ["fwav-companion", "run", "--config", "absent.toml"]
 
