@@ -8,8 +8,9 @@ from math import cos, pi, tan
 from sitl_mock.flight import Flight
 from sitl_mock.rotation import Vector
 
-SAMPLE_HZ = 1000.0
-"""Sample rate of a common gyro; the filter runs on each sample."""
+SAMPLE_HZ = 500.0
+"""Samples that the filter takes a second. Gyros of autopilots give 1000 and more; by the prewarped transform the filter
+is the same to 1 % of its phase up to the cut-off with half of them, which cost half."""
 KEPT_S = 0.5
 """Age of the oldest output that is kept, seconds."""
 SETTLING_S = 0.3

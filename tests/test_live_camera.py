@@ -124,6 +124,7 @@ def test_a_target_that_is_not_seen_coasts(site: Site):
 
 
 @pytest.mark.timeout(120)
+@pytest.mark.slow
 def test_with_the_radio_on_the_autopilot_the_camera_speaks_through_it_seldom(site: Site):
     """Until a ground station's heartbeat is heard on a link of its own."""
     with site.service() as service, Tap(site.autopilot_port) as tap:

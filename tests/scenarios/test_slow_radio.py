@@ -112,9 +112,8 @@ def test_without_the_budget_the_same_line_would_fill():
     assert station.largest_backlog() > 100 * BUFFER_BYTES
 
 
-@pytest.mark.parametrize(
-    ("name", "drain"), [("px4_onboard", 1200.0), pytest.param("arducopter", 2000.0, marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "drain"), [("px4_onboard", 1200.0), ("arducopter", 2000.0)])
 def test_a_radio_slower_than_its_baud_rate_is_followed_by_its_own_reports(name, drain):
     """Within some seconds of its first reports the buffer is not more than two thirds full; afterwards it stays so,
     the link carries more than half of what it could, and every stream has its share.

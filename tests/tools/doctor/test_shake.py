@@ -90,6 +90,7 @@ def test_a_planted_mistake_is_named(name):
     assert [error.name for error in shaken(PLANTED[name]).sign_errors] == [name]
 
 
+@pytest.mark.slow  # "never turned" of the estimate itself is tested by default
 def test_a_missing_turn_is_reported():
     watcher, shown = watched(("flight.quarter_turn_s", 0.0))
     assert any("turn it by 90 deg" in advice.text for advice in watcher.advices)

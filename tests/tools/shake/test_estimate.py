@@ -51,7 +51,10 @@ def test_delay_and_mount_are_found(hands):
 
 @pytest.mark.parametrize(
     ("sessions", "low", "high", "inside"),
-    [(4, 0.47, 1.61, 11 / 16), pytest.param(12, 0.4, 1.4, 0.85, marks=pytest.mark.slow)],
+    [
+        pytest.param(4, 0.47, 1.61, 11 / 16, marks=pytest.mark.slow),
+        pytest.param(12, 0.4, 1.4, 0.85, marks=pytest.mark.slow),
+    ],
 )
 def test_sigmas_are_neither_too_small_nor_too_large(sessions, low, high, inside):
     """Four values a session. For 16 values: the 99.9 % limits of their root mean square, and of the number within
