@@ -42,7 +42,7 @@ class AutopilotOptions:
     gyro_filter_hz: float = 20.0
     """INS_GYRO_FILTER, two-pole cut-off of the reported body rates; 0: no filter."""
     gyro_sample_hz: Positive = 500.0
-    """Sample rate of the gyro and its filter. At 250 Hz the rates of a beat of 5 Hz differ by 0.2 % from those at 1000."""
+    """Sample rate of the gyro and its filter. At 250 the rates of a beat of 5 Hz differ by 0.2 % from those at 1000."""
     gyro_noise_deg_s: NotNegative = 0.0
     """One sigma of a reported body rate, each axis."""
     precland_lag_s: float = 0.02
