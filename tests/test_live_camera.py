@@ -87,6 +87,7 @@ def nothing_there(site: Site) -> None:
     assert any(message.text.startswith("tracking: no target there") for message in named("STATUSTEXT", heard))
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(120)
 def test_intervals_are_as_asked_for_and_minus_one_stops(site: Site):
     with site.service() as service, site.mock("--scenario", "unbiased", seconds=60.0):

@@ -49,6 +49,7 @@ def hear_until_measured(site: Site, name: str, hz: float, within_s: float = 60.0
     pytest.fail(f"{name} came at {measured} of {hz} Hz")
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(180)
 def test_a_ground_stations_request_is_merged_with_ours(site: Site):
     """Before requests were merged it stopped here, and the station got 100 quaternions a second and no status."""

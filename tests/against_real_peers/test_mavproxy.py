@@ -91,6 +91,7 @@ def test_mavproxy_sees_the_vehicle_and_the_target_and_is_obeyed(site: Site, mavp
     assert ours == [(round(m._timestamp * 1e6), bytes(m.get_msgbuf())) for m in messages[: len(ours)]]
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(400)
 def test_mavproxy_prints_our_texts_once_it_listens_to_every_component(site: Site, mavproxy: tuple[str, str]):
     """MAVProxy prints only the texts of the autopilot's component by default, as the README says."""

@@ -49,6 +49,7 @@ def test_too_short_a_time_judges_nothing(site):
     assert (status, levels(report)) == (0, {"too_short": "NOTE"}), said
 
 
+@pytest.mark.slow
 def test_settings_that_spoil_every_fix_and_the_landing_are_errors(site):
     """A mount turned by 90 deg, and an autopilot that takes no LANDING_TARGET and never sees the label."""
     site.replace("yaw_deg = 0.0", "yaw_deg = 90.0")

@@ -28,6 +28,7 @@ def test_a_new_user_finds_a_late_camera_and_its_crooked_mount(site):
     assert not (site.folder / "status.json").exists()
 
 
+@pytest.mark.slow
 def test_a_detector_that_sends_no_corners_is_named(site):
     with site.mock("--scenario", "unbiased") as mock:
         mock.wait_for("sitl-mock ready")

@@ -14,6 +14,7 @@ from sitl_mock import scenario
 ORBIT = {"seconds": 30.0, "camera.fps": 15.0}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", first_of(2, 3, 5))
 def test_an_orbit_with_a_wandering_position_denies_no_prior(seed):
     options = scenario("default").but({**ORBIT, "seed": seed})

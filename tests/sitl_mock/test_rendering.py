@@ -163,6 +163,7 @@ def watched_process(folder: Path, lead_s: float) -> tuple[list[dict], list[dict]
     return taken, [json.loads(line) for line in truth.read_text().splitlines()]
 
 
+@pytest.mark.slow
 def test_the_process_sends_frames_through_its_pipe_until_the_flight_ends(tmp_path: Path):
     for lead_s in (0.5, 5.0, 25.0):  # a process that waits for the processor may start when the flight is over
         taken, truths = watched_process(tmp_path, lead_s)

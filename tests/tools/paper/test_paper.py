@@ -44,6 +44,7 @@ def test_each_number_shows_its_own_spread(comparison):
             assert 0.0 < quantity.median_sigma < 0.05 * (quantity.high - quantity.low)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("seeds", "low", "high"), [(8, 0.26, 1.93), pytest.param(30, 0.6, 1.4, marks=pytest.mark.slow)]
 )
