@@ -83,6 +83,7 @@ def test_mavsdk_sees_the_vehicle_and_the_target_and_is_obeyed(site: Site):
     assert any(text["text"].startswith("found target 1: 48.1") for text in messages["STATUSTEXT", 191])
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(300)
 def test_mavsdks_camera_plugin_finds_the_camera_its_stream_and_its_storage(site: Site):
     """By its own sequence of requests, old and new."""

@@ -62,6 +62,7 @@ def test_a_report_says_where_how_surely_and_why(site):
     assert b'"type":"sighting"' not in (site / "t.jsonl").read_bytes()
 
 
+@pytest.mark.slow
 def test_a_report_draws_the_other_variants_unless_it_is_to_be_alone(site):
     settings = ("--set", "tracking.self_calibration=true", "--truth", "truth.csv")
     assert replay(site, "--out", "t.jsonl", "--report", "three", *settings).returncode == 0

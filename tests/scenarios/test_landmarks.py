@@ -170,6 +170,7 @@ def test_a_lone_landmark_far_from_all_that_the_receiver_says_is_left_out():
     assert companion.codes.count(NoticeCode.LANDMARK_LEFT_OUT) == 1
 
 
+@pytest.mark.slow
 def test_a_position_that_jumps_does_not_cost_a_landmark():
     """Seven metres for the rest of the flight: the landmark that agreed still counts, and the target stays."""
     shifts = ((6.0, 6.0, 5.0, -5.0),)

@@ -108,6 +108,7 @@ def test_two_stations_on_one_link_get_the_higher_rate():
     assert other.rates(9.0, 20.0)["VFR_HUD"] == pytest.approx(5.0, abs=0.3)
 
 
+@pytest.mark.slow
 def test_a_station_that_left_is_forgotten_after_a_minute():
     """Messages that only this station and we requested are no longer sent to its link."""
     station = Station("ground", silent_from_s=10.0).ask_group(6.0, ALL, 4)

@@ -105,6 +105,7 @@ def test_the_line_is_used_and_not_wasted():
     assert station.bytes_per_s(10.0, 36.0) == pytest.approx(0.95 * 0.7 * DRAIN, rel=0.05)
 
 
+@pytest.mark.slow
 def test_without_the_budget_the_same_line_would_fill():
     """The simulated line is realistic: without the budget it shows the trouble that the tests above prevent."""
     station = RadioStation()

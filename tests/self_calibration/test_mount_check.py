@@ -83,6 +83,7 @@ def test_a_mount_that_self_calibration_finds_is_not_named(vector_deg):
     assert np.sqrt(tracks[0].cov[0][0]) < 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", first_of(0, 1, 2))
 def test_who_walks_is_no_crooked_mount(seed):
     angle = 2.0 * seed

@@ -133,6 +133,7 @@ def test_noise_of_attitudes_averages_with_the_attitudes_where_frames_come_faster
     assert track.cov[1][1] == pytest.approx(0.05**2 / 80, rel=0.02)
 
 
+@pytest.mark.slow
 def test_claims_hold_over_flights_with_biases_drawn_from_the_priors():
     """Linear by construction: directions, noise and biases of 400 flights, every one a sample."""
     p = priors(roll=0.01, pitch=0.01, time_offset=0.01, height=0.5, position_north=1.0, position_east=1.0)

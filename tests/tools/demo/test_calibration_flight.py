@@ -12,6 +12,8 @@ from fwav_companion.tools.demo.flight_setup import PRIORS
 from sitl_mock.arguments import add_flight_arguments, options_from
 from sitl_mock.draws import draw
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def flown(tmp_path_factory):

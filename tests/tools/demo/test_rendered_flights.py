@@ -4,11 +4,14 @@
 95 % radius, which is 1.5 times the RMS error.
 """
 
+import pytest
 from rendered_flights import results
 
 from fwav_companion.pairing.anchors import marker_centre
 from fwav_companion.types import Frame
 from fwav_companion.vision.wire import parse_frame
+
+pytestmark = pytest.mark.slow
 
 
 def test_every_tag_that_was_readable_is_found_where_it_was_claimed(flight):

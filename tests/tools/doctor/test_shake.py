@@ -99,6 +99,7 @@ def test_a_missing_turn_is_reported():
     assert "never turned" in found.not_shown[-1]
 
 
+@pytest.mark.slow
 def test_missing_shaking_is_reported():
     still = {"shake_deg": (0.0, 0.0, 0.0), "flapping_pitch_deg": 0.0, "flapping_roll_deg": 0.0, "wander_deg": 0.0}
     found = shaken(*((f"flight.{name}", value) for name, value in still.items()))

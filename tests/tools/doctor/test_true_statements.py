@@ -187,6 +187,7 @@ def test_frames_that_are_not_believed_are_one_finding(sign, code):
     assert not finding.consequences
 
 
+@pytest.mark.slow
 def test_a_reboot_is_shown_for_a_minute_and_then_forgotten():
     rebooting = HEALTHY.but({"others.reboots_at_s": (4.0,), "camera.enabled": False})
     text = AUTOPILOT + '[detections]\nurl = ""\n'

@@ -9,6 +9,7 @@ from fwav_companion.geometry.ellipses import circle_radius
 from fwav_companion.types.spots import CLICK_LABEL
 
 
+@pytest.mark.slow
 def test_a_click_on_the_ground_becomes_the_selected_target():
     companion, _ = fly_with_a_click(2, seconds=13.0, fps=10.0, sets=["flight.speed_m_s=1.0"])
     assert companion.seen["found"] >= 0.95 * companion.seen["in view"] > 8
