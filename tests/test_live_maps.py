@@ -28,6 +28,7 @@ def server():
         yield sock
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(120)
 def test_a_map_gets_the_target_under_a_name_that_lasts_at_true_utc(site: Site, server: socket.socket):
     site.replace('cot = ""', f'cot = "udpout://127.0.0.1:{server.getsockname()[1]}"')

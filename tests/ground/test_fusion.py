@@ -70,6 +70,7 @@ def test_three_vehicles_make_one_picture_that_is_better_and_honest(seeds):
     assert low <= np.mean(outcome.inside) <= high
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seeds", first_of(range(12), range(100)))
 def test_a_shared_error_is_not_averaged_away_in_the_claim(seeds):
     outcome = Outcome(FleetOptions(shared_sigma_m=1.0, claimed_shared_m=1.0), seeds)

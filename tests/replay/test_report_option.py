@@ -77,6 +77,7 @@ def test_a_report_draws_the_other_variants_unless_it_is_to_be_alone(site):
     assert (site / "t.jsonl").read_bytes() == (site / "u.jsonl").read_bytes()
 
 
+@pytest.mark.slow
 def test_on_a_terminal_a_bar_follows_every_replay(site):
     shown, end = pty.openpty()
     files = ["--telemetry", "telemetry.tlog", "--detections", "detections.jsonl", "--config", "flight.toml"]

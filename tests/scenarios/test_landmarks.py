@@ -79,6 +79,7 @@ def ends(name: str, settings: tuple[str, ...], flights: int, seconds: float) -> 
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize(
     ("name", "settings"),
@@ -87,7 +88,7 @@ def ends(name: str, settings: tuple[str, ...], flights: int, seconds: float) -> 
         pytest.param("figure_eight", ("tracking.self_calibration=true",), marks=pytest.mark.slow),
     ],
 )
-@pytest.mark.parametrize(("flights", "seconds"), [(FEW, 15.0), pytest.param(MANY, 45.0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("flights", "seconds"), [(FEW, 15.0), (MANY, 45.0)])
 def test_a_landmark_in_view_cancels_what_it_shows_and_the_claim_says_so(name, settings, flights, seconds):
     results = ends(name, settings, flights, seconds)
     squares = [square for _, _, square in results]

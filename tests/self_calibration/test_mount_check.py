@@ -75,6 +75,7 @@ def test_a_mount_far_off_is_named_as_it_is_and_nothing_is_reported_as_certain(ve
         assert max(squares) < 13.8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("vector_deg", first_of((6, 0, 0), (0, 0, 0), (0, -8, 0)))
 def test_a_mount_that_self_calibration_finds_is_not_named(vector_deg):
     for report, tracks in flown(crooked(vector_deg)):  # noqa: B007

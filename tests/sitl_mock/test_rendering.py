@@ -105,6 +105,7 @@ def test_a_detector_finds_the_corners_within_a_pixel_of_the_truth_through_the_ro
     assert abs(eye._simulation.biases.readout_s) * 600 > 10
 
 
+@pytest.mark.slow
 def test_blur_hides_tags_from_the_detector_as_the_truth_says():
     eye = Eye(flown("demo_blur", **{"camera.exposure_s": 0.008}))
     usable = unusable = usable_found = unusable_found = 0

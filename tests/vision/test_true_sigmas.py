@@ -88,6 +88,7 @@ def test_the_table_is_met_at_its_nodes_and_bounded_beyond():
     assert marker_sigma_px(90.0, 2.0) == pytest.approx(SIGMAS_PX[-1][0])
 
 
+@pytest.mark.slow
 def test_a_sharp_large_tag_is_claimed_to_hundredths_of_a_pixel_and_holds_it():
     found = squares("apriltag", "large", "sharp", 60, seed=5)
     assert len(found) > 50

@@ -136,6 +136,7 @@ def test_tags_have_the_name_that_a_person_uses_unless_two_families_share_it():
     assert [each.name for each in series_of(lines)] == ["tag 19", "tag16h5:3", "tag36h11:3"]
 
 
+@pytest.mark.slow
 def test_a_crowd_is_matched_one_to_one():
     lines = [target(0.0, float(track), 0.0, track=track) for track in range(300)]
     truth = [TruthPoint("mark", None, (float(north), 0.2, 0.0), None) for north in range(300)]
