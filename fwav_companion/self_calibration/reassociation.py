@@ -18,7 +18,7 @@ from fwav_companion.self_calibration.pixel_measurement import MeasurementBatch, 
 
 NEARER = 0.5
 """Distance from another target over that from the own, below which a measurement changes. Errors that all targets share
-move them by less than half of their distance, or they cannot be told apart."""
+move them by less than half of their distance, or they cannot be separated."""
 
 NEAR = 0.3
 """Distance of two targets over the camera's height from which measurements are not exchanged: a wing of 5 degrees late

@@ -155,7 +155,7 @@ def watched_process(folder: Path, lead_s: float) -> tuple[list[dict], list[dict]
     reader = threading.Thread(target=read, daemon=True)
     reader.start()
     command = [sys.executable, "-m", "sitl_mock.eye", "--pipe", str(pipe), "--truth", str(truth)]
-    command += ["--start-ns", str(time.monotonic_ns() + round(lead_s * 1e9)), "--scenario", "demo", "--seconds", "1.0"]
+    command += ["--start-ns", str(time.monotonic_ns() + round(lead_s * 1e9)), "--scenario", "demo", "--seconds", "2.5"]
     done = subprocess.run(command, timeout=120, check=True)
     assert done.returncode == 0
     over.set()

@@ -1,6 +1,8 @@
 """Frames out of order: the effect of a late one, when a result is settled, and which frames are refused."""
 
 import numpy as np
+import pytest
+from draws import first_of
 from handmade import a_fix, a_view, host_ns
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -45,8 +47,9 @@ def test_late_frames_leave_what_they_leave_in_time(delays, kind):
     assert other == last
 
 
-def test_a_late_frame_leaves_the_same_with_self_calibration():
-    flight = Flight(seconds=8, fps=20, shape="hover", height_m=10.0, targets=((4.0, 3.0),))
+@pytest.mark.parametrize("seconds", first_of(8, 16))
+def test_a_late_frame_leaves_the_same_with_self_calibration(seconds):
+    flight = Flight(seconds=seconds, fps=20, shape="hover", height_m=10.0, targets=((4.0, 3.0),))
     flight.biases[6] = 0.035
     world = World(flight)
     views = world.frames()

@@ -38,7 +38,7 @@ LEFT_OUT = 30.0
 once a second, and a right one exceeds this once in three million."""
 DOUBTED = 16.3
 """The same distance beyond which it is left out when it stays there, and all others are clearly nearer: a right one
-exceeds it once in a thousand. One of three, off by 0.4 m at a survey of 0.05 m, is at 16 to 23 after half a minute."""
+exceeds it once in a thousand. Of three, one that is off by 0.4 m seldom reaches it: 0 of 12 flights of 45 s."""
 DOUBTED_TIMES = 10
 """Examinations in a row."""
 CLEAR = 9.0
