@@ -31,7 +31,7 @@ def over_time_chart(instants: Sequence[InstantAnswer], seconds: float) -> str:
     """Median, 90 % and 95 % of the errors and the median claim over the flight."""
     tops = [each.most_m for each in instants] + [each.claimed95_m for each in instants]
     axes = LogAxes((0.0, seconds), _log_range([each.half_m for each in instants], tops), WIDE_CHART)
-    parts = axes.elements("seconds of the flight", "error, metres")
+    parts = axes.elements("seconds of the flight", "error, metres, logarithmic")
     band = [axes.at(each.at_s, each.most_m) for each in instants]
     band += [axes.at(each.at_s, each.half_m) for each in reversed(instants)]
     parts.append(polygon(band, "claim"))
@@ -72,7 +72,7 @@ def curve_chart(curve: VariationAnswer) -> str:
     halves = [point.half for point in points if point.half is not None]
     tails = [point.nine_tenths for point in points if point.nine_tenths is not None]
     axes = LogAxes(span, _log_range([each.low for each in halves], [each.value for each in tails]), WIDE_CHART)
-    parts = axes.elements("" if curve.variation.choices else curve.variation.key, "error at the end, metres")
+    parts = axes.elements("" if curve.variation.choices else curve.variation.key, "error at the end, metres, logarithmic")
     if curve.variation.is_range:
         upper = [axes.at(x, each.high) for x, each in zip(xs, halves, strict=True)]
         lower = [axes.at(x, each.low) for x, each in zip(xs, halves, strict=True)]
