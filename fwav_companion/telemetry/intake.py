@@ -108,10 +108,10 @@ class Intake:
         attitudes = self._kept.attitudes
         if not attitudes.insert(AttitudeSample(boot_ns, attitude.ned_from_body, attitude.rates)):
             self.refuse(name)
-        if attitudes.check.trials == self._trials:
+        if attitudes.quality.trials == self._trials:
             return events
-        self._trials = attitudes.check.trials
-        return events + self._move_stamps(self._stamps.on_scatter(attitudes.check.stamp_scatter_s))
+        self._trials = attitudes.quality.trials
+        return events + self._move_stamps(self._stamps.on_scatter(attitudes.quality.stamp_scatter_s))
 
     def _on_position(self, fields: Any, _now: HostNs) -> tuple[TelemetryEvent, ...]:
         position = decoding.position(fields)

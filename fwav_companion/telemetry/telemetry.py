@@ -202,7 +202,7 @@ class Telemetry:
         """Part of the status: rates, the attitude stream, the world and the gimbal."""
         attitudes, source = self._kept.attitudes, self._intake.choice.source
         return TelemetryReport(
-            **msgspec.structs.asdict(attitudes.check.status()),
+            **msgspec.structs.asdict(attitudes.quality.status()),
             rates_hz=self._meter.rates_hz(now),
             attitude_source=source,
             attitudes_kept=len(attitudes),

@@ -82,7 +82,7 @@ class VehicleHistory:
             height_above_home_m=self._height_at(boot_ns),
             range=nearest_range if isinstance(nearest_range, RangeSample) else None,
             terrain_height_m=terrain if isinstance(terrain, float) else None,
-            stamp_sigma_s=hypot(self._stamps.sigma_s, self.attitudes.check.instant_sigma_s),
+            stamp_sigma_s=hypot(self._stamps.sigma_s, self.attitudes.quality.instant_sigma_s),
             spacing_s=attitude.spacing_s,
             gimbal=None if self._gimbal is None else self._gimbal.at(boot_ns, self._clock, attitude),
         )

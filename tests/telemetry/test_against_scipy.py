@@ -48,15 +48,15 @@ def test_the_lag_of_filtered_rates_is_found():
     motion = nodding(5.0)
     samples = flapping.stream(motion, 50, 8.0)
     history = flapping.history_of(samples)
-    gain, lag_s = history.check.rates.model.response(2.0 * pi * 5.0)
-    assert history.check.rates.usable
+    gain, lag_s = history.quality.rates.model.response(2.0 * pi * 5.0)
+    assert history.quality.rates.usable
     assert lag_s == pytest.approx(0.0115, abs=0.001)
     assert gain == pytest.approx(1.0, abs=0.02)
 
 
 def test_unfiltered_rates_show_no_lag():
     history = flapping.history_of(flapping.stream(nodding(5.0), 50, 6.0, filter_hz=None))
-    gain, lag_s = history.check.rates.model.response(2.0 * pi * 5.0)
+    gain, lag_s = history.quality.rates.model.response(2.0 * pi * 5.0)
     assert (gain, lag_s) == (pytest.approx(1.0, abs=0.01), pytest.approx(0.0, abs=5e-4))
 
 
@@ -64,14 +64,14 @@ def test_unfiltered_rates_show_no_lag():
     ("hz", "of_motion", "method"), [(100, 5.0, Method.FOUR), (50, 5.0, Method.SIX), (25, 5.0, Method.RATES)]
 )
 def test_the_method_follows_from_what_the_stream_shows(hz, of_motion, method):
-    assert flapping.history_of(flapping.stream(nodding(of_motion), hz, 6.0)).check.method is method
+    assert flapping.history_of(flapping.stream(nodding(of_motion), hz, 6.0)).quality.method is method
 
 
 @pytest.mark.parametrize(("hz", "of_motion"), [(25, 12.0), (10, 5.0), (10, 4.3), (25, 15.0)])
 def test_a_stream_too_slow_for_the_motion_says_so(hz, of_motion):
     motion = nodding(of_motion)
     samples = flapping.stream(motion, hz, 10.0)
-    assert flapping.history_of(samples).check.too_slow
+    assert flapping.history_of(samples).quality.too_slow
     errors, claims = errors_and_claims(motion, samples, from_s=4.0)
     assert rms(errors[:, 1]) > 0.02
     assert 0.4 * rms(errors[:, 1]) < rms(claims)
@@ -85,11 +85,11 @@ def test_two_attitudes_a_beat_leave_open_when_it_beats(beat_hz, phase):
     """
     motion = flying(beat_hz)
     samples = flapping.stream(lambda t: motion(t + phase / (2.0 * np.pi * beat_hz)), 10, 10.0)
-    check = flapping.history_of(samples).check
-    assert check.too_slow
-    assert check.instant_sigma_s == pytest.approx(0.1 / np.sqrt(12.0), rel=0.01)
-    assert check.frequency == pytest.approx(2.0 * np.pi * beat_hz, rel=0.05)
-    assert check.swing == pytest.approx(np.radians(5.0) / np.sqrt(2.0), rel=0.3)
+    quality = flapping.history_of(samples).quality
+    assert quality.too_slow
+    assert quality.instant_sigma_s == pytest.approx(0.1 / np.sqrt(12.0), rel=0.01)
+    assert quality.motion.frequency == pytest.approx(2.0 * np.pi * beat_hz, rel=0.05)
+    assert quality.motion.swing == pytest.approx(np.radians(5.0) / np.sqrt(2.0), rel=0.3)
 
 
 @pytest.mark.parametrize("motion", [nodding, flying])
@@ -98,14 +98,14 @@ def test_motion_that_looks_slower_backwards_is_too_fast_however_stamps_scatter(s
     """15 Hz by 25 samples a second look like 10 Hz; a lag of a third of that beat fits them."""
     rng = np.random.default_rng(seed)
     samples = flapping.stream(motion(15.0), 25, 10.0, late_ns=lambda: int(rng.integers(2_500_000)))
-    assert flapping.history_of(samples).check.too_slow
+    assert flapping.history_of(samples).quality.too_slow
 
 
 def test_attitudes_at_the_turning_points_alone_show_it_without_any_rate():
     motion = nodding(5.0)
     samples = flapping.stream(lambda t: motion(t + (np.pi / 2.0 - 0.3) / (10.0 * np.pi)), 10, 10.0, filter_hz=None)
     assert max(np.linalg.norm(sample.rates) for sample in samples[20:]) < 0.01
-    assert flapping.history_of(samples).check.instant_sigma_s == pytest.approx(0.1 / np.sqrt(12.0), rel=0.01)
+    assert flapping.history_of(samples).quality.instant_sigma_s == pytest.approx(0.1 / np.sqrt(12.0), rel=0.01)
 
 
 def test_a_still_vehicle_shows_no_motion_whose_ekf_aligns_its_yaw():
@@ -113,9 +113,9 @@ def test_a_still_vehicle_shows_no_motion_whose_ekf_aligns_its_yaw():
     rng = np.random.default_rng(1)
     stepping = flapping.stream(lambda t: (0.0, 0.0, radians(30.0) * (t > 3.0)), 100, 8.0)
     samples = [msgspec.structs.replace(each, rates=tuple(rng.normal(0.0, radians(0.1), 3))) for each in stepping]
-    check = flapping.history_of(samples).check
-    assert check.too_slow, "the attitudes do step"
-    assert (check.status().too_slow_for_motion, check.status().motion_hz) == (False, 0.0)
+    quality = flapping.history_of(samples).quality
+    assert quality.too_slow, "the attitudes do step"
+    assert (quality.status().too_slow_for_motion, quality.status().motion_hz) == (False, 0.0)
 
 
 @pytest.mark.parametrize(("tremble_hz", "tremble_deg"), [(2.3, 0.25)])
@@ -127,18 +127,18 @@ def test_a_smooth_vehicle_by_a_radio_has_noisy_attitudes_and_no_doubt_of_their_i
         return (0.0, sway(t)[1] + tremble(t)[1], 0.0)
 
     samples = flapping.stream(motion, 3.3, 40.0)
-    check = flapping.history_of(samples).check
-    assert check.too_slow
-    assert check.instant_sigma_s == 0.0
+    quality = flapping.history_of(samples).quality
+    assert quality.too_slow
+    assert quality.instant_sigma_s == 0.0
     errors, claims = errors_and_claims(motion, samples, from_s=20.0)
     assert 0.5 < rms(claims) / rms(errors[:, 1]) < 3.0
 
 
 @pytest.mark.parametrize("hz", [13, 15, 25, 50, 100])
 def test_faster_attitudes_leave_nothing_open(hz):
-    check = flapping.history_of(flapping.stream(flying(5.0), hz, 8.0)).check
-    assert not check.too_slow
-    assert check.instant_sigma_s == 0.0
+    quality = flapping.history_of(flapping.stream(flying(5.0), hz, 8.0)).quality
+    assert not quality.too_slow
+    assert quality.instant_sigma_s == 0.0
 
 
 def test_noise_is_no_beat():
@@ -148,8 +148,8 @@ def test_noise_is_no_beat():
     rates = 0.05 * rng.standard_normal((500, 3))
     samples = [AttitudeSample(BootNs(k * 20_000_000), _wxyz(turns[k]), tuple(rates[k].tolist())) for k in range(500)]
     history = flapping.history_of(samples)
-    assert not history.check.alternates
-    assert not history.check.rates.alternates
+    assert not history.quality.motion.alternates
+    assert not history.quality.rates.alternates
 
 
 def test_rates_of_the_course_are_its_derivative():

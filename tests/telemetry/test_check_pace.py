@@ -27,9 +27,9 @@ def tried_at(beat_hz: float, seconds: float) -> list[int]:
     """Indices of the samples with which a trial came."""
     history, indices = AttitudeHistory(), []
     for index, sample in enumerate(flapping(beat_hz, seconds)):
-        before = history.check.trials
+        before = history.quality.trials
         history.insert(sample)
-        if history.check.trials > before:
+        if history.quality.trials > before:
             indices.append(index)
     return indices
 
@@ -62,4 +62,4 @@ def test_a_motion_that_begins_later_is_followed(beat_hz: float):
         history.insert(AttitudeSample(BootNs(k * NS_PER_S // HZ), rest.ned_from_body, (0.0, 0.0, 0.0)))
     for sample in flapping(beat_hz, 6.0):
         history.insert(AttitudeSample(BootNs(sample.boot_ns + 10 * NS_PER_S), sample.ned_from_body, sample.rates))
-    assert history.check.frequency / (2.0 * pi) == pytest.approx(beat_hz, rel=0.05)
+    assert history.quality.motion.frequency / (2.0 * pi) == pytest.approx(beat_hz, rel=0.05)

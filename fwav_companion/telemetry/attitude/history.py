@@ -10,6 +10,7 @@ import msgspec
 from fwav_companion.geometry.rotations import Quaternion, difference, exp, multiply
 from fwav_companion.geometry.stamps import NS_PER_S, BootNs
 from fwav_companion.geometry.vectors import Vector3, add, dot, scale, subtract
+from fwav_companion.telemetry.attitude.angular_motion import MOST_SWING
 from fwav_companion.telemetry.attitude.interpolation import (
     Segment,
     course_at,
@@ -17,7 +18,7 @@ from fwav_companion.telemetry.attitude.interpolation import (
     segment_through,
     segment_with_rates,
 )
-from fwav_companion.telemetry.attitude.quality import MOST_SWING, SEVEN, AttitudeQuality, Method
+from fwav_companion.telemetry.attitude.quality import SEVEN, AttitudeQuality, Method
 from fwav_companion.types import AttitudeSample, Reason, Unpaired
 
 KEPT_NS = 3 * NS_PER_S
@@ -63,14 +64,14 @@ class AttitudeAt(msgspec.Struct, frozen=True, gc=False):
 class AttitudeHistory:
     """A bounded store of attitudes in order of time; each interval's interpolation is computed once."""
 
-    __slots__ = ("_kept_ns", "_most_kept", "_samples", "_segments", "_times", "check")
+    __slots__ = ("_kept_ns", "_most_kept", "_samples", "_segments", "_times", "quality")
 
     def __init__(self, kept_ns: int = KEPT_NS) -> None:
         self._kept_ns, self._most_kept = kept_ns, MOST_KEPT * max(1, kept_ns // KEPT_NS)
         self._times: list[BootNs] = []
         self._samples: list[AttitudeSample] = []
         self._segments: list[tuple[Segment, float] | None] = []  # segment and its sigma, by the interval's first sample
-        self.check = AttitudeQuality()
+        self.quality = AttitudeQuality()
         """Measured quality of the stream."""
 
     def __len__(self) -> int:
@@ -103,8 +104,8 @@ class AttitudeHistory:
             self._segments[near] = None
         if times[0] < times[-1] - self._kept_ns or len(times) > self._most_kept:
             self._trim()
-        if len(times) >= SEVEN and self.check.is_due(times[-4]):
-            self.check.look(self._samples[-SEVEN:])
+        if len(times) >= SEVEN and self.quality.is_due(times[-4]):
+            self.quality.check(self._samples[-SEVEN:])
         return True
 
     def shift(self, by_ns: int) -> None:
@@ -118,7 +119,7 @@ class AttitudeHistory:
         self._times.clear()
         self._samples.clear()
         self._segments.clear()
-        self.check = AttitudeQuality()
+        self.quality = AttitudeQuality()
 
     def _trim(self) -> None:
         excess = max(bisect_left(self._times, self._times[-1] - self._kept_ns), len(self._times) - self._most_kept)
@@ -127,7 +128,7 @@ class AttitudeHistory:
 
     def ready_for(self, boot_ns: BootNs) -> bool:
         """Whether enough samples lie beyond this instant that more samples would not change the answer."""
-        beyond = 3 if self.check.method is Method.SIX else 2
+        beyond = 3 if self.quality.method is Method.SIX else 2
         return len(self._times) >= beyond and self._times[-beyond] >= boot_ns
 
     def quaternion_at(self, boot_ns: BootNs) -> Quaternion | Unpaired:
@@ -152,7 +153,7 @@ class AttitudeHistory:
             return self._beyond(boot_ns)
         gap_s = min(boot_ns - times[index], times[index + 1] - boot_ns) * 1e-9
         segment, sigma = self._segments[index] or self._build(index)
-        hole = (times[index + 1] - times[index]) * 1e-9 > HOLE * self.check.spacing_s
+        hole = (times[index + 1] - times[index]) * 1e-9 > HOLE * self.quality.motion.spacing_s
         if sigma == inf or (sigma > MOST_SIGMA and hole):
             return Unpaired(Reason.ATTITUDE_GAP, gap_s)
         spacing_s = (times[index + 1] - times[index]) * 1e-9
@@ -161,23 +162,23 @@ class AttitudeHistory:
 
     def _build(self, index: int) -> tuple[Segment, float]:
         """Segment after sample ``index``, by the chosen method as far as the neighbouring samples allow."""
-        times, samples, check = self._times, self._samples, self.check
+        times, samples, quality = self._times, self._samples, self.quality
         inside_four, inside_six = 1 <= index <= len(times) - 3, 2 <= index <= len(times) - 4
         interval_s = (times[index + 1] - times[index]) * 1e-9
-        if check.method is Method.RATES and inside_four:
-            model = check.rates.model
+        if quality.method is Method.RATES and inside_four:
+            model = quality.rates.model
             at_first, at_last = (model.corrected(samples[k - 1 : k + 2]) for k in (index, index + 1))
             segment = segment_with_rates(samples[index], samples[index + 1], at_first, at_last)
-            sigma = check.sigma(interval_s, Method.RATES)
-        elif check.method is Method.SIX and inside_six:
+            sigma = quality.sigma(interval_s, Method.RATES)
+        elif quality.method is Method.SIX and inside_six:
             segment = segment_through(times[index], samples[index - 2 : index + 4])
-            sigma = check.sigma(interval_s, Method.SIX)
+            sigma = quality.sigma(interval_s, Method.SIX)
         else:
             segment = segment_through(times[index], samples[max(0, index - 1) : index + 3])
-            sigma = check.sigma(interval_s, Method.FOUR)
+            sigma = quality.sigma(interval_s, Method.FOUR)
             if not inside_four:
-                sigma += 0.125 * check.angular_acceleration * interval_s**2 * 0.2
-        if not check.settled:
+                sigma += 0.125 * quality.motion.angular_acceleration * interval_s**2 * 0.2
+        if not quality.settled:
             sigma = max(sigma, _first_guess(samples[index], samples[index + 1], interval_s))
         built = (segment, sigma if interval_s * 1e9 <= WIDEST_GAP_NS else inf)
         self._segments[index] = built
@@ -195,8 +196,10 @@ class AttitudeHistory:
             segment, _ = self._segments[-2] or self._build(len(self._times) - 2)
             _, rates = course_at(segment, last.boot_ns)
         q = multiply(last.ned_from_body, exp(scale(rates, age_s)))
-        sigma = EXTRAPOLATED_SHARE * self.check.angular_acceleration * age_s * age_s + age_s * self._unsure_rate
-        spacing_s = self.check.spacing_s
+        sigma = (
+            EXTRAPOLATED_SHARE * self.quality.motion.angular_acceleration * age_s * age_s + age_s * self._unsure_rate
+        )
+        spacing_s = self.quality.motion.spacing_s
         return (
             AttitudeAt(ned_from_body=q, rates=rates, sigma=sigma, gap_s=age_s, spacing_s=spacing_s)
             if sigma <= MOST_SIGMA
@@ -206,8 +209,8 @@ class AttitudeHistory:
     @property
     def _unsure_rate(self) -> float:
         """One sigma of the course's rate at the newest attitude, rad/s."""
-        spacing_s = self.check.spacing_s
-        return UNSURE_RATE + (END_SLOPE * self.check.sigma(spacing_s, Method.FOUR) / spacing_s if spacing_s else 0.0)
+        spacing_s = self.quality.motion.spacing_s
+        return UNSURE_RATE + (END_SLOPE * self.quality.sigma(spacing_s, Method.FOUR) / spacing_s if spacing_s else 0.0)
 
 
 def _first_guess(first: AttitudeSample, last: AttitudeSample, interval_s: float) -> float:

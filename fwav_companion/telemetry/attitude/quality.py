@@ -1,4 +1,4 @@
-"""Quality of the attitude stream: the motion's speed, the best interpolation, and its error.
+"""Quality of the attitude stream: the best interpolation, and its error. PURE.
 
 Every interpolation is tried on known samples: one sample is left out and predicted from its neighbours, at twice the
 spacing. The error of a polynomial there is a known multiple of its error in the middle of an interval.
@@ -9,14 +9,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from enum import StrEnum
 from itertools import pairwise
-from math import dist, exp, hypot, inf, pi, sqrt
+from math import exp, hypot, inf, pi, sqrt
 from typing import NamedTuple
 
 from fwav_companion.geometry.stamps import BootNs
-from fwav_companion.geometry.vectors import dot, scale, subtract
-from fwav_companion.telemetry.attitude.interpolation import aligned, quaternion_at, segment_with_rates
+from fwav_companion.telemetry.attitude.angular_motion import MOST_SWING, AngularMotion
+from fwav_companion.telemetry.attitude.interpolation import quaternion_at, segment_with_rates
 from fwav_companion.telemetry.attitude.leave_one_out import squared_angle, squared_leave_one_out_error
-from fwav_companion.telemetry.attitude.rate_fit import ALTERNATING, RateFit
+from fwav_companion.telemetry.attitude.rate_fit import RateFit
 from fwav_companion.types import AttitudeSample
 from fwav_companion.types.flight_status import AttitudeReport
 
@@ -53,8 +53,6 @@ error of six is motion that the samples do not show."""
 SLOWEST_CHECKED_RATE = 0.1
 """rad/s, RMS: in slower motion an error of a stamp does not show in the attitudes."""
 
-MOST_SWING = 0.5
-"""rad: interpolation error assumed where nothing better is known."""
 UNCHECKED_SHARE = 0.1
 """Interpolation error before the stream was measured, as a share of acceleration times interval squared. A chord misses
 an eighth."""
@@ -102,23 +100,18 @@ class AttitudeQuality:
     """Running means of the last seconds over checks of seven neighbouring samples."""
 
     __slots__ = (
-        "_acceleration2",
-        "_bend2",
         "_due_ns",
         "_four2",
         "_last_ns",
-        "_rate2",
+        "_method_errors",
         "_rates2",
         "_six2",
-        "_spacing",
-        "_told",
         "_tried_ns",
-        "_unbent2",
         "count",
         "method",
+        "motion",
         "rates",
         "settled",
-        "swing",
         "trials",
     )
 
@@ -130,46 +123,16 @@ class AttitudeQuality:
         """Checks so far, and those that tried out the interpolations."""
         self.settled = False
         """Whether enough samples were checked for the results to count."""
-        self.swing = MOST_SWING
-        """RMS amplitude of the motion about its mean, rad."""
-        self._spacing = 0.0
-        self._rate2 = self._acceleration2 = 0.0
         self._four2 = self._six2 = self._rates2 = 0.0
-        self._bend2 = self._unbent2 = 0.0
-        self._told: _MethodErrors | None = None
+        self._method_errors: _MethodErrors | None = None
         self.rates = RateFit()
         """Correction of the rates as sent, and whether they can be used."""
+        self.motion = AngularMotion(self.rates)
+        """Motion that the interpolation has to follow."""
         self.method = Method.FOUR
         """Method in use."""
 
     # Results.
-
-    @property
-    def spacing_s(self) -> float:
-        """Mean seconds between samples."""
-        return self._spacing
-
-    @property
-    def angular_acceleration(self) -> float:
-        """RMS angular acceleration, rad/s^2."""
-        return sqrt(self._acceleration2)
-
-    @property
-    def frequency(self) -> float:
-        """Angular frequency of the motion, rad/s: its acceleration over its rate; a lower bound where samples
-        alternate.
-        """
-        if self.alternates:
-            return pi / self._spacing
-        return sqrt(self._acceleration2 / self._rate2) if self._rate2 > 1e-12 else 0.0
-
-    def _swing(self) -> float:
-        if self.alternates:  # attitudes and rates then show the sine and the cosine of the motion at the samples
-            peak2 = 0.25 * self._bend2 + self._rate2 / self.frequency**2
-            return min(MOST_SWING, sqrt(0.5 * peak2))
-        if self._acceleration2 <= 1e-12:
-            return MOST_SWING
-        return min(MOST_SWING, self._rate2 / sqrt(self._acceleration2))
 
     @property
     def stamp_scatter_s(self) -> float:
@@ -178,48 +141,44 @@ class AttitudeQuality:
         Noise, and motion too fast for the stream, make it larger than the truth. Infinite where the motion is too slow
         to show it.
         """
-        if not self.settled or self._rate2 < SLOWEST_CHECKED_RATE**2:
+        if not self.settled or self.motion.rate2 < SLOWEST_CHECKED_RATE**2:
             return inf
-        return sqrt(self._six2 / (SIX_NOISE * self._rate2))
-
-    @property
-    def alternates(self) -> bool:
-        """Whether half a period of the motion lies between two attitudes: its phase is then unknown."""
-        return self._unbent2 > ALTERNATING * self._bend2 or self.rates.alternates
+        return sqrt(self._six2 / (SIX_NOISE * self.motion.rate2))
 
     @property
     def instant_sigma_s(self) -> float:
         """One sigma of an attitude's instant where attitudes are too slow for the motion: the whole spacing is open."""
-        return self._method_errors().instant_sigma_s if self.settled else 0.0
+        return self._measured().instant_sigma_s if self.settled else 0.0
 
     @property
     def still(self) -> bool:
         """Whether rates are sent, and show no motion."""
-        return 0.0 < self.rates.sent_rms < STILL and not self.alternates
+        return 0.0 < self.rates.sent_rms < STILL and not self.motion.alternates
 
     @property
     def too_slow(self) -> bool:
         """Whether the rates show motion that the attitudes do not: it is faster than they are sampled."""
         unexplained = self.rates.disagreement
-        return self.alternates or unexplained * unexplained > TOO_SLOW * self.rates.sent_rms**2
+        return self.motion.alternates or unexplained * unexplained > TOO_SLOW * self.rates.sent_rms**2
 
     def sigma(self, interval_s: float, method: Method) -> float:
         """One sigma of interpolating over an interval of this width, rad about each axis."""
         if not self.settled:
-            return min(MOST_SWING, UNCHECKED_SHARE * self.angular_acceleration * interval_s**2)
-        measured = self._method_errors()
-        error = measured.errors[method] * max(1.0, interval_s / self._spacing) ** POWERS[method]
+            return min(MOST_SWING, UNCHECKED_SHARE * self.motion.angular_acceleration * interval_s**2)
+        measured = self._measured()
+        error = measured.errors[method] * max(1.0, interval_s / self.motion.spacing_s) ** POWERS[method]
         if measured.unexplained:
-            error += 0.5 * measured.unexplained * max(interval_s, self._spacing)
+            error += 0.5 * measured.unexplained * max(interval_s, self.motion.spacing_s)
         return min(error, measured.swing)
 
-    def _method_errors(self) -> _MethodErrors:
+    def _measured(self) -> _MethodErrors:
         """Errors by method. Needed with every attitude that is asked for, and changed by checks alone."""
-        if self._told is None:
-            self._told = self._tell()
-        return self._told
+        if self._method_errors is None:
+            self._method_errors = self._errors_by_method()
+        return self._method_errors
 
-    def _tell(self) -> _MethodErrors:
+    def _errors_by_method(self) -> _MethodErrors:
+        motion = self.motion
         errors2 = {
             Method.FOUR: self._four_truncation2(),
             Method.SIX: self._amid_interval2(self._six2, SIX_LEFT_OUT),
@@ -227,22 +186,22 @@ class AttitudeQuality:
         }
         errors = {method: sqrt(error2) for method, error2 in errors2.items()}
         if not self.too_slow:
-            return _MethodErrors(errors, 0.0, self.swing, 0.0)
-        unseen = self.rates.disagreement * self._spacing / pi
-        if unseen < SMOOTH and not self.alternates:
-            return _MethodErrors(
-                {method: hypot(error, unseen) for method, error in errors.items()}, 0.0, self.swing, 0.0
-            )
-        return _MethodErrors(errors, self.rates.disagreement, self.swing, self._spacing / sqrt(12.0))
+            return _MethodErrors(errors, 0.0, motion.swing, 0.0)
+        unseen = self.rates.disagreement * motion.spacing_s / pi
+        if unseen < SMOOTH and not motion.alternates:
+            seen = {method: hypot(error, unseen) for method, error in errors.items()}
+            return _MethodErrors(seen, 0.0, motion.swing, 0.0)
+        return _MethodErrors(errors, self.rates.disagreement, motion.swing, motion.spacing_s / sqrt(12.0))
 
     def status(self) -> AttitudeReport:
         """Part of the status: the interpolation, and the motion that it has to follow."""
-        gain, lag_s = self.rates.model.response(self.frequency)
+        frequency = self.motion.frequency
+        gain, lag_s = self.rates.model.response(frequency)
         return AttitudeReport(
             interpolation=self.method.value,
-            interpolation_sigma=self.sigma(self._spacing, self.method) if self.settled else None,
-            motion_hz=0.0 if self.still else self.frequency / (2.0 * pi),
-            motion_swing=self.swing,
+            interpolation_sigma=self.sigma(self.motion.spacing_s, self.method) if self.settled else None,
+            motion_hz=0.0 if self.still else frequency / (2.0 * pi),
+            motion_swing=self.motion.swing,
             too_slow_for_motion=self.too_slow and not self.still,
             rates_agree=self.rates.usable,
             rates_lag_s=lag_s if self.rates.usable else None,
@@ -255,7 +214,7 @@ class AttitudeQuality:
         """Whether seven samples around this instant are to be checked."""
         return self._last_ns is None or not 0 <= middle_ns - self._last_ns < CHECK_EVERY_NS
 
-    def look(self, seven: Sequence[AttitudeSample]) -> None:
+    def check(self, seven: Sequence[AttitudeSample]) -> None:
         """Check seven neighbouring samples, the newest last."""
         middle_ns = seven[3].boot_ns
         steps = [(b.boot_ns - a.boot_ns) * 1e-9 for a, b in pairwise(seven)]
@@ -265,9 +224,8 @@ class AttitudeQuality:
         self._last_ns = middle_ns
         self.count += 1
         self.settled = self.count >= CHECKS_TO_BEGIN
-        self._measure(seven, max(1.0 / self.count, 1.0 - exp(-elapsed_s / MEMORY_S)))
-        self.swing = self._swing()
-        self._told = None
+        self.motion.measure(seven[2:5], max(1.0 / self.count, 1.0 - exp(-elapsed_s / MEMORY_S)))
+        self._method_errors = None
         if self._tried_ns is None or not self._tried_ns <= middle_ns < self._due_ns:
             self._try_all(seven, middle_ns)
 
@@ -281,30 +239,10 @@ class AttitudeQuality:
             late_ns = middle_ns - self._due_ns
             self._due_ns = pause_ns + (self._due_ns if 0 <= late_ns < THEN_EVERY_NS else middle_ns)
         gain = max(1.0 / self.trials, 1.0 - exp(-elapsed_s / MEMORY_S))
-        self.rates.insert(seven[1:6], self.frequency, elapsed_s)
+        self.rates.insert(seven[1:6], self.motion.frequency, elapsed_s)
         self._try_out(seven, gain)
-        self._look_for_alternation(seven[2:6], gain)
-        self.swing = self._swing()
+        self.motion.measure_alternation(seven[2:6], gain)
         self._choose()
-
-    def _measure(self, seven: Sequence[AttitudeSample], gain: float) -> None:
-        """Measure the motion by the attitudes' differences or by the sent rates, whichever show more of it."""
-        before, middle, after = seven[2], seven[3], seven[4]
-        h = 0.5e-9 * (after.boot_ns - before.boot_ns)
-        first, amid, last = aligned([s.ned_from_body for s in (before, middle, after)])
-        halfway = [0.5 * (a + b) for a, b in zip(first, last, strict=True)]
-        bend, drift = 2.0 * dist(halfway, amid), dist(first, last)
-        sent = scale(subtract(after.rates, before.rates), 0.5 / h)
-        self._spacing += gain * (h - self._spacing)
-        self._acceleration2 += gain * (max(4.0 * bend**2 / h**4, dot(sent, sent)) - self._acceleration2)
-        self._rate2 += gain * (max(drift**2 / h**2, dot(middle.rates, middle.rates)) - self._rate2)
-
-    def _look_for_alternation(self, four: Sequence[AttitudeSample], gain: float) -> None:
-        """Measure whether each bend of the course undoes the bend before it; bends of noise undo two thirds."""
-        a, b, c, d = aligned([sample.ned_from_body for sample in four])
-        bends = [(p - 2.0 * q + r, q - 2.0 * r + s) for p, q, r, s in zip(a, b, c, d, strict=True)]
-        self._bend2 += gain * (0.5 * sum(one * one + two * two for one, two in bends) - self._bend2)
-        self._unbent2 += gain * (-sum(one * two for one, two in bends) - self._unbent2)
 
     def _try_out(self, seven: Sequence[AttitudeSample], gain: float) -> None:
         others = [seven[k] for k in (0, 1, 2, 4, 5, 6)]
@@ -325,15 +263,11 @@ class AttitudeQuality:
         noise2 = min(self._six2, SIX_NOISE * MOST_NOISE**2)
         return max(0.0, self._four2 - NOISE_SHARE * noise2) / FOUR_LEFT_OUT**2
 
-    def _amid_interval2(self, squared_leave_one_out_error: float, ratio: float) -> float:
-        return (
-            squared_leave_one_out_error
-            if self._hopeless(squared_leave_one_out_error)
-            else squared_leave_one_out_error / ratio**2
-        )
+    def _amid_interval2(self, left_out2: float, ratio: float) -> float:
+        return left_out2 if self._hopeless(left_out2) else left_out2 / ratio**2
 
-    def _hopeless(self, squared_leave_one_out_error: float) -> bool:
-        return squared_leave_one_out_error > HOPELESS * self.swing**2
+    def _hopeless(self, left_out2: float) -> bool:
+        return left_out2 > HOPELESS * self.motion.swing**2
 
     def _choose(self) -> None:
         if not self.settled:

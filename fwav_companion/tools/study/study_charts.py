@@ -72,7 +72,9 @@ def curve_chart(curve: VariationAnswer) -> str:
     halves = [point.half for point in points if point.half is not None]
     tails = [point.nine_tenths for point in points if point.nine_tenths is not None]
     axes = LogAxes(span, _log_range([each.low for each in halves], [each.value for each in tails]), WIDE_CHART)
-    parts = axes.elements("" if curve.variation.choices else curve.variation.key, "error at the end, metres, logarithmic")
+    parts = axes.elements(
+        "" if curve.variation.choices else curve.variation.key, "error at the end, metres, logarithmic"
+    )
     if curve.variation.is_range:
         upper = [axes.at(x, each.high) for x, each in zip(xs, halves, strict=True)]
         lower = [axes.at(x, each.low) for x, each in zip(xs, halves, strict=True)]
