@@ -10,7 +10,7 @@ from mavlink_wire import Wire
 
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, HostNs
 from fwav_companion.mavlink.router.node import LinkPolicy, Node
-from fwav_companion.mavlink.router.peers import MAX_PEER_STREAMS, MAX_PEERS
+from fwav_companion.mavlink.router.peers import MAX_PEER_STREAMS, MAX_PEERS, SILENT_NS
 from fwav_companion.mavlink.wire.definitions import BY_NAME, DEFINITIONS
 from fwav_companion.mavlink.wire.frames import checksum
 from fwav_companion.pipeline.pipeline_factory import WANTED
@@ -88,3 +88,17 @@ def test_the_count_of_streams_follows_what_is_forgotten(restarts: int) -> None:
         node.link_down(link)
         node.link_up(link)
     assert (node._router._tables.peers, node._router._tables.streams) == (0, 0)
+
+
+def test_stations_that_come_and_go_leave_no_reference_cycles() -> None:
+    """A full search for garbage comes only when a quarter more objects are there: until then cycles would stay."""
+    node, stations = Node(LINKS, WANTED), [Wire(system, 190) for system in range(200, 230)]
+    gc.collect()
+    gc.disable()
+    try:
+        for visit in range(3):
+            for station in stations:
+                node.receive("ground", station.heartbeat(6, 8), HostNs(1000 * NS_PER_S + visit * 2 * SILENT_NS))
+        assert gc.collect() == 0
+    finally:
+        gc.enable()

@@ -43,10 +43,14 @@ class PeerTables:
         return peer.add_stream(frame)
 
     def forget(self, table: Peers, senders: set[int]) -> None:
-        """Forget peers of one link."""
+        """Forget peers of one link, and free them at once: their streams refer back to them, and a search for such
+        cycles may come half an hour later.
+        """
         for sender in senders & table.keys():
-            self.streams -= len(table.pop(sender).streams)
+            streams = table.pop(sender).streams
+            self.streams -= len(streams)
             self.peers -= 1
+            streams.clear()
 
     def _make_room(self, now: HostNs) -> bool:
         """Forget up to an eighth of the peers that may give way, the longest silent first. Returns False if there are
