@@ -54,9 +54,10 @@ def test_import_contracts_hold():
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_the_daemon_loads_no_heavy_library():
-    heavy = {"numpy", "scipy", "cv2", "rich", "matplotlib", "rasterio", "sitl_mock", "hypothesis"}
-    assert not heavy & loaded_by("import fwav_companion.cli.run, fwav_companion.service.daemon")
+def test_a_relay_loads_only_these_libraries():
+    relay = "import fwav_companion.cli.run, fwav_companion.service.daemon, fwav_companion.links.udp"
+    libraries = loaded_by(relay) - loaded_by("pass") - sys.stdlib_module_names
+    assert libraries - {"typing_extensions"} == {"fwav_companion", "fastcrc", "msgspec", "pymavlink"}
 
 
 @pytest.mark.parametrize("calibrates", [False, True])

@@ -9,9 +9,11 @@ from struct import pack, unpack
 import pytest
 from fastcrc.crc16 import mcrf4xx
 from mavlink_wire import MESSAGES, Wire, parse, pymavlink_arguments, random_values
+from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from fwav_companion.mavlink.wire import enums
 from fwav_companion.mavlink.wire.codec import Encoder, decode
-from fwav_companion.mavlink.wire.definitions import DEFINITIONS, constant, definition_of
+from fwav_companion.mavlink.wire.definitions import DEFINITIONS, definition_of
 from fwav_companion.mavlink.wire.scanner import Scanner
 
 MAVLINK_1 = [message for message in MESSAGES if message.id < 256]
@@ -112,10 +114,10 @@ def test_target_offsets() -> None:
             assert definition.target_system_offset == -1
 
 
-def test_constants() -> None:
-    assert constant("MAV_CMD_SET_MESSAGE_INTERVAL") == 511
-    with pytest.raises(KeyError, match="MAV_CMD_NO_SUCH"):
-        constant("MAV_CMD_NO_SUCH")
+def test_enum_values_are_those_of_the_dialect() -> None:
+    ours = {name: value for name, value in vars(enums).items() if name.startswith("MAV_")}
+    assert len(ours) > 20
+    assert ours == {name: getattr(dialect, name) for name in ours}
 
 
 def test_constructor_signatures_are_as_the_definitions_read_them() -> None:

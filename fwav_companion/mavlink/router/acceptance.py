@@ -16,12 +16,12 @@ from fwav_companion.mavlink.router.duplicates import Duplicates
 from fwav_companion.mavlink.router.own_frames import OwnFrames
 from fwav_companion.mavlink.router.peers import Peer
 from fwav_companion.mavlink.router.routing import Port, Router
-from fwav_companion.mavlink.wire.definitions import BY_NAME, constant
+from fwav_companion.mavlink.wire.definitions import BY_NAME
+from fwav_companion.mavlink.wire.enums import MAV_AUTOPILOT_INVALID
 from fwav_companion.mavlink.wire.frames import RawFrame
 
 _HEARTBEAT: Final = BY_NAME["HEARTBEAT"].msgid
 _AUTOPILOT_OFFSET: Final = BY_NAME["HEARTBEAT"].fields["autopilot"].offset
-_INVALID: Final = constant("MAV_AUTOPILOT_INVALID")
 SETTLING_NS: Final = 10 * NS_PER_S
 """Time after the start in which a frame with our ids counts as an echo: of one that an earlier run sent."""
 _NO_STATE: Final = frozenset(
@@ -102,5 +102,5 @@ class Acceptance:
             return True
         msgid = frame.msgid
         if msgid == _HEARTBEAT:
-            return frame.payload_byte(_AUTOPILOT_OFFSET) == _INVALID
+            return frame.payload_byte(_AUTOPILOT_OFFSET) == MAV_AUTOPILOT_INVALID
         return not (port.is_gcs and frame.system == self._router.system and msgid not in _NO_STATE)

@@ -10,7 +10,8 @@ from fwav_companion.mavlink.router.acceptance import Acceptance
 from fwav_companion.mavlink.router.routing import RADIO_REPORTS, Port, Router
 from fwav_companion.mavlink.router.signing_policy import Trust
 from fwav_companion.mavlink.wire.codec import decode
-from fwav_companion.mavlink.wire.definitions import BY_NAME, constant
+from fwav_companion.mavlink.wire.definitions import BY_NAME
+from fwav_companion.mavlink.wire.enums import MAV_TYPE_GCS
 from fwav_companion.mavlink.wire.frames import RawFrame
 from fwav_companion.types import Message
 
@@ -20,7 +21,6 @@ _TYPE_OFFSET: Final = _HEARTBEAT.fields["type"].offset
 _BOOT_OFFSET: Final = _SYSTEM_TIME.fields["time_boot_ms"].offset
 _TXBUF_OFFSET: Final = BY_NAME["RADIO_STATUS"].fields["txbuf"].offset
 """The older message RADIO has the field at the same offset."""
-_MAV_TYPE_GCS: Final = constant("MAV_TYPE_GCS")
 FOLLOWED: Final = RADIO_REPORTS | {_HEARTBEAT.msgid, _SYSTEM_TIME.msgid}
 """Ids of the messages that the router needs itself."""
 
@@ -69,5 +69,5 @@ class FrameReader:
             self._router.on_clock(port, frame, boot_ms, now)
         elif frame.msgid == _HEARTBEAT.msgid:
             self._router.merged.heard(port.name, frame.system << 8 | frame.component, now)
-            if frame.payload_byte(_TYPE_OFFSET) == _MAV_TYPE_GCS:
+            if frame.payload_byte(_TYPE_OFFSET) == MAV_TYPE_GCS:
                 port.ground_station_ns = now

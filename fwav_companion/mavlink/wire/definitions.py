@@ -39,7 +39,7 @@ class Definition:
     """
 
     def __init__(self, source: Any) -> None:
-        self._source = source
+        """``source``: pymavlink's class of the message. It is not kept: see :func:`forget_dialect`."""
         self.msgid: int = source.id
         self.name: str = source.msgname
         self.crc_byte = bytes((source.crc_extra,))
@@ -52,6 +52,10 @@ class Definition:
         """Field names in the order of the definition, which is the order of decoded fields."""
         self.wire_names: tuple[str, ...] = tuple(source.ordered_fieldnames)
         """Field names in the order of the payload."""
+        self._types: list[str] = source.fieldtypes
+        self._array_lengths: list[int] = source.array_lengths
+        self._instance_field: str | None = source.instance_field
+        self._extension_count = len(source.__init__.__defaults__ or ())
 
     @property
     def length(self) -> int:
@@ -70,11 +74,9 @@ class Definition:
     @cached_property
     def fields(self) -> dict[str, Field]:
         """Fields by name, in wire order."""
-        types = dict(zip(self.field_names, self._source.fieldtypes, strict=True))
-        array_lengths = dict(zip(self.wire_names, self._source.array_lengths, strict=True))
-        constructor = self._source.__init__
-        arguments = constructor.__code__.co_varnames[: constructor.__code__.co_argcount]
-        extensions = arguments[len(arguments) - len(constructor.__defaults__ or ()) :]
+        types = dict(zip(self.field_names, self._types, strict=True))
+        array_lengths = dict(zip(self.wire_names, self._array_lengths, strict=True))
+        extensions = self.field_names[len(self.field_names) - self._extension_count :]
         fields = {}
         offset = 0
         for name in self.wire_names:
@@ -110,7 +112,7 @@ class Definition:
     @cached_property
     def _instance_span(self) -> tuple[int, int]:
         """Offset and length of the field that separates the instances of this message; length 0 without one."""
-        name = self._source.instance_field or INSTANCE_FIELDS.get(self.name)
+        name = self._instance_field or INSTANCE_FIELDS.get(self.name)
         if not name:
             return 0, 0
         field = self.fields[name]
@@ -158,9 +160,12 @@ DEFINITIONS: Final[dict[int, Definition]] = {source.id: Definition(source) for s
 BY_NAME: Final[dict[str, Definition]] = {definition.name: definition for definition in DEFINITIONS.values()}
 
 
-def forget_descriptions() -> None:
-    """Free the descriptions of enumerations: megabytes that only pymavlink's own tools read."""
-    _dialect.enums.clear()
+def forget_dialect() -> None:
+    """Free pymavlink's classes, constants and texts, 9 MiB, at the next garbage collection.
+
+    Everything that a :class:`Definition` needs has been read. The module cannot be used afterwards in this process.
+    """
+    vars(_dialect).clear()
 
 
 def definition_of(name: str) -> Definition:
@@ -169,11 +174,3 @@ def definition_of(name: str) -> Definition:
         return BY_NAME[name]
     except KeyError:
         raise EncodeError(f"there is no MAVLink message {name!r} in the ardupilotmega dialect") from None
-
-
-def constant(name: str) -> int:
-    """Return an enumeration's value by its MAVLink name, for example MAV_TYPE_GCS; KeyError if the dialect has none."""
-    value = getattr(_dialect, name, None)
-    if not isinstance(value, int):
-        raise KeyError(f"there is no MAVLink constant {name!r} in the ardupilotmega dialect")
-    return value

@@ -1,0 +1,24 @@
+"""What the daemon frees before it starts."""
+
+import subprocess
+import sys
+
+START = """
+import gc, sys
+from fwav_companion.service.lean import leave_the_rest_alone, spare_memory
+spare_memory()
+import fwav_companion.service.daemon
+from fwav_companion.mavlink.wire.codec import Encoder, decode
+from fwav_companion.mavlink.wire.scanner import Scanner
+frame = Encoder(1, 1).encode("STATUSTEXT", {"severity": 6, "text": "EKF3 ready"})
+print(decode(Scanner(datagrams=True).feed(frame)[0]).fields.text)
+classes = [each for each in gc.get_objects() if isinstance(each, type)]
+print(len(classes) > 500, sum(each.__module__.startswith("pymavlink") for each in classes) < 5, sys.modules["ssl"])
+leave_the_rest_alone()
+print(gc.isenabled())
+"""
+
+
+def test_messages_are_read_and_written_after_pymavlink_has_been_freed():
+    done = subprocess.run([sys.executable, "-c", START], capture_output=True, text=True, check=True, timeout=60)
+    assert done.stdout.splitlines() == ["EKF3 ready", "True True None", "True"]
