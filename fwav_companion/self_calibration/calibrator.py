@@ -94,7 +94,7 @@ class Calibrator(msgspec.Struct, frozen=True):
         alive: Collection[int],
     ) -> Calibrator:
         """The state after a frame with all fixes ``seen``; ``fixes`` by track; ``alive``: all live tracks."""
-        mount_check = self.mount_check.seen(seen, self._state_at_capture, self._shown_delay_s)
+        mount_check = self.mount_check.seen(seen, self._state_at_capture, self._shown_delay_s, self.context.priors)
         if mount_check.text and not self._explained:
             return Calibrator(self.context, host_ns=host_ns, mount_check=mount_check, replaced=self.replaced)
         frame = DelayedMeasurement(host_ns, tuple(fixes), self.context.prepared(fixes, self.delay_s))

@@ -19,8 +19,15 @@ from fwav_companion.geometry.mounts import euler_from_body_from_camera
 from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S
 from fwav_companion.geometry.vectors import Matrix3
 from fwav_companion.self_calibration.arrays import Array, rotation, times
-from fwav_companion.self_calibration.sights import CommonPoint, Sights, SingleSight, sight_of, sights_of
-from fwav_companion.types import GroundFix, VehicleState
+from fwav_companion.self_calibration.sights import (
+    CommonPoint,
+    Sights,
+    SingleSight,
+    expected_spread,
+    sight_of,
+    sights_of,
+)
+from fwav_companion.types import ErrorPriors, GroundFix, VehicleState
 
 Turn: TypeAlias = tuple[int, int, int, int]
 """x' = a x + b y, y' = c x + d y of the camera's ray."""
@@ -48,6 +55,11 @@ ANOTHER_DELAY_S = 0.01
 WILD = 0.12
 """Spread under the configured mount, rad, above which another mount is searched: a delay of 35 ms makes as much on a
 flapping camera, a mount off by a few degrees less. Neither is gathered by another mount."""
+DISPLACED = 3.0
+"""Spread over the one expected of a right mount, above which another mount is searched. A distance drawn from the same
+normal errors is larger once in 500 times (Rayleigh distribution). Near the ground small distances are large angles:
+over a descent to 1 m with a position that wandered by 1 m the sights spread by 0.3 rad, and a mount off by 106 degrees
+gathered them."""
 CLOSE = 0.08
 """Spread up to which sights meet: 35 ms of delay leave 0.07 on a flapping camera, a metre of wandering 0.05."""
 GATHERED = 0.45
@@ -101,7 +113,11 @@ class MountCheck(msgspec.Struct, frozen=True):
         return "" if self.mistake is None else self.mistake.text
 
     def seen(
-        self, fixes: Sequence[GroundFix], state_at_capture: Callable[[VehicleState], VehicleState], delay_s: float
+        self,
+        fixes: Sequence[GroundFix],
+        state_at_capture: Callable[[VehicleState], VehicleState],
+        delay_s: float,
+        priors: ErrorPriors,
     ) -> MountCheck:
         """The check after a frame; only a frame with a single fix shows which target it was.
 
@@ -109,19 +125,22 @@ class MountCheck(msgspec.Struct, frozen=True):
         """
         if len(fixes) != 1 or (self.sights and fixes[0].sighting.frame_host_ns - self.sights[-1].host_ns < EVERY_NS):
             return self
-        sight = sight_of(fixes[0], state_at_capture(fixes[0].sighting.state))
+        sight = sight_of(fixes[0], state_at_capture(fixes[0].sighting.state), priors)
         if self.sights and abs(delay_s - self.delay_s) > ANOTHER_DELAY_S:
             return MountCheck(self.predicted_ns, (sight,), 0, delay_s, self.mistake)
         sights = (*self.sights, sight)[-MOST_KEPT:]
         own = [each for each in sights if each.label == sight.label]
         if len(own) < LEAST_KEPT or self.fresh + 1 < FRESH:
             return MountCheck(self.predicted_ns, sights, self.fresh + 1, delay_s, self.mistake)
-        return MountCheck(self.predicted_ns, sights, 0, delay_s, _judged(own, self.mistake, self.predicted_ns))
+        wild = max(WILD, DISPLACED * expected_spread(own, priors))
+        return MountCheck(self.predicted_ns, sights, 0, delay_s, _judged(own, self.mistake, wild, self.predicted_ns))
 
 
-def _judged(sights: Sequence[SingleSight], before: MountMistake | None, predicted_ns: int) -> MountMistake | None:
-    """The mistake by these sights; the one found ``before`` remains until the configured mount gathers them as much
-    better.
+def _judged(
+    sights: Sequence[SingleSight], before: MountMistake | None, wild: float, predicted_ns: int
+) -> MountMistake | None:
+    """The mistake by these sights, where those of the configured mount spread by more than ``wild``; the one found
+    ``before`` remains until the configured mount gathers them as much better.
     """
     seen = sights_of(sights)
     (configured,) = seen.meeting(np.array([sights[-1].body_from_camera]))
@@ -129,7 +148,7 @@ def _judged(sights: Sequence[SingleSight], before: MountMistake | None, predicte
         (common,) = seen.meeting(before.common.body_from_camera[None])
         cleared = configured.spread < GATHERED * common.spread
         before = None if cleared else _mistake(seen, configured, common, before.text)
-    if configured.spread < WILD or (before is not None and before.text):
+    if configured.spread < wild or (before is not None and before.text):
         return before
     image = _image(seen, configured)
     if image is not None:

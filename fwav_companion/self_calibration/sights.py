@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import dist, exp, log, sqrt
+from statistics import median
 
 import msgspec
 import numpy as np
 
 from fwav_companion.geometry.rotations import matrix_from_quaternion
-from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.geometry.vectors import ZERO3, Matrix3, Vector3, subtract
 from fwav_companion.self_calibration.arrays import Array, Mask
 from fwav_companion.self_calibration.filter_pass import median_of
-from fwav_companion.types import GroundFix, VehicleState
+from fwav_companion.types import Bias, ErrorPriors, GroundFix, VehicleState
 
+DISPLACING = (Bias.HEIGHT, Bias.POSITION_DELAY, Bias.LEVER_X, Bias.LEVER_Y, Bias.LEVER_Z, Bias.TARGET_HEIGHT)
+"""Biases that displace a point by metres, whatever the camera's distance; other mounts imitate them where it is near.
+"""
+MEDIAN = sqrt(2.0 * log(2.0))
+"""Median distance of a point with a sigma of 1 along each of two axes (Rayleigh distribution)."""
 LEAST_DOWN = 0.05
 """Down component of a unit ray: 3 degrees below the horizon; a flatter ray meets the ground anywhere."""
 
@@ -31,6 +38,12 @@ class SingleSight(msgspec.Struct, frozen=True, gc=False):
     camera_ned: Vector3
     drop_m: float
     """From the camera down to the target's ground."""
+    range_m: float
+    """From the camera to the point on the ground."""
+    displaced_m2: float
+    """Variance of the point by noise and by DISPLACING, mean of both axes."""
+    position_m2: float
+    """Variance of the vehicle's position, mean of both axes."""
 
 
 class CommonPoint(msgspec.Struct, frozen=True):
@@ -48,9 +61,10 @@ MISSED = 1e3
 """Spread where half of the sights miss the ground."""
 
 
-def sight_of(fix: GroundFix, state: VehicleState) -> SingleSight:
+def sight_of(fix: GroundFix, state: VehicleState, priors: ErrorPriors) -> SingleSight:
     """The sight of a fix; ``state``: the vehicle at its capture by the delay that is known."""
     sighting = fix.sighting
+    displaced_m2 = 0.5 * (fix.noise_cov[0][0] + fix.noise_cov[1][1]) + _variance(fix, DISPLACING, priors)
     nominal = sighting.state
     both = state.position_ned is not None and nominal.position_ned is not None
     moved = subtract(state.position_ned, nominal.position_ned) if both else ZERO3  # type: ignore[arg-type]
@@ -63,7 +77,29 @@ def sight_of(fix: GroundFix, state: VehicleState) -> SingleSight:
         matrix_from_quaternion(state.ned_from_carrier),
         (north + moved[0], east + moved[1], down + moved[2]),
         fix.drop_m - moved[2],
+        range_m=dist(fix.position_ned, sighting.camera_ned),
+        displaced_m2=displaced_m2,
+        position_m2=_variance(fix, (Bias.POSITION_NORTH, Bias.POSITION_EAST), priors),
     )
+
+
+def _variance(fix: GroundFix, biases: Sequence[Bias], priors: ErrorPriors) -> float:
+    columns = [(*fix.bias_jacobian[bias][:2], priors.sigma(bias)) for bias in biases]
+    return 0.5 * sum((north * north + east * east) * sigma * sigma for north, east, sigma in columns)
+
+
+def expected_spread(sights: Sequence[SingleSight], priors: ErrorPriors) -> float:
+    """One sigma of the median angle between sights and their common point under a right mount, rad: by noise, by biases
+    of metres, and by what the vehicle's position wanders within these sights.
+
+    The position errs by its whole sigma, but nearly the same throughout. A random walk over a time t spreads about its
+    own mean by the variance of t / 6, and a first-order process of time constant T moves like one within T: its
+    variance over an interval is 2 sigma^2 (1 - exp(-interval / T)).
+    """
+    sixth_s = s_from_ns(sights[-1].host_ns - sights[0].host_ns) / 6.0
+    times_s = priors.position_times_s
+    moved = sum(2.0 - 2.0 * exp(-sixth_s / time_s) for time_s in times_s if time_s > 0.0) / len(times_s)
+    return MEDIAN * median(sqrt(each.displaced_m2 + moved * each.position_m2) / each.range_m for each in sights)
 
 
 class Sights(msgspec.Struct, frozen=True):

@@ -50,6 +50,18 @@ def test_a_descent_with_a_wandering_position_ends_right_to_a_decimetre(calibrate
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("seed", [2, 6])
+def test_near_the_ground_a_wandering_position_is_no_mistake_of_the_mount(seed):
+    """From 1 m, what it wanders by in ten seconds looks like a mount off by half a turn, and all places as unknown."""
+    flight = fly(scenario("descent_wander").but({"seed": seed}), (*SETTINGS, LATE, "tracking.self_calibration=true"))
+    assert not [line for line in flight.companion.lines if line.get("mistake")]
+    lines = [line for line in flight.companion.targets("pad") if line["state"] in ("confirmed", "coasting")]
+    assert len(lines) > 300
+    assert max(line["cov"][0][0] for line in lines) < 2.0**2
+
+
+@pytest.mark.slow
 @pytest.mark.timeout(3600)
 def test_circles_over_one_target_claim_what_is_true():
     """A wander of first order, of which an estimate lags behind: the mean square over 12 flights, of 2 when honest."""

@@ -8,13 +8,13 @@ import pytest
 import simulated_flight
 from draws import first_of
 from scipy.spatial.transform import Rotation
-from simulated_flight import BODY_FROM_CAMERA, Flight
+from simulated_flight import BODY_FROM_CAMERA, Flight, priors
 from simulated_world import World
 
 from fwav_companion.geometry.mounts import body_from_camera_from_euler
 from fwav_companion.self_calibration import CalibrationStatus
 from fwav_companion.self_calibration.mount_check import MountCheck
-from fwav_companion.self_calibration.sights import sight_of, sights_of
+from fwav_companion.self_calibration.sights import expected_spread, sight_of, sights_of
 from fwav_companion.tracking import TrackingOptions, make_tracker
 from fwav_companion.types import BIAS_COUNT, Bias
 
@@ -95,7 +95,7 @@ def test_who_walks_is_no_crooked_mount(seed):
 def test_sights_meet_under_the_mount_that_is_there_and_nowhere_else():
     world = World(crooked((10, 0, 5), pixel_px=0.1, stamp_late_s=0.0))
     fixes = [view.fixes[0] for view in world.frames() if len(view.fixes) == 1]
-    sights = [sight_of(fix, fix.sighting.state) for fix in fixes]
+    sights = [sight_of(fix, fix.sighting.state, world.flight.priors) for fix in fixes]
     configured = np.array(sights[0].body_from_camera)
     true = (Rotation.from_rotvec(np.radians([10, 0, 5])) * BODY_FROM_CAMERA).as_matrix()
     common, as_configured = sights_of(sights).meeting(np.array([true, configured]))
@@ -107,16 +107,39 @@ def test_sights_meet_under_the_mount_that_is_there_and_nowhere_else():
     assert sights_of(sights).misplaced_m(common, configured) == pytest.approx(np.median(off), rel=0.05)
 
 
+@pytest.mark.parametrize(("displaced_m", "position_m", "range_m"), [(0.1, 0.0, 2.0), (0.0, 1.0, 1.0), (0.1, 1.0, 12.0)])
+def test_sights_spread_as_expected_by_noise_and_a_wandering_position(displaced_m, position_m, range_m):
+    """5 sights/s for 16 s; 400 draws of a first-order process of 60 s, and of noise."""
+    rng, steps, keep = np.random.default_rng(1), 80, np.exp(-0.2 / 60.0)
+    wander = np.empty((400, steps, 2))
+    wander[:, 0] = rng.normal(0.0, position_m, (400, 2))
+    for k in range(1, steps):
+        wander[:, k] = keep * wander[:, k - 1] + rng.normal(0.0, position_m * np.sqrt(1.0 - keep**2), (400, 2))
+    points = wander + rng.normal(0.0, displaced_m, (400, steps, 2))
+    apart = np.median(np.hypot(*np.moveaxis(points - np.median(points, axis=1, keepdims=True), -1, 0)), axis=1)
+    seen = World(Flight(seconds=1.0, fps=5.0)).frames()[-1].fixes[0]
+    sight = msgspec.structs.replace(
+        sight_of(seen, seen.sighting.state, priors()),
+        range_m=range_m,
+        displaced_m2=displaced_m**2,
+        position_m2=position_m**2,
+    )
+    sights = [msgspec.structs.replace(sight, host_ns=k * 200_000_000) for k in range(steps)]
+    found = expected_spread(sights, priors(position_bias_time_s=60.0))
+    assert found == pytest.approx(np.sqrt(np.mean(apart**2)) / range_m, rel=0.15)
+
+
 def test_sights_are_taken_by_the_delay_that_was_found():
     """With another delay they belong to other attitudes: earlier sights are forgotten, the result is kept."""
-    fixes = [view.fixes for view in World(crooked((20, 0, 0))).frames() if len(view.fixes) == 1]
+    flight = crooked((20, 0, 0))
+    fixes = [view.fixes for view in World(flight).frames() if len(view.fixes) == 1]
     suspicion = MountCheck()
     for seen in fixes:
-        suspicion = suspicion.seen(seen, nominally, 0.0)
+        suspicion = suspicion.seen(seen, nominally, 0.0, flight.priors)
     assert "20 degrees" in suspicion.text
 
     sighting = fixes[-1][0].sighting
     after = msgspec.structs.replace(sighting, frame_host_ns=sighting.frame_host_ns + 10**9)
-    suspicion = suspicion.seen([msgspec.structs.replace(fixes[-1][0], sighting=after)], nominally, 0.05)
+    suspicion = suspicion.seen([msgspec.structs.replace(fixes[-1][0], sighting=after)], nominally, 0.05, flight.priors)
     assert (len(suspicion.sights), suspicion.delay_s) == (1, 0.05)
     assert "20 degrees" in suspicion.text
