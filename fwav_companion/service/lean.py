@@ -1,4 +1,4 @@
-"""Memory that the daemon does not need, and garbage collection that it does not need: for small boards.
+"""Memory that the daemon does not need, and garbage collection that neither it nor a replay needs.
 
 A file of its own, because it runs before asyncio and hashlib are imported.
 """
