@@ -31,8 +31,6 @@ DOWN_FLOOR_M2 = 0.02**2
 """Least variance of a ground's level, m^2: keeps the algebra regular where a plane leaves the height without error."""
 MOST_TURN_COSINE = 0.7
 """45 degrees: noise turns a line of sight by more only right above the target, where its azimuth does not matter."""
-MOST_REMEMBERED = 256
-"""Prepared fixes that are kept: those of a frame, a megabyte."""
 SENSITIVITY_SHARE = 0.25
 """Relative error of the sensitivities to attitude, mount and height, one sigma, that the gain allows for.
 
@@ -68,6 +66,7 @@ class ConsiderBiases:
     __slots__ = (
         "_attitude_noise2",
         "_delayed",
+        "_frame_ns",
         "_height_noise2",
         "_position_noise2",
         "_remembered",
@@ -96,6 +95,8 @@ class ConsiderBiases:
         self.count = len(used)
         self._used = tuple((int(bias), priors.sigma(bias)) for bias in used)
         self._wander_s = priors.position_bias_time_s
+        # The measurements of one frame, by identity of their fixes.
+        self._frame_ns = HostNs(0)
         self._remembered: dict[int, tuple[GroundFix, Measurement]] = {}
         self._attitude_noise2 = priors.attitude_noise**2
         self.height_noise_m = priors.height_noise_m
@@ -111,8 +112,9 @@ class ConsiderBiases:
         remembered = self._remembered.get(id(fix))
         if remembered is not None and remembered[0] is fix:
             return remembered[1]
-        if len(self._remembered) >= MOST_REMEMBERED:
+        if fix.sighting.frame_host_ns != self._frame_ns:
             self._remembered.clear()
+            self._frame_ns = fix.sighting.frame_host_ns
         noise, gate = add_diagonal(fix.noise_cov, 0.0, DOWN_FLOOR_M2), widest_gate(fix.sighting.detection)
         prepared = Measurement(fix.position_ned, noise, self._scaled(fix), gate)
         self._remembered[id(fix)] = (fix, prepared)
