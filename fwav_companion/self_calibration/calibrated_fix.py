@@ -36,6 +36,8 @@ mount and by a late stamp, as the parameters are; the readout is truth minus con
 The age of positions moves fix and report alike."""
 SHARED, BIASES = [int(each) for each, _, _ in COLUMNS], [int(bias) for _, bias, _ in COLUMNS]
 SIGNS = np.array([sign for _, _, sign in COLUMNS])
+BLOCK = np.ix_(SHARED, SHARED)
+"""Index of these parameters in a covariance."""
 
 
 class CalibratedFix(msgspec.Struct, frozen=True, gc=False):
@@ -59,7 +61,7 @@ def calibrated_fix(fix: GroundFix, mean: Array, cov: Array, position_noise_m2: f
     """The fix without what the parameters by their ``mean`` (11 and more) and ``cov`` make of it."""
     rows = np.array([fix.bias_jacobian[i][:2] for i in BIASES]).T * SIGNS
     off = rows @ mean[SHARED]
-    (nn, ne), (_, ee) = (rows @ cov[np.ix_(SHARED, SHARED)] @ rows.T).tolist()
+    (nn, ne), (_, ee) = (rows @ cov[BLOCK] @ rows.T).tolist()
     (r_nn, r_ne, _), (_, r_ee, _), _ = fix.noise_cov
     by = (r_nn - position_noise_m2 + nn, r_ne + ne, r_ee - position_noise_m2 + ee)
     return CalibratedFix(fix.position_ned[0] - float(off[0]), fix.position_ned[1] - float(off[1]), by)

@@ -26,8 +26,8 @@ class CalibratedTargetState(msgspec.Struct, frozen=True):
     track: int
     placed: CalibratedPlace
     own: TargetState
-    fix: GroundFix | None = None
-    """The target's fix in this frame."""
+    by_fix: CalibratedFix | None = None
+    """The target by its fix of this frame, where the joint estimate lags behind the error of the vehicle's position."""
 
     @property
     def position_ned(self) -> Vector3:
@@ -42,7 +42,7 @@ class CalibratedTargetState(msgspec.Struct, frozen=True):
     @property
     def apparent_ned(self) -> Vector3:
         """The target relative to the vehicle's report: by the smaller claim, as both hold every error."""
-        placed, by_fix = self.placed, self._by_fix
+        placed, by_fix = self.placed, self.by_fix
         if by_fix is not None:
             return (by_fix.north, by_fix.east, self.position_ned[2])
         if self._follows:
@@ -52,15 +52,9 @@ class CalibratedTargetState(msgspec.Struct, frozen=True):
     @property
     def relative_cov(self) -> Matrix3:
         """Covariance of the target relative to the vehicle, NED, m^2."""
-        by_fix = self._by_fix
-        if by_fix is not None:
-            return _level(by_fix.cov, self.own.cov[2][2])
+        if self.by_fix is not None:
+            return _level(self.by_fix.cov, self.own.cov[2][2])
         return self.own.relative_cov if self._follows else self._place_cov
-
-    @property
-    def _by_fix(self) -> CalibratedFix | None:
-        """The fix of this frame, where the joint estimate lags behind the error of the vehicle's position."""
-        return None if self.fix is None else self.calibrator.by_fix(self.fix)
 
     @property
     def _place_cov(self) -> Matrix3:

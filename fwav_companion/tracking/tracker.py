@@ -288,7 +288,8 @@ class Tracker:
         placed = None if calibrator is None else calibrator.placed(track.id)
         if calibrator is None or placed is None:
             return None
-        return CalibratedTargetState(calibrator, track.id, placed, track.target, track.fix)
+        by_fix = None if track.fix is None else calibrator.by_fix(track.fix)
+        return CalibratedTargetState(calibrator, track.id, placed, track.target, by_fix)
 
     def _reports(self, tracks: Sequence[LiveTrack], view: FrameView) -> tuple[Track, ...]:
         """The tracks' reports. While the mount is known to be wrong, they have no fix, and wide covariances."""
