@@ -8,9 +8,7 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping, Sequence
-from itertools import chain
 from math import log, pi, sqrt
-from operator import itemgetter
 
 import msgspec
 
@@ -21,6 +19,7 @@ from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.tracking.filters.base import TargetState
 from fwav_companion.tracking.filters.gates import GATE, ID_GATE
 from fwav_companion.types import GroundFix
+from fwav_companion.types.tracks import GateResult
 
 CONFIRMED_BONUS = 8.0
 """Advantage of a confirmed track over a tentative one: the latter must be likelier by this, fifty to one, to take the
@@ -91,14 +90,9 @@ def associate(
     ``could_see``: whether a place is in view. A target in view that stays without a fix was missed, one out of view was
     not: where errors that targets share move them by half of their distance, this decides which of them are seen.
     """
-    pairs = _possible(candidates, fixes)
-    clutter_llr = {j: against.llr_of(fixes[j]) + against.detection_odds for j in {j for _, j in pairs}}
-    costs: dict[tuple[int, int], float] = {}
-    for i, j in pairs:
-        cost = _cost(candidates[i], candidates[i].target, fixes[j], clutter_llr[j])
-        if cost is not None:
-            costs[i, j] = cost
-    costs = _refined(costs, candidates, fixes, clutter_llr)
+    possible = _possible(candidates, fixes)
+    clutter_llr = {j: against.llr_of(fixes[j]) + against.detection_odds for j in set().union(*possible.values())}
+    costs = _refined(_costs(possible, candidates, fixes, clutter_llr), candidates, fixes, clutter_llr)
     if len({i for i, _ in costs}) == len({j for _, j in costs}) == len(costs):
         taken = dict(costs.keys())
     else:
@@ -113,16 +107,43 @@ def may_be_displaced(target: TargetState, fix: GroundFix) -> bool:
     return north * north <= reach2 * (own[0][0] + other[0][0]) and east * east <= reach2 * (own[1][1] + other[1][1])
 
 
-def _possible(candidates: Sequence[Candidate], fixes: Sequence[GroundFix]) -> list[tuple[int, int]]:
-    """Pairs of equal labels that the gate may accept, in the order of fixes and tracks."""
+def _possible(candidates: Sequence[Candidate], fixes: Sequence[GroundFix]) -> dict[int, list[int]]:
+    """The fixes of equal label, in order, that the gate of each candidate may accept."""
     targets: defaultdict[str, list[tuple[int, TargetState]]] = defaultdict(list)
     for i, candidate in enumerate(candidates):
         targets[candidate.label].append((i, candidate.target))
     by_label: defaultdict[str, list[tuple[int, GroundFix]]] = defaultdict(list)
     for j, fix in enumerate(fixes):
         by_label[fix.sighting.detection.label].append((j, fix))
-    pairs = (possible_pairs(targets[label], of_label) for label, of_label in by_label.items() if label in targets)
-    return sorted(chain.from_iterable(pairs), key=itemgetter(1, 0))
+    possible: defaultdict[int, list[int]] = defaultdict(list)
+    for label, of_label in by_label.items():
+        if label in targets:
+            for i, j in possible_pairs(targets[label], of_label):
+                possible[i].append(j)
+    return {i: sorted(near) for i, near in possible.items()}
+
+
+def _costs(
+    possible: Mapping[int, Sequence[int]],
+    candidates: Sequence[Candidate],
+    fixes: Sequence[GroundFix],
+    clutter_llr: Mapping[int, float],
+) -> dict[tuple[int, int], float]:
+    """The costs of the pairs that the gates accept."""
+    costs: dict[tuple[int, int], float] = {}
+    for i, near in possible.items():
+        candidate = candidates[i]
+        for j, gated in zip(near, _gated(candidate.target, [fixes[j] for j in near]), strict=True):
+            cost = _cost(candidate, fixes[j], gated, clutter_llr[j])
+            if cost is not None:
+                costs[i, j] = cost
+    return costs
+
+
+def _gated(target: TargetState, fixes: Sequence[GroundFix]) -> Sequence[GateResult]:
+    """Gating statistics of several fixes, together where the filter has them so."""
+    gates: Callable[[Sequence[GroundFix]], list[GateResult]] | None = getattr(target, "gates", None)
+    return [target.gate(fix) for fix in fixes] if gates is None else gates(fixes)
 
 
 def _refined(
@@ -139,8 +160,10 @@ def _refined(
     for (i, j), coarse in costs.items():
         target = candidates[i].refined
         unambiguous = rows[i] == 1 and columns[j] == 1
-        keeps = target is None or unambiguous
-        cost = coarse if keeps or target is None else _cost(candidates[i], target, fixes[j], clutter_llr[j])
+        if target is None or unambiguous:
+            cost: float | None = coarse
+        else:
+            cost = _cost(candidates[i], fixes[j], target.gate(fixes[j]), clutter_llr[j])
         if cost is not None:
             refined[i, j] = cost
     return refined
@@ -161,9 +184,8 @@ def _with_priority(
     return {(i, j): cost - advantage[i] for (i, j), cost in costs.items()}
 
 
-def _cost(candidate: Candidate, target: TargetState, fix: GroundFix, clutter_llr: float) -> float | None:
+def _cost(candidate: Candidate, fix: GroundFix, gated: GateResult, clutter_llr: float) -> float | None:
     """The cost of a pair: negative, the lower the better; None outside the gate."""
-    gated = target.gate(fix)
     detector_id = fix.sighting.detection.detector_id
     if detector_id is not None and detector_id == candidate.detector_id:
         return gated.nis - 2.0 * ID_GATE if gated.nis < ID_GATE else None

@@ -2,8 +2,9 @@
 
 An innovation n along an axis passes the exact gate only if ``n^2 <= gate * (a + b + |r - s|^2)``, with the variances a
 and b of track and fix and their sensitivities r and s to shared errors. Fixes are gathered in cells of neighbours with
-similar sensitivities: with the reference row c of a cell, ``|r - s| <= |r - c| + |s - c|``. Whole cells are left out
-first, then fixes. No pair that the exact gate accepts is left out.
+similar sensitivities: with the reference row c of a cell, ``|r - s| <= |r - c| + |s - c|``, where the second length is
+that of the fix for all tracks. Whole cells are left out first, then fixes. No pair that the exact gate accepts is left
+out.
 """
 
 from __future__ import annotations
@@ -30,8 +31,9 @@ SLACK = 1.0 + 1e-9
 
 SharedFix: TypeAlias = tuple[GroundFix, GateShare, int]
 """A fix, its share in the gate, and its index."""
-Member: TypeAlias = tuple[float, float, float, GateShare, int]
-"""A fix in its cell: north, east, metres; distance of its sensitivities north to the cell's, metres; share; index."""
+Member: TypeAlias = tuple[float, float, float, float, float, float, int]
+"""A fix in its cell: north and east, metres; own variances along them, m^2; distances of its sensitivities along them
+to the cell's, metres; index."""
 
 
 class GateCell(msgspec.Struct, frozen=True, gc=False):
@@ -78,13 +80,9 @@ def _in_reach(position_ned: Vector3, own: GateShare, cells: Sequence[GateCell]) 
         reach_e = sqrt(gate * (own_ee + ee + (to_e + off_e) ** 2))
         if not cell.corner[1] - reach_e <= east <= cell.opposite[1] + reach_e:
             continue
-        for fix_n, fix_e, fix_off_n, share, j in cell.members:
-            n, e, off_n = fix_n - north, fix_e - east, to_n + fix_off_n
-            if (
-                n * n <= gate * (own_nn + share.nn + off_n * off_n)
-                and e * e <= gate * (own_ee + share.ee + dist(own_east, share.east) ** 2)
-                and n * n <= gate * (own_nn + share.nn + dist(own_north, share.north) ** 2)
-            ):
+        for fix_n, fix_e, fix_nn, fix_ee, fix_off_n, fix_off_e, j in cell.members:
+            n, e, off_n, off_e = fix_n - north, fix_e - east, to_n + fix_off_n, to_e + fix_off_e
+            if n * n <= gate * (own_nn + fix_nn + off_n * off_n) and e * e <= gate * (own_ee + fix_ee + off_e * off_e):
                 yield j
 
 
@@ -105,22 +103,23 @@ def _cut(fixes: list[SharedFix], length: int) -> Iterator[list[SharedFix]]:
 
 def _cell(fixes: list[SharedFix]) -> GateCell:
     reference = fixes[len(fixes) // 2][1]
-    off_north = [dist(share.north, reference.north) for _, share, _ in fixes]
-    off_east = [dist(share.east, reference.east) for _, share, _ in fixes]
-    norths, easts = [fix.position_ned[0] for fix, _, _ in fixes], [fix.position_ned[1] for fix, _, _ in fixes]
+    members = tuple(
+        (
+            *fix.position_ned[:2],
+            share.nn,
+            share.ee,
+            dist(share.north, reference.north),
+            dist(share.east, reference.east),
+            j,
+        )
+        for fix, share, j in fixes
+    )
+    norths, easts, nn, ee, off_north, off_east, _ = zip(*members, strict=True)
     return GateCell(
-        tuple(
-            (north, east, off, share, j)
-            for north, east, off, (_, share, j) in zip(norths, easts, off_north, fixes, strict=True)
-        ),
+        members,
         reference,
         SLACK * max(widest_gate(fix.sighting.detection) for fix, _, _ in fixes),
         (min(norths), min(easts)),
         (max(norths), max(easts)),
-        (
-            max(share.nn for _, share, _ in fixes),
-            max(share.ee for _, share, _ in fixes),
-            max(off_north),
-            max(off_east),
-        ),
+        (max(nn), max(ee), max(off_north), max(off_east)),
     )

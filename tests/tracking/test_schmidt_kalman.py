@@ -10,7 +10,7 @@ from fwav_companion.tracking.filters.consider_biases import Measurement
 from fwav_companion.tracking.filters.gates import GATE
 from fwav_companion.tracking.filters.schmidt_kalman import (
     PointEstimate,
-    gate_result,
+    gate_results,
     relative_estimate,
 )
 
@@ -61,7 +61,7 @@ def test_the_gate_is_the_mahalanobis_distance_of_the_difference_and_nothing_near
         cov = square(own.noise) + np.array(fix.noise)[:2, :2] + apart @ apart.T + scatter.variance * np.eye(2)
         difference = fix.position[:2] - place_of(own)
         nis = difference @ np.linalg.solve(cov, difference)
-        reported = gate_result(own, scatter, fix, TIMED)
+        reported = gate_results(own, scatter, [fix], TIMED)[0]
         if reported.nis == inf:
             far += 1
             assert nis > GATE

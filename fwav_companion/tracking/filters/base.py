@@ -7,6 +7,7 @@ A user's filter is a class in a module that Python finds (the current folder too
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Protocol
 
 from fwav_companion.geometry.stamps import HostNs
@@ -61,6 +62,9 @@ class CoarselyGated(TargetState, Protocol):
 
     def gate_share_of(self, fix: GroundFix) -> GateShare:
         """The share of a fix in it; the same for every target of the filter."""
+
+    def gates(self, fixes: Sequence[GroundFix]) -> list[GateResult]:
+        """:meth:`TargetState.gate` of several fixes."""
 
 
 class Filter(Protocol):

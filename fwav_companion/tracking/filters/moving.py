@@ -27,7 +27,7 @@ from fwav_companion.geometry.vectors import (
 from fwav_companion.tracking.filters.adaptive_noise import AdaptiveNoise
 from fwav_companion.tracking.filters.consider_biases import ConsiderBiases, Measurement, Rows
 from fwav_companion.tracking.filters.maneuver import ManeuverLag
-from fwav_companion.tracking.filters.schmidt_kalman import PointEstimate, gate_result, scattered
+from fwav_companion.tracking.filters.schmidt_kalman import PointEstimate, gate_results, scattered
 from fwav_companion.types import ErrorPriors, GroundFix
 from fwav_companion.types.tracks import GateResult
 
@@ -117,7 +117,7 @@ class MovingTargetState(msgspec.Struct, frozen=True):
     def gate(self, fix: GroundFix) -> GateResult:
         """How little a fix at this instant was expected, horizontal; one beyond where it lags is expected the more."""
         place = self._place(add_matrices(self.noise, self.lag.position_cov))
-        return gate_result(place, self.scatter, self.errors.prepared(fix), self.errors.timed)
+        return gate_results(place, self.scatter, (self.errors.prepared(fix),), self.errors.timed)[0]
 
     def update(self, fix: GroundFix) -> MovingTargetState:
         """The state after a fix by the gain of least noise and observed scatter; a target that turned is freed."""

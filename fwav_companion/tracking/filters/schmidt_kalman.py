@@ -15,6 +15,7 @@ gain of its noise.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import dist, hypot, log
 from operator import sub
 from typing import TypeAlias
@@ -227,26 +228,32 @@ def relative_estimate(
     )
 
 
-def gate_result(estimate: PointEstimate, scatter: AdaptiveNoise, fix: Measurement, timed: int | None) -> GateResult:
-    """Gating statistics of a fix; errors that it shares with the estimate cancel."""
-    (fix_n, fix_e, _), (own_n, own_e) = fix.shared, estimate.shared
-    p_nn, p_ne, p_ee = estimate.noise
-    (f_nn, f_ne, _), (_, f_ee, _), _ = fix.noise
-    by_nn, by_ee = dist(fix_n, own_n) ** 2, dist(fix_e, own_e) ** 2
-    nn = p_nn + f_nn + scatter.variance + by_nn
-    ee = p_ee + f_ee + scatter.variance + by_ee
-    n, e = fix.position[0] - estimate.north_m, fix.position[1] - estimate.east_m
-    if n * n > fix.gate * nn or e * e > fix.gate * ee:  # the distance along either axis is a lower bound
-        return OUTSIDE_GATE
-    # the inner product by polarization, as ``inner`` has it, with the lengths that are known
-    across = dist(tuple(map(sub, fix_n, own_n)), tuple(map(sub, fix_e, own_e)))
-    ne = p_ne + f_ne + 0.5 * (by_nn + by_ee - across**2)
-    if timed is not None:
-        certain = 1.0 - scatter.doubt
-        north, east = fix_n[timed] - own_n[timed], fix_e[timed] - own_e[timed]
-        nn, ne, ee = nn - certain * north * north, ne - certain * north * east, ee - certain * east * east
-    area2 = nn * ee - ne * ne
-    return GateResult((ee * n * n - 2.0 * ne * n * e + nn * e * e) / area2, log(area2 / (f_nn * f_ee - f_ne * f_ne)))
+def gate_results(
+    estimate: PointEstimate, scatter: AdaptiveNoise, fixes: Sequence[Measurement], timed: int | None
+) -> list[GateResult]:
+    """Gating statistics of fixes; errors that they share with the estimate cancel."""
+    (own_n, own_e), (p_nn, p_ne, p_ee) = estimate.shared, estimate.noise
+    north_m, east_m, certain = estimate.north_m, estimate.east_m, 1.0 - scatter.doubt
+    results = []
+    for fix in fixes:
+        fix_n, fix_e, _ = fix.shared
+        (f_nn, f_ne, _), (_, f_ee, _), _ = fix.noise
+        n, e = fix.position[0] - north_m, fix.position[1] - east_m
+        by_nn, by_ee = dist(fix_n, own_n) ** 2, dist(fix_e, own_e) ** 2
+        nn, ee = p_nn + f_nn + scatter.variance + by_nn, p_ee + f_ee + scatter.variance + by_ee
+        if n * n > fix.gate * nn or e * e > fix.gate * ee:  # the distance along either axis is a lower bound
+            results.append(OUTSIDE_GATE)
+            continue
+        # the inner product by polarization, as ``inner`` has it, with the lengths that are known
+        across = dist(tuple(map(sub, fix_n, own_n)), tuple(map(sub, fix_e, own_e)))
+        ne = p_ne + f_ne + 0.5 * (by_nn + by_ee - across**2)
+        if timed is not None:
+            north, east = fix_n[timed] - own_n[timed], fix_e[timed] - own_e[timed]
+            nn, ne, ee = nn - certain * north * north, ne - certain * north * east, ee - certain * east * east
+        area2 = nn * ee - ne * ne
+        nis = (ee * n * n - 2.0 * ne * n * e + nn * e * e) / area2
+        results.append(GateResult(nis, log(area2 / (f_nn * f_ee - f_ne * f_ne))))
+    return results
 
 
 def scattered(estimate: PointEstimate, scatter: AdaptiveNoise, fix: Measurement, timed: int | None) -> AdaptiveNoise:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import sqrt
 from typing import Self
 
@@ -26,7 +27,7 @@ from fwav_companion.tracking.filters.schmidt_kalman import (
     PointEstimate,
     RelativeEstimate,
     first_point_estimate,
-    gate_result,
+    gate_results,
 )
 from fwav_companion.types import Bias, ErrorPriors, GroundFix
 from fwav_companion.types.tracks import GateResult, GateShare
@@ -162,8 +163,12 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
 
     def gate(self, fix: GroundFix) -> GateResult:
         """Gating statistics of a fix at this instant, horizontal."""
-        errors = self.model.errors
-        return gate_result(self.predicted or self.apparent, self.scatter, errors.prepared(fix), errors.timed)
+        return self.gates((fix,))[0]
+
+    def gates(self, fixes: Sequence[GroundFix]) -> list[GateResult]:
+        """Gating statistics of several fixes."""
+        errors, place = self.model.errors, self.predicted or self.apparent
+        return gate_results(place, self.scatter, [errors.prepared(fix) for fix in fixes], errors.timed)
 
     def before(self, host_ns: HostNs) -> PointEstimate:
         """The apparent place predicted to an instant: the error of the vehicle's position has wandered on."""

@@ -112,6 +112,10 @@ class LandmarkTargetState(msgspec.Struct, frozen=True, kw_only=True):
         """Gating statistics of a fix at this instant."""
         return self.own.gate(fix)
 
+    def gates(self, fixes: Sequence[GroundFix]) -> list[GateResult]:
+        """Gating statistics of several fixes."""
+        return self.own.gates(fixes)
+
     def update(self, fix: GroundFix) -> Self:
         """The state after a fix of this instant."""
         position, noise, rows = _linearized(self.own.measured(fix), fix, self.landmarks)
