@@ -9,7 +9,6 @@ from simulated_flight import priors
 
 from fwav_companion.tracking.filters.consider_biases import (
     DOWN_FLOOR_M2,
-    MOST_REMEMBERED,
     SENSITIVITY_SHARE,
     SENSITIVITY_STEP_S,
     ConsiderBiases,
@@ -29,11 +28,11 @@ IN_ORDER = [bias for bias in Bias if SIGMAS[bias] > 0 and bias not in (Bias.POSI
 """The biases with a prior; the wandering ones follow."""
 
 
-def drawn(seed, **detection):
+def drawn(seed, t=1.0, **detection):
     """A fix with any covariance and sensitivities, ten metres below the camera."""
     rng = np.random.default_rng(seed)
     root = rng.normal(0.0, 0.3, (3, 3))
-    return a_fix(1.0, (6.0, -4.0, 0.1), root @ root.T, rng.normal(0.0, 3.0, (3, BIAS_COUNT)), SIGMAS, **detection)
+    return a_fix(t, (6.0, -4.0, 0.1), root @ root.T, rng.normal(0.0, 3.0, (3, BIAS_COUNT)), SIGMAS, **detection)
 
 
 def jacobian_of(fix):
@@ -69,11 +68,13 @@ def test_a_detectors_id_widens_the_gate():
     assert (errors.prepared(drawn(3)).gate, errors.prepared(drawn(4, detector_id=7)).gate) == (GATE, ID_GATE)
 
 
-def test_a_fix_is_prepared_once_and_the_memory_is_bounded():
-    errors, fixes = ConsiderBiases(ALL), [drawn(5) for _ in range(3 * MOST_REMEMBERED)]
-    for fix in fixes:
-        assert errors.prepared(fix) is errors.prepared(fix)
-        assert len(errors._remembered) <= MOST_REMEMBERED
+def test_a_fix_is_prepared_once_and_the_memory_holds_one_frame():
+    errors = ConsiderBiases(ALL)
+    for frame in range(5):
+        fixes = [drawn(5, t=1.0 + frame) for _ in range(3)]
+        for fix in fixes:
+            assert errors.prepared(fix) is errors.prepared(fix)
+        assert len(errors._remembered) == len(fixes)
     equal = replace(fixes[-1])
     assert errors.prepared(equal) is not errors.prepared(fixes[-1]), "another fix at any address is another fix"
 
