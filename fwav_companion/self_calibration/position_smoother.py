@@ -8,6 +8,8 @@ as they come, their mean is as good.
 
 from __future__ import annotations
 
+from math import atan2, cos, sin, sqrt
+
 import msgspec
 import numpy as np
 
@@ -51,10 +53,24 @@ class PositionSmoother(msgspec.Struct, frozen=True):
         seconds = at_s - self.at_s
         if np.isnan(self.position[0]) or not 0.0 < seconds < LONGEST_S:
             return PositionSmoother(at_s, position, velocity, noise)
-        variance = self.variance + VELOCITY_DENSITY * seconds
+        variance = self.variance + VELOCITY_DENSITY * seconds + chord_error_m(self.velocity, velocity, seconds) ** 2
         gain = variance / (variance + noise * max(1.0, TELEMETRY_STEP_S / seconds))
         predicted = self.position + 0.5 * (self.velocity + velocity) * seconds
         off = position - predicted
         if (np.abs(off) > JUMP_SIGMAS * np.sqrt(variance + noise + JUMP_LEAST_M**2)).any():
             return PositionSmoother(at_s, position, velocity, noise)
         return PositionSmoother(at_s, predicted + gain * off, velocity, (1.0 - gain) * variance)
+
+
+def chord_error_m(before: Array, after: Array, seconds: float) -> float:
+    """Distance between the end of a path with the mean of two velocities and that of an arc between them, metres.
+
+    Over an arc with the angle 2 a and the speed v, the chord is v t sin(a) / a, and the mean velocity makes
+    v t cos(a) of it. A target that leaves the view on a tight circle is seen again after a third of a turn: the
+    smoothed path was 0.6 m off there, and followed the reported positions only within seconds.
+    """
+    squares = float(before @ before), float(after @ after)
+    both = float(before @ after)
+    half = 0.5 * atan2(sqrt(max(0.0, squares[0] * squares[1] - both * both)), both)
+    speed = sqrt(0.5 * sum(squares))
+    return speed * seconds * (sin(half) / half - cos(half)) if half > 0.0 else 0.0

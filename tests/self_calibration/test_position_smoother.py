@@ -13,6 +13,8 @@ from fwav_companion.self_calibration.position_smoother import PositionSmoother
 PRIORS = priors(position_noise_m=0.1, height_noise_m=0.3)
 TURN = 0.7
 """Angular frequency of a circle of 3 m, rad/s."""
+TIGHT = 2.9
+"""The same of the tightest circle that is flown, rad/s."""
 
 
 @pytest.fixture(scope="module")
@@ -22,23 +24,29 @@ def batch():
     return measurement_batch([(1, fix)], delayed_poses([fix.sighting.state], (0.0,), world.state_at), (0.0,))
 
 
-def true_path(t):
-    position = np.array([3.0 * np.cos(TURN * t), 3.0 * np.sin(TURN * t), -10.0])
-    return position, TURN * np.array([-position[1], position[0], 0.0])
+def true_path(t, turn=TURN):
+    radius = 2.1 / turn
+    position = np.array([radius * np.cos(turn * t), radius * np.sin(turn * t), -10.0])
+    return position, turn * np.array([-position[1], position[0], 0.0])
 
 
-def smoothed(batch, count=300, noise=(0.1, 0.1, 0.3), step_m=0.0, delays=(0.0,), seed=1):
-    """(true, smoothed) positions of batches ten times a second; a step of the position to the north half way."""
+def smoothed(batch, count=300, noise=(0.1, 0.1, 0.3), step_m=0.0, delays=(0.0,), seed=1, turn=TURN, missed=()):
+    """(true, smoothed) positions of batches ten times a second; a step of the position to the north half way.
+
+    ``missed``: batches of every twenty that do not come.
+    """
     rng, state, found = np.random.default_rng(seed), PositionSmoother(), []
     for k in range(count):
+        if k % 20 in missed:
+            continue
         at = 0.1 * k - np.array(delays)
-        path = np.array([true_path(t)[0] for t in at])
+        path = np.array([true_path(t, turn)[0] for t in at])
         reported = path + np.array(noise) * rng.standard_normal(3) + (step_m * (2 * k > count), 0.0, 0.0)
         poses = msgspec.structs.replace(
             batch.poses,
             delay_s=np.array([delays]),
             position_ned=reported[None],
-            velocity_ned=np.array([[true_path(t)[1] for t in at]]),
+            velocity_ned=np.array([[true_path(t, turn)[1] for t in at]]),
         )
         state, after = state.smoothed(msgspec.structs.replace(batch, poses=poses), np.array([0.1 * k]), PRIORS)
         found.append((path, after.poses.position_ned[0]))
@@ -67,3 +75,10 @@ def test_all_delays_lie_on_one_path(batch):
 def test_a_step_of_the_position_is_followed_at_once(batch):
     true, path = smoothed(batch, 200, step_m=3.0)
     assert np.abs((path - true)[101:, 0, 0] - 3.0).max() < 0.5
+
+
+def test_a_path_between_sights_that_turned_meanwhile_does_not_cut_the_corner(batch):
+    """0.7 s of every two are missed on a circle of 2.2 s; the chord of those is 0.3 m short of the arc."""
+    true, path = smoothed(batch, 3000, turn=TIGHT, missed=range(7))
+    off = np.hypot(*(path - true)[50:, 0, :2].T)
+    assert np.sqrt(np.mean(off**2)) < 0.12
