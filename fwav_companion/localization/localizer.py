@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import chain, pairwise
+from itertools import pairwise
 from math import hypot, isfinite, sqrt
 
 import msgspec
@@ -218,5 +218,8 @@ def _point(meeting: Intersection, direction: Vector3) -> Vector3:
 
 def _is_finite(fix: GroundFix) -> bool:
     """Whether position and variances are finite; an infinity or NaN in a column makes its variances so."""
-    length = hypot(*fix.position_ned, *chain.from_iterable(fix.noise_cov), *chain.from_iterable(fix.bias_jacobian))
-    return isfinite(length * length)
+    (north, east, down), (nn, _, _), (_, ee, _), (_, _, dd) = fix.position_ned, *fix.noise_cov
+    total = north + east + down + nn + ee + dd
+    for n, e, d in fix.bias_jacobian:
+        total += n * n + e * e + d * d
+    return isfinite(total)

@@ -23,7 +23,7 @@ from fwav_companion.types.tracks import GateShare
 
 FEW_PAIRS = 12
 """Pairs up to which the exact gate alone is as fast."""
-CELL = 8
+CELL = 12
 """Fixes in a cell."""
 SLACK = 1.0 + 1e-9
 """Factor for the rounding of both gates."""

@@ -39,6 +39,8 @@ class Innovation2(msgspec.Struct, frozen=True, gc=False):
     east_m: float
     shared: tuple[Row, Row]
     """D = J - C: metres per sigma of each bias, north and east."""
+    by_shared: Symmetric2
+    """D D', m^2."""
     noise: Symmetric2
     """P + R, m^2."""
     cov: Symmetric2
@@ -50,7 +52,7 @@ class Innovation2(msgspec.Struct, frozen=True, gc=False):
         (p_nn, p_ne, p_ee), (was_nn, was_ne, was_ee), (s_nn, s_ne, s_ee) = before.noise, self.noise, self.cov
         nn, ne, ee = p_nn + r_nn, p_ne + r_ne, p_ee + r_ee
         cov = (s_nn - was_nn + nn, s_ne - was_ne + ne, s_ee - was_ee + ee)
-        return Innovation2(self.north_m, self.east_m, self.shared, (nn, ne, ee), cov)
+        return Innovation2(self.north_m, self.east_m, self.shared, self.by_shared, (nn, ne, ee), cov)
 
 
 class PointEstimate(msgspec.Struct, frozen=True, gc=False):
@@ -79,17 +81,17 @@ class PointEstimate(msgspec.Struct, frozen=True, gc=False):
         (fix_n, fix_e, _), (own_n, own_e) = fix.shared, self.shared
         d_n, d_e = tuple(map(sub, fix_n, own_n)), tuple(map(sub, fix_e, own_e))
         (r_nn, r_ne, _), (_, r_ee, _), _ = fix.noise
-        (nn, ne, ee), (by_nn, by_ne, by_ee) = self.noise, gram(d_n, d_e)
+        (nn, ne, ee), by_shared = self.noise, gram(d_n, d_e)
         nn, ne, ee = nn + r_nn, ne + r_ne, ee + r_ee
-        cov = (nn + by_nn, ne + by_ne, ee + by_ee)
+        cov = (nn + by_shared[0], ne + by_shared[1], ee + by_shared[2])
         north, east, _ = fix.position
-        return Innovation2(north - self.north_m, east - self.east_m, (d_n, d_e), (nn, ne, ee), cov)
+        return Innovation2(north - self.north_m, east - self.east_m, (d_n, d_e), by_shared, (nn, ne, ee), cov)
 
     def weighed(self, innovation: Innovation2) -> Gain:
         """P - C D', the covariance of the error with that of the innovation: the gain times S."""
         (nn, ne, ee), (c_n, c_e), (d_n, d_e) = self.noise, self.shared, innovation.shared
         # inner products by polarization, as ``inner`` has it, each length once
-        c_nn, c_ee, d_nn, d_ee = hypot(*c_n) ** 2, hypot(*c_e) ** 2, hypot(*d_n) ** 2, hypot(*d_e) ** 2
+        (d_nn, _, d_ee), c_nn, c_ee = innovation.by_shared, hypot(*c_n) ** 2, hypot(*c_e) ** 2
         return (
             nn - 0.5 * (c_nn + d_nn - dist(c_n, d_n) ** 2),
             ne - 0.5 * (c_nn + d_ee - dist(c_n, d_e) ** 2),
