@@ -20,6 +20,8 @@ def spare_memory() -> None:
     """
     for name in ("ssl", "_hashlib"):
         cast("dict[str, object]", sys.modules).setdefault(name, None)  # an import of it then fails
+    if "pymavlink" in sys.modules:  # not a process of the daemon alone: another module uses it
+        return
     gc.disable()
     from fwav_companion.mavlink.wire.definitions import forget_dialect
 
