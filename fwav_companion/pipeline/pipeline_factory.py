@@ -86,6 +86,8 @@ def make_pipeline(
     """
     target_log = TargetLog(__version__, config.as_builtins(), unix_offset_ns, written=written)
     component, has_camera = config.vehicle.component_id, config.publish.camera_tracking and calibration is not None
+    if calibration is None and attitudes_kept_s is None:
+        attitudes_kept_s = 0.0  # a relay interpolates none
     telemetry = Telemetry(telemetry_options(config, attitudes_kept_s))
     camera = None
     if calibration is not None:

@@ -25,6 +25,10 @@ from fwav_companion.telemetry.world import World
 from fwav_companion.types import AttitudeSample, ClockExchange, Message, Unpaired, VehicleState
 from fwav_companion.types.flight_status import TelemetryReport
 
+ATTITUDES = frozenset({"ATTITUDE", "ATTITUDE_QUATERNION"})
+NEWEST_EVERY_NS = NS_PER_S // 10
+"""Interval of the attitudes that are taken where none is interpolated: each costs as much as routing a frame."""
+
 
 class TelemetryOptions(msgspec.Struct, frozen=True, kw_only=True):
     """Options of the vehicle and its stamps."""
@@ -40,7 +44,8 @@ class TelemetryOptions(msgspec.Struct, frozen=True, kw_only=True):
     attitude_stamp_delay_s: Literal["auto"] | float = "auto"
     """Largest age of an attitude at its stamp, seconds, or auto."""
     attitudes_kept_s: float = KEPT_NS / NS_PER_S
-    """Seconds for which attitudes are stored: what late frames need, or a whole experiment."""
+    """Seconds for which attitudes are stored: what late frames need, or a whole experiment. 0: only the present one is
+    of interest, so that NEWEST_EVERY_NS between two is enough."""
     gimbal_device_id: int = 0
     """Gimbal that carries the camera: 1 to 6 behind the autopilot, else its MAVLink component; 0: no gimbal."""
 
@@ -76,6 +81,7 @@ class Telemetry:
             position_delay_s=options.position_delay_s,
         )
         self._meter = RateMeter()
+        self._attitude_due_ns: dict[str, HostNs] = {}
         self._unused_gimbal: int | None = None
 
     def start_over(self) -> None:
@@ -90,6 +96,8 @@ class Telemetry:
         if handler is None:
             return ()
         self._meter.count(message.name, arrival_ns)
+        if self._options.attitudes_kept_s == 0.0 and self._is_spare(message.name, arrival_ns):
+            return ()
         wake_at = self.world.wake_at
         events: tuple[TelemetryEvent, ...] = ()
         if wake_at is not None and arrival_ns >= wake_at:
@@ -218,6 +226,15 @@ class Telemetry:
         )
 
     # Steps.
+
+    def _is_spare(self, name: str, arrival_ns: HostNs) -> bool:
+        """Whether an attitude is not taken, where only the present one is of interest."""
+        if name not in ATTITUDES:
+            return False
+        if arrival_ns < self._attitude_due_ns.get(name, 0):
+            return True
+        self._attitude_due_ns[name] = HostNs(arrival_ns + NEWEST_EVERY_NS)
+        return False
 
     def _on_jump(self, placed: Restarted | Skipped, now: HostNs) -> tuple[TelemetryEvent, ...]:
         """Begin again after a reboot; after a jump ahead keep what is known, and follow."""

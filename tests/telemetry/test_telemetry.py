@@ -240,6 +240,18 @@ def test_status_shows_rates_and_interpolation():
     assert status.attitudes_kept <= 301
 
 
+def test_without_interpolation_ten_attitudes_a_second_are_taken_and_all_are_counted():
+    autopilot = Autopilot(attitudes_kept_s=0.0)
+    taken: set[int] = set()
+    for boot_ms in range(0, 2000, 10):
+        autopilot.tell("ATTITUDE", boot_ms)
+        taken |= {sample.boot_ns for sample in autopilot.telemetry.attitudes}
+    assert taken == {BootNs(boot_ms * MS) for boot_ms in range(0, 2000, 100)}
+    status = autopilot.telemetry.status(autopilot.host(2000))
+    assert status.rates_hz["ATTITUDE"] == pytest.approx(100.0, abs=1.0)
+    assert (status.attitude_source, status.attitudes_kept) == ("ATTITUDE", 1)
+
+
 def test_another_epoch_of_the_host_gives_the_same_states():
     states = []
     for host_at_boot in (0, 1_790_000_000_123_456_000):
