@@ -265,33 +265,33 @@ class Service:
         self._flush(now)
 
     def _tick(self) -> None:
-        """Write the status file and ping the systemd watchdog, once a second."""
-        asyncio.get_running_loop().call_later(STATUS_INTERVAL_S, self._tick)
+        """Ping the systemd watchdog and do what else is due once a second; then write the status file."""
+        loop = asyncio.get_running_loop()
+        loop.call_later(STATUS_INTERVAL_S, self._tick)
+        loop.call_soon(self._write_status)
         now = self._clock.now()
-        self._status_file.write(encoded(self._status.at(now)))
         self._notifier.alive()
         self._journal.tick(now)
         if self._ticks % BOARD_TICKS == 0:
             self._look_at_board(now)
-        self._report_links(now)
+        self._report([*self._node.notices(now), *self._frame_queue.notices(now)], now)
         self._ticks += 1
         self._pipeline.stations_want(self._node.demanded)
         self._tick_signing(now)
         self._calibrations.tick(self._pipeline.calibration_to_keep)
+
+    def _write_status(self) -> None:
+        """Queue the status. Done last, since the thread that writes it waits until this one has no more work."""
+        self._status_file.write(encoded(self._status.at(self._clock.now())))
 
     def _tick_signing(self, now: HostNs) -> None:
         """Keep the signing time, and report where it is ahead."""
         if self._node.signing_clock is None:
             return
         read_ns, unix_ns = self._clock.read()
-        notices = self._signing.tick(read_ns, unix_ns)
-        if notices:
-            self._pipeline.on_notices(notices, now)
-            self._flush(now)
+        self._report(self._signing.tick(read_ns, unix_ns), now)
 
-    def _report_links(self, now: HostNs) -> None:
-        """Report what was refused on the links, and frames that were dropped under overload."""
-        notices = [*self._node.notices(now), *self._frame_queue.notices(now)]
+    def _report(self, notices: Sequence[Notice], now: HostNs) -> None:
         if notices:
             self._pipeline.on_notices(notices, now)
             self._flush(now)
@@ -331,9 +331,7 @@ class Service:
             (self._node.link_up if up else self._node.link_down)(name)
 
     def _on_fleet_notice(self, notice: Notice) -> None:
-        now = self._clock.now()
-        self._pipeline.on_notices([notice], now)
-        self._flush(now)
+        self._report([notice], self._clock.now())
 
     def _on_fault(self, message: str, error: Exception) -> None:
         self._on_internal_fault(asyncio.get_running_loop(), {"message": message, "exception": error})
