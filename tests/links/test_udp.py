@@ -10,7 +10,7 @@ from link_listening import Listener, run, started, until
 from processes import free_port
 
 from fwav_companion.links.base import SLICE_BYTES, Ear, Traffic
-from fwav_companion.links.udp import UdpClient
+from fwav_companion.links.udp import BURST_S, UdpClient
 
 
 @pytest.fixture(name="peer")
@@ -100,6 +100,34 @@ def test_a_burst_is_drained_whole_and_in_order(peer: socket.socket):
             await listener.until(lambda: len(listener.data) == 200 * 50)
             assert listener.data == b"".join(sent)
             assert len(listener.chunks) <= 10, "joined, 64 a wake"
+
+    run(story())
+
+
+class ReadsCounted(socket.socket):
+    """Counts the reads."""
+
+    reads = 0
+
+    def recv(self, size: int, flags: int = 0) -> bytes:
+        self.reads += 1
+        return super().recv(size, flags)
+
+
+def test_a_datagram_that_comes_alone_is_read_once(peer: socket.socket):
+    async def story() -> None:
+        heard: list[bytes] = []
+        with ReadsCounted(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+            sock.setblocking(False)
+            sock.bind(("127.0.0.1", 0))
+            client = UdpClient(sock, Ear(lambda data: not heard.append(data), heard.append, Traffic()))
+            for count in range(1, 4):
+                await asyncio.sleep(2.0 * BURST_S)
+                peer.sendto(bytes([count]), sock.getsockname())
+                await until(lambda count=count: len(heard) == count)
+            client.close()
+            assert heard == [b"\1", b"\2", b"\3"]
+            assert sock.reads == 3
 
     run(story())
 

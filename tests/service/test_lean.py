@@ -22,3 +22,13 @@ print(gc.isenabled())
 def test_messages_are_read_and_written_after_pymavlink_has_been_freed():
     done = subprocess.run([sys.executable, "-c", START], capture_output=True, text=True, check=True, timeout=60)
     assert done.stdout.splitlines() == ["EKF3 ready", "True True None", "True"]
+
+
+def test_a_process_that_uses_pymavlink_keeps_it():
+    code = (
+        "import gc\nfrom pymavlink.dialects.v20 import ardupilotmega as dialect\n"
+        "from fwav_companion.service.lean import spare_memory\nspare_memory()\n"
+        "print(dialect.MAVLink.__name__, gc.isenabled())"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    assert done.stdout.split() == ["MAVLink", "True"]
