@@ -41,6 +41,22 @@ def test_fixes_that_all_lie_on_one_side_are_a_turn():
     assert run([(0.1 * k, 0.0) for k in range(12)])[-1].is_turn(EXPECTED)
 
 
+def test_one_fix_however_far_is_no_turn_and_two_are():
+    """30 sigma off: unclipped, the first one alone would free the target to follow a false detection."""
+    first = ManeuverLag().with_clipped(30.0 * SIGMA_M, 0.0, DT_S, EXPECTED)
+    assert not first.is_turn(EXPECTED)
+    assert ManeuverLag().with_fix(30.0 * SIGMA_M, 0.0, DT_S).is_turn(EXPECTED)
+    assert first.with_clipped(30.0 * SIGMA_M, 0.0, DT_S, EXPECTED).is_turn(EXPECTED)
+
+
+def test_an_innovation_within_eight_sigma_counts_whole():
+    near = ManeuverLag().with_clipped(7.9 * SIGMA_M, 0.0, DT_S, EXPECTED)
+    assert near == ManeuverLag().with_fix(7.9 * SIGMA_M, 0.0, DT_S)
+    tilted = (SIGMA_M**2, 0.9 * SIGMA_M**2, SIGMA_M**2)
+    across = ManeuverLag().with_clipped(4.0 * SIGMA_M, -4.0 * SIGMA_M, DT_S, tilted)
+    assert across.north_m == pytest.approx(0.15 * 4.0 * SIGMA_M * np.sqrt(64.0 / 320.0))
+
+
 def test_a_filter_catches_up_with_a_target_that_turned_about_within_half_a_second():
     rng = np.random.default_rng(3)
     belief = None

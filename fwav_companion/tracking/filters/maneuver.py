@@ -7,6 +7,8 @@ beat: the running mean of the innovations separates the three. A jump of the veh
 
 from __future__ import annotations
 
+from math import sqrt
+
 import msgspec
 
 from fwav_companion.geometry.small_matrices import Symmetric2
@@ -18,6 +20,9 @@ MEAN_VARIANCE = SHARE / (2.0 - SHARE)
 """Variance of the running mean over that of a single innovation."""
 TURNED = 20.0
 """Squared Mahalanobis distance of the running mean (2 degrees of freedom): noise alone exceeds it once in 20 000."""
+MOST_NIS = 64.0
+"""Largest normalised square of one innovation in the running mean: larger ones are shortened to it (Huber 1964). A turn
+then shows in two innovations at least; a single one beyond 8.5 sigma would show it alone, and is a false detection."""
 
 
 class ManeuverLag(msgspec.Struct, frozen=True, gc=False):
@@ -35,6 +40,14 @@ class ManeuverLag(msgspec.Struct, frozen=True, gc=False):
             self.east_m + SHARE * (east_m - self.east_m),
             (1.0 - SHARE) * (self.back_s + since_s),
         )
+
+    def with_clipped(self, north_m: float, east_m: float, since_s: float, expected: Symmetric2) -> ManeuverLag:
+        """The mean with one more innovation, shortened to MOST_NIS by ``expected``, the covariance by noise."""
+        nn, ne, ee = expected
+        weighted = ee * north_m * north_m - 2.0 * ne * north_m * east_m + nn * east_m * east_m
+        most = MOST_NIS * (nn * ee - ne * ne)
+        share = sqrt(most / weighted) if weighted > most > 0.0 else 1.0
+        return self.with_fix(share * north_m, share * east_m, since_s)
 
     def is_turn(self, expected: Symmetric2) -> bool:
         """Whether the mean exceeds what ``expected``, the covariance of a single innovation, allows."""

@@ -124,8 +124,8 @@ class MovingTargetState(msgspec.Struct, frozen=True):
         since_s = s_from_ns(fix.sighting.frame_host_ns - self.fixed_ns)
         measurement = self.errors.decorrelated(fix, since_s, self.position_ned)
         north_m, east_m, _ = subtract(measurement.position, self.position_ned)
-        lag = self.lag.with_fix(north_m, east_m, since_s)
         (nn, ne, _), (_, ee, _), _ = self._expected(measurement.noise)
+        lag = self.lag.with_clipped(north_m, east_m, since_s, (nn, ne, ee))
         if lag.is_turn((nn, ne, ee)):
             return self._turned(lag)._updated(measurement, ManeuverLag(), fix.sighting.frame_host_ns)
         return self._updated(measurement, lag, fix.sighting.frame_host_ns)
