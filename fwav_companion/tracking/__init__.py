@@ -2,7 +2,7 @@
 
 Pure: frames come in with their own capture times, tracks go out. Reading order: ``options``; ``filters`` (one target);
 ``detector_model``, ``lifecycle``, ``coarse_gate``, ``assignment``, ``association``, ``track_state``, ``visibility``,
-``track_merging``, ``tracker`` (many targets);
+``track_merging``, ``reacquisition``, ``tracker`` (many targets);
 ``filter_factory``, ``reorder``; ``bias_shares`` (what limits a target, for studies).
 """
 

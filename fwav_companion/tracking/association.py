@@ -41,7 +41,7 @@ class Candidate(msgspec.Struct, frozen=True, gc=False):
     refined: TargetState | None = None
     """Self-calibrated prediction: more accurate and slower, evaluated only for ambiguous assignments."""
     confirmed: bool = True
-    """Whether the track is confirmed."""
+    """Whether the track is confirmed, or the branch of a confirmed one."""
 
 
 class Clutter(msgspec.Struct, frozen=True):

@@ -108,6 +108,21 @@ def not_detected(life: Life, host_ns: HostNs, *, missed: bool, keep_ns: int, det
     )
 
 
+def continued(life: Life, branch: Life) -> Life:
+    """The life of a coasting track after its branch was confirmed (``reacquisition``): the evidence of both.
+
+    The looks of the branch are among those of the track, as missed ones.
+    """
+    return msgspec.structs.replace(
+        branch,
+        first_ns=life.first_ns,
+        confirmed_ns=life.confirmed_ns,
+        log_likelihood_ratio=max(life.log_likelihood_ratio, branch.log_likelihood_ratio),
+        detections=life.detections + branch.detections,
+        looks=life.looks,
+    )
+
+
 def deleted(life: Life, reason: Reason) -> Life:
     """The life ended by a reason from outside."""
     return msgspec.structs.replace(life, state=TrackState.DROPPED, reason=reason)

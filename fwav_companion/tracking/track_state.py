@@ -10,7 +10,7 @@ from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Matrix3, norm, subtract
 from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.tracking.filters.base import TargetState
-from fwav_companion.tracking.lifecycle import Life, deleted, detected, initiated
+from fwav_companion.tracking.lifecycle import Life, continued, deleted, detected, initiated
 from fwav_companion.types import FrameView, GroundFix, Innovation, Reason, Track, TrackState
 
 MOST_REPLACED = 16
@@ -44,6 +44,8 @@ class LiveTrack(msgspec.Struct, frozen=True, gc=False):
     """Id of the senior track of the same target."""
     replaces: tuple[int, ...] = ()
     """Ids of tracks that were merged into this one."""
+    branch_of: int | None = None
+    """Id of the coasting track that this tentative one may be."""
 
     @property
     def confirmed(self) -> bool:
@@ -66,6 +68,7 @@ class LiveTrack(msgspec.Struct, frozen=True, gc=False):
             slant_m=norm(subtract(fix.position_ned, fix.sighting.camera_ned)),
             level_sigma_m=fix.level_sigma_m,
             replaces=self.replaces,
+            branch_of=self.branch_of,
         )
 
     def deleted(self, reason: Reason) -> LiveTrack:
@@ -77,6 +80,15 @@ class LiveTrack(msgspec.Struct, frozen=True, gc=False):
         replaces = (*self.replaces, *junior.replaces, junior.id)[-MOST_REPLACED:]
         ended = msgspec.structs.replace(junior.deleted(Reason.REPLACED), replaced_by=self.id)
         return msgspec.structs.replace(self, replaces=replaces), ended
+
+    def reacquired(self, branch: LiveTrack) -> tuple[LiveTrack, LiveTrack]:
+        """The track after its branch was confirmed: the state of the branch; and that branch, deleted."""
+        life = continued(self.life, branch.life)
+        after = msgspec.structs.replace(branch, id=self.id, life=life, replaces=self.replaces, branch_of=None)
+        ended = msgspec.structs.replace(
+            branch, life=msgspec.structs.replace(branch.life, confirmed_ns=None), fix=None, replaced_by=self.id
+        )
+        return after, ended.deleted(Reason.REPLACED)
 
     def report(self, target: TargetState, view: FrameView) -> Track:
         """The track after this frame, at a ``target`` that may be another than its own filter's."""
@@ -155,3 +167,29 @@ def opened(target: TargetState, view: FrameView) -> TargetState:
     jumped = getattr(target, "jumped", None) if view.jumped_m else None
     after: TargetState = target if jumped is None else jumped(view.jumped_m)
     return after
+
+
+def detector_after(
+    detector: DetectorModel,
+    host_ns: HostNs,
+    before: Sequence[LiveTrack],
+    after: Sequence[LiveTrack],
+    *,
+    new_fixes: int,
+) -> DetectorModel:
+    """The detector model after a frame. ``new_fixes``: fixes that belonged to no track."""
+    hits, looks, false = 0, 0, new_fixes
+    for old, new in zip(before, after, strict=True):
+        if new.fix is not None and old.confirmed:
+            detections = new.life.detections - old.life.detections
+            hits, looks = hits + detections, looks + max(detections, 1 + old.life.misses)
+        elif not old.confirmed and (new.confirmed or new.life.reason is Reason.REPLACED):
+            false -= 1
+        elif new.life.reason is Reason.NEVER_CONFIRMED and new.life.misses:
+            false += new.life.detections - 1
+    return detector.after_frame(host_ns, detected=hits, looks=looks, false=false)
+
+
+def teaches(fix: GroundFix) -> bool:
+    """Whether the height of the detected point above the ground is exactly known."""
+    return fix.sighting.anchor_sigma_m == 0.0

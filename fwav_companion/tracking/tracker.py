@@ -14,9 +14,18 @@ from fwav_companion.tracking.association import Candidate, associate, clutter, m
 from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.tracking.filters.base import Filter, TargetState
 from fwav_companion.tracking.lifecycle import not_detected
+from fwav_companion.tracking.reacquisition import Branchings, branched, first_served, reacquired, weak_evidence
 from fwav_companion.tracking.self_calibrated import CalibratedTargetState, MisplacedTargetState
 from fwav_companion.tracking.track_merging import TrackMerging
-from fwav_companion.tracking.track_state import LiveTrack, initiate, innovation, opened, weakest_first
+from fwav_companion.tracking.track_state import (
+    LiveTrack,
+    detector_after,
+    initiate,
+    innovation,
+    opened,
+    teaches,
+    weakest_first,
+)
 from fwav_companion.tracking.visibility import is_missed_detection
 from fwav_companion.types import FrameView, GroundFix, LandmarkAltitude, LandmarkRecord, Reason, Track, TrackState
 
@@ -140,6 +149,9 @@ class Tracker:
                 msgspec.structs.replace(track, target=landmarks.corrected(track.target)) for track in predicted
             ]
         taken = self._associated(predicted, view)
+        branchings = weak_evidence(predicted, taken, state.detector)
+        for track, _ in branchings.values():
+            del taken[track.id]
         unseen = {track.id: self._unseen(track, view) for track in predicted if track.id not in taken}
         missed = [
             track for track in predicted if track.id in unseen and unseen[track.id].life.misses > track.life.misses
@@ -149,15 +161,16 @@ class Tracker:
             unseen[track.id] if track.id in unseen else self._seen(track, *taken[track.id], view, absent)
             for track in predicted
         ]
+        after = reacquired(after, view.host_ns)
         elapsed_ns = view.host_ns - (state.detector.last_ns or view.host_ns)
         merging = state.merging.after_frame(after, [track.id for track in missed], elapsed_ns, self._best_target)
         used = {id(fix) for fix, _ in taken.values()}
         unassociated = [fix for fix in view.fixes if id(fix) not in used]
         tracks, refused = list(merging.merged(after)), 0
         if unassociated:
-            tracks, refused = self._with_new(tracks, unassociated, view.host_ns, landmarks)
+            tracks, refused = self._with_new(tracks, unassociated, view.host_ns, landmarks, branchings)
         next_id = state.next_id + len(unassociated) - refused
-        detector = _detector_after(state.detector, view.host_ns, predicted, after, new_fixes=len(unassociated))
+        detector = detector_after(state.detector, view.host_ns, predicted, after, new_fixes=len(unassociated))
         if landmarks is not None:
             landmarks = landmarks.seen(view.landmarks, [t.fix for t in tracks if t.confirmed and t.fix is not None])
             tracks = [msgspec.structs.replace(track, target=landmarks.corrected(track.target)) for track in tracks]
@@ -209,8 +222,9 @@ class Tracker:
             return {}
         if self._state.calibrator is not None:
             self._state.calibrator.expect(view.fixes)
+        first = first_served(tracks)
         candidates = [
-            Candidate(track.label, track.target, track.detector_id, self._calibrated(track), track.confirmed)
+            Candidate(track.label, track.target, track.detector_id, self._calibrated(track), track.id in first)
             for track in tracks
         ]
         against = clutter(self._state.detector, view.image_px2)
@@ -231,7 +245,7 @@ class Tracker:
 
         A fix near one of them may be that target's, displaced by more than its errors: it is no evidence for a new one.
         """
-        if not track.confirmed and any(
+        if not (track.confirmed or track.branch_of) and any(
             may_be_displaced(each.target, fix) for each in absent if each.label == track.label
         ):
             llr = min(llr, 0.0)
@@ -256,6 +270,7 @@ class Tracker:
         fixes: Sequence[GroundFix],
         host_ns: HostNs,
         landmarks: LandmarkTracking | None,
+        branchings: Branchings,
     ) -> tuple[list[LiveTrack], int]:
         """The tracks with one initiated for each of these fixes, and the number of fixes that found the table full."""
         room = MAX_TRACKS - sum(track.life.state is not TrackState.DROPPED for track in tracks)
@@ -264,6 +279,9 @@ class Tracker:
             tracks[i] = tracks[i].deleted(Reason.TOO_MANY_TRACKS)
         number = min(len(fixes), room + len(yielding))
         for next_id, fix in enumerate(fixes[:number], self._state.next_id):
+            if id(fix) in branchings:
+                tracks.append(branched(*branchings[id(fix)], next_id, host_ns, self._state.detector))
+                continue
             target = self._filter.initiate(fix) if landmarks is None else landmarks.initiate(fix)
             tracks.append(initiate(next_id, fix, target, host_ns))
         return tracks, len(fixes) - number
@@ -278,8 +296,8 @@ class Tracker:
         if calibrator is None:
             return None
         old = self._teachers(living, view.host_ns)
-        fixes = [(track.id, track.fix) for track in old if track.fix is not None and _teaches(track.fix)]
-        seen = [fix for fix in view.fixes if _teaches(fix)]
+        fixes = [(track.id, track.fix) for track in old if track.fix is not None and teaches(track.fix)]
+        seen = [fix for fix in view.fixes if teaches(fix)]
         return calibrator.updated(view.host_ns, seen, fixes, {track.id for track in old})
 
     def _calibrated(self, track: LiveTrack) -> CalibratedTargetState | None:
@@ -322,28 +340,3 @@ class Tracker:
         if by_landmarks and horizontal_sigma(track.target.cov) < horizontal_sigma(calibrated.cov):
             return track.target
         return calibrated if calibrator.is_calibrated or calibrator.denied else track.target
-
-
-def _teaches(fix: GroundFix) -> bool:
-    """Whether the height of the detected point above the ground is exactly known."""
-    return fix.sighting.anchor_sigma_m == 0.0
-
-
-def _detector_after(
-    detector: DetectorModel,
-    host_ns: HostNs,
-    before: Sequence[LiveTrack],
-    after: Sequence[LiveTrack],
-    *,
-    new_fixes: int,
-) -> DetectorModel:
-    """The detector model after a frame. ``new_fixes``: fixes that belonged to no track."""
-    hits, looks, false = 0, 0, new_fixes
-    for old, new in zip(before, after, strict=True):
-        if new.fix is not None and old.confirmed:
-            hits, looks = hits + 1, looks + 1 + old.life.misses
-        elif new.confirmed and not old.confirmed:
-            false -= 1
-        elif new.life.reason is Reason.NEVER_CONFIRMED and new.life.misses:
-            false += new.life.detections - 1
-    return detector.after_frame(host_ns, detected=hits, looks=looks, false=false)

@@ -26,8 +26,9 @@ def flown(frames, fps=FPS, sees=True, **options):
 
 
 def replaced(reported):
-    """(id, id of the replacement) of all replaced tracks."""
-    ends = [track for tracks in reported for track in tracks if track.reason is Reason.REPLACED]
+    """(id, id of the replacement) of all replaced tracks that were confirmed; branches of coasting ones never are."""
+    tracks = (track for tracks in reported for track in tracks if track.confirmed_host_ns is not None)
+    ends = [track for track in tracks if track.reason is Reason.REPLACED]
     return [(track.id, track.replaced_by) for track in ends]
 
 

@@ -1,0 +1,73 @@
+"""Re-acquisition of a coasting track by evidence.
+
+The gate of a coasting track is wide, most of all of one that moves: a false detection in it is nearly as likely as the
+target. One such fix must not confirm it again. Track splitting (Smith & Buechler 1975; Blackman & Popoli 1999, ch. 16):
+a fix whose log-likelihood ratio alone does not reach the threshold of confirmation begins a branch, a tentative track
+from the coasting state and this fix. The coasting track goes on without the fix. The sequential test of ``lifecycle``
+continues over the branch: confirmed, it becomes the coasting track; deleted, its fixes have changed nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import log
+from typing import TypeAlias
+
+import msgspec
+
+from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.tracking.detector_model import DetectorModel
+from fwav_companion.tracking.track_state import LiveTrack, initiate
+from fwav_companion.types import GroundFix, TrackState
+
+WIDE = 4.0 * log(3.0)
+"""Log determinant ratio of a gate three times as wide as the noise of a fix. In a narrow one a false fix does little: a
+small gain moves the estimate by a part of that noise."""
+
+Evidence: TypeAlias = tuple[GroundFix, float]
+"""A fix, and its log-likelihood ratio against clutter."""
+Branchings: TypeAlias = dict[int, tuple[LiveTrack, Evidence]]
+"""Coasting tracks with a fix that is weak evidence for them, by the identity of the fix."""
+
+
+def weak_evidence(tracks: Sequence[LiveTrack], taken: Mapping[int, Evidence], detector: DetectorModel) -> Branchings:
+    """The coasting tracks that their fix alone does not confirm again. ``taken``: the fixes of tracks, by id."""
+    coasting = [each for each in tracks if each.life.state is TrackState.COASTING and each.id in taken]
+    if not coasting:
+        return {}
+    needed = detector.confirming_llr - log(detector.detection_probability)
+    return {
+        id(fix): (track, (fix, llr))
+        for track, (fix, llr) in ((each, taken[each.id]) for each in coasting)
+        if llr < needed and track.target.gate(fix).log_det_ratio > WIDE
+    }
+
+
+def first_served(tracks: Sequence[LiveTrack]) -> set[int]:
+    """Ids of the tracks that association prefers: the confirmed ones, and branches in the place of their track.
+
+    A branch has its first fix as evidence: its track would otherwise take every fix from it, for one more branch.
+    """
+    branched_ids = {track.branch_of for track in tracks}
+    return {track.id for track in tracks if track.branch_of or (track.confirmed and track.id not in branched_ids)}
+
+
+def branched(track: LiveTrack, evidence: Evidence, number: int, host_ns: HostNs, detector: DetectorModel) -> LiveTrack:
+    """A tentative track: the coasting one, if this fix is its own."""
+    fix, llr = evidence
+    branch = initiate(number, fix, track.target.update(fix), host_ns)
+    life = msgspec.structs.replace(branch.life, log_likelihood_ratio=llr + log(detector.detection_probability))
+    return msgspec.structs.replace(branch, life=life, branch_of=track.id)
+
+
+def reacquired(tracks: list[LiveTrack], host_ns: HostNs) -> list[LiveTrack]:
+    """The tracks of a frame; a branch that it confirmed has become its coasting track, and ends."""
+    confirmed = [i for i, track in enumerate(tracks) if track.branch_of and track.life.confirmed_ns == host_ns]
+    if not confirmed:
+        return tracks
+    after, places = list(tracks), {track.id: i for i, track in enumerate(tracks)}
+    for i in confirmed:
+        place = places.get(tracks[i].branch_of or 0)
+        if place is not None and after[place].life.state is TrackState.COASTING:
+            after[place], after[i] = after[place].reacquired(after[i])
+    return after

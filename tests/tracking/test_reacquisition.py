@@ -1,0 +1,146 @@
+"""Re-acquisition of a coasting track: one fix in a wide gate begins a branch, and enough of them confirm it again."""
+
+from math import log
+
+import numpy as np
+import pytest
+from handmade import a_fix, a_view, host_ns
+from scipy.stats import chi2, multivariate_normal
+from simulated_flight import priors
+
+from fwav_companion.tracking import TrackingOptions, make_tracker
+from fwav_companion.tracking.lifecycle import Life, continued
+from fwav_companion.types import Reason, TrackState
+
+NO_BIAS = priors(time_offset=0, heading=0, mount_x=0, mount_y=0, mount_z=0)
+PLACE, ASTRAY = (4.0, 3.0, 0.0), (7.0, 1.0, 0.0)
+SEEN_S, FPS = 3.0, 10
+PIXEL2_M2 = 0.0015**2 * 125.0**1.5 / 10.0
+"""Ground that a pixel of ``a_fix`` covers, 11.2 m away at PLACE from a height of 10 m."""
+IMAGE_PX2 = 640.0 * 480.0
+
+
+class Flown:
+    """A tracker with one confirmed track of id 1, and its reports of the newest frame by id."""
+
+    def __init__(self, motion="moving"):
+        self.tracker, self.t, self.tracks = make_tracker(TrackingOptions(motion=motion), NO_BIAS), 0.0, {}
+        for _ in range(round(SEEN_S * FPS)):
+            self.frame(PLACE)
+
+    def frame(self, *places, sees=True):
+        fixes = [a_fix(self.t, place) for place in places]
+        self.tracks = {track.id: track for track in self.tracker.on_frame(a_view(self.t, *fixes, sees=sees))}
+        self.t += 1.0 / FPS
+        return self
+
+    def coasted(self, seconds):
+        """The flight after frames that do not cover the target."""
+        for _ in range(round(seconds * FPS)):
+            self.frame(sees=False)
+        return self
+
+
+def test_one_fix_in_a_wide_gate_begins_a_branch_and_the_track_coasts_on():
+    flown, without = Flown().coasted(4.0).frame(ASTRAY), Flown().coasted(4.0).frame()
+    track, branch = flown.tracks[1], flown.tracks[2]
+    assert (track.state, track.fix) == (TrackState.COASTING, None)
+    assert (track.position_ned, track.cov) == (without.tracks[1].position_ned, without.tracks[1].cov)
+    assert track.last_seen_host_ns == host_ns(SEEN_S - 1.0 / FPS)
+    assert (branch.state, branch.confirmed_host_ns) == (TrackState.TENTATIVE, None)
+    assert branch.fix is not None
+    assert branch.position_ned == pytest.approx(ASTRAY, abs=0.1), "the coasting state with this fix"
+
+
+def test_a_branch_that_is_missed_is_deleted_and_has_changed_nothing():
+    flown, without = Flown().coasted(4.0).frame(ASTRAY), Flown().coasted(4.0).frame()
+    ends = []
+    for _ in range(6):
+        flown.frame()
+        without.frame()
+        ends += [track.reason for number, track in flown.tracks.items() if number == 2 and track.reason]
+    assert ends == [Reason.NEVER_CONFIRMED]
+    assert list(flown.tracks) == [1]
+    assert flown.tracks[1].cov == without.tracks[1].cov
+
+
+def test_fixes_that_agree_confirm_the_track_again():
+    flown = Flown()
+    confirmed_ns = flown.tracks[1].confirmed_host_ns
+    flown.coasted(4.0)
+    states, ends = [], []
+    for _ in range(4):
+        flown.frame(PLACE)
+        states.append(flown.tracks[1].state)
+        ends += [(track.id, track.replaced_by) for track in flown.tracks.values() if track.reason]
+    assert states == [TrackState.COASTING] * 2 + [TrackState.CONFIRMED] * 2
+    assert ends == [(2, 1)]
+    track = flown.tracks[1]
+    assert (track.first_host_ns, track.confirmed_host_ns) == (host_ns(0.0), confirmed_ns)
+    assert track.fix is not None
+    assert track.cov[0][0] < 0.04
+    assert list(flown.tracks) == [1]
+
+
+def test_the_target_is_found_again_although_a_false_detection_came_first():
+    flown = Flown().coasted(4.0).frame(ASTRAY)
+    for _ in range(4):
+        flown.frame(PLACE)
+    assert flown.tracks[1].state is TrackState.CONFIRMED
+    assert flown.tracks[1].position_ned == pytest.approx(PLACE, abs=0.1)
+
+
+def test_a_track_in_a_narrow_gate_is_confirmed_again_at_once():
+    assert Flown("static").coasted(20.0).frame(PLACE).tracks[1].state is TrackState.CONFIRMED
+    assert Flown("moving").coasted(0.4).frame(PLACE).tracks[1].state is TrackState.CONFIRMED
+
+
+@pytest.mark.parametrize("seconds", [0.5, 0.8, 1.0, 1.5, 3.0])
+def test_the_bound_is_the_likelihood_ratio_of_the_fix(seconds):
+    """Density of the target over that of false detections; the fix is at the predicted place."""
+    flown = Flown()
+    model = flown.tracker.snapshot().detector
+    track = flown.coasted(seconds).frame().tracks[1]
+    noise = np.diag([0.04, 0.04])
+    cov = np.array(track.relative_cov)[:2, :2] + noise
+    false_per_m2 = model.false_per_frame / IMAGE_PX2 / PIXEL2_M2
+    ratio = log(model.detection_probability * multivariate_normal([0.0, 0.0], cov).pdf([0.0, 0.0]) / false_per_m2)
+    wide = np.linalg.det(cov) > 3.0**4 * np.linalg.det(noise)
+    again = Flown().coasted(seconds).frame(track.position_ned).tracks[1].state is TrackState.CONFIRMED
+    assert again == (not wide or ratio >= model.confirming_llr)
+
+
+def test_a_reacquired_life_has_the_evidence_of_both():
+    coasting = Life(TrackState.COASTING, host_ns(0.0), host_ns(3.0), 9.0, 30, 40, 5, host_ns(0.2))
+    branch = Life(TrackState.CONFIRMED, host_ns(7.0), host_ns(7.2), 12.0, 3, 4, confirmed_ns=host_ns(7.2))
+    assert continued(coasting, branch) == Life(
+        TrackState.CONFIRMED, host_ns(0.0), host_ns(7.2), 12.0, 33, 40, confirmed_ns=host_ns(0.2)
+    )
+
+
+def claims_after_coasts(draws, *, false_per_frame):
+    """Normalised squares of the place after a coast of six seconds with false detections about it, 30 frames/s."""
+    squares = []
+    for seed in range(draws):
+        rng, tracker = np.random.default_rng(seed), make_tracker(TrackingOptions(motion="moving"), NO_BIAS)
+        velocity = rng.normal(0.0, 0.7, 2)
+        for k in range(270):
+            t = k / 30.0
+            truth = np.array([0.0, 0.0]) + velocity * t
+            places = [truth + rng.normal(0.0, 0.2, 2)] if k < 90 and rng.random() < 0.9 else []
+            places += [rng.uniform(-8.0, 8.0, 2) for _ in range(rng.poisson(false_per_frame))]
+            view = a_view(t, *(a_fix(t, (*place, 0.0)) for place in places), sees=k < 90)
+            tracks = [track for track in tracker.on_frame(view) if track.id == 1]
+        if tracks:
+            off = np.array(tracks[0].position_ned[:2]) - truth
+            squares.append(off @ np.linalg.solve(np.array(tracks[0].cov)[:2, :2], off))
+    return np.array(squares)
+
+
+@pytest.mark.slow
+def test_claims_after_a_coast_among_false_detections_hold():
+    """Every tenth frame has a false detection. Straight on, a target is nearer than a claim that allows turns."""
+    squares = claims_after_coasts(60, false_per_frame=0.1)
+    assert len(squares) >= 50
+    assert np.sum(squares > chi2(2).ppf(0.95)) <= 6
+    assert np.sum(squares > chi2(2).ppf(0.999)) <= 1
