@@ -149,7 +149,8 @@ class Tracker:
                 msgspec.structs.replace(track, target=landmarks.corrected(track.target)) for track in predicted
             ]
         taken = self._associated(predicted, view)
-        branchings = weak_evidence(predicted, taken, state.detector)
+        has_room = len(predicted) + len(view.fixes) <= MAX_TRACKS  # a branch must not take the place of a target
+        branchings = weak_evidence(predicted, taken, state.detector) if has_room else {}
         for track, _ in branchings.values():
             del taken[track.id]
         unseen = {track.id: self._unseen(track, view) for track in predicted if track.id not in taken}

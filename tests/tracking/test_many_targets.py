@@ -107,3 +107,13 @@ def test_tracks_out_of_view_keep_no_new_target_out():
     assert dropped == [(3, Reason.TOO_MANY_TRACKS)]
     (seen,) = (t for t in reported[-1] if t.state is TrackState.CONFIRMED)
     assert (seen.id, seen.position_ned[1]) == (MAX_TRACKS + 1, pytest.approx(5000.0, abs=1.0))
+
+
+def test_a_full_table_keeps_its_coasting_tracks_and_begins_no_branch():
+    tracker = make_tracker(TrackingOptions(motion="moving"), NO_BIAS)
+    places = rows(MAX_TRACKS)
+    fed(tracker, 0.0, 5, places)
+    fed(tracker, 3.7, 1, [], sees=False)
+    (tracks,) = fed(tracker, 3.8, 1, places, sees=False)
+    assert [track.id for track in tracks] == list(range(1, MAX_TRACKS + 1))
+    assert {track.state for track in tracks} == {TrackState.CONFIRMED}
