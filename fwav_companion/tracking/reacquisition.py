@@ -18,7 +18,7 @@ import msgspec
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.tracking.track_state import LiveTrack, initiate
-from fwav_companion.types import GroundFix, TrackState
+from fwav_companion.types import GroundFix, Reason, TrackState
 
 WIDE = 4.0 * log(3.0)
 """Log determinant ratio of a gate three times as wide as the noise of a fix. In a narrow one a false fix does little: a
@@ -61,13 +61,20 @@ def branched(track: LiveTrack, evidence: Evidence, number: int, host_ns: HostNs,
 
 
 def reacquired(tracks: list[LiveTrack], host_ns: HostNs) -> list[LiveTrack]:
-    """The tracks of a frame; a branch that it confirmed has become its coasting track, and ends."""
-    confirmed = [i for i, track in enumerate(tracks) if track.branch_of and track.life.confirmed_ns == host_ns]
-    if not confirmed:
+    """The tracks of a frame; a branch that it confirmed has become its coasting track, and ends.
+
+    The branches of a track that is confirmed again end too: what they explain differently is its own.
+    """
+    branches = [i for i, track in enumerate(tracks) if track.branch_of and track.life.state is not TrackState.DROPPED]
+    if not branches:
         return tracks
     after, places = list(tracks), {track.id: i for i, track in enumerate(tracks)}
-    for i in confirmed:
+    for i in sorted(branches, key=lambda i: tracks[i].life.confirmed_ns != host_ns):
         place = places.get(tracks[i].branch_of or 0)
-        if place is not None and after[place].life.state is TrackState.COASTING:
+        if place is None:
+            continue
+        if after[place].life.state is TrackState.CONFIRMED:
+            after[i] = after[i].deleted(Reason.NEVER_CONFIRMED)
+        elif after[i].life.confirmed_ns == host_ns and after[place].life.state is TrackState.COASTING:
             after[place], after[i] = after[place].reacquired(after[i])
     return after

@@ -90,6 +90,16 @@ def test_the_target_is_found_again_although_a_false_detection_came_first():
     assert flown.tracks[1].position_ned == pytest.approx(PLACE, abs=0.1)
 
 
+def test_the_other_branches_end_once_the_track_is_confirmed_again():
+    flown, ends = Flown().coasted(4.0).frame(ASTRAY), []
+    for _ in range(8):
+        flown.frame(PLACE, ASTRAY)
+        ends += [(track.id, track.reason) for track in flown.tracks.values() if track.reason]
+    assert sorted(ends) == [(2, Reason.REPLACED), (3, Reason.NEVER_CONFIRMED)]
+    assert [track.state for track in flown.tracks.values()] == [TrackState.CONFIRMED] * 2
+    assert flown.tracks[1].position_ned == pytest.approx(ASTRAY, abs=0.2), "the branch with more evidence"
+
+
 def test_a_track_in_a_narrow_gate_is_confirmed_again_at_once():
     assert Flown("static").coasted(20.0).frame(PLACE).tracks[1].state is TrackState.CONFIRMED
     assert Flown("moving").coasted(0.4).frame(PLACE).tracks[1].state is TrackState.CONFIRMED
