@@ -1,10 +1,12 @@
 """Re-acquisition of a coasting track by evidence.
 
-The gate of a coasting track is wide, most of all of one that moves: a false detection in it is nearly as likely as the
-target. One such fix must not confirm it again. Track splitting (Smith & Buechler 1975; Blackman & Popoli 1999, ch. 16):
-a fix whose log-likelihood ratio alone does not reach the threshold of confirmation begins a branch, a tentative track
-from the coasting state and this fix. The coasting track goes on without the fix. The sequential test of ``lifecycle``
-continues over the branch: confirmed, it becomes the coasting track; deleted, its fixes have changed nothing.
+The gate of a coasting track that moves widens to metres within seconds: a false detection in it is nearly as likely as
+the target. One such fix must not confirm it again. Track splitting (Smith & Buechler 1975; Blackman & Popoli 1999,
+ch. 16): a fix whose log-likelihood ratio alone does not reach the threshold of confirmation begins a branch, a
+tentative track from the coasting state and this fix. The coasting track goes on without the fix. The sequential test of
+``lifecycle`` continues over the branch: confirmed, it becomes the coasting track; deleted, its fixes have changed
+nothing. The gate of a standing target does not widen with time, only with the error of the vehicle's position: one fix
+confirms it again.
 """
 
 from __future__ import annotations
@@ -31,14 +33,18 @@ Branchings: TypeAlias = dict[int, tuple[LiveTrack, Evidence]]
 
 
 def weak_evidence(tracks: Sequence[LiveTrack], taken: Mapping[int, Evidence], detector: DetectorModel) -> Branchings:
-    """The coasting tracks that their fix alone does not confirm again. ``taken``: the fixes of tracks, by id."""
+    """The coasting tracks that move and that their fix alone does not confirm again.
+
+    ``taken``: the fixes of tracks, by id.
+    """
     coasting = [each for each in tracks if each.life.state is TrackState.COASTING and each.id in taken]
-    if not coasting:
+    moving = [each for each in coasting if each.target.velocity_cov is not None]
+    if not moving:
         return {}
     needed = detector.confirming_llr - log(detector.detection_probability)
     return {
         id(fix): (track, (fix, llr))
-        for track, (fix, llr) in ((each, taken[each.id]) for each in coasting)
+        for track, (fix, llr) in ((each, taken[each.id]) for each in moving)
         if llr < needed and track.target.gate(fix).log_det_ratio > WIDE
     }
 

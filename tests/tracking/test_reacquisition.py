@@ -100,8 +100,8 @@ def test_the_other_branches_end_once_the_track_is_confirmed_again():
     assert flown.tracks[1].position_ned == pytest.approx(ASTRAY, abs=0.2), "the branch with more evidence"
 
 
-def test_a_track_in_a_narrow_gate_is_confirmed_again_at_once():
-    assert Flown("static").coasted(20.0).frame(PLACE).tracks[1].state is TrackState.CONFIRMED
+def test_a_standing_target_and_a_track_in_a_narrow_gate_are_confirmed_again_at_once():
+    assert Flown("static").coasted(60.0).frame(PLACE).tracks[1].state is TrackState.CONFIRMED
     assert Flown("moving").coasted(0.4).frame(PLACE).tracks[1].state is TrackState.CONFIRMED
 
 
