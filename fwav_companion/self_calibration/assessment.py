@@ -87,6 +87,13 @@ class Assessment(msgspec.Struct, frozen=True):
     posterior: tuple[Array, Array] | None = None
     """Mean and covariance of the joint estimate, as it is believed."""
 
+    def position_delay_share(self, sigma_s: float) -> float:
+        """Mean square of the position delay that is left, over the variance of its prior."""
+        if self.posterior is None or sigma_s == 0.0:
+            return 1.0
+        (mean, cov), i = self.posterior, SharedParameter.POSITION_DELAY
+        return float(mean[i] ** 2 + cov[i, i]) / sigma_s**2
+
     def places(self, joint: JointFilter, priors: tuple[Array, Array]) -> dict[int, CalibratedPlace]:
         """The targets by a joint estimate, by track."""
         means, sigmas = priors[0], widened(priors[1], self.denied)

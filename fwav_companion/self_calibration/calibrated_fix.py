@@ -1,7 +1,8 @@
 """A single fix corrected by the joint estimate: the target relative to the vehicle now.
 
 The joint estimate follows the error of the vehicle's position as far as that moves smoothly. Where it does not, an
-estimate lags behind it by decimetres; the fix of this frame has the very error that the vehicle's report has.
+estimate lags behind it by decimetres; the fix of this frame has the very error that the vehicle's report has. So it has
+the delay of that report: at 5 m/s, 0.1 s of it displace every place by 0.5 m against the vehicle.
 """
 
 from __future__ import annotations
@@ -49,12 +50,20 @@ class CalibratedFix(msgspec.Struct, frozen=True, gc=False):
     """m^2."""
 
 
-def fix_by(state: Calibrator, fix: GroundFix) -> CalibratedFix | None:
-    """A target by one fix, where a flight shows that the vehicle's position does not wander smoothly; else None."""
+def fix_by(state: Calibrator, fix: GroundFix, place_cov: Symmetric2) -> CalibratedFix | None:
+    """A target by one fix, where its claim is the smaller one, or a flight shows that the vehicle's position does not
+    wander smoothly; else None. ``place_cov``: of the target by the joint estimate, relative to the vehicle.
+    """
     known, served = None if state.assessment is None else state.assessment.posterior, state.passes.served
-    if known is None or served is None or not served.wanders_quickly:
+    if known is None or served is None:
         return None
-    return calibrated_fix(fix, *known, state.context.priors.position_noise_m**2)
+    position_m2, claimed_m2 = state.context.priors.position_noise_m**2, place_cov[0] + place_cov[2]
+    if served.wanders_quickly:
+        return calibrated_fix(fix, *known, position_m2)
+    if fix.noise_cov[0][0] + fix.noise_cov[1][1] - 2.0 * position_m2 >= claimed_m2:
+        return None
+    found = calibrated_fix(fix, *known, position_m2)
+    return found if found.cov[0] + found.cov[2] < claimed_m2 else None
 
 
 def calibrated_fix(fix: GroundFix, mean: Array, cov: Array, position_noise_m2: float) -> CalibratedFix:

@@ -16,6 +16,7 @@ from math import hypot
 import msgspec
 import numpy as np
 
+from fwav_companion.geometry.small_matrices import Symmetric2
 from fwav_companion.geometry.stamps import NS_PER_S, BootNs, HostNs, ns_from_s, s_from_ns
 from fwav_companion.self_calibration.assessment import (
     JUDGED_EVERY_NS,
@@ -134,9 +135,9 @@ class Calibrator(msgspec.Struct, frozen=True):
         """Horizontal variance of a target by cause, m^2; empty while the joint estimate does not hold it."""
         return {} if self.passes.served is None else bias_shares(self.passes.served.best, track)
 
-    def by_fix(self, fix: GroundFix) -> CalibratedFix | None:
-        """A target relative to the vehicle by one fix, where this estimate lags behind the vehicle's position."""
-        return fix_by(self, fix)
+    def by_fix(self, fix: GroundFix, place_cov: Symmetric2) -> CalibratedFix | None:
+        """A target relative to the vehicle by one fix, where that is better than this estimate's ``place_cov``."""
+        return fix_by(self, fix, place_cov)
 
     @property
     def mistake(self) -> str:
@@ -186,9 +187,8 @@ class Calibrator(msgspec.Struct, frozen=True):
     def restarted(self) -> Calibrator:
         """The state after every target was dropped: the calibration stays, as a prior."""
         keep = None if self.assessment is None else self.assessment.keep
-        context = self.context
-        if keep is not None:
-            context = CalibrationContext(context.priors, context.state_at, keep)
+        old = self.context
+        context = old if keep is None else CalibrationContext(old.priors, old.state_at, keep)
         return Calibrator(context, host_ns=self.host_ns, mount_check=self.mount_check, replaced=self.replaced)
 
     # Each step returns the next state.

@@ -9,7 +9,9 @@ import msgspec
 from fwav_companion.geometry.small_matrices import Symmetric2, add_diagonal, horizontal_sigma
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Matrix3, Vector3
+from fwav_companion.self_calibration.calibration_report import SharedParameter
 from fwav_companion.tracking.filters.base import TargetState
+from fwav_companion.tracking.filters.standing import StandingTargetState
 from fwav_companion.types import GroundFix
 from fwav_companion.types.tracks import GateResult
 
@@ -27,7 +29,7 @@ class CalibratedTargetState(msgspec.Struct, frozen=True):
     placed: CalibratedPlace
     own: TargetState
     by_fix: CalibratedFix | None = None
-    """The target by its fix of this frame, where the joint estimate lags behind the error of the vehicle's position."""
+    """The target by its fix of this frame, where that is better: it has error and delay of the vehicle's report."""
 
     @property
     def position_ned(self) -> Vector3:
@@ -58,9 +60,8 @@ class CalibratedTargetState(msgspec.Struct, frozen=True):
 
     @property
     def _place_cov(self) -> Matrix3:
-        """Covariance of the apparent place of the joint estimate, with the noise of the vehicle's report."""
-        noise = self.calibrator.context.priors.position_noise_m**2
-        return add_diagonal(_level(self.placed.relative_cov, self.own.cov[2][2]), noise, 0.0)
+        """Covariance of the apparent place of the joint estimate, with noise and delay of the vehicle's report."""
+        return _level(place_cov(self.calibrator, self.placed, self.own), self.own.cov[2][2])
 
     @property
     def _follows(self) -> bool:
@@ -88,6 +89,16 @@ class CalibratedTargetState(msgspec.Struct, frozen=True):
     def update(self, fix: GroundFix) -> TargetState:
         """Its own filter goes on beside the joint estimate."""
         return self.own.update(fix)
+
+
+def place_cov(calibrator: Calibrator, placed: CalibratedPlace, own: TargetState) -> Symmetric2:
+    """Covariance of an apparent place relative to the vehicle, horizontal, m^2: with noise and delay of its report."""
+    noise, (nn, ne, ee) = calibrator.context.priors.position_noise_m**2, placed.relative_cov
+    if isinstance(own, StandingTargetState) and calibrator.assessment is not None and any(own.late):
+        sigma_s = float(calibrator.context.sigmas[SharedParameter.POSITION_DELAY])
+        late = own.report_lateness(calibrator.assessment.position_delay_share(sigma_s))
+        nn, ne, ee = nn + late[0], ne + late[1], ee + late[2]
+    return (nn + noise, ne, ee + noise)
 
 
 class MisplacedTargetState(msgspec.Struct, frozen=True):

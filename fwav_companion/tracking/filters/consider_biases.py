@@ -181,6 +181,11 @@ class ConsiderBiases:
         i = self._delayed
         return None if i is None else (i, measurement.shared[0][i], measurement.shared[1][i])
 
+    def late(self, measurement: Measurement) -> tuple[float, float]:
+        """The same displacement alone, north and east, metres; zero without a prior."""
+        i = self._delayed
+        return (0.0, 0.0) if i is None else (measurement.shared[0][i], measurement.shared[1][i])
+
     def shares(self, shared: tuple[Row, Row]) -> dict[Bias, float]:
         """Horizontal variance of an estimate by each bias in use, m^2. ``shared``: C, north and east."""
         return {Bias(i): n * n + e * e for (i, _), n, e in zip(self._used, *shared, strict=True)}

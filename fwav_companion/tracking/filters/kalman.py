@@ -98,6 +98,7 @@ class StaticTargetState(StandingTargetState, frozen=True, kw_only=True, gc=False
             scatter=scattered(before, self.scatter, errors.prepared(fix), errors.timed),
             point=point.moved(apparent.north_m - before.north_m, apparent.east_m - before.east_m),
             now=now,
+            late=errors.late(measurement),
             fixed_ns=host_ns,
             host_ns=host_ns,
         )

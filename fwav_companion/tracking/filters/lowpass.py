@@ -38,7 +38,14 @@ class LowPassTargetState(StandingTargetState, frozen=True, kw_only=True, gc=Fals
         scatter = scattered(self.apparent, self.scatter, errors.prepared(fix), errors.timed)
         wander = self.model.wander_at(fix)
         return replace(
-            state, wander=wander, predicted=None, scatter=scatter, fixed_ns=host_ns, host_ns=host_ns, waiting=waiting
+            state,
+            wander=wander,
+            predicted=None,
+            scatter=scatter,
+            late=errors.late(sample),
+            fixed_ns=host_ns,
+            host_ns=host_ns,
+            waiting=waiting,
         )
 
     def _step(self, sample: Measurement, share: float, host_ns: HostNs) -> Self:

@@ -9,7 +9,7 @@ from typing import Self
 import msgspec
 from msgspec.structs import replace
 
-from fwav_companion.geometry.small_matrices import inner
+from fwav_companion.geometry.small_matrices import Symmetric2, inner
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.tracking.filters.adaptive_noise import AdaptiveNoise
@@ -73,6 +73,8 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     down: DownEstimate
     scatter: AdaptiveNoise = AdaptiveNoise()
     """Scatter of single fixes beyond their noise."""
+    late: tuple[float, float] = (0.0, 0.0)
+    """Displacement of the vehicle's report by one sigma of the position delay, at the last fix: north, east, metres."""
     first_ns: HostNs
     """Capture of the first fix."""
     placed_ns: HostNs
@@ -105,9 +107,20 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
 
     @property
     def relative(self) -> PointEstimate | RelativeEstimate:
-        """The same with the noise of that report, which is unknown: all of it counts."""
-        noise = self.model.errors.position_noise_m2
-        return (self.predicted or self.apparent).with_noise((noise, 0.0, noise))
+        """The same with noise and delay of that report, which are unknown: all of both counts."""
+        noise, (nn, ne, ee) = self.model.errors.position_noise_m2, self.report_lateness()
+        return (self.predicted or self.apparent).with_noise((noise + nn, ne, noise + ee))
+
+    def report_lateness(self, share: float = 1.0) -> Symmetric2:
+        """Covariance of the vehicle's report by its position delay, m^2; ``share``: of the variance of its prior.
+
+        Between fixes the course is not known: the vehicle has the speed of the last fix in any direction.
+        """
+        north, east = self.late
+        if self.host_ns == self.fixed_ns:
+            return (share * north * north, share * north * east, share * east * east)
+        each = 0.5 * share * (north * north + east * east)
+        return (each, 0.0, each)
 
     @property
     def reported(self) -> PointEstimate | RelativeEstimate:
