@@ -1,4 +1,4 @@
-"""Landmarks: with one in view targets are right to decimetres on a receiver of 1 m, and the claim says so.
+"""Landmarks: with one in view targets are right to a decimetre on a receiver of 1 m, and the claim says so.
 
 The mock draws every bias from the configured priors, an error of the altitude above sea level, and the survey's own.
 One target a flight is judged, since a flight's biases are one draw.
@@ -21,7 +21,7 @@ from sitl_mock.earth import Place
 SURVEY_M = 0.05
 MARKS = {"mark": (3.0, -2.0), "second": (-3.0, -2.0), "third": (0.0, 4.0)}
 TARGET = TargetOptions(label="target", north=-2.0, east=2.5)
-FEW, MANY = 3, 60
+FLIGHTS, SECONDS = 30, 45.0
 OVER_THE_TARGETS = {"default": {}, "figure_eight": {"flight.half_axes_m": (10.0, 6.0)}}
 
 
@@ -68,45 +68,52 @@ def ended(mock: Simulation, companion: Companion) -> tuple[float, float, float]:
     )
 
 
-def end_of(name: str, settings: tuple[str, ...], seconds: float, seed: int) -> tuple[float, float, float]:
-    return ended(*flown(name, seed, {"mark": (0.0, 0.0)}, seconds, settings))
+CHEAP = {"camera.fps": 10.0, "camera.readout_s": 0.02}
+"""A third of the pictures; the readout of a slower camera would be less known than that of the paper's, so it is known."""
+KNOWN = ("camera.readout_s=0.02",)
+CALIBRATED = ("tracking.self_calibration=true",)
 
 
-def ends(name: str, settings: tuple[str, ...], flights: int, seconds: float) -> list[tuple[float, float, float]]:
+def end_of(name: str, settings: tuple[str, ...], differences: dict, seed: int) -> tuple[float, float, float]:
+    return ended(*flown(name, seed, {"mark": (0.0, 0.0)}, SECONDS, settings, **differences))
+
+
+def ends(name: str, settings: tuple[str, ...], flights: int, differences: dict) -> list[tuple[float, float, float]]:
+    key = f"landmarks/{name}/{settings}/{differences}"
     return [
-        kept(f"landmarks/{name}/{settings}/{seconds}/{seed}", partial(end_of, name, settings, seconds, seed))
+        kept(f"{key}/{seed}", partial(end_of, name, settings, differences, seed))
         for seed in range(7000, 7000 + flights)
     ]
 
 
-@pytest.mark.slow
-@pytest.mark.timeout(900)
-@pytest.mark.parametrize(
-    ("name", "settings"),
-    [
-        ("default", ()),
-        pytest.param("figure_eight", ("tracking.self_calibration=true",), marks=pytest.mark.slow),
-    ],
-)
-@pytest.mark.parametrize(("flights", "seconds"), [(FEW, 15.0), (MANY, 45.0)])
-def test_a_landmark_in_view_cancels_what_it_shows_and_the_claim_says_so(name, settings, flights, seconds):
-    results = ends(name, settings, flights, seconds)
-    squares = [square for _, _, square in results]
+def assert_honest(results) -> None:
+    flights, squares = len(results), [square for _, _, square in results]
     low, high = chi2.ppf([0.0005, 0.9995], 2 * flights)
     assert low < sum(squares) < high, f"mean square {sum(squares) / flights:.2f}, of 2 when honest"
     inside = sum(square < chi2.ppf(0.9, 2) for square in squares)
     low, high = binom.ppf([0.0005, 0.9995], flights, 0.9)
     assert low <= inside <= high
-    assert median(sigma for _, sigma, _ in results) < 0.4  # 1.1 m without a landmark
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-def test_targets_near_a_landmark_are_right_to_two_decimetres_on_a_receiver_of_1_m():
-    """After 45 s; the errors are those of sensitivities at 60 degrees off the nadir, not of the receiver."""
-    results = ends("default", (), MANY, 45.0)
-    assert median(error for error, _, _ in results) < 0.25
-    assert median(sigma for _, sigma, _ in results) < 0.2
+@pytest.mark.parametrize(("name", "settings", "error_m"), [("default", (), 0.16), ("figure_eight", CALIBRATED, 0.125)])
+def test_near_a_landmark_targets_are_right_to_a_decimetre_and_the_claim_says_so(name, settings, error_m):
+    """On a receiver of 1 m, after 45 s; 0.05 m of it is the survey's own error, each axis. On an orbit at one speed an
+    older position and another heading look alike, and the best estimate of all errors is off by 0.11 m.
+    """
+    results = ends(name, (*KNOWN, *settings), FLIGHTS, CHEAP)
+    assert_honest(results)
+    assert median(sigma for _, sigma, _ in results) < 0.12  # 1.1 m without a landmark
+    assert median(error for error, _, _ in results) < error_m
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_the_claim_is_honest_at_30_pictures_a_second_and_with_an_unknown_readout():
+    results = ends("default", (), 8, {})
+    assert_honest(results)
+    assert median(sigma for _, sigma, _ in results) < 0.12
 
 
 def state_of(companion: Companion) -> dict[str, LandmarkState]:

@@ -24,9 +24,7 @@ def shown(*off_m):
     for i, off in enumerate(off_m):
         rows = np.zeros((3, model.size))
         rows[:, model.survey(i)] = np.eye(3)
-        crossed = rows @ state.cov
-        inverse = np.linalg.inv(crossed @ rows.T + SEEN_M**2 * np.eye(3))
-        state = state._corrected(Correction(rows, crossed, inverse, np.array((-off, 0.0, 0.0))))
+        state = state._corrected(Correction(np.array((-off, 0.0, 0.0)), rows, SEEN_M**2 * np.eye(3)))
     return state
 
 

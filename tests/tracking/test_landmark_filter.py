@@ -15,52 +15,83 @@ RNG = np.random.default_rng(5)
 SHARED = 4
 
 
-def correction_of(mean, cov, rows, noise, measured) -> tuple[Correction, np.ndarray, np.ndarray]:
-    """A sight of a landmark, and mean and covariance of the shared errors after it."""
-    crossed = rows @ cov
-    inverse = np.linalg.inv(crossed @ rows.T + noise)
-    innovation = measured - rows @ mean
-    gain = crossed.T @ inverse
-    return Correction(rows, crossed, inverse, innovation), mean + gain @ innovation, cov - gain @ crossed
+def by_least_squares(prior, events) -> tuple[np.ndarray, np.ndarray]:
+    """Place and the newest shared errors, and their covariance: one batch over the whole history.
 
+    ``prior``: mean and covariance of the shared errors; ``events``: corrections of (place, shared errors), transitions.
+    """
+    mean, cov = prior
+    count = 2 + SHARED * (1 + sum(isinstance(event, Transition) for event in events))
+    rows, values, now = [], [], slice(2, 2 + SHARED)
 
-def test_a_place_and_its_claim_are_those_of_the_whole_filter_with_considered_errors():
-    """Oracle: one Kalman filter of place and shared errors, in which fixes of the target move the place alone."""
-    root = RNG.normal(size=(SHARED, SHARED))
-    mean, cov = RNG.normal(size=SHARED), root @ root.T
-    full_mean, full_cov, place = None, None, None
-    for turn in range(12):
-        rows, noise, measured = RNG.normal(size=(2, SHARED)), np.diag(RNG.uniform(0.1, 1.0, 2)), RNG.normal(size=2)
-        if place is None:
-            place = first_joint_place(measured, noise, rows, (mean, cov))
-            full_mean = np.concatenate((measured - rows @ mean, mean))
-            cross = -rows @ cov
-            full_cov = np.block([[noise + rows @ cov @ rows.T, cross], [cross.T, cov]])
-        elif turn % 3 == 0:
-            step, mean, cov = correction_of(mean, cov, rows, noise, measured)
-            place = place.after(step)
-            whole = np.hstack((np.zeros((2, 2)), rows))
-            gain = full_cov @ whole.T @ np.linalg.inv(whole @ full_cov @ whole.T + noise)
-            full_mean = full_mean + gain @ (measured - whole @ full_mean)
-            full_cov = full_cov - gain @ whole @ full_cov
-        elif turn % 3 == 1:
-            place = place.update(measured, noise, rows, (mean, cov))
-            whole = np.hstack((np.eye(2), rows))
-            gain = full_cov @ whole.T @ np.linalg.inv(whole @ full_cov @ whole.T + noise)
-            gain[2:] = 0.0
-            full_mean = full_mean + gain @ (measured - whole @ full_mean)
-            rest = np.eye(2 + SHARED) - gain @ whole
-            full_cov = rest @ full_cov @ rest.T + gain @ noise @ gain.T
+    def whitened(blocks, value, noise):
+        root = np.linalg.inv(np.linalg.cholesky(noise))
+        row = np.zeros((len(value), count))
+        for where, block in blocks:
+            row[:, where] = block
+        rows.append(root @ row)
+        values.append(root @ value)
+
+    whitened([(now, np.eye(SHARED))], mean, cov)
+    for event in events:
+        if isinstance(event, Transition):
+            later = slice(now.stop, now.stop + SHARED)
+            whitened([(later, np.eye(SHARED)), (now, -event.matrix)], np.zeros(SHARED), event.noise)
+            now = later
         else:
-            matrix, fresh = np.diag(RNG.uniform(0.5, 1.0, SHARED)), np.diag(RNG.uniform(0.0, 0.3, SHARED))
-            mean, cov = matrix @ mean, matrix @ cov @ matrix.T + fresh
-            place = place.after(Transition(matrix))
-            whole = np.block([[np.eye(2), np.zeros((2, SHARED))], [np.zeros((SHARED, 2)), matrix]])
-            full_mean, full_cov = whole @ full_mean, whole @ full_cov @ whole.T
-            full_cov[2:, 2:] += fresh
-        assert place.place == pytest.approx(full_mean[:2], abs=1e-9)
-        assert place.cov == pytest.approx(full_cov[:2, :2], abs=1e-9)
-        assert place.cross == pytest.approx(full_cov[:2, 2:], abs=1e-9)
+            whitened([(slice(0, 2), event.rows[:, :2]), (now, event.rows[:, 2:])], event.measured, event.noise)
+    matrix = np.vstack(rows)
+    information = matrix.T @ matrix
+    kept = [0, 1, *range(now.start, now.stop)]
+    best = np.linalg.solve(information, matrix.T @ np.concatenate(values))
+    return best[kept], np.linalg.inv(information)[np.ix_(kept, kept)]
+
+
+def drawn_prior() -> tuple[np.ndarray, np.ndarray]:
+    root = RNG.normal(size=(SHARED, SHARED))
+    return RNG.normal(size=SHARED), root @ root.T
+
+
+def drawn_fix() -> Correction:
+    rows = np.hstack((np.eye(2), RNG.normal(size=(2, SHARED))))
+    return Correction(RNG.normal(size=2), rows, np.diag(RNG.uniform(0.1, 1.0, 2)))
+
+
+def drawn_sight() -> Correction:
+    return Correction(RNG.normal(size=2), RNG.normal(size=(2, SHARED)), np.diag(RNG.uniform(0.1, 1.0, 2)))
+
+
+def test_a_place_and_its_claim_are_those_of_all_fixes_and_sights_together():
+    prior, first = drawn_prior(), drawn_fix()
+    place, events = first_joint_place(first, prior, np.ones(SHARED)), [first]
+    for turn in range(12):
+        if turn % 3 == 0:
+            sight = drawn_sight()
+            place = place.after(sight)
+            events.append(Correction(sight.measured, np.hstack((np.zeros((2, 2)), sight.rows)), sight.noise))
+        elif turn % 3 == 1:
+            events.append(drawn_fix())
+            place = place.update(events[-1])
+        else:
+            noise = np.diag(RNG.uniform(0.1, 0.3, SHARED))
+            events.append(Transition(np.diag(RNG.uniform(0.5, 1.0, SHARED)), noise))
+            place = place.after(events[-1])
+        best, cov = by_least_squares(prior, events)
+        assert place.mean == pytest.approx(best, abs=1e-8)
+        assert place.cov == pytest.approx(cov, abs=1e-8)
+
+
+def test_what_is_considered_stays_and_its_share_stays_in_the_claim():
+    """The third error is considered: neither its mean nor its variance moves, and no claim is less than the best."""
+    prior, first, estimated = drawn_prior(), drawn_fix(), np.array((1.0, 1.0, 0.0, 1.0))
+    place, events = first_joint_place(first, prior, estimated), [first]
+    for _ in range(20):
+        events.append(drawn_fix())
+        place = place.update(events[-1])
+    assert place.mean[4] == pytest.approx(prior[0][2])
+    assert place.cov[4, 4] == pytest.approx(prior[1][2, 2])
+    _, best = by_least_squares(prior, events)
+    assert np.linalg.eigvalsh(place.cov - best)[0] > -1e-9
 
 
 @pytest.mark.parametrize(("used", "known"), [(9, True), (2, False)])

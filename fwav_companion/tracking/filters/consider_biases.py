@@ -148,11 +148,6 @@ class ConsiderBiases:
         """
         return self._with_sensitivity(measurement, self._moved(measurement.shared, columns), since_s)
 
-    def with_columns(self, measurement: Measurement, columns: Sequence[tuple[float, float]]) -> Measurement:
-        """The measurement with other sensitivities, d(north, east)/d(bias) in the order of SENSITIVE."""
-        shared = self._moved(measurement.shared, columns)
-        return Measurement(measurement.position, measurement.noise, shared, measurement.gate)
-
     def _moved(self, shared: Rows, columns: Sequence[tuple[float, float]]) -> Rows:
         north, east = list(shared[0]), list(shared[1])
         for i, k, sigma in self._sensitive:

@@ -1,6 +1,7 @@
 """The estimate of the errors that all targets share, by sights of landmarks.
 
-A sight is a fix of a known place: measured minus known is ``H s + noise`` with the shared errors s (``state_vector``).
+A sight is a direction to a known place: measured minus known is ``H s + noise`` with the shared errors s
+(``state_vector``, ``ray_measurement``).
 The survey of each landmark is among them, so that many sights do not average its error away. A landmark that all else
 contradicts is left out: its prior is taken back, which is exact for a linear filter, and undoes what it had moved.
 
@@ -12,22 +13,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import hypot, sqrt
-from typing import TypeAlias
 
 import msgspec
 import numpy as np
 from msgspec.structs import replace
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs, s_from_ns
-from fwav_companion.geometry.vectors import scale
+from fwav_companion.geometry.vectors import ZERO3
 from fwav_companion.self_calibration.arrays import Array
-from fwav_companion.tracking.filters.linearization import SENSITIVE, level_columns
 from fwav_companion.tracking.filters.standing import FRESH_SHARE
-from fwav_companion.tracking.landmarks.joint_place import Correction, Transition
+from fwav_companion.tracking.landmarks.joint_place import Correction, Step, Transition, updated
+from fwav_companion.tracking.landmarks.ray_measurement import CameraPath, first_path, ray_measurement
 from fwav_companion.tracking.landmarks.state_vector import ALTITUDE_SHARE, SharedErrors
-from fwav_companion.tracking.landmarks.turned_fix import rotation_error, turned_point
-from fwav_companion.tracking.landmarks.view_line import Sequel, continued
-from fwav_companion.types import Bias, FrameView, LandmarkAltitude, LandmarkRecord, LandmarkSight, LandmarkState
+from fwav_companion.types import FrameView, LandmarkAltitude, LandmarkRecord, LandmarkSight, LandmarkState
 
 GATE = 25.0
 """Squared Mahalanobis distance of a sight beyond which it is not used: a right one exceeds it once in 300 000."""
@@ -48,18 +46,17 @@ ALL_LEFT_OUT = 2.0 * LEFT_OUT
 UNKNOWN_M = 100.0
 """One sigma of the place of a landmark that is left out: hardly any information, and no loss by rounding."""
 EXAMINED_EVERY_NS = NS_PER_S
-SENSITIVITY_SHARE = 0.25
-"""Relative error of the sensitivities to the biases, one sigma, as for targets. What sights show by small differences
-of sensitivities has the noise of the telemetry in it, and what the first sights showed was about wrong rotations: with
-0.05 and 0.1 targets were claimed to 0.12 m and off by 0.2 m after 45 s, at mean squares of 3.2 and 2.7."""
-SENSITIVITY_STEP_S = 6.0
-"""Twice the correlation time of that error, as for targets."""
-LEAST_HEIGHT_M = 0.3
-"""Least height above a landmark at which sensitivities are taken, metres."""
 FIRST_S = 1e9
 """Interval before a first sight: it repeats no telemetry."""
 
-Step: TypeAlias = Transition | Correction
+
+class Sequel(msgspec.Struct, frozen=True, gc=False):
+    """What the next sight of a landmark continues."""
+
+    at_ns: HostNs
+    """Capture of the last sight."""
+    in_a_row: int = 0
+    """Refused sights since the last one that agreed."""
 
 
 class PreparedSight(msgspec.Struct, frozen=True, gc=False):
@@ -69,6 +66,8 @@ class PreparedSight(msgspec.Struct, frozen=True, gc=False):
     correction: Correction
     nis: float
     """Normalised innovation squared, two degrees of freedom."""
+    off_m: float
+    """Distance from where it is expected, metres."""
 
 
 class LandmarkFilter(msgspec.Struct, frozen=True):
@@ -81,6 +80,8 @@ class LandmarkFilter(msgspec.Struct, frozen=True):
     """One sigma of the vehicle's position by its receiver, metres an axis."""
     records: tuple[LandmarkRecord, ...]
     sequels: tuple[Sequel | None, ...]
+    path: CameraPath | None = None
+    """The camera's path; None before the first sight of anything."""
     host_ns: HostNs | None = None
     examined_ns: HostNs = HostNs(0)
     doubted: tuple[int, int] = (-1, 0)
@@ -123,7 +124,9 @@ class LandmarkFilter(msgspec.Struct, frozen=True):
         state = replace(self, steps=())
         fixes = (*view.fixes, *(sight.fix for sight in view.landmarks))
         if fixes:
-            state = state._by_receiver(self.model.sigma_at(fixes[0]))
+            sighting = fixes[0].sighting
+            path = first_path(sighting) if self.path is None else self.path.after(sighting)
+            state = replace(state._by_receiver(self.model.sigma_at(fixes[0])), path=path)
         if self.host_ns is None or view.host_ns <= self.host_ns:
             return replace(state, host_ns=self.host_ns or view.host_ns)
         state = state._later(view.host_ns)
@@ -143,24 +146,21 @@ class LandmarkFilter(msgspec.Struct, frozen=True):
     def position_jumped(self, variance: float) -> LandmarkFilter:
         """The state with the vehicle's position free to have moved by ``variance``, m^2 an axis."""
         first, last = self.model.wander.start, self.model.wander.stop
-        count = (last - first) // 4
-        cov = self.cov.copy()
+        noise = np.zeros_like(self.cov)
         errors = np.arange(first, last, 2)
-        cov[errors, errors] += variance / count
-        return replace(self, cov=cov)
+        noise[errors, errors] = variance / ((last - first) // 4) if first < last else 0.0
+        return replace(self._moved(Transition(np.eye(self.model.size), noise)), path=None)
 
     # Time.
 
     def _later(self, host_ns: HostNs) -> LandmarkFilter:
         model, wander = self.model, self.model.wander
         step = model.transition(self.host_ns or host_ns, host_ns)
-        matrix = np.eye(model.size)
+        matrix, noise = np.eye(model.size), np.zeros_like(self.cov)
         matrix[wander, wander] = step
         stationary = np.diag(model.stationary(self.sigma_m))
-        cov = matrix @ self.cov @ matrix.T
-        cov[wander, wander] += stationary - step @ stationary @ step.T
-        steps = (*self.steps, Transition(matrix))
-        return replace(self, mean=matrix @ self.mean, cov=cov, host_ns=host_ns, steps=steps)
+        noise[wander, wander] = stationary - step @ stationary @ step.T
+        return replace(self._moved(Transition(matrix, noise)), host_ns=host_ns)
 
     def _by_receiver(self, sigma_m: float) -> LandmarkFilter:
         """The state by a receiver of another accuracy: a better one has errors of its own, a worse one's grow."""
@@ -170,14 +170,15 @@ class LandmarkFilter(msgspec.Struct, frozen=True):
             return replace(self, sigma_m=sigma_m)
         keep = np.ones(self.model.size)
         keep[self.model.altitude : self.model.wander.stop] = 0.0
-        matrix = np.diag(keep)
         prior = np.diag((1.0 - keep) * np.diag(self.model.prior(sigma_m)))
+        return replace(self._moved(Transition(np.diag(keep), prior)), sigma_m=sigma_m)
+
+    def _moved(self, step: Transition) -> LandmarkFilter:
         return replace(
             self,
-            mean=matrix @ self.mean,
-            cov=matrix @ self.cov @ matrix + prior,
-            sigma_m=sigma_m,
-            steps=(*self.steps, Transition(matrix)),
+            mean=step.matrix @ self.mean,
+            cov=step.matrix @ self.cov @ step.matrix.T + step.noise,
+            steps=(*self.steps, step),
         )
 
     # Sights.
@@ -188,7 +189,7 @@ class LandmarkFilter(msgspec.Struct, frozen=True):
         if prepared.nis <= GATE:
             after = replace(record, state=LandmarkState.USED, used=record.used + 1)
             return self._corrected(correction)._recorded(landmark, after, replace(sequel, in_a_row=0))
-        off_m = hypot(*map(float, correction.innovation))
+        off_m = prepared.off_m
         record = replace(record, refused=record.refused + 1, off_m=off_m)
         if sequel.in_a_row + 1 < IN_A_ROW:
             return self._recorded(landmark, record, replace(sequel, in_a_row=sequel.in_a_row + 1))
@@ -205,63 +206,35 @@ class LandmarkFilter(msgspec.Struct, frozen=True):
         return examined if decided else state
 
     def _prepared(self, sight: LandmarkSight) -> PreparedSight:
-        """The sight with its sensitivities, taken where the landmark appears without the noise of this sight.
-
-        The height is the estimated one: the altitude above sea level may be wrong by a sixth of it, and every
-        sensitivity with it.
-        """
-        fix, errors, model = sight.fix, self.model.errors, self.model
-        before, host_ns = self.sequels[sight.landmark], fix.sighting.frame_host_ns
-        since_s = FIRST_S if before is None else max(s_from_ns(host_ns - before.smooth.at_ns), 1e-3)
-        (camera_n, camera_e, camera_d), fix_d = fix.sighting.camera_ned, fix.position_ned[2]
-        too_high, reported_m = self._too_high(), fix_d - camera_d
-        lift_m = float(too_high @ self.mean)
-        turn = scale(rotation_error(model, fix, self.mean), -1.0)
-        seen_n, seen_e = turned_point(fix, turn, reported_m - lift_m)
-        off_n, off_e = seen_n - sight.north_m, seen_e - sight.east_m
-        vector = (seen_n - camera_n, seen_e - camera_e, reported_m)
-        sequel, (north_m, east_m, down_m) = continued(before, vector, host_ns)
-        toward, height_m = (north_m, east_m), max(down_m - lift_m, LEAST_HEIGHT_M)
-        columns = level_columns(fix, *toward, height_m)
-        measurement = errors.with_columns(errors.decorrelated(fix, since_s), columns)
-        rows = model.rows(measurement, fix)
-        model.with_heading(rows, toward)
-        by_height, survey = np.array(columns[SENSITIVE.index(Bias.HEIGHT)]), model.survey(sight.landmark)
-        rows[:, model.altitude] = by_height
-        rows[0, survey.start] = rows[1, survey.start + 1] = 1.0
-        rows[:, survey.start + 2] = by_height
-        share2 = SENSITIVITY_SHARE**2 + float(too_high @ self.cov @ too_high) / height_m**2
-        turning = rows[:, model.biases]
-        noise = np.array(measurement.noise)[:2, :2]
-        noise = noise + share2 * max(1.0, SENSITIVITY_STEP_S / since_s) * turning @ turning.T
-        crossed = rows @ self.cov
-        inverse = np.linalg.inv(crossed @ rows.T + noise)
-        taken_out = np.outer(by_height, too_high)
-        innovation = np.array((off_n, off_e)) + model.turning(rows, self.mean) - (rows - taken_out) @ self.mean
-        correction = Correction(rows, crossed, inverse, innovation)
-        return PreparedSight(sequel, correction, float(innovation @ inverse @ innovation))
-
-    def _too_high(self) -> Array:
-        """(size) d(height of the camera above a landmark)/d(shared errors)."""
-        row = np.zeros(self.model.size)
-        row[self.model.altitude] = 1.0
-        if self.model.height is not None:
-            row[self.model.height] = self.model.height_sigma_m
-        return row
+        """The sight against the known place. ``ray_measurement`` has the shared errors but for altitude and survey."""
+        model, fix, before = self.model, sight.fix, self.sequels[sight.landmark]
+        host_ns, survey = fix.sighting.frame_host_ns, model.survey(sight.landmark)
+        since_s = FIRST_S if before is None else max(s_from_ns(host_ns - before.at_ns), 1e-3)
+        north, east, up = map(float, self.mean[survey])
+        measurement = ray_measurement(
+            model,
+            fix,
+            self.mean,
+            point=(sight.north_m + north, sight.east_m + east, fix.position_ned[2] - up),
+            too_high_m=float(self.mean[model.altitude]),
+            shift=ZERO3 if self.path is None else self.path.shift,
+            since_s=since_s,
+        )
+        rows, by_point = measurement.rows, measurement.by_point
+        rows[:, model.altitude] = -by_point[:, 2]
+        rows[:, survey] = by_point * (1.0, 1.0, -1.0)
+        innovation = measurement.innovation
+        nis = float(innovation @ np.linalg.solve(rows @ self.cov @ rows.T + measurement.noise, innovation))
+        off_m = hypot(*map(float, np.linalg.lstsq(by_point[:, :2], innovation, rcond=None)[0]))
+        sequel = Sequel(host_ns, 0 if before is None else before.in_a_row)
+        return PreparedSight(sequel, measurement.correction(rows, self.mean), nis, off_m)
 
     # Steps.
 
     def _corrected(self, correction: Correction) -> LandmarkFilter:
-        """The state after an update that leaves the considered biases as they are, in Joseph's form."""
-        gain = self.model.estimated[:, None] * (correction.crossed.T @ correction.inverse)
-        moved = gain @ correction.crossed
-        cov = self.cov - moved - moved.T + gain @ np.linalg.inv(correction.inverse) @ gain.T
-        return replace(
-            self,
-            mean=self.mean + gain @ correction.innovation,
-            cov=0.5 * (cov + cov.T),
-            steps=(*self.steps, correction),
-        )
+        """The state after a measurement that leaves the considered biases as they are."""
+        mean, cov = updated((self.mean, self.cov), correction, self.model.estimated)
+        return replace(self, mean=mean, cov=cov, steps=(*self.steps, correction))
 
     def _with(self, landmark: int, record: LandmarkRecord) -> tuple[LandmarkRecord, ...]:
         return (*self.records[:landmark], record, *self.records[landmark + 1 :])
@@ -307,9 +280,7 @@ class LandmarkFilter(msgspec.Struct, frozen=True):
         rows[:, self.model.survey(landmark)] = np.eye(3)
         claimed = self.model.landmarks[landmark].sigma_m ** 2
         negative = -claimed * UNKNOWN_M**2 / (UNKNOWN_M**2 - claimed)
-        crossed = rows @ self.cov
-        inverse = np.asarray(np.linalg.inv(crossed @ rows.T + negative * np.eye(3)))
-        return self._corrected(Correction(rows, crossed, inverse, -rows @ self.mean))
+        return self._corrected(Correction(np.zeros(3), rows, negative * np.eye(3)))
 
     def _off(self, landmark: int) -> Array:
         """(3) where the sights show a landmark whose claim is taken back, minus its known place, metres."""

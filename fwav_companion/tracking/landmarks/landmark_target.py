@@ -10,17 +10,18 @@ import numpy as np
 from msgspec.structs import replace
 
 from fwav_companion.geometry.small_matrices import horizontal_sigma
-from fwav_companion.geometry.stamps import HostNs
-from fwav_companion.geometry.vectors import ZERO3, Matrix3, Vector3, scale
-from fwav_companion.self_calibration.arrays import Array
+from fwav_companion.geometry.stamps import HostNs, s_from_ns
+from fwav_companion.geometry.vectors import ZERO3, Matrix3, Vector3
 from fwav_companion.tracking.filters.base import TargetState
 from fwav_companion.tracking.filters.consider_biases import FIRST_SENSITIVITY_S, Measurement
 from fwav_companion.tracking.filters.kalman import StaticKalman, StaticTargetState
-from fwav_companion.tracking.landmarks.joint_place import JointPlace, first_joint_place
+from fwav_companion.tracking.filters.linearization import is_level
+from fwav_companion.tracking.landmarks.joint_place import Correction, JointPlace, first_joint_place
 from fwav_companion.tracking.landmarks.landmark_filter import LandmarkFilter, landmark_filter
+from fwav_companion.tracking.landmarks.ray_measurement import ray_measurement
 from fwav_companion.tracking.landmarks.state_vector import SharedErrors
-from fwav_companion.tracking.landmarks.turned_fix import rotation_error, turned_point
 from fwav_companion.types import (
+    Bias,
     ErrorPriors,
     FrameView,
     GroundFix,
@@ -118,9 +119,31 @@ class LandmarkTargetState(msgspec.Struct, frozen=True, kw_only=True):
 
     def update(self, fix: GroundFix) -> Self:
         """The state after a fix of this instant."""
-        position, noise, rows = _linearized(self.own.measured(fix), fix, self.landmarks)
-        joint = self.joint.update(position, noise, rows, self.landmarks.shared)
+        joint = self.joint
+        if is_level(fix):
+            joint = joint.update(self._by_direction(fix))
+        else:
+            joint = joint.update(_on_the_ground(self.own.measured(fix), fix, self.landmarks.model))
         return replace(self, own=self.own.update(fix), joint=joint)
+
+    def _by_direction(self, fix: GroundFix) -> Correction:
+        """A fix on level ground as a measurement of direction to the place."""
+        model, path, mean = self.landmarks.model, self.landmarks.path, self.joint.mean
+        sighting = fix.sighting
+        down_m = fix.position_ned[2] - sighting.anchor_height_m
+        too_deep_m = model.value(mean[2:], Bias.TERRAIN) if any(fix.bias_jacobian[Bias.TERRAIN]) else 0.0
+        too_deep_m += sighting.anchor_sigma_m * model.value(mean[2:], Bias.TARGET_HEIGHT)
+        measurement = ray_measurement(
+            model,
+            fix,
+            mean[2:],
+            point=(float(mean[0]), float(mean[1]), down_m + too_deep_m),
+            too_high_m=0.0,
+            shift=ZERO3 if path is None else path.shift,
+            since_s=max(s_from_ns(sighting.frame_host_ns - self.own.fixed_ns), 1e-3),
+        )
+        model.with_level(measurement.rows, fix, measurement.by_point)
+        return measurement.correction(np.hstack((measurement.by_point[:, :2], measurement.rows)), mean)
 
 
 class LandmarkTracking(msgspec.Struct, frozen=True):
@@ -163,8 +186,8 @@ class LandmarkTracking(msgspec.Struct, frozen=True):
         own, landmarks = self.own.initiate(fix), self.landmarks
         errors = landmarks.model.errors
         measurement = errors.with_sensitivity_noise(errors.prepared(fix), FIRST_SENSITIVITY_S)
-        position, noise, rows = _linearized(measurement, fix, landmarks)
-        joint = first_joint_place(position, noise, rows, landmarks.shared)
+        fixed = _on_the_ground(measurement, fix, landmarks.model)
+        joint = first_joint_place(fixed, landmarks.shared, landmarks.model.estimated)
         return LandmarkTargetState(own=own, joint=joint, landmarks=landmarks)
 
     def restarted(self) -> LandmarkTracking:
@@ -177,14 +200,7 @@ def landmark_tracking(priors: ErrorPriors, landmarks: Sequence[Landmark]) -> Lan
     return LandmarkTracking(StaticKalman(priors), landmark_filter(SharedErrors(priors, landmarks)))
 
 
-def _linearized(measurement: Measurement, fix: GroundFix, landmarks: LandmarkFilter) -> tuple[Array, Array, Array]:
-    """Position, noise and rows of a fix, horizontal, about what the landmarks show of the shared errors.
-
-    The position is such that position minus rows times mean is the fix with the rotations taken out exactly.
-    """
-    model, mean = landmarks.model, landmarks.mean
-    turn, height_m = rotation_error(model, fix, mean), fix.position_ned[2] - fix.sighting.camera_ned[2]
-    rows = model.rows(measurement, fix)
-    there, back = turned_point(fix, turn, height_m), turned_point(fix, scale(turn, -1.0), height_m)
-    bend = 0.5 * (np.array(there) + np.array(back)) - np.array(turned_point(fix, ZERO3, height_m))
-    return np.array(measurement.position[:2]) + bend, np.array(measurement.noise)[:2, :2], rows
+def _on_the_ground(measurement: Measurement, fix: GroundFix, model: SharedErrors) -> Correction:
+    """A fix, horizontal, as a measurement of the place and of the shared errors."""
+    rows = np.hstack((np.eye(2), model.rows(measurement, fix)))
+    return Correction(np.array(measurement.position[:2]), rows, np.array(measurement.noise)[:2, :2])
