@@ -66,6 +66,8 @@ class TerrainGround:
         self.shift: TerrainShift | None = None
         """Shift of the model to the take-off height; None while it has none, and without a model."""
         self._raised_m = 0.0
+        self._before: TerrainShift | None = None
+        """Shift before that by a landmark; None while there is not any by one."""
 
     def home_moved(self, home_down_m: float) -> None:
         """Do nothing: the model keeps its shift to the take-off height."""
@@ -78,7 +80,7 @@ class TerrainGround:
         return self._shift(self._model, take_off, undulation_m)
 
     def _shift(self, model: ElevationModel, take_off: TakeOff, undulation_m: float | None) -> str:
-        self.shift, self._raised_m = None, 0.0
+        self.shift, self._before, self._raised_m = None, None, 0.0
         if self._datum is Datum.ELLIPSOID:
             if undulation_m is None:
                 self._trouble = Reason.NO_HEIGHT
@@ -126,9 +128,21 @@ class TerrainGround:
         shift_m = place.alt_amsl_m + too_high_m - model_m
         if isnan(model_m) or abs(shift_m) > MOST_SHIFT_M:
             return ""
-        before_m, self.shift = self.shift.shift_m, TerrainShift(shift_m, sigma_m, TakeOffSource.LANDMARK)
-        self._raised_m = unshifted_m + shift_m
-        return f"terrain: shifted by {shift_m:+.1f} m by a landmark ({before_m:+.1f} m before)"
+        before, self._before = self.shift, self._before or self.shift
+        self._shift_to(TerrainShift(shift_m, sigma_m, TakeOffSource.LANDMARK))
+        return f"terrain: shifted by {shift_m:+.1f} m by a landmark ({before.shift_m:+.1f} m before)"
+
+    def taken_back(self) -> str:
+        """Return to the shift before that by a landmark, which turned out wrong; the notice, or ""."""
+        if self._before is None:
+            return ""
+        before, self._before = self._before, None
+        self._shift_to(before)
+        return f"terrain: shifted by {before.shift_m:+.1f} m again: the landmark that moved it is left out"
+
+    def _shift_to(self, shift: TerrainShift) -> None:
+        self._raised_m += shift.shift_m - (0.0 if self.shift is None else self.shift.shift_m)
+        self.shift = shift
 
     def meet(self, sighting: Sighting, direction: Vector3) -> Intersection | NoFix:
         """The intersection with the model; without a model, with a level at the autopilot's height above terrain."""

@@ -25,6 +25,7 @@ from fwav_companion.pairing import (
 from fwav_companion.pipeline.fix_agreement import FixAgreement
 from fwav_companion.pipeline.frame_census import FrameCensus
 from fwav_companion.pipeline.landmark_notices import LandmarkNotices, landmark_reports
+from fwav_companion.pipeline.landmark_shift import LandmarkShift
 from fwav_companion.pipeline.predicted_accuracy import PredictedAccuracy, predicted_accuracy_below
 from fwav_companion.pipeline.readout_advice import ReadoutAdvice
 from fwav_companion.pipeline.self_calibration_notices import SelfCalibrationNotices
@@ -102,6 +103,7 @@ class CameraPipeline:
         self._agreement = agreement
         self.readout = readout
         self._landmarks = landmarks
+        self._shift = LandmarkShift(landmarks.landmarks)
         self.landmark_news = LandmarkNotices()
         target_log.landmarks = self._landmark_reports
         self._census = FrameCensus()
@@ -286,15 +288,8 @@ class CameraPipeline:
         return ground.shift if isinstance(ground, TerrainGround) else None
 
     def shift_by_landmark(self) -> str:
-        """Shift an elevation model whose shift is not confirmed by what a landmark shows; the notice, or ""."""
-        ground = self._localizer.ground
-        if not isinstance(ground, TerrainGround) or ground.shift is None or not ground.shift.sigma_m:
-            return ""
-        altitude = self._reorder.landmark_altitude
-        if altitude is None:
-            return ""
-        place = self._landmarks.landmarks[altitude.landmark].place
-        return ground.shown(place, altitude.too_high_m, altitude.sigma_m)
+        """Shift an elevation model by what a landmark shows, or take that back; the notice, or ""."""
+        return self._shift.applied(self._localizer.ground, self._reorder.landmark_altitude, self.landmarks)
 
     def drop_all(self, reason: Reason) -> None:
         """Drop every track for this reason."""

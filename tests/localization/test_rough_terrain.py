@@ -12,7 +12,19 @@ from true_flights import PRIORS, Scene
 
 from fwav_companion.localization import Datum, ElevationModel, FixedGround, HomeGround, Localizer, TerrainGround
 from fwav_companion.localization.localizer import SIGMA_POINTS, SIGMA_WEIGHTS
-from fwav_companion.types import Bias, GroundFix, NoFix, Reason, TakeOff, TakeOffSource
+from fwav_companion.pipeline.landmark_shift import LandmarkShift
+from fwav_companion.types import (
+    Bias,
+    GroundFix,
+    Landmark,
+    LandmarkAltitude,
+    LandmarkRecord,
+    LandmarkState,
+    NoFix,
+    Reason,
+    TakeOff,
+    TakeOffSource,
+)
 
 FINE = STEP / 30.0
 """One metre."""
@@ -130,6 +142,29 @@ def test_a_landmark_shifts_a_model_whose_shift_is_not_confirmed():
     assert before.cov[2][2] - after.cov[2][2] == pytest.approx(5.0**2 - 0.3**2, rel=1e-4)
     assert ground.shown(place, 1.4, 0.25) == "", "hardly better"
     assert ground.shown(place, 40.0, 0.1) == "", "beyond any shift of a model"
+
+
+def test_a_landmark_that_is_left_out_takes_its_shifts_back():
+    """Two shifts by a landmark that is 6 m too high; then the model lies, and claims, as before both."""
+    ground = TerrainGround(ElevationModel([tile(lambda _i, _j: 494.0)]), Datum.EGM96)
+    ground.placed(PLANE, TakeOff(PLANE.origin, TakeOffSource.ASSUMED), None)
+    locate = Localizer(ground, PRIORS, min_height_m=0.5).locate
+    before = locate(Scene(vehicle=(0.0, 0.0)).sighting())
+    landmark = Landmark("mark", PLANE.origin, 0.05)
+    shift = LandmarkShift([landmark])
+
+    def applied(sigma_m, state):
+        return shift.applied(ground, LandmarkAltitude(0, 0.0, sigma_m), [LandmarkRecord("mark", state, used=9)])
+
+    assert applied(2.0, LandmarkState.USED)
+    assert applied(0.5, LandmarkState.USED)
+    assert ground.shift.shift_m == pytest.approx(6.0)
+    assert "left out" in applied(0.5, LandmarkState.LEFT_OUT)
+    assert ground.shift.source is TakeOffSource.ASSUMED
+    after = locate(Scene(vehicle=(0.0, 0.0)).sighting())
+    assert after.position_ned == pytest.approx(before.position_ned)
+    assert after.cov == before.cov
+    assert ground.taken_back() == "", "once"
 
 
 def test_a_landmark_changes_nothing_where_the_shift_is_confirmed_or_the_model_has_no_height():

@@ -2,14 +2,18 @@
 
 import numpy as np
 import pytest
+from handmade import a_fix
 from msgspec.structs import replace
 from simulated_flight import priors
 
 from fwav_companion.geometry.earth import Geodetic
+from fwav_companion.tracking.filters.kalman import StaticKalman
 from fwav_companion.tracking.landmarks.joint_place import Correction
-from fwav_companion.tracking.landmarks.landmark_filter import DOUBTED_TIMES, landmark_filter
+from fwav_companion.tracking.landmarks.landmark_examination import DOUBTED_TIMES, examined
+from fwav_companion.tracking.landmarks.landmark_filter import landmark_filter
+from fwav_companion.tracking.landmarks.landmark_target import LandmarkTracking
 from fwav_companion.tracking.landmarks.state_vector import SharedErrors
-from fwav_companion.types import Landmark, LandmarkState
+from fwav_companion.types import BIAS_COUNT, Bias, Landmark, LandmarkState
 
 SURVEY_M, SEEN_M = 0.05, 0.07
 USED, LEFT_OUT = LandmarkState.USED, LandmarkState.LEFT_OUT
@@ -24,13 +28,46 @@ def shown(*off_m):
     for i, off in enumerate(off_m):
         rows = np.zeros((3, model.size))
         rows[:, model.survey(i)] = np.eye(3)
-        state = state._corrected(Correction(np.array((-off, 0.0, 0.0)), rows, SEEN_M**2 * np.eye(3)))
+        state = state.corrected(Correction(np.array((-off, 0.0, 0.0)), rows, SEEN_M**2 * np.eye(3)))
     return state
+
+
+def seen_through_the_position(*off_m):
+    """The filter after sights that show each landmark off in the north, by a position of 1 m that they share."""
+    place = Geodetic(0.0, 0.0, 0.0)
+    model = SharedErrors(by_receiver(), [Landmark(f"mark {i}", place, SURVEY_M) for i in range(len(off_m))])
+    state = landmark_filter(model)
+    state = replace(state, records=tuple(replace(record, state=USED) for record in state.records))
+    for i, off in enumerate(off_m):
+        rows = np.zeros((3, model.size))
+        rows[:, model.survey(i)] = np.eye(3)
+        first, processes = model.wander.start, (model.wander.stop - model.wander.start) // 4
+        for axis in (0, 1):
+            rows[axis, first + 2 * axis * processes : first + 2 * (axis + 1) * processes : 2] = 1.0
+        state = state.corrected(Correction(np.array((off, 0.0, 0.0)), rows, 0.02**2 * np.eye(3)))
+    return state
+
+
+def by_receiver():
+    return priors(position_north=1.0, position_east=1.0, position_noise_m=0.02)
+
+
+@pytest.mark.parametrize("off_m", [0.0, 0.3])
+def test_two_that_contradict_each_other_widen_the_claim_of_a_target(off_m):
+    """Either may be right: the place is 0.15 m off by each of two answers."""
+    state = examined(seen_through_the_position(0.0, off_m))
+    assert {record.state for record in state.records} == {USED}
+    jacobian = np.zeros((3, BIAS_COUNT))
+    jacobian[0, Bias.POSITION_NORTH] = jacobian[1, Bias.POSITION_EAST] = 1.0
+    fix = a_fix(0.0, (3.0, 4.0, 0.0), jacobian=jacobian)
+    target = LandmarkTracking(StaticKalman(by_receiver()), state).initiate(fix)
+    alone = target.joint.cov[0, 0]
+    assert target.cov[0][0] - alone == pytest.approx(2.0 * (0.5 * off_m) ** 2, rel=0.05)
 
 
 def states_after(state, examinations):
     for _ in range(examinations):
-        state = state._examined()
+        state = examined(state)
     return [record.state for record in state.records]
 
 

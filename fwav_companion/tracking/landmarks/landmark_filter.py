@@ -23,6 +23,7 @@ from fwav_companion.geometry.vectors import ZERO3
 from fwav_companion.self_calibration.arrays import Array
 from fwav_companion.tracking.filters.standing import FRESH_SHARE
 from fwav_companion.tracking.landmarks.joint_place import Correction, Step, Transition, updated
+from fwav_companion.tracking.landmarks.landmark_examination import examined
 from fwav_companion.tracking.landmarks.ray_measurement import CameraPath, first_path, ray_measurement
 from fwav_companion.tracking.landmarks.state_vector import ALTITUDE_SHARE, SharedErrors
 from fwav_companion.types import FrameView, LandmarkAltitude, LandmarkRecord, LandmarkSight, LandmarkState
@@ -31,20 +32,6 @@ GATE = 25.0
 """Squared Mahalanobis distance of a sight beyond which it is not used: a right one exceeds it once in 300 000."""
 IN_A_ROW = 5
 """Refused sights in a row after which the landmark, and not the detector, is in doubt."""
-LEFT_OUT = 30.0
-"""Squared Mahalanobis distance of a landmark from where all else shows it, beyond which it is left out: it is examined
-once a second, and a right one exceeds this once in three million."""
-DOUBTED = 16.3
-"""The same distance beyond which it is left out when it stays there, and all others are clearly nearer: a right one
-exceeds it once in a thousand. Of three, one that is off by 0.4 m seldom reaches it: 0 of 12 flights of 45 s."""
-DOUBTED_TIMES = 10
-"""Examinations in a row."""
-CLEAR = 9.0
-"""Landmarks whose distances differ by less contradict one another, and the flight does not show which is wrong."""
-ALL_LEFT_OUT = 2.0 * LEFT_OUT
-"""The same distance where the flight does not show which of several is wrong: later sights may."""
-UNKNOWN_M = 100.0
-"""One sigma of the place of a landmark that is left out: hardly any information, and no loss by rounding."""
 EXAMINED_EVERY_NS = NS_PER_S
 FIRST_S = 1e9
 """Interval before a first sight: it repeats no telemetry."""
@@ -85,7 +72,9 @@ class LandmarkFilter(msgspec.Struct, frozen=True):
     host_ns: HostNs | None = None
     examined_ns: HostNs = HostNs(0)
     doubted: tuple[int, int] = (-1, 0)
-    """The landmark beyond DOUBTED, and the number of examinations in a row that found it there."""
+    """The landmark in doubt, and the number of examinations in a row that found it so."""
+    suspects: tuple[int, ...] = ()
+    """Landmarks in use that the others contradict: each may be the wrong one."""
     steps: tuple[Step, ...] = ()
     """The newest steps, in order, for the places of the targets."""
 
@@ -140,7 +129,7 @@ class LandmarkFilter(msgspec.Struct, frozen=True):
                 state = state._with_sight(sight)
         now_ns = self.host_ns or HostNs(0)
         if sights and now_ns - state.examined_ns >= EXAMINED_EVERY_NS:
-            state = replace(state._examined(), examined_ns=now_ns)
+            state = replace(examined(state), examined_ns=now_ns)
         return state
 
     def position_jumped(self, variance: float) -> LandmarkFilter:
@@ -188,22 +177,22 @@ class LandmarkFilter(msgspec.Struct, frozen=True):
         sequel, correction, record = prepared.sequel, prepared.correction, self.records[landmark]
         if prepared.nis <= GATE:
             after = replace(record, state=LandmarkState.USED, used=record.used + 1)
-            return self._corrected(correction)._recorded(landmark, after, replace(sequel, in_a_row=0))
+            return self.corrected(correction).recorded(landmark, after, replace(sequel, in_a_row=0))
         off_m = prepared.off_m
         record = replace(record, refused=record.refused + 1, off_m=off_m)
         if sequel.in_a_row + 1 < IN_A_ROW:
-            return self._recorded(landmark, record, replace(sequel, in_a_row=sequel.in_a_row + 1))
-        state = self._recorded(landmark, record, replace(sequel, in_a_row=0))
+            return self.recorded(landmark, record, replace(sequel, in_a_row=sequel.in_a_row + 1))
+        state = self.recorded(landmark, record, replace(sequel, in_a_row=0))
         if record.used >= IN_A_ROW:  # what agreed has not moved: the vehicle's position has
             return replace(state.position_jumped(off_m**2), records=state._with(landmark, replace(record, used=0)))
         used = replace(record, state=LandmarkState.USED)
-        examined = state._corrected(correction)._recorded(landmark, used, sequel)._examined()
+        with_it = examined(state.corrected(correction).recorded(landmark, used, sequel))
         decided = any(
             now.state is not before.state
-            for now, before in zip(examined.records, state.records, strict=True)
+            for now, before in zip(with_it.records, state.records, strict=True)
             if before.state is LandmarkState.USED or now.state is LandmarkState.LEFT_OUT
         )
-        return examined if decided else state
+        return with_it if decided else state
 
     def _prepared(self, sight: LandmarkSight) -> PreparedSight:
         """The sight against the known place. ``ray_measurement`` has the shared errors but for altitude and survey."""
@@ -231,7 +220,7 @@ class LandmarkFilter(msgspec.Struct, frozen=True):
 
     # Steps.
 
-    def _corrected(self, correction: Correction) -> LandmarkFilter:
+    def corrected(self, correction: Correction) -> LandmarkFilter:
         """The state after a measurement that leaves the considered biases as they are."""
         mean, cov = updated((self.mean, self.cov), correction, self.model.estimated)
         return replace(self, mean=mean, cov=cov, steps=(*self.steps, correction))
@@ -239,59 +228,10 @@ class LandmarkFilter(msgspec.Struct, frozen=True):
     def _with(self, landmark: int, record: LandmarkRecord) -> tuple[LandmarkRecord, ...]:
         return (*self.records[:landmark], record, *self.records[landmark + 1 :])
 
-    def _recorded(self, landmark: int, record: LandmarkRecord, sequel: Sequel | None) -> LandmarkFilter:
+    def recorded(self, landmark: int, record: LandmarkRecord, sequel: Sequel | None) -> LandmarkFilter:
+        """The state with another record and sequel of one landmark."""
         sequels = (*self.sequels[:landmark], sequel, *self.sequels[landmark + 1 :])
         return replace(self, records=self._with(landmark, record), sequels=sequels)
-
-    # Landmarks that disagree.
-
-    def _examined(self) -> LandmarkFilter:
-        """The state without the landmark that all else contradicts the most; without all that it contradicts alike."""
-        used = [i for i, record in enumerate(self.records) if record.state is LandmarkState.USED]
-        released = {i: self._released(i) for i in used}
-        distances = {i: released[i]._distance2(i) for i in used}
-        worst = max(distances.values(), default=0.0)
-        wrong = [i for i in used if distances[i] > worst - CLEAR]
-        state = self._doubting(wrong, worst)
-        stays = state.doubted[1] >= DOUBTED_TIMES
-        if worst <= (LEFT_OUT if len(wrong) == 1 else ALL_LEFT_OUT) and not stays:
-            return state
-        for i in wrong:
-            state = state._released(i)
-            record = replace(
-                state.records[i], state=LandmarkState.LEFT_OUT, off_m=hypot(*map(float, released[i]._off(i)))
-            )
-            state = replace(state, records=state._with(i, record))
-        return state
-
-    def _doubting(self, wrong: Sequence[int], worst: float) -> LandmarkFilter:
-        """The state with one more examination that found the same single landmark beyond DOUBTED, or without any."""
-        if len(wrong) != 1 or worst <= DOUBTED:
-            return replace(self, doubted=(-1, 0))
-        landmark, times = self.doubted
-        return replace(self, doubted=(wrong[0], times + 1 if landmark == wrong[0] else 1))
-
-    def _released(self, landmark: int) -> LandmarkFilter:
-        """The state without the claim of one landmark: its place is as good as unknown.
-
-        The prior is taken back by an update with a negative variance.
-        """
-        rows = np.zeros((3, self.model.size))
-        rows[:, self.model.survey(landmark)] = np.eye(3)
-        claimed = self.model.landmarks[landmark].sigma_m ** 2
-        negative = -claimed * UNKNOWN_M**2 / (UNKNOWN_M**2 - claimed)
-        return self._corrected(Correction(np.zeros(3), rows, negative * np.eye(3)))
-
-    def _off(self, landmark: int) -> Array:
-        """(3) where the sights show a landmark whose claim is taken back, minus its known place, metres."""
-        return -self.mean[self.model.survey(landmark)]
-
-    def _distance2(self, landmark: int) -> float:
-        """Squared Mahalanobis distance between the two."""
-        survey = self.model.survey(landmark)
-        cov = self.cov[survey, survey] + self.model.landmarks[landmark].sigma_m ** 2 * np.eye(3)
-        off = self._off(landmark)
-        return float(off @ np.linalg.solve(cov, off))
 
 
 def landmark_filter(model: SharedErrors) -> LandmarkFilter:

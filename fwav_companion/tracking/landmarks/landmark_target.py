@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 from msgspec.structs import replace
 
-from fwav_companion.geometry.small_matrices import horizontal_sigma
+from fwav_companion.geometry.small_matrices import Symmetric2, horizontal_sigma
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.geometry.vectors import ZERO3, Matrix3, Vector3
 from fwav_companion.tracking.filters.base import TargetState
@@ -17,6 +17,7 @@ from fwav_companion.tracking.filters.consider_biases import FIRST_SENSITIVITY_S,
 from fwav_companion.tracking.filters.kalman import StaticKalman, StaticTargetState
 from fwav_companion.tracking.filters.linearization import is_level
 from fwav_companion.tracking.landmarks.joint_place import Correction, JointPlace, first_joint_place
+from fwav_companion.tracking.landmarks.landmark_examination import release
 from fwav_companion.tracking.landmarks.landmark_filter import LandmarkFilter, landmark_filter
 from fwav_companion.tracking.landmarks.ray_measurement import ray_measurement
 from fwav_companion.tracking.landmarks.state_vector import SharedErrors
@@ -40,6 +41,8 @@ class LandmarkTargetState(msgspec.Struct, frozen=True, kw_only=True):
     joint: JointPlace
     landmarks: LandmarkFilter
     """The landmarks at the newest frame."""
+    separation: Symmetric2 = (0.0, 0.0, 0.0)
+    """What the place moves without each suspect, squared, m^2."""
 
     @property
     def position_ned(self) -> Vector3:
@@ -57,7 +60,8 @@ class LandmarkTargetState(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def _joint_cov(self) -> Matrix3:
-        nn, ne, ee = self.joint.horizontal
+        (nn, ne, ee), (s_nn, s_ne, s_ee) = self.joint.horizontal, self.separation
+        nn, ne, ee = nn + s_nn, ne + s_ne, ee + s_ee
         return ((nn, ne, 0.0), (ne, ee, 0.0), (0.0, 0.0, self.own.cov[2][2]))
 
     @property
@@ -107,7 +111,10 @@ class LandmarkTargetState(msgspec.Struct, frozen=True, kw_only=True):
         joint = self.joint
         for step in landmarks.steps:
             joint = joint.after(step)
-        return replace(self, joint=joint, landmarks=landmarks)
+        separation = self.separation
+        if landmarks.examined_ns != self.landmarks.examined_ns:
+            separation = _separation(joint, landmarks)
+        return replace(self, joint=joint, landmarks=landmarks, separation=separation)
 
     def gate(self, fix: GroundFix) -> GateResult:
         """Gating statistics of a fix at this instant."""
@@ -188,7 +195,7 @@ class LandmarkTracking(msgspec.Struct, frozen=True):
         measurement = errors.with_sensitivity_noise(errors.prepared(fix), FIRST_SENSITIVITY_S)
         fixed = _on_the_ground(measurement, fix, landmarks.model)
         joint = first_joint_place(fixed, landmarks.shared, landmarks.model.estimated)
-        return LandmarkTargetState(own=own, joint=joint, landmarks=landmarks)
+        return LandmarkTargetState(own=own, joint=joint, landmarks=landmarks, separation=_separation(joint, landmarks))
 
     def restarted(self) -> LandmarkTracking:
         """The landmarks after every target was dropped: the vehicle or its world is another one."""
@@ -198,6 +205,15 @@ class LandmarkTracking(msgspec.Struct, frozen=True):
 def landmark_tracking(priors: ErrorPriors, landmarks: Sequence[Landmark]) -> LandmarkTracking:
     """The start of a flight with landmarks."""
     return LandmarkTracking(StaticKalman(priors), landmark_filter(SharedErrors(priors, landmarks)))
+
+
+def _separation(joint: JointPlace, landmarks: LandmarkFilter) -> Symmetric2:
+    """The sum over all suspects of the square of what the place moves without them, m^2."""
+    total = np.zeros((2, 2))
+    for landmark in landmarks.suspects:
+        moved = joint.after(release(landmarks.model, landmark)).place - joint.place
+        total += np.outer(moved, moved)
+    return float(total[0, 0]), float(total[0, 1]), float(total[1, 1])
 
 
 def _on_the_ground(measurement: Measurement, fix: GroundFix, model: SharedErrors) -> Correction:

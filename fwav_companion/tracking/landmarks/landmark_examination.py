@@ -1,0 +1,92 @@
+"""Landmarks that disagree: each is examined by the state without its claim.
+
+One that all else contradicts is left out. Where landmarks contradict one another and the flight does not show which is
+wrong, all stay, and the claim of each target is wider by what its place moves without each of them: the solution
+separation of Brown and McBurney (Navigation 35, 1988).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import hypot
+from typing import TYPE_CHECKING
+
+import numpy as np
+from msgspec.structs import replace
+
+from fwav_companion.self_calibration.arrays import Array
+from fwav_companion.tracking.landmarks.joint_place import Correction
+from fwav_companion.tracking.landmarks.state_vector import SharedErrors
+from fwav_companion.types import LandmarkState
+
+if TYPE_CHECKING:
+    from fwav_companion.tracking.landmarks.landmark_filter import LandmarkFilter
+
+LEFT_OUT = 30.0
+"""Squared Mahalanobis distance of a landmark from where all else shows it, beyond which it is left out: it is examined
+once a second, and a right one exceeds this once in three million."""
+DOUBTED = 16.3
+"""The same distance beyond which it is left out when it stays there, and all others are clearly nearer: a right one
+exceeds it once in a thousand. Of three, one that is off by 0.4 m seldom reaches it: 0 of 12 flights of 45 s."""
+DOUBTED_TIMES = 10
+"""Examinations in a row."""
+CLEAR = 9.0
+"""Landmarks whose distances differ by less contradict one another, and the flight does not show which is wrong."""
+ALL_LEFT_OUT = 2.0 * LEFT_OUT
+"""The same distance where the flight does not show which of several is wrong: later sights may."""
+UNKNOWN_M = 100.0
+"""One sigma of the place of a landmark that is left out: hardly any information, and no loss by rounding."""
+SUSPECT = 7.8
+"""The same distance of a suspect: a right one exceeds it once in twenty, and then widens claims."""
+
+
+def examined(state: LandmarkFilter) -> LandmarkFilter:
+    """The state without the landmark that all else contradicts the most; without all that it contradicts alike."""
+    used = [i for i, record in enumerate(state.records) if record.state is LandmarkState.USED]
+    without = {i: released(state, i) for i in used}
+    distances = {i: distance2(without[i], i) for i in used}
+    worst = max(distances.values(), default=0.0)
+    wrong = [i for i in used if distances[i] > worst - CLEAR]
+    state = _doubting(state, wrong, worst)
+    if worst <= (LEFT_OUT if len(wrong) == 1 else ALL_LEFT_OUT) and state.doubted[1] < DOUBTED_TIMES:
+        suspects = [i for i in used if distances[i] > SUSPECT] if len(used) > 1 else []
+        return replace(state, suspects=tuple(suspects))
+    for i in wrong:
+        off_m = hypot(*map(float, off(without[i], i)))
+        record = replace(state.records[i], state=LandmarkState.LEFT_OUT, off_m=off_m)
+        state = released(state, i).recorded(i, record, state.sequels[i])
+    return replace(state, suspects=())
+
+
+def _doubting(state: LandmarkFilter, wrong: Sequence[int], worst: float) -> LandmarkFilter:
+    """The state with one more examination that found the same single landmark beyond DOUBTED, or without any."""
+    if len(wrong) != 1 or worst <= DOUBTED:
+        return replace(state, doubted=(-1, 0))
+    landmark, times = state.doubted
+    return replace(state, doubted=(wrong[0], times + 1 if landmark == wrong[0] else 1))
+
+
+def released(state: LandmarkFilter, landmark: int) -> LandmarkFilter:
+    """The state without the claim of one landmark: its place is as good as unknown."""
+    return state.corrected(release(state.model, landmark))
+
+
+def release(model: SharedErrors, landmark: int) -> Correction:
+    """The measurement with a negative variance that takes the prior of a landmark's place back."""
+    rows = np.zeros((3, model.size))
+    rows[:, model.survey(landmark)] = np.eye(3)
+    claimed = model.landmarks[landmark].sigma_m ** 2
+    return Correction(np.zeros(3), rows, -claimed * UNKNOWN_M**2 / (UNKNOWN_M**2 - claimed) * np.eye(3))
+
+
+def off(state: LandmarkFilter, landmark: int) -> Array:
+    """(3) where the sights show a landmark whose claim is taken back, minus its known place, metres."""
+    return state.mean[state.model.survey(landmark)]
+
+
+def distance2(state: LandmarkFilter, landmark: int) -> float:
+    """Squared Mahalanobis distance between the two."""
+    survey = state.model.survey(landmark)
+    cov = state.cov[survey, survey] + state.model.landmarks[landmark].sigma_m ** 2 * np.eye(3)
+    away = off(state, landmark)
+    return float(away @ np.linalg.solve(cov, away))
