@@ -19,6 +19,7 @@ from fwav_companion.service.calibration_store import CalibrationStore
 from fwav_companion.service.camera_desk import CameraDesk
 from fwav_companion.service.journal import Journal
 from fwav_companion.service.latest_file import LatestFile, status_paths
+from fwav_companion.service.lean import search_for_garbage
 from fwav_companion.service.log import ServiceLog, warn
 from fwav_companion.service.network import Outbox, make_node
 from fwav_companion.service.service_factory import (
@@ -283,6 +284,7 @@ class Service:
     def _write_status(self) -> None:
         """Queue the status. Done last, since the thread that writes it waits until this one has no more work."""
         self._status_file.write(encoded(self._status.at(self._clock.now())))
+        search_for_garbage(self._ticks)
 
     def _tick_signing(self, now: HostNs) -> None:
         """Keep the signing time, and report where it is ahead."""

@@ -1,7 +1,11 @@
 """What the daemon frees before it starts."""
 
+import gc
 import subprocess
 import sys
+import weakref
+
+from fwav_companion.service.lean import search_for_garbage
 
 START = """
 import gc, sys
@@ -32,3 +36,23 @@ def test_a_process_that_uses_pymavlink_keeps_it():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
     assert done.stdout.split() == ["MAVLink", "True"]
+
+
+class Circular:
+    """Refers to itself."""
+
+    def __init__(self) -> None:
+        self.itself = self
+
+
+def test_a_circle_is_freed_within_sixteen_seconds():
+    gc.disable()
+    try:
+        gone = weakref.ref(Circular())
+        lived = 0
+        while gone() is not None and lived < 100:
+            lived += 1
+            search_for_garbage(1000 + lived)
+    finally:
+        gc.enable()
+    assert 0 < lived <= 16
