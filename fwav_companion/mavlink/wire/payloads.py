@@ -125,8 +125,8 @@ def _arranger(fields: Sequence[Field], order: Sequence[str]) -> Callable[[Values
         slots[field.name] = (index, field)
         index += field.width
     ordered = [slots[name] for name in order]
-    if all(field.array_length == 0 for _, field in ordered):
-        return itemgetter(*(index for index, _ in ordered))
+    if len(ordered) > 1 and not any(field.is_text for _, field in ordered):
+        return itemgetter(*(_key(index, field) for index, field in ordered))
     pickers = [_picker(index, field) for index, field in ordered]
     return lambda values: [pick(values) for pick in pickers]
 
@@ -134,9 +134,11 @@ def _arranger(fields: Sequence[Field], order: Sequence[str]) -> Callable[[Values
 def _picker(index: int, field: Field) -> Callable[[Values], Any]:
     if field.is_text:
         return lambda values: values[index].split(b"\0", 1)[0].decode("utf-8", "replace")
-    if field.array_length:
-        return itemgetter(slice(index, index + field.array_length))
-    return itemgetter(index)
+    return itemgetter(_key(index, field))
+
+
+def _key(index: int, field: Field) -> int | slice:
+    return slice(index, index + field.array_length) if field.array_length else index
 
 
 def build_pack(layout: Struct, fields: Sequence[Field], defaults: Mapping[str, Any]) -> Pack:
