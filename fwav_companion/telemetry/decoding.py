@@ -59,8 +59,8 @@ def attitude_from_euler(fields: Any, pitch_trim: float = 0.0) -> Attitude | Impl
 
 def attitude_from_quaternion(fields: Any) -> Attitude | Implausible:
     """Attitude of ATTITUDE_QUATERNION: (w, x, y, z) of the same rotation as ATTITUDE's."""
-    q = (float(fields.q1), float(fields.q2), float(fields.q3), float(fields.q4))
-    length = sqrt(sum(c * c for c in q))
+    w, x, y, z = q = (float(fields.q1), float(fields.q2), float(fields.q3), float(fields.q4))
+    length = sqrt(w * w + x * x + y * y + z * z)
     rates = _rates(fields)
     if not 0.95 <= length <= 1.05 or rates is None:  # NaN compares false
         return Implausible()
