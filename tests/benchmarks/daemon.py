@@ -83,8 +83,9 @@ async def main():
     await asyncio.Event().wait()
 asyncio.run(main())
 """
-"""A process that only forwards datagrams: the cost of waking up on this machine, with the caches as other processes
-leave them."""
+"""A process that forwards each datagram of the autopilot to a station and does nothing else: the cost of waking up on
+this machine, with the caches as other processes leave them. The daemon forwards the same ones. By itself it also sends
+ten TIMESYNC requests a second in the first half minute, heartbeats and requests for rates, and writes the status."""
 EARLY_S, LATE_S = 0.03, 0.05
 """Delays after the last row, seconds. The benchmark covers everything between a detection and its answer, with the
 mock's own detector. A frame at EARLY_S may wait for the second attitude after its capture, which at 100 Hz takes up
