@@ -52,15 +52,30 @@ def by_receiver():
     return priors(position_north=1.0, position_east=1.0, position_noise_m=0.02)
 
 
+def a_target(state):
+    jacobian = np.zeros((3, BIAS_COUNT))
+    jacobian[0, Bias.POSITION_NORTH] = jacobian[1, Bias.POSITION_EAST] = 1.0
+    return LandmarkTracking(StaticKalman(by_receiver()), state).initiate(a_fix(0.0, (3.0, 4.0, 0.0), jacobian=jacobian))
+
+
+def test_a_landmark_that_is_left_out_takes_back_what_it_moved():
+    """The third is off by 1.2 m; then a target that it had moved is where the other two alone put it."""
+    state = replace(seen_through_the_position(0.0, 0.0, 1.2), steps=())
+    moved, without = a_target(state), a_target(seen_through_the_position(0.0, 0.0))
+    assert np.hypot(*(moved.joint.place - without.joint.place)) > 0.3
+    state = examined(state)
+    assert [record.state for record in state.records] == [USED, USED, LEFT_OUT]
+    back = moved.after(state).joint
+    assert back.place == pytest.approx(without.joint.place, abs=1e-3)
+    assert back.cov[:2, :2] == pytest.approx(without.joint.cov[:2, :2], rel=1e-3)
+
+
 @pytest.mark.parametrize("off_m", [0.0, 0.3])
 def test_two_that_contradict_each_other_widen_the_claim_of_a_target(off_m):
     """Either may be right: the place is 0.15 m off by each of two answers."""
     state = examined(seen_through_the_position(0.0, off_m))
     assert {record.state for record in state.records} == {USED}
-    jacobian = np.zeros((3, BIAS_COUNT))
-    jacobian[0, Bias.POSITION_NORTH] = jacobian[1, Bias.POSITION_EAST] = 1.0
-    fix = a_fix(0.0, (3.0, 4.0, 0.0), jacobian=jacobian)
-    target = LandmarkTracking(StaticKalman(by_receiver()), state).initiate(fix)
+    target = a_target(state)
     alone = target.joint.cov[0, 0]
     assert target.cov[0][0] - alone == pytest.approx(2.0 * (0.5 * off_m) ** 2, rel=0.05)
 
