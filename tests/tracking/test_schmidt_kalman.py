@@ -113,7 +113,15 @@ def test_relative_to_the_report_of_this_fix_its_noise_and_its_delay_cancel():
         own, fix = some(rng)
         innovation = own.innovation(fix)
         by_delay = (DELAYED, fix.shared[0][DELAYED], fix.shared[1][DELAYED])
-        found = relative_estimate(own, innovation, own.weighed(innovation), position_noise_m2=report, by_delay=by_delay)
+        row = rng.normal(0.0, 1.0, COUNT)
+        found = relative_estimate(
+            own,
+            innovation,
+            own.weighed(innovation),
+            position_noise_m2=report,
+            by_delay=by_delay,
+            down=tuple(row.tolist()),
+        )
         delay = np.array(by_delay[1:])
         # States: error of the apparent place, noise of this report, biases.
         cov = np.zeros((4 + COUNT, 4 + COUNT))
@@ -129,9 +137,8 @@ def test_relative_to_the_report_of_this_fix_its_noise_and_its_delay_cancel():
         total = wanted @ cov @ wanted.T - gain @ spread @ gain.T
         assert square(found.cov) == pytest.approx(total, abs=1e-9)
         assert place_of(found) == pytest.approx(place_of(own) + gain @ (fix.position[:2] - place_of(own)))
-        row = rng.normal(0.0, 1.0, COUNT)
         expected = wanted @ cov[:, 4:] @ row + gain @ seen @ cov[:, 4:] @ row
-        assert found.along(tuple(row.tolist())) == pytest.approx(tuple(expected), abs=1e-9)
+        assert found.down_cov == pytest.approx(tuple(expected), abs=1e-9)
 
 
 def test_a_covariance_has_noise_and_biases():

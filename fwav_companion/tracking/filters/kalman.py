@@ -79,12 +79,14 @@ class StaticTargetState(StandingTargetState, frozen=True, kw_only=True, gc=False
         weighed = before.weighed(innovation)
         apparent = before.update(innovation, gain_of(weighed, innovation.cov))
         wandering, fresh, placed_ns = state.placed(measurement, host_ns)
+        down = self.down.update(measurement)
         now = relative_estimate(
             before,
             innovation.alone(before, fix.noise_cov),
             weighed,
             position_noise_m2=errors.position_noise_m2,
             by_delay=errors.by_delay(measurement),
+            down=down.shared,
         )
         return replace(
             state,
@@ -94,7 +96,7 @@ class StaticTargetState(StandingTargetState, frozen=True, kw_only=True, gc=False
             fresh=fresh,
             placed_ns=placed_ns,
             jump=jump,
-            down=self.down.update(measurement),
+            down=down,
             scatter=scattered(before, self.scatter, errors.prepared(fix), errors.timed),
             point=point.moved(apparent.north_m - before.north_m, apparent.east_m - before.east_m),
             now=now,

@@ -174,26 +174,14 @@ def gain_of(weighed: Gain, cov: Symmetric2) -> Gain:
 
 
 class RelativeEstimate(msgspec.Struct, frozen=True, gc=False):
-    """The target in the frame of the vehicle's report at one fix; what it shares with the biases only where asked."""
+    """The target in the frame of the vehicle's report at one fix."""
 
     north_m: float
     east_m: float
     cov: Symmetric2
     """Covariance by every source, m^2."""
-    before: PointEstimate
-    shared: tuple[Row, Row]
-    """D of the innovation."""
-    gain: Gain
-    by_delay: BiasShare | None
-
-    def along(self, row: Row) -> tuple[float, float]:
-        """The covariance by the biases with another error of this row, north and east, m^2."""
-        (north, east), (a, b, c, d) = self.before.along(row), self.gain
-        if self.by_delay is not None:
-            i, by_north, by_east = self.by_delay
-            north, east = north - by_north * row[i], east - by_east * row[i]
-        of_north, of_east = inner(self.shared[0], row), inner(self.shared[1], row)
-        return north + a * of_north + b * of_east, east + c * of_north + d * of_east
+    down_cov: tuple[float, float]
+    """Covariance by the biases with the height of the target, north and east, m^2."""
 
 
 def relative_estimate(
@@ -203,11 +191,13 @@ def relative_estimate(
     *,
     position_noise_m2: float,
     by_delay: BiasShare | None,
+    down: Row,
 ) -> RelativeEstimate:
     """The target in the frame of the vehicle's report *at this fix*, whose noise and delay the fix shares.
 
     An update of this instant alone. Its prior is wider by the noise of one position, which is no noise of the fix then;
     and what the position delay does to the fix, it does to the report. ``weighed``: P - C D' of the apparent place.
+    ``down``: C of the height.
     """
     (c_n, c_e), (d_n, d_e), (a, b, c, d) = before.shared, innovation.shared, weighed
     (nn, ne, ee), (by_nn, by_ne, by_ee) = before.noise, gram(c_n, c_e)
@@ -223,11 +213,20 @@ def relative_estimate(
         before.north_m + k_nn * innovation.north_m + k_ne * innovation.east_m,
         before.east_m + k_en * innovation.north_m + k_ee * innovation.east_m,
         (nn - k_nn * a - k_ne * b, ne - k_nn * c - k_ne * d, ee - k_en * c - k_ee * d),
-        before,
-        innovation.shared,
-        gain,
-        by_delay,
+        _down_cov(before, innovation, gain, by_delay=by_delay, down=down) if any(down) else (0.0, 0.0),
     )
+
+
+def _down_cov(
+    before: PointEstimate, innovation: Innovation2, gain: Gain, *, by_delay: BiasShare | None, down: Row
+) -> tuple[float, float]:
+    """Covariance by the biases of a relative estimate with the height."""
+    (north, east), (a, b, c, d) = before.along(down), gain
+    if by_delay is not None:
+        i, by_north, by_east = by_delay
+        north, east = north - by_north * down[i], east - by_east * down[i]
+    of_north, of_east = inner(innovation.shared[0], down), inner(innovation.shared[1], down)
+    return north + a * of_north + b * of_east, east + c * of_north + d * of_east
 
 
 def gate_results(

@@ -232,5 +232,5 @@ def with_down(place: PointEstimate | RelativeEstimate, down: DownEstimate) -> Ma
     (nn, ne, ee), d = place.cov, down.shared
     if not any(d):
         return ((nn, ne, 0.0), (ne, ee, 0.0), (0.0, 0.0, down.variance))
-    nd, ed = place.along(d)
+    nd, ed = place.down_cov if isinstance(place, RelativeEstimate) else place.along(d)
     return ((nn, ne, nd), (ne, ee, ed), (nd, ed, down.variance + inner(d, d)))
