@@ -1,12 +1,14 @@
 """A single fix without what the estimated parameters make of it: right where they are."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from simulated_flight import Flight, priors
 from simulated_world import World
 
 from fwav_companion.self_calibration import SharedParameter
-from fwav_companion.self_calibration.calibrated_fix import COLUMNS, calibrated_fix
+from fwav_companion.self_calibration.calibrated_fix import COLUMNS, calibrated_fix, fix_by
 from fwav_companion.types import BIAS_COUNT, Bias
 
 TARGET = (4.0, 3.0)
@@ -62,3 +64,20 @@ def test_the_claim_holds_noise_and_parameters_but_not_the_position():
     found = calibrated_fix(fix, mean, cov, 0.01)
     expected = noise - 0.01 * np.eye(2) + 1e-4 * by.T @ by
     assert found.cov == pytest.approx((expected[0, 0], expected[0, 1], expected[1, 1]))
+
+
+@pytest.mark.parametrize(
+    ("wanders_quickly", "place_m", "chosen"), [(False, 1.0, True), (False, 0.01, False), (True, 0.01, True)]
+)
+def test_the_fix_is_chosen_where_it_claims_less_than_the_place_or_the_position_wanders_quickly(
+    wanders_quickly, place_m, chosen
+):
+    fix, known = fixes_with({})[0], parameters({})
+    state = SimpleNamespace(
+        assessment=SimpleNamespace(posterior=known),
+        passes=SimpleNamespace(served=SimpleNamespace(wanders_quickly=wanders_quickly)),
+        context=SimpleNamespace(priors=SimpleNamespace(position_noise_m=0.0)),
+    )
+    expected = calibrated_fix(fix, *known, 0.0)
+    assert 0.02**2 < expected.cov[0] + expected.cov[2] < 1.0
+    assert fix_by(state, fix, (place_m**2, 0.0, place_m**2)) == (expected if chosen else None)
