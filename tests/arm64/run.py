@@ -43,6 +43,12 @@ TESTS = (
     *("tests/service/test_power_cut.py", "tests/service/test_latest_file.py", "tests/vision/test_frame_queue.py"),
 )
 """Arithmetic, wire formats, sockets, terminals and files; nothing that is judged by its speed."""
+WIDE_TESTS = (
+    *("tests/geometry", "tests/camera", "tests/localization", "tests/pairing", "tests/telemetry", "tests/tracking"),
+    *("tests/mavlink", "tests/links", "tests/publishing", "tests/service"),
+    "--ignore=tests/service/test_elevation_files.py",  # rasterio is not installed there
+)
+"""The rooms of the daemon whole: fifty minutes."""
 PROCESSES = (
     "tests/camera/test_calibration_files.py::test_yaml_is_loaded_only_for_a_file",
     "tests/service/test_power_cut.py::test_kill_9_while_a_state_is_rewritten_leaves_one_whole_file",
@@ -58,6 +64,7 @@ def main() -> int:
     parser.add_argument("--root", type=Path, default=Path("/tmp/fwav-arm64"))
     parser.add_argument("--mirror", default=MIRROR)
     parser.add_argument("--index", nargs="*", default=[], help="further arguments of pip download")
+    parser.add_argument("--wide", action="store_true", help="the rooms of the daemon whole, fifty minutes")
     arguments = parser.parse_args()
     root: Path = arguments.root
     if not (root / "usr/bin/python3").exists():
@@ -66,7 +73,8 @@ def main() -> int:
     way = _way(root)
     _install(root, arguments.index)
     version = _in_root(root, way, "-c", "import platform, sys; print(platform.machine(), sys.version.split()[0])")
-    words = ["-m", "pytest", "-q", "-p", "no:cacheprovider", "--timeout", "1200", *TESTS]
+    tests = WIDE_TESTS if arguments.wide else TESTS
+    words = ["-m", "pytest", "-q", "-p", "no:cacheprovider", "--timeout", "1200", *tests]
     if way == "qemu -L":
         words += [f"--deselect={test}" for test in PROCESSES]
     status = _in_root(root, way, *words)
