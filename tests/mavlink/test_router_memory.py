@@ -91,7 +91,7 @@ def test_the_count_of_streams_follows_what_is_forgotten(restarts: int) -> None:
 
 
 def test_stations_that_come_and_go_leave_no_reference_cycles() -> None:
-    """A full search for garbage comes only when a quarter more objects are there: until then cycles would stay."""
+    """A full search for garbage comes every few minutes: until then cycles would stay."""
     node, stations = Node(LINKS, WANTED), [Wire(system, 190) for system in range(200, 230)]
     gc.collect()
     gc.disable()

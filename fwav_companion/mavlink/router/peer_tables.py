@@ -44,7 +44,7 @@ class PeerTables:
 
     def forget(self, table: Peers, senders: set[int]) -> None:
         """Forget peers of one link, and free them at once: their streams refer back to them, and a search for such
-        cycles may come half an hour later.
+        cycles comes minutes later.
         """
         for sender in senders & table.keys():
             streams = table.pop(sender).streams
