@@ -26,6 +26,7 @@ from fwav_companion.pipeline.fix_agreement import FixAgreement
 from fwav_companion.pipeline.frame_census import FrameCensus
 from fwav_companion.pipeline.landmark_notices import LandmarkNotices, landmark_reports
 from fwav_companion.pipeline.landmark_shift import LandmarkShift
+from fwav_companion.pipeline.picture_footprint import footprint
 from fwav_companion.pipeline.predicted_accuracy import PredictedAccuracy, predicted_accuracy_below
 from fwav_companion.pipeline.readout_advice import ReadoutAdvice
 from fwav_companion.pipeline.self_calibration_notices import SelfCalibrationNotices
@@ -56,10 +57,6 @@ LONG_AFTER_NS = 60 * NS_PER_S
 
 FOOTPRINT_NS = NS_PER_S
 """Age of a picture up to which it shows where the camera looks."""
-BORDER = ((-0.5, -0.5), (0.0, -0.5), (0.5, -0.5), (0.5, 0.0), (0.5, 0.5), (0.0, 0.5), (-0.5, 0.5), (-0.5, 0.0))
-"""Corners and middles of the border, right and down, as shares of the image."""
-BORDER_SHARES = (0.99, 0.8, 0.6, 0.4)
-"""Shares of the way from the centre to the border that are tried; the border itself may count as outside."""
 BORDER_SIGMA_PX = 1.0
 
 
@@ -189,22 +186,11 @@ class CameraPipeline:
         return fix if isinstance(fix, GroundFix) else None
 
     def footprint(self, size: tuple[int, int], now: HostNs) -> list[Vector3]:
-        """Where the border of the newest picture meets the ground, NED, clockwise from its top left.
-
-        A pixel without ground is replaced by one nearer to the centre, or left out. Empty without a recent picture.
-        """
+        """Where the border of the newest picture meets the ground; empty without a recent picture."""
         view = self._last_view
         if view is None or now - view.host_ns > FOOTPRINT_NS:
             return []
-        places = []
-        for right, down in BORDER:
-            for share in BORDER_SHARES:
-                u, v = (0.5 + share * right) * size[0] - 0.5, (0.5 + share * down) * size[1] - 0.5
-                fix = self.locate(u, v, BORDER_SIGMA_PX, view.host_ns)
-                if fix is not None:
-                    places.append(fix.position_ned)
-                    break
-        return places if len(places) > 2 else []
+        return footprint(size, lambda u, v: self.locate(u, v, BORDER_SIGMA_PX, view.host_ns))
 
     def view_at(self, host_ns: HostNs) -> CameraView | None:
         """The camera at a host instant, in the frame of the tracks; None where it is unknown."""
