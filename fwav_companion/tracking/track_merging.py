@@ -3,11 +3,14 @@
 Such pairs form in the first seconds, while gates are wide. Each track then takes the fixes nearer to itself, so their
 estimates stay apart, farther than their claims allow, and no distance shows that they are one target. Fast alternation
 does: of two targets with occasional missed detections some frame shows both, and a hidden one is missed for longer.
+Where self-calibration then puts both on one place, slow alternation suffices: one took the fixes of one leg of the
+flight, the other those of the next.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from math import dist
 
 import msgspec
 
@@ -16,7 +19,7 @@ from fwav_companion.tracking.filters.base import TargetState
 from fwav_companion.tracking.filters.gates import GATE
 from fwav_companion.tracking.lifecycle import LOOK_S
 from fwav_companion.tracking.track_state import LiveTrack
-from fwav_companion.types import TrackState
+from fwav_companion.types import GroundFix, TrackState
 
 TURNS = 60
 """Looks with a fix of one of the two, since one with fixes of both. By a detector that misses seven in ten, every sixth
@@ -36,12 +39,15 @@ class AlternatingFixes(msgspec.Struct, frozen=True, gc=False):
     """Looks in fast turns, less those in slow ones."""
     looked_ns: int = 0
     """Looking time of those in fast turns."""
+    looks: int = 0
+    """All of these looks, in fast and in slow turns."""
 
     def with_look(self, looked_ns: int, *, fast: bool) -> AlternatingFixes:
         """The count after one more look. Slow turns that outweigh the fast ones reset it."""
+        looks = self.looks + 1
         if fast:
-            return AlternatingFixes(self.count + 1, self.looked_ns + looked_ns)
-        return AlternatingFixes(self.count - 1, self.looked_ns) if self.count > 1 else AlternatingFixes()
+            return AlternatingFixes(self.count + 1, self.looked_ns + looked_ns, looks)
+        return AlternatingFixes(max(0, self.count - 1), self.looked_ns if self.count > 1 else 0, looks)
 
     @property
     def are_one(self) -> bool:
@@ -80,15 +86,17 @@ class TrackMerging(msgspec.Struct, frozen=True):
                 pairs[pair[0], pair[1]] = turns.with_look(looked_ns, fast=junior.life.misses <= FAST)
         return TrackMerging(pairs) if pairs or self.pairs else self
 
-    def merged(self, tracks: Sequence[LiveTrack]) -> Sequence[LiveTrack]:
+    def merged(self, tracks: Sequence[LiveTrack], target_of: Callable[[LiveTrack], TargetState]) -> Sequence[LiveTrack]:
         """The tracks, juniors deleted whose senior has a fix in this frame, so that no fix is lost with them."""
         if not self.pairs:
             return tracks
         by_id = {track.id: track for track in tracks}
         for (senior, junior), turns in self.pairs.items():
-            alive = by_id[junior].life.state is not TrackState.DROPPED
-            if turns.are_one and by_id[senior].fix is not None and alive:
-                by_id[senior], by_id[junior] = by_id[senior].merged(by_id[junior])
+            one, other = by_id[senior], by_id[junior]
+            if turns.looks < TURNS or one.fix is None or other.life.state is TrackState.DROPPED:
+                continue
+            if turns.are_one or _coincide(target_of(one), target_of(other), one.fix):
+                by_id[senior], by_id[junior] = one.merged(other)
         return list(by_id.values())
 
 
@@ -107,6 +115,12 @@ def _substitutes(
             target = target or target_of(missed)
             if target.gate(track.fix).nis < GATE:
                 yield track
+
+
+def _coincide(one: TargetState, other: TargetState, fix: GroundFix) -> bool:
+    """Whether two targets are nearer to each other than the noise of a single fix: no detector shows them apart."""
+    (nn, _, _), (_, ee, _), _ = fix.noise_cov
+    return dist(one.position_ned[:2], other.position_ned[:2]) ** 2 < nn + ee
 
 
 def _differ_by_id(one: LiveTrack, other: LiveTrack) -> bool:

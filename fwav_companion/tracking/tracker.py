@@ -167,7 +167,7 @@ class Tracker:
         merging = state.merging.after_frame(after, [track.id for track in missed], elapsed_ns, self._best_target)
         used = {id(fix) for fix, _ in taken.values()}
         unassociated = [fix for fix in view.fixes if id(fix) not in used]
-        tracks, refused = list(merging.merged(after)), 0
+        tracks, refused = list(merging.merged(after, self._best_target)), 0
         if unassociated:
             tracks, refused = self._with_new(tracks, unassociated, view.host_ns, landmarks, branchings)
         next_id = state.next_id + len(unassociated) - refused

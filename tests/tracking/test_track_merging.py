@@ -3,11 +3,16 @@
 import numpy as np
 import pytest
 from draws import first_of
-from handmade import a_fix, a_view
+from handmade import a_fix, a_view, host_ns
+from msgspec.structs import replace
 from simulated_flight import priors
 
+from fwav_companion.geometry.stamps import NS_PER_S
 from fwav_companion.tracking import TrackingOptions, make_tracker
-from fwav_companion.types import Reason
+from fwav_companion.tracking.filters.kalman import StaticKalman
+from fwav_companion.tracking.track_merging import TURNS, TrackMerging
+from fwav_companion.tracking.track_state import initiate
+from fwav_companion.types import Reason, TrackState
 
 NO_BIAS = priors(time_offset=0, heading=0, mount_x=0, mount_y=0, mount_z=0)
 FPS = 30
@@ -127,3 +132,28 @@ def test_far_targets_that_take_turns_stay_two():
 def test_frames_that_could_not_see_the_other_say_nothing():
     reported = flown(both() + one_target(np.random.default_rng(0), 20 * FPS), sees=False)
     assert confirmed(reported) == [1, 2]
+
+
+@pytest.mark.parametrize(("calibrated_apart_m", "ends"), [(0.05, True), (0.4, False)])
+def test_slow_turns_are_of_one_target_where_calibration_puts_both_on_one_place(calibrated_apart_m, ends):
+    """Turns of twenty looks; a fix has a sigma of 0.2 m an axis. Their own filters are 0.8 m apart throughout."""
+
+    def calibrated(track):
+        return StaticKalman(NO_BIAS).initiate(a_fix(0.0, (4.0 + calibrated_apart_m * (track.id == 2), 3.0, 0.0)))
+
+    merging = TrackMerging()
+    for k in range(TURNS + 40):
+        turn, now = k // 20 % 2, host_ns(k / FPS)
+        tracks = [confirmed_track(1, ONE, now), confirmed_track(2, OTHER, now)]
+        missed = tracks[1 - turn]
+        life = replace(missed.life, misses=5 + k % 20)
+        tracks[1 - turn] = replace(missed, fix=None, life=life)
+        merging = merging.after_frame(tracks, [missed.id], NS_PER_S // FPS, lambda track: track.target)
+    after = merging.merged(tracks, calibrated)
+    assert [track.life.reason is Reason.REPLACED for track in after] == [False, ends]
+
+
+def confirmed_track(number, place, now):
+    fix = a_fix(0.0, (*place, 0.0))
+    track = initiate(number, fix, StaticKalman(NO_BIAS).initiate(fix), now)
+    return replace(track, life=replace(track.life, state=TrackState.CONFIRMED, confirmed_ns=number))

@@ -101,8 +101,8 @@ def test_two_tracks_are_one_after_sixty_fast_turns_over_three_seconds():
 def test_slow_turns_undo_as_many_fast_ones_and_in_the_end_all():
     turns = AlternatingFixes(3, 300)
     turns = turns.with_look(100, fast=False)
-    assert turns == AlternatingFixes(2, 300)
-    assert turns.with_look(100, fast=False).with_look(100, fast=False) == AlternatingFixes()
+    assert turns == AlternatingFixes(2, 300, looks=1)
+    assert turns.with_look(100, fast=False).with_look(100, fast=False) == AlternatingFixes(looks=3)
 
 
 def target():
