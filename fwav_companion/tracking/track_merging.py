@@ -18,6 +18,7 @@ from fwav_companion.geometry.stamps import NS_PER_S
 from fwav_companion.tracking.filters.base import TargetState
 from fwav_companion.tracking.filters.gates import GATE
 from fwav_companion.tracking.lifecycle import LOOK_S
+from fwav_companion.tracking.self_calibrated import CalibratedTargetState
 from fwav_companion.tracking.track_state import LiveTrack
 from fwav_companion.types import GroundFix, TrackState
 
@@ -118,7 +119,12 @@ def _substitutes(
 
 
 def _coincide(one: TargetState, other: TargetState, fix: GroundFix) -> bool:
-    """Whether two targets are nearer to each other than the noise of a single fix: no detector shows them apart."""
+    """Whether calibration puts both nearer to each other than the noise of a single fix.
+
+    Estimates without it are apart by what the legs differ in, and could coincide while one of two targets hides.
+    """
+    if not (isinstance(one, CalibratedTargetState) and isinstance(other, CalibratedTargetState)):
+        return False
     (nn, _, _), (_, ee, _), _ = fix.noise_cov
     return dist(one.position_ned[:2], other.position_ned[:2]) ** 2 < nn + ee
 

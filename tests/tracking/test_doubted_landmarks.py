@@ -19,12 +19,17 @@ SURVEY_M, SEEN_M = 0.05, 0.07
 USED, LEFT_OUT = LandmarkState.USED, LandmarkState.LEFT_OUT
 
 
+def unseen(errors, count):
+    """The model and the filter of so many landmarks in use, before any sight."""
+    place = Geodetic(0.0, 0.0, 0.0)
+    model = SharedErrors(errors, [Landmark(f"mark {i}", place, SURVEY_M) for i in range(count)])
+    state = landmark_filter(model)
+    return model, replace(state, records=tuple(replace(record, state=USED) for record in state.records))
+
+
 def shown(*off_m):
     """The filter after sights that show each landmark off by so much in the north, one sigma of SEEN_M."""
-    place = Geodetic(0.0, 0.0, 0.0)
-    model = SharedErrors(priors(), [Landmark(f"mark {i}", place, SURVEY_M) for i in range(len(off_m))])
-    state = landmark_filter(model)
-    state = replace(state, records=tuple(replace(record, state=USED) for record in state.records))
+    model, state = unseen(priors(), len(off_m))
     for i, off in enumerate(off_m):
         rows = np.zeros((3, model.size))
         rows[:, model.survey(i)] = np.eye(3)
@@ -34,10 +39,7 @@ def shown(*off_m):
 
 def seen_through_the_position(*off_m):
     """The filter after sights that show each landmark off in the north, by a position of 1 m that they share."""
-    place = Geodetic(0.0, 0.0, 0.0)
-    model = SharedErrors(by_receiver(), [Landmark(f"mark {i}", place, SURVEY_M) for i in range(len(off_m))])
-    state = landmark_filter(model)
-    state = replace(state, records=tuple(replace(record, state=USED) for record in state.records))
+    model, state = unseen(by_receiver(), len(off_m))
     for i, off in enumerate(off_m):
         rows = np.zeros((3, model.size))
         rows[:, model.survey(i)] = np.eye(3)

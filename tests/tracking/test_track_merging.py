@@ -1,5 +1,7 @@
 """Two tracks of one target become one; two targets stay two at any distance and any detection rate."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from draws import first_of
@@ -10,6 +12,7 @@ from simulated_flight import priors
 from fwav_companion.geometry.stamps import NS_PER_S
 from fwav_companion.tracking import TrackingOptions, make_tracker
 from fwav_companion.tracking.filters.kalman import StaticKalman
+from fwav_companion.tracking.self_calibrated import CalibratedTargetState
 from fwav_companion.tracking.track_merging import TURNS, TrackMerging
 from fwav_companion.tracking.track_state import initiate
 from fwav_companion.types import Reason, TrackState
@@ -134,12 +137,17 @@ def test_frames_that_could_not_see_the_other_say_nothing():
     assert confirmed(reported) == [1, 2]
 
 
-@pytest.mark.parametrize(("calibrated_apart_m", "ends"), [(0.05, True), (0.4, False)])
-def test_slow_turns_are_of_one_target_where_calibration_puts_both_on_one_place(calibrated_apart_m, ends):
+@pytest.mark.parametrize(
+    ("apart_m", "calibrates", "ends"), [(0.05, True, True), (0.4, True, False), (0.05, False, False)]
+)
+def test_slow_turns_are_of_one_target_where_calibration_puts_both_on_one_place(apart_m, calibrates, ends):
     """Turns of twenty looks; a fix has a sigma of 0.2 m an axis. Their own filters are 0.8 m apart throughout."""
 
-    def calibrated(track):
-        return StaticKalman(NO_BIAS).initiate(a_fix(0.0, (4.0 + calibrated_apart_m * (track.id == 2), 3.0, 0.0)))
+    def best(track):
+        place = (4.0 + apart_m * (track.id == 2), 3.0)
+        own = StaticKalman(NO_BIAS).initiate(a_fix(0.0, (*place, 0.0)))
+        placed = SimpleNamespace(north=place[0], east=place[1])
+        return CalibratedTargetState(None, track.id, placed, own) if calibrates else own
 
     merging = TrackMerging()
     for k in range(TURNS + 40):
@@ -149,7 +157,7 @@ def test_slow_turns_are_of_one_target_where_calibration_puts_both_on_one_place(c
         life = replace(missed.life, misses=5 + k % 20)
         tracks[1 - turn] = replace(missed, fix=None, life=life)
         merging = merging.after_frame(tracks, [missed.id], NS_PER_S // FPS, lambda track: track.target)
-    after = merging.merged(tracks, calibrated)
+    after = merging.merged(tracks, best)
     assert [track.life.reason is Reason.REPLACED for track in after] == [False, ends]
 
 
