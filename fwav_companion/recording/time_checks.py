@@ -29,13 +29,18 @@ it again."""
 
 
 def timely(times_us: Sequence[int]) -> list[int]:
-    """Indices of the believable samples of one kind (given in file order), sorted by time."""
+    """Indices of the believable samples of one kind (given in file order), sorted by time.
+
+    A time before boot is damage.
+    """
     if not times_us:
         return []
     middle = sorted(times_us)[len(times_us) // 2]
     damaged = contradicted(times_us)
     believed = [
-        index for index, at_us in enumerate(times_us) if index not in damaged and abs(at_us - middle) <= LONGEST_LOG_US
+        index
+        for index, at_us in enumerate(times_us)
+        if index not in damaged and at_us >= 0 and abs(at_us - middle) <= LONGEST_LOG_US
     ]
     return sorted(believed, key=times_us.__getitem__)
 

@@ -195,6 +195,7 @@ def test_times_that_their_neighbours_contradict_are_left_out():
     assert timely(steady) == list(range(20))
     assert timely([*steady[:7], 9 * 10**11, *steady[7:]]) == [*range(7), *range(8, 21)]
     assert timely([5, 1, 3]) == [1, 2, 0], "a logger's queues put samples into the file late"
+    assert timely([-300, -5, 149, 305]) == [2, 3], "before boot"
     assert timely([]) == []
 
 
