@@ -28,6 +28,7 @@ from fwav_companion.mavlink.router.merged_rates import MergedRates
 from fwav_companion.mavlink.router.peer_tables import PeerTables
 from fwav_companion.mavlink.router.peers import SILENT_NS, UNKNOWN, Peer, PeerStream
 from fwav_companion.mavlink.wire.definitions import BY_NAME
+from fwav_companion.mavlink.wire.flow_table import MAX_FLOWS
 from fwav_companion.mavlink.wire.frames import RawFrame
 from fwav_companion.mavlink.wire.rate_messages import (
     MESSAGE_INTERVAL,
@@ -36,7 +37,7 @@ from fwav_companion.mavlink.wire.rate_messages import (
     OwnStreams,
     RateRequest,
 )
-from fwav_companion.mavlink.wire.scanner import MAX_FLOWS, Scanner
+from fwav_companion.mavlink.wire.scanner import Scanner
 
 SETUP_SIGNING: Final = BY_NAME["SETUP_SIGNING"].msgid
 RADIO_REPORTS: Final = frozenset(BY_NAME[name].msgid for name in ("RADIO", "RADIO_STATUS"))

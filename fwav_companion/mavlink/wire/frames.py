@@ -28,7 +28,7 @@ class Flow:
     it.
     """
 
-    __slots__ = ("component", "crc_byte", "definition", "msgid", "stream", "system", "used", "version")
+    __slots__ = ("component", "crc_byte", "definition", "msgid", "remembered", "stream", "system", "used", "version")
 
     def __init__(self, system: int, component: int, msgid: int, definition: Definition | None) -> None:
         self.system = system
@@ -39,6 +39,8 @@ class Flow:
         self.definition = definition
         """Definition of the message; None for an unknown message id, whose checksum has not been checked."""
         self.crc_byte = definition.crc_byte if definition else b""
+        self.remembered = False
+        """Whether the scanner's table holds the flow."""
         self.used = False
         """Whether a frame came since the scanner looked last."""
         self.stream: Any = None

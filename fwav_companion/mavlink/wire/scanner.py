@@ -24,30 +24,21 @@ frames are corrupted, shed nothing. Frames of known flows need no trial: they pa
 
 from __future__ import annotations
 
-import re
-from enum import Enum
 from struct import Struct
 from typing import Final
 
-from fwav_companion.mavlink.wire.definitions import DEFINITIONS
-from fwav_companion.mavlink.wire.frames import (
-    FLAG_SIGNED,
-    HEADER_V1,
-    HEADER_V2,
-    MARKER_V1,
-    MARKER_V2,
-    SIGNATURE_LENGTH,
-    Flow,
-    RawFrame,
-    checksum,
+from fwav_companion.mavlink.wire.flow_table import MAX_FLOWS, FlowTable
+from fwav_companion.mavlink.wire.frame_reader import (
+    MARKERS,
+    SHORTEST_V1,
+    SHORTEST_V2,
+    NoFrameHere,
+    may_be_known,
+    next_marker,
+    read_frame,
 )
+from fwav_companion.mavlink.wire.frames import FLAG_SIGNED, HEADER_V1, MARKER_V1, MARKER_V2, RawFrame, checksum
 
-_SHORTEST_V1: Final = HEADER_V1 + 2
-_SHORTEST_V2: Final = HEADER_V2 + 2
-
-MAX_FLOWS: Final = 4096
-"""Flows remembered on all links together: 250 vehicles with sixteen messages each, 250 bytes a flow. Beyond a link's
-share, those that are not used are forgotten."""
 TRIALS_PER_KIB: Final = 18
 """Trials that received bytes earn."""
 _TRIAL: Final = 1024 // TRIALS_PER_KIB
@@ -59,22 +50,9 @@ SHORT: Final = 32
 _LEAST_V1: Final = 16
 """Length of the MAVLink 1 frames that are the common case: a heartbeat has 17 bytes."""
 
-_MARKERS: Final = b"\xfd\xfe"
-_next_marker: Final = re.compile(b"[\xfd\xfe]").search
-
-
 # Incompat flags, seq, identity (system, component, message id) and checksum, by length of payload: one read is a third
 # faster than four.
 _read_v2: Final = tuple(Struct(f"<xxBxB5s{length}xH").unpack_from for length in range(256))
-
-
-class _Nothing(Enum):
-    """Reason why no frame begins at a byte."""
-
-    HERE = "no frame"
-    YET = "more bytes are needed to decide"
-    BAD_CHECKSUM = "its checksum is wrong"
-    NOT_UNDERSTOOD = "it asks for what we do not know"
 
 
 class Scanner:
@@ -93,11 +71,7 @@ class Scanner:
         self.undecided = False
         """Whether a whole frame of an unknown id waits for the next bytes: see :meth:`settle`."""
         self._credit = BURST * _TRIAL
-        self._max_flows = max_flows
-        self._flows: dict[bytes, Flow] = {}
-        """Flows by system, component and message id as in a MAVLink 2 header, in order of their last chance."""
-        self._unknown_flows: dict[bytes, Flow] = {}
-        """Flows of unknown ids, whose checksums cannot be checked."""
+        self._flows = FlowTable(max_flows)
         self._datagrams = datagrams
         self._pending = b""
         self._due = datagrams
@@ -136,7 +110,7 @@ class Scanner:
             if not self._pay():
                 self._shed(len(pending))
                 break
-            marker = _next_marker(pending, 1)
+            marker = next_marker(pending, 1)
             start = marker.start() if marker else len(pending)
             self.skipped_bytes += start
             self._due, self._clear_to = False, 0
@@ -147,9 +121,9 @@ class Scanner:
     def _scan(self, buffer: bytes, *, at_end: bool) -> list[RawFrame]:
         frames: list[RawFrame] = []
         self.undecided = False
-        flows = self._flows
+        flows = self._flows.known
         size = len(buffer)
-        last_header = size - _SHORTEST_V2
+        last_header = size - SHORTEST_V2
         position = 0
         frame_end = 0 if self._due else -1
         while position < size:
@@ -158,7 +132,7 @@ class Scanner:
                 if position > last_header:
                     break
                 length = buffer[position + 1]
-                end = position + _SHORTEST_V2 + length
+                end = position + SHORTEST_V2 + length
                 if end <= size:
                     flags, seq, identity, received = _read_v2[length](buffer, position)
                     flow = flows.get(identity)
@@ -195,9 +169,9 @@ class Scanner:
         if len(buffer) - position < _LEAST_V1:
             return None
         length, seq = buffer[position + 1], buffer[position + 2]
-        end = position + _SHORTEST_V1 + length
-        flow = self._flows.get(buffer[position + 3 : position + HEADER_V1] + b"\0\0")
-        if flow is None or end > len(buffer) or length < _LEAST_V1 - _SHORTEST_V1:
+        end = position + SHORTEST_V1 + length
+        flow = self._flows.known.get(buffer[position + 3 : position + HEADER_V1] + b"\0\0")
+        if flow is None or end > len(buffer) or length < _LEAST_V1 - SHORTEST_V1:
             return None
         received = buffer[end - 2] | buffer[end - 1] << 8
         if flow.definition is None or checksum(buffer[position + 1 : end - 2] + flow.crc_byte) != received:
@@ -222,7 +196,7 @@ class Scanner:
         """Take one frame or skip to the next start byte. Returns the new position; the old one if more bytes are
         needed.
         """
-        found = self._frame_at(buffer, position)
+        found = read_frame(buffer, position, self._flows)
         if isinstance(found, RawFrame) and found.definition is None:
             found = self._judge_unknown(buffer, position, found, at_end)
         if isinstance(found, RawFrame):
@@ -232,127 +206,65 @@ class Scanner:
             frames.append(found)
             self._due = True
             return position + len(found.data)
-        if found is _Nothing.YET:
+        if found is NoFrameHere.UNDECIDED:
             return position
         self._count(found)
         if not self._pay():
             self._shed(len(buffer) - position)
             return len(buffer)
-        marker = _next_marker(buffer, position + 1)
+        marker = next_marker(buffer, position + 1)
         advanced = marker.start() if marker else len(buffer)
         self.skipped_bytes += advanced - position
         self._due = False
         return advanced
 
-    def _judge_unknown(self, buffer: bytes, position: int, frame: RawFrame, at_end: bool) -> RawFrame | _Nothing:
+    def _judge_unknown(self, buffer: bytes, position: int, frame: RawFrame, at_end: bool) -> RawFrame | NoFrameHere:
         end = position + len(frame.data)
         if end == len(buffer):
             if not at_end:
                 self.undecided = True
-                return _Nothing.YET
-        elif buffer[end] not in _MARKERS:
-            return _Nothing.HERE
+                return NoFrameHere.UNDECIDED
+        elif buffer[end] not in MARKERS:
+            return NoFrameHere.NOTHING
         return frame if self._due else self._unless_known_inside(buffer, position, frame, at_end)
 
-    def _unless_known_inside(self, buffer: bytes, position: int, frame: RawFrame, at_end: bool) -> RawFrame | _Nothing:
+    def _unless_known_inside(
+        self, buffer: bytes, position: int, frame: RawFrame, at_end: bool
+    ) -> RawFrame | NoFrameHere:
         """Return the unknown frame, unless a known one with a right checksum begins inside it."""
         end = position + len(frame.data)
         start = max(position + 1, self._clear_to)
-        while marker := _next_marker(buffer, start, end):
+        while marker := next_marker(buffer, start, end):
             if not self._pay():
-                return _Nothing.HERE
-            inside = self._frame_at(buffer, marker.start())
+                return NoFrameHere.NOTHING
+            inside = read_frame(buffer, marker.start(), self._flows)
             if isinstance(inside, RawFrame) and inside.definition is not None:
-                return _Nothing.HERE
-            if inside is _Nothing.YET and not at_end and _may_be_known(buffer, marker.start()):
-                return _Nothing.YET
+                return NoFrameHere.NOTHING
+            if inside is NoFrameHere.UNDECIDED and not at_end and may_be_known(buffer, marker.start()):
+                return NoFrameHere.UNDECIDED
             start = self._clear_to = marker.start() + 1
         return frame
 
-    def _count(self, nothing: _Nothing) -> None:
+    def _count(self, nothing: NoFrameHere) -> None:
         if not self._due:
             return
-        if nothing is _Nothing.BAD_CHECKSUM:
+        if nothing is NoFrameHere.BAD_CHECKSUM:
             self.bad_checksums += 1
-        elif nothing is _Nothing.NOT_UNDERSTOOD:
+        elif nothing is NoFrameHere.NOT_UNDERSTOOD:
             self.not_understood += 1
-
-    def _frame_at(self, buffer: bytes, position: int) -> RawFrame | _Nothing:
-        """Return the frame that begins here by its own header and, for a known id, checksum."""
-        left = len(buffer) - position
-        marker = buffer[position]
-        if marker not in _MARKERS:
-            return _Nothing.HERE
-        if left < (_SHORTEST_V2 if marker == MARKER_V2 else _SHORTEST_V1):
-            return _Nothing.YET
-        if marker == MARKER_V2:
-            if buffer[position + 2] > FLAG_SIGNED:
-                return _Nothing.NOT_UNDERSTOOD
-            body_end = position + HEADER_V2 + buffer[position + 1]
-            end = body_end + 2 + SIGNATURE_LENGTH * buffer[position + 2]
-            identity = buffer[position + 5 : position + HEADER_V2]
-            seq = buffer[position + 4]
-        else:
-            body_end = position + HEADER_V1 + buffer[position + 1]
-            end = body_end + 2
-            identity = buffer[position + 3 : position + HEADER_V1] + b"\0\0"
-            seq = buffer[position + 2]
-        if end > len(buffer):
-            return _Nothing.YET
-        flow = self._flows.get(identity) or self._unknown_flows.get(identity)
-        if flow is None:
-            flow = self._new_flow(identity)
-        if flow.definition is not None:
-            if marker == MARKER_V1 and buffer[position + 1] != flow.definition.base_length:
-                return _Nothing.BAD_CHECKSUM
-            received = int.from_bytes(buffer[body_end : body_end + 2], "little")
-            if checksum(buffer[position + 1 : body_end] + flow.crc_byte) != received:
-                return _Nothing.BAD_CHECKSUM
-        return RawFrame(buffer[position:end], flow, seq)
-
-    def _new_flow(self, identity: bytes) -> Flow:
-        msgid = int.from_bytes(identity[2:], "little")
-        return Flow(identity[0], identity[1], msgid, DEFINITIONS.get(msgid))
 
     def _accept(self, frame: RawFrame) -> bool:
         """Remember the flow of a frame that is not the common case, which is a trial if the flow is new or the frame is
         short. Returns False if the link has no trial left.
         """
-        data = frame.data
-        v2 = data[0] == MARKER_V2
-        identity = data[5:HEADER_V2] if v2 else data[3:HEADER_V1] + b"\0\0"
-        flows = self._flows if frame.known else self._unknown_flows
-        if identity in flows:
+        if frame.flow.remembered:
             frame.flow.used = True
-            return len(data) >= SHORT or self._pay()
+            return len(frame.data) >= SHORT or self._pay()
         if not self._pay():
             return False
-        if len(self._flows) + len(self._unknown_flows) >= self._max_flows:
-            self._forget_one(flows or self._flows)
-        flows[identity] = frame.flow
+        self._flows.remember(frame)
         return True
 
-    def _forget_one(self, flows: dict[bytes, Flow]) -> None:
-        """Forget the first flow that was not used since its last chance; used ones get another (the clock algorithm).
-
-        Each paid trial forgets one. A whole round of the table needs a frame of every flow before it.
-        """
-        while True:
-            identity, flow = next(iter(flows.items()))
-            del flows[identity]
-            if not flow.used:
-                return
-            flow.used = False
-            flows[identity] = flow
-
     def _begins_with_known_frame(self, data: bytes) -> bool:
-        found = self._frame_at(data, 0) if data else _Nothing.YET
+        found = read_frame(data, 0, self._flows) if data else NoFrameHere.UNDECIDED
         return isinstance(found, RawFrame) and found.known
-
-
-def _may_be_known(buffer: bytes, position: int) -> bool:
-    """Return whether the bytes here begin a frame of a known message id, as far as they have arrived."""
-    if buffer[position] == MARKER_V2:
-        msgid = buffer[position + 7 : position + HEADER_V2]
-        return len(msgid) < 3 or int.from_bytes(msgid, "little") in DEFINITIONS
-    return len(buffer) - position < HEADER_V1 or buffer[position + 5] in DEFINITIONS
