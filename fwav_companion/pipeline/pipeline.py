@@ -14,6 +14,7 @@ from fwav_companion.mavlink.router.node import PassedRequest
 from fwav_companion.mavlink.wire.rate_messages import OwnStreams
 from fwav_companion.pipeline.components import Components
 from fwav_companion.pipeline.event_handlers import EventHandlers
+from fwav_companion.pipeline.frame_handlers import FrameHandlers
 from fwav_companion.pipeline.output_buffer import OutputBuffer, Outputs
 from fwav_companion.pipeline.second_lines import SecondLines
 from fwav_companion.pipeline.speaker import Speaker
@@ -64,6 +65,7 @@ class Pipeline:
         self._due_is_known = False
         self._outputs = OutputBuffer(components, target_log, live=live)
         self._handlers = EventHandlers(components, target_log, self._outputs, unix_offset_ns=unix_offset_ns, live=live)
+        self._frames = FrameHandlers(components, target_log, self._outputs, live=live)
         self._seconds = SecondLines(components, target_log, self._outputs, unix_offset_ns)
         self._speaker = Speaker(components, self._outputs, self._handlers)
         self._ended = False
@@ -89,10 +91,10 @@ class Pipeline:
             events = components.telemetry.on_gimbal(message, autopilot.component, now)
             if components.camera is not None:  # a relay has no camera that a gimbal could carry
                 self._handlers.of_telemetry(events, now)
-            self._take_ready(now)
+            self._frames.take_ready(now)
         elif autopilot and message.system == autopilot.system and message.component == autopilot.component:
             self._handlers.of_telemetry(components.telemetry.on_message(message, now), now)
-            self._take_ready(now)
+            self._frames.take_ready(now)
         if self._live and message.name in ANSWERED:
             self._outputs.messages += components.commands.on_message(message, components.situation(now))
             self._outputs.notify(components.publisher.notices(), now)
@@ -105,13 +107,10 @@ class Pipeline:
             return
         world = components.telemetry.world
         due_ns = world.wake_at
-        taken = 0 if components.camera is None else components.camera.frames_taken
         events = components.telemetry.on_message(message, now)
         if events:
             self._handlers.of_telemetry(events, now)
-        if components.camera is not None:
-            self._take_ready(now)
-            taken = components.camera.frames_taken - taken
+        taken = self._frames.take_ready(now)
         self._due_is_known = not events and not taken and world.wake_at == due_ns
 
     def on_own_message(self, message: Message, now: HostNs) -> None:
@@ -141,16 +140,7 @@ class Pipeline:
     def on_frame(self, frame: Frame | NoFrame, now: HostNs) -> None:
         """Handle a decoded frame (possibly without detections), or the reason why a datagram was rejected."""
         self.advance(now)
-        if isinstance(frame, NoFrame) or self._components.camera is None:
-            if isinstance(frame, NoFrame):
-                self._target_log.drop_frames(frame.reason)
-                if self._components.camera is not None and frame.reason is not Reason.OVERLOAD:
-                    self._components.camera.on_refused_frame(frame.reason, now)
-            return
-        if self._components.spots is not None:
-            self._components.spots.on_picture(frame)
-        self._components.camera.on_frame(frame, now)
-        self._take_ready(now)
+        self._frames.of_frame(frame, now)
 
     def spot_views(self, frame: Frame, now: HostNs) -> SpotViews:
         """Where the clicked spots must be in a picture that the camera process has just taken."""
@@ -222,8 +212,7 @@ class Pipeline:
             return
         self._ended = True
         self.advance(now)
-        if self._components.camera is not None:
-            self._target_log.settle(self._components.camera.finish(now), self._components.telemetry.world.plane)
+        self._frames.finish(now)
         world = self._components.telemetry.world
         self._target_log.begin(world.plane.origin if world.plane else None)
         self._target_log.write(self._target_log.summary())
@@ -241,29 +230,28 @@ class Pipeline:
     @property
     def best_targets(self) -> dict[int, TargetState]:
         """The targets of all live tracks, by id; a study asks what limits them."""
-        return {} if self._components.camera is None else self._components.camera.best_targets
+        return self._frames.best_targets
 
     def assumed_arrival(self, frame: Frame) -> HostNs | None:
         """Assumed arrival time of a recorded frame without ``received_unix``; None while the clock is unknown."""
-        return None if self._components.camera is None else self._components.camera.assumed_arrival(frame)
+        return self._frames.assumed_arrival(frame)
 
     @property
     def time_offset_s(self) -> float:
         """Configured delay of the camera's stamps, seconds; 0 without a camera."""
-        return 0.0 if self._components.camera is None else self._components.camera.time_offset_s
+        return self._frames.time_offset_s
 
     # What goes out.
 
     @property
     def waiting_detections(self) -> int:
         """Number of detections in frames that wait for attitudes."""
-        return 0 if self._components.camera is None else self._components.camera.waiting_detections
+        return self._frames.waiting_detections
 
     @property
     def calibration_to_keep(self) -> KeptCalibration | None:
         """Result of self-calibration with which the next flight may begin; None without one."""
-        report = None if self._components.camera is None else self._components.camera.calibration
-        return None if report is None else report.keep
+        return self._frames.calibration_to_keep
 
     @property
     def identity(self) -> Identity:
@@ -305,13 +293,12 @@ class Pipeline:
 
     def _dues(self) -> tuple[HostNs | None, ...]:
         components = self._components
-        sight_due = components.camera.wake_at if components.camera is not None else None
         always = (
             self._clock_line_ns,
             self._fault_over_ns,
             components.identity.wake_at,
             components.telemetry.wake_at,
-            sight_due,
+            self._frames.wake_at,
         )
         if not self._live:
             return always
@@ -322,8 +309,8 @@ class Pipeline:
         components = self._components
         self._handlers.of_identity(components.identity.on_wake(due), now)
         self._handlers.of_telemetry(components.telemetry.on_wake(due), due)
-        self._take_ready(due)
-        self._settle(due)
+        self._frames.take_ready(due)
+        self._frames.settle(due)
         if self._clock_line_ns is not None and due >= self._clock_line_ns:
             self._seconds.write(self._clock_line_ns)
             self._clock_line_ns = self._seconds.next_after(due)
@@ -332,20 +319,3 @@ class Pipeline:
             components.identity.fault_over()
         if self._live:
             self._speaker.speak(now)
-
-    def _take_ready(self, now: HostNs) -> None:
-        """Localize, track and publish the frames whose attitudes are there."""
-        if self._components.camera is None:
-            return
-        for seen in self._components.camera.take_ready(now):
-            if self._live:
-                situation = self._components.situation(now, seen)
-                publisher = self._components.publisher
-                if self._components.spots is not None:
-                    self._components.spots.on_tracks(seen.tracks)
-                self._outputs.messages += publisher.on_tracks(seen.tracks, situation, seen.pixel_from_ned)
-                self._outputs.notify(publisher.notices(), now)
-
-    def _settle(self, now: HostNs) -> None:
-        if self._components.camera is not None:
-            self._target_log.settle(self._components.camera.settle(now), self._components.telemetry.world.plane)

@@ -1,0 +1,93 @@
+"""Handles frames: into the camera's pipeline, and what it makes of them to the publisher and the targets file. Pure.
+
+A relay has no camera: nothing waits, nothing is due, and no frame is answered.
+"""
+
+from __future__ import annotations
+
+from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.pipeline.components import Components
+from fwav_companion.pipeline.output_buffer import OutputBuffer
+from fwav_companion.pipeline.target_log import TargetLog
+from fwav_companion.self_calibration import KeptCalibration
+from fwav_companion.tracking.filters.base import TargetState
+from fwav_companion.types import Frame, NoFrame, Reason
+
+
+class FrameHandlers:
+    """Localizes, tracks, publishes and logs what the frames show."""
+
+    def __init__(self, components: Components, target_log: TargetLog, outputs: OutputBuffer, *, live: bool) -> None:
+        """``live``: false in a replay, where no message is sent."""
+        self._components = components
+        self._camera = components.camera
+        self._target_log = target_log
+        self._outputs = outputs
+        self._live = live
+
+    def of_frame(self, frame: Frame | NoFrame, now: HostNs) -> None:
+        """Handle a decoded frame, or the reason why a datagram was rejected."""
+        if isinstance(frame, NoFrame):
+            self._target_log.drop_frames(frame.reason)
+            if self._camera is not None and frame.reason is not Reason.OVERLOAD:
+                self._camera.on_refused_frame(frame.reason, now)
+        elif self._camera is not None:
+            if self._components.spots is not None:
+                self._components.spots.on_picture(frame)
+            self._camera.on_frame(frame, now)
+            self.take_ready(now)
+
+    def take_ready(self, now: HostNs) -> int:
+        """Localize, track and publish the frames whose attitudes are there. Returns how many there were."""
+        if self._camera is None:
+            return 0
+        taken = self._camera.frames_taken
+        for seen in self._camera.take_ready(now):
+            if self._live:
+                situation = self._components.situation(now, seen)
+                publisher = self._components.publisher
+                if self._components.spots is not None:
+                    self._components.spots.on_tracks(seen.tracks)
+                self._outputs.messages += publisher.on_tracks(seen.tracks, situation, seen.pixel_from_ned)
+                self._outputs.notify(publisher.notices(), now)
+        return self._camera.frames_taken - taken
+
+    def settle(self, now: HostNs) -> None:
+        """Write the lines of the frames in which nothing can change any more."""
+        if self._camera is not None:
+            self._target_log.settle(self._camera.settle(now), self._components.telemetry.world.plane)
+
+    def finish(self, now: HostNs) -> None:
+        """Write the lines of all frames: the flight has ended."""
+        if self._camera is not None:
+            self._target_log.settle(self._camera.finish(now), self._components.telemetry.world.plane)
+
+    @property
+    def wake_at(self) -> HostNs | None:
+        """Instant at which a frame has waited long enough, its lines are due, or self-calibration is."""
+        return None if self._camera is None else self._camera.wake_at
+
+    @property
+    def waiting_detections(self) -> int:
+        """Number of detections in frames that wait for attitudes."""
+        return 0 if self._camera is None else self._camera.waiting_detections
+
+    @property
+    def best_targets(self) -> dict[int, TargetState]:
+        """The targets of all live tracks, by id."""
+        return {} if self._camera is None else self._camera.best_targets
+
+    @property
+    def calibration_to_keep(self) -> KeptCalibration | None:
+        """Result of self-calibration with which the next flight may begin; None without one."""
+        report = None if self._camera is None else self._camera.calibration
+        return None if report is None else report.keep
+
+    @property
+    def time_offset_s(self) -> float:
+        """Configured delay of the camera's stamps, seconds."""
+        return 0.0 if self._camera is None else self._camera.time_offset_s
+
+    def assumed_arrival(self, frame: Frame) -> HostNs | None:
+        """Assumed arrival time of a recorded frame without ``received_unix``; None while the clock is unknown."""
+        return None if self._camera is None else self._camera.assumed_arrival(frame)
