@@ -25,8 +25,6 @@ claim.KEY only what is claimed. Or one of the flight: flight.height_m, radius_m,
 flap_deg, wind_m_s, miss_rate. A scheduler executes what it is sent: use --scheduler in trusted networks only."""
 PATTERNS = ("eight", "hover", "orbit", "survey", "straight")
 MOST_FLIGHTS = 1_000_000
-PATTERN, SECONDS = "eight", 60.0
-"""Defaults of a flight."""
 LONGEST_S = 3600.0
 
 
@@ -46,9 +44,9 @@ def add_parser(subparsers: _SubParsersAction[argparse.ArgumentParser]) -> None:
         "KEY=A,B from choices; may be repeated")  # fmt: skip
     add("--set", action="append", nargs="+", default=[], metavar="KEY=VALUE", help="set a key; may be repeated. With "
         "--recordings each --set is a setting of its own, of one or several keys")  # fmt: skip
-    add("--pattern", choices=PATTERNS, default=PATTERN, help="the flight's path about the target; default: eight")
+    add("--pattern", choices=PATTERNS, help="the flight's path about the target; default: eight")
     add("--preset", choices=("paper",), default="", help="paper: the paper's case in these terms")
-    add("--seconds", type=_seconds, default=SECONDS, help="duration of a flight; default: 60")
+    add("--seconds", type=_seconds, help="duration of a flight; default: 60")
     add("--recordings", metavar="DIR", help="replay every recorded flight in this folder under each --set, paired")
     add("--scheduler", metavar="ADDRESS", default="", help="a running Dask scheduler, tcp:// or tls://HOST:8786; "
         "default: one worker a core of this machine")  # fmt: skip

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import Final
 
-from fwav_companion.cli.study import PATTERN, SECONDS
 from fwav_companion.config import load
 from fwav_companion.errors import UserError
 from fwav_companion.on_disk import content
@@ -13,6 +13,10 @@ from fwav_companion.service.configured_files import load_calibration
 from fwav_companion.tools.study.keys import parse_setting, parse_variation
 from fwav_companion.tools.study.paper_preset import paper_plan
 from fwav_companion.tools.study.study_plan import StudyPlan, radial_lens
+
+PATTERN: Final = "eight"
+SECONDS: Final = 60.0
+"""A flight where the command line does not say."""
 
 
 def plan_from(arguments: argparse.Namespace) -> StudyPlan:
@@ -35,8 +39,8 @@ def _require_nothing_of_a_flight(arguments: argparse.Namespace) -> None:
     """UserError where the command line has an option that the preset decides."""
     chosen = {
         "--config": arguments.config is not None,
-        "--pattern": arguments.pattern != PATTERN,
-        "--seconds": arguments.seconds != SECONDS,
+        "--pattern": arguments.pattern is not None,
+        "--seconds": arguments.seconds is not None,
     }
     for option, is_chosen in chosen.items():
         if is_chosen:
@@ -52,8 +56,8 @@ def _configured(arguments: argparse.Namespace, settings: tuple, variations: tupl
         config_name=arguments.config,
         lens=radial_lens(load_calibration(config).lens),
         flights=arguments.flights,
-        seconds=arguments.seconds,
-        pattern=arguments.pattern,
+        seconds=SECONDS if arguments.seconds is None else arguments.seconds,
+        pattern=PATTERN if arguments.pattern is None else arguments.pattern,
         seed=arguments.seed,
         settings=settings,
         variations=variations,
