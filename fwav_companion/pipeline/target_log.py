@@ -22,8 +22,9 @@ detections a frame at 30 frames/s make 3000 sightings in that time."""
 
 SUMMARIZED = frozenset(
     {
-        NoticeCode.AUTOPILOT_REBOOTED, NoticeCode.CLOCK_SLIPPED, NoticeCode.CLOCK_RATE, NoticeCode.GIMBAL_UNUSED,
-        NoticeCode.POSITION_JUMPED, NoticeCode.RELATIVE_WORLD, NoticeCode.READOUT_UNKNOWN, NoticeCode.PRIOR_EXCEEDED,
+        NoticeCode.SEVERAL_AUTOPILOTS, NoticeCode.AUTOPILOT_REPLACED, NoticeCode.AUTOPILOT_REBOOTED,
+        NoticeCode.CLOCK_SLIPPED, NoticeCode.CLOCK_RATE, NoticeCode.GIMBAL_UNUSED, NoticeCode.POSITION_JUMPED,
+        NoticeCode.RELATIVE_WORLD, NoticeCode.READOUT_UNKNOWN, NoticeCode.PRIOR_EXCEEDED,
         NoticeCode.CALIBRATION_DROPPED,
     }
 )  # fmt: skip

@@ -19,11 +19,14 @@ from fwav_companion.recording.lines import Line
 from fwav_companion.recording.truth import TruthPoint
 from fwav_companion.recording.truth_errors import ErrorTally
 from fwav_companion.replay.recorded import Recording, is_own
+from fwav_companion.replay.telemetry import ATTITUDES
 from fwav_companion.tracking import bias_shares
 from fwav_companion.tracking.filters.base import Filter
 from fwav_companion.types import Frame, Message, NoFrame, StampClock
 
 MARGIN_NS = 60 * NS_PER_S
+REBOOT_MS = 1000
+"""Step back of the boot time that is a reboot; links reorder and clocks slip by less."""
 LARGE_OFFSET_S = 0.3
 """[camera] time_offset_s beyond which a frame's own recorded arrival would refuse it as late: a replay has all the time
 there is, so the arrival is corrected too. Below, a replay gives what the flight gave."""
@@ -124,6 +127,7 @@ def _messages(recording: Recording) -> Iterator[_Event]:
 def _frames(recording: Recording, pipeline: Pipeline, untold: deque[Frame]) -> Iterator[_Event]:
     """Frames by arrival. Frames on the autopilot's clock without an arrival time are appended to ``untold``."""
     events: list[_Event] = []
+    on_boot: list[Frame] = []
     near = _near(recording)
     last_ns = near(HostNs(0))
     for frame in _in_time(recording, pipeline.time_offset_s):
@@ -135,13 +139,28 @@ def _frames(recording: Recording, pipeline: Pipeline, untold: deque[Frame]) -> I
             events.append((last_ns, 1, frame))
             continue
         if frame.arrival_ns is None and frame.stamp_clock is StampClock.BOOT:
-            untold.append(frame)
+            on_boot.append(frame)
             continue
         arrival_ns = frame.arrival_ns if frame.arrival_ns is not None else pipeline.assumed_arrival(frame)
         if arrival_ns is not None:
             last_ns = near(arrival_ns)
             events.append((last_ns, 1, frame))
+    if _is_one_boot(recording):
+        on_boot.sort(key=lambda frame: frame.stamp_ns)
+    untold.extend(on_boot)
     return iter(sorted(events, key=_by_time))
+
+
+def _is_one_boot(recording: Recording) -> bool:
+    """Whether the autopilot did not reboot. Its clock then gives the order of frames; else only their file does."""
+    latest_ms: dict[int, int] = {}
+    for _, message in recording.messages:
+        if message.name in ATTITUDES:
+            boot_ms: int = message.fields.time_boot_ms
+            if boot_ms < latest_ms.get(message.system, 0) - REBOOT_MS:
+                return False
+            latest_ms[message.system] = max(boot_ms, latest_ms.get(message.system, 0))
+    return True
 
 
 def _in_time(recording: Recording, time_offset_s: float) -> Iterator[Frame | NoFrame | Refused | RecordingEnd]:
@@ -155,13 +174,14 @@ def _in_time(recording: Recording, time_offset_s: float) -> Iterator[Frame | NoF
 
 
 def _near(recording: Recording) -> Callable[[HostNs], HostNs]:
-    """A function that limits an instant to a minute before and after the telemetry.
+    """A function that limits an instant to a minute before the telemetry and later.
 
-    Frames beyond are useless whenever they came, and a damaged digit must not make a replay run through years.
+    Frames before are useless whenever they came. Frames after it keep their times: the vehicle is lost to them as it
+    was in flight, and put at one instant they would crowd each other out.
     """
-    ends_us = (recording.messages[0][0], recording.messages[-1][0]) if recording.messages else (0, 0)
-    first_ns, last_ns = (unix_us * NS_PER_US - recording.unix_offset_ns for unix_us in ends_us)
-    return lambda at_ns: HostNs(max(first_ns - MARGIN_NS, min(last_ns + MARGIN_NS, at_ns)))
+    first_us = recording.messages[0][0] if recording.messages else 0
+    first_ns = first_us * NS_PER_US - recording.unix_offset_ns
+    return lambda at_ns: HostNs(max(first_ns - MARGIN_NS, at_ns))
 
 
 def _arrived(untold: deque[Frame], pipeline: Pipeline, now: HostNs) -> Iterator[Frame]:

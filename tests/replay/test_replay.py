@@ -11,8 +11,10 @@ from commands import run_command
 from draws import first_of
 from flying import CAMERA, LINK, Flight, fly
 
+from fwav_companion.mavlink.wire.codec import Encoder
 from fwav_companion.pipeline.pipeline_factory import own_components
 from fwav_companion.recording.lines import encode_line
+from fwav_companion.recording.tlog import tlog_record
 from fwav_companion.replay import read_recording, replay
 from sitl_mock import scenario
 
@@ -137,16 +139,41 @@ def test_frames_that_tell_no_arrival_are_taken_at_their_capture(flown):
 
 
 def test_frames_on_the_autopilots_clock_are_taken_when_it_has_come_there(flown):
+    """In whatever order the file has them."""
     companion, clock = flown.companion, flown.mock.clock
     lines = [line for line in map(json.loads, companion.detections.splitlines()) if "detections" in line]
     for line in lines:
         host_ns = round(line.pop("time_unix") * 1e9) - companion.unix_offset_ns
         line["time_boot"] = clock.boot_ns(host_ns) / 1e9
         del line["received_unix"]
-    detections = "\n".join(map(json.dumps, lines)).encode()
+    detections = "\n".join(map(json.dumps, reversed(lines))).encode()
     recording = read_recording(bytes(companion.tlog), detections, own_components(companion.config))
     replayed = list(replay(recording, companion.config, companion.calibration))
     assert replayed[-1]["fixes"] > 0.95 * companion.lines[-1]["fixes"]
+
+
+def test_frames_after_the_telemetry_lack_an_attitude_and_do_not_crowd_each_other_out(flown):
+    """More frames than the reorder window takes, an hour late by both their stamp and their arrival."""
+    companion = flown.companion
+    lines = [line for line in map(json.loads, companion.detections.splitlines()) if "detections" in line]
+    later = [{**line, **{key: line[key] + 3600.0 for key in ("time_unix", "received_unix")}} for line in lines]
+    detections = "\n".join(map(json.dumps, later)).encode()
+    recording = read_recording(bytes(companion.tlog), detections, own_components(companion.config))
+    summary = list(replay(recording, companion.config, companion.calibration))[-1]
+    assert summary["frames"] == len(later) > 128
+    assert summary["dropped"].keys() == {"stale_attitude", "too_late"}, "every ninth frame of this camera is late"
+    assert summary["dropped"]["stale_attitude"] > 0.85 * summary["detections"]
+
+
+def test_two_vehicles_in_one_recording_are_named(flown):
+    companion = flown.companion
+    heartbeat = {"type": 2, "autopilot": 3, "base_mode": 0, "custom_mode": 0, "system_status": 4, "mavlink_version": 3}
+    other, first_us = Encoder(2, 1), int.from_bytes(companion.tlog[:8], "big")
+    beats = [tlog_record(first_us, other.encode("HEARTBEAT", heartbeat)) for _ in range(3)]
+    telemetry = b"".join(beats) + bytes(companion.tlog)
+    recording = read_recording(telemetry, bytes(companion.detections), own_components(companion.config))
+    (notice,) = list(replay(recording, companion.config, companion.calibration))[-1]["notices"]
+    assert (notice["code"], notice["text"].count("1, 2")) == ("several_autopilots", 1)
 
 
 def test_monotonic_stamps_of_a_recording_are_refused_by_name(flown):
