@@ -106,7 +106,8 @@ def _drive(pipeline: Pipeline, recording: Recording, own: frozenset[int]) -> Ite
         else:
             pipeline.on_frame(event, now)
         yield
-    for frame in untold:
+    for frame in untold:  # the log ended before: each at its own time, or they would crowd each other out
+        now = max(now, pipeline.assumed_arrival(frame) or now)
         pipeline.on_frame(frame, now)
     pipeline.finish(now)
     yield

@@ -38,7 +38,14 @@ def load_telemetry(path: Path, own: frozenset[int]) -> TelemetryRead:
         return _ardupilot_log(path, own)
     if DATAFLASH_AS_TEXT in head:
         raise InputFileError(f"{path}: an ArduPilot log as text; accepted: the .bin from which it was made")
-    return read_telemetry(load_tlog(path))
+    data = load_tlog(path)
+    telemetry = read_telemetry(data)
+    if data and not telemetry.messages:  # in megabytes of anything some bytes look like a record
+        raise InputFileError(
+            f"{path}: no readable MAVLink message in its {len(data)} bytes, and it does not begin as a log does; "
+            f"{ACCEPTED}"
+        )
+    return telemetry
 
 
 def _ardupilot_log(path: Path, own: frozenset[int]) -> TelemetryRead:

@@ -6,6 +6,8 @@ import pytest
 from autopilot_logs import DataFlash, ulog, usual
 from logged_flights import Flown, bin_log, final_error_m, on_boot, on_unix, px4_log, replayed
 
+from fwav_companion.recording.tlog import tlog_record
+
 
 @pytest.fixture(scope="module")
 def flown():
@@ -47,6 +49,13 @@ def test_damage_in_a_log_is_reported_with_its_offset(tmp_path, flown):
     assert f"skipped {at + 7 - doubtful} damaged bytes at offset {doubtful}" in done.stderr
 
 
+def test_frames_after_the_end_of_a_log_lack_an_attitude(tmp_path, flown):
+    """Of a log that was cut: more frames than the reorder window takes."""
+    (tmp_path / "flight.bin").write_bytes(bin_log(flown, att_hz=25.0))
+    _, lines = replayed(tmp_path, tmp_path / "flight.bin", flown.detections(lambda boot_ns: on_boot(boot_ns + 10**11)))
+    assert lines[-1]["dropped"] == {"stale_attitude": lines[-1]["detections"]}
+
+
 def of_2014():
     log = usual(DataFlash())
     log.describe("ATT", 70, "IccccCC", "TimeMS,DesRoll,Roll,DesPitch,Pitch,DesYaw,Yaw")
@@ -60,6 +69,7 @@ def of_2014():
         ("empty.bin", bytes(usual(DataFlash()).data), "it has no readable attitude"),
         ("empty.ulg", ulog({}), "it has no readable attitude"),
         ("2014.bin", of_2014(), "times are TimeMS"),
+        ("headless.bin", tlog_record(1, b"\xfd" + bytes(11)) * 2, "no readable MAVLink message in its 40 bytes"),
         ("text.log", b"ArduCopter V3.1\n\nFMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format\n", "as text"),
     ],
 )
