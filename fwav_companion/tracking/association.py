@@ -14,7 +14,7 @@ import msgspec
 
 from fwav_companion.geometry.vectors import Vector3, cross, dot, subtract
 from fwav_companion.tracking.assignment import least_cost_assignment
-from fwav_companion.tracking.coarse_gate import possible_pairs
+from fwav_companion.tracking.coarse_gate import GatedFix, possible_pairs
 from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.tracking.filters.base import TargetState
 from fwav_companion.tracking.filters.gates import GATE, ID_GATE
@@ -90,8 +90,13 @@ def associate(
     ``could_see``: whether a place is in view. A target in view that stays without a fix was missed, one out of view was
     not: where errors that targets share move them by half of their distance, this decides which of them are seen.
     """
-    possible = _possible(candidates, fixes)
-    clutter_llr = {j: against.llr_of(fixes[j]) + against.detection_odds for j in set().union(*possible.values())}
+    labels = {candidate.label for candidate in candidates}
+    clutter_llr = {
+        j: against.llr_of(fix) + against.detection_odds
+        for j, fix in enumerate(fixes)
+        if fix.sighting.detection.label in labels
+    }
+    possible = _possible(candidates, fixes, clutter_llr)
     costs = _refined(_costs(possible, candidates, fixes, clutter_llr), candidates, fixes, clutter_llr)
     if len({i for i, _ in costs}) == len({j for _, j in costs}) == len(costs):
         taken = dict(costs.keys())
@@ -107,20 +112,25 @@ def may_be_displaced(target: TargetState, fix: GroundFix) -> bool:
     return north * north <= reach2 * (own[0][0] + other[0][0]) and east * east <= reach2 * (own[1][1] + other[1][1])
 
 
-def _possible(candidates: Sequence[Candidate], fixes: Sequence[GroundFix]) -> dict[int, list[int]]:
-    """The fixes of equal label, in order, that the gate of each candidate may accept."""
+def _possible(
+    candidates: Sequence[Candidate], fixes: Sequence[GroundFix], clutter_llr: Mapping[int, float]
+) -> dict[int, list[int]]:
+    """The fixes of equal label, in order, that each candidate may take.
+
+    No covariance of an innovation is smaller than the fix's own: beyond CLUTTER_LLR every cost is positive.
+    """
     targets: defaultdict[str, list[tuple[int, TargetState]]] = defaultdict(list)
     for i, candidate in enumerate(candidates):
         targets[candidate.label].append((i, candidate.target))
-    by_label: defaultdict[str, list[tuple[int, GroundFix]]] = defaultdict(list)
-    for j, fix in enumerate(fixes):
-        by_label[fix.sighting.detection.label].append((j, fix))
-    possible: defaultdict[int, list[int]] = defaultdict(list)
+    by_label: defaultdict[str, list[GatedFix]] = defaultdict(list)
+    for j, llr in clutter_llr.items():
+        detection = fixes[j].sighting.detection
+        gate = max(0.0, min(GATE, llr)) if detection.detector_id is None else ID_GATE
+        by_label[detection.label].append((j, fixes[j], gate))
+    possible: dict[int, list[int]] = {}
     for label, of_label in by_label.items():
-        if label in targets:
-            for i, j in possible_pairs(targets[label], of_label):
-                possible[i].append(j)
-    return {i: sorted(near) for i, near in possible.items()}
+        possible |= possible_pairs(targets[label], of_label)
+    return possible
 
 
 def _costs(

@@ -9,7 +9,7 @@ out.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from math import ceil, dist, sqrt
 from typing import TypeAlias, cast
 
@@ -17,7 +17,6 @@ import msgspec
 
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.tracking.filters.base import CoarselyGated, TargetState
-from fwav_companion.tracking.filters.gates import widest_gate
 from fwav_companion.types import GroundFix
 from fwav_companion.types.tracks import GateShare
 
@@ -28,9 +27,10 @@ CELL = 12
 SLACK = 1.0 + 1e-9
 """Factor for the rounding of both gates."""
 
-
-SharedFix: TypeAlias = tuple[GroundFix, GateShare, int]
-"""A fix, its share in the gate, and its index."""
+GatedFix: TypeAlias = tuple[int, GroundFix, float]
+"""Index of a fix, the fix, and the largest NIS at which a track may take it."""
+SharedFix: TypeAlias = tuple[GroundFix, GateShare, float, int]
+"""A fix, its share in the gate, that NIS, and its index."""
 Member: TypeAlias = tuple[float, float, float, float, float, float, int]
 """A fix in its cell: north and east, metres; own variances along them, m^2; distances of its sensitivities along them
 to the cell's, metres; index."""
@@ -52,18 +52,18 @@ class GateCell(msgspec.Struct, frozen=True, gc=False):
     """Largest own variances and distances of sensitivities of a member, each north and east."""
 
 
-def possible_pairs(
-    targets: Sequence[tuple[int, TargetState]], fixes: Sequence[tuple[int, GroundFix]]
-) -> Iterable[tuple[int, int]]:
-    """Pairs of indices (track, fix), every pair that the exact gate accepts among them."""
+def possible_pairs(targets: Sequence[tuple[int, TargetState]], fixes: Sequence[GatedFix]) -> dict[int, list[int]]:
+    """Indices of fixes, in order, by the index of a track; every pair that the exact gate accepts is among them."""
     share_of: Callable[[GroundFix], GateShare] | None = getattr(targets[0][1], "gate_share_of", None)
     if len(targets) * len(fixes) <= FEW_PAIRS or share_of is None:
-        return [(i, j) for j, _ in fixes for i, _ in targets]
-    cells = _cells([(fix, share_of(fix), j) for j, fix in fixes])
-    pairs: list[tuple[int, int]] = []
-    for i, target in cast("Sequence[tuple[int, CoarselyGated]]", targets):
-        pairs += [(i, j) for j in _in_reach(target.apparent_ned, target.gate_share, cells)]
-    return pairs
+        every = [j for j, *_ in fixes]
+        return {i: every for i, _ in targets}
+    cells = _cells([(fix, share_of(fix), gate, j) for j, fix, gate in fixes])
+    return {
+        i: near
+        for i, target in cast("Sequence[tuple[int, CoarselyGated]]", targets)
+        if (near := sorted(_in_reach(target.apparent_ned, target.gate_share, cells)))
+    }
 
 
 def _in_reach(position_ned: Vector3, own: GateShare, cells: Sequence[GateCell]) -> Iterator[int]:
@@ -112,13 +112,13 @@ def _cell(fixes: list[SharedFix]) -> GateCell:
             dist(share.east, reference.east),
             j,
         )
-        for fix, share, j in fixes
+        for fix, share, _, j in fixes
     )
     norths, easts, nn, ee, off_north, off_east, _ = zip(*members, strict=True)
     return GateCell(
         members,
         reference,
-        SLACK * max(widest_gate(fix.sighting.detection) for fix, _, _ in fixes),
+        SLACK * max(gate for _, _, gate, _ in fixes),
         (min(norths), min(easts)),
         (max(norths), max(easts)),
         (max(nn), max(ee), max(off_north), max(off_east)),

@@ -10,7 +10,7 @@ from simulated_world import World
 
 from fwav_companion.tracking import TrackingOptions, coarse_gate, make_tracker
 from fwav_companion.tracking.coarse_gate import possible_pairs
-from fwav_companion.tracking.filters.gates import ID_GATE
+from fwav_companion.tracking.filters.gates import GATE, ID_GATE
 from fwav_companion.tracking.filters.kalman import StaticKalman
 from fwav_companion.types import BIAS_COUNT, Bias
 
@@ -62,9 +62,15 @@ def test_it_leaves_out_no_pair_that_the_gate_accepts(seed, spread_m, with_ids):
         for k in range(1, int(rng.integers(1, 6))):
             target = target.update(fix(0.1 * k, place + rng.normal(size=2)))
         targets.append((i, target.predict(a_view(float(rng.choice([1.0, 300.0]))).host_ns)))
-    fixes = [(j, fix(1.0, place)) for j, place in enumerate(rng.normal(size=(16, 2)) * spread_m)]
-    accepted = {(i, j) for i, target in targets for j, each in fixes if target.gate(each).nis < ID_GATE}
-    assert accepted <= set(possible_pairs(targets, fixes))
+    gates = np.full(16, ID_GATE) if with_ids else rng.uniform(0.0, GATE, 16)
+    places = enumerate(rng.normal(size=(16, 2)) * spread_m)
+    fixes = [(j, fix(1.0, place), gate) for (j, place), gate in zip(places, gates.tolist(), strict=True)]
+    accepted = {(i, j) for i, target in targets for j, each, gate in fixes if target.gate(each).nis < gate}
+    assert accepted <= pairs(possible_pairs(targets, fixes))
+
+
+def pairs(possible):
+    return {(i, j) for i, near in possible.items() for j in near}
 
 
 def test_of_far_targets_it_compares_few_pairs():
@@ -73,6 +79,6 @@ def test_of_far_targets_it_compares_few_pairs():
     columns = np.zeros((3, BIAS_COUNT))
     columns[0, Bias.POSITION_NORTH] = columns[1, Bias.POSITION_EAST] = 1.0
     places = [(8.0 * (i % 16), 8.0 * (i // 16), 0.0) for i in range(256)]
-    fixes = [(j, a_fix(0.1, place, jacobian=columns, sigmas=p.bias_sigmas)) for j, place in enumerate(places)]
+    fixes = [(j, a_fix(0.1, place, jacobian=columns, sigmas=p.bias_sigmas), GATE) for j, place in enumerate(places)]
     targets = [(i, kalman.initiate(fixes[i][1])) for i in rng.permutation(256)[:200].tolist()]
-    assert sorted(possible_pairs(targets, fixes)) == sorted((i, i) for i, _ in targets)
+    assert possible_pairs(targets, fixes) == {i: [i] for i, _ in targets}
