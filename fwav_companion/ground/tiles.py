@@ -12,6 +12,7 @@ from fwav_companion.errors import InputFileError
 
 MIME = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg", b"RIFF": "image/webp"}
 """Types by the first bytes of a tile; vector tiles are not shown."""
+ACCEPTED = "accepted: an MBTiles file with PNG, JPEG or WebP tiles"
 MAX_TILE_BYTES = 4_000_000
 MAX_ZOOM = 24
 
@@ -31,21 +32,16 @@ class TileFile:
 
     def __init__(self, path: str) -> None:
         """InputFileError where it is not an MBTiles file with raster tiles."""
+        uri = f"file:{quote(str(Path(path).absolute()))}?mode=ro&immutable=1"
         try:
-            name = quote(str(Path(path).absolute()))
-            self._database = sqlite3.connect(f"file:{name}?mode=ro&immutable=1", uri=True, check_same_thread=False)
-            metadata = dict(self._database.execute("SELECT name, value FROM metadata").fetchall())
-            low, high = self._database.execute("SELECT min(zoom_level), max(zoom_level) FROM tiles").fetchone()
+            self._database = sqlite3.connect(uri, uri=True, check_same_thread=False)
         except sqlite3.Error as error:
-            raise InputFileError(f"{path}: {error}; accepted: an MBTiles file with PNG, JPEG or WebP tiles") from None
-        if low is None or metadata.get("format") == "pbf":
-            raise InputFileError(f"{path}: no raster tiles; accepted: an MBTiles file with PNG, JPEG or WebP tiles")
-        self.info = TilesInfo(
-            min_zoom=int(low),
-            max_zoom=int(high),
-            attribution=_plain(str(metadata.get("attribution", ""))),
-            bounds=_bounds(str(metadata.get("bounds", ""))),
-        )
+            raise InputFileError(f"{path}: {error}; {ACCEPTED}") from None
+        try:
+            self.info = _info(self._database)
+        except (sqlite3.Error, LookupError) as error:
+            self.close()
+            raise InputFileError(f"{path}: {error}; {ACCEPTED}") from None
 
     def tile(self, zoom: int, column: int, row: int) -> tuple[str, bytes] | None:
         """Type and bytes of a tile in XYZ numbering; None where the file has none. MBTiles counts rows from south."""
@@ -63,6 +59,20 @@ class TileFile:
     def close(self) -> None:
         """Release the file."""
         self._database.close()
+
+
+def _info(database: sqlite3.Connection) -> TilesInfo:
+    """What the file says of its tiles. LookupError where it has none with pictures."""
+    metadata = dict(database.execute("SELECT name, value FROM metadata").fetchall())
+    low, high = database.execute("SELECT min(zoom_level), max(zoom_level) FROM tiles").fetchone()
+    if low is None or metadata.get("format") == "pbf":
+        raise LookupError("no raster tiles")
+    return TilesInfo(
+        min_zoom=int(low),
+        max_zoom=int(high),
+        attribution=_plain(str(metadata.get("attribution", ""))),
+        bounds=_bounds(str(metadata.get("bounds", ""))),
+    )
 
 
 def _plain(text: str) -> str:
