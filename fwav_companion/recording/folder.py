@@ -67,10 +67,11 @@ class RecordingPlan(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def has_room(plan: RecordingPlan, count: int) -> bool:
-    """Whether the limits and the disk permit this number of bytes; nothing is written."""
+    """Whether the limits and the disk permit this number of bytes; nothing but the directory is written."""
     try:
         plan.directory.mkdir(parents=True, exist_ok=True)
-        return Space(plan.directory, plan.space).has_room(count)
+        # A file system that is mounted read-only has room, too.
+        return os.access(plan.directory, os.W_OK | os.X_OK) and Space(plan.directory, plan.space).has_room(count)
     except OSError:
         return False
 

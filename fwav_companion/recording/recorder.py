@@ -180,7 +180,7 @@ class Recorder:
         while not self._stop.wait(self._plan.retry_s):
             if has_room(self._plan, ROOM_TO_GO_ON_BYTES):
                 self._begins_anew, self.failure = True, None
-                self._on_news(f"recording continues: there is room again in {self._plan.directory}")
+                self._on_news(f"recording continues in {self._plan.directory}")
                 return True
         return False
 

@@ -18,6 +18,7 @@ from fwav_companion.recording.folder import (
     Space,
     SpaceError,
     SpacePolicy,
+    has_room,
     new_folder,
     recordings,
 )
@@ -198,10 +199,19 @@ def test_a_recording_goes_on_in_a_new_folder_when_there_is_room_again(tmp_path, 
     recorder.telemetry(START_US + 5, b"\xfd\x01")
     recorder.close(5.0)
     assert reported[0] == "recording stopped: 0.0 MB are free: the disk is full"
-    assert reported[1:] == [f"recording continues: there is room again in {tmp_path}"]
+    assert reported[1:] == [f"recording continues in {tmp_path}"]
     folder = recordings(tmp_path)[-1]
     assert (folder / TELEMETRY).read_bytes() == (START_US + 5).to_bytes(8, "big") + b"\xfd\x01"
     assert (folder / TARGETS).read_bytes() == b'{"type":"header"}\n'
+
+
+def test_a_directory_that_may_not_be_written_does_not_look_like_room(tmp_path, monkeypatch):
+    """As an existing directory on a card that the system mounted read-only: it has free bytes, too."""
+    may = [False]
+    monkeypatch.setattr(folder_module.os, "access", lambda _path, _mode: may[0])
+    assert not has_room(plan(tmp_path), 1)
+    may[0] = True
+    assert has_room(plan(tmp_path), 1)
 
 
 def test_what_waits_for_a_hanging_disk_is_bounded(tmp_path):

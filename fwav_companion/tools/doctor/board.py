@@ -89,6 +89,7 @@ class Probe:
             read_only="ro" in options,
             file_system=file_system,
             free_bytes=free_bytes,
+            file_in_the_way="" if there.is_dir() else str(there),
             missing_mount=missing_mount(
                 path.resolve(), self._files.text("/proc/self/mountinfo"), self._files.text("/etc/fstab")
             ),

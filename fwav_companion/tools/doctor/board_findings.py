@@ -40,7 +40,7 @@ def service_findings(_evidence: Evidence, status: RunStatus) -> Iterator[Finding
             Level.WARNING,
             "[record] directory",
             problem=status.recording,
-            fix="check the disk, then restart the service: it records again from then on",
+            fix="check the disk: ten seconds after it can be written, the recording continues in a new folder",
         )
 
 
@@ -69,6 +69,14 @@ def _folder(evidence: Evidence, folder: Folder) -> Iterator[Finding]:
             folder.key,
             problem=f"{folder.path}: its file system is mounted read-only",
             fix="sudo mount -o remount,rw, or another directory",
+        )
+    elif folder.file_in_the_way:
+        yield Finding(
+            "read_only",
+            Level.WARNING,
+            folder.key,
+            problem=f"{folder.path}: {folder.file_in_the_way} is a file",
+            fix="a directory, or remove the file",
         )
     elif not folder.writable:
         yield Finding(

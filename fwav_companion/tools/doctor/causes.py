@@ -63,6 +63,8 @@ CAUSES: Final[Mapping[str, frozenset[str]]] = {
     "detections_port": UNSEEN,
     "no_detections": frozenset({"landing_label", "landmark_unseen"}),
     "stale_detections": frozenset({"landing_label", "landmark_unseen"}),
+    "disk_full": frozenset({"recording_stopped"}),
+    "read_only": frozenset({"recording_stopped"}),
     "landmark_far": frozenset({"landmark_unseen", "landmark_without_sights", "landmark_left_out"}),
     "malformed": UNUSED,
     "no_time": UNUSED,

@@ -51,6 +51,8 @@ class Folder(msgspec.Struct, frozen=True, kw_only=True):
     free_bytes: int | None
     missing_mount: MissingMount | None = None
     """Mount point above the directory that is not mounted."""
+    file_in_the_way: str = ""
+    """File where the directory, or one above it, must be; "" where there is none."""
 
 
 class Device(msgspec.Struct, frozen=True):

@@ -9,6 +9,7 @@ from hearing import CAMERA, TEXT, codes, evidence_of, flown, found, heard, silen
 
 from fwav_companion.camera import parse_calibration
 from fwav_companion.config import parse
+from fwav_companion.tools.doctor.evidence import Folder
 from fwav_companion.tools.doctor.examination import examine
 from fwav_companion.tools.doctor.finding import Level
 from fwav_companion.tools.doctor.report_text import report_lines
@@ -66,6 +67,15 @@ STATUS = {
     "readout_unknown": (["sight", "readout"], {"matters": True, "by_readout_m": 0.4, "sigma_m": 0.8}),
     "too_slow_for_motion": (["telemetry", "too_slow_for_motion"], True),
 }
+
+
+def test_a_recording_that_a_full_disk_stopped_is_its_consequence(healthy):
+    full = Folder(
+        key="[record] directory", path="/records", writable=True, read_only=False, file_system="ext4", free_bytes=0
+    )
+    evidence = msgspec.structs.replace(healthy, board=msgspec.structs.replace(healthy.board, folders=[full]))
+    (finding,) = planted(evidence, *STATUS["recording_stopped"])
+    assert (finding.code, codes(finding.consequences)) == ("disk_full", ["recording_stopped"])
 
 
 @pytest.mark.parametrize("code", STATUS)

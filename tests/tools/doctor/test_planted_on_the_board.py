@@ -218,6 +218,12 @@ def test_a_recording_directory_below_a_disk_that_is_not_mounted_is_named_with_th
     assert pi.found() == []
 
 
+def test_a_file_in_place_of_a_directory_is_named(pi):
+    pi.text = pi.text.replace('directory = "records"', 'directory = "camera.yaml/records"')
+    (finding,) = pi.findings()
+    assert (finding.code, f"{pi.home}/camera.yaml is a file" in finding.problem) == ("read_only", True)
+
+
 def test_a_port_by_its_usb_ids_is_found_or_named_with_what_is_there(pi):
     pi.text = pi.text.replace("/dev/serial0", "1209:5740")
     plug_in(pi, "1209:5740")
