@@ -1,12 +1,12 @@
 """Re-acquisition of a coasting track by evidence.
 
-The gate of a coasting track that moves widens to metres within seconds: a false detection in it is nearly as likely as
-the target. One such fix must not confirm it again. Track splitting (Smith & Buechler 1975; Blackman & Popoli 1999,
+The gate of a coasting track that moves widens to metres within seconds, and that of a standing target seen from another
+side is as wide as the errors of mount, delay and height: a false detection in it is nearly as likely as the target. One
+such fix must not confirm it again. Track splitting (Smith & Buechler 1975; Blackman & Popoli 1999,
 ch. 16): a fix whose log-likelihood ratio alone does not reach the threshold of confirmation begins a branch, a
 tentative track from the coasting state and this fix. The coasting track goes on without the fix. The sequential test of
 ``lifecycle`` continues over the branch: confirmed, it becomes the coasting track; deleted, its fixes have changed
-nothing. The gate of a standing target does not widen with time, only with the error of the vehicle's position: one fix
-confirms it again.
+nothing. In photographs, where one missed detection makes a track coast, a standing target has no branches.
 """
 
 from __future__ import annotations
@@ -17,8 +17,9 @@ from typing import TypeAlias
 
 import msgspec
 
-from fwav_companion.geometry.stamps import HostNs
+from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.tracking.detector_model import DetectorModel
+from fwav_companion.tracking.lifecycle import COASTING_AFTER_NS
 from fwav_companion.tracking.track_state import LiveTrack, initiate
 from fwav_companion.types import GroundFix, Reason, TrackState
 
@@ -33,18 +34,19 @@ Branchings: TypeAlias = dict[int, tuple[LiveTrack, Evidence]]
 
 
 def weak_evidence(tracks: Sequence[LiveTrack], taken: Mapping[int, Evidence], detector: DetectorModel) -> Branchings:
-    """The coasting tracks that move and that their fix alone does not confirm again.
+    """The coasting tracks that their fix alone does not confirm again.
 
     ``taken``: the fixes of tracks, by id.
     """
     coasting = [each for each in tracks if each.life.state is TrackState.COASTING and each.id in taken]
-    moving = [each for each in coasting if each.target.velocity_cov is not None]
-    if not moving:
+    if s_from_ns(COASTING_AFTER_NS) * detector.frames_hz < 1.0:
+        coasting = [each for each in coasting if each.target.velocity_cov is not None]
+    if not coasting:
         return {}
     needed = detector.confirming_llr - log(detector.detection_probability)
     return {
         id(fix): (track, (fix, llr))
-        for track, (fix, llr) in ((each, taken[each.id]) for each in moving)
+        for track, (fix, llr) in ((each, taken[each.id]) for each in coasting)
         if llr < needed and track.target.gate(fix).log_det_ratio > WIDE
     }
 

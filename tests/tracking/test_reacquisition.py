@@ -10,9 +10,10 @@ from simulated_flight import priors
 
 from fwav_companion.tracking import TrackingOptions, make_tracker
 from fwav_companion.tracking.lifecycle import Life, continued
-from fwav_companion.types import Reason, TrackState
+from fwav_companion.types import BIAS_COUNT, Bias, Reason, TrackState
 
 NO_BIAS = priors(time_offset=0, heading=0, mount_x=0, mount_y=0, mount_z=0)
+CROOKED = priors(time_offset=0, heading=0, mount_x=0.2, mount_y=0.2, mount_z=0)
 PLACE, ASTRAY = (4.0, 3.0, 0.0), (7.0, 1.0, 0.0)
 SEEN_S, FPS = 3.0, 10
 PIXEL2_M2 = 0.0015**2 * 125.0**1.5 / 10.0
@@ -103,6 +104,25 @@ def test_the_other_branches_end_once_the_track_is_confirmed_again():
 def test_a_standing_target_and_a_track_in_a_narrow_gate_are_confirmed_again_at_once():
     assert Flown("static").coasted(60.0).frame(PLACE).tracks[1].state is TrackState.CONFIRMED
     assert Flown("moving").coasted(0.4).frame(PLACE).tracks[1].state is TrackState.CONFIRMED
+
+
+def seen_from(side, t, place):
+    """A fix that the mount displaces to the ``side``, 1 or -1: 2 m north and east (one sigma)."""
+    jacobian = np.zeros((3, BIAS_COUNT))
+    jacobian[0, Bias.MOUNT_X] = jacobian[1, Bias.MOUNT_Y] = 10.0 * side
+    return a_fix(t, place, jacobian=jacobian, sigmas=CROOKED.bias_sigmas)
+
+
+@pytest.mark.parametrize(("fps", "branches"), [(10.0, 1), (4.5, 1), (3.5, 0), (0.25, 0)])
+def test_a_standing_target_in_a_wide_gate_has_branches_where_frames_come_faster_than_it_coasts(fps, branches):
+    tracker = make_tracker(TrackingOptions(), CROOKED)
+    for k in range(12):
+        tracker.on_frame(a_view(k / fps, seen_from(1, k / fps, PLACE)))
+    for k in range(12, 18):
+        tracker.on_frame(a_view(k / fps, sees=False))
+    tracks = tracker.on_frame(a_view(18 / fps, seen_from(-1, 18 / fps, ASTRAY)))
+    assert len(tracks) == 1 + branches
+    assert tracks[0].state is (TrackState.COASTING if branches else TrackState.CONFIRMED)
 
 
 @pytest.mark.parametrize("seconds", [0.5, 0.8, 1.0, 1.5, 3.0])

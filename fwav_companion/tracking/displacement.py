@@ -1,0 +1,65 @@
+"""Fixes that an error of the camera beyond its prior displaces: they are no evidence for another target.
+
+A camera later than its prior displaces what it sees by more than the gate, and fixes of one target alternate between
+its track and a new one. Such an error displaces all targets of a frame by about as much.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import hypot
+
+import msgspec
+
+from fwav_companion.geometry.vectors import subtract
+from fwav_companion.tracking.filters.base import TargetState
+from fwav_companion.tracking.track_state import LiveTrack
+from fwav_companion.types import GroundFix
+
+DISPLACED_SIGMAS = 8.0
+"""Twice the gate: a camera late by three sigma displaces a fix by that distance."""
+OFF_RATIO = 2.0
+"""Largest ratio of two displacements in a frame: an angle displaces by the square of the range over the height, twice
+as far at 45 degrees as below the vehicle."""
+
+
+class Absent(msgspec.Struct, frozen=True):
+    """Confirmed tracks that a frame missed."""
+
+    tracks: Sequence[LiveTrack]
+    seen_off_m: float | None
+    """Least distance of a fix from its own confirmed track in this frame, metres; None without one."""
+
+    def may_explain(self, fix: GroundFix) -> bool:
+        """Whether the fix may be of one of them, displaced."""
+        label = fix.sighting.detection.label
+        return any(_may_be_displaced(each.target, fix, self.seen_off_m) for each in self.tracks if each.label == label)
+
+
+def absent(
+    tracks: Sequence[LiveTrack], missed: Sequence[LiveTrack], taken: Mapping[int, tuple[GroundFix, float]]
+) -> Absent:
+    """The confirmed tracks that a frame missed. ``taken``: the fixes of the tracks that it detected, by id."""
+    confirmed = [track for track in missed if track.confirmed]
+    if not confirmed:
+        return Absent((), None)
+    off_m = [_off_m(track.target, taken[track.id][0]) for track in tracks if track.confirmed and track.id in taken]
+    return Absent(confirmed, min(off_m, default=None))
+
+
+def _off_m(target: TargetState, fix: GroundFix) -> float:
+    """Horizontal distance of a fix from a target."""
+    north, east, _ = subtract(fix.position_ned, target.apparent_ned)
+    return hypot(north, east)
+
+
+def _may_be_displaced(target: TargetState, fix: GroundFix, seen_off_m: float | None) -> bool:
+    """Whether a fix lies within DISPLACED_SIGMAS of a target, on both axes, without the vehicle's position errors.
+
+    It is at most OFF_RATIO times as far from it as ``seen_off_m``, another fix from its own target.
+    """
+    own, other, reach2 = target.relative_cov, fix.relative_cov, DISPLACED_SIGMAS**2
+    north, east, _ = subtract(fix.position_ned, target.apparent_ned)
+    if seen_off_m is not None and hypot(north, east) > OFF_RATIO * seen_off_m:
+        return False
+    return north * north <= reach2 * (own[0][0] + other[0][0]) and east * east <= reach2 * (own[1][1] + other[1][1])
