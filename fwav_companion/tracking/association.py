@@ -24,8 +24,6 @@ from fwav_companion.types.tracks import GateResult
 CONFIRMED_BONUS = 8.0
 """Advantage of a confirmed track over a tentative one: the latter must be likelier by this, fifty to one, to take the
 fix from it."""
-DISPLACED_SIGMAS = 8.0
-"""Twice the gate: a camera late by three sigma displaces a fix by so much."""
 LEAST_NOISE_PX2 = 1e-3
 """Lower bound of a fix's noise ellipse, square pixels: a detection that claims less is not believed."""
 
@@ -103,13 +101,6 @@ def associate(
     else:
         taken = _assigned(_with_priority(costs, candidates, against.miss_cost, could_see))
     return {i: (j, 0.5 * (min(-costs[i, j], clutter_llr[j]) - against.detection_odds)) for i, j in taken.items()}
-
-
-def may_be_displaced(target: TargetState, fix: GroundFix) -> bool:
-    """Whether a fix lies within DISPLACED_SIGMAS of a target, on both axes, without the vehicle's position errors."""
-    own, other, reach2 = target.relative_cov, fix.relative_cov, DISPLACED_SIGMAS**2
-    north, east, _ = subtract(fix.position_ned, target.apparent_ned)
-    return north * north <= reach2 * (own[0][0] + other[0][0]) and east * east <= reach2 * (own[1][1] + other[1][1])
 
 
 def _possible(

@@ -7,7 +7,7 @@ rate of false tracks that is acceptable (Blackman & Popoli 1999, ch. 6).
 
 from __future__ import annotations
 
-from math import log
+from math import exp, log
 
 import msgspec
 
@@ -43,8 +43,9 @@ class DetectorModel(msgspec.Struct, frozen=True, gc=False):
     looks: float = 0.0
     """Looks at confirmed tracks; misses count once the track is detected again, so targets that left do not count."""
     false: float = 0.0
-    """False detections: fixes that initiated a track, unless it was confirmed, and all fixes of tracks that were looked
-    for in vain and never confirmed."""
+    """False detections: expected number of them among the fixes of tracks that were deleted and never confirmed."""
+    undecided: float = 0.0
+    """Expected number of false detections among the fixes of the tracks that are tentative now."""
     frames: float = 0.0
     """Frames."""
     seconds: float = 0.0
@@ -54,7 +55,9 @@ class DetectorModel(msgspec.Struct, frozen=True, gc=False):
     detection_probability: float = DETECTED_PRIOR / (DETECTED_PRIOR + MISSED_PRIOR)
     """The probability that a look at a target detects it."""
 
-    def after_frame(self, host_ns: HostNs, *, detected: int, looks: int, false: int) -> DetectorModel:
+    def after_frame(
+        self, host_ns: HostNs, *, detected: int, looks: int, false: float, undecided: float = 0.0
+    ) -> DetectorModel:
         """The model after one more frame with its looks at confirmed tracks and its false detections."""
         looked, framed = self.looks + looks, self.frames + 1.0
         old, older = (0.5 if looked > MEMORY else 1.0), (0.5 if framed > MEMORY else 1.0)
@@ -63,6 +66,7 @@ class DetectorModel(msgspec.Struct, frozen=True, gc=False):
             hits,
             looked,
             older * (self.false + false),
+            undecided,
             older * framed,
             older * (self.seconds + self.elapsed_s(host_ns)),
             host_ns,
@@ -81,7 +85,7 @@ class DetectorModel(msgspec.Struct, frozen=True, gc=False):
     def false_per_frame(self) -> float:
         """Mean number of false detections in a frame; in the first frames it may only exceed the prior's."""
         least = LEAST_FALSE if self.frames >= FIRST_LOOKS else FALSE_PRIOR / FRAMES_PRIOR
-        return max(least, (FALSE_PRIOR + self.false) / (FRAMES_PRIOR + self.frames))
+        return max(least, (FALSE_PRIOR + self.false + self.undecided) / (FRAMES_PRIOR + self.frames))
 
     @property
     def frames_hz(self) -> float:
@@ -97,6 +101,11 @@ class DetectorModel(msgspec.Struct, frozen=True, gc=False):
         """
         false_per_hour = 3600.0 * self.frames_hz * self.false_per_frame
         return max(LEAST_CONFIRMING_LLR, log(false_per_hour / FALSE_TRACKS_PER_HOUR))
+
+
+def false_share(log_likelihood_ratio: float) -> float:
+    """The probability that a track of this score is of clutter, where a new one is as likely a target."""
+    return 1.0 / (1.0 + exp(log_likelihood_ratio))
 
 
 def _detection_probability(detected: float, looks: float) -> float:

@@ -8,7 +8,7 @@ import msgspec
 
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Matrix3, norm, subtract
-from fwav_companion.tracking.detector_model import DetectorModel
+from fwav_companion.tracking.detector_model import DetectorModel, false_share
 from fwav_companion.tracking.filters.base import TargetState
 from fwav_companion.tracking.lifecycle import Life, continued, deleted, detected, initiated
 from fwav_companion.types import FrameView, GroundFix, Innovation, Reason, Track, TrackState
@@ -175,19 +175,28 @@ def detector_after(
     before: Sequence[LiveTrack],
     after: Sequence[LiveTrack],
     *,
-    new_fixes: int,
+    refused: int,
 ) -> DetectorModel:
-    """The detector model after a frame. ``new_fixes``: fixes that belonged to no track."""
-    hits, looks, false = 0, 0, new_fixes
-    for old, new in zip(before, after, strict=True):
-        if new.fix is not None and old.confirmed:
-            detections = new.life.detections - old.life.detections
+    """The detector model after a frame. ``after``: the same tracks in order, then those that the frame initiated.
+
+    ``refused``: fixes that found the table full.
+    The fixes of a tentative track count by the probability that it is of clutter: a first photograph of twenty animals
+    is no evidence of twenty false detections.
+    """
+    hits, looks, false, undecided = 0, 0, float(refused), 0.0
+    for old, now in zip(before, after, strict=False):
+        if now.fix is not None and old.confirmed:
+            detections = now.life.detections - old.life.detections
             hits, looks = hits + detections, looks + max(detections, 1 + old.life.misses)
-        elif not old.confirmed and (new.confirmed or new.life.reason is Reason.REPLACED):
-            false -= 1
-        elif new.life.reason is Reason.NEVER_CONFIRMED and new.life.misses:
-            false += new.life.detections - 1
-    return detector.after_frame(host_ns, detected=hits, looks=looks, false=false)
+    for track in after:
+        if track.confirmed or track.life.reason is Reason.REPLACED:
+            continue
+        expected = track.life.detections * false_share(track.life.log_likelihood_ratio)
+        if track.life.state is TrackState.DROPPED:
+            false += expected
+        else:
+            undecided += expected
+    return detector.after_frame(host_ns, detected=hits, looks=looks, false=false, undecided=undecided)
 
 
 def teaches(fix: GroundFix) -> bool:

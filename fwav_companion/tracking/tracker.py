@@ -10,8 +10,9 @@ import msgspec
 from fwav_companion.geometry.small_matrices import horizontal_sigma
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.self_calibration import CalibrationReport
-from fwav_companion.tracking.association import Candidate, associate, clutter, may_be_displaced
+from fwav_companion.tracking.association import Candidate, associate, clutter
 from fwav_companion.tracking.detector_model import DetectorModel
+from fwav_companion.tracking.displacement import Absent, absent
 from fwav_companion.tracking.filters.base import Filter, TargetState
 from fwav_companion.tracking.lifecycle import not_detected
 from fwav_companion.tracking.reacquisition import Branchings, branched, first_served, reacquired, weak_evidence
@@ -157,9 +158,9 @@ class Tracker:
         missed = [
             track for track in predicted if track.id in unseen and unseen[track.id].life.misses > track.life.misses
         ]
-        absent = [track for track in missed if track.confirmed]
+        displaced = absent(predicted, missed, taken)
         after = [
-            unseen[track.id] if track.id in unseen else self._seen(track, *taken[track.id], view, absent)
+            unseen[track.id] if track.id in unseen else self._seen(track, *taken[track.id], view, displaced)
             for track in predicted
         ]
         after = reacquired(after, view.host_ns)
@@ -171,7 +172,7 @@ class Tracker:
         if unassociated:
             tracks, refused = self._with_new(tracks, unassociated, view.host_ns, landmarks, branchings)
         next_id = state.next_id + len(unassociated) - refused
-        detector = detector_after(state.detector, view.host_ns, predicted, after, new_fixes=len(unassociated))
+        detector = detector_after(state.detector, view.host_ns, predicted, tracks, refused=refused)
         if landmarks is not None:
             landmarks = landmarks.seen(view.landmarks, [t.fix for t in tracks if t.confirmed and t.fix is not None])
             tracks = [msgspec.structs.replace(track, target=landmarks.corrected(track.target)) for track in tracks]
@@ -239,16 +240,9 @@ class Tracker:
         life = not_detected(track.life, view.host_ns, missed=missed, keep_ns=self._keep_ns, detector=detector)
         return track if life is track.life else msgspec.structs.replace(track, life=life, looked_for=missed)
 
-    def _seen(
-        self, track: LiveTrack, fix: GroundFix, llr: float, view: FrameView, absent: Sequence[LiveTrack]
-    ) -> LiveTrack:
-        """The track after a frame with a fix of it. ``absent``: confirmed tracks that the frame missed.
-
-        A fix near one of them may be that target's, displaced by more than its errors: it is no evidence for a new one.
-        """
-        if not (track.confirmed or track.branch_of) and any(
-            may_be_displaced(each.target, fix) for each in absent if each.label == track.label
-        ):
+    def _seen(self, track: LiveTrack, fix: GroundFix, llr: float, view: FrameView, missed: Absent) -> LiveTrack:
+        """The track after a frame with a fix of it. ``missed``: confirmed tracks whose fix it may be, displaced."""
+        if not (track.confirmed or track.branch_of) and missed.may_explain(fix):
             llr = min(llr, 0.0)
         after = track.updated(view.host_ns, fix, llr, self._state.detector)
         if not self.reports_innovations:

@@ -14,7 +14,6 @@ from fwav_companion.tracking.association import (
     Clutter,
     associate,
     clutter,
-    may_be_displaced,
     noise_area_px2,
 )
 from fwav_companion.tracking.detector_model import DetectorModel
@@ -114,19 +113,6 @@ def test_the_slower_prediction_decides():
     assert list(associate([first, second], [a_fix(0.0, PLACE)], AGAINST)) == [1]
     outside = Candidate("", Predicted(0.5), None, refined=Predicted(GATE + 1.0))
     assert list(associate([outside, second], [a_fix(0.0, PLACE)], AGAINST)) == [1]
-
-
-@pytest.mark.parametrize(
-    ("off", "may"), [((7.9, 0.0), True), ((8.1, 0.0), False), ((0.0, -7.9), True), ((0.0, 8.1), False)]
-)
-def test_a_fix_may_be_displaced_by_eight_sigma_of_both_along_each_axis(off, may):
-    class Standing:
-        apparent_ned = PLACE
-        relative_cov = ((0.03, 0.0, 0.0), (0.0, 0.03, 0.0), (0.0, 0.0, 0.0))
-
-    sigma = np.sqrt(0.03 + 0.04)
-    fix = a_fix(0.0, (4.0 + off[0] * sigma, 3.0 + off[1] * sigma, 0.0))
-    assert may_be_displaced(Standing(), fix) is may
 
 
 def test_more_fixes_and_tracks_than_pairs_are_assigned_at_the_least_cost():

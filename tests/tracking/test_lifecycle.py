@@ -48,8 +48,8 @@ def test_three_detections_confirm_a_target_at_any_frame_rate(fps):
 @pytest.mark.parametrize(
     ("pattern", "state", "reason"),
     [
-        ("s.s.s", TrackState.TENTATIVE, None),
-        ("s.s.s.s", TrackState.CONFIRMED, None),
+        ("s..s..s", TrackState.TENTATIVE, None),
+        ("s.s.s", TrackState.CONFIRMED, None),
         ("s..s..s..s", TrackState.CONFIRMED, None),
         ("s...s...s...s", TrackState.CONFIRMED, None),
         ("s...", TrackState.TENTATIVE, None),
@@ -195,6 +195,25 @@ def test_clutter_in_every_tenth_frame_confirms_no_ghost_and_the_target_is_one_tr
     assert len([number for number in lives if distances[number] <= GHOST_M]) == 1
 
 
+@pytest.mark.parametrize("photographs", [1, 2, 3])
+def test_twenty_targets_in_the_first_photographs_are_no_evidence_of_false_detections(photographs):
+    """One fix each is as likely a target as clutter; with a second one they are targets."""
+    tracker = make_tracker(TrackingOptions(), NO_BIAS)
+    for k in range(photographs):
+        tracker.on_frame(a_view(10.0 * k, *(a_fix(10.0 * k, (20.0 * i, 3.0, 0.0)) for i in range(20))))
+    model = tracker.snapshot().detector
+    assert model.undecided == pytest.approx([10.0, 0.0, 0.0][photographs - 1], abs=0.1)
+    assert model.false == 0.0
+
+
+def test_false_detections_count_whole_once_they_were_looked_for_in_vain():
+    tracker = make_tracker(TrackingOptions(), NO_BIAS)
+    for k in range(40):
+        tracker.on_frame(a_view(k / 10, a_fix(k / 10, (50.0 * k, 3.0, 0.0))))
+    model = tracker.snapshot().detector
+    assert model.false + model.undecided == pytest.approx(40.0, abs=3.0)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("miss", [0.1, 0.5])
 @pytest.mark.parametrize("seed", range(10))
@@ -212,6 +231,16 @@ def test_fixes_displaced_from_a_missed_target_confirm_no_other():
         place = (PLACE[0] + (1.5 if k % 2 else 0.0), PLACE[1], 0.0)
         tracks = tracker.on_frame(a_view(3.0 + k / 10, a_fix(3.0 + k / 10, place, label="target")))
     assert [track.id for track in tracks if track.confirmed_host_ns is not None] == [1]
+
+
+def test_a_target_beside_a_missed_one_is_confirmed_where_the_frame_shows_another_in_its_place():
+    """An error that displaced the fix by 1.5 m would displace the other target too."""
+    beside, other = (PLACE[0] + 1.5, PLACE[1], 0.0), (PLACE[0], PLACE[1] + 6.0, 0.0)
+    tracker = make_tracker(TrackingOptions(), NO_BIAS)
+    for k in range(40):
+        places = [PLACE, other] if k < 20 or k % 2 else [beside, other]
+        tracks = tracker.on_frame(a_view(k / 10, *(a_fix(k / 10, place, label="target") for place in places)))
+    assert [track.id for track in tracks if track.confirmed_host_ns is not None] == [1, 2, 3]
 
 
 def test_a_second_target_five_sigma_beside_is_confirmed():
