@@ -11,6 +11,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, expm
+from scipy.stats import multivariate_normal
 
 from fwav_companion.tracking.filters.consider_biases import (
     FIRST_SENSITIVITY_S,
@@ -25,6 +26,7 @@ Sample = tuple[Array, Array, Array]
 TELEMETRY_STEP_S = 0.1
 MOST_TURN_COSINE = 0.7
 STEP_S = 1.0
+SMOOTH_MARGIN = 5.0
 
 
 class FixArrays:
@@ -49,6 +51,7 @@ class PlainFilter:
         self.priors, self.first_ns, self.at_ns, self.placed_ns = priors, first.at_ns, first.at_ns, first.at_ns
         self.sigma, self.rates = priors.sigma(Bias.POSITION_NORTH), 2.0 / np.array(priors.position_times_s)
         self.each = self.sigma**2 / len(self.rates)
+        self.score, self.means = 0.0, list[tuple[float, Sample]]()
         self.apparent, self.shared = first.position, first.shared
         self.noise = first.noise + self._sensitivity_noise(first, FIRST_SENSITIVITY_S)
         self._begin_place()
@@ -75,6 +78,8 @@ class PlainFilter:
             self.fresh = None
 
     def _moved(self, since_s: float) -> float:
+        if self.score <= SMOOTH_MARGIN:
+            return float(2.0 * self.each * np.sum(1.0 - np.exp(-0.5 * self.rates * since_s)))
         turn = self.rates * since_s
         moved = 2.0 * self.each * np.sum(1.0 - (1.0 + turn) * np.exp(-turn))
         walked = np.sqrt(np.mean(self.rates**2)) * self.sigma * np.sqrt(np.trace(self.noise) / 2.0) * since_s
@@ -94,6 +99,7 @@ class PlainFilter:
 
     def _place(self, since_s: float, position: Array, noise: Array, shared: Array) -> None:
         """error'' = -w^2 error - 2 w error' by the matrix exponential, and a Kalman update by place + errors."""
+        self._judge(since_s, (position, noise, shared))
         self.placed_ns, steady = self.at_ns, self._steady()
         process = block_diag(*(expm(since_s * np.array([[0.0, 1.0], [-w * w, -2.0 * w]])) for w in self.rates))
         move, more = block_diag(1.0, process), block_diag(0.0, steady - process @ steady @ process.T)
@@ -106,6 +112,21 @@ class PlainFilter:
         self.mean_all = self.mean_all + np.outer(gain, position - seen @ self.mean_all)
         off = shared - np.einsum("i,ijk->jk", seen, self.shared_all)
         self.shared_all = self.shared_all + gain[:, None, None] * off
+
+    def _judge(self, since_s: float, mean: Sample) -> None:
+        """Log-likelihood ratio of a smooth error over a first-order one, by second differences of means of a second."""
+        self.means = [*self.means[-2:], (since_s, mean)] if since_s <= 3.0 else [(since_s, mean)]
+        if len(self.means) < 3:
+            return
+        (_, oldest), (last_s, middle), (_, newest) = self.means
+        r = since_s / last_s
+        off, shared = (newest[k] - (1.0 + r) * middle[k] + r * oldest[k] for k in (0, 2))
+        noise = newest[1] + (1.0 + r) ** 2 * middle[1] + r**2 * oldest[1] + shared @ shared.T
+        quick = self.each * self.rates.sum() * 0.5 * (since_s + r * r * last_s)
+        smooth = 4.0 * self.each * (self.rates**3).sum() * since_s**3
+        ratio = multivariate_normal.logpdf(off, cov=noise + smooth * np.eye(2))
+        ratio -= multivariate_normal.logpdf(off, cov=noise + quick * np.eye(2))
+        self.score = float(np.clip(self.score + 0.5 * ratio, -10.0, 10.0))
 
     def _sensitivity_noise(self, fix: FixArrays, since_s: float) -> Array:
         sensitive = fix.shared[:, list(SENSITIVE)]

@@ -87,10 +87,12 @@ def test_the_apparent_place_moves_as_the_processes_do_and_at_least_as_a_smooth_e
         moved = sum(
             2.0 * each * (1.0 - expm(dt * np.array([[0.0, 1.0], [-(w * w), -2.0 * w]]))[0, 0]) for w in WANDER.rates
         )
-        assert WANDER.apparent_noise(dt, 0.0) == pytest.approx(moved)
+        assert WANDER.apparent_noise(dt, 0.0, smooth=True) == pytest.approx(moved)
         rate = np.sqrt(np.mean(np.square(WANDER.rates))) * 1.5
-        assert WANDER.apparent_noise(dt, 0.04) == pytest.approx(max(moved, rate * 0.2 * dt))
-    assert wander_with_rates(0.0, (0.1,)).apparent_noise(5.0, 1.0) == 0.0
+        assert WANDER.apparent_noise(dt, 0.04, smooth=True) == pytest.approx(max(moved, rate * 0.2 * dt))
+        first_order = sum(2.0 * each * (1.0 - np.exp(-0.5 * w * dt)) for w in WANDER.rates)
+        assert WANDER.apparent_noise(dt, 0.04, smooth=False) == pytest.approx(first_order)
+    assert wander_with_rates(0.0, (0.1,)).apparent_noise(5.0, 1.0, smooth=True) == 0.0
 
 
 def test_the_integral_time_is_that_of_a_first_order_process():

@@ -5,6 +5,7 @@ import pytest
 from handmade import a_fix, host_ns
 from scipy.stats import chi2
 from simulated_flight import priors
+from wandering_positions import smooth_error
 
 from fwav_companion.config.estimation import UncertaintyConfig
 from fwav_companion.tracking.filters.kalman import StaticKalman
@@ -31,20 +32,12 @@ def unknown():
     return type(only)(**{name: getattr(only, name) for name in only.__struct_fields__} | times)
 
 
-def wandering(rng, times, time_s):
-    """(n, 2) errors of 1 m of a critically damped second-order process with this integral time."""
-    w = 2.0 / time_s
-    apart = w * np.abs(times[:, None] - times)
-    root = np.linalg.cholesky((1.0 + apart) * np.exp(-apart) + 1e-9 * np.eye(len(times)))
-    return root @ rng.standard_normal((len(times), 2))
-
-
 def share_inside(schedule, *, seed=5):
     """Share of 300 flights, each with its own time constant, whose target lies in the claimed 90 % ellipse."""
     rng, p, inside = np.random.default_rng(seed), unknown(), 0
     times, noise_m = SCHEDULES[schedule]
     for _ in range(FLIGHTS):
-        errors = wandering(rng, times, np.exp(rng.uniform(np.log(30.0), np.log(1800.0))))
+        errors = smooth_error(rng, times, np.exp(rng.uniform(np.log(30.0), np.log(1800.0))))
         state = None
         for t, (north, east) in zip(times, errors + rng.normal(0.0, noise_m, errors.shape), strict=True):
             fix = a_fix(t, (north, east, 0.0), np.diag([noise_m**2, noise_m**2, 0.0]), JACOBIAN, p.bias_sigmas)

@@ -9,6 +9,9 @@ correlation is ``sigma^2 (1 + w t) exp(-w t)``; the integral is that of a first-
 Where the time constant is not known, the error is a sum of several: the mean of their correlations is the correlation
 of an error whose time constant is drawn among them, so that the claim holds in the mean over receivers.
 
+Not every error is smooth. The apparent place therefore moves as far as a first-order error does until the fixes show a
+smooth one (``wander_evidence``). The claim of the place hardly depends on it: both have the same integral.
+
 The apparent place is filtered at every fix; place, errors and rates once a second, as one scalar Kalman filter for both
 axes: the wander is the same along each, and what fixes do not show equally along both is small beside it.
 """
@@ -23,6 +26,7 @@ import msgspec
 
 from fwav_companion.geometry.small_matrices import Row, Symmetric2
 from fwav_companion.tracking.filters.schmidt_kalman import PointEstimate
+from fwav_companion.tracking.filters.wander_evidence import WanderEvidence
 
 STEP_S = 1.0
 """Least interval of an update: within it the error of 1 m over 60 s moves by 0.03 m."""
@@ -44,8 +48,16 @@ class PositionWander(msgspec.Struct, frozen=True, gc=False):
     rms_rate: float
     """Root mean square of the angular frequencies, 1/s."""
 
-    def apparent_noise(self, interval_s: float, variance: float) -> float:
-        """Variance by which the apparent place moves within an interval, each axis, m^2; ``variance``: its own before.
+    quick_density: float
+    """Density of a first-order error's rate with the same integral, m^2/s: the mean of sigma^2 w."""
+    smooth_density: float
+    """Density of the smooth error's acceleration, m^2/s^3: the mean of 4 sigma^2 w^3."""
+
+    def apparent_noise(self, interval_s: float, variance: float, *, smooth: bool) -> float:
+        """Variance by which the apparent place moves within an interval, each axis, m^2.
+
+        ``variance``: its own before; ``smooth``: whether the error is known to move smoothly. A first-order error moves
+        by 2 sigma^2 (1 - correlation), with the correlation exp(-w t / 2).
 
         The filter of a random walk of density q looks back T = variance / q. The error moves by rate T within that, so
         q = rate^2 T = rate sqrt(variance). Between sparse fixes it is the movement itself, 2 sigma^2 (1 - correlation).
@@ -53,6 +65,10 @@ class PositionWander(msgspec.Struct, frozen=True, gc=False):
         if self.sigma_m == 0.0:
             return 0.0
         apart = 0.0
+        if not smooth:
+            for rate in self.rates:
+                apart += 1.0 - exp(-0.5 * rate * interval_s)
+            return 2.0 * self.variance_each * apart
         for rate in self.rates:
             turn = rate * interval_s
             apart += 1.0 - (1.0 + turn) * exp(-turn)
@@ -66,8 +82,15 @@ def position_wander(sigma_m: float, time_constants_s: Sequence[float]) -> Positi
 
 def wander_with_rates(sigma_m: float, rates: Sequence[float]) -> PositionWander:
     """The error with this sigma and these angular frequencies, 1/s."""
-    rms_rate = sqrt(sum(rate * rate for rate in rates) / len(rates))
-    return PositionWander(sigma_m, tuple(rates), variance_each=sigma_m**2 / len(rates), rms_rate=rms_rate)
+    each = sigma_m**2 / len(rates)
+    return PositionWander(
+        sigma_m,
+        tuple(rates),
+        variance_each=each,
+        rms_rate=sqrt(sum(rate * rate for rate in rates) / len(rates)),
+        quick_density=each * sum(rates),
+        smooth_density=4.0 * each * sum(rate**3 for rate in rates),
+    )
 
 
 class WanderingPlace(msgspec.Struct, frozen=True, gc=False):
@@ -78,6 +101,8 @@ class WanderingPlace(msgspec.Struct, frozen=True, gc=False):
     cov: tuple[Column, ...]
     shared: tuple[tuple[Row, ...], tuple[Row, ...]]
     """cov(state, b / sigma): the rows of all states for north, and those for east."""
+    evidence: WanderEvidence = WanderEvidence()
+    """Whether the error moves smoothly."""
 
     @property
     def estimate(self) -> PointEstimate:
@@ -105,6 +130,7 @@ class WanderingPlace(msgspec.Struct, frozen=True, gc=False):
                 for row, gain in zip(cov, gains, strict=True)
             ),
             shared=(north, east),
+            evidence=self.evidence.with_mean(apparent, interval_s, wander.quick_density, wander.smooth_density),
         )
 
     def with_jump(self, variance: float) -> WanderingPlace:

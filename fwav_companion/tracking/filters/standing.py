@@ -188,7 +188,8 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
         if self.predicted is not None and host_ns == self.host_ns:
             return self.predicted
         nn, _, ee = self.apparent.noise
-        more = self.wander.apparent_noise(s_from_ns(host_ns - self.fixed_ns), 0.5 * (nn + ee))
+        smooth = self.wandering is not None and self.wandering.evidence.is_smooth
+        more = self.wander.apparent_noise(s_from_ns(host_ns - self.fixed_ns), 0.5 * (nn + ee), smooth=smooth)
         return self.apparent if more == 0.0 else self.apparent.with_noise((more, 0.0, more))
 
     def under(self, wander: PositionWander) -> Self:
