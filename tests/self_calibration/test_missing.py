@@ -40,7 +40,7 @@ def test_a_hover_counts_its_sights_and_then_advises_other_views():
 
 def test_a_wandering_position_is_named_where_it_hides_the_mount():
     wandering = priors(position_north=1.0, position_east=1.0)
-    status, reason = list(reasons(Flight(seconds=45.0, biases=LATE, priors=wandering)))[-1]
+    status, reason = list(reasons(Flight(seconds=30.0, biases=LATE, priors=wandering)))[-1]
     assert status is not CalibrationStatus.CALIBRATED
     assert "a position error of 1 m hides the mount" in reason
 
