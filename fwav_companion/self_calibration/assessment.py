@@ -64,6 +64,19 @@ class CalibratedPlace(msgspec.Struct, frozen=True, gc=False):
     """Place plus the present error of the vehicle's position: relative to the vehicle's report."""
     apparent_east: float
     relative_cov: Symmetric2
+    late_s: float = 0.0
+    """Delay of the vehicle's reported position beyond the configured one."""
+    late_cov: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Covariance of the apparent place with that delay, north and east, m s, and variance of the delay, s^2."""
+
+    def relative_to(self, velocity_ned: Vector3) -> tuple[float, float, Symmetric2]:
+        """Place and its covariance in the frame of the vehicle's report, for a vehicle with this velocity.
+
+        Sights show the target relative to the vehicle. The report is late, the apparent place errs by the same way.
+        """
+        (vn, ve, _), (nt, et, tt), (nn, ne, ee) = velocity_ned, self.late_cov, self.relative_cov
+        cov = (nn - vn * (2.0 * nt - vn * tt), ne - vn * et - ve * nt + vn * ve * tt, ee - ve * (2.0 * et - ve * tt))
+        return self.apparent_north - vn * self.late_s, self.apparent_east - ve * self.late_s, cov
 
 
 class Assessment(msgspec.Struct, frozen=True):
@@ -100,10 +113,11 @@ class Assessment(msgspec.Struct, frozen=True):
         for each in self.denied:
             joint = joint.inflated(each)
         mean, cov, first = joint.mean[0], with_drift(joint, sigmas, self.factor), joint.first
-        by_place = np.zeros((4 * len(joint.tracks), len(mean)))
+        by_place = np.zeros((5 * len(joint.tracks), len(mean)))
         for k in range(len(joint.tracks)):
-            by_place[[4 * k, 4 * k + 1, 4 * k + 2, 4 * k + 3], [first + 2 * k, first + 2 * k + 1] * 2] = 1.0
-            by_place[4 * k + 2 : 4 * k + 4, joint.moving] = joint.position.by_state
+            by_place[[5 * k, 5 * k + 1, 5 * k + 2, 5 * k + 3], [first + 2 * k, first + 2 * k + 1] * 2] = 1.0
+            by_place[5 * k + 2 : 5 * k + 4, joint.moving] = joint.position.by_state
+            by_place[5 * k + 4, SharedParameter.POSITION_DELAY] = 1.0
         free, spread = by_place @ mean, by_place @ cov @ by_place.T
         chosen = free
         if not self.contradicted:
@@ -111,16 +125,17 @@ class Assessment(msgspec.Struct, frozen=True):
             chosen = by_place @ given(mean, joint.cov[0], held, means[held])[0]
         return {
             track: _place(chosen[own], (chosen - free)[own], spread[own, own])
-            for track, own in ((each, slice(4 * k, 4 * k + 4)) for k, each in enumerate(joint.tracks))
+            for track, own in ((each, slice(5 * k, 5 * k + 5)) for k, each in enumerate(joint.tracks))
         }
 
 
 def _place(place: Array, apart: Array, cov: Array) -> CalibratedPlace:
-    """A place with its apparent place (4), and ``apart`` from the posterior's."""
+    """A place with its apparent place and the position delay (5), and ``apart`` from the posterior's."""
     cov = cov + np.outer(apart, apart)
-    (n, e, apparent_n, apparent_e), ((nn, ne), (_, ee)) = place.tolist(), cov[:2, :2].tolist()
-    (rel_nn, rel_ne), (_, rel_ee) = cov[2:, 2:].tolist()
-    return CalibratedPlace(n, e, (nn, ne, ee), apparent_n, apparent_e, (rel_nn, rel_ne, rel_ee))
+    (n, e, apparent_n, apparent_e, late_s), ((nn, ne), (_, ee)) = place.tolist(), cov[:2, :2].tolist()
+    (rel_nn, rel_ne, nt), (_, rel_ee, et), (_, _, tt) = cov[2:, 2:].tolist()
+    relative_cov = (rel_nn, rel_ne, rel_ee)
+    return CalibratedPlace(n, e, (nn, ne, ee), apparent_n, apparent_e, relative_cov, late_s, (nt, et, tt))
 
 
 def assessed(

@@ -18,6 +18,7 @@ from fwav_companion.self_calibration.calibration_report import SharedParameter a
 from fwav_companion.types import Bias, GroundFix
 
 if TYPE_CHECKING:
+    from fwav_companion.self_calibration.assessment import CalibratedPlace
     from fwav_companion.self_calibration.calibrator import Calibrator
 
 COLUMNS = (
@@ -50,20 +51,44 @@ class CalibratedFix(msgspec.Struct, frozen=True, gc=False):
     """m^2."""
 
 
-def fix_by(state: Calibrator, fix: GroundFix, place_cov: Symmetric2) -> CalibratedFix | None:
-    """A target by one fix, where its claim is the smaller one, or a flight shows that the vehicle's position does not
-    wander smoothly; else None. ``place_cov``: of the target by the joint estimate, relative to the vehicle.
+def fix_by(state: Calibrator, fix: GroundFix, placed: CalibratedPlace, claimed_m2: float) -> CalibratedFix | None:
+    """A target relative to the vehicle at a fix: by the joint estimate along the smoothed path, or by the fix alone
+    where its claim is the smaller one or a flight shows that the vehicle's position does not wander smoothly.
+
+    None where neither claims less than ``claimed_m2``, the trace of the covariance known without this fix.
     """
     known, served = None if state.assessment is None else state.assessment.posterior, state.passes.served
     if known is None or served is None:
         return None
-    position_m2, claimed_m2 = state.context.priors.position_noise_m**2, place_cov[0] + place_cov[2]
+    position_m2 = state.context.priors.position_noise_m**2
     if served.wanders_quickly:
         return calibrated_fix(fix, *known, position_m2)
+    best = _along_path(state, fix, placed)
+    if best is not None and _trace(best) < claimed_m2:
+        claimed_m2 = _trace(best)
+    else:
+        best = None
     if fix.noise_cov[0][0] + fix.noise_cov[1][1] - 2.0 * position_m2 >= claimed_m2:
-        return None
+        return best
     found = calibrated_fix(fix, *known, position_m2)
-    return found if found.cov[0] + found.cov[2] < claimed_m2 else None
+    return found if _trace(found) < claimed_m2 else best
+
+
+def _trace(found: CalibratedFix) -> float:
+    return found.cov[0] + found.cov[2]
+
+
+def _along_path(state: Calibrator, fix: GroundFix, placed: CalibratedPlace) -> CalibratedFix | None:
+    """The joint estimate's place in the frame of the vehicle's report: without the noise of that one report, which the
+    smoothed path shows, and with the delay of the report, which the estimate holds.
+    """
+    vehicle = fix.sighting.state
+    smoothed = state.context.smoothed_report(state.smoother, vehicle)
+    if smoothed is None or vehicle.velocity_ned is None:
+        return None
+    (off_n, off_e), (var_n, var_e) = smoothed
+    north, east, (nn, ne, ee) = placed.relative_to(vehicle.velocity_ned)
+    return CalibratedFix(north + off_n, east + off_e, (nn + var_n, ne, ee + var_e))
 
 
 def calibrated_fix(fix: GroundFix, mean: Array, cov: Array, position_noise_m2: float) -> CalibratedFix:

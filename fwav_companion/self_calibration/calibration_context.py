@@ -18,6 +18,7 @@ from fwav_companion.self_calibration.innovation_consistency import drift_of
 from fwav_companion.self_calibration.joint_filter import JointFilter, joint_filter
 from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, MeasurementBatch, measurement_batch
 from fwav_companion.self_calibration.position_error import QUICK, SMOOTH
+from fwav_companion.self_calibration.position_smoother import PositionSmoother, SmoothedReport
 from fwav_companion.self_calibration.rate_denoiser import SPAN_S, slow_rates
 from fwav_companion.types import Bias, ErrorPriors, GroundFix, Unpaired, VehicleState
 from fwav_companion.types.tracks import GateResult
@@ -52,6 +53,7 @@ class CalibrationContext:
         self._frame: tuple[GroundFix, ...] = ()
         self._batch: tuple[float, MeasurementBatch] | None = None
         self._gates: tuple[FilterPass, list[list[float]], list[list[float]]] | None = None
+        self._report: tuple[PositionSmoother, BootNs, SmoothedReport | None] | None = None
 
     def without_kept(self) -> CalibrationContext:
         """The same without the calibration of an earlier flight."""
@@ -111,6 +113,12 @@ class CalibrationContext:
 
     def _index(self, fix: GroundFix) -> int | None:
         return next((i for i, each in enumerate(self._frame) if each is fix), None)
+
+    def smoothed_report(self, smoother: PositionSmoother, vehicle: VehicleState) -> SmoothedReport | None:
+        """Noise of one report of the vehicle's position by the path up to it; the same for all fixes of a frame."""
+        if self._report is None or self._report[0] is not smoother or self._report[1] != vehicle.boot_ns:
+            self._report = (smoother, vehicle.boot_ns, smoother.report(vehicle, self.priors))
+        return self._report[2]
 
     def slow_rates(self, nominal: VehicleState, delay_s: float) -> Vector3:
         """The mean rates around a delay; zero where the states around it are not known."""

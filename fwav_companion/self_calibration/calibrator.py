@@ -16,7 +16,6 @@ from math import hypot
 import msgspec
 import numpy as np
 
-from fwav_companion.geometry.small_matrices import Symmetric2
 from fwav_companion.geometry.stamps import NS_PER_S, BootNs, HostNs, ns_from_s, s_from_ns
 from fwav_companion.self_calibration.assessment import (
     JUDGED_EVERY_NS,
@@ -135,9 +134,9 @@ class Calibrator(msgspec.Struct, frozen=True):
         """Horizontal variance of a target by cause, m^2; empty while the joint estimate does not hold it."""
         return {} if self.passes.served is None else bias_shares(self.passes.served.best, track)
 
-    def by_fix(self, fix: GroundFix, place_cov: Symmetric2) -> CalibratedFix | None:
-        """A target relative to the vehicle by one fix, where that is better than this estimate's ``place_cov``."""
-        return fix_by(self, fix, place_cov)
+    def by_fix(self, fix: GroundFix, placed: CalibratedPlace, claimed_m2: float) -> CalibratedFix | None:
+        """A target relative to the vehicle at a fix; None where that claims no less than ``claimed_m2``, a trace."""
+        return fix_by(self, fix, placed, claimed_m2)
 
     @property
     def mistake(self) -> str:

@@ -9,19 +9,25 @@ as they come, their mean is as good.
 from __future__ import annotations
 
 from math import atan2, cos, sin, sqrt
+from typing import TypeAlias
 
 import msgspec
 import numpy as np
 
+from fwav_companion.geometry.stamps import s_from_ns
 from fwav_companion.self_calibration.arrays import Array
 from fwav_companion.self_calibration.pixel_measurement import TELEMETRY_STEP_S, MeasurementBatch
-from fwav_companion.types import ErrorPriors
+from fwav_companion.types import ErrorPriors, VehicleState
 
 VELOCITY_DENSITY = 0.05**2 * TELEMETRY_STEP_S
 """Density of what reported velocities leave open, m^2/s: 0.1 m/s, fresh in every report."""
 JUMP_SIGMAS, JUMP_LEAST_M = 6.0, 0.05
 LONGEST_S = 2.0
 """A step of the position, and an interval, after which smoothing begins again."""
+
+
+SmoothedReport: TypeAlias = tuple[tuple[float, float], tuple[float, float]]
+"""Noise of one reported position, north and east, metres, and the variance of what is left of it, m^2."""
 
 
 class PositionSmoother(msgspec.Struct, frozen=True):
@@ -47,6 +53,18 @@ class PositionSmoother(msgspec.Struct, frozen=True):
         scalars[:, 5] = np.where(batch.ranged, nominal, scalars[:, 5])
         poses = msgspec.structs.replace(poses, position_ned=path)
         return state, msgspec.structs.replace(batch, poses=poses, scalars=scalars)
+
+    def report(self, vehicle: VehicleState, priors: ErrorPriors) -> SmoothedReport | None:
+        """The noise of a later report, and the variance that is left of it; None without a path that leads to it."""
+        at_s = s_from_ns(vehicle.boot_ns)
+        if vehicle.position_ned is None or vehicle.velocity_ned is None:
+            return None
+        if np.isnan(self.position[0]) or not 0.0 < at_s - self.at_s < LONGEST_S:
+            return None
+        position = np.array(vehicle.position_ned)
+        after = self._after(at_s, position, np.array(vehicle.velocity_ned), priors)
+        (north, east, _), (var_n, var_e, _) = (position - after.position).tolist(), after.variance.tolist()
+        return (north, east), (var_n, var_e)
 
     def _after(self, at_s: float, position: Array, velocity: Array, priors: ErrorPriors) -> PositionSmoother:
         noise = np.array((priors.position_noise_m, priors.position_noise_m, priors.height_noise_m)) ** 2

@@ -101,6 +101,12 @@ def place_cov(calibrator: Calibrator, placed: CalibratedPlace, own: TargetState)
     return (nn + noise, ne, ee + noise)
 
 
+def claimed_m2(calibrator: Calibrator, placed: CalibratedPlace, own: TargetState) -> float:
+    """Trace of that covariance, m^2."""
+    nn, _, ee = place_cov(calibrator, placed, own)
+    return nn + ee
+
+
 class MisplacedTargetState(msgspec.Struct, frozen=True):
     """State of a track that is published while the mount is known to be wrong: its position with a large sigma."""
 

@@ -16,7 +16,7 @@ from fwav_companion.tracking.displacement import Absent, absent
 from fwav_companion.tracking.filters.base import Filter, TargetState
 from fwav_companion.tracking.lifecycle import not_detected
 from fwav_companion.tracking.reacquisition import Branchings, branched, first_served, reacquired, weak_evidence
-from fwav_companion.tracking.self_calibrated import CalibratedTargetState, MisplacedTargetState, place_cov
+from fwav_companion.tracking.self_calibrated import CalibratedTargetState, MisplacedTargetState, claimed_m2
 from fwav_companion.tracking.track_merging import TrackMerging
 from fwav_companion.tracking.track_state import (
     LiveTrack,
@@ -302,7 +302,7 @@ class Tracker:
         if calibrator is None or placed is None:
             return None
         fix = track.fix
-        by_fix = None if fix is None else calibrator.by_fix(fix, place_cov(calibrator, placed, track.target))
+        by_fix = None if fix is None else calibrator.by_fix(fix, placed, claimed_m2(calibrator, placed, track.target))
         return CalibratedTargetState(calibrator, track.id, placed, track.target, by_fix)
 
     def _reports(self, tracks: Sequence[LiveTrack], view: FrameView) -> tuple[Track, ...]:
