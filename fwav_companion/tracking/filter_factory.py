@@ -53,7 +53,7 @@ def make_tracker(
     if options.self_calibration:
         calibrator = _calibrator(priors, state_at, kept, PREDICTED_NS if moving else None)
     if not moving:
-        corrected = _landmark_tracking(priors, landmarks) if landmarks else None
+        corrected = _landmark_tracking(priors, landmarks, state_at) if landmarks else None
         return Tracker(StaticKalman(priors), KEEP_STATIC_NS, calibrator, landmarks=corrected)
     if calibrator is None:
         return Tracker(MovingKalman(priors), KEEP_MOVING_NS)
@@ -78,11 +78,13 @@ def tracker_with(
     return Tracker(belief_filter, KEEP_STATIC_NS, calibrator, corrects=False)
 
 
-def _landmark_tracking(priors: ErrorPriors, landmarks: Sequence[Landmark]) -> LandmarkTracking:
+def _landmark_tracking(
+    priors: ErrorPriors, landmarks: Sequence[Landmark], state_at: StateAt | None
+) -> LandmarkTracking:
     """The start of landmarks. They need numpy, as self-calibration does."""
     from fwav_companion.tracking.landmarks.landmark_target import landmark_tracking
 
-    return landmark_tracking(priors, landmarks)
+    return landmark_tracking(priors, landmarks, state_at)
 
 
 def _calibrator(

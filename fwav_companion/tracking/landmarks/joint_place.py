@@ -39,6 +39,8 @@ class Correction(msgspec.Struct, frozen=True):
     """Covariance R of the noise."""
 
 
+UNKNOWN_M = 100.0
+"""One sigma of a place that is not known: hardly any information, and no loss by rounding."""
 Step: TypeAlias = Transition | Correction
 
 
@@ -116,3 +118,11 @@ def first_joint_place(fix: Correction, shared: tuple[Array, Array], estimated: A
         np.block([[0.5 * (place_cov + place_cov.T), -crossed], [-crossed.T, cov]]),
         np.concatenate((np.ones(2), estimated)),
     )
+
+
+def unknown_place(joint: JointPlace, shared: tuple[Array, Array]) -> JointPlace:
+    """The same place with hardly any information, before its first fix."""
+    mean, cov = joint.mean.copy(), np.zeros_like(joint.cov)
+    mean[2:], cov[2:, 2:] = shared
+    cov[0, 0] = cov[1, 1] = UNKNOWN_M**2
+    return JointPlace(mean, cov, joint.estimated)

@@ -15,7 +15,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from fwav_companion.self_calibration.arrays import Array
-from fwav_companion.tracking.landmarks.joint_place import Correction
+from fwav_companion.tracking.landmarks.joint_place import UNKNOWN_M, Correction
 from fwav_companion.tracking.landmarks.state_vector import SharedErrors
 from fwav_companion.types import LandmarkState
 
@@ -34,8 +34,6 @@ CLEAR = 9.0
 """Landmarks whose distances differ by less contradict one another, and the flight does not show which is wrong."""
 ALL_LEFT_OUT = 2.0 * LEFT_OUT
 """The same distance where the flight does not show which of several is wrong: later sights may."""
-UNKNOWN_M = 100.0
-"""One sigma of the place of a landmark that is left out: hardly any information, and no loss by rounding."""
 SUSPECT = 7.8
 """The same distance of a suspect: a right one exceeds it once in twenty, and then widens claims."""
 

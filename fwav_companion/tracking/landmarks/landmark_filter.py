@@ -21,17 +21,21 @@ from msgspec.structs import replace
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs, s_from_ns
 from fwav_companion.geometry.vectors import ZERO3
 from fwav_companion.self_calibration.arrays import Array
+from fwav_companion.self_calibration.delayed_poses import StateAt
 from fwav_companion.tracking.filters.standing import FRESH_SHARE
+from fwav_companion.tracking.landmarks.delayed_sighting import DelayedSighting, PoseHistory
 from fwav_companion.tracking.landmarks.joint_place import Correction, Step, Transition, updated
 from fwav_companion.tracking.landmarks.landmark_examination import examined
 from fwav_companion.tracking.landmarks.ray_measurement import CameraPath, first_path, ray_measurement
 from fwav_companion.tracking.landmarks.state_vector import ALTITUDE_SHARE, SharedErrors
-from fwav_companion.types import FrameView, LandmarkAltitude, LandmarkRecord, LandmarkSight, LandmarkState
+from fwav_companion.types import FrameView, LandmarkAltitude, LandmarkRecord, LandmarkSight, LandmarkState, Sighting
 
 GATE = 25.0
 """Squared Mahalanobis distance of a sight beyond which it is not used: a right one exceeds it once in 300 000."""
 IN_A_ROW = 5
 """Refused sights in a row after which the landmark, and not the detector, is in doubt."""
+ITERATIONS = 3
+"""Updates by a first sight, each about the estimate of the one before."""
 EXAMINED_EVERY_NS = NS_PER_S
 FIRST_S = 1e9
 """Interval before a first sight: it repeats no telemetry."""
@@ -75,6 +79,7 @@ class LandmarkFilter(msgspec.Struct, frozen=True):
     """The landmark in doubt, and the number of examinations in a row that found it so."""
     suspects: tuple[int, ...] = ()
     """Landmarks in use that the others contradict: each may be the wrong one."""
+    history: PoseHistory = PoseHistory()
     steps: tuple[Step, ...] = ()
     """The newest steps, in order, for the places of the targets."""
 
@@ -115,7 +120,8 @@ class LandmarkFilter(msgspec.Struct, frozen=True):
         if fixes:
             sighting = fixes[0].sighting
             path = first_path(sighting) if self.path is None else self.path.after(sighting)
-            state = replace(state._by_receiver(self.model.sigma_at(fixes[0])), path=path)
+            history = self.history.after(sighting, self.model.attitude_noise)
+            state = replace(state._by_receiver(self.model.sigma_at(fixes[0])), path=path, history=history)
         if self.host_ns is None or view.host_ns <= self.host_ns:
             return replace(state, host_ns=self.host_ns or view.host_ns)
         state = state._later(view.host_ns)
@@ -173,7 +179,9 @@ class LandmarkFilter(msgspec.Struct, frozen=True):
     # Sights.
 
     def _with_sight(self, sight: LandmarkSight) -> LandmarkFilter:
-        landmark, prepared = sight.landmark, self._prepared(sight)
+        landmark, prepared = sight.landmark, self._prepared(sight, self.mean)
+        if self.records[landmark].used < IN_A_ROW:
+            prepared = self._iterated(sight, prepared)
         sequel, correction, record = prepared.sequel, prepared.correction, self.records[landmark]
         if prepared.nis <= GATE:
             after = replace(record, state=LandmarkState.USED, used=record.used + 1)
@@ -194,18 +202,32 @@ class LandmarkFilter(msgspec.Struct, frozen=True):
         )
         return with_it if decided else state
 
-    def _prepared(self, sight: LandmarkSight) -> PreparedSight:
+    def _iterated(self, sight: LandmarkSight, first: PreparedSight) -> PreparedSight:
+        """The sight about the estimate that it leads to (iterated Kalman filter: Bell & Cathey 1993).
+
+        The first sights move the estimate by a metre or two. About the estimate before them their sensitivities to
+        the altitude differ from those of later sights by a tenth, which the filter takes for information: over descents
+        it claimed an altitude to 0.9 m after a second, where 1.5 m can be known.
+        """
+        prepared = first
+        for _ in range(ITERATIONS):
+            mean, _ = updated((self.mean, self.cov), prepared.correction, self.model.estimated)
+            prepared = self._prepared(sight, mean)
+        return replace(prepared, nis=first.nis, off_m=first.off_m)
+
+    def _prepared(self, sight: LandmarkSight, mean: Array) -> PreparedSight:
         """The sight against the known place. ``ray_measurement`` has the shared errors but for altitude and survey."""
         model, fix, before = self.model, sight.fix, self.sequels[sight.landmark]
         host_ns, survey = fix.sighting.frame_host_ns, model.survey(sight.landmark)
         since_s = FIRST_S if before is None else max(s_from_ns(host_ns - before.at_ns), 1e-3)
-        north, east, up = map(float, self.mean[survey])
+        north, east, up = map(float, mean[survey])
         measurement = ray_measurement(
             model,
             fix,
-            self.mean,
+            mean,
+            pose=self.pose(fix.sighting),
             point=(sight.north_m + north, sight.east_m + east, fix.position_ned[2] - up),
-            too_high_m=float(self.mean[model.altitude]),
+            too_high_m=float(mean[model.altitude]),
             shift=ZERO3 if self.path is None else self.path.shift,
             since_s=since_s,
         )
@@ -216,7 +238,11 @@ class LandmarkFilter(msgspec.Struct, frozen=True):
         nis = float(innovation @ np.linalg.solve(rows @ self.cov @ rows.T + measurement.noise, innovation))
         off_m = hypot(*map(float, np.linalg.lstsq(by_point[:, :2], innovation, rcond=None)[0]))
         sequel = Sequel(host_ns, 0 if before is None else before.in_a_row)
-        return PreparedSight(sequel, measurement.correction(rows, self.mean), nis, off_m)
+        return PreparedSight(sequel, measurement.correction(rows, mean), nis, off_m)
+
+    def pose(self, sighting: Sighting) -> DelayedSighting:
+        """The sighting by the pose at the estimated delay."""
+        return self.history.delayed(sighting, self.model.late_s(sighting, self.mean))
 
     # Steps.
 
@@ -234,7 +260,7 @@ class LandmarkFilter(msgspec.Struct, frozen=True):
         return replace(self, records=self._with(landmark, record), sequels=sequels)
 
 
-def landmark_filter(model: SharedErrors) -> LandmarkFilter:
+def landmark_filter(model: SharedErrors, state_at: StateAt | None = None) -> LandmarkFilter:
     """The state before the first frame."""
     return LandmarkFilter(
         model=model,
@@ -242,5 +268,6 @@ def landmark_filter(model: SharedErrors) -> LandmarkFilter:
         cov=model.prior(model.position_sigma_m),
         sigma_m=model.position_sigma_m,
         records=tuple(LandmarkRecord(landmark.label) for landmark in model.landmarks),
+        history=PoseHistory(state_at),
         sequels=(None,) * len(model.landmarks),
     )

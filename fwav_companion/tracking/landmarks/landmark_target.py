@@ -12,13 +12,15 @@ from msgspec.structs import replace
 from fwav_companion.geometry.small_matrices import Symmetric2, horizontal_sigma
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.geometry.vectors import ZERO3, Matrix3, Vector3
+from fwav_companion.self_calibration.arrays import Array
+from fwav_companion.self_calibration.delayed_poses import StateAt
 from fwav_companion.tracking.filters.base import TargetState
 from fwav_companion.tracking.filters.consider_biases import FIRST_SENSITIVITY_S, Measurement
 from fwav_companion.tracking.filters.kalman import StaticKalman, StaticTargetState
 from fwav_companion.tracking.filters.linearization import is_level
-from fwav_companion.tracking.landmarks.joint_place import Correction, JointPlace, first_joint_place
+from fwav_companion.tracking.landmarks.joint_place import Correction, JointPlace, first_joint_place, unknown_place
 from fwav_companion.tracking.landmarks.landmark_examination import release
-from fwav_companion.tracking.landmarks.landmark_filter import LandmarkFilter, landmark_filter
+from fwav_companion.tracking.landmarks.landmark_filter import ITERATIONS, LandmarkFilter, landmark_filter
 from fwav_companion.tracking.landmarks.ray_measurement import ray_measurement
 from fwav_companion.tracking.landmarks.state_vector import SharedErrors
 from fwav_companion.types import (
@@ -126,16 +128,23 @@ class LandmarkTargetState(msgspec.Struct, frozen=True, kw_only=True):
 
     def update(self, fix: GroundFix) -> Self:
         """The state after a fix of this instant."""
-        joint = self.joint
+        joint, since_s = self.joint, max(s_from_ns(fix.sighting.frame_host_ns - self.own.fixed_ns), 1e-3)
         if is_level(fix):
-            joint = joint.update(self._by_direction(fix))
+            joint = joint.update(self._by_direction(fix, joint.mean, since_s))
         else:
             joint = joint.update(_on_the_ground(self.own.measured(fix), fix, self.landmarks.model))
         return replace(self, own=self.own.update(fix), joint=joint)
 
-    def _by_direction(self, fix: GroundFix) -> Correction:
-        """A fix on level ground as a measurement of direction to the place."""
-        model, path, mean = self.landmarks.model, self.landmarks.path, self.joint.mean
+    def by_first_direction(self, fix: GroundFix) -> Self:
+        """The state after its first fix on level ground, about the estimate that the fix leads to."""
+        unknown, joint = unknown_place(self.joint, self.landmarks.shared), self.joint
+        for _ in range(ITERATIONS):
+            joint = unknown.update(self._by_direction(fix, joint.mean, FIRST_SENSITIVITY_S))
+        return replace(self, joint=joint)
+
+    def _by_direction(self, fix: GroundFix, mean: Array, since_s: float) -> Correction:
+        """A fix on level ground as a measurement of direction to the place, linear about ``mean``."""
+        model, path = self.landmarks.model, self.landmarks.path
         sighting = fix.sighting
         down_m = fix.position_ned[2] - sighting.anchor_height_m
         too_deep_m = model.value(mean[2:], Bias.TERRAIN) if any(fix.bias_jacobian[Bias.TERRAIN]) else 0.0
@@ -144,10 +153,11 @@ class LandmarkTargetState(msgspec.Struct, frozen=True, kw_only=True):
             model,
             fix,
             mean[2:],
+            pose=self.landmarks.pose(sighting),
             point=(float(mean[0]), float(mean[1]), down_m + too_deep_m),
             too_high_m=0.0,
             shift=ZERO3 if path is None else path.shift,
-            since_s=max(s_from_ns(sighting.frame_host_ns - self.own.fixed_ns), 1e-3),
+            since_s=since_s,
         )
         model.with_level(measurement.rows, fix, measurement.by_point)
         return measurement.correction(np.hstack((measurement.by_point[:, :2], measurement.rows)), mean)
@@ -195,16 +205,20 @@ class LandmarkTracking(msgspec.Struct, frozen=True):
         measurement = errors.with_sensitivity_noise(errors.prepared(fix), FIRST_SENSITIVITY_S)
         fixed = _on_the_ground(measurement, fix, landmarks.model)
         joint = first_joint_place(fixed, landmarks.shared, landmarks.model.estimated)
-        return LandmarkTargetState(own=own, joint=joint, landmarks=landmarks, separation=_separation(joint, landmarks))
+        target = LandmarkTargetState(own=own, joint=joint, landmarks=landmarks)
+        target = target.by_first_direction(fix) if is_level(fix) else target
+        return replace(target, separation=_separation(target.joint, landmarks))
 
     def restarted(self) -> LandmarkTracking:
         """The landmarks after every target was dropped: the vehicle or its world is another one."""
-        return LandmarkTracking(self.own, landmark_filter(self.landmarks.model))
+        return LandmarkTracking(self.own, landmark_filter(self.landmarks.model, self.landmarks.history.state_at))
 
 
-def landmark_tracking(priors: ErrorPriors, landmarks: Sequence[Landmark]) -> LandmarkTracking:
+def landmark_tracking(
+    priors: ErrorPriors, landmarks: Sequence[Landmark], state_at: StateAt | None = None
+) -> LandmarkTracking:
     """The start of a flight with landmarks."""
-    return LandmarkTracking(StaticKalman(priors), landmark_filter(SharedErrors(priors, landmarks)))
+    return LandmarkTracking(StaticKalman(priors), landmark_filter(SharedErrors(priors, landmarks), state_at))
 
 
 def _separation(joint: JointPlace, landmarks: LandmarkFilter) -> Symmetric2:

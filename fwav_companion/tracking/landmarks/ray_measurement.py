@@ -15,6 +15,7 @@ from fwav_companion.geometry.rotations import exp, matrix_from_quaternion
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.geometry.vectors import ZERO3, Vector3, add, norm, scale, subtract, transform
 from fwav_companion.self_calibration.arrays import Array
+from fwav_companion.tracking.landmarks.delayed_sighting import DelayedSighting
 from fwav_companion.tracking.landmarks.joint_place import Correction
 from fwav_companion.tracking.landmarks.state_vector import SharedErrors
 from fwav_companion.types import GroundFix, Sighting
@@ -28,11 +29,11 @@ STALE_S = 1.5
 """Interval of frames beyond which the path begins again: they are few, and share no noise."""
 FARTHEST_M = 5.0
 """Distance from the smoothed path beyond which the reported position has jumped."""
-SENSITIVITY_SHARE = 0.07
-"""Relative error of the sensitivities, one sigma. It covers what is not linear: a camera that is 20 ms late sees a
-wing beat of 5 degrees at 5 Hz by 1 degree otherwise than rates say. After 45 s beside one landmark, on 16 orbits and 16
-figure eights: at 0.1 off by 0.139 and 0.098 m (median), at mean squares of 1.7 and 1.6; at 0.07 by 0.129 and 0.092 m,
-at 1.9 and 1.8, of 2 when honest; at 0.05 a mean square of 2.6 on the orbits."""
+SENSITIVITY_SHARE = 0.03
+"""Relative error of the sensitivities, one sigma: the smoothed path is 0.1 to 0.3 m off at 12 m. A target 5 m from one
+landmark, after 45 s, medians of 16 orbits, eights and hovers: at 0.01 off by 0.111, 0.093 and 0.207 m at mean squares
+of 2.7, 2.1 and 2.5, of 2 when honest; at 0.035 by 0.116, 0.090 and 0.178 m at 2.6, 1.9 and 2.0. By rates, without the
+pose at the estimated delay, 0.07 was needed: 0.121, 0.110 and 0.207 m at 2.5, 2.1 and 2.0."""
 SENSITIVITY_STEP_S = 6.0
 """Twice the correlation time of that error: it stays the same while the geometry does."""
 LEAST_DISTANCE_M = 0.3
@@ -89,20 +90,21 @@ def ray_measurement(
     fix: GroundFix,
     mean: Array,
     *,
+    pose: DelayedSighting,
     point: Vector3,
     too_high_m: float,
     shift: Vector3,
     since_s: float,
 ) -> RayMeasurement:
-    """The direction of a sight against that to ``point``, by the mean of the shared errors.
+    """The direction of a sight against that to ``point``, by the mean of the shared errors and the pose of the sight.
 
     ``too_high_m``: reported minus true height of the camera above the point. ``shift``: from the reported position to
     that at which the sensitivities are taken. ``since_s``: after the last sight of the same thing.
     """
-    sighting = fix.sighting
+    sighting = pose.sighting
     ray = np.array(transform(sighting.ned_from_camera, sighting.ray.direction))
-    turn = model.rotation(sighting, mean)
-    off_n, off_e, off_d = model.displacement(sighting, mean)
+    turn = model.rotation(sighting, mean, pose.late_s)
+    off_n, off_e, off_d = model.displacement(sighting, mean, pose.late_s)
     offset = subtract(point, sighting.camera_ned)
     to_point = (offset[0] + off_n, offset[1] + off_e, offset[2] + off_d - too_high_m)
     turned = np.array(matrix_from_quaternion(exp(turn)))
