@@ -197,3 +197,23 @@ def test_gross_detections_do_not_pull_it():
             flight.gross = gross
             errors.append(np.hypot(*np.subtract(final_track(flight).position_ned[:2], (4.0, 3.0))))
     assert np.sqrt(np.mean(np.square(dirty))) < np.sqrt(np.mean(np.square(clean))) + 0.01
+
+
+def test_the_targets_of_one_frame_are_placed_in_different_frames():
+    """Ten targets at twenty frames a second: at most two of them have their place updated in one frame."""
+    kalman = StaticKalman(priors(position_north=1.0, position_east=1.0))
+
+    def seen(t, k):
+        fix = a_fix(t, (3.0 * k, 0.0, 0.0))
+        return replace(fix, sighting=replace(fix.sighting, index=k))
+
+    targets = [kalman.initiate(seen(0.0, k)) for k in range(10)]
+    placed = []
+    for t in np.arange(1, 100) / 20.0:
+        before = targets
+        targets = [target.update(seen(float(t), k)) for k, target in enumerate(targets)]
+        if t > 2.0:
+            pairs = zip(before, targets, strict=True)
+            placed.append(sum(new.placed_ns != old.placed_ns for old, new in pairs))
+    assert max(placed) <= 2
+    assert sum(placed) >= 20

@@ -19,7 +19,7 @@ from fwav_companion.tracking.filters.schmidt_kalman import (
     relative_estimate,
     scattered,
 )
-from fwav_companion.tracking.filters.standing import StandingModel, StandingTargetState
+from fwav_companion.tracking.filters.standing import StandingModel, StandingTargetState, apart_at
 from fwav_companion.types import ErrorPriors, GroundFix
 
 OWN_RAY = 0.05
@@ -142,7 +142,7 @@ class StaticKalman:
             apparent=apparent,
             down=first_down(measurement),
             point=first_point(fix.drop_m, model.errors.height_noise_m),
-            first_ns=host_ns,
+            apart_ns=apart_at(fix),
             placed_ns=host_ns,
             fixed_ns=host_ns,
             host_ns=host_ns,

@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.tracking.filters.consider_biases import Measurement
 from fwav_companion.tracking.filters.schmidt_kalman import PointEstimate, first_down, first_point_estimate, scattered
-from fwav_companion.tracking.filters.standing import StandingModel, StandingTargetState
+from fwav_companion.tracking.filters.standing import StandingModel, StandingTargetState, apart_at
 from fwav_companion.types import ErrorPriors, GroundFix
 
 
@@ -86,7 +86,7 @@ class LowPass:
             wander=model.wander_at(fix),
             apparent=first_point_estimate(sample),
             down=first_down(sample),
-            first_ns=host_ns,
+            apart_ns=apart_at(fix),
             placed_ns=host_ns,
             fixed_ns=host_ns,
             host_ns=host_ns,

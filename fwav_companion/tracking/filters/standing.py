@@ -10,7 +10,7 @@ import msgspec
 from msgspec.structs import replace
 
 from fwav_companion.geometry.small_matrices import Symmetric2, inner
-from fwav_companion.geometry.stamps import HostNs, s_from_ns
+from fwav_companion.geometry.stamps import HostNs, ns_from_s, s_from_ns
 from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.tracking.filters.adaptive_noise import AdaptiveNoise
 from fwav_companion.tracking.filters.consider_biases import ConsiderBiases, Measurement
@@ -34,6 +34,9 @@ from fwav_companion.types.tracks import GateResult, GateShare
 
 FRESH_SHARE = 0.5
 """Sigma of a receiver over its earlier one, at which its error is a new one: it has found another solution."""
+
+SPREAD = 0.618
+"""Step of the targets of one frame within a second: multiples of the golden section spread evenly, however many."""
 
 
 class StandingModel:
@@ -66,7 +69,7 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     predicted: PointEstimate | None = None
     """The same at ``host_ns``; None at the last fix."""
     wandering: WanderingPlace | None = None
-    """The place apart from that error; None where positions are exact, and within the first second."""
+    """The place apart from that error; None where positions are exact, and before ``apart_ns``."""
     fresh: PointEstimate | None = None
     """Mean of the fixes since ``placed_ns``, by which the place is updated next; None before the first. The apparent
     place would not do: what it is now it was a second before, and it would count again."""
@@ -75,8 +78,8 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     """Scatter of single fixes beyond their noise."""
     late: tuple[float, float] = (0.0, 0.0)
     """Displacement of the vehicle's report by one sigma of the position delay, at the last fix: north, east, metres."""
-    first_ns: HostNs
-    """Capture of the first fix."""
+    apart_ns: HostNs
+    """Instant from which the place is apart from the apparent one."""
     placed_ns: HostNs
     """Instant of ``wandering``."""
     fixed_ns: HostNs
@@ -211,10 +214,10 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     def placed(
         self, measurement: Measurement, host_ns: HostNs
     ) -> tuple[WanderingPlace | None, PointEstimate | None, HostNs]:
-        """``wandering``, ``fresh`` and ``placed_ns`` by the newest fix. Within the first second the place is the
-        apparent one.
+        """``wandering``, ``fresh`` and ``placed_ns`` by the newest fix. Before ``apart_ns`` the place is the apparent
+        one.
         """
-        if self.wander.sigma_m == 0.0 or s_from_ns(host_ns - self.first_ns) < STEP_S:
+        if self.wander.sigma_m == 0.0 or host_ns < self.apart_ns:
             return None, None, host_ns
         wandering = self.wandering or first_place(self.apparent, self.wander)
         fresh, since_s = self.fresh, s_from_ns(host_ns - self.placed_ns)
@@ -226,6 +229,15 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
         if since_s < STEP_S:
             return wandering, fresh, self.placed_ns
         return wandering.update(fresh, self.wander, since_s), None, host_ns
+
+
+def apart_at(fix: GroundFix) -> HostNs:
+    """The instant from which the place of a target with this first fix is apart from the apparent one.
+
+    That is one second later and, as the targets of a frame have their updates at other instants of a second, up to two.
+    """
+    sighting = fix.sighting
+    return HostNs(sighting.frame_host_ns + ns_from_s(STEP_S * (1.0 + SPREAD * sighting.index % 1.0)))
 
 
 def with_down(place: PointEstimate | RelativeEstimate, down: DownEstimate) -> Matrix3:
