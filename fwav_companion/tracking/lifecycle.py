@@ -26,6 +26,8 @@ KEPT_LOOKS = 14.5
 LOOK_S = 0.2
 """Time of one independent look at a confirmed track, seconds: a wing beat of 5 Hz. What hides a target in one frame,
 as motion blur, hides it in the next."""
+MOVING_LOOK_S = 0.4
+"""The same of a target that moves: a house or a tree that hides it for a moment hides it for seconds."""
 PRIOR_LOOKS = 10.0
 """Looks that the flight's detection probability is worth for a single track: a far target is detected less often."""
 
@@ -84,14 +86,16 @@ def detected(life: Life, host_ns: HostNs, log_likelihood_ratio: float, detector:
     )
 
 
-def not_detected(life: Life, host_ns: HostNs, *, missed: bool, keep_ns: int, detector: DetectorModel) -> Life:
+def not_detected(
+    life: Life, host_ns: HostNs, *, missed: bool, keep_ns: int, detector: DetectorModel, look_s: float = LOOK_S
+) -> Life:
     """The life after a frame without a fix of it; ``missed``: the frame could have seen it.
 
     ``keep_ns``: time without detection after which a track is deleted, however few looks there were.
     """
     llr, misses = life.log_likelihood_ratio, life.misses
     if missed:
-        share = 1.0 if life.confirmed_ns is None else min(1.0, detector.elapsed_s(host_ns) / LOOK_S)
+        share = 1.0 if life.confirmed_ns is None else min(1.0, detector.elapsed_s(host_ns) / look_s)
         llr, misses = llr + share * log(1.0 - _detection_probability(life, detector)), misses + 1
     unseen_ns = host_ns - life.last_seen_ns
     if life.confirmed_ns is None:

@@ -14,7 +14,7 @@ from fwav_companion.tracking.association import Candidate, associate, clutter
 from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.tracking.displacement import Absent, absent
 from fwav_companion.tracking.filters.base import Filter, TargetState
-from fwav_companion.tracking.lifecycle import not_detected
+from fwav_companion.tracking.lifecycle import LOOK_S, MOVING_LOOK_S, not_detected
 from fwav_companion.tracking.reacquisition import Branchings, branched, first_served, reacquired, weak_evidence
 from fwav_companion.tracking.self_calibrated import CalibratedTargetState, MisplacedTargetState, claimed_m2
 from fwav_companion.tracking.track_merging import TrackMerging
@@ -237,7 +237,10 @@ class Tracker:
         """The track after a frame without a fix of it."""
         missed = is_missed_detection(view, track.label, self._best_target(track), self._margin_m(track))
         detector = self._state.detector
-        life = not_detected(track.life, view.host_ns, missed=missed, keep_ns=self._keep_ns, detector=detector)
+        look_s = LOOK_S if track.target.velocity_cov is None else MOVING_LOOK_S
+        life = not_detected(
+            track.life, view.host_ns, missed=missed, keep_ns=self._keep_ns, detector=detector, look_s=look_s
+        )
         return track if life is track.life else msgspec.structs.replace(track, life=life, looked_for=missed)
 
     def _seen(self, track: LiveTrack, fix: GroundFix, llr: float, view: FrameView, missed: Absent) -> LiveTrack:

@@ -71,6 +71,14 @@ def test_looks_in_vain_delete_a_target_after_three_seconds():
     assert reported[-1] == ()
 
 
+def test_a_moving_target_that_is_hidden_for_five_seconds_stays_one_track():
+    tracker = confirmed(label="", motion="moving")
+    assert {track.state for track in fed(tracker, 3.0, 5.0, seen=False)[-1]} == {TrackState.COASTING}
+    assert [(t.id, t.state) for t in fed(tracker, 8.0, 1.0)[-1]] == [(1, TrackState.CONFIRMED)]
+    ends = [(k, t.reason) for k, tracks in enumerate(fed(tracker, 9.0, 8.0, seen=False)) for t in tracks if t.reason]
+    assert ends == [(pytest.approx(57, abs=2), Reason.NOT_SEEN)]
+
+
 def test_a_slow_camera_deletes_by_looks_not_by_seconds():
     reported = fed(confirmed(), 4.0, 20.0, fps=1, seen=False)
     assert [k for k, tracks in enumerate(reported) for t in tracks if t.reason] == [14]
