@@ -37,12 +37,19 @@ class Absent(msgspec.Struct, frozen=True):
 
 
 def absent(
-    tracks: Sequence[LiveTrack], missed: Sequence[LiveTrack], taken: Mapping[int, tuple[GroundFix, float]]
+    tracks: Sequence[LiveTrack],
+    missed: Sequence[LiveTrack],
+    taken: Mapping[int, tuple[GroundFix, float]],
+    *,
+    photographs: bool,
 ) -> Absent:
-    """The confirmed tracks that a frame missed. ``taken``: the fixes of the tracks that it detected, by id."""
+    """The confirmed tracks that a frame missed. ``taken``: the fixes of the tracks that it detected, by id.
+
+    Only of ``photographs`` fixes are compared: of many frames some show a target, displaced, in another one's place.
+    """
     confirmed = [track for track in missed if track.confirmed]
-    if not confirmed:
-        return Absent((), None)
+    if not (confirmed and photographs):
+        return Absent(confirmed, None)
     off_m = [_off_m(track.target, taken[track.id][0]) for track in tracks if track.confirmed and track.id in taken]
     return Absent(confirmed, min(off_m, default=None))
 

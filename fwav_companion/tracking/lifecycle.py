@@ -12,7 +12,7 @@ from math import log
 
 import msgspec
 
-from fwav_companion.geometry.stamps import NS_PER_MS, HostNs, ns_from_s
+from fwav_companion.geometry.stamps import NS_PER_MS, HostNs, ns_from_s, s_from_ns
 from fwav_companion.tracking.detector_model import MOST_PROBABLE, DetectorModel
 from fwav_companion.types import Reason, TrackState
 
@@ -59,6 +59,11 @@ class Life(msgspec.Struct, frozen=True, gc=False):
     """Capture of the frame that confirmed it, host clock; None while tentative."""
     reason: Reason | None = None
     """Reason of the deletion; None while alive."""
+
+
+def are_photographs(detector: DetectorModel) -> bool:
+    """Whether frames come so slowly that one missed detection makes a track coast."""
+    return s_from_ns(COASTING_AFTER_NS) * detector.frames_hz < 1.0
 
 
 def initiated(host_ns: HostNs) -> Life:

@@ -6,7 +6,8 @@ such fix must not confirm it again. Track splitting (Smith & Buechler 1975; Blac
 ch. 16): a fix whose log-likelihood ratio alone does not reach the threshold of confirmation begins a branch, a
 tentative track from the coasting state and this fix. The coasting track goes on without the fix. The sequential test of
 ``lifecycle`` continues over the branch: confirmed, it becomes the coasting track; deleted, its fixes have changed
-nothing. In photographs, where one missed detection makes a track coast, a standing target has no branches.
+nothing. A standing target has no branches in photographs, where one missed detection makes a track coast, and beside
+others.
 """
 
 from __future__ import annotations
@@ -17,9 +18,10 @@ from typing import TypeAlias
 
 import msgspec
 
-from fwav_companion.geometry.stamps import HostNs, s_from_ns
+from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.tracking.detector_model import DetectorModel
-from fwav_companion.tracking.lifecycle import COASTING_AFTER_NS
+from fwav_companion.tracking.filters.gates import GATE
+from fwav_companion.tracking.lifecycle import are_photographs
 from fwav_companion.tracking.track_state import LiveTrack, initiate
 from fwav_companion.types import GroundFix, Reason, TrackState
 
@@ -38,17 +40,25 @@ def weak_evidence(tracks: Sequence[LiveTrack], taken: Mapping[int, Evidence], de
 
     ``taken``: the fixes of tracks, by id.
     """
-    coasting = [each for each in tracks if each.life.state is TrackState.COASTING and each.id in taken]
-    if s_from_ns(COASTING_AFTER_NS) * detector.frames_hz < 1.0:
-        coasting = [each for each in coasting if each.target.velocity_cov is not None]
-    if not coasting:
-        return {}
     needed = detector.confirming_llr - log(detector.detection_probability)
+    coasting = [track for track in tracks if track.life.state is TrackState.COASTING and track.id in taken]
+    weak = [(track, taken[track.id]) for track in coasting if taken[track.id][1] < needed]
     return {
         id(fix): (track, (fix, llr))
-        for track, (fix, llr) in ((each, taken[each.id]) for each in coasting)
-        if llr < needed and track.target.gate(fix).log_det_ratio > WIDE
+        for track, (fix, llr) in weak
+        if track.target.gate(fix).log_det_ratio > WIDE
+        and (track.target.velocity_cov is not None or not (are_photographs(detector) or _is_shared(track, fix, tracks)))
     }
+
+
+def _is_shared(track: LiveTrack, fix: GroundFix, tracks: Sequence[LiveTrack]) -> bool:
+    """Whether another confirmed track may have this fix, too.
+
+    Standing targets that are nearer to one another than their gates are seen one after the other as they come into
+    view: while branches of some wait, the fixes of the next ones would go to the wrong tracks.
+    """
+    others = [each for each in tracks if each.confirmed and each.id != track.id and each.label == track.label]
+    return any(each.target.gate(fix).nis < GATE for each in others)
 
 
 def first_served(tracks: Sequence[LiveTrack]) -> set[int]:

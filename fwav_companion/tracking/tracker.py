@@ -14,7 +14,7 @@ from fwav_companion.tracking.association import Candidate, associate, clutter
 from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.tracking.displacement import Absent, absent
 from fwav_companion.tracking.filters.base import Filter, TargetState
-from fwav_companion.tracking.lifecycle import LOOK_S, MOVING_LOOK_S, not_detected
+from fwav_companion.tracking.lifecycle import LOOK_S, MOVING_LOOK_S, are_photographs, not_detected
 from fwav_companion.tracking.reacquisition import Branchings, branched, first_served, reacquired, weak_evidence
 from fwav_companion.tracking.self_calibrated import CalibratedTargetState, MisplacedTargetState, claimed_m2
 from fwav_companion.tracking.track_merging import TrackMerging
@@ -158,7 +158,7 @@ class Tracker:
         missed = [
             track for track in predicted if track.id in unseen and unseen[track.id].life.misses > track.life.misses
         ]
-        displaced = absent(predicted, missed, taken)
+        displaced = absent(predicted, missed, taken, photographs=are_photographs(state.detector))
         after = [
             unseen[track.id] if track.id in unseen else self._seen(track, *taken[track.id], view, displaced)
             for track in predicted

@@ -41,7 +41,8 @@ def test_another_label_explains_no_fix():
 def test_the_least_distance_is_that_of_confirmed_tracks_from_their_own_fixes():
     tracks = [a_track(1), a_track(2), a_track(3, confirmed=False), a_track(4)]
     taken = {1: (beside(0.6, 0.8), 5.0), 2: (beside(-0.3), 5.0), 3: (beside(0.1), 5.0)}
-    missed = absent(tracks, [tracks[3]], taken)
+    missed = absent(tracks, [tracks[3]], taken, photographs=True)
     assert (missed.tracks, missed.seen_off_m) == ([tracks[3]], pytest.approx(0.3))
-    assert absent(tracks[:3], [tracks[2]], taken).seen_off_m is None, "no confirmed track was missed"
-    assert absent(tracks, [tracks[3]], {}).seen_off_m is None
+    assert absent(tracks[:3], [tracks[2]], taken, photographs=True).tracks == [], "no confirmed track was missed"
+    assert absent(tracks, [tracks[3]], {}, photographs=True).seen_off_m is None
+    assert absent(tracks, [tracks[3]], taken, photographs=False) == Absent([tracks[3]], None)

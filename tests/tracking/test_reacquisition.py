@@ -125,6 +125,17 @@ def test_a_standing_target_in_a_wide_gate_has_branches_where_frames_come_faster_
     assert tracks[0].state is (TrackState.COASTING if branches else TrackState.CONFIRMED)
 
 
+@pytest.mark.parametrize(("apart_m", "branches"), [(2.0, 0), (60.0, 1)])
+def test_a_standing_target_beside_another_has_no_branches(apart_m, branches):
+    """The gate is 8 m wide: its fix may be the other's."""
+    tracker, other = make_tracker(TrackingOptions(), CROOKED), (PLACE[0], PLACE[1] + apart_m, 0.0)
+    for k in range(12):
+        tracker.on_frame(a_view(k / 10, seen_from(1, k / 10, PLACE), seen_from(1, k / 10, other)))
+    for k in range(12, 18):
+        tracker.on_frame(a_view(k / 10, sees=False))
+    assert len(tracker.on_frame(a_view(1.8, seen_from(-1, 1.8, ASTRAY)))) == 2 + branches
+
+
 @pytest.mark.parametrize("seconds", [0.5, 0.8, 1.0, 1.5, 3.0])
 def test_the_bound_is_the_likelihood_ratio_of_the_fix(seconds):
     """Density of the target over that of false detections; the fix is at the predicted place."""
