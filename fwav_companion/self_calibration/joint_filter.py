@@ -18,6 +18,7 @@ Immutable: an update returns a new estimate.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import inf
 
 import msgspec
 import numpy as np
@@ -125,6 +126,19 @@ class JointFilter(msgspec.Struct, frozen=True):
         """(B, 2) apparent place of each target, by track."""
         apparent = self.apparent
         return {track: apparent[:, 2 * k : 2 * k + 2] for k, track in enumerate(self.tracks)}
+
+    def separation2(self, one: int, other: int) -> float:
+        """Squared distance of two targets over its own covariance, 2 degrees of freedom, under the first hypothesis.
+
+        Errors that both share cancel. Infinite where the estimate does not hold both.
+        """
+        a, b = self.place_of(one), self.place_of(other)
+        if a is None or b is None:
+            return inf
+        first, second, cov = slice(a, a + 2), slice(b, b + 2), self.cov[0]
+        apart = self.mean[0, first] - self.mean[0, second]
+        relative = cov[first, first] + cov[second, second] - cov[first, second] - cov[second, first]
+        return float(apart @ np.linalg.solve(relative, apart))
 
     def take(self, hypotheses: Sequence[int]) -> JointFilter:
         """Some of the hypotheses."""

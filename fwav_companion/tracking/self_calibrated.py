@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import inf
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -85,6 +86,11 @@ class CalibratedTargetState(msgspec.Struct, frozen=True):
         """How little a fix was expected in the image, with what calibration knows by now."""
         seen = self.calibrator.gate(self.track, fix)
         return self.own.gate(fix) if seen is None else seen
+
+    def separation2(self, other: int) -> float:
+        """Squared distance to another track's target over its own covariance, 2 degrees of freedom; inf: not known."""
+        served = self.calibrator.passes.served
+        return inf if served is None else served.best.separation2(self.track, other)
 
     def update(self, fix: GroundFix) -> TargetState:
         """Its own filter goes on beside the joint estimate."""

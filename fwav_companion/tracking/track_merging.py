@@ -119,14 +119,16 @@ def _substitutes(
 
 
 def _coincide(one: TargetState, other: TargetState, fix: GroundFix) -> bool:
-    """Whether calibration puts both nearer to each other than the noise of a single fix.
+    """Whether calibration puts both nearer to each other than the noise of a single fix, and cannot tell them apart.
 
-    Estimates without it are apart by what the legs differ in, and could coincide while one of two targets hides.
+    Estimates without it are apart by what the legs differ in, and could coincide while one of two targets hides. Two
+    that are known to be apart stay two, however long one of them hides.
     """
     if not (isinstance(one, CalibratedTargetState) and isinstance(other, CalibratedTargetState)):
         return False
     (nn, _, _), (_, ee, _), _ = fix.noise_cov
-    return dist(one.position_ned[:2], other.position_ned[:2]) ** 2 < nn + ee
+    near = dist(one.position_ned[:2], other.position_ned[:2]) ** 2 < nn + ee
+    return near and one.separation2(other.track) < GATE
 
 
 def _differ_by_id(one: LiveTrack, other: LiveTrack) -> bool:

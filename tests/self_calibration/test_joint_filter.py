@@ -215,3 +215,16 @@ def test_the_linearization_point_moves_where_the_estimate_left_it_in_view():
     assert far.innovations(batch).displaced > 0.02
     exact = predict(batch, moved.apparent.reshape(1, 3, 2), moved.mean[:, :SHARED_COUNT]).residual
     assert moved.innovations(batch).difference == pytest.approx(exact.reshape(1, -1), abs=1e-9)
+
+
+def test_the_separation_of_two_targets_is_that_of_their_difference():
+    """Against draws of the state: what both share moves both and cancels."""
+    places = np.array([[4.0, 3.0], [4.1, 3.2], [9.0, -2.0]])
+    rng = np.random.default_rng(4)
+    joint = joint_with(places, rng)
+    a, b = FIRST, FIRST + 2
+    drawn = rng.multivariate_normal(joint.mean[0], joint.cov[0], 20_000)
+    apart = drawn[:, a : a + 2] - drawn[:, b : b + 2]
+    mean, cov = joint.mean[0, a : a + 2] - joint.mean[0, b : b + 2], np.cov(apart.T)
+    assert joint.separation2(TRACKS[0], TRACKS[1]) == pytest.approx(mean @ np.linalg.solve(cov, mean), rel=0.05)
+    assert joint.separation2(TRACKS[0], 99) == np.inf

@@ -138,16 +138,22 @@ def test_frames_that_could_not_see_the_other_say_nothing():
 
 
 @pytest.mark.parametrize(
-    ("apart_m", "calibrates", "ends"), [(0.05, True, True), (0.4, True, False), (0.05, False, False)]
+    ("apart_m", "sigma_m", "ends"),
+    [(0.05, 0.02, True), (0.4, 0.2, False), (0.05, None, False), (0.1, 0.03, True), (0.1, 0.02, False)],
 )
-def test_slow_turns_are_of_one_target_where_calibration_puts_both_on_one_place(apart_m, calibrates, ends):
-    """Turns of twenty looks; a fix has a sigma of 0.2 m an axis. Their own filters are 0.8 m apart throughout."""
+def test_slow_turns_are_of_one_target_where_calibration_puts_both_on_one_place(apart_m, sigma_m, ends):
+    """Turns of twenty looks; a fix has a sigma of 0.2 m an axis. Their own filters are 0.8 m apart throughout.
+
+    ``sigma_m``: one sigma of the two places' difference by calibration, north; None without calibration.
+    """
+    estimate = SimpleNamespace(separation2=lambda one, other: (apart_m / sigma_m) ** 2)
+    calibrator = SimpleNamespace(passes=SimpleNamespace(served=SimpleNamespace(best=estimate)))
 
     def best(track):
         place = (4.0 + apart_m * (track.id == 2), 3.0)
         own = StaticKalman(NO_BIAS).initiate(a_fix(0.0, (*place, 0.0)))
         placed = SimpleNamespace(north=place[0], east=place[1])
-        return CalibratedTargetState(None, track.id, placed, own) if calibrates else own
+        return own if sigma_m is None else CalibratedTargetState(calibrator, track.id, placed, own)
 
     merging = TrackMerging()
     for k in range(TURNS + 40):
