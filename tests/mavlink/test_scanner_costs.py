@@ -50,6 +50,16 @@ def test_what_is_shed_costs_no_frame_of_a_known_sender() -> None:
     assert scanner.shed_bytes > 900_000
 
 
+def test_a_new_sender_is_heard_through_a_flood() -> None:
+    """An autopilot that is switched on while something else sends start bytes to its port."""
+    scanner = Scanner(datagrams=True)
+    for _ in range(200):
+        assert scanner.feed(b"\xfd" * 300) == []
+    for component in range(1, 20):
+        scanner.feed(b"\xfd" * 300)
+        assert len(scanner.feed(Wire(1, component).heartbeat())) == 1
+
+
 def test_noise_and_a_stream_of_which_half_is_corrupted_shed_nothing() -> None:
     rng = random.Random(4)
     noise = Scanner()

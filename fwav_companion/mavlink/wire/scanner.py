@@ -20,6 +20,8 @@ the end of the chunk, and they are counted. Earned trials cost 2 us x 18 / 1024 
 cost; with the cost of what is valid between them the sum stays below 4 times (tests/benchmarks/adversary.py). Random
 bytes have 8 start bytes in a KiB, and a corrupted frame 1.3: noise of a wrong baud rate, and a stream of which half the
 frames are corrupted, shed nothing. Frames of known flows need no trial: they pass while others on the link are shed.
+Neither does a known frame at the beginning of a datagram, whose reception costs more than a trial: else a sender that
+is heard first while others flood the port would stay unheard.
 """
 
 from __future__ import annotations
@@ -200,7 +202,7 @@ class Scanner:
         if isinstance(found, RawFrame) and found.definition is None:
             found = self._judge_unknown(buffer, position, found, at_end)
         if isinstance(found, RawFrame):
-            if not self._accept(found):
+            if not self._accept(found, begins_datagram=self._datagrams and position == 0):
                 self._shed(len(buffer) - position)
                 return len(buffer)
             frames.append(found)
@@ -253,14 +255,14 @@ class Scanner:
         elif nothing is NoFrameHere.NOT_UNDERSTOOD:
             self.not_understood += 1
 
-    def _accept(self, frame: RawFrame) -> bool:
+    def _accept(self, frame: RawFrame, *, begins_datagram: bool) -> bool:
         """Remember the flow of a frame that is not the common case, which is a trial if the flow is new or the frame is
         short. Returns False if the link has no trial left.
         """
         if frame.flow.remembered:
             frame.flow.used = True
             return len(frame.data) >= SHORT or self._pay()
-        if not self._pay():
+        if not (begins_datagram and frame.known) and not self._pay():
             return False
         self._flows.remember(frame)
         return True
