@@ -302,7 +302,7 @@ class Calibrator(msgspec.Struct, frozen=True):
         return msgspec.structs.replace(self, search=None, no_delay=None, passes=passes)
 
     def _passed(self, steps: int) -> Calibrator:
-        passes = self.passes.advanced(self.context, steps)
+        passes = self.passes.advanced(self.context, steps, settled=self.is_calibrated)
         return self if passes is self.passes else msgspec.structs.replace(self, passes=passes)
 
     def _assessed(self) -> Calibrator:

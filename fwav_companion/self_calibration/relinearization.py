@@ -23,6 +23,10 @@ MOST_KEPT = 400
 """Batches: 40 s at 30 frames/s, 1 megabyte of one target and 6 of ten. They settle the linearization."""
 PASSES_AT = (60, 120, 240, 480)
 """Measurements kept of each target, at which a new pass begins."""
+GROWTH = 1.25
+"""Measurements over those of the last pass, at which another begins while the mount is not known. Linearized 40 sights
+ago, a figure-eight that is seen for a few seconds at a time showed innovations that drift by a factor of 3.6, and no
+mount; linearized at its end it showed 1.7, and the mount."""
 STEP = 2
 """Batches that a pass, or a trial of the delay search, takes in each frame, so that it overtakes the new ones."""
 STEPS_PER_S = 60.0
@@ -48,7 +52,9 @@ class Relinearization(msgspec.Struct, frozen=True):
     cursor: int = 0
     """Kept batches that it has taken."""
     done: int = 0
-    """Passes begun after the first."""
+    """Passes of PASSES_AT begun after the first."""
+    passed: float = 0.0
+    """Measurements of each target when the last pass began."""
     tracks: frozenset[int] = frozenset()
     """All tracks in this state."""
     kinds: dict[int, str] = {}
@@ -102,15 +108,19 @@ class Relinearization(msgspec.Struct, frozen=True):
         kept = tuple(batch.at_delay(delay_s) for batch in self.kept)
         coming = context.served_pass(point)
         near = self._near(places or {})
+        passed = self._measured_of(self.tracks)
         return msgspec.structs.replace(
-            self, kept=kept, delay_s=delay_s, coming=coming, cursor=0, point=point, places=near
+            self, kept=kept, delay_s=delay_s, coming=coming, cursor=0, passed=passed, point=point, places=near
         )
 
-    def advanced(self, context: CalibrationContext, steps: int = STEP) -> Relinearization:
-        """The state after the next steps of the pass, which is served when it has taken all."""
+    def advanced(self, context: CalibrationContext, steps: int = STEP, *, settled: bool = True) -> Relinearization:
+        """The state after the next steps of the pass, which is served when it has taken all.
+
+        ``settled``: whether the mount is known, so that passes may be rare.
+        """
         coming, cursor = self.coming, self.cursor + steps
         if coming is None:
-            return self._begun_again(context)
+            return self._begun_again(context, settled=settled)
         for batch in self.kept[self.cursor : cursor]:
             coming = coming.fed(self._associated(batch))
         if cursor < len(self.kept):
@@ -123,16 +133,29 @@ class Relinearization(msgspec.Struct, frozen=True):
     def _associated(self, batch: MeasurementBatch) -> MeasurementBatch:
         return batch if self.point is None else reassociated(batch, self.point, self.places, self.kinds)
 
-    def _begun_again(self, context: CalibrationContext) -> Relinearization:
-        if self.served is None or not self.complete or self.done >= len(PASSES_AT):
+    def _measured_of(self, tracks: Collection[int]) -> float:
+        """Kept measurements over the number of these targets."""
+        return sum(len(batch.tracks) for batch in self.kept) / max(1, len(tracks))
+
+    def _begun_again(self, context: CalibrationContext, *, settled: bool) -> Relinearization:
+        if self.served is None or not self.complete or (settled and self.done >= len(PASSES_AT)):
             return self
         joint = self.served.best
-        if sum(len(batch.tracks) for batch in self.kept) < PASSES_AT[self.done] * max(1, len(joint.tracks)):
+        measured_each = self._measured_of(joint.tracks)
+        planned = self.done < len(PASSES_AT) and measured_each >= PASSES_AT[self.done]
+        if not planned and (settled or measured_each < GROWTH * self.passed):
             return self
         point = joint.mean[0, :SHARED_COUNT].copy()
         coming = context.served_pass(point, joint.targets)
         delay_s = float(point[SharedParameter.DELAY])
         places = self._near({track: place[0] for track, place in joint.targets.items()})
         return msgspec.structs.replace(
-            self, coming=coming, cursor=0, done=self.done + 1, delay_s=delay_s, point=point, places=places
+            self,
+            coming=coming,
+            cursor=0,
+            done=self.done + planned,
+            passed=measured_each,
+            delay_s=delay_s,
+            point=point,
+            places=places,
         )
