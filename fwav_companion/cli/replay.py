@@ -87,8 +87,9 @@ def run(arguments: argparse.Namespace) -> int:
 def _require(arguments: argparse.Namespace, *names: str) -> None:
     missing = [f"--{name}" for name in names if getattr(arguments, name) is None]
     if missing:
+        or_folder = ", or a recording's FOLDER and --out" if "--telemetry" in missing else ""
         raise UserError(
-            f"the following arguments are required: {', '.join(missing)} (see fwav-companion replay --help)"
+            f"the following arguments are required: {', '.join(missing)}{or_folder} (see fwav-companion replay --help)"
         )
 
 

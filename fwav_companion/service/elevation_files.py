@@ -42,7 +42,7 @@ def _read(path: Path) -> ElevationTile:
         if suffix in GEOTIFF_SUFFIXES:
             return _read_geotiff(path)
     except OSError as error:
-        raise InputFileError(f"{path}: {error.strerror or error}; a readable elevation file is accepted") from error
+        raise InputFileError(f"{path}: {error.strerror or error}; accepted: a readable elevation file") from error
     raise InputFileError(f"{path}: its suffix is {suffix or 'missing'}; accepted: .hgt, .tif and .tiff")
 
 
@@ -100,7 +100,7 @@ def _read_geotiff(path: Path) -> ElevationTile:
             with WarpedVRT(source, crs="EPSG:4326", resampling=rasterio.enums.Resampling.bilinear) as warped:
                 return _tile(path, warped)
     except RasterioError as error:
-        raise InputFileError(f"{path}: {' '.join(str(error).split())}; a GeoTIFF of heights is accepted") from error
+        raise InputFileError(f"{path}: {' '.join(str(error).split())}; accepted: a GeoTIFF of heights") from error
 
 
 def _tile(path: Path, source: Any) -> ElevationTile:

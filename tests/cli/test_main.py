@@ -54,6 +54,12 @@ def test_wrong_usage_is_one_line_and_status_2(arguments: list[str], capsys: pyte
     assert shown.err.count("\n") == 1
 
 
+def test_a_replay_without_input_names_both_ways(capsys: pytest.CaptureFixture[str]):
+    assert main(["replay"]) == 2
+    said = capsys.readouterr().err
+    assert "--telemetry, --detections, --config, --out, or a recording's FOLDER and --out" in said
+
+
 @pytest.mark.parametrize(
     ("error", "status", "said"),
     [
@@ -168,7 +174,7 @@ def test_a_folder_that_cannot_be_is_one_line(command, name, why, tmp_path, monke
     assert main([command, "--out", name]) == 2
     (said,) = capsys.readouterr().err.splitlines()
     assert said.startswith("fwav-companion: ")
-    assert f"{name}: {why}; " in said
+    assert f"{name}: {why}; accepted: a folder to write to" in said
 
 
 @pytest.mark.parametrize("command", ["paper", "demo"])

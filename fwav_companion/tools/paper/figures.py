@@ -34,7 +34,7 @@ def draw_figures(folder: Path, seed: int, comparison: PaperComparison) -> list[P
             _where_the_error_goes(plt, folder / "error-sources.png", comparison),
         ]
     except OSError as error:
-        raise UserError(f"{error.filename or folder}: {error.strerror}; a folder to write to is accepted") from error
+        raise UserError(f"{error.filename or folder}: {error.strerror}; accepted: a folder to write to") from error
 
 
 def _pitch(plt: Any, path: Path) -> Path:
