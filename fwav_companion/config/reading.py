@@ -6,7 +6,7 @@ import math
 import re
 import tomllib
 import typing
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, Final
 
 import msgspec
@@ -33,6 +33,12 @@ LARGEST_NUMBER = 1e9
 """Largest number in any unit: no quantity of a vehicle is larger, and its fourth power is still finite."""
 OTHER_SPELLINGS: Final[dict[tuple[str, str], Callable[[str], str]]] = {("vision", "aruco_dictionary"): dictionary_key}
 """Tables and keys that accept several spellings, with the function that gives the first."""
+ARRAYS: Final = frozenset({"link", "target", "landmark"})
+"""Tables of which there may be several."""
+REPEATED: Final = ("Cannot declare", "Cannot overwrite a value")
+"""Beginnings of the parser's messages about what is there twice."""
+HEADER: Final = re.compile(r"\s*\[+\s*([\w.]+)\s*\]")
+"""A line that begins a table, with its name."""
 ASSIGNMENT: Final = re.compile(r"\s*([\w.\"-]+)\s*=\s*(.*?)\s*(?:#.*)?")
 """A line of a key, "=", a value and perhaps a comment."""
 CORRECTIONS: Final = (
@@ -81,9 +87,23 @@ def _toml_error(text: str, message: str) -> str:
     if numbered is None or int(numbered[1]) > len(lines):
         return f"{printable(message)}; accepted: TOML 1.0"
     line = lines[int(numbered[1]) - 1].strip()
+    if message.startswith(REPEATED):
+        return f"line {numbered[1]}: {shortened(line)}: {_repetition(line, lines[: int(numbered[1]) - 1])}"
     correction = corrected(line)
     what = f"accepted: {printable(correction)}" if correction else f"{printable(message)}; accepted: TOML 1.0"
     return f"line {numbered[1]}: {shortened(line)}: {what}"
+
+
+def _repetition(line: str, before: Sequence[str]) -> str:
+    """What is wrong with a table or a key that is there twice, with the line of the first table."""
+    header = HEADER.match(line)
+    if header is None:
+        return "its table has this key already; accepted: each key once in its table"
+    if header[1] in ARRAYS:
+        return f"accepted: [[{header[1]}]], once for each"
+    first = next((n for n, each in enumerate(before, start=1) if (h := HEADER.match(each)) and h[1] == header[1]), None)
+    where = "" if first is None else f" in line {first}"
+    return f"this table is there already{where}; accepted: each table once, with all its keys"
 
 
 def corrected(line: str) -> str:
