@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Final
+
+from msgspec.structs import replace
 
 from fwav_companion.config.document import Document
 from fwav_companion.config.inputs import MountConfig
-from fwav_companion.links.url import UrlError, parse_cot_url, parse_detections_url, parse_link_url
+from fwav_companion.config.key_errors import printable
+from fwav_companion.links.url import (
+    LinkUrl,
+    SerialUrl,
+    UdpUrl,
+    UrlError,
+    parse_cot_url,
+    parse_detections_url,
+    parse_link_url,
+)
 from fwav_companion.types.spots import CLICK_LABEL
 from fwav_companion.vision.preview_address import parse_preview
 from fwav_companion.vision.source_names import source_kind
@@ -19,6 +30,11 @@ CAMERA_COMPONENT_ID: Final = 100
 MOST_LANDMARKS: Final = 32
 """Each adds three states to a filter whose cost grows with their square."""
 
+LISTENING: Final = frozenset({"udpin", "tcpin"})
+"""Kinds of links that bind the port of their URL."""
+ANY_IPV4: Final = "0.0.0.0"  # noqa: S104
+"""Compared, not bound."""
+
 Complaint = tuple[tuple[str | int, ...], str]
 """The path of a key, and what is wrong with its value."""
 
@@ -27,6 +43,7 @@ def broken_rules(document: Document) -> Iterator[Complaint]:
     """Each rule between keys that the document breaks, in the file's order."""
     yield from _urls(document)
     yield from _links(document)
+    yield from _listeners(document)
     yield from _vehicle_and_camera(document)
     if document.vision is not None:
         yield from _vision(document.vision)
@@ -44,6 +61,34 @@ def _urls(document: Document) -> Iterator[Complaint]:
         yield from _url(("detections", "url"), document.detections.url, parse_detections_url)
     if document.publish.cot:
         yield from _url(("publish", "cot"), document.publish.cot, parse_cot_url)
+
+
+def _listeners(document: Document) -> Iterator[Complaint]:
+    """Ports and devices that this file itself would open twice: they were retried for ever."""
+    opened: list[tuple[str, LinkUrl]] = []
+    for index, link in enumerate(document.link):
+        url = parse_link_url(link.url)
+        if (other := _opened_already(opened, url)) is not None:
+            yield ("link", index, "url"), f"{other} opens this already; accepted: a port or device of its own"
+        opened.append((f'[[link]] "{printable(link.name)}"', url))
+    detections = parse_detections_url(document.detections.url) if document.detections.url else None
+    if isinstance(detections, UdpUrl) and (other := _opened_already(opened, detections)) is not None:
+        yield ("detections", "url"), f"{other} opens {detections} already; accepted: a port or device of its own"
+
+
+def _opened_already(opened: Sequence[tuple[str, LinkUrl]], url: LinkUrl) -> str | None:
+    return next((name for name, earlier in opened if _is_one_opening(earlier, url)), None)
+
+
+def _is_one_opening(one: LinkUrl, other: LinkUrl) -> bool:
+    """Whether both open the same device, or listen on the same port."""
+    if isinstance(one, SerialUrl) or isinstance(other, SerialUrl):
+        both = isinstance(one, SerialUrl) and isinstance(other, SerialUrl)
+        return both and replace(one, baud=0) == replace(other, baud=0)
+    if one.kind != other.kind or one.kind not in LISTENING or one.port != other.port:
+        return False
+    hosts = {one.host, other.host}
+    return len(hosts) == 1 or (ANY_IPV4 in hosts and not any(":" in host for host in hosts))
 
 
 def _url(path: tuple[str | int, ...], text: str, parse: Callable[[str], object]) -> Iterator[Complaint]:
