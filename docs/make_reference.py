@@ -30,9 +30,7 @@ from sitl_mock.scenarios import SCENARIOS
 
 REMEDIES: Final[Mapping[Reason, str]] = {
     Reason.NO_MONOTONIC_MAP: "record `time_unix`, or use the service's own recording",
-    Reason.TOO_MANY_DETECTIONS: "let the detector send its 256 best",
     Reason.TOO_MANY_FRAMES: "a lower frame rate; check that frames are not sent twice",
-    Reason.DUPLICATE_FRAME: "send each frame once; number frames without repetition",
     Reason.LOW_SCORE: "intended; else lower [detections] min_score",
     Reason.OTHER_LABEL: "intended; else add the label to [detections] labels",
     Reason.NO_CLOCK: "wait some seconds; if it stays so, check that our TX reaches the autopilot's RX",

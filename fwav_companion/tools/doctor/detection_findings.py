@@ -36,12 +36,22 @@ FRAME_REFUSALS: Final[Mapping[Reason, tuple[Level, str, str]]] = {
     Reason.WRONG_UNITS: (
         Level.ERROR,
         "have stamps in other units than seconds",
-        "divide: nanoseconds by 1e9 (libcamera's SensorTimestamp), microseconds by 1e6",
+        "divide: milliseconds by 1e3, microseconds by 1e6, nanoseconds (libcamera's SensorTimestamp) by 1e9",
     ),
     Reason.WRONG_SIZE: (
         Level.ERROR,
         "are of another shape than the calibration",
         "calibrate at the shape (width : height) that the detector sees, or send the right size",
+    ),
+    Reason.TOO_MANY_DETECTIONS: (
+        Level.ERROR,
+        "have more than 256 detections",
+        "let the detector send its 256 best: a threshold of the score, and non-maximum suppression",
+    ),
+    Reason.DUPLICATE_FRAME: (
+        Level.ERROR,
+        "have the number and the time of an earlier one",
+        "send each frame once, with the time of its own capture; check that no second detector sends here",
     ),
     Reason.FROM_THE_FUTURE: (
         Level.ERROR,

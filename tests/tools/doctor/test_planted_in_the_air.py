@@ -63,6 +63,7 @@ DETECTORS = {
     "malformed": lambda frame: frame | {"detections": "none"},
     "from_the_future": lambda frame: frame | {"time_monotonic": frame["time_monotonic"] + 0.2},
     "too_late": lambda frame: frame | {"time_monotonic": frame["time_monotonic"] - 1.0},
+    "too_many_detections": lambda frame: frame | {"detections": [{"u": 1.0, "v": 1.0}] * 257},
 }
 
 
@@ -71,6 +72,13 @@ def test_a_fault_of_the_detector_is_an_error(code):
     findings = examine(heard(HEALTHY, frame=DETECTORS[code]))
     assert codes(findings) == [code]
     assert findings[0].level is Level.ERROR
+
+
+def test_frames_that_come_again_are_named():
+    """A detector that reads its clock three times a second, and does not number its frames."""
+    stuck = lambda frame: frame | {"frame": 7, "time_monotonic": int(frame["time_monotonic"] * 3.0) / 3.0}  # noqa: E731
+    (finding,) = examine(heard(HEALTHY, ["camera.readout_s=0"], frame=stuck))
+    assert (finding.code, finding.level) == ("duplicate_frame", Level.ERROR)
 
 
 def test_a_wrong_baud_rate_is_named():
