@@ -187,11 +187,13 @@ def _write(out: str, lines: Iterator[Line]) -> Line:
 
 def _print_summary(summary: Line, stream: TextIO) -> None:
     from fwav_companion.recording.labels import notice_texts, shift_text
+    from fwav_companion.tools.report.wording import REASONS
 
     print(f"{summary['frames']} frames, {summary['detections']} detections, {summary['fixes']} fixes", file=stream)
     for things in ("frames", "detections"):
         for reason, count in summary[f"dropped_{things}"].items():
-            print(f"  not used: {count} {things} {reason}", file=stream)
+            why = "" if summary["fixes"] else f": {REASONS.get(reason, '')}".rstrip(": ")
+            print(f"  not used: {count} {things} {reason}{why}", file=stream)
     if "terrain" in summary:
         print(f"  terrain: {shift_text(summary['terrain'])}", file=stream)
     for text in notice_texts(summary):

@@ -17,6 +17,15 @@ def shown(**more):
     return out.getvalue()
 
 
+@pytest.mark.parametrize("fixes", [0, 1])
+def test_a_replay_without_a_fix_says_what_its_reasons_mean(fixes):
+    out = StringIO()
+    lines = summary(dropped_frames={"wrong_units": 9}, dropped_detections={"odd": 1}, fixes=fixes)
+    _print_summary(lines, out)
+    means = "" if fixes else ": The time stamp is not in seconds."
+    assert f"not used: 9 frames wrong_units{means}\n  not used: 1 detections odd\n" in out.getvalue()
+
+
 def test_errors_have_their_confidence():
     numbers = {
         "samples": 40, "ce50_m": 0.5, "ce90_m": 1.25, "rms_m": 0.75, "nees": 2.5,

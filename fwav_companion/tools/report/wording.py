@@ -32,7 +32,7 @@ REASONS = {
     "duplicate_frame": "The same frame arrived twice.",
     "low_score": "The detector's score is below the configured minimum.",
     "other_label": "The label is not one of the configured labels.",
-    "no_clock": "The offset between the autopilot's clock and this board's clock was not known yet: the first seconds.",
+    "no_clock": "The offset between the autopilot's and this board's clock was not known, as in the first seconds.",
     "no_attitude": "No attitude of the vehicle was close enough to the capture time.",
     "stale_attitude": "The newest attitude was too old.",
     "attitude_gap": "Attitudes were too far apart for the vehicle's motion.",
