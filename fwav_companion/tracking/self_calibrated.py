@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from math import inf
 from typing import TYPE_CHECKING
 
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from fwav_companion.self_calibration.calibrator import Calibrator
 
 
-class CalibratedTargetState(msgspec.Struct, frozen=True):
+class CalibratedTargetState(msgspec.Struct, frozen=True, dict=True):
     """A track as the joint estimate sees it, heights by its own filter."""
 
     calibrator: Calibrator
@@ -40,7 +41,7 @@ class CalibratedTargetState(msgspec.Struct, frozen=True):
     @property
     def cov(self) -> Matrix3:
         """Every source of error, m^2, NED."""
-        return _level(self.placed.cov, self.own.cov[2][2])
+        return _level(self.placed.cov, self._down_variance)
 
     @property
     def apparent_ned(self) -> Vector3:
@@ -56,15 +57,19 @@ class CalibratedTargetState(msgspec.Struct, frozen=True):
     def relative_cov(self) -> Matrix3:
         """Covariance of the target relative to the vehicle, NED, m^2."""
         if self.by_fix is not None:
-            return _level(self.by_fix.cov, self.own.cov[2][2])
+            return _level(self.by_fix.cov, self._down_variance)
         return self.own.relative_cov if self._follows else self._place_cov
 
-    @property
+    @cached_property
+    def _down_variance(self) -> float:
+        return self.own.cov[2][2]
+
+    @cached_property
     def _place_cov(self) -> Matrix3:
         """Covariance of the apparent place of the joint estimate, with noise and delay of the vehicle's report."""
-        return _level(place_cov(self.calibrator, self.placed, self.own), self.own.cov[2][2])
+        return _level(place_cov(self.calibrator, self.placed, self.own), self._down_variance)
 
-    @property
+    @cached_property
     def _follows(self) -> bool:
         return horizontal_sigma(self.own.relative_cov) < horizontal_sigma(self._place_cov)
 
