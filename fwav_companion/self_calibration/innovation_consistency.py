@@ -61,15 +61,20 @@ class InnovationConsistency(msgspec.Struct, frozen=True):
     @property
     def factor(self) -> float:
         """Factor, at least 1, of the measurements' variance, by the block length that shows most."""
-        return self._factor(self.expected)
+        return self._factor(self.expected, self.closed[:, EXCESS])
 
     @property
     def shown(self) -> float:
-        """The factor by the innovations alone."""
-        return self._factor(1.0)
+        """The factor by the innovations alone, beyond chance.
 
-    def _factor(self, expected: float) -> float:
+        Each block of noise alone has an excess with the variance 1. The largest factor of all lengths is 1.18 in the
+        mean after 21 of the shortest blocks; with one sigma taken off each length it is 1.06.
+        """
         excess, count = self.closed.T
+        return self._factor(1.0, excess - np.sqrt(count))
+
+    def _factor(self, expected: float, excess: Array) -> float:
+        count = self.closed[:, BLOCKS]
         return 1.0 + max(0.0, float(((DOUBT * (expected - 1.0) + excess) / (DOUBT + count)).max()))
 
     def _closed(self, index: int) -> InnovationConsistency:
