@@ -19,17 +19,23 @@ class LandmarkNotices:
 
     def __init__(self) -> None:
         self._reported: set[tuple[str, LandmarkState]] = set()
+        self._contradicting: set[str] = set()
         self._said_unapplied = False
 
     def notices(self, records: Sequence[LandmarkRecord]) -> tuple[Notice, ...]:
-        """Notices of landmarks that are used, of those that are left out, and one where the filter uses none."""
+        """Notices of landmarks that are used, left out, or in contradiction, and one where the filter uses none."""
         if not self._said_unapplied and any(record.state is LandmarkState.NOT_APPLIED for record in records):
             self._said_unapplied = True
             return (Notice(NoticeCode.LANDMARKS_NOT_APPLIED, Severity.WARNING, NOT_APPLIED),)
+        contradicting = [record for record in records if record.contradicts]
+        if contradicting and not self._contradicting.issuperset(record.label for record in contradicting):
+            self._contradicting.update(record.label for record in contradicting)
+            return (_contradiction(contradicting),)
         news = [
             record
             for record in records
             if (record.label, record.state) not in self._reported
+            and not record.contradicts
             and (record.state is LandmarkState.LEFT_OUT or record.used >= FEWEST)
         ]
         self._reported.update((record.label, record.state) for record in news)
@@ -45,9 +51,16 @@ def landmark_reports(records: Sequence[LandmarkRecord]) -> list[LandmarkReport]:
             used=record.used,
             refused=record.refused,
             off_m=record.off_m,
+            contradicts=record.contradicts,
         )
         for record in records
     ]
+
+
+def _contradiction(records: Sequence[LandmarkRecord]) -> Notice:
+    labels = sorted({label for record in records for label in (record.label, *record.contradicts)})
+    text = f"landmarks {', '.join(labels)} contradict one another: check lat, lon and alt_amsl of each"
+    return Notice(NoticeCode.LANDMARKS_CONTRADICT, Severity.WARNING, text, to_ground=True)
 
 
 def _notice(record: LandmarkRecord) -> Notice:

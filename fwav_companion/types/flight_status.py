@@ -174,6 +174,8 @@ class LandmarkReport(msgspec.Struct, frozen=True, kw_only=True):
     """Sights that disagreed with all else."""
     off_m: float = 0.0
     """Distance between its known place and where refused sights show it, metres."""
+    contradicts: tuple[str, ...] = ()
+    """Labels of the landmarks that it contradicts, where the flight does not show which is wrong."""
 
 
 class SightReport(msgspec.Struct, frozen=True, kw_only=True):

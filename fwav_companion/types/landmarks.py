@@ -54,6 +54,8 @@ class LandmarkRecord(msgspec.Struct, frozen=True, gc=False):
     """Sights that disagreed with all else."""
     off_m: float = 0.0
     """Distance between its known place and where sights that disagree show it, metres."""
+    contradicts: tuple[str, ...] = ()
+    """Labels of the landmarks that it contradicts, where the flight does not show which is wrong."""
 
 
 class LandmarkAltitude(msgspec.Struct, frozen=True, gc=False):

@@ -158,6 +158,8 @@ class NoticeCode(StrEnum):
     """The first sights of a landmark agree with all else."""
     LANDMARKS_NOT_APPLIED = "landmarks_not_applied"
     """[tracking] chooses a filter or a motion that landmarks do not correct."""
+    LANDMARKS_CONTRADICT = "landmarks_contradict"
+    """Landmarks contradict one another, and the flight does not show which is wrong."""
     LANDMARK_LEFT_OUT = "landmark_left_out"
     """A landmark disagrees with all else by more than its claim."""
     READOUT_UNKNOWN = "readout_unknown"

@@ -101,5 +101,22 @@ def test_what_chance_makes_and_what_may_be_either_stays(off_m):
     assert set(states_after(shown(*off_m), 3 * DOUBTED_TIMES)) == {USED}
 
 
+def test_two_that_contradict_each_other_for_ten_looks_are_named_together():
+    """0.5 m at 0.09 m of sigma: either may be right. After 1.5 m both are left out, and named together as well."""
+    state = seen_through_the_position(0.0, 0.5)
+    for looks in range(1, DOUBTED_TIMES + 1):
+        state = examined(state)
+        assert [record.contradicts for record in state.records] == (
+            [("mark 1",), ("mark 0",)] if looks == DOUBTED_TIMES else [(), ()]
+        )
+    assert {record.state for record in state.records} == {USED}
+    state = seen_through_the_position(0.0, 1.5)
+    assert states_after(state, DOUBTED_TIMES - 1) == [USED, USED]
+    for _ in range(DOUBTED_TIMES):
+        state = examined(state)
+    assert [record.state for record in state.records] == [LEFT_OUT, LEFT_OUT]
+    assert [record.contradicts for record in state.records] == [("mark 1",), ("mark 0",)]
+
+
 def test_what_is_far_off_is_left_out_at_once():
     assert states_after(shown(0.0, 0.6, 0.0), 1) == [USED, LEFT_OUT, USED]

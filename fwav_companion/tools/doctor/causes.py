@@ -65,7 +65,9 @@ CAUSES: Final[Mapping[str, frozenset[str]]] = {
     "stale_detections": frozenset({"landing_label", "landmark_unseen"}),
     "disk_full": frozenset({"recording_stopped"}),
     "read_only": frozenset({"recording_stopped"}),
-    "landmark_far": frozenset({"landmark_unseen", "landmark_without_sights", "landmark_left_out"}),
+    "landmark_far": frozenset(
+        {"landmark_unseen", "landmark_without_sights", "landmark_left_out", "landmarks_contradict"}
+    ),
     "malformed": UNUSED,
     "no_time": UNUSED,
     "stamps_grow_old": frozenset({"too_late", "fixes_disagree"}),

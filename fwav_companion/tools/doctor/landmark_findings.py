@@ -48,6 +48,19 @@ def _not_applied(evidence: Evidence) -> Finding:
     )
 
 
+def _contradiction(where: str, report: LandmarkReport) -> Finding:
+    others = ", ".join(report.contradicts)
+    left_out = report.state == LandmarkState.LEFT_OUT
+    return Finding(
+        "landmarks_contradict",
+        Level.WARNING,
+        where,
+        problem=f"it contradicts {others}, and the flight does not show which is wrong: "
+        + ("all of them are left out" if left_out else "they are used, with wider claims"),
+        fix="check lat, lon and alt_amsl of each, and that each label is seen at one place alone",
+    )
+
+
 def _place(landmark: LandmarkConfig, origin: OriginReport | None) -> Iterator[Finding]:
     if origin is None:
         return
@@ -74,6 +87,8 @@ def _sights(evidence: Evidence, status: RunStatus, report: LandmarkReport) -> It
             problem="[detections] labels does not have its label: its detections are refused",
             fix=f'add "{report.label}" to [detections] labels, or set labels = [] for all',
         )
+    elif report.contradicts:
+        yield _contradiction(where, report)
     elif report.state == LandmarkState.LEFT_OUT:
         yield Finding(
             "landmark_left_out",

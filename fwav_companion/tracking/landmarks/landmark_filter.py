@@ -77,6 +77,8 @@ class LandmarkFilter(msgspec.Struct, frozen=True):
     examined_ns: HostNs = HostNs(0)
     doubted: tuple[int, int] = (-1, 0)
     """The landmark in doubt, and the number of examinations in a row that found it so."""
+    unresolved: int = 0
+    """Examinations in a row that found landmarks in contradiction."""
     suspects: tuple[int, ...] = ()
     """Landmarks in use that the others contradict: each may be the wrong one."""
     history: PoseHistory = PoseHistory()
@@ -194,7 +196,7 @@ class LandmarkFilter(msgspec.Struct, frozen=True):
         if record.used >= IN_A_ROW:  # what agreed has not moved: the vehicle's position has
             return replace(state.position_jumped(off_m**2), records=state._with(landmark, replace(record, used=0)))
         used = replace(record, state=LandmarkState.USED)
-        with_it = examined(state.corrected(correction).recorded(landmark, used, sequel))
+        with_it = examined(state.corrected(correction).recorded(landmark, used, sequel), at_once=True)
         decided = any(
             now.state is not before.state
             for now, before in zip(with_it.records, state.records, strict=True)

@@ -47,6 +47,7 @@ def test_a_landmark_that_is_used_is_no_finding(healthy):
     [
         ("landmark_unseen", Level.NOTE, {}, {"seen": 0}),
         ("landmark_left_out", Level.WARNING, {"state": "left_out", "used": 20, "refused": 9, "off_m": 1.84}, {}),
+        ("landmarks_contradict", Level.WARNING, {"state": "used", "used": 90, "contradicts": ["second"]}, {}),
         ("landmark_without_sights", Level.WARNING, {}, {}),
         ("landmark_filtered", Level.WARNING, {}, {"labels": ("target",)}),
         ("landmark_far", Level.WARNING, {}, {"seen": 0, "north_deg": 1.0}),
@@ -65,6 +66,14 @@ def test_a_landmark_that_is_left_out_is_named_with_its_distance(healthy):
     (finding,) = findings(healthy, {"state": "left_out", "refused": 9, "off_m": 1.84})
     assert LABEL in finding.where
     assert "1.8 m" in finding.problem
+
+
+@pytest.mark.parametrize(("state", "use"), [("used", "wider claims"), ("left_out", "left out")])
+def test_a_contradiction_names_the_others_and_what_is_done(healthy, state, use):
+    (finding,) = findings(healthy, {"state": state, "used": 90, "contradicts": ["second", "third"]})
+    assert finding.code == "landmarks_contradict"
+    assert "second, third" in finding.problem
+    assert use in finding.problem
 
 
 def test_ten_kilometres_and_twenty_frames_are_the_bounds(healthy):
