@@ -112,8 +112,8 @@ class TargetLog:
     def settle(self, frames: Iterable[Settled], plane: TangentPlane | None) -> None:
         """Write sightings and targets of settled frames. ``plane``: of the world in which they were seen."""
         for frame in frames:
-            if frame.refused_fixes:
-                self.drop_detection(Reason.TOO_MANY_TRACKS, frame.refused_fixes)
+            for reason, count in frame.unused_fixes.items():
+                self.drop_detection(reason, count)
             if not self.written:
                 continue
             for line in self._sightings.pop((frame.view.host_ns, frame.view.frame), ()):

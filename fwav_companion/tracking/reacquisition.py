@@ -2,12 +2,12 @@
 
 The gate of a coasting track that moves widens to metres within seconds, and that of a standing target seen from another
 side is as wide as the errors of mount, delay and height: a false detection in it is nearly as likely as the target. One
-such fix must not confirm it again. Track splitting (Smith & Buechler 1975; Blackman & Popoli 1999,
-ch. 16): a fix whose log-likelihood ratio alone does not reach the threshold of confirmation begins a branch, a
-tentative track from the coasting state and this fix. The coasting track goes on without the fix. The sequential test of
-``lifecycle`` continues over the branch: confirmed, it becomes the coasting track; deleted, its fixes have changed
-nothing. A standing target has no branches in photographs, where one missed detection makes a track coast, and beside
-others.
+such fix must not confirm it again. Track splitting (Smith & Buechler 1975; Blackman & Popoli 1999, ch. 16): a fix whose
+log-likelihood ratio alone does not reach the threshold of confirmation begins a branch, a tentative track from the
+coasting state and this fix. The coasting track goes on without the fix. The sequential test of ``lifecycle`` continues
+over the branch: confirmed, it becomes the coasting track; deleted, its fixes have changed nothing. A branch is not
+reported; its id is negative. A standing target has no branches in photographs, where one missed detection makes a track
+coast, and beside others.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ def first_served(tracks: Sequence[LiveTrack]) -> set[int]:
 
 
 def branched(track: LiveTrack, evidence: Evidence, number: int, host_ns: HostNs, detector: DetectorModel) -> LiveTrack:
-    """A tentative track: the coasting one, if this fix is its own."""
+    """A tentative track: the coasting one, if this fix is its own. ``number`` distinguishes it from other branches."""
     fix, llr = evidence
     branch = initiate(number, fix, track.target.update(fix), host_ns)
     life = msgspec.structs.replace(branch.life, log_likelihood_ratio=llr + log(detector.detection_probability))
@@ -96,3 +96,15 @@ def reacquired(tracks: list[LiveTrack], host_ns: HostNs) -> list[LiveTrack]:
         elif after[i].life.confirmed_ns == host_ns and after[place].life.state is TrackState.COASTING:
             after[place], after[i] = after[place].reacquired(after[i])
     return after
+
+
+def independent(tracks: list[LiveTrack], next_id: int) -> tuple[list[LiveTrack], int]:
+    """The tracks of a frame with ids for the branches whose coasting track has ended, and the next free id."""
+    living = {track.id for track in tracks if track.life.state is not TrackState.DROPPED}
+    freed = [track for track in tracks if track.branch_of and track.id in living and track.branch_of not in living]
+    if not freed:
+        return tracks, next_id
+    numbered = [
+        msgspec.structs.replace(track, id=number, branch_of=None) for number, track in enumerate(freed, next_id)
+    ]
+    return [track for track in tracks if track not in freed] + numbered, next_id + len(freed)

@@ -8,6 +8,7 @@ Half a second after its capture a frame's line is settled; a frame that is later
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections.abc import Mapping
 
 import msgspec
 
@@ -27,8 +28,8 @@ class Settled(msgspec.Struct, frozen=True):
 
     view: FrameView
     tracks: tuple[Track, ...]
-    refused_fixes: int = 0
-    """Fixes that initiated no track because the table was full."""
+    unused_fixes: Mapping[Reason, int] = {}
+    """Fixes that no reported track has, by reason."""
 
 
 class _Placed(msgspec.Struct):
@@ -38,11 +39,11 @@ class _Placed(msgspec.Struct):
     before: Snapshot
     """The tracker before this frame."""
     tracks: tuple[Track, ...]
-    refused_fixes: int
+    unused_fixes: Mapping[Reason, int]
 
     def settled(self) -> Settled:
         """The frame, ready to be written."""
-        return Settled(self.view, self.tracks, self.refused_fixes)
+        return Settled(self.view, self.tracks, self.unused_fixes)
 
 
 class Reorder:
@@ -98,7 +99,7 @@ class Reorder:
             del self._placed[place:]
         for each in views:
             before, tracks = self._tracker.snapshot(), self._tracker.on_frame(each)
-            self._placed.append(_Placed(each, before, tracks, self._tracker.refused_fixes))
+            self._placed.append(_Placed(each, before, tracks, self._tracker.unused_fixes))
         return self._placed[-1].tracks
 
     @property

@@ -21,7 +21,7 @@ class LiveTrack(msgspec.Struct, frozen=True, gc=False):
     """One live track. Immutable."""
 
     id: int
-    """Track number, counted from 1."""
+    """Track number, counted from 1; that of a branch, which is not reported, is negative."""
     label: str
     target: TargetState
     """The filter's state, predicted to the newest frame."""
@@ -197,6 +197,13 @@ def detector_after(
         else:
             undecided += expected
     return detector.after_frame(host_ns, detected=hits, looks=looks, false=false, undecided=undecided)
+
+
+def unused_fixes(tracks: Sequence[LiveTrack], refused: int) -> dict[Reason, int]:
+    """Number of fixes of a frame that no reported track has, by reason. ``refused``: it found the table full."""
+    weak = sum([track.id < 0 and track.fix is not None for track in tracks])
+    counts = {Reason.TOO_MANY_TRACKS: refused, Reason.WEAK_EVIDENCE: weak}
+    return {reason: count for reason, count in counts.items() if count} if refused or weak else {}
 
 
 def teaches(fix: GroundFix) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -10,12 +10,12 @@ import msgspec
 from fwav_companion.geometry.small_matrices import horizontal_sigma
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.self_calibration import CalibrationReport
+from fwav_companion.tracking import reacquisition
 from fwav_companion.tracking.association import Candidate, associate, clutter
 from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.tracking.displacement import Absent, absent
 from fwav_companion.tracking.filters.base import Filter, TargetState
 from fwav_companion.tracking.lifecycle import LOOK_S, MOVING_LOOK_S, are_photographs, not_detected
-from fwav_companion.tracking.reacquisition import Branchings, branched, first_served, reacquired, weak_evidence
 from fwav_companion.tracking.self_calibrated import CalibratedTargetState, MisplacedTargetState, claimed_m2
 from fwav_companion.tracking.track_merging import TrackMerging
 from fwav_companion.tracking.track_state import (
@@ -25,6 +25,7 @@ from fwav_companion.tracking.track_state import (
     innovation,
     opened,
     teaches,
+    unused_fixes,
     weakest_first,
 )
 from fwav_companion.tracking.visibility import is_missed_detection
@@ -50,8 +51,8 @@ class Snapshot(msgspec.Struct, frozen=True):
     """State of the tracker that calibrates in the place of this one."""
     merging: TrackMerging = TrackMerging()
     detector: DetectorModel = DetectorModel()
-    refused_fixes: int = 0
-    """Fixes of the newest frame that initiated no track because the table was full."""
+    unused_fixes: Mapping[Reason, int] = {}
+    """Fixes of the newest frame that no reported track has, by reason."""
     landmarks: LandmarkTracking | None = None
     """None without landmarks."""
 
@@ -96,7 +97,7 @@ class Tracker:
 
     def best_targets(self) -> dict[int, TargetState]:
         """The reported targets of all live tracks, by id."""
-        return {track.id: self._best_target(track) for track in self._state.alive}
+        return {track.id: self._best_target(track) for track in self._state.alive if track.id > 0}
 
     @property
     def landmarks(self) -> tuple[LandmarkRecord, ...]:
@@ -111,9 +112,9 @@ class Tracker:
         return None if landmarks is None else landmarks.altitude
 
     @property
-    def refused_fixes(self) -> int:
-        """Number of fixes of the newest frame that initiated no track because the table was full."""
-        return self._state.refused_fixes
+    def unused_fixes(self) -> Mapping[Reason, int]:
+        """Number of fixes of the newest frame that no reported track has, by reason."""
+        return self._state.unused_fixes
 
     @property
     def _calibrator(self) -> Calibrator | None:
@@ -151,7 +152,7 @@ class Tracker:
             ]
         taken = self._associated(predicted, view)
         has_room = len(predicted) + len(view.fixes) <= MAX_TRACKS  # a branch must not take the place of a target
-        branchings = weak_evidence(predicted, taken, state.detector) if has_room else {}
+        branchings = reacquisition.weak_evidence(predicted, taken, state.detector) if has_room else {}
         for track, _ in branchings.values():
             del taken[track.id]
         unseen = {track.id: self._unseen(track, view) for track in predicted if track.id not in taken}
@@ -163,22 +164,24 @@ class Tracker:
             unseen[track.id] if track.id in unseen else self._seen(track, *taken[track.id], view, displaced)
             for track in predicted
         ]
-        after = reacquired(after, view.host_ns)
+        after = reacquisition.reacquired(after, view.host_ns)
         elapsed_ns = view.host_ns - (state.detector.last_ns or view.host_ns)
         merging = state.merging.after_frame(after, [track.id for track in missed], elapsed_ns, self._best_target)
         used = {id(fix) for fix, _ in taken.values()}
         unassociated = [fix for fix in view.fixes if id(fix) not in used]
-        tracks, refused = list(merging.merged(after, self._best_target)), 0
+        tracks, next_id = list(merging.merged(after, self._best_target)), state.next_id
         if unassociated:
-            tracks, refused = self._with_new(tracks, unassociated, view.host_ns, landmarks, branchings)
-        next_id = state.next_id + len(unassociated) - refused
+            tracks, next_id = self._with_new(tracks, unassociated, view.host_ns, landmarks, branchings)
+        refused = len(after) + len(unassociated) - len(tracks)
         detector = detector_after(state.detector, view.host_ns, predicted, tracks, refused=refused)
         if landmarks is not None:
             landmarks = landmarks.seen(view.landmarks, [t.fix for t in tracks if t.confirmed and t.fix is not None])
             tracks = [msgspec.structs.replace(track, target=landmarks.corrected(track.target)) for track in tracks]
+        tracks, next_id = reacquisition.independent(tracks, next_id)
         living = tuple([track for track in tracks if track.life.state is not TrackState.DROPPED])
         calibrator = self._taught(view, living)
-        self._state = Snapshot(living, next_id, calibrator, self._beside_state(), merging, detector, refused, landmarks)
+        unused = unused_fixes(tracks, refused)
+        self._state = Snapshot(living, next_id, calibrator, self._beside_state(), merging, detector, unused, landmarks)
         return self._reports(tracks, view)
 
     @property
@@ -224,7 +227,7 @@ class Tracker:
             return {}
         if self._state.calibrator is not None:
             self._state.calibrator.expect(view.fixes)
-        first = first_served(tracks)
+        first = reacquisition.first_served(tracks)
         candidates = [
             Candidate(track.label, track.target, track.detector_id, self._calibrated(track), track.id in first)
             for track in tracks
@@ -268,21 +271,25 @@ class Tracker:
         fixes: Sequence[GroundFix],
         host_ns: HostNs,
         landmarks: LandmarkTracking | None,
-        branchings: Branchings,
+        branchings: reacquisition.Branchings,
     ) -> tuple[list[LiveTrack], int]:
-        """The tracks with one initiated for each of these fixes, and the number of fixes that found the table full."""
+        """The tracks with one initiated for each of these fixes that the table has room for, and the next free id."""
         room = MAX_TRACKS - sum(track.life.state is not TrackState.DROPPED for track in tracks)
         yielding = weakest_first(tracks) if len(fixes) > room else []
         for i in yielding[: max(0, len(fixes) - room)]:
             tracks[i] = tracks[i].deleted(Reason.TOO_MANY_TRACKS)
         number = min(len(fixes), room + len(yielding))
-        for next_id, fix in enumerate(fixes[:number], self._state.next_id):
+        next_id, branch_id = self._state.next_id, min([0, *(track.id for track in tracks)])
+        for fix in fixes[:number]:
             if id(fix) in branchings:
-                tracks.append(branched(*branchings[id(fix)], next_id, host_ns, self._state.detector))
+                branch_id -= 1
+                branch = reacquisition.branched(*branchings[id(fix)], branch_id, host_ns, self._state.detector)
+                tracks.append(branch)
                 continue
             target = self._filter.initiate(fix) if landmarks is None else landmarks.initiate(fix)
             tracks.append(initiate(next_id, fix, target, host_ns))
-        return tracks, len(fixes) - number
+            next_id += 1
+        return tracks, next_id
 
     def _taught(self, view: FrameView, living: tuple[LiveTrack, ...]) -> Calibrator | None:
         """Self-calibration after this frame; None without it.
@@ -309,9 +316,10 @@ class Tracker:
         return CalibratedTargetState(calibrator, track.id, placed, track.target, by_fix)
 
     def _reports(self, tracks: Sequence[LiveTrack], view: FrameView) -> tuple[Track, ...]:
-        """The tracks' reports. While the mount is known to be wrong, they have no fix, and wide covariances."""
+        """The tracks' reports, without branches. While the mount is known to be wrong, no fix, and wide covariances."""
         calibrator = self._calibrator
         misplaced_m = 0.0 if calibrator is None else calibrator.misplaced_m
+        tracks = [track for track in tracks if track.id > 0]
         if misplaced_m == 0.0:
             return tuple([track.report(self._best_target(track), view) for track in tracks])
         return tuple(

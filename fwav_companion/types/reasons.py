@@ -86,6 +86,8 @@ class Reason(StrEnum):
     """The ray leaves the elevation model or meets a void before it meets the ground."""
     TERRAIN_UNFIT = "terrain_unfit"
     """The elevation model differs from the take-off height by more than a datum or a model error explains."""
+    WEAK_EVIDENCE = "weak_evidence"
+    """The fix lies in the wide gate of a track that was out of sight, and alone does not confirm that again."""
 
     # Deletion of a track.
     NEVER_CONFIRMED = "never_confirmed"

@@ -80,7 +80,7 @@ def test_a_full_table_of_confirmed_tracks_in_view_takes_no_new_one():
     tracker = make_tracker(TrackingOptions(), NO_BIAS)
     tracks = fed(tracker, 0.0, 5, rows(MAX_TRACKS + 10))[-1]
     assert living(tracks) == list(range(1, MAX_TRACKS + 1))
-    assert tracker.refused_fixes == 10
+    assert tracker.unused_fixes == {Reason.TOO_MANY_TRACKS: 10}
 
 
 def test_the_weakest_tentative_track_yields_first():

@@ -5,6 +5,7 @@ from math import log
 import numpy as np
 import pytest
 from handmade import a_fix, a_view, host_ns
+from msgspec.structs import replace
 from scipy.stats import chi2, multivariate_normal
 from simulated_flight import priors
 
@@ -21,6 +22,11 @@ PIXEL2_M2 = 0.0015**2 * 125.0**1.5 / 10.0
 IMAGE_PX2 = 640.0 * 480.0
 
 
+def branches(tracker):
+    """The live branches, which are not reported."""
+    return [track for track in tracker.snapshot().alive if track.branch_of]
+
+
 class Flown:
     """A tracker with one confirmed track of id 1, and its reports of the newest frame by id."""
 
@@ -32,6 +38,7 @@ class Flown:
     def frame(self, *places, sees=True):
         fixes = [a_fix(self.t, place) for place in places]
         self.tracks = {track.id: track for track in self.tracker.on_frame(a_view(self.t, *fixes, sees=sees))}
+        self.branches = branches(self.tracker)
         self.t += 1.0 / FPS
         return self
 
@@ -44,23 +51,23 @@ class Flown:
 
 def test_one_fix_in_a_wide_gate_begins_a_branch_and_the_track_coasts_on():
     flown, without = Flown().coasted(4.0).frame(ASTRAY), Flown().coasted(4.0).frame()
-    track, branch = flown.tracks[1], flown.tracks[2]
+    (track,), (branch,) = flown.tracks.values(), flown.branches
     assert (track.state, track.fix) == (TrackState.COASTING, None)
     assert (track.position_ned, track.cov) == (without.tracks[1].position_ned, without.tracks[1].cov)
     assert track.last_seen_host_ns == host_ns(SEEN_S - 1.0 / FPS)
-    assert (branch.state, branch.confirmed_host_ns) == (TrackState.TENTATIVE, None)
+    assert (branch.life.state, branch.branch_of, branch.confirmed) == (TrackState.TENTATIVE, 1, False)
     assert branch.fix is not None
-    assert branch.position_ned == pytest.approx(ASTRAY, abs=0.1), "the coasting state with this fix"
+    assert flown.tracker.unused_fixes == {Reason.WEAK_EVIDENCE: 1}
+    assert branch.target.position_ned == pytest.approx(ASTRAY, abs=0.1), "the coasting state with this fix"
 
 
 def test_a_branch_that_is_missed_is_deleted_and_has_changed_nothing():
     flown, without = Flown().coasted(4.0).frame(ASTRAY), Flown().coasted(4.0).frame()
-    ends = []
+    alive = []
     for _ in range(6):
-        flown.frame()
+        alive.append(len(flown.frame().branches))
         without.frame()
-        ends += [track.reason for number, track in flown.tracks.items() if number == 2 and track.reason]
-    assert ends == [Reason.NEVER_CONFIRMED]
+    assert (alive[0], alive[-1]) == (1, 0)
     assert list(flown.tracks) == [1]
     assert flown.tracks[1].cov == without.tracks[1].cov
 
@@ -69,13 +76,14 @@ def test_fixes_that_agree_confirm_the_track_again():
     flown = Flown()
     confirmed_ns = flown.tracks[1].confirmed_host_ns
     flown.coasted(4.0)
-    states, ends = [], []
+    states, unused = [], []
     for _ in range(4):
         flown.frame(PLACE)
         states.append(flown.tracks[1].state)
-        ends += [(track.id, track.replaced_by) for track in flown.tracks.values() if track.reason]
+        unused.append(flown.tracker.unused_fixes.get(Reason.WEAK_EVIDENCE, 0))
     assert states == [TrackState.COASTING] * 2 + [TrackState.CONFIRMED] * 2
-    assert ends == [(2, 1)]
+    assert unused == [1, 1, 0, 0]
+    assert not flown.branches
     track = flown.tracks[1]
     assert (track.first_host_ns, track.confirmed_host_ns) == (host_ns(0.0), confirmed_ns)
     assert track.fix is not None
@@ -92,11 +100,10 @@ def test_the_target_is_found_again_although_a_false_detection_came_first():
 
 
 def test_the_other_branches_end_once_the_track_is_confirmed_again():
-    flown, ends = Flown().coasted(4.0).frame(ASTRAY), []
-    for _ in range(8):
-        flown.frame(PLACE, ASTRAY)
-        ends += [(track.id, track.reason) for track in flown.tracks.values() if track.reason]
-    assert sorted(ends) == [(2, Reason.REPLACED), (3, Reason.NEVER_CONFIRMED)]
+    flown = Flown().coasted(4.0).frame(ASTRAY)
+    alive = [len(flown.frame(PLACE, ASTRAY).branches) for _ in range(8)]
+    assert (max(alive), alive[-1]) == (2, 0)
+    assert list(flown.tracks) == [1, 2], "ids without a gap: branches have none of their own"
     assert [track.state for track in flown.tracks.values()] == [TrackState.CONFIRMED] * 2
     assert flown.tracks[1].position_ned == pytest.approx(ASTRAY, abs=0.2), "the branch with more evidence"
 
@@ -113,27 +120,36 @@ def seen_from(side, t, place):
     return a_fix(t, place, jacobian=jacobian, sigmas=CROOKED.bias_sigmas)
 
 
-@pytest.mark.parametrize(("fps", "branches"), [(10.0, 1), (4.5, 1), (3.5, 0), (0.25, 0)])
-def test_a_standing_target_in_a_wide_gate_has_branches_where_frames_come_faster_than_it_coasts(fps, branches):
+@pytest.mark.parametrize(("fps", "expected"), [(10.0, 1), (4.5, 1), (3.5, 0), (0.25, 0)])
+def test_a_standing_target_in_a_wide_gate_has_branches_where_frames_come_faster_than_it_coasts(fps, expected):
     tracker = make_tracker(TrackingOptions(), CROOKED)
     for k in range(12):
         tracker.on_frame(a_view(k / fps, seen_from(1, k / fps, PLACE)))
     for k in range(12, 18):
         tracker.on_frame(a_view(k / fps, sees=False))
-    tracks = tracker.on_frame(a_view(18 / fps, seen_from(-1, 18 / fps, ASTRAY)))
-    assert len(tracks) == 1 + branches
-    assert tracks[0].state is (TrackState.COASTING if branches else TrackState.CONFIRMED)
+    (track,) = tracker.on_frame(a_view(18 / fps, seen_from(-1, 18 / fps, ASTRAY)))
+    assert len(branches(tracker)) == expected
+    assert track.state is (TrackState.COASTING if expected else TrackState.CONFIRMED)
 
 
-@pytest.mark.parametrize(("apart_m", "branches"), [(2.0, 0), (60.0, 1)])
-def test_a_standing_target_beside_another_has_no_branches(apart_m, branches):
+@pytest.mark.parametrize(("apart_m", "expected"), [(2.0, 0), (60.0, 1)])
+def test_a_standing_target_beside_another_has_no_branches(apart_m, expected):
     """The gate is 8 m wide: its fix may be the other's."""
     tracker, other = make_tracker(TrackingOptions(), CROOKED), (PLACE[0], PLACE[1] + apart_m, 0.0)
     for k in range(12):
         tracker.on_frame(a_view(k / 10, seen_from(1, k / 10, PLACE), seen_from(1, k / 10, other)))
     for k in range(12, 18):
         tracker.on_frame(a_view(k / 10, sees=False))
-    assert len(tracker.on_frame(a_view(1.8, seen_from(-1, 1.8, ASTRAY)))) == 2 + branches
+    assert len(tracker.on_frame(a_view(1.8, seen_from(-1, 1.8, ASTRAY)))) == 2
+    assert len(branches(tracker)) == expected
+
+
+def test_a_branch_whose_coasting_track_ends_is_a_track_of_its_own():
+    flown = Flown().coasted(4.0).frame(PLACE)
+    flown.tracker.restore(replace(flown.tracker.snapshot(), alive=tuple(flown.branches)))
+    assert [list(flown.frame(PLACE).tracks) for _ in range(3)] == [[2]] * 3
+    assert flown.tracks[2].confirmed_host_ns == host_ns(flown.t - 2.0 / FPS), "with the evidence of the branch"
+    assert flown.tracker.unused_fixes == {}
 
 
 @pytest.mark.parametrize("seconds", [0.5, 0.8, 1.0, 1.5, 3.0])
