@@ -272,9 +272,10 @@ class Calibrator(msgspec.Struct, frozen=True):
         """After the search's step of a frame, or all of them between photographs; a delay begins the first pass."""
         if self.search is None:
             return self
-        search, kept = self.search.advanced(self.passes.kept, steps), self.passes.kept
+        kept, kinds = self.passes.kept, self.passes.kinds
+        search = self.search.advanced(kept, steps, kinds)
         while steps > STEP and search.round and not search.complete(kept):
-            search = search.advanced(kept, steps)
+            search = search.advanced(kept, steps, kinds)
         match search.result(kept):
             case FoundDelay() as found:
                 return self._found(found)

@@ -2,26 +2,28 @@
 
 A flapping wing is not linear in the delay, so the bank only shows where to look: of two delays a beat apart it may
 prefer the one that happens to lie nearer to one of its own. So each end is fitted again about itself, over everything
-that was kept, until hypotheses are compared and not linearizations. A delay is found when no other distinguishable
-delay is nearly as likely, the prior included.
+that was kept, until hypotheses are compared and not linearizations. The last trials associate the measurements of
+targets near to one another again, each about its own delay: a wrong one displaces by more than they are apart. A delay
+is found when no other distinguishable delay is nearly as likely, the prior included.
 
 Immutable: each step returns the next state.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from math import inf
 from typing import TypeAlias
 
 import msgspec
 import numpy as np
 
-from fwav_companion.self_calibration.arrays import Array
+from fwav_companion.self_calibration.arrays import Array, Mask
 from fwav_companion.self_calibration.calibration_context import DELAY_STEP_S, CalibrationContext
 from fwav_companion.self_calibration.calibration_report import CalibrationStatus, SharedParameter
 from fwav_companion.self_calibration.filter_pass import FilterPass
 from fwav_companion.self_calibration.pixel_measurement import MeasurementBatch
+from fwav_companion.self_calibration.reassociation import Trial, near_places
 
 LEAST = 40
 MOST = 240
@@ -86,11 +88,13 @@ class DelaySearch(msgspec.Struct, frozen=True):
     """Kept batches that the trials have taken in this round."""
     photographs: bool = False
     """Whether the frames of the bank were photographs."""
+    trials: tuple[Trial, ...] = ()
+    """Last round, where targets are near to one another: one for each hypothesis."""
 
     @property
     def progress(self) -> tuple[int, int]:
         """Sights of the bank so far, and the number that the search needs on this flight."""
-        bank = self.hypotheses
+        bank = self._passes[0]
         return (bank.sights, LEAST_SIGHTS) if bank.photographs else (bank.frames, LEAST)
 
     @property
@@ -105,17 +109,23 @@ class DelaySearch(msgspec.Struct, frozen=True):
             return self
         return msgspec.structs.replace(self, hypotheses=self.hypotheses.fed(batch))
 
-    def advanced(self, kept: Sequence[MeasurementBatch], steps: int) -> DelaySearch:
-        """The search after its step of this frame, of so many kept batches."""
+    def advanced(
+        self, kept: Sequence[MeasurementBatch], steps: int, kinds: Mapping[int, str] | None = None
+    ) -> DelaySearch:
+        """The search after its step of this frame, of so many kept batches. ``kinds``: label of each track."""
         if not self.round:
             return self._next_round(0.0, inf) if self.begun and not self._flat else self
-        trials = self.hypotheses
+        hypotheses, trials = self.hypotheses, self.trials
         for batch in kept[self.cursor : self.cursor + steps]:
-            trials = trials.fed(batch)
+            if trials:
+                trials = tuple([trial.fed(batch, kinds or {}) for trial in trials])
+            else:
+                hypotheses = hypotheses.fed(batch)
         cursor = min(self.cursor + steps, len(kept))
-        search = msgspec.structs.replace(self, hypotheses=trials, cursor=cursor)
-        ended = self.round < ROUNDS and cursor >= len(kept)
-        return search._next_round(APART_SIGMAS, HOPELESS) if ended else search
+        search = msgspec.structs.replace(self, hypotheses=hypotheses, trials=trials, cursor=cursor)
+        if self.round == ROUNDS or cursor < len(kept):
+            return search
+        return search._next_round(APART_SIGMAS, HOPELESS)._apart(float(kept[-1].drop_m.max()), kinds or {})
 
     def complete(self, kept: Sequence[MeasurementBatch]) -> bool:
         """Whether the trials have taken everything kept, in every round."""
@@ -123,24 +133,24 @@ class DelaySearch(msgspec.Struct, frozen=True):
 
     def result(self, kept: Sequence[MeasurementBatch]) -> Result | None:
         """The result; None while the search goes on."""
-        over = self.hypotheses.frames >= MOST
+        over = self._passes[0].frames >= MOST
         if not self.round:
-            flat = bool(self.hypotheses.fits.any()) and self._flat
+            flat = bool(self._fits.any()) and self._flat
             return (FoundDelay(self.context.means) if flat else UNEXPLAINED) if over else None
         if not self.complete(kept):
             return None
         margin = MARGIN if over else EARLY_MARGIN
         ends = self._distinct(APART_SIGMAS)
         best = max(ends, key=lambda i: min((self._lead(i, j) for j in ends if j != i), default=0.0))
-        fits, sharp = bool(self.hypotheses.fits[best]), self._sigmas[best] < SHARP_S
+        fits, sharp = bool(self._fits[best]), self._sigmas[best] < SHARP_S
         apart_s = 0.0 if sharp else WIDE_S
         delays = self._delays
         rivals = [i for i in ends if self._lead(best, i) < margin and abs(delays[i] - delays[best]) > apart_s]
         if self.photographs and not sharp:
             rivals = [i for i in rivals if self._valley(best, i, ends)]
         if fits and not rivals:
-            joint = self.hypotheses.joint
-            return FoundDelay(joint.mean[best], {track: place[best] for track, place in joint.targets.items()})
+            joint, i = (self.trials[best].estimate.joint, 0) if self.trials else (self.hypotheses.joint, best)
+            return FoundDelay(joint.mean[i], {track: place[i] for track, place in joint.targets.items()})
         if not over:
             return None
         if fits and sharp:
@@ -153,19 +163,47 @@ class DelaySearch(msgspec.Struct, frozen=True):
         for track in sorted(tracks):
             hypotheses = hypotheses.without(track)
         left = sum(any(track not in tracks for track in batch.tracks) for batch in kept[: self.cursor])
-        return msgspec.structs.replace(self, hypotheses=hypotheses, cursor=left)
+        trials = tuple([trial.without(tracks) for trial in self.trials])
+        return msgspec.structs.replace(self, hypotheses=hypotheses, trials=trials, cursor=left)
+
+    @property
+    def _passes(self) -> tuple[FilterPass, ...]:
+        """The passes of all hypotheses, in order."""
+        return tuple([trial.estimate for trial in self.trials]) or (self.hypotheses,)
+
+    @property
+    def _score(self) -> Array:
+        return np.concatenate([each.score for each in self._passes])
+
+    @property
+    def _fits(self) -> Mask:
+        return np.concatenate([each.fits for each in self._passes])
 
     @property
     def _flat(self) -> bool:
-        return float(np.ptp(self.hypotheses.score)) < FLAT
+        return float(np.ptp(self._score)) < FLAT
 
     @property
     def _delays(self) -> Array:
-        return self.hypotheses.joint.mean[:, SharedParameter.DELAY]
+        return np.concatenate([each.joint.mean[:, SharedParameter.DELAY] for each in self._passes])
 
     @property
     def _sigmas(self) -> Array:
-        return np.sqrt(np.maximum(self.hypotheses.joint.cov[:, SharedParameter.DELAY, SharedParameter.DELAY], 0.0))
+        delay = SharedParameter.DELAY
+        variances = np.concatenate([each.joint.cov[:, delay, delay] for each in self._passes])
+        return np.asarray(np.sqrt(np.maximum(variances, 0.0)))
+
+    def _apart(self, height_m: float, kinds: Mapping[int, str]) -> DelaySearch:
+        """The search with a trial for each hypothesis, where targets are near to one another about one of them."""
+        hints = self.hypotheses.hints
+        near = [
+            near_places({track: hint[i] for track, hint in hints.items()}, kinds, height_m)
+            for i in range(len(self.hypotheses.score))
+        ]
+        if not any(near):
+            return self
+        trials = [Trial(self.hypotheses.take([i]), places) for i, places in enumerate(near)]
+        return msgspec.structs.replace(self, trials=tuple(trials))
 
     @property
     def _log_priors(self) -> Array:
@@ -174,7 +212,7 @@ class DelaySearch(msgspec.Struct, frozen=True):
 
     def _next_round(self, apart_sigmas: float, behind: float) -> DelaySearch:
         """The next round, about the ends that are not hopelessly behind the best."""
-        ends, likelihood = self._distinct(apart_sigmas)[:MOST_TRIALS], self.hypotheses.score + self._log_priors
+        ends, likelihood = self._distinct(apart_sigmas)[:MOST_TRIALS], self._score + self._log_priors
         tried = [i for i in ends if i == ends[0] or likelihood[i] > likelihood[ends[0]] - behind]
         trials = self.context.trials(self.hypotheses.joint.take(tried))
         photographs = self.photographs if self.round else self.hypotheses.photographs
@@ -183,7 +221,7 @@ class DelaySearch(msgspec.Struct, frozen=True):
     def _distinct(self, apart_sigmas: float) -> list[int]:
         """The distinct ends, the most likely first."""
         delays, sigmas, kept = self._delays, self._sigmas, list[int]()
-        for i in np.argsort(-(self.hypotheses.score + self._log_priors), kind="stable").tolist():
+        for i in np.argsort(-(self._score + self._log_priors), kind="stable").tolist():
             near = (max(APART_S, apart_sigmas * (sigmas[i] + sigmas[j])) for j in kept)
             if all(abs(delays[i] - delays[j]) > least for j, least in zip(kept, near, strict=True)):
                 kept.append(i)
@@ -191,14 +229,15 @@ class DelaySearch(msgspec.Struct, frozen=True):
 
     def _valley(self, best: int, i: int, ends: Sequence[int]) -> bool:
         """Whether the likelihood falls and rises again from one end to another: two delays, not one wide peak."""
-        delays, likelihood = self._delays, self.hypotheses.score + self._log_priors
+        delays, likelihood = self._delays, self._score + self._log_priors
         low, high = sorted((float(delays[best]), float(delays[i])))
         between = [float(likelihood[k]) for k in ends if low < delays[k] < high]
         return bool(between) and min(between) < float(likelihood[i]) - VALLEY
 
     def _lead(self, i: int, j: int) -> float:
         """Log-likelihood ratio of one end over another: the measurements, beyond chance, and the prior."""
-        score, variance, log_prior = self.hypotheses.score, self.hypotheses.score_variance, self._log_priors
+        score, log_prior = self._score, self._log_priors
+        variance = np.concatenate([each.score_variance for each in self._passes])
         seen = float(score[i] - score[j])
         beyond = max(0.0, abs(seen) - CHANCE_SIGMAS * max(variance[i], variance[j]) ** 0.5)
         return float(np.copysign(beyond, seen) + log_prior[i] - log_prior[j])

@@ -7,14 +7,15 @@ in view.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from itertools import combinations
 
 import msgspec
 import numpy as np
 
 from fwav_companion.self_calibration.arrays import Array
-from fwav_companion.self_calibration.pixel_measurement import MeasurementBatch, predict
+from fwav_companion.self_calibration.filter_pass import WORST, FilterPass
+from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, MeasurementBatch, predict
 
 NEARER = 0.5
 """Distance from another target over that from the own, below which a measurement changes. Errors that all targets share
@@ -23,6 +24,34 @@ move them by less than half of their distance, or they cannot be separated."""
 NEAR = 0.3
 """Distance of two targets over the camera's height from which measurements are not exchanged: a wing of 5 degrees late
 by a quarter of its beat displaces by 0.1 of it, a wrong mount moves both."""
+
+
+class Trial(msgspec.Struct, frozen=True):
+    """One hypothesis of a delay, with an association of its own."""
+
+    estimate: FilterPass
+    places: dict[int, Array]
+    """Apparent place (2) about it of each target that another one is near to."""
+
+    def fed(self, batch: MeasurementBatch, kinds: Mapping[int, str]) -> Trial:
+        """The trial after one more batch. ``kinds``: label of each target.
+
+        A measurement that finds no target is charged as the worst, so that a trial gains nothing by it.
+        """
+        point = self.estimate.joint.linearization_point[0, :SHARED_COUNT]
+        associated = reassociated(batch, point, self.places, kinds)
+        after, lost = self.estimate.fed(associated), len(batch.tracks) - len(associated.tracks)
+        if lost:
+            charge = 0.5 * WORST + float(np.log(batch.pixel_sigma.prod(1)).mean())
+            after = msgspec.structs.replace(after, score=after.score - lost * charge, refused=after.refused + lost)
+        return Trial(after, self.places)
+
+    def without(self, tracks: Collection[int]) -> Trial:
+        """The trial without some targets."""
+        estimate = self.estimate
+        for track in sorted(tracks):
+            estimate = estimate.without(track)
+        return Trial(estimate, {track: place for track, place in self.places.items() if track not in tracks})
 
 
 def near_places(places: Mapping[int, Array], kinds: Mapping[int, str], height_m: float) -> dict[int, Array]:
