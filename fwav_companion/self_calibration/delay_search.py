@@ -89,7 +89,7 @@ class DelaySearch(msgspec.Struct, frozen=True):
     photographs: bool = False
     """Whether the frames of the bank were photographs."""
     trials: tuple[Trial, ...] = ()
-    """Last round, where targets are near to one another: one for each hypothesis."""
+    """Last round, where targets are near to one another: with and without an association of its own."""
 
     @property
     def progress(self) -> tuple[int, int]:
@@ -194,7 +194,10 @@ class DelaySearch(msgspec.Struct, frozen=True):
         return np.asarray(np.sqrt(np.maximum(variances, 0.0)))
 
     def _apart(self, height_m: float, kinds: Mapping[int, str]) -> DelaySearch:
-        """The search with a trial for each hypothesis, where targets are near to one another about one of them."""
+        """The search with trials for each hypothesis, where targets are near to one another about one of them.
+
+        One associates again, one leaves what the tracker associated: places of a first fit may be mixed ones.
+        """
         hints = self.hypotheses.hints
         near = [
             near_places({track: hint[i] for track, hint in hints.items()}, kinds, height_m)
@@ -202,8 +205,9 @@ class DelaySearch(msgspec.Struct, frozen=True):
         ]
         if not any(near):
             return self
-        trials = [Trial(self.hypotheses.take([i]), places) for i, places in enumerate(near)]
-        return msgspec.structs.replace(self, trials=tuple(trials))
+        alone = [self.hypotheses.take([i]) for i in range(len(near))]
+        trials = [Trial(each, places) for each, places in zip(alone, near, strict=True) if places]
+        return msgspec.structs.replace(self, trials=(*(Trial(each, {}) for each in alone), *trials))
 
     @property
     def _log_priors(self) -> Array:
