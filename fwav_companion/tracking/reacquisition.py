@@ -13,7 +13,7 @@ coast, and beside others.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import log
+from math import inf, log
 from typing import TypeAlias
 
 import msgspec
@@ -28,6 +28,9 @@ from fwav_companion.types import GroundFix, Reason, TrackState
 WIDE = 4.0 * log(3.0)
 """Log determinant ratio of a gate three times as wide as the noise of a fix. In a narrow one a false fix does little: a
 small gain moves the estimate by a part of that noise."""
+STANDING_LLR = log(20.0)
+"""Log-likelihood ratio of a fix that confirms a standing target again: with equal priors it is the target's at 95 %.
+More would cost self-calibration the first sights from each side."""
 
 Evidence: TypeAlias = tuple[GroundFix, float]
 """A fix, and its log-likelihood ratio against clutter."""
@@ -41,13 +44,14 @@ def weak_evidence(tracks: Sequence[LiveTrack], taken: Mapping[int, Evidence], de
     ``taken``: the fixes of tracks, by id.
     """
     needed = detector.confirming_llr - log(detector.detection_probability)
+    for_standing = -inf if are_photographs(detector) else min(needed, STANDING_LLR)
     coasting = [track for track in tracks if track.life.state is TrackState.COASTING and track.id in taken]
     weak = [(track, taken[track.id]) for track in coasting if taken[track.id][1] < needed]
     return {
         id(fix): (track, (fix, llr))
         for track, (fix, llr) in weak
         if track.target.gate(fix).log_det_ratio > WIDE
-        and (track.target.velocity_cov is not None or not (are_photographs(detector) or _is_shared(track, fix, tracks)))
+        and (track.target.velocity_cov is not None or (llr < for_standing and not _is_shared(track, fix, tracks)))
     }
 
 
