@@ -26,7 +26,7 @@ Sample = tuple[Array, Array, Array]
 TELEMETRY_STEP_S = 0.1
 MOST_TURN_COSINE = 0.7
 STEP_S = 1.0
-SMOOTH_MARGIN = 5.0
+SMOOTH_MARGIN = -0.5
 
 
 class FixArrays:
@@ -78,7 +78,7 @@ class PlainFilter:
             self.fresh = None
 
     def _moved(self, since_s: float) -> float:
-        if self.score <= SMOOTH_MARGIN:
+        if self.score < SMOOTH_MARGIN:
             return float(2.0 * self.each * np.sum(1.0 - np.exp(-0.5 * self.rates * since_s)))
         turn = self.rates * since_s
         moved = 2.0 * self.each * np.sum(1.0 - (1.0 + turn) * np.exp(-turn))

@@ -9,8 +9,8 @@ correlation is ``sigma^2 (1 + w t) exp(-w t)``; the integral is that of a first-
 Where the time constant is not known, the error is a sum of several: the mean of their correlations is the correlation
 of an error whose time constant is drawn among them, so that the claim holds in the mean over receivers.
 
-Not every error is smooth. The apparent place therefore moves as far as a first-order error does until the fixes show a
-smooth one (``wander_evidence``). The claim of the place hardly depends on it: both have the same integral.
+Not every error is smooth. Where the fixes show a first-order one (``wander_evidence``), the apparent place moves as far
+as that does. The claim of the place hardly depends on it: both have the same integral.
 
 The apparent place is filtered at every fix; place, errors and rates once a second, as one scalar Kalman filter for both
 axes: the wander is the same along each, and what fixes do not show equally along both is small beside it.
@@ -56,7 +56,7 @@ class PositionWander(msgspec.Struct, frozen=True, gc=False):
     def apparent_noise(self, interval_s: float, variance: float, *, smooth: bool) -> float:
         """Variance by which the apparent place moves within an interval, each axis, m^2.
 
-        ``variance``: its own before; ``smooth``: whether the error is known to move smoothly. A first-order error moves
+        ``variance``: its own before; ``smooth``: whether the error is taken for a smooth one. A first-order error moves
         by 2 sigma^2 (1 - correlation), with the correlation exp(-w t / 2).
 
         The filter of a random walk of density q looks back T = variance / q. The error moves by rate T within that, so

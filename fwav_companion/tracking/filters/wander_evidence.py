@@ -22,8 +22,9 @@ from fwav_companion.tracking.filters.schmidt_kalman import PointEstimate
 
 MOST_APART_S = 3.0
 """Interval between two means up to which the error's movement is the greater part of their difference."""
-MARGIN = 5.0
-"""Log-likelihood ratio from which the error is believed to be smooth, as in self-calibration."""
+MARGIN = -0.5
+"""Log-likelihood ratio from which the error is taken for smooth. Receivers and autopilots smooth: before any fix
+the odds are five to three."""
 MOST_SCORE = 10.0
 """Bound of the sum, so that a receiver that behaves differently from now on is believed within seconds."""
 SHARE = 0.5
@@ -43,8 +44,8 @@ class WanderEvidence(msgspec.Struct, frozen=True, gc=False):
 
     @property
     def is_smooth(self) -> bool:
-        """Whether the error is known to be smooth: until then the wider claim holds."""
-        return self.score > MARGIN
+        """Whether the error is taken for smooth; else the wider claim holds."""
+        return self.score >= MARGIN
 
     def with_mean(
         self, mean: PointEstimate, interval_s: float, quick_density: float, smooth_density: float
