@@ -23,7 +23,7 @@ MOST_KEPT = 400
 """Batches: 40 s at 30 frames/s, 1 megabyte of one target and 6 of ten. They settle the linearization."""
 PASSES_AT = (60, 120, 240, 480)
 """Measurements kept of each target, at which a new pass begins."""
-GROWTH = 1.25
+GROWTH = 1.6
 """Measurements over those of the last pass, at which another begins while the mount is not known. Linearized 40 sights
 ago, a figure-eight that is seen for a few seconds at a time showed innovations that drift by a factor of 3.6, and no
 mount; linearized at its end it showed 1.7, and the mount."""

@@ -51,7 +51,7 @@ class PlainFilter:
         self.priors, self.first_ns, self.at_ns, self.placed_ns = priors, first.at_ns, first.at_ns, first.at_ns
         self.sigma, self.rates = priors.sigma(Bias.POSITION_NORTH), 2.0 / np.array(priors.position_times_s)
         self.each = self.sigma**2 / len(self.rates)
-        self.score, self.means = 0.0, list[tuple[float, Sample]]()
+        self.score, self.means, self.is_apart = 0.0, list[tuple[float, Sample]](), False
         self.apparent, self.shared = first.position, first.shared
         self.noise = first.noise + self._sensitivity_noise(first, FIRST_SENSITIVITY_S)
         self._begin_place()
@@ -72,13 +72,14 @@ class PlainFilter:
         if (fix.at_ns - self.first_ns) * 1e-9 < STEP_S:
             self._begin_place()
             return
+        self.is_apart = True
         self.fresh = sample if self.fresh is None else _updated(self.fresh, sample)
         if placed_s >= STEP_S:
             self._place(placed_s, *self.fresh)
             self.fresh = None
 
     def _moved(self, since_s: float) -> float:
-        if self.score < SMOOTH_MARGIN:
+        if not self.is_apart or self.score < SMOOTH_MARGIN:
             return float(2.0 * self.each * np.sum(1.0 - np.exp(-0.5 * self.rates * since_s)))
         turn = self.rates * since_s
         moved = 2.0 * self.each * np.sum(1.0 - (1.0 + turn) * np.exp(-turn))

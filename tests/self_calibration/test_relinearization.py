@@ -64,22 +64,22 @@ def test_a_pass_begins_at_a_number_of_measurements_of_each_live_target(batches):
     assert fed(state, batches[59:62], context).done == 1
 
 
-def test_while_the_mount_is_not_known_passes_follow_every_quarter_more_measurements(batches):
+def test_while_the_mount_is_not_known_passes_follow_as_measurements_grow(batches):
     context = CalibrationContext(FLIGHT.priors, None)
 
     def passed_at(*, settled):
         state = fed(Relinearization(), batches[:40]).begun(context, POINT)
         counts = [state.passed]
-        for batch in batches[40:85]:
+        for batch in batches[40:110]:
             state = state.with_batch(batch).advanced(context, 200, settled=settled)
             counts.append(state.passed)
         return list(dict.fromkeys(counts))
 
-    assert passed_at(settled=True) == [40, 60]
+    assert passed_at(settled=True) == [40, *passes.PASSES_AT[:1]]
     counts = passed_at(settled=False)
     assert len(counts) >= 3
-    assert all(after >= min(1.25 * before, 60) for before, after in pairwise(counts))
-    assert all(after <= 1.25 * before + 2 for before, after in pairwise(counts))
+    assert all(after >= min(passes.GROWTH * before, passes.PASSES_AT[0]) for before, after in pairwise(counts))
+    assert all(after <= passes.GROWTH * before + 2 for before, after in pairwise(counts))
 
 
 def test_too_many_to_keep_end_the_passes_and_what_is_served_goes_on(batches, monkeypatch):

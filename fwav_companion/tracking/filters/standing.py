@@ -187,7 +187,10 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
         return gate_results(place, self.scatter, [errors.prepared(fix) for fix in fixes], errors.timed)
 
     def before(self, host_ns: HostNs) -> PointEstimate:
-        """The apparent place predicted to an instant: the error of the vehicle's position has wandered on."""
+        """The apparent place predicted to an instant: the error of the vehicle's position has wandered on.
+
+        The first second shows nothing of how it wanders: the wider claim holds.
+        """
         if self.predicted is not None and host_ns == self.host_ns:
             return self.predicted
         nn, _, ee = self.apparent.noise
