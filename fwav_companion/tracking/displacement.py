@@ -36,6 +36,10 @@ class Absent(msgspec.Struct, frozen=True):
         return any(_may_be_displaced(each.target, fix, self.seen_off_m) for each in self.tracks if each.label == label)
 
 
+NONE_ABSENT = Absent((), None)
+"""A frame that missed no track."""
+
+
 def absent(
     tracks: Sequence[LiveTrack],
     missed: Sequence[LiveTrack],

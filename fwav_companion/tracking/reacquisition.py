@@ -43,9 +43,11 @@ def weak_evidence(tracks: Sequence[LiveTrack], taken: Mapping[int, Evidence], de
 
     ``taken``: the fixes of tracks, by id.
     """
+    coasting = [track for track in tracks if track.life.state is TrackState.COASTING and track.id in taken]
+    if not coasting:
+        return {}
     needed = detector.confirming_llr - log(detector.detection_probability)
     for_standing = -inf if are_photographs(detector) else min(needed, STANDING_LLR)
-    coasting = [track for track in tracks if track.life.state is TrackState.COASTING and track.id in taken]
     weak = [(track, taken[track.id]) for track in coasting if taken[track.id][1] < needed]
     return {
         id(fix): (track, (fix, llr))

@@ -203,7 +203,7 @@ def unused_fixes(tracks: Sequence[LiveTrack], refused: int) -> dict[Reason, int]
     """Number of fixes of a frame that no reported track has, by reason. ``refused``: it found the table full."""
     weak = sum([track.id < 0 and track.fix is not None for track in tracks])
     counts = {Reason.TOO_MANY_TRACKS: refused, Reason.WEAK_EVIDENCE: weak}
-    return {reason: count for reason, count in counts.items() if count} if refused or weak else {}
+    return {reason: count for reason, count in counts.items() if count}
 
 
 def teaches(fix: GroundFix) -> bool:

@@ -13,7 +13,7 @@ from fwav_companion.self_calibration import CalibrationReport
 from fwav_companion.tracking import reacquisition
 from fwav_companion.tracking.association import Candidate, associate, clutter
 from fwav_companion.tracking.detector_model import DetectorModel
-from fwav_companion.tracking.displacement import Absent, absent
+from fwav_companion.tracking.displacement import NONE_ABSENT, Absent, absent
 from fwav_companion.tracking.filters.base import Filter, TargetState
 from fwav_companion.tracking.lifecycle import LOOK_S, MOVING_LOOK_S, are_photographs, not_detected
 from fwav_companion.tracking.self_calibrated import CalibratedTargetState, MisplacedTargetState, claimed_m2
@@ -159,7 +159,9 @@ class Tracker:
         missed = [
             track for track in predicted if track.id in unseen and unseen[track.id].life.misses > track.life.misses
         ]
-        displaced = absent(predicted, missed, taken, photographs=are_photographs(state.detector))
+        displaced = NONE_ABSENT
+        if missed:
+            displaced = absent(predicted, missed, taken, photographs=are_photographs(state.detector))
         after = [
             unseen[track.id] if track.id in unseen else self._seen(track, *taken[track.id], view, displaced)
             for track in predicted
@@ -177,10 +179,12 @@ class Tracker:
         if landmarks is not None:
             landmarks = landmarks.seen(view.landmarks, [t.fix for t in tracks if t.confirmed and t.fix is not None])
             tracks = [msgspec.structs.replace(track, target=landmarks.corrected(track.target)) for track in tracks]
-        tracks, next_id = reacquisition.independent(tracks, next_id)
+        branches = [track for track in tracks if track.id < 0]
+        if branches:
+            tracks, next_id = reacquisition.independent(tracks, next_id)
         living = tuple([track for track in tracks if track.life.state is not TrackState.DROPPED])
         calibrator = self._taught(view, living)
-        unused = unused_fixes(tracks, refused)
+        unused = unused_fixes(tracks, refused) if refused or branches else {}
         self._state = Snapshot(living, next_id, calibrator, self._beside_state(), merging, detector, unused, landmarks)
         return self._reports(tracks, view)
 
