@@ -1,7 +1,11 @@
-"""A track as self-calibration sees it: by its joint estimate, or in doubt while the mount is known to be wrong."""
+"""A track's target as it is reported: by its own filter or by the joint estimate of self-calibration.
+
+While the mount is known to be wrong, it is in doubt.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 from math import inf
 from typing import TYPE_CHECKING
@@ -14,7 +18,8 @@ from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.self_calibration.calibration_report import SharedParameter
 from fwav_companion.tracking.filters.base import TargetState
 from fwav_companion.tracking.filters.standing import StandingTargetState
-from fwav_companion.types import GroundFix
+from fwav_companion.tracking.track_state import LiveTrack
+from fwav_companion.types import FrameView, GroundFix, Track
 from fwav_companion.types.tracks import GateResult
 
 if TYPE_CHECKING:
@@ -112,7 +117,7 @@ def place_cov(calibrator: Calibrator, placed: CalibratedPlace, own: TargetState)
     return (nn + noise, ne, ee + noise)
 
 
-def claimed_m2(calibrator: Calibrator, placed: CalibratedPlace, own: TargetState) -> float:
+def _claimed_m2(calibrator: Calibrator, placed: CalibratedPlace, own: TargetState) -> float:
     """Trace of that covariance, m^2."""
     nn, _, ee = place_cov(calibrator, placed, own)
     return nn + ee
@@ -166,6 +171,59 @@ class MisplacedTargetState(msgspec.Struct, frozen=True):
     def update(self, fix: GroundFix) -> TargetState:
         """As it was taken to be."""
         return self.taken.update(fix)
+
+
+class TargetChoice(msgspec.Struct, frozen=True):
+    """The choice between both estimates, at one instant."""
+
+    calibrator: Calibrator | None
+    """None without self-calibration."""
+    corrects: Calibrator | None
+    """The same where it may correct the tracks."""
+    landmarks_show: bool
+    """Whether landmarks corrected the tracks' own filters."""
+
+    def calibrated(self, track: LiveTrack) -> CalibratedTargetState | None:
+        """The target by the joint estimate, where that holds it and may correct it."""
+        calibrator = self.corrects
+        placed = None if calibrator is None else calibrator.placed(track.id)
+        if calibrator is None or placed is None:
+            return None
+        fix, own = track.fix, track.target
+        by_fix = None if fix is None else calibrator.by_fix(fix, placed, _claimed_m2(calibrator, placed, own))
+        return CalibratedTargetState(calibrator, track.id, placed, own, by_fix)
+
+    def target(self, track: LiveTrack) -> TargetState:
+        """The target by the joint estimate once that is calibrated, by its own filter before.
+
+        Their covariances are not compared: before, the joint estimate weighs fixes by their noise alone; after, a
+        filter rests on the prior of the mount, and its covariance may shrink below that of the calibrated estimate. A
+        filter that rests on a prior which the flight contradicts is not used. What landmarks show is compared: both
+        claims then rest on the flight.
+        """
+        calibrator = self.calibrator
+        if calibrator is None:
+            return track.target
+        calibrated = self.calibrated(track)
+        if calibrated is None:
+            return track.target
+        by_landmarks = self.landmarks_show and not calibrator.denied
+        if by_landmarks and horizontal_sigma(track.target.cov) < horizontal_sigma(calibrated.cov):
+            return track.target
+        return calibrated if calibrator.is_calibrated or calibrator.denied else track.target
+
+    def reports(self, tracks: Sequence[LiveTrack], view: FrameView) -> tuple[Track, ...]:
+        """The tracks' reports, without branches. While the mount is known to be wrong, no fix, and wide covariances."""
+        misplaced_m = 0.0 if self.calibrator is None else self.calibrator.misplaced_m
+        tracks = [track for track in tracks if track.id > 0]
+        if misplaced_m == 0.0:
+            return tuple([track.report(self.target(track), view) for track in tracks])
+        return tuple(
+            msgspec.structs.replace(track, fix=None, innovation=None).report(
+                MisplacedTargetState(self.target(track), misplaced_m), view
+            )
+            for track in tracks
+        )
 
 
 def _level(horizontal: Symmetric2, down: float) -> Matrix3:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from fwav_companion.geometry.small_matrices import horizontal_sigma
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.self_calibration import CalibrationReport
 from fwav_companion.tracking import reacquisition
@@ -16,7 +15,7 @@ from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.tracking.displacement import NONE_ABSENT, Absent, absent
 from fwav_companion.tracking.filters.base import Filter, TargetState
 from fwav_companion.tracking.lifecycle import LOOK_S, MOVING_LOOK_S, are_photographs, not_detected
-from fwav_companion.tracking.self_calibrated import CalibratedTargetState, MisplacedTargetState, claimed_m2
+from fwav_companion.tracking.self_calibrated import TargetChoice
 from fwav_companion.tracking.track_merging import TrackMerging
 from fwav_companion.tracking.track_state import (
     LiveTrack,
@@ -97,7 +96,8 @@ class Tracker:
 
     def best_targets(self) -> dict[int, TargetState]:
         """The reported targets of all live tracks, by id."""
-        return {track.id: self._best_target(track) for track in self._state.alive if track.id > 0}
+        target = self._choice.target
+        return {track.id: target(track) for track in self._state.alive if track.id > 0}
 
     @property
     def landmarks(self) -> tuple[LandmarkRecord, ...]:
@@ -117,6 +117,13 @@ class Tracker:
         return self._state.unused_fixes
 
     @property
+    def _choice(self) -> TargetChoice:
+        """How the present state reports its targets."""
+        state = self._state
+        shown = state.landmarks is not None and state.landmarks.shows
+        return TargetChoice(self._calibrator, state.calibrator if self._corrects else None, shown)
+
+    @property
     def _calibrator(self) -> Calibrator | None:
         return self._state.calibrator if self._beside is None else self._beside._calibrator
 
@@ -134,7 +141,7 @@ class Tracker:
         """All tracks after this frame, by id; a track that the frame deleted is among them once."""
         if self._beside is not None:
             self._beside.on_frame(view)
-        state = self._state
+        state, choice = self._state, self._choice
         landmarks = None if state.landmarks is None else state.landmarks.predicted(view)
         predicted = [
             msgspec.structs.replace(
@@ -150,12 +157,12 @@ class Tracker:
             predicted = [
                 msgspec.structs.replace(track, target=landmarks.corrected(track.target)) for track in predicted
             ]
-        taken = self._associated(predicted, view)
+        taken = self._associated(predicted, view, choice)
         has_room = len(predicted) + len(view.fixes) <= MAX_TRACKS  # a branch must not take the place of a target
         branchings = reacquisition.weak_evidence(predicted, taken, state.detector) if has_room else {}
         for track, _ in branchings.values():
             del taken[track.id]
-        unseen = {track.id: self._unseen(track, view) for track in predicted if track.id not in taken}
+        unseen = {track.id: self._unseen(track, view, choice) for track in predicted if track.id not in taken}
         missed = [
             track for track in predicted if track.id in unseen and unseen[track.id].life.misses > track.life.misses
         ]
@@ -168,10 +175,10 @@ class Tracker:
         ]
         after = reacquisition.reacquired(after, view.host_ns)
         elapsed_ns = view.host_ns - (state.detector.last_ns or view.host_ns)
-        merging = state.merging.after_frame(after, [track.id for track in missed], elapsed_ns, self._best_target)
+        merging = state.merging.after_frame(after, [track.id for track in missed], elapsed_ns, choice.target)
         used = {id(fix) for fix, _ in taken.values()}
         unassociated = [fix for fix in view.fixes if id(fix) not in used]
-        tracks, next_id = list(merging.merged(after, self._best_target)), state.next_id
+        tracks, next_id = list(merging.merged(after, choice.target)), state.next_id
         if unassociated:
             tracks, next_id = self._with_new(tracks, unassociated, view.host_ns, landmarks, branchings)
         refused = len(after) + len(unassociated) - len(tracks)
@@ -186,7 +193,7 @@ class Tracker:
         calibrator = self._taught(view, living)
         unused = unused_fixes(tracks, refused) if refused or branches else {}
         self._state = Snapshot(living, next_id, calibrator, self._beside_state(), merging, detector, unused, landmarks)
-        return self._reports(tracks, view)
+        return self._choice.reports(tracks, view)
 
     @property
     def due_ns(self) -> HostNs | None:
@@ -212,7 +219,7 @@ class Tracker:
         """Delete every track, as of the newest frame; their ids are not used again."""
         state = self._state
         dropped = [msgspec.structs.replace(track.deleted(reason), fix=None, innovation=None) for track in state.alive]
-        reported = self._reports(dropped, view)
+        reported = self._choice.reports(dropped, view)
         restarted = None if state.calibrator is None else state.calibrator.restarted()
         if self._beside is not None:
             self._beside.drop_all(reason, view)
@@ -225,7 +232,9 @@ class Tracker:
     def _beside_state(self) -> Snapshot | None:
         return None if self._beside is None else self._beside.snapshot()
 
-    def _associated(self, tracks: Sequence[LiveTrack], view: FrameView) -> dict[int, tuple[GroundFix, float]]:
+    def _associated(
+        self, tracks: Sequence[LiveTrack], view: FrameView, choice: TargetChoice
+    ) -> dict[int, tuple[GroundFix, float]]:
         """The fix of each track that has one, by id, and the fix's log-likelihood ratio against clutter."""
         if not (tracks and view.fixes):
             return {}
@@ -233,16 +242,16 @@ class Tracker:
             self._state.calibrator.expect(view.fixes)
         first = reacquisition.first_served(tracks)
         candidates = [
-            Candidate(track.label, track.target, track.detector_id, self._calibrated(track), track.id in first)
+            Candidate(track.label, track.target, track.detector_id, choice.calibrated(track), track.id in first)
             for track in tracks
         ]
         against = clutter(self._state.detector, view.image_px2)
         pairs = associate(candidates, view.fixes, against, view.could_see)
         return {tracks[i].id: (view.fixes[j], llr) for i, (j, llr) in pairs.items()}
 
-    def _unseen(self, track: LiveTrack, view: FrameView) -> LiveTrack:
+    def _unseen(self, track: LiveTrack, view: FrameView, choice: TargetChoice) -> LiveTrack:
         """The track after a frame without a fix of it."""
-        missed = is_missed_detection(view, track.label, self._best_target(track), self._margin_m(track))
+        missed = is_missed_detection(view, track.label, choice.target(track), self._margin_m(track))
         detector = self._state.detector
         look_s = LOOK_S if track.target.velocity_cov is None else MOVING_LOOK_S
         life = not_detected(
@@ -257,7 +266,7 @@ class Tracker:
         after = track.updated(view.host_ns, fix, llr, self._state.detector)
         if not self.reports_innovations:
             return after
-        return msgspec.structs.replace(after, innovation=innovation(self._best_target(track), fix))
+        return msgspec.structs.replace(after, innovation=innovation(self._choice.target(track), fix))
 
     def _margin_m(self, track: LiveTrack) -> float | None:
         """Distance by which the mount error, as estimated and as unknown, may move the target in the image, metres.
@@ -308,46 +317,3 @@ class Tracker:
         fixes = [(track.id, track.fix) for track in old if track.fix is not None and teaches(track.fix)]
         seen = [fix for fix in view.fixes if teaches(fix)]
         return calibrator.updated(view.host_ns, seen, fixes, {track.id for track in old})
-
-    def _calibrated(self, track: LiveTrack) -> CalibratedTargetState | None:
-        """The target by the joint estimate, where that holds it and may correct it."""
-        calibrator = self._state.calibrator if self._corrects else None
-        placed = None if calibrator is None else calibrator.placed(track.id)
-        if calibrator is None or placed is None:
-            return None
-        fix = track.fix
-        by_fix = None if fix is None else calibrator.by_fix(fix, placed, claimed_m2(calibrator, placed, track.target))
-        return CalibratedTargetState(calibrator, track.id, placed, track.target, by_fix)
-
-    def _reports(self, tracks: Sequence[LiveTrack], view: FrameView) -> tuple[Track, ...]:
-        """The tracks' reports, without branches. While the mount is known to be wrong, no fix, and wide covariances."""
-        calibrator = self._calibrator
-        misplaced_m = 0.0 if calibrator is None else calibrator.misplaced_m
-        tracks = [track for track in tracks if track.id > 0]
-        if misplaced_m == 0.0:
-            return tuple([track.report(self._best_target(track), view) for track in tracks])
-        return tuple(
-            msgspec.structs.replace(track, fix=None, innovation=None).report(
-                MisplacedTargetState(self._best_target(track), misplaced_m), view
-            )
-            for track in tracks
-        )
-
-    def _best_target(self, track: LiveTrack) -> TargetState:
-        """The target by the joint estimate once that is calibrated, by its own filter before.
-
-        Their covariances are not compared: before, the joint estimate weighs fixes by their noise alone; after, a
-        filter rests on the prior of the mount, and its covariance may shrink below that of the calibrated estimate. A
-        filter that rests on a prior which the flight contradicts is not used. What landmarks show is compared: both
-        claims then rest on the flight.
-        """
-        calibrator = self._calibrator
-        if calibrator is None:
-            return track.target
-        calibrated = self._calibrated(track)
-        if calibrated is None:
-            return track.target
-        by_landmarks = self._state.landmarks is not None and self._state.landmarks.shows and not calibrator.denied
-        if by_landmarks and horizontal_sigma(track.target.cov) < horizontal_sigma(calibrated.cov):
-            return track.target
-        return calibrated if calibrator.is_calibrated or calibrator.denied else track.target
