@@ -9,18 +9,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import hypot
-from typing import TYPE_CHECKING
+from typing import TypeVar
 
 import numpy as np
 from msgspec.structs import replace
 
 from fwav_companion.self_calibration.arrays import Array
 from fwav_companion.tracking.landmarks.joint_place import UNKNOWN_M, Correction
+from fwav_companion.tracking.landmarks.landmark_estimate import LandmarkEstimate
 from fwav_companion.tracking.landmarks.state_vector import SharedErrors
 from fwav_companion.types import LandmarkState
 
-if TYPE_CHECKING:
-    from fwav_companion.tracking.landmarks.landmark_filter import LandmarkFilter
+EstimateT = TypeVar("EstimateT", bound=LandmarkEstimate)
 
 LEFT_OUT = 30.0
 """Squared Mahalanobis distance of a landmark from where all else shows it, beyond which it is left out: it is examined
@@ -40,7 +40,7 @@ SUSPECT = 7.8
 """The same distance of a suspect: a right one exceeds it once in twenty, and then widens claims."""
 
 
-def examined(state: LandmarkFilter, *, at_once: bool = False) -> LandmarkFilter:
+def examined(state: EstimateT, *, at_once: bool = False) -> EstimateT:
     """The state without the landmark that all else contradicts the most; without all that it contradicts alike.
 
     ``at_once``: whether what is far off is left out before later examinations can show which of several is wrong.
@@ -59,27 +59,27 @@ def examined(state: LandmarkFilter, *, at_once: bool = False) -> LandmarkFilter:
     for i in wrong:
         off_m = hypot(*map(float, off(without[i], i)))
         record = replace(state.records[i], state=LandmarkState.LEFT_OUT, off_m=off_m)
-        state = released(state, i).recorded(i, record, state.sequels[i])
+        state = released(state, i).recorded(i, record)
     return replace(state, suspects=(), unresolved=0)
 
 
-def _is_decided(state: LandmarkFilter, wrong: int, worst: float, *, at_once: bool) -> bool:
+def _is_decided(state: LandmarkEstimate, wrong: int, worst: float, *, at_once: bool) -> bool:
     """Whether the ``wrong`` landmarks that are contradicted alike are left out."""
     if wrong == 1:
         return worst > LEFT_OUT or state.doubted[1] >= DOUBTED_TIMES
     return worst > ALL_LEFT_OUT and (at_once or state.unresolved >= DOUBTED_TIMES)
 
 
-def contradicting(state: LandmarkFilter, used: Sequence[int], shown: Sequence[int]) -> LandmarkFilter:
+def contradicting(state: EstimateT, used: Sequence[int], shown: Sequence[int]) -> EstimateT:
     """The state whose records name, for each of the landmarks ``shown``, those that it contradicts."""
     for i in used:
         others = tuple(state.records[k].label for k in (shown if len(shown) > 1 else used) if k != i)
         record = replace(state.records[i], contradicts=others if i in shown else ())
-        state = state.recorded(i, record, state.sequels[i])
+        state = state.recorded(i, record)
     return state
 
 
-def _doubting(state: LandmarkFilter, wrong: Sequence[int], worst: float) -> LandmarkFilter:
+def _doubting(state: EstimateT, wrong: Sequence[int], worst: float) -> EstimateT:
     """The state with one more examination beyond DOUBTED: of the same single landmark, or of several."""
     unresolved = state.unresolved + 1 if worst > DOUBTED else 0
     if len(wrong) != 1 or worst <= DOUBTED:
@@ -89,7 +89,7 @@ def _doubting(state: LandmarkFilter, wrong: Sequence[int], worst: float) -> Land
     return replace(state, doubted=(wrong[0], again), unresolved=unresolved)
 
 
-def released(state: LandmarkFilter, landmark: int) -> LandmarkFilter:
+def released(state: EstimateT, landmark: int) -> EstimateT:
     """The state without the claim of one landmark: its place is as good as unknown."""
     return state.corrected(release(state.model, landmark))
 
@@ -102,12 +102,12 @@ def release(model: SharedErrors, landmark: int) -> Correction:
     return Correction(np.zeros(3), rows, -claimed * UNKNOWN_M**2 / (UNKNOWN_M**2 - claimed) * np.eye(3))
 
 
-def off(state: LandmarkFilter, landmark: int) -> Array:
+def off(state: LandmarkEstimate, landmark: int) -> Array:
     """(3) where the sights show a landmark whose claim is taken back, minus its known place, metres."""
     return state.mean[state.model.survey(landmark)]
 
 
-def distance2(state: LandmarkFilter, landmark: int) -> float:
+def distance2(state: LandmarkEstimate, landmark: int) -> float:
     """Squared Mahalanobis distance between the two."""
     survey = state.model.survey(landmark)
     cov = state.cov[survey, survey] + state.model.landmarks[landmark].sigma_m ** 2 * np.eye(3)

@@ -12,7 +12,7 @@ of the targets take with it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import hypot, sqrt
+from math import hypot
 
 import msgspec
 import numpy as np
@@ -24,30 +24,20 @@ from fwav_companion.self_calibration.arrays import Array
 from fwav_companion.self_calibration.delayed_poses import StateAt
 from fwav_companion.tracking.filters.standing import FRESH_SHARE
 from fwav_companion.tracking.landmarks.delayed_sighting import DelayedSighting, PoseHistory
-from fwav_companion.tracking.landmarks.joint_place import Correction, Step, Transition, updated
+from fwav_companion.tracking.landmarks.joint_place import Correction, Transition, updated
+from fwav_companion.tracking.landmarks.landmark_estimate import IN_A_ROW, LandmarkEstimate, Sequel
 from fwav_companion.tracking.landmarks.landmark_examination import examined
 from fwav_companion.tracking.landmarks.ray_measurement import CameraPath, first_path, ray_measurement
-from fwav_companion.tracking.landmarks.state_vector import ALTITUDE_SHARE, SharedErrors
-from fwav_companion.types import FrameView, LandmarkAltitude, LandmarkRecord, LandmarkSight, LandmarkState, Sighting
+from fwav_companion.tracking.landmarks.state_vector import SharedErrors
+from fwav_companion.types import FrameView, LandmarkRecord, LandmarkSight, LandmarkState, Sighting
 
 GATE = 25.0
 """Squared Mahalanobis distance of a sight beyond which it is not used: a right one exceeds it once in 300 000."""
-IN_A_ROW = 5
-"""Refused sights in a row after which the landmark, and not the detector, is in doubt."""
 ITERATIONS = 3
 """Updates by a first sight, each about the estimate of the one before."""
 EXAMINED_EVERY_NS = NS_PER_S
 FIRST_S = 1e9
 """Interval before a first sight: it repeats no telemetry."""
-
-
-class Sequel(msgspec.Struct, frozen=True, gc=False):
-    """What the next sight of a landmark continues."""
-
-    at_ns: HostNs
-    """Capture of the last sight."""
-    in_a_row: int = 0
-    """Refused sights since the last one that agreed."""
 
 
 class PreparedSight(msgspec.Struct, frozen=True, gc=False):
@@ -61,59 +51,14 @@ class PreparedSight(msgspec.Struct, frozen=True, gc=False):
     """Distance from where it is expected, metres."""
 
 
-class LandmarkFilter(msgspec.Struct, frozen=True):
-    """Mean and covariance of the shared errors, and what each landmark showed."""
+class LandmarkFilter(LandmarkEstimate, frozen=True):
+    """The estimate in time, by sights."""
 
-    model: SharedErrors
-    mean: Array
-    cov: Array
-    sigma_m: float
-    """One sigma of the vehicle's position by its receiver, metres an axis."""
-    records: tuple[LandmarkRecord, ...]
-    sequels: tuple[Sequel | None, ...]
     path: CameraPath | None = None
     """The camera's path; None before the first sight of anything."""
     host_ns: HostNs | None = None
     examined_ns: HostNs = HostNs(0)
-    doubted: tuple[int, int] = (-1, 0)
-    """The landmark in doubt, and the number of examinations in a row that found it so."""
-    unresolved: int = 0
-    """Examinations in a row that found landmarks in contradiction."""
-    suspects: tuple[int, ...] = ()
-    """Landmarks in use that the others contradict: each may be the wrong one."""
     history: PoseHistory = PoseHistory()
-    steps: tuple[Step, ...] = ()
-    """The newest steps, in order, for the places of the targets."""
-
-    @property
-    def shows(self) -> bool:
-        """Whether any landmark was seen and is used."""
-        return any(record.state is LandmarkState.USED for record in self.records)
-
-    @property
-    def altitude(self) -> LandmarkAltitude | None:
-        """The vehicle's altitude by sights of the landmark that was used most; None before :data:`IN_A_ROW` of them.
-
-        The prior is taken back, with its information: an altitude above sea level may be worse than twice the place.
-        """
-        used = max(range(len(self.records)), key=lambda i: self.records[i].used * self._is_used(i))
-        if not self._is_used(used) or self.records[used].used < IN_A_ROW:
-            return None
-        index, prior = self.model.altitude, (ALTITUDE_SHARE * self.sigma_m) ** 2
-        variance = float(self.cov[index, index])
-        if not variance < prior:
-            return None
-        shown = 1.0 / (1.0 / variance - 1.0 / prior)
-        sigma_m = hypot(sqrt(shown), self.model.landmarks[used].sigma_m)
-        return LandmarkAltitude(used, float(self.mean[index]) * shown / variance, sigma_m)
-
-    def _is_used(self, landmark: int) -> bool:
-        return self.records[landmark].state is LandmarkState.USED
-
-    @property
-    def shared(self) -> tuple[Array, Array]:
-        """Mean and covariance of the shared errors."""
-        return self.mean, self.cov
 
     def predicted(self, view: FrameView) -> LandmarkFilter:
         """The state at the instant of a frame."""
@@ -194,7 +139,7 @@ class LandmarkFilter(msgspec.Struct, frozen=True):
             return self.recorded(landmark, record, replace(sequel, in_a_row=sequel.in_a_row + 1))
         state = self.recorded(landmark, record, replace(sequel, in_a_row=0))
         if record.used >= IN_A_ROW:  # what agreed has not moved: the vehicle's position has
-            return replace(state.position_jumped(off_m**2), records=state._with(landmark, replace(record, used=0)))
+            return state.position_jumped(off_m**2).recorded(landmark, replace(record, used=0))
         used = replace(record, state=LandmarkState.USED)
         with_it = examined(state.corrected(correction).recorded(landmark, used, sequel), at_once=True)
         decided = any(
@@ -245,21 +190,6 @@ class LandmarkFilter(msgspec.Struct, frozen=True):
     def pose(self, sighting: Sighting) -> DelayedSighting:
         """The sighting by the pose at the estimated delay."""
         return self.history.delayed(sighting, self.model.late_s(sighting, self.mean))
-
-    # Steps.
-
-    def corrected(self, correction: Correction) -> LandmarkFilter:
-        """The state after a measurement that leaves the considered biases as they are."""
-        mean, cov = updated((self.mean, self.cov), correction, self.model.estimated)
-        return replace(self, mean=mean, cov=cov, steps=(*self.steps, correction))
-
-    def _with(self, landmark: int, record: LandmarkRecord) -> tuple[LandmarkRecord, ...]:
-        return (*self.records[:landmark], record, *self.records[landmark + 1 :])
-
-    def recorded(self, landmark: int, record: LandmarkRecord, sequel: Sequel | None) -> LandmarkFilter:
-        """The state with another record and sequel of one landmark."""
-        sequels = (*self.sequels[:landmark], sequel, *self.sequels[landmark + 1 :])
-        return replace(self, records=self._with(landmark, record), sequels=sequels)
 
 
 def landmark_filter(model: SharedErrors, state_at: StateAt | None = None) -> LandmarkFilter:
