@@ -3,31 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import asin, degrees, inf, prod
+from math import inf, prod
 
 import msgspec
 
 from fwav_companion.geometry.earth import TangentPlane
-from fwav_companion.geometry.rotations import matrix_from_quaternion
 from fwav_companion.geometry.stamps import NS_PER_S, BootNs, HostNs, s_from_ns
-from fwav_companion.geometry.vectors import Vector3, multiply
+from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.localization import LandmarkSights, Localizer, TerrainGround, TerrainShift
 from fwav_companion.pairing import (
-    CameraView,
     PairedFrame,
     Pairer,
-    PictureRows,
     RefusedFrame,
     VehicleSource,
     WaitingFrames,
     sees_nothing,
 )
+from fwav_companion.pipeline.camera_look import CameraLook
 from fwav_companion.pipeline.fix_agreement import FixAgreement
 from fwav_companion.pipeline.frame_census import FrameCensus
 from fwav_companion.pipeline.landmark_notices import LandmarkNotices, landmark_reports
 from fwav_companion.pipeline.landmark_shift import LandmarkShift
-from fwav_companion.pipeline.picture_footprint import footprint
-from fwav_companion.pipeline.predicted_accuracy import PredictedAccuracy, predicted_accuracy_below
 from fwav_companion.pipeline.readout_advice import ReadoutAdvice
 from fwav_companion.pipeline.self_calibration_notices import SelfCalibrationNotices
 from fwav_companion.pipeline.target_log import TargetLog, sighting_lines
@@ -44,10 +40,8 @@ from fwav_companion.types import (
     NoFix,
     NoFrame,
     Reason,
-    Sighting,
     TakeOff,
     Track,
-    Unpaired,
     VehicleState,
 )
 from fwav_companion.types.flight_status import LandmarkReport, SightReport
@@ -57,7 +51,6 @@ LONG_AFTER_NS = 60 * NS_PER_S
 
 FOOTPRINT_NS = NS_PER_S
 """Age of a picture up to which it shows where the camera looks."""
-BORDER_SIGMA_PX = 1.0
 
 
 class ProcessedFrame(msgspec.Struct, frozen=True):
@@ -89,6 +82,7 @@ class CameraPipeline:
         """``sightings``: write a line for every detection, used or not. ``agreement``: of fixes, for the status.
         ``readout``: whether its being unknown matters.
         """
+        self.look = CameraLook(telemetry, pairer, localizer)
         self._telemetry = telemetry
         self._pairer = pairer
         self._localizer = localizer
@@ -179,26 +173,12 @@ class CameraPipeline:
         """What each landmark showed so far; a filter that they do not correct leaves them unapplied."""
         return self._reorder.landmarks or self._landmarks.unapplied
 
-    def locate(self, u: float, v: float, sigma_px: float, host_ns: HostNs) -> GroundFix | None:
-        """The ground at a pixel of a picture taken then; None where it is unknown."""
-        sighting = self._pairer.look_at(u, v, sigma_px=sigma_px, host_ns=host_ns, vehicle=self._telemetry)
-        fix = self._localizer.locate(sighting) if isinstance(sighting, Sighting) else None
-        return fix if isinstance(fix, GroundFix) else None
-
     def footprint(self, size: tuple[int, int], now: HostNs) -> list[Vector3]:
         """Where the border of the newest picture meets the ground; empty without a recent picture."""
         view = self._last_view
         if view is None or now - view.host_ns > FOOTPRINT_NS:
             return []
-        return footprint(size, lambda u, v: self.locate(u, v, BORDER_SIGMA_PX, view.host_ns))
-
-    def view_at(self, host_ns: HostNs) -> CameraView | None:
-        """The camera at a host instant, in the frame of the tracks; None where it is unknown."""
-        return self._pairer.camera_at(host_ns, self._telemetry)
-
-    def picture_rows(self, frame: Frame) -> PictureRows | None:
-        """A frame of our own camera in time and scale; None where its clock or size is not known."""
-        return self._pairer.picture_rows(frame, self._telemetry.clock)
+        return self.look.footprint(size, view.host_ns)
 
     def frames_hz(self, now: HostNs) -> float:
         """Rate of frames, Hz; 0 while no frame arrives."""
@@ -213,7 +193,7 @@ class CameraPipeline:
         return SightReport(
             ground=self._localizer.ground.status(),
             refused=None if self.refused is None else self.refused.value,
-            axis_elevation_deg=self._axis_elevation_deg(),
+            axis_elevation_deg=self.look.axis_elevation_deg(),
             heard=self._census.status(),
             agreement=self._agreement.status(),
             readout=self.readout.status(),
@@ -222,28 +202,6 @@ class CameraPipeline:
 
     def _landmark_reports(self) -> list[LandmarkReport]:
         return landmark_reports(self.landmarks)
-
-    def _axis_elevation_deg(self) -> float | None:
-        """Elevation of the optical axis above the horizon now, degrees; None while the attitude is not known."""
-        state = self._telemetry.newest_state()
-        if isinstance(state, Unpaired) or isinstance(state.gimbal, Reason):
-            return None
-        ned_from_camera = multiply(matrix_from_quaternion(state.ned_from_carrier), self._pairer.body_from_camera)
-        return degrees(asin(max(-1.0, min(1.0, -ned_from_camera[2][2]))))
-
-    def expected(self) -> PredictedAccuracy | Reason:
-        """Accuracy of a fix straight below at this moment, or the reason why there would be no fix."""
-        return predicted_accuracy_below(self._pairer, self._localizer, self._telemetry)
-
-    def assumed_arrival(self, frame: Frame) -> HostNs | None:
-        """Assumed arrival time of a recorded frame without ``received_unix``; None while the clock is unknown."""
-        arrival_ns = self._pairer.assumed_arrival(frame, self._telemetry.clock)
-        return arrival_ns if isinstance(arrival_ns, int) else None
-
-    @property
-    def time_offset_s(self) -> float:
-        """Configured delay of the stamps, seconds."""
-        return self._pairer.time_offset_s
 
     def home_moved(self, home_down_m: float) -> None:
         """Move the home surface."""

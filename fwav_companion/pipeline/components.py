@@ -85,7 +85,7 @@ class Components:
 
     def readiness(self, camera: CameraPipeline, now: HostNs) -> Readiness:
         """What localization rests on at this instant."""
-        expected = camera.expected()
+        expected = camera.look.expected()
         return Readiness(
             attitude_hz=self.telemetry.attitude_hz(now),
             wanted_attitude_hz=self.rates.wanted_attitude_hz,
@@ -122,7 +122,7 @@ class Components:
         """Where a picture that someone looks at shows the confirmed and coasting tracks."""
         if self.camera is None:
             return TrackMarks(frame.picture or 0, ())
-        return track_marks(self.camera, frame, self.publisher.believed, self.publisher.selected)
+        return track_marks(self.camera.look, frame, self.publisher.believed, self.publisher.selected)
 
     def footprint(self, now: HostNs) -> tuple[tuple[float, float], ...]:
         """Corners of what the camera sees on the ground, latitude and longitude, degrees; empty where not known."""

@@ -86,8 +86,8 @@ class FrameHandlers:
     @property
     def time_offset_s(self) -> float:
         """Configured delay of the camera's stamps, seconds."""
-        return 0.0 if self._camera is None else self._camera.time_offset_s
+        return 0.0 if self._camera is None else self._camera.look.time_offset_s
 
     def assumed_arrival(self, frame: Frame) -> HostNs | None:
         """Assumed arrival time of a recorded frame without ``received_unix``; None while the clock is unknown."""
-        return None if self._camera is None else self._camera.assumed_arrival(frame)
+        return None if self._camera is None else self._camera.look.assumed_arrival(frame)

@@ -102,11 +102,11 @@ def make_pipeline(
             sightings=sightings,
         )
     follows_clicks = live and config.vision is not None and config.vision.track_clicks
-    spots = ClickedSpots(camera) if camera is not None and follows_clicks else None
+    spots = ClickedSpots(camera.look) if camera is not None and follows_clicks else None
     publisher = Publisher(
         publish_options(config, calibration, unit),
         spots=spots,
-        locate=None if camera is None else camera.locate,
+        locate=None if camera is None else camera.look.locate,
         state_at=telemetry.state_at,
     )
     handlers: dict[int, Handler | None] = {component: None}

@@ -71,7 +71,7 @@ def test_the_footprint_is_the_border_of_the_image_on_the_ground():
     camera, plane = companion.pipeline._components.camera, companion.pipeline.telemetry.world.plane
     corners = companion.pipeline.footprint(camera._last_view.host_ns)
     assert len(corners) >= 3
-    view = camera.view_at(camera._last_view.host_ns)
+    view = camera.look.view_at(camera._last_view.host_ns)
     home_m = plane.origin.alt_amsl_m - companion.pipeline.telemetry.world.home_down_m
     for lat, lon in corners:
         ned = plane.ned_from_geodetic(Geodetic.from_degrees(lat, lon, home_m))
