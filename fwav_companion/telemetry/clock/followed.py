@@ -12,23 +12,18 @@ from bisect import bisect_right
 from collections.abc import Iterable
 from math import sqrt
 
-import msgspec
-
 from fwav_companion.geometry.stamps import NS_PER_S, BootNs, HostNs
 from fwav_companion.telemetry.clock.clock_line import MOST_SKEW
 from fwav_companion.telemetry.clock.hard_bound import ROUNDING_NS, Exchange, HardBound
+from fwav_companion.telemetry.clock.offset_smoother import Knot, predicted, smoothed
 from fwav_companion.telemetry.clock.round_trip_weights import RESOLUTION_S
 
-MOST_NODES = 300
+MOST_KNOTS = 300
 """Half a minute at ten exchanges a second."""
-MOST_SMOOTHED = 40
-"""Exchanges after an instant that are used for it: four seconds at ten a second, longer than any frame waits."""
 SLOWEST, FASTEST = 0.5, 2.0
 """Rates of the autopilot's clock that are followed, autopilot seconds per host second."""
 RATE_PRIOR = 0.3
 """One sigma of the rate before it was measured: half of the widest range."""
-RATE_WANDER = 2e-3
-"""One sigma by which the rate changes in a second: a simulator under a varying load."""
 UNKNOWN_RATE = 0.02
 """One sigma of a change of the rate when the clock is first seen to leave a crystal's range."""
 WALK_MEMORY = 20
@@ -47,22 +42,6 @@ evenly err as much at the shortest round trip."""
 HALF_US_NS, MOST_STEPS = 500, 12
 
 
-class Knot(msgspec.Struct, gc=False):
-    """Posterior of the filter after one exchange; times and offsets are seconds from the follower's reference."""
-
-    t: float
-    trip_s: float
-    level: float
-    slope: float
-    p00: float
-    p01: float
-    p11: float
-    walk: float
-    """Variance of the offset's walk, and of a slip, since the node before, s^2."""
-    slipped_s: float
-    """Sum of all slips until this node, seconds."""
-
-
 class FollowedClock:
     """Offset of a clock that left the range of a crystal, at any instant of the last half minute and soon after."""
 
@@ -70,7 +49,7 @@ class FollowedClock:
         "_bound",
         "_calm_from_ns",
         "_from_ns",
-        "_nodes",
+        "_knots",
         "_pace",
         "_recent",
         "_ref_ns",
@@ -81,7 +60,7 @@ class FollowedClock:
 
     def __init__(self, before: Iterable[Exchange], contradicting: Iterable[Exchange]) -> None:
         """``before``: exchanges that 600 ppm explain; ``contradicting``: those that they do not."""
-        self._nodes: list[Knot] = []
+        self._knots: list[Knot] = []
         self._recent: list[Exchange] = []
         self._wild: list[Exchange] = []
         self._walk = 0.0
@@ -94,23 +73,24 @@ class FollowedClock:
             self.insert(entry)
             if self._from_ns is None:
                 self._from_ns = entry.host_ns
-                self._nodes[-1].p11 += UNKNOWN_RATE**2
+                self._knots[-1].p11 += UNKNOWN_RATE**2
         self._bound, self._calm_from_ns = HardBound(), self._recent[-1].host_ns
 
     def insert(self, entry: Exchange) -> None:
         """Take one exchange, in order of time."""
-        if not self._nodes:
+        if not self._knots:
             return self._begin(entry)
         if entry.host_ns <= self._recent[-1].host_ns:  # it overtook another
             return None
         level_s = self._seconds(entry)
-        predicted, _, p00, p01, p11 = self._predicted(self._nodes[-1], self._t(entry.host_ns))
-        innovation = level_s - predicted
+        t, last = self._t(entry.host_ns), self._knots[-1]
+        dt = t - last.t
+        expected_s, _, p00, p01, p11 = predicted(last, t, self._walk * dt)
+        innovation = level_s - expected_s
         if abs(innovation) > WILD_S and not self._agree(entry):
             return None
         self._wild.clear()
         r = self._noise(entry)
-        dt = self._t(entry.host_ns) - self._nodes[-1].t
         walk, slipped_s = self._walk * dt, 0.0
         if innovation**2 > SLIP_SIGMAS**2 * (p00 + r) and abs(innovation) > LEAST_SLIP_S:
             slipped_s, walk = innovation, walk + innovation**2
@@ -137,7 +117,7 @@ class FollowedClock:
     @property
     def best_round_trip_s(self) -> float:
         """Least round trip of those kept, seconds."""
-        return min(node.trip_s for node in self._nodes)
+        return min(knot.trip_s for knot in self._knots)
 
     @property
     def rate(self) -> tuple[float, float, float]:
@@ -145,8 +125,8 @@ class FollowedClock:
 
         Autopilot seconds per host second, without slips.
         """
-        start_t = self._nodes[0].t if self._from_ns is None else max(self._nodes[0].t, self._t(self._from_ns))
-        first, last = next(node for node in self._nodes if node.t >= start_t), self._nodes[-1]
+        start_t = self._knots[0].t if self._from_ns is None else max(self._knots[0].t, self._t(self._from_ns))
+        first, last = next(knot for knot in self._knots if knot.t >= start_t), self._knots[-1]
         span_s = last.t - first.t
         if span_s <= 0.0:
             return 1.0 - last.slope, RATE_PRIOR, 0.0
@@ -157,11 +137,11 @@ class FollowedClock:
     @property
     def slips_s(self) -> float:
         """Sum of the slips that are kept, seconds; positive: the autopilot's clock fell behind."""
-        return self._nodes[-1].slipped_s - self._nodes[0].slipped_s
+        return self._knots[-1].slipped_s - self._knots[0].slipped_s
 
     def offset_at(self, host_ns: HostNs) -> tuple[int, float, float]:
         """Offset in nanoseconds, d(offset)/d(host), and one sigma in seconds, at this host instant."""
-        level, slope, variance = self._smoothed(self._t(host_ns))
+        level, slope, variance = smoothed(self._knots, self._t(host_ns), self._walk)
         return self._ref_offset_ns + round(level * 1e9), slope, sqrt(max(variance, RESOLUTION_S**2))
 
     def host_from_boot(self, boot_ns: BootNs) -> HostNs:
@@ -181,7 +161,7 @@ class FollowedClock:
 
         It widens by the largest rate error that the round trips kept allow.
         """
-        pace, slope = self._largest_rate_error(), self._nodes[-1].slope
+        pace, slope = self._largest_rate_error(), self._knots[-1].slope
         index = bisect_right(self._recent, host_ns, key=lambda entry: entry.host_ns)
         bounds = []
         for entry in self._recent[max(0, index - 1) : index + 1]:
@@ -196,7 +176,7 @@ class FollowedClock:
         self._ref_ns, self._ref_offset_ns = entry.host_ns, entry.offset_ns
         trip_s = entry.round_trip_ns * 1e-9
         self._bound, self._calm_from_ns = HardBound(), entry.host_ns
-        self._nodes.append(
+        self._knots.append(
             Knot(
                 t=0.0,
                 trip_s=trip_s,
@@ -218,8 +198,8 @@ class FollowedClock:
         few; before, the whole round trip counts.
         """
         excess_s = entry.round_trip_ns * 1e-9
-        if len(self._nodes) >= EXCHANGES_TO_WEIGH:
-            trips = sorted(node.trip_s for node in self._nodes)
+        if len(self._knots) >= EXCHANGES_TO_WEIGH:
+            trips = sorted(knot.trip_s for knot in self._knots)
             least_s = max(0.0, 2.0 * trips[0] - trips[3])
             excess_s = max(excess_s - least_s, LEAST_EXCESS * (trips[len(trips) // 2] - least_s))
         return excess_s**2 / 12.0 + RESOLUTION_S**2
@@ -234,14 +214,14 @@ class FollowedClock:
         slipped_s: float,
     ) -> None:
         p00, p01, p11, r = covariances
-        last, t = self._nodes[-1], self._t(entry.host_ns)
+        last, t = self._knots[-1], self._t(entry.host_ns)
         k0, k1 = p00 / (p00 + r), p01 / (p00 + r)
-        predicted = last.level + last.slope * (t - last.t)
-        self._nodes.append(
+        expected_s = last.level + last.slope * (t - last.t)
+        self._knots.append(
             Knot(
                 t=t,
                 trip_s=entry.round_trip_ns * 1e-9,
-                level=predicted + k0 * innovation,
+                level=expected_s + k0 * innovation,
                 slope=max(1.0 - FASTEST, min(1.0 - SLOWEST, last.slope + k1 * innovation)),
                 p00=k0 * r,
                 p01=(1.0 - k0) * p01,
@@ -255,75 +235,14 @@ class FollowedClock:
         if self._bound.contradicts(entry):
             self._bound, self._calm_from_ns = HardBound(), entry.host_ns
         self._bound.take(entry)
-        if len(self._nodes) > MOST_NODES:
-            del self._nodes[0], self._recent[0]
-
-    def _predicted(self, node: Knot, t: float, walk: float | None = None) -> tuple[float, float, float, float, float]:
-        """(level, slope, p00, p01, p11) at a later time; ``walk``: variance of the walk until then."""
-        dt = t - node.t
-        wander = RATE_WANDER**2 * dt
-        walked = self._walk * dt if walk is None else walk
-        return (
-            node.level + node.slope * dt,
-            node.slope,
-            node.p00 + dt * (2.0 * node.p01 + dt * node.p11) + walked + wander * dt * dt / 3.0,
-            node.p01 + dt * node.p11 + wander * dt / 2.0,
-            node.p11 + wander,
-        )
-
-    def _smoothed(self, t: float) -> tuple[float, float, float]:
-        """(level, slope, variance of the level) at any time; Rauch-Tung-Striebel for times between exchanges."""
-        nodes = self._nodes
-        index = bisect_right(nodes, t, key=lambda node: node.t)
-        if index == len(nodes):
-            level, slope, p00, _, _ = self._predicted(nodes[-1], t)
-            return level, slope, p00
-        if index == 0:  # earlier than what is kept: along the first slope
-            level, slope, p00, _, p11 = self._smoothed_node(0)
-            dt = t - nodes[0].t
-            return level + slope * dt, slope, p00 + p11 * dt * dt + self._walk * abs(dt)
-        before, after = nodes[index - 1], nodes[index]
-        share = (t - before.t) / (after.t - before.t)
-        level, slope, p00, p01, p11 = self._predicted(before, t, after.walk * share)
-        here = Knot(t=t, trip_s=0.0, level=level, slope=slope, p00=p00, p01=p01, p11=p11, walk=0.0, slipped_s=0.0)
-        level, slope, p00, _, _ = self._back(here, after.t, after.walk * (1.0 - share), self._smoothed_node(index))
-        return level, slope, p00
-
-    def _smoothed_node(self, index: int) -> tuple[float, float, float, float, float]:
-        nodes = self._nodes
-        last = min(len(nodes) - 1, index + MOST_SMOOTHED)
-        end = nodes[last]
-        state = (end.level, end.slope, end.p00, end.p01, end.p11)
-        for k in range(last - 1, index - 1, -1):
-            state = self._back(nodes[k], nodes[k + 1].t, nodes[k + 1].walk, state)
-        return state
-
-    def _back(
-        self, node: Knot, t: float, walk: float, later: tuple[float, float, float, float, float]
-    ) -> tuple[float, float, float, float, float]:
-        """One backward step: the state at ``node`` given the smoothed state at the later time ``t``."""
-        dt = t - node.t
-        level, slope, q00, q01, q11 = self._predicted(node, t, walk)
-        determinant = max(q00 * q11 - q01 * q01, 1e-40)
-        c00, c01 = node.p00 + dt * node.p01, node.p01  # P F'
-        c10, c11 = node.p01 + dt * node.p11, node.p11
-        g00, g01 = (c00 * q11 - c01 * q01) / determinant, (c01 * q00 - c00 * q01) / determinant
-        g10, g11 = (c10 * q11 - c11 * q01) / determinant, (c11 * q00 - c10 * q01) / determinant
-        d0, d1 = later[0] - level, later[1] - slope
-        e00, e01, e11 = later[2] - q00, later[3] - q01, later[4] - q11
-        return (
-            node.level + g00 * d0 + g01 * d1,
-            node.slope + g10 * d0 + g11 * d1,
-            node.p00 + g00 * (g00 * e00 + 2.0 * g01 * e01) + g01 * g01 * e11,
-            node.p01 + g00 * (g10 * e00 + g11 * e01) + g01 * (g10 * e01 + g11 * e11),
-            node.p11 + g10 * (g10 * e00 + 2.0 * g11 * e01) + g11 * g11 * e11,
-        )
+        if len(self._knots) > MOST_KNOTS:
+            del self._knots[0], self._recent[0]
 
     def _largest_rate_error(self) -> float:
         """Largest difference from the present slope that two exchanges in a row allow."""
         if self._pace is not None:
             return self._pace
-        slope, largest, earlier = self._nodes[-1].slope, MOST_SKEW, self._recent[0]
+        slope, largest, earlier = self._knots[-1].slope, MOST_SKEW, self._recent[0]
         for entry in self._recent[1:]:
             between_ns = entry.host_ns - earlier.host_ns
             if between_ns < LEAST_APART_NS:
