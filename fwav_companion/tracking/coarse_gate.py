@@ -1,14 +1,15 @@
 """Pairs of tracks and fixes that the exact gate may accept: a coarse gate for several tracks.
 
 An innovation n along an axis passes the exact gate only if ``n^2 <= gate * (a + b + |r - s|^2)``, with the variances a
-and b of track and fix and their sensitivities r and s to shared errors. Fixes are gathered in cells of neighbours with
-similar sensitivities: with the reference row c of a cell, ``|r - s| <= |r - c| + |s - c|``, where the second length is
-that of the fix for all tracks. Whole cells are left out first, then fixes. No pair that the exact gate accepts is left
-out.
+and b of track and fix and their sensitivities r and s to shared errors. Fixes are gathered in strips by north, sorted
+by east: with the reference row c of a strip, ``|r - s| <= |r - c| + |s - c|``, where the second length is that of the
+fix for all tracks. A track is compared with the fixes of a strip between two bounds. No pair that the exact gate
+accepts is left out.
 """
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from math import ceil, dist, sqrt
 from typing import TypeAlias, cast
@@ -22,34 +23,46 @@ from fwav_companion.types.tracks import GateShare
 
 FEW_PAIRS = 12
 """Pairs up to which the exact gate alone is as fast."""
-CELL = 12
-"""Fixes in a cell."""
+ABREAST = 12
+"""Fixes for which one strip is the fastest; the number of strips grows with the square root."""
 SLACK = 1.0 + 1e-9
 """Factor for the rounding of both gates."""
 
 GatedFix: TypeAlias = tuple[int, GroundFix, float]
 """Index of a fix, the fix, and the largest NIS at which a track may take it."""
-SharedFix: TypeAlias = tuple[GroundFix, GateShare, float, int]
-"""A fix, its share in the gate, that NIS, and its index."""
 Member: TypeAlias = tuple[float, float, float, float, float, float, int]
-"""A fix in its cell: north and east, metres; own variances along them, m^2; distances of its sensitivities along them
-to the cell's, metres; index."""
+"""A fix in its strip: north and east, metres; own variances along them, m^2; distances of its sensitivities along them
+to the strip's, metres; index."""
 
 
-class GateCell(msgspec.Struct, frozen=True, gc=False):
-    """Neighbouring fixes."""
+class GateStrip(msgspec.Struct, frozen=True, gc=False):
+    """Fixes of similar north, sorted by east."""
 
     members: tuple[Member, ...]
+    easts: tuple[float, ...]
     reference: GateShare
     """Share of one of them."""
     gate: float
     """Widest gate of a member, times SLACK."""
-    corner: tuple[float, float]
-    """Least north and east, metres."""
-    opposite: tuple[float, float]
-    """Largest north and east, metres."""
+    norths: tuple[float, float]
+    """Least and largest north, metres."""
     bounds: tuple[float, float, float, float]
     """Largest own variances and distances of sensitivities of a member, each north and east."""
+
+    def in_reach(self, position_ned: Vector3, own: GateShare) -> Iterator[int]:
+        """Indices of the fixes that a target's gate may accept."""
+        (north, east, _), gate, (nn, ee, off_n, off_e) = position_ned, self.gate, self.bounds
+        to_n, own_nn, own_ee = dist(own.north, self.reference.north), own.nn, own.ee
+        reach = sqrt(gate * (own_nn + nn + (to_n + off_n) ** 2))
+        if not self.norths[0] - reach <= north <= self.norths[1] + reach:
+            return
+        to_e = dist(own.east, self.reference.east)
+        reach = sqrt(gate * (own_ee + ee + (to_e + off_e) ** 2))
+        first, last = bisect_left(self.easts, east - reach), bisect_right(self.easts, east + reach)
+        for fix_n, fix_e, fix_nn, fix_ee, fix_off_n, fix_off_e, j in self.members[first:last]:
+            n, e, off_n, off_e = fix_n - north, fix_e - east, to_n + fix_off_n, to_e + fix_off_e
+            if n * n <= gate * (own_nn + fix_nn + off_n * off_n) and e * e <= gate * (own_ee + fix_ee + off_e * off_e):
+                yield j
 
 
 def possible_pairs(targets: Sequence[tuple[int, TargetState]], fixes: Sequence[GatedFix]) -> dict[int, list[int]]:
@@ -58,68 +71,34 @@ def possible_pairs(targets: Sequence[tuple[int, TargetState]], fixes: Sequence[G
     if len(targets) * len(fixes) <= FEW_PAIRS or share_of is None:
         every = [j for j, *_ in fixes]
         return {i: every for i, _ in targets}
-    cells = _cells([(fix, share_of(fix), gate, j) for j, fix, gate in fixes])
-    return {
-        i: near
-        for i, target in cast("Sequence[tuple[int, CoarselyGated]]", targets)
-        if (near := sorted(_in_reach(target.apparent_ned, target.gate_share, cells)))
-    }
+    strips, possible = _strips(fixes, share_of), {}
+    for i, target in cast("Sequence[tuple[int, CoarselyGated]]", targets):
+        place, own = target.apparent_ned, target.gate_share
+        near = [j for strip in strips for j in strip.in_reach(place, own)]
+        if near:
+            possible[i] = sorted(near)
+    return possible
 
 
-def _in_reach(position_ned: Vector3, own: GateShare, cells: Sequence[GateCell]) -> Iterator[int]:
-    """Indices of the fixes that a target's gate may accept."""
-    north, east, _ = position_ned
-    own_nn, own_ee, own_north, own_east = own.nn, own.ee, own.north, own.east
-    for cell in cells:
-        gate, (nn, ee, off_n, off_e) = cell.gate, cell.bounds
-        to_n = dist(own_north, cell.reference.north)
-        reach_n = sqrt(gate * (own_nn + nn + (to_n + off_n) ** 2))
-        if not cell.corner[0] - reach_n <= north <= cell.opposite[0] + reach_n:
-            continue
-        to_e = dist(own_east, cell.reference.east)
-        reach_e = sqrt(gate * (own_ee + ee + (to_e + off_e) ** 2))
-        if not cell.corner[1] - reach_e <= east <= cell.opposite[1] + reach_e:
-            continue
-        for fix_n, fix_e, fix_nn, fix_ee, fix_off_n, fix_off_e, j in cell.members:
-            n, e, off_n, off_e = fix_n - north, fix_e - east, to_n + fix_off_n, to_e + fix_off_e
-            if n * n <= gate * (own_nn + fix_nn + off_n * off_n) and e * e <= gate * (own_ee + fix_ee + off_e * off_e):
-                yield j
+def _strips(fixes: Sequence[GatedFix], share_of: Callable[[GroundFix], GateShare]) -> list[GateStrip]:
+    by_north = sorted(fixes, key=lambda each: each[1].position_ned[0])
+    length = ceil(len(fixes) / ceil(sqrt(len(fixes) / ABREAST)))
+    return [_strip(by_north[k : k + length], share_of) for k in range(0, len(fixes), length)]
 
 
-def _cells(fixes: list[SharedFix]) -> list[GateCell]:
-    """Cells of about CELL fixes: strips by north, cut by east."""
-    fixes.sort(key=lambda each: each[0].position_ned[0])
-    strips = _cut(fixes, ceil(len(fixes) / ceil(sqrt(len(fixes) / CELL))))
-    return [
-        _cell(members)
-        for strip in strips
-        for members in _cut(sorted(strip, key=lambda each: each[0].position_ned[1]), CELL)
-    ]
-
-
-def _cut(fixes: list[SharedFix], length: int) -> Iterator[list[SharedFix]]:
-    return (fixes[k : k + length] for k in range(0, len(fixes), length))
-
-
-def _cell(fixes: list[SharedFix]) -> GateCell:
-    reference = fixes[len(fixes) // 2][1]
-    members = tuple(
-        (
-            *fix.position_ned[:2],
-            share.nn,
-            share.ee,
-            dist(share.north, reference.north),
-            dist(share.east, reference.east),
-            j,
-        )
-        for fix, share, _, j in fixes
-    )
+def _strip(fixes: Sequence[GatedFix], share_of: Callable[[GroundFix], GateShare]) -> GateStrip:
+    reference = share_of(fixes[len(fixes) // 2][1])
+    members: list[Member] = []
+    for j, fix, _ in sorted(fixes, key=lambda each: each[1].position_ned[1]):
+        share, (north, east, _) = share_of(fix), fix.position_ned
+        off_n, off_e = dist(share.north, reference.north), dist(share.east, reference.east)
+        members.append((north, east, share.nn, share.ee, off_n, off_e, j))
     norths, easts, nn, ee, off_north, off_east, _ = zip(*members, strict=True)
-    return GateCell(
-        members,
+    return GateStrip(
+        tuple(members),
+        easts,
         reference,
-        SLACK * max(gate for _, _, gate, _ in fixes),
-        (min(norths), min(easts)),
-        (max(norths), max(easts)),
+        SLACK * max([gate for _, _, gate in fixes]),
+        (min(norths), max(norths)),
         (max(nn), max(ee), max(off_north), max(off_east)),
     )

@@ -14,7 +14,7 @@ from typing import TypeAlias
 
 import msgspec
 
-from fwav_companion.geometry.small_matrices import Row, add_diagonal
+from fwav_companion.geometry.small_matrices import Row, Symmetric2, add_diagonal, gram
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.tracking.filters.gates import widest_gate
@@ -68,7 +68,6 @@ class ConsiderBiases:
         "_delayed",
         "_frame_ns",
         "_height_noise2",
-        "_position_noise2",
         "_remembered",
         "_sensitive",
         "_used",
@@ -146,30 +145,19 @@ class ConsiderBiases:
         """The measurement with other sensitivities, d(north, east)/d(bias) in the order of SENSITIVE, and their own
         error as noise.
         """
-        return self._with_sensitivity(measurement, self._moved(measurement.shared, columns), since_s)
-
-    def _moved(self, shared: Rows, columns: Sequence[tuple[float, float]]) -> Rows:
-        north, east = list(shared[0]), list(shared[1])
+        north, east, down = list(measurement.shared[0]), list(measurement.shared[1]), measurement.shared[2]
+        nn = ne = ee = 0.0
         for i, k, sigma in self._sensitive:
             n, e = columns[k]
-            north[i], east[i] = n * sigma, e * sigma
-        return (tuple(north), tuple(east), shared[2])
+            north[i], east[i] = n, e = n * sigma, e * sigma
+            nn, ne, ee = nn + n * n, ne + n * e, ee + e * e
+        return _less_certain(measurement, (tuple(north), tuple(east), down), (nn, ne, ee), since_s)
 
     def with_sensitivity_noise(self, measurement: Measurement, since_s: float) -> Measurement:
         """The measurement with the error of its sensitivities in its noise."""
-        return self._with_sensitivity(measurement, measurement.shared, since_s)
-
-    def _with_sensitivity(self, measurement: Measurement, shared: Rows, since_s: float) -> Measurement:
-        share = SENSITIVITY_SHARE**2 * max(1.0, SENSITIVITY_STEP_S / max(since_s, 1e-3))
-        north, east, _ = shared
-        nn = ne = ee = 0.0
-        for i, _, _ in self._sensitive:
-            n, e = north[i], east[i]
-            nn, ne, ee = nn + n * n, ne + n * e, ee + e * e
-        (r_nn, r_ne, r_nd), (_, r_ee, r_ed), down = measurement.noise
-        r_nn, r_ne, r_ee = r_nn + share * nn, r_ne + share * ne, r_ee + share * ee
-        noise = ((r_nn, r_ne, r_nd), (r_ne, r_ee, r_ed), down)
-        return Measurement(measurement.position, noise, shared, measurement.gate)
+        (north, east, _), sensitive = measurement.shared, [i for i, _, _ in self._sensitive]
+        by_sensitivities = gram(tuple([north[i] for i in sensitive]), tuple([east[i] for i in sensitive]))
+        return _less_certain(measurement, measurement.shared, by_sensitivities, since_s)
 
     def by_delay(self, measurement: Measurement) -> BiasShare | None:
         """What the position delay does to a measurement; None where it has no prior."""
@@ -192,12 +180,13 @@ class ConsiderBiases:
         return exp(-s_from_ns(to_ns - from_ns) / self._wander_s)
 
     def _scaled(self, fix: GroundFix) -> Rows:
-        columns = [(fix.bias_jacobian[i], sigma) for i, sigma in self._used]
-        return (
-            tuple([column[0] * sigma for column, sigma in columns]),
-            tuple([column[1] * sigma for column, sigma in columns]),
-            tuple([column[2] * sigma for column, sigma in columns]),
-        )
+        jacobian, north, east, down = fix.bias_jacobian, [], [], []
+        for bias, sigma in self._used:
+            n, e, d = jacobian[bias]
+            north.append(n * sigma)
+            east.append(e * sigma)
+            down.append(d * sigma)
+        return (tuple(north), tuple(east), tuple(down))
 
     def _with_repeats(self, noise: Matrix3, by_height: Vector3, repeated: float) -> Matrix3:
         (nn, ne, nd), (_, ee, ed), (_, _, dd) = noise
@@ -216,6 +205,16 @@ class ConsiderBiases:
             nn, ne, nd = nn + by_n * n, ne + by_n * e, nd + by_n * d
             ee, ed, dd = ee + by_e * e, ed + by_e * d, dd + variance * d * d
         return ((nn, ne, nd), (ne, ee, ed), (nd, ed, dd))
+
+
+def _less_certain(
+    measurement: Measurement, shared: Rows, by_sensitivities: Symmetric2, since_s: float
+) -> Measurement:
+    """The measurement with these rows, and with their error in its noise. ``by_sensitivities``: the rows' own gram."""
+    share = SENSITIVITY_SHARE**2 * max(1.0, SENSITIVITY_STEP_S / max(since_s, 1e-3))
+    ((nn, ne, nd), (_, ee, ed), down), (by_nn, by_ne, by_ee) = measurement.noise, by_sensitivities
+    nn, ne, ee = nn + share * by_nn, ne + share * by_ne, ee + share * by_ee
+    return Measurement(measurement.position, ((nn, ne, nd), (ne, ee, ed), down), shared, measurement.gate)
 
 
 def turned_toward(noise: Matrix3, fix: GroundFix, target_ned: Vector3) -> Matrix3:

@@ -15,7 +15,6 @@ from fwav_companion.tracking.filters.schmidt_kalman import (
     RelativeEstimate,
     first_down,
     first_point_estimate,
-    gain_of,
     relative_estimate,
     scattered,
 )
@@ -76,14 +75,13 @@ class StaticTargetState(StandingTargetState, frozen=True, kw_only=True, gc=False
             if self.wandering is not None:
                 state = replace(self, wandering=self.wandering.with_jump(0.5 * (nn + ee)))
             innovation = before.innovation(measurement)
-        weighed = before.weighed(innovation)
-        apparent = before.update(innovation, gain_of(weighed, innovation.cov))
+        apparent = before.update(innovation, innovation.gain)
         wandering, fresh, placed_ns = state.placed(measurement, host_ns)
         down = self.down.update(measurement)
         now = relative_estimate(
             before,
-            innovation.alone(before, fix.noise_cov),
-            weighed,
+            innovation,
+            fix.noise_cov,
             position_noise_m2=errors.position_noise_m2,
             by_delay=errors.by_delay(measurement),
             down=down.shared,
@@ -98,7 +96,7 @@ class StaticTargetState(StandingTargetState, frozen=True, kw_only=True, gc=False
             jump=jump,
             down=down,
             scatter=scattered(before, self.scatter, errors.prepared(fix), errors.timed),
-            point=point.moved(apparent.north_m - before.north_m, apparent.east_m - before.east_m),
+            point=point,
             now=now,
             late=errors.late(measurement),
             fixed_ns=host_ns,
@@ -112,14 +110,13 @@ class StaticTargetState(StandingTargetState, frozen=True, kw_only=True, gc=False
         if not is_level(fix):
             return self.point, errors.with_sensitivity_noise(measurement, since_s)
         (fix_n, fix_e, _), (camera_n, camera_e, _) = fix.position_ned, fix.sighting.camera_ned
-        point = self.point.with_height(fix.drop_m, since_s, errors.height_noise_m)
-        point = point.with_innovation(fix_n - apparent.north_m, fix_e - apparent.east_m, since_s)
+        height_m, sigma_m = fix.drop_m, errors.height_noise_m
+        point = self.point.with_fix(height_m, fix_n, fix_e, interval_s=since_s, sigma_m=sigma_m)
         if errors.position_noise_m2 > (OWN_RAY * point.height_m) ** 2:
-            scale = point.height_m / fix.drop_m
+            scale = point.height_m / height_m
             toward_n, toward_e = scale * (fix_n - camera_n), scale * (fix_e - camera_e)
         else:
-            toward_n = apparent.north_m + point.mean_n - camera_n
-            toward_e = apparent.east_m + point.mean_e - camera_e
+            toward_n, toward_e = point.north_m - camera_n, point.east_m - camera_e
         return point, errors.relinearized(measurement, level_columns(fix, toward_n, toward_e, point.height_m), since_s)
 
 
@@ -141,7 +138,7 @@ class StaticKalman:
             wander=wander,
             apparent=apparent,
             down=first_down(measurement),
-            point=first_point(fix.drop_m, model.errors.height_noise_m),
+            point=first_point(fix, model.errors.height_noise_m),
             apart_ns=apart_at(fix),
             placed_ns=host_ns,
             fixed_ns=host_ns,

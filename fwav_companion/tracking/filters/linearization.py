@@ -4,7 +4,7 @@ A Schmidt gain compares the sensitivities of fixes with one another. Taken at th
 attitude and height as the fix, and the gain takes that for information about mount and height: a hover with 0.3 m of
 height noise ended 2.2 m off at a normalised square of 7 (1.1 m and 1.7 at this point). Taken at the predicted target
 they are wrong near the ground, where an error of the prediction is as large as the height. So the point follows the
-fixes: the prediction plus a running mean of the innovations, seen from the camera at a smoothed height.
+fixes: it is their running mean, seen from the camera at a smoothed height.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from fwav_companion.geometry.small_matrices import Symmetric2
 from fwav_companion.types import Bias, GroundFix
 
 MEAN_S = 0.7
-"""Time constant of the running mean of innovations, seconds: three wing beats of 5 Hz. Between 0.5 and 1 s the errors
+"""Time constant of the running mean of the fixes, seconds: three wing beats of 5 Hz. Between 0.5 and 1 s the errors
 at the end of hovers, descents and eights differ by less than a tenth."""
 CLIMB_DENSITY = 0.05
 """Density of the vertical acceleration, m^2/s^3: 0.2 m/s of climb gained or lost within a second."""
@@ -33,54 +33,49 @@ TELEMETRY_STEP_S = 0.1
 
 
 class LinearizationPoint(msgspec.Struct, frozen=True, gc=False):
-    """Smoothed height above the target, and running mean of the innovations."""
+    """Smoothed height above the target, and running mean of the fixes."""
 
     height_m: float
     """Height of the camera above the target's ground, metres."""
     climb_m_s: float
     height_cov: Symmetric2
     """Covariance of height and climb."""
-    mean_n: float = 0.0
-    """Running mean of the innovations, north, metres."""
-    mean_e: float = 0.0
+    north_m: float
+    """Running mean of the fixes, NED, metres."""
+    east_m: float
     count: int = 1
     """Number of fixes."""
 
-    def with_height(self, height_m: float, interval_s: float, sigma_m: float) -> LinearizationPoint:
-        """The point after one more height: a Kalman filter of nearly constant vertical velocity."""
-        dt, (hh, hc, cc) = interval_s, self.height_cov
+    def with_fix(
+        self, height_m: float, north_m: float, east_m: float, *, interval_s: float, sigma_m: float
+    ) -> LinearizationPoint:
+        """The point after one more fix.
+
+        The height is that of a Kalman filter of nearly constant vertical velocity; ``sigma_m``: its noise.
+        """
+        dt, (hh, hc, cc), count = interval_s, self.height_cov, self.count + 1
         predicted_m = self.height_m + dt * self.climb_m_s
-        hh += dt * (2.0 * hc + dt * cc) + CLIMB_DENSITY * dt**3 / 3.0
-        hc += dt * cc + CLIMB_DENSITY * dt * dt / 2.0
+        hh += dt * (2.0 * hc + dt * (cc + CLIMB_DENSITY * dt / 3.0))
+        hc += dt * (cc + CLIMB_DENSITY * dt / 2.0)
         cc += CLIMB_DENSITY * dt
         by_height = 1.0 / (hh + height_variance(sigma_m, dt))
+        height_gain, climb_gain = hh * by_height, hc * by_height
         innovation_m = height_m - predicted_m
+        share = max(1.0 / count, 1.0 - exp(-dt / MEAN_S))
         return LinearizationPoint(
-            predicted_m + hh * by_height * innovation_m,
-            self.climb_m_s + hc * by_height * innovation_m,
-            (hh - hh * by_height * hh, hc - hh * by_height * hc, cc - hc * by_height * hc),
-            self.mean_n,
-            self.mean_e,
-            self.count,
+            predicted_m + height_gain * innovation_m,
+            self.climb_m_s + climb_gain * innovation_m,
+            (hh - height_gain * hh, hc - height_gain * hc, cc - climb_gain * hc),
+            self.north_m + share * (north_m - self.north_m),
+            self.east_m + share * (east_m - self.east_m),
+            count,
         )
 
-    def with_innovation(self, north_m: float, east_m: float, interval_s: float) -> LinearizationPoint:
-        """The point with one more innovation in the mean."""
-        count = self.count + 1
-        share = max(1.0 / count, 1.0 - exp(-interval_s / MEAN_S))
-        mean_n = self.mean_n + share * (north_m - self.mean_n)
-        mean_e = self.mean_e + share * (east_m - self.mean_e)
-        return LinearizationPoint(self.height_m, self.climb_m_s, self.height_cov, mean_n, mean_e, count)
 
-    def moved(self, north_m: float, east_m: float) -> LinearizationPoint:
-        """The point after an update that moved the estimate: it stays where it is on the ground."""
-        mean_n, mean_e = self.mean_n - north_m, self.mean_e - east_m
-        return LinearizationPoint(self.height_m, self.climb_m_s, self.height_cov, mean_n, mean_e, self.count)
-
-
-def first_point(height_m: float, sigma_m: float) -> LinearizationPoint:
-    """The point of a first fix: the fix itself."""
-    return LinearizationPoint(height_m, 0.0, (height_variance(sigma_m, TELEMETRY_STEP_S), 0.0, START_CLIMB_VARIANCE))
+def first_point(fix: GroundFix, sigma_m: float) -> LinearizationPoint:
+    """The point of a first fix: the fix itself. ``sigma_m``: noise of its height."""
+    height_cov = (height_variance(sigma_m, TELEMETRY_STEP_S), 0.0, START_CLIMB_VARIANCE)
+    return LinearizationPoint(fix.drop_m, 0.0, height_cov, fix.position_ned[0], fix.position_ned[1])
 
 
 def height_variance(sigma_m: float, interval_s: float) -> float:

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import dist, hypot, log
-from operator import sub
 from typing import TypeAlias
 
 import msgspec
@@ -38,21 +37,20 @@ class Innovation2(msgspec.Struct, frozen=True, gc=False):
     north_m: float
     east_m: float
     shared: tuple[Row, Row]
-    """D = J - C: metres per sigma of each bias, north and east."""
-    by_shared: Symmetric2
-    """D D', m^2."""
+    """J: metres per sigma of each bias, north and east."""
     noise: Symmetric2
     """P + R, m^2."""
     cov: Symmetric2
     """S: with the biases, m^2."""
+    weighed: Gain
+    """P - C D', the covariance of the point's error with the innovation: the gain times S, m^2."""
+    before: Symmetric2
+    """P + C C', the point's own covariance, m^2."""
 
-    def alone(self, before: PointEstimate, noise: Matrix3) -> Innovation2:
-        """The innovation with another noise of the fix: its own, where this one is inflated for time correlation."""
-        (r_nn, r_ne, _), (_, r_ee, _), _ = noise
-        (p_nn, p_ne, p_ee), (was_nn, was_ne, was_ee), (s_nn, s_ne, s_ee) = before.noise, self.noise, self.cov
-        nn, ne, ee = p_nn + r_nn, p_ne + r_ne, p_ee + r_ee
-        cov = (s_nn - was_nn + nn, s_ne - was_ne + ne, s_ee - was_ee + ee)
-        return Innovation2(self.north_m, self.east_m, self.shared, self.by_shared, (nn, ne, ee), cov)
+    @property
+    def gain(self) -> Gain:
+        """K = (P - C D') inv(S): the gain of least total covariance, noise and considered biases together."""
+        return gain_of(self.weighed, self.cov)
 
 
 class PointEstimate(msgspec.Struct, frozen=True, gc=False):
@@ -77,31 +75,31 @@ class PointEstimate(msgspec.Struct, frozen=True, gc=False):
         return PointEstimate(self.north_m, self.east_m, (nn + more_nn, ne + more_ne, ee + more_ee), self.shared)
 
     def innovation(self, fix: Measurement) -> Innovation2:
-        """The innovation of a fix, and its covariance."""
-        (fix_n, fix_e, _), (own_n, own_e) = fix.shared, self.shared
-        d_n, d_e = tuple(map(sub, fix_n, own_n)), tuple(map(sub, fix_e, own_e))
-        (r_nn, r_ne, _), (_, r_ee, _), _ = fix.noise
-        (nn, ne, ee), by_shared = self.noise, gram(d_n, d_e)
-        nn, ne, ee = nn + r_nn, ne + r_ne, ee + r_ee
-        cov = (nn + by_shared[0], ne + by_shared[1], ee + by_shared[2])
+        """The innovation of a fix, and its covariances.
+
+        Lengths and distances of the rows give all inner products, as in ``inner``, those of D = J - C too.
+        """
+        (j_n, j_e, _), (c_n, c_e) = fix.shared, self.shared
+        j_nn, j_ee, c_nn, c_ee = hypot(*j_n) ** 2, hypot(*j_e) ** 2, hypot(*c_n) ** 2, hypot(*c_e) ** 2
+        j_ne, c_ne = dist(j_n, j_e) ** 2, dist(c_n, c_e) ** 2
+        nn, ne, en, ee = dist(c_n, j_n) ** 2, dist(c_n, j_e) ** 2, dist(c_e, j_n) ** 2, dist(c_e, j_e) ** 2
+        (p_nn, p_ne, p_ee), ((r_nn, r_ne, _), (_, r_ee, _), _) = self.noise, fix.noise
+        noise = (p_nn + r_nn, p_ne + r_ne, p_ee + r_ee)
         north, east, _ = fix.position
-        return Innovation2(north - self.north_m, east - self.east_m, (d_n, d_e), by_shared, (nn, ne, ee), cov)
-
-    def weighed(self, innovation: Innovation2) -> Gain:
-        """P - C D', the covariance of the error with that of the innovation: the gain times S."""
-        (nn, ne, ee), (c_n, c_e), (d_n, d_e) = self.noise, self.shared, innovation.shared
-        # inner products by polarization, as ``inner`` has it, each length once
-        (d_nn, _, d_ee), c_nn, c_ee = innovation.by_shared, hypot(*c_n) ** 2, hypot(*c_e) ** 2
-        return (
-            nn - 0.5 * (c_nn + d_nn - dist(c_n, d_n) ** 2),
-            ne - 0.5 * (c_nn + d_ee - dist(c_n, d_e) ** 2),
-            ne - 0.5 * (c_ee + d_nn - dist(c_e, d_n) ** 2),
-            ee - 0.5 * (c_ee + d_ee - dist(c_e, d_e) ** 2),
+        return Innovation2(
+            north - self.north_m,
+            east - self.east_m,
+            (j_n, j_e),
+            noise,
+            (noise[0] + nn, noise[1] + 0.5 * (ne + en - j_ne - c_ne), noise[2] + ee),
+            (
+                p_nn - 0.5 * (j_nn - c_nn - nn),
+                p_ne - 0.5 * (j_ee - c_ee - ne + c_ne),
+                p_ne - 0.5 * (j_nn - c_nn - en + c_ne),
+                p_ee - 0.5 * (j_ee - c_ee - ee),
+            ),
+            (p_nn + c_nn, p_ne + 0.5 * (c_nn + c_ee - c_ne), p_ee + c_ee),
         )
-
-    def kalman_gain(self, innovation: Innovation2) -> Gain:
-        """K = (P - C D') inv(S): the gain of least total covariance, noise and considered biases together."""
-        return gain_of(self.weighed(innovation), innovation.cov)
 
     def along(self, row: Row) -> tuple[float, float]:
         """C times the row of another error: their covariance by the biases, north and east, m^2."""
@@ -113,10 +111,15 @@ class PointEstimate(msgspec.Struct, frozen=True, gc=False):
         P - K P - P K' + K (P + R) K' is P - K M' - M K' with M = P - K (P + R) / 2.
         """
         (a, b, c, d), (nn, ne, ee), (s_nn, s_ne, s_ee) = gain, self.noise, innovation.noise
-        (c_n, c_e), (d_n, d_e) = self.shared, innovation.shared
+        (c_n, c_e), (j_n, j_e) = self.shared, innovation.shared
         n, e = innovation.north_m, innovation.east_m
         m_nn, m_ne = nn - 0.5 * (a * s_nn + b * s_ne), ne - 0.5 * (a * s_ne + b * s_ee)
         m_en, m_ee = ne - 0.5 * (c * s_nn + d * s_ne), ee - 0.5 * (c * s_ne + d * s_ee)
+        north, east = [], []
+        for x, y, j_x, j_y in zip(c_n, c_e, j_n, j_e, strict=True):
+            d_x, d_y = j_x - x, j_y - y
+            north.append(x + a * d_x + b * d_y)
+            east.append(y + c * d_x + d * d_y)
         return PointEstimate(
             self.north_m + a * n + b * e,
             self.east_m + c * n + d * e,
@@ -125,10 +128,7 @@ class PointEstimate(msgspec.Struct, frozen=True, gc=False):
                 ne - a * m_en - b * m_ee - c * m_nn - d * m_ne,
                 ee - 2.0 * (c * m_en + d * m_ee),
             ),
-            (
-                tuple([own + a * x + b * y for own, x, y in zip(c_n, d_n, d_e)]),  # noqa: B905 - twice as fast
-                tuple([own + c * x + d * y for own, x, y in zip(c_e, d_n, d_e)]),  # noqa: B905
-            ),
+            (tuple(north), tuple(east)),
         )
 
 
@@ -187,7 +187,7 @@ class RelativeEstimate(msgspec.Struct, frozen=True, gc=False):
 def relative_estimate(
     before: PointEstimate,
     innovation: Innovation2,
-    weighed: Gain,
+    fix_noise: Matrix3,
     *,
     position_noise_m2: float,
     by_delay: BiasShare | None,
@@ -196,19 +196,21 @@ def relative_estimate(
     """The target in the frame of the vehicle's report *at this fix*, whose noise and delay the fix shares.
 
     An update of this instant alone. Its prior is wider by the noise of one position, which is no noise of the fix then;
-    and what the position delay does to the fix, it does to the report. ``weighed``: P - C D' of the apparent place.
-    ``down``: C of the height.
+    and what the position delay does to the fix, it does to the report. ``fix_noise``: R of this fix alone, where that
+    of the innovation is inflated for time correlation. ``down``: C of the height.
     """
-    (c_n, c_e), (d_n, d_e), (a, b, c, d) = before.shared, innovation.shared, weighed
-    (nn, ne, ee), (by_nn, by_ne, by_ee) = before.noise, gram(c_n, c_e)
-    nn, ne, ee = nn + by_nn + position_noise_m2, ne + by_ne, ee + by_ee + position_noise_m2
-    a, d = a + position_noise_m2, d + position_noise_m2
+    (a, b, c, d), (nn, ne, ee), (s_nn, s_ne, s_ee) = innovation.weighed, innovation.before, innovation.cov
+    (p_nn, p_ne, p_ee), (was_nn, was_ne, was_ee) = before.noise, innovation.noise
+    (r_nn, r_ne, _), (_, r_ee, _), _ = fix_noise
+    a, d, nn, ee = a + position_noise_m2, d + position_noise_m2, nn + position_noise_m2, ee + position_noise_m2
     if by_delay is not None:
         i, n, e = by_delay
-        a, b, c, d = a + n * d_n[i], b + n * d_e[i], c + e * d_n[i], d + e * d_e[i]
+        (c_n, c_e), (j_n, j_e) = before.shared, innovation.shared
+        d_n, d_e = j_n[i] - c_n[i], j_e[i] - c_e[i]
+        a, b, c, d = a + n * d_n, b + n * d_e, c + e * d_n, d + e * d_e
         nn, ne, ee = nn + n * (n - 2.0 * c_n[i]), ne + n * e - n * c_e[i] - e * c_n[i], ee + e * (e - 2.0 * c_e[i])
-    gain = gain_of((a, b, c, d), innovation.cov)
-    k_nn, k_ne, k_en, k_ee = gain
+    alone = (s_nn - was_nn + p_nn + r_nn, s_ne - was_ne + p_ne + r_ne, s_ee - was_ee + p_ee + r_ee)
+    gain = k_nn, k_ne, k_en, k_ee = gain_of((a, b, c, d), alone)
     return RelativeEstimate(
         before.north_m + k_nn * innovation.north_m + k_ne * innovation.east_m,
         before.east_m + k_en * innovation.north_m + k_ee * innovation.east_m,
@@ -222,10 +224,10 @@ def _down_cov(
 ) -> tuple[float, float]:
     """Covariance by the biases of a relative estimate with the height."""
     (north, east), (a, b, c, d) = before.along(down), gain
+    of_north, of_east = inner(innovation.shared[0], down) - north, inner(innovation.shared[1], down) - east
     if by_delay is not None:
         i, by_north, by_east = by_delay
         north, east = north - by_north * down[i], east - by_east * down[i]
-    of_north, of_east = inner(innovation.shared[0], down), inner(innovation.shared[1], down)
     return north + a * of_north + b * of_east, east + c * of_north + d * of_east
 
 
@@ -235,19 +237,19 @@ def gate_results(
     """Gating statistics of fixes; errors that they share with the estimate cancel."""
     (own_n, own_e), (p_nn, p_ne, p_ee) = estimate.shared, estimate.noise
     north_m, east_m, certain = estimate.north_m, estimate.east_m, 1.0 - scatter.doubt
+    p_nn, p_ee, own2 = p_nn + scatter.variance, p_ee + scatter.variance, dist(own_n, own_e) ** 2
     results = []
     for fix in fixes:
         fix_n, fix_e, _ = fix.shared
         (f_nn, f_ne, _), (_, f_ee, _), _ = fix.noise
         n, e = fix.position[0] - north_m, fix.position[1] - east_m
         by_nn, by_ee = dist(fix_n, own_n) ** 2, dist(fix_e, own_e) ** 2
-        nn, ee = p_nn + f_nn + scatter.variance + by_nn, p_ee + f_ee + scatter.variance + by_ee
+        nn, ee = p_nn + f_nn + by_nn, p_ee + f_ee + by_ee
         if n * n > fix.gate * nn or e * e > fix.gate * ee:  # the distance along either axis is a lower bound
             results.append(OUTSIDE_GATE)
             continue
-        # the inner product by polarization, as ``inner`` has it, with the lengths that are known
-        across = dist(tuple(map(sub, fix_n, own_n)), tuple(map(sub, fix_e, own_e)))
-        ne = p_ne + f_ne + 0.5 * (by_nn + by_ee - across**2)
+        by_ne = 0.5 * (dist(fix_n, own_e) ** 2 + dist(fix_e, own_n) ** 2 - dist(fix_n, fix_e) ** 2 - own2)
+        ne = p_ne + f_ne + by_ne  # the inner product of the differences, by the distances of their ends
         if timed is not None:
             north, east = fix_n[timed] - own_n[timed], fix_e[timed] - own_e[timed]
             nn, ne, ee = nn - certain * north * north, ne - certain * north * east, ee - certain * east * east
@@ -259,7 +261,7 @@ def gate_results(
 
 def scattered(estimate: PointEstimate, scatter: AdaptiveNoise, fix: Measurement, timed: int | None) -> AdaptiveNoise:
     """The adaptive noise after one more fix."""
-    distance = hypot(fix.position[0] - estimate.north_m, fix.position[1] - estimate.east_m)
-    p_nn, _, p_ee = estimate.noise
+    north_m, east_m = fix.position[0] - estimate.north_m, fix.position[1] - estimate.east_m
+    (p_nn, _, p_ee), ((r_nn, _, _), (_, r_ee, _), _) = estimate.noise, fix.noise
     thrown2 = 0.0 if timed is None else fix.shared[0][timed] ** 2 + fix.shared[1][timed] ** 2
-    return scatter.with_fix(distance * distance, p_nn + p_ee + fix.noise[0][0] + fix.noise[1][1], thrown2)
+    return scatter.with_fix(north_m * north_m + east_m * east_m, p_nn + p_ee + r_nn + r_ee, thrown2)

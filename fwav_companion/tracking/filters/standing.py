@@ -228,7 +228,7 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
             fresh = first_point_estimate(measurement)
         else:
             innovation = fresh.innovation(measurement)
-            fresh = fresh.update(innovation, fresh.kalman_gain(innovation))
+            fresh = fresh.update(innovation, innovation.gain)
         if since_s < STEP_S:
             return wandering, fresh, self.placed_ns
         return wandering.update(fresh, self.wander, since_s), None, host_ns
