@@ -60,6 +60,13 @@ def transform(m: Matrix3, v: Vector3) -> Vector3:
     )
 
 
+def combination(columns: tuple[Vector3, Vector3, Vector3], weights: Vector3) -> Vector3:
+    """The sum of three columns, each times its weight: the product of their matrix and the vector of weights."""
+    (a0, a1, a2), (b0, b1, b2), (c0, c1, c2) = columns
+    x, y, z = weights
+    return (x * a0 + y * b0 + z * c0, x * a1 + y * b1 + z * c1, x * a2 + y * b2 + z * c2)
+
+
 def transpose(m: Matrix3) -> Matrix3:
     """The transpose of m; for a rotation matrix it is the inverse."""
     (a, b, c), (d, e, f), (g, h, i) = m

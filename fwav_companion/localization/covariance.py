@@ -23,7 +23,7 @@ import msgspec
 
 from fwav_companion.geometry.vectors import ZERO3, Matrix3, Vector3, add_matrices
 from fwav_companion.localization.ground import Intersection
-from fwav_companion.localization.propagation import ALONG, Propagation
+from fwav_companion.localization.propagation import Propagation
 from fwav_companion.types import Bias, ErrorBudget, ErrorPriors, Sighting
 
 Terms: TypeAlias = tuple[tuple[Vector3, float], ...]
@@ -103,11 +103,9 @@ class ErrorModel:
     __slots__ = (
         "_bias",
         "_budget",
-        "_covs",
-        "_fresh",
+        "_cov",
         "_meeting",
         "_noise",
-        "_place_noise",
         "_propagation",
         "noise_cov",
     )
@@ -116,11 +114,10 @@ class ErrorModel:
         self, propagation: Propagation, noise: NoiseVariances, bias: BiasVariances, meeting: Intersection
     ) -> None:
         self._propagation, self._noise, self._bias, self._meeting = propagation, noise, bias, meeting
-        self._fresh = _raised(self._covariance(_noise_terms(propagation, noise)), noise.level)
-        self._place_noise = _place_noise(propagation, noise)
-        self.noise_cov = add_matrices(self._fresh, self._place_noise)
+        fresh = self._covariance((*_noise_terms(propagation, noise), *_place_noise_terms(propagation, noise)))
+        self.noise_cov = _raised(fresh, noise.level)
         """Covariance of the errors that are independent in every fix."""
-        self._covs: tuple[Matrix3, Matrix3] | None = None
+        self._cov: Matrix3 | None = None
         self._budget: ErrorBudget | None = None
 
     @property
@@ -131,26 +128,32 @@ class ErrorModel:
     @property
     def cov(self) -> Matrix3:
         """Total covariance."""
-        return self._covariances()[0]
+        if self._cov is None:
+            propagation, bias = self._propagation, self._bias
+            terms = _bias_terms(propagation, self._noise, bias, self._meeting)
+            by_biases = self._covariance((*terms, *_place_bias_terms(propagation, bias)))
+            self._cov = _raised(add_matrices(self.noise_cov, by_biases), self._level_variance)
+        return self._cov
 
     @property
     def relative_cov(self) -> Matrix3:
         """Covariance without the vehicle's position."""
-        return self._covariances()[1]
+        terms = _noise_terms(self._propagation, self._noise)
+        more = _bias_terms(self._propagation, self._noise, self._bias, self._meeting)
+        return _raised(self._covariance((*terms, *more)), self._noise.level + self._level_variance)
 
     @property
     def budget(self) -> ErrorBudget:
         """The error budget."""
         if self._budget is None:
-            places = (self._place_noise, _place_bias(self._propagation, self._bias))
-            self._budget = _budget(self._propagation, self._noise, self._bias, places)
+            self._budget = _budget(self._propagation, self._noise, self._bias)
         return self._budget
 
     def __eq__(self, other: object) -> bool:
         """Whether the covariances are equal."""
         if not isinstance(other, ErrorModel):
             return NotImplemented
-        return (self.noise_cov, self._covariances()) == (other.noise_cov, other._covariances())
+        return (self.noise_cov, self.cov, self.relative_cov) == (other.noise_cov, other.cov, other.relative_cov)
 
     def __hash__(self) -> int:
         """Hash of the noise."""
@@ -164,14 +167,6 @@ class ErrorModel:
         meeting = self._meeting
         level = not (meeting.surveyed or meeting.carried or meeting.uneven)
         return _level_covariance(terms) if level else _covariance(terms)
-
-    def _covariances(self) -> tuple[Matrix3, Matrix3]:
-        if self._covs is None:
-            by_biases = self._covariance(_bias_terms(self._propagation, self._noise, self._bias, self._meeting))
-            relative = _raised(add_matrices(self._fresh, by_biases), self._level_variance)
-            place = add_matrices(self._place_noise, _place_bias(self._propagation, self._bias))
-            self._covs = (add_matrices(relative, place), relative)
-        return self._covs
 
 
 def _noise_terms(propagation: Propagation, noise: NoiseVariances) -> Terms:
@@ -214,25 +209,20 @@ def _bias_terms(propagation: Propagation, noise: NoiseVariances, bias: BiasVaria
     return (*of_biases, (terrain, bias.terrain)) if surveyed else of_biases
 
 
-def _place_noise(propagation: Propagation, noise: NoiseVariances) -> Matrix3:
-    """The covariance by the noise of the vehicle's position; on level ground the point moves with it."""
-    north, east = propagation.biases[Bias.POSITION_NORTH], propagation.biases[Bias.POSITION_EAST]
-    if (north, east) == ALONG:
-        return _diagonal(noise.place, noise.place)
-    return _covariance(((north, noise.place), (east, noise.place)))
+def _place_noise_terms(propagation: Propagation, noise: NoiseVariances) -> Terms:
+    """The terms of the noise of the vehicle's position."""
+    biases = propagation.biases
+    return ((biases[Bias.POSITION_NORTH], noise.place), (biases[Bias.POSITION_EAST], noise.place))
 
 
-def _place_bias(propagation: Propagation, bias: BiasVariances) -> Matrix3:
-    """The covariance by the biases of the vehicle's position and of its age."""
-    north, east = propagation.biases[Bias.POSITION_NORTH], propagation.biases[Bias.POSITION_EAST]
-    by_delay = (propagation.biases[Bias.POSITION_DELAY], bias.position_delay)
-    if (north, east) == ALONG:
-        return add_matrices(_diagonal(bias.north, bias.east), _covariance((by_delay,)))
-    return _covariance(((north, bias.north), (east, bias.east), by_delay))
-
-
-def _diagonal(nn: float, ee: float) -> Matrix3:
-    return ((nn, 0.0, 0.0), (0.0, ee, 0.0), ZERO3)
+def _place_bias_terms(propagation: Propagation, bias: BiasVariances) -> Terms:
+    """The terms of the biases of the vehicle's position and of its age."""
+    biases = propagation.biases
+    return (
+        (biases[Bias.POSITION_NORTH], bias.north),
+        (biases[Bias.POSITION_EAST], bias.east),
+        (biases[Bias.POSITION_DELAY], bias.position_delay),
+    )
 
 
 def _covariance(terms: Terms) -> Matrix3:
@@ -266,12 +256,11 @@ def _raised(cov: Matrix3, variance: float) -> Matrix3:
     return (north, east, (dn, de, dd + variance))
 
 
-def _budget(
-    propagation: Propagation, noise: NoiseVariances, bias: BiasVariances, places: tuple[Matrix3, Matrix3]
-) -> ErrorBudget:
+def _budget(propagation: Propagation, noise: NoiseVariances, bias: BiasVariances) -> ErrorBudget:
     roll, pitch, heading, mount_x, mount_y, mount_z, time, _, height, _, _, terrain, _, *lever = propagation.biases
     *lever, target_height = lever
     attitude = noise.attitude + noise.bridging
+    places = (*_place_noise_terms(propagation, noise), *_place_bias_terms(propagation, bias))
     return ErrorBudget(
         pixel=sqrt(_flat(propagation.pixel_u) * noise.pixel_u + _flat(propagation.pixel_v) * noise.pixel_v),
         attitude=sqrt(
@@ -290,7 +279,7 @@ def _budget(
             + _flat(lever[1]) * bias.lever_y
             + _flat(lever[2]) * bias.lever_z
         ),
-        position=sqrt(sum(cov[0][0] + cov[1][1] for cov in places)),
+        position=sqrt(sum(_flat(column) * variance for column, variance in places)),
         terrain=sqrt(_flat(terrain) * bias.terrain),
         target=sqrt(_flat(target_height) * bias.target_height),
     )

@@ -8,7 +8,7 @@ w x d, and the distance by the fraction w . (d x m). In numpy, with P = I - oute
     by_ray      = s * P                       # d(point)/d(ray)
     by_place    = P                           # d(point)/d(camera)
     by_rotation = s * P @ -skew(d)            # d(point)/d(rotation vector of the carrier, NED)
-    time        = by_rotation @ ned_from_carrier @ rates + P @ velocity
+    time        = by_rotation @ ned_from_carrier @ rates + P @ velocity    # the latter as by the age of positions
 
 tests/benchmarks/naive_fix.py has the whole fix in this form.
 
@@ -21,6 +21,7 @@ Neglected: the camera turns with the vehicle about the vehicle's reference point
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TypeAlias
 
 import msgspec
@@ -28,12 +29,13 @@ import msgspec
 from fwav_companion.geometry.rotations import body_axes_ned
 from fwav_companion.geometry.vectors import (
     ZERO3,
-    Matrix3,
     Vector3,
     add,
+    combination,
     cross,
     dot,
     scale,
+    subtract,
     transform,
 )
 from fwav_companion.localization.ground import LEVEL_NORMAL, Intersection
@@ -72,84 +74,59 @@ class Propagation(msgspec.Struct, frozen=True, gc=False):
 
 def propagate(sighting: Sighting, direction: Vector3, meeting: Intersection) -> Propagation:
     """The derivatives at the intersection of the unit ray ``direction``, NED, with the ground."""
-    m = scale(meeting.normal, 1.0 / dot(meeting.normal, direction))
-    deeper = scale(direction, m[2])  # d(point)/d(height of the camera above the ground)
-    turned = cross(direction, m)
-    by_rotation = _by_rotation(direction, turned, meeting)
-    body_axes = body_axes_ned(sighting.state.ned_from_carrier)
-    (nx, ny, nz), (ex, ey, ez), (dx, dy, dz) = by_rotation
-    roll, pitch, yaw = [
-        (nx * x + ny * y + nz * z, ex * x + ey * y + ez * z, dx * x + dy * y + dz * z) for x, y, z in body_axes
-    ]
-    heading = (nz, ez, dz)
+    state, m = sighting.state, scale(meeting.normal, 1.0 / dot(meeting.normal, direction))
+    x_axis, y_axis, z_axis = body_axes = body_axes_ned(state.ned_from_carrier)
+    changes = (
+        cross(x_axis, direction),
+        cross(y_axis, direction),
+        cross(z_axis, direction),
+        (-direction[1], direction[0], 0.0),
+        transform(sighting.ned_from_camera, sighting.ray.d_du),
+        transform(sighting.ned_from_camera, sighting.ray.d_dv),
+    )
+    (roll, pitch, yaw, heading, pixel_u, pixel_v), stretch = _by_ray(changes, direction, meeting, m)
     # The true mount is Exp(bias) times the configured one, so the estimate turns the other way.
-    mount_x, mount_y, mount_z = [(-n, -e, -d) for n, e, d in (roll, pitch, yaw)]
+    mount_x, mount_y, mount_z = scale(roll, -1.0), scale(pitch, -1.0), scale(yaw, -1.0)
+    deeper = scale(direction, m[2])  # d(point)/d(height of the camera above the ground)
     height = _by_height(sighting, meeting, deeper)
     lift = meeting.height_by_rotation
     # A beam on the body turns with the body, and the measured height changes; a gimbal's attitude does not turn it.
-    if lift is not ZERO3 and sighting.state.gimbal is None:
+    if lift is not ZERO3 and state.gimbal is None:
         roll, pitch, yaw = (
             add(turn, scale(height, dot(axis, lift))) for turn, axis in zip((roll, pitch, yaw), body_axes, strict=True)
         )
         heading = add(heading, scale(height, lift[2]))
-    time = _by_time(sighting, direction, meeting=meeting, m=m, turns=(roll, pitch, yaw))
-    pixel_u, stretch_u = _by_ray(transform(sighting.ned_from_camera, sighting.ray.d_du), direction, meeting, m)
-    pixel_v, stretch_v = _by_ray(transform(sighting.ned_from_camera, sighting.ray.d_dv), direction, meeting, m)
+    lever_axes = body_axes if state.gimbal is None else body_axes_ned(state.ned_from_body)
+    shifts = (scale(state.velocity_ned or ZERO3, -1.0), *lever_axes)  # an unknown velocity counts as zero
+    position_delay, *levers = _by_camera(shifts, sighting, direction, meeting=meeting, m=m)
+    time = subtract(combination((roll, pitch, yaw), state.carrier_rates), position_delay)
     north, east = _by_place(sighting, direction, meeting, m)
-    readout = scale(time, sighting.row_fraction)
     terrain = scale(deeper, -1.0) if meeting.surveyed or meeting.uneven else ZERO3
-    stretch_body = transform(body_axes, turned)
-    vn, ve, vd = sighting.state.velocity_ned or ZERO3
-    fixed_to_body = sighting.state.gimbal is None
-    lever_axes = body_axes if fixed_to_body else body_axes_ned(sighting.state.ned_from_body)
-    shifts = ((-vn, -ve, -vd), *lever_axes)
-    position_delay, lever_x, lever_y, lever_z = _by_camera(shifts, sighting, direction, meeting=meeting, m=m)
     target_height = ZERO3 if sighting.anchor_sigma_m == 0.0 else _by_target_height(sighting, meeting, deeper)
-    turning = (roll, pitch, heading, mount_x, mount_y, mount_z)
-    shifting = (height, north, east, terrain, position_delay, lever_x, lever_y, lever_z, target_height)
+    turning = (roll, pitch, heading, mount_x, mount_y, mount_z, time, scale(time, sighting.row_fraction))
+    shifting = (height, north, east, terrain, position_delay, *levers, target_height)
+    by_roll, by_pitch, by_yaw, by_heading, by_u, by_v = stretch
+    by_body = (by_roll, by_pitch, by_yaw)
     return Propagation(
         pixel_u,
         pixel_v,
-        (*turning, time, readout, *shifting),
-        RangeSensitivity(
-            stretch_body, turned[2], (stretch_u, stretch_v), dot(stretch_body, sighting.state.carrier_rates)
-        ),
+        (*turning, *shifting),
+        RangeSensitivity(by_body, by_heading, (by_u, by_v), dot(by_body, state.carrier_rates)),
     )
 
 
-def _by_rotation(d: Vector3, turned: Vector3, meeting: Intersection) -> Matrix3:
-    """The derivative s P (-skew(d)) of the point with respect to a rotation vector of the ray, NED.
+def _by_ray(changes: Columns, d: Vector3, meeting: Intersection, m: Vector3) -> tuple[Columns, Sequence[float]]:
+    """The derivatives s P x along changes x of the ray, and the relative changes of its length.
 
-    On level ground the down row is exactly zero.
+    On level ground the down components are exactly zero.
     """
-    (x, y, z), (tx, ty, tz), s = d, turned, meeting.distance_m
-    return (
-        (s * (-x * tx), s * (z - x * ty), s * (-y - x * tz)),
-        (s * (-z - y * tx), s * (-y * ty), s * (x - y * tz)),
-        ZERO3 if meeting.normal is LEVEL_NORMAL else (s * (y - z * tx), s * (-x - z * ty), s * (-z * tz)),
-    )
-
-
-def _by_ray(x: Vector3, d: Vector3, meeting: Intersection, m: Vector3) -> tuple[Vector3, float]:
-    """(s P x, relative change of the distance): the derivatives along a change x of the ray."""
-    along, s = m[0] * x[0] + m[1] * x[1] + m[2] * x[2], meeting.distance_m
-    return (s * (x[0] - along * d[0]), s * (x[1] - along * d[1]), s * (x[2] - along * d[2])), -along
-
-
-def _by_time(sighting: Sighting, d: Vector3, meeting: Intersection, m: Vector3, turns: Columns) -> Vector3:
-    """The derivative of the point with respect to time by rates and velocity; an unknown velocity counts as zero."""
-    (p, q, r), velocity = sighting.state.carrier_rates, sighting.state.velocity_ned
-    (x0, x1, x2), (y0, y1, y2), (z0, z1, z2) = turns
-    north, east, down = velocity or ZERO3
-    if sighting.relative:  # the world moves with the vehicle; only its height changes
-        north, east, down = 0.0, 0.0, 0.0 if meeting.carried else down
-    along = 0.0 if meeting.carried else m[0] * north + m[1] * east + m[2] * down
-    level = meeting.normal is LEVEL_NORMAL and not meeting.carried
-    return (
-        p * x0 + q * y0 + r * z0 + north - along * d[0],
-        p * x1 + q * y1 + r * z1 + east - along * d[1],
-        0.0 if level else p * x2 + q * y2 + r * z2 + down - along * d[2],
-    )
+    (m_n, m_e, m_d), (d_n, d_e, d_d), s = m, d, meeting.distance_m
+    columns, stretch, level = [], [], meeting.normal is LEVEL_NORMAL
+    for n, e, down in changes:
+        along = m_n * n + m_e * e + m_d * down
+        columns.append((s * (n - along * d_n), s * (e - along * d_e), 0.0 if level else s * (down - along * d_d)))
+        stretch.append(-along)
+    return tuple(columns), stretch
 
 
 def _by_camera(shifts: Columns, sighting: Sighting, d: Vector3, *, meeting: Intersection, m: Vector3) -> Columns:
@@ -159,9 +136,9 @@ def _by_camera(shifts: Columns, sighting: Sighting, d: Vector3, *, meeting: Inte
     is known by its distance from the camera, it moves with the camera.
     """
     if sighting.relative:
-        shifts = tuple([(0.0, 0.0, down) for _, _, down in shifts])
+        shifts = tuple([(0.0, 0.0, 0.0 if meeting.carried else down) for _, _, down in shifts])
     if meeting.carried:
-        return tuple([(north, east, 0.0 if sighting.relative else down) for north, east, down in shifts])
+        return shifts
     (m_n, m_e, m_d), (d_n, d_e, d_d), level = m, d, meeting.normal is LEVEL_NORMAL
     columns = []
     for north, east, down in shifts:
