@@ -18,12 +18,17 @@ from fwav_companion.types import Bias
 PLACE = (4.0, 3.0, 0.0)
 
 
+def seen_from(height_m):
+    fix = a_fix(0.0, PLACE)
+    return replace(fix, sighting=replace(fix.sighting, camera_ned=(0.0, 0.0, -height_m)))
+
+
 def test_a_climbing_height_is_smoothed_as_by_a_kalman_filter_in_numpy():
     rng, sigma = np.random.default_rng(2), 0.3
-    point, mean, cov = first_point(15.0, sigma), np.array([15.0, 0.0]), np.diag([sigma**2, 1.0])
+    point, mean, cov = first_point(seen_from(15.0), sigma), np.array([15.0, 0.0]), np.diag([sigma**2, 1.0])
     for dt in rng.uniform(0.1, 0.4, 200):
         height = 15.0 + rng.normal(0.0, sigma)
-        point = point.with_height(height, dt, sigma)
+        point = point.with_fix(height, 0.0, 0.0, interval_s=dt, sigma_m=sigma)
         move = np.array([[1.0, dt], [0.0, 1.0]])
         more = CLIMB_DENSITY * np.array([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
         mean, cov = move @ mean, move @ cov @ move.T + more
@@ -34,12 +39,13 @@ def test_a_climbing_height_is_smoothed_as_by_a_kalman_filter_in_numpy():
 
 
 def test_the_running_mean_follows_a_shift_within_two_seconds_and_forgets_noise():
-    rng, point = np.random.default_rng(3), first_point(10.0, 0.1)
+    rng, point = np.random.default_rng(3), first_point(seen_from(10.0), 0.1)
     offs = []
     for k in range(600):
         shift = 0.0 if k < 300 else 1.0
-        point = point.with_innovation(shift + rng.normal(0.0, 0.2), 0.0, 1 / 30)
-        offs.append(point.mean_n - shift)
+        north = PLACE[0] + shift + rng.normal(0.0, 0.2)
+        point = point.with_fix(10.0, north, PLACE[1], interval_s=1 / 30, sigma_m=0.1)
+        offs.append(point.north_m - PLACE[0] - shift)
     assert np.std(offs[60:300]) < 0.2 / 3
     assert abs(offs[360]) < 0.2
 

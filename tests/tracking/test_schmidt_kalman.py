@@ -83,8 +83,9 @@ def test_an_update_is_that_of_the_plain_joint_state():
         innovation = own.innovation(fix)
         spread = observed @ before @ observed.T + noise
         assert square(innovation.cov) == pytest.approx(spread, abs=1e-12)
+        assert np.array(innovation.shared) == pytest.approx(np.array(fix.shared)[:2] - np.array(own.shared))
         gain = -(before @ observed.T)[:2] @ np.linalg.inv(spread)
-        assert np.reshape(own.kalman_gain(innovation), (2, 2)) == pytest.approx(gain, abs=1e-9)
+        assert np.reshape(innovation.gain, (2, 2)) == pytest.approx(gain, abs=1e-9)
         for chosen in (gain, rng.normal(0.0, 0.3, (2, 2))):
             new = own.update(innovation, tuple(chosen.ravel().tolist()))
             moved = np.eye(2 + COUNT) + np.vstack([chosen, np.zeros((COUNT, 2))]) @ observed
@@ -99,7 +100,7 @@ def test_a_gain_of_any_other_size_is_worse():
     for _ in range(30):
         own, fix = some(rng)
         innovation = own.innovation(fix)
-        best = np.array(own.kalman_gain(innovation))
+        best = np.array(innovation.gain)
         least = np.trace(square(own.update(innovation, tuple(best.tolist())).cov))
         for _ in range(5):
             other = own.update(innovation, tuple((best + rng.normal(0.0, 0.02, 4)).tolist()))
@@ -117,7 +118,7 @@ def test_relative_to_the_report_of_this_fix_its_noise_and_its_delay_cancel():
         found = relative_estimate(
             own,
             innovation,
-            own.weighed(innovation),
+            fix.noise,
             position_noise_m2=report,
             by_delay=by_delay,
             down=tuple(row.tolist()),

@@ -67,21 +67,14 @@ def test_the_height_is_a_scalar_filter_that_considers_biases():
     assert DownEstimate(1.0, 0.09, (0.0,)).update(level_fix(1.0, 0.03, (0.0,))).shared == (0.0,)
 
 
-def test_the_linearization_point_stays_on_the_ground_when_the_estimate_moves():
-    point = LinearizationPoint(10.0, 0.5, (0.1, 0.2, 0.3), 0.7, -0.2, 9)
-    moved = point.moved(0.3, 0.4)
-    assert (moved.mean_n, moved.mean_e) == pytest.approx((0.4, -0.6))
-    assert replace(moved, mean_n=0.7, mean_e=-0.2) == point
-
-
-def test_the_mean_of_innovations_is_plain_at_first_and_forgets_over_seconds_later():
-    point = LinearizationPoint(10.0, 0.0, (0.1, 0.0, 1.0))
+def test_the_mean_of_fixes_is_plain_at_first_and_forgets_over_seconds_later():
+    point = LinearizationPoint(10.0, 0.0, (0.1, 0.0, 1.0), 0.0, 0.0)
     for k, offset in enumerate([1.0, 2.0, 6.0]):
-        point = point.with_innovation(offset, -offset, 1e-6)
+        point = point.with_fix(10.0, offset, -offset, interval_s=1e-6, sigma_m=0.1)
         assert point.count == 2 + k
-    assert (point.mean_n, point.mean_e) == pytest.approx((9.0 / 4, -9.0 / 4))  # the first fix has no innovation
-    later = point.with_innovation(0.0, 0.0, 0.7)
-    assert later.mean_n == pytest.approx(9.0 / 4 * np.exp(-1.0))
+    assert (point.north_m, point.east_m) == pytest.approx((9.0 / 4, -9.0 / 4))
+    later = point.with_fix(10.0, 0.0, 0.0, interval_s=0.7, sigma_m=0.1)
+    assert later.north_m == pytest.approx(9.0 / 4 * np.exp(-1.0))
 
 
 @pytest.mark.parametrize(("sigma_m", "interval_s", "variance"), [(0.3, 0.2, 0.09), (0.3, 0.05, 0.18), (0.0, 1.0, 4e-4)])

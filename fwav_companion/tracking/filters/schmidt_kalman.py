@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import dist, hypot, log
+from operator import sub
 from typing import TypeAlias
 
 import msgspec
@@ -36,7 +37,9 @@ class Innovation2(msgspec.Struct, frozen=True, gc=False):
 
     north_m: float
     east_m: float
-    shared: tuple[Row, Row]
+    of_point: tuple[Row, Row]
+    """C, metres."""
+    of_fix: tuple[Row, Row]
     """J: metres per sigma of each bias, north and east."""
     noise: Symmetric2
     """P + R, m^2."""
@@ -46,6 +49,12 @@ class Innovation2(msgspec.Struct, frozen=True, gc=False):
     """P - C D', the covariance of the point's error with the innovation: the gain times S, m^2."""
     before: Symmetric2
     """P + C C', the point's own covariance, m^2."""
+
+    @property
+    def shared(self) -> tuple[Row, Row]:
+        """D = J - C: metres per sigma of each bias, north and east."""
+        (c_n, c_e), (j_n, j_e) = self.of_point, self.of_fix
+        return tuple(map(sub, j_n, c_n)), tuple(map(sub, j_e, c_e))
 
     @property
     def gain(self) -> Gain:
@@ -89,6 +98,7 @@ class PointEstimate(msgspec.Struct, frozen=True, gc=False):
         return Innovation2(
             north - self.north_m,
             east - self.east_m,
+            self.shared,
             (j_n, j_e),
             noise,
             (noise[0] + nn, noise[1] + 0.5 * (ne + en - j_ne - c_ne), noise[2] + ee),
@@ -111,7 +121,7 @@ class PointEstimate(msgspec.Struct, frozen=True, gc=False):
         P - K P - P K' + K (P + R) K' is P - K M' - M K' with M = P - K (P + R) / 2.
         """
         (a, b, c, d), (nn, ne, ee), (s_nn, s_ne, s_ee) = gain, self.noise, innovation.noise
-        (c_n, c_e), (j_n, j_e) = self.shared, innovation.shared
+        (c_n, c_e), (j_n, j_e) = self.shared, innovation.of_fix
         n, e = innovation.north_m, innovation.east_m
         m_nn, m_ne = nn - 0.5 * (a * s_nn + b * s_ne), ne - 0.5 * (a * s_ne + b * s_ee)
         m_en, m_ee = ne - 0.5 * (c * s_nn + d * s_ne), ee - 0.5 * (c * s_ne + d * s_ee)
@@ -205,7 +215,7 @@ def relative_estimate(
     a, d, nn, ee = a + position_noise_m2, d + position_noise_m2, nn + position_noise_m2, ee + position_noise_m2
     if by_delay is not None:
         i, n, e = by_delay
-        (c_n, c_e), (j_n, j_e) = before.shared, innovation.shared
+        (c_n, c_e), (j_n, j_e) = innovation.of_point, innovation.of_fix
         d_n, d_e = j_n[i] - c_n[i], j_e[i] - c_e[i]
         a, b, c, d = a + n * d_n, b + n * d_e, c + e * d_n, d + e * d_e
         nn, ne, ee = nn + n * (n - 2.0 * c_n[i]), ne + n * e - n * c_e[i] - e * c_n[i], ee + e * (e - 2.0 * c_e[i])
@@ -224,7 +234,7 @@ def _down_cov(
 ) -> tuple[float, float]:
     """Covariance by the biases of a relative estimate with the height."""
     (north, east), (a, b, c, d) = before.along(down), gain
-    of_north, of_east = inner(innovation.shared[0], down) - north, inner(innovation.shared[1], down) - east
+    of_north, of_east = (inner(row, down) for row in innovation.shared)
     if by_delay is not None:
         i, by_north, by_east = by_delay
         north, east = north - by_north * down[i], east - by_east * down[i]
