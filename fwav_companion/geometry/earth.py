@@ -11,6 +11,8 @@ from fwav_companion.geometry.vectors import Vector3
 SEMI_MAJOR_M = 6378137.0
 FLATTENING = 1.0 / 298.257223563
 ECCENTRICITY2 = FLATTENING * (2.0 - FLATTENING)
+SEMI_MINOR_M = SEMI_MAJOR_M * (1.0 - FLATTENING)
+SECOND_ECCENTRICITY2 = ECCENTRICITY2 / (1.0 - ECCENTRICITY2)
 """Defining and derived constants of WGS84 (NIMA TR8350.2)."""
 NEAR_ENOUGH_M = 1e-6
 """Length of a fixed-point step after which the remaining error is below rounding: the next step is 4e5 times shorter
@@ -106,20 +108,18 @@ class TangentPlane:
 def geodetic_from_ecef(x: float, y: float, z: float) -> tuple[float, float, float]:
     """(latitude, longitude, ellipsoid height) by Bowring's parametric latitude (Bowring 1976).
 
-    One iteration leaves 0.7 um at 9 km of height, two leave rounding error at any height; the third settles the last
-    bit of nearly every latitude.
+    One iteration leaves 0.7 um at 9 km of height, two leave rounding error at any height. Sines and cosines are ratios
+    of lengths, so that angles are needed for the result alone.
     """
-    semi_minor_m = SEMI_MAJOR_M * (1.0 - FLATTENING)
-    second_eccentricity2 = ECCENTRICITY2 / (1.0 - ECCENTRICITY2)
     p = hypot(x, y)
-    parametric = atan2(z * SEMI_MAJOR_M, p * semi_minor_m)
-    lat = 0.0
-    for _ in range(3):
-        lat = atan2(
-            z + second_eccentricity2 * semi_minor_m * sin(parametric) ** 3,
-            p - ECCENTRICITY2 * SEMI_MAJOR_M * cos(parametric) ** 3,
-        )
-        parametric = atan2((1.0 - FLATTENING) * sin(lat), cos(lat))
-    n = SEMI_MAJOR_M / sqrt(1.0 - ECCENTRICITY2 * sin(lat) ** 2)
-    height_m = p * cos(lat) + z * sin(lat) - SEMI_MAJOR_M * SEMI_MAJOR_M / n
-    return (lat, atan2(y, x), height_m)
+    rise, run = z * SEMI_MAJOR_M, p * SEMI_MINOR_M  # of the parametric latitude, then of the latitude
+    for _ in range(2):
+        length = hypot(rise, run)
+        sine, cosine = rise / length, run / length
+        up = z + SECOND_ECCENTRICITY2 * SEMI_MINOR_M * sine * sine * sine
+        out = p - ECCENTRICITY2 * SEMI_MAJOR_M * cosine * cosine * cosine
+        rise, run = (1.0 - FLATTENING) * up, out
+    length = hypot(up, out)
+    sine, cosine = up / length, out / length
+    height_m = p * cosine + z * sine - SEMI_MAJOR_M * sqrt(1.0 - ECCENTRICITY2 * sine * sine)
+    return (atan2(up, out), atan2(y, x), height_m)
