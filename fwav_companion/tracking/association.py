@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping, Sequence
-from math import log, pi, sqrt
+from math import dist, log, pi, sqrt
 
 import msgspec
 
-from fwav_companion.geometry.vectors import Vector3, cross, dot, subtract
+from fwav_companion.geometry.vectors import Vector3, cross, norm
 from fwav_companion.tracking.assignment import least_cost_assignment
 from fwav_companion.tracking.coarse_gate import GatedFix, possible_pairs
 from fwav_companion.tracking.detector_model import DetectorModel
@@ -70,10 +70,9 @@ def noise_area_px2(fix: GroundFix) -> float:
     A square pixel covers ``|d_du x d_dv| r^3 / h`` of level ground, at the slant range r from the height h.
     """
     (nn, ne, _), (_, ee, _), _ = fix.noise_cov
-    sight, ray = subtract(fix.position_ned, fix.sighting.camera_ned), fix.sighting.ray
-    solid = cross(ray.d_du, ray.d_dv)
-    range2 = dot(sight, sight)
-    ground_per_px2 = sqrt(dot(solid, solid) * range2) * range2 / max(abs(sight[2]), 1e-3)
+    sighting, ray = fix.sighting, fix.sighting.ray
+    range_m, height_m = dist(fix.position_ned, sighting.camera_ned), fix.position_ned[2] - sighting.camera_ned[2]
+    ground_per_px2 = norm(cross(ray.d_du, ray.d_dv)) * range_m * range_m * range_m / max(abs(height_m), 1e-3)
     return max(LEAST_NOISE_PX2, 2.0 * pi * sqrt(max(0.0, nn * ee - ne * ne)) / ground_per_px2)
 
 
@@ -88,40 +87,36 @@ def associate(
     ``could_see``: whether a place is in view. A target in view that stays without a fix was missed, one out of view was
     not: where errors that targets share move them by half of their distance, this decides which of them are seen.
     """
-    labels = {candidate.label for candidate in candidates}
-    clutter_llr = {
-        j: against.llr_of(fix) + against.detection_odds
-        for j, fix in enumerate(fixes)
-        if fix.sighting.detection.label in labels
-    }
-    possible = _possible(candidates, fixes, clutter_llr)
+    possible, clutter_llr = _possible(candidates, fixes, against)
     costs = _refined(_costs(possible, candidates, fixes, clutter_llr), candidates, fixes, clutter_llr)
-    if len({i for i, _ in costs}) == len({j for _, j in costs}) == len(costs):
-        taken = dict(costs.keys())
-    else:
+    taken = dict(costs.keys())
+    if not len(taken) == len(set(taken.values())) == len(costs):  # a track or a fix has more than one partner
         taken = _assigned(_with_priority(costs, candidates, against.miss_cost, could_see))
     return {i: (j, 0.5 * (min(-costs[i, j], clutter_llr[j]) - against.detection_odds)) for i, j in taken.items()}
 
 
 def _possible(
-    candidates: Sequence[Candidate], fixes: Sequence[GroundFix], clutter_llr: Mapping[int, float]
-) -> dict[int, list[int]]:
-    """The fixes of equal label, in order, that each candidate may take.
+    candidates: Sequence[Candidate], fixes: Sequence[GroundFix], against: Clutter
+) -> tuple[dict[int, list[int]], dict[int, float]]:
+    """The fixes of equal label, in order, that each candidate may take; and CLUTTER_LLR of those fixes.
 
     No covariance of an innovation is smaller than the fix's own: beyond CLUTTER_LLR every cost is positive.
     """
     targets: defaultdict[str, list[tuple[int, TargetState]]] = defaultdict(list)
     for i, candidate in enumerate(candidates):
         targets[candidate.label].append((i, candidate.target))
+    clutter_llr: dict[int, float] = {}
     by_label: defaultdict[str, list[GatedFix]] = defaultdict(list)
-    for j, llr in clutter_llr.items():
-        detection = fixes[j].sighting.detection
-        gate = max(0.0, min(GATE, llr)) if detection.detector_id is None else ID_GATE
-        by_label[detection.label].append((j, fixes[j], gate))
+    for j, fix in enumerate(fixes):
+        detection = fix.sighting.detection
+        if detection.label in targets:
+            llr = clutter_llr[j] = against.llr_of(fix) + against.detection_odds
+            gate = max(0.0, min(GATE, llr)) if detection.detector_id is None else ID_GATE
+            by_label[detection.label].append((j, fix, gate))
     possible: dict[int, list[int]] = {}
     for label, of_label in by_label.items():
         possible |= possible_pairs(targets[label], of_label)
-    return possible
+    return possible, clutter_llr
 
 
 def _costs(
@@ -154,7 +149,7 @@ def _refined(
     clutter_llr: Mapping[int, float],
 ) -> dict[tuple[int, int], float]:
     """The costs by the self-calibrated prediction wherever a track or a fix has more than one partner."""
-    if all(candidate.refined is None for candidate in candidates):
+    if all([candidate.refined is None for candidate in candidates]):
         return costs
     rows, columns = Counter(i for i, _ in costs), Counter(j for _, j in costs)
     refined: dict[tuple[int, int], float] = {}

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import dist
 
 import msgspec
 
 from fwav_companion.geometry.stamps import HostNs
-from fwav_companion.geometry.vectors import Matrix3, norm, subtract
+from fwav_companion.geometry.vectors import Matrix3, subtract
 from fwav_companion.tracking.detector_model import DetectorModel, false_share
 from fwav_companion.tracking.filters.base import TargetState
 from fwav_companion.tracking.lifecycle import Life, continued, deleted, detected, initiated
@@ -65,7 +66,7 @@ class LiveTrack(msgspec.Struct, frozen=True, gc=False):
             detector_id=self.detector_id if detection.detector_id is None else detection.detector_id,
             last_pixel=(detection.u, detection.v),
             fix=fix,
-            slant_m=norm(subtract(fix.position_ned, fix.sighting.camera_ned)),
+            slant_m=dist(fix.position_ned, fix.sighting.camera_ned),
             level_sigma_m=fix.level_sigma_m,
             replaces=self.replaces,
             branch_of=self.branch_of,
@@ -131,7 +132,7 @@ def initiate(number: int, fix: GroundFix, target: TargetState, host_ns: HostNs) 
         detector_id=detection.detector_id,
         last_pixel=(detection.u, detection.v),
         fix=fix,
-        slant_m=norm(subtract(fix.position_ned, fix.sighting.camera_ned)),
+        slant_m=dist(fix.position_ned, fix.sighting.camera_ned),
         level_sigma_m=fix.level_sigma_m,
     )
 
@@ -185,14 +186,14 @@ def detector_after(
     """
     hits, looks, false, undecided = 0, 0, float(refused), 0.0
     for old, now in zip(before, after, strict=False):
-        if now.fix is not None and old.confirmed:
+        if now.fix is not None and old.life.confirmed_ns is not None:
             detections = now.life.detections - old.life.detections
             hits, looks = hits + detections, looks + max(detections, 1 + old.life.misses)
-    for track in after:
-        if track.confirmed or track.life.reason is Reason.REPLACED:
+    for life in [track.life for track in after if track.life.confirmed_ns is None]:
+        if life.reason is Reason.REPLACED:
             continue
-        expected = track.life.detections * false_share(track.life.log_likelihood_ratio)
-        if track.life.state is TrackState.DROPPED:
+        expected = life.detections * false_share(life.log_likelihood_ratio)
+        if life.state is TrackState.DROPPED:
             false += expected
         else:
             undecided += expected

@@ -162,11 +162,10 @@ class Tracker:
         branchings = reacquisition.weak_evidence(predicted, taken, state.detector) if has_room else {}
         for track, _ in branchings.values():
             del taken[track.id]
-        unseen = {track.id: self._unseen(track, view, choice) for track in predicted if track.id not in taken}
-        missed = [
-            track for track in predicted if track.id in unseen and unseen[track.id].life.misses > track.life.misses
-        ]
-        displaced = NONE_ABSENT
+        unseen, missed, displaced = dict[int, LiveTrack](), list[LiveTrack](), NONE_ABSENT
+        if len(taken) < len(predicted):
+            unseen = {track.id: self._unseen(track, view, choice) for track in predicted if track.id not in taken}
+            missed = [t for t in predicted if t.id in unseen and unseen[t.id].life.misses > t.life.misses]
         if missed:
             displaced = absent(predicted, missed, taken, photographs=are_photographs(state.detector))
         after = [
