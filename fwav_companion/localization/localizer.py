@@ -18,7 +18,7 @@ from fwav_companion.localization.covariance import (
     noise_variances,
 )
 from fwav_companion.localization.ground import LEVEL_NORMAL, Ground, Intersection, lowered
-from fwav_companion.localization.propagation import Propagation, propagate
+from fwav_companion.localization.propagation import Propagation, RangeSensitivity, propagate
 from fwav_companion.types import Bias, ErrorPriors, GroundFix, NoFix, Reason, Sighting, TakeOff
 
 LARGEST_STRETCH = 0.15
@@ -84,13 +84,13 @@ class Localizer:
             return NoFix(Reason.TOO_LOW)
         if self._uneven and meeting.ground in LEVEL_GROUNDS:
             meeting = msgspec.structs.replace(meeting, uneven=True)
-        propagation = propagate(sighting, direction, meeting)
+        propagation, sensitivity = propagate(sighting, direction, meeting)
         noise = noise_variances(sighting, meeting, self._priors)
-        stretch = sqrt(self._stretch_variance(propagation, noise))
+        stretch = sqrt(self._stretch_variance(sensitivity, noise))
         if meeting.surveyed and not stretch <= LARGEST_STRETCH and meeting.normal[2] < WALL:
             meeting = msgspec.structs.replace(meeting, normal=UPRIGHT)
-            propagation = propagate(sighting, direction, meeting)
-            stretch = sqrt(self._stretch_variance(propagation, noise))
+            propagation, sensitivity = propagate(sighting, direction, meeting)
+            stretch = sqrt(self._stretch_variance(sensitivity, noise))
         if not stretch <= LARGEST_STRETCH:
             return NoFix(Reason.TOO_SHALLOW)
         if meeting.surveyed:
@@ -125,20 +125,18 @@ class Localizer:
         below = msgspec.structs.replace(sighting, camera_ned=(north, east, down + raised_m))
         return self.ground.meet(below, direction)
 
-    def _stretch_variance(self, propagation: Propagation, noise: NoiseVariances) -> float:
+    def _stretch_variance(self, stretch: RangeSensitivity, noise: NoiseVariances) -> float:
         """The variance of the ray's relative length by every error that turns the ray."""
-        bias, stretch = self._bias, propagation.stretch
-        x, y, z = [s * s for s in stretch.body]
-        u, v = stretch.pixel
-        attitude = noise.attitude + noise.bridging
+        bias, (x, y, z), (u, v) = self._bias, stretch.body, stretch.pixel
+        heading, time, attitude = stretch.heading, stretch.time, noise.attitude + noise.bridging
         return (
-            x * (bias.roll + bias.mount_x + attitude)
-            + y * (bias.pitch + bias.mount_y + attitude)
-            + z * (bias.mount_z + noise.bridging)
-            + stretch.heading**2 * (bias.heading + noise.attitude)
+            x * x * (bias.roll + bias.mount_x + attitude)
+            + y * y * (bias.pitch + bias.mount_y + attitude)
+            + z * z * (bias.mount_z + noise.bridging)
+            + heading * heading * (bias.heading + noise.attitude)
             + u * u * noise.pixel_u
             + v * v * noise.pixel_v
-            + stretch.time**2 * (bias.time_offset + noise.readout_share * bias.readout + noise.time)
+            + time * time * (bias.time_offset + noise.readout_share * bias.readout + noise.time)
         )
 
     def _reach(self, direction: Vector3, meeting: Intersection, stretch: float) -> float:

@@ -69,11 +69,12 @@ class Propagation(msgspec.Struct, frozen=True, gc=False):
     """d(point)/dv, metres per pixel."""
     biases: Columns
     """One column for each :class:`Bias`."""
-    stretch: RangeSensitivity
 
 
-def propagate(sighting: Sighting, direction: Vector3, meeting: Intersection) -> Propagation:
-    """The derivatives at the intersection of the unit ray ``direction``, NED, with the ground."""
+def propagate(
+    sighting: Sighting, direction: Vector3, meeting: Intersection
+) -> tuple[Propagation, RangeSensitivity]:
+    """The derivatives at the intersection of the unit ray ``direction``, NED, with the ground; those of its length."""
     state, m = sighting.state, scale(meeting.normal, 1.0 / dot(meeting.normal, direction))
     x_axis, y_axis, z_axis = body_axes = body_axes_ned(state.ned_from_carrier)
     changes = (
@@ -107,11 +108,10 @@ def propagate(sighting: Sighting, direction: Vector3, meeting: Intersection) -> 
     shifting = (height, north, east, terrain, position_delay, *levers, target_height)
     by_roll, by_pitch, by_yaw, by_heading, by_u, by_v = stretch
     by_body = (by_roll, by_pitch, by_yaw)
-    return Propagation(
-        pixel_u,
-        pixel_v,
-        (*turning, *shifting),
-        RangeSensitivity(by_body, by_heading, (by_u, by_v), dot(by_body, state.carrier_rates)),
+    by_time = dot(by_body, state.carrier_rates)
+    return (
+        Propagation(pixel_u, pixel_v, (*turning, *shifting)),
+        RangeSensitivity(by_body, by_heading, (by_u, by_v), by_time),
     )
 
 

@@ -89,8 +89,9 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     @property
     def position_ned(self) -> Vector3:
         """The place, NED, metres."""
-        place = self._place
-        return (place.north_m, place.east_m, self.down.down_m)
+        if self.wandering is not None:
+            return (self.wandering.north[0], self.wandering.east[0], self.down.down_m)
+        return (self.apparent.north_m, self.apparent.east_m, self.down.down_m)
 
     @property
     def cov(self) -> Matrix3:
