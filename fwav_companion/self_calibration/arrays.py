@@ -1,6 +1,6 @@
 """Vectors and rotations over leading axes. Every result depends on its own entries alone, whatever the batch.
 
-``einsum`` without ``optimize`` sums each entry in the same order for every batch size; ``matmul`` does not.
+``matmul`` multiplies each matrix of a stack by itself, whatever the number of them.
 """
 
 from __future__ import annotations
@@ -13,8 +13,15 @@ import numpy.typing as npt
 Array: TypeAlias = npt.NDArray[np.float64]
 Mask: TypeAlias = npt.NDArray[np.bool_]
 
-SMALL_RAD = 1e-6
-"""Below this angle the series of sin(x) / x and (1 - cos(x)) / x^2 are exact to rounding after their first terms."""
+SKEW: Array = np.array([
+    [0, 0, 0, 0, 0, -1, 0, 1, 0],
+    [0, 0, 1, 0, 0, 0, -1, 0, 0],
+    [0, -1, 0, 1, 0, 0, 0, 0, 0],
+], float)  # fmt: skip
+"""(3, 9), matrix of each axis by which its cross products are taken."""
+EYE: Array = np.eye(3)
+LEAST2 = 1e-300
+"""Least squared angle: sin(x) / x is 1 there, without a division by zero."""
 
 
 def dot(a: Array, b: Array) -> Array:
@@ -25,50 +32,33 @@ def dot(a: Array, b: Array) -> Array:
 
 def cross(a: Array, b: Array) -> Array:
     """Cross products over the last axis."""
-    ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
-    bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
-    return vectors(ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
+    return turned(skew(a), b)
 
 
-def vectors(x: Array, y: Array, z: Array) -> Array:
-    """Vectors along a new last axis; ``x`` has the full shape."""
-    out = np.empty((*x.shape, 3))
-    out[..., 0], out[..., 1], out[..., 2] = x, y, z
-    return out
+def skew(vector: Array) -> Array:
+    """Matrices A of vectors a, by which A b is a x b and b' A is (b x a)'."""
+    return np.asarray((vector @ SKEW).reshape(*vector.shape, 3))
 
 
 def times(a: Array, b: Array) -> Array:
-    """Products of 3x3 matrices."""
-    return np.asarray(np.einsum("...ij,...jk->...ik", a, b))
+    """Products of matrices."""
+    return np.asarray(a @ b)
 
 
 def turned(a: Array, x: Array) -> Array:
     """Products of 3x3 matrices with vectors."""
-    return np.asarray(np.einsum("...ij,...j->...i", a, x))
+    return np.asarray((a @ x[..., None])[..., 0])
 
 
 def turned_back(a: Array, x: Array) -> Array:
     """Products of transposed 3x3 matrices with vectors."""
-    return np.asarray(np.einsum("...ji,...j->...i", a, x))
+    return np.asarray((x[..., None, :] @ a)[..., 0, :])
 
 
 def rotation(vector: Array) -> Array:
     """Rotation matrices of rotation vectors (Rodrigues)."""
-    angle2 = dot(vector, vector)
-    angle = np.sqrt(angle2)
-    large = angle > SMALL_RAD
-    safe = np.where(large, angle, 1.0)
-    s = np.where(large, np.sin(safe) / safe, 1.0 - angle2 / 6.0)
-    h = np.where(large, 2.0 * (np.sin(0.5 * safe) / safe) ** 2, 0.5)
-    x, y, z = vector[..., 0], vector[..., 1], vector[..., 2]
-    out = np.empty((*vector.shape, 3))
-    out[..., 0, 0], out[..., 1, 1], out[..., 2, 2] = (
-        1.0 - h * (y * y + z * z),
-        1.0 - h * (x * x + z * z),
-        1.0 - h * (x * x + y * y),
-    )
-    xy, xz, yz, sx, sy, sz = h * x * y, h * x * z, h * y * z, s * x, s * y, s * z
-    out[..., 0, 1], out[..., 1, 0] = xy - sz, xy + sz
-    out[..., 0, 2], out[..., 2, 0] = xz + sy, xz - sy
-    out[..., 1, 2], out[..., 2, 1] = yz - sx, yz + sx
-    return out
+    angle = np.sqrt(np.maximum(dot(vector, vector), LEAST2))
+    half = np.sin(0.5 * angle) / angle
+    turn = skew(vector)
+    s, h = (np.sin(angle) / angle)[..., None, None], (2.0 * half * half)[..., None, None]
+    return np.asarray(EYE + s * turn + h * (turn @ turn))

@@ -35,7 +35,7 @@ class FilterPass(msgspec.Struct, frozen=True, dict=True):
     score: Array
     """(B), log-likelihood up to a constant."""
     score_variance: Array
-    """(B), variance of the score against that of another delay at which the vehicle moves alike."""
+    """(B), variance of the score against that of another delay at which the vehicle moves alike; of a search alone."""
     used: Array
     """(B), measurements in the estimate; ``refused`` did not fit."""
     refused: Array
@@ -153,14 +153,16 @@ class FilterPass(msgspec.Struct, frozen=True, dict=True):
         fits = (seen.nis < GATE) & wanted
         joint, score = joint.update(seen, fits)
         refused = wanted & ~fits
-        # An impossible measurement is charged as the worst, so that it cannot win a search.
-        log_det = np.where(seen.valid, seen.log_det, 2.0 * np.log(batch.pixel_sigma.prod(1)))
-        charged = np.where(refused, -0.5 * (np.minimum(seen.nis, WORST) + log_det), 0.0)
+        if refused.any():
+            # An impossible measurement is charged as the worst, so that it cannot win a search.
+            log_det = np.where(seen.valid, seen.log_det, 2.0 * np.log(batch.pixel_sigma.prod(1)))
+            score = score - np.where(refused, 0.5 * (np.minimum(seen.nis, WORST) + log_det), 0.0).sum(1)
+        searched = None if self.drift is not None else _score_variance(batch, seen, wanted)
         return msgspec.structs.replace(
             self,
             joint=joint,
-            score=self.score + score + charged.sum(1),
-            score_variance=self.score_variance + np.where(wanted & seen.valid, seen.score_variance, 0.0).sum(1),
+            score=self.score + score,
+            score_variance=self.score_variance if searched is None else self.score_variance + searched,
             used=self.used + fits.sum(1),
             refused=self.refused + refused.sum(1),
             drift=self._drift(batch.host_ns, seen, fits),
@@ -177,6 +179,15 @@ def filter_pass(joint: JointFilter, hints: dict[int, Array], drift: InnovationCo
     """The pass before any measurement."""
     none = np.zeros(len(joint.mean))
     return FilterPass(joint, none, none, none.astype(int), none.astype(int), hints, drift=drift)
+
+
+def _score_variance(batch: MeasurementBatch, seen: PixelInnovations, wanted: Mask) -> Array:
+    """(B), variance of the log-likelihood by which measurements may prefer another instant of the same motion: the
+    attitudes reported for that are as noisy, but not by the same errors.
+    """
+    pixel2 = batch.pixel_sigma**2
+    shares = (pixel2 / (pixel2 + (seen.common**2).sum(-1))) ** 2
+    return np.asarray(np.where(wanted & seen.valid, 2.0 - shares.sum(-1), 0.0).sum(1))
 
 
 def median_of(values: Array, valid: Mask) -> Array:

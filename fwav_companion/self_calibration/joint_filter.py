@@ -18,6 +18,7 @@ Immutable: an update returns a new estimate.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from math import inf
 
 import msgspec
@@ -29,6 +30,7 @@ from fwav_companion.self_calibration.pixel_measurement import (
     HEIGHT,
     SHARED_COUNT,
     MeasurementBatch,
+    common_noise,
     pixel_noise,
     predict,
 )
@@ -57,22 +59,19 @@ class PixelInnovations(msgspec.Struct, frozen=True):
     """(B, 2N, n): H P."""
     cov: Array
     """(B, 2N, 2N): S, px^2."""
-    noise: Array
-    """(B, N, 2, 2): R, px^2."""
+    common: Array
+    """(B, N, 2, 7), roots of the noise that is common to the measurements of one frame, px."""
     nis: Array
     """(B, N), of each measurement alone; inf where it is impossible."""
     log_det: Array
     """(B, N), of S of each measurement alone."""
-    score_variance: Array
-    """(B, N), variance of the log-likelihood by which the measurement may prefer another instant of the same motion:
-    the attitudes reported for that are as noisy, but not by the same errors."""
     displaced: float
     """Largest angle by which the mean predicts a measurement better than the linearization point does."""
     valid: Mask
     """(B, N)."""
 
 
-class JointFilter(msgspec.Struct, frozen=True):
+class JointFilter(msgspec.Struct, frozen=True, dict=True):
     """Mean and covariance of the state, about a linearization point."""
 
     priors: ErrorPriors
@@ -183,43 +182,40 @@ class JointFilter(msgspec.Struct, frozen=True):
         rows[..., :SHARED_COUNT] = seen.rows[..., :SHARED_COUNT]
         rows[..., SHARED_COUNT:first] = seen.rows[..., SHARED_COUNT:] @ self.position.by_state
         at = np.arange(count)
-        rows[:, at, :, first + index] = np.moveaxis(seen.rows[..., SHARED_COUNT], 1, 0)
-        rows[:, at, :, first + index + 1] = np.moveaxis(seen.rows[..., SHARED_COUNT + 1], 1, 0)
-        off = np.concatenate((self.mean[:, :SHARED_COUNT], self.apparent), 1) - point
-        off_each = np.concatenate((np.repeat(off[:, None, :SHARED_COUNT], count, 1), off[:, each]), 2)
-        displaced = np.einsum("bnai,bni->bna", seen.rows, off_each)
+        rows[:, at, :, first + index] = seen.rows[..., SHARED_COUNT].swapaxes(0, 1)
+        rows[:, at, :, first + index + 1] = seen.rows[..., SHARED_COUNT + 1].swapaxes(0, 1)
         flat = rows.reshape(hypotheses, 2 * count, size)
-        difference = (seen.residual - displaced).reshape(hypotheses, -1)
+        off = self.mean.copy()
+        off[:, :SHARED_COUNT] -= point[:, :SHARED_COUNT]
+        off[:, first:] -= point[:, SHARED_COUNT:]
+        displaced = (flat @ off[:, :, None]).reshape(seen.residual.shape)
+        difference = seen.residual - displaced
         crossed = flat @ self.cov
-        noise, common = pixel_noise(batch, seen.rows, self.priors)
+        common = common_noise(batch, seen.rows, self.priors)
         cov = crossed @ flat.swapaxes(1, 2) + _full_noise(batch, common)
         nis, log_det, valid = _alone(difference, cov, seen.valid)
-        variances = np.stack((noise[..., 0, 0], noise[..., 1, 1]), -1)
-        score_variance = 2.0 - ((batch.pixel_sigma**2 / variances) ** 2).sum(-1)
-        per_radian = np.sqrt((batch.dual**2).sum(-1))
-        gained = np.abs(seen.residual) - np.abs(seen.residual - displaced)
+        gained = np.abs(seen.residual) - np.abs(difference)
         return PixelInnovations(
-            difference=difference,
+            difference=difference.reshape(hypotheses, -1),
             rows=flat,
             crossed=crossed,
             cov=cov,
-            noise=noise,
+            common=common,
             nis=nis,
             log_det=log_det,
-            score_variance=score_variance,
-            displaced=float((np.where(seen.valid[..., None], gained, 0.0) / per_radian).max()),
+            displaced=float((gained / np.sqrt((batch.dual**2).sum(-1))).max()),
             valid=valid,
         )
 
     def update(self, seen: PixelInnovations, used: Mask) -> tuple[JointFilter, Array]:
         """The estimate after the ``used`` (B, N) of the measurements, and their log-likelihood (B) up to a constant."""
-        each = np.repeat(used, 2, axis=1)
-        weight = each.astype(float)
-        cov = seen.cov * weight[:, :, None] * weight[:, None, :]
+        cov, right = seen.cov, np.concatenate((seen.crossed, seen.difference[:, :, None]), -1)
         diagonal = np.arange(cov.shape[1])
-        cov[:, diagonal, diagonal] += 1.0 - weight
+        if not used.all():
+            weight = np.repeat(used, 2, axis=1).astype(float)
+            cov, right = cov * weight[:, :, None] * weight[:, None, :], right * weight[:, :, None]
+            cov[:, diagonal, diagonal] += 1.0 - weight
         root = np.linalg.cholesky(cov)
-        right = np.concatenate((seen.crossed, seen.difference[:, :, None]), -1) * weight[:, :, None]
         whitened = np.linalg.solve(root, right)
         gain, innovation = whitened[..., :-1], whitened[..., -1]
         mean = self.mean + (gain.swapaxes(1, 2) @ innovation[..., None])[..., 0]
@@ -274,28 +270,24 @@ class JointFilter(msgspec.Struct, frozen=True):
 
     def gates(self, batch: MeasurementBatch) -> tuple[Array, Array]:
         """(T, N) NIS and log of det(S) / det(R) of each measurement for each target, linearized at the mean."""
-        mean = self.mean[0]
-        targets = self.apparent[0].reshape(-1, 1, 2)
-        seen = predict(
-            batch, np.broadcast_to(targets, (len(self.tracks), len(batch.tracks), 2)), mean[None, :SHARED_COUNT]
-        )
-        blocks = self.apparent_covs()
-        noise, _ = pixel_noise(batch, seen.rows, self.priors)
-        crossed = np.einsum("tnai,tij->tnaj", seen.rows, blocks)
-        spread = noise + np.einsum("tnaj,tnbj->tnab", crossed, seen.rows)
-        nis, log_det = _two_by_two(seen.residual, spread)
+        targets = np.broadcast_to(self.apparent.reshape(-1, 1, 2), (len(self.tracks), len(batch.tracks), 2))
+        seen = predict(batch, targets, self.mean[:, :SHARED_COUNT])
+        noise = pixel_noise(batch, seen.rows, self.priors)
+        spread = noise + seen.rows @ self.apparent_covs[:, None] @ seen.rows.swapaxes(2, 3)
+        nis, log_det = _two_by_two(seen.residual, spread[..., 0, 0], spread[..., 0, 1], spread[..., 1, 1])
         possible = seen.valid & np.isfinite(log_det)
-        return np.where(possible, nis, np.inf), log_det - _two_by_two(seen.residual, noise)[1]
+        return np.where(possible, nis, np.inf), log_det - np.log(
+            noise[..., 0, 0] * noise[..., 1, 1] - noise[..., 0, 1] ** 2
+        )
 
+    @cached_property
     def apparent_covs(self) -> Array:
         """(T, 13, 13) covariance of the shared parameters and of the apparent place of each target."""
-        cov, count, first = self.cov[0], len(self.tracks), self.first
-        by = np.zeros((count, SHARED_COUNT + 2, cov.shape[0]))
-        by[:, np.arange(SHARED_COUNT), np.arange(SHARED_COUNT)] = 1.0
-        by[:, SHARED_COUNT:, self.moving] = self.position.by_state
-        for k in range(count):
-            by[k, SHARED_COUNT, first + 2 * k] = by[k, SHARED_COUNT + 1, first + 2 * k + 1] = 1.0
-        return np.asarray(by @ cov @ by.swapaxes(1, 2))
+        by = np.delete(np.eye(self.mean.shape[1]), self.moving, 0)
+        by[SHARED_COUNT:, self.moving] = np.tile(self.position.by_state, (len(self.tracks), 1))
+        shared = np.tile(np.arange(SHARED_COUNT), (len(self.tracks), 1))
+        index = np.concatenate((shared, np.arange(SHARED_COUNT, len(by)).reshape(-1, 2)), 1)
+        return np.asarray((by @ self.cov[0] @ by.T)[index[:, :, None], index[:, None, :]])
 
 
 def _full_noise(batch: MeasurementBatch, common: Array) -> Array:
@@ -310,16 +302,15 @@ def _full_noise(batch: MeasurementBatch, common: Array) -> Array:
 
 def _alone(difference: Array, cov: Array, valid: Mask) -> tuple[Array, Array, Mask]:
     """NIS and log determinant (B, N) of each measurement alone, and whether it is one."""
-    each = 2 * np.arange(valid.shape[1])
-    blocks = cov[:, each[:, None, None] + np.arange(2)[:, None], each[:, None, None] + np.arange(2)]
-    nis, log_det = _two_by_two(difference.reshape(*valid.shape, 2), blocks)
+    alone = cov.diagonal(axis1=1, axis2=2)
+    both = cov.diagonal(1, axis1=1, axis2=2)[:, ::2]
+    nis, log_det = _two_by_two(difference, alone[:, ::2], both, alone[:, 1::2])
     valid = valid & np.isfinite(log_det)
     return np.where(valid, nis, np.inf), log_det, valid
 
 
-def _two_by_two(difference: Array, cov: Array) -> tuple[Array, Array]:
-    """Squared Mahalanobis distance, and log determinant of the covariance; -inf where that is not positive."""
-    uu, uv, vv = cov[..., 0, 0], cov[..., 0, 1], cov[..., 1, 1]
+def _two_by_two(difference: Array, uu: Array, uv: Array, vv: Array) -> tuple[Array, Array]:
+    """Squared Mahalanobis distance by a covariance, and its log determinant; -inf where that is not positive."""
     determinant = uu * vv - uv * uv
     positive = determinant > 0.0
     safe = np.where(positive, determinant, 1.0)

@@ -16,15 +16,16 @@ import numpy as np
 
 from fwav_companion.geometry.rotations import matrix_from_quaternion
 from fwav_companion.self_calibration.arrays import (
+    EYE,
     Array,
     Mask,
     cross,
     dot,
     rotation,
+    skew,
     times,
     turned,
     turned_back,
-    vectors,
 )
 from fwav_companion.self_calibration.calibration_report import SharedParameter
 from fwav_companion.self_calibration.delayed_poses import DelayedPoses, concatenated
@@ -192,12 +193,10 @@ class CameraPose(msgspec.Struct, frozen=True):
 
     poses: DelayedPoses
     """Of the vehicle."""
-    correction: Array
-    """(..., 1, 3, 3), of the mount."""
+    mounted: Array
+    """(..., 1, 3, 3), correction of the mount."""
     ned_from_mounted: Array
-    """(..., N, 3, 3), by the reported heading."""
-    heading: tuple[Array, Array]
-    """(..., 1), cosine and sine of the heading error."""
+    """(..., N, 3, 3), by the true heading."""
     camera: Array
     """(..., N, 3): reported north and east, and height above the target's ground, m."""
     velocity_ned: Array
@@ -206,33 +205,29 @@ class CameraPose(msgspec.Struct, frozen=True):
     def ground_points(self, ray: Array) -> tuple[Array, Mask]:
         """(..., N, 2) north and east where rays of the mounted camera meet the ground, and whether they do."""
         direction = turned(self.ned_from_mounted, ray)
-        x, y, z = direction[..., 0], direction[..., 1], direction[..., 2]
-        down = z > 0.02
-        reach = self.camera[..., 2] / np.where(down, z, 1.0)
-        c, s = self.heading
-        point = (self.camera[..., 0] + reach * (c * x + s * y), self.camera[..., 1] + reach * (c * y - s * x))
-        return np.stack(point, -1), down
+        down = direction[..., 2] > 0.02
+        reach = self.camera[..., 2] / np.where(down, direction[..., 2], 1.0)
+        return self.camera[..., :2] + reach[..., None] * direction[..., :2], down
 
 
 def camera_pose(batch: MeasurementBatch, shared: Array) -> CameraPose:
     """The camera's poses by values (..., 11) of the shared parameters, as if the reported position were right."""
     value = shared[..., None, :]
     poses = batch.poses.at(value[..., DELAY] - value[..., READOUT] * batch.row_fraction)
-    correction = rotation(value[..., MOUNT])
-    late = poses.velocity_ned * value[..., POSITION_DELAY, None]
+    turns = np.zeros((*shared.shape[:-1], 2, 3))
+    turns[..., 0, :], turns[..., 1, 2] = shared[..., MOUNT], -shared[..., HEADING]
+    rotations = rotation(turns)
+    mounted, turned_heading = rotations[..., :1, :, :], rotations[..., 1:, :, :]
     lever = batch.lever - value[..., LEVER]
-    place = poses.position_ned + late + turned(poses.ned_from_body, lever)
-    below = batch.drop_m - (place[..., 2] - batch.camera_down)
-    place[..., 2] = below - value[..., HEIGHT]
-    heading = value[..., HEADING]
-    swinging = turned(poses.ned_from_body, cross(poses.rates, lever))
+    place = poses.position_ned + poses.velocity_ned * value[..., POSITION_DELAY, None]
+    place += turned(poses.ned_from_body, lever)
+    place[..., 2] = batch.drop_m + batch.camera_down - place[..., 2] - value[..., HEIGHT]
     return CameraPose(
         poses=poses,
-        correction=correction,
-        ned_from_mounted=times(poses.ned_from_body, correction),
-        heading=(np.cos(heading), np.sin(heading)),
+        mounted=mounted,
+        ned_from_mounted=times(times(turned_heading, poses.ned_from_body), mounted),
         camera=place,
-        velocity_ned=poses.velocity_ned + swinging,
+        velocity_ned=poses.velocity_ned + turned(poses.ned_from_body, cross(poses.rates, lever)),
     )
 
 
@@ -247,70 +242,73 @@ class PredictedPixels(msgspec.Struct, frozen=True):
     """(..., N): the target lies within 89.4 degrees of the ray."""
 
 
-def predict(batch: MeasurementBatch, targets: Array, shared: Array, pose: CameraPose | None = None) -> PredictedPixels:
+def predict(batch: MeasurementBatch, targets: Array, shared: Array) -> PredictedPixels:
     """The predictions of apparent places (..., N, 2) about shared parameters (..., 11).
 
-    In the frame of the mounted camera, with M its attitude by the reported heading, x the target from the camera and
-    d the measured ray: residual = -dual . x / (d . x), and d(pixel) = (dual - residual' d) . dx / (d . x).
+    In the frame of the mounted camera, with M its attitude, x the target from the camera and d the measured ray:
+    residual = -dual . x / (d . x), and d(pixel) = (dual - residual' d) . dx / (d . x).
     """
-    pose = pose or camera_pose(batch, shared)
-    (c, s), m, x = pose.heading, pose.ned_from_mounted, targets - pose.camera[..., :2]
-    told_n, told_e = c * x[..., 0] - s * x[..., 1], s * x[..., 0] + c * x[..., 1]  # by the reported heading
-    seen = turned_back(m, vectors(told_n, told_e, pose.camera[..., 2]))
+    pose = camera_pose(batch, shared)
+    there = np.zeros((*targets.shape[:-1], 4, 3))
+    there[..., 0, :2], there[..., 0, 2] = targets - pose.camera[..., :2], pose.camera[..., 2]
+    there[..., 1, :], there[..., 2, :] = pose.velocity_ned, pose.poses.velocity_ned
+    there[..., 3, 0], there[..., 3, 1] = -there[..., 0, 1], there[..., 0, 0]  # turned by a right angle about down
+    seen_of = times(there, pose.ned_from_mounted)
+    seen = seen_of[..., 0, :]
     depth = dot(seen, batch.ray)
     valid = depth > LEAST_COSINE * np.sqrt(dot(seen, seen))
     inverse = (valid / np.where(valid, depth, 1.0))[..., None]
-    offset = np.einsum("...ai,...i->...a", batch.dual, seen) * inverse
+    offset = turned(batch.dual, seen) * inverse
     by_seen = (batch.dual - offset[..., None] * batch.ray[..., None, :]) * inverse[..., None]
-    rows = np.empty((*valid.shape, 2, ROW_COUNT))
-    linear = np.einsum("...ai,...ij->...aj", by_seen, _columns(pose, seen, told_n[..., None], told_e[..., None]))
-    rows[..., DELAY], rows[..., HEADING], rows[..., HEIGHT] = linear[..., 0], linear[..., 1], linear[..., 2]
-    rows[..., READOUT] = -batch.row_fraction[:, None] * linear[..., 0]
-    rows[..., NORTH:] = linear[..., 3:]
-    by_place = linear[..., (3, 4, 2)] * (1.0, 1.0, -1.0)  # of a camera that is reported too far north, east, down
-    rows[..., POSITION_DELAY] = -np.einsum("...ai,...i->...a", by_place, pose.poses.velocity_ned)
-    rows[..., LEVER] = np.einsum("...ai,...ij->...aj", by_place, pose.poses.ned_from_body)
-    # A step of the rotation vector is not quite a rotation: to first order in the correction itself.
-    turn = cross(by_seen, seen[..., None, :])
-    rows[..., MOUNT] = turn - 0.5 * cross(turn, shared[..., None, None, MOUNT])
+    rows = times(by_seen, _columns(batch, shared, pose, seen_of))
     return PredictedPixels(-offset, rows, valid)
 
 
-def _columns(pose: CameraPose, seen: Array, told_n: Array, told_e: Array) -> Array:
-    """(..., N, 3, 5) change of what is seen with delay, heading, height, north and east."""
-    c, s = pose.heading[0][..., None], pose.heading[1][..., None]
-    m, velocity = pose.ned_from_mounted, pose.velocity_ned
-    rn, re, rd = m[..., 0, :], m[..., 1, :], m[..., 2, :]
-    by_north, by_east = c * rn + s * re, c * re - s * rn
-    turning = cross(turned_back(pose.correction, pose.poses.rates), seen)
-    moving = velocity[..., :1] * by_north + velocity[..., 1:2] * by_east + velocity[..., 2:] * rd
-    columns = np.empty((*seen.shape, 5))
-    columns[..., 0] = turning + moving
-    columns[..., 1] = told_n * re - told_e * rn
-    columns[..., 2] = -rd
-    columns[..., 3] = by_north
-    columns[..., 4] = by_east
+def _columns(batch: MeasurementBatch, shared: Array, pose: CameraPose, seen_of: Array) -> Array:
+    """(..., N, 3, 13) change of what is seen with each parameter, then with north and east.
+
+    ``seen_of`` (..., N, 4, 3): the target, both velocities and the target turned by a right angle, as the camera sees
+    them.
+    """
+    axes, crossed = pose.ned_from_mounted, skew(seen_of[..., 0, :])
+    columns = np.empty((*seen_of.shape[:-2], 3, ROW_COUNT))
+    columns[..., DELAY] = turned_back(crossed, turned_back(pose.mounted, pose.poses.rates)) + seen_of[..., 1, :]
+    # A step of the rotation vector is not quite a rotation: to first order in the correction itself.
+    columns[..., MOUNT] = times(crossed, EYE - 0.5 * skew(shared[..., None, MOUNT]))
+    columns[..., HEADING] = seen_of[..., 3, :]
+    columns[..., HEIGHT] = -axes[..., 2, :]
+    columns[..., READOUT] = -batch.row_fraction[:, None] * columns[..., DELAY]
+    columns[..., POSITION_DELAY] = -seen_of[..., 2, :]
+    columns[..., LEVER] = times(axes.swapaxes(-1, -2), pose.poses.ned_from_body)
+    columns[..., NORTH:] = axes[..., :2, :].swapaxes(-1, -2)
     return columns
 
 
-def pixel_noise(batch: MeasurementBatch, rows: Array, priors: ErrorPriors) -> tuple[Array, Array]:
-    """(..., N, 2, 2) covariance of the residuals by every fresh error, px^2, and (..., N, 2, 7) the roots of its share
-    that is common to the measurements of one frame: noise = common @ common' + diag(pixel_sigma^2).
-    """
-    repeated, attitudes = _repeated(TELEMETRY_STEP_S, batch), _repeated(batch.attitude_spacing_s, batch)
-    weights = np.empty((len(batch.tracks), len(NOISY)))
-    weights[:, 0] = batch.time_noise_s**2
-    weights[:, 1:4] = (priors.attitude_noise**2 * attitudes + batch.attitude_sigma**2)[:, None]
-    weights[:, 4] = priors.height_noise_m**2 * repeated
-    weights[:, 5:] = (priors.position_noise_m**2 * repeated)[:, None]
-    common = rows[..., NOISY] * np.sqrt(weights)[:, None, :]
-    noise = np.einsum("...ak,...bk->...ab", common, common)
+def pixel_noise(batch: MeasurementBatch, rows: Array, priors: ErrorPriors) -> Array:
+    """(..., N, 2, 2) covariance of the residuals by every fresh error, px^2."""
+    common = common_noise(batch, rows, priors)
+    noise = times(common, common.swapaxes(-1, -2))
     noise[..., 0, 0] += batch.pixel_sigma[:, 0] ** 2
     noise[..., 1, 1] += batch.pixel_sigma[:, 1] ** 2
-    return noise, common
+    return noise
 
 
-def _repeated(step_s: float | Array, batch: MeasurementBatch) -> Array:
-    """Number of measurements that share one sample of telemetry that comes at such steps."""
+def common_noise(batch: MeasurementBatch, rows: Array, priors: ErrorPriors) -> Array:
+    """(..., N, 2, 7) the roots of the noise that the measurements of one frame have in common, px.
+
+    With pixel_sigma^2 on the diagonal, common @ common' is all of the noise.
+    """
     since_s = batch.since_s
-    return np.where(since_s > 0.0, np.maximum(1.0, step_s / np.maximum(since_s, 1e-3)), 1.0)
+    least_s = np.maximum(np.where(since_s > 0.0, since_s, np.inf), 1e-3)
+    repeated, attitudes = _repeated(TELEMETRY_STEP_S, least_s), _repeated(batch.attitude_spacing_s, least_s)
+    variances = np.empty((len(batch.tracks), 1, len(NOISY)))
+    variances[:, 0, 0] = batch.time_noise_s**2
+    variances[:, 0, 1:4] = (priors.attitude_noise**2 * attitudes + batch.attitude_sigma**2)[:, None]
+    variances[:, 0, 4] = priors.height_noise_m**2 * repeated
+    variances[:, 0, 5:] = (priors.position_noise_m**2 * repeated)[:, None]
+    return np.asarray(rows[..., NOISY] * np.sqrt(variances))
+
+
+def _repeated(step_s: float | Array, since_s: Array) -> Array:
+    """Number of measurements that share one sample of telemetry that comes at such steps."""
+    return np.maximum(1.0, step_s / since_s)

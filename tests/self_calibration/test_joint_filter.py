@@ -12,6 +12,7 @@ from fwav_companion.self_calibration.joint_filter import joint_filter
 from fwav_companion.self_calibration.pixel_measurement import (
     SHARED_COUNT,
     camera_pose,
+    common_noise,
     joined,
     measurement_batch,
     pixel_noise,
@@ -85,7 +86,7 @@ def densely(joint, batch, place):
         columns.append((behind - ahead) / (2.0 * STEP))
     rows = np.array(columns).T
     there = predict(batch, point[None, None, SHARED_COUNT:], point[None, :SHARED_COUNT])
-    noise = pixel_noise(batch, there.rows, joint.priors)[0][0, 0]
+    noise = pixel_noise(batch, there.rows, joint.priors)[0, 0]
     full = np.zeros((2, joint.mean.shape[1]))
     full[:, taken] = rows
     full[:, SHARED_COUNT : SHARED_COUNT + 2] = rows[:, SHARED_COUNT:]
@@ -121,8 +122,8 @@ def test_a_prediction_depends_on_its_own_measurement_alone():
         part = predict(batch.take(index), targets[:, index], SHARED)
         assert np.array_equal(part.residual, whole.residual[:, index])
         assert np.array_equal(part.rows, whole.rows[:, index])
-        noise, _ = pixel_noise(batch.take(index), part.rows, PRIORS)
-        assert np.array_equal(noise, pixel_noise(batch, whole.rows, PRIORS)[0][:, index])
+        noise = pixel_noise(batch.take(index), part.rows, PRIORS)
+        assert np.array_equal(noise, pixel_noise(batch, whole.rows, PRIORS)[:, index])
     many = predict(batch, np.tile(targets, (7, 1, 1)), np.tile(SHARED, (7, 1)))
     assert np.array_equal(many.rows, np.tile(whole.rows, (7, 1, 1, 1)))
 
@@ -182,7 +183,7 @@ def test_targets_of_one_frame_share_the_noise_of_its_telemetry():
     seen = joint.innovations(batch)
     noise = seen.cov[0] - seen.rows[0] @ joint.cov[0] @ seen.rows[0].T
     targets = joint.linearization_point[:, SHARED_COUNT:].reshape(1, 3, 2)
-    _, common = pixel_noise(batch, predict(batch, targets, ELSEWHERE).rows, PRIORS)
+    common = common_noise(batch, predict(batch, targets, ELSEWHERE).rows, PRIORS)
     assert noise[0, 2] == pytest.approx(common[0, 0, 0] @ common[0, 1, 0], rel=1e-6)
     assert abs(noise[0, 2]) > 0.0
 

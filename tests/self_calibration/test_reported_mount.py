@@ -39,7 +39,7 @@ def seen_from_a_flight():
         batch = measurement_batch([(1, fix)], delayed_poses([fix.sighting.state], (0.0,), world.state_at), (1.0,))
         at = predict(batch, np.array([[flight.targets[0]]]), MEANS[None])
         rows = at.rows[0, 0][:, USED]
-        information += rows.T @ np.linalg.solve(pixel_noise(batch, at.rows, flight.priors)[0][0, 0], rows)
+        information += rows.T @ np.linalg.solve(pixel_noise(batch, at.rows, flight.priors)[0, 0], rows)
     _, ypr = path(flight, np.array([(fix.sighting.boot_ns - BOOT_NS) * 1e-9 for fix in fixes]))
     down = Rotation.from_euler("ZYX", ypr).inv().apply([0.0, 0.0, 1.0]).mean(0)
     return information, tuple(map(float, down))
