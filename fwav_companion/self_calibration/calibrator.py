@@ -17,6 +17,7 @@ import msgspec
 import numpy as np
 
 from fwav_companion.geometry.stamps import NS_PER_S, BootNs, HostNs, ns_from_s, s_from_ns
+from fwav_companion.self_calibration.arrays import Array
 from fwav_companion.self_calibration.assessment import (
     JUDGED_EVERY_NS,
     PLACED_EVERY_NS,
@@ -35,9 +36,14 @@ from fwav_companion.self_calibration.calibration_report import (
 )
 from fwav_companion.self_calibration.delay_search import UNEXPLAINED, DelaySearch, FoundDelay, NoDelay, delay_search
 from fwav_companion.self_calibration.mean_axes import MeanAxes
-from fwav_companion.self_calibration.measurement_queue import DelayedMeasurement, MeasurementQueue
+from fwav_companion.self_calibration.measurement_queue import (
+    BATCH_NS,
+    SEARCHED_NS,
+    DelayedMeasurement,
+    MeasurementQueue,
+)
 from fwav_companion.self_calibration.mount_check import NAMED, MountCheck
-from fwav_companion.self_calibration.pixel_measurement import MeasurementBatch, joined
+from fwav_companion.self_calibration.pixel_measurement import TELEMETRY_STEP_S, MeasurementBatch, joined
 from fwav_companion.self_calibration.position_smoother import PositionSmoother
 from fwav_companion.self_calibration.posterior import MOUNT_AXES, bias_shares
 from fwav_companion.self_calibration.present_report import report_of
@@ -108,7 +114,8 @@ class Calibrator(msgspec.Struct, frozen=True):
 
     def caught_up(self, host_ns: HostNs, alive: Collection[int]) -> Calibrator:
         """The state after everything that is due is measured; ``alive``: all live tracks."""
-        due, queue = self.queue.due(HostNs(host_ns - ns_from_s(self._lag_s())))
+        span_ns = SEARCHED_NS if self.delay_s is None else BATCH_NS
+        due, queue = self.queue.due(HostNs(host_ns - ns_from_s(self._lag_s())), span_ns)
         state = msgspec.structs.replace(self, queue=queue, host_ns=host_ns)._only(alive)
         teaching = state._teaching(alive)
         for frames in due:
@@ -240,13 +247,18 @@ class Calibrator(msgspec.Struct, frozen=True):
             return msgspec.structs.replace(self, slow_attitude_hz=rate_hz)
         context, found, middle = self.context, self.delay_s, fixes[len(fixes) // 2][1].sighting.state
         slow = context.slow_rates(middle, context.delay_s if found is None else found)
-        denoiser = self.denoiser.with_state(middle, slow, context.priors.attitude_noise)
         complete = found is not None and sum(len(batch.tracks) for batch in batches) == len(fixes)
-        batch = joined(batches) if complete else context.batch(fixes, found)
+        batch = (joined(batches) if complete else context.batch(fixes, found)).since(since_s)
         captures_s = np.array([s_from_ns(fix.sighting.boot_ns) for _, fix in fixes])
-        smoother, batch = self.smoother, batch.since(since_s)
+        denoiser, smoother = self.denoiser, self.smoother
+        for n in _samples(captures_s):
+            state = fixes[n][1].sighting.state
+            denoiser = denoiser.with_state(state, slow, context.priors.attitude_noise)
+            if state.position_ned is not None:
+                smoother = smoother.with_sample(batch, captures_s, n, context.priors)
         if middle.position_ned is not None:
-            smoother, batch = smoother.smoothed(batch, captures_s, context.priors)
+            batch = smoother.smoothed(batch, captures_s)
+        batch = msgspec.structs.replace(batch, poses=denoiser.denoised(batch.poses, slow))
         return msgspec.structs.replace(
             self,
             queue=queue,
@@ -256,7 +268,7 @@ class Calibrator(msgspec.Struct, frozen=True):
             stamp_sigma_s=middle.stamp_sigma_s,
             axes=self.axes.with_batch(middle, batch),
         )._measured(
-            msgspec.structs.replace(batch, poses=denoiser.denoised(batch.poses, slow)),
+            batch if found is None else batch.nearest(found),
             {track: fix.sighting.detection.label for track, fix in fixes},
         )
 
@@ -348,3 +360,9 @@ class Calibrator(msgspec.Struct, frozen=True):
             mount_check=self.mount_check,
             replaced=True,
         )
+
+
+def _samples(captures_s: Array) -> list[int]:
+    """Measurements at which a batch's telemetry is sampled: in the middle of each tenth of a second."""
+    parts = max(1, round(float(captures_s[-1] - captures_s[0]) / TELEMETRY_STEP_S))
+    return [(2 * k + 1) * len(captures_s) // (2 * parts) for k in range(parts)]

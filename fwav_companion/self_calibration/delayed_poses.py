@@ -38,7 +38,14 @@ class DelayedPoses(msgspec.Struct, frozen=True):
 
     def each(self, change: Callable[[Array], Array]) -> DelayedPoses:
         """The poses with every array changed alike: an index, a new axis."""
-        return DelayedPoses(**{name: change(getattr(self, name)) for name in self.__struct_fields__})
+        return DelayedPoses(
+            change(self.delay_s),
+            change(self.ned_from_body),
+            change(self.rates),
+            change(self.acceleration),
+            change(self.position_ned),
+            change(self.velocity_ned),
+        )
 
     def padded(self, index: npt.NDArray[np.intp]) -> DelayedPoses:
         """These points of the grid, the last one for those beyond it."""
@@ -57,14 +64,18 @@ class DelayedPoses(msgspec.Struct, frozen=True):
             position_ned=self.position_ned + self.velocity_ned * dt,
         )
 
+    def nearest(self, delay_s: Array | float) -> DelayedPoses:
+        """The points of this grid (N, D) that are nearest to delays (..., N)."""
+        nearest = np.abs(self.delay_s - np.asarray(delay_s)[..., None]).argmin(-1)
+        index = np.arange(self.delay_s.shape[0])
+        return self.each(lambda a: a[index, nearest])
+
     def at(self, delay_s: Array) -> DelayedPoses:
         """The poses at delays (..., N), each from the nearest point of this grid (N, D)."""
-        if self.delay_s.shape[1] == 1:
-            poses = self.each(lambda a: a[:, 0])
-            return poses if (poses.delay_s == delay_s).all() else poses.extrapolated(delay_s)
-        nearest = np.abs(self.delay_s - delay_s[..., None]).argmin(-1)
-        index = np.arange(self.delay_s.shape[0])
-        return self.each(lambda a: a[index, nearest]).extrapolated(delay_s)
+        if self.delay_s.shape[1] > 1:
+            return self.nearest(delay_s).extrapolated(delay_s)
+        poses = self.each(lambda a: a[:, 0])
+        return poses if (poses.delay_s == delay_s).all() else poses.extrapolated(delay_s)
 
 
 def delayed_poses(

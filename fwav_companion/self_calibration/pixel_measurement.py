@@ -134,10 +134,16 @@ class MeasurementBatch(msgspec.Struct, frozen=True):
             return self
         return self.take([k for k, track in enumerate(self.tracks) if track not in tracks])
 
+    def nearest(self, delay_s: float) -> MeasurementBatch:
+        """The measurements with the one pose of their grid that is nearest to a delay."""
+        return self if self.poses.delay_s.shape[1] == 1 else self._with_poses(self.poses.nearest(delay_s))
+
     def at_delay(self, delay_s: float) -> MeasurementBatch:
         """The measurements with their pose at one delay instead of a grid."""
-        poses = self.poses.at(np.full(len(self.tracks), delay_s)).each(lambda a: a[:, None])
-        return msgspec.structs.replace(self, poses=poses)
+        return self._with_poses(self.poses.at(np.full(len(self.tracks), delay_s)))
+
+    def _with_poses(self, poses: DelayedPoses) -> MeasurementBatch:
+        return msgspec.structs.replace(self, poses=poses.each(lambda a: a[:, None]))
 
 
 ARRAYS = ("ray", "dual", "pixel_sigma", "lever", "scalars")

@@ -7,7 +7,7 @@ in view.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from itertools import combinations
 
 import msgspec
@@ -76,7 +76,7 @@ def reassociated(
     targets = np.stack([np.broadcast_to(places[track], (len(batch.tracks), 2)) for track in tracks])
     seen = predict(batch, targets, np.broadcast_to(point, (len(tracks), len(point))))
     apart = np.where(seen.valid, np.hypot(seen.residual[..., 0], seen.residual[..., 1]), np.inf)
-    chosen = [_chosen(track, tracks, apart[:, n], kinds) for n, track in enumerate(batch.tracks)]
+    chosen = _chosen(batch.tracks, tracks, apart, kinds)
     if tuple(chosen) == batch.tracks:
         return batch
     nearest: dict[tuple[float, int], tuple[float, int]] = {}
@@ -88,13 +88,15 @@ def reassociated(
     return _with_tracks(batch.take(kept), [chosen[n] for n in kept])
 
 
-def _chosen(own: int, tracks: list[int], apart: Array, kinds: Mapping[int, str]) -> int:
-    """The target of a measurement that the tracker gave to ``own``."""
-    if own not in tracks:
-        return own
-    of_kind = [k for k, track in enumerate(tracks) if kinds.get(track) == kinds.get(own)]
-    best = min(of_kind, key=lambda k: float(apart[k]))
-    return tracks[best] if apart[best] < NEARER * apart[tracks.index(own)] else own
+def _chosen(own: Sequence[int], tracks: list[int], apart: Array, kinds: Mapping[int, str]) -> list[int]:
+    """The target of each measurement, which the tracker gave to ``own``; ``apart`` (T, N): distance of each, px."""
+    known, n = np.array([tracks.index(track) if track in tracks else -1 for track in own]), np.arange(len(own))
+    if len(set(map(kinds.get, tracks))) > 1:
+        labels = np.array([kinds.get(track, "") for track in (*tracks, *own)])
+        apart = np.where(labels[: len(tracks), None] == labels[len(tracks) :], apart, np.inf)
+    best = apart.argmin(0)
+    changed = (known >= 0) & (apart[best, n] < NEARER * apart[known, n])
+    return [tracks[k] if change else track for track, k, change in zip(own, best, changed.tolist(), strict=True)]
 
 
 def _with_tracks(batch: MeasurementBatch, tracks: list[int]) -> MeasurementBatch:

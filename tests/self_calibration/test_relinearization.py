@@ -97,4 +97,4 @@ def test_kept_poses_shrink_to_the_delay_that_was_found(batches):
     point[SharedParameter.DELAY] = 0.02
     state = fed(Relinearization(), batches[:5]).begun(context, point)
     assert state.delay_s == state.coming.joint.linearization_point[0, SharedParameter.DELAY] == 0.02
-    assert [batch.poses.delay_s.tolist() for batch in state.kept] == [[[0.02]]] * 5
+    assert [batch.poses.delay_s.tolist() for batch in state.kept] == [[[0.02]] * 5]
