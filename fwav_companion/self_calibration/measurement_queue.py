@@ -11,7 +11,7 @@ from fwav_companion.self_calibration.pixel_measurement import MeasurementBatch
 from fwav_companion.types import GroundFix
 
 SEARCHED_NS, BATCH_NS = 70 * NS_PER_MS, 240 * NS_PER_MS
-"""Frames within this time are measured as one batch: three at 30 frames/s while the delay is searched, eight afterwards.
+"""Frames within this time are one batch: three at 30 frames/s while the delay is searched, eight afterwards.
 An update of a few measurements costs the same as one of many, and places change by millimetres meanwhile."""
 MOST_FIXES = 36
 """Fixes that complete a batch: an update of more costs as much as two."""

@@ -149,7 +149,7 @@ def _refined(
     clutter_llr: Mapping[int, float],
 ) -> dict[tuple[int, int], float]:
     """The costs by the self-calibrated prediction wherever a track or a fix has more than one partner."""
-    if all([candidate.refined is None for candidate in candidates]):
+    if all(candidate.refined is None for candidate in candidates):
         return costs
     rows, columns = Counter(i for i, _ in costs), Counter(j for _, j in costs)
     refined: dict[tuple[int, int], float] = {}

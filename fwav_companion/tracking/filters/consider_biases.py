@@ -207,9 +207,7 @@ class ConsiderBiases:
         return ((nn, ne, nd), (ne, ee, ed), (nd, ed, dd))
 
 
-def _less_certain(
-    measurement: Measurement, shared: Rows, by_sensitivities: Symmetric2, since_s: float
-) -> Measurement:
+def _less_certain(measurement: Measurement, shared: Rows, by_sensitivities: Symmetric2, since_s: float) -> Measurement:
     """The measurement with these rows, and with their error in its noise. ``by_sensitivities``: the rows' own gram."""
     share = SENSITIVITY_SHARE**2 * max(1.0, SENSITIVITY_STEP_S / max(since_s, 1e-3))
     ((nn, ne, nd), (_, ee, ed), down), (by_nn, by_ne, by_ee) = measurement.noise, by_sensitivities
