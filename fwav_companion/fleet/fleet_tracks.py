@@ -22,6 +22,7 @@ from fwav_companion.fleet.payloads import (
     shortened,
     triangle,
 )
+from fwav_companion.geometry.earth import TangentPlane
 from fwav_companion.geometry.rotations import euler_from_quaternion
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.geometry.vectors import Matrix3, Vector3, add_matrices, outer, scale
@@ -76,31 +77,10 @@ class FleetTracks:
         splits = [self._position_share(track) for track in believed]
         position_m = sqrt(max((own for own, _ in splits), default=0.0))
         sigmas = (position_m, position_m, self._priors.sigma(Bias.HEIGHT), self._priors.sigma(Bias.HEADING))
-        shared = []
-        for track, (own, common) in zip(believed, splits, strict=True):
-            place = plane.geodetic_from_ned(track.position_ned)
-            share = sqrt(own) / position_m if position_m > 0.0 else 0.0
-            heading = self._heading_column(track, own + common)
-            shared.append(
-                SharedTrack(
-                    track=track.id,
-                    label=track.label[:64],
-                    state=track.state.value,
-                    lat=place.lat_deg,
-                    lon=place.lon_deg,
-                    alt_amsl=round(place.alt_amsl_m, 3),
-                    cov=triangle(track.cov),
-                    cov_shared=triangle(self._shared(track, common)),
-                    bias_jacobian=(
-                        (shortened(share), 0.0, 0.0, shortened(heading[0])),
-                        (0.0, shortened(share), 0.0, shortened(heading[1])),
-                        (0.0, 0.0, self._down_share(track), 0.0),
-                    ),
-                    vel=track.velocity_ned,
-                    vel_cov=None if track.velocity_cov is None else triangle(track.velocity_cov),
-                    last_seen_s=round(s_from_ns(HostNs(situation.now_ns - track.last_seen_host_ns)), 2),
-                )
-            )
+        shared = [
+            self._shared_track(track, split, position_m, plane=plane, now_ns=situation.now_ns)
+            for track, split in zip(believed, splits, strict=True)
+        ]
         self._seq += 1
         bias = VehicleBias(
             names=BIAS_NAMES,
@@ -111,6 +91,35 @@ class FleetTracks:
             vehicle=name, time_unix=utc_s, seq=self._seq, session=self._session, bias=bias, tracks=tuple(shared)
         )
         return message, self._state(name, utc_s, situation, obstacle)
+
+    def _shared_track(
+        self, track: Track, split: tuple[float, float], position_m: float, *, plane: TangentPlane, now_ns: HostNs
+    ) -> SharedTrack:
+        """A track as others fuse it. ``split``: variance of its position error, own and common, m^2 an axis;
+        ``position_m``: one sigma of the largest own part.
+        """
+        own, common = split
+        place = plane.geodetic_from_ned(track.position_ned)
+        share = shortened(sqrt(own) / position_m if position_m > 0.0 else 0.0)
+        heading = self._heading_column(track, own + common)
+        return SharedTrack(
+            track=track.id,
+            label=track.label[:64],
+            state=track.state.value,
+            lat=place.lat_deg,
+            lon=place.lon_deg,
+            alt_amsl=round(place.alt_amsl_m, 3),
+            cov=triangle(track.cov),
+            cov_shared=triangle(self._shared(track, common)),
+            bias_jacobian=(
+                (share, 0.0, 0.0, shortened(heading[0])),
+                (0.0, share, 0.0, shortened(heading[1])),
+                (0.0, 0.0, self._down_share(track), 0.0),
+            ),
+            vel=track.velocity_ned,
+            vel_cov=None if track.velocity_cov is None else triangle(track.velocity_cov),
+            last_seen_s=round(s_from_ns(HostNs(now_ns - track.last_seen_host_ns)), 2),
+        )
 
     def _state(self, name: str, utc_s: float, situation: Situation, obstacle: str | None) -> StateMessage:
         vehicle, plane, autopilot = situation.vehicle, situation.plane, situation.autopilot
