@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Final
 
 from fwav_companion.links.url import SerialUrl
@@ -10,7 +10,7 @@ from fwav_companion.tools.doctor.evidence import Evidence
 from fwav_companion.tools.doctor.finding import Finding, Level
 from fwav_companion.tools.doctor.run_status import ADOPTION_S, MEASURED_S
 from fwav_companion.types.flight_status import ClockReport
-from fwav_companion.types.network_status import REQUESTS, StreamReport
+from fwav_companion.types.network_status import REQUESTS, PeerStatistics, StreamReport
 from fwav_companion.types.status import RunStatus
 
 ATTITUDES: Final = ("ATTITUDE_QUATERNION", "ATTITUDE")
@@ -53,17 +53,40 @@ def autopilot_findings(evidence: Evidence, status: RunStatus) -> Iterator[Findin
             problem="its heartbeats stopped",
             fix="check its power and the link to it",
         )
+    yield from _neighbours(evidence, status, status.autopilot.system)
     yield from _attitude(evidence, status, where)
     yield from _parameters(evidence, status, where)
     yield from _position(evidence, status, where)
     yield from _clock(evidence, status)
 
 
+def _systems(heard: Iterable[PeerStatistics]) -> list[int]:
+    """The vehicles among these senders: an autopilot is component 1."""
+    return sorted({peer.system for peer in heard if peer.component == 1})
+
+
+def _heard(evidence: Evidence, status: RunStatus) -> list[PeerStatistics]:
+    """Every sender on the autopilot's links."""
+    links = [link.name for link in evidence.config.link if link.role == "autopilot"]
+    return [peer for name in links for peer in status.traffic_of(name).peers]
+
+
+def _neighbours(evidence: Evidence, status: RunStatus, ours: int) -> Iterator[Finding]:
+    others = [system for system in _systems(_heard(evidence, status)) if system != ours]
+    if others and evidence.config.vehicle.system_id == 0:
+        also = f"autopilot {others[0]} is" if len(others) == 1 else f"autopilots {', '.join(map(str, others))} are"
+        yield Finding(
+            "neighbour",
+            Level.WARNING,
+            "[vehicle] system_id",
+            problem=f"{also} heard, too; {ours} was heard first and is used, which may differ at the next start",
+            fix=f"set [vehicle] system_id = {ours} if that is yours",
+        )
+
+
 def _not_adopted(evidence: Evidence, status: RunStatus) -> Iterator[Finding]:
-    heard = [
-        peer for link in evidence.config.link for peer in status.traffic_of(link.name).peers if link.role == "autopilot"
-    ]
-    systems = sorted({peer.system for peer in heard if peer.component == 1})
+    heard = _heard(evidence, status)
+    systems = _systems(heard)
     configured, numbers = evidence.config.vehicle.system_id, ", ".join(map(str, systems))
     if len(systems) > 1 and configured == 0:
         yield Finding(

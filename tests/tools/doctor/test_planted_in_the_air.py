@@ -103,6 +103,15 @@ def test_frames_that_speak_as_the_autopilot_or_as_us_on_a_ground_link_are_named(
     assert {"own_ids_on_gcs", "id_conflict"} <= set(found(evidence_of(hearing)))
 
 
+@pytest.mark.parametrize(("system", "expected"), [(0, ["neighbour"]), (1, [])], ids=["any", "configured"])
+def test_a_second_vehicle_on_the_link_is_named_where_the_first_heard_is_used(system, expected):
+    hearing = flown(HEALTHY, [f"vehicle.system_id={system}"])
+    for second in range(15):
+        for vehicle in (1, 2):
+            hearing.hear("autopilot", Wire(vehicle, 1).heartbeat(), 10**13 + second * 10**9)
+    assert [code for code in found(evidence_of(hearing)) if code == "neighbour"] == expected
+
+
 def test_a_vehicle_that_is_not_the_configured_one_is_named():
     assert "other_autopilot" in found(heard(HEALTHY, ["vehicle.system_id=7"]))
 
