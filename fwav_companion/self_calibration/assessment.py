@@ -9,13 +9,12 @@ nearly inseparable from it while the tilt varies little.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 
 import msgspec
 import numpy as np
 
 from fwav_companion.geometry.small_matrices import Symmetric2
-from fwav_companion.geometry.stamps import NS_PER_MS
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.self_calibration.arrays import Array
 from fwav_companion.self_calibration.calibration_report import (
@@ -30,10 +29,6 @@ from fwav_companion.self_calibration.pixel_measurement import MOUNT, SHARED_COUN
 from fwav_companion.self_calibration.posterior import MOUNT_AXES, NUISANCE, TIMING, given, solved, with_drift
 from fwav_companion.self_calibration.prior_inflation import prior_inflations
 
-JUDGED_EVERY_NS = 300 * NS_PER_MS
-"""Interval of assessments: what a flight has shown changes in seconds."""
-PLACED_EVERY_NS = 90 * NS_PER_MS
-"""Interval of the targets' places: they change by millimetres meanwhile."""
 DELAY_OBSERVABLE = 0.5
 MOUNT_OBSERVABLE = 0.35
 """Posterior sigma over prior sigma below which a parameter is reported: its error is then much below its prior."""
@@ -83,8 +78,6 @@ class Assessment(msgspec.Struct, frozen=True):
     """What is believed of a joint estimate."""
 
     status: CalibrationStatus
-    contradicted: bool
-    """Whether the flight contradicts the configuration."""
     parameters: dict[int, tuple[float, float]]
     """Mean and one sigma of the observable parameters; of the mount with the heading's error in it."""
     keep: KeptCalibration | None
@@ -99,6 +92,8 @@ class Assessment(msgspec.Struct, frozen=True):
     """Factor of drifting innovations, as the flight shows it."""
     posterior: tuple[Array, Array] | None = None
     """Mean and covariance of the joint estimate, as it is believed."""
+    places: dict[int, CalibratedPlace] = {}
+    """The targets, by track."""
 
     def position_delay_share(self, sigma_s: float) -> float:
         """Mean square of the position delay that is left, over the variance of its prior."""
@@ -106,36 +101,6 @@ class Assessment(msgspec.Struct, frozen=True):
             return 1.0
         (mean, cov), i = self.posterior, SharedParameter.POSITION_DELAY
         return float(mean[i] ** 2 + cov[i, i]) / sigma_s**2
-
-    def places(self, joint: JointFilter, priors: tuple[Array, Array]) -> dict[int, CalibratedPlace]:
-        """The targets by a joint estimate, by track."""
-        means, sigmas = priors[0], widened(priors[1], self.denied)
-        for each in self.denied:
-            joint = joint.inflated(each)
-        mean, cov, first = joint.mean[0], with_drift(joint, sigmas, self.factor), joint.first
-        by_place = np.zeros((5 * len(joint.tracks), len(mean)))
-        for k in range(len(joint.tracks)):
-            by_place[[5 * k, 5 * k + 1, 5 * k + 2, 5 * k + 3], [first + 2 * k, first + 2 * k + 1] * 2] = 1.0
-            by_place[5 * k + 2 : 5 * k + 4, joint.moving] = joint.position.by_state
-            by_place[5 * k + 4, SharedParameter.POSITION_DELAY] = 1.0
-        free, spread = by_place @ mean, by_place @ cov @ by_place.T
-        chosen = free
-        if not self.contradicted:
-            held = [i for i in range(SHARED_COUNT) if i not in TIMING]
-            chosen = by_place @ given(mean, joint.cov[0], held, means[held])[0]
-        return {
-            track: _place(chosen[own], (chosen - free)[own], spread[own, own])
-            for track, own in ((each, slice(5 * k, 5 * k + 5)) for k, each in enumerate(joint.tracks))
-        }
-
-
-def _place(place: Array, apart: Array, cov: Array) -> CalibratedPlace:
-    """A place with its apparent place and the position delay (5), and ``apart`` from the posterior's."""
-    cov = cov + np.outer(apart, apart)
-    (n, e, apparent_n, apparent_e, late_s), ((nn, ne), (_, ee)) = place.tolist(), cov[:2, :2].tolist()
-    (rel_nn, rel_ne, nt), (_, rel_ee, et), (_, _, tt) = cov[2:, 2:].tolist()
-    relative_cov = (rel_nn, rel_ne, rel_ee)
-    return CalibratedPlace(n, e, (nn, ne, ee), apparent_n, apparent_e, relative_cov, late_s, (nt, et, tt))
 
 
 def assessed(
@@ -178,9 +143,11 @@ def assessed(
         parameters |= {SharedParameter.HEIGHT: _estimate(mean, cov, SharedParameter.HEIGHT)}
         parameters |= _with_heading(mean, cov, axes[0])
         keep = _kept(mean, cov, delay_sigma_s, stamp_sigma_s)
+    contradicted = _distance2(mean, cov, means, sigmas) > CONTRADICTION
+    held = [] if contradicted else [i for i in range(SHARED_COUNT) if i not in TIMING]
+    published = given(mean, joint.cov[0], held, means[held])[0]
     return Assessment(
         status=status,
-        contradicted=_distance2(mean, cov, means, sigmas) > CONTRADICTION,
         parameters=parameters,
         keep=keep,
         factor=factor,
@@ -188,7 +155,30 @@ def assessed(
         mount_known=known,
         drift=shown,
         posterior=(mean, cov),
+        places=_places(joint, (mean, cov), published),
     )
+
+
+def _places(joint: JointFilter, posterior: tuple[Array, Array], published: Array) -> dict[int, CalibratedPlace]:
+    """The targets by a published mean (n), with its distance from the posterior's in every claim."""
+    mean, cov = posterior
+    k, north = np.arange(len(joint.tracks)), joint.first + 2 * np.arange(len(joint.tracks))
+    by = np.zeros((len(k), 5, len(mean)))
+    by[k, 0, north] = by[k, 2, north] = by[k, 1, north + 1] = by[k, 3, north + 1] = 1.0
+    by[:, 2:4, joint.moving] = joint.position.by_state
+    by[:, 4, SharedParameter.POSITION_DELAY] = 1.0
+    apart = by @ (published - mean)
+    spread = by @ cov @ by.swapaxes(1, 2) + apart[:, :, None] * apart[:, None, :]
+    found = zip((by @ published).tolist(), spread.tolist(), strict=True)
+    return {track: _place(place, each) for track, (place, each) in zip(joint.tracks, found, strict=True)}
+
+
+def _place(place: Sequence[float], cov: Sequence[Sequence[float]]) -> CalibratedPlace:
+    """A place with its apparent place and the position delay (5)."""
+    north, east, apparent_north, apparent_east, late_s = place
+    (nn, ne, *_), (_, ee, *_), (_, _, rel_nn, rel_ne, nt), (_, _, _, rel_ee, et), (*_, tt) = cov
+    relative_cov = (rel_nn, rel_ne, rel_ee)
+    return CalibratedPlace(north, east, (nn, ne, ee), apparent_north, apparent_east, relative_cov, late_s, (nt, et, tt))
 
 
 def widened(sigmas: Array, denied: Collection[PriorInflation]) -> Array:

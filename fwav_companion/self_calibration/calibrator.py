@@ -17,15 +17,7 @@ import msgspec
 import numpy as np
 
 from fwav_companion.geometry.stamps import NS_PER_S, BootNs, HostNs, ns_from_s, s_from_ns
-from fwav_companion.self_calibration.arrays import Array
-from fwav_companion.self_calibration.assessment import (
-    JUDGED_EVERY_NS,
-    PLACED_EVERY_NS,
-    Assessment,
-    CalibratedPlace,
-    assessed,
-    believed,
-)
+from fwav_companion.self_calibration.assessment import Assessment, CalibratedPlace, assessed, believed
 from fwav_companion.self_calibration.calibrated_fix import CalibratedFix, fix_by
 from fwav_companion.self_calibration.calibration_context import DELAY_STEP_S, CalibrationContext
 from fwav_companion.self_calibration.calibration_report import (
@@ -35,15 +27,11 @@ from fwav_companion.self_calibration.calibration_report import (
     SharedParameter,
 )
 from fwav_companion.self_calibration.delay_search import UNEXPLAINED, DelaySearch, FoundDelay, NoDelay, delay_search
+from fwav_companion.self_calibration.filter_pass import FilterPass
 from fwav_companion.self_calibration.mean_axes import MeanAxes
-from fwav_companion.self_calibration.measurement_queue import (
-    BATCH_NS,
-    SEARCHED_NS,
-    DelayedMeasurement,
-    MeasurementQueue,
-)
+from fwav_companion.self_calibration.measurement_queue import DelayedMeasurement, MeasurementQueue
 from fwav_companion.self_calibration.mount_check import NAMED, MountCheck
-from fwav_companion.self_calibration.pixel_measurement import TELEMETRY_STEP_S, MeasurementBatch, joined
+from fwav_companion.self_calibration.pixel_measurement import MeasurementBatch, joined
 from fwav_companion.self_calibration.position_smoother import PositionSmoother
 from fwav_companion.self_calibration.posterior import MOUNT_AXES, bias_shares
 from fwav_companion.self_calibration.present_report import report_of
@@ -83,12 +71,8 @@ class Calibrator(msgspec.Struct, frozen=True):
     """End of the pause after a search without result."""
     assessment: Assessment | None = None
     """Assessment of the served estimate."""
-    judged_ns: HostNs = HostNs(0)
-    """Instant of that assessment."""
-    places: dict[int, CalibratedPlace] = {}
-    """Targets by it, by track."""
-    placed_ns: HostNs = HostNs(0)
-    """Instant of those."""
+    judged: FilterPass | None = None
+    """The estimate that it is of."""
     mount_check: MountCheck = MountCheck()
     host_ns: HostNs = HostNs(0)
 
@@ -114,15 +98,15 @@ class Calibrator(msgspec.Struct, frozen=True):
 
     def caught_up(self, host_ns: HostNs, alive: Collection[int]) -> Calibrator:
         """The state after everything that is due is measured; ``alive``: all live tracks."""
-        span_ns = SEARCHED_NS if self.delay_s is None else BATCH_NS
-        due, queue = self.queue.due(HostNs(host_ns - ns_from_s(self._lag_s())), span_ns)
+        due_ns = HostNs(host_ns - ns_from_s(self._lag_s()))
+        due, queue = self.queue.due(due_ns)
         state = msgspec.structs.replace(self, queue=queue, host_ns=host_ns)._only(alive)
         teaching = state._teaching(alive)
         for frames in due:
             if frames[0].host_ns >= state.idle_until_ns:
                 state = state._with_frames(frames, teaching)
         steps = steps_within(host_ns - self.host_ns)
-        return state._searched(steps)._passed(steps)._assessed()
+        return state._searched(steps)._passed(due_ns, steps)._assessed()
 
     @property
     def delay_s(self) -> float | None:
@@ -135,7 +119,7 @@ class Calibrator(msgspec.Struct, frozen=True):
 
     def placed(self, track: int) -> CalibratedPlace | None:
         """A target by the joint estimate; None while that does not hold it."""
-        return self.places.get(track)
+        return None if self.assessment is None else self.assessment.places.get(track)
 
     def bias_shares(self, track: int) -> dict[str, float]:
         """Horizontal variance of a target by cause, m^2; empty while the joint estimate does not hold it."""
@@ -247,18 +231,13 @@ class Calibrator(msgspec.Struct, frozen=True):
             return msgspec.structs.replace(self, slow_attitude_hz=rate_hz)
         context, found, middle = self.context, self.delay_s, fixes[len(fixes) // 2][1].sighting.state
         slow = context.slow_rates(middle, context.delay_s if found is None else found)
+        denoiser = self.denoiser.with_state(middle, slow, context.priors.attitude_noise)
         complete = found is not None and sum(len(batch.tracks) for batch in batches) == len(fixes)
-        batch = (joined(batches) if complete else context.batch(fixes, found)).since(since_s)
+        batch = joined(batches) if complete else context.batch(fixes, found)
         captures_s = np.array([s_from_ns(fix.sighting.boot_ns) for _, fix in fixes])
-        denoiser, smoother = self.denoiser, self.smoother
-        for n in _samples(captures_s):
-            state = fixes[n][1].sighting.state
-            denoiser = denoiser.with_state(state, slow, context.priors.attitude_noise)
-            if state.position_ned is not None:
-                smoother = smoother.with_sample(batch, captures_s, n, context.priors)
+        smoother, batch = self.smoother, batch.since(since_s)
         if middle.position_ned is not None:
-            batch = smoother.smoothed(batch, captures_s)
-        batch = msgspec.structs.replace(batch, poses=denoiser.denoised(batch.poses, slow))
+            smoother, batch = smoother.smoothed(batch, captures_s, context.priors)
         return msgspec.structs.replace(
             self,
             queue=queue,
@@ -268,7 +247,7 @@ class Calibrator(msgspec.Struct, frozen=True):
             stamp_sigma_s=middle.stamp_sigma_s,
             axes=self.axes.with_batch(middle, batch),
         )._measured(
-            batch if found is None else batch.nearest(found),
+            batch.with_poses(denoiser.denoised(batch.poses, slow), found),
             {track: fix.sighting.detection.label for track, fix in fixes},
         )
 
@@ -314,42 +293,30 @@ class Calibrator(msgspec.Struct, frozen=True):
         passes = self.passes.begun(self.context, found.point, found.places)
         return msgspec.structs.replace(self, search=None, no_delay=None, passes=passes)
 
-    def _passed(self, steps: int) -> Calibrator:
-        passes = self.passes.advanced(self.context, steps, settled=self.is_calibrated)
+    def _passed(self, due_ns: HostNs, steps: int) -> Calibrator:
+        passes = self.passes.serving(due_ns).advanced(self.context, steps, settled=self.is_calibrated)
         return self if passes is self.passes else msgspec.structs.replace(self, passes=passes)
 
     def _assessed(self) -> Calibrator:
-        """With a new assessment, or newer places, when they are due."""
+        """With an assessment of the served estimate as it is now."""
         served = self.passes.served
-        if served is None:
+        if served is None or served is self.judged:
             return self
         if not served.fits[served.chosen]:
             return self._given_up(UNEXPLAINED)
-        priors, assessment, judged_ns = self.context.shared_priors, self.assessment, self.judged_ns
-        if assessment is None or self.host_ns - judged_ns >= JUDGED_EVERY_NS:
-            before = None if assessment is None else assessment.parameters
-            assessment = assessed(
-                served.best,
-                priors,
-                axes=(self.axes.down, self.axes.sight),
-                drift=served.drift,
-                before=before,
-                stamp_sigma_s=self.stamp_sigma_s,
-                photographs=served.photographs,
-            )
-            judged_ns = self.host_ns
-        elif self.host_ns - self.placed_ns < PLACED_EVERY_NS:
-            return self
+        assessment = assessed(
+            served.best,
+            self.context.shared_priors,
+            axes=(self.axes.down, self.axes.sight),
+            drift=served.drift,
+            before=None if self.assessment is None else self.assessment.parameters,
+            stamp_sigma_s=self.stamp_sigma_s,
+            photographs=served.photographs,
+        )
         moved = any(each.parameter != SharedParameter.HEIGHT for each in assessment.denied)
         if self.context.kept is not None and moved:
             return self._begun_again()
-        return msgspec.structs.replace(
-            self,
-            assessment=assessment,
-            places=assessment.places(served.best, priors),
-            judged_ns=judged_ns,
-            placed_ns=self.host_ns,
-        )
+        return msgspec.structs.replace(self, assessment=assessment, judged=served)
 
     def _begun_again(self) -> Calibrator:
         """After the camera was moved since it was calibrated: the configuration is a better start."""
@@ -360,9 +327,3 @@ class Calibrator(msgspec.Struct, frozen=True):
             mount_check=self.mount_check,
             replaced=True,
         )
-
-
-def _samples(captures_s: Array) -> list[int]:
-    """Measurements at which a batch's telemetry is sampled: in the middle of each tenth of a second."""
-    parts = max(1, round(float(captures_s[-1] - captures_s[0]) / TELEMETRY_STEP_S))
-    return [(2 * k + 1) * len(captures_s) // (2 * parts) for k in range(parts)]

@@ -10,11 +10,9 @@ from fwav_companion.geometry.stamps import NS_PER_MS, HostNs, s_from_ns
 from fwav_companion.self_calibration.pixel_measurement import MeasurementBatch
 from fwav_companion.types import GroundFix
 
-SEARCHED_NS, BATCH_NS = 70 * NS_PER_MS, 240 * NS_PER_MS
-"""Frames within this time are one batch: three at 30 frames/s while the delay is searched, eight afterwards.
-An update of a few measurements costs the same as one of many, and places change by millimetres meanwhile."""
-MOST_FIXES = 36
-"""Fixes that complete a batch: an update of more costs as much as two."""
+BATCH_NS = 70 * NS_PER_MS
+"""Frames within this time are measured as one batch, three at 30 frames/s: an update costs the same whatever its size,
+and places change by millimetres meanwhile."""
 NO_FRAME_NS = 500 * NS_PER_MS
 """Wait for a further frame, before what is due is measured without one. Attitudes are kept for 3 s."""
 
@@ -39,16 +37,13 @@ class MeasurementQueue(msgspec.Struct, frozen=True):
         """The queue with one more frame."""
         return MeasurementQueue((*self.waiting, frame), self.taken_ns)
 
-    def due(self, due_ns: HostNs, span_ns: int) -> tuple[list[tuple[DelayedMeasurement, ...]], MeasurementQueue]:
-        """Groups of frames within ``span_ns`` or of MOST_FIXES, which ended before ``due_ns``, and the rest."""
+    def due(self, due_ns: HostNs) -> tuple[list[tuple[DelayedMeasurement, ...]], MeasurementQueue]:
+        """Groups of frames, the first BATCH_NS and more before ``due_ns``, and the rest."""
         groups, waiting = list[tuple[DelayedMeasurement, ...]](), self.waiting
-        while waiting:
-            end_ns, count, fixes = waiting[0].host_ns + span_ns, 0, 0
-            while count < len(waiting) and fixes < MOST_FIXES and waiting[count].host_ns <= end_ns:
-                fixes += len(waiting[count].fixes)
+        while waiting and waiting[0].host_ns <= due_ns - BATCH_NS:
+            until_ns, count = waiting[0].host_ns + BATCH_NS, 1
+            while count < len(waiting) and waiting[count].host_ns <= until_ns:
                 count += 1
-            if due_ns < (end_ns if fixes < MOST_FIXES else waiting[count - 1].host_ns):
-                break
             groups.append(waiting[:count])
             waiting = waiting[count:]
         return groups, MeasurementQueue(waiting, self.taken_ns)

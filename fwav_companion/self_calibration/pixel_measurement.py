@@ -134,15 +134,15 @@ class MeasurementBatch(msgspec.Struct, frozen=True):
             return self
         return self.take([k for k, track in enumerate(self.tracks) if track not in tracks])
 
-    def nearest(self, delay_s: float) -> MeasurementBatch:
-        """The measurements with the one pose of their grid that is nearest to a delay."""
-        return self if self.poses.delay_s.shape[1] == 1 else self._with_poses(self.poses.nearest(delay_s))
+    def with_poses(self, poses: DelayedPoses, delay_s: float | None) -> MeasurementBatch:
+        """The measurements with other poses: of a known delay, only the one of their grid that is nearest to it."""
+        if delay_s is not None and poses.delay_s.shape[1] > 1:
+            poses = poses.nearest(delay_s).each(lambda a: a[:, None])
+        return msgspec.structs.replace(self, poses=poses)
 
     def at_delay(self, delay_s: float) -> MeasurementBatch:
         """The measurements with their pose at one delay instead of a grid."""
-        return self._with_poses(self.poses.at(np.full(len(self.tracks), delay_s)))
-
-    def _with_poses(self, poses: DelayedPoses) -> MeasurementBatch:
+        poses = self.poses.at(np.full(len(self.tracks), delay_s))
         return msgspec.structs.replace(self, poses=poses.each(lambda a: a[:, None]))
 
 

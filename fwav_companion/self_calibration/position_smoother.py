@@ -39,21 +39,20 @@ class PositionSmoother(msgspec.Struct, frozen=True):
     velocity: Array = np.zeros(3)
     variance: Array = np.zeros(3)
 
-    def with_sample(self, batch: MeasurementBatch, captures_s: Array, n: int, priors: ErrorPriors) -> PositionSmoother:
-        """The filter after the reported position of one measurement; ``captures_s``: nominal captures of all."""
-        poses, k = batch.poses, batch.poses.delay_s.shape[1] // 2
-        at_s = float(captures_s[n] - poses.delay_s[n, k])
-        return self._after(at_s, poses.position_ned[n, k], poses.velocity_ned[n, k], priors)
-
-    def smoothed(self, batch: MeasurementBatch, captures_s: Array) -> MeasurementBatch:
-        """The batch along the smoothed path."""
-        poses = batch.poses
-        since_s = (captures_s[:, None] - poses.delay_s - self.at_s)[..., None]
-        path = self.position + 0.5 * (poses.velocity_ned + self.velocity) * since_s
+    def smoothed(
+        self, batch: MeasurementBatch, captures_s: Array, priors: ErrorPriors
+    ) -> tuple[PositionSmoother, MeasurementBatch]:
+        """The filter after one more batch, and the batch along the smoothed path; ``captures_s``: nominal captures."""
+        poses, middle = batch.poses, len(captures_s) // 2
+        times_s = captures_s[:, None] - poses.delay_s
+        k = (middle, poses.delay_s.shape[1] // 2)
+        state = self._after(float(times_s[k]), poses.position_ned[k], poses.velocity_ned[k], priors)
+        path = state.position + 0.5 * (poses.velocity_ned + state.velocity) * (times_s - state.at_s)[..., None]
         scalars = batch.scalars.copy()
-        nominal = self.position[2] + self.velocity[2] * (captures_s - self.at_s)
+        nominal = state.position[2] + state.velocity[2] * (captures_s - state.at_s)
         scalars[:, 5] = np.where(batch.ranged, nominal, scalars[:, 5])
-        return msgspec.structs.replace(batch, poses=msgspec.structs.replace(poses, position_ned=path), scalars=scalars)
+        poses = msgspec.structs.replace(poses, position_ned=path)
+        return state, msgspec.structs.replace(batch, poses=poses, scalars=scalars)
 
     def report(self, vehicle: VehicleState, priors: ErrorPriors) -> SmoothedReport | None:
         """The noise of a later report, and the variance that is left of it; None without a path that leads to it."""

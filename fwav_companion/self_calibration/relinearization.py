@@ -7,7 +7,7 @@ the last one is served, and takes the new measurements.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 
 import msgspec
 
@@ -22,8 +22,10 @@ from fwav_companion.self_calibration.reassociation import near_places, reassocia
 MOST_KEPT = 1200
 """Frames: 40 s at 30 frames/s, 1 megabyte of one target and 5 of ten. They settle the linearization."""
 JOINED_NS, MOST_JOINED = 400 * NS_PER_MS, 64
-"""Time and measurements of kept batches that a pass takes as one: two hundred numpy calls less for each. The vehicle's
-position error, if of the quick kind, moves by 0.08 m meanwhile, a third of the noise of one report."""
+"""Time and measurements of kept batches that a pass takes as one: an update of a few costs the same as one of many. The
+vehicle's position error, if of the quick kind, moves by 0.08 m meanwhile, a third of the noise of one report."""
+SERVED_NS, MOST_SERVED = 100 * NS_PER_MS, 36
+"""The same of new ones that the served estimate takes: it is as much older."""
 PASSES_AT = (60, 120, 240, 480)
 """Measurements kept of each target, at which a new pass begins."""
 GROWTH = 1.6
@@ -31,7 +33,8 @@ GROWTH = 1.6
 ago, a figure-eight that is seen for a few seconds at a time showed innovations that drift by a factor of 3.6, and no
 mount; linearized at its end it showed 1.7, and the mount."""
 STEP = 2
-"""Batches that a pass, or a trial of the delay search, takes in each frame, so that it overtakes the new ones."""
+"""Batches that a pass (of joined ones), or a trial of the delay search, takes in each frame, so that it overtakes the
+new ones."""
 STEPS_PER_S = 60.0
 """The same between two photographs, for which there is as much time as for frames at 30/s."""
 
@@ -50,6 +53,8 @@ class Relinearization(msgspec.Struct, frozen=True):
     delay_s: float | None = None
     """Delay of the poses of new measurements, once it was found."""
     served: FilterPass | None = None
+    fresh: tuple[MeasurementBatch, ...] = ()
+    """Batches that it has not taken yet."""
     coming: FilterPass | None = None
     """Pass in progress, to be served next."""
     cursor: int = 0
@@ -77,8 +82,17 @@ class Relinearization(msgspec.Struct, frozen=True):
             complete=keeping,
             tracks=self.tracks.union(batch.tracks),
             kinds=self.kinds if kinds is None else {**self.kinds, **kinds},
-            served=None if self.served is None else self.served.fed(batch),
+            fresh=() if self.served is None else (*self.fresh, batch),
         )
+
+    def serving(self, due_ns: int) -> Relinearization:
+        """The state after the served estimate took the new batches, when they are many or begin before ``due_ns``."""
+        served, fresh = self.served, self.fresh
+        if served is None or not fresh:
+            return self
+        if due_ns < fresh[0].host_ns + SERVED_NS and sum(len(batch.tracks) for batch in fresh) < MOST_SERVED:
+            return self
+        return msgspec.structs.replace(self, served=served.fed(joined(fresh)), fresh=())
 
     def only(self, alive: Collection[int]) -> Relinearization:
         """The state without the tracks that ended: most were no targets."""
@@ -95,6 +109,7 @@ class Relinearization(msgspec.Struct, frozen=True):
             served=served,
             coming=coming,
             kept=kept,
+            fresh=tuple(batch for each in self.fresh if (batch := each.without(gone)).tracks),
             cursor=taken,
             tracks=self.tracks - gone,
             kinds={track: kind for track, kind in self.kinds.items() if track not in gone},
@@ -109,7 +124,7 @@ class Relinearization(msgspec.Struct, frozen=True):
         """
         point = point[:SHARED_COUNT]
         delay_s = float(point[SharedParameter.DELAY])
-        kept = _joined([batch.at_delay(delay_s) for batch in self.kept])
+        kept = tuple([batch.at_delay(delay_s) for batch in self.kept])
         coming = context.served_pass(point)
         near = self._near(places or {})
         passed = self._measured_of(self.tracks)
@@ -122,17 +137,30 @@ class Relinearization(msgspec.Struct, frozen=True):
 
         ``settled``: whether the mount is known, so that passes may be rare.
         """
-        coming, cursor = self.coming, self.cursor + steps
+        coming, cursor = self.coming, self.cursor
         if coming is None:
             return self._begun_again(context, settled=settled)
-        for batch in self.kept[self.cursor : cursor]:
-            coming = coming.fed(self._associated(batch))
+        for _ in range(steps):
+            if near := self._near_in_time(cursor):
+                coming = coming.fed(self._associated(joined(near)))
+                cursor += len(near)
         if cursor < len(self.kept):
             return msgspec.structs.replace(self, coming=coming, cursor=cursor)
-        return msgspec.structs.replace(self, served=coming, coming=None, cursor=0)
+        return msgspec.structs.replace(self, served=coming, fresh=(), coming=None, cursor=0)
 
     def _near(self, places: Mapping[int, Array]) -> dict[int, Array]:
         return near_places(places, self.kinds, float(self.kept[-1].drop_m.max())) if self.kept else {}
+
+    def _near_in_time(self, cursor: int) -> list[MeasurementBatch]:
+        """The kept batches from ``cursor`` on that a pass takes as one."""
+        near = list(self.kept[cursor : cursor + 1])
+        count = len(near[0].tracks) if near else 0
+        for batch in self.kept[cursor + 1 : cursor + MOST_JOINED]:
+            count += len(batch.tracks)
+            if count > MOST_JOINED or batch.host_ns - near[0].host_ns > JOINED_NS:
+                break
+            near.append(batch)
+        return near
 
     def _associated(self, batch: MeasurementBatch) -> MeasurementBatch:
         return batch if self.point is None else reassociated(batch, self.point, self.places, self.kinds)
@@ -155,7 +183,6 @@ class Relinearization(msgspec.Struct, frozen=True):
         places = self._near({track: place[0] for track, place in joint.targets.items()})
         return msgspec.structs.replace(
             self,
-            kept=_joined(self.kept),
             coming=coming,
             cursor=0,
             done=self.done + planned,
@@ -164,16 +191,3 @@ class Relinearization(msgspec.Struct, frozen=True):
             point=point,
             places=places,
         )
-
-
-def _joined(batches: Sequence[MeasurementBatch]) -> tuple[MeasurementBatch, ...]:
-    """The batches, those that are near in time and small as one."""
-    groups = list[list[MeasurementBatch]]()
-    for batch in batches:
-        group = groups[-1] if groups else [batch]
-        near = batch.host_ns - group[0].host_ns <= JOINED_NS
-        if groups and near and sum(len(each.tracks) for each in (*group, batch)) <= MOST_JOINED:
-            group.append(batch)
-        else:
-            groups.append([batch])
-    return tuple([joined(group) for group in groups])

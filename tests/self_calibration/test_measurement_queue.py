@@ -1,8 +1,8 @@
 """The measurement queue: which frames are taken together, and which fixes of them."""
 
-from fwav_companion.self_calibration.measurement_queue import MOST_FIXES, DelayedMeasurement, MeasurementQueue
+from fwav_companion.self_calibration.measurement_queue import BATCH_NS, DelayedMeasurement, MeasurementQueue
 
-FRAME_NS, SPAN_NS = 33_000_000, 70_000_000
+FRAME_NS = 33_000_000
 
 
 def frame(k, tracks=(1,)):
@@ -23,23 +23,15 @@ def grouped(groups):
 
 def test_frames_wait_until_their_group_is_due():
     queue = queued(*range(7))
-    assert grouped(queue.due(SPAN_NS - 1, SPAN_NS)[0]) == []
-    groups, rest = queue.due(4 * FRAME_NS + SPAN_NS, SPAN_NS)
+    assert grouped(queue.due(BATCH_NS - 1)[0]) == []
+    groups, rest = queue.due(4 * FRAME_NS + BATCH_NS)
     assert grouped(groups) == [[0, 1, 2], [3, 4, 5]]
     assert [each.host_ns // FRAME_NS for each in rest.waiting] == [6]
-    assert rest.due(4 * FRAME_NS + SPAN_NS, SPAN_NS) == ([], rest)
-
-
-def test_many_fixes_are_due_before_the_time_is_over():
-    queue = MeasurementQueue().with_frame(frame(0, range(MOST_FIXES // 2))).with_frame(frame(1, range(MOST_FIXES)))
-    queue = queue.with_frame(frame(2))
-    groups, rest = queue.due(FRAME_NS, 10 * FRAME_NS)
-    assert grouped(groups) == [[0, 1]]
-    assert [each.host_ns // FRAME_NS for each in rest.waiting] == [2]
+    assert rest.due(4 * FRAME_NS + BATCH_NS) == ([], rest)
 
 
 def test_photographs_are_taken_one_by_one():
-    assert grouped(queued(0, 200, 400).due(401 * FRAME_NS, SPAN_NS)[0]) == [[0], [200]]
+    assert grouped(queued(0, 200, 400).due(401 * FRAME_NS)[0]) == [[0], [200]]
 
 
 def test_fixes_come_in_the_order_of_their_tracks_with_the_time_since_the_last():

@@ -48,9 +48,7 @@ def smoothed(batch, count=300, noise=(0.1, 0.1, 0.3), step_m=0.0, delays=(0.0,),
             position_ned=reported[None],
             velocity_ned=np.array([[true_path(t, turn)[1] for t in at]]),
         )
-        batch, captures_s = msgspec.structs.replace(batch, poses=poses), np.array([0.1 * k])
-        state = state.with_sample(batch, captures_s, 0, PRIORS)
-        after = state.smoothed(batch, captures_s)
+        state, after = state.smoothed(msgspec.structs.replace(batch, poses=poses), np.array([0.1 * k]), PRIORS)
         found.append((path, after.poses.position_ned[0]))
     true, path = map(np.array, zip(*found, strict=True))
     return true, path

@@ -10,7 +10,6 @@ from simulated_world import World
 
 from fwav_companion.pipeline.self_calibration_notices import SelfCalibrationNotices
 from fwav_companion.self_calibration import CalibrationStatus, KeptCalibration, SharedParameter
-from fwav_companion.self_calibration.assessment import assessed, widened
 from fwav_companion.self_calibration.joint_filter import joint_filter
 from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT
 from fwav_companion.self_calibration.prior_inflation import PriorInflation, prior_inflations
@@ -126,24 +125,6 @@ def test_a_filter_that_rests_on_a_denied_prior_is_not_believed_though_it_claims_
     assert [each.parameter for each in report.denied] == [SharedParameter.HEIGHT]
     error = np.subtract(track.position_ned[:2], TARGET)
     assert error @ np.linalg.solve(np.array(track.cov)[:2, :2], error) < chi2.ppf(0.99, 2)
-
-
-def test_targets_stand_by_the_same_joint_estimate_where_they_were_judged():
-    """Between two assessments the newest estimate has the wider priors of the last one."""
-    biases = np.zeros(BIAS_COUNT)
-    biases[Bias.TIME_OFFSET], biases[Bias.HEIGHT] = 0.035, 1.5
-    flight = Flight(seed=4, seconds=30, biases=biases, priors=priors(height=0.2))
-    world = World(flight)
-    tracker = make_tracker(TrackingOptions(self_calibration=True), flight.priors, world.state_at)
-    for view in world.frames():
-        tracker.on_frame(view)
-    calibrator = tracker.snapshot().calibrator
-    joint, both = calibrator.passes.served.best, calibrator.context.shared_priors
-    assessment = assessed(joint, both)
-    assert [each.parameter for each in assessment.denied] == [SharedParameter.HEIGHT]
-    wide = joint.inflated(*assessment.denied)
-    same = msgspec.structs.replace(assessment, denied=())
-    assert assessment.places(joint, both) == same.places(wide, (both[0], widened(both[1], assessment.denied)))
 
 
 @pytest.mark.parametrize(("height_m", "mount_y_deg"), [(1.5, 0.0), (-2.5, 1.0), (0.0, 6.0)])

@@ -35,7 +35,7 @@ def of_track(track, batches):
 
 def fed(state, batches, context=None):
     for batch in batches:
-        state = state.with_batch(batch)
+        state = state.with_batch(batch).serving(batch.host_ns)
         state = state if context is None else state.advanced(context)
     return state
 
@@ -97,4 +97,15 @@ def test_kept_poses_shrink_to_the_delay_that_was_found(batches):
     point[SharedParameter.DELAY] = 0.02
     state = fed(Relinearization(), batches[:5]).begun(context, point)
     assert state.delay_s == state.coming.joint.linearization_point[0, SharedParameter.DELAY] == 0.02
-    assert [batch.poses.delay_s.tolist() for batch in state.kept] == [[[0.02]] * 5]
+    assert [batch.poses.delay_s.tolist() for batch in state.kept] == [[[0.02]]] * 5
+
+
+def test_new_batches_are_served_together_and_late_ones_by_themselves(batches):
+    context = CalibrationContext(FLIGHT.priors, None)
+    state = fed(Relinearization(), batches[:20]).begun(context, POINT).advanced(context, 20)
+    begun, used = batches[20].host_ns, state.served.used[0]
+    for batch in batches[20:22]:
+        state = state.with_batch(batch).serving(batch.host_ns)
+    assert (state.served.used[0], len(state.fresh)) == (used, 2)
+    state = state.serving(begun + passes.SERVED_NS)
+    assert (state.served.used[0], state.fresh) == (used + 2, ())
