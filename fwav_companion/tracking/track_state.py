@@ -11,6 +11,8 @@ from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Matrix3, subtract
 from fwav_companion.tracking.detector_model import DetectorModel, false_share
 from fwav_companion.tracking.filters.base import TargetState
+from fwav_companion.tracking.filters.standing import StandingTargetState
+from fwav_companion.tracking.filters.wander_evidence import NO_EVIDENCE, WanderEvidence
 from fwav_companion.tracking.lifecycle import Life, continued, deleted, detected, initiated
 from fwav_companion.types import FrameView, GroundFix, Innovation, Reason, Track, TrackState
 
@@ -210,3 +212,30 @@ def unused_fixes(tracks: Sequence[LiveTrack], refused: int) -> dict[Reason, int]
 def teaches(fix: GroundFix) -> bool:
     """Whether the height of the detected point above the ground is exactly known."""
     return fix.sighting.anchor_sigma_m == 0.0
+
+
+def with_shared_evidence(
+    tracks: tuple[LiveTrack, ...], known: WanderEvidence | None
+) -> tuple[tuple[LiveTrack, ...], WanderEvidence | None]:
+    """The tracks with one evidence of how the vehicle's position wanders, and that evidence.
+
+    It is the newest of a confirmed track, else the ``known`` one: clutter and what moves must not show it. Filters of a
+    user have no part in it.
+    """
+    newest, shared = known, True
+    for track in tracks:
+        if isinstance(track.target, StandingTargetState):
+            own = track.target.wander_evidence
+            shared = shared and own is known
+            if own is not None and own.until_ns > (newest or NO_EVIDENCE).until_ns and track.confirmed:
+                newest = own
+    if shared or newest is None:
+        return tracks, newest
+    return tuple(
+        [
+            msgspec.structs.replace(track, target=track.target.with_wander_evidence(newest))
+            if isinstance(track.target, StandingTargetState) and track.target.wander_evidence is not newest
+            else track
+            for track in tracks
+        ]
+    ), newest

@@ -14,6 +14,7 @@ from fwav_companion.tracking.association import Candidate, associate, clutter
 from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.tracking.displacement import NONE_ABSENT, Absent, absent
 from fwav_companion.tracking.filters.base import Filter, TargetState
+from fwav_companion.tracking.filters.wander_evidence import WanderEvidence
 from fwav_companion.tracking.lifecycle import LOOK_S, MOVING_LOOK_S, are_photographs, not_detected
 from fwav_companion.tracking.self_calibrated import TargetChoice
 from fwav_companion.tracking.track_merging import TrackMerging
@@ -26,6 +27,7 @@ from fwav_companion.tracking.track_state import (
     teaches,
     unused_fixes,
     weakest_first,
+    with_shared_evidence,
 )
 from fwav_companion.tracking.visibility import is_missed_detection
 from fwav_companion.types import FrameView, GroundFix, LandmarkAltitude, LandmarkRecord, Reason, Track, TrackState
@@ -54,6 +56,8 @@ class Snapshot(msgspec.Struct, frozen=True):
     """Fixes of the newest frame that no reported track has, by reason."""
     landmarks: LandmarkTracking | None = None
     """None without landmarks."""
+    wander: WanderEvidence | None = None
+    """How the vehicle's position wanders; None before the first target showed it."""
 
 
 class Tracker:
@@ -189,9 +193,12 @@ class Tracker:
         if branches:
             tracks, next_id = reacquisition.independent(tracks, next_id)
         living = tuple([track for track in tracks if track.life.state is not TrackState.DROPPED])
+        living, wander = with_shared_evidence(living, state.wander)
         calibrator = self._taught(view, living)
         unused = unused_fixes(tracks, refused) if refused or branches else {}
-        self._state = Snapshot(living, next_id, calibrator, self._beside_state(), merging, detector, unused, landmarks)
+        self._state = Snapshot(
+            living, next_id, calibrator, self._beside_state(), merging, detector, unused, landmarks, wander
+        )
         return self._choice.reports(tracks, view)
 
     @property

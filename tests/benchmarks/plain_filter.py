@@ -11,6 +11,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag, expm
+from scipy.special import expit
 from scipy.stats import multivariate_normal
 
 from fwav_companion.tracking.filters.consider_biases import (
@@ -26,7 +27,8 @@ Sample = tuple[Array, Array, Array]
 TELEMETRY_STEP_S = 0.1
 MOST_TURN_COSINE = 0.7
 STEP_S = 1.0
-SMOOTH_MARGIN = -0.5
+PRIOR_SCORE = 0.5
+MOST_NIS = 20.0
 
 
 class FixArrays:
@@ -51,9 +53,11 @@ class PlainFilter:
         self.priors, self.first_ns, self.at_ns, self.placed_ns = priors, first.at_ns, first.at_ns, first.at_ns
         self.sigma, self.rates = priors.sigma(Bias.POSITION_NORTH), 2.0 / np.array(priors.position_times_s)
         self.each = self.sigma**2 / len(self.rates)
-        self.score, self.means, self.is_apart = 0.0, list[tuple[float, Sample]](), False
+        self.score, self.means, self.is_apart = PRIOR_SCORE, list[tuple[float, Sample]](), False
+        count = first.shared.shape[1]
+        self.smooth, self.quick = (np.zeros(count), np.eye(count)), (np.zeros(count), np.eye(count))
         self.apparent, self.shared = first.position, first.shared
-        self.noise = first.noise + self._sensitivity_noise(first, FIRST_SENSITIVITY_S)
+        self.noise = first.noise + self._sensitivity_noise(first.shared, FIRST_SENSITIVITY_S)
         self._begin_place()
 
     @property
@@ -65,30 +69,33 @@ class PlainFilter:
         since_s = (fix.at_ns - self.at_ns) * 1e-9
         self.at_ns = fix.at_ns
         self.noise = self.noise + self._moved(since_s) * np.eye(2)
-        noise = self._turned(fix, self._repeated(fix, since_s)) + self._sensitivity_noise(fix, since_s)
-        sample = (fix.position, noise, fix.shared)
+        own = self._turned(fix, self._repeated(fix, since_s))
+        sample = (fix.position, own + self._sensitivity_noise(fix.shared, since_s), fix.shared)
         self.apparent, self.noise, self.shared = _updated((self.apparent, self.noise, self.shared), sample)
         placed_s = (fix.at_ns - self.placed_ns) * 1e-9
         if (fix.at_ns - self.first_ns) * 1e-9 < STEP_S:
             self._begin_place()
             return
         self.is_apart = True
-        self.fresh = sample if self.fresh is None else _updated(self.fresh, sample)
+        self.fresh.append((fix.position, own, fix.shared))
         if placed_s >= STEP_S:
-            self._place(placed_s, *self.fresh)
-            self.fresh = None
+            mean = _mean(self.fresh)
+            self._judge(placed_s, mean)
+            position, noise, shared = mean
+            self._place(placed_s, position, noise + self._sensitivity_noise(shared, placed_s), shared)
+            self.fresh = []
 
     def _moved(self, since_s: float) -> float:
-        if not self.is_apart or self.score < SMOOTH_MARGIN:
-            return float(2.0 * self.each * np.sum(1.0 - np.exp(-0.5 * self.rates * since_s)))
+        quick = float(2.0 * self.each * np.sum(1.0 - np.exp(-0.5 * self.rates * since_s)))
         turn = self.rates * since_s
         moved = 2.0 * self.each * np.sum(1.0 - (1.0 + turn) * np.exp(-turn))
         walked = np.sqrt(np.mean(self.rates**2)) * self.sigma * np.sqrt(np.trace(self.noise) / 2.0) * since_s
-        return float(max(moved, walked))
+        share = expit(self.score) if self.is_apart else 0.0
+        return float(share * max(moved, walked) + (1.0 - share) * quick)
 
     def _begin_place(self) -> None:
         """States: place, then error and rate of each process: rows of ``mean_all``, matrices of ``shared_all``."""
-        self.placed_ns, self.fresh = self.at_ns, None
+        self.placed_ns, self.fresh = self.at_ns, list[Sample]()
         steady, count = self._steady(), 1 + 2 * len(self.rates)
         self.mean_all = np.vstack([self.apparent, np.zeros((count - 1, 2))])
         self.shared_all = np.stack([self.shared, *[0.0 * self.shared] * (count - 1)])
@@ -100,7 +107,6 @@ class PlainFilter:
 
     def _place(self, since_s: float, position: Array, noise: Array, shared: Array) -> None:
         """error'' = -w^2 error - 2 w error' by the matrix exponential, and a Kalman update by place + errors."""
-        self._judge(since_s, (position, noise, shared))
         self.placed_ns, steady = self.at_ns, self._steady()
         process = block_diag(*(expm(since_s * np.array([[0.0, 1.0], [-w * w, -2.0 * w]])) for w in self.rates))
         move, more = block_diag(1.0, process), block_diag(0.0, steady - process @ steady @ process.T)
@@ -115,22 +121,28 @@ class PlainFilter:
         self.shared_all = self.shared_all + gain[:, None, None] * off
 
     def _judge(self, since_s: float, mean: Sample) -> None:
-        """Log-likelihood ratio of a smooth error over a first-order one, by second differences of means of a second."""
+        """Log-likelihood ratio of a smooth error over a first-order one, by second differences of means of a second.
+
+        Each hypothesis has its own estimate of the biases.
+        """
         self.means = [*self.means[-2:], (since_s, mean)] if since_s <= 3.0 else [(since_s, mean)]
         if len(self.means) < 3:
             return
         (_, oldest), (last_s, middle), (_, newest) = self.means
         r = since_s / last_s
         off, shared = (newest[k] - (1.0 + r) * middle[k] + r * oldest[k] for k in (0, 2))
-        noise = newest[1] + (1.0 + r) ** 2 * middle[1] + r**2 * oldest[1] + shared @ shared.T
+        noise = newest[1] + (1.0 + r) ** 2 * middle[1] + r**2 * oldest[1] + 0.1**2 * shared @ shared.T
         quick = self.each * self.rates.sum() * 0.5 * (since_s + r * r * last_s)
         smooth = 4.0 * self.each * (self.rates**3).sum() * since_s**3
-        ratio = multivariate_normal.logpdf(off, cov=noise + smooth * np.eye(2))
-        ratio -= multivariate_normal.logpdf(off, cov=noise + quick * np.eye(2))
-        self.score = float(np.clip(self.score + 0.5 * ratio, -10.0, 10.0))
+        by_smooth, for_smooth, _ = _taught(self.smooth, off, shared, noise + smooth * np.eye(2), since_s)
+        by_quick, for_quick, nis = _taught(self.quick, off, shared, noise + quick * np.eye(2), since_s)
+        if nis > MOST_NIS:
+            return
+        self.smooth, self.quick = by_smooth, by_quick
+        self.score = float(np.clip(self.score + 0.5 * (for_smooth - for_quick), -10.0, 10.0))
 
-    def _sensitivity_noise(self, fix: FixArrays, since_s: float) -> Array:
-        sensitive = fix.shared[:, list(SENSITIVE)]
+    def _sensitivity_noise(self, shared: Array, since_s: float) -> Array:
+        sensitive = shared[:, list(SENSITIVE)]
         return SENSITIVITY_SHARE**2 * max(1.0, SENSITIVITY_STEP_S / since_s) * sensitive @ sensitive.T
 
     def _repeated(self, fix: FixArrays, since_s: float) -> Array:
@@ -162,3 +174,24 @@ def _updated(before: Sample, sample: Sample) -> Sample:
         rest @ noise @ rest.T + gain @ fix_noise @ gain.T,
         shared + gain @ d,
     )
+
+
+def _mean(samples: list[Sample]) -> Sample:
+    """Mean of fixes, each weighed by the inverse trace of its noise."""
+    weights = np.array([1.0 / np.trace(noise) for _, noise, _ in samples])
+    weights /= weights.sum()
+    place, shared = (sum(w * sample[k] for w, sample in zip(weights, samples, strict=True)) for k in (0, 2))
+    return np.asarray(place), np.einsum("i,ijk->jk", weights**2, [noise for _, noise, _ in samples]), np.asarray(shared)
+
+
+def _taught(
+    biases: tuple[Array, Array], off: Array, rows: Array, noise: Array, since_s: float
+) -> tuple[tuple[Array, Array], float, float]:
+    """Mean and covariance of the biases after an interval and a second difference, its log-likelihood, its square."""
+    kept = np.exp(-since_s / 100.0)
+    mean, cov = kept * biases[0], kept**2 * biases[1] + (1.0 - kept**2) * np.eye(len(biases[0]))
+    total = noise + rows @ cov @ rows.T
+    likelihood = multivariate_normal.logpdf(off, mean=rows @ mean, cov=total)
+    gain = cov @ rows.T @ np.linalg.inv(total)
+    nis = (off - rows @ mean) @ np.linalg.solve(total, off - rows @ mean)
+    return (mean + gain @ (off - rows @ mean), cov - gain @ rows @ cov), float(likelihood), float(nis)

@@ -29,11 +29,10 @@ def relative_errors(name: str, settings: tuple[str, ...], from_s: float, seed: i
     return found
 
 
-def flights(name: str, settings: tuple[str, ...], from_s: float) -> list[list[tuple[float, float]]]:
-    seeds = range(1, 13)
+def flights(name: str, settings: tuple[str, ...], from_s: float, number: int = 12) -> list[list[tuple[float, float]]]:
     return [
         kept(f"relative/{name}/{settings}/{seed}", partial(relative_errors, name, settings, from_s, seed))
-        for seed in seeds
+        for seed in range(1, number + 1)
     ]
 
 
@@ -69,3 +68,13 @@ def test_circles_over_one_target_claim_what_is_true():
                flights("copter_circles", ("tracking.self_calibration=true",), 85.0) if errors]  # fmt: skip
     assert len(squares) >= 10
     assert 0.4 < mean(squares) < 4.0
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3600)
+def test_circles_over_one_target_claim_what_is_true_without_self_calibration():
+    """The same by the filter alone: it must see that the wander is of first order, or its mean square is above 4."""
+    squares = [mean(square for _, square in errors) for errors in
+               flights("copter_circles", ("tracking.self_calibration=false",), 50.0, 8) if errors]  # fmt: skip
+    assert len(squares) == 8
+    assert 0.4 < mean(squares) < 3.0

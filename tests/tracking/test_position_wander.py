@@ -11,6 +11,7 @@ from fwav_companion.tracking.filters.schmidt_kalman import PointEstimate
 WANDER = wander_with_rates(1.5, (0.03, 0.2))
 """Two processes."""
 BIASES = 3
+NO_MORE = (0.0, 0.0, 0.0)
 SHOWS = np.array([1.0, 1.0, 0.0, 1.0, 0.0])
 """The apparent place: the place and the error of each process."""
 
@@ -50,7 +51,7 @@ def test_it_is_the_kalman_filter_of_place_and_two_processes():
         rows = [move @ each for each in rows]
         rows = [each + np.outer(gain, of - SHOWS @ each) for each, of in zip(rows, np.array(seen.shared), strict=True)]
         cov = cov - np.outer(gain, SHOWS @ cov)
-        state = state.update(seen, WANDER, dt)
+        state = state.update(seen, WANDER, dt, NO_MORE)
         assert state.north == pytest.approx(north, abs=1e-12)
         assert state.east == pytest.approx(east, abs=1e-12)
         assert np.array(state.cov) == pytest.approx(cov, abs=1e-12)
@@ -70,7 +71,7 @@ def test_a_jump_frees_the_error_of_the_first_process_alone():
 
 def test_a_fresh_error_keeps_the_place_and_forgets_the_rest():
     rng = np.random.default_rng(9)
-    state = first_place(apparent(rng), WANDER).update(apparent(rng), WANDER, 5.0)
+    state = first_place(apparent(rng), WANDER).update(apparent(rng), WANDER, 5.0, NO_MORE)
     other = wander_with_rates(0.02, (0.1,))
     fresh = state.with_fresh_error(other)
     assert fresh.north == (state.north[0], 0.0, 0.0)
@@ -87,12 +88,14 @@ def test_the_apparent_place_moves_as_the_processes_do_and_at_least_as_a_smooth_e
         moved = sum(
             2.0 * each * (1.0 - expm(dt * np.array([[0.0, 1.0], [-(w * w), -2.0 * w]]))[0, 0]) for w in WANDER.rates
         )
-        assert WANDER.apparent_noise(dt, 0.0, smooth=True) == pytest.approx(moved)
+        assert WANDER.apparent_noise(dt, 0.0, 1.0) == pytest.approx(moved)
         rate = np.sqrt(np.mean(np.square(WANDER.rates))) * 1.5
-        assert WANDER.apparent_noise(dt, 0.04, smooth=True) == pytest.approx(max(moved, rate * 0.2 * dt))
+        assert WANDER.apparent_noise(dt, 0.04, 1.0) == pytest.approx(max(moved, rate * 0.2 * dt))
         first_order = sum(2.0 * each * (1.0 - np.exp(-0.5 * w * dt)) for w in WANDER.rates)
-        assert WANDER.apparent_noise(dt, 0.04, smooth=False) == pytest.approx(first_order)
-    assert wander_with_rates(0.0, (0.1,)).apparent_noise(5.0, 1.0, smooth=True) == 0.0
+        assert WANDER.apparent_noise(dt, 0.04, 0.0) == pytest.approx(first_order)
+        mixed = 0.25 * max(moved, rate * 0.2 * dt) + 0.75 * first_order
+        assert WANDER.apparent_noise(dt, 0.04, 0.25) == pytest.approx(mixed)
+    assert wander_with_rates(0.0, (0.1,)).apparent_noise(5.0, 1.0, 1.0) == 0.0
 
 
 def test_the_integral_time_is_that_of_a_first_order_process():

@@ -10,7 +10,7 @@ from fwav_companion.tracking.filters import wander_evidence
 from fwav_companion.tracking.filters.kalman import StaticKalman
 from fwav_companion.tracking.filters.position_wander import position_wander
 from fwav_companion.tracking.filters.schmidt_kalman import PointEstimate
-from fwav_companion.tracking.filters.wander_evidence import MARGIN, WanderEvidence
+from fwav_companion.tracking.filters.wander_evidence import BIAS_TIME_S, WanderEvidence, with_mean
 from fwav_companion.types import BIAS_COUNT, Bias
 
 WANDER = position_wander(1.0, (60.0,))
@@ -23,44 +23,93 @@ def mount(times):
     return 0.25 * np.stack((np.cos(turn), np.sin(turn)), 1)[:, :, None]
 
 
-def evidence_of(errors, off_sigmas, *, seconds=40):
-    """The evidence after means of one second, 3 cm of noise each, of a target under a mount off by so many sigmas."""
-    rng, evidence = np.random.default_rng(2), WanderEvidence()
+def a_mean(position, rows, sigma_m=0.03):
+    north, east = position
+    return PointEstimate(north, east, (sigma_m**2, 0.0, sigma_m**2), tuple(map(tuple, np.asarray(rows).tolist())))
+
+
+class Witness:
+    """One target, and the evidence after its means."""
+
+    def __init__(self, evidence=None):
+        self.evidence, self.means = evidence or WanderEvidence(), ()
+
+    def see(self, mean, at_s, interval_s=1.0):
+        self.means = with_mean(self.means, mean, interval_s)
+        densities = WANDER.quick_density, WANDER.smooth_density
+        self.evidence = self.evidence.with_means(self.means, *densities, host_ns(at_s))
+
+
+def shown(errors, off_sigmas, *, seconds=40):
+    """A target after means of one second, 3 cm of noise each, under a mount off by this number of sigmas."""
+    rng, target = np.random.default_rng(2), Witness()
     for k in range(seconds):
         window = slice(5 * k, 5 * k + 5)
         rows = mount(TIMES[window]).mean(0)
-        north, east = errors[window].mean(0) + off_sigmas * rows[:, 0] + rng.normal(0.0, 0.03, 2)
-        mean = PointEstimate(north, east, (0.03**2, 0.0, 0.03**2), tuple(map(tuple, rows.tolist())))
-        evidence = evidence.with_mean(mean, 1.0, WANDER.quick_density, WANDER.smooth_density)
-    return evidence
+        target.see(a_mean(errors[window].mean(0) + off_sigmas * rows[:, 0] + rng.normal(0.0, 0.03, 2), rows), k + 1.0)
+    return target
 
 
-@pytest.mark.parametrize("off_sigmas", [0.0, 1.0])
+@pytest.mark.parametrize("off_sigmas", [0.0, 2.5])
 def test_the_kind_of_wander_shows_within_40_seconds_of_circles(off_sigmas):
-    for seed in range(8):
+    for seed in range(6):
         rng = np.random.default_rng(seed)
-        assert evidence_of(smooth_error(rng, TIMES, 60.0), off_sigmas).is_smooth
-        assert not evidence_of(first_order_error(rng, TIMES, 60.0), off_sigmas).is_smooth
+        assert shown(smooth_error(rng, TIMES, 60.0), off_sigmas).evidence.score > 2.0
+        assert shown(first_order_error(rng, TIMES, 60.0), off_sigmas).evidence.score < -2.0
 
 
-def test_without_evidence_the_error_is_taken_for_smooth():
-    assert WanderEvidence().is_smooth
+def test_a_constant_bias_is_estimated_and_makes_no_wander():
+    biases = shown(np.zeros((300, 2)), 2.0).evidence.smooth
+    assert biases.mean == pytest.approx((2.0,), abs=0.3)
+    assert biases.cov[0][0] < 0.15
+
+
+def test_an_estimated_bias_returns_to_its_prior():
+    known = shown(np.zeros((300, 2)), 2.0).evidence.smooth
+    later, _, _ = known.update((0.0, 0.0), ((0.0,), (0.0,)), (1.0, 0.0, 1.0), BIAS_TIME_S)
+    assert later.mean[0] == pytest.approx(known.mean[0] / np.e)
+    assert later.cov[0][0] == pytest.approx(1.0 - (1.0 - known.cov[0][0]) / np.e**2)
+
+
+def test_before_any_fix_the_odds_are_five_to_three():
+    assert WanderEvidence().smooth_share == pytest.approx(5 / 8, abs=0.005)
+
+
+NOTHING = ((0.0,), (0.0,))
 
 
 def test_a_gap_begins_new_differences_and_keeps_what_was_shown():
-    known = evidence_of(np.zeros((300, 2)), 0.0)
-    far = PointEstimate(9.0, 9.0, (0.001, 0.0, 0.001), ((0.0,), (0.0,)))
-    later = known.with_mean(far, 20.0, WANDER.quick_density, WANDER.smooth_density)
-    later = later.with_mean(far, 1.0, WANDER.quick_density, WANDER.smooth_density)
-    assert later.score == known.score > MARGIN
+    target = shown(np.zeros((300, 2)), 0.0)
+    known = target.evidence.score
+    target.see(a_mean((9.0, 9.0), NOTHING), 61.0, interval_s=20.0)
+    target.see(a_mean((9.0, 9.0), NOTHING), 62.0)
+    assert target.evidence.score == known > 2.0
 
 
 def test_a_receiver_that_begins_to_move_fast_is_believed():
-    rng, evidence = np.random.default_rng(3), evidence_of(np.zeros((300, 2)), 0.0)
-    for north, east in np.cumsum(rng.normal(0.0, 0.18, (20, 2)), 0):
-        mean = PointEstimate(north, east, (0.001, 0.0, 0.001), ((0.0,), (0.0,)))
-        evidence = evidence.with_mean(mean, 1.0, WANDER.quick_density, WANDER.smooth_density)
-    assert not evidence.is_smooth
+    rng, target = np.random.default_rng(3), shown(np.zeros((300, 2)), 0.0)
+    for k, position in enumerate(np.cumsum(rng.normal(0.0, 0.18, (20, 2)), 0)):
+        target.see(a_mean(position, NOTHING), 41.0 + k)
+    assert target.evidence.smooth_share < 0.1
+
+
+def test_a_jump_is_no_wander():
+    target = shown(np.zeros((300, 2)), 0.0)
+    known = target.evidence.score
+    for k in range(3):
+        target.see(a_mean((3.0, 0.0), NOTHING), 41.0 + k)
+    assert target.evidence.score >= known
+    assert target.evidence.until_ns == host_ns(43.0)
+
+
+def test_a_second_counts_once_for_all_targets():
+    errors = first_order_error(np.random.default_rng(1), TIMES, 60.0)
+    one, other = Witness(), Witness()
+    for k in range(20):
+        for witness, at_s in ((one, k + 1.0), (other, k + 1.4)):
+            witness.see(a_mean(errors[round(5 * at_s)], NOTHING), at_s)
+        other.evidence = one.evidence
+        assert other.evidence.until_ns in (0, host_ns(k + 1.0))
 
 
 def mean_square(kind, flights=12):
@@ -91,5 +140,5 @@ def test_the_target_relative_to_the_vehicle_is_as_right_as_claimed_under_both_ki
 
 @pytest.mark.slow
 def test_an_error_that_is_taken_for_smooth_is_claimed_too_small(monkeypatch):
-    monkeypatch.setattr(wander_evidence, "MARGIN", -1e9)
+    monkeypatch.setattr(wander_evidence.WanderEvidence, "smooth_share", 1.0)
     assert mean_square(first_order_error) > 3.5

@@ -7,6 +7,7 @@ from typing import Self
 from msgspec.structs import replace
 
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
+from fwav_companion.geometry.vectors import Matrix3
 from fwav_companion.tracking.filters.consider_biases import FIRST_SENSITIVITY_S, Measurement
 from fwav_companion.tracking.filters.linearization import LinearizationPoint, first_point, is_level, level_columns
 from fwav_companion.tracking.filters.maneuver import ManeuverLag
@@ -63,7 +64,7 @@ class StaticTargetState(StandingTargetState, frozen=True, kw_only=True, gc=False
 
     def _updated(self, fix: GroundFix, since_s: float) -> Self:
         errors, host_ns = self.model.errors, fix.sighting.frame_host_ns
-        point, measurement = self._measured(fix, since_s)
+        point, measurement, noise = self._measured(fix, since_s)
         before = self.before(host_ns)
         innovation = before.innovation(measurement)
         jump = self.jump.with_fix(innovation.north_m, innovation.east_m, since_s)
@@ -76,7 +77,7 @@ class StaticTargetState(StandingTargetState, frozen=True, kw_only=True, gc=False
                 state = replace(self, wandering=self.wandering.with_jump(0.5 * (nn + ee)))
             innovation = before.innovation(measurement)
         apparent = before.update(innovation, innovation.gain)
-        wandering, fresh, placed_ns = state.placed(measurement, host_ns)
+        wandering, fresh, placed_ns, evidence = state.placed(measurement, noise, host_ns)
         down = self.down.update(measurement)
         now = relative_estimate(
             before,
@@ -91,6 +92,7 @@ class StaticTargetState(StandingTargetState, frozen=True, kw_only=True, gc=False
             apparent=apparent,
             predicted=None,
             wandering=wandering,
+            wander_evidence=evidence,
             fresh=fresh,
             placed_ns=placed_ns,
             jump=jump,
@@ -103,12 +105,12 @@ class StaticTargetState(StandingTargetState, frozen=True, kw_only=True, gc=False
             host_ns=host_ns,
         )
 
-    def _measured(self, fix: GroundFix, since_s: float) -> tuple[LinearizationPoint, Measurement]:
-        """The fix with the sensitivities at the linearization point, and that point."""
+    def _measured(self, fix: GroundFix, since_s: float) -> tuple[LinearizationPoint, Measurement, Matrix3]:
+        """The fix with the sensitivities at the linearization point, that point, and the noise of the fix alone."""
         errors, apparent = self.model.errors, self.apparent
         measurement = errors.decorrelated(fix, since_s, (apparent.north_m, apparent.east_m, self.down.down_m))
         if not is_level(fix):
-            return self.point, errors.with_sensitivity_noise(measurement, since_s)
+            return self.point, errors.with_sensitivity_noise(measurement, since_s), measurement.noise
         (fix_n, fix_e, _), (camera_n, camera_e, _) = fix.position_ned, fix.sighting.camera_ned
         height_m, sigma_m = fix.drop_m, errors.height_noise_m
         point = self.point.with_fix(height_m, fix_n, fix_e, interval_s=since_s, sigma_m=sigma_m)
@@ -117,7 +119,8 @@ class StaticTargetState(StandingTargetState, frozen=True, kw_only=True, gc=False
             toward_n, toward_e = scale * (fix_n - camera_n), scale * (fix_e - camera_e)
         else:
             toward_n, toward_e = point.north_m - camera_n, point.east_m - camera_e
-        return point, errors.relinearized(measurement, level_columns(fix, toward_n, toward_e, point.height_m), since_s)
+        columns = level_columns(fix, toward_n, toward_e, point.height_m)
+        return point, errors.relinearized(measurement, columns, since_s), measurement.noise
 
 
 class StaticKalman:

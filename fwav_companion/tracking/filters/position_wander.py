@@ -9,8 +9,8 @@ correlation is ``sigma^2 (1 + w t) exp(-w t)``; the integral is that of a first-
 Where the time constant is not known, the error is a sum of several: the mean of their correlations is the correlation
 of an error whose time constant is drawn among them, so that the claim holds in the mean over receivers.
 
-Not every error is smooth. Where the fixes show a first-order one (``wander_evidence``), the apparent place moves as far
-as that does. The claim of the place hardly depends on it: both have the same integral.
+Not every error is smooth. As far as the fixes show a first-order one (``wander_evidence``), the apparent place moves as
+that does. The claim of the place hardly depends on it: both have the same integral.
 
 The apparent place is filtered at every fix; place, errors and rates once a second, as one scalar Kalman filter for both
 axes: the wander is the same along each, and what fixes do not show equally along both is small beside it.
@@ -26,10 +26,7 @@ import msgspec
 
 from fwav_companion.geometry.small_matrices import Row, Symmetric2
 from fwav_companion.tracking.filters.schmidt_kalman import PointEstimate
-from fwav_companion.tracking.filters.wander_evidence import WanderEvidence
-
-STEP_S = 1.0
-"""Least interval of an update: within it the error of 1 m over 60 s moves by 0.03 m."""
+from fwav_companion.tracking.filters.wander_evidence import Mean, with_mean
 
 Column: TypeAlias = tuple[float, ...]
 """One number for each state: the place, then error and rate of each process."""
@@ -53,26 +50,27 @@ class PositionWander(msgspec.Struct, frozen=True, gc=False):
     smooth_density: float
     """Density of the smooth error's acceleration, m^2/s^3: the mean of 4 sigma^2 w^3."""
 
-    def apparent_noise(self, interval_s: float, variance: float, *, smooth: bool) -> float:
+    def apparent_noise(self, interval_s: float, variance: float, smooth_share: float) -> float:
         """Variance by which the apparent place moves within an interval, each axis, m^2.
 
-        ``variance``: its own before; ``smooth``: whether the error is taken for a smooth one. A first-order error moves
-        by 2 sigma^2 (1 - correlation), with the correlation exp(-w t / 2).
+        ``variance``: its own before; ``smooth_share``: probability that the error is a smooth one. The variance of a
+        mixture is the mean of the variances. A first-order error moves by 2 sigma^2 (1 - correlation), with the
+        correlation exp(-w t / 2).
 
-        The filter of a random walk of density q looks back T = variance / q. The error moves by rate T within that, so
-        q = rate^2 T = rate sqrt(variance). Between sparse fixes it is the movement itself, 2 sigma^2 (1 - correlation).
+        The filter of a random walk of density q looks back T = variance / q. A smooth error moves by rate T within
+        that, so q = rate^2 T = rate sqrt(variance). Between sparse fixes it is the movement itself, 2 sigma^2 (1 -
+        correlation).
         """
         if self.sigma_m == 0.0:
             return 0.0
-        apart = 0.0
-        if not smooth:
-            for rate in self.rates:
-                apart += 1.0 - exp(-0.5 * rate * interval_s)
-            return 2.0 * self.variance_each * apart
+        smooth = quick = 0.0
         for rate in self.rates:
             turn = rate * interval_s
-            apart += 1.0 - (1.0 + turn) * exp(-turn)
-        return max(2.0 * self.variance_each * apart, self.rms_rate * self.sigma_m * sqrt(variance) * interval_s)
+            quick += 1.0 - exp(-0.5 * turn)
+            smooth += 1.0 - (1.0 + turn) * exp(-turn)
+        twice = 2.0 * self.variance_each
+        smooth = max(twice * smooth, self.rms_rate * self.sigma_m * sqrt(variance) * interval_s)
+        return smooth_share * smooth + (1.0 - smooth_share) * twice * quick
 
 
 def position_wander(sigma_m: float, time_constants_s: Sequence[float]) -> PositionWander:
@@ -101,8 +99,8 @@ class WanderingPlace(msgspec.Struct, frozen=True, gc=False):
     cov: tuple[Column, ...]
     shared: tuple[tuple[Row, ...], tuple[Row, ...]]
     """cov(state, b / sigma): the rows of all states for north, and those for east."""
-    evidence: WanderEvidence = WanderEvidence()
-    """Whether the error moves smoothly."""
+    means: tuple[Mean, ...] = ()
+    """The last three means of fixes, without a jump between them."""
 
     @property
     def estimate(self) -> PointEstimate:
@@ -110,8 +108,14 @@ class WanderingPlace(msgspec.Struct, frozen=True, gc=False):
         noise: Symmetric2 = (self.cov[0][0], 0.0, self.cov[0][0])
         return PointEstimate(self.north[0], self.east[0], noise, (self.shared[0][0], self.shared[1][0]))
 
-    def update(self, apparent: PointEstimate, wander: PositionWander, interval_s: float) -> WanderingPlace:
-        """The state after the apparent place ``interval_s`` after the last one."""
+    def update(
+        self, mean: PointEstimate, wander: PositionWander, interval_s: float, sensitivity_noise: Symmetric2
+    ) -> WanderingPlace:
+        """The state after a mean of fixes ``interval_s`` after the last one.
+
+        ``sensitivity_noise``: of the error of its sensitivities, m^2.
+        """
+        apparent = mean.with_noise(sensitivity_noise)
         steps = [_step(rate, interval_s) for rate in wander.rates]
         cov = _predicted(self.cov, steps, wander)
         by_apparent = [row[0] + sum(row[1::2]) for row in cov]
@@ -130,13 +134,14 @@ class WanderingPlace(msgspec.Struct, frozen=True, gc=False):
                 for row, gain in zip(cov, gains, strict=True)
             ),
             shared=(north, east),
-            evidence=self.evidence.with_mean(apparent, interval_s, wander.quick_density, wander.smooth_density),
+            means=with_mean(self.means, mean, interval_s),
         )
 
     def with_jump(self, variance: float) -> WanderingPlace:
         """The state with the error free to have moved by ``variance``, m^2."""
         place, error, *others = self.cov
-        return msgspec.structs.replace(self, cov=(place, (error[0], error[1] + variance, *error[2:]), *others))
+        jumped = (place, (error[0], error[1] + variance, *error[2:]), *others)
+        return msgspec.structs.replace(self, cov=jumped, means=())
 
     def with_fresh_error(self, wander: PositionWander) -> WanderingPlace:
         """The state with an error of which nothing is known but the processes."""

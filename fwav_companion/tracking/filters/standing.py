@@ -14,8 +14,8 @@ from fwav_companion.geometry.stamps import HostNs, ns_from_s, s_from_ns
 from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.tracking.filters.adaptive_noise import AdaptiveNoise
 from fwav_companion.tracking.filters.consider_biases import ConsiderBiases, Measurement
+from fwav_companion.tracking.filters.fix_mean import FixMean, first_mean
 from fwav_companion.tracking.filters.position_wander import (
-    STEP_S,
     PositionWander,
     WanderingPlace,
     first_place,
@@ -26,9 +26,9 @@ from fwav_companion.tracking.filters.schmidt_kalman import (
     DownEstimate,
     PointEstimate,
     RelativeEstimate,
-    first_point_estimate,
     gate_results,
 )
+from fwav_companion.tracking.filters.wander_evidence import NO_EVIDENCE, STEP_S, WanderEvidence
 from fwav_companion.types import Bias, ErrorPriors, GroundFix
 from fwav_companion.types.tracks import GateResult, GateShare
 
@@ -70,7 +70,9 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     """The same at ``host_ns``; None at the last fix."""
     wandering: WanderingPlace | None = None
     """The place apart from that error; None where positions are exact, and before ``apart_ns``."""
-    fresh: PointEstimate | None = None
+    wander_evidence: WanderEvidence | None = None
+    """Whether that error moves smoothly; one for all targets of the vehicle. None in the first second of a flight."""
+    fresh: FixMean | None = None
     """Mean of the fixes since ``placed_ns``, by which the place is updated next; None before the first. The apparent
     place would not do: what it is now it was a second before, and it would count again."""
     down: DownEstimate
@@ -190,13 +192,13 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     def before(self, host_ns: HostNs) -> PointEstimate:
         """The apparent place predicted to an instant: the error of the vehicle's position has wandered on.
 
-        The first second shows nothing of how it wanders: the wider claim holds.
+        The first second of a flight shows nothing of how it wanders: the wider claim holds.
         """
         if self.predicted is not None and host_ns == self.host_ns:
             return self.predicted
         nn, _, ee = self.apparent.noise
-        smooth = self.wandering is not None and self.wandering.evidence.is_smooth
-        more = self.wander.apparent_noise(s_from_ns(host_ns - self.fixed_ns), 0.5 * (nn + ee), smooth=smooth)
+        smooth_share = 0.0 if self.wander_evidence is None else self.wander_evidence.smooth_share
+        more = self.wander.apparent_noise(s_from_ns(host_ns - self.fixed_ns), 0.5 * (nn + ee), smooth_share)
         return self.apparent if more == 0.0 else self.apparent.with_noise((more, 0.0, more))
 
     def under(self, wander: PositionWander) -> Self:
@@ -215,24 +217,29 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
         apparent = place.with_noise((variance, 0.0, variance))
         return replace(state, apparent=apparent, fresh=None, wandering=known.with_fresh_error(wander))
 
+    def with_wander_evidence(self, evidence: WanderEvidence) -> Self:
+        """The state with what the targets of the vehicle show together."""
+        return replace(self, wander_evidence=evidence)
+
     def placed(
-        self, measurement: Measurement, host_ns: HostNs
-    ) -> tuple[WanderingPlace | None, PointEstimate | None, HostNs]:
-        """``wandering``, ``fresh`` and ``placed_ns`` by the newest fix. Before ``apart_ns`` the place is the apparent
-        one.
+        self, measurement: Measurement, noise: Matrix3, host_ns: HostNs
+    ) -> tuple[WanderingPlace | None, FixMean | None, HostNs, WanderEvidence | None]:
+        """``wandering``, ``fresh``, ``placed_ns`` and ``wander_evidence`` by the newest fix.
+
+        Before ``apart_ns`` the place is the apparent one. ``noise``: of the fix without the error of its sensitivities.
         """
         if self.wander.sigma_m == 0.0 or host_ns < self.apart_ns:
-            return None, None, host_ns
+            return None, None, host_ns, self.wander_evidence
+        evidence = self.wander_evidence or NO_EVIDENCE
         wandering = self.wandering or first_place(self.apparent, self.wander)
         fresh, since_s = self.fresh, s_from_ns(host_ns - self.placed_ns)
-        if fresh is None:
-            fresh = first_point_estimate(measurement)
-        else:
-            innovation = fresh.innovation(measurement)
-            fresh = fresh.update(innovation, innovation.gain)
+        fresh = first_mean(measurement, noise) if fresh is None else fresh.with_fix(measurement, noise)
         if since_s < STEP_S:
-            return wandering, fresh, self.placed_ns
-        return wandering.update(fresh, self.wander, since_s), None, host_ns
+            return wandering, fresh, self.placed_ns, evidence
+        by_sensitivity = self.model.errors.sensitivity_noise(*fresh.shared, since_s)
+        wandering = wandering.update(fresh.estimate, self.wander, since_s, by_sensitivity)
+        densities = self.wander.quick_density, self.wander.smooth_density
+        return wandering, None, host_ns, evidence.with_means(wandering.means, *densities, host_ns)
 
 
 def apart_at(fix: GroundFix) -> HostNs:
