@@ -62,6 +62,21 @@ def test_it_is_the_kalman_filter_of_place_and_two_processes():
         assert place.shared == (state.shared[0][0], state.shared[1][0])
 
 
+def test_the_errors_move_on_by_their_rates():
+    """The states of the errors predicted by the matrix exponential, less themselves, and the covariance of that."""
+    rng, dt = np.random.default_rng(10), 8.0
+    state = first_place(apparent(rng), WANDER)
+    for _ in range(4):
+        state = state.update(apparent(rng), WANDER, 1.0, NO_MORE)
+    move = transition(dt)
+    north_m, east_m, variance = state.movement(WANDER, dt)
+    change = (SHOWS @ (move - np.eye(5)))[None]
+    process = STEADY - move @ STEADY @ move.T
+    assert north_m == pytest.approx((change @ state.north).item())
+    assert east_m == pytest.approx((change @ state.east).item())
+    assert variance == pytest.approx((change @ np.array(state.cov) @ change.T).item() + SHOWS @ process @ SHOWS)
+
+
 def test_a_jump_frees_the_error_of_the_first_process_alone():
     state = first_place(apparent(np.random.default_rng(8)), WANDER)
     more = np.subtract(state.with_jump(0.7).cov, state.cov)

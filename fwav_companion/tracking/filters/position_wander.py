@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import exp, inf, sqrt
+from operator import mul
 from typing import TypeAlias
 
 import msgspec
@@ -136,6 +137,23 @@ class WanderingPlace(msgspec.Struct, frozen=True, gc=False):
             shared=(north, east),
             means=with_mean(self.means, mean, interval_s),
         )
+
+    def movement(self, wander: PositionWander, interval_s: float) -> tuple[float, float, float]:
+        """The movement of the errors within the next interval as their rates foretell it, north and east, metres; its
+        variance along each axis, m^2.
+
+        With c the row of F - 1 that the errors sum up, it is c x. Its variance is that of the stationary processes,
+        2 sigma^2 (1 - correlation), less what x shows of it, c (S - P) c'. The biases are in P.
+        """
+        row, variance, each = [0.0], 0.0, wander.variance_each
+        for rate in wander.rates:
+            decay = exp(-rate * interval_s)
+            error, by_rate = decay * (1.0 + rate * interval_s) - 1.0, decay * interval_s
+            row += (error, by_rate)
+            variance -= each * (error * (2.0 + error) + (rate * by_rate) ** 2)
+        for weight, column in zip(row, self.cov, strict=True):
+            variance += weight * sum(map(mul, row, column))
+        return sum(map(mul, row, self.north)), sum(map(mul, row, self.east)), max(0.0, variance)
 
     def with_jump(self, variance: float) -> WanderingPlace:
         """The state with the error free to have moved by ``variance``, m^2."""

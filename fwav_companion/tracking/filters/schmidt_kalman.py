@@ -83,6 +83,11 @@ class PointEstimate(msgspec.Struct, frozen=True, gc=False):
         (nn, ne, ee), (more_nn, more_ne, more_ee) = self.noise, more
         return PointEstimate(self.north_m, self.east_m, (nn + more_nn, ne + more_ne, ee + more_ee), self.shared)
 
+    def moved(self, north_m: float, east_m: float, variance: float) -> PointEstimate:
+        """The estimate after a movement with this variance along each axis, m^2."""
+        (nn, ne, ee), shared = self.noise, self.shared
+        return PointEstimate(self.north_m + north_m, self.east_m + east_m, (nn + variance, ne, ee + variance), shared)
+
     def innovation(self, fix: Measurement) -> Innovation2:
         """The innovation of a fix, and its covariances.
 

@@ -35,6 +35,8 @@ from fwav_companion.types.tracks import GateResult, GateShare
 FRESH_SHARE = 0.5
 """Sigma of a receiver over its earlier one, at which its error is a new one: it has found another solution."""
 
+SHOWN_SMOOTH = 0.95
+"""Probability of a smooth error from which its rate foretells its movement: a first-order one has no rate."""
 SPREAD = 0.618
 """Step of the targets of one frame within a second: multiples of the golden section spread evenly, however many."""
 
@@ -197,8 +199,11 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
         if self.predicted is not None and host_ns == self.host_ns:
             return self.predicted
         nn, _, ee = self.apparent.noise
+        since_s = s_from_ns(host_ns - self.fixed_ns)
         smooth_share = 0.0 if self.wander_evidence is None else self.wander_evidence.smooth_share
-        more = self.wander.apparent_noise(s_from_ns(host_ns - self.fixed_ns), 0.5 * (nn + ee), smooth_share)
+        if since_s > STEP_S and smooth_share > SHOWN_SMOOTH and self.wandering is not None:
+            return self.apparent.moved(*self.wandering.movement(self.wander, since_s))
+        more = self.wander.apparent_noise(since_s, 0.5 * (nn + ee), smooth_share)
         return self.apparent if more == 0.0 else self.apparent.with_noise((more, 0.0, more))
 
     def under(self, wander: PositionWander) -> Self:
