@@ -114,8 +114,8 @@ class ErrorModel:
         self, propagation: Propagation, noise: NoiseVariances, bias: BiasVariances, meeting: Intersection
     ) -> None:
         self._propagation, self._noise, self._bias, self._meeting = propagation, noise, bias, meeting
-        fresh = self._covariance((*_noise_terms(propagation, noise), *_place_noise_terms(propagation, noise)))
-        self.noise_cov = _raised(fresh, noise.level)
+        terms = (*_noise_terms(propagation, noise), *_place_noise_terms(propagation, noise.place))
+        self.noise_cov = self._covariance(terms, noise.level)
         """Covariance of the errors that are independent in every fix."""
         self._cov: Matrix3 | None = None
         self._budget: ErrorBudget | None = None
@@ -129,18 +129,18 @@ class ErrorModel:
     def cov(self) -> Matrix3:
         """Total covariance."""
         if self._cov is None:
-            propagation, bias = self._propagation, self._bias
-            terms = _bias_terms(propagation, self._noise, bias, self._meeting)
-            by_biases = self._covariance((*terms, *_place_bias_terms(propagation, bias)))
-            self._cov = _raised(add_matrices(self.noise_cov, by_biases), self._level_variance)
+            self._cov = self._with_biases(_place_bias_terms(self._propagation, self._bias))
         return self._cov
 
     @property
     def relative_cov(self) -> Matrix3:
-        """Covariance without the vehicle's position."""
-        terms = _noise_terms(self._propagation, self._noise)
-        more = _bias_terms(self._propagation, self._noise, self._bias, self._meeting)
-        return _raised(self._covariance((*terms, *more)), self._noise.level + self._level_variance)
+        """Covariance without the vehicle's position: without its biases, and less its noise."""
+        return self._with_biases(_place_noise_terms(self._propagation, -self._noise.place))
+
+    def _with_biases(self, more: Terms) -> Matrix3:
+        """The noise with the biases but those of the vehicle's position, and with these terms."""
+        terms = _bias_terms(self._propagation, self._noise, self._bias, self._meeting)
+        return add_matrices(self.noise_cov, self._covariance((*terms, *more), self._level_variance))
 
     @property
     def budget(self) -> ErrorBudget:
@@ -163,10 +163,10 @@ class ErrorModel:
     def _level_variance(self) -> float:
         return 0.0 if self._meeting.surveyed else self._bias.height
 
-    def _covariance(self, terms: Terms) -> Matrix3:
+    def _covariance(self, terms: Terms, level_m2: float) -> Matrix3:
         meeting = self._meeting
         level = not (meeting.surveyed or meeting.carried or meeting.uneven)
-        return _level_covariance(terms) if level else _covariance(terms)
+        return _level_covariance(terms, level_m2) if level else _covariance(terms, level_m2)
 
 
 def _noise_terms(propagation: Propagation, noise: NoiseVariances) -> Terms:
@@ -209,25 +209,22 @@ def _bias_terms(propagation: Propagation, noise: NoiseVariances, bias: BiasVaria
     return (*of_biases, (terrain, bias.terrain)) if surveyed else of_biases
 
 
-def _place_noise_terms(propagation: Propagation, noise: NoiseVariances) -> Terms:
+def _place_noise_terms(propagation: Propagation, variance: float) -> Terms:
     """The terms of the noise of the vehicle's position."""
-    biases = propagation.biases
-    return ((biases[Bias.POSITION_NORTH], noise.place), (biases[Bias.POSITION_EAST], noise.place))
+    _, _, _, _, _, _, _, _, _, north, east, *_ = propagation.biases
+    return ((north, variance), (east, variance))
 
 
 def _place_bias_terms(propagation: Propagation, bias: BiasVariances) -> Terms:
     """The terms of the biases of the vehicle's position and of its age."""
-    biases = propagation.biases
-    return (
-        (biases[Bias.POSITION_NORTH], bias.north),
-        (biases[Bias.POSITION_EAST], bias.east),
-        (biases[Bias.POSITION_DELAY], bias.position_delay),
-    )
+    _, _, _, _, _, _, _, _, _, north, east, _, delay, *_ = propagation.biases
+    return ((north, bias.north), (east, bias.east), (delay, bias.position_delay))
 
 
-def _covariance(terms: Terms) -> Matrix3:
-    """The sum of variance times column column^T over the terms."""
-    nn = ne = nd = ee = ed = dd = 0.0
+def _covariance(terms: Terms, level_m2: float) -> Matrix3:
+    """The sum of variance times column column^T over the terms, and the variance of the ground's level."""
+    nn = ne = nd = ee = ed = 0.0
+    dd = level_m2
     for (n, e, d), variance in terms:
         wn, we = variance * n, variance * e
         nn += wn * n
@@ -239,7 +236,7 @@ def _covariance(terms: Terms) -> Matrix3:
     return ((nn, ne, nd), (ne, ee, ed), (nd, ed, dd))
 
 
-def _level_covariance(terms: Terms) -> Matrix3:
+def _level_covariance(terms: Terms, level_m2: float) -> Matrix3:
     """The same for columns without a down component: twice as fast, and the case of nearly every fix."""
     nn = ne = ee = 0.0
     for (n, e, _), variance in terms:
@@ -247,20 +244,14 @@ def _level_covariance(terms: Terms) -> Matrix3:
         nn += w * n
         ne += w * e
         ee += variance * e * e
-    return ((nn, ne, 0.0), (ne, ee, 0.0), ZERO3)
-
-
-def _raised(cov: Matrix3, variance: float) -> Matrix3:
-    """The covariance with ``variance`` added to the variance of down."""
-    north, east, (dn, de, dd) = cov
-    return (north, east, (dn, de, dd + variance))
+    return ((nn, ne, 0.0), (ne, ee, 0.0), (0.0, 0.0, level_m2))
 
 
 def _budget(propagation: Propagation, noise: NoiseVariances, bias: BiasVariances) -> ErrorBudget:
     roll, pitch, heading, mount_x, mount_y, mount_z, time, _, height, _, _, terrain, _, *lever = propagation.biases
     *lever, target_height = lever
     attitude = noise.attitude + noise.bridging
-    places = (*_place_noise_terms(propagation, noise), *_place_bias_terms(propagation, bias))
+    places = (*_place_noise_terms(propagation, noise.place), *_place_bias_terms(propagation, bias))
     return ErrorBudget(
         pixel=sqrt(_flat(propagation.pixel_u) * noise.pixel_u + _flat(propagation.pixel_v) * noise.pixel_v),
         attitude=sqrt(

@@ -9,7 +9,7 @@ import msgspec
 
 from fwav_companion.geometry.earth import TangentPlane
 from fwav_companion.geometry.rotations import exp, rotate
-from fwav_companion.geometry.vectors import Vector3, add, cross, dot, norm, scale, transform, unit
+from fwav_companion.geometry.vectors import Vector3, cross, dot, norm, scale, transform, unit
 from fwav_companion.localization.covariance import (
     BiasVariances,
     ErrorModel,
@@ -210,8 +210,9 @@ class Localizer:
 
 def _point(meeting: Intersection, direction: Vector3) -> Vector3:
     """The end of the ray, NED; on level ground exactly at its level."""
-    north, east, down = add(meeting.camera_ned, scale(direction, meeting.distance_m))
-    return (north, east, meeting.camera_ned[2] + meeting.height_m if meeting.normal is LEVEL_NORMAL else down)
+    (north, east, down), (d_n, d_e, d_d), distance_m = meeting.camera_ned, direction, meeting.distance_m
+    deeper_m = meeting.height_m if meeting.normal is LEVEL_NORMAL else distance_m * d_d
+    return (north + distance_m * d_n, east + distance_m * d_e, down + deeper_m)
 
 
 def _is_finite(fix: GroundFix) -> bool:

@@ -85,7 +85,7 @@ def propagate(sighting: Sighting, direction: Vector3, meeting: Intersection) -> 
     )
     (roll, pitch, yaw, heading, pixel_u, pixel_v), stretch = _by_ray(changes, direction, meeting, m)
     # The true mount is Exp(bias) times the configured one, so the estimate turns the other way.
-    mount_x, mount_y, mount_z = scale(roll, -1.0), scale(pitch, -1.0), scale(yaw, -1.0)
+    mount_x, mount_y, mount_z = [(-north, -east, -down) for north, east, down in (roll, pitch, yaw)]
     deeper = scale(direction, m[2])  # d(point)/d(height of the camera above the ground)
     height = _by_height(sighting, meeting, deeper)
     lift = meeting.height_by_rotation

@@ -77,39 +77,39 @@ class FrameTiming(msgspec.Struct, frozen=True, gc=False):
 class RowClock:
     """Capture times of rows; an unknown readout is estimated from the frame rate."""
 
-    __slots__ = ("_intervals", "_last_stamp_ns", "_timing", "interval_s")
+    __slots__ = (
+        "_intervals",
+        "_last_stamp_ns",
+        "_timing",
+        "interval_s",
+        "readout_s",
+        "readout_scale",
+        "readout_sigma_s",
+    )
 
     def __init__(self, timing: CameraTiming) -> None:
         self._timing = timing
         self._intervals: list[int] = []
-        self.interval_s = INTERVAL_BEFORE_ANY_S
-        """Median interval between frames, seconds."""
         self._last_stamp_ns: int | None = None
+        self._found(INTERVAL_BEFORE_ANY_S)
 
     @property
     def time_offset_s(self) -> float:
         """The delay of the stamps in use, seconds."""
         return self._timing.time_offset_s
 
-    @property
-    def readout_s(self) -> float:
-        """The readout time in use, seconds: as configured, else half of the longest possible one."""
-        return 0.5 * self._longest_s if self._timing.readout_s is None else self._timing.readout_s
-
-    @property
-    def readout_sigma_s(self) -> float:
+    def _found(self, interval_s: float) -> None:
+        """Set the median frame interval, and the readout times that follow from it."""
+        # Longest possible readout: the frame interval, at most that of the slowest sensors.
+        longest_s, readout_s = min(interval_s, LONGEST_READOUT_S), self._timing.readout_s
+        self.interval_s = interval_s
+        """Median interval between frames, seconds."""
+        self.readout_s = 0.5 * longest_s if readout_s is None else readout_s
+        """Readout time in use, seconds: as configured, else half of the longest possible one."""
+        self.readout_sigma_s = longest_s / sqrt(12.0) if readout_s is None else 0.0
         """One sigma of the readout, seconds: an unknown one is uniform from 0 to the longest possible one."""
-        return self._longest_s / sqrt(12.0) if self._timing.readout_s is None else 0.0
-
-    @property
-    def readout_scale(self) -> float:
+        self.readout_scale = longest_s / INTERVAL_BEFORE_ANY_S if readout_s is None else 1.0
         """Sigma of an unknown readout over its prior, which assumes 30 frames/s; 1 for a configured readout."""
-        return self._longest_s / INTERVAL_BEFORE_ANY_S if self._timing.readout_s is None else 1.0
-
-    @property
-    def _longest_s(self) -> float:
-        """Longest possible readout, seconds: the median frame interval, at most that of the slowest sensors."""
-        return min(self.interval_s, LONGEST_READOUT_S)
 
     def see(self, stamp_ns: int) -> None:
         """Add the interval between this frame's stamp and the latest one before; a late frame adds none."""
@@ -121,7 +121,7 @@ class RowClock:
             self._intervals.append(stamp_ns - last_ns)
             if len(self._intervals) > INTERVALS_KEPT:
                 del self._intervals[0]
-            self.interval_s = sorted(self._intervals)[len(self._intervals) // 2] * 1e-9
+            self._found(sorted(self._intervals)[len(self._intervals) // 2] * 1e-9)
 
     def place(self, stamp_ns: int, exposure_s: float | None, height: int) -> FrameTiming:
         """The capture times of the rows of a frame; ``height``: rows of the calibration's image."""

@@ -40,6 +40,7 @@ from fwav_companion.types import (
     NoFix,
     NoFrame,
     Reason,
+    Sighting,
     TakeOff,
     Track,
     VehicleState,
@@ -256,16 +257,20 @@ class CameraPipeline:
             self._refuse(paired)
             return None
         located = [self._localizer.locate(sighting) for sighting in paired.sightings]
+        fixes, unplaced = list[GroundFix](), list[Sighting]()
+        for sighting, fix in zip(paired.sightings, located, strict=True):
+            if isinstance(fix, GroundFix):
+                fixes.append(fix)
+            else:
+                unplaced.append(sighting)
         view = FrameView(
             frame=paired.number,
             host_ns=paired.host_ns,
             boot_ns=paired.boot_ns,
-            fixes=tuple([fix for fix in located if isinstance(fix, GroundFix)]),
+            fixes=tuple(fixes),
             could_see=paired.view.could_see if paired.view is not None else sees_nothing,
             vehicle_ned=paired.view.vehicle_ned if paired.view is not None else None,
-            unplaced=tuple(
-                [sighting for sighting, fix in zip(paired.sightings, located, strict=True) if isinstance(fix, NoFix)]
-            ),
+            unplaced=tuple(unplaced),
             image_px2=self._image_px2,
             jumped_m=self._jumped_m(paired.boot_ns),
             landmarks=self._landmarks.sights(paired.sightings),

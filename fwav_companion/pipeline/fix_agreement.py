@@ -8,7 +8,7 @@ two targets are not taken for one; the share and the median bear false detection
 
 from __future__ import annotations
 
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Sequence
 from math import cos, exp, hypot, inf, pi, sin
 from statistics import median
@@ -56,13 +56,11 @@ class FixAgreement:
         if not fixes or abs(host_ns - self._last_ns) < STEP_NS:
             return
         self._last_ns = host_ns
-        targets = [_target(fix) for fix in fixes]
-        occurring = Counter(targets)
-        alone = [
-            (target, fix)
-            for target, fix in zip(targets, fixes, strict=True)
-            if occurring[target] == 1 and not fix.sighting.relative
-        ]
+        seen: dict[Target, GroundFix | None] = {}  # None: more than once
+        for fix in fixes:
+            target = (fix.sighting.detection.label, fix.sighting.detection.detector_id)
+            seen[target] = None if target in seen or fix.sighting.relative else fix
+        alone = [(target, fix) for target, fix in seen.items() if fix is not None]
         for target, fix in alone[:MOST_TARGETS]:
             self._of(target).append(fix)
 
@@ -146,10 +144,6 @@ def _spread(points: Sequence[Horizontal]) -> float:
         return inf
     middle = _middle(points)
     return median(_distance(point, middle) for point in points)
-
-
-def _target(fix: GroundFix) -> Target:
-    return fix.sighting.detection.label, fix.sighting.detection.detector_id
 
 
 def _middle(points: Sequence[Horizontal]) -> Horizontal:

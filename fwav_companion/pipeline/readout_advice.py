@@ -34,9 +34,9 @@ class ReadoutAdvice:
         fix = fixes[self._count % len(fixes)]  # one after the other: each costs a covariance
         self._count += 1
         gain = max(1.0 / self._count, 1.0 / MEMORY)
-        north, east, _ = fix.bias_jacobian[Bias.READOUT]
+        (north, east, _), cov = fix.bias_jacobian[Bias.READOUT], fix.relative_cov
         self._by_readout2 += gain * (self._variance * (north * north + east * east) - self._by_readout2)
-        self._total2 += gain * (fix.relative_cov[0][0] + fix.relative_cov[1][1] - self._total2)
+        self._total2 += gain * (cov[0][0] + cov[1][1] - self._total2)
 
     @property
     def matters(self) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from math import sqrt
 from typing import TypeAlias
 
 import msgspec
@@ -98,15 +97,14 @@ class HermiteSeries:
         step_s = (end_ns - start_ns) * 1e-9
         s = (boot_ns - start_ns) / (end_ns - start_ns)
         (a, da), (b, db) = self._samples[index], self._samples[index + 1]
-        values, rates = [], []
+        values, rates, t, between = [], [], 1.0 - s, s * (1.0 - s)
         for v0, r0, v1, r1 in zip(a, da, b, db, strict=True):
-            slope = (v1 - v0) / step_s
+            chord = v1 - v0
             # The chord, plus the departure of each end's slope from it, which fades toward the other end.
-            p, q = (r0 - slope) * step_s, (slope - r1) * step_s
-            values.append(v0 + s * (v1 - v0) + s * (1.0 - s) * (p * (1.0 - s) + q * s))
+            values.append(v0 + s * chord + between * ((r0 * step_s - chord) * t + (chord - r1 * step_s) * s))
             rates.append(r0 + s * (r1 - r0))
         # Error of a cubic Hermite under an acceleration that differs by this from the samples' own.
-        sigma = UNMEASURED_ACCELERATION * step_s * step_s / 2.0 * (s * (1.0 - s)) ** 2 * sqrt(4.0)
+        sigma = UNMEASURED_ACCELERATION * step_s * step_s * between * between
         return HermitePoint(tuple(values), tuple(rates), sigma)
 
 

@@ -66,7 +66,10 @@ class VehicleHistory:
         attitude = self.attitudes.at(boot_ns)
         if isinstance(attitude, Unpaired):
             return attitude
-        position = self.positions.at(boot_ns)
+        position, position_ned, velocity_ned = self.positions.at(boot_ns), None, None
+        if position is not None:
+            (north, east, down), (v_north, v_east, v_down) = position.values, position.rates
+            position_ned, velocity_ned = (north, east, down), (v_north, v_east, v_down)
         nearest_range = self.ranges.near(boot_ns, RANGE_NEAR_NS)
         terrain = self.terrain.near(boot_ns, TERRAIN_NEAR_NS)
         return VehicleState(
@@ -75,8 +78,8 @@ class VehicleHistory:
             rates=attitude.rates,
             attitude_sigma=attitude.sigma,
             gap_s=attitude.gap_s,
-            position_ned=None if position is None else _vector(position.values),
-            velocity_ned=None if position is None else _vector(position.rates),
+            position_ned=position_ned,
+            velocity_ned=velocity_ned,
             position_sigma_m=0.0 if position is None else position.sigma,
             position_bias_m=None if self.position_bias is None else self.position_bias.sigma_m,
             height_above_home_m=self._height_at(boot_ns),
@@ -104,7 +107,10 @@ class VehicleHistory:
         if jumped_ns is not None and newest_ns is not None and newest_ns < jumped_ns <= boot_ns:
             return None  # in the frame of before the jump
         point = self.local.at(boot_ns)
-        return None if point is None else _vector(point.values)
+        if point is None:
+            return None
+        north, east, down = point.values
+        return (north, east, down)
 
     def _height_at(self, boot_ns: BootNs) -> float | None:
         for course in self.heights.values():  # in order of preference
@@ -112,8 +118,3 @@ class VehicleHistory:
             if point is not None:
                 return point.values[0]
         return None
-
-
-def _vector(values: tuple[float, ...]) -> Vector3:
-    a, b, c = values
-    return (a, b, c)

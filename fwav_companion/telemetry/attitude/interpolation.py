@@ -44,8 +44,16 @@ def course_at(segment: Segment, boot_ns: BootNs) -> tuple[Quaternion, Vector3]:
     """Unit quaternion at the instant, and body rates of the course there, rad/s, body axes: 2 q* dq/dt."""
     t0, (n0, n1, n2, n3, n4), *components = segment
     s = (boot_ns - t0) * 1e-9
-    since = (s - n0, s - n1, s - n2, s - n3, s - n4)
-    (w, dw), (x, dx), (y, dy), (z, dz) = [_value_and_slope(c, since) for c in components]
+    s0, s1, s2, s3, s4 = s - n0, s - n1, s - n2, s - n3, s - n4
+    values, slopes = [], []
+    for c0, c1, c2, c3, c4, c5 in components:  # Horner's scheme
+        v4 = c4 + s4 * c5
+        v3 = c3 + s3 * v4
+        v2 = c2 + s2 * v3
+        v1 = c1 + s1 * v2
+        values.append(c0 + s0 * v1)
+        slopes.append(v1 + s0 * (v2 + s1 * (v3 + s2 * (v4 + s3 * c5))))
+    (w, x, y, z), (dw, dx, dy, dz) = values, slopes
     square = w * w + x * x + y * y + z * z
     n, twice = 1.0 / sqrt(square), 2.0 / square
     return (w * n, x * n, y * n, z * n), (
@@ -53,17 +61,6 @@ def course_at(segment: Segment, boot_ns: BootNs) -> tuple[Quaternion, Vector3]:
         twice * (w * dy - y * dw - z * dx + x * dz),
         twice * (w * dz - z * dw - x * dy + y * dx),
     )
-
-
-def _value_and_slope(c: Coefficients, since: Nodes) -> tuple[float, float]:
-    """Value and slope by Horner's scheme; ``since`` holds the seconds since each node."""
-    c0, c1, c2, c3, c4, c5 = c
-    s0, s1, s2, s3, s4 = since
-    v4 = c4 + s4 * c5
-    v3 = c3 + s3 * v4
-    v2 = c2 + s2 * v3
-    v1 = c1 + s1 * v2
-    return c0 + s0 * v1, v1 + s0 * (v2 + s1 * (v3 + s2 * (v4 + s3 * c5)))
 
 
 def segment_through(t0: BootNs, samples: Sequence[AttitudeSample]) -> Segment:

@@ -14,7 +14,7 @@ from typing import TypeAlias
 
 import msgspec
 
-from fwav_companion.geometry.small_matrices import Row, Symmetric2, add_diagonal, gram
+from fwav_companion.geometry.small_matrices import Row, Symmetric2, gram
 from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.tracking.filters.gates import widest_gate
@@ -114,7 +114,8 @@ class ConsiderBiases:
         if fix.sighting.frame_host_ns != self._frame_ns:
             self._remembered.clear()
             self._frame_ns = fix.sighting.frame_host_ns
-        noise, gate = add_diagonal(fix.noise_cov, 0.0, DOWN_FLOOR_M2), widest_gate(fix.sighting.detection)
+        north, east, (dn, de, dd) = fix.noise_cov
+        noise, gate = (north, east, (dn, de, dd + DOWN_FLOOR_M2)), widest_gate(fix.sighting.detection)
         prepared = Measurement(fix.position_ned, noise, self._scaled(fix), gate)
         self._remembered[id(fix)] = (fix, prepared)
         return prepared
