@@ -19,7 +19,7 @@ from fwav_companion.camera.radial_polynomial import (
     radius_and_slope,
     ray_table,
 )
-from fwav_companion.geometry.vectors import Vector3, add, scale
+from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.types import NoRay, Ray
 
 LEAST_SLOPE = 1e-6
@@ -149,9 +149,12 @@ class KannalaBrandt:
         across = sine / r
         bend = ray[2] / slope - across
         fall = -sine / slope
-        d_dx = (across + bend * cx * cx, bend * cx * cy, fall * cx)
-        d_dy = (bend * cx * cy, across + bend * cy * cy, fall * cy)
-        return Ray(ray, scale(d_dx, mm_u), scale(add(d_dy, scale(d_dx, -skew)), mm_v))
+        by_x, by_both, by_y = across + bend * cx * cx, bend * cx * cy, across + bend * cy * cy
+        return Ray(
+            ray,
+            (mm_u * by_x, mm_u * by_both, mm_u * fall * cx),
+            (mm_v * (by_both - skew * by_x), mm_v * (by_y - skew * by_both), mm_v * fall * (cy - skew * cx)),
+        )
 
     def pixel_from_camera_point(self, point: Vector3) -> tuple[float, float] | NoRay:
         """The pixel of a point at any distance; NoRay beyond the valid range, at the origin, and if not finite."""

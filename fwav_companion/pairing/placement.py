@@ -126,8 +126,12 @@ class FramePlacer:
         """
         timing, height = self._timing_of(frame), self._image_size[1]
         scale = 1.0 if frame.size is None else height / max(1, frame.size[1])
-        rows = [scale * (detection.v + 0.5) - 0.5 for detection in frame.detections]
-        latest_ns = max([timing.capture_ns(v) for v in (0.0, *[v for v in rows if 0.0 <= v <= height])])
+        lowest = 0.0
+        for detection in frame.detections:
+            v = scale * (detection.v + 0.5) - 0.5
+            if lowest < v <= height:
+                lowest = v
+        latest_ns = max(timing.first_row_ns, timing.capture_ns(lowest))
         if frame.stamp_clock is StampClock.BOOT:
             return BootNs(latest_ns)
         boot_ns = clock.boot_from_host(HostNs(latest_ns))

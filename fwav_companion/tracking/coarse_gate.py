@@ -10,7 +10,7 @@ accepts is left out.
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from math import ceil, dist, sqrt
 from typing import TypeAlias, cast
 
@@ -49,20 +49,22 @@ class GateStrip(msgspec.Struct, frozen=True, gc=False):
     bounds: tuple[float, float, float, float]
     """Largest own variances and distances of sensitivities of a member, each north and east."""
 
-    def in_reach(self, position_ned: Vector3, own: GateShare) -> Iterator[int]:
+    def in_reach(self, position_ned: Vector3, own: GateShare) -> list[int]:
         """Indices of the fixes that a target's gate may accept."""
         (north, east, _), gate, (nn, ee, off_n, off_e) = position_ned, self.gate, self.bounds
         to_n, own_nn, own_ee = dist(own.north, self.reference.north), own.nn, own.ee
         reach = sqrt(gate * (own_nn + nn + (to_n + off_n) ** 2))
         if not self.norths[0] - reach <= north <= self.norths[1] + reach:
-            return
+            return []
         to_e = dist(own.east, self.reference.east)
         reach = sqrt(gate * (own_ee + ee + (to_e + off_e) ** 2))
         first, last = bisect_left(self.easts, east - reach), bisect_right(self.easts, east + reach)
+        near = []
         for fix_n, fix_e, fix_nn, fix_ee, fix_off_n, fix_off_e, j in self.members[first:last]:
             n, e, off_n, off_e = fix_n - north, fix_e - east, to_n + fix_off_n, to_e + fix_off_e
             if n * n <= gate * (own_nn + fix_nn + off_n * off_n) and e * e <= gate * (own_ee + fix_ee + off_e * off_e):
-                yield j
+                near.append(j)
+        return near
 
 
 def possible_pairs(targets: Sequence[tuple[int, TargetState]], fixes: Sequence[GatedFix]) -> dict[int, list[int]]:
@@ -74,7 +76,9 @@ def possible_pairs(targets: Sequence[tuple[int, TargetState]], fixes: Sequence[G
     strips, possible = _strips(fixes, share_of), {}
     for i, target in cast("Sequence[tuple[int, CoarselyGated]]", targets):
         place, own = target.apparent_ned, target.gate_share
-        near = [j for strip in strips for j in strip.in_reach(place, own)]
+        near: list[int] = []
+        for strip in strips:
+            near += strip.in_reach(place, own)
         if near:
             possible[i] = sorted(near)
     return possible

@@ -167,7 +167,7 @@ def weakest_first(tracks: Sequence[LiveTrack]) -> list[int]:
 
 def opened(target: TargetState, view: FrameView) -> TargetState:
     """The target after a jump of the vehicle's reported position, where its filter follows that."""
-    jumped = getattr(target, "jumped", None) if view.jumped_m else None
+    jumped = getattr(target, "jumped", None)
     after: TargetState = target if jumped is None else jumped(view.jumped_m)
     return after
 

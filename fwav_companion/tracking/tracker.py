@@ -150,7 +150,7 @@ class Tracker:
         predicted = [
             msgspec.structs.replace(
                 track,
-                target=opened(track.target, view).predict(view.host_ns),
+                target=(opened(track.target, view) if view.jumped_m else track.target).predict(view.host_ns),
                 fix=None,
                 looked_for=False,
                 innovation=None,

@@ -162,12 +162,14 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
         """The share of this target in the gate's variance."""
         apparent, scatter = self.predicted or self.apparent, self.scatter.variance
         nn, _, ee = apparent.noise
-        return GateShare(nn + scatter, ee + scatter, *apparent.shared)
+        north, east = apparent.shared
+        return GateShare(nn + scatter, ee + scatter, north, east)
 
     def gate_share_of(self, fix: GroundFix) -> GateShare:
         """The share of a fix."""
         prepared = self.model.errors.prepared(fix)
-        return GateShare(prepared.noise[0][0], prepared.noise[1][1], prepared.shared[0], prepared.shared[1])
+        ((nn, _, _), (_, ee, _), _), (north, east, _) = prepared.noise, prepared.shared
+        return GateShare(nn, ee, north, east)
 
     def predict(self, host_ns: HostNs) -> Self:
         """The state at a later instant: the target stays, the error of the vehicle's position wanders on."""
