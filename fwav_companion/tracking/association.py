@@ -19,7 +19,7 @@ from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.tracking.filters.base import TargetState
 from fwav_companion.tracking.filters.gates import GATE, ID_GATE
 from fwav_companion.types import GroundFix
-from fwav_companion.types.tracks import GateResult
+from fwav_companion.types.tracks import OUTSIDE_GATE, GateResult
 
 CONFIRMED_BONUS = 8.0
 """Advantage of a confirmed track over a tentative one: the latter must be likelier by this, fifty to one, to take the
@@ -130,7 +130,7 @@ def _costs(
     for i, near in possible.items():
         candidate = candidates[i]
         for j, gated in zip(near, _gated(candidate.target, [fixes[j] for j in near]), strict=True):
-            cost = _cost(candidate, fixes[j], gated, clutter_llr[j])
+            cost = None if gated is OUTSIDE_GATE else _cost(candidate, fixes[j], gated, clutter_llr[j])
             if cost is not None:
                 costs[i, j] = cost
     return costs

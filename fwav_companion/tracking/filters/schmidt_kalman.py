@@ -255,11 +255,9 @@ def gate_results(
     p_nn, p_ee, own2 = p_nn + scatter.variance, p_ee + scatter.variance, dist(own_n, own_e) ** 2
     results = []
     for fix in fixes:
-        fix_n, fix_e, _ = fix.shared
-        (f_nn, f_ne, _), (_, f_ee, _), _ = fix.noise
-        n, e = fix.position[0] - north_m, fix.position[1] - east_m
-        by_nn, by_ee = dist(fix_n, own_n) ** 2, dist(fix_e, own_e) ** 2
-        nn, ee = p_nn + f_nn + by_nn, p_ee + f_ee + by_ee
+        (fix_n, fix_e, _), ((f_nn, f_ne, _), (_, f_ee, _), _) = fix.shared, fix.noise
+        (north, east, _), by_nn, by_ee = fix.position, dist(fix_n, own_n) ** 2, dist(fix_e, own_e) ** 2
+        n, e, nn, ee = north - north_m, east - east_m, p_nn + f_nn + by_nn, p_ee + f_ee + by_ee
         if n * n > fix.gate * nn or e * e > fix.gate * ee:  # the distance along either axis is a lower bound
             results.append(OUTSIDE_GATE)
             continue
