@@ -33,15 +33,15 @@ class FixMean(msgspec.Struct, frozen=True, gc=False):
         (nn, ne, _), (_, ee, _), _ = noise
         weight = 1.0 / (nn + ee)
         total, weight2 = self.weight + weight, weight * weight
-        share, (by_n, by_e), (s_nn, s_ne, s_ee) = weight / total, self.shared, self.spread
+        share, (s_nn, s_ne, s_ee), north, east = weight / total, self.spread, [], []
+        for n, e, fix_n, fix_e in zip(*self.shared, *fix.shared[:2], strict=True):
+            north.append(n + share * (fix_n - n))
+            east.append(e + share * (fix_e - e))
         return FixMean(
             total,
             self.north_m + share * (fix.position[0] - self.north_m),
             self.east_m + share * (fix.position[1] - self.east_m),
-            (
-                tuple([own + share * (x - own) for own, x in zip(by_n, fix.shared[0])]),  # noqa: B905 - faster
-                tuple([own + share * (x - own) for own, x in zip(by_e, fix.shared[1])]),  # noqa: B905
-            ),
+            (tuple(north), tuple(east)),
             (s_nn + weight2 * nn, s_ne + weight2 * ne, s_ee + weight2 * ee),
         )
 
