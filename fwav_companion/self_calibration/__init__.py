@@ -11,7 +11,7 @@ Reading order: ``delayed_poses``, ``pixel_measurement``, ``position_smoother``, 
 ``position_error``, ``joint_filter``, ``filter_pass``, ``delay_search``, ``reassociation``,
 ``relinearization`` (the estimate);
 ``innovation_consistency``, ``posterior``, ``prior_inflation``, ``assessment``, ``missing`` (what is believed of it);
-``sights``, ``mount_check``; ``measurement_queue``, ``calibration_context``, ``calibrator``.
+``sights``, ``mount_check``; ``measurement_queue``, ``calibration_context``, ``calibration_state``, ``calibrator``.
 """
 
 from fwav_companion.self_calibration.calibration_report import (

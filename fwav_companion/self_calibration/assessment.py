@@ -17,6 +17,7 @@ import numpy as np
 from fwav_companion.geometry.small_matrices import Symmetric2
 from fwav_companion.geometry.vectors import Vector3
 from fwav_companion.self_calibration.arrays import Array
+from fwav_companion.self_calibration.calibrated_fix import CalibratedFix, KnownParameters, known_parameters
 from fwav_companion.self_calibration.calibration_report import (
     CalibrationStatus,
     KeptCalibration,
@@ -26,8 +27,10 @@ from fwav_companion.self_calibration.calibration_report import (
 from fwav_companion.self_calibration.innovation_consistency import InnovationConsistency
 from fwav_companion.self_calibration.joint_filter import JointFilter
 from fwav_companion.self_calibration.pixel_measurement import MOUNT, SHARED_COUNT
+from fwav_companion.self_calibration.position_smoother import SmoothedReport
 from fwav_companion.self_calibration.posterior import MOUNT_AXES, NUISANCE, TIMING, given, solved, with_drift
 from fwav_companion.self_calibration.prior_inflation import prior_inflations
+from fwav_companion.types import VehicleState
 
 DELAY_OBSERVABLE = 0.5
 MOUNT_OBSERVABLE = 0.35
@@ -73,6 +76,16 @@ class CalibratedPlace(msgspec.Struct, frozen=True, gc=False):
         cov = (nn - vn * (2.0 * nt - vn * tt), ne - vn * et - ve * nt + vn * ve * tt, ee - ve * (2.0 * et - ve * tt))
         return self.apparent_north - vn * self.late_s, self.apparent_east - ve * self.late_s, cov
 
+    def along_path(self, vehicle: VehicleState, smoothed: SmoothedReport | None) -> CalibratedFix | None:
+        """Place in the frame of one report of the vehicle: without its noise, which the smoothed path shows, and with
+        its delay. None where the path does not show it.
+        """
+        if smoothed is None or vehicle.velocity_ned is None:
+            return None
+        (off_n, off_e), (var_n, var_e) = smoothed
+        north, east, (nn, ne, ee) = self.relative_to(vehicle.velocity_ned)
+        return CalibratedFix(north + off_n, east + off_e, (nn + var_n, ne, ee + var_e))
+
 
 class Assessment(msgspec.Struct, frozen=True):
     """What is believed of a joint estimate."""
@@ -92,6 +105,8 @@ class Assessment(msgspec.Struct, frozen=True):
     """Factor of drifting innovations, as the flight shows it."""
     posterior: tuple[Array, Array] | None = None
     """Mean and covariance of the joint estimate, as it is believed."""
+    known: KnownParameters | None = None
+    """The parameters by it, by which fixes are corrected."""
     places: dict[int, CalibratedPlace] = {}
     """The targets, by track."""
 
@@ -126,7 +141,7 @@ def assessed(
     sigmas = widened(sigmas, denied)
     factor, shown = (1.0, 1.0) if drift is None else (drift.factor, drift.shown)
     # Where a wrong prior bent the estimate its innovations lean as well, and say nothing of what wanders.
-    known = _mount_known(joint, sigmas, 1.0 if denied else shown, axes[1])
+    mount_known = _mount_known(joint, sigmas, 1.0 if denied else shown, axes[1])
     mean, cov = joint.mean[0], with_drift(joint, sigmas, factor)
     delay_s, delay_sigma_s = float(mean[0]), float(np.sqrt((cov if photographs else joint.cov[0])[0, 0]))
     parameters: dict[int, tuple[float, float]] = {}
@@ -138,7 +153,7 @@ def assessed(
         status = CalibrationStatus.TIME
         parameters[SharedParameter.DELAY] = (delay_s, delay_sigma_s)
     mount_retained = retained.get(SharedParameter.MOUNT_X, 1.0)
-    if known <= MOUNT_OBSERVABLE * mount_retained and (denied or shown <= MOST_DRIFT * mount_retained):
+    if mount_known <= MOUNT_OBSERVABLE * mount_retained and (denied or shown <= MOST_DRIFT * mount_retained):
         status = CalibrationStatus.CALIBRATED
         parameters |= {SharedParameter.HEIGHT: _estimate(mean, cov, SharedParameter.HEIGHT)}
         parameters |= _with_heading(mean, cov, axes[0])
@@ -152,9 +167,10 @@ def assessed(
         keep=keep,
         factor=factor,
         denied=denied,
-        mount_known=known,
+        mount_known=mount_known,
         drift=shown,
         posterior=(mean, cov),
+        known=known_parameters(mean, cov, joint.priors.position_noise_m),
         places=_places(joint, (mean, cov), published),
     )
 

@@ -7,8 +7,6 @@ the delay of that report: at 5 m/s, 0.1 s of it displace every place by 0.5 m ag
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import msgspec
 import numpy as np
 
@@ -16,10 +14,6 @@ from fwav_companion.geometry.small_matrices import Symmetric2
 from fwav_companion.self_calibration.arrays import Array
 from fwav_companion.self_calibration.calibration_report import SharedParameter as Shared
 from fwav_companion.types import Bias, GroundFix
-
-if TYPE_CHECKING:
-    from fwav_companion.self_calibration.assessment import CalibratedPlace
-    from fwav_companion.self_calibration.calibrator import Calibrator
 
 COLUMNS = (
     (Shared.DELAY, Bias.TIME_OFFSET, 1.0),
@@ -50,52 +44,46 @@ class CalibratedFix(msgspec.Struct, frozen=True, gc=False):
     cov: Symmetric2
     """m^2."""
 
+    @property
+    def claimed_m2(self) -> float:
+        """Trace of the covariance."""
+        return self.cov[0] + self.cov[2]
 
-def fix_by(state: Calibrator, fix: GroundFix, placed: CalibratedPlace, claimed_m2: float) -> CalibratedFix | None:
+
+class KnownParameters(msgspec.Struct, frozen=True, gc=False):
+    """Mean (10) and covariance of the parameters as biases of a fix, and the noise that the vehicle's report shares."""
+
+    mean: Array
+    cov: Array
+    position_noise_m2: float
+
+    def corrected(self, fix: GroundFix) -> CalibratedFix:
+        """The fix without what the parameters make of it."""
+        jacobian = fix.bias_jacobian
+        rows = np.array([jacobian[i] for i in BIASES])[:, :2].T
+        off_north, off_east = (rows @ self.mean).tolist()
+        (nn, ne), (_, ee) = (rows @ self.cov @ rows.T).tolist()
+        (r_nn, r_ne, _), (_, r_ee, _), _ = fix.noise_cov
+        by = (r_nn - self.position_noise_m2 + nn, r_ne + ne, r_ee - self.position_noise_m2 + ee)
+        return CalibratedFix(fix.position_ned[0] - off_north, fix.position_ned[1] - off_east, by)
+
+
+def known_parameters(mean: Array, cov: Array, position_noise_m: float) -> KnownParameters:
+    """The parameters by their ``mean`` (11 and more) and ``cov``."""
+    return KnownParameters(mean[SHARED] * SIGNS, cov[BLOCK] * SIGNS * SIGNS[:, None], position_noise_m**2)
+
+
+def fix_by(
+    fix: GroundFix, known: KnownParameters, along_path: CalibratedFix | None, claimed_m2: float
+) -> CalibratedFix | None:
     """A target relative to the vehicle at a fix: by the joint estimate along the smoothed path, or by the fix alone
-    where its claim is the smaller one or a flight shows that the vehicle's position does not wander smoothly.
+    where its claim is the smaller one.
 
     None where neither claims less than ``claimed_m2``, the trace of the covariance known without this fix.
     """
-    known, served = None if state.assessment is None else state.assessment.posterior, state.passes.served
-    if known is None or served is None:
-        return None
-    position_m2 = state.context.priors.position_noise_m**2
-    if served.wanders_quickly:
-        return calibrated_fix(fix, *known, position_m2)
-    best = _along_path(state, fix, placed)
-    if best is not None and _trace(best) < claimed_m2:
-        claimed_m2 = _trace(best)
-    else:
-        best = None
-    if fix.noise_cov[0][0] + fix.noise_cov[1][1] - 2.0 * position_m2 >= claimed_m2:
+    best = None if along_path is None or along_path.claimed_m2 >= claimed_m2 else along_path
+    least_m2 = claimed_m2 if best is None else best.claimed_m2
+    if fix.noise_cov[0][0] + fix.noise_cov[1][1] - 2.0 * known.position_noise_m2 >= least_m2:
         return best
-    found = calibrated_fix(fix, *known, position_m2)
-    return found if _trace(found) < claimed_m2 else best
-
-
-def _trace(found: CalibratedFix) -> float:
-    return found.cov[0] + found.cov[2]
-
-
-def _along_path(state: Calibrator, fix: GroundFix, placed: CalibratedPlace) -> CalibratedFix | None:
-    """The joint estimate's place in the frame of the vehicle's report: without the noise of that one report, which the
-    smoothed path shows, and with the delay of the report, which the estimate holds.
-    """
-    vehicle = fix.sighting.state
-    smoothed = state.context.smoothed_report(state.smoother, vehicle)
-    if smoothed is None or vehicle.velocity_ned is None:
-        return None
-    (off_n, off_e), (var_n, var_e) = smoothed
-    north, east, (nn, ne, ee) = placed.relative_to(vehicle.velocity_ned)
-    return CalibratedFix(north + off_n, east + off_e, (nn + var_n, ne, ee + var_e))
-
-
-def calibrated_fix(fix: GroundFix, mean: Array, cov: Array, position_noise_m2: float) -> CalibratedFix:
-    """The fix without what the parameters by their ``mean`` (11 and more) and ``cov`` make of it."""
-    rows = np.array([fix.bias_jacobian[i][:2] for i in BIASES]).T * SIGNS
-    off = rows @ mean[SHARED]
-    (nn, ne), (_, ee) = (rows @ cov[BLOCK] @ rows.T).tolist()
-    (r_nn, r_ne, _), (_, r_ee, _), _ = fix.noise_cov
-    by = (r_nn - position_noise_m2 + nn, r_ne + ne, r_ee - position_noise_m2 + ee)
-    return CalibratedFix(fix.position_ned[0] - float(off[0]), fix.position_ned[1] - float(off[1]), by)
+    found = known.corrected(fix)
+    return found if found.claimed_m2 < least_m2 else best

@@ -11,70 +11,33 @@ Immutable except for :class:`CalibrationContext`, which holds the constants.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from math import hypot
 
 import msgspec
 import numpy as np
 
-from fwav_companion.geometry.stamps import NS_PER_S, BootNs, HostNs, ns_from_s, s_from_ns
-from fwav_companion.self_calibration.assessment import Assessment, CalibratedPlace, assessed, believed
-from fwav_companion.self_calibration.calibrated_fix import CalibratedFix, fix_by
+from fwav_companion.geometry.stamps import NS_PER_S, HostNs, ns_from_s, s_from_ns
+from fwav_companion.self_calibration.assessment import assessed
 from fwav_companion.self_calibration.calibration_context import DELAY_STEP_S, CalibrationContext
 from fwav_companion.self_calibration.calibration_report import (
     CalibrationReport,
-    CalibrationStatus,
-    PriorInflation,
     SharedParameter,
 )
-from fwav_companion.self_calibration.delay_search import UNEXPLAINED, DelaySearch, FoundDelay, NoDelay, delay_search
-from fwav_companion.self_calibration.filter_pass import FilterPass
-from fwav_companion.self_calibration.mean_axes import MeanAxes
-from fwav_companion.self_calibration.measurement_queue import DelayedMeasurement, MeasurementQueue
-from fwav_companion.self_calibration.mount_check import NAMED, MountCheck
+from fwav_companion.self_calibration.calibration_state import CalibrationState
+from fwav_companion.self_calibration.delay_search import UNEXPLAINED, FoundDelay, NoDelay, delay_search
+from fwav_companion.self_calibration.measurement_queue import DelayedMeasurement
 from fwav_companion.self_calibration.pixel_measurement import MeasurementBatch, joined
-from fwav_companion.self_calibration.position_smoother import PositionSmoother
-from fwav_companion.self_calibration.posterior import MOUNT_AXES, bias_shares
 from fwav_companion.self_calibration.present_report import report_of
-from fwav_companion.self_calibration.rate_denoiser import SPAN_S, RateDenoiser
-from fwav_companion.self_calibration.relinearization import STEP, Relinearization, steps_within
-from fwav_companion.types import GroundFix, Unpaired, VehicleState
-from fwav_companion.types.tracks import GateResult
+from fwav_companion.self_calibration.relinearization import STEP, steps_within
+from fwav_companion.types import GroundFix
 
 MOST_TARGETS = 30
 """Targets of the joint estimate: three determine everything that ten do, and a search keeps 20 covariances of them."""
 SEARCH_PAUSE_NS = 20 * NS_PER_S
 """Pause after a search without result: a search costs as much as ten targets do."""
-LAG_S = 0.06
-"""Lag behind the newest frame, beyond the delays of the hypotheses: later attitudes must have arrived."""
 
 
-class Calibrator(msgspec.Struct, frozen=True):
-    """The state of self-calibration. Immutable: each frame gives a new one."""
-
-    context: CalibrationContext
-    queue: MeasurementQueue = MeasurementQueue()
-    search: DelaySearch | None = None
-    """The search for the delay, while it goes on."""
-    no_delay: NoDelay | None = None
-    """Result of the last search, if it found no delay."""
-    replaced: bool = False
-    """Whether this flight contradicted the calibration of an earlier one, which was dropped."""
-    passes: Relinearization = Relinearization()
-    axes: MeanAxes = MeanAxes()
-    denoiser: RateDenoiser = RateDenoiser()
-    smoother: PositionSmoother = PositionSmoother()
-    stamp_sigma_s: float = 0.0
-    """One sigma of the open instant of the newest attitude stamps."""
-    slow_attitude_hz: float | None = None
-    """Rate of the newest attitudes where they distinguish no delay from another; None where they do."""
-    idle_until_ns: HostNs = HostNs(0)
-    """End of the pause after a search without result."""
-    assessment: Assessment | None = None
-    """Assessment of the served estimate."""
-    judged: FilterPass | None = None
-    """The estimate that it is of."""
-    mount_check: MountCheck = MountCheck()
-    host_ns: HostNs = HostNs(0)
+class Calibrator(CalibrationState, frozen=True):
+    """The steps of self-calibration. Immutable: each frame gives a new one."""
 
     def updated(
         self,
@@ -91,11 +54,6 @@ class Calibrator(msgspec.Struct, frozen=True):
         state = msgspec.structs.replace(self, queue=self.queue.with_frame(frame), mount_check=mount_check)
         return state.caught_up(host_ns, alive)
 
-    @property
-    def due_ns(self) -> HostNs | None:
-        """Instant to measure what waits even if no further frame comes: later, the vehicle's states are forgotten."""
-        return self.queue.due_without_frame(ns_from_s(self._lag_s()))
-
     def caught_up(self, host_ns: HostNs, alive: Collection[int]) -> Calibrator:
         """The state after everything that is due is measured; ``alive``: all live tracks."""
         due_ns = HostNs(host_ns - ns_from_s(self._lag_s()))
@@ -107,68 +65,6 @@ class Calibrator(msgspec.Struct, frozen=True):
                 state = state._with_frames(frames, teaching)
         steps = steps_within(host_ns - self.host_ns)
         return state._searched(steps)._passed(due_ns, steps)._assessed()
-
-    @property
-    def delay_s(self) -> float | None:
-        """Delay of the poses of new measurements, once it was found."""
-        return self.passes.delay_s
-
-    def expect(self, fixes: Sequence[GroundFix]) -> None:
-        """Announce the fixes of a frame that are going to be gated."""
-        self.context.expect(fixes)
-
-    def placed(self, track: int) -> CalibratedPlace | None:
-        """A target by the joint estimate; None while that does not hold it."""
-        return None if self.assessment is None else self.assessment.places.get(track)
-
-    def bias_shares(self, track: int) -> dict[str, float]:
-        """Horizontal variance of a target by cause, m^2; empty while the joint estimate does not hold it."""
-        return {} if self.passes.served is None else bias_shares(self.passes.served.best, track)
-
-    def by_fix(self, fix: GroundFix, placed: CalibratedPlace, claimed_m2: float) -> CalibratedFix | None:
-        """A target relative to the vehicle at a fix; None where that claims no less than ``claimed_m2``, a trace."""
-        return fix_by(self, fix, placed, claimed_m2)
-
-    @property
-    def mistake(self) -> str:
-        """Gross mistake of the mount, as a sentence; empty where there is none. Nothing is estimated meanwhile."""
-        return "" if self._explained else self.mount_check.text
-
-    @property
-    def misplaced_m(self) -> float:
-        """Error of all published places by a mount that explains the sights better: one sigma an axis."""
-        found = self.mount_check.mistake
-        return 0.0 if found is None or self._explained else found.misplaced_m
-
-    @property
-    def _explained(self) -> bool:
-        """Whether self-calibration explains the flight without a gross mistake: a large delay scatters sights, too."""
-        if self.assessment is None or not self.is_calibrated:
-            return False
-        return not self.mount_check.text or hypot(*(self.assessment.parameters[i][0] for i in MOUNT_AXES)) < NAMED
-
-    @property
-    def denied(self) -> tuple[PriorInflation, ...]:
-        """Priors of the configuration that this flight contradicts."""
-        return () if self.assessment is None else self.assessment.denied
-
-    @property
-    def is_calibrated(self) -> bool:
-        """Whether delay and mount are known: the joint estimate is then the answer for every target that it holds."""
-        return self.assessment is not None and self.assessment.status is CalibrationStatus.CALIBRATED
-
-    @property
-    def mount_off(self) -> float:
-        """Largest likely error of the configured mount, rad: the estimate, and two sigma of the rest."""
-        means, sigmas = believed(self.assessment, self.context.shared_priors, self.stamp_sigma_s)
-        return hypot(*(means[i] for i in MOUNT_AXES)) + 2.0 * max(sigmas[i] for i in MOUNT_AXES)
-
-    def gate(self, track: int, fix: GroundFix) -> GateResult | None:
-        """Gating statistics of a fix against a target of the joint estimate; None where it holds no such target."""
-        served = self.passes.served
-        if served is None or self.delay_s is None or track not in served.joint.tracks:
-            return None
-        return self.context.gate(fix, served.joint.tracks.index(track), self.delay_s, served)
 
     def report(self) -> CalibrationReport:
         """The present state of self-calibration."""
@@ -183,10 +79,6 @@ class Calibrator(msgspec.Struct, frozen=True):
 
     # Each step returns the next state.
 
-    def _lag_s(self) -> float:
-        earliest = self.context.delays[0] if self.delay_s is None else self.delay_s
-        return LAG_S + 0.5 * SPAN_S + max(0.0, -earliest)
-
     def _only(self, alive: Collection[int]) -> Calibrator:
         """Without the tracks that ended."""
         gone = self.passes.tracks.difference(alive)
@@ -199,19 +91,6 @@ class Calibrator(msgspec.Struct, frozen=True):
         """The tracks that are measured: those of the estimate, then the oldest of the others."""
         known = self.passes.tracks.intersection(alive)
         return {*known, *sorted(set(alive) - known)[: max(0, MOST_TARGETS - len(known))]}
-
-    @property
-    def _shown_delay_s(self) -> float:
-        """The delay that the flight shows; 0 until then: a search that a wrong mount misleads finds any delay."""
-        shown = self.assessment is not None and SharedParameter.DELAY in self.assessment.parameters
-        return self.delay_s or 0.0 if shown else 0.0
-
-    def _state_at_capture(self, nominal: VehicleState) -> VehicleState:
-        """The vehicle at a capture, by the delay if the flight shows one."""
-        if not self._shown_delay_s or self.context.state_at is None:
-            return nominal
-        state = self.context.state_at(BootNs(nominal.boot_ns - ns_from_s(self._shown_delay_s)))
-        return nominal if isinstance(state, Unpaired) else state
 
     def _with_frames(self, frames: Sequence[DelayedMeasurement], alive: Collection[int]) -> Calibrator:
         """With the fixes of a few frames as one batch; attitudes that distinguish no delay contribute nothing."""

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from fwav_companion.self_calibration.assessment import believed
 from fwav_companion.self_calibration.calibration_report import CalibrationReport, CalibrationStatus, SharedParameter
+from fwav_companion.self_calibration.calibration_state import CalibrationState
 from fwav_companion.self_calibration.missing import missing_before_assessment, missing_of
 
-if TYPE_CHECKING:
-    from fwav_companion.self_calibration.calibrator import Calibrator
 
-
-def report_of(state: Calibrator) -> CalibrationReport:
+def report_of(state: CalibrationState) -> CalibrationReport:
     """The report of this state."""
     means, sigmas = believed(state.assessment, state.context.shared_priors, state.stamp_sigma_s)
     return CalibrationReport(
@@ -33,13 +29,13 @@ def report_of(state: Calibrator) -> CalibrationReport:
     )
 
 
-def _status(state: Calibrator) -> CalibrationStatus:
+def _status(state: CalibrationState) -> CalibrationStatus:
     if state.assessment is not None:
         return state.assessment.status
     return CalibrationStatus.WAITING if state.no_delay is None else state.no_delay.status
 
 
-def _missing(state: Calibrator) -> str | None:
+def _missing(state: CalibrationState) -> str | None:
     if state.mistake:
         return f"camera mount: {state.mistake}"
     if state.assessment is None:
