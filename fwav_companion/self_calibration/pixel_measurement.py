@@ -10,6 +10,7 @@ Leading axes are hypotheses, then the N measurements of one batch. No entry depe
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -30,6 +31,9 @@ from fwav_companion.self_calibration.arrays import (
 from fwav_companion.self_calibration.calibration_report import SharedParameter
 from fwav_companion.self_calibration.delayed_poses import DelayedPoses, concatenated
 from fwav_companion.types import ErrorPriors, GroundFix
+
+if TYPE_CHECKING:
+    from fwav_companion.self_calibration.position_smoother import PositionSmoother
 
 SHARED_COUNT = len(SharedParameter)
 ROW_COUNT = SHARED_COUNT + 2
@@ -69,6 +73,8 @@ class MeasurementBatch(msgspec.Struct, frozen=True):
     """(N, 9): see the properties."""
     poses: DelayedPoses
     """(N, D)."""
+    path: PositionSmoother | None = None
+    """Path that the positions lie on, at the instant of the batch; None: as reported."""
 
     @property
     def attitude_sigma(self) -> Array:

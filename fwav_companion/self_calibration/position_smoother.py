@@ -4,10 +4,16 @@ A row at a noisy position holds the same noise as its residual, and a filter tak
 hovered and turned at 10 m with 0.3 m of height noise lost 1.3 m of height at a sigma of 0.34 m. Smoothed, the noise is
 a fifth, and what it makes of the rows a thirtieth. The noise of a measurement stays that of single positions: as often
 as they come, their mean is as good.
+
+Where a target comes into view for two seconds, a path that is smoothed by earlier positions alone has the noise of its
+first ones for half of that time. So passes over kept measurements smooth it by the later ones, too (Rauch, Tung &
+Striebel 1965).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import pairwise
 from math import atan2, cos, sin, sqrt
 from typing import TypeAlias
 
@@ -38,6 +44,8 @@ class PositionSmoother(msgspec.Struct, frozen=True):
     """NaN before the first."""
     velocity: Array = np.zeros(3)
     variance: Array = np.zeros(3)
+    begun: int = 0
+    """Number of times that the path began again."""
 
     def smoothed(
         self, batch: MeasurementBatch, captures_s: Array, priors: ErrorPriors
@@ -52,7 +60,7 @@ class PositionSmoother(msgspec.Struct, frozen=True):
         nominal = state.position[2] + state.velocity[2] * (captures_s - state.at_s)
         scalars[:, 5] = np.where(batch.ranged, nominal, scalars[:, 5])
         poses = msgspec.structs.replace(poses, position_ned=path)
-        return state, msgspec.structs.replace(batch, poses=poses, scalars=scalars)
+        return state, msgspec.structs.replace(batch, poses=poses, scalars=scalars, path=state)
 
     def report(self, vehicle: VehicleState, priors: ErrorPriors) -> SmoothedReport | None:
         """The noise of a later report, and the variance that is left of it; None without a path that leads to it."""
@@ -70,14 +78,42 @@ class PositionSmoother(msgspec.Struct, frozen=True):
         noise = np.array((priors.position_noise_m, priors.position_noise_m, priors.height_noise_m)) ** 2
         seconds = at_s - self.at_s
         if np.isnan(self.position[0]) or not 0.0 < seconds < LONGEST_S:
-            return PositionSmoother(at_s, position, velocity, noise)
-        variance = self.variance + VELOCITY_DENSITY * seconds + chord_error_m(self.velocity, velocity, seconds) ** 2
+            return PositionSmoother(at_s, position, velocity, noise, self.begun + 1)
+        predicted, variance = self._predicted(at_s, velocity)
         gain = variance / (variance + noise * max(1.0, TELEMETRY_STEP_S / seconds))
-        predicted = self.position + 0.5 * (self.velocity + velocity) * seconds
         off = position - predicted
         if (np.abs(off) > JUMP_SIGMAS * np.sqrt(variance + noise + JUMP_LEAST_M**2)).any():
-            return PositionSmoother(at_s, position, velocity, noise)
-        return PositionSmoother(at_s, predicted + gain * off, velocity, (1.0 - gain) * variance)
+            return PositionSmoother(at_s, position, velocity, noise, self.begun + 1)
+        return PositionSmoother(at_s, predicted + gain * off, velocity, (1.0 - gain) * variance, self.begun)
+
+    def _predicted(self, at_s: float, velocity: Array) -> tuple[Array, Array]:
+        """Position and variance at a later instant with this velocity."""
+        seconds = at_s - self.at_s
+        variance = self.variance + VELOCITY_DENSITY * seconds + chord_error_m(self.velocity, velocity, seconds) ** 2
+        return self.position + 0.5 * (self.velocity + velocity) * seconds, variance
+
+    def shift_by(self, later: PositionSmoother, shift: Array) -> Array:
+        """Change of the position by the later one of the path, which changes by ``shift``; 0 on another path."""
+        if later.begun != self.begun or later.at_s <= self.at_s:
+            return np.zeros(3)
+        predicted, variance = self._predicted(later.at_s, later.velocity)
+        return np.asarray(self.variance / variance * (later.position + shift - predicted))
+
+
+def smoothed_back(batches: Sequence[MeasurementBatch]) -> list[Array]:
+    """Changes (3) of the positions of batches by all later ones, in their order."""
+    shifts = [np.zeros(3)]
+    for later, path in pairwise(batch.path for batch in reversed(batches)):
+        shifts.append(np.zeros(3) if path is None or later is None else path.shift_by(later, shifts[-1]))
+    return shifts[::-1]
+
+
+def moved(batch: MeasurementBatch, shift: Array) -> MeasurementBatch:
+    """The batch with the vehicle elsewhere."""
+    scalars = batch.scalars.copy()
+    scalars[:, 5] += np.where(batch.ranged, shift[2], 0.0)
+    poses = msgspec.structs.replace(batch.poses, position_ned=batch.poses.position_ned + shift)
+    return msgspec.structs.replace(batch, poses=poses, scalars=scalars)
 
 
 def chord_error_m(before: Array, after: Array, seconds: float) -> float:

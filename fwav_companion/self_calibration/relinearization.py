@@ -17,6 +17,7 @@ from fwav_companion.self_calibration.calibration_context import CalibrationConte
 from fwav_companion.self_calibration.calibration_report import SharedParameter
 from fwav_companion.self_calibration.filter_pass import PHOTOGRAPH_NS, FilterPass
 from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, MeasurementBatch, joined
+from fwav_companion.self_calibration.position_smoother import moved, smoothed_back
 from fwav_companion.self_calibration.reassociation import near_places, reassociated
 
 MOST_KEPT = 1200
@@ -71,6 +72,8 @@ class Relinearization(msgspec.Struct, frozen=True):
     """Linearization point of the pass in progress."""
     places: dict[int, Array] = {}
     """Apparent places (2) about it of targets near to one another."""
+    shifts: tuple[Array, ...] = ()
+    """Changes (3) of the vehicle's positions of kept batches by later ones, at the begin of the last pass."""
 
     def with_batch(self, batch: MeasurementBatch, kinds: Mapping[int, str] | None = None) -> Relinearization:
         """The state after one more batch; when there are too many to keep, the last pass stays. ``kinds``: labels."""
@@ -104,12 +107,14 @@ class Relinearization(msgspec.Struct, frozen=True):
         left = [batch.without(gone) for batch in self.kept]
         taken = sum(bool(batch.tracks) for batch in left[: self.cursor])
         kept = tuple(batch for batch in left if batch.tracks)
+        shifts = tuple(shift for batch, shift in zip(left, self.shifts, strict=False) if batch.tracks)
         return msgspec.structs.replace(
             self,
             served=served,
             coming=coming,
             kept=kept,
             fresh=tuple(batch for each in self.fresh if (batch := each.without(gone)).tracks),
+            shifts=shifts,
             cursor=taken,
             tracks=self.tracks - gone,
             kinds={track: kind for track, kind in self.kinds.items() if track not in gone},
@@ -129,7 +134,15 @@ class Relinearization(msgspec.Struct, frozen=True):
         near = self._near(places or {})
         passed = self._measured_of(self.tracks)
         return msgspec.structs.replace(
-            self, kept=kept, delay_s=delay_s, coming=coming, cursor=0, passed=passed, point=point, places=near
+            self,
+            kept=kept,
+            shifts=tuple(smoothed_back(kept)),
+            delay_s=delay_s,
+            coming=coming,
+            cursor=0,
+            passed=passed,
+            point=point,
+            places=near,
         )
 
     def advanced(self, context: CalibrationContext, steps: int = STEP, *, settled: bool = True) -> Relinearization:
@@ -142,7 +155,8 @@ class Relinearization(msgspec.Struct, frozen=True):
             return self._begun_again(context, settled=settled)
         for _ in range(steps):
             if near := self._near_in_time(cursor):
-                coming = coming.fed(self._associated(joined(near)))
+                smooth = [moved(b, shift) for b, shift in zip(near, self.shifts[cursor:], strict=False)]
+                coming = coming.fed(self._associated(joined([*smooth, *near[len(smooth) :]])))
                 cursor += len(near)
         if cursor < len(self.kept):
             return msgspec.structs.replace(self, coming=coming, cursor=cursor)
@@ -183,6 +197,7 @@ class Relinearization(msgspec.Struct, frozen=True):
         places = self._near({track: place[0] for track, place in joint.targets.items()})
         return msgspec.structs.replace(
             self,
+            shifts=tuple(smoothed_back(self.kept)),
             coming=coming,
             cursor=0,
             done=self.done + planned,

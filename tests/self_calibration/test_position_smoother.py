@@ -1,5 +1,7 @@
 """Smoothed positions: their noise, their path between reports, and steps of the position."""
 
+from itertools import pairwise
+
 import msgspec
 import numpy as np
 import pytest
@@ -8,7 +10,12 @@ from simulated_world import World
 
 from fwav_companion.self_calibration.delayed_poses import delayed_poses
 from fwav_companion.self_calibration.pixel_measurement import measurement_batch
-from fwav_companion.self_calibration.position_smoother import PositionSmoother
+from fwav_companion.self_calibration.position_smoother import (
+    VELOCITY_DENSITY,
+    PositionSmoother,
+    chord_error_m,
+    smoothed_back,
+)
 
 PRIORS = priors(position_noise_m=0.1, height_noise_m=0.3)
 TURN = 0.7
@@ -28,6 +35,13 @@ def true_path(t, turn=TURN):
     radius = 2.1 / turn
     position = np.array([radius * np.cos(turn * t), radius * np.sin(turn * t), -10.0])
     return position, turn * np.array([-position[1], position[0], 0.0])
+
+
+def batch_at(batch, at_s, position, velocity):
+    poses = msgspec.structs.replace(
+        batch.poses, delay_s=np.zeros((1, 1)), position_ned=position[None, None], velocity_ned=velocity[None, None]
+    )
+    return msgspec.structs.replace(batch, poses=poses)
 
 
 def smoothed(batch, count=300, noise=(0.1, 0.1, 0.3), step_m=0.0, delays=(0.0,), seed=1, turn=TURN, missed=()):
@@ -82,3 +96,34 @@ def test_a_path_between_sights_that_turned_meanwhile_does_not_cut_the_corner(bat
     true, path = smoothed(batch, 3000, turn=TIGHT, missed=range(7))
     off = np.hypot(*(path - true)[50:, 0, :2].T)
     assert np.sqrt(np.mean(off**2)) < 0.12
+
+
+def test_a_path_smoothed_by_later_positions_is_the_least_squares_path(batch):
+    """All reports at once: positions against their noise, steps against what the velocities leave open."""
+    rng, state, times = np.random.default_rng(4), PositionSmoother(), np.arange(12) * 0.1
+    true = [true_path(t) for t in times]
+    noise = np.array((0.1, 0.1, 0.3))
+    reported = [position + noise * rng.standard_normal(3) for position, _ in true]
+    kept = []
+    for t, position, (_, velocity) in zip(times, reported, true, strict=True):
+        state, after = state.smoothed(batch_at(batch, t, position, velocity), np.array([t]), PRIORS)
+        kept.append(after)
+    found = np.array([b.poses.position_ned[0, 0] for b in kept]) + smoothed_back(kept)
+
+    velocities = np.array([velocity for _, velocity in true])
+    steps = 0.05 * (velocities[1:] + velocities[:-1])
+    sigma = np.sqrt([VELOCITY_DENSITY * 0.1 + chord_error_m(a, b, 0.1) ** 2 for a, b in pairwise(velocities)])
+    for axis in range(3):
+        rows = np.vstack((np.eye(12) / noise[axis], np.diff(np.eye(12), axis=0) / sigma[:, None]))
+        right = np.concatenate((np.array(reported)[:, axis] / noise[axis], steps[:, axis] / sigma))
+        expected = np.linalg.lstsq(rows, right, rcond=None)[0]
+        assert found[:, axis] == pytest.approx(expected, abs=1e-9)
+
+
+def test_positions_before_a_step_are_not_smoothed_by_those_after_it(batch):
+    state, kept = PositionSmoother(), []
+    for k in range(10):
+        position = np.array((0.0 if k < 5 else 5.0, 0.0, -10.0))
+        state, after = state.smoothed(batch_at(batch, 0.1 * k, position, np.zeros(3)), np.array([0.1 * k]), PRIORS)
+        kept.append(after)
+    assert smoothed_back(kept) == pytest.approx(np.zeros((10, 3)), abs=1e-12)
