@@ -10,3 +10,8 @@ import pytest
 def first_of(*values: Any, few: int = 1) -> list[Any]:
     """Values for ``parametrize`` with one name: every value is a draw that tests the same claim."""
     return [*values[:few], *(pytest.param(value, marks=pytest.mark.slow) for value in values[few:])]
+
+
+def first_rows_of(*rows: tuple[Any, ...], few: int = 1) -> list[Any]:
+    """Rows for ``parametrize`` with several names: every row is a draw that tests the same claim."""
+    return [*rows[:few], *(pytest.param(*row, marks=pytest.mark.slow) for row in rows[few:])]

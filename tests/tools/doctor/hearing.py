@@ -28,7 +28,7 @@ from fwav_companion.vision.wire import parse_frame
 from sitl_mock import Options, simulate
 
 TEXT = AUTOPILOT + GROUND + '[camera]\ncalibration = "camera.yaml"\n'
-SECONDS = 13.0
+SECONDS = 10.0
 
 Wire = Callable[[bytes, int], list[bytes]]
 

@@ -38,7 +38,7 @@ VEHICLES = {
     "timesync_unanswered": {"autopilot.answers_timesync": False},
     "clock_followed": {"autopilot.clock_rate": 0.985},
     "no_detections": {"camera.enabled": False},
-    "stale_detections": {"camera.stops_at_s": 9.0},
+    "stale_detections": {"camera.stops_at_s": 6.0},
     "loss": {"downlink.loss": 0.1},
     "no_position": {"autopilot.gps": False},
     "long_round_trip": {"downlink.delay_s": 0.06},

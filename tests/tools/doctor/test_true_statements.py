@@ -35,7 +35,7 @@ def with_another_sender(text):
     return evidence_of(hearing)
 
 
-@pytest.mark.parametrize("text", [TEXT, SERIAL], ids=["udp", "serial"])
+@pytest.mark.parametrize("text", [pytest.param(TEXT, marks=pytest.mark.slow), SERIAL], ids=["udp", "serial"])
 def test_another_sender_whose_messages_are_forwarded_in_part_is_no_loss(text):
     evidence = with_another_sender(text)
     (other,) = [peer for peer in evidence.status.traffic[0].peers if peer.system == 254]
