@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from math import dist, log, pi, sqrt
+from typing import cast
 
 import msgspec
 
@@ -16,14 +17,23 @@ from fwav_companion.geometry.vectors import Vector3, cross, norm
 from fwav_companion.tracking.assignment import least_cost_assignment
 from fwav_companion.tracking.coarse_gate import GatedFix, possible_pairs
 from fwav_companion.tracking.detector_model import DetectorModel
-from fwav_companion.tracking.filters.base import TargetState
+from fwav_companion.tracking.filters.base import JointlyGated, TargetState
 from fwav_companion.tracking.filters.gates import GATE, ID_GATE
+from fwav_companion.tracking.joint_compatibility import JointGate
 from fwav_companion.types import GroundFix
 from fwav_companion.types.tracks import OUTSIDE_GATE, GateResult
 
 CONFIRMED_BONUS = 8.0
 """Advantage of a confirmed track over a tentative one: the latter must be likelier by this, fifty to one, to take the
 fix from it."""
+LAST = 1e-3
+"""Share of the cost of a tentative track that is less than that: it takes a fix that is left."""
+SURE = -6.0
+"""Cost of a pair that shows the common biases although its track coasted: odds of 20 to 1."""
+JOINT_GATE = 13.8
+"""The gate given what other pairs show; 2 degrees of freedom: a true fix lies beyond it once in 1000 times."""
+ROUNDS = 3
+"""Rounds of narrowing gates, at most."""
 LEAST_NOISE_PX2 = 1e-3
 """Lower bound of a fix's noise ellipse, square pixels: a detection that claims less is not believed."""
 
@@ -40,6 +50,8 @@ class Candidate(msgspec.Struct, frozen=True, gc=False):
     """Self-calibrated prediction: more accurate and slower, evaluated only for ambiguous assignments."""
     confirmed: bool = True
     """Whether the track is confirmed, or the branch of a confirmed one."""
+    steady: bool = True
+    """Whether the track is confirmed and was detected in the last frames: its errors are those of this one."""
 
 
 class Clutter(msgspec.Struct, frozen=True):
@@ -81,17 +93,27 @@ def associate(
     fixes: Sequence[GroundFix],
     against: Clutter,
     could_see: Callable[[Vector3], bool] | None = None,
+    joint: JointGate | None = None,
 ) -> dict[int, tuple[int, float]]:
     """Candidate index -> fix index, each at most once, and the log-likelihood ratio of that fix against clutter.
 
     ``could_see``: whether a place is in view. A target in view that stays without a fix was missed, one out of view was
     not: where errors that targets share move them by half of their distance, this decides which of them are seen.
+    ``joint``: narrows the gates of a frame with tracks that are not steady, and learns from the pairs.
     """
     possible, clutter_llr = _possible(candidates, fixes, against)
     costs = _refined(_costs(possible, candidates, fixes, clutter_llr), candidates, fixes, clutter_llr)
+    if len(costs) < 2 or not _is_doubtful([candidates[i] for i, _ in costs]):
+        joint = None
+    if joint is not None:
+        costs = _jointly(costs, candidates, fixes, clutter_llr, joint)
     taken = dict(costs.keys())
     if not len(taken) == len(set(taken.values())) == len(costs):  # a track or a fix has more than one partner
         taken = _assigned(_with_priority(costs, candidates, against.miss_cost, could_see))
+    if joint is not None:
+        for i, j in taken.items():
+            if candidates[i].confirmed and not candidates[i].steady and costs[i, j] <= SURE:
+                joint.learn(cast("JointlyGated", candidates[i].target), fixes[j], steady=False)
     return {i: (j, 0.5 * (min(-costs[i, j], clutter_llr[j]) - against.detection_odds)) for i, j in taken.items()}
 
 
@@ -165,6 +187,42 @@ def _refined(
     return refined
 
 
+def _is_doubtful(candidates: Sequence[Candidate]) -> bool:
+    """Whether a track is not steady, and all have sensitivities to the errors that they share."""
+    steady = all(candidate.steady for candidate in candidates)
+    return not steady and all(hasattr(candidate.target, "innovation") for candidate in candidates)
+
+
+def _jointly(
+    costs: dict[tuple[int, int], float],
+    candidates: Sequence[Candidate],
+    fixes: Sequence[GroundFix],
+    clutter_llr: Mapping[int, float],
+    joint: JointGate,
+) -> dict[tuple[int, int], float]:
+    """The costs given what unambiguous pairs show; what they exclude makes others unambiguous.
+
+    Confirmed tracks show it: first the steady ones, then those whose pair is SURE given these.
+    """
+
+    def joint_cost(i: int, j: int) -> float | None:
+        if candidates[i].refined is not None:
+            return costs[i, j]
+        gated = joint.gate(cast("JointlyGated", candidates[i].target), fixes[j])
+        return _cost(candidates[i], fixes[j], gated, clutter_llr[j], gate=JOINT_GATE)
+
+    for _ in range(ROUNDS):
+        rows, columns = Counter(i for i, _ in costs), Counter(j for _, j in costs)
+        alone = [(i, j) for i, j in costs if candidates[i].confirmed and rows[i] == columns[j] == 1]
+        for i, j in sorted(alone, key=lambda pair: (not candidates[pair[0]].steady, costs[pair])):
+            if candidates[i].steady or (joint_cost(i, j) or 0.0) <= SURE:
+                joint.learn(cast("JointlyGated", candidates[i].target), fixes[j], steady=candidates[i].steady)
+        before, costs = costs, {pair: cost for pair in costs if (cost := joint_cost(*pair)) is not None}
+        if len(costs) == len(before):
+            break
+    return costs
+
+
 def _with_priority(
     costs: dict[tuple[int, int], float],
     candidates: Sequence[Candidate],
@@ -172,21 +230,24 @@ def _with_priority(
     could_see: Callable[[Vector3], bool] | None,
 ) -> dict[tuple[int, int], float]:
     """The costs with the advantages of confirmed tracks and of tracks in view."""
-    rows = {i for i, _ in costs}
-    advantage = {i: CONFIRMED_BONUS if candidates[i].confirmed else 0.0 for i in rows}
+    advantage = dict.fromkeys((i for i, _ in costs), 0.0)
     if could_see is not None and miss_cost > 0.0:
-        for i in rows:
-            advantage[i] += miss_cost if could_see(candidates[i].target.apparent_ned) else 0.0
-    return {(i, j): cost - advantage[i] for (i, j), cost in costs.items()}
+        advantage = {i: miss_cost if could_see(candidates[i].target.apparent_ned) else 0.0 for i in advantage}
+    return {
+        (i, j): (cost if candidates[i].confirmed else min(cost + CONFIRMED_BONUS, LAST * cost)) - advantage[i]
+        for (i, j), cost in costs.items()
+    }
 
 
-def _cost(candidate: Candidate, fix: GroundFix, gated: GateResult, clutter_llr: float) -> float | None:
+def _cost(
+    candidate: Candidate, fix: GroundFix, gated: GateResult, clutter_llr: float, *, gate: float = GATE
+) -> float | None:
     """The cost of a pair: negative, the lower the better; None outside the gate."""
     detector_id = fix.sighting.detection.detector_id
     if detector_id is not None and detector_id == candidate.detector_id:
         return gated.nis - 2.0 * ID_GATE if gated.nis < ID_GATE else None
     cost = gated.nis + gated.log_det_ratio - clutter_llr
-    return cost if gated.nis < GATE and cost < 0.0 else None
+    return cost if gated.nis < gate and cost < 0.0 else None
 
 
 def _assigned(costs: dict[tuple[int, int], float]) -> dict[int, int]:

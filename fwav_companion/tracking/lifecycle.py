@@ -66,6 +66,11 @@ def are_photographs(detector: DetectorModel) -> bool:
     return s_from_ns(COASTING_AFTER_NS) * detector.frames_hz < 1.0
 
 
+def is_steady(life: Life, host_ns: HostNs) -> bool:
+    """Whether a track is confirmed and was detected within COASTING_AFTER_NS."""
+    return life.confirmed_ns is not None and host_ns - life.last_seen_ns <= COASTING_AFTER_NS
+
+
 def initiated(host_ns: HostNs) -> Life:
     """The life of a track after its first detection."""
     return Life(TrackState.TENTATIVE, host_ns, host_ns)

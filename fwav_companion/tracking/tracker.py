@@ -15,7 +15,8 @@ from fwav_companion.tracking.detector_model import DetectorModel
 from fwav_companion.tracking.displacement import NONE_ABSENT, Absent, absent
 from fwav_companion.tracking.filters.base import Filter, TargetState
 from fwav_companion.tracking.filters.wander_evidence import WanderEvidence
-from fwav_companion.tracking.lifecycle import LOOK_S, MOVING_LOOK_S, are_photographs, not_detected
+from fwav_companion.tracking.joint_compatibility import CommonBiases, JointGate
+from fwav_companion.tracking.lifecycle import LOOK_S, MOVING_LOOK_S, are_photographs, is_steady, not_detected
 from fwav_companion.tracking.self_calibrated import TargetChoice
 from fwav_companion.tracking.track_merging import TrackMerging
 from fwav_companion.tracking.track_state import (
@@ -58,6 +59,8 @@ class Snapshot(msgspec.Struct, frozen=True):
     """None without landmarks."""
     wander: WanderEvidence | None = None
     """How the vehicle's position wanders; None before the first target showed it."""
+    biases: CommonBiases | None = None
+    """What the innovations of all targets show of the errors that they share; None before that."""
 
 
 class Tracker:
@@ -161,7 +164,8 @@ class Tracker:
             predicted = [
                 msgspec.structs.replace(track, target=landmarks.corrected(track.target)) for track in predicted
             ]
-        taken = self._associated(predicted, view, choice)
+        joint = JointGate(state.biases)
+        taken = self._associated(predicted, view, choice, joint)
         has_room = len(predicted) + len(view.fixes) <= MAX_TRACKS  # a branch must not take the place of a target
         branchings = reacquisition.weak_evidence(predicted, taken, state.detector) if has_room else {}
         for track, _ in branchings.values():
@@ -197,7 +201,16 @@ class Tracker:
         calibrator = self._taught(view, living)
         unused = unused_fixes(tracks, refused) if refused or branches else {}
         self._state = Snapshot(
-            living, next_id, calibrator, self._beside_state(), merging, detector, unused, landmarks, wander
+            living,
+            next_id,
+            calibrator,
+            self._beside_state(),
+            merging=merging,
+            detector=detector,
+            unused_fixes=unused,
+            landmarks=landmarks,
+            wander=wander,
+            biases=joint.biases,
         )
         return self._choice.reports(tracks, view)
 
@@ -239,7 +252,7 @@ class Tracker:
         return None if self._beside is None else self._beside.snapshot()
 
     def _associated(
-        self, tracks: Sequence[LiveTrack], view: FrameView, choice: TargetChoice
+        self, tracks: Sequence[LiveTrack], view: FrameView, choice: TargetChoice, joint: JointGate
     ) -> dict[int, tuple[GroundFix, float]]:
         """The fix of each track that has one, by id, and the fix's log-likelihood ratio against clutter."""
         if not (tracks and view.fixes):
@@ -248,11 +261,18 @@ class Tracker:
             self._state.calibrator.expect(view.fixes)
         first = reacquisition.first_served(tracks)
         candidates = [
-            Candidate(track.label, track.target, track.detector_id, choice.calibrated(track), track.id in first)
+            Candidate(
+                track.label,
+                track.target,
+                track.detector_id,
+                choice.calibrated(track),
+                confirmed=track.id in first,
+                steady=is_steady(track.life, view.host_ns),
+            )
             for track in tracks
         ]
         against = clutter(self._state.detector, view.image_px2)
-        pairs = associate(candidates, view.fixes, against, view.could_see)
+        pairs = associate(candidates, view.fixes, against, view.could_see, joint)
         return {tracks[i].id: (view.fixes[j], llr) for i, (j, llr) in pairs.items()}
 
     def _unseen(self, track: LiveTrack, view: FrameView, choice: TargetChoice) -> LiveTrack:

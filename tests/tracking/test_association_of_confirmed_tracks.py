@@ -74,6 +74,23 @@ def test_a_target_in_view_takes_the_fix_unless_the_one_out_of_view_is_far_likeli
     assert [tracks[i].apparent_ned[0] for i in taken] == [takes]
 
 
+def test_a_confirmed_track_leaves_its_fix_to_no_other_for_a_false_detection():
+    """A fix of the first target, and clutter near it: that two confirmed tracks have fixes then is no reward."""
+    fix, false = a_fix(0.0, (4, 3, 0), label="target"), a_fix(0.0, (7, 3, 0), label="target")
+
+    class Near:
+        """A target by the squared distances of the two fixes."""
+
+        def __init__(self, *distances2):
+            self._distances2 = distances2
+
+        def gate(self, each):
+            return GateResult(self._distances2[each is false], 3.0)
+
+    tracks = [Candidate("target", Near(1.0, 13.0), None), Candidate("target", Near(5.0, 50.0), None)]
+    assert {i: j for i, (j, _) in associate(tracks, [fix, false], CLUTTER).items()} == {0: 0}
+
+
 def test_a_newborn_does_not_take_a_known_targets_fix():
     """A gross detection 0.5 m from the target, with 0.2 m of noise, begins a track; the target's fixes stay its own,
     also one that happens to be nearer to the new track.

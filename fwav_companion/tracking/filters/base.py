@@ -10,6 +10,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
+import msgspec
+
+from fwav_companion.geometry.small_matrices import Row, Symmetric2
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.types import GroundFix
@@ -65,6 +68,24 @@ class CoarselyGated(TargetState, Protocol):
 
     def gates(self, fixes: Sequence[GroundFix]) -> list[GateResult]:
         """:meth:`TargetState.gate` of several fixes."""
+
+
+class SharedInnovation(msgspec.Struct, frozen=True, gc=False):
+    """A fix minus the predicted target, horizontal, by the errors that all targets share and by noise."""
+
+    north_m: float
+    east_m: float
+    shared: tuple[Row, Row]
+    """Sensitivities to shared errors of unit variance, north and east, metres; the last two are the wander's."""
+    noise: Symmetric2
+    """Covariance by noise, m^2."""
+
+
+class JointlyGated(TargetState, Protocol):
+    """A target state whose fixes are gated given what those of other targets show. Optional for a filter."""
+
+    def innovation(self, fix: GroundFix) -> SharedInnovation:
+        """The innovation of a fix at this instant."""
 
 
 class Filter(Protocol):

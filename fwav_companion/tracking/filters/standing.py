@@ -13,6 +13,7 @@ from fwav_companion.geometry.small_matrices import Symmetric2, inner
 from fwav_companion.geometry.stamps import HostNs, ns_from_s, s_from_ns
 from fwav_companion.geometry.vectors import Matrix3, Vector3
 from fwav_companion.tracking.filters.adaptive_noise import AdaptiveNoise
+from fwav_companion.tracking.filters.base import SharedInnovation
 from fwav_companion.tracking.filters.consider_biases import ConsiderBiases, Measurement
 from fwav_companion.tracking.filters.fix_mean import FixMean, first_mean
 from fwav_companion.tracking.filters.position_wander import (
@@ -192,6 +193,17 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
         """Gating statistics of several fixes."""
         errors, place = self.model.errors, self.predicted or self.apparent
         return gate_results(place, self.scatter, [errors.prepared(fix) for fix in fixes], errors.timed)
+
+    def innovation(self, fix: GroundFix) -> SharedInnovation:
+        """The innovation of a fix at this instant. What the time offset scatters is in its sensitivities.
+
+        The vehicle's position has wandered since the last fix, by as much for all targets: two more sensitivities.
+        """
+        own, (nn, _, _) = self.apparent, (self.predicted or self.apparent).noise
+        found = own.innovation(self.model.errors.prepared(fix))
+        (d_n, d_e), wandered = found.shared, sqrt(max(0.0, nn - own.noise[0]))
+        shared = ((*d_n, wandered, 0.0), (*d_e, 0.0, wandered))
+        return SharedInnovation(found.north_m, found.east_m, shared, found.noise)
 
     def before(self, host_ns: HostNs) -> PointEstimate:
         """The apparent place predicted to an instant: the error of the vehicle's position has wandered on.
