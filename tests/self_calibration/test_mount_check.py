@@ -50,7 +50,7 @@ def nominally(state):
 
 
 @pytest.mark.parametrize(
-    "vector_deg", first_of((18, 0, 0), (-20, 25, 10), (0, 20, 0), (0, 0, 25), (0, -45, 0), (30, 30, 30), few=2)
+    "vector_deg", first_of((-20, 25, 10), (18, 0, 0), (0, 20, 0), (0, 0, 25), (0, -45, 0), (30, 30, 30))
 )
 def test_a_mount_far_off_is_named_as_it_is_and_nothing_is_reported_as_certain(vector_deg):
     named, doubted = "", []

@@ -3,7 +3,7 @@
 import msgspec
 import numpy as np
 import pytest
-from draws import first_of
+from draws import first_of, first_rows_of
 from scipy.stats import chi2
 from simulated_flight import Flight, priors
 from simulated_world import World
@@ -113,7 +113,7 @@ def flown(flight, kept=None):
     return best, tracker.calibration
 
 
-@pytest.mark.parametrize("height_m", [1.5, -1.5])
+@pytest.mark.parametrize("height_m", first_of(1.5, -1.5))
 @pytest.mark.parametrize("seed", first_of(1, 2))
 def test_a_filter_that_rests_on_a_denied_prior_is_not_believed_though_it_claims_more(seed, height_m):
     """The target's own filter assumes a height known to 0.2 m, so it claims half of the true error."""
@@ -127,7 +127,7 @@ def test_a_filter_that_rests_on_a_denied_prior_is_not_believed_though_it_claims_
     assert error @ np.linalg.solve(np.array(track.cov)[:2, :2], error) < chi2.ppf(0.99, 2)
 
 
-@pytest.mark.parametrize(("height_m", "mount_y_deg"), [(1.5, 0.0), (-2.5, 1.0), (0.0, 6.0)])
+@pytest.mark.parametrize(("height_m", "mount_y_deg"), first_rows_of((-2.5, 1.0), (0.0, 6.0), (1.5, 0.0), few=2))
 def test_a_height_or_a_mount_far_beyond_its_prior_is_found_and_reported_and_bends_nothing_else(height_m, mount_y_deg):
     biases = np.zeros(BIAS_COUNT)
     biases[Bias.TIME_OFFSET], biases[Bias.HEIGHT] = 0.035, height_m
@@ -166,7 +166,9 @@ def test_each_denied_prior_is_reported_by_the_key_that_states_it():
         assert key in notice.text
 
 
-@pytest.mark.parametrize(("kept_s", "kept_deg"), [(0.020, -1.0), (0.010, -1.0), (0.035, 1.5), (0.035, 0.0)])
+@pytest.mark.parametrize(
+    ("kept_s", "kept_deg"), first_rows_of((0.010, -1.0), (0.035, 1.5), (0.020, -1.0), (0.035, 0.0), few=2)
+)
 def test_a_camera_that_was_moved_since_an_earlier_flight_is_calibrated_again(kept_s, kept_deg):
     biases = np.zeros(BIAS_COUNT)
     biases[Bias.TIME_OFFSET], biases[Bias.MOUNT_Y] = 0.035, np.radians(1.0)
@@ -186,7 +188,7 @@ def test_a_camera_that_was_moved_since_an_earlier_flight_is_calibrated_again(kep
     assert NoticeCode.CALIBRATION_DROPPED in [each.code for each in news.notices(report)]
 
 
-@pytest.mark.parametrize("height_m", [0.0, 1.5])
+@pytest.mark.parametrize("height_m", first_of(1.5, 0.0))
 def test_a_camera_that_was_not_moved_keeps_its_calibration(height_m):
     """Also where home was set 1.5 m off: the kept calibration contains no height."""
     biases = np.zeros(BIAS_COUNT)
