@@ -60,7 +60,7 @@ def one_target(rng, frames, kinds=({}, {})):
 
 
 @pytest.mark.parametrize("motion", ["static", "moving"])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", first_of(*range(3)))
 def test_two_tracks_of_one_target_become_the_senior_one(seed, motion):
     reported = flown(both() + one_target(np.random.default_rng(seed), 12 * FPS), motion=motion)
     assert replaced(reported) == [(2, 1)]
@@ -110,14 +110,14 @@ def test_two_targets_that_are_seldom_seen_stay_two(share_fps, motion):
     assert not replaced(reported)
 
 
-@pytest.mark.parametrize("frames", [7, 15, 30, 60])
+@pytest.mark.parametrize("frames", first_of(7, 60, 15, 30, few=2))
 def test_two_targets_that_hide_in_turns_stay_two(frames):
     """Both were detected for a second before: a track that was detected ten times does not outlive two seconds."""
     reported = flown(both(frames=FPS) + [[((ONE, OTHER)[k // frames % 2], {})] for k in range(40 * FPS)])
     assert confirmed(reported) == [1, 2]
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", first_of(*range(5), few=2))
 def test_one_that_left_is_not_seen_rather_than_replaced(seed):
     """A target that left is reported as not seen, even if earlier frames missed both at times."""
     rng = np.random.default_rng(seed)
