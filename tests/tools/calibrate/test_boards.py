@@ -15,6 +15,7 @@ from drawn_boards import (
     printed_grey,
     turn,
 )
+from draws import first_rows_of
 
 from fwav_companion.errors import UserError
 from fwav_companion.tools.calibrate.board_finders import SMALLEST_PX, finder_of
@@ -70,7 +71,9 @@ def miss_px(lens, pose, found, shift):
 
 
 @pytest.mark.parametrize(
-    ("lens", "reach", "share"), [(PAPER, 0.25, 0.3), (WIDE, 1.0, 0.7)], ids=["paper", "200 degrees"]
+    ("lens", "reach", "share"),
+    first_rows_of((WIDE, 1.0, 0.7), (PAPER, 0.25, 0.3)),
+    ids=["200 degrees", "paper"],
 )
 def test_a_chessboard_is_found_to_a_tenth_of_a_pixel(lens, reach, share):
     rng, middle = np.random.default_rng(1), (chess_points(9, 6, 0.025)[-1] - chess_points(9, 6, 0.025)[0])[:2] / 2

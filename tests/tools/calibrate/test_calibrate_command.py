@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 from drawn_boards import PAPER, half_size
+from draws import first_of
 from frozen import hold, keys
 
 from fwav_companion.camera import parse_calibration
@@ -85,10 +86,9 @@ def test_it_ends_with_a_verdict(calibrated):
     assert 20.0 < reported["usable_deg"] < 35.0
 
 
-def test_the_reprojection_error_is_opencvs(chess_folder, tmp_path, capsys):
+def test_the_reprojection_error_is_opencvs(calibrated):
     """OpenCV's own calibration of the same pictures by the same model reports the same RMS, to a tenth."""
-    assert calibrate(chess_folder, tmp_path / "camera.yaml", "--json") == 0
-    reported = json.loads(capsys.readouterr().out.splitlines()[-1])
+    *_, reported = calibrated
     used = [row["name"] for row in reported["pictures"] if row["used"]]
     places = np.stack(np.meshgrid(np.arange(7), np.arange(5)), axis=-1).reshape(1, -1, 2) * 0.025
     pixels = [finder_of(parse_board(BOARD)).find(cv2.imread(name, cv2.IMREAD_GRAYSCALE))[1] for name in used]
@@ -101,7 +101,7 @@ def test_the_reprojection_error_is_opencvs(chess_folder, tmp_path, capsys):
     assert reported["reprojection_rms_px"] == pytest.approx(rms, rel=0.1)
 
 
-@pytest.mark.parametrize("noise_px", [0.05, 0.9])
+@pytest.mark.parametrize("noise_px", first_of(0.9, 0.05))
 def test_a_poor_calibration_is_written_with_its_verdict_and_ends_with_1(
     noise_px, chess_folder, tmp_path, monkeypatch, capsys
 ):

@@ -74,8 +74,12 @@ FAULTS = {
 }  # fmt: skip
 
 
-FEWER = ("charuco, motion", "charuco, dictionary and swapped", "aprilgrid, defocused", "charuco, far")
-"""Each of these differs from another fault in the kind of board, or joins two."""
+FEWER = (
+    *("charuco, motion", "charuco, dictionary and swapped", "charuco, far", "aprilgrid, defocused"),
+    *("chessboard, motion", "chessboard, squares"),
+)
+"""Each of these differs from another fault in the kind of board or of blur, joins two, or is tested below by its grid
+alone."""
 
 
 @pytest.mark.parametrize(
