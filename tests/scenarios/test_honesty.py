@@ -18,8 +18,8 @@ from fwav_companion.types import GroundFix
 from sitl_mock import Options, Simulation, TargetOptions, scenario, simulate
 from sitl_mock.earth import Place
 
-FEW, MANY = 7, 80
-"""Flights of each of four kinds: 40 and 320 draws."""
+FEW, MANY = 5, 80
+"""Flights of each of four kinds: 20 and 320 draws."""
 FIRST_SEED = 5000
 CLEAR = {"camera.clutter": 0.0, "camera.missed": 0.0}
 """No clutter and no misses: they are tested elsewhere."""

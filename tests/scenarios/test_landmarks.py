@@ -123,7 +123,7 @@ def state_of(companion: Companion) -> dict[str, LandmarkState]:
 
 def test_a_landmark_that_disagrees_is_named_and_left_out():
     marks = {"mark": (0.0, 0.0), "second": (1.5, 1.0), "third": (0.0, 0.0)}
-    mock, companion = flown("default", 1, marks, 12.0)
+    mock, companion = flown("default", 1, marks, 12.0, KNOWN, **CHEAP)
     assert state_of(companion) == {
         "mark": LandmarkState.USED, "second": LandmarkState.LEFT_OUT, "third": LandmarkState.USED,
     }  # fmt: skip

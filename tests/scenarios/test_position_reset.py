@@ -13,10 +13,10 @@ from fwav_companion.telemetry.position_jump import LEAST_JUMP_M, PositionJumps
 from fwav_companion.types import NoticeCode
 from sitl_mock import Options, scenario
 
-AT_S, JUMP = 10.0, (4.0, -3.0)
+AT_S, JUMP = 8.0, (4.0, -3.0)
 RESET = scenario("default", Options(seed=4)).but(
     {
-        "seconds": 20.0,
+        "seconds": 14.0,
         "autopilot.position_shifts": ((AT_S, AT_S, *JUMP),),
         "autopilot.position_wander": "smooth",
         "camera.clutter": 0.0,

@@ -19,7 +19,7 @@ ALL = 0
 
 
 def flown(
-    name: str, *stations: Station, seconds: float = 20.0, attitude_hz: float = 30.0, **differences: Any
+    name: str, *stations: Station, seconds: float = 16.0, attitude_hz: float = 30.0, **differences: Any
 ) -> MergedNetwork:
     """Stations ask for at most 20 Hz: where our own rate is not judged, 30 Hz stand for the usual 100."""
     options = scenario(name).but({"seconds": seconds, "camera.enabled": False, **differences})
@@ -34,7 +34,7 @@ def test_arducopter_sends_its_heartbeat_alone_to_a_station_that_asks_for_nothing
     station = Station("ground")
     flown("arducopter", station)
     unasked = {"HEARTBEAT", "HOME_POSITION", "GPS_GLOBAL_ORIGIN", "TIMESYNC", "MESSAGE_INTERVAL"}
-    assert set(station.rates(4.0, 20.0)) <= unasked
+    assert set(station.rates(4.0, 16.0)) <= unasked
 
 
 def test_a_station_that_asks_arducopter_as_mavproxy_does_gets_all_groups_and_nothing_that_only_we_want():
@@ -61,7 +61,7 @@ def test_a_station_that_asks_as_qgroundcontrol_does_gets_each_group_at_its_rate(
         "RAW_IMU": 2, "SYS_STATUS": 2, "RC_CHANNELS": 2, "GLOBAL_POSITION_INT": 3, "ATTITUDE": 12, "VFR_HUD": 8,
         "BATTERY_STATUS": 3, "DISTANCE_SENSOR": 3,
     }  # fmt: skip
-    rates = station.rates(8.0, 20.0)
+    rates = station.rates(8.0, 16.0)
     assert {name: rates.get(name) for name in expected} == pytest.approx(expected, abs=0.25)
     assert not station.of("ATTITUDE_QUATERNION")
 
@@ -73,7 +73,7 @@ def test_a_station_that_asks_message_by_message_is_answered_by_the_autopilot_and
     flown("arducopter", station)
     answers = [(ack["command"], ack["result"], ack["target_system"]) for ack in station.of("COMMAND_ACK")]
     assert answers == [(511, 0, 255), (511, 0, 255), (511, 0, 255), (511, 2, 255)]
-    rates = station.rates(8.0, 20.0)
+    rates = station.rates(8.0, 16.0)
     asked = {"SYS_STATUS": 2.0, "VFR_HUD": 5.0, "ATTITUDE_QUATERNION": 20.0}
     assert {name: rates.get(name) for name in asked} == pytest.approx(asked, abs=0.25)
 
@@ -97,15 +97,15 @@ def test_two_stations_get_what_each_asked_for_whoever_asked_last():
     calm = Station("tablet", 254).ask_group(7.0, ALL, 2)
     flown("arducopter", brisk, calm)
     for station, hz in ((brisk, 10.0), (calm, 2.0)):
-        rates = station.rates(9.0, 20.0)
+        rates = station.rates(9.0, 16.0)
         assert {name: rates.get(name) for name in SHOWN} == pytest.approx(dict.fromkeys(SHOWN, hz), abs=0.4)
 
 
 def test_two_stations_on_one_link_get_the_higher_rate():
     one, other = Station("ground").ask_group(6.0, ALL, 5), Station("ground", 254).ask_group(7.0, ALL, 1)
     flown("arducopter", one, other)
-    assert one.rates(9.0, 20.0)["VFR_HUD"] == pytest.approx(5.0, abs=0.3)
-    assert other.rates(9.0, 20.0)["VFR_HUD"] == pytest.approx(5.0, abs=0.3)
+    assert one.rates(9.0, 16.0)["VFR_HUD"] == pytest.approx(5.0, abs=0.3)
+    assert other.rates(9.0, 16.0)["VFR_HUD"] == pytest.approx(5.0, abs=0.3)
 
 
 @pytest.mark.slow
@@ -121,7 +121,7 @@ def test_a_station_that_left_is_forgotten_after_a_minute():
 def test_a_station_that_stops_a_message_gets_no_more_of_it_and_we_still_do():
     station = Station("ground").ask_group(6.0, ALL, 4).ask(10.0, "GLOBAL_POSITION_INT", 0.0)
     network = flown("arducopter", station)
-    assert "GLOBAL_POSITION_INT" not in station.rates(11.0, 20.0)
+    assert "GLOBAL_POSITION_INT" not in station.rates(11.0, 16.0)
     assert network.mock.vehicle.rates_hz["GLOBAL_POSITION_INT"] == 10.0
 
 
@@ -134,7 +134,7 @@ def test_a_message_that_a_station_requests_once_arrives_though_only_we_stream_it
 def test_arduplane_sends_its_own_groups_and_our_rates_do_not_raise_them_at_the_ground():
     station = Station("ground")
     flown("arduplane", station)
-    rates = station.rates(6.0, 20.0)
+    rates = station.rates(6.0, 16.0)
     for name in (*SHOWN, "GLOBAL_POSITION_INT", "DISTANCE_SENSOR"):
         assert rates[name] == pytest.approx(1.0, abs=0.15), name
     assert not station.of("ATTITUDE_QUATERNION")
@@ -143,7 +143,7 @@ def test_arduplane_sends_its_own_groups_and_our_rates_do_not_raise_them_at_the_g
 def test_px4_for_a_radio_keeps_its_own_streams_and_sends_no_quaternion():
     station = Station("ground")
     flown("px4_normal", station)
-    rates = station.rates(6.0, 20.0)
+    rates = station.rates(6.0, 16.0)
     expected = {
         "ATTITUDE": 4.0, "VFR_HUD": 4.0, "GLOBAL_POSITION_INT": 5.0, "RC_CHANNELS": 5.0, "SYS_STATUS": 1.0,
         "LOCAL_POSITION_NED": 1.0, "BATTERY_STATUS": 0.5, "ALTITUDE": 1.0,
@@ -155,7 +155,7 @@ def test_px4_for_a_radio_keeps_its_own_streams_and_sends_no_quaternion():
 def test_px4_for_a_companion_passes_with_attitude_at_four_hertz():
     station = Station("ground")
     network = flown("px4_onboard", station, attitude_hz=100.0)
-    rates = station.rates(6.0, 20.0)
+    rates = station.rates(6.0, 16.0)
     assert (rates["ATTITUDE"], rates["ATTITUDE_QUATERNION"]) == pytest.approx((4.0, 4.0), abs=0.3)
     own = {"VFR_HUD": 10.0, "SYS_STATUS": 5.0, "GLOBAL_POSITION_INT": 50.0, "LOCAL_POSITION_NED": 30.0}
     assert {name: rates[name] for name in own} == pytest.approx(own, rel=0.05), "ours are lower, and lower nothing"
@@ -167,13 +167,13 @@ def test_px4_for_a_companion_passes_with_attitude_at_four_hertz():
 def test_a_station_that_asks_px4_gets_what_it_asked_for_and_groups_which_px4_ignores_harm_nothing():
     station = Station("ground").ask(6.0, "ATTITUDE", 20.0).ask(6.1, "VFR_HUD", 2.0).ask_group(6.2, ALL, 4)
     flown("px4_normal", station)
-    rates = station.rates(8.0, 20.0)
+    rates = station.rates(8.0, 16.0)
     assert rates["VFR_HUD"] == pytest.approx(2.0, abs=0.2)
     assert rates["ATTITUDE"] == pytest.approx(4.0, abs=0.3), "the later request is for 4 Hz"
     assert rates["SYS_STATUS"] == pytest.approx(1.0, abs=0.1), "PX4's own rate"
     asked = Station("ground").ask(6.0, "ATTITUDE", 20.0)
     flown("px4_normal", asked)
-    assert asked.rates(8.0, 20.0)["ATTITUDE"] == pytest.approx(20.0, abs=0.5)
+    assert asked.rates(8.0, 16.0)["ATTITUDE"] == pytest.approx(20.0, abs=0.5)
 
 
 def test_after_a_reboot_the_autopilots_own_rates_are_learned_again():
@@ -188,8 +188,8 @@ def test_after_a_reboot_the_autopilots_own_rates_are_learned_again():
 def test_where_requests_are_not_merged_everything_goes_to_the_ground_as_before(setting):
     text = LINKS.replace('role = "gcs"', f'role = "gcs"\nforward_rate_requests = {setting}')
     station = Station("ground").ask_group(8.0, ALL, 4)
-    options = scenario("arducopter").but({"seconds": 20.0, "camera.enabled": False})
+    options = scenario("arducopter").but({"seconds": 16.0, "camera.enabled": False})
     network = MergedNetwork(options, [station], text=text).fly()
-    assert station.rates(12.0, 20.0)["ATTITUDE_QUATERNION"] == pytest.approx(100.0, rel=0.03)
-    assert ("VFR_HUD" in station.rates(12.0, 20.0)) is (setting == "true")
+    assert station.rates(12.0, 16.0)["ATTITUDE_QUATERNION"] == pytest.approx(100.0, rel=0.03)
+    assert ("VFR_HUD" in station.rates(12.0, 16.0)) is (setting == "true")
     assert network.node.statistics(network._now)[1].stopped == (setting == "false")

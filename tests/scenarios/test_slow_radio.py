@@ -101,8 +101,8 @@ def test_the_line_never_fills_and_what_matters_always_arrives(name, group_hz):
 
 def test_the_line_is_used_and_not_wasted():
     station = RadioStation()
-    flown("px4_onboard", station)
-    assert station.bytes_per_s(10.0, 36.0) == pytest.approx(0.95 * 0.7 * DRAIN, rel=0.05)
+    flown("px4_onboard", station, seconds=24.0)
+    assert station.bytes_per_s(10.0, 24.0) == pytest.approx(0.95 * 0.7 * DRAIN, rel=0.05)
 
 
 @pytest.mark.slow
@@ -132,6 +132,6 @@ def test_a_radio_slower_than_its_baud_rate_is_followed_by_its_own_reports(name, 
 
 def test_a_radio_with_room_is_not_slowed():
     station = RadioStation(drain=20_000.0, size=4096, reports=True).ask_group(6.0, ALL, 4)
-    network = flown("arducopter", station, text=UNLIMITED)
-    assert station.rates(10.0, 36.0)["VFR_HUD"] == pytest.approx(4.0, abs=0.1)
+    network = flown("arducopter", station, text=UNLIMITED, seconds=22.0)
+    assert station.rates(10.0, 22.0)["VFR_HUD"] == pytest.approx(4.0, abs=0.1)
     assert network.node.statistics(network._now)[1].thinning.max_bytes_per_s is None

@@ -35,7 +35,7 @@ def fixes(anchor, width_m, pitch_deg=37.0):
     )
     texts = [f'[[target]]\nlabel = "{i}"\nheight_m = {HEIGHT_M}\nanchor = "{anchor}"\n' for i in range(len(RING))]
     link = '[[link]]\nname = "autopilot"\nurl = "udpin://127.0.0.1:14540"\nrole = "autopilot"\n'
-    text = f'{link}[camera]\ncalibration = "camera.yaml"\nreadout_s = 0.0\n{"".join(texts)}'
+    text = f'{link}[camera]\ncalibration = "camera.yaml"\nreadout_s = 0.0\n[rates]\nattitude = 50\n{"".join(texts)}'
     flight = fly(options, text=text, sightings=True)
     found, labels = [], {}
     for line in flight.companion.lines:
