@@ -5,6 +5,7 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 import pytest
+from draws import first_of
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 from true_flights import LEVEL_PRIORS as PRIORS
@@ -147,7 +148,7 @@ def test_a_gimbals_error_turns_the_ray_but_not_the_beam(relative):
 @pytest.mark.parametrize(
     ("draws", "apart", "within"), [(1000, 0.12, 0.087), pytest.param(3000, 0.07, 0.05, marks=pytest.mark.slow)]
 )
-@pytest.mark.parametrize("name", ["ahead and turned", "relative", "low", "standing"])
+@pytest.mark.parametrize("name", first_of("ahead and turned", "standing", "relative", "low", few=2))
 def test_noise_and_total_agree_with_monte_carlo(name, draws, apart, within):
     """Errors small enough to be linear; drawn, flown and located one by one. ``within`` is 3.9 sigma of the draws."""
     priors = scaled_priors(0.2)
@@ -289,7 +290,7 @@ def test_each_line_of_the_budget_is_its_own_cause():
                 assert getattr(less, other) == getattr(fix.budget, other)
 
 
-@pytest.mark.parametrize("pitch_deg", [10.0, 37.0])
+@pytest.mark.parametrize("pitch_deg", first_of(37.0, 10.0))
 @pytest.mark.parametrize(("north", "within"), [(5.0, "steep"), (40.0, "halfway"), (105.0, "as shallow as is allowed")])
 def test_a_claimed_ellipse_holds_as_many_truths_as_it_says(pitch_deg, north, within):
     """500 flights, one fix each, biases from the priors: normalised squares and the 90 % ellipse, from both sides."""
