@@ -253,7 +253,7 @@ def test_another_autopilot_on_the_link_drops_every_track_and_begins_a_new_world(
     ended_ns = companion._now
     companion.on_bytes(Wire(1, 1).frame("HEARTBEAT", 16, 3, 0, 0, 4, 3), ended_ns + seconds)
     options = scenario("perfect").but(
-        {"seconds": 40.0, "autopilot.system_id": 7, "camera.enabled": False, "origin": (47.0, 11.0, 300.0)}
+        {"seconds": 20.0, "autopilot.system_id": 7, "camera.enabled": False, "origin": (47.0, 11.0, 300.0)}
     )
     for _ in simulate(options).drive(AfterAWhile(companion, ended_ns + 2 * seconds)):
         pass

@@ -6,7 +6,7 @@ from flying import fly
 from fwav_companion.types import NoticeCode
 from sitl_mock import scenario
 
-SLOW_FRAMES = {"seed": 3, "camera.readout_s": 0.03, "camera.fps": 3.0, "seconds": 40.0}
+SLOW_FRAMES = {"seed": 3, "camera.readout_s": 0.03, "camera.fps": 3.0, "seconds": 28.0}
 CALM_RATES = ("rates.attitude=50",)
 """Ten attitudes a wing beat show the motion as well as twenty, and cost half."""
 
