@@ -103,7 +103,7 @@ def test_before_an_autopilot_is_adopted_only_heartbeats_are_said():
 )
 def test_each_landing_consumer_takes_every_landing_target_at_its_place(vehicle: dict[str, str]):
     """The EKF's origin differs from home, and PX4's frame is on its own sphere: the mock evaluates by its own rules."""
-    options = scenario("perfect").but({"seconds": 16.0, "seed": 5} | vehicle)
+    options = scenario("perfect").but({"seconds": 12.0, "seed": 5} | vehicle)
     assert options.autopilot.ekf_origin_m != (0.0, 0.0, 0.0)
     flown = fly(options, (*LANDING, *GLOBAL_SHUTTER))
     assert not flown.refused_landings
@@ -156,7 +156,7 @@ def test_a_position_that_comes_late_drops_every_track_by_name():
 
 
 def test_three_targets_are_three_tracks():
-    flown = flight("three_targets", seconds=20.0)
+    flown = flight("three_targets", seconds=14.0)
     last = flown.companion.targets()[-1]["time_unix"]
     confirmed = [
         line for line in flown.companion.targets() if line["time_unix"] > last - 0.2 and line["state"] == "confirmed"
