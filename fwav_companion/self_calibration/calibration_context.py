@@ -51,6 +51,7 @@ class CalibrationContext:
         self.delays = tuple(self.delay_s + i * DELAY_STEP_S for i in range(-steps, steps + 1))
         # The newest frame: its fixes, their measurements at a delay, and their gates for a joint estimate.
         self._frame: tuple[GroundFix, ...] = ()
+        self._places: dict[int, int] = {}
         self._batch: tuple[float, MeasurementBatch] | None = None
         self._gates: tuple[FilterPass, list[list[float]], list[list[float]]] | None = None
         self._report: tuple[PositionSmoother, BootNs, SmoothedReport | None] | None = None
@@ -86,6 +87,7 @@ class CalibrationContext:
     def expect(self, fixes: Sequence[GroundFix]) -> None:
         """Remember the fixes of a frame: they are gated and measured as one batch."""
         self._frame, self._batch, self._gates = tuple(fixes), None, None
+        self._places = {id(fix): place for place, fix in enumerate(fixes)}
 
     def gate(self, fix: GroundFix, place: int, delay_s: float, served: FilterPass) -> GateResult:
         """Gating statistics of a fix against the target at this place of the joint estimate."""
@@ -112,7 +114,7 @@ class CalibrationContext:
         return msgspec.structs.replace(batch, tracks=tuple(track for track, _ in fixes))
 
     def _index(self, fix: GroundFix) -> int | None:
-        return next((i for i, each in enumerate(self._frame) if each is fix), None)
+        return self._places.get(id(fix))  # the frame holds its fixes, so that no other object has their identity
 
     def smoothed_report(self, smoother: PositionSmoother, vehicle: VehicleState) -> SmoothedReport | None:
         """Noise of one report of the vehicle's position by the path up to it; the same for all fixes of a frame."""

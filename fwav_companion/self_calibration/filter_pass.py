@@ -155,7 +155,7 @@ class FilterPass(msgspec.Struct, frozen=True, dict=True):
         refused = wanted & ~fits
         if refused.any():
             # An impossible measurement is charged as the worst, so that it cannot win a search.
-            log_det = np.where(seen.valid, seen.log_det, 2.0 * np.log(batch.pixel_sigma.prod(1)))
+            log_det = np.log(np.where(seen.valid, seen.determinant, batch.pixel_sigma.prod(1) ** 2))
             score = score - np.where(refused, 0.5 * (np.minimum(seen.nis, WORST) + log_det), 0.0).sum(1)
         searched = None if self.drift is not None else _score_variance(batch, seen, wanted)
         return msgspec.structs.replace(

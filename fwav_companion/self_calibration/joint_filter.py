@@ -47,6 +47,9 @@ MOST_DISPLACED = 0.02
 """Angle by which the mean predicts better than the linearization point, beyond which the point moves there: its square
 is 0.02 degrees, a tenth of a pixel's noise."""
 
+LEAST_DETERMINANT = 1e-300
+"""Where rounding left no positive one, px^4."""
+
 
 class PixelInnovations(msgspec.Struct, frozen=True):
     """Innovations of one batch under each hypothesis (B)."""
@@ -63,8 +66,8 @@ class PixelInnovations(msgspec.Struct, frozen=True):
     """(B, N, 2, 7), roots of the noise that is common to the measurements of one frame, px."""
     nis: Array
     """(B, N), of each measurement alone; inf where it is impossible."""
-    log_det: Array
-    """(B, N), of S of each measurement alone."""
+    determinant: Array
+    """(B, N), of S of each measurement alone, px^4."""
     displaced: float
     """Largest angle by which the mean predicts a measurement better than the linearization point does."""
     valid: Mask
@@ -113,12 +116,13 @@ class JointFilter(msgspec.Struct, frozen=True, dict=True):
     @property
     def position_error(self) -> Array:
         """(B, 2), the present error of the vehicle's position."""
-        return np.asarray(np.einsum("bi,ai->ba", self.mean[:, self.moving], self.position.by_state))
+        return np.asarray(self.mean[:, self.moving] @ self.position.by_state.T)
 
-    @property
+    @cached_property
     def apparent(self) -> Array:
         """(B, 2T), apparent places."""
-        return self.mean[:, self.first :] + np.tile(self.position_error, len(self.tracks))
+        places = self.mean[:, self.first :].reshape(len(self.mean), -1, 2) + self.position_error[:, None]
+        return np.asarray(places.reshape(len(self.mean), -1))
 
     @property
     def targets(self) -> dict[int, Array]:
@@ -193,7 +197,7 @@ class JointFilter(msgspec.Struct, frozen=True, dict=True):
         crossed = flat @ self.cov
         common = common_noise(batch, seen.rows, self.priors)
         cov = crossed @ flat.swapaxes(1, 2) + _full_noise(batch, common)
-        nis, log_det, valid = _alone(difference, cov, seen.valid)
+        nis, determinant, valid = _alone(difference, cov, seen.valid)
         gained = np.abs(seen.residual) - np.abs(difference)
         return PixelInnovations(
             difference=difference.reshape(hypotheses, -1),
@@ -202,7 +206,7 @@ class JointFilter(msgspec.Struct, frozen=True, dict=True):
             cov=cov,
             common=common,
             nis=nis,
-            log_det=log_det,
+            determinant=determinant,
             displaced=float((gained / np.sqrt((batch.dual**2).sum(-1))).max()),
             valid=valid,
         )
@@ -274,11 +278,9 @@ class JointFilter(msgspec.Struct, frozen=True, dict=True):
         seen = predict(batch, targets, self.mean[:, :SHARED_COUNT])
         noise = pixel_noise(batch, seen.rows, self.priors)
         spread = noise + seen.rows @ self.apparent_covs[:, None] @ seen.rows.swapaxes(2, 3)
-        nis, log_det = _two_by_two(seen.residual, spread[..., 0, 0], spread[..., 0, 1], spread[..., 1, 1])
-        possible = seen.valid & np.isfinite(log_det)
-        return np.where(possible, nis, np.inf), log_det - np.log(
-            noise[..., 0, 0] * noise[..., 1, 1] - noise[..., 0, 1] ** 2
-        )
+        nis, determinant = _two_by_two(seen.residual, spread[..., 0, 0], spread[..., 0, 1], spread[..., 1, 1])
+        alone = noise[..., 0, 0] * noise[..., 1, 1] - noise[..., 0, 1] * noise[..., 0, 1]
+        return np.where(seen.valid, nis, np.inf), np.log(np.maximum(determinant, LEAST_DETERMINANT) / alone)
 
     @cached_property
     def apparent_covs(self) -> Array:
@@ -301,22 +303,20 @@ def _full_noise(batch: MeasurementBatch, common: Array) -> Array:
 
 
 def _alone(difference: Array, cov: Array, valid: Mask) -> tuple[Array, Array, Mask]:
-    """NIS and log determinant (B, N) of each measurement alone, and whether it is one."""
+    """NIS and determinant (B, N) of each measurement alone, and whether it is one."""
     alone = cov.diagonal(axis1=1, axis2=2)
     both = cov.diagonal(1, axis1=1, axis2=2)[:, ::2]
-    nis, log_det = _two_by_two(difference, alone[:, ::2], both, alone[:, 1::2])
-    valid = valid & np.isfinite(log_det)
-    return np.where(valid, nis, np.inf), log_det, valid
+    nis, determinant = _two_by_two(difference, alone[:, ::2], both, alone[:, 1::2])
+    valid = valid & (determinant > 0.0)
+    return np.where(valid, nis, np.inf), determinant, valid
 
 
 def _two_by_two(difference: Array, uu: Array, uv: Array, vv: Array) -> tuple[Array, Array]:
-    """Squared Mahalanobis distance by a covariance, and its log determinant; -inf where that is not positive."""
+    """Squared Mahalanobis distance by a covariance, inf where that is not positive, and its determinant."""
     determinant = uu * vv - uv * uv
-    positive = determinant > 0.0
-    safe = np.where(positive, determinant, 1.0)
     du, dv = difference[..., 0], difference[..., 1]
-    nis = (vv * du * du - 2.0 * uv * du * dv + uu * dv * dv) / safe
-    return nis, np.where(positive, np.log(safe), -np.inf)
+    nis = (vv * du * du - 2.0 * uv * du * dv + uu * dv * dv) / np.maximum(determinant, LEAST_DETERMINANT)
+    return np.where(determinant > 0.0, nis, np.inf), determinant
 
 
 def joint_filter(

@@ -33,7 +33,7 @@ def an_innovation(difference, cov=NOISE):
     rows, one = np.zeros((1, 2, ROW_COUNT)), np.zeros((1, 1))
     return PixelInnovations(
         difference=np.array([difference]), rows=rows, crossed=rows, cov=np.array([cov]), common=rows,
-        nis=one, log_det=one, displaced=0.0, valid=USED,
+        nis=one, determinant=one, displaced=0.0, valid=USED,
     )  # fmt: skip
 
 
