@@ -183,8 +183,10 @@ class Tracker:
         after = reacquisition.reacquired(after, view.host_ns)
         elapsed_ns = view.host_ns - (state.detector.last_ns or view.host_ns)
         merging = state.merging.after_frame(after, [track.id for track in missed], elapsed_ns, choice.target)
-        used = {id(fix) for fix, _ in taken.values()}
-        unassociated = [fix for fix in view.fixes if id(fix) not in used]
+        unassociated = list[GroundFix]()
+        if len(taken) < len(view.fixes):
+            used = {id(fix) for fix, _ in taken.values()}
+            unassociated = [fix for fix in view.fixes if id(fix) not in used]
         tracks, next_id = list(merging.merged(after, choice.target)), state.next_id
         if unassociated:
             tracks, next_id = self._with_new(tracks, unassociated, view.host_ns, landmarks, branchings)

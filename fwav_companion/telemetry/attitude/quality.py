@@ -85,15 +85,18 @@ POWERS = {Method.FOUR: 4, Method.SIX: 6, Method.RATES: 4}
 """Power of the interval's width by which each method's error grows."""
 
 
-class _MethodErrors(NamedTuple):
-    """Error of every interpolation at the stream's own spacing, by the checks so far."""
+class _Unseen(NamedTuple):
+    """Motion that the attitudes may miss, by the checks so far."""
 
-    errors: dict[Method, float]
-    """RMS, rad."""
+    angle: float
+    """RMS of a motion that only the rates show, rad; 0 where the stream is too slow for it."""
     unexplained: float
     """Rates that the attitudes leave unexplained, rad/s, where the stream is too slow for the motion."""
-    swing: float
     instant_sigma_s: float
+
+
+ALL_SEEN = _Unseen(0.0, 0.0, 0.0)
+"""The attitudes show the motion."""
 
 
 class AttitudeQuality:
@@ -103,10 +106,10 @@ class AttitudeQuality:
         "_due_ns",
         "_four2",
         "_last_ns",
-        "_method_errors",
         "_rates2",
         "_six2",
         "_tried_ns",
+        "_unseen",
         "count",
         "method",
         "motion",
@@ -124,7 +127,7 @@ class AttitudeQuality:
         self.settled = False
         """Whether enough samples were checked for the results to count."""
         self._four2 = self._six2 = self._rates2 = 0.0
-        self._method_errors: _MethodErrors | None = None
+        self._unseen: _Unseen | None = None
         self.rates = RateFit()
         """Correction of the rates as sent, and whether they can be used."""
         self.motion = AngularMotion(self.rates)
@@ -148,7 +151,7 @@ class AttitudeQuality:
     @property
     def instant_sigma_s(self) -> float:
         """One sigma of an attitude's instant where attitudes are too slow for the motion: the whole spacing is open."""
-        return self._measured().instant_sigma_s if self.settled else 0.0
+        return self._missed().instant_sigma_s if self.settled else 0.0
 
     @property
     def still(self) -> bool:
@@ -165,33 +168,32 @@ class AttitudeQuality:
         """One sigma of interpolating over an interval of this width, rad about each axis."""
         if not self.settled:
             return min(MOST_SWING, UNCHECKED_SHARE * self.motion.angular_acceleration * interval_s**2)
-        measured = self._measured()
-        error = measured.errors[method] * max(1.0, interval_s / self.motion.spacing_s) ** POWERS[method]
-        if measured.unexplained:
-            error += 0.5 * measured.unexplained * max(interval_s, self.motion.spacing_s)
-        return min(error, measured.swing)
+        missed, spacing_s = self._missed(), self.motion.spacing_s
+        error = hypot(self._error(method), missed.angle) * max(1.0, interval_s / spacing_s) ** POWERS[method]
+        if missed.unexplained:
+            error += 0.5 * missed.unexplained * max(interval_s, spacing_s)
+        return min(error, self.motion.swing)
 
-    def _measured(self) -> _MethodErrors:
-        """Errors by method. Needed with every attitude that is asked for, and changed by checks alone."""
-        if self._method_errors is None:
-            self._method_errors = self._errors_by_method()
-        return self._method_errors
+    def _error(self, method: Method) -> float:
+        """RMS error of an interpolation at the stream's own spacing, rad."""
+        if method is Method.FOUR:
+            return sqrt(self._four_truncation2())
+        if method is Method.SIX:
+            return sqrt(self._amid_interval2(self._six2, SIX_LEFT_OUT))
+        return sqrt(self._amid_interval2(self._rates2, RATES_LEFT_OUT))
 
-    def _errors_by_method(self) -> _MethodErrors:
-        motion = self.motion
-        errors2 = {
-            Method.FOUR: self._four_truncation2(),
-            Method.SIX: self._amid_interval2(self._six2, SIX_LEFT_OUT),
-            Method.RATES: self._amid_interval2(self._rates2, RATES_LEFT_OUT),
-        }
-        errors = {method: sqrt(error2) for method, error2 in errors2.items()}
-        if not self.too_slow:
-            return _MethodErrors(errors, 0.0, motion.swing, 0.0)
-        unseen = self.rates.disagreement * motion.spacing_s / pi
+    def _missed(self) -> _Unseen:
+        """The motion that is missed. Needed with every attitude that is asked for, and changed by checks alone."""
+        if self._unseen is None:
+            self._unseen = self._motion_unseen() if self.too_slow else ALL_SEEN
+        return self._unseen
+
+    def _motion_unseen(self) -> _Unseen:
+        motion, disagreement = self.motion, self.rates.disagreement
+        unseen = disagreement * motion.spacing_s / pi
         if unseen < SMOOTH and not motion.alternates:
-            seen = {method: hypot(error, unseen) for method, error in errors.items()}
-            return _MethodErrors(seen, 0.0, motion.swing, 0.0)
-        return _MethodErrors(errors, self.rates.disagreement, motion.swing, motion.spacing_s / sqrt(12.0))
+            return _Unseen(unseen, 0.0, 0.0)
+        return _Unseen(0.0, disagreement, motion.spacing_s / sqrt(12.0))
 
     def status(self) -> AttitudeReport:
         """Part of the status: the interpolation, and the motion that it has to follow."""
@@ -225,7 +227,7 @@ class AttitudeQuality:
         self.count += 1
         self.settled = self.count >= CHECKS_TO_BEGIN
         self.motion.measure(seven[2:5], max(1.0 / self.count, 1.0 - exp(-elapsed_s / MEMORY_S)))
-        self._method_errors = None
+        self._unseen = None
         if self._tried_ns is None or not self._tried_ns <= middle_ns < self._due_ns:
             self._try_all(seven, middle_ns)
 
