@@ -72,7 +72,7 @@ def first_served(tracks: Sequence[LiveTrack]) -> set[int]:
 
     A branch has its first fix as evidence: its track would otherwise take every fix from it, for one more branch.
     """
-    branched_ids = {track.branch_of for track in tracks}
+    branched_ids = {track.branch_of for track in tracks if track.branch_of}
     return {track.id for track in tracks if track.branch_of or (track.confirmed and track.id not in branched_ids)}
 
 

@@ -224,9 +224,8 @@ def with_shared_evidence(
     """
     newest, shared = known, True
     for track in tracks:
-        if isinstance(track.target, StandingTargetState):
-            own = track.target.wander_evidence
-            shared = shared and own is known
+        if isinstance(track.target, StandingTargetState) and track.target.wander_evidence is not known:
+            own, shared = track.target.wander_evidence, False
             if own is not None and own.until_ns > (newest or NO_EVIDENCE).until_ns and track.confirmed:
                 newest = own
     if shared or newest is None:
