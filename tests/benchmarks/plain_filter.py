@@ -77,13 +77,12 @@ class PlainFilter:
             self._begin_place()
             return
         self.is_apart = True
-        self.fresh.append((fix.position, own, fix.shared))
+        self.second.append((fix.position, own, fix.shared))
+        self.fresh = sample if self.fresh is None else _updated(self.fresh, sample)
         if placed_s >= STEP_S:
-            mean = _mean(self.fresh)
-            self._judge(placed_s, mean)
-            position, noise, shared = mean
-            self._place(placed_s, position, noise + self._sensitivity_noise(shared, placed_s), shared)
-            self.fresh = []
+            self._judge(placed_s, _mean(self.second))
+            self._place(placed_s, *self.fresh)
+            self.fresh, self.second = None, []
 
     def _moved(self, since_s: float) -> float:
         quick = float(2.0 * self.each * np.sum(1.0 - np.exp(-0.5 * self.rates * since_s)))
@@ -95,7 +94,7 @@ class PlainFilter:
 
     def _begin_place(self) -> None:
         """States: place, then error and rate of each process: rows of ``mean_all``, matrices of ``shared_all``."""
-        self.placed_ns, self.fresh = self.at_ns, list[Sample]()
+        self.placed_ns, self.fresh, self.second = self.at_ns, None, list[Sample]()
         steady, count = self._steady(), 1 + 2 * len(self.rates)
         self.mean_all = np.vstack([self.apparent, np.zeros((count - 1, 2))])
         self.shared_all = np.stack([self.shared, *[0.0 * self.shared] * (count - 1)])

@@ -11,7 +11,6 @@ from fwav_companion.tracking.filters.schmidt_kalman import PointEstimate
 WANDER = wander_with_rates(1.5, (0.03, 0.2))
 """Two processes."""
 BIASES = 3
-NO_MORE = (0.0, 0.0, 0.0)
 SHOWS = np.array([1.0, 1.0, 0.0, 1.0, 0.0])
 """The apparent place: the place and the error of each process."""
 
@@ -21,6 +20,10 @@ def apparent(rng):
     (nn, ne), (_, ee) = (root @ root.T + 0.01 * np.eye(2)).tolist()
     north, east = rng.normal(0.0, 1.0, 2).tolist()
     return PointEstimate(north, east, (nn, ne, ee), tuple(map(tuple, rng.normal(0.0, 0.3, (2, BIASES)).tolist())))
+
+
+def updated(state, seen, dt):
+    return state.update(seen, WANDER, dt, seen)
 
 
 def transition(dt):
@@ -51,7 +54,7 @@ def test_it_is_the_kalman_filter_of_place_and_two_processes():
         rows = [move @ each for each in rows]
         rows = [each + np.outer(gain, of - SHOWS @ each) for each, of in zip(rows, np.array(seen.shared), strict=True)]
         cov = cov - np.outer(gain, SHOWS @ cov)
-        state = state.update(seen, WANDER, dt, NO_MORE)
+        state = state.update(seen, WANDER, dt, seen)
         assert state.north == pytest.approx(north, abs=1e-12)
         assert state.east == pytest.approx(east, abs=1e-12)
         assert np.array(state.cov) == pytest.approx(cov, abs=1e-12)
@@ -67,7 +70,7 @@ def test_the_errors_move_on_by_their_rates():
     rng, dt = np.random.default_rng(10), 8.0
     state = first_place(apparent(rng), WANDER)
     for _ in range(4):
-        state = state.update(apparent(rng), WANDER, 1.0, NO_MORE)
+        state = updated(state, apparent(rng), 1.0)
     move = transition(dt)
     north_m, east_m, variance = state.movement(WANDER, dt)
     change = (SHOWS @ (move - np.eye(5)))[None]
@@ -86,7 +89,7 @@ def test_a_jump_frees_the_error_of_the_first_process_alone():
 
 def test_a_fresh_error_keeps_the_place_and_forgets_the_rest():
     rng = np.random.default_rng(9)
-    state = first_place(apparent(rng), WANDER).update(apparent(rng), WANDER, 5.0, NO_MORE)
+    state = updated(first_place(apparent(rng), WANDER), apparent(rng), 5.0)
     other = wander_with_rates(0.02, (0.1,))
     fresh = state.with_fresh_error(other)
     assert fresh.north == (state.north[0], 0.0, 0.0)

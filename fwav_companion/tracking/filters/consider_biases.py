@@ -156,17 +156,9 @@ class ConsiderBiases:
 
     def with_sensitivity_noise(self, measurement: Measurement, since_s: float) -> Measurement:
         """The measurement with the error of its sensitivities in its noise."""
-        (north, east, _) = measurement.shared
-        return _less_certain(measurement, measurement.shared, self._by_sensitivities(north, east), since_s)
-
-    def sensitivity_noise(self, north: Row, east: Row, since_s: float) -> Symmetric2:
-        """The noise of fixes ``since_s`` apart by the error of their sensitivities, m^2."""
-        share, (nn, ne, ee) = _sensitivity_share(since_s), self._by_sensitivities(north, east)
-        return (share * nn, share * ne, share * ee)
-
-    def _by_sensitivities(self, north: Row, east: Row) -> Symmetric2:
-        sensitive = [i for i, _, _ in self._sensitive]
-        return gram(tuple([north[i] for i in sensitive]), tuple([east[i] for i in sensitive]))
+        (north, east, _), sensitive = measurement.shared, [i for i, _, _ in self._sensitive]
+        by_sensitivities = gram(tuple([north[i] for i in sensitive]), tuple([east[i] for i in sensitive]))
+        return _less_certain(measurement, measurement.shared, by_sensitivities, since_s)
 
     def by_delay(self, measurement: Measurement) -> BiasShare | None:
         """What the position delay does to a measurement; None where it has no prior."""
@@ -218,15 +210,10 @@ class ConsiderBiases:
 
 def _less_certain(measurement: Measurement, shared: Rows, by_sensitivities: Symmetric2, since_s: float) -> Measurement:
     """The measurement with these rows, and with their error in its noise. ``by_sensitivities``: the rows' own gram."""
-    share = _sensitivity_share(since_s)
+    share = SENSITIVITY_SHARE**2 * max(1.0, SENSITIVITY_STEP_S / max(since_s, 1e-3))
     ((nn, ne, nd), (_, ee, ed), down), (by_nn, by_ne, by_ee) = measurement.noise, by_sensitivities
     nn, ne, ee = nn + share * by_nn, ne + share * by_ne, ee + share * by_ee
     return Measurement(measurement.position, ((nn, ne, nd), (ne, ee, ed), down), shared, measurement.gate)
-
-
-def _sensitivity_share(since_s: float) -> float:
-    """The variance of fixes ``since_s`` apart by their sensitivities, over the square of the sensitivities."""
-    return SENSITIVITY_SHARE**2 * max(1.0, SENSITIVITY_STEP_S / max(since_s, 1e-3))
 
 
 def turned_toward(noise: Matrix3, fix: GroundFix, target_ned: Vector3) -> Matrix3:

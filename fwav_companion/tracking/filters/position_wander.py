@@ -110,13 +110,9 @@ class WanderingPlace(msgspec.Struct, frozen=True, gc=False):
         return PointEstimate(self.north[0], self.east[0], noise, (self.shared[0][0], self.shared[1][0]))
 
     def update(
-        self, mean: PointEstimate, wander: PositionWander, interval_s: float, sensitivity_noise: Symmetric2
+        self, apparent: PointEstimate, wander: PositionWander, interval_s: float, mean: PointEstimate
     ) -> WanderingPlace:
-        """The state after a mean of fixes ``interval_s`` after the last one.
-
-        ``sensitivity_noise``: of the error of its sensitivities, m^2.
-        """
-        apparent = mean.with_noise(sensitivity_noise)
+        """The state after the apparent place ``interval_s`` after the last one. ``mean``: of the same fixes."""
         steps = [_step(rate, interval_s) for rate in wander.rates]
         cov = _predicted(self.cov, steps, wander)
         by_apparent = [row[0] + sum(row[1::2]) for row in cov]

@@ -255,8 +255,7 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
         fresh = first_mean(measurement, noise) if fresh is None else fresh.with_fix(measurement, noise)
         if since_s < STEP_S:
             return wandering, fresh, self.placed_ns, evidence
-        by_sensitivity = self.model.errors.sensitivity_noise(*fresh.shared, since_s)
-        wandering = wandering.update(fresh.estimate, self.wander, since_s, by_sensitivity)
+        wandering = wandering.update(fresh.place, self.wander, since_s, fresh.estimate)
         densities = self.wander.quick_density, self.wander.smooth_density
         return wandering, None, host_ns, evidence.with_means(wandering.means, *densities, host_ns)
 
