@@ -60,7 +60,7 @@ class World:
         camera_from_ned = (Rotation.from_euler("ZYX", ypr) * true_mount).inv()
         seen = []
         for target, velocity, label in zip(flight.targets, flight.velocities, flight.labels, strict=True):
-            where = np.stack([target[0] + velocity[0] * capture, target[1] + velocity[1] * capture, 0 * capture], -1)
+            where = self._places(target, velocity, capture)
             d = camera_from_ned.apply(where - camera)
             uv = pixel_from_camera(d)
             inside = (np.abs(uv[:, 0] - 319.5) < 320) & (np.abs(uv[:, 1] - 239.5) < 240) & (d[:, 2] > 0)
@@ -76,6 +76,10 @@ class World:
         for k in false:
             seen.append((k, rng.uniform([0, 0], [639, 479]), flight.labels[0]))
         return seen
+
+    def _places(self, target, velocity, capture):
+        """(N, 3) true places of a target."""
+        return np.stack([target[0] + velocity[0] * capture, target[1] + velocity[1] * capture, 0 * capture], -1)
 
     def _fixes(self, stamps, reported, seen):
         """(index of the frame, fix) of every detection whose ray goes down to the ground."""

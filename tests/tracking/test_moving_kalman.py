@@ -6,7 +6,9 @@ from handmade import a_fix, host_ns
 from scipy.spatial.transform import Rotation
 from simulated_flight import priors
 
+from fwav_companion.tracking.filters import moving
 from fwav_companion.tracking.filters.consider_biases import DOWN_FLOOR_M2
+from fwav_companion.tracking.filters.maneuver import LAGS
 from fwav_companion.tracking.filters.moving import (
     ACCELERATION_DENSITY,
     CLIMB_DENSITY,
@@ -78,15 +80,20 @@ def assert_same(state, plain):
     assert state.position_ned == pytest.approx(plain.x[:3], abs=1e-9)
     assert state.velocity_ned == pytest.approx(plain.x[3:], abs=1e-9)
     shared, velocity = plain.shared[:3], plain.shared[3:]
-    assert np.array(state.cov) == pytest.approx(plain.noise[:3, :3] + shared @ shared.T, abs=1e-9)
+    lagging = plain.noise[:3, :3] + LAGS * np.outer(*[[state.lag.north_m, state.lag.east_m, 0.0]] * 2)
+    assert np.array(state.cov) == pytest.approx(lagging + shared @ shared.T, abs=1e-9)
     assert np.array(state.velocity_cov) == pytest.approx(plain.noise[3:, 3:] + velocity @ velocity.T, abs=1e-9)
     relative = shared[:, : len(USED)]
-    assert np.array(state.relative_cov) == pytest.approx(plain.noise[:3, :3] + relative @ relative.T, abs=1e-9)
+    assert np.array(state.relative_cov) == pytest.approx(lagging + relative @ relative.T, abs=1e-9)
     assert np.array(state.cross) == pytest.approx(plain.noise[:3, 3:], abs=1e-9)
 
 
-def test_prediction_and_update_are_those_of_the_plain_state():
-    """Over prediction through gaps too, where the target may turn; fixes come far apart, so none repeats telemetry."""
+def test_prediction_and_update_are_those_of_the_plain_state(monkeypatch):
+    """Over prediction through gaps too, where the target may turn; fixes come far apart, so none repeats telemetry.
+
+    Turns that the innovations show are not in the plain state.
+    """
+    monkeypatch.setattr(moving, "TURNED", np.inf)
     rng, t = np.random.default_rng(4), 0.0
     fix, jacobian = drawn(rng, t, (4.0, 3.0, 0.0))
     state, plain = MovingKalman(PRIORS).initiate(fix), Plain(fix, jacobian)

@@ -10,7 +10,7 @@ from fwav_companion.geometry.stamps import HostNs, s_from_ns
 from fwav_companion.geometry.vectors import Matrix3
 from fwav_companion.tracking.filters.consider_biases import FIRST_SENSITIVITY_S, Measurement
 from fwav_companion.tracking.filters.linearization import LinearizationPoint, first_point, is_level, level_columns
-from fwav_companion.tracking.filters.maneuver import ManeuverLag
+from fwav_companion.tracking.filters.maneuver import JUMPED, ManeuverLag
 from fwav_companion.tracking.filters.schmidt_kalman import (
     PointEstimate,
     RelativeEstimate,
@@ -69,7 +69,7 @@ class StaticTargetState(StandingTargetState, frozen=True, kw_only=True, gc=False
         innovation = before.innovation(measurement)
         jump = self.jump.with_fix(innovation.north_m, innovation.east_m, since_s)
         state = self
-        if self.wander.sigma_m > 0.0 and jump.is_turn(innovation.cov):
+        if self.wander.sigma_m > 0.0 and jump.is_turn(innovation.cov, JUMPED):
             # The position has jumped beyond any doubt, and is free to have moved by as much as the last fixes agree.
             (nn, ne, _), (_, ee, _), _ = jump.position_cov
             before, jump = before.with_noise((nn, ne, ee)), ManeuverLag()

@@ -26,7 +26,7 @@ from fwav_companion.geometry.vectors import (
 )
 from fwav_companion.tracking.filters.adaptive_noise import AdaptiveNoise
 from fwav_companion.tracking.filters.consider_biases import ConsiderBiases, Measurement, Rows
-from fwav_companion.tracking.filters.maneuver import ManeuverLag
+from fwav_companion.tracking.filters.maneuver import LAGS, TURNED, ManeuverLag
 from fwav_companion.tracking.filters.schmidt_kalman import PointEstimate, gate_results, scattered
 from fwav_companion.types import ErrorPriors, GroundFix
 from fwav_companion.types.tracks import GateResult
@@ -73,7 +73,7 @@ class MovingTargetState(msgspec.Struct, frozen=True):
     @property
     def cov(self) -> Matrix3:
         """Covariance by every source of error, NED, m^2. Older errors of the vehicle's position are not kept."""
-        return _with_biases(self.noise, self.shared, self.errors.count)
+        return _with_biases(self._lagging, self.shared, self.errors.count)
 
     @property
     def apparent_ned(self) -> Vector3:
@@ -83,7 +83,12 @@ class MovingTargetState(msgspec.Struct, frozen=True):
     @property
     def relative_cov(self) -> Matrix3:
         """Covariance without the vehicle's position, NED, m^2."""
-        return _with_biases(self.noise, self.shared, self.errors.wandering)
+        return _with_biases(self._lagging, self.shared, self.errors.wandering)
+
+    @property
+    def _lagging(self) -> Matrix3:
+        """Covariance of the position by noise, and by a turn that has not shown itself yet, m^2."""
+        return add_matrices(self.noise, scaled(self.lag.position_cov, LAGS))
 
     @property
     def velocity_cov(self) -> Matrix3:
@@ -126,7 +131,7 @@ class MovingTargetState(msgspec.Struct, frozen=True):
         north_m, east_m, _ = subtract(measurement.position, self.position_ned)
         (nn, ne, _), (_, ee, _), _ = self._expected(measurement.noise)
         lag = self.lag.with_clipped(north_m, east_m, since_s, (nn, ne, ee))
-        if lag.is_turn((nn, ne, ee)):
+        if lag.is_turn((nn, ne, ee), TURNED):
             return self._turned(lag)._updated(measurement, ManeuverLag(), fix.sighting.frame_host_ns)
         return self._updated(measurement, lag, fix.sighting.frame_host_ns)
 
