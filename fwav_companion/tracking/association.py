@@ -34,6 +34,8 @@ JOINT_GATE = 13.8
 """The gate given what other pairs show; 2 degrees of freedom: a true fix lies beyond it once in 1000 times."""
 ROUNDS = 3
 """Rounds of narrowing gates, at most."""
+MOST_PAIRS = 400
+"""Pairs up to which a frame is gated jointly, at 15 us each: thirty targets in doubt have 120."""
 LEAST_NOISE_PX2 = 1e-3
 """Lower bound of a fix's noise ellipse, square pixels: a detection that claims less is not believed."""
 
@@ -103,7 +105,7 @@ def associate(
     """
     possible, clutter_llr = _possible(candidates, fixes, against)
     costs = _refined(_costs(possible, candidates, fixes, clutter_llr), candidates, fixes, clutter_llr)
-    if len(costs) < 2 or not _is_doubtful([candidates[i] for i, _ in costs]):
+    if not 2 <= len(costs) <= MOST_PAIRS or not _is_doubtful([candidates[i] for i, _ in costs]):
         joint = None
     if joint is not None:
         costs = _jointly(costs, candidates, fixes, clutter_llr, joint)
@@ -202,11 +204,13 @@ def _jointly(
 ) -> dict[tuple[int, int], float]:
     """The costs given what unambiguous pairs show; what they exclude makes others unambiguous.
 
-    Confirmed tracks show it: first the steady ones, then those whose pair is SURE given these.
+    Confirmed tracks show it: first the steady ones, then those whose pair is SURE given these. A pair of a steady track
+    is in doubt where another track, which is not steady, may take its fix.
     """
+    doubtful = {j for i, j in costs if not candidates[i].steady}
 
     def joint_cost(i: int, j: int) -> float | None:
-        if candidates[i].refined is not None:
+        if candidates[i].refined is not None or j not in doubtful:
             return costs[i, j]
         gated = joint.gate(cast("JointlyGated", candidates[i].target), fixes[j])
         return _cost(candidates[i], fixes[j], gated, clutter_llr[j], gate=JOINT_GATE)
