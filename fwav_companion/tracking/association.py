@@ -105,13 +105,15 @@ def associate(
     """
     possible, clutter_llr = _possible(candidates, fixes, against)
     costs = _refined(_costs(possible, candidates, fixes, clutter_llr), candidates, fixes, clutter_llr)
-    if not 2 <= len(costs) <= MOST_PAIRS or not _is_doubtful([candidates[i] for i, _ in costs]):
+    nonlinear = bool(candidates) and getattr(candidates[0].target, "nonlinear", False)
+    if nonlinear or not 2 <= len(costs) <= MOST_PAIRS or not _is_doubtful([candidates[i] for i, _ in costs]):
         joint = None
     if joint is not None:
         costs = _jointly(costs, candidates, fixes, clutter_llr, joint)
     taken = dict(costs.keys())
     if not len(taken) == len(set(taken.values())) == len(costs):  # a track or a fix has more than one partner
-        taken = _assigned(_with_priority(costs, candidates, against.miss_cost, could_see))
+        prior = _with_reward if nonlinear else _with_handicap
+        taken = _assigned(_with_misses(prior(costs, candidates), candidates, against.miss_cost, could_see))
     if joint is not None:
         for i, j in taken.items():
             if candidates[i].confirmed and not candidates[i].steady and costs[i, j] <= SURE:
@@ -227,20 +229,35 @@ def _jointly(
     return costs
 
 
-def _with_priority(
+def _with_handicap(
+    costs: dict[tuple[int, int], float], candidates: Sequence[Candidate]
+) -> dict[tuple[int, int], float]:
+    """The costs with the handicap of tentative tracks. A fix that no confirmed track takes remains theirs."""
+    return {
+        (i, j): cost if candidates[i].confirmed else min(cost + CONFIRMED_BONUS, LAST * cost)
+        for (i, j), cost in costs.items()
+    }
+
+
+def _with_reward(costs: dict[tuple[int, int], float], candidates: Sequence[Candidate]) -> dict[tuple[int, int], float]:
+    """The costs with a reward of confirmed tracks: as many of them as can be have a fix.
+
+    Where a wing beat displaces each frame's fixes in another way, distances show less than that all targets are there.
+    """
+    return {(i, j): cost - CONFIRMED_BONUS * candidates[i].confirmed for (i, j), cost in costs.items()}
+
+
+def _with_misses(
     costs: dict[tuple[int, int], float],
     candidates: Sequence[Candidate],
     miss_cost: float,
     could_see: Callable[[Vector3], bool] | None,
 ) -> dict[tuple[int, int], float]:
-    """The costs with the advantages of confirmed tracks and of tracks in view."""
-    advantage = dict.fromkeys((i for i, _ in costs), 0.0)
-    if could_see is not None and miss_cost > 0.0:
-        advantage = {i: miss_cost if could_see(candidates[i].target.apparent_ned) else 0.0 for i in advantage}
-    return {
-        (i, j): (cost if candidates[i].confirmed else min(cost + CONFIRMED_BONUS, LAST * cost)) - advantage[i]
-        for (i, j), cost in costs.items()
-    }
+    """The costs less that of a miss, for the tracks in view."""
+    if could_see is None or miss_cost <= 0.0:
+        return costs
+    seen = {i for i in dict.fromkeys(i for i, _ in costs) if could_see(candidates[i].target.apparent_ned)}
+    return {(i, j): cost - miss_cost * (i in seen) for (i, j), cost in costs.items()}
 
 
 def _cost(

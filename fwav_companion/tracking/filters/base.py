@@ -84,6 +84,10 @@ class SharedInnovation(msgspec.Struct, frozen=True, gc=False):
 class JointlyGated(TargetState, Protocol):
     """A target state whose fixes are gated given what those of other targets show. Optional for a filter."""
 
+    @property
+    def nonlinear(self) -> bool:
+        """Whether errors that targets share may displace fixes out of proportion to their sensitivities."""
+
     def innovation(self, fix: GroundFix) -> SharedInnovation:
         """The innovation of a fix at this instant."""
 

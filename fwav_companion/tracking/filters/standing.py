@@ -194,6 +194,11 @@ class StandingTargetState(msgspec.Struct, frozen=True, kw_only=True, gc=False):
         errors, place = self.model.errors, self.predicted or self.apparent
         return gate_results(place, self.scatter, [errors.prepared(fix) for fix in fixes], errors.timed)
 
+    @property
+    def nonlinear(self) -> bool:
+        """Whether the time offset may displace fixes out of proportion to their sensitivities."""
+        return self.model.errors.nonlinear
+
     def innovation(self, fix: GroundFix) -> SharedInnovation:
         """The innovation of a fix at this instant. What the time offset scatters is in its sensitivities.
 
