@@ -151,20 +151,6 @@ def _with_level(cov: Matrix3, level_sigma_m: float) -> Matrix3:
     return (north, east, (down_north, down_east, down_down + level_sigma_m * level_sigma_m))
 
 
-def weakest_first(tracks: Sequence[LiveTrack]) -> list[int]:
-    """Places of the tracks without a fix in this frame that yield to a new one, in that order.
-
-    Tentative ones first, by their score; then coasting ones, the one unseen the longest first, so that tracks out of
-    view do not keep new targets out.
-    """
-    unseen = [(track.life, i) for i, track in enumerate(tracks) if track.fix is None]
-    tentative = [
-        (life.log_likelihood_ratio, life.last_seen_ns, i) for life, i in unseen if life.state is TrackState.TENTATIVE
-    ]
-    coasting = [(life.last_seen_ns, i) for life, i in unseen if life.state is TrackState.COASTING]
-    return [i for *_, i in sorted(tentative)] + [i for _, i in sorted(coasting)]
-
-
 def opened(target: TargetState, view: FrameView) -> TargetState:
     """The target after a jump of the vehicle's reported position, where its filter follows that."""
     jumped = getattr(target, "jumped", None)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import msgspec
 
@@ -17,17 +17,16 @@ from fwav_companion.tracking.filters.base import Filter, TargetState
 from fwav_companion.tracking.filters.wander_evidence import WanderEvidence
 from fwav_companion.tracking.joint_compatibility import CommonBiases, JointGate
 from fwav_companion.tracking.lifecycle import LOOK_S, MOVING_LOOK_S, are_photographs, is_steady, not_detected
+from fwav_companion.tracking.new_tracks import MAX_TRACKS, with_new
 from fwav_companion.tracking.self_calibrated import TargetChoice
 from fwav_companion.tracking.track_merging import TrackMerging
 from fwav_companion.tracking.track_state import (
     LiveTrack,
     detector_after,
-    initiate,
     innovation,
     opened,
     teaches,
     unused_fixes,
-    weakest_first,
     with_shared_evidence,
 )
 from fwav_companion.tracking.visibility import is_missed_detection
@@ -37,8 +36,9 @@ if TYPE_CHECKING:
     from fwav_companion.self_calibration.calibrator import Calibrator
     from fwav_companion.tracking.landmarks.landmark_target import LandmarkTracking
 
-MAX_TRACKS = 200
-"""Live tracks at once. A frame has 256 detections at most."""
+
+Taken: TypeAlias = dict[int, tuple[GroundFix, float]]
+"""The fix of each track that has one, by id, and the fix's log-likelihood ratio against clutter."""
 
 
 class Snapshot(msgspec.Struct, frozen=True):
@@ -150,47 +150,20 @@ class Tracker:
             self._beside.on_frame(view)
         state, choice = self._state, self._choice
         landmarks = None if state.landmarks is None else state.landmarks.predicted(view)
-        predicted = [
-            msgspec.structs.replace(
-                track,
-                target=(opened(track.target, view) if view.jumped_m else track.target).predict(view.host_ns),
-                fix=None,
-                looked_for=False,
-                innovation=None,
-            )
-            for track in state.alive
-        ]
-        if landmarks is not None:
-            predicted = [
-                msgspec.structs.replace(track, target=landmarks.corrected(track.target)) for track in predicted
-            ]
-        joint = JointGate(state.biases)
-        taken = self._associated(predicted, view, choice, joint)
-        has_room = len(predicted) + len(view.fixes) <= MAX_TRACKS  # a branch must not take the place of a target
-        branchings = reacquisition.weak_evidence(predicted, taken, state.detector) if has_room else {}
-        for track, _ in branchings.values():
-            del taken[track.id]
-        unseen, missed, displaced = dict[int, LiveTrack](), list[LiveTrack](), NONE_ABSENT
-        if len(taken) < len(predicted):
-            unseen = {track.id: self._unseen(track, view, choice) for track in predicted if track.id not in taken}
-            missed = [t for t in predicted if t.id in unseen and unseen[t.id].life.misses > t.life.misses]
-        if missed:
-            displaced = absent(predicted, missed, taken, photographs=are_photographs(state.detector))
-        after = [
-            unseen[track.id] if track.id in unseen else self._seen(track, *taken[track.id], view, displaced)
-            for track in predicted
-        ]
-        after = reacquisition.reacquired(after, view.host_ns)
+        predicted, joint = self._predicted(view, landmarks), JointGate(state.biases)
+        taken, branchings = self._associated(predicted, view, choice, joint)
+        after, missed = self._after(predicted, taken, view, choice)
         elapsed_ns = view.host_ns - (state.detector.last_ns or view.host_ns)
         merging = state.merging.after_frame(after, [track.id for track in missed], elapsed_ns, choice.target)
-        unassociated = list[GroundFix]()
+        tracks, next_id, refused = list(merging.merged(after, choice.target)), state.next_id, 0
         if len(taken) < len(view.fixes):
             used = {id(fix) for fix, _ in taken.values()}
-            unassociated = [fix for fix in view.fixes if id(fix) not in used]
-        tracks, next_id = list(merging.merged(after, choice.target)), state.next_id
-        if unassociated:
-            tracks, next_id = self._with_new(tracks, unassociated, view.host_ns, landmarks, branchings)
-        refused = len(after) + len(unassociated) - len(tracks)
+            free = [fix for fix in view.fixes if id(fix) not in used]
+            target_of = self._filter.initiate if landmarks is None else landmarks.initiate
+            tracks, next_id = with_new(
+                tracks, free, view.host_ns, next_id, target_of=target_of, branchings=branchings, detector=state.detector
+            )
+            refused = len(after) + len(free) - len(tracks)
         detector = detector_after(state.detector, view.host_ns, predicted, tracks, refused=refused)
         if landmarks is not None:
             landmarks = landmarks.seen(view.landmarks, [t.fix for t in tracks if t.confirmed and t.fix is not None])
@@ -215,6 +188,39 @@ class Tracker:
             biases=joint.biases,
         )
         return self._choice.reports(tracks, view)
+
+    def _predicted(self, view: FrameView, landmarks: LandmarkTracking | None) -> list[LiveTrack]:
+        """The live tracks at the instant of a frame, before it."""
+        predicted = [
+            msgspec.structs.replace(
+                track,
+                target=(opened(track.target, view) if view.jumped_m else track.target).predict(view.host_ns),
+                fix=None,
+                looked_for=False,
+                innovation=None,
+            )
+            for track in self._state.alive
+        ]
+        if landmarks is None:
+            return predicted
+        return [msgspec.structs.replace(track, target=landmarks.corrected(track.target)) for track in predicted]
+
+    def _after(
+        self, predicted: Sequence[LiveTrack], taken: Taken, view: FrameView, choice: TargetChoice
+    ) -> tuple[list[LiveTrack], list[LiveTrack]]:
+        """The tracks after the frame, and those of ``predicted`` that it should have shown and did not."""
+        unseen, missed, displaced = dict[int, LiveTrack](), list[LiveTrack](), NONE_ABSENT
+        if len(taken) < len(predicted):
+            unseen = {track.id: self._unseen(track, view, choice) for track in predicted if track.id not in taken}
+            missed = [t for t in predicted if t.id in unseen and unseen[t.id].life.misses > t.life.misses]
+        if missed:
+            photographs = are_photographs(self._state.detector)
+            displaced = absent(predicted, missed, taken, photographs=photographs)
+        after = [
+            unseen[track.id] if track.id in unseen else self._seen(track, *taken[track.id], view, displaced)
+            for track in predicted
+        ]
+        return reacquisition.reacquired(after, view.host_ns), missed
 
     @property
     def due_ns(self) -> HostNs | None:
@@ -255,10 +261,10 @@ class Tracker:
 
     def _associated(
         self, tracks: Sequence[LiveTrack], view: FrameView, choice: TargetChoice, joint: JointGate
-    ) -> dict[int, tuple[GroundFix, float]]:
-        """The fix of each track that has one, by id, and the fix's log-likelihood ratio against clutter."""
+    ) -> tuple[Taken, reacquisition.Branchings]:
+        """The fix of each track that has one, by id; and the fixes that begin a branch of a track instead."""
         if not (tracks and view.fixes):
-            return {}
+            return {}, {}
         if self._state.calibrator is not None:
             self._state.calibrator.expect(view.fixes)
         first = reacquisition.first_served(tracks)
@@ -275,7 +281,13 @@ class Tracker:
         ]
         against = clutter(self._state.detector, view.image_px2)
         pairs = associate(candidates, view.fixes, against, view.could_see, joint)
-        return {tracks[i].id: (view.fixes[j], llr) for i, (j, llr) in pairs.items()}
+        taken = {tracks[i].id: (view.fixes[j], llr) for i, (j, llr) in pairs.items()}
+        if len(tracks) + len(view.fixes) > MAX_TRACKS:  # a branch must not take the place of a target
+            return taken, {}
+        branchings = reacquisition.weak_evidence(tracks, taken, self._state.detector)
+        for track, _ in branchings.values():
+            del taken[track.id]
+        return taken, branchings
 
     def _unseen(self, track: LiveTrack, view: FrameView, choice: TargetChoice) -> LiveTrack:
         """The track after a frame without a fix of it."""
@@ -305,32 +317,6 @@ class Tracker:
             return None
         calibrator = self._calibrator if self._corrects else None
         return 0.0 if calibrator is None else calibrator.mount_off * track.slant_m
-
-    def _with_new(
-        self,
-        tracks: list[LiveTrack],
-        fixes: Sequence[GroundFix],
-        host_ns: HostNs,
-        landmarks: LandmarkTracking | None,
-        branchings: reacquisition.Branchings,
-    ) -> tuple[list[LiveTrack], int]:
-        """The tracks with one initiated for each of these fixes that the table has room for, and the next free id."""
-        room = MAX_TRACKS - sum(track.life.state is not TrackState.DROPPED for track in tracks)
-        yielding = weakest_first(tracks) if len(fixes) > room else []
-        for i in yielding[: max(0, len(fixes) - room)]:
-            tracks[i] = tracks[i].deleted(Reason.TOO_MANY_TRACKS)
-        number = min(len(fixes), room + len(yielding))
-        next_id, branch_id = self._state.next_id, min([0, *(track.id for track in tracks)])
-        for fix in fixes[:number]:
-            if id(fix) in branchings:
-                branch_id -= 1
-                branch = reacquisition.branched(*branchings[id(fix)], branch_id, host_ns, self._state.detector)
-                tracks.append(branch)
-                continue
-            target = self._filter.initiate(fix) if landmarks is None else landmarks.initiate(fix)
-            tracks.append(initiate(next_id, fix, target, host_ns))
-            next_id += 1
-        return tracks, next_id
 
     def _taught(self, view: FrameView, living: tuple[LiveTrack, ...]) -> Calibrator | None:
         """Self-calibration after this frame; None without it.
