@@ -27,7 +27,7 @@ from fwav_companion.self_calibration.calibration_report import (
 from fwav_companion.self_calibration.innovation_consistency import InnovationConsistency
 from fwav_companion.self_calibration.joint_filter import JointFilter
 from fwav_companion.self_calibration.pixel_measurement import MOUNT, SHARED_COUNT
-from fwav_companion.self_calibration.position_smoother import SmoothedReport
+from fwav_companion.self_calibration.position_path import SmoothedReport
 from fwav_companion.self_calibration.posterior import MOUNT_AXES, NUISANCE, TIMING, given, solved, with_drift
 from fwav_companion.self_calibration.prior_inflation import prior_inflations
 from fwav_companion.types import VehicleState

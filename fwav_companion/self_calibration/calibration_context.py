@@ -18,7 +18,7 @@ from fwav_companion.self_calibration.innovation_consistency import drift_of
 from fwav_companion.self_calibration.joint_filter import JointFilter, joint_filter
 from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, MeasurementBatch, measurement_batch
 from fwav_companion.self_calibration.position_error import QUICK, SMOOTH
-from fwav_companion.self_calibration.position_smoother import PositionSmoother, SmoothedReport
+from fwav_companion.self_calibration.position_path import PositionPath, SmoothedReport
 from fwav_companion.self_calibration.rate_denoiser import SPAN_S, slow_rates
 from fwav_companion.types import Bias, ErrorPriors, GroundFix, Unpaired, VehicleState
 from fwav_companion.types.tracks import GateResult
@@ -54,7 +54,7 @@ class CalibrationContext:
         self._places: dict[int, int] = {}
         self._batch: tuple[float, MeasurementBatch] | None = None
         self._gates: tuple[FilterPass, list[list[float]], list[list[float]]] | None = None
-        self._report: tuple[PositionSmoother, BootNs, SmoothedReport | None] | None = None
+        self._report: tuple[PositionPath, BootNs, SmoothedReport | None] | None = None
 
     def without_kept(self) -> CalibrationContext:
         """The same without the calibration of an earlier flight."""
@@ -116,7 +116,7 @@ class CalibrationContext:
     def _index(self, fix: GroundFix) -> int | None:
         return self._places.get(id(fix))  # the frame holds its fixes, so that no other object has their identity
 
-    def smoothed_report(self, smoother: PositionSmoother, vehicle: VehicleState) -> SmoothedReport | None:
+    def smoothed_report(self, smoother: PositionPath, vehicle: VehicleState) -> SmoothedReport | None:
         """Noise of one report of the vehicle's position by the path up to it; the same for all fixes of a frame."""
         if self._report is None or self._report[0] is not smoother or self._report[1] != vehicle.boot_ns:
             self._report = (smoother, vehicle.boot_ns, smoother.report(vehicle, self.priors))

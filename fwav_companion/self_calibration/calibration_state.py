@@ -21,7 +21,7 @@ from fwav_companion.self_calibration.filter_pass import FilterPass
 from fwav_companion.self_calibration.mean_axes import MeanAxes
 from fwav_companion.self_calibration.measurement_queue import MeasurementQueue
 from fwav_companion.self_calibration.mount_check import NAMED, MountCheck
-from fwav_companion.self_calibration.position_smoother import PositionSmoother
+from fwav_companion.self_calibration.position_path import PositionPath
 from fwav_companion.self_calibration.posterior import MOUNT_AXES, bias_shares
 from fwav_companion.self_calibration.rate_denoiser import SPAN_S, RateDenoiser
 from fwav_companion.self_calibration.relinearization import Relinearization
@@ -46,7 +46,7 @@ class CalibrationState(msgspec.Struct, frozen=True):
     passes: Relinearization = Relinearization()
     axes: MeanAxes = MeanAxes()
     denoiser: RateDenoiser = RateDenoiser()
-    smoother: PositionSmoother = PositionSmoother()
+    smoother: PositionPath = PositionPath()
     stamp_sigma_s: float = 0.0
     """One sigma of the open instant of the newest attitude stamps."""
     slow_attitude_hz: float | None = None

@@ -26,6 +26,7 @@ from fwav_companion.self_calibration.calibration_state import CalibrationState
 from fwav_companion.self_calibration.delay_search import UNEXPLAINED, FoundDelay, NoDelay, delay_search
 from fwav_companion.self_calibration.measurement_queue import DelayedMeasurement
 from fwav_companion.self_calibration.pixel_measurement import MeasurementBatch, joined
+from fwav_companion.self_calibration.position_smoother import along_path
 from fwav_companion.self_calibration.present_report import report_of
 from fwav_companion.self_calibration.relinearization import STEP, steps_within
 from fwav_companion.types import GroundFix
@@ -116,7 +117,7 @@ class Calibrator(CalibrationState, frozen=True):
         captures_s = np.array([s_from_ns(fix.sighting.boot_ns) for _, fix in fixes])
         smoother, batch = self.smoother, batch.since(since_s)
         if middle.position_ned is not None:
-            smoother, batch = smoother.smoothed(batch, captures_s, context.priors)
+            smoother, batch = along_path(smoother, batch, captures_s, context.priors)
         return msgspec.structs.replace(
             self,
             queue=queue,

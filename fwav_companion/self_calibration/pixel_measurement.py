@@ -10,7 +10,6 @@ Leading axes are hypotheses, then the N measurements of one batch. No entry depe
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
@@ -30,10 +29,8 @@ from fwav_companion.self_calibration.arrays import (
 )
 from fwav_companion.self_calibration.calibration_report import SharedParameter
 from fwav_companion.self_calibration.delayed_poses import DelayedPoses, concatenated
+from fwav_companion.self_calibration.position_path import TELEMETRY_STEP_S, PositionPath
 from fwav_companion.types import ErrorPriors, GroundFix
-
-if TYPE_CHECKING:
-    from fwav_companion.self_calibration.position_smoother import PositionSmoother
 
 SHARED_COUNT = len(SharedParameter)
 ROW_COUNT = SHARED_COUNT + 2
@@ -49,9 +46,6 @@ LEAST_COSINE = 0.01
 angle they exceed the pixel's own noise by more than a double resolves."""
 RANGED = ("rangefinder", "fixed")
 """Grounds at a distance below the camera, whatever its height."""
-TELEMETRY_STEP_S = 0.1
-"""Height and position arrive at 10 Hz and are interpolated: frames that come faster share their noise, and that of the
-attitudes where those come no faster."""
 
 
 class MeasurementBatch(msgspec.Struct, frozen=True):
@@ -73,7 +67,7 @@ class MeasurementBatch(msgspec.Struct, frozen=True):
     """(N, 9): see the properties."""
     poses: DelayedPoses
     """(N, D)."""
-    path: PositionSmoother | None = None
+    path: PositionPath | None = None
     """Path that the positions lie on, at the instant of the batch; None: as reported."""
 
     @property

@@ -10,12 +10,8 @@ from simulated_world import World
 
 from fwav_companion.self_calibration.delayed_poses import delayed_poses
 from fwav_companion.self_calibration.pixel_measurement import measurement_batch
-from fwav_companion.self_calibration.position_smoother import (
-    VELOCITY_DENSITY,
-    PositionSmoother,
-    chord_error_m,
-    smoothed_back,
-)
+from fwav_companion.self_calibration.position_path import VELOCITY_DENSITY, PositionPath, chord_error_m
+from fwav_companion.self_calibration.position_smoother import along_path, smoothed_back
 
 PRIORS = priors(position_noise_m=0.1, height_noise_m=0.3)
 TURN = 0.7
@@ -49,7 +45,7 @@ def smoothed(batch, count=300, noise=(0.1, 0.1, 0.3), step_m=0.0, delays=(0.0,),
 
     ``missed``: batches of every twenty that do not come.
     """
-    rng, state, found = np.random.default_rng(seed), PositionSmoother(), []
+    rng, state, found = np.random.default_rng(seed), PositionPath(), []
     for k in range(count):
         if k % 20 in missed:
             continue
@@ -62,7 +58,7 @@ def smoothed(batch, count=300, noise=(0.1, 0.1, 0.3), step_m=0.0, delays=(0.0,),
             position_ned=reported[None],
             velocity_ned=np.array([[true_path(t, turn)[1] for t in at]]),
         )
-        state, after = state.smoothed(msgspec.structs.replace(batch, poses=poses), np.array([0.1 * k]), PRIORS)
+        state, after = along_path(state, msgspec.structs.replace(batch, poses=poses), np.array([0.1 * k]), PRIORS)
         found.append((path, after.poses.position_ned[0]))
     true, path = map(np.array, zip(*found, strict=True))
     return true, path
@@ -100,13 +96,13 @@ def test_a_path_between_sights_that_turned_meanwhile_does_not_cut_the_corner(bat
 
 def test_a_path_smoothed_by_later_positions_is_the_least_squares_path(batch):
     """All reports at once: positions against their noise, steps against what the velocities leave open."""
-    rng, state, times = np.random.default_rng(4), PositionSmoother(), np.arange(12) * 0.1
+    rng, state, times = np.random.default_rng(4), PositionPath(), np.arange(12) * 0.1
     true = [true_path(t) for t in times]
     noise = np.array((0.1, 0.1, 0.3))
     reported = [position + noise * rng.standard_normal(3) for position, _ in true]
     kept = []
     for t, position, (_, velocity) in zip(times, reported, true, strict=True):
-        state, after = state.smoothed(batch_at(batch, t, position, velocity), np.array([t]), PRIORS)
+        state, after = along_path(state, batch_at(batch, t, position, velocity), np.array([t]), PRIORS)
         kept.append(after)
     found = np.array([b.poses.position_ned[0, 0] for b in kept]) + smoothed_back(kept)
 
@@ -121,9 +117,9 @@ def test_a_path_smoothed_by_later_positions_is_the_least_squares_path(batch):
 
 
 def test_positions_before_a_step_are_not_smoothed_by_those_after_it(batch):
-    state, kept = PositionSmoother(), []
+    state, kept = PositionPath(), []
     for k in range(10):
         position = np.array((0.0 if k < 5 else 5.0, 0.0, -10.0))
-        state, after = state.smoothed(batch_at(batch, 0.1 * k, position, np.zeros(3)), np.array([0.1 * k]), PRIORS)
+        state, after = along_path(state, batch_at(batch, 0.1 * k, position, np.zeros(3)), np.array([0.1 * k]), PRIORS)
         kept.append(after)
     assert smoothed_back(kept) == pytest.approx(np.zeros((10, 3)), abs=1e-12)

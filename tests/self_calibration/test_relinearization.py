@@ -13,7 +13,8 @@ from fwav_companion.self_calibration import relinearization as passes
 from fwav_companion.self_calibration.calibration_context import CalibrationContext
 from fwav_companion.self_calibration.delayed_poses import delayed_poses
 from fwav_companion.self_calibration.pixel_measurement import SHARED_COUNT, measurement_batch
-from fwav_companion.self_calibration.position_smoother import PositionSmoother, moved, smoothed_back
+from fwav_companion.self_calibration.position_path import PositionPath
+from fwav_companion.self_calibration.position_smoother import along_path, moved, smoothed_back
 from fwav_companion.self_calibration.relinearization import Relinearization
 
 FLIGHT = Flight(seconds=12, fps=15.0, shape="hover", height_m=10.0, targets=((4.0, 3.0),), pixel_px=0.5)
@@ -116,12 +117,12 @@ def test_passes_are_over_the_path_smoothed_by_later_positions(batches):
     """The first reports of a view are 0.5 m off, and the path by earlier reports alone has most of that for a second.
     A track that ended held the batch before them.
     """
-    context, smoother, on_path = CalibrationContext(FLIGHT.priors, None), PositionSmoother(), []
+    context, smoother, on_path = CalibrationContext(FLIGHT.priors, None), PositionPath(), []
     noisy = msgspec.structs.replace(FLIGHT.priors, position_noise_m=0.3)
     for k, batch in enumerate(batches[:40]):
         reported = moved(batch, np.array((0.5 if k < 3 else 0.0, 0.0, 0.0)))
         captures_s = np.array([k / 15.0])
-        smoother, after = smoother.smoothed(reported, captures_s, noisy)
+        smoother, after = along_path(smoother, reported, captures_s, noisy)
         on_path.append(after)
     clutter = msgspec.structs.replace(on_path[0], tracks=(9,))
     shifts = smoothed_back(on_path)
