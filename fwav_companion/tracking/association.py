@@ -256,7 +256,7 @@ def _with_misses(
     """The costs less that of a miss, for the tracks in view."""
     if could_see is None or miss_cost <= 0.0:
         return costs
-    seen = {i for i in dict.fromkeys(i for i, _ in costs) if could_see(candidates[i].target.apparent_ned)}
+    seen = {i for i in {i for i, _ in costs} if could_see(candidates[i].target.apparent_ned)}
     return {(i, j): cost - miss_cost * (i in seen) for (i, j), cost in costs.items()}
 
 

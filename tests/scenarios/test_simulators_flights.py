@@ -10,21 +10,14 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 from commands import run_command
+from flying import LINK
 from kept import kept
 from scipy.stats import chi2
 
 pytestmark = pytest.mark.slow
 
 FLIGHTS = Path(__file__).parents[1] / "flights"
-CONFIG = """
-[[link]]
-name = "autopilot"
-url = "udpin://127.0.0.1:14540"
-role = "autopilot"
-[camera]
-calibration = "camera.yaml"
-readout_s = 0.0
-"""
+CONFIG = LINK + '[camera]\ncalibration = "camera.yaml"\nreadout_s = 0.0\n'
 KNOWN_DELAY = "camera.time_offset_s=0.04"
 CALIBRATES, PLAIN = ("tracking.self_calibration=true",), ("tracking.self_calibration=false",)
 LOWPASS = (*PLAIN, "tracking.filter=lowpass")

@@ -31,7 +31,7 @@ def living(tracks):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [*range(5), 13, 17, 18, 33, 34, 37])
+@pytest.mark.parametrize("seed", [*range(10), 13, 17, 18, 33, 34, 37])
 def test_thirty_targets_eight_by_five_metres_apart_are_all_found(seed):
     """Heading and mount are off by 2 and 1 degrees (one sigma): from another side a target is seen up to 5 m beside."""
     targets = tuple((8.0 * (i - 2.5), 5.0 * (j - 2.0)) for i in range(6) for j in range(5))
