@@ -1,5 +1,7 @@
 """A single fix without what the estimated parameters make of it: right where they are."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from simulated_flight import Flight, priors
@@ -8,6 +10,7 @@ from simulated_world import World
 from fwav_companion.self_calibration import SharedParameter
 from fwav_companion.self_calibration.assessment import CalibratedPlace
 from fwav_companion.self_calibration.calibrated_fix import COLUMNS, fix_by, known_parameters
+from fwav_companion.self_calibration.calibration_state import CalibrationState
 from fwav_companion.types import BIAS_COUNT, Bias
 
 TARGET = (4.0, 3.0)
@@ -83,6 +86,14 @@ def test_the_fix_is_chosen_where_it_claims_less_than_the_place(place_m, chosen):
     assert 0.02**2 < expected.claimed_m2 < 1.0
     found = fix_by(fix, known, by_path(fix, place_m), 2.0 * place_m**2 + 0.01)
     assert (found == expected) is chosen
+
+
+def test_the_fix_alone_is_taken_where_the_position_does_not_wander_smoothly():
+    """However little the place claims: it lags behind."""
+    fix, known = fixes_with({})[0], known_parameters(*parameters({}), 0.0)
+    passes = SimpleNamespace(served=SimpleNamespace(wanders_quickly=True))
+    state = SimpleNamespace(_known=known, passes=passes)
+    assert CalibrationState.by_fix(state, fix, a_place(0.01), 1e-6) == known.corrected(fix)
 
 
 def test_the_fix_is_chosen_without_a_path():

@@ -173,3 +173,21 @@ def test_one_gross_measurement_among_the_first_does_not_place_a_target():
         fit = fit.fed(batch)
     assert fit.refused[0] == 1
     assert fit.joint.mean[0, SHARED_COUNT:] == pytest.approx((4.0, 3.0), abs=0.05)
+
+
+def test_no_predicted_pixel_depends_on_the_others_of_its_batch_to_the_bit():
+    """Else a replay would depend on how frames are gathered."""
+    flight = Flight(seconds=8, shape="hover", height_m=10.0, targets=((4.0, 3.0),), pixel_px=0.5)
+    world, rng, count = World(flight), np.random.default_rng(1), 9
+    fixes = [fix for view in world.frames() for fix in view.fixes][::20][:count]
+    poses = delayed_poses([fix.sighting.state for fix in fixes], (-0.02, 0.0, 0.02), world.state_at)
+    batch = measurement_batch([(1, fix) for fix in fixes], poses, (0.2,) * count)
+    shared = rng.normal(0.0, 0.01, (20, SHARED_COUNT))
+    targets = np.array((4.0, 3.0)) + rng.normal(0.0, 0.1, (20, count, 2))
+    together = predict(batch, targets, shared)
+    for k in range(count):
+        alone = predict(batch.take([k]), targets[:, [k]], shared)
+        assert np.array_equal(alone.rows, together.rows[:, [k]])
+        assert np.array_equal(alone.residual, together.residual[:, [k]])
+    for h in range(20):
+        assert np.array_equal(predict(batch, targets[[h]], shared[[h]]).rows, together.rows[[h]])
