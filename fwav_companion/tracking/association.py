@@ -35,7 +35,8 @@ JOINT_GATE = 13.8
 ROUNDS = 3
 """Rounds of narrowing gates, at most."""
 MOST_PAIRS = 400
-"""Pairs up to which a frame is gated jointly, at 15 us each: thirty targets in doubt have 120."""
+"""Pairs up to which a frame is gated jointly. Measured: a pair takes 18 us, and flights over thirty targets have 31 at
+most; 256 new targets over 50 by 36 m have a thousand."""
 LEAST_NOISE_PX2 = 1e-3
 """Lower bound of a fix's noise ellipse, square pixels: a detection that claims less is not believed."""
 
