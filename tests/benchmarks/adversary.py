@@ -81,6 +81,7 @@ def patterns() -> dict[str, bytes]:
     signed = b"\xfd\xff\1\0\0\1\1" + LONG.id_bytes
     unknown = b"\xfd\xff\0\0\0\1\1\xef\xcd\xab"
     heartbeat = _v2(bytes(9), 0, 1, 1, 0)
+    known = b"\xfd\xff\0\0\0\1\1\0\0\0"
     overlapping = {f"MAVLink 1 headers inside one another, length {n}": _filled(bytes((0xFE, n))) for n in lengths[:3]}
     return {
         "0xFE": _filled(b"\xfe"),
@@ -100,6 +101,8 @@ def patterns() -> dict[str, bytes]:
         "each standard frame altered": _joined(_altered(1)),
         "a heartbeat, then 0xFE": _joined(_alternating(heartbeat, b"\xfe" * CHUNK)),
         "a heartbeat, then long headers": _joined(_alternating(heartbeat, header * 100)),
+        "a heartbeat, then long headers of its flow": _joined(_alternating(heartbeat, known * 100)),
+        "a heartbeat, then beginnings of headers": _joined(_alternating(heartbeat, b"\xfd\xfd\0\0" * 256)),
         "shortest valid frames": _joined(_short_frames(_v2, b"\1")),
         "shortest valid MAVLink 1 frames": _joined(_short_frames(_v1, bytes(9))),
         "shortest valid frames of new senders": _joined(_new_senders(_v2, b"\1")),
