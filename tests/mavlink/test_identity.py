@@ -7,12 +7,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from fwav_companion.mavlink.client.identity import (
+from fwav_companion.mavlink.client.identity import Identity
+from fwav_companion.mavlink.client.identity_events import (
     Adopted,
     ArmedChanged,
     AutopilotBack,
     AutopilotLost,
-    Identity,
     NeighbourHeard,
     SeveralHeard,
 )
@@ -259,10 +259,10 @@ def test_a_pause_is_not_made_up_for():
 def test_a_fault_silences_and_does_not_spin():
     identity = adopted(Identity(0))
     identity.heartbeats(T0 + 3 * S, healthy=True)
-    identity.fault()
+    identity.beats.fault()
     assert identity.heartbeats(T0 + 9 * S, healthy=True) == []
     assert identity.wake_at > T0 + 4 * S  # only the autopilot's silence is waited for
-    identity.fault_over()
+    identity.beats.fault_over()
     assert len(identity.heartbeats(T0 + 9 * S, healthy=True)) == 2
 
 

@@ -1,19 +1,26 @@
-"""Determines our identity on the network: adopts the autopilot whose system id we use, and times our heartbeats."""
+"""Determines our identity on the network: adopts the autopilot whose system id we use, and follows it."""
 
 from __future__ import annotations
-
-from typing import TypeAlias
 
 import msgspec
 
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
+from fwav_companion.mavlink.client.heartbeats import Heartbeats, autopilot_from_heartbeat
+from fwav_companion.mavlink.client.identity_events import (
+    Adopted,
+    ArmedChanged,
+    AutopilotBack,
+    AutopilotLost,
+    IdentityEvent,
+    NeighbourHeard,
+    SeveralHeard,
+)
 from fwav_companion.mavlink.wire import enums
-from fwav_companion.types.messages import Destination, Message, Outgoing
-from fwav_companion.types.situation import Autopilot, AutopilotKind
+from fwav_companion.types.messages import Message, Outgoing
+from fwav_companion.types.situation import Autopilot
 
 LISTEN_NS = 3 * NS_PER_S
 """Time from the first autopilot heard to the adoption (MAVLink guide, id assignment)."""
-HEARTBEAT_INTERVAL_NS = NS_PER_S
 SILENCE_NS = 5 * NS_PER_S
 """Silence after which a peer is lost: five missed heartbeats, as is usual on MAVLink networks."""
 OVERDUE_NS = 2 * NS_PER_S
@@ -24,64 +31,6 @@ SUCCESSION_NS = 30 * NS_PER_S
 """Silence of a disarmed autopilot after which another one may replace it: longer than a reboot or a changed battery."""
 MAX_CANDIDATES = 16
 """Autopilots remembered while listening: with more than one, no choice is made anyway."""
-
-KINDS = {
-    enums.MAV_AUTOPILOT_ARDUPILOTMEGA: AutopilotKind.ARDUPILOT,
-    enums.MAV_AUTOPILOT_PX4: AutopilotKind.PX4,
-}
-NO_VEHICLES = frozenset(
-    {
-        enums.MAV_TYPE_ANTENNA_TRACKER,
-        enums.MAV_TYPE_GCS,
-        enums.MAV_TYPE_ONBOARD_CONTROLLER,
-        enums.MAV_TYPE_GIMBAL,
-        enums.MAV_TYPE_ADSB,
-        enums.MAV_TYPE_CAMERA,
-    }
-)
-"""Types that are not vehicles, whatever their heartbeat has in ``autopilot``."""
-
-
-class Adopted(msgspec.Struct, frozen=True):
-    """The autopilot is adopted: from now on we send with its system id."""
-
-    autopilot: Autopilot
-    before: Autopilot | None = None
-    """Autopilot that it replaces."""
-
-
-class SeveralHeard(msgspec.Struct, frozen=True):
-    """Several vehicles were heard and no autopilot was adopted: ``[vehicle] system_id`` must choose."""
-
-    systems: tuple[int, ...]
-
-
-class NeighbourHeard(msgspec.Struct, frozen=True):
-    """Another vehicle is heard beside ours for the first time: it is never adopted."""
-
-    system: int
-    ours: int
-
-
-class AutopilotLost(msgspec.Struct, frozen=True):
-    """The adopted autopilot missed five heartbeats."""
-
-    autopilot: Autopilot
-
-
-class AutopilotBack(msgspec.Struct, frozen=True):
-    """The lost autopilot is heard again."""
-
-    autopilot: Autopilot
-
-
-class ArmedChanged(msgspec.Struct, frozen=True):
-    """The vehicle was armed or disarmed."""
-
-    armed: bool
-
-
-IdentityEvent: TypeAlias = Adopted | SeveralHeard | NeighbourHeard | AutopilotLost | AutopilotBack | ArmedChanged
 
 
 class _Other(msgspec.Struct):
@@ -108,7 +57,8 @@ class Identity:
     def __init__(self, configured_system: int, companion_component: int = 191, camera_component: int | None = 100):
         self._configured_system = configured_system
         self.companion_component = companion_component
-        self._camera_component = camera_component
+        self.beats = Heartbeats(companion_component, camera_component)
+        """Our heartbeats, which an internal fault stops."""
         self._candidates: dict[int, Autopilot] = {}
         self._candidate_heard_ns: HostNs | None = None
         self._decide_ns: HostNs | None = None
@@ -119,8 +69,6 @@ class Identity:
         """By system, at most 254."""
         self._neighbours: set[int] = set()
         """Systems that were heard beside ours, or beside one another before an adoption: never ours."""
-        self._faulted = False
-        self._beat_ns: HostNs | None = None
         self.autopilot: Autopilot | None = None
         """Adopted autopilot with its newest mode and link; kept while it is lost."""
 
@@ -169,7 +117,7 @@ class Identity:
     @property
     def wake_at(self) -> HostNs | None:
         """Time of the next heartbeat of ours, adoption decision, or loss of a peer."""
-        due = [self._beat_ns] if self._beat_ns is not None and not self._faulted else []
+        due = [] if self.beats.wake_at is None else [self.beats.wake_at]
         if self._decide_ns is not None:
             due.append(self._decide_ns)
         if self._several and self._candidate_heard_ns is not None:
@@ -185,7 +133,7 @@ class Identity:
         events = self.on_wake(now)
         if message.fields.type == enums.MAV_TYPE_GCS:
             return events
-        heard = _autopilot_from_heartbeat(message)
+        heard = autopilot_from_heartbeat(message)
         if heard is None:
             return events
         if self.autopilot is None:
@@ -209,27 +157,12 @@ class Identity:
         return ()
 
     def heartbeats(self, now: HostNs, healthy: bool) -> list[Outgoing]:
-        """Return the heartbeats that are due: one a second each for the companion and its camera, and no heartbeat on a
-        fault.
+        """Return the heartbeats that are due. ``healthy`` is False while a peer is missing.
 
-        ``healthy`` is False while a peer is missing: the status is then CRITICAL. The camera's heartbeat waits for the
-        adoption, unless the system is configured: until then the camera cannot be assigned to a vehicle.
+        The camera's waits for the adoption, unless the system is configured: until then the camera cannot be assigned
+        to a vehicle.
         """
-        if self._faulted or (self._beat_ns is not None and now < self._beat_ns):
-            return []
-        self._beat_ns = _next_beat(self._beat_ns, now)
-        beats = [self._heartbeat(self.companion_component, enums.MAV_TYPE_ONBOARD_CONTROLLER, healthy)]
-        if self._camera_component is not None and self.knows_its_vehicle:
-            beats.append(self._heartbeat(self._camera_component, enums.MAV_TYPE_CAMERA, healthy))
-        return beats
-
-    def fault(self) -> None:
-        """Stop the heartbeats on an internal fault, so that the network counts us as lost, which is the truth."""
-        self._faulted = True
-
-    def fault_over(self) -> None:
-        """Resume the heartbeats after a fault."""
-        self._faulted = False
+        return self.beats.due(now, healthy=healthy, with_camera=self.knows_its_vehicle)
 
     def _consider(self, heard: Autopilot, now: HostNs) -> tuple[IdentityEvent, ...]:
         if self._configured_system:
@@ -300,36 +233,3 @@ class Identity:
         if before is not None and before.armed != heard.armed:
             events += (ArmedChanged(heard.armed),)
         return events
-
-    def _heartbeat(self, component: int, mav_type: int, healthy: bool) -> Outgoing:
-        fields = {
-            "type": mav_type,
-            "autopilot": enums.MAV_AUTOPILOT_INVALID,
-            "base_mode": 0,
-            "custom_mode": 0,
-            "system_status": enums.MAV_STATE_ACTIVE if healthy else enums.MAV_STATE_CRITICAL,
-            "mavlink_version": enums.MAVLINK_VERSION,
-        }
-        return Outgoing(name="HEARTBEAT", fields=fields, to=Destination.EVERYONE, component=component)
-
-
-def _next_beat(due_ns: HostNs | None, now: HostNs) -> HostNs:
-    """Return a second after the last one was due, so that the rate does not drift; a second from now after a pause."""
-    if due_ns is None or now >= due_ns + HEARTBEAT_INTERVAL_NS:
-        return HostNs(now + HEARTBEAT_INTERVAL_NS)
-    return HostNs(due_ns + HEARTBEAT_INTERVAL_NS)
-
-
-def _autopilot_from_heartbeat(message: Message) -> Autopilot | None:
-    """Return the flight controller that sent a heartbeat; None for every other kind of component."""
-    fields = message.fields
-    if fields.autopilot == enums.MAV_AUTOPILOT_INVALID or fields.type in NO_VEHICLES or message.system == 0:
-        return None
-    return Autopilot(
-        system=message.system,
-        component=message.component,
-        kind=KINDS.get(fields.autopilot, AutopilotKind.OTHER),
-        vehicle_type=fields.type,
-        armed=bool(fields.base_mode & enums.MAV_MODE_FLAG_SAFETY_ARMED),
-        link=message.link,
-    )
