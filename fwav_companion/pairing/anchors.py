@@ -8,7 +8,7 @@ import msgspec
 
 from fwav_companion.geometry.rotations import exp, rotate
 from fwav_companion.geometry.vectors import Matrix3, Vector3, cross, dot, norm, scale
-from fwav_companion.types import Corners, Detection, Lens, NoRay, Pixel, StandingTarget
+from fwav_companion.types import Corners, Detection, Lens, NoRay, Pixel, Sighting, StandingTarget
 
 NEAR_NADIR = cos(radians(15.0))
 """Cosine of the angle to the nadir within which a thing hides its own foot: the box's centre marks its middle."""
@@ -116,3 +116,18 @@ def _is_whole(box: tuple[float, float, float, float], image_size: tuple[int, int
 
 def _holds(box: tuple[float, float, float, float], pixel: Pixel) -> bool:
     return box[0] <= pixel[0] <= box[2] and box[1] <= pixel[1] <= box[3]
+
+
+def anchored(sighting: Sighting, target: StandingTarget, lens: Lens) -> Sighting:
+    """The sighting of the point that the detection of a standing target marks.
+
+    The row stays that of the box's centre: over a box of 50 rows the readout of 30 ms lasts 3 ms longer.
+    """
+    anchor = anchor_of(target, sighting.detection, sighting.ned_from_camera, lens)
+    ray = None if anchor.pixel is None else lens.camera_ray_and_derivatives_from_pixel(*anchor.pixel)
+    return msgspec.structs.replace(
+        sighting,
+        ray=sighting.ray if ray is None or isinstance(ray, NoRay) else ray,
+        anchor_height_m=anchor.height_m,
+        anchor_sigma_m=anchor.sigma_m,
+    )
