@@ -9,8 +9,10 @@ def main(argv: "Sequence[str] | None" = None) -> int:
         from fwav_companion.service.stop_signals import end_at_once
 
         end_at_once()
-    from fwav_companion.cli.main import main as run_command_line
-
+    try:
+        from fwav_companion.cli.main import main as run_command_line
+    except KeyboardInterrupt:  # in the first tenth of a second
+        return 130  # EXIT_INTERRUPTED of the module that is not there
     return run_command_line(argv)
 
 

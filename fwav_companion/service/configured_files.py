@@ -55,8 +55,8 @@ def recorded_configuration(folder: Path) -> tuple[str, list[str]]:
     """
     found = sorted(folder.glob("*.toml"))
     if len(found) != 1:
-        held = ", ".join(path.name for path in found) or "none"
-        raise InputFileError(f"{folder}: its configurations (*.toml) are {held}; accepted: one, or --config FILE")
+        held = ", ".join(path.name for path in found) or "no configuration (*.toml)"
+        raise InputFileError(f"{folder}: it has {held}; accepted: one configuration, or --config FILE")
     return str(found[0]), _recorded_camera(folder, str(found[0]))
 
 

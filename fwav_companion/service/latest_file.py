@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import threading
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from fwav_companion.on_disk import whole
@@ -69,6 +70,7 @@ class LatestFile:
 
     def _run(self) -> None:
         written: Path | None = None
+        newest = b""
         stopping = False
         while not stopping:
             self._changed.wait()
@@ -76,9 +78,9 @@ class LatestFile:
             stopping = self._stopping
             content, self._newest = self._newest, None
             if content is not None and (self._outlives_us or not stopping):
-                written = self._write(content)
+                written, newest = self._write(content), content
         if written is not None and not self._outlives_us:
-            written.unlink(missing_ok=True)
+            _remove_own(written, newest)
 
     def _write(self, content: bytes) -> Path | None:
         """Write the content; the path, or None if every path failed."""
@@ -101,3 +103,10 @@ class LatestFile:
         mode = STATE_MODE if self._outlives_us else STATUS_MODE
         with whole(path, synced=self._outlives_us, mode=mode) as file:
             file.write(content)
+
+
+def _remove_own(path: Path, newest: bytes) -> None:
+    """Remove the file, unless another process has written it since."""
+    with suppress(OSError):
+        if path.read_bytes() == newest:
+            path.unlink()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 
 from fwav_companion.config import Config
 from fwav_companion.types import Notice, Severity
@@ -35,6 +36,11 @@ class ServiceLog:
         detections = f", and for detections on {self._config.detections.url}" if hears_detections else ""
         log.info("waiting for an autopilot on %s", " or ".join(urls) + detections)
 
+    def accompanied(self, other: tuple[int, Path] | None) -> None:
+        """Log that another `run` is active, with its process id and status file: both claim the same inputs."""
+        if other is not None:
+            log.warning("another run is active (pid %d, status in %s): end one of the two", *other)
+
     def stopped(self) -> None:
         """Log the end of the run."""
         log.info("stopped")
@@ -49,7 +55,7 @@ class ServiceLog:
         if up:
             log.info("link %s is up", name)
         else:
-            log.warning("link %s is down: %s; trying again", name, why)
+            log.warning("link %s is down: %s; trying again", name, _with_advice(why))
 
     def peer_refused(self, name: str, peer: str) -> None:
         """Log that a peer of a server link found no place, or lost it; at most once a minute for a link."""
@@ -59,7 +65,8 @@ class ServiceLog:
         """Log where the socket of the detections cannot be opened."""
         self.deaf_because = why
         if not listens:
-            log.warning("cannot listen for detections on %s: %s; trying again", self._config.detections.url, why)
+            url = self._config.detections.url
+            log.warning("cannot listen for detections on %s: %s; trying again", url, _with_advice(why))
 
     def pictures_seen(self, works: bool, why: str) -> None:
         """Log that the vision process has pictures, or has none."""
@@ -79,6 +86,11 @@ class ServiceLog:
         error = context.get("exception")
         trace = error if isinstance(error, BaseException) and self.faults == 1 else None
         log.error("internal fault %d: %s %r", self.faults, context.get("message"), error, exc_info=trace)
+
+
+def _with_advice(why: str) -> str:
+    """The reason why something does not open; another program is the frequent one."""
+    return f"{why} (`check` names the program)" if "in use" in why else why
 
 
 def warn(text: str) -> None:

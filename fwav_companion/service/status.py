@@ -10,14 +10,9 @@ from pathlib import Path
 import msgspec
 
 from fwav_companion import __version__
-from fwav_companion.config import Config
 from fwav_companion.geometry.stamps import NS_PER_S, HostNs
 from fwav_companion.links.base import Link
-from fwav_companion.mavlink.router.node import Node
-from fwav_companion.pipeline.pipeline import Pipeline
-from fwav_companion.service.journal import Journal
-from fwav_companion.service.log import ServiceLog
-from fwav_companion.service.timer import HostClock
+from fwav_companion.service.parts import ServiceParts
 from fwav_companion.types.network_status import LinkStatistics
 from fwav_companion.types.status import IntakeReport, RunStatus
 from fwav_companion.vision.supervisor import VisionProcess
@@ -28,56 +23,38 @@ MAX_LISTED_MESSAGES = 32
 
 
 class StatusReport:
-    """Collects the status of every part; counts the frames that arrive, used or not."""
+    """Collects the status of every part."""
 
-    def __init__(
-        self,
-        config: Config,
-        clock: HostClock,
-        node: Node,
-        links: Mapping[str, Link],
-        vision: VisionProcess | None,
-        journal: Journal,
-        pipeline: Pipeline,
-        log: ServiceLog,
-    ) -> None:
-        self._config = config
-        self._clock = clock
-        self._node = node
+    def __init__(self, parts: ServiceParts, links: Mapping[str, Link], vision: VisionProcess | None) -> None:
+        self._parts = parts
         self._links = links
         self._vision = vision
-        self._journal = journal
-        self._pipeline = pipeline
-        self._log = log
-        self._came, self._came_ns = 0, HostNs(0)
-        self._started_ns = clock.now()
-
-    def frame_came(self, now: HostNs) -> None:
-        """Count a frame from another process or from our own camera."""
-        self._came, self._came_ns = self._came + 1, now
+        self._started_ns = parts.clock.now()
 
     def at(self, now: HostNs) -> RunStatus:
         """Status of the whole service."""
+        parts = self._parts
         return RunStatus(
-            **msgspec.structs.asdict(self._pipeline.status(now)),
+            **msgspec.structs.asdict(parts.pipeline.status(now)),
             version=__version__,
             pid=os.getpid(),
-            config=self._config.file,
-            config_path=str(Path(self._config.file).absolute()),
-            time_unix=self._clock.unix_us(now) / 1e6,
+            config=parts.config.file,
+            config_path=str(Path(parts.config.file).absolute()),
+            time_unix=parts.clock.unix_us(now) / 1e6,
             time_monotonic=now / NS_PER_S,
             up_s=(now - self._started_ns) / NS_PER_S,
-            internal_faults=self._log.faults,
+            internal_faults=parts.log.faults,
             links={name: link.status() for name, link in self._links.items()},
-            traffic=self._node.statistics(now),
+            traffic=parts.node.statistics(now),
             intake=self._intake(now),
             vision=None if self._vision is None else self._vision.status(),
-            recording=self._journal.state,
+            recording=parts.journal.state,
         )
 
     def _intake(self, now: HostNs) -> IntakeReport:
-        age_s = (now - self._came_ns) / NS_PER_S if self._came else None
-        return IntakeReport(came=self._came, age_s=age_s, why=self._log.deaf_because)
+        arrivals = self._parts.arrivals
+        age_s = (now - arrivals.last_ns) / NS_PER_S if arrivals.count else None
+        return IntakeReport(came=arrivals.count, age_s=age_s, why=self._parts.log.deaf_because)
 
 
 def encoded(status: RunStatus) -> bytes:
@@ -98,15 +75,13 @@ class SystemdNotifier:
     """Messages of a Type=notify service over systemd's datagram socket; none elsewhere. Never blocks, never raises."""
 
     def __init__(self, environment: Mapping[str, str] = os.environ) -> None:
-        """``environment``: with $NOTIFY_SOCKET and $WATCHDOG_USEC as systemd sets them."""
+        """``environment``: with $NOTIFY_SOCKET as systemd sets it."""
         path = environment.get("NOTIFY_SOCKET", "")
         self._address = f"\0{path[1:]}" if path.startswith("@") else path
         self._socket: socket.socket | None = None
         if path.startswith(("@", "/")):
             self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC)
             self._socket.setblocking(False)
-        self.watchdog_period_s: float | None = _watchdog_period_s(environment) if self._socket is not None else None
-        """Interval at which :meth:`alive` is expected, seconds: half of systemd's limit. None: no watchdog."""
 
     def ready(self) -> None:
         """Report that the start is done: links are configured."""
@@ -119,10 +94,6 @@ class SystemdNotifier:
     def alive(self) -> None:
         """Ping the watchdog."""
         self._send("WATCHDOG=1")
-
-    def status(self, text: str) -> None:
-        """Set the line of ``systemctl status``."""
-        self._send(f"STATUS={' '.join(text.split())}")
 
     def close(self) -> None:
         """Release the socket."""
@@ -137,11 +108,3 @@ class SystemdNotifier:
             self._socket.sendto(message.encode(errors="replace"), self._address)
         except OSError:  # the manager is restarting or busy: the service goes on, the next message may arrive
             return
-
-
-def _watchdog_period_s(environment: Mapping[str, str]) -> float | None:
-    """Half of $WATCHDOG_USEC, if it is meant for this process."""
-    microseconds, pid = environment.get("WATCHDOG_USEC", ""), environment.get("WATCHDOG_PID", "")
-    if not microseconds.isdecimal() or int(microseconds) == 0 or pid not in ("", str(os.getpid())):
-        return None
-    return int(microseconds) * 1e-6 / 2

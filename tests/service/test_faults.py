@@ -55,14 +55,16 @@ def test_after_a_mistake_in_silence_what_is_due_is_tried_again_soon(service: Ser
 
     It is not tried again at once either: that would never end.
     """
-    service._pipeline.advance(NOW)
+    service._parts.pipeline.advance(NOW)
     now, rings = HostNs(NOW + 2 * NS_PER_S), []
-    monkeypatch.setattr(service._clock, "now", lambda: now)
-    service._alarm = PipelineTimer(service._on_alarm, lambda when_s, ring: rings.append((when_s, ring)))
-    monkeypatch.setattr(service._pipeline, "advance", lambda _: 1 / 0)
+    monkeypatch.setattr(service._parts.clock, "now", lambda: now)
+    service._dispatcher._alarm = PipelineTimer(
+        service._dispatcher.on_alarm, lambda when_s, ring: rings.append((when_s, ring))
+    )
+    monkeypatch.setattr(service._parts.pipeline, "advance", lambda _: 1 / 0)
     for _ in range(3):
         with pytest.raises(ZeroDivisionError) as fault:
-            service._on_alarm() if not rings else rings.pop()[1]()
-        service._on_internal_fault(None, {"message": "as the event loop has it", "exception": fault.value})
+            service._dispatcher.on_alarm() if not rings else rings.pop()[1]()
+        service._dispatcher.on_internal_fault(None, {"message": "as the event loop has it", "exception": fault.value})
         assert [when_s for when_s, _ in rings] == [(now + NET_NS) / NS_PER_S]
         now = HostNs(now + NET_NS)

@@ -37,6 +37,19 @@ def test_the_newest_content_is_there_whole_while_a_reader_looks(tmp_path):
     assert [entry.name for entry in path.parent.iterdir()] == ["status.json"]
 
 
+def test_the_status_of_another_run_stays(tmp_path):
+    """Two services with one status file: the one that ends leaves what the other has written since."""
+    path = tmp_path / "status.json"
+    file = LatestFile([path], pytest.fail, outlives_us=False)
+    file.start()
+    file.write(b"ours")
+    while not path.exists():
+        time.sleep(0.01)
+    path.write_bytes(b"another's")
+    file.close(5.0)
+    assert path.read_bytes() == b"another's"
+
+
 def test_a_file_about_a_process_goes_with_it(tmp_path):
     path = tmp_path / "status.json"
     written = threading.Event()

@@ -20,6 +20,6 @@ class Armed:
 
 def test_a_frame_of_an_unknown_id_waits_for_no_other(service: Service):
     """It is relayed once its stream has been quiet; before this rule it waited for our next heartbeat."""
-    service._alarm = armed = Armed()
-    service._on_bytes("autopilot", OF_AN_UNKNOWN_ID)
+    service._dispatcher._alarm = armed = Armed()
+    service._dispatcher.on_bytes("autopilot", OF_AN_UNKNOWN_ID)
     assert armed.strict_after_ms == [QUIET_NS / NS_PER_MS]

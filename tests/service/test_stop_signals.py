@@ -22,6 +22,19 @@ from fwav_companion.__main__ import main
 sys.exit(main())
 """
 
+ANOTHER_COMMAND = """
+import os, signal, sys
+
+class First:
+    def find_spec(self, name, path=None, target=None):
+        if name == "fwav_companion.cli.main":
+            os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, First())
+from fwav_companion.__main__ import main
+sys.exit(main(["check"]))
+"""
+
 AFTER_THE_LOOP = """
 import asyncio, atexit, os, signal, sys
 
@@ -65,3 +78,8 @@ def test_a_hangup_that_nohup_ignores_remains_ignored() -> None:
     """The configuration is absent: exit 2 shows that the process went on."""
     status, _ = ended(AT_THE_FIRST_IMPORT.format(number=int(signal.SIGHUP)), ignored=(signal.SIGHUP,))
     assert status == 2
+
+
+def test_ctrl_c_during_the_imports_of_another_command_shows_no_traceback():
+    done = subprocess.run([sys.executable, "-c", ANOTHER_COMMAND], capture_output=True, timeout=60)
+    assert (done.returncode, done.stderr) == (130, b"")

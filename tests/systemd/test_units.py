@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from fwav_companion.config import load
-from fwav_companion.service.status import SystemdNotifier
+from fwav_companion.service.housekeeping import INTERVAL_S
 from fwav_companion.tools.install.system import CONFIGURATION, ENVIRONMENT
 
 FOLDER = Path(__file__).parents[2] / "systemd"
@@ -57,10 +57,7 @@ def test_ready_is_notified_and_a_wrong_configuration_is_not_retried():
 
 
 def test_the_watchdog_is_notified_in_time():
-    environment = {"NOTIFY_SOCKET": "/run/x", "WATCHDOG_USEC": f"{int(the('Service.WatchdogSec')) * 1_000_000}"}
-    notifier = SystemdNotifier(environment)
-    assert notifier.watchdog_period_s == 5.0
-    notifier.close()
+    assert float(the("Service.WatchdogSec")) / 2.0 >= INTERVAL_S, "sd_watchdog_enabled(3): at half of the limit"
 
 
 def test_it_runs_the_installed_command_with_the_installed_configuration():
