@@ -180,6 +180,8 @@ def _tell_damage(arguments: argparse.Namespace, recording: Recording | Photograp
     """Report what was skipped, with offsets; several parts are counted as one file."""
     telemetry = arguments.poses or " + ".join(arguments.telemetry)
     detections = " + ".join(arguments.detections)
+    if not recording.frames:
+        print(f"{detections}: no frame in it", file=sys.stderr)
     for note in recording.notes:
         print(f"{telemetry}: {note}", file=sys.stderr)
     _tell_first(

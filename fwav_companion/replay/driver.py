@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from heapq import merge
+from itertools import islice
 
 import msgspec
 
 from fwav_companion.camera import Calibration
 from fwav_companion.config import Config
-from fwav_companion.geometry.stamps import NS_PER_S, NS_PER_US, HostNs, host_from_seconds, ns_from_s
+from fwav_companion.geometry.stamps import NS_PER_MS, NS_PER_S, NS_PER_US, HostNs, host_from_seconds, ns_from_s
 from fwav_companion.localization import ElevationTile
 from fwav_companion.pipeline.pipeline import Pipeline
 from fwav_companion.pipeline.pipeline_factory import make_pipeline, own_components
@@ -27,6 +28,10 @@ from fwav_companion.types import Frame, Message, NoFrame, StampClock
 MARGIN_NS = 60 * NS_PER_S
 REBOOT_MS = 1000
 """Step back of the boot time that is a reboot; links reorder and clocks slip by less."""
+REBOOTED_NS = 30 * NS_PER_S
+"""Time after a reboot within which the new clock is known."""
+AFTER_REBOOT = 10
+"""Frames in a row with earlier stamps that are of a new clock: a file may have a few that are out of order."""
 LARGE_OFFSET_S = 0.3
 """[camera] time_offset_s beyond which a frame's own recorded arrival would refuse it as late: a replay has all the time
 there is, so the arrival is corrected too. Below, a replay gives what the flight gave."""
@@ -57,6 +62,7 @@ def replay(
         kept=recording.kept,
         own_filter=own_filter,
         sightings=sightings,
+        clock_rate=recording.clock_rate,
     )
     tally = ErrorTally(truth) if truth else None
     for _ in _drive(pipeline, recording, own_components(config)):
@@ -90,10 +96,10 @@ def _config_for(recording: Recording, config: Config) -> Config:
 
 def _drive(pipeline: Pipeline, recording: Recording, own: frozenset[int]) -> Iterator[None]:
     """Process each event at its time, telemetry before frames at equal times; yields after each."""
-    untold: deque[Frame] = deque()
+    untold = BootFrames(_reboots(recording))
     now = HostNs(0)
     for now, _, event in merge(_messages(recording), _frames(recording, pipeline, untold), key=_by_time):
-        for frame in _arrived(untold, pipeline, now):
+        for frame in untold.arrived(pipeline, now):
             pipeline.on_frame(frame, now)
         if isinstance(event, Message):
             on_message = pipeline.on_own_message if is_own(event, own, recording.own_system) else pipeline.on_message
@@ -106,11 +112,46 @@ def _drive(pipeline: Pipeline, recording: Recording, own: frozenset[int]) -> Ite
         else:
             pipeline.on_frame(event, now)
         yield
-    for frame in untold:  # the log ended before: each at its own time, or they would crowd each other out
+    for frame in untold.frames:  # the log ended before: each at its own time, or they would crowd each other out
         now = max(now, pipeline.assumed_arrival(frame) or now)
         pipeline.on_frame(frame, now)
     pipeline.finish(now)
     yield
+
+
+class BootFrames:
+    """Frames on the autopilot's clock without an arrival time, in order of their captures."""
+
+    def __init__(self, reboots: Sequence[HostNs]) -> None:
+        """``reboots``: the first message of each new clock."""
+        self.frames: deque[Frame] = deque()
+        self._reboots = reboots
+        self._last_ns = HostNs(0)
+
+    def extend(self, frames: list[Frame]) -> None:
+        """Take the frames in the file's order, which only a clock without a reboot corrects."""
+        if not self._reboots:
+            frames.sort(key=lambda frame: frame.stamp_ns)
+        self.frames.extend(frames)
+
+    def arrived(self, pipeline: Pipeline, now: HostNs) -> Iterator[Frame]:
+        """Remove and yield the frames whose last row was captured by now."""
+        while self.frames:
+            arrival_ns = pipeline.assumed_arrival(self.frames[0])
+            if arrival_ns is None or arrival_ns > now or self._is_of_the_next_clock(pipeline, now):
+                return
+            self._last_ns = max(arrival_ns, self._last_ns)
+            yield self.frames.popleft()
+
+    def _is_of_the_next_clock(self, pipeline: Pipeline, now: HostNs) -> bool:
+        """Whether the next frame was captured after a reboot that the pipeline does not know yet: by the clock before,
+        the next captures lie before those of earlier frames. A late frame is the only one of these.
+        """
+        if not any(now < at + REBOOTED_NS for at in self._reboots):
+            return False
+        arrivals = [pipeline.assumed_arrival(frame) for frame in islice(self.frames, AFTER_REBOOT)]
+        earliest_ns = self._last_ns - REBOOT_MS * NS_PER_MS
+        return all(arrival_ns is not None and arrival_ns < earliest_ns for arrival_ns in arrivals)
 
 
 _Event = tuple[HostNs, int, Message | Frame | NoFrame | Refused | RecordingEnd]
@@ -125,7 +166,7 @@ def _messages(recording: Recording) -> Iterator[_Event]:
         yield HostNs(unix_us * NS_PER_US - recording.unix_offset_ns), 0, message
 
 
-def _frames(recording: Recording, pipeline: Pipeline, untold: deque[Frame]) -> Iterator[_Event]:
+def _frames(recording: Recording, pipeline: Pipeline, untold: BootFrames) -> Iterator[_Event]:
     """Frames by arrival. Frames on the autopilot's clock without an arrival time are appended to ``untold``."""
     events: list[_Event] = []
     on_boot: list[Frame] = []
@@ -146,32 +187,44 @@ def _frames(recording: Recording, pipeline: Pipeline, untold: deque[Frame]) -> I
         if arrival_ns is not None:
             last_ns = near(arrival_ns)
             events.append((last_ns, 1, frame))
-    if _is_one_boot(recording):
-        on_boot.sort(key=lambda frame: frame.stamp_ns)
     untold.extend(on_boot)
     return iter(sorted(events, key=_by_time))
 
 
-def _is_one_boot(recording: Recording) -> bool:
-    """Whether the autopilot did not reboot. Its clock then gives the order of frames; else only their file does."""
+def _reboots(recording: Recording) -> list[HostNs]:
+    """When the first attitude after each reboot came. Without one, the clock gives the order of frames; else only their
+    file does.
+    """
+    reboots: list[HostNs] = []
     latest_ms: dict[int, int] = {}
-    for _, message in recording.messages:
+    for unix_us, message in recording.messages:
         if message.name in ATTITUDES:
             boot_ms: int = message.fields.time_boot_ms
-            if boot_ms < latest_ms.get(message.system, 0) - REBOOT_MS:
-                return False
-            latest_ms[message.system] = max(boot_ms, latest_ms.get(message.system, 0))
-    return True
+            latest = latest_ms.get(message.system, 0)
+            back = boot_ms < latest - REBOOT_MS
+            if back:
+                reboots.append(HostNs(unix_us * NS_PER_US - recording.unix_offset_ns))
+            latest_ms[message.system] = boot_ms if back else max(boot_ms, latest)
+    return reboots
 
 
 def _in_time(recording: Recording, time_offset_s: float) -> Iterator[Frame | NoFrame | Refused | RecordingEnd]:
-    """The entries of the detections; with a large offset of the stamps, arrivals are corrected by it too."""
+    """The entries of the detections; with a large offset of the stamps, arrivals are corrected by it too.
+
+    Arrivals before their stamps remain: these stamps are of a clock that is ahead, and the frames came in time.
+    """
     earlier_ns = ns_from_s(time_offset_s) if time_offset_s > LARGE_OFFSET_S else 0
     for entry in recording.frames:
-        if earlier_ns and isinstance(entry, Frame) and entry.arrival_ns is not None:
+        if earlier_ns and isinstance(entry, Frame) and entry.arrival_ns is not None and not _is_ahead(entry):
             yield msgspec.structs.replace(entry, arrival_ns=HostNs(entry.arrival_ns - earlier_ns))
         else:
             yield entry
+
+
+def _is_ahead(frame: Frame) -> bool:
+    return (
+        frame.arrival_ns is not None and frame.stamp_clock is not StampClock.BOOT and frame.arrival_ns < frame.stamp_ns
+    )
 
 
 def _near(recording: Recording) -> Callable[[HostNs], HostNs]:
@@ -183,12 +236,3 @@ def _near(recording: Recording) -> Callable[[HostNs], HostNs]:
     first_us = recording.messages[0][0] if recording.messages else 0
     first_ns = first_us * NS_PER_US - recording.unix_offset_ns
     return lambda at_ns: HostNs(max(first_ns - MARGIN_NS, at_ns))
-
-
-def _arrived(untold: deque[Frame], pipeline: Pipeline, now: HostNs) -> Iterator[Frame]:
-    """Remove and yield the frames whose last row was captured by now."""
-    while untold:
-        arrival_ns = pipeline.assumed_arrival(untold[0])
-        if arrival_ns is None or arrival_ns > now:
-            return
-        yield untold.popleft()

@@ -54,6 +54,8 @@ class Recording(msgspec.Struct, frozen=True):
     """Warnings to the user."""
     exact_stamps: bool = False
     """Whether attitudes are stamped at sampling, not at transmission."""
+    clock_rate: float = 1.0
+    """Rate of the autopilot's clock, as that of the telemetry."""
 
 
 def read_recording(telemetry: bytes, detections: bytes, own: frozenset[int], system: int = 0) -> Recording:
@@ -83,6 +85,7 @@ def join(telemetry: TelemetryRead, detections: bytes, own: frozenset[int], syste
         skipped_lines=skipped_lines,
         notes=telemetry.notes,
         exact_stamps=telemetry.exact_stamps,
+        clock_rate=telemetry.clock_rate,
     )
 
 

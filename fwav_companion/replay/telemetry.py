@@ -6,6 +6,8 @@ Damage is skipped and reported with its position.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from math import sqrt
 from statistics import median
 
 import msgspec
@@ -25,8 +27,16 @@ AUTOPILOT_SYSTEM = AUTOPILOT_COMPONENT = 1
 
 ATTITUDES = ("ATTITUDE", "ATTITUDE_QUATERNION")
 PACE_US = 5_000_000
-"""Microseconds between two attitudes by which the pace is measured: a radio delays messages by tenths of a second."""
-MOST_PACE = 2.0
+"""Microseconds of attitudes of which the least delayed shows the pace: a radio delays messages by tenths of a
+second."""
+LEAST_PACES = 5
+"""Stretches of PACE_US between which a pace is the autopilot's and no queue's: half a minute."""
+LEAST_DEPARTURE, PACE_SIGMAS = 2e-3, 4.0
+"""A pace is another one than a crystal's if it differs from 1 by more than both: three times what crystals do, and
+chance."""
+MEDIAN_SIGMA = 1.858
+"""One sigma of a median of Gaussians in median absolute deviations over sqrt(n): 1.4826 sqrt(pi / 2)."""
+MOST_PACE = 10.0
 """Rate, or its inverse, up to which an autopilot's clock is followed."""
 
 Timed = tuple[int, Message]
@@ -44,6 +54,8 @@ class TelemetryRead(msgspec.Struct, frozen=True):
     """Warnings to the user."""
     exact_stamps: bool = False
     """Whether attitudes are stamped at sampling, not at transmission."""
+    clock_rate: float = 1.0
+    """Autopilot seconds per second of the recorder, where they differ by more than crystals do: a simulator."""
 
 
 def read_telemetry(data: bytes) -> TelemetryRead:
@@ -56,28 +68,45 @@ def read_telemetry(data: bytes) -> TelemetryRead:
     for record in records:
         latest_us = max(latest_us, record.unix_us)
         messages.extend((latest_us, message) for message in _decoded(scanner, record.frame))
-    return TelemetryRead(messages, skipped, [*notes, *_pace_notes(messages)])
+    rate = _clock_rate(messages)
+    if 1.0 / MOST_PACE <= rate <= MOST_PACE:
+        return TelemetryRead(messages, skipped, notes, clock_rate=rate)
+    note = f"the autopilot's clock runs {rate:.3g} times as fast as the recorder's (a simulator?)"
+    note = f"{note}: detections on another clock do not fit; accepted: time_boot"
+    return TelemetryRead(messages, skipped, [*notes, note])
 
 
-def _pace_notes(messages: Sequence[Timed]) -> list[str]:
-    """A warning where the autopilot's clock does not keep the recorder's pace: a simulator that runs fast or slow.
+def _clock_rate(messages: Sequence[Timed]) -> float:
+    """The rate of the autopilot's clock by the recorder's: 1 where it may be a crystal's.
 
-    The median over pairs of attitudes PACE_US apart: a reboot or a gap spoils only its own pair.
+    The median over the least delayed attitudes of stretches in a row: a reboot or a gap spoils only its own pair.
     """
+    points = _least_delayed(messages)
+    paces = [(to[1] - of[1]) * 1000 / (to[0] - of[0]) for of, to in pairwise(points)]
+    paces = [pace for pace in paces if pace > 0.0]
+    if len(paces) < LEAST_PACES:
+        return 1.0
+    rate = median(paces)
+    sigma = MEDIAN_SIGMA * median([abs(pace - rate) for pace in paces]) / sqrt(len(paces))
+    return rate if abs(rate - 1.0) > max(LEAST_DEPARTURE, PACE_SIGMAS * sigma) else 1.0
+
+
+def _least_delayed(messages: Sequence[Timed]) -> list[tuple[int, int]]:
+    """Arrival (Unix microseconds) and stamp (milliseconds) of the least delayed attitude in each PACE_US."""
     attitudes = [(unix_us, message) for unix_us, message in messages if message.name in ATTITUDES]
     vehicle = attitudes[0][1].system if attitudes else 0
-    stamped = [(unix_us, message.fields.time_boot_ms) for unix_us, message in attitudes if message.system == vehicle]
-    rates, last = [], None
-    for unix_us, boot_ms in stamped:
-        if last is None or unix_us - last[0] >= PACE_US:
-            if last is not None:
-                rates.append((boot_ms - last[1]) * 1000 / (unix_us - last[0]))
-            last = (unix_us, boot_ms)
-    rate = median(rates) if rates else 1.0
-    if not rate > 0.0 or 1.0 / MOST_PACE < rate < MOST_PACE:
-        return []
-    note = f"the autopilot's clock runs {rate:.1f} times as fast as the recorder's (a simulator?)"
-    return [f"{note}: detections on another clock do not fit; accepted: time_boot"]
+    points: list[tuple[int, int]] = []
+    stretch = None
+    for unix_us, message in attitudes:
+        if message.system != vehicle:
+            continue
+        point = (unix_us, message.fields.time_boot_ms)
+        if unix_us // PACE_US != stretch:
+            stretch = unix_us // PACE_US
+            points.append(point)
+        elif point[0] - 1000 * point[1] < points[-1][0] - 1000 * points[-1][1]:
+            points[-1] = point
+    return points
 
 
 def of_log(

@@ -46,6 +46,8 @@ class TelemetryOptions(msgspec.Struct, frozen=True, kw_only=True):
     attitudes_kept_s: float = KEPT_NS / NS_PER_S
     """Seconds for which attitudes are stored: what late frames need, or a whole experiment. 0: only the present one is
     of interest, so that NEWEST_EVERY_NS between two is enough."""
+    clock_rate: float = 1.0
+    """Rate of the autopilot's clock where only arrivals show it: autopilot seconds per host second."""
     gimbal_device_id: int = 0
     """Gimbal that carries the camera: 1 to 6 behind the autopilot, else its MAVLink component; 0: no gimbal."""
 
@@ -63,7 +65,7 @@ class Telemetry:
 
     def _begin(self) -> None:
         options = self._options
-        self.clock = Clock()
+        self.clock = Clock(options.clock_rate)
         self.world = World(use_position=options.position != "none")
         self._timeline = BootTimeline()
         self._stamps = AttitudeStamps(options.attitude_stamp_delay_s)

@@ -87,6 +87,8 @@ class VehicleHistory:
             terrain_height_m=terrain if isinstance(terrain, float) else None,
             stamp_sigma_s=hypot(self._stamps.sigma_s, self.attitudes.quality.instant_sigma_s),
             spacing_s=attitude.spacing_s,
+            angular_acceleration=attitude.angular_acceleration,
+            turning_frequency=attitude.frequency,
             gimbal=None if self._gimbal is None else self._gimbal.at(boot_ns, self._clock, attitude),
         )
 

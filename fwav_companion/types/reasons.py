@@ -87,7 +87,7 @@ class Reason(StrEnum):
     TERRAIN_UNFIT = "terrain_unfit"
     """The elevation model differs from the take-off height by more than a datum or a model error explains."""
     WEAK_EVIDENCE = "weak_evidence"
-    """The fix lies in the wide gate of a track that was out of sight, and alone does not confirm that again."""
+    """The fix alone does not show whether it is of the track in whose gate it lies, out of sight or just seen."""
 
     # Deletion of a track.
     NEVER_CONFIRMED = "never_confirmed"

@@ -9,7 +9,7 @@ import msgspec
 from fwav_companion.geometry.earth import Geodetic
 from fwav_companion.geometry.rotations import Quaternion
 from fwav_companion.geometry.stamps import BootNs, HostNs
-from fwav_companion.geometry.vectors import Vector3
+from fwav_companion.geometry.vectors import ZERO3, Vector3
 from fwav_companion.types.reasons import Reason
 
 
@@ -169,6 +169,10 @@ class VehicleState(msgspec.Struct, frozen=True, gc=False):
     """One sigma of the position's slow error by the receiver's own word, metres an axis; None: as configured."""
     height_sigma_m: float | None = None
     """One sigma of the height at this instant, metres; None: as ``position_sigma_m``."""
+    angular_acceleration: Vector3 = ZERO3
+    """Angular acceleration of the body, body axes, rad/s^2, from the attitude samples; zero where it is not known."""
+    turning_frequency: float = 0.0
+    """Angular frequency of the body's turning to and fro, rad/s; 0 where it is not known."""
     gimbal: GimbalAt | Reason | None = None
     """Gimbal that carries the camera, or the reason why its attitude is not known; None: camera fixed to the body."""
 
@@ -181,6 +185,11 @@ class VehicleState(msgspec.Struct, frozen=True, gc=False):
     def carrier_rates(self) -> Vector3:
         """Angular velocity of the carrier of the camera, its own axes, rad/s."""
         return self.gimbal.rates if isinstance(self.gimbal, GimbalAt) else self.rates
+
+    @property
+    def carrier_acceleration(self) -> Vector3:
+        """Angular acceleration of the carrier of the camera, its own axes, rad/s^2; zero for a gimbal."""
+        return ZERO3 if isinstance(self.gimbal, GimbalAt) else self.angular_acceleration
 
     @property
     def carrier_sigma(self) -> float:

@@ -152,6 +152,22 @@ def test_frames_on_the_autopilots_clock_are_taken_when_it_has_come_there(flown):
     assert replayed[-1]["fixes"] > 0.95 * companion.lines[-1]["fixes"]
 
 
+@pytest.mark.slow
+def test_frames_on_the_autopilots_clock_wait_for_the_clock_of_their_boot():
+    """By the clock before the reboot they were captured long ago."""
+    companion = fly(
+        scenario("rebooting").but({"seconds": 16.0, "seed": 4, "camera.stamp_clock": "time_boot"})
+    ).companion
+    lines = [line for line in map(json.loads, companion.detections.splitlines()) if "detections" in line]
+    for line in lines:
+        del line["received_unix"]
+    lines[60]["time_boot"] -= 3.0  # one out of order is late by itself, and holds up no other
+    detections = "\n".join(map(json.dumps, lines)).encode()
+    recording = read_recording(bytes(companion.tlog), detections, own_components(companion.config))
+    replayed = list(replay(recording, companion.config, companion.calibration))
+    assert replayed[-1]["fixes"] > 0.95 * companion.lines[-1]["fixes"]
+
+
 def test_frames_after_the_telemetry_lack_an_attitude_and_do_not_crowd_each_other_out(flown):
     """More frames than the reorder window takes, an hour late by both their stamp and their arrival."""
     companion = flown.companion

@@ -75,7 +75,7 @@ def test_nothing_recorded_is_no_answer_and_said(site):
     """A recording that was killed at once has empty files."""
     site.telemetry = site.detections = b""
     done = site.replay()
-    assert (done.returncode, done.stderr) == (0, "telemetry.tlog: it is empty\n")
+    assert (done.returncode, done.stderr) == (0, "detections.jsonl: no frame in it\ntelemetry.tlog: it is empty\n")
     assert json.loads(site.targets().splitlines()[-1])["fixes"] == 0
 
 

@@ -37,7 +37,7 @@ class Autopilot:
         self.wander = self._wandering(self.slow)
 
     def reported(self, t):
-        """Reported rotation, position, rates and velocity of the camera at the times t."""
+        """Reported rotation, position, rates, velocity and angular acceleration of the camera at the times t."""
         t = np.asarray(t, float)
         ypr, rate = self.euler(t), self.euler_rate(t)
         position, _ = path(self.flight, t)
@@ -47,15 +47,31 @@ class Autopilot:
         noise_e = np.interp(t, self.slow, self.position_noise[:, 1] + self.wander[:, 1])
         height = np.interp(t, self.slow, self.height_noise) + self.flight.biases[Bias.HEIGHT]
         position = position + np.stack([noise_n, noise_e, -height], -1)
-        return Rotation.from_euler("ZYX", ypr), position, _body_rates(ypr, rate), velocity
+        later, before = (_body_rates(self.euler(at), self.euler_rate(at)) for at in (t + 1e-4, t - 1e-4))
+        return Rotation.from_euler("ZYX", ypr), position, _body_rates(ypr, rate), velocity, (later - before) / 2e-4
 
     def state_at(self, boot_ns):
         """The vehicle's state, in the form of telemetry."""
         t = (boot_ns - BOOT_NS) * 1e-9
         if not -0.9 < t < self.flight.seconds + 0.9:
             return Unpaired(Reason.STALE_ATTITUDE)
-        rotation, position, rates, velocity = self.reported([t])
-        return a_state(boot_ns, rotation.as_quat()[0], rates[0], position[0], velocity[0], *self.stamping)
+        rotation, *others = self.reported([t])
+        position, rates, velocity, acceleration = (each[0] for each in others)
+        return a_state(
+            boot_ns,
+            rotation.as_quat()[0],
+            rates,
+            position,
+            velocity,
+            *self.stamping,
+            acceleration=acceleration,
+            frequency=self.frequency,
+        )
+
+    @property
+    def frequency(self):
+        """Angular frequency of the wing beat, rad/s."""
+        return 2.0 * np.pi * self.flight.flapping_hz
 
     @property
     def stamping(self):

@@ -43,7 +43,7 @@ class World:
         by_frame = [[] for _ in stamps]
         for k, fix in self._fixes(stamps, reported, seen) if seen else ():
             by_frame[k].append(fix)
-        rotation, position, _, _ = reported
+        rotation, position, *_ = reported
         return [
             FrameView(
                 frame=k, host_ns=host_ns(t), boot_ns=boot_ns(t), fixes=tuple(by_frame[k]),
@@ -114,7 +114,14 @@ class World:
         u, v = cast.uv[n]
         camera = cast.camera[n]
         state = a_state(
-            boot_ns(t), cast.rotation[n].as_quat(), cast.rates[n], camera, cast.velocity[n], *self.autopilot.stamping
+            boot_ns(t),
+            cast.rotation[n].as_quat(),
+            cast.rates[n],
+            camera,
+            cast.velocity[n],
+            *self.autopilot.stamping,
+            acceleration=cast.acceleration[n],
+            frequency=self.autopilot.frequency,
         )
         return Sighting(
             frame=int(k), index=0, frame_host_ns=host_ns(t), host_ns=host_ns(t),
@@ -136,8 +143,8 @@ class _Cast:
     """N pixels projected to the ground from the reported camera poses, with their derivatives by differences."""
 
     def __init__(self, reported, uv) -> None:
-        """``reported``: N rotations, positions, rates and velocities."""
-        self.rotation, self.camera, self.rates, self.velocity = reported
+        """``reported``: N rotations, positions, rates, velocities and angular accelerations."""
+        self.rotation, self.camera, self.rates, self.velocity, self.acceleration = reported
         self.uv, self.ray = uv, camera_from_pixel(uv)
         self.d_du = (camera_from_pixel(uv + RIGHT) - camera_from_pixel(uv - RIGHT)) / 0.02
         self.d_dv = (camera_from_pixel(uv + BELOW) - camera_from_pixel(uv - BELOW)) / 0.02

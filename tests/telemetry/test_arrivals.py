@@ -1,5 +1,10 @@
 """The arrival envelope alone: it must tolerate the arrival delays of a busy machine."""
 
+import random
+from math import sin
+
+import pytest
+
 from fwav_companion.geometry.stamps import BootNs, HostNs
 from fwav_companion.telemetry.clock.arrivals import ARRIVALS_TO_BEGIN, BUCKET_NS, ArrivalEnvelope
 from fwav_companion.telemetry.clock.clock import Clock
@@ -27,3 +32,45 @@ def test_a_link_whose_least_delay_wanders_bounds_nothing_closer_than_its_sigma()
     reported = clock.estimate(HostNs(612 * BUCKET_NS))
     assert reported.sigma_s > 0.2
     assert reported.bound_s >= 3.0 * reported.sigma_s
+
+
+@pytest.mark.parametrize("rate", [0.5, 0.8, 0.98, 1.0, 1.02, 3.0])
+def test_a_simulators_clock_is_followed_by_arrivals_alone_where_its_rate_is_known(rate):
+    """Even where the rate itself varies by a twentieth of its departure from real time."""
+    clock, rng = Clock(rate), random.Random(5)
+    host_s, boot_s, errors = 0.0, 50.0, []
+    while host_s < 90.0:
+        host_s += 0.1
+        boot_s += 0.1 * (rate + 0.05 * sin(host_s / 5.0) * (rate - 1.0))
+        arrival = HostNs(round((900.0 + host_s + 0.001 + rng.expovariate(500.0)) * 1e9))
+        clock.on_arrival(BootNs(int(boot_s * 1e3) * 1_000_000), arrival)
+        placed = clock.host_from_boot(BootNs(round(boot_s * 1e9)))
+        if not isinstance(placed, int):
+            continue  # too few arrivals yet
+        reported = clock.estimate(HostNs(placed))
+        errors.append((abs(placed * 1e-9 - 900.0 - host_s), reported.sigma_s, reported.bound_s))
+    assert all(error < 4.0 * sigma and error < bound for error, sigma, bound in errors[50:])
+    assert clock.rate_at(HostNs(round((900.0 + host_s) * 1e9))) == pytest.approx(rate, rel=0.15)
+
+
+@pytest.mark.parametrize("rate", [0.3, 0.5])
+def test_a_simulator_that_pauses_is_not_taken_for_a_clock_at_rest(rate):
+    """It repeats its stamp for a while. A line with the slope of that pause would have no inverse."""
+    clock, boot_s = Clock(rate), 50.0
+    for tenth in range(600):
+        if not 200 <= tenth < 300:
+            boot_s += 0.1 * rate
+        arrival = HostNs(100_000_000 * tenth + 900_000_000_000)
+        clock.on_arrival(BootNs(int(boot_s * 1e3) * 1_000_000), arrival)
+        clock.host_from_boot(BootNs(int(boot_s * 1e9)))
+        assert clock.rate_at(arrival) > 0.4 * rate
+
+
+def test_without_its_rate_a_slow_clock_is_not_followed():
+    """A queue that grows looks alike: only a whole recording shows which of the two it is."""
+    clock = Clock()
+    for tenth in range(300):
+        clock.on_arrival(BootNs(98_000_000 * tenth), HostNs(100_000_000 * tenth))
+    placed = clock.host_from_boot(BootNs(98_000_000 * 299))
+    assert isinstance(placed, int)
+    assert placed < 29.5e9

@@ -60,7 +60,7 @@ def test_an_instant_before_the_slip_keeps_its_offset():
     assert wire.error_s(39.95)[1].sigma_s > 0.02  # somewhere in this tenth of a second it slipped
 
 
-@pytest.mark.parametrize("rate", [0.5, 0.8, 0.985, 1.01, 1.3, 2.0])
+@pytest.mark.parametrize("rate", [0.2, 0.5, 0.8, 0.985, 1.01, 1.3, 2.0, 3.0])
 def test_any_constant_rate_is_followed_inside_its_bound(rate):
     wire = Wire(up=LOOPBACK, down=LOOPBACK, drift=lambda t: (1.0 - rate) * t).run(40.0)  # the bound is judged in it
     errors = [(error, estimate) for t, error, estimate in wire.errors if t > 5.0]

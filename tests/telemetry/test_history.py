@@ -2,8 +2,10 @@
 
 import random
 from itertools import pairwise
+from math import pi, radians, sin
 
 import flapping
+import numpy as np
 import pytest
 
 from fwav_companion.geometry.stamps import BootNs
@@ -58,6 +60,18 @@ def test_a_lost_sample_is_bridged_and_reported():
     whole, across = history.at(BootNs(3_300_000_000 + 3 * MS)), history.at(BootNs(3_500_000_000))
     assert across.sigma > 5.0 * whole.sigma
     assert abs(flapping.angle_error(motion, 3_500_000_000, across.ned_from_body)[1]) < 3.0 * across.sigma
+
+
+def test_the_course_bends_as_the_motion_does():
+    """Pitch alone, 5 degrees at 14 Hz: 680 rad/s^2 at the ends of a swing."""
+    hz, turn = 14.0, 2.0 * pi * 14.0
+    history = flapping.history_of(flapping.stream(flapping.nodding(hz), 100, 2.5))
+    found = [history.at(BootNs(k * 3 * MS)) for k in range(350, 800)]
+    expected = [-radians(5.0) * turn**2 * sin(turn * k * 0.003 + 0.3) for k in range(350, 800)]
+    off = [at.angular_acceleration[1] - bend for at, bend in zip(found, expected, strict=True)]
+    assert flapping.rms(np.array(off)) < 0.15 * flapping.rms(np.array(expected))
+    assert max(abs(at.angular_acceleration[0]) + abs(at.angular_acceleration[2]) for at in found) < 1.0
+    assert found[-1].frequency == pytest.approx(turn, rel=0.15)
 
 
 def test_any_order_gives_the_same_course():

@@ -46,6 +46,11 @@ class AngularMotion:
         """
         if self.alternates:
             return pi / self.spacing_s
+        return self.shown_frequency
+
+    @property
+    def shown_frequency(self) -> float:
+        """Angular frequency that the samples show, rad/s: RMS acceleration over RMS rate."""
         return sqrt(self._acceleration2 / self.rate2) if self.rate2 > 1e-12 else 0.0
 
     def measure(self, three: Sequence[AttitudeSample], gain: float) -> None:

@@ -9,7 +9,7 @@ import msgspec
 
 from fwav_companion.geometry.rotations import Quaternion, difference, exp, multiply
 from fwav_companion.geometry.stamps import NS_PER_S, BootNs
-from fwav_companion.geometry.vectors import Vector3, add, dot, scale, subtract
+from fwav_companion.geometry.vectors import ZERO3, Vector3, add, dot, scale, subtract
 from fwav_companion.telemetry.attitude.angular_motion import MOST_SWING
 from fwav_companion.telemetry.attitude.interpolation import (
     Segment,
@@ -59,6 +59,10 @@ class AttitudeAt(msgspec.Struct, frozen=True, gc=False):
     """Seconds to the nearest sample."""
     spacing_s: float = 0.0
     """Seconds between the samples around the instant; the stream's mean spacing beyond the newest sample."""
+    angular_acceleration: Vector3 = ZERO3
+    """Angular acceleration of the interpolated course, rad/s^2, body axes."""
+    frequency: float = 0.0
+    """Angular frequency of the motion as the samples show it, rad/s."""
 
 
 class AttitudeHistory:
@@ -157,8 +161,16 @@ class AttitudeHistory:
         if sigma == inf or (sigma > MOST_SIGMA and hole):
             return Unpaired(Reason.ATTITUDE_GAP, gap_s)
         spacing_s = (times[index + 1] - times[index]) * 1e-9
-        ned_from_body, rates = course_at(segment, boot_ns)
-        return AttitudeAt(ned_from_body=ned_from_body, rates=rates, sigma=sigma, gap_s=gap_s, spacing_s=spacing_s)
+        ned_from_body, rates, angular_acceleration = course_at(segment, boot_ns)
+        return AttitudeAt(
+            ned_from_body=ned_from_body,
+            rates=rates,
+            sigma=sigma,
+            gap_s=gap_s,
+            spacing_s=spacing_s,
+            angular_acceleration=angular_acceleration,
+            frequency=self.quality.motion.shown_frequency,
+        )
 
     def _build(self, index: int) -> tuple[Segment, float]:
         """Segment after sample ``index``, by the chosen method as far as the neighbouring samples allow."""
@@ -194,7 +206,7 @@ class AttitudeHistory:
         rates = last.rates
         if len(self._times) >= 2:
             segment, _ = self._segments[-2] or self._build(len(self._times) - 2)
-            _, rates = course_at(segment, last.boot_ns)
+            _, rates, _ = course_at(segment, last.boot_ns)
         q = multiply(last.ned_from_body, exp(scale(rates, age_s)))
         sigma = (
             EXTRAPOLATED_SHARE * self.quality.motion.angular_acceleration * age_s * age_s + age_s * self._unsure_rate

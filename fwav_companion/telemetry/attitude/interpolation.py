@@ -40,26 +40,41 @@ def quaternion_at(segment: Segment, boot_ns: BootNs) -> Quaternion:
     return (w * n, x * n, y * n, z * n)
 
 
-def course_at(segment: Segment, boot_ns: BootNs) -> tuple[Quaternion, Vector3]:
-    """Unit quaternion at the instant, and body rates of the course there, rad/s, body axes: 2 q* dq/dt."""
+def course_at(segment: Segment, boot_ns: BootNs) -> tuple[Quaternion, Vector3, Vector3]:
+    """Unit quaternion at the instant, and the course's rates and angular acceleration there, rad/s and rad/s^2.
+
+    Both are in body axes: the imaginary parts of 2 q* dq/dt and of 2 q* d2q/dt2.
+    """
     t0, (n0, n1, n2, n3, n4), *components = segment
     s = (boot_ns - t0) * 1e-9
     s0, s1, s2, s3, s4 = s - n0, s - n1, s - n2, s - n3, s - n4
-    values, slopes = [], []
+    values, slopes, bends = [], [], []
     for c0, c1, c2, c3, c4, c5 in components:  # Horner's scheme
         v4 = c4 + s4 * c5
         v3 = c3 + s3 * v4
         v2 = c2 + s2 * v3
         v1 = c1 + s1 * v2
         values.append(c0 + s0 * v1)
-        slopes.append(v1 + s0 * (v2 + s1 * (v3 + s2 * (v4 + s3 * c5))))
-    (w, x, y, z), (dw, dx, dy, dz) = values, slopes
+        d3 = v4 + s3 * c5
+        d2 = v3 + s2 * d3
+        d1 = v2 + s1 * d2
+        slopes.append(v1 + s0 * d1)
+        bends.append(2.0 * (d1 + s0 * (d2 + s1 * (d3 + s2 * c5))))
+    (w, x, y, z), (dw, dx, dy, dz), (bw, bx, by, bz) = values, slopes, bends
     square = w * w + x * x + y * y + z * z
     n, twice = 1.0 / sqrt(square), 2.0 / square
-    return (w * n, x * n, y * n, z * n), (
-        twice * (w * dx - x * dw - y * dz + z * dy),
-        twice * (w * dy - y * dw - z * dx + x * dz),
-        twice * (w * dz - z * dw - x * dy + y * dx),
+    return (
+        (w * n, x * n, y * n, z * n),
+        (
+            twice * (w * dx - x * dw - y * dz + z * dy),
+            twice * (w * dy - y * dw - z * dx + x * dz),
+            twice * (w * dz - z * dw - x * dy + y * dx),
+        ),
+        (
+            twice * (w * bx - x * bw - y * bz + z * by),
+            twice * (w * by - y * bw - z * bx + x * bz),
+            twice * (w * bz - z * bw - x * by + y * bx),
+        ),
     )
 
 

@@ -9,8 +9,10 @@ from fwav_companion.telemetry.clock.clock_line import MOST_SKEW, ClockLine
 from fwav_companion.telemetry.clock.envelopes import lower_hull
 
 BUCKET_NS = NS_PER_S
-BUCKETS = 30
-"""Seconds, of each of which the least delay is stored."""
+BUCKETS, SIMULATED_BUCKETS = 30, 6
+"""Seconds, of each of which the least delay is stored; and those of a simulator, whose rate varies with its load."""
+RATE_VARIES = 0.02
+"""One sigma by which a simulator's rate varies within those seconds, in units of its departure from real time."""
 ARRIVALS_TO_BEGIN = 10
 
 LEAST_DELAY_SIGMA_S = 5e-3
@@ -26,10 +28,16 @@ class ArrivalEnvelope:
     Stamps are truncated to whole milliseconds, which only makes a message look later: the envelope needs no correction.
     """
 
-    __slots__ = ("_buckets", "_count", "line")
+    __slots__ = ("_buckets", "_count", "_least_skew", "_most_skew", "_stored", "_unsteady", "line")
 
-    def __init__(self) -> None:
+    def __init__(self, rate: float = 1.0) -> None:
+        """``rate``: of the autopilot's clock, if it is not a crystal's; it varies by as much as it differs from 1."""
         self.line: ClockLine | None = None
+        room = max(MOST_SKEW, abs(1.0 - rate))
+        self._stored = BUCKETS if room == MOST_SKEW else SIMULATED_BUCKETS
+        self._unsteady = RATE_VARIES * abs(1.0 - rate)
+        # Half the rate at least: a simulator that pauses repeats its stamp, and a skew of 1 would be a clock at rest.
+        self._least_skew, self._most_skew = 1.0 - rate - room, min(1.0 - rate + room, 1.0 - 0.5 * rate)
         self._buckets: list[tuple[int, HostNs, int]] = []  # (second, arrival, least offset), oldest first
         self._count = 0
 
@@ -37,7 +45,7 @@ class ArrivalEnvelope:
         """Take the stamp and the arrival of a message."""
         self._count += 1
         offset_ns = arrival_ns - stamp_ns
-        bucket = stamp_ns // BUCKET_NS
+        bucket = (stamp_ns if self._stored == BUCKETS else arrival_ns) // BUCKET_NS
         if self._buckets and self._buckets[-1][0] >= bucket:
             if offset_ns >= self._buckets[-1][2] and (self.line is not None or self._count != ARRIVALS_TO_BEGIN):
                 return
@@ -45,14 +53,16 @@ class ArrivalEnvelope:
                 self._buckets[-1] = (self._buckets[-1][0], arrival_ns, offset_ns)
         else:
             self._buckets.append((bucket, arrival_ns, offset_ns))
-            if len(self._buckets) > BUCKETS:
+            if len(self._buckets) > self._stored:
                 del self._buckets[0]
         if self._count >= ARRIVALS_TO_BEGIN:
             self.line = self._fit()
 
     def bound_s(self, now: HostNs, offset_ns: int) -> float:
         """Bound of the offset's error: below by the assumed bound of the least delay, above by drift alone."""
-        least_ns = min([o + MOST_SKEW * abs(now - at) for _, at, o in self._buckets])
+        least_ns = min(
+            [o + (self._most_skew if now > at else self._least_skew) * (now - at) for _, at, o in self._buckets]
+        )
         return max(abs(least_ns - offset_ns) * 1e-9, 0.0) + LEAST_DELAY_BOUND_S
 
     def _fit(self) -> ClockLine:
@@ -66,7 +76,7 @@ class ArrivalEnvelope:
             if tb >= mean_t and tb > ta:  # messages of one datagram arrived at one instant, whatever their stamps
                 t0, y0, slope = ta, ya, (yb - ya) / (tb - ta)
                 break
-        slope = max(-MOST_SKEW, min(MOST_SKEW, slope))
+        slope = max(self._least_skew, min(self._most_skew, slope))
         level = min([y - slope * t for t, y in points]) if points else y0 - slope * t0
         above = sum([(y - slope * t - level) ** 2 for t, y in points]) / len(points)
         span = max(1.0, -points[0][0])
@@ -74,7 +84,7 @@ class ArrivalEnvelope:
             ref_host_ns=ref_ns,
             offset_ns=ref_offset_ns + round(level * 1e9),
             skew=slope,
-            var_offset=LEAST_DELAY_SIGMA_S**2 + above,
+            var_offset=LEAST_DELAY_SIGMA_S**2 + above + (0.5 * span * self._unsteady) ** 2,
             cov_offset_skew=0.0,
             var_skew=above / span**2 + 1e-12,
         )

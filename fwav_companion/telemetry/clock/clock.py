@@ -6,7 +6,7 @@ from math import inf
 
 from fwav_companion.geometry.stamps import NS_PER_S, BootNs, HostNs
 from fwav_companion.telemetry.clock.arrivals import ArrivalEnvelope
-from fwav_companion.telemetry.clock.clock_line import ClockLine
+from fwav_companion.telemetry.clock.clock_line import MOST_SKEW, ClockLine
 from fwav_companion.telemetry.clock.clock_news import ClockNews, ClockReports
 from fwav_companion.telemetry.clock.exchanges import ExchangeFit
 from fwav_companion.telemetry.clock.followed import FollowedClock
@@ -39,11 +39,13 @@ class Clock:
     that leaves this range is followed exchange by exchange until it has been a crystal's again for 20 s.
     """
 
-    __slots__ = ("_arrivals", "_basis", "_exchanges", "_followed", "_reports")
+    __slots__ = ("_arrivals", "_basis", "_exchanges", "_followed", "_rate", "_reports")
 
-    def __init__(self) -> None:
+    def __init__(self, rate: float = 1.0) -> None:
+        """``rate``: of the autopilot's clock by all arrivals of a recording, where it is not a crystal's."""
+        self._rate = rate
         self._exchanges = ExchangeFit()
-        self._arrivals = ArrivalEnvelope()
+        self._arrivals = ArrivalEnvelope(rate)
         self._followed: FollowedClock | None = None
         self._reports = ClockReports()
         self._basis: FollowedClock | ClockLine | None = None
@@ -73,12 +75,12 @@ class Clock:
 
     def skip(self) -> None:
         """Forget how stamps arrived: they continue far ahead of where they were expected."""
-        self._arrivals, self._basis = ArrivalEnvelope(), None
+        self._arrivals, self._basis = ArrivalEnvelope(self._rate), None
 
     def reset(self) -> None:
         """Forget everything: the autopilot's clock began again."""
         self._exchanges = ExchangeFit()
-        self._arrivals = ArrivalEnvelope()
+        self._arrivals = ArrivalEnvelope(self._rate)
         self._followed = self._basis = None
         self._reports = ClockReports()
 
@@ -114,7 +116,9 @@ class Clock:
     def rate_at(self, host_ns: HostNs) -> float:
         """Autopilot seconds per host second at this instant; 1 for a clock that is a crystal's."""
         basis = self._basis or self._chosen()
-        return 1.0 - basis.offset_at(host_ns)[1] if isinstance(basis, FollowedClock) else 1.0
+        if isinstance(basis, FollowedClock):
+            return 1.0 - basis.offset_at(host_ns)[1]
+        return 1.0 if basis is None or abs(basis.skew) <= MOST_SKEW else 1.0 - basis.skew
 
     def estimate(self, now: HostNs) -> ClockEstimate:
         """Clock estimate at this host instant; status UNKNOWN has infinite sigma and bound."""

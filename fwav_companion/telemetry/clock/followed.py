@@ -20,10 +20,12 @@ from fwav_companion.telemetry.clock.round_trip_weights import RESOLUTION_S
 
 MOST_KNOTS = 300
 """Half a minute at ten exchanges a second."""
-SLOWEST, FASTEST = 0.5, 2.0
-"""Rates of the autopilot's clock that are followed, autopilot seconds per host second."""
-RATE_PRIOR = 0.3
-"""One sigma of the rate before it was measured: half of the widest range."""
+SLOWEST, FASTEST = 0.1, 10.0
+"""Rates of the autopilot's clock that are followed, autopilot seconds per host second: a simulator runs at a tenth of
+real time on a slow computer, and at ten times where it is asked to."""
+RATE_PRIOR = 3.0
+"""One sigma of the rate before it was measured: a third of the widest range. With 0.3 the clock of a simulator at five
+times real time is a second off for twenty seconds."""
 UNKNOWN_RATE = 0.02
 """One sigma of a change of the rate when the clock is first seen to leave a crystal's range."""
 WALK_MEMORY = 20
