@@ -6,7 +6,7 @@ import argparse
 import re
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from fwav_companion.errors import UserError
 from fwav_companion.fleet.options import FLEET_NAME
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from fwav_companion.tools.doctor.finding import Finding
     from fwav_companion.types.status import RunStatus
 
+Url = TypeVar("Url")
 WITHOUT_CONFIG = "NOTE: what `check` says needs --config FILE, a copy of that service's configuration"
 SPEEDS = (1.0, 20.0)
 
@@ -34,7 +35,7 @@ def make_inputs(
         from fwav_companion.ground.station import PictureStation
         from fwav_companion.links.url import parse_link_url
 
-        urls = [parse_link_url(text) for text in arguments.link]
+        urls = [_parsed("--link", text, parse_link_url) for text in arguments.link]
         inputs.append(PictureStation(urls, picture, clock=clock, hfov_deg=arguments.hfov))
     if arguments.status is not None:
         from fwav_companion.ground.status_reader import StatusReader
@@ -55,12 +56,20 @@ def make_inputs(
         from fwav_companion.links.url import parse_cot_url
         from fwav_companion.service.board import board_name
 
-        inputs.append(MapOutput(parse_cot_url(arguments.cot), picture, utc_ns, board_name()))
+        inputs.append(MapOutput(_parsed("--cot", arguments.cot, parse_cot_url), picture, utc_ns, board_name()))
     if arguments.record is not None:
         from fwav_companion.ground.picture_recorder import PictureRecorder
 
         inputs.append(PictureRecorder(arguments.record, picture, clock()))
     return inputs, clock
+
+
+def _parsed(option: str, text: str, parse: Callable[[str], Url]) -> Url:
+    """The URL of an option. UserError that names the option and the text."""
+    try:
+        return parse(text)
+    except UserError as error:
+        raise UserError(f"{option} {text}: {error}") from None
 
 
 def _fleet(arguments: argparse.Namespace, picture: GroundPicture, clock: Callable[[], float]) -> PictureInput:

@@ -107,7 +107,9 @@ def _let_go_of_stdout() -> None:
 
 def _run(argv: Sequence[str]) -> int:
     os.environ.update({name: "1" for name in BLAS_THREADS if name not in os.environ})
-    arguments = _parser(argv).parse_args(argv)
+    arguments, unknown = _parser(argv).parse_known_args(argv)
+    if unknown:
+        raise UserError(f"unrecognized arguments: {' '.join(unknown)} (see fwav-companion {_called(argv)} --help)")
     status: int = arguments.run(arguments)
     return status
 
@@ -122,7 +124,7 @@ def _parser(argv: Sequence[str]) -> argparse.ArgumentParser:
     )
     parser.add_argument("-V", "--version", action="version", version=f"fwav-companion {__version__}")
     subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
-    called = next((argument for argument in argv if not argument.startswith("-")), "")
+    called = _called(argv)
     for command in COMMANDS:
         if find_spec(command.module) is None:
             continue
@@ -131,3 +133,8 @@ def _parser(argv: Sequence[str]) -> argparse.ArgumentParser:
         else:
             subparsers.add_parser(command.name, help=command.help)
     return parser
+
+
+def _called(argv: Sequence[str]) -> str:
+    """The name of the called command; "" if there is none."""
+    return next((argument for argument in argv if not argument.startswith("-")), "")

@@ -47,6 +47,11 @@ CORRECTIONS: Final = (
     (re.compile(r"([-+]?[0-9]+),([0-9]+)"), r"\1.\2", "a decimal point"),
     (re.compile(r"([-+]?)(\.[0-9]+)"), r"\g<1>0\2", "a digit before the point"),
     (re.compile(r"([-+]?[0-9]+\.)"), r"\g<1>0", "a digit after the point"),
+    (
+        re.compile(r"([-+]?[0-9]+(?:\.[0-9]+)?) *(?:m|s|deg|°|Hz|px|MB|%)\Z"),
+        r"\1",
+        "a number alone",
+    ),
     (re.compile(r"(?![-+0-9.]+$)([^\s\"'\[\]{}=,][^\"'\[\]{}=,]*)"), r'"\1"', "a text in quotes"),
 )
 """Values that TOML does not accept, what the user meant, and why."""

@@ -48,7 +48,7 @@ def signing_policy(config: Config, key: bytes | None, timestamp: int) -> Signing
     return SigningPolicy(key=key, timestamp=timestamp, accept_unsigned=frozenset(config.signing.accept_unsigned))
 
 
-def telemetry_options(config: Config, attitudes_kept_s: float | None) -> TelemetryOptions:
+def telemetry_options(config: Config, attitudes_kept_s: float | None, clock_rate: float = 1.0) -> TelemetryOptions:
     """The options of the telemetry. ``attitudes_kept_s``: None for the room's default."""
     options = TelemetryOptions(
         position=config.vehicle.position,
@@ -57,6 +57,7 @@ def telemetry_options(config: Config, attitudes_kept_s: float | None) -> Telemet
         position_bias_by_receiver=config.uncertainty.position_bias_m == "auto",
         attitude_stamp_delay_s=config.uncertainty.attitude_stamp_delay_s,
         gimbal_device_id=config.camera.mount.gimbal_device_id,
+        clock_rate=clock_rate,
     )
     if attitudes_kept_s is None:
         return options

@@ -143,6 +143,8 @@ def _reason(device: str, error: Exception) -> str:
     number = getattr(error, "errno", None)
     if number == errno.EAGAIN:
         return f"{device}: in use by another program"
+    if f"({errno.ENOTTY}," in str(error):  # pyserial keeps the number of tcgetattr in the text alone
+        return f"{device}: not a serial port"
     return f"{device}: {os.strerror(number) if number else error}"
 
 

@@ -54,6 +54,11 @@ def test_wrong_usage_is_one_line_and_status_2(arguments: list[str], capsys: pyte
     assert shown.err.count("\n") == 1
 
 
+def test_an_unknown_option_names_the_help_of_its_command(capsys: pytest.CaptureFixture[str]):
+    assert main(["init", "--fast"]) == 2
+    assert "--fast (see fwav-companion init --help)" in capsys.readouterr().err
+
+
 def test_a_replay_without_input_names_both_ways(capsys: pytest.CaptureFixture[str]):
     assert main(["replay"]) == 2
     said = capsys.readouterr().err

@@ -99,6 +99,8 @@ FAULTS = {
     "a capital": ("[tracking]\nself_calibration = True\n", 'line 2: "self_calibration = True": accepted: self_calibration = true (true or false, in lower case)'),
     "no for false": ("[publish]\nadsb = No\n", 'line 2: "adsb = No": accepted: adsb = false (true or false, in lower case)'),
     "a decimal comma": ("[camera]\nreadout_s = 0,0174  # s\n", 'line 2: "readout_s = 0,0174  # s": accepted: readout_s = 0.0174 (a decimal point)'),
+    "a unit": ("[ground]\nheight_m = 0.5 m # low\n", 'line 2: "height_m = 0.5 m # low": accepted: height_m = 0.5 (a number alone)'),
+    "a unit without a gap": ("[camera]\ntime_offset_s = 0.03s\n", 'line 2: "time_offset_s = 0.03s": accepted: time_offset_s = 0.03 (a number alone)'),
     "no digit before the point": ("[ground]\nheight_m = -.5\n", 'line 2: "height_m = -.5": accepted: height_m = -0.5 (a digit before the point)'),
     "no digit after the point": ("[ground]\nheight_m = 5.\n", 'line 2: "height_m = 5.": accepted: height_m = 5.0 (a digit after the point)'),
     "a port of two links": (LINK + '[[link]]\nname = "b"\nurl = "udpin://0.0.0.0:14550"\nrole = "gcs"\n', '[[link]] 2 "b" url = "udpin://0.0.0.0:14550": [[link]] "a" opens this already; accepted: a port or device of its own'),

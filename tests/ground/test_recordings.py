@@ -206,6 +206,7 @@ def test_a_status_that_cannot_be_read_is_reported(tmp_path, content):
 
 @pytest.mark.parametrize(
     "words", [[], ["--replay", "absent.jsonl"], ["--replay", "t.jsonl", "--speed", "21"], ["--link", "nothing"],
+              ["--cot", "nothing", "--link", "udpin://127.0.0.1:1"],
               ["--link", "udpin://127.0.0.1:1", "--http", "8080"], ["--replay", "t.jsonl", "--link", "udpin://h:1"],
               ["--link", "udpin://127.0.0.1:1", "--config", "c.toml"],
               ["--status", "http://127.0.0.1:1/", "--config", "absent.toml"], ["--tiles", "absent", "--link", "udpin://127.0.0.1:14999"]],
@@ -219,6 +220,8 @@ def test_wrong_arguments_are_one_line(tmp_path, words, capsys, monkeypatch):
     error = capsys.readouterr().err
     assert "accepted" in error
     assert error.count("\n") == 1
+    if "nothing" in words:
+        assert f"{words[words.index('nothing') - 1]} nothing: " in error
 
 
 def test_the_program_ends_cleanly(tmp_path):

@@ -153,7 +153,7 @@ def test_of_several_ports_with_the_ids_the_first_is_taken(terminal: Terminal):
     [
         (SerialUrl(device="/dev/nothing-here", baud=9600), "/dev/nothing-here: no such device"),
         (SerialUrl(vendor_id=0x1209, product_id=0x5741, baud=9600), "USB device 1209:5741: no such device"),
-        (SerialUrl(device="/dev/null", baud=9600), "/dev/null: "),
+        (SerialUrl(device="/dev/null", baud=9600), "/dev/null: not a serial port"),
     ],
 )
 def test_what_is_no_device(url: SerialUrl, said: str):

@@ -28,7 +28,6 @@ class SpotSample(msgspec.Struct, frozen=True):
 
     frame: int
     at_s: float
-    true_px: tuple[float, float]
     found_px: tuple[float, float] | None
     sharp: bool
     error_px: float | None
@@ -94,7 +93,6 @@ def sample(frame: int, *, at_s: float, true: Sequence[float], blur_px: float, sc
     return SpotSample(
         frame=frame,
         at_s=at_s,
-        true_px=(true[0], true[1]),
         found_px=found,
         sharp=blur_px < SHARP_PX,
         error_px=error_px,

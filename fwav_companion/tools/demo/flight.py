@@ -108,6 +108,7 @@ class Demonstration:
         with ExitStack() as stack:
             ground = stack.enter_context(GroundStation())
             self._prepare(ground.port)
+            stack.callback((self._out / PIPE).unlink, missing_ok=True)
             service = self._child(stack, "the service", "fwav_companion", ["run", "--config", CONFIG_FILE])
             trouble = self._comes_up(service)
             if trouble is None:

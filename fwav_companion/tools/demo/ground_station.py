@@ -41,8 +41,6 @@ class GroundStation:
         self._recent: deque[tuple[float, str]] = deque(maxlen=5000)
         self.heard: Counter[str] = Counter()
         """Number of messages from the companion and its camera component, by name."""
-        self.relayed = 0
-        """Number of the autopilot's messages that the companion relayed."""
         self.place: dict[str, float] | None = None
         """The selected target in the newest CAMERA_TRACKING_GEO_STATUS: lat, lon, alt_amsl, h_acc."""
         self.texts: deque[str] = deque(maxlen=TEXTS_KEPT)
@@ -83,7 +81,6 @@ class GroundStation:
 
     def _take(self, message: Message) -> None:
         if message.component not in (COMPANION, CAMERA):
-            self.relayed += 1
             return
         self.heard[message.name] += 1
         self._recent.append((time.monotonic(), message.name))

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from fwav_companion.tools.doctor.evidence import Evidence, Folder
-from fwav_companion.tools.doctor.finding import Finding, Level
+from fwav_companion.tools.doctor.finding import Finding, Level, access_fix
 from fwav_companion.types.status import RunStatus
 
 VOLATILE: Final = frozenset({"tmpfs", "ramfs", "overlay", "squashfs"})
@@ -150,5 +150,5 @@ def _cameras(evidence: Evidence) -> Iterator[Finding]:
                 Level.ERROR,
                 "[vision] source",
                 problem=f"{evidence.board.user or 'this user'} may not open {device.path}",
-                fix=f"sudo usermod -aG {device.group or 'video'} {evidence.board.user}, then log in again",
+                fix=access_fix(device.path, device.group, usual="video", user=evidence.board.user),
             )

@@ -26,7 +26,7 @@ def file_findings(evidence: Evidence) -> Iterator[Finding]:
             Level.ERROR,
             "[camera] calibration",
             problem=evidence.files.calibration_error,
-            fix="`fwav-companion calibrate` makes one; `init` writes the paper's camera as an example",
+            fix="correct the path or the file: `fwav-companion calibrate` makes one, `init` writes the paper's camera",
         )
         return
     yield from _narrow(evidence)

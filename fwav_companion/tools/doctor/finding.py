@@ -51,3 +51,11 @@ def worst(findings: Iterable[Finding]) -> Level:
 def by_level(findings: Iterable[Finding]) -> list[Finding]:
     """Return the findings sorted by level; within a level their order, from the wire to the target, is kept."""
     return sorted(findings, key=lambda finding: ORDER.index(finding.level))
+
+
+def access_fix(device: str, group: str, *, usual: str, user: str) -> str:
+    """Return how a user gets access to a device. Membership of root's group is too much: ``usual`` gets the device."""
+    member = f"sudo usermod -aG {usual if group in ('', 'root') else group} {user or '$USER'}, then log in again"
+    if group not in ("", "root"):
+        return member
+    return f"sudo chgrp {usual} {device}; sudo chmod g+rw {device} (a udev rule keeps both); {member}"

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import os
-import time
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from os.path import realpath
 from pathlib import Path
 from typing import Any, Final
@@ -21,12 +18,11 @@ from fwav_companion.localization import ElevationTile
 from fwav_companion.on_disk import content
 from fwav_companion.service.configured_files import load_calibration, load_elevation
 from fwav_companion.service.latest_file import status_paths
+from fwav_companion.service.other_run import is_active
 from fwav_companion.tools.doctor.evidence import Files
 from fwav_companion.tools.doctor.run_status import run_status
 from fwav_companion.types.status import RunStatus
 
-FRESH_S: Final = 3.0
-"""A status file is rewritten each second."""
 NOWHERE: Final = "/dev/null/status.json"
 """No status file: `check` leaves nothing behind and needs no writable disk."""
 
@@ -80,18 +76,11 @@ def _status_of(path: Path, config: Config) -> HeardStatus | None:
         typed = run_status(written)
         if typed is None or not typed.config_path:
             return None
-        age_s = time.monotonic() - typed.time_monotonic
         ours = realpath(typed.config_path) == realpath(config.file)
-        fresh = 0.0 <= age_s <= FRESH_S and typed.pid > 0 and _lives(typed.pid)
+        fresh = is_active(typed.pid, typed.time_monotonic)
     except (OSError, ValueError, ArithmeticError, RecursionError, msgspec.DecodeError):
         return None
     return HeardStatus(typed, written) if ours and fresh else None
-
-
-def _lives(pid: int) -> bool:
-    with suppress(PermissionError):  # it exists and is another user's
-        os.kill(pid, 0)
-    return True
 
 
 def listen(config: Config, files: Files, signing_key: bytes | None, seconds: float) -> HeardStatus:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
+from errno import EACCES, EADDRNOTAVAIL
 from typing import Final
 
 from fwav_companion.config import LinkConfig
 from fwav_companion.links.url import LinkUrl, SerialUrl
 from fwav_companion.tools.doctor.evidence import Evidence, SerialPort
-from fwav_companion.tools.doctor.finding import Finding, Level
+from fwav_companion.tools.doctor.finding import Finding, Level, access_fix
 from fwav_companion.types.network_status import REQUESTS, LinkStatistics, PeerStatistics
 from fwav_companion.types.status import RunStatus
 
@@ -21,6 +23,8 @@ GARBAGE_SHARE: Final = 0.2
 LOSS: Final = 0.02
 """Share of the frames: beyond it, attitudes are missing where they are needed."""
 LOSS_FRAMES: Final = 50
+FIRST_USERS_PORT: Final = 1024
+"""Ports below are for root (ip(7), CAP_NET_BIND_SERVICE)."""
 
 COMMON_BAUDS: Final = "57600, 115200, 230400, 460800, 921600, 1500000"
 _LISTENING: Final = (
@@ -92,7 +96,7 @@ def _serial(port: SerialPort, user: str) -> Iterator[Finding]:
             Level.ERROR,
             where,
             problem=f"{user or 'this user'} may not read and write {port.device}",
-            fix=f"sudo usermod -aG {port.group or 'dialout'} {user or '$USER'}, then log in again",
+            fix=access_fix(port.device, port.group, usual="dialout", user=user),
         )
     if port.console:
         yield Finding(
@@ -137,8 +141,17 @@ def _down(evidence: Evidence, link: LinkConfig, why: str) -> Finding:
         level,
         where,
         problem=f"{link.url}: {why}",
-        fix="check that the other end runs and the URL is right",
+        fix=_down_fix(link.parsed_url, why),
     )
+
+
+def _down_fix(url: LinkUrl, why: str) -> str:
+    """Return what to change for a link that does not open, by the system's reason."""
+    if os.strerror(EADDRNOTAVAIL) in why:
+        return "name an address of this board (`ip address` lists them), or 0.0.0.0 for all"
+    if os.strerror(EACCES) in why and not isinstance(url, SerialUrl):
+        return f"a port from {FIRST_USERS_PORT}: those below are for root"
+    return "check that the other end runs and the URL is right"
 
 
 def _received(evidence: Evidence, status: RunStatus, link: LinkConfig) -> Iterator[Finding]:

@@ -51,7 +51,7 @@ REASONS = {
     "range_tilted": "The rangefinder did not point down at the capture time.",
     "beyond_terrain": "The line of sight leaves the elevation model before it meets the ground.",
     "terrain_unfit": "The elevation model disagrees with the take-off height.",
-    "weak_evidence": "A target had been out of sight, and this detection alone did not show that it was back.",
+    "weak_evidence": "The detection alone did not show whether it was of a known target near it.",
 }
 
 

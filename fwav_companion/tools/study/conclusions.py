@@ -89,8 +89,6 @@ class InstantAnswer(msgspec.Struct, frozen=True):
     nine_tenths_m: float
     most_m: float
     claimed95_m: float
-    covered95: float
-    """Share of these answers within their claimed 95 % ellipse."""
 
 
 class CauseAnswer(msgspec.Struct, frozen=True, kw_only=True):
@@ -194,14 +192,13 @@ def _over_time(plan: StudyPlan, records: Sequence[FlightRecord]) -> tuple[Instan
     found = []
     for k in range(POINTS):
         present = [
-            (record.errors_m[k], record.claims95_m[k], record.squares[k])
+            (record.errors_m[k], record.claims95_m[k])
             for record in records
             if record.errors_m and record.errors_m[k] is not None
         ]
         if not present:
             continue
-        errors = sorted(error for error, _, _ in present if error is not None)
-        covered = sum(square is not None and square <= -2.0 * log(0.05) for _, _, square in present)
+        errors = sorted(error for error, _ in present if error is not None)
         found.append(
             InstantAnswer(
                 at_s=(k + 1) * plan.seconds / POINTS,
@@ -209,8 +206,7 @@ def _over_time(plan: StudyPlan, records: Sequence[FlightRecord]) -> tuple[Instan
                 half_m=_quantile(errors, 0.5),
                 nine_tenths_m=_quantile(errors, 0.9),
                 most_m=_quantile(errors, 0.95),
-                claimed95_m=median(claim for _, claim, _ in present if claim is not None),
-                covered95=covered / len(present),
+                claimed95_m=median(claim for _, claim in present if claim is not None),
             )
         )
     return tuple(found)

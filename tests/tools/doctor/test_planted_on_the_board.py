@@ -12,7 +12,7 @@ from fwav_companion.config import parse
 from fwav_companion.tools.doctor.board import Probe
 from fwav_companion.tools.doctor.evidence import Evidence
 from fwav_companion.tools.doctor.examination import examine
-from fwav_companion.tools.doctor.finding import Finding
+from fwav_companion.tools.doctor.finding import Finding, access_fix
 from fwav_companion.tools.doctor.gathering import load_files
 
 TEXT = AUTOPILOT.replace("udpin://127.0.0.1:14540", "serial:///dev/serial0:921600") + (
@@ -248,6 +248,14 @@ def test_a_folder_that_may_not_be_looked_at_breaks_nothing(pi):
 def test_a_file_that_may_not_be_opened_is_named(pi, denied, code):
     pi.denied.add(denied)
     assert pi.found() == [code]
+
+
+def test_the_fix_of_a_device_of_roots_group_does_not_make_its_user_a_member_of_it():
+    theirs = access_fix("/dev/ttyUSB0", "dialout", usual="dialout", user="pi")
+    roots = access_fix("/dev/ttyS0", "root", usual="dialout", user="pi")
+    assert theirs == "sudo usermod -aG dialout pi, then log in again"
+    assert "chgrp dialout /dev/ttyS0" in roots
+    assert "-aG root" not in roots
 
 
 def test_the_holder_of_a_port_is_found_by_its_socket():

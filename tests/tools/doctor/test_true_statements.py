@@ -89,6 +89,24 @@ def test_the_fix_of_a_poor_clock_goes_by_the_kind_of_link(url):
     assert FIXES[url] in finding.fix
 
 
+@pytest.mark.parametrize(
+    ("url", "why", "fix"),
+    [
+        ("udpin://10.99.99.99:14540", "Cannot assign requested address", "0.0.0.0"),
+        ("udpin://0.0.0.0:80", "Permission denied", "1024"),
+        ("tcpout://127.0.0.1:5760", "Connection refused", "the other end"),
+    ],
+)
+def test_the_fix_of_a_link_that_does_not_open_goes_by_the_reason(url, why, fix):
+    evidence = heard(HEALTHY)
+    written = msgspec.to_builtins(evidence.status)
+    written["links"]["autopilot"] = {"state": "down", "why": why}
+    config = parse(TEXT.replace("udpin://127.0.0.1:14540", url), "flight.toml")
+    findings = examine(msgspec.structs.replace(evidence, config=config, status=run_status(written)))
+    (down,) = [finding for finding in findings if finding.code == "link_down"]
+    assert fix in down.fix
+
+
 @pytest.mark.parametrize("seconds", [0.05, 1.0, 2.5, 3.5, 3.6, 3.7, 4.0, 5.0])
 def test_too_short_a_time_of_listening_judges_nothing(seconds):
     findings = examine(heard(HEALTHY, seconds=seconds))
