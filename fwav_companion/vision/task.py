@@ -30,7 +30,6 @@ KeptPicturesRule: TypeAlias = Literal["detections"] | Annotated[int, Meta(ge=0, 
 KEPT_PICTURE: Final = b'{"kept":'
 """Prefix of a kept picture's message: its frame in the wire format without detections, and a closing brace, with the
 descriptor of a file that has the JPEG."""
-DETECTORS_WITH_A_MODEL = ("onnx",)
 MOST_THREADS = 64
 
 

@@ -22,6 +22,8 @@ from fwav_companion.vision.wall_clock import StampClocks
 
 MAX_DETECTIONS = 256
 """Per frame; part of the interface contract."""
+MOST_FRAME_BYTES = 1 << 20
+"""Of one line or datagram: MAX_DETECTIONS with labels, boxes and corners take a fifth of it."""
 MAX_LABEL = 256
 """Characters; each track stores its label."""
 LATEST_UNIX_S = 1e11
@@ -164,6 +166,8 @@ def stamp_line(frame: Frame, file: str, unix_offset_ns: int) -> bytes:
 
 
 def _decode(data: bytes | str) -> WireFrame | NoFrame:
+    if len(data) > MOST_FRAME_BYTES:
+        return NoFrame(Reason.MALFORMED, f"{len(data)} bytes, accepted: {MOST_FRAME_BYTES}")
     try:
         return _decoder.decode(data)
     except (msgspec.ValidationError, UnicodeError, RecursionError) as error:

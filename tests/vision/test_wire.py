@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from fwav_companion.geometry.stamps import HostNs
 from fwav_companion.types import Detection, Frame, NoFrame, Reason, StampClock
 from fwav_companion.vision.wall_clock import RecordingClock, WallClock
-from fwav_companion.vision.wire import encode_frame, parse_frame
+from fwav_companion.vision.wire import MOST_FRAME_BYTES, encode_frame, parse_frame
 
 ARRIVAL = HostNs(500_000_000_000)
 """The board is up for 500 s."""
@@ -75,6 +75,12 @@ def test_everything_else_is_optional_and_unknown_fields_are_ignored():
     detection = {**SEEN, "label": None, "score": None, "box": None, "id": None, "colour": [1, {"deep": "red"}]}
     frame = frame_of(**STAMP, detections=[detection], frame=None, size=None, exposure_s=None, weather={"rain": True})
     assert frame.detections == (Detection(312.4, 201.9),)
+
+
+def test_a_line_of_megabytes_is_refused_before_it_is_decoded():
+    assert parse_frame(b"9" * (MOST_FRAME_BYTES + 1), ARRIVAL, LIVE) == NoFrame(
+        Reason.MALFORMED, f"{MOST_FRAME_BYTES + 1} bytes, accepted: {MOST_FRAME_BYTES}"
+    )
 
 
 def test_corners_of_a_marker():

@@ -29,11 +29,6 @@ class KeptPictures:
         self._kept: deque[KeptPicture] = deque()
         self._bytes = 0
 
-    @property
-    def used_bytes(self) -> int:
-        """Size of all kept pictures."""
-        return self._bytes
-
     def add(self, number: int, grey: Image) -> None:
         """Keep a picture; the oldest ones make room."""
         self._kept.append(KeptPicture(number, grey))

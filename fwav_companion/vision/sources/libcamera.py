@@ -32,7 +32,7 @@ class LibcameraSource:
         if find_spec("picamera2") is None:
             raise SourceLostError(MISSING)
         width, height = task.size or SIZE
-        self._size, self._color = (width, height), color
+        self._size = (width, height)
         try:
             camera: Any = import_module("picamera2").Picamera2(int(task.source.partition(":")[2]))
             # RGB888 is blue, green, red in memory: picamera2's manual, appendix A.

@@ -60,7 +60,7 @@ class PipeSource:
             return False
         data = os.read(self._file, PIPE_BYTES) if events[0][1] & select.POLLIN else b""
         if not data:
-            raise SourceLostError(f"{self._path}: the program that wrote pictures has closed it")
+            raise SourceLostError("the program that wrote pictures has closed it")
         self._buffer += data
         return True
 
